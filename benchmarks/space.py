@@ -22,9 +22,10 @@ from typing import Any
 import numpy as np
 
 from benchmarks.pages import put_section
-from pdmesh.model.document import Horizon, Material, Run, Settings
-from pdmesh.model.node_grid import Grid
+from pdmesh.model.document import Horizon, Lattice, Material, Run, Settings
+from pdmesh.model.node_grid import whole_lattice
 from pdsolve.model import Model
+from pdsolve.numerics.memory import large_arrays_apart
 from pdsolve.numerics.thread_team import cores
 from pdsolve.run.system import Options, Prepared, prepare
 
@@ -51,9 +52,7 @@ VARIANTS = {
 
 def cube(side: int) -> Model:
     """A cube of so many nodes a side, 1 mm apart, m = 3."""
-    place = np.indices((side,) * 3).reshape(3, -1)[::-1].T * 1e-3
-    nowhere = np.full(side**3, -1)
-    grid = Grid(np.arange(side**3) + 1, place, np.full(side**3, 1e-3), nowhere >= 0, nowhere, np.zeros((0, 9)))
+    grid = whole_lattice(Lattice((0.0, 0.0, 0.0), 1e-3, side, side, side), cracks=np.zeros((0, 9)))
     return Model(grid, Settings(material=GLASS, horizon=Horizon(3.0), run=Run(time_step=2e-8)))
 
 
@@ -162,6 +161,7 @@ def main() -> None:
     parser.add_argument("--precision", default="float64", help=argparse.SUPPRESS)
     asked = parser.parse_args()
     if asked.peak:
+        large_arrays_apart()
         prepare(cube(asked.peak), Options(precision=asked.precision, threads=1)).march(1, 11)
         print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
         return

@@ -118,9 +118,11 @@ def _solve(args: argparse.Namespace) -> int:
         _leave_out_blas()
         from pdmesh.model.digest import GridWarning
         from pdsolve.model import ModelWarning, read_model
+        from pdsolve.numerics.memory import large_arrays_apart
         from pdsolve.results import ResultsWarning, state_of
         from pdsolve.run.simulation import Options, resume, simulate
 
+    large_arrays_apart()
     watching = Watch(args.quiet)
     shown = commandline.warnings_as_notes("pdsolve", args, GridWarning, ModelWarning, ResultsWarning)
     with _names_the_signal(watching), watching as watch, shown:

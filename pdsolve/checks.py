@@ -42,6 +42,10 @@ class Nearest(NamedTuple):
 def nearest(model: Model) -> Nearest:
     """The nearest other node of each node, and its distance, m."""
     position, delta = model.grid.position, model.grid.delta
+    if model.grid.lattice is not None:
+        row = np.arange(len(position)) - 1
+        row[:: model.grid.lattice.columns] += 2  # the first of a row has none before it
+        return Nearest(row, delta)
     found = Nearest(np.zeros(len(position), dtype=np.int64), np.full(len(position), np.inf))
     around = Neighbours(position, delta, AROUND_ONE * delta)
     for rows in row_chunks(len(position)):

@@ -61,13 +61,13 @@ def unbreakable(model: Model) -> NDArray[np.bool_]:
     return marked
 
 
-def initial_velocity(model: Model) -> NDArray[np.float64]:
-    """Velocities (n, d) at time 0, m/s, from initial and prescribed velocities."""
+def initial_velocity(model: Model, width: int | None = None) -> NDArray[np.float64]:
+    """Velocities (n, d) at time 0, m/s, from initial and prescribed velocities; (n, width) of more components."""
     d = model.grid.dimension
-    velocity = np.zeros((len(model.grid), d))
+    velocity = np.zeros((len(model.grid), width or d))
     for condition in model.settings.conditions:
         if isinstance(condition, InitialVelocity):
-            velocity[model.selected(condition)] = components(condition, d)
+            velocity[model.selected(condition), :d] = components(condition, d)
     for condition in model.settings.conditions:
         if isinstance(condition, Velocity):
             factor = condition.profile[0][1] if condition.profile else 1.0
@@ -91,15 +91,17 @@ def damping(model: Model) -> NDArray[np.float64]:
     outside the layer. Of waves shorter than L, a share exp(-K / 2) returns from its end, and little from its beginning.
     Of several layers, the largest value counts.
     """
-    found = np.full(len(model.grid), model.settings.run.damping)
-    speed = np.array([pressure_speed(material) for material in model.materials])[model.material_of]
+    found = np.zeros(len(model.grid))
+    if model.settings.run.damping:
+        found[:] = model.settings.run.damping
     for condition in model.settings.conditions:
         if isinstance(condition, Absorb):
             rows = model.selected(condition)
+            speed = np.array([pressure_speed(material) for material in model.materials])[model.material_of[rows]]
             rest = np.delete(model.grid.position, rows, axis=0)
             depth = tree_of(rest).query(model.grid.position[rows])[0]
             whole = condition.depth or depth.max(initial=0.0)
-            layer = ABSORBED * speed[rows] / whole * np.minimum(depth / whole, 1.0)
+            layer = ABSORBED * speed / whole * np.minimum(depth / whole, 1.0)
             found[rows] = np.maximum(found[rows], model.settings.run.damping + layer)
     return found
 

@@ -189,7 +189,9 @@ class Model:
 
     @cached_property
     def material_of(self) -> NDArray[np.int64]:
-        """The number in `materials` of each node's material (n,)."""
+        """The number in `materials` of each node's material (n,); without regions it takes no memory."""
+        if not self.settings.regions:
+            return np.broadcast_to(np.int64(0), len(self.grid))
         numbers = np.zeros(len(self.grid), dtype=np.int64)
         for number, region in enumerate(self.settings.regions):
             numbers[self.selected(region)] = number + 1

@@ -3,15 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.grid.cubic import Cubic, place_nodes
-from pdmesh.model.document import AnyCondition, Concentration, Horizon, Load, Material, MediumRegion, Region, Settings
-from pdmesh.model.node_grid import Grid
+from pdmesh.model.document import (
+    AnyCondition,
+    Concentration,
+    Horizon,
+    Lattice,
+    Load,
+    Material,
+    MediumRegion,
+    Region,
+    Settings,
+)
+from pdmesh.model.node_grid import Grid, whole_lattice
 from pdmesh.model.triangulated_surface import distances
 from pdmesh.scene.body import SIDES, Body, CrackFace, SolidCondition
 from pdmesh.scene.conditions import describe
@@ -19,6 +29,7 @@ from pdmesh.scene.heat import medium_of
 from pdmesh.scene.shapes import SceneError
 from pdmesh.scene.solids import Sheet, Shell
 
+MANY = 100_000  # nodes of a box, whose file holds a lattice in place of them
 SLACK = 1e-6  # of a spacing: what still counts as on a side
 CLEARANCE = 1e-3  # of a spacing: a crack nearer to a node than this meets it
 MOVED = 1 / 32  # of a spacing: how far from all nodes a crack is that was moved
@@ -43,20 +54,6 @@ def build_body(body: Body) -> tuple[Grid, Settings, tuple[str, ...]]:
     delta = np.repeat([level.cubes.spacing for level in levels], counts)
     cloud = Cloud(levels, np.concatenate([level.position for level in levels]), delta)
     cleared = [_clear_of_nodes(crack, cloud) for crack in body.cracks]
-    cracks = [crack.sheet.triangles.reshape(-1, 9) for crack, _ in cleared]
-    grid = Grid(
-        ids=np.arange(1, len(delta) + 1),
-        position=cloud.position,
-        delta=delta,
-        border=np.concatenate([level.border for level in levels]),
-        hole_id=np.full(len(delta), -1),
-        cracks=np.concatenate([np.zeros((0, 9)), *cracks]),
-        outline=tuple(body.shell.triangles),
-        areas=np.concatenate([level.volume for level in levels]),
-        source=body.source,
-        parameters=body.parameters,
-        drawing=body.drawing,
-    )
     settings = Settings(
         material=None if body.material is None else in_space(body.material),
         horizon=Horizon(ratio=float(body.horizon)),
@@ -67,7 +64,34 @@ def build_body(body: Body) -> tuple[Grid, Settings, tuple[str, ...]]:
         media=tuple(_medium(part.solid, part.region, cloud) for part in body.media),
         run=body.run,
     )
+    cracks = np.concatenate([np.zeros((0, 9)), *(crack.sheet.triangles.reshape(-1, 9) for crack, _ in cleared)])
+    grid = _grid(body, cloud, cracks)
     return grid, settings, tuple(remark for _, remarks in cleared for remark in remarks)
+
+
+def _grid(body: Body, cloud: Cloud, cracks: NDArray[np.float64]) -> Grid:
+    """The nodes of a body with triangles (k, 9) of cracks, m: those of a large box as a lattice."""
+    levels, count = cloud.levels, len(cloud.delta)
+    said: dict[str, Any] = {
+        "cracks": cracks,
+        "outline": tuple(body.shell.triangles),
+        "source": body.source,
+        "parameters": body.parameters,
+        "drawing": body.drawing,
+    }
+    if count >= MANY and len(levels) == 1 and levels[0].whole:
+        columns, rows, layers = (np.ptp(levels[0].at, axis=0) + 1).tolist()
+        origin = tuple(cloud.position[0].tolist())
+        return whole_lattice(Lattice(origin, levels[0].cubes.spacing, columns, rows, layers), **said)
+    return Grid(
+        ids=np.arange(1, count + 1),
+        position=cloud.position,
+        delta=cloud.delta,
+        border=np.concatenate([level.border for level in levels]),
+        hole_id=np.full(count, -1),
+        areas=np.concatenate([level.volume for level in levels]),
+        **said,
+    )
 
 
 def in_space(material: Material) -> Material:

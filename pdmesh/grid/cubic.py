@@ -36,7 +36,7 @@ class Cubic(NamedTuple):
     """The nodes of one spacing."""
 
     cubes: Cubes
-    at: NDArray[np.int64]  # (k, 3) which of the cubes are nodes
+    at: NDArray[np.int64]  # (k, 3) which of the cubes are nodes, x fastest
     volume: NDArray[np.float64]  # (k,) m^3
     border: NDArray[np.bool_]  # (k,) within a spacing of the surface
     thin: NDArray[np.bool_]  # (k,) where the body is thinner than three spacings
@@ -50,6 +50,13 @@ class Cubic(NamedTuple):
         """Mask (k,) of the nodes in a solid. Raises SceneError, beginning with `place`."""
         found = inside(shell.triangles, self.cubes, place)
         return np.asarray(found[tuple(self.at.T)])
+
+    @property
+    def whole(self) -> bool:
+        """Whether all cubes of a box are nodes with full cells."""
+        counts = np.ptp(self.at, axis=0) + 1
+        cube = self.cubes.spacing**3
+        return int(np.prod(counts)) == len(self.at) and bool((np.abs(self.volume - cube) <= SLACK * cube).all())
 
 
 def place_nodes(body: Body) -> list[Cubic]:
@@ -172,10 +179,15 @@ def _level(
         part[axis] = slice(way, way + solid.shape[axis])
         edge |= ~around[tuple(part)]
     cube = cubes.spacing**3
-    at, out = np.argwhere(kept), np.argwhere(left)
-    thin = _thin(solid, cubes, every)[kept]
-    level = Cubic(cubes, at, share[kept] * cube, (edge | (share <= FULL))[kept], thin)
-    return level, (cubes.middles(out), share[left] * cube)
+    at, out = _places(kept), _places(left)
+    own, thin = tuple(at.T), _thin(solid, cubes, every)
+    level = Cubic(cubes, at, share[own] * cube, (edge | (share <= FULL))[own], thin[own])
+    return level, (cubes.middles(out), share[tuple(out.T)] * cube)
+
+
+def _places(cubes: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Which (k, 3) of the cubes (x, y, z) are in this mask, x fastest."""
+    return np.argwhere(cubes.transpose())[:, ::-1]
 
 
 def _thin(solid: NDArray[np.bool_], cubes: Cubes, every: Cubes) -> NDArray[np.bool_]:

@@ -40,8 +40,8 @@ def examine(grid: Grid, name: str = "grid") -> None:
     if grid.outline and grid.lattice is None:
         _total(grid, volume(grid.faces) if plate is None else float(plate.area), name)
         _outside(grid, plate, name)
-    elif grid.lattice is not None and plate is not None:
-        _ends(grid, plate, name)
+    elif grid.lattice is not None and grid.outline:
+        _ends(grid, name)
     _cracks(grid, name)
 
 
@@ -126,10 +126,12 @@ def _cross(a: Array, b: Array) -> Array:
     return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
 
 
-def _ends(grid: Grid, plate: shapely.Geometry, name: str) -> None:
-    """Warn of a lattice that is not the rectangle of the outline."""
-    found = np.array([*grid.position[0], *grid.position[-1]])
-    expected = np.array(plate.bounds)
+def _ends(grid: Grid, name: str) -> None:
+    """Warn of a lattice that is not the rectangle of the outline, or whose cells are not its box."""
+    out = 0.5 * float(grid.delta[0]) if grid.dimension == 3 else 0.0
+    found = np.array([*(grid.position[0] - out), *(grid.position[-1] + out)])
+    corners = np.concatenate(grid.outline)
+    expected = np.array([*corners.min(axis=0), *corners.max(axis=0)])
     if np.abs(found - expected).max() > OFF * float(grid.delta[0]):
         _warn(f"{name}: $.lattice: found it between {found.tolist()} m, expected {expected.tolist()} m as the outline")
 

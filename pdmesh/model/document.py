@@ -236,17 +236,26 @@ class NodeRecord(msgspec.Struct, frozen=True, gc=False, forbid_unknown_fields=Tr
     delta: tuple[float, float, float]  # m
 
 
-class Lattice(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """All nodes of a rectangle, which a file holds in place of millions of them.
+Many = Annotated[int, msgspec.Meta(ge=2, le=10**6)]
 
-    Ids count from 1, row by row from the lower left corner. Nodes at the sides have half a cell, those at the corners a
-    quarter.
+
+class Lattice(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """All nodes of a rectangle, or of a box in space, which a file holds in place of millions of them.
+
+    Ids count from 1, row by row from the lower left corner, in space layer by layer from the lowest. In a rectangle
+    nodes at the sides have half a cell, those at the corners a quarter. In a box nodes are the middles of full cells.
     """
 
-    origin: Point  # of the first node, m
+    origin: Vector  # of the first node, m
     spacing: Positive  # m
-    columns: Annotated[int, msgspec.Meta(ge=2, le=10**6)]
-    rows: Annotated[int, msgspec.Meta(ge=2, le=10**6)]
+    columns: Many
+    rows: Many
+    layers: Many | None = None  # of a box
+
+    @property
+    def counts(self) -> tuple[int, ...]:
+        """Number of nodes along x, y and, in space, z."""
+        return (self.columns, self.rows) if self.layers is None else (self.columns, self.rows, self.layers)
 
 
 class Document(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -119,21 +120,23 @@ def grid_of(document: Document, name: str) -> Grid:
 
 def _grid_of_lattice(document: Document, lattice: Lattice, name: str) -> Grid:
     """The grid of a document that holds a lattice in place of nodes. Raises GridError."""
-    if document.version != FORMAT_VERSION:
-        raise GridError(f"{name}: $.lattice: found one in a body in space, expected none: nodes are listed there")
+    d = 3 if document.version == SPACE_VERSION else 2
+    if len(lattice.counts) != d or len(lattice.origin) != d:
+        found = f"{len(lattice.origin)} numbers of its origin and layers {lattice.layers}"
+        raise GridError(f"{name}: $.lattice: found {found}, expected {'3 and a number' if d == 3 else '2 and none'}")
     if document.nodes or document.areas is not None:
         raise GridError(f"{name}: $.lattice: found nodes or areas besides it, expected none")
-    count = lattice.columns * lattice.rows
+    count = math.prod(lattice.counts)
     if count > MOST_NODES:
         raise GridError(f"{name}: $.lattice: found {count} nodes, expected at most {MOST_NODES}")
-    ends = np.array([lattice.origin, (lattice.columns * lattice.spacing, lattice.rows * lattice.spacing)])
+    ends = np.array([lattice.origin, np.array(lattice.counts) * lattice.spacing])
     if np.abs(ends).max() > LARGEST:
         raise GridError(f"{name}: $.lattice: found {np.abs(ends).max():g}, expected at most {LARGEST:g} m")
     _check_shapes(name, document)
     return whole_lattice(
         lattice,
         cracks=_cracks(document),
-        outline=_rings(document.outline, 2),
+        outline=_rings(document.outline, d),
         source=document.source,
         parameters=tuple(document.parameters.items()),
         drawing=document.drawing,
@@ -148,27 +151,31 @@ def places(first: float, spacing: float, numbers: NDArray[np.int64]) -> NDArray[
 
 def whole_lattice(lattice: Lattice, **more: Any) -> Grid:
     """Nodes of a lattice; constant arrays take no memory."""
-    x, y = (
-        places(first, lattice.spacing, np.arange(count))
-        for first, count in zip(lattice.origin, (lattice.columns, lattice.rows), strict=True)
-    )
-    shape, size = (len(y), len(x)), len(x) * len(y)
-    position = np.empty((*shape, 2))
-    position[..., 0], position[..., 1] = x, y[:, None]
-    border, areas = np.ones(shape, dtype=np.bool_), np.full(shape, lattice.spacing**2)
-    border[1:-1, 1:-1] = False
-    for side in (areas[0], areas[-1], areas[:, 0], areas[:, -1]):
-        side /= 2
+    shape, d = lattice.counts[::-1], len(lattice.counts)
+    size = math.prod(shape)
+    position, border = np.empty((*shape, d)), np.ones(shape, dtype=np.bool_)
+    for axis, (first, count) in enumerate(zip(lattice.origin, lattice.counts, strict=True)):
+        along = places(first, lattice.spacing, np.arange(count))
+        position[..., axis] = along.reshape(-1, *(1,) * axis)
+    border[(slice(1, -1),) * d] = False
     return Grid(
         ids=np.arange(1, size + 1),
-        position=position.reshape(-1, 2),
+        position=position.reshape(-1, d),
         delta=np.broadcast_to(lattice.spacing, size),
         border=border.ravel(),
         hole_id=np.broadcast_to(np.int64(-1), size),
-        areas=areas.ravel(),
+        areas=_areas_of(lattice) if d == 2 else np.broadcast_to(lattice.spacing**3, size),
         lattice=lattice,
         **more,
     )
+
+
+def _areas_of(lattice: Lattice) -> NDArray[np.float64]:
+    """The areas (n,) of the cells of a rectangle, m^2."""
+    areas = np.full(lattice.counts[::-1], lattice.spacing**2)
+    for side in (areas[0], areas[-1], areas[:, 0], areas[:, -1]):
+        side /= 2
+    return areas.ravel()
 
 
 def _check_nodes(name: str, position: NDArray[np.float64], delta: NDArray[np.float64], dimension: int) -> None:

@@ -29,10 +29,13 @@ class Behind:
         self._stopping = False
         self._pending: Future[None] | None = None
 
-    def write(self, frame: Frame) -> None:
-        """Write a frame after the previous one is written. Raises WriteError if that failed."""
+    def write(self, frame: Callable[[], Frame]) -> None:
+        """Write a frame, which is made after the previous one is written, so that memory holds one.
+
+        Raises WriteError if that failed.
+        """
         self._wait()
-        self._pending = self._pool.submit(self._write, frame)
+        self._pending = self._pool.submit(self._write, frame())
 
     def look(self) -> None:
         """Raise WriteError if writing is known to have failed."""

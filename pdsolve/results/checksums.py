@@ -104,6 +104,12 @@ def select(table: str, where: str = "", columns: str = "*") -> str:
     return f"SELECT {columns} FROM {table} {where} ORDER BY {order}"
 
 
+def told(table: str) -> str:
+    """The columns of a table that its checksum is made of: all but large values."""
+    names = [column.split()[0] for column in TABLES[table].split(" --")[0].split(",")]
+    return ", ".join(names[: KEYS[table] + 1]) if table in KEYS else "*"
+
+
 def select_schema() -> str:
     """SQL for the content of the checksum called schema: the SQL of our tables and our view."""
     ours = ", ".join(f"'{name}'" for name in (*TABLES, "node_state"))

@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.files import irregular
-from pdsolve.results.checksums import KEYS, Checksum, Row, records, select, select_schema, stored, with_crc
+from pdsolve.results.checksums import KEYS, Checksum, Row, records, select, select_schema, stored, told, with_crc
 from pdsolve.results.errors import GoneError, ResultsError, ResultsWarning, WriteError, explained
 from pdsolve.results.lock import writing_to
 from pdsolve.results.reader import Results
-from pdsolve.results.schema import CHUNK, STEPPED, TABLES, Epoch, Families, Frame, Nodes, prefixes, statements
+from pdsolve.results.schema import CHUNK, STEPPED, TABLES, Epoch, Families, Frame, Nodes, prefixes, statements, taken
 from pdsolve.results.writer_token import KEY, Token
 
 PAGE, WAL_PAGES = 16384, 2048  # bytes; pages that are written before they are moved into the database proper
@@ -236,7 +236,7 @@ class Writer:
 
     def _add_up(self, table: str) -> None:
         """Compute the checksum from the existing rows."""
-        self._checksums[table] = Checksum().of(table, self.connection.execute(select(table)))
+        self._checksums[table] = Checksum().of(table, self.connection.execute(select(table, columns=told(table))))
 
     def _tell(self, meta: Mapping[str, Any]) -> None:
         rows = [with_crc("meta", (key, stored(value))) for key, value in meta.items()]
@@ -246,13 +246,14 @@ class Writer:
     def _write_nodes(self, first: int, birth: int, nodes: Nodes, families: Callable[[int, int], Families]) -> None:
         """Write nodes, from row `first` on, and their families in chunks."""
         count = len(nodes.ids)
-        row = np.arange(first, first + count)
-        flat = [np.zeros(count)] * (3 - nodes.position.shape[1])
-        columns = (row, nodes.ids, *nodes.position.T, *flat, *nodes[2:], np.full(count, birth))
         for at in range(0, count, CHUNK):
-            self._append("node", records("node", [column[at : at + CHUNK] for column in columns]))
-            start, neighbour = families(at, min(at + CHUNK, count))
-            ahead = neighbour - np.repeat(row[at : at + CHUNK], np.diff(start))
+            rows = np.arange(at, min(at + CHUNK, count))
+            own, row = taken(nodes, rows), first + rows
+            flat = [np.zeros(len(row))] * (3 - own.position.shape[1])
+            columns = (row, own.ids, *own.position.T, *flat, *own[2:], np.full(len(row), birth))
+            self._append("node", records("node", columns))
+            start, neighbour = families(at, at + len(row))
+            ahead = neighbour - np.repeat(row, np.diff(start))
             blobs = (zlib.compress(column.astype("<i4").tobytes(), 1) for column in (np.diff(start), ahead))
             self._append("family_chunk", [(first + at, *blobs)])
 
@@ -282,7 +283,7 @@ class Writer:
     def _write_checkpoint(self, step: int, state: Mapping[str, NDArray[np.floating]]) -> None:
         self.connection.execute("DELETE FROM checkpoint")
         for name, array in state.items():  # one by one, as they are large
-            row = (name, step, array.dtype.str, array.tobytes())
+            row = (name, step, array.dtype.str, np.ascontiguousarray(array).reshape(-1).view(np.uint8).data)
             self._insert("INSERT", "checkpoint", [with_crc("checkpoint", row)])
         self._add_up("checkpoint")
 

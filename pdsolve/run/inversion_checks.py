@@ -33,14 +33,12 @@ class MotionChecks:
         self._bonds = bonds
         self._triangles: _Triangles | None = None  # not asked for while displacements are small
         self._smallest = float(model.grid.delta.min())
-        breaking = np.full(len(model.grid), np.inf)
+        breaking, ratio = [np.inf], model.settings.horizon.ratio
         for number, material in enumerate(model.materials):
-            own = model.material_of == number
-            horizon, ratio = model.horizons[own], model.settings.horizon.ratio
-            sizes = Sizes(critical_stretch(material, horizon), model.grid.delta[own], horizon, ratio)
-            stretch = limits(material, sizes).peak
-            breaking[own] = stretch * model.grid.delta[own]
-        self._breaking = float(breaking.min())  # m, lengthening that breaks or softens a bond
+            spacing = np.unique(model.grid.delta[model.material_of == number])
+            sizes = Sizes(critical_stretch(material, ratio * spacing), spacing, ratio * spacing, ratio)
+            breaking += (limits(material, sizes).peak * spacing).tolist()
+        self._breaking = min(breaking)  # m, lengthening that breaks or softens a bond
 
     def moved_to(self, other: MotionChecks) -> MotionChecks:
         """`other`, with the warnings already given marked as such."""

@@ -83,10 +83,15 @@ def checkpoint(system: System, state: State) -> dict[str, NDArray[Any]]:
     if isinstance(system.stepper, PathSteps):
         here |= system.stepper.keep()
     grown = {} if system.growth is None else system.growth.keep()
-    kept = {name: values.copy() for name, values in here.items()} | dict(system.operator.keep()) | grown
+    kept = {name: _copied(values) for name, values in here.items()} | dict(system.operator.keep()) | grown
     for one in system.beside:
         kept |= {_of(one.system, name): values for name, values in checkpoint(*one).items()}
     return kept
+
+
+def _copied(values: NDArray[Any]) -> NDArray[Any]:
+    """A copy; zeros alone, which the system makes when they are read, take no memory."""
+    return values.copy() if values.any() else np.zeros_like(values)
 
 
 def _of(system: System, name: str) -> str:

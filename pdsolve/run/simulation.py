@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import ctypes
 import dataclasses
 import json
-import sys
 import time as clock
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -19,6 +17,7 @@ from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.checks import advise, advise_unused
 from pdsolve.errors import CheckpointError, UnstableError
 from pdsolve.model import Model, ModelError, model_of
+from pdsolve.numerics.memory import give_back
 from pdsolve.results import Behind, Results, ResultsError, Writer, behind, gone_back, put_away, writing_to
 from pdsolve.run.cell_splitting import changing
 from pdsolve.run.measures import pieces
@@ -190,12 +189,12 @@ def _finish(
     notes: Recorder, make: Callable[[], Writer], output: Path | None, watch: Watcher | None, adapt: Adapt | None
 ) -> Results:
     """March to the end from the state of the records; `make` creates the writer, of a new file for a new run."""
-    _give_back_memory()
+    give_back()
     with behind(make, notes.new) as writer:
         try:
             if notes.new:
                 notes.take(0)
-                writer.write(notes.frame(0, whole=True, state=True))
+                writer.write(partial(notes.frame, 0, whole=True, state=True))
             status = _march(notes, writer, watch, adapt)
         except BaseException as error:
             ends = {UnstableError: "unstable", UnsettledError: "unsettled", KeyboardInterrupt: "interrupted"}
@@ -204,17 +203,6 @@ def _finish(
         last = writer.done()
         last.close(status)
     return Results(last.connection, "results in memory") if output is None else Results.open(output)
-
-
-def _give_back_memory() -> None:
-    """Return memory freed after reading the model and making its bonds to the system.
-
-    Linux's C library would keep about 300 bytes a node.
-    """
-    if sys.platform == "linux":
-        trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
-        if trim is not None:
-            trim(0)
 
 
 def _march(notes: Recorder, writer: Behind, watch: Watcher | None, adapt: Adapt | None) -> str:
@@ -259,7 +247,7 @@ def _march(notes: Recorder, writer: Behind, watch: Watcher | None, adapt: Adapt 
             done = _is_enough(system, notes.latest, step)
         whole = step % run.every == 0 or step == run.steps or done
         if whole or interrupted or (noted and notes.is_old):
-            writer.write(notes.frame(step, whole, state=step == run.steps or done or interrupted))
+            writer.write(partial(notes.frame, step, whole, state=step == run.steps or done or interrupted))
     notes.settle(step)
     writer.done().tell({"summary": json.dumps(summary(notes, step, done))})
     notes.accounts.close()

@@ -331,8 +331,9 @@ def assembled(
     rho = model.rho.astype(kind)
     width = sum(unknown.width for unknown in operator.unknowns)
     driven = widened(drive(model, filled.area, scheme.exact_load, kind), width)
-    velocity, nodes = np.zeros((len(model.grid), width)), len(model.grid)
-    velocity[:, : model.grid.dimension] = initial_velocity(model)
+    if not driven.varies:
+        driven = driven._replace(before=driven.force)
+    velocity, nodes = initial_velocity(model, width), len(model.grid)
     state = State(
         value=np.zeros((nodes, width), dtype=kind),
         rate=np.zeros((nodes, width), dtype=kind),
@@ -349,7 +350,9 @@ def assembled(
         driven = stepper.drive
     else:
         stepper = Verlet(operator, driven, rho, step, damped)
-    energy = float(np.sum(model.rho / 2 * filled.area * (velocity**2).sum(axis=1)))
+    energy = 0.0
+    if velocity.any():
+        energy = float(np.sum(model.rho / 2 * filled.area * (velocity**2).sum(axis=1)))
     _refuse_fields(model, operator, state)
     system = System(model, options, scheme, operator, stepper, driven, *filled, step, bound, energy)
     stepper.march(state, 1, 1)  # no step: compiles before the clock runs
@@ -358,10 +361,12 @@ def assembled(
 
 def _set_off(state: State, velocity: NDArray[np.float64], damped: NDArray[np.float64], driven: Drive) -> None:
     """Set velocities (n, w), m/s, and the accelerations from damping (n,), 1/s, except of prescribed components."""
-    state.rate[:] = velocity
-    slowed = damped[:, None] * velocity
-    slowed[driven.holds.node, driven.holds.axis] = 0.0
-    state.second[:] -= slowed
+    if velocity.any():
+        state.rate[:] = velocity
+    if damped.any():
+        slowed = damped[:, None] * velocity
+        slowed[driven.holds.node, driven.holds.axis] = 0.0
+        state.second[:] -= slowed
 
 
 def _refuse_fields(model: Model, operator: Operator, state: State) -> None:

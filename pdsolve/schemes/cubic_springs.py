@@ -62,7 +62,8 @@ def tiled(model: Model, kind: type[np.floating], lasting: bool = False) -> Tiled
     _correct(tiles, sites, rule)
     layout.sort(tiles)
     stiffest = _bound(tiles, sites)
-    return Tiled(layout.in_precision(tiles, kind), sites, Counted(rule.area, count + cut, count), stiffest)
+    family = count + cut if cut.any() else count
+    return Tiled(layout.in_precision(tiles, kind), sites, Counted(rule.area, family, count), stiffest)
 
 
 def _springs(model: Model, rule: Rule, sites: Sites, lasting: bool) -> tuple[Sites, Springs] | None:

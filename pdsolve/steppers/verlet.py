@@ -34,17 +34,19 @@ class Verlet:
         """
         self._operator, self._drive, self._rho, self._dt = operator, drive, rho, dt
         self._damping = damping if damping is not None and damping.any() else None
-        self._held = held(drive)
+        self._held = held(drive) if self._damping is not None else None
 
     def march(self, state: State, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1, in place."""
-        drive, dt, out = self._drive, self._dt, np.zeros(state.value.shape)
+        drive, dt = self._drive, self._dt
+        # forces take the place of the accelerations that they become, where those are as precise
+        out = state.second if state.second.dtype == np.float64 else np.zeros(state.value.shape)
         for step in range(first, last):
             _begin(state, drive, dt, step * dt)
+            before = None if self._damping is None else state.rate - dt / 2 * state.second
             out[:] = 0
             self._operator.add(state, out, step, dt)
-            if self._damping is not None:
-                before = state.rate - dt / 2 * state.second
+            if before is not None:
                 _end(state, drive, out, self._rho, dt, step * dt)
                 _damp(state, before, self._rho, self._held, self._damping, dt)
             else:

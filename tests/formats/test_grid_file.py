@@ -7,9 +7,11 @@ import dataclasses
 import json
 import os
 import stat
+import warnings
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -17,7 +19,7 @@ from hypothesis import strategies as st
 from messages import naming
 from plates import GLASS, square_grid, two_scale_grid
 
-from pdmesh import Circle, Material, Scene, box, files, ramp
+from pdmesh import Body, Circle, Material, Scene, box, files, ramp
 from pdmesh.grid import building
 from pdmesh.grid.lattice import build_grid
 from pdmesh.model.document import (
@@ -41,6 +43,8 @@ from pdmesh.model.document import (
 )
 from pdmesh.model.node_grid import document_of, grid_of
 from pdmesh.reports.report import info
+from pdmesh.scene.solids import brick
+from pdsolve.model import read_model
 
 BARE: dict[str, Any] = {
     "notch": [[0.0, 0.0, 0.0, 1.0, 0.0, 0.0]],
@@ -333,9 +337,36 @@ def test_a_scene_of_many_nodes_holds_a_lattice(monkeypatch: pytest.MonkeyPatch) 
     assert building.build(scene.hole(Circle(0.03, 0.01, 0.003))).grid.lattice is None
 
 
+def test_a_box_of_many_nodes_holds_a_lattice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same nodes as where they are listed, and the same settings; with a hole or a finer zone they are listed."""
+    glass = msgspec.structs.replace(GLASS, micromodulus="constant")
+    body = Body(brick((0, 0, 0), (0.01, 0.006, 0.005)), 1e-3, glass, 3.0)
+    body = body.load("right", (1e6, 0, 0)).fix("left").crack([[(0.0055, 0, 0), (0.0055, 1, 0), (0.0055, 0, 1)]])
+    listed = building.build(body)
+    monkeypatch.setattr("pdmesh.grid.bodies.MANY", 300)
+    held = building.build(body)
+    assert held.grid.lattice == Lattice((0.0005, 0.0005, 0.0005), 1e-3, 10, 6, 5)
+    assert held.settings == listed.settings
+    held.write(tmp_path / "box.json")
+    assert (tmp_path / "box.json").stat().st_size < 10_000
+    with warnings.catch_warnings(action="error"):
+        grid = read_model(tmp_path / "box.json").grid
+    for name in ("ids", "position", "delta", "border", "hole_id", "cracks"):
+        assert np.array_equal(getattr(grid, name), getattr(listed.grid, name)), name
+    assert grid.areas == pytest.approx(listed.grid.areas, rel=1e-12)
+    assert building.build(body.zone(brick((0, 0, 0), (0.002, 0.002, 0.002)), 5e-4)).grid.lattice is None
+    short = Body(brick((0, 0, 0), (0.01, 0.006, 0.0052)), 1e-3, glass, 3.0)
+    assert building.build(short).grid.lattice is None  # whose outer cells are cut
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [
+        ({"version": 2}, "$.lattice: found 2 numbers of its origin and layers None, expected 3 and a number"),
+        (
+            {"lattice": {"origin": [0, 0, 0], "spacing": 1, "columns": 3, "rows": 3, "layers": 3}},
+            "$.lattice: found 3 numbers of its origin and layers 3, expected 2 and none",
+        ),
         ({"nodes": BARE["nodes"]}, "$.lattice: found nodes or areas besides it, expected none"),
         ({"lattice": {"origin": [0, 0], "spacing": 1, "columns": 10**6, "rows": 10**6}}, "found 1000000000000 nodes"),
         ({"lattice": {"origin": [1e10, 0], "spacing": 1, "columns": 3, "rows": 3}}, "$.lattice: found 1e+10"),

@@ -36,7 +36,7 @@ class Springs(NamedTuple):
 
 def tiles_of(law: Law, sites: Sites, bits: NDArray[np.uint16], springs: Springs) -> Tiles:
     """The bonds of n nodes at these sites, in double precision and without corrections."""
-    c, cells = np.zeros((3, sites.size)), np.zeros((2, sites.size))
+    c, cells = aligned(np.zeros((3, sites.size))), aligned(np.zeros((2, sites.size)))
     c[:, sites.site] = 1.0
     cells[VOLUME, sites.site], cells[MODULUS, sites.site] = springs.volume, springs.modulus
     least, nothing = float(springs.peak.min()), np.zeros((0, len(sites.ways), ROW))
@@ -66,7 +66,9 @@ def tiles_of(law: Law, sites: Sites, bits: NDArray[np.uint16], springs: Springs)
 
 def in_precision(tiles: Tiles, kind: type[np.floating]) -> Tiles:
     """The tiles with their numbers rounded to a precision."""
-    c, cells = (aligned(array.astype(kind, copy=False)) for array in (tiles.c, tiles.cells))
+    if kind is np.float64:
+        return tiles
+    c, cells = (aligned(array.astype(kind)) for array in (tiles.c, tiles.cells))
     return tiles._replace(table=tiles.table.astype(kind), c=c, cells=cells, share=tiles.share.astype(kind))
 
 
@@ -112,11 +114,11 @@ def sort(tiles: Tiles) -> None:
 
 
 def intact(
-    sites: Sites, bits: NDArray[np.uint16], rows: NDArray[np.int64]
+    sites: Sites, bits: NDArray[np.uint16], rows: NDArray[np.int64], tile: int = 0
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Source and target rows (b,) and slots of the bonds of these rows, in order."""
+    """Source and target rows (b,) and slots of the bonds of these rows, in order; `bits` are those from `tile` on."""
     own = sites.site[rows] - sites.margin
-    there = (bits[own // ROW] >> (own % ROW).astype(np.uint16)[:, None]) & np.uint16(1)
+    there = (bits[own // ROW - tile] >> (own % ROW).astype(np.uint16)[:, None]) & np.uint16(1)
     which, slot = np.nonzero(there)
     source, target = rows[which], sites.node[own[which] + sites.steps[slot]].astype(np.int64)
     order = np.lexsort((target, source))
@@ -153,7 +155,7 @@ def placed(
     sites: Sites, source: NDArray[np.int64], target: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.uint16]]:
     """Tile, slot and bit of bonds (b,) from `source` to `target`; those of another bond for one that is none."""
-    own, step = sites.site[source] - sites.margin, sites.site[target] - sites.site[source]
+    own, step = (sites.site[source] - sites.margin).astype(np.int64), sites.site[target] - sites.site[source]
     slot = np.searchsorted(sites.steps, step).clip(max=len(sites.ways) - 1)
     return own // ROW, slot, np.uint16(1) << (own % ROW).astype(np.uint16)
 

@@ -108,9 +108,9 @@ class SpaceLattice:
         """Rows (k,) of source and target of the intact bonds of the nodes `first` to `last` - 1, or of those at the
         `start`."""
         last = len(self._stiffest) if last is None else last
-        bits = self._whole() if start else self.tiles.bits
+        bits, tile = self._whole(first, last) if start else (self.tiles.bits, 0)
         found = [
-            layout.intact(self._sites, bits, np.arange(begin, min(begin + ROWS, last)))
+            layout.intact(self._sites, bits, np.arange(begin, min(begin + ROWS, last)), tile)
             for begin in range(first, max(last, first + 1), ROWS)
         ]
         source, target, _ = (np.concatenate(column) for column in zip(*found, strict=True))
@@ -141,7 +141,7 @@ class SpaceLattice:
 
     def back(self, kept: Kept, broken: Broken) -> None:
         """Restore the history of bonds and the broken bonds of a checkpoint."""
-        bits = self._whole()
+        bits, _ = self._whole(0, len(self._stiffest))
         layout.cleared(self._sites, broken.source, broken.target, bits)
         if self._law.memory:
             self._recall(kept, bits)
@@ -163,12 +163,17 @@ class SpaceLattice:
         arrays = (*self.tiles, self._sites.site, self._sites.ways, self._u, self._stiffest, *self.broken())
         return sum(getattr(array, "nbytes", 0) for array in arrays)
 
-    def _whole(self) -> NDArray[np.uint16]:
-        """The bits (t, k) at the start."""
-        bits, (_, source, target) = self.tiles.bits.copy(), self.broken()
-        tile, slot, bit = layout.placed(self._sites, source, target)
-        np.bitwise_or.at(bits, (tile, slot), bit)
-        return bits
+    def _whole(self, first: int, last: int) -> tuple[NDArray[np.uint16], int]:
+        """The bits (s, k) at the start of s tiles, which have the rows `first` to `last` - 1, and the first tile."""
+        low, high = 0, len(self.tiles.bits)
+        if 0 < last - first < len(self._stiffest):
+            own = (self._sites.site[first:last] - self._sites.margin) // ROW
+            low, high = int(own.min()), int(own.max()) + 1
+        bits, (_, source, target) = self.tiles.bits[low:high].copy(), self.broken()
+        of_these = (source >= first) & (source < last)
+        tile, slot, bit = layout.placed(self._sites, source[of_these], target[of_these])
+        np.bitwise_or.at(bits, (tile - low, slot), bit)
+        return bits, low
 
     def _place(self, value: NDArray[Any]) -> None:
         nodes = len(self._stiffest)

@@ -18,7 +18,7 @@ LEAST_FILLED = 0.25  # nodes over sites of the box around them; less is better l
 class Sites(NamedTuple):
     """Where n nodes are in the box around them, which has t tiles of sites."""
 
-    site: NDArray[np.int64]  # (n,) with x fastest, the margin before the first included
+    site: NDArray[np.int32]  # (n,) with x fastest, the margin before the first included
     node: NDArray[np.int32]  # (16 t,) row of a site's node, or -1; without margins
     sides: tuple[int, int, int]  # sites along each axis
     margin: int  # sites before the first and behind the last
@@ -73,4 +73,4 @@ def sites_of(grid: Grid, reach: float) -> Sites | None:
     if np.count_nonzero(node >= 0) < len(site):
         return None
     margin = -(-int(np.abs(steps).max()) // ROW) * ROW
-    return Sites(site + margin, node, box, margin, spacing, ways)
+    return Sites((site + margin).astype(np.int32), node, box, margin, spacing, ways)

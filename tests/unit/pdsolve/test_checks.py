@@ -12,8 +12,8 @@ from failures import saying
 from messages import mentions, naming
 from plates import GLASS, plate, square_grid, two_scale_grid
 
-from pdmesh.model.document import Region, Run
-from pdmesh.model.node_grid import Grid
+from pdmesh.model.document import Lattice, Region, Run
+from pdmesh.model.node_grid import Grid, whole_lattice
 from pdsolve.checks import advise, closing, nearest, refuse
 from pdsolve.model import Model, ModelError
 from pdsolve.run.inversion_checks import MotionChecks
@@ -48,6 +48,14 @@ def lonely() -> Grid:
         np.full(len(far), -1),
         np.empty((0, 4)),
     )
+
+
+def test_the_nearest_in_a_lattice_are_a_spacing_away() -> None:
+    grid = whole_lattice(Lattice((0.0, 0.0, 0.0), 1e-3, 4, 3, 2), cracks=np.zeros((0, 9)))
+    found = nearest(plate(grid))
+    apart = np.sqrt(((grid.position[found.row] - grid.position) ** 2).sum(axis=1))
+    assert apart == pytest.approx(1e-3, rel=1e-12)
+    assert found.distance == pytest.approx(1e-3, rel=1e-12)
 
 
 @pytest.mark.parametrize("grid", [square_grid(9, 8), two_scale_grid(), lonely(), square_grid(1, 1)])

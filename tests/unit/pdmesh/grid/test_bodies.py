@@ -125,7 +125,7 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
     found.write(path)
     raw = json.loads(path.read_bytes())
     assert raw["version"] == 2
-    assert raw["nodes"][1]["position"] == [0.05, 0.05, 0.15]
+    assert raw["nodes"][1]["position"] == [0.15, 0.05, 0.05]
     assert raw["nodes"][1]["delta"] == [0.1, 0.1, 0.1]
     assert len(raw["notch"]) == 1
     document = read_document(path.read_bytes(), "box")

@@ -94,6 +94,11 @@ def test_a_lattice_beside_its_outline_is_said() -> None:
     examine(whole_lattice(Lattice((0.0, 0.0), H, 21, 11), cracks=np.zeros((0, 4)), outline=outline))
     with pytest.warns(GridWarning, match=r"\$\.lattice"):
         examine(whole_lattice(Lattice((0.0, 0.0), H, 21, 12), cracks=np.zeros((0, 4)), outline=outline))
+    box = tuple(brick((0, 0, 0), (4 * H, 3 * H, 2 * H)).triangles)
+    first = (H / 2, H / 2, H / 2)
+    examine(whole_lattice(Lattice(first, H, 4, 3, 2), cracks=np.zeros((0, 9)), outline=box))
+    with pytest.warns(GridWarning, match=r"\$\.lattice"):
+        examine(whole_lattice(Lattice(first, H, 4, 3, 3), cracks=np.zeros((0, 9)), outline=box))
 
 
 @pytest.mark.parametrize(
