@@ -11,7 +11,7 @@ import msgspec.inspect as inspection
 import numpy as np
 
 from pdmesh.drawing.units import UNITS, Unit
-from pdmesh.model.document import ADAPTS, Run
+from pdmesh.model.document import ADAPTS, Contact, Run
 from pdmesh.model.material import DECLARED, Material
 from pdmesh.model.medium import Medium
 from pdmesh.model.suggestions import explained
@@ -34,6 +34,7 @@ MOVE = tuple(f"{kind} {axis}" for kind in ("Velocity", "Acceleration", "Initial 
 MATERIAL = {  # parameters of a material: in the model, and in drawings
     name: declared.drawn or name[0].upper() + name[1:].replace("_", " ") for name, declared in DECLARED.items()
 }
+CONTACT = {"friction": "Friction", "stiffness": "Stiffness", "distance": "Distance"}  # in the model, and in drawings
 FOLDERS = {
     f"Zones/{ANY}": ZONE,
     f"Loads/{ANY}": LOAD + SHARED,
@@ -43,6 +44,8 @@ FOLDERS = {
     f"Load cells/{ANY}": ("Of",),
     "Material": tuple(MATERIAL.values()),
     f"Materials/{ANY}": tuple(MATERIAL.values()),
+    f"Bodies/{ANY}": ("Spacing", *(f"Velocity {axis}" for axis in "xyz"), *MATERIAL.values()),
+    "Contact": tuple(CONTACT.values()),
     **{f"Refine/{target}": ("Distance", "Spacing") for target in ("crack", "notch", "hole")},
     f"Holds/{ANY}": ("Concentration", "Temperature", *SHARED[:2], "Box"),
     f"Supplies/{ANY}": ("Flux", "Rate", "Heat flux", "Heat rate", *SHARED[:2], "Box"),
@@ -322,6 +325,13 @@ def run(parameters: Parameters) -> Run:
     elif duration is not None:
         given["duration"] = duration  # in steps that the solver knows
     return _converted(given, Run, "Run")
+
+
+def contact(parameters: Parameters) -> Contact | None:
+    """How bodies touch; None if no parameter is given."""
+    given = {name: parameters.maybe(f"Contact/{own}") for name, own in CONTACT.items()}
+    given = {name: value for name, value in given.items() if value is not None}
+    return _converted(given, Contact, "Contact") if given else None
 
 
 def _steps(step: float, duration: float | None) -> int:

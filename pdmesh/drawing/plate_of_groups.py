@@ -11,6 +11,8 @@
     * of each condition                       Rows (1), Profile (constant), Breakable (0), Box
     Physical Curve or Surface("absorb:NAME")  Absorbs/NAME/Width (of a curve's layer: 12 horizons), Box
     Physical Surface("material:NAME")         Materials/NAME/ as below, what differs
+    Physical Surface("body:NAME")             Bodies/NAME/Spacing (the coarsest zone's), Velocity x, y, and as Material
+    -                                         Contact/Friction, Stiffness, Distance
     -                                         Material/E, rho, G0, Force law and so on (`parameters.MATERIAL`)
     -                                         Medium/D, or k and c of heat (pdmesh.drawing.diffusion_conditions)
     -                                         Load cells/NAME/Of "CONDITION, CONDITION", whose forces it sums
@@ -56,6 +58,7 @@ GROUPS = {  # kind: dimensions, folder of its parameters
     "move": ((1, 2), "Moves"),
     "absorb": ((1, 2), "Absorbs"),
     "material": ((2,), "Materials"),
+    "body": ((2,), "Bodies"),
     "hold": ((1, 2), "Holds"),
     "supply": ((1, 2), "Supplies"),
     "exchange": ((1,), "Exchanges"),
@@ -103,6 +106,7 @@ def scene_of(groups: Iterable[Group], values: Mapping[str, float | str], source:
         spacing=max(zone.spacing for zone in zones),
         zones=zones,
         material=material,
+        touching=named.contact(parameters),
         medium=named.medium(parameters),
         horizon=parameters.number("Horizon ratio", 3.0),
         run=named.run(parameters),
@@ -126,6 +130,7 @@ def scene_of(groups: Iterable[Group], values: Mapping[str, float | str], source:
         parameters=tuple(values.items()),
     )
     scene = _with_monitors(scene, named_groups["gap"], parameters)
+    scene = _with_bodies(scene, named_groups["body"], parameters)
     scene = _with_regions(_with_conditions(scene, named_groups, parameters), named_groups, parameters)
     return _with_diffusion(scene, named_groups, parameters)
 
@@ -314,6 +319,20 @@ def _shared(parameters: Parameters, folder: str) -> dict[str, Any]:
 
 def _filled(pair: tuple[float | None, float | None]) -> tuple[float, float] | None:
     return None if pair == (None, None) else (pair[0] or 0.0, pair[1] or 0.0)
+
+
+def _with_bodies(scene: Scene, groups: dict[str, Group], parameters: Parameters) -> Scene:
+    for name, group in groups.items():
+        folder, known = f"Bodies/{name}", parameters.below(f"Bodies/{name}")
+        own = known - {"Spacing", "Velocity x", "Velocity y"}
+        scene = scene.body(
+            _surface(f"body '{name}'", group),
+            name,
+            parameters.maybe_length(f"{folder}/Spacing"),
+            named.material(parameters, folder, scene.material) if own else None,
+            _filled(parameters.pair(f"{folder}/Velocity")) or (0.0, 0.0),
+        )
+    return scene
 
 
 def _with_regions(scene: Scene, groups: dict[str, dict[str, Group]], parameters: Parameters) -> Scene:

@@ -8,7 +8,8 @@ from pathlib import Path
 from pdmesh.grid import implicit_lattice, soundness
 from pdmesh.grid.adaptive_scene import nested, undivided
 from pdmesh.grid.bodies import build_body
-from pdmesh.grid.lattice import Shift, build_grid
+from pdmesh.grid.lattice import Shift
+from pdmesh.grid.separate_bodies import build_scene, each_alone
 from pdmesh.model.document import ON_ONE_LATTICE, Document, Settings, write_file
 from pdmesh.model.monitors import contradiction
 from pdmesh.model.node_grid import Grid, document_of
@@ -63,8 +64,12 @@ def build(scene: Scene | Body) -> Built:
     if lattice is not None:
         notes = (*notes, *soundness.remarks(*implicit_lattice.stand_in(scene)))
         return Built(*implicit_lattice.build(scene, lattice), notes)
-    grid, settings, shifts = build_grid(scene)
-    return looked_at(Built(grid, settings, notes, shifts))
+    grid, settings, shifts = build_scene(scene)
+    built = Built(grid, settings, notes, shifts)
+    if grid.bodies is None:
+        return looked_at(built)
+    sound = (remark for alone in each_alone(grid, settings) for remark in soundness.remarks(*alone))
+    return replace(built, notes=(*notes, *sound))
 
 
 def looked_at(built: Built) -> Built:

@@ -8,6 +8,9 @@ where one of the lattices is shifted.
 Shift: if a crack comes nearer than 1/1000 of the spacing to a node of a lattice, the lattice moves by at most half a
 spacing along each axis. It moves by half along y, x or both if that clears the crack, else by the number of eighths
 that keeps the cracks farthest from the nodes. Every shift is reported.
+
+Several bodies: nodes are the middles of squares that fill the bounding box of their body, so that two bodies that touch
+as drawn have nodes one spacing apart.
 """
 
 from __future__ import annotations
@@ -66,15 +69,18 @@ def build_grid(scene: Scene) -> tuple[Grid, Settings, tuple[Shift, ...]]:
     return grid, settings_of(scene, nodes.position, nodes.delta), nodes.shifts
 
 
-def place_nodes(scene: Scene) -> PlacedNodes:
-    """The nodes of a scene. Raises SceneError if a spacing has no nodes or a crack cannot be cleared."""
+def place_nodes(scene: Scene, start: tuple[float, float] = (0.0, 0.0)) -> PlacedNodes:
+    """The nodes of a scene's plate, on lattices moved by a share `start` of their spacing.
+
+    Raises SceneError if a spacing has no nodes or a crack cannot be cleared.
+    """
     found: list[NDArray[np.float64]] = []
     regular: list[NDArray[np.bool_]] = []
     rows: list[NDArray[np.float64]] = []
     shifts = []
     coarser: list[Level] = []
     for level in levels(scene):
-        points, offset = _level_nodes(scene, level, coarser)
+        points, offset = _level_nodes(scene, level, coarser, start)
         if len(points) and rows:
             distance, _ = tree_of(np.concatenate(rows)).query(points, distance_upper_bound=GAP * level.spacing)
             points = points[~np.isfinite(distance)]
@@ -104,8 +110,10 @@ def _rows(points: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
     return np.concatenate([points, *between])
 
 
-def _level_nodes(scene: Scene, level: Level, coarser: list[Level]) -> tuple[NDArray[np.float64], tuple[float, float]]:
-    """Nodes (k, 2) of a level, row by row, and the shift of its lattice; both in m."""
+def _level_nodes(
+    scene: Scene, level: Level, coarser: list[Level], start: tuple[float, float]
+) -> tuple[NDArray[np.float64], tuple[float, float]]:
+    """Nodes (k, 2) of a level, row by row, and the shift of its lattice from `start`; both in m."""
     cracks = shapely.union_all([slit.line for slit in scene.slits])
     slack = SLACK * level.spacing
     inside = level.shape.buffer(slack, join_style="mitre")
@@ -122,10 +130,10 @@ def _level_nodes(scene: Scene, level: Level, coarser: list[Level]) -> tuple[NDAr
         close = points[near(points, cracks, level.spacing)]
         return float(shapely.distance(shapely.points(close), cracks).min(initial=level.spacing)) / level.spacing
 
-    points = placed((0.0, 0.0))
+    points = placed(start)
     if cracks.is_empty or clearance(points) >= CLEARANCE:
         return points, (0.0, 0.0)
-    best, chosen = 0.0, (0.0, 0.0)
+    best, chosen = 0.0, start
     for share in HALVES + EIGHTHS:
         moved = placed(share)
         free = clearance(moved)
@@ -138,7 +146,7 @@ def _level_nodes(scene: Scene, level: Level, coarser: list[Level]) -> tuple[NDAr
             f"cracks: found a node of spacing {level.spacing:g} m on one for every shift of the lattice,"
             " expected cracks between nodes"
         )
-    return points, (chosen[0] * level.spacing, chosen[1] * level.spacing)
+    return points, ((chosen[0] - start[0]) * level.spacing, (chosen[1] - start[1]) * level.spacing)
 
 
 def _lattice(scene: Scene, level: Level, share: tuple[float, float]) -> NDArray[np.float64]:

@@ -17,6 +17,8 @@ from typing import Annotated, Any, Literal, get_args
 import msgspec
 
 from pdmesh.files import read_bytes, write_atomically
+from pdmesh.model.contact import BodyNodes as BodyNodes
+from pdmesh.model.contact import Contact as Contact
 from pdmesh.model.digest import compare, sealed
 from pdmesh.model.material import Material as Material
 from pdmesh.model.medium import Concentration as Concentration
@@ -223,6 +225,7 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     media: tuple[MediumRegion, ...] = ()
     conditions: tuple[AnyCondition, ...] = ()
     area_rule: Literal["cells", "eq19", "square"] | None = None  # None: as the solver's mode has it
+    contact: Contact | None = None  # between bodies, and the faces of cracks; None: they pass through each other
     run: Run = Run()
 
 
@@ -268,6 +271,7 @@ class Document(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     holes: tuple[tuple[Point, ...], ...] = ()  # rings; hole_id counts them from 0
     areas: tuple[Positive, ...] | None = None  # of the nodes' cells, in their order, m^2; in space volumes, m^3
     lattice: Lattice | None = None  # all nodes, in place of a list of them
+    bodies: tuple[BodyNodes, ...] = ()  # of which no bonds join two; nodes of none are the first body
     source: str = ""  # the drawing the grid was built from
     drawing: str = ""  # its text, so that the grid can be built again
     parameters: dict[str, float | str] = {}  # of that drawing, as used
@@ -304,7 +308,7 @@ def read_file(path: Path) -> Document:
 def encode(document: Document) -> bytes:
     """The document as JSON, a line for each node and for each other key, its digest last."""
     fields: dict[str, Any] = {"version": document.version, "notch": document.notch}
-    usual = {"physics": "mechanics", "medium": None, "media": ()}  # is left out
+    usual = {"physics": "mechanics", "medium": None, "media": (), "contact": None, "bodies": ()}  # is left out
     given = {name: getattr(document, name) for name in document.__struct_fields__ if name not in ("nodes", "digest")}
     fields |= {name: value for name, value in given.items() if name not in usual or value != usual[name]}
     nodes = b"  " + msgspec.json.encode(document.nodes)[1:-1].replace(b"},{", b"},\n  {")  # no node has braces inside

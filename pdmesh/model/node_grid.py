@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.model.contact import Bodies, bodies_of, records_of
 from pdmesh.model.document import (
     FORMAT_VERSION,
     LARGEST,
@@ -45,6 +46,7 @@ class Grid:
     parameters: tuple[tuple[str, float | str], ...] = ()
     drawing: str = ""
     lattice: Lattice | None = None  # what the nodes are all of, where they are
+    bodies: Bodies | None = None  # None: all nodes are of one
 
     def __post_init__(self) -> None:
         """Convert numbers to the types above; arrays of those types are kept."""
@@ -96,6 +98,10 @@ def grid_of(document: Document, name: str) -> Grid:
     position = np.array([node.position for node in nodes])
     delta = np.array([node.delta for node in nodes])
     d = 3 if document.version == SPACE_VERSION else 2
+    try:
+        bodies = bodies_of(document.bodies, ids)
+    except ValueError as error:
+        raise GridError(f"{name}: {error}") from None
     _check_nodes(name, position, delta, d)
     _check_shapes(name, document)
     if document.areas is not None:
@@ -115,6 +121,7 @@ def grid_of(document: Document, name: str) -> Grid:
         source=document.source,
         parameters=tuple(document.parameters.items()),
         drawing=document.drawing,
+        bodies=bodies,
     )
 
 
@@ -124,8 +131,8 @@ def _grid_of_lattice(document: Document, lattice: Lattice, name: str) -> Grid:
     if len(lattice.counts) != d or len(lattice.origin) != d:
         found = f"{len(lattice.origin)} numbers of its origin and layers {lattice.layers}"
         raise GridError(f"{name}: $.lattice: found {found}, expected {'3 and a number' if d == 3 else '2 and none'}")
-    if document.nodes or document.areas is not None:
-        raise GridError(f"{name}: $.lattice: found nodes or areas besides it, expected none")
+    if document.nodes or document.areas is not None or document.bodies:
+        raise GridError(f"{name}: $.lattice: found nodes, areas or bodies besides it, expected none")
     count = math.prod(lattice.counts)
     if count > MOST_NODES:
         raise GridError(f"{name}: $.lattice: found {count} nodes, expected at most {MOST_NODES}")
@@ -262,6 +269,7 @@ def document_of(grid: Grid, settings: Settings) -> Document:
         outline=tuple(tuple(map(tuple, ring.tolist())) for ring in grid.outline),
         holes=tuple(tuple(map(tuple, ring.tolist())) for ring in grid.holes),
         areas=None if grid.areas is None or grid.lattice is not None else tuple(grid.areas.tolist()),
+        bodies=records_of(grid.bodies, grid.ids),
         source=grid.source,
         drawing=grid.drawing,
         parameters=dict(grid.parameters),

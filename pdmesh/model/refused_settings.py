@@ -40,6 +40,9 @@ class Impossible(NamedTuple):
         return f"{self.place}: found {self.found}, expected {self.expected}"
 
 
+Places = list[tuple[str, Material]]
+
+
 def _swelling(settings: Settings, every: list[tuple[str, Material]]) -> Iterator[Impossible]:
     """What a motion that a content swells does not take, of settings and of every material with its place."""
     why = "as the physics is thermoelastic"
@@ -74,6 +77,13 @@ def impossible(settings: Settings, dimension: int) -> Iterator[Impossible]:
         yield from of_material(material, place)
     if settings.physics == "thermoelastic":
         yield from _swelling(settings, every)
+    if settings.contact is not None:
+        yield from _touching(settings, every)
+    yield from _of_run(settings, every)
+
+
+def _of_run(settings: Settings, every: Places) -> Iterator[Impossible]:
+    """Settings that the way in which a model is solved does not support."""
     run = settings.run
     if run.solver == "static":
         yield from _at_rest(settings, every)
@@ -90,9 +100,6 @@ def refuse(settings: Settings, dimension: int, name: str) -> None:
     """Raise GridError for impossible settings of the file called `name`."""
     for wrong in impossible(settings, dimension):
         raise GridError(f"{name}: {wrong}")
-
-
-Places = list[tuple[str, Material]]
 
 
 def of_material(material: Material, place: str) -> Iterator[Impossible]:
@@ -194,6 +201,20 @@ def _adaptive(settings: Settings, every: Places) -> Iterator[Impossible]:
     if run.adapt == "split" and not run.split.merge < run.split.threshold:
         less = f"less than the threshold, {run.split.threshold:g}{why}"
         yield Impossible("$.run.split.merge", f"{run.split.merge:g}", less)
+
+
+def _touching(settings: Settings, every: Places) -> Iterator[Impossible]:
+    """Settings that bodies in contact do not support."""
+    why = ", as bodies touch"
+    if settings.physics == "thermoelastic":
+        yield Impossible("$.physics", "thermoelastic", f"mechanics{why}")
+    usual = {"solver": "explicit", "start": "unloaded", "adapt": "none", "cracks": "bonds"}
+    for name, expected in usual.items():
+        if getattr(settings.run, name) != expected:
+            yield Impossible(f"$.run.{name}", getattr(settings.run, name), f"{expected}{why}")
+    for place, material in every:
+        if material.model == "micropolar":
+            yield Impossible(f"{place}.model", "'micropolar'", f"a model without rotations{why}")
 
 
 def _of_particles(settings: Settings, every: Places) -> Iterator[Impossible]:

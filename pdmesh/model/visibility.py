@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.model.contact import Bodies
 from pdmesh.model.crack_surfaces import apart, front
 from pdmesh.model.detours import Detours
 from pdmesh.model.document import GridError
@@ -62,21 +63,28 @@ class SightInSpace:
         self._triangles = grid.cracks.reshape(-1, 3, 3)
         every = facing(grid.faces), self._triangles
         self._surface, self._cracks = (Screen(some, grid.position, grid.delta) for some in every)
-        self._convex = not len(every[0])
+        self._convex, self._bodies = not len(every[0]), grid.bodies
 
     @property
     def clear(self) -> bool:
         """Whether nothing separates any pair: the body is convex and has no crack."""
-        return self._convex and not len(self._triangles)
+        return self._convex and not len(self._triangles) and self._bodies is None
 
     def near(self, far: float) -> NDArray[np.bool_]:
         """Mask (n,) of nodes with a pair of length `far`, m, that something may separate."""
         far *= 1 + ROUND_OFF
-        return np.asarray(self._surface.near(far) | self._cracks.near(far))
+        found = np.asarray(self._surface.near(far) | self._cracks.near(far))
+        number = np.zeros(len(found), dtype=np.int64) if self._bodies is None else self._bodies.number
+        for one in range(1, int(number.max(initial=0)) + 1):
+            own = number == one
+            for some, others in ((own, ~own), (~own, own)):
+                distance, _ = tree_of(self._position[some]).query(self._position[others], distance_upper_bound=far)
+                found[np.flatnonzero(others)[np.isfinite(distance)]] = True
+        return found
 
     def inside(self, pairs: Pairs) -> NDArray[np.bool_]:
-        """Mask (b,) of pairs whose segment does not touch the surface."""
-        return ~self._surface.met(pairs)
+        """Mask (b,) of pairs of one body whose segment does not touch the surface."""
+        return ~_parted(self._bodies, pairs) & ~self._surface.met(pairs)
 
     def cut(self, pairs: Pairs) -> NDArray[np.bool_]:
         """Mask (b,) of pairs that a pre-crack separates; touching its edge counts."""
@@ -120,19 +128,20 @@ class Sight:
         """Whether nothing separates any pair: the plate is convex and has no crack."""
         void, grid = self._void, self._grid
         nothing = not (grid.border.any() or (grid.hole_id >= 0).any()) if void is None else bool(void.is_empty)
-        return nothing and self._cracks is None
+        return nothing and self._cracks is None and grid.bodies is None
 
     @cached_property
     def _tree(self) -> cKDTree:
         return tree_of(self._grid.position)
 
     def inside(self, pairs: Pairs) -> NDArray[np.bool_]:
-        """Mask (b,) of pairs whose segment neither leaves the outline nor meets a hole.
+        """Mask (b,) of pairs of one body whose segment neither leaves the outline nor meets a hole.
 
         Without an outline, the nodes define the plate: a bond of a node marked as border or as near a hole must not
         pass through a place that no node's cell covers.
         """
-        return ~(self._uncovered(pairs) if self._void is None else self._meet(pairs, self._void))
+        parted = _parted(self._grid.bodies, pairs)
+        return ~(parted | (self._uncovered(pairs) if self._void is None else self._meet(pairs, self._void)))
 
     def parted(self, pairs: Pairs, segments: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Mask (b,) of pairs that the segments (k, 4) of a crack separate; segments are extended by a slack at both
@@ -209,6 +218,11 @@ class Sight:
             distance, _ = self._tree.query(grid.position[i] + share * (grid.position[j] - grid.position[i]))
             void[asked] |= distance > COVERED * widest
         return void
+
+
+def _parted(bodies: Bodies | None, pairs: Pairs) -> NDArray[np.bool_]:
+    """Mask (b,) of pairs of different bodies."""
+    return np.zeros(len(pairs.source), dtype=bool) if bodies is None else bodies.parted(pairs.source, pairs.target)
 
 
 def cracks_of(grid: Grid) -> shapely.Geometry:

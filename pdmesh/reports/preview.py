@@ -26,6 +26,7 @@ from pdmesh.scene.shapes import SceneError
 WIDTH, TALLEST = 8.0, 9.0  # inches
 WINDOW = 2.6  # horizons to each side of a crack's tip, in a picture of bonds
 CUT, HOLE = CRACK, "#1f5fbf"
+BODIES = ("#777777", "#5b8fc9", "#c98f5b", "#7bb37b", "#a97bb3")
 
 
 def draw(document: Document, name: str, with_bonds: bool = False) -> Figure:
@@ -103,6 +104,8 @@ def _nodes(axes: Axes, grid: Grid, points: float) -> None:
         x, y = grid.position.T * 1e3
         axes.scatter(x, y, s=size, c=shade, cmap="viridis", linewidths=0, zorder=2)
         return
+    for number, name in enumerate(() if grid.bodies is None else grid.bodies.names):
+        axes.plot([], [], "o", color=BODIES[number % len(BODIES)], markersize=3, label=f"body '{name}'")
     for spacing, shade in shades(grid.delta):
         at = grid.position[grid.delta == spacing] * 1e3
         style: dict[str, Any] = {
@@ -112,6 +115,10 @@ def _nodes(axes: Axes, grid: Grid, points: float) -> None:
             "markeredgewidth": 0,
         }
         axes.plot(*at.T, color=shade, label=f"{spacing * 1e3:g} mm: {len(at)} nodes", zorder=2, **style)
+        if grid.bodies is not None:
+            for number in range(len(grid.bodies.names)):
+                own = grid.position[(grid.delta == spacing) & (grid.bodies.number == number)] * 1e3
+                axes.plot(*own.T, color=BODIES[number % len(BODIES)], zorder=2.2, **style)
         near = grid.position[(grid.delta == spacing) & (grid.hole_id >= 0)] * 1e3
         axes.plot(*near.T, color=HOLE, zorder=2.5, **style)
     if (grid.hole_id >= 0).any():

@@ -10,7 +10,8 @@ import numpy as np
 
 from pdmesh.grid.adaptive_scene import nested, undivided
 from pdmesh.grid.bodies import build_body
-from pdmesh.grid.lattice import build_grid, grid_of_nodes, place_nodes
+from pdmesh.grid.lattice import grid_of_nodes, place_nodes
+from pdmesh.grid.separate_bodies import build_scene
 from pdmesh.model import selection
 from pdmesh.model.consistency import examine
 from pdmesh.model.document import ON_ONE_LATTICE, Document, GridError, Material, Settings, settings_of
@@ -70,6 +71,10 @@ def info(document: Document, name: str, mode: str = DEFAULT_MODE) -> dict[str, A
         "physics": document.physics,
         "material": _fields(document.material),
         "softening": softening(document.material, ratio, float(grid.delta.min()), grid.dimension),
+        "bodies": {}
+        if grid.bodies is None
+        else {name: int((grid.bodies.number == at).sum()) for at, name in enumerate(grid.bodies.names)},
+        "contact": _fields(document.contact),
         "regions": [{"name": region.name} | _fields(region.material) for region in document.regions],
         "medium": _fields(document.medium),
         "media": [{"name": region.name, "D": region.D} for region in document.media],
@@ -117,6 +122,9 @@ def info_lines(result: dict[str, Any]) -> list[str]:
         lines.append(f"physics: {result['physics']}")
     if result["material"]:
         lines.append("material: " + _words(_telling(result["material"])))
+    lines += [f"body '{name}': {nodes} nodes" for name, nodes in result["bodies"].items()]
+    if result["contact"]:
+        lines.append("contact: " + _words(result["contact"]))
     if result["softening"]:
         lines.append("softening: " + _words(result["softening"]))
     if result["medium"]:
@@ -226,7 +234,7 @@ def plan(scene: Scene | Body, mode: str = DEFAULT_MODE) -> dict[str, Any]:
     given = scene
     if isinstance(scene, Scene) and scene.run.adapt == "split":
         scene, _ = undivided(scene)
-    grid, settings = (build_body(scene) if isinstance(scene, Body) else build_grid(scene))[:2]
+    grid, settings = (build_body(scene) if isinstance(scene, Body) else build_scene(scene))[:2]
     own = run_of(grid, settings, scene.source, mode)
     counted, _ = count(grid, scene.horizon, sample=SAMPLE)
     ratio = 1.0 if own is None else own.bonds / counted
@@ -242,7 +250,7 @@ def plan(scene: Scene | Body, mode: str = DEFAULT_MODE) -> dict[str, Any]:
 def _moving(scene: Scene, mode: str) -> dict[str, Any]:
     """Report on the initial grid with a moving fine zone, beside the finest spacing everywhere."""
     scene, _ = nested(scene)
-    grid, settings, _ = build_grid(scene)
+    grid, settings, _ = build_scene(scene)
     counted, _ = count(grid, scene.horizon, sample=SAMPLE)
     everywhere = msgspec.structs.replace(settings, run=msgspec.structs.replace(settings.run, adapt="none"))
     own, flat = (run_of(grid, some, scene.source, mode) for some in (settings, everywhere))

@@ -21,7 +21,7 @@ def action(kind: type[AnyCondition], name: str, values: dict[str, Any]) -> AnyCo
     place = f"{kind.__struct_config__.tag} '{name}'"
     if "profile" in values:
         values = values | {"profile": checked_profile(values["profile"], f"{place}: profile")}
-    return _converted({"kind": kind.__struct_config__.tag, "name": name} | values, kind, place)
+    return converted({"kind": kind.__struct_config__.tag, "name": name} | values, kind, place)
 
 
 def motion(
@@ -57,10 +57,11 @@ def motion(
 
 def medium(name: str, D: float) -> MediumRegion:
     """A medium region of diffusivity `D`, m^2/s. Raises SceneError."""
-    return _converted({"name": name, "D": D}, MediumRegion, f"medium '{name}'")
+    return converted({"name": name, "D": D}, MediumRegion, f"medium '{name}'")
 
 
-def _converted(given: dict[str, Any], kind: type[T], place: str) -> T:
+def converted(given: dict[str, Any], kind: type[T], place: str) -> T:
+    """A struct of the grid file with these fields. Raises SceneError, beginning with `place`."""
     try:
         return msgspec.convert(given, kind)
     except msgspec.ValidationError as error:

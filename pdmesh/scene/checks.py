@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 import shapely
 
+from pdmesh.model.contact import REST
 from pdmesh.model.document import LARGEST, MOST, Absorb, Condition, Load, Material, OfDiffusion, Run, Settings
 from pdmesh.model.medium import Medium, contradiction
 from pdmesh.model.suggestions import explained
@@ -23,6 +24,7 @@ MOST_NODES = 2e7
 EMPTY = 8  # times as many places around a plate are looked at as it may have nodes
 MOST_STEPS = 20  # of 2 between the coarsest and the finest spacing
 MOST_ROWS = 1_000_000
+OVERLAP = 1e-6  # of a spacing squared: more that two bodies share is no round-off
 RESOLVED = 1e-11  # of a place: what is as small as that is not told apart
 FASTEST_WAVE, LIGHTEST = 1e5, 0.1  # m/s, kg/m^3: beyond, a material is taken for N-mm-tonne
 
@@ -34,6 +36,7 @@ def check(scene: Plate) -> None:
     _plate(scene)
     _zones(scene)
     _ = scene.slits  # raises for a crack that is not in the plate
+    _bodies(scene)
     placed: tuple[PlacedRegion[Any], ...] = (*scene.regions, *scene.media)
     for region in placed:
         if scene.whole.disjoint(region.shape):
@@ -176,6 +179,32 @@ def _zones(scene: Plate) -> None:
         limit_nodes(zone.shape.intersection(scene.whole), zone.spacing, f"zone '{zone.name}': spacing")
 
 
+def _bodies(scene: Plate) -> None:
+    """Check the bodies besides the plate: their names, spacings, materials and velocities, and that none overlap."""
+    others = [(REST, scene.shape, scene.spacing)]
+    for body in scene.bodies:
+        place = f"body '{body.name}'"
+        if not body.name or body.name in [name for name, _, _ in others]:
+            raise SceneError(f"{place}: found an empty name or one that another body has, expected one of its own")
+        checked_spacing(body.spacing, f"{place}: spacing")
+        x0, y0, x1, y1 = body.shape.bounds
+        if body.spacing > max(x1 - x0, y1 - y0):
+            raise SceneError(f"{place}: spacing: found {body.spacing:g} m, expected less than its size")
+        limit_nodes(body.shape, body.spacing, f"{place}: spacing")
+        if body.material is not None:
+            composed(body.material, place)
+        if len(body.velocity) != 2 or not (np.abs(body.velocity) <= MOST).all():
+            raise SceneError(f"{place}: velocity: found {body.velocity}, expected two finite numbers, m/s")
+        for name, shape, spacing in others:
+            common = shape.intersection(body.shape)
+            if common.area > OVERLAP * min(spacing, body.spacing) ** 2:
+                depth = 2 * shapely.maximum_inscribed_circle(common).length
+                raise SceneError(
+                    f"{place}: found it {depth:.4g} m deep in body '{name}', expected bodies that touch at most"
+                )
+        others.append((body.name, body.shape, body.spacing))
+
+
 def composed(material: Material, place: str) -> None:
     """Raise SceneError for an impossible material, or one in other units."""
     described(material, Material, place)
@@ -210,5 +239,5 @@ def _condition(condition: PlacedCondition, scene: Plate) -> None:
         raise SceneError(f"{place}: found {values}, expected finite numbers of at most {MOST:g}")
     if isinstance(action, Condition) and not isinstance(action.breakable, bool):
         raise SceneError(f"{place}: breakable: found {action.breakable!r}, expected True or False")
-    if condition.place.shape.distance(scene.shape) > rows * scene.spacing:
+    if condition.place.shape.distance(scene.everything) > rows * scene.spacing:
         raise SceneError(f"{place}: found away from the plate, expected in it or along its edge")

@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 from shapely import MultiLineString, Polygon
 
-from pdmesh.model.document import Material, MediumRegion, Run
+from pdmesh.model.document import Contact, Material, MediumRegion, Run
 from pdmesh.model.medium import Medium
 from pdmesh.model.svg_picture import svg
 from pdmesh.scene.conditions import MaterialRegion, PlacedCondition, PlacedRegion
@@ -46,6 +46,17 @@ class Refinement:
 
 
 @dataclass(frozen=True)
+class BodyBeside:
+    """A body besides the plate, on a lattice of its own."""
+
+    name: str
+    shape: Surface
+    spacing: float  # m
+    material: Material | None = None  # None: the plate's
+    velocity: tuple[float, float] = (0.0, 0.0)  # m/s, at time 0
+
+
+@dataclass(frozen=True)
 class Plate:
     """An engineer's description of a plate, not yet checked; see Scene."""
 
@@ -62,6 +73,8 @@ class Plate:
     cracks: tuple[Crack, ...] = ()
     regions: tuple[MaterialRegion, ...] = ()
     conditions: tuple[PlacedCondition, ...] = ()
+    bodies: tuple[BodyBeside, ...] = ()  # no bonds join them to the plate or to each other
+    touching: Contact | None = None  # how bodies and faces of cracks push each other apart
     medium: Medium | Heat | None = None  # what a substance or heat diffuses through
     media: tuple[PlacedRegion[MediumRegion], ...] = ()  # parts of another diffusivity
     source: str = ""  # file the scene comes from
@@ -105,6 +118,11 @@ class Plate:
             return self.whole
         cut = [surface(shape, self.finest, f"cutout {number + 1}") for number, shape in enumerate(self.cutouts)]
         return self.whole.difference(shapely.union_all(cut))
+
+    @cached_property
+    def everything(self) -> Surface:
+        """The plate and all other bodies."""
+        return shapely.union_all([self.shape, *(body.shape for body in self.bodies)])
 
     @cached_property
     def finest(self) -> float:

@@ -25,6 +25,7 @@ from pdmesh.model.document import (
     Absorb,
     Adapt,
     AnyCondition,
+    Contact,
     Displacement,
     Gap,
     Load,
@@ -37,7 +38,7 @@ from pdmesh.model.document import (
 from pdmesh.scene import actions, checks
 from pdmesh.scene.conditions import MaterialRegion, Place, PlacedCondition, PlacedRegion, Profile, name_of
 from pdmesh.scene.diffusion_conditions import DiffusionConditions
-from pdmesh.scene.plate import Plate, Refinement, Zone
+from pdmesh.scene.plate import BodyBeside, Plate, Refinement, Zone
 from pdmesh.scene.shapes import Circle, Curve, Points, SceneError, Shape, Surface, coordinates, polyline, surface
 from pdmesh.scene.slits import Crack
 
@@ -93,6 +94,28 @@ class Scene(Plate, DiffusionConditions[Where]):
         name = name or name_of(shape, "material")
         area = surface(shape, self.finest, f"material '{name}'")
         return replace(self, regions=(*self.regions, MaterialRegion(area, Region(name=name, material=material))))
+
+    def body(
+        self,
+        shape: Shape,
+        name: str,
+        spacing: float | None = None,
+        material: Material | None = None,
+        velocity: tuple[float, float] = (0.0, 0.0),
+    ) -> Scene:
+        """The scene with another body, which no bond joins to the plate and which pushes what it touches.
+
+        It has a lattice of its own with this `spacing` (m), a material and a `velocity` (m/s) at time 0; without
+        `spacing` and `material` it has the plate's. All nodes are then half a spacing inside their body's outline.
+        """
+        spacing = self.spacing if spacing is None else spacing
+        other = BodyBeside(name, surface(shape, spacing, f"body '{name}'"), spacing, material, velocity)
+        return replace(self, bodies=(*self.bodies, other), touching=self.touching or Contact())
+
+    def contact(self, friction: float = 0.0, stiffness: float = 15.0, distance: float = 1.0) -> Scene:
+        """The scene whose bodies, and faces of cracks, push each other apart; the settings are those of `Contact`."""
+        given = {"friction": friction, "stiffness": stiffness, "distance": distance}
+        return replace(self, touching=actions.converted(given, Contact, "contact"))
 
     def load(
         self,

@@ -34,6 +34,7 @@ class _Model(Settings, frozen=True, kw_only=True):
     nodes: msgspec.Raw = msgspec.Raw()
     areas: msgspec.Raw = msgspec.Raw()
     lattice: msgspec.Raw = msgspec.Raw()
+    bodies: msgspec.Raw = msgspec.Raw()
     version: int = 1
     outline: tuple[tuple[Vector, ...], ...] = ()
     holes: tuple[tuple[Vector, ...], ...] = ()

@@ -123,6 +123,12 @@ def fields(
     return found
 
 
+def bodies(system: System) -> int:
+    """Number of bodies, which no bond joins from the start."""
+    named = system.model.grid.bodies
+    return 1 if named is None else len(named.names)
+
+
 def pieces(system: System) -> int:
     """Number of pieces of the plate: connected components of intact bonds without cracked nodes."""
     sound = damage(system) <= CRACKED

@@ -11,6 +11,7 @@ from pdsolve.bonds.statistics import BondStatistics
 from pdsolve.laws import law_of
 from pdsolve.model import Model, ModelError
 from pdsolve.operators.bond_list import BondList
+from pdsolve.operators.contact.operator import touch_bound
 from pdsolve.operators.protocol import Operator
 from pdsolve.operators.simd_lattice import families
 from pdsolve.operators.simd_lattice.layout import blocks_of
@@ -62,11 +63,12 @@ def surveyed(model: Model, options: Options, scheme: Scheme) -> tuple[NDArray[np
     them."""
     tiles = _tiled(model, options, scheme, False)
     if tiles is not None:
-        return tiles.counted.bonds, tiles.stiffest, True
-    survey = BondStatistics(scheme.fill(model), scheme.symmetric)
+        return tiles.counted.bonds, tiles.stiffest + touch_bound(model, tiles.counted.area), True
+    filling = scheme.fill(model)
+    survey = BondStatistics(filling, scheme.symmetric)
     for _ in survey.parts():
         pass
-    return survey.count, survey.stiffness_bound, model.grid.dimension == 2
+    return survey.count, survey.stiffness_bound + touch_bound(model, filling.area), model.grid.dimension == 2
 
 
 def _tiled(model: Model, options: Options, scheme: Scheme, lasting: bool) -> Tiled | None:

@@ -20,7 +20,7 @@ from pdsolve.model import Model, ModelError, model_of
 from pdsolve.numerics.memory import give_back
 from pdsolve.results import Behind, Results, ResultsError, Writer, behind, gone_back, put_away, writing_to
 from pdsolve.run.cell_splitting import changing
-from pdsolve.run.measures import pieces
+from pdsolve.run.measures import bodies, pieces
 from pdsolve.run.node_changes import Adapt, zone_back, zone_moved
 from pdsolve.run.recorder import Past, Recorder, families, nodes, restore
 from pdsolve.run.static_start import started
@@ -303,7 +303,7 @@ def _is_enough(system: System, latest: int, step: int) -> bool:
     if isinstance(system.stepper, PathSteps):
         return system.stepper.ended
     if run.until == "split":
-        return pieces(system) > 1
+        return pieces(system) > bodies(system)
     if run.until == "quiet":
         return latest > 0 and run.quiet is not None and (step - latest) * system.time_step >= run.quiet
     return False

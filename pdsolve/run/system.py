@@ -27,10 +27,12 @@ from pdsolve.laws import law_of
 from pdsolve.model import Model, ModelError, ModelWarning, counted
 from pdsolve.numerics.thread_team import cores, crew
 from pdsolve.operators.bond_list import BondList
+from pdsolve.operators.contact.operator import PenaltyContact
 from pdsolve.operators.protocol import Operator
 from pdsolve.operators.simd_lattice.operator import SimdLattice
 from pdsolve.operators.softening_bonds import SofteningBonds
 from pdsolve.operators.softening_shear import SofteningShear
+from pdsolve.operators.together import Together
 from pdsolve.options import Options as Options
 from pdsolve.options import threads_of as threads_of
 from pdsolve.run.operator_factory import operator_of
@@ -75,6 +77,7 @@ class System:
     initial_energy: float  # J/m
     whole: Model | None = None  # all there is to solve, where `model` is of the nodes there are now
     growth: Growth | None = None  # cracks that are particles
+    contact: PenaltyContact | None = None  # of bodies and crack faces; a part of the operator
     transport: Transport | None = None  # what carries a substance; None: the model moves
     beside: tuple[Prepared, ...] = ()  # other unknowns of the same nodes, which the stepper marches too
     broken_before: int = 0  # directed bonds that broke and are none of the operator's: of nodes that are gone
@@ -83,6 +86,11 @@ class System:
     def asked(self) -> Model:
         """The model as given, with all conditions."""
         return self.whole or self.model
+
+    @property
+    def kernel(self) -> str:
+        """The kernel that sums the forces of bonds, by name."""
+        return self.operator.name if self.contact is None else self.contact.bonded.name
 
     @property
     def hybrid(self) -> Moving | None:
@@ -313,11 +321,14 @@ def system_of(model: Model, options: Options, scheme: Scheme) -> Prepared:
     """A model's system and its state at time 0, with the bonds of this scheme. Raises ModelError."""
     filling = _filling(model, scheme)
     operator, filled = operator_of(model, options, scheme, filling, model.settings.run.cracks == "particles")
+    touching = None if model.settings.contact is None else PenaltyContact(model, filled.area, operator)
+    if touching is not None:
+        operator = Together(touching, operator)
     bound = stable(operator.stiffness_bound(), model.rho)
     found = assembled(model, options, scheme, operator, filled, (step_of(model, bound), bound))
     every = update_interval.every_of(model, found.system.time_step)
     growth = _growth(model, operator, filling, found.system.drive, every)
-    return found._replace(system=replace(found.system, growth=growth))
+    return found._replace(system=replace(found.system, growth=growth, contact=touching))
 
 
 def assembled(

@@ -24,6 +24,8 @@ def _pairs_of_their_own(model: Model) -> one_sided.Rule:
 def _refuse_others(model: Model) -> None:
     if model.grid.dimension == 3:
         raise ModelError(f"{model.name}: found a body in space in the thesis mode, expected the conservative one")
+    if model.settings.contact is not None:
+        raise ModelError(f"{model.name}: $.contact: found some in the thesis mode, expected the conservative one")
     first = model.materials[0]
     for name, expected in KINDS[first.model].one_sided(first):
         raise ModelError(f"{model.place_of(0)}.{name}: found '{getattr(first, name)}', expected {expected}")

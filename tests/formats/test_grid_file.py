@@ -130,7 +130,13 @@ def test_nodes_are_written_exactly_as_the_thesis_writes_them() -> None:
 def test_schema_names_every_key() -> None:
     found = schema()
     assert found["$schema"].startswith("https://json-schema.org/")
-    assert set(found["$defs"]["Document"]["properties"]) == set(PLAIN) | {"physics", "medium", "media"}
+    assert set(found["$defs"]["Document"]["properties"]) == set(PLAIN) | {
+        "physics",
+        "medium",
+        "media",
+        "contact",
+        "bodies",
+    }
     kinds = {"load", "displacement", "velocity", "acceleration", "initial velocity", "absorb"}
     kinds |= {"concentration", "source", "exchange", "initial concentration", "solid"}
     tags = {
@@ -367,7 +373,7 @@ def test_a_box_of_many_nodes_holds_a_lattice(tmp_path: Path, monkeypatch: pytest
             {"lattice": {"origin": [0, 0, 0], "spacing": 1, "columns": 3, "rows": 3, "layers": 3}},
             "$.lattice: found 3 numbers of its origin and layers 3, expected 2 and none",
         ),
-        ({"nodes": BARE["nodes"]}, "$.lattice: found nodes or areas besides it, expected none"),
+        ({"nodes": BARE["nodes"]}, "$.lattice: found nodes, areas or bodies besides it, expected none"),
         ({"lattice": {"origin": [0, 0], "spacing": 1, "columns": 10**6, "rows": 10**6}}, "found 1000000000000 nodes"),
         ({"lattice": {"origin": [1e10, 0], "spacing": 1, "columns": 3, "rows": 3}}, "$.lattice: found 1e+10"),
         ({"lattice": {"origin": [0, 0], "spacing": 1, "columns": 1, "rows": 3}}, "$.lattice.columns"),

@@ -1,0 +1,123 @@
+"""A plate and other bodies beside it: each on lattices of its own, in one grid."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+
+from pdmesh.grid.cell_areas import cell_areas
+from pdmesh.grid.lattice import Shift, build_grid, grid_of_nodes, place_nodes, settings_of
+from pdmesh.model.contact import REST, Bodies
+from pdmesh.model.document import InitialVelocity, Region, Settings
+from pdmesh.model.node_grid import Grid
+from pdmesh.scene.plate import BodyBeside
+from pdmesh.scene.scene import Scene
+from pdmesh.scene.shapes import SceneError
+
+MIDDLES = (0.5, 0.5)  # of a spacing: nodes are in the middle of their squares
+
+
+def build_scene(scene: Scene) -> tuple[Grid, Settings, tuple[Shift, ...]]:
+    """The nodes of a scene with all of its bodies, the settings for their file, and the shifts of lattices.
+
+    Raises SceneError if a body or a spacing has no nodes, a crack cannot be cleared or a condition finds no node.
+    """
+    if not scene.bodies:
+        grid, settings, moved = build_grid(scene)
+        return grid, msgspec.structs.replace(settings, contact=scene.touching), moved
+    alone = [replace(scene, bodies=(), regions=(), media=(), conditions=())]
+    alone += [_as_plate(scene, body) for body in scene.bodies]
+    grids: list[Grid] = []
+    shifts: list[Shift] = []
+    for one in alone:
+        nodes = place_nodes(one, MIDDLES)
+        areas = cell_areas(nodes.position, one.shape, nodes.delta, nodes.regular)
+        grids.append(grid_of_nodes(one, nodes.position, nodes.delta, areas))
+        shifts += nodes.shifts
+    grid = _joined(grids, (REST, *(body.name for body in scene.bodies)))
+    settings = settings_of(scene, grid.position, grid.delta)
+    regions, moves = _of_bodies(scene, grid)
+    settings = msgspec.structs.replace(
+        settings,
+        regions=(*regions, *settings.regions),
+        conditions=(*moves, *settings.conditions),
+        contact=scene.touching,
+    )
+    return grid, settings, tuple(shifts)
+
+
+def _as_plate(scene: Scene, body: BodyBeside) -> Scene:
+    try:
+        return Scene(body.shape, body.spacing, body.material or scene.material, scene.horizon, units=scene.units)
+    except SceneError as error:
+        raise SceneError(f"body '{body.name}': {error}") from None
+
+
+def _joined(grids: list[Grid], names: tuple[str, ...]) -> Grid:
+    """The nodes of all bodies as one grid."""
+    counts, first = [len(grid) for grid in grids], grids[0]
+    holes = np.cumsum([0, *(len(grid.holes) for grid in grids[:-1])])
+    return replace(
+        first,
+        ids=np.arange(1, sum(counts) + 1),
+        position=np.concatenate([grid.position for grid in grids]),
+        delta=np.concatenate([grid.delta for grid in grids]),
+        border=np.concatenate([grid.border for grid in grids]),
+        hole_id=np.concatenate(
+            [np.where(grid.hole_id < 0, -1, grid.hole_id + more) for grid, more in zip(grids, holes, strict=True)]
+        ),
+        outline=tuple(ring for grid in grids for ring in grid.outline),
+        holes=tuple(ring for grid in grids for ring in grid.holes),
+        areas=np.concatenate([grid.cells for grid in grids]),
+        bodies=Bodies(np.repeat(np.arange(len(grids)), counts), names),
+    )
+
+
+def _of_bodies(scene: Scene, grid: Grid) -> tuple[list[Region], list[InitialVelocity]]:
+    """Materials and velocities of the bodies beside the plate."""
+    regions, moves = [], []
+    assert grid.bodies is not None
+    for number, body in enumerate(scene.bodies, start=1):
+        nodes = tuple(grid.ids[grid.bodies.number == number].tolist())
+        if body.material is not None:
+            regions.append(Region(name=body.name, material=body.material, nodes=nodes))
+        if any(body.velocity):
+            x, y = map(float, body.velocity)
+            moves.append(InitialVelocity(name=body.name, x=x, y=y, nodes=nodes))
+    return regions, moves
+
+
+def each_alone(grid: Grid, settings: Settings) -> Iterator[tuple[Grid, Settings]]:
+    """Each body of a plane grid by itself, with its part of the outline, and the settings without conditions."""
+    import shapely
+
+    assert grid.bodies is not None
+    plain = msgspec.structs.replace(settings, conditions=())
+    for number in range(len(grid.bodies.names)):
+        own = np.flatnonzero(grid.bodies.number == number)
+        nodes = shapely.multipoints(grid.position[own])
+        mine = [ring for ring in grid.outline if shapely.Polygon(ring).intersects(nodes)]
+        holes = [
+            ring
+            for ring in grid.holes
+            if shapely.MultiPolygon(map(shapely.Polygon, mine)).contains(shapely.Polygon(ring))
+        ]
+        yield (
+            replace(
+                grid,
+                ids=np.arange(1, len(own) + 1),
+                position=grid.position[own],
+                delta=grid.delta[own],
+                border=grid.border[own],
+                hole_id=grid.hole_id[own],
+                areas=grid.cells[own],
+                outline=tuple(mine),
+                holes=tuple(holes),
+                cracks=grid.cracks if number == 0 else grid.cracks[:0],
+                bodies=None,
+            ),
+            plain,
+        )

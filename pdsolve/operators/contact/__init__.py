@@ -1,0 +1,1 @@
+"""Contact of bodies and of crack faces: search, penalty forces, friction."""

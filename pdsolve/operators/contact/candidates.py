@@ -1,0 +1,77 @@
+"""Pairs of nodes that may touch soon: of surfaces and beside broken bonds, of two bodies or without an intact bond."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.kd_trees import tree_of
+from pdmesh.model.neighbours import lengths, row_chunks
+from pdsolve.model import Model
+from pdsolve.operators.contact.kernel import Nodes, surface_nodes
+from pdsolve.operators.protocol import Operator
+
+NEAREST = {2: 1.5, 3: 1.8}  # spacings: of the bonds that tell a normal, to 8 nodes of a plane and 26 of space
+
+
+class Joined:
+    """The bonds of n nodes, as contact knows them: which join two nodes up to a step."""
+
+    def __init__(self, model: Model, volume: NDArray[np.float64], operator: Operator) -> None:
+        self._operator, self._nodes, self._until = operator, len(volume), 0
+        ends = [operator.bonds(int(rows[0]), int(rows[-1]) + 1, start=True) for rows in row_chunks(len(volume))]
+        source, target = (np.concatenate(column) for column in zip(*ends, strict=True))
+        once = source < target
+        self._key = source[once] * self._nodes + target[once]
+        self.intact = np.ones(len(self._key), dtype=np.bool_)
+        x, delta = model.grid.position, model.grid.delta
+        mean = (delta[source] + delta[target]) / 2
+        near = lengths(x[target] - x[source]) <= NEAREST[x.shape[1]] * mean
+        source, target = source[near], target[near]
+        self._number = self._found(source, target)  # of each nearest bond among all
+        start = np.searchsorted(source, np.arange(self._nodes + 1))
+        self.nodes = Nodes(x, volume, start, target.astype(np.int32), np.ones(len(source), dtype=np.bool_))
+        self.surface = np.zeros(self._nodes, dtype=np.bool_)
+        surface_nodes(self.nodes, self.surface)
+
+    def _found(self, source: NDArray[np.int64], target: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Numbers (k,) of the bonds between these rows (k,); those of no bond are arbitrary."""
+        key = np.minimum(source, target) * self._nodes + np.maximum(source, target)
+        return np.asarray(np.searchsorted(self._key, key).clip(max=max(len(self._key) - 1, 0)), dtype=np.int64)
+
+    def follow(self, until: int) -> bool:
+        """Learn which bonds broke before the step `until`; returns whether anything changed."""
+        if until == self._until:
+            return False
+        broken, self._until = self._operator.broken(), until
+        past = broken.step < until
+        gone = self._found(broken.source[past], broken.target[past])
+        intact = np.ones(len(self._key), dtype=np.bool_)
+        intact[gone] = False
+        if np.array_equal(intact, self.intact):
+            return False
+        self.intact = intact
+        self.nodes.intact[:] = intact[self._number]
+        surface_nodes(self.nodes, self.surface)
+        return True
+
+    def join(self, source: NDArray[np.int64], target: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Mask (k,) of pairs of rows that an intact bond joins."""
+        if not len(self._key):
+            return np.zeros(len(source), dtype=np.bool_)
+        number = self._found(source, target)
+        key = np.minimum(source, target) * self._nodes + np.maximum(source, target)
+        return np.asarray((self._key[number] == key) & self.intact[number])
+
+
+def candidates(
+    joined: Joined, u: NDArray[np.floating], rows: NDArray[np.int64], reach: float
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Pairs (p,) of these rows (k,), in order, that are at most `reach` m apart now and that no bond joins."""
+    place = joined.nodes.x[rows] + u[rows].astype(np.float64)
+    pairs = rows[tree_of(place).query_pairs(reach, output_type="ndarray")].reshape(-1, 2)
+    i, j = pairs.min(axis=1), pairs.max(axis=1)
+    loose = ~joined.join(i, j)
+    i, j = i[loose], j[loose]
+    order = np.lexsort((j, i))
+    return i[order], j[order]

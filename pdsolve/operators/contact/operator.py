@@ -1,0 +1,213 @@
+"""Contact as an operator: bodies, crack faces and fragments push each other apart, and rub.
+
+Forces are those of `pdsolve.operators.contact.kernel`. The stiffness of a pair is that of M. L. Parks, P. Seleson,
+S. J. Plimpton, S. A. Silling, R. B. Lehoucq, SAND2011-8253: some micromoduli over their horizon, times both cells, for
+a horizon of three spacings, whatever the model's own. A face is then about half as stiff as a spacing of its material.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.document import Contact
+from pdmesh.model.material_constants import STIFFNESS
+from pdsolve.checkpoint import entry
+from pdsolve.errors import CheckpointError
+from pdsolve.model import Model, ModelError
+from pdsolve.operators.contact.candidates import Joined, candidates
+from pdsolve.operators.contact.kernel import WIDE, PairList, add_forces, farthest, pressed_pairs
+from pdsolve.operators.protocol import Kept, Operator
+from pdsolve.state import Broken, State, Unknown
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
+SPACINGS = 3.0  # in the horizon whose micromodulus counts
+SKIN = 0.5  # spacings, of the finest surface nodes: pairs nearer than that and their reach are known
+EVERY = 10  # steps after which broken bonds are asked for
+TWO_FACES = 2.0  # that a node touches at most
+DEEP = 0.5  # of the distance of touch: nodes of two bodies that are nearer at the start overlap
+
+
+class PenaltyContact:
+    """Contact of n nodes that `joined` operators hold together; see `Operator`."""
+
+    name = "contact"
+    symmetric = True
+
+    def __init__(self, model: Model, volume: NDArray[np.float64], operator: Operator) -> None:
+        """`volume` (n,), m^d; raises ModelError for bodies that overlap, or operators of more than displacements."""
+        assert model.settings.contact is not None
+        grid, self._settings, self.bonded = model.grid, model.settings.contact, operator
+        self.unknowns: tuple[Unknown, ...] = (Unknown("u", grid.dimension, 2),)
+        self._joined, self._delta, self._volume = Joined(model, volume, operator), grid.delta, volume
+        self._cell, self._k = grid.delta**grid.dimension, pair_stiffness(model, self._settings)
+        self._bound = touch_bound(model, volume)
+        self._spent, self._until = np.zeros(len(grid)), -1
+        self._rows, self._before = np.zeros(0, dtype=np.int64), np.zeros((0, grid.dimension))
+        self._pairs = self._listed(*np.zeros((2, 0), dtype=np.int64))
+        self._search(np.zeros((len(grid), grid.dimension)))
+        _refuse_overlap(model, self._pairs)
+
+    @property
+    def stiffness(self) -> float:
+        """The largest stiffness of two equal nodes in touch over the volumes of both, N/m^(2 d + 1)."""
+        return float(self._k.max())
+
+    def place(self, state: State) -> State:
+        """The state itself: its arrays are those of all nodes."""
+        return state
+
+    def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
+        """Add the force densities (n, w), N/m^3, to `out`; friction's springs go on by `dt` s."""
+        self._follow(state, step)
+        if len(self._pairs.i):
+            add_forces(
+                self._joined.nodes, self._pairs, state.value, state.rate, self._settings.friction, dt, out, self._spent
+            )
+
+    def _follow(self, state: State, step: int) -> None:
+        """Bring the pairs up to date."""
+        changed, skin = self._joined.follow(step // EVERY * EVERY), SKIN * self._finest
+        if changed or farthest(state.value, self._before, self._rows) > (skin / 2) ** 2:
+            self._search(state.value)
+
+    def _search(self, u: NDArray[np.floating]) -> None:
+        """Find the pairs that may touch until a node has moved by half a skin."""
+        self._rows = np.flatnonzero(self._joined.surface)
+        delta = self._delta[self._rows]
+        self._finest = float(delta.min(initial=np.inf))
+        wide = 1.0 if u.shape[1] == 2 else WIDE
+        reach = float(delta.max(initial=0.0)) * np.hypot(wide, self._settings.distance)
+        self._before = u[self._rows].astype(np.float64)
+        before, pairs = self._pairs, self._listed(*candidates(self._joined, u, self._rows, reach + SKIN * self._finest))
+        nodes = len(self._volume)
+        key, old = pairs.i * nodes + pairs.j, before.i * nodes + before.j
+        _, here, there = np.intersect1d(key, old, assume_unique=True, return_indices=True)
+        pairs.slip[here], pairs.drag[here] = before.slip[there], before.drag[there]
+        self._pairs = pairs
+
+    def _listed(self, i: NDArray[np.int64], j: NDArray[np.int64]) -> PairList:
+        """These pairs (p,), at rest."""
+        mean, nothing = (self._delta[i] + self._delta[j]) / 2, np.zeros((len(i), self.unknowns[0].width))
+        k = 2 / (1 / self._k[i] + 1 / self._k[j]) * self._cell[i] * self._cell[j]
+        wide = np.maximum(self._delta[i], self._delta[j])
+        return PairList(i, j, k, wide, self._settings.distance * mean, nothing, nothing.copy())
+
+    def _pressed(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Energies (n,), J, of all springs and of those of friction; stiffness, depth, normal of pairs (p, 2 + d)."""
+        pairs, nodes = self._pairs, len(self._volume)
+        held, rubbed, found = np.zeros(nodes), np.zeros(nodes), np.zeros((len(pairs.i), 2 + pairs.slip.shape[1]))
+        pressed_pairs(self._joined.nodes, pairs, state.value, held, rubbed, found)
+        return held, rubbed, found
+
+    def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Energy densities (n,), J/m^3: stored in springs of touch and of friction; nothing is dissipated here."""
+        return self._pressed(state)[0] / self._volume, np.zeros(len(self._volume))
+
+    def friction(self, state: State) -> float:
+        """Energy that friction has turned into heat so far, J/m, of a body J."""
+        return float(np.sum(self._spent) - np.sum(self._pressed(state)[1]))
+
+    def fields(self, state: State) -> dict[str, NDArray[np.float64]]:
+        """Empty: contact stores no fields."""
+        return {}
+
+    def stiffness_bound(self) -> NDArray[np.float64]:
+        """A bound (n,) of each node's stiffness, N/m^4, in touch with two faces."""
+        return self._bound
+
+    def tangent(self, state: State) -> csr_array:
+        """Minus the derivative of the force densities by the values, (n w, n w), N/m^4, at constant normals and
+        weights."""
+        from scipy.sparse import coo_array
+
+        found, d, pairs = self._pressed(state)[2], self.unknowns[0].width, self._pairs
+        some = np.flatnonzero(found[:, 1] > 0)
+        n = found[some, 2:]
+        block = found[some, 0, None, None] * n[:, :, None] * n[:, None, :]
+        rows, columns, values = [], [], []
+        for one, other in ((pairs.i, pairs.j), (pairs.j, pairs.i)):
+            for end, sign in ((one, 1.0), (other, -1.0)):
+                rows.append((d * one[some, None, None] + np.arange(d)[:, None] + np.zeros((d, d), int)).ravel())
+                columns.append((d * end[some, None, None] + np.arange(d) + np.zeros((d, d), int)).ravel())
+                values.append((sign * block / self._volume[one[some], None, None]).ravel())
+        size = d * len(self._volume)
+        ends = np.concatenate(rows), np.concatenate(columns)
+        found_there: csr_array = coo_array((np.concatenate(values), ends), shape=(size, size)).tocsr()
+        return found_there
+
+    def bonds(
+        self, first: int = 0, last: int | None = None, start: bool = False
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """No bonds: source and target rows (0,)."""
+        return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
+
+    def broken(self, after: int = 0) -> Broken:
+        """No broken bonds."""
+        return Broken(*np.zeros((3, 0), dtype=np.int64))
+
+    def keep(self) -> Kept:
+        """Friction's springs for a checkpoint, by the rows of their nodes, and the heat booked so far."""
+        pairs = self._pairs
+        some = np.flatnonzero((pairs.slip != 0).any(axis=1) | (pairs.drag != 0).any(axis=1))
+        ends = {"slip_source": pairs.i[some], "slip_target": pairs.j[some]}
+        return {"slip": pairs.slip[some], "drag": pairs.drag[some], **ends, "rubbed": self._spent.copy()}
+
+    def back(self, kept: Kept, broken: Broken) -> None:
+        """Restore a checkpoint. Raises CheckpointError."""
+        nodes, d = len(self._volume), self.unknowns[0].width
+        slip = entry(kept, "slip", (None, d), np.float64)
+        drag = entry(kept, "drag", slip.shape, np.float64)
+        ends = (entry(kept, f"slip_{end}", (len(slip),), np.int64, 0, nodes - 1) for end in ("source", "target"))
+        i, j = ends
+        if (np.diff(i * nodes + j) <= 0).any() or (i >= j).any():
+            raise CheckpointError("found 'slip_source' and 'slip_target' out of order, expected pairs in order")
+        self._spent[:] = entry(kept, "rubbed", (nodes,), np.float64)
+        self._pairs = self._listed(i, j)._replace(slip=slip.copy(), drag=drag.copy())
+        self._before = np.full_like(self._before, np.inf)  # the next step searches
+
+    def bytes(self) -> int:
+        """Memory of all arrays, bytes."""
+        arrays = (*self._joined.nodes, *self._pairs, self._joined.intact, self._bound, self._spent)
+        return sum(array.nbytes for array in arrays) + 8 * len(self._joined.intact)
+
+
+def pair_stiffness(model: Model, contact: Contact) -> NDArray[np.float64]:
+    """Stiffness (n,) of two equal nodes in touch over the volumes of both, N/m^(2 d + 1)."""
+    of = np.array([STIFFNESS[material.plane, "constant"] * material.E for material in model.materials])
+    horizon = SPACINGS * model.grid.delta
+    return np.asarray(contact.stiffness * of[model.material_of] / horizon ** (model.grid.dimension + 2))
+
+
+def touch_bound(model: Model, volume: NDArray[np.float64]) -> NDArray[np.float64]:
+    """What contact adds to the bound (n,) of each node's stiffness, N/m^4; 0 without it.
+
+    A node touches two faces at most, of nodes like it or of the stiffest material. `volume` (n,), m^d.
+    """
+    if model.settings.contact is None:
+        return np.zeros(len(volume))
+    cell, k = model.grid.delta**model.grid.dimension, pair_stiffness(model, model.settings.contact)
+    E = np.array([material.E for material in model.materials])[model.material_of]
+    return np.asarray(TWO_FACES * k * 2 / (1 + E / E.max()) * cell * cell / volume)
+
+
+def _refuse_overlap(model: Model, pairs: PairList) -> None:
+    """Raise ModelError for two bodies that overlap at the start."""
+    grid = model.grid
+    if grid.bodies is None:
+        return
+    some = np.flatnonzero(grid.bodies.parted(pairs.i, pairs.j))
+    i, j = pairs.i[some], pairs.j[some]
+    depth = pairs.touch[some] - np.sqrt(((grid.position[j] - grid.position[i]) ** 2).sum(axis=1))
+    if not len(some) or not (depth > (1 - DEEP) * pairs.touch[some]).any():
+        return
+    at = int(np.argmax(depth))
+    first, second = (grid.bodies.names[grid.bodies.number[end]] for end in (i[at], j[at]))
+    raise ModelError(
+        f"{model.name}: $.bodies: found '{first}' and '{second}' {depth[at]:.3g} m deep in each other at nodes"
+        f" {grid.ids[i[at]]} and {grid.ids[j[at]]}, expected bodies that touch at most"
+    )

@@ -1,0 +1,115 @@
+"""Several bodies in one scene: nodes, materials and velocities of each, in the file, in info and in drawings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from messages import naming
+
+from pdmesh import GridError, Material, Scene, SceneError, box, build
+from pdmesh.drawing.plate_of_groups import Group, scene_of
+from pdmesh.model.contact import Contact
+from pdmesh.model.document import InitialVelocity, read_document
+from pdmesh.model.node_grid import grid_of
+from pdmesh.reports.report import info, info_lines
+from pdsolve.model import Model
+from pdsolve.run.system import Options, prepare
+
+STEEL, BRASS = Material(E=2e11, rho=7800.0, G0=1e4), Material(E=1e11, rho=8500.0, G0=1e4)
+MM = 1e-3
+
+
+def scene() -> Scene:
+    """A plate, and a finer brass one that touches it and moves to the left."""
+    plate = Scene(box(0, 0, 20 * MM, 10 * MM), MM, STEEL)
+    return plate.body(box(20 * MM, 0, 26 * MM, 10 * MM), "striker", 0.5 * MM, BRASS, (-3.0, 0.0))
+
+
+def test_each_body_has_nodes_half_a_spacing_inside_its_outline() -> None:
+    built = build(scene())
+    grid = built.grid
+    assert grid.bodies is not None
+    assert grid.bodies.names == ("plate", "striker")
+    assert np.bincount(grid.bodies.number).tolist() == [200, 240]
+    striker = grid.bodies.number == 1
+    assert grid.position[~striker].max(axis=0) == pytest.approx([19.5 * MM, 9.5 * MM])
+    assert grid.position[striker].min(axis=0) == pytest.approx([20.25 * MM, 0.25 * MM])
+    assert grid.areas == pytest.approx(grid.delta**2)
+    assert built.settings.contact == Contact()
+
+
+def test_no_bond_joins_two_bodies_and_each_has_its_material_and_velocity() -> None:
+    built = build(scene())
+    model = Model(built.grid, built.settings)
+    system, state = prepare(model, Options(threads=1))
+    assert built.grid.bodies is not None
+    striker = built.grid.bodies.number == 1
+    source, target = system.operator.bonds()
+    assert len(source) > 0
+    assert not (striker[source] != striker[target]).any()
+    assert set(model.rho[striker]) == {8500.0}
+    assert set(model.rho[~striker]) == {7800.0}
+    assert set(state.rate[striker, 0]) == {-3.0}
+    assert set(state.rate[~striker, 0]) == {0.0}
+    assert [type(each) for each in built.settings.conditions] == [InitialVelocity]
+
+
+def test_the_file_carries_bodies_and_contact(tmp_path: Path) -> None:
+    path = tmp_path / "two.json"
+    build(scene().contact(friction=0.3)).write(path)
+    document = read_document(path.read_bytes(), "two")
+    grid = grid_of(document, "two")
+    assert grid.bodies is not None
+    assert np.bincount(grid.bodies.number).tolist() == [200, 240]
+    assert document.contact == Contact(friction=0.3)
+    said = "\n".join(info_lines(info(document, "two")))
+    for words in ("body 'plate': 200 nodes", "body 'striker': 240 nodes", "friction = 0.3"):
+        assert words in said
+
+
+@pytest.mark.parametrize(("nodes", "found"), [("[999]", 999), ("[]", "none"), ("[1],[1]", 1)])
+def test_a_body_of_wrong_nodes_is_refused(nodes: str, found: object, tmp_path: Path) -> None:
+    one = build(Scene(box(0, 0, 5 * MM, 5 * MM), MM, STEEL)).document
+    path = tmp_path / "one.json"
+    from pdmesh.model.document import write_file
+
+    write_file(one, path)
+    lists = ", ".join(f'{{"name": "b{at}", "nodes": [{each}]}}' for at, each in enumerate(nodes[1:-1].split("],[")))
+    text = path.read_text(encoding="utf-8").replace('"nodes": [\n', f'"bodies": [{lists}],\n"nodes": [\n')
+    with pytest.raises(GridError, match=naming("$.bodies", found=found)):
+        grid_of(read_document(text, "one"), "one")
+
+
+@pytest.mark.parametrize("name", ["", "plate", "striker"])
+def test_names_of_bodies_are_their_own(name: str) -> None:
+    with pytest.raises(SceneError, match=naming("body", expected="own")):
+        scene().body(box(0, 20 * MM, 9 * MM, 29 * MM), name)
+
+
+def ring(x0: float, y0: float, x1: float, y1: float) -> tuple[list[list[float]], ...]:
+    corners = [[x0, y0, 0.0], [x1, y0, 0.0], [x1, y1, 0.0], [x0, y1, 0.0]]
+    return tuple([corners[i], corners[(i + 1) % 4]] for i in range(4))
+
+
+def test_a_drawing_has_bodies_in_groups() -> None:
+    groups = [
+        Group("zone:plate", 2, surfaces=(ring(0, 0, 0.02, 0.01),)),
+        Group("body:striker", 2, surfaces=(ring(0.02, 0, 0.026, 0.01),)),
+    ]
+    values: dict[str, float | str] = {
+        "Zones/plate/Spacing": MM,
+        "Material/E": 2e11,
+        "Material/rho": 7800.0,
+        "Material/G0": 1e4,
+        "Bodies/striker/Spacing": 0.5 * MM,
+        "Bodies/striker/rho": 8500.0,
+        "Bodies/striker/Velocity x": -3.0,
+        "Contact/Friction": 0.2,
+    }
+    found = scene_of(groups, {f"Peridynamics/{name}": value for name, value in values.items()}, "two.geo")
+    (body,) = found.bodies
+    assert (body.name, body.spacing, body.velocity) == ("striker", 0.5 * MM, (-3.0, 0.0))
+    assert body.material == Material(E=2e11, rho=8500.0, G0=1e4)
+    assert found.touching == Contact(friction=0.2)

@@ -1,0 +1,174 @@
+"""Contact by itself: forces of pairs, sliding without interlocking, closing cracks, and what is refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+from messages import naming
+from numpy.typing import NDArray
+from touching import UNIT, bar, grid_of, moving
+
+from pdmesh import Scene, box, build, ramp
+from pdmesh.model.contact import Contact
+from pdmesh.model.document import Run
+from pdsolve import simulate
+from pdsolve.model import Model, ModelError, read_model
+from pdsolve.run.measures import books
+from pdsolve.run.reactions import grips, reactions
+from pdsolve.run.simulation import resume
+from pdsolve.run.system import Options, Prepared, prepare
+from pdsolve.state import State
+
+H = 0.01
+
+
+def cube(side: int, start: tuple[float, ...], delta: float = H) -> NDArray[np.float64]:
+    """Nodes of a square or a cube."""
+    along = [first + delta * (np.arange(side) + 0.5) for first in start]
+    return np.stack(np.meshgrid(*along, indexing="ij"), axis=-1).reshape(-1, len(start))
+
+
+def pressed(prepared: Prepared, shift: NDArray[np.float64]) -> tuple[NDArray[np.float64], State]:
+    """Forces (n, d), N, of contact alone, the second body moved by `shift` (d,) from where it was; and the state."""
+    system, _ = prepared
+    assert system.contact is not None
+    assert system.model.grid.bodies is not None
+    u = np.where(system.model.grid.bodies.number[:, None] == 1, shift, 0.0)
+    state = State(u, np.zeros_like(u), np.zeros_like(u), *np.zeros((3, len(u))))
+    out = np.zeros_like(u)
+    system.contact.add(state, out, 1, 1e-9)
+    return out * system.area[:, None], state
+
+
+def on_a_wall(d: int, delta: float = H) -> Prepared:
+    """A square or a cube that stands on a larger one."""
+    parts = [cube(16, d * (0.0,)), cube(6, (*(d - 1) * (5 * H,), 16 * H), delta)]
+    grid = grid_of(parts, H)
+    sizes = np.repeat([H, delta], list(map(len, parts)))
+    grid = replace(grid, delta=sizes, areas=sizes**d)
+    return prepare(moving(grid, (0.0, 0.0), Contact()), Options(threads=1))
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_forces_are_equal_and_opposite_and_the_gradient_of_the_energy(d: int) -> None:
+    prepared, depth = on_a_wall(d), 0.05 * H
+    shift = np.array([*(d - 1) * (3.3 * H,), -depth])
+    found, state = pressed(prepared, shift)
+    assert prepared.system.contact is not None
+    below = prepared.system.model.grid.bodies.number == 0  # type: ignore[union-attr]
+    assert np.abs(found.sum(axis=0)).max() < 1e-14 * np.abs(found).sum()
+    energy, way = [], 1e-4 * depth
+    for sign in (1, -1):
+        _, state = pressed(prepared, shift + sign * way * np.eye(d)[-1])
+        energy.append(float(np.sum(prepared.system.area * prepared.system.contact.energies(state)[0])))
+    assert found[~below, -1].sum() == pytest.approx(-(energy[0] - energy[1]) / (2 * way), rel=1e-6)
+
+
+@pytest.mark.parametrize(("d", "delta"), [(2, H), (2, 0.5 * H), (2, 0.7 * H), (3, H)])
+def test_a_body_slides_along_a_row_without_interlocking(d: int, delta: float) -> None:
+    prepared = on_a_wall(d, delta)
+    along = [pressed(prepared, np.array([s * H, *(d - 2) * (0.3 * H,), -0.02 * H]))[0] for s in np.linspace(2, 3, 21)]
+    below = prepared.system.model.grid.bodies.number == 0  # type: ignore[union-attr]
+    forces = np.array([forces[~below].sum(axis=0) for forces in along])
+    normal = forces[:, -1].mean()
+    assert normal > 0
+    assert np.abs(forces[:, 0]).max() / normal < 0.01  # .003 in the plane, .004 in space
+    assert np.ptp(forces[:, -1]) / normal < (0.005 if d == 2 else 0.05)
+
+
+def closed(crack: bool, contact: bool, side: int = 40) -> tuple[float, Prepared]:
+    """Force on the top of a unit plate, pressed together by .001, with a crack across half of it; N/m."""
+    scene = Scene(box(0, 0, 1, 1), 1 / side, UNIT, run=Run(damping=2.0))
+    scene = scene.crack([(0, 0.5 + 0.5 / side), (0.5, 0.5 + 0.5 / side)]) if crack else scene
+    for end, sign in (("bottom", 1), ("top", -1)):
+        scene = scene.fix(end, x=None, y=sign * 5e-4, profile=ramp(6.0))
+    built = build(scene.contact() if contact else scene)
+    prepared = prepare(Model(built.grid, built.settings), Options(threads=1))
+    steps = int(12 / prepared.system.time_step)
+    prepared.march(1, steps + 1)
+    return reactions(grips(prepared.system), *prepared, steps, 12.0)[1].force_y, prepared
+
+
+@pytest.mark.slow
+def test_a_crack_closes_under_compression() -> None:
+    whole, _ = closed(False, False)
+    gaping, _ = closed(True, False)
+    found, (system, state) = closed(True, True)
+    assert gaping / whole < 0.6  # .57
+    assert found / whole == pytest.approx(1.0, abs=0.03)  # .997
+    assert system.contact is not None
+    pairs = system.contact._pressed(state)[2]
+    assert 0 < pairs[:, 1].max() < 0.05 / 40  # .002 of a spacing
+    last = books(system, state, 1)
+    assert abs(last.balance(0.0)) < 1e-5  # 3e-8
+
+
+def two(run: Run, **more: Any) -> Model:
+    """Two short bars of a plane that meet askew."""
+    parts = [bar(0, 0.2, H, 6), bar(0.2, 0.2, H, 6) + np.array([0.0, 0.015])]
+    return moving(grid_of(parts, H), (1e-2, 0.0), Contact(**more), run)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.4])
+def test_a_resumed_run_has_the_same_bits(friction: float, tmp_path: Path) -> None:
+    run = Run(steps=120, every=10, ledger=10)
+    whole = simulate(two(run, friction=friction), options=Options(threads=1))
+    count = 0
+
+    def stop(_: object) -> bool:
+        nonlocal count
+        count += 1
+        return count > 6
+
+    path = tmp_path / "stopped.sqlite"
+    simulate(two(run, friction=friction), path, Options(threads=1), stop).close()
+    resume(path, threads=2)
+    from pdsolve import Results
+
+    with Results.open(path) as again:
+        for name in ("ux", "uy", "vx", "vy"):
+            assert np.array_equal(whole.field(name, 120), again.field(name, 120))
+
+
+@pytest.mark.parametrize(
+    ("assigned", "named"),
+    [
+        (("contact.friction", "-0.1"), "friction"),
+        (("run.solver", "static"), "$.run.solver"),
+        (("run.adapt", "hybrid"), "$.run.adapt"),
+        (("run.cracks", "particles"), "$.run.cracks"),
+        (("run.start", "static"), "$.run.start"),
+    ],
+)
+def test_what_contact_does_not_go_with_is_refused(assigned: tuple[str, str], named: str, tmp_path: Path) -> None:
+    path = tmp_path / "two.json"
+    path.write_text(two(Run()).to_json(), encoding="utf-8")
+    with pytest.raises(ModelError, match=naming(named)):
+        prepare(read_model(path, assignments=[assigned]), Options())
+
+
+def test_the_thesis_mode_is_refused() -> None:
+    with pytest.raises(ModelError, match=naming("$.contact", "thesis", expected="conservative")):
+        prepare(two(Run()), Options(mode="thesis"))
+
+
+def test_bodies_that_overlap_are_named_with_the_depth() -> None:
+    parts = [bar(0, 0.2, H, 6), bar(0.2, 0.2, H, 6) - np.array([0.8 * H, 0.0])]
+    model = moving(grid_of(parts, H), (0.0, 0.0), Contact())
+    with pytest.raises(ModelError, match=naming("$.bodies", found=("body 0", "body 1", "0.008"), expected="touch")):
+        prepare(model, Options())
+    overlapping = Scene(box(0, 0, 1, 1), 0.1, UNIT)
+    with pytest.raises(ValueError, match=naming("disc", found=("0.2", "plate"), expected="touch")):
+        overlapping.body(box(0.8, 0, 2, 1), "disc")
+
+
+def test_the_stable_step_takes_the_stiffness_of_contact() -> None:
+    steps = [prepare(two(Run(), stiffness=k), Options()).system.time_step for k in (1.0, 15.0, 150.0)]
+    assert steps[0] > 1.1 * steps[1] > 2 * steps[2]
+    settings = msgspec.structs.replace(two(Run()).settings, contact=None)
+    assert prepare(replace(two(Run()), settings=settings), Options()).system.time_step > steps[0]
