@@ -31,7 +31,7 @@ def explained(error: Exception, kind: type, given: Callable[[], Any]) -> str:
     """
     unfit = UNFIT.fullmatch(str(error)) if isinstance(error, msgspec.ValidationError) else None
     if unfit is not None and "[...]" not in unfit[1]:
-        with suppress(msgspec.DecodeError, RecursionError):  # of what comes after it in a file
+        with suppress(msgspec.DecodeError, UnicodeDecodeError, RecursionError):  # of what comes after it in a file
             return f"{error}, found {_at(given(), unfit[1])!r:.80}"
     large = LARGE.fullmatch(str(error))
     if large is not None:
