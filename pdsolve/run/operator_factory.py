@@ -11,12 +11,13 @@ from pdsolve.bonds.statistics import BondStatistics
 from pdsolve.laws import law_of
 from pdsolve.model import Model, ModelError
 from pdsolve.operators.bond_list import BondList
-from pdsolve.operators.contact.operator import touch_bound
+from pdsolve.operators.contact.operator import PenaltyContact, touch_bound
 from pdsolve.operators.protocol import Operator
 from pdsolve.operators.simd_lattice import families
 from pdsolve.operators.simd_lattice.layout import blocks_of
 from pdsolve.operators.simd_lattice.operator import SimdLattice
 from pdsolve.operators.space_lattice.operator import SpaceLattice
+from pdsolve.operators.together import Together
 from pdsolve.options import Options, threads_of
 from pdsolve.schemes.cubic_springs import Tiled, tiled
 from pdsolve.schemes.scheme import Scheme
@@ -56,6 +57,14 @@ def operator_of(
             " compiled code"
         )
     return BondList(law, model, bonds, scheme.symmetric, options.precision, threads), counted
+
+
+def touched(model: Model, volume: NDArray[np.float64], bonds: Operator) -> tuple[Operator, PenaltyContact | None]:
+    """The operator of a model's bonds and of what touches; and the latter. `volume` (n,), m^d. Raises ModelError."""
+    if model.settings.contact is None:
+        return bonds, None
+    contact = PenaltyContact(model, volume, bonds)
+    return Together(contact, bonds), contact
 
 
 def surveyed(model: Model, options: Options, scheme: Scheme) -> tuple[NDArray[np.int64], NDArray[np.float64], bool]:

@@ -32,11 +32,11 @@ from pdsolve.operators.protocol import Operator
 from pdsolve.operators.simd_lattice.operator import SimdLattice
 from pdsolve.operators.softening_bonds import SofteningBonds
 from pdsolve.operators.softening_shear import SofteningShear
-from pdsolve.operators.together import Together
 from pdsolve.options import Options as Options
 from pdsolve.options import threads_of as threads_of
 from pdsolve.run.operator_factory import operator_of
 from pdsolve.run.operator_factory import stable as stable
+from pdsolve.run.operator_factory import touched
 from pdsolve.schemes import SCHEMES
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import State
@@ -321,9 +321,7 @@ def system_of(model: Model, options: Options, scheme: Scheme) -> Prepared:
     """A model's system and its state at time 0, with the bonds of this scheme. Raises ModelError."""
     filling = _filling(model, scheme)
     operator, filled = operator_of(model, options, scheme, filling, model.settings.run.cracks == "particles")
-    touching = None if model.settings.contact is None else PenaltyContact(model, filled.area, operator)
-    if touching is not None:
-        operator = Together(touching, operator)
+    operator, touching = touched(model, filled.area, operator)
     bound = stable(operator.stiffness_bound(), model.rho)
     found = assembled(model, options, scheme, operator, filled, (step_of(model, bound), bound))
     every = update_interval.every_of(model, found.system.time_step)
