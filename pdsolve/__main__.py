@@ -116,7 +116,7 @@ def _solve(args: argparse.Namespace) -> int:
     commandline.expect_memory(ROOM)
     with _uncollected():
         _leave_out_blas()
-        from pdmesh.model.digest import GridWarning
+        from pdmesh.model.document import GridWarning
         from pdsolve.model import ModelWarning, read_model
         from pdsolve.numerics.memory import large_arrays_apart
         from pdsolve.results import ResultsWarning, state_of

@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model import durations, selection
+from pdmesh.model import selection
 from pdmesh.model.consistency import examine
 from pdmesh.model.document import (
     LARGEST,
@@ -27,13 +27,14 @@ from pdmesh.model.document import (
     Selection,
     Settings,
     encode,
+    in_steps,
     read_file,
     settings_of,
 )
 from pdmesh.model.document import read_document as parse_document
 from pdmesh.model.node_grid import Grid, document_of, grid_of
-from pdmesh.model.number_limits import beyond
 from pdmesh.model.output_fields import OF_CONTENT
+from pdmesh.model.refused_settings import beyond
 from pdmesh.model.suggestions import explained
 
 PARTS = {"mechanics": ("material",), "diffusion": ("medium",), "thermoelastic": ("material", "medium")}
@@ -54,7 +55,7 @@ class ModelError(ValueError):
 def counted(model: Model, step: float) -> Model:
     """The model with its duration expressed in steps of `step` s. Raises ModelError for too many steps."""
     try:
-        run = durations.counted(model.settings.run, step)
+        run = in_steps(model.settings.run, step)
     except GridError as error:
         raise ModelError(f"{model.name}: {error}") from None
     if run is model.settings.run:

@@ -285,7 +285,7 @@ MUTANTS = (
         f"{UNIT}/test_crack_growth.py::test_bonds_that_are_held_together_are_not_cut",
     ),
     Mutant(
-        "pdsolve/crack_growth/update_interval.py",
+        "pdsolve/crack_growth/growth.py",
         "np.ceil(shortest / (max(speeds) * step))",
         "np.ceil(3 * shortest / (max(speeds) * step))",
         f"{UNIT}/test_crack_growth.py::test_a_crack_looked_at_each_time_runs_just_below_rayleigh_waves",

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.digest import GridWarning
-from pdmesh.model.document import GridError
+from pdmesh.model.document import GridError, GridWarning
 from pdmesh.model.node_grid import Grid
 from pdmesh.model.triangulated_surface import distances, normals, volume
 from pdmesh.model.visibility import plate_of

@@ -4,13 +4,19 @@ The file is the thesis's (A. De Checchi, Padua 2013, "Pre-processore"): ``notch`
 ``[x0, y0, z0, x1, y1, z1]``, and ``nodes``, each with ``id``, ``border`` (the *string* "true" or "false"),
 ``position``, ``hole_id`` (-1 where none) and ``delta``. Everything else is optional; the keys are those of
 `Document` and `Settings` below, and ``version`` says which edition of them a file was written for.
-SI units throughout. Version 1 is a plate, a plane model per unit thickness; version 2 is a body in space, of the same
-keys: z and delta z are real, vectors and boxes have their z too, `notch` holds triangles ``[x0, y0, z0, ..., z2]``,
-`outline` the triangles of the body's surface, and `areas` the volumes of the cells.
+SI units throughout. The last key, `digest`, is the SHA-256 of all bytes before its own line, and shows whether the file
+is still as a program wrote it; it detects accidents, not intent, as the key can be removed.
+
+Version 1 is a plate, a plane model per unit thickness. Version 2 is a body in space, of the same keys: z and delta z
+are real, vectors and boxes have their z too, `notch` holds triangles ``[x0, y0, z0, ..., z2]``, `outline` the triangles
+of the body's surface, and `areas` the volumes of the cells.
 """
 
 from __future__ import annotations
 
+import hashlib
+import math
+import warnings
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
@@ -19,7 +25,6 @@ import msgspec
 from pdmesh.files import read_bytes, write_atomically
 from pdmesh.model.contact import BodyNodes as BodyNodes
 from pdmesh.model.contact import Contact as Contact
-from pdmesh.model.digest import compare, sealed
 from pdmesh.model.material import Material as Material
 from pdmesh.model.medium import Concentration as Concentration
 from pdmesh.model.medium import Exchange as Exchange
@@ -47,7 +52,11 @@ FORMAT_VERSION, SPACE_VERSION = 1, 2  # of plates; of bodies in space
 
 LARGEST = 1e9  # m
 MOST = 1e30  # of any number; products of more than that leave what a number can hold
+SLACK = 1e-9  # of a step: round-off
 MOST_LEVELS = 6  # how often a cell can be split
+
+START, END = b',\n"digest": "', b'"\n}\n'  # around the hexadecimal digits
+KEY = b'"digest"'  # in a file that another program has written anew
 
 # hybrid: peridynamics where bonds may break, a compact lattice elsewhere; collocation: stencils of the same horizon
 # there; split: cells split where energy is
@@ -60,6 +69,10 @@ Crack = Annotated[tuple[float, ...], msgspec.Meta(min_length=6, max_length=9)]  
 
 class GridError(ValueError):
     """A grid file that cannot be used; the message names file, place, what was found and expected."""
+
+
+class GridWarning(UserWarning):
+    """A grid file that can be used but may not be what was built; one line."""
 
 
 class Horizon(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -214,6 +227,21 @@ class Run(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults
     duration: Positive | None = None  # s: in place of steps, as many as it takes
 
 
+def in_steps(run: Run, step: float) -> Run:
+    """The run with its duration expressed in steps of `step` s; a run at rest is returned unchanged.
+
+    Raises GridError for too many steps.
+    """
+    if run.duration is None or run.solver == "static":
+        return run
+    steps = max(1.0, run.duration / step - SLACK)
+    if steps > MOST_STEPS:
+        raise GridError(
+            f"$.run.duration: found {run.duration:g} s in steps of {step:.3g} s, expected at most {MOST_STEPS:g}"
+        )
+    return msgspec.structs.replace(run, steps=math.ceil(steps), duration=None)
+
+
 class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Settings that the thesis kept outside its file; also the layout of a settings TOML and of ``--set``."""
 
@@ -330,3 +358,30 @@ def schema() -> dict[str, Any]:
 def settings_of(document: Document) -> Settings:
     """The settings of a document: everything except its nodes and shapes."""
     return Settings(**{field: getattr(document, field) for field in Settings.__struct_fields__})
+
+
+def sealed(head: bytes) -> bytes:
+    """A whole file: `head`, the text of an object up to its last value, and the digest."""
+    return head + START + _digest(head) + END
+
+
+def compare(data: bytes, name: str) -> None:
+    """Warn with GridWarning if the text of the file called `name` does not match its digest.
+
+    Converted line ends are accepted. A file without a digest passes, as other programs write none.
+    """
+    if b"\r" in data:
+        data = data.replace(b"\r\n", b"\n")
+    head, key, tail = data.rpartition(START)
+    if (tail == _digest(head) + END) if key else KEY not in data:
+        return
+    warnings.warn(
+        f"{name}: $.digest: found one that does not match the file, expected that of its content: the file was"
+        " edited by hand, or damaged (a file without this key is not compared)",
+        GridWarning,
+        stacklevel=3,
+    )
+
+
+def _digest(head: bytes) -> bytes:
+    return hashlib.sha256(head).hexdigest().encode()

@@ -22,7 +22,7 @@ from pdmesh.model.document import (
     Settings,
     Vector,
 )
-from pdmesh.model.number_limits import LEAST
+from pdmesh.model.refused_settings import LEAST
 from pdmesh.model.svg_picture import svg
 
 MOST_NODES = 10**8  # of a lattice

@@ -31,8 +31,8 @@ from pdmesh.model.document import (
     Load,
     Material,
     Velocity,
+    in_steps,
 )
-from pdmesh.model.durations import counted
 from pdmesh.reports.bonds_and_step import stable_step
 from pdmesh.scene.plate import Refinement
 from pdmesh.scene.scene import Scene
@@ -259,7 +259,7 @@ def changed(scene: Scene, finest: float, ratio: float, adapt: str = "none") -> S
     step, old = _stable(scene, ratio, finest), scene.run.time_step or _stable(scene, scene.horizon, scene.finest)
     if not np.isfinite(old) or not np.isfinite(step):
         raise SceneError(f"horizon: found {scene.horizon:g}, where bonds have no stiffness, expected more (3 is usual)")
-    steps = int(np.ceil(counted(scene.run, old).steps * old / step))
+    steps = int(np.ceil(in_steps(scene.run, old).steps * old / step))
     every = max(1, round(scene.run.every * old / step))
     run = msgspec.structs.replace(scene.run, time_step=step, steps=steps, duration=None, every=every, adapt=adapt)
     return replace(grown, run=run)

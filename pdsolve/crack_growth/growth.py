@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model.crack_particles import Particles, arms, grown, of_segments
 from pdmesh.model.domain_integrals import Ring
+from pdmesh.model.material_constants import poisson, rayleigh_speed
 from pdmesh.model.timed_selection import MOST_STEPS
 from pdmesh.model.visibility import Sight
 from pdsolve.bonds.assembly import Filling
@@ -283,3 +284,11 @@ def _kept_remarks(kept: Mapping[str, NDArray[Any]]) -> dict[str, str]:
 def _at(place: NDArray[np.float64]) -> str:
     x, y = place
     return f"({x:.4g}, {y:.4g}) m"
+
+
+def every_of(model: Model, step: float) -> int:
+    """Steps of `step` s between checks: a crack that grows at every check runs at the Rayleigh speed, the upper
+    limit."""
+    speeds = [rayleigh_speed(each.E, each.rho, each.plane, poisson(each)) for each in model.materials]
+    shortest = model.settings.run.particles.spacing * float(model.grid.delta.min())
+    return max(1, int(np.ceil(shortest / (max(speeds) * step))))

@@ -6,8 +6,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.bonds.assembly import Counted, Filling, listed
-from pdsolve.bonds.statistics import BondStatistics
+from pdsolve.bonds.assembly import BondStatistics, Counted, Filling, listed
 from pdsolve.laws import law_of
 from pdsolve.model import Model, ModelError
 from pdsolve.operators.bond_list import BondList

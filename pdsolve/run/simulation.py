@@ -30,7 +30,6 @@ from pdsolve.state import State
 from pdsolve.steppers.equilibrium import UnsettledError
 from pdsolve.steppers.load_steps import Going
 from pdsolve.steppers.path_steps import PathSteps
-from pdsolve.steppers.step_batching import Pace
 
 PATIENCE = 5e7  # bond updates between two looks at the watcher, some 20 ms; fewer where they take longer
 DEFAULT = Options()
@@ -49,6 +48,9 @@ class Progress(NamedTuple):
 
 
 Watcher = Callable[[Progress], bool]  # returns whether to stop
+
+PIECE = 0.25  # s that a piece is to take
+SLOW = 1e7  # updates a second, of bonds or links: as is supposed until it is measured
 
 
 def simulate(
@@ -72,7 +74,8 @@ def simulate(
 def _simulate(
     model: Model, output: Path | None, options: Options, watch: Watcher | None, provenance: str, adapt: Adapt | None
 ) -> Results:
-    system, state = started(prepare(model, options))
+    found = prepare(model, options)
+    system, state = started(found) if model.settings.run.start == "static" else found
     advise_unused(model)
     if system.transport is None:
         advise(system.model, system.count, system.scheme.partial_cells, system.scheme.symmetric)
@@ -321,3 +324,23 @@ __all__ = [
     "resume",
     "simulate",
 ]
+
+
+class Pace:
+    """Measures the duration of steps; results do not depend on it."""
+
+    def __init__(self, updates: int) -> None:
+        """`updates` is the number of bond or link updates of a step."""
+        self._each = updates / SLOW  # s of a step
+
+    def steps(self, least: int, most: int) -> int:
+        """Number of steps to take at once, from `least` to `most`."""
+        return max(least, min(most, int(PIECE / max(self._each, 1e-9))))
+
+    def took(self, steps: int, seconds: float) -> None:
+        """Record the duration of some steps."""
+        self._each = seconds / max(steps, 1)
+
+    def is_soon(self, steps: int) -> bool:
+        """Whether so many steps take at most as long as three batches."""
+        return steps * self._each < 3 * PIECE

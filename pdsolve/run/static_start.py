@@ -15,16 +15,13 @@ from pdsolve.steppers.load_steps import LoadSteps
 
 
 def started(prepared: Prepared) -> Prepared:
-    """A prepared run in the initial state that its model asks for; no bond breaks on the way.
+    """A prepared run at rest under what acts at time 0; no bond breaks on the way.
 
     Components with a prescribed velocity or acceleration are held still meanwhile. Energies are relative to the
     unloaded plate. Raises ModelError, UnsettledError.
     """
     system, state = prepared
     model = system.model
-    run = model.settings.run
-    if run.start != "static":
-        return prepared
     rest = still(model, system.options, system.scheme)
     stepper, operator, drive = rest.system.stepper, rest.system.operator, rest.system.drive
     assert isinstance(stepper, LoadSteps)

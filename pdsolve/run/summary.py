@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
+import numba
 import numpy as np
 
-from pdsolve.provenance import made_by
+from pdmesh import VERSION
 from pdsolve.run.recorder import Recorder
 from pdsolve.run.system import System
 from pdsolve.steppers.load_steps import LoadSteps
@@ -17,7 +18,12 @@ def meta(notes: Recorder, provenance: str) -> dict[str, Any]:
     """Metadata of a run, known from its start."""
     system = notes.system
     return {
-        **made_by(provenance, system.model.grid.dimension),
+        "program": f"pdsolve {VERSION}",
+        "provenance": provenance,
+        "units": "SI, per unit thickness" if system.model.grid.dimension == 2 else "SI",
+        "dimension": system.model.grid.dimension,
+        "numpy": np.__version__,
+        "numba": numba.__version__,
         "mode": system.options.mode,
         "precision": system.options.precision,
         "threads": system.threads,

@@ -19,7 +19,6 @@ from pdsolve.bonds.assembly import Counted, Filling
 from pdsolve.bonds.static_breakage import StaticBreakage
 from pdsolve.checks import refuse
 from pdsolve.conditions import Drive, damping, drive, held, initial_acceleration, initial_velocity, refuse_layers
-from pdsolve.crack_growth import update_interval
 from pdsolve.diffusion import system as diffusion
 from pdsolve.diffusion.swelling import Swelling, cycle_of
 from pdsolve.diffusion.system import Transport
@@ -34,9 +33,8 @@ from pdsolve.operators.softening_bonds import SofteningBonds
 from pdsolve.operators.softening_shear import SofteningShear
 from pdsolve.options import Options as Options
 from pdsolve.options import threads_of as threads_of
-from pdsolve.run.operator_factory import operator_of
+from pdsolve.run.operator_factory import operator_of, touched
 from pdsolve.run.operator_factory import stable as stable
-from pdsolve.run.operator_factory import touched
 from pdsolve.schemes import SCHEMES
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import State
@@ -146,7 +144,9 @@ def scheme_of(model: Model, options: Options) -> Scheme:
         raise ModelError(f"threads: found {options.threads}, expected 1 to {cores()}")
     scheme = SCHEMES[options.mode]
     refuse(model, scheme.partial_cells)
-    update_interval.refuse(model, options.mode)
+    if model.settings.run.cracks != "bonds" and not scheme.symmetric:
+        found = f"found {scheme.name}, expected conservative with cracks that are particles"
+        raise ModelError(f"{model.name}: mode: {found}")
     refuse_layers(model)
     return scheme
 
@@ -308,13 +308,13 @@ def _filling(model: Model, scheme: Scheme) -> Filling:
     return StaticBreakage(filling).filling() if model.settings.run.cracks == "particles" else filling
 
 
-def _growth(model: Model, operator: Operator, filling: Filling, driven: Drive, every: int | None) -> Growth | None:
-    """The growth of cracks of particles, if the model has them. Raises ModelError."""
+def _growth(model: Model, operator: Operator, filling: Filling, driven: Drive, step: float | None) -> Growth | None:
+    """The growth of cracks of particles, if there are any, in steps of `step` s; None: at rest. Raises ModelError."""
     if model.settings.run.cracks == "bonds":
         return None
-    from pdsolve.crack_growth.growth import Growth  # shapely takes long to import, and few runs need it
+    from pdsolve.crack_growth.growth import Growth, every_of  # shapely takes long to import, and few runs need it
 
-    return Growth(model, operator, filling, driven, every)
+    return Growth(model, operator, filling, driven, None if step is None else every_of(model, step))
 
 
 def system_of(model: Model, options: Options, scheme: Scheme) -> Prepared:
@@ -324,8 +324,7 @@ def system_of(model: Model, options: Options, scheme: Scheme) -> Prepared:
     operator, touching = touched(model, filled.area, operator)
     bound = stable(operator.stiffness_bound(), model.rho)
     found = assembled(model, options, scheme, operator, filled, (step_of(model, bound), bound))
-    every = update_interval.every_of(model, found.system.time_step)
-    growth = _growth(model, operator, filling, found.system.drive, every)
+    growth = _growth(model, operator, filling, found.system.drive, found.system.time_step)
     return found._replace(system=replace(found.system, growth=growth, contact=touching))
 
 

@@ -12,7 +12,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.durations import counted
+from pdmesh.model.document import in_steps
 from pdmesh.model.graphs import connected
 from pdmesh.model.node_grid import Grid
 from pdsolve.model import Model, ModelError
@@ -35,7 +35,7 @@ def disturbed(model: Model, repeat: Repeat, repetition: int, time_step: float) -
         if settings.run.solver == "static":
             raise ModelError(f"{model.name}: repeat.step: found it for a run at rest, expected notch or noise")
         step = time_step * (1 - repeat.step * shorter)
-        run = counted(settings.run, time_step)
+        run = in_steps(settings.run, time_step)
         steps = math.ceil(run.steps * time_step / step - NEAR)
         settings = msgspec.structs.replace(settings, run=msgspec.structs.replace(run, time_step=step, steps=steps))
     if repeat.notch:

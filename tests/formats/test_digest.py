@@ -13,8 +13,7 @@ import pytest
 from pdmesh import Circle, Material, Scene, box
 from pdmesh.__main__ import main as pdmesh
 from pdmesh.grid.building import build
-from pdmesh.model.digest import GridWarning
-from pdmesh.model.document import GridError, encode, read_file
+from pdmesh.model.document import GridError, GridWarning, encode, read_file
 from pdsolve.__main__ import main as pdsolve
 from pdsolve.model import ModelError, read_model
 

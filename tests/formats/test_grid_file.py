@@ -295,7 +295,7 @@ anything = st.recursive(
 )
 
 
-@pytest.mark.filterwarnings("ignore::pdmesh.model.digest.GridWarning")
+@pytest.mark.filterwarnings("ignore::pdmesh.model.document.GridWarning")
 @settings(max_examples=400, deadline=None, derandomize=True)
 @given(st.data())
 def test_any_damage_to_a_file(data: st.DataObject) -> None:

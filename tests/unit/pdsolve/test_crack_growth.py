@@ -21,7 +21,7 @@ from pdmesh.model.material_constants import poisson, rayleigh_speed
 from pdmesh.model.visibility import Sight
 from pdpost.measures.cracks import growth
 from pdsolve.crack_growth.criteria import ANGLES, Verdict, _maxima, by_stress
-from pdsolve.crack_growth.update_interval import every_of
+from pdsolve.crack_growth.growth import every_of
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.operators.bond_list import BondList
 from pdsolve.results import Results

@@ -151,7 +151,7 @@ KINDS: dict[str, tuple[Callable[[Path], Iterator[Path]], int]] = {
 }
 
 
-pytestmark = pytest.mark.filterwarnings("ignore::pdmesh.model.digest.GridWarning")  # of grid files that are damaged
+pytestmark = pytest.mark.filterwarnings("ignore::pdmesh.model.document.GridWarning")  # of grid files that are damaged
 
 
 def check(kind: str, seed: int, count: int, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,8 +14,7 @@ from messages import naming
 from pdmesh import Body, Circle, Material, Scene, box
 from pdmesh.grid.building import build
 from pdmesh.model.consistency import examine
-from pdmesh.model.digest import GridWarning
-from pdmesh.model.document import GridError, Lattice, Settings
+from pdmesh.model.document import GridError, GridWarning, Lattice, Settings
 from pdmesh.model.node_grid import Grid, document_of, grid_of, whole_lattice
 from pdmesh.scene.solids import brick
 
