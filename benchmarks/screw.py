@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from pdmesh.model.document import Concentration, Run, Settings, Solid
 from pdmesh.model.medium import Medium
 from pdmesh.model.node_grid import Grid
-from pdsolve.diffusion.links import Linking
+from pdsolve.diffusion.families import Families
 from pdsolve.diffusion.listed import BondList
 from pdsolve.diffusion.masses import masses
 from pdsolve.diffusion.operator import Fick
@@ -79,11 +79,11 @@ class Plain:
     name = "plain"
 
     def __init__(self, listed: BondList) -> None:
-        links = listed.links
+        bonds = listed.bonds
         self.volume, self.total, self.count = listed.volume, listed.total, listed.count
-        self.start = links.first[links.start].astype(np.int64)
-        self.neighbour = links.neighbour.astype(np.int64)
-        self.weight = np.repeat(links.conductance, np.diff(links.first.astype(np.int64))) * listed.volume[0]
+        self.start = bonds.first[bonds.start].astype(np.int64)
+        self.neighbour = bonds.neighbour.astype(np.int64)
+        self.weight = np.repeat(bonds.conductance, np.diff(bonds.first.astype(np.int64))) * listed.volume[0]
 
     def rates(self, potential: NDArray[np.float64], out: NDArray[np.float64]) -> None:
         """Add to `out` (n,) what comes to each node, per volume and time, at this `potential` (n,)."""
@@ -130,7 +130,7 @@ def bound(*arrays: NDArray[Any]) -> float:
 def measure(spacing: float, steps: int) -> dict[str, Any]:
     """All three, in turns."""
     model = screw(spacing, steps)
-    medium = Medium(D=1.0, C_solid=1.0, C_sat=0.2, surface_correction=False)  # the links of lattices alone
+    medium = Medium(D=1.0, C_solid=1.0, C_sat=0.2, surface_correction=False)  # the bonds of lattices alone
     model = replace(model, settings=msgspec.structs.replace(model.settings, medium=medium))
     slots, state = prepare(model, 1)
     listed = prepare(model, 1, listed=True)[0].operator.exchange
@@ -139,7 +139,7 @@ def measure(spacing: float, steps: int) -> dict[str, Any]:
     runs = {}
     for exchange in (slots.operator.exchange, listed, plain):
         own = state._replace(**{name: values.copy() for name, values in state._asdict().items()})
-        stepper = Euler(Fick(exchange, partial(Linking, model), medium), slots.drive, slots.time_step)
+        stepper = Euler(Fick(exchange, partial(Families, model), medium), slots.drive, slots.time_step)
         exchange.rates(own.value[:, 0], np.zeros(len(own.value)))
         runs[exchange.name] = (stepper, own)
     spent = dict.fromkeys(runs, 0.0)
@@ -147,10 +147,10 @@ def measure(spacing: float, steps: int) -> dict[str, Any]:
     for first, last in pairwise(ends):
         for name, (stepper, own) in runs.items():
             spent[name] += seconds(lambda s=stepper, o=own, a=first, b=last: s.march(o, a + 1, b + 1))
-    links = int(slots.operator.count.sum())
-    kept = listed.links
+    bonds = int(slots.operator.count.sum())
+    kept = listed.bonds
     least = bound(kept.first, kept.neighbour, kept.conductance)
-    each = {name: value / steps / links * 1e9 for name, value in spent.items()}
+    each = {name: value / steps / bonds * 1e9 for name, value in spent.items()}
     start = masses(slots, state, 0, None)
     now = masses(slots, runs["lattice"][1], steps, start.solid)
     return {
@@ -159,10 +159,10 @@ def measure(spacing: float, steps: int) -> dict[str, Any]:
         "nodes": len(model.grid),
         "free_nodes": int(slots.free.sum()),
         "neighbours": int(slots.operator.count.max()),
-        "links": links,
-        "ns_per_link_and_step": each,
-        "ns_to_read_the_list": least / links * 1e9,
-        "list_over_its_bound": each["listed"] / (least / links * 1e9),
+        "bonds": bonds,
+        "ns_per_bond_and_step": each,
+        "ns_to_read_the_list": least / bonds * 1e9,
+        "list_over_its_bound": each["listed"] / (least / bonds * 1e9),
         "slots_over_list": each["listed"] / each["lattice"],
         "slots_over_plain": each["plain"] / each["lattice"],
         "dissolved": now.dissolved / start.solid,
@@ -187,20 +187,20 @@ def collocated(spacing: float, steps: int) -> dict[str, Any]:
             found = masses(system, state, last, starts[number].solid)
             now.append(found.dissolved / starts[number].solid)
         shares = np.column_stack([shares, now])
-    links = [int(system.operator.count.sum()) for system, _ in systems]
+    bonds = [int(system.operator.count.sum()) for system, _ in systems]
     speed = float(spent[0] / spent[1])
     return {
         "spacing": spacing,
         "steps": steps,
         "nodes": [len(system.model.grid) for system, _ in systems],
-        "links": links,
+        "bonds": bonds,
         "ms_per_step": (spent / steps * 1e3).tolist(),
         "dissolved": shares.tolist(),
         "largest_difference": float(np.abs(shares[0] - shares[1]).max()),
         "balance": found.balance(starts[1]),
         "speed_up": speed,
-        "fewer_links": links[0] / links[1],
-        "speed_up_over_fewer_links": speed / (links[0] / links[1]),
+        "fewer_bonds": bonds[0] / bonds[1],
+        "speed_up_over_fewer_bonds": speed / (bonds[0] / bonds[1]),
     }
 
 

@@ -257,10 +257,10 @@ def _lines_of_masses(path: Path, summary: dict[str, Any]) -> list[str]:
     masses, share = summary["masses"], summary["dissolved_share"]
     threads = f"{summary['threads']} thread{'s' if summary['threads'] > 1 else ''}"
     lines = [
-        f"{path}: {summary['nodes']} nodes, {summary['bonds']} links, {summary['steps']} steps of"
+        f"{path}: {summary['nodes']} nodes, {summary['bonds']} bonds, {summary['steps']} steps of"
         f" {summary['method']} to {summary['time']:.4g} s",
         f"wall time {summary['wall_time']:.2f} s on {threads},"
-        f" {summary['bond_updates_per_second'] / 1e6:.0f} million link updates a second ({summary['kernel']})",
+        f" {summary['bond_updates_per_second'] / 1e6:.0f} million bond updates a second ({summary['kernel']})",
         f"mol: inside {masses['inside']:.6g}, gone out {masses['through']:.6g}, supplied {masses['supplied']:.6g}"
         f" (balance {summary['balance']:+.1e})",
     ]

@@ -79,7 +79,7 @@ DIFFUSION = (
     ),
     Mutant(
         "pdsolve/diffusion/surfaces.py",
-        "np.where(free & ~_parted(links, known, pairs), ",
+        "np.where(free & ~_parted(bonds, known, pairs), ",
         "np.where(free, ",
         "tests/unit/pdsolve/diffusion/test_surfaces.py::test_a_layer_parts_what_is_on_both_sides",
     ),

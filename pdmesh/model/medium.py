@@ -23,7 +23,7 @@ class Medium(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defau
     C_sat: Positive | None = None  # mol/m^3, that liquid can hold
     dissolution: Literal["enthalpy", "kinetic"] = "enthalpy"
     k_diss: Positive = 1.0  # kinetic: of bonds from solid to liquid, over that from liquid to liquid
-    surface_correction: bool = True  # of links near free surfaces, cracks and held layers; see the guide
+    surface_correction: bool = True  # of bonds near free surfaces, cracks and held layers; see the guide
     capped: bool = True  # kinetic: nothing dissolves into liquid that holds C_sat
 
 

@@ -1,4 +1,4 @@
-"""Links on a fine lattice, and second-order collocation on a coarse one of twice the spacing around it.
+"""Bonds on a fine lattice, and second-order collocation on a coarse one of twice the spacing around it.
 
 Each lattice is extended into the other's region by fictitious nodes, as far as its sums reach. A fictitious coarse node
 is the mean of the fine nodes around it. A fictitious fine node is interpolated linearly between coarse ones, so that
@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.neighbours import ON_LATTICE, Neighbours, Pairs, chosen, lengths, row_chunks
+from pdsolve.diffusion.families import Families
 from pdsolve.diffusion.lattice import Box, OnLattice, box_of, family, slots_of
-from pdsolve.diffusion.links import Linking
 from pdsolve.diffusion.listed import compiled
 from pdsolve.model import Model, ModelError
 from pdsolve.operators.stencils import Stencil, diffusion, stencil_of
@@ -36,39 +36,39 @@ class Between(NamedTuple):
 
 
 class Collocated:
-    """Exchange between fine nodes by links and between coarse nodes by stencils."""
+    """Exchange between fine nodes by bonds and between coarse nodes by stencils."""
 
     name = "collocation"
 
-    def __init__(self, linking: Linking, volume: NDArray[np.float64], free: NDArray[np.bool_], threads: int) -> None:
+    def __init__(self, families: Families, volume: NDArray[np.float64], free: NDArray[np.bool_], threads: int) -> None:
         """`free` (n,) nodes have no prescribed content."""
-        self._model, self._linking, self.volume = linking.model, linking, volume
-        self.position, self.delta, self.diffusivity = linking.position, linking.delta, linking.diffusivity
-        grid = linking.model.grid
-        self._fine, self._coarse = _two(linking)
+        self._model, self._families, self.volume = families.model, families, volume
+        self.position, self.delta, self.diffusivity = families.position, families.delta, families.diffusivity
+        grid = families.model.grid
+        self._fine, self._coarse = _two(families)
         fine, coarse = self._fine, self._coarse
-        spacing, D = float(grid.delta[fine[0]]), float(linking.diffusivity[0])
+        spacing, D = float(grid.delta[fine[0]]), float(families.diffusivity[0])
         near, far = (
             np.rint((grid.position[rows] - grid.position[fine[0]]) / spacing * 2).astype(np.int64)
             for rows in (fine, coarse)
         )  # in halves of the fine spacing
-        steps, conductance = family(linking, spacing, D)
-        found = stencil_of(3.0, diffusion(D, linking.dimension), linking.dimension)
+        steps, conductance = family(families, spacing, D)
+        found = stencil_of(3.0, diffusion(D, families.dimension), families.dimension)
         self._look_whole(found, far, free[coarse], near)
         self._inner = _means(_lacking(far, 4 * found.xi, near), near)
         every = np.concatenate([far, self._inner.at])
         self._outer = _linear(_lacking(near, 2 * steps, every), every, self._model)
         fines = np.concatenate([near, self._outer.at]) / 2
-        self._links = _lattice((fines, len(near)), spacing, steps, conductance, threads)
+        self._bonds = _lattice((fines, len(near)), spacing, steps, conductance, threads)
         pulls = found.xi[(found.xi != 0).any(axis=1)], found.theta[(found.xi != 0).any(axis=1), 0, 0]
-        pulls = pulls[0], pulls[1] / (2 * spacing) ** 2 / (2 * spacing) ** linking.dimension
+        pulls = pulls[0], pulls[1] / (2 * spacing) ** 2 / (2 * spacing) ** families.dimension
         self._stencils = _lattice((every / 4, len(far)), 2 * spacing, *pulls, threads)
         self._pulls, self._keys, self._places = pulls, _Keys(far), np.zeros((len(volume), far.shape[1]), dtype=np.int64)
         self._places[coarse] = far
         self._far = np.isin(np.arange(len(volume)), coarse)
-        self.reach = np.where(self._far, np.abs(found.xi).max() * 2 * spacing, linking.reach)
+        self.reach = np.where(self._far, np.abs(found.xi).max() * 2 * spacing, families.reach)
         self.count, self.total = np.zeros(len(volume), dtype=np.int64), np.zeros(len(volume))
-        self.count[fine], self.total[fine] = self._links.count[: len(fine)], self._links.total[: len(fine)]
+        self.count[fine], self.total[fine] = self._bonds.count[: len(fine)], self._bonds.total[: len(fine)]
         self.count[coarse] = self._stencils.count[: len(coarse)]
         self.total[coarse] = found.most / 2 / (2 * spacing) ** 2
         seam = [
@@ -80,14 +80,14 @@ class Collocated:
         ]
         self._seam = np.concatenate(seam)
         self._seam_volume = float(volume[self._seam].sum())
-        self._rates, self._values = ([np.zeros(len(one.volume)) for one in (self._links, self._stencils)] for _ in "rv")
+        self._rates, self._values = ([np.zeros(len(one.volume)) for one in (self._bonds, self._stencils)] for _ in "rv")
         self._some, self._both = [_slice(rows) for rows in (fine, coarse)], np.zeros(len(volume))
 
-    def linked(self, rows: NDArray[np.int64]) -> tuple[Pairs, NDArray[np.float64]]:
-        """Links (b,) of some increasing rows to nodes of their own lattice, and their conductances (b,)."""
+    def of(self, rows: NDArray[np.int64]) -> tuple[Pairs, NDArray[np.float64]]:
+        """Bonds (b,) of some increasing rows to nodes of their own lattice, and their conductances (b,)."""
         own = ~self._far[rows]
         nothing = np.zeros(0, dtype=np.int64)
-        pairs, g = self._linking.linked(rows[own]) if own.any() else (Pairs(nothing, nothing, np.zeros(0)), np.zeros(0))
+        pairs, g = self._families.of(rows[own]) if own.any() else (Pairs(nothing, nothing, np.zeros(0)), np.zeros(0))
         same = ~self._far[pairs.target]
         steps, conductance = self._pulls
         place = self._places[rows[~own]]
@@ -100,8 +100,8 @@ class Collocated:
         return Pairs(*(np.concatenate(two) for two in both)), np.concatenate([g[same], pulls])
 
     def conductance(self, pairs: Pairs) -> NDArray[np.float64]:
-        """Conductance (b,) that links of these lengths between fine nodes would have; 0 between coarse ones."""
-        return np.where(self._far[pairs.source], 0.0, self._linking.conductance(pairs))
+        """Conductance (b,) that bonds of these lengths between fine nodes would have; 0 between coarse ones."""
+        return np.where(self._far[pairs.source], 0.0, self._families.conductance(pairs))
 
     @property
     def fictitious(self) -> tuple[int, int]:
@@ -130,7 +130,7 @@ class Collocated:
         fine[: own[0]], every[: own[1]] = potential[self._some[0]], potential[self._some[1]]
         every[own[1] :] = self._inner.values @ fine[: own[0]]
         fine[own[0] :] = self._outer.values @ every
-        for one, rates, values in zip((self._links, self._stencils), self._rates, self._values, strict=True):
+        for one, rates, values in zip((self._bonds, self._stencils), self._rates, self._values, strict=True):
             rates[:] = 0
             one.rates(values, rates)
         both = self._both
@@ -139,13 +139,13 @@ class Collocated:
         out += both
 
     def tangent(self) -> csr_array:
-        """Not available: implicit steps require symmetric links."""
+        """Not available: implicit steps require symmetric bonds."""
         raise ModelError(f"{self._model.name}: $.run.adapt: found collocation, expected none for implicit steps")
 
     def contrast(self, share: NDArray[np.float64]) -> float:
-        """Sum over links of the differences of `share` (n,), which is 0 on coarse nodes, weighted by conductance,
+        """Sum over bonds of the differences of `share` (n,), which is 0 on coarse nodes, weighted by conductance,
         m^d/s."""
-        return self._links.contrast(np.concatenate([share[self._fine], np.zeros(len(self._outer.at))]))
+        return self._bonds.contrast(np.concatenate([share[self._fine], np.zeros(len(self._outer.at))]))
 
 
 @compiled(fastmath={"reassoc", "contract", "nsz"})
@@ -164,29 +164,30 @@ def _slice(rows: NDArray[np.int64]) -> slice | NDArray[np.int64]:
     return slice(first, last) if last - first == len(rows) else rows
 
 
-def _two(linking: Linking) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _two(families: Families) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Rows of the fine and of the coarse nodes. Raises ModelError for nodes of other spacings."""
-    model, delta = linking.model, linking.model.grid.delta
+    model, delta = families.model, families.model.grid.delta
     levels = np.unique(delta)
     place = f"{model.name}: $.run.adapt: found"
     if len(levels) != 2 or abs(levels[1] / levels[0] - 2) > ON_LATTICE:
         said = ", ".join(f"{level:g}" for level in levels[:4])
         raise ModelError(f"{place} spacings of {said} m, expected two, one twice the other, for collocation")
     fine, coarse = (np.flatnonzero(delta == level) for level in levels)
-    if not (linking.diffusivity == linking.diffusivity[0]).all() or len(model.grid.cracks) or _blocked(linking, fine):
-        raise ModelError(f"{place} several media, or what blocks links, expected one medium without, for collocation")
+    D = families.diffusivity
+    if (D[0] != D).any() or len(model.grid.cracks) or _blocked(families, fine):
+        raise ModelError(f"{place} several media, or what blocks bonds, expected one medium without, for collocation")
     return fine, coarse
 
 
-def _blocked(linking: Linking, fine: NDArray[np.int64]) -> bool:
+def _blocked(families: Families, fine: NDArray[np.int64]) -> bool:
     """Whether an obstacle separates fine nodes."""
-    if linking.sight.clear:
+    if families.sight.clear:
         return False
-    grid = linking.model.grid
-    around = Neighbours(grid.position[fine], grid.delta[fine], linking.reach[fine])
+    grid = families.model.grid
+    around = Neighbours(grid.position[fine], grid.delta[fine], families.reach[fine])
     for rows in row_chunks(len(fine)):
         i, j, length = around.pairs(rows)
-        if not linking.sight.inside(Pairs(fine[i], fine[j], length)).all():
+        if not families.sight.inside(Pairs(fine[i], fine[j], length)).all():
             return True
     return False
 

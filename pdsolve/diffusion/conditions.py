@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model.document import Concentration, Exchange, InitialConcentration, Solid, Source, Timed
 from pdsolve.conditions import Drive, Entries, chosen, drive_of, entries, held, hold_values
-from pdsolve.diffusion.links import extended
+from pdsolve.diffusion.families import extended
 from pdsolve.diffusion.surfaces import Faces, Held, nothing
 from pdsolve.model import Model, ModelError
 

@@ -1,12 +1,12 @@
 """Dissolution of a solid.
 
 Enthalpy method, as in phase change: the conserved quantity is the content H of a node, its potential is min(H, C_sat),
-and all links are equal. The solid share of a node is (H - C_sat) / (C_solid - C_sat). This is the limit in which
+and all bonds are equal. The solid share of a node is (H - C_sat) / (C_solid - C_sat). This is the limit in which
 diffusion determines the rate.
 
 Kinetic method, after S. Jafarzadeh, Z. Chen, F. Bobaru and others (Z. Chen, F. Bobaru, J. Mech. Phys. Solids 78 (2015)
-352-381): a node is solid until its concentration has fallen to C_sat. A link between solid and liquid has its own
-dissolvability, k_diss times the micro-diffusivity; a link between two solid nodes has none. With `capped`, nothing
+352-381): a node is solid until its concentration has fallen to C_sat. A bond between solid and liquid has its own
+dissolvability, k_diss times the micro-diffusivity; a bond between two solid nodes has none. With `capped`, nothing
 dissolves into liquid at C_sat; otherwise the liquid at the front exceeds saturation.
 """
 
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.medium import Medium, contradiction
-from pdsolve.diffusion.links import dimension_of, lattice_diffusivity, moment
+from pdsolve.diffusion.families import dimension_of, lattice_diffusivity, moment
 from pdsolve.model import Model, ModelError
 
 
@@ -30,7 +30,7 @@ def check(model: Model) -> None:
 
 
 def potential(medium: Medium, content: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Potential (n,), mol/m^3, whose differences drive the links."""
+    """Potential (n,), mol/m^3, whose differences drive the bonds."""
     if medium.C_sat is None or medium.dissolution == "kinetic":
         return content
     return np.minimum(content, medium.C_sat)
@@ -46,7 +46,7 @@ def solid_share(medium: Medium, content: NDArray[np.float64]) -> NDArray[np.floa
 def crossing(model: Model) -> float:
     """Value of `contrast` for a unit of surface of a solid, m/s: the mean over all directions, for a full family.
 
-    The mean projection of a link of length |xi| across a surface is 2/pi of it in the plane and 1/2 in space.
+    The mean projection of a bond of length |xi| across a surface is 2/pi of it in the plane and 1/2 in space.
     """
     assert model.settings.medium is not None
     dimension, power, ratio = dimension_of(model), model.settings.medium.power, model.settings.horizon.ratio

@@ -1,8 +1,8 @@
-"""Links on a lattice in slots relative to a base cell: neighbours follow from the positions of nodes.
+"""Bonds on a lattice in slots relative to a base cell: neighbours follow from the positions of nodes.
 
-Nodes are cells of a box with a margin. A slot is a conductance and the offset of a link's other end, in cells. All
-cells of a run along one axis are processed together. Cells without a node hold 0, so that links to them add nothing;
-the outflow of a node is that of its existing links.
+Nodes are cells of a box with a margin. A slot is a conductance and the offset of a bond's other end, in cells. All
+cells of a run along one axis are processed together. Cells without a node hold 0, so that bonds to them add nothing;
+the outflow of a node is that of its existing bonds.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.neighbours import ON_LATTICE, ROUND_OFF
-from pdsolve.diffusion.links import Linking, Unlike, shape
-from pdsolve.diffusion.listed import ChangedLinks, compiled
+from pdsolve.diffusion.families import Families, Unlike, shape
+from pdsolve.diffusion.listed import ChangedBonds, compiled
 from pdsolve.numerics.thread_team import side_by_side
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ ABREAST = 8  # cells that are summed up at once: runs are as if longer, and what
 FEWER = 0.7  # of the runs along x: worth that nodes, which are in its order, are read and written out of theirs
 LEAST_FILLED = 0.2  # cells of the box that have a node
 LEAST_NODES = 64
-MOST_UNLIKE = 0.2  # of the links: how many may differ from those of the lattice
+MOST_UNLIKE = 0.2  # of the bonds: how many may differ from those of the lattice
 
 
 class Runs(NamedTuple):
@@ -86,40 +86,40 @@ def box_of(position: NDArray[np.float64], spacing: float, margin: int, wanted: i
 
 
 def slots_of(steps: NDArray[np.int64], conductance: NDArray[np.float64], box: Box) -> Slots:
-    """Slots of links (k,) to nodes at offsets `steps` (k, d), in the order of cells."""
+    """Slots of bonds (k,) to nodes at offsets `steps` (k, d), in the order of cells."""
     order = np.argsort(steps @ box.strides)
     left = -len(order) % 2
     ahead = np.concatenate([(steps @ box.strides)[order], np.zeros(left, dtype=np.int64)])
     return Slots(ahead, np.concatenate([conductance[order], np.zeros(left)]))
 
 
-def family(linking: Linking, spacing: float, D: float) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Offsets (k, d) and conductances (k,) of the links of a node with a full family."""
-    ratio = linking.model.settings.horizon.ratio
+def family(families: Families, spacing: float, D: float) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Offsets (k, d) and conductances (k,) of the bonds of a node with a full family."""
+    ratio = families.model.settings.horizon.ratio
     side = int(ratio + 0.5) + 1
-    steps = np.array([at for at in product(range(-side, side + 1), repeat=linking.dimension) if any(at)])
+    steps = np.array([at for at in product(range(-side, side + 1), repeat=families.dimension) if any(at)])
     length, one = np.linalg.norm(steps, axis=1) * spacing, np.ones(len(steps))
-    found = linking.even(D) * shape(length, ratio * spacing * one, spacing * one, linking.dimension, linking.power)
+    found = families.even(D) * shape(length, ratio * spacing * one, spacing * one, families.dimension, families.power)
     some = found > ROUND_OFF * found.max()
     return steps[some], found[some]
 
 
-def on_lattice(linking: Linking, volume: NDArray[np.float64], threads: int) -> OnLattice | None:
-    """Links of a model as slots; None unless its nodes are on one lattice, and few links differ from those there."""
-    grid, D = linking.model.grid, linking.diffusivity
-    if (grid.delta != grid.delta[0]).any() or linking.dimension != grid.position.shape[1]:
+def on_lattice(families: Families, volume: NDArray[np.float64], threads: int) -> OnLattice | None:
+    """Bonds of a model as slots; None unless its nodes are on one lattice, and few bonds differ from those there."""
+    grid, D = families.model.grid, families.diffusivity
+    if (grid.delta != grid.delta[0]).any() or families.dimension != grid.position.shape[1]:
         return None
-    steps, conductance = family(linking, float(grid.delta[0]), float(D[0]))
+    steps, conductance = family(families, float(grid.delta[0]), float(D[0]))
     box = box_of(grid.position, float(grid.delta[0]), int(np.abs(steps).max()))
     if box is None:
         return None
-    unlike = linking.unlike()
+    unlike = families.unlike()
     found = OnLattice(box, slots_of(steps, conductance, box), volume, threads, D / D[0], unlike)
     return None if len(unlike.source) > MOST_UNLIKE * found.count.sum() else found
 
 
 class OnLattice:
-    """Exchange between the nodes of one lattice; few of its links may differ from what they are inside of one medium.
+    """Exchange between the nodes of one lattice; few of its bonds may differ from what they are inside of one medium.
 
     Rates of a node are `scale` (n,) times those of the slots; by default 1.
     """
@@ -137,7 +137,7 @@ class OnLattice:
     ) -> None:
         self.volume, self.threads = volume, threads
         self._box, self._slots = box, slots
-        self._change: ChangedLinks | None = None
+        self._change: ChangedBonds | None = None
         self._scale = np.ones(len(volume)) if scale is None else scale
         self._amount, self._whole = np.zeros((2, box.size + ABREAST))
         self._whole[box.cell] = volume
@@ -153,9 +153,9 @@ class OnLattice:
         _put(box.cell, one, volume, self._amount)
         self._share(_pull, slots, (self._amount, one, nothing, one, box.order), outflow := np.zeros(len(volume)))
         self._outflow, self.total = outflow, self._scale * outflow
-        self.blocked = np.zeros(len(volume), dtype=np.int64)  # (n,) links that a crack blocks
+        self.blocked = np.zeros(len(volume), dtype=np.int64)  # (n,) bonds that a crack blocks
         if unlike is not None and len(unlike.source):
-            self._change = ChangedLinks(*unlike[:3], volume, threads)
+            self._change = ChangedBonds(*unlike[:3], volume, threads)
             self.count, self.blocked = self.count - unlike.lost, unlike.blocked
             self.total = self.total + self._change.total
 
@@ -192,7 +192,7 @@ class OnLattice:
         return found if self._change is None else (found + self._change.tangent()).tocsr()
 
     def contrast(self, share: NDArray[np.float64]) -> float:
-        """Sum over links of the differences of `share` (n,), weighted by conductance and both volumes, m^d/s."""
+        """Sum over bonds of the differences of `share` (n,), weighted by conductance and both volumes, m^d/s."""
         self._amount[self._box.cell] = share
         out = np.zeros(len(share))
         self._share(_differ, self._slots, (self._amount, self._whole, share, self._box.order), out)

@@ -1,4 +1,4 @@
-"""Links in a list, for any nodes, and for links that depend on both of their ends."""
+"""Bonds in a list, for any nodes, and for bonds that depend on both of their ends."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.diffusion.links import Links
+from pdsolve.diffusion.families import Grouped
 from pdsolve.numerics.jit_cache import cached_njit
 from pdsolve.numerics.thread_team import share
 
@@ -17,19 +17,19 @@ if TYPE_CHECKING:
 
 
 class BondList:
-    """Exchange along listed links between nodes with these volumes `volume` (n,), m^d."""
+    """Exchange along listed bonds between nodes with these volumes `volume` (n,), m^d."""
 
     name = "listed"
 
-    def __init__(self, links: Links, volume: NDArray[np.float64], threads: int) -> None:
-        self.links, self.volume, self.threads = links, volume, threads
-        ends = links.first[links.start].astype(np.int64)
+    def __init__(self, bonds: Grouped, volume: NDArray[np.float64], threads: int) -> None:
+        self.bonds, self.volume, self.threads = bonds, volume, threads
+        ends = bonds.first[bonds.start].astype(np.int64)
         self.count = ends[1:] - ends[:-1]
         self.total = np.zeros(len(volume))
         self._share(_pull, (volume, np.ones(len(volume)), np.zeros(len(volume))), self.total)
 
     def _share(self, kernel, of, out) -> None:  # type: ignore[no-untyped-def]
-        share(lambda first, last: kernel(self.links, of, out, first, last), len(self.volume), self.threads)
+        share(lambda first, last: kernel(self.bonds, of, out, first, last), len(self.volume), self.threads)
 
     def rates(self, potential: NDArray[np.float64], out: NDArray[np.float64]) -> None:
         """Add the rates of change (n,) of contents, per volume and time, at this `potential` (n,) to `out`."""
@@ -45,8 +45,8 @@ class BondList:
     ) -> None:
         """Add the rates (n,) of dissolution to `out`.
 
-        Links from solid to liquid have `k_diss` times their conductance, and only while the liquid is below `C_sat`;
-        links between solid nodes have none.
+        Bonds from solid to liquid have `k_diss` times their conductance, and only while the liquid is below `C_sat`;
+        bonds between solid nodes have none.
         """
         self._share(_dissolve, (self.volume, concentration, solid, C_sat, k_diss), out)
 
@@ -54,7 +54,7 @@ class BondList:
         """Derivative (n, n) of the rates by the potentials, 1/s."""
         from scipy.sparse import csr_array  # here, as it takes long to import
 
-        _, first, neighbour, conductance = self.links
+        _, first, neighbour, conductance = self.bonds
         nodes = np.arange(len(self.volume))
         alike = (first[1:] - first[:-1]).astype(np.int64)
         values = np.repeat(conductance, alike) * self.volume[neighbour]
@@ -63,14 +63,14 @@ class BondList:
         return csr_array((values, (row, column)), shape=(len(nodes), len(nodes)))
 
     def contrast(self, share: NDArray[np.float64]) -> float:
-        """Sum over links of the differences of `share` (n,), weighted by conductance and both volumes, m^d/s."""
+        """Sum over bonds of the differences of `share` (n,), weighted by conductance and both volumes, m^d/s."""
         out = np.zeros(len(share))
         self._share(_differ, (self.volume, share), out)
         return float((out * self.volume).sum())
 
 
-class ChangedLinks(BondList):
-    """Exchange along what is added to conductances: few links, none like another."""
+class ChangedBonds(BondList):
+    """Exchange along what is added to conductances: few bonds, none like another."""
 
     def __init__(
         self,
@@ -80,9 +80,9 @@ class ChangedLinks(BondList):
         volume: NDArray[np.float64],
         threads: int,
     ) -> None:
-        """What is added to the `conductance` (b,) of links, which are sorted by source."""
+        """What is added to the `conductance` (b,) of bonds, which are sorted by source."""
         start, each = np.searchsorted(source, np.arange(len(volume) + 1)), np.arange(len(source) + 1).astype(np.uint32)
-        super().__init__(Links(start, each, target.astype(np.uint32), conductance), volume, threads)
+        super().__init__(Grouped(start, each, target.astype(np.uint32), conductance), volume, threads)
 
     def rates(self, potential: NDArray[np.float64], out: NDArray[np.float64]) -> None:
         """Add the rates of change (n,) of contents, per volume and time, at this `potential` (n,) to `out`."""
@@ -93,57 +93,57 @@ compiled = partial(cached_njit, nogil=True, error_model="numpy", fastmath={"cont
 
 
 @compiled()
-def _pull(links, of, out, first, last):  # type: ignore[no-untyped-def]
+def _pull(bonds, of, out, first, last):  # type: ignore[no-untyped-def]
     amount, potential, total = of
     for i in range(first, last):
         t = 0.0
-        for k in range(links.start[i], links.start[i + 1]):
-            b, end = links.first[k], links.first[k + 1]
+        for k in range(bonds.start[i], bonds.start[i + 1]):
+            b, end = bonds.first[k], bonds.first[k + 1]
             one = other = 0.0  # two sums, as adding to one has to wait for the last
             while b + 2 <= end:
-                one += amount[links.neighbour[b]]
-                other += amount[links.neighbour[b + 1]]
+                one += amount[bonds.neighbour[b]]
+                other += amount[bonds.neighbour[b + 1]]
                 b += 2
             if b < end:
-                one += amount[links.neighbour[b]]
-            t += links.conductance[k] * (one + other)
+                one += amount[bonds.neighbour[b]]
+            t += bonds.conductance[k] * (one + other)
         out[i] += t - total[i] * potential[i]
 
 
 @compiled()
-def _add(links, of, out, first, last):  # type: ignore[no-untyped-def]
+def _add(bonds, of, out, first, last):  # type: ignore[no-untyped-def]
     volume, potential = of
     for i in range(first, last):
         t = 0.0
-        for k in range(links.start[i], links.start[i + 1]):
-            j = links.neighbour[k]
-            t += links.conductance[k] * volume[j] * (potential[j] - potential[i])
+        for k in range(bonds.start[i], bonds.start[i + 1]):
+            j = bonds.neighbour[k]
+            t += bonds.conductance[k] * volume[j] * (potential[j] - potential[i])
         out[i] += t
 
 
 @compiled()
-def _differ(links, of, out, first, last):  # type: ignore[no-untyped-def]
+def _differ(bonds, of, out, first, last):  # type: ignore[no-untyped-def]
     volume, share = of
     for i in range(first, last):
         t = 0.0
-        for k in range(links.start[i], links.start[i + 1]):
+        for k in range(bonds.start[i], bonds.start[i + 1]):
             s = 0.0
-            for b in range(links.first[k], links.first[k + 1]):
-                j = links.neighbour[b]
+            for b in range(bonds.first[k], bonds.first[k + 1]):
+                j = bonds.neighbour[b]
                 s += volume[j] * abs(share[j] - share[i])
-            t += links.conductance[k] * s
+            t += bonds.conductance[k] * s
         out[i] = t
 
 
 @compiled()
-def _dissolve(links, of, out, first, last):  # type: ignore[no-untyped-def]
+def _dissolve(bonds, of, out, first, last):  # type: ignore[no-untyped-def]
     volume, concentration, solid, C_sat, k_diss = of
     for i in range(first, last):
         t, mine, here = 0.0, concentration[i], solid[i]
-        for k in range(links.start[i], links.start[i + 1]):
+        for k in range(bonds.start[i], bonds.start[i + 1]):
             s = 0.0
-            for b in range(links.first[k], links.first[k + 1]):
-                j = links.neighbour[b]
+            for b in range(bonds.first[k], bonds.first[k + 1]):
+                j = bonds.neighbour[b]
                 other = concentration[j]
                 factor = 0.0
                 if here != solid[j]:
@@ -151,5 +151,5 @@ def _dissolve(links, of, out, first, last):  # type: ignore[no-untyped-def]
                 elif not here:
                     factor = 1.0
                 s += factor * volume[j] * (other - mine)
-            t += links.conductance[k] * s
+            t += bonds.conductance[k] * s
         out[i] += t

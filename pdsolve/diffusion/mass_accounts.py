@@ -16,7 +16,7 @@ from pdsolve.state import State
 class MassAccounts:
     """The mass accounts of one run; see `pdsolve.run.accounts.Accounts`."""
 
-    broken = 0  # links do not break
+    broken = 0  # bonds do not break
 
     def __init__(self, transport: Transport, state: State, step: int, results: Results | None) -> None:
         """`results` are those of a resumed run after `step`, else None."""
@@ -69,10 +69,10 @@ class MassAccounts:
 
     def summary(self) -> dict[str, Any]:
         """Results of the run for its summary."""
-        links, start = int(self._transport.operator.count.sum()), self._start
+        start = self._start
         return {
             "physics": "diffusion",
-            "links": links,
+            "bonds": int(self._transport.operator.count.sum()),
             "method": self._transport.stepper.name,
             "masses": self.last._asdict(),
             "dissolved_share": 1 - self.last.solid / start.solid if start.solid else None,

@@ -1,4 +1,4 @@
-"""Fick's law as an operator: the rate of a node is the sum over its links, however they are stored."""
+"""Fick's law as an operator: the rate of a node is the sum over its bonds, however they are stored."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pdmesh.model.medium import Medium
 from pdsolve.checkpoint import entry
 from pdsolve.diffusion.dissolution import potential, solid_share
 from pdsolve.diffusion.listed import BondList
-from pdsolve.diffusion.surfaces import Links
+from pdsolve.diffusion.surfaces import Bonds
 from pdsolve.model import ModelError
 from pdsolve.operators.protocol import Kept
 from pdsolve.state import Broken, State, Unknown
@@ -22,12 +22,12 @@ if TYPE_CHECKING:
 
 
 class Exchange(Protocol):
-    """Links of n nodes; their fluxes are linear in the potentials."""
+    """Bonds of n nodes; their fluxes are linear in the potentials."""
 
-    name: str  # of the storage of links, the kernel, for the record
+    name: str  # of the storage of bonds, the kernel, for the record
     volume: NDArray[np.float64]  # (n,) m^d
     total: NDArray[np.float64]  # (n,) 1/s, all outflow coefficients of a node
-    count: NDArray[np.int64]  # (n,) links
+    count: NDArray[np.int64]  # (n,) bonds
 
     def rates(self, potential: NDArray[np.float64], out: NDArray[np.float64]) -> None:
         """Add the rates of change (n,) of contents, per volume and time, at this `potential` (n,) to `out`."""
@@ -36,11 +36,11 @@ class Exchange(Protocol):
         """Derivative (n, n) of the rates by the potentials, 1/s."""
 
     def contrast(self, share: NDArray[np.float64]) -> float:
-        """Sum over links of the differences of `share` (n,), weighted by conductance and both volumes, m^d/s."""
+        """Sum over bonds of the differences of `share` (n,), weighted by conductance and both volumes, m^d/s."""
 
 
 class Fick:
-    """Diffusion of the content of n nodes, mol/m^3, along links; see `pdsolve.operators.protocol.Operator`.
+    """Diffusion of the content of n nodes, mol/m^3, along bonds; see `pdsolve.operators.protocol.Operator`.
 
     A node in kinetic dissolution remembers that it is solid until its content has fallen to C_sat.
     """
@@ -51,7 +51,7 @@ class Fick:
     def __init__(
         self,
         exchange: Exchange,
-        links: Callable[[], Links],
+        families: Callable[[], Bonds],
         medium: Medium,
         outside: NDArray[np.float64] | None = None,
         change: Exchange | None = None,
@@ -60,7 +60,7 @@ class Fick:
 
         `outside` (n,), 1/s, is what leaves the body per volume for each mol/m^3 of potential.
         """
-        self.exchange, self.medium, self._links = exchange, medium, links
+        self.exchange, self.medium, self._families = exchange, medium, families
         self._parts = (exchange,) if change is None else (exchange, change)
         self.total = sum((part.total for part in self._parts), np.zeros(len(exchange.volume)))  # (n,) 1/s, inside
         self.outside = np.zeros(len(exchange.volume)) if outside is None else outside
@@ -144,13 +144,13 @@ class Fick:
     def bonds(
         self, first: int = 0, last: int | None = None, start: bool = False
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Rows (k,) of both ends of the links of the nodes `first` to `last` - 1, or of all, in order."""
-        pairs, _ = self._links().linked(np.arange(first, len(self.volume) if last is None else last))
+        """Rows (k,) of both ends of the bonds of the nodes `first` to `last` - 1, or of all, in order."""
+        pairs, _ = self._families().of(np.arange(first, len(self.volume) if last is None else last))
         order = np.lexsort((pairs.target, pairs.source))
         return pairs.source[order], pairs.target[order]
 
     def broken(self, after: int = 0) -> Broken:
-        """Empty: links do not break."""
+        """Empty: bonds do not break."""
         return Broken(*np.zeros((3, 0), dtype=np.int64))
 
     def keep(self) -> Kept:
@@ -163,5 +163,5 @@ class Fick:
             self.solid = entry(kept, "solid", self.solid.shape, self.solid.dtype, 0, 1).copy()
 
     def bytes(self) -> int:
-        """Memory of the nodes' arrays, bytes, without that of links."""
+        """Memory of the nodes' arrays, bytes, without that of bonds."""
         return sum(array.nbytes for array in (self.volume, self.count, self.total, self.solid))

@@ -1,20 +1,20 @@
-"""Surface correction: changes of links near free surfaces and prescribed layers, made before a model is solved.
+"""Surface correction: changes of bonds near free surfaces and prescribed layers, made before a model is solved.
 
-Only conductances change, so that any operator can use it. It needs the links of some rows and the conductance of a link
-of any length (`Links` below), and is independent of kernels, lattices and time. The result is a symmetric change of
+Only conductances change, so that any operator can use it. It needs the bonds of some rows and the conductance of a bond
+of any length (`Bonds` below), and is independent of kernels, lattices and time. The result is a symmetric change of
 conductance for each pair, so that masses balance as before. No conductance falls below 0. Forward Euler therefore stays
 within the range of prescribed and initial values, up to 1 / max of a node's outflow.
 
-**Free surfaces**, holes, cracks, cut cells, interfaces of spacings: a link in direction n is multiplied by n . (M_i +
-M_j) n / 2. The tensor M_i gives the links of node i alone the energy of a full lattice in every linear field: 1/2 sum(g
+**Free surfaces**, holes, cracks, cut cells, interfaces of spacings: a bond in direction n is multiplied by n . (M_i +
+M_j) n / 2. The tensor M_i gives the bonds of node i alone the energy of a full lattice in every linear field: 1/2 sum(g
 V (n . M_i n) xi xi) = D I. Summed over a body of any shape this is exact, apart from the limits `LEAST` and `MOST` on
 the eigenvalues of M_i: a strip conducts D.
 
 **Prescribed layers**: the value is prescribed where the layer begins, not at its nodes. Beyond that wall, the field is
 the odd mirror image of the field before it (method of images). Two free nodes at distances p and q from the wall lose
-the conductance of a link of length sqrt(xi^2 + 4 p q), the distance to the image. A node is linked to the wall so that
+the conductance of a bond of length sqrt(xi^2 + 4 p q), the distance to the image. A node is bonded to the wall so that
 a linear field with the prescribed value there has no rate. A layer may be thinner than a horizon; nodes on both sides
-of it are not linked. The wall consists of the faces between free and prescribed cells. The wall of a node is the mean
+of it are not stored. The wall consists of the faces between free and prescribed cells. The wall of a node is the mean
 of the faces that face it.
 """
 
@@ -37,19 +37,19 @@ STEEP = 3  # the power of its distance with which a face counts less
 NEAREST = 0.25  # of a spacing: the least distance from a node to the wall
 
 
-class Links(Protocol):
-    """The links of n nodes to correct."""
+class Bonds(Protocol):
+    """The bonds of n nodes to correct."""
 
     position: NDArray[np.float64]  # (n, d) m, along the axes that the nodes extend along
     delta: NDArray[np.float64]  # (n,) m, spacing
     reach: NDArray[np.float64]  # (n,) m, largest distance of a neighbour
     diffusivity: NDArray[np.float64]  # (n,) m^2/s
 
-    def linked(self, rows: NDArray[np.int64]) -> tuple[Pairs, NDArray[np.float64]]:
-        """Links (b,) of these nodes, which increase, and their conductances (b,), 1/(s m^d)."""
+    def of(self, rows: NDArray[np.int64]) -> tuple[Pairs, NDArray[np.float64]]:
+        """Bonds (b,) of these nodes, which increase, and their conductances (b,), 1/(s m^d)."""
 
     def conductance(self, pairs: Pairs) -> NDArray[np.float64]:
-        """Conductance that links (b,) of these lengths between these nodes would have."""
+        """Conductance that bonds (b,) of these lengths between these nodes would have."""
 
 
 class Change(NamedTuple):
@@ -100,28 +100,28 @@ class _Known(NamedTuple):
 
 
 def correction(
-    links: Links, volume: NDArray[np.float64], free: NDArray[np.bool_], held: Held, lacking: NDArray[np.bool_]
+    bonds: Bonds, volume: NDArray[np.float64], free: NDArray[np.bool_], held: Held, lacking: NDArray[np.bool_]
 ) -> Change:
     """Changes for nodes with volumes (n,), m^d, of which the `free` (n,) are not prescribed, and for prescribed edges.
 
-    The links of nodes `lacking` (n,) may differ in energy from those of a full lattice; M of the others is I.
+    The bonds of nodes `lacking` (n,) may differ in energy from those of a full lattice; M of the others is I.
     """
-    n, d = links.position.shape
+    n, d = bonds.position.shape
     edges = held.faces
     known = _Known(
         volume, free, held.nodes, np.zeros((n, d)), np.full(n, np.inf), np.full(n, -1), np.tile(np.eye(d), (n, 1, 1))
     )
-    beside = _beside(links, links.position[~free]) | _beside(links, edges.middle)
-    faces = _faces(links, known, edges, np.flatnonzero(free & beside))
+    beside = _beside(bonds, bonds.position[~free]) | _beside(bonds, edges.middle)
+    faces = _faces(bonds, known, edges, np.flatnonzero(free & beside))
     for some in _parts(np.flatnonzero(free & beside)) if len(faces.area) else ():
-        known.normal[some], known.depth[some], known.edge[some] = _walls(links, faces, free, some)
+        known.normal[some], known.depth[some], known.edge[some] = _walls(bonds, faces, free, some)
     for some in _parts(np.flatnonzero(free & lacking)):
-        known.tensor[some] = _tensors(links, known, some)
+        known.tensor[some] = _tensors(bonds, known, some)
     uneven = (np.abs(known.tensor - np.eye(d)) > FLAT).any(axis=(1, 2))
     to_edge = np.zeros(n)
     found: list[list[NDArray[Any]]] = [[np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0)]]
-    for some in _parts(np.flatnonzero(free & (np.isfinite(known.depth) | _beside(links, links.position[uneven])))):
-        *changed, to_edge[some] = _changes(links, known, some)
+    for some in _parts(np.flatnonzero(free & (np.isfinite(known.depth) | _beside(bonds, bonds.position[uneven])))):
+        *changed, to_edge[some] = _changes(bonds, known, some)
         found.append(changed)
     source, target, change = (np.concatenate(column) for column in zip(*found, strict=True))
     outward = ~free[target]
@@ -135,48 +135,48 @@ def _parts(rows: NDArray[np.int64]) -> Iterator[NDArray[np.int64]]:
     return (rows[first : first + ROWS] for first in range(0, len(rows), ROWS))
 
 
-def _beside(links: Links, places: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Mask (n,) of nodes that may be linked to one at these places (k, d)."""
+def _beside(bonds: Bonds, places: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Mask (n,) of nodes that may be bonded to one at these places (k, d)."""
     if not len(places):
-        return np.zeros(len(links.position), dtype=bool)
-    farthest = float(links.reach.max())
-    far, _ = tree_of(places).query(links.position, distance_upper_bound=farthest * (1 + FLAT))
+        return np.zeros(len(bonds.position), dtype=bool)
+    farthest = float(bonds.reach.max())
+    far, _ = tree_of(places).query(bonds.position, distance_upper_bound=farthest * (1 + FLAT))
     return np.asarray(np.isfinite(far))
 
 
 def _summed(rows: NDArray[np.int64], source: NDArray[np.int64], values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Sums (r, ...) of values (b, ...) over the links of each row; rows increase."""
+    """Sums (r, ...) of values (b, ...) over the bonds of each row; rows increase."""
     at, flat = np.searchsorted(rows, source), values.reshape(len(values), -1)
     sums = [np.bincount(at, column, minlength=len(rows)) for column in flat.T.astype(float)]
     return np.stack(sums, axis=-1, dtype=np.float64).reshape(len(rows), *values.shape[1:])
 
 
-def _faces(links: Links, known: _Known, edges: Faces, rows: NDArray[np.int64]) -> Faces:
+def _faces(bonds: Bonds, known: _Known, edges: Faces, rows: NDArray[np.int64]) -> Faces:
     """Prescribed edges, and the faces between free nodes of these rows and prescribed cells beside them."""
     found = [edges]
     for some in _parts(rows):
-        i, j, length = links.linked(some)[0]
-        size = links.delta[i] + links.delta[j]
+        i, j, length = bonds.of(some)[0]
+        size = bonds.delta[i] + bonds.delta[j]
         face = np.flatnonzero(~known.free[j] & (length <= ADJACENT * size / 2))
         one, other = i[face], j[face]
-        share = np.where(known.on_edge[other], 1.0, links.delta[one] / size[face])[:, None]  # of the way to the other
-        middle = links.position[one] * (1 - share) + links.position[other] * share
-        area = np.minimum(links.delta[one], links.delta[other]) ** (links.position.shape[1] - 1)
-        normal = (links.position[other] - links.position[one]) / length[face, None]
+        share = np.where(known.on_edge[other], 1.0, bonds.delta[one] / size[face])[:, None]  # of the way to the other
+        middle = bonds.position[one] * (1 - share) + bonds.position[other] * share
+        area = np.minimum(bonds.delta[one], bonds.delta[other]) ** (bonds.position.shape[1] - 1)
+        normal = (bonds.position[other] - bonds.position[one]) / length[face, None]
         found.append(Faces(middle, normal, area, np.full(len(face), -1)))
     return Faces(*(np.concatenate(column) for column in zip(*found, strict=True)))
 
 
 def _walls(
-    links: Links, faces: Faces, free: NDArray[np.bool_], rows: NDArray[np.int64]
+    bonds: Bonds, faces: Faces, free: NDArray[np.bool_], rows: NDArray[np.int64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
     """Normals (r, d), distances (r,), m, and edges (r,) of the nodes' walls; infinite distance without a wall."""
-    tree, farthest = tree_of(faces.middle), float(links.reach[rows].max())
-    near = tree_of(links.position[rows]).sparse_distance_matrix(tree, farthest, output_type="ndarray")
+    tree, farthest = tree_of(faces.middle), float(bonds.reach[rows].max())
+    near = tree_of(bonds.position[rows]).sparse_distance_matrix(tree, farthest, output_type="ndarray")
     at, face, length = near["i"], near["j"], near["v"]
     order = np.lexsort((face, length, at))
     at, face, length = at[order], face[order], length[order]
-    away = faces.middle[face] - links.position[rows[at]]
+    away = faces.middle[face] - bonds.position[rows[at]]
     nearest = face[np.searchsorted(at, np.arange(len(rows))).clip(max=len(face) - 1)]
     alike = (faces.normal[face] * faces.normal[nearest][at]).sum(axis=1) > -FLAT
     seen = ((faces.normal[face] * away).sum(axis=1) > 0) & alike
@@ -184,51 +184,51 @@ def _walls(
     total = np.bincount(at, weight, minlength=len(rows))
     normal = _summed(np.arange(len(rows)), at, weight[:, None] * faces.normal[face])
     size = np.sqrt((normal**2).sum(axis=1))
-    pairs, _ = links.linked(rows)
-    linked = np.bincount(np.searchsorted(rows, pairs.source), ~free[pairs.target], minlength=len(rows)) > 0
-    some = (linked | (faces.edge[nearest] >= 0)) & (size > FLAT * total)
+    pairs, _ = bonds.of(rows)
+    bonded = np.bincount(np.searchsorted(rows, pairs.source), ~free[pairs.target], minlength=len(rows)) > 0
+    some = (bonded | (faces.edge[nearest] >= 0)) & (size > FLAT * total)
     normal = np.where(some[:, None], normal / np.where(some, size, 1.0)[:, None], 0.0)
     depth = np.bincount(at, weight * (normal[at] * away).sum(axis=1), minlength=len(rows))
-    depth = np.maximum(depth / np.where(some, total, 1.0), NEAREST * links.delta[rows])
+    depth = np.maximum(depth / np.where(some, total, 1.0), NEAREST * bonds.delta[rows])
     return normal, np.where(some, depth, np.inf), np.where(some, faces.edge[nearest], -1)
 
 
 def _images(
-    links: Links, known: _Known, pairs: Pairs
+    bonds: Bonds, known: _Known, pairs: Pairs
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Conductances (b,) of links to the images of their targets, and these links seen from either end (b, d), m."""
+    """Conductances (b,) of bonds to the images of their targets, and these bonds seen from either end (b, d), m."""
     i, j, length = pairs
-    xi = links.position[j] - links.position[i]
+    xi = bonds.position[j] - bonds.position[i]
     one, other = known.normal[i], known.normal[j]
     on = known.on_edge[j]
     some = (known.free[j] & ((one * other).sum(axis=1) > 0)) | (on & np.isfinite(known.depth[i]))
     p, q = (np.where(some & ~known.on_edge[end], known.depth[end], 0.0) for end in (i, j))
     far = np.sqrt(length**2 + 4 * p * q)
-    g = np.where(some, links.conductance(Pairs(i, j, np.where(some, far, 1.0))), 0.0)
+    g = np.where(some, bonds.conductance(Pairs(i, j, np.where(some, far, 1.0))), 0.0)
     return g, xi + 2 * q[:, None] * one, 2 * p[:, None] * other - xi
 
 
-def _parted(links: Links, known: _Known, pairs: Pairs) -> NDArray[np.bool_]:
+def _parted(bonds: Bonds, known: _Known, pairs: Pairs) -> NDArray[np.bool_]:
     """Whether a prescribed layer separates the two ends of pairs (b,): each is behind the other's wall."""
     i, j, _ = pairs
-    xi = links.position[j] - links.position[i]
+    xi = bonds.position[j] - bonds.position[i]
     ahead = (known.normal[i] * xi).sum(axis=1) > known.depth[i]
     return np.asarray(ahead & (-(known.normal[j] * xi).sum(axis=1) > known.depth[j]))
 
 
-def _tensors(links: Links, known: _Known, rows: NDArray[np.int64]) -> NDArray[np.float64]:
-    """M (r, d, d) of these nodes; of nodes before a wall from their links to free nodes and to the images of these."""
-    pairs, g = links.linked(rows)
+def _tensors(bonds: Bonds, known: _Known, rows: NDArray[np.int64]) -> NDArray[np.float64]:
+    """M (r, d, d) of these nodes; of nodes before a wall from their bonds to free nodes and to the images of these."""
+    pairs, g = bonds.of(rows)
     walled = np.isfinite(known.depth)
     own = walled[pairs.source]
-    kept = ~own | ((known.free | known.on_edge)[pairs.target] & ~_parted(links, known, pairs))
+    kept = ~own | ((known.free | known.on_edge)[pairs.target] & ~_parted(bonds, known, pairs))
     before = chosen(pairs, np.flatnonzero(own & kept))
     alone = rows[walled[rows]]
     seen = Pairs(*(np.concatenate(two) for two in zip(before, (alone, alone, np.zeros(len(alone))), strict=True)))
-    mirrored, way, _ = _images(links, known, seen)
+    mirrored, way, _ = _images(bonds, known, seen)
     i, j = (np.concatenate([end[kept], other]) for end, other in zip(pairs[:2], seen[:2], strict=True))
-    xi = np.concatenate([(links.position[pairs.target] - links.position[pairs.source])[kept], way])
-    D = links.diffusivity
+    xi = np.concatenate([(bonds.position[pairs.target] - bonds.position[pairs.source])[kept], way])
+    D = bonds.diffusivity
     square = (xi**2).sum(axis=1)
     n = xi / np.sqrt(np.where(square > 0, square, 1.0))[:, None]
     energy = np.concatenate([g[kept], mirrored]) * known.volume[j] * square * (1 / D[i] + 1 / D[j]) / 4
@@ -238,9 +238,9 @@ def _tensors(links: Links, known: _Known, rows: NDArray[np.int64]) -> NDArray[np
 def _solved(
     rows: NDArray[np.int64], source: NDArray[np.int64], n: NDArray[np.float64], energy: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """M (r, d, d) with sum(energy (n . M n) n n) = I over the links of each row, eigenvalues from `LEAST` to `MOST`.
+    """M (r, d, d) with sum(energy (n . M n) n n) = I over the bonds of each row, eigenvalues from `LEAST` to `MOST`.
 
-    I for a row without links.
+    I for a row without bonds.
     """
     d = n.shape[1]
     entries = list(combinations_with_replacement(range(d), 2))
@@ -265,7 +265,7 @@ def _solved(
 def _weights(
     known: _Known, i: NDArray[np.int64], j: NDArray[np.int64], *ways: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Factors n . (M_i + M_j) n / 2 (b,) of links from i to j; `ways` (b, d) are their vectors from either end."""
+    """Factors n . (M_i + M_j) n / 2 (b,) of bonds from i to j; `ways` (b, d) are their vectors from either end."""
     halves = []
     for end, way in zip((i, j), ways, strict=True):
         square = (way**2).sum(axis=1)
@@ -274,15 +274,15 @@ def _weights(
 
 
 def _changes(
-    links: Links, known: _Known, rows: NDArray[np.int64]
+    bonds: Bonds, known: _Known, rows: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
-    """Changed links of these free nodes: source, target, change of conductance; and conductances to edges (r,), 1/s."""
-    pairs, g = links.linked(rows)
+    """Changed bonds of these free nodes: source, target, change of conductance; and conductances to edges (r,), 1/s."""
+    pairs, g = bonds.of(rows)
     i, j, _ = pairs
-    xi, free = links.position[j] - links.position[i], known.free[j]
-    image, way, back = _images(links, known, pairs)
+    xi, free = bonds.position[j] - bonds.position[i], known.free[j]
+    image, way, back = _images(bonds, known, pairs)
     new = g * _weights(known, i, j, xi, -xi) - image * _weights(known, i, j, way, back)
-    new = np.where(free & ~_parted(links, known, pairs), np.where(g > 0, np.maximum(new, 0.0), new), 0.0)
+    new = np.where(free & ~_parted(bonds, known, pairs), np.where(g > 0, np.maximum(new, 0.0), new), 0.0)
     pull = _summed(rows, i, (new * known.volume[j])[:, None] * xi)
     held = np.where(free, 0.0, np.abs(g)) * known.volume[j]
     share = _summed(rows, i, held)

@@ -1,4 +1,4 @@
-"""Links, conditions and steps of a model of diffusion."""
+"""Bonds, conditions and steps of a model of diffusion."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from pdsolve.diffusion import surfaces
 from pdsolve.diffusion.collocation import Collocated
 from pdsolve.diffusion.conditions import begin, boundary_conditions, with_edges
 from pdsolve.diffusion.dissolution import check, crossing
+from pdsolve.diffusion.families import Families, grouped
 from pdsolve.diffusion.lattice import on_lattice
-from pdsolve.diffusion.links import Linking, links_of
-from pdsolve.diffusion.listed import BondList, ChangedLinks
+from pdsolve.diffusion.listed import BondList, ChangedBonds
 from pdsolve.diffusion.operator import Exchange, Fick
 from pdsolve.model import Model, ModelError, counted
 from pdsolve.numerics.thread_team import crew
@@ -29,7 +29,7 @@ from pdsolve.steppers.euler import Euler, bound
 from pdsolve.steppers.theta import Theta
 
 SLACK = 1e-9  # of a step: what is typed
-FACTORED = 1_000_000  # links: implicit equations of more are not factored
+FACTORED = 1_000_000  # bonds: implicit equations of more are not factored
 
 
 @dataclass(frozen=True)
@@ -43,13 +43,13 @@ class Transport:
     stepper: Euler | Theta
     time_step: float  # s
     bound: float  # s, surely stable
-    blocked: NDArray[np.int64]  # (n,) links that cracks block
+    blocked: NDArray[np.int64]  # (n,) bonds that cracks block
     crossing: float  # m/s: contrast of a unit of surface
     threads: int
 
 
 def prepare(model: Model, threads: int | None = None, listed: bool = False) -> tuple[Transport, State]:
-    """A model's links and conditions, and its state at time 0. Raises ModelError for an unsupported model."""
+    """A model's bonds and conditions, and its state at time 0. Raises ModelError for an unsupported model."""
     check(model)
     _refuse(model)
     medium, run = model.settings.medium, model.settings.run
@@ -57,13 +57,13 @@ def prepare(model: Model, threads: int | None = None, listed: bool = False) -> t
     threads = threads or crew(len(model.grid))
     volume = areas(model, "cells")
     done = boundary_conditions(model, volume)
-    linked = _linked(model, volume, done.free, threads, listed)
+    stored = _stored(model, volume, done.free, threads, listed)
     change = None
     if medium.surface_correction:
-        found = surfaces.correction(linked.links, volume, done.free, done.edges, linked.lacking)
-        done, change = with_edges(done, found.to_edge, found.edge), ChangedLinks(*found[:3], volume, threads)
-    links = (lambda: linked.links) if run.adapt == "collocation" else partial(Linking, model)
-    operator, drive = Fick(linked.exchange, links, medium, done.exchange, change), done.drive()
+        found = surfaces.correction(stored.bonds, volume, done.free, done.edges, stored.lacking)
+        done, change = with_edges(done, found.to_edge, found.edge), ChangedBonds(*found[:3], volume, threads)
+    bonds = (lambda: stored.bonds) if run.adapt == "collocation" else partial(Families, model)
+    operator, drive = Fick(stored.exchange, bonds, medium, done.exchange, change), done.drive()
     content, operator.solid = begin(model, drive)
     most = bound(operator, done.free)
     step = _step(model, most)
@@ -71,7 +71,7 @@ def prepare(model: Model, threads: int | None = None, listed: bool = False) -> t
     if run.solver == "implicit":
         stepper = Theta(operator, drive, step, run.theta, medium.C_sat is None and operator.count.sum() <= FACTORED)
     steps = stepper, step, most
-    of = linked.blocked, crossing(model), threads
+    of = stored.blocked, crossing(model), threads
     transport = Transport(counted(model, step), operator, drive, done.free, *steps, *of)
     second, (rate, dissipated, work, damped) = np.zeros((len(content), 0)), np.zeros((4, len(content)))
     return transport, State(content[:, None], rate[:, None], second, dissipated, work, damped)
@@ -87,31 +87,31 @@ def expect_usual(model: Model, options: Options) -> None:
         )
 
 
-class Linked(NamedTuple):
-    """The links of n nodes in their storage, and what a surface correction asks of them."""
+class Stored(NamedTuple):
+    """The bonds of n nodes in their storage, and what a surface correction asks of them."""
 
     exchange: Exchange
-    links: surfaces.Links
-    lacking: NDArray[np.bool_]  # (n,) nodes whose links may differ from those of a full lattice
-    blocked: NDArray[np.int64]  # (n,) links that cracks block
+    bonds: surfaces.Bonds
+    lacking: NDArray[np.bool_]  # (n,) nodes whose bonds may differ from those of a full lattice
+    blocked: NDArray[np.int64]  # (n,) bonds that cracks block
 
 
-def _linked(model: Model, volume: NDArray[np.float64], free: NDArray[np.bool_], threads: int, listed: bool) -> Linked:
-    """Links of a model whose `free` nodes (n,) have no prescribed content; `listed` excludes slots."""
-    medium, linking, every = model.settings.medium, Linking(model), np.ones(len(volume), dtype=bool)
+def _stored(model: Model, volume: NDArray[np.float64], free: NDArray[np.bool_], threads: int, listed: bool) -> Stored:
+    """Bonds of a model whose `free` nodes (n,) have no prescribed content; `listed` excludes slots."""
+    medium, families, every = model.settings.medium, Families(model), np.ones(len(volume), dtype=bool)
     assert medium is not None
     none = np.zeros(len(volume), dtype=np.int64)
     if model.settings.run.adapt == "collocation":
-        found = Collocated(linking, volume, free, threads)
-        return Linked(found, found, ~every, none)
-    if not (listed or medium.dissolution == "kinetic"):  # of which a link asks both of its ends
-        slots = on_lattice(linking, volume, threads)
+        found = Collocated(families, volume, free, threads)
+        return Stored(found, found, ~every, none)
+    if not (listed or medium.dissolution == "kinetic"):  # of which a bond asks both of its ends
+        slots = on_lattice(families, volume, threads)
         if slots is not None:
-            return Linked(
-                slots, linking, slots.lacking(float(model.grid.delta[0]) ** model.grid.dimension), slots.blocked
+            return Stored(
+                slots, families, slots.lacking(float(model.grid.delta[0]) ** model.grid.dimension), slots.blocked
             )
-    links, blocked = links_of(linking.parts(), len(volume))
-    return Linked(BondList(links, volume, threads), linking, every, blocked)
+    bonds, blocked = grouped(families.parts(), len(volume))
+    return Stored(BondList(bonds, volume, threads), families, every, blocked)
 
 
 def _step(model: Model, most: float) -> float:
@@ -123,7 +123,7 @@ def _step(model: Model, most: float) -> float:
         return run.time_step
     if run.time_step is None:
         if not np.isfinite(most):
-            raise ModelError(f"{model.name}: $.run.time_step: found none, expected one for a model without links")
+            raise ModelError(f"{model.name}: $.run.time_step: found none, expected one for a model without bonds")
         return most
     if run.time_step > most * (1 + SLACK):
         raise ModelError(

@@ -58,9 +58,9 @@ FILL, GROWTH = 20.4, 0.31
 TAKEN, ITERATED = 0.07, 1.3
 TANGENT, SOLVED, FACTOR, WITHOUT = 1.5e-6, 1.6e-8, 0.9e-10, 7e-8
 RELAXED, LONG = 1.1e-9, 28.0
-# Of diffusion: s of a link and of a node in a step; bytes at least, of a link while it is prepared, of a node
-LINK, DIFFUSING_NODE = 2e-9, 2e-8
-DIFFUSING, LINK_BYTES, DIFFUSING_NODE_BYTES = 1.6e8, 90.0, 1700.0
+# Of diffusion: s of a bond and of a node in a step; bytes at least, of a bond while it is prepared, of a node
+DIFFUSING_BOND, DIFFUSING_NODE = 2e-9, 2e-8
+DIFFUSING, DIFFUSING_BOND_BYTES, DIFFUSING_NODE_BYTES = 1.6e8, 90.0, 1700.0
 PRODUCTS, ROUNDS, REFERENCE = 4096, 3000, 0.84e-6  # s of so many products where that was measured
 
 
@@ -132,10 +132,12 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
 def _diffusing(model: Model, options: Options) -> Plan:
     """Cost of solving a model of diffusion, which is prepared for this."""
     system = prepare(model, options).system
-    links, run, nodes = system.bonds, system.model.settings.run, len(model.grid)
-    seconds = run.steps * (LINK * links + DIFFUSING_NODE * nodes) + run.steps / run.every * (FRAME + FRAME_NODE * nodes)
-    memory = DIFFUSING + LINK_BYTES * links + DIFFUSING_NODE_BYTES * nodes
-    return Plan(nodes, links, run.steps, system.time_step, system.bound, round(memory), slower() * (BEGIN + seconds))
+    bonds, run, nodes = system.bonds, system.model.settings.run, len(model.grid)
+    seconds = run.steps * (DIFFUSING_BOND * bonds + DIFFUSING_NODE * nodes) + run.steps / run.every * (
+        FRAME + FRAME_NODE * nodes
+    )
+    memory = DIFFUSING + DIFFUSING_BOND_BYTES * bonds + DIFFUSING_NODE_BYTES * nodes
+    return Plan(nodes, bonds, run.steps, system.time_step, system.bound, round(memory), slower() * (BEGIN + seconds))
 
 
 def estimate_size(

@@ -1,7 +1,7 @@
 """An implicit step: theta of the flux at the end of the step, the rest at its beginning.
 
 With dissolution by enthalpy, the potential min(H, C_sat) has a kink; Newton's method iterates until it has found the
-nodes below it. The amounts booked are those that flowed along the links, so that masses balance to round-off regardless
+nodes below it. The amounts booked are those that flowed along the bonds, so that masses balance to round-off regardless
 of the tolerance of the equations.
 """
 

@@ -1,4 +1,4 @@
-"""Fick's law keeps the protocol of operators, however links are stored, with a solid and with what is outside."""
+"""Fick's law keeps the protocol of operators, however bonds are stored, with a solid and with what is outside."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from pdsolve.state import State
 
 
 class Case(NamedTuple):
-    """A medium, and how its links are stored."""
+    """A medium, and how its bonds are stored."""
 
     medium: Medium
     listed: bool
@@ -91,7 +91,7 @@ def test_the_bound_is_above_all_eigenvalues(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_links_are_those_that_are_counted_both_ways(name: str) -> None:
+def test_bonds_are_those_that_are_counted_both_ways(name: str) -> None:
     operator, _ = fresh(name)
     source, target = operator.bonds()
     assert np.array_equal(np.bincount(source, minlength=len(operator.count)), operator.count)

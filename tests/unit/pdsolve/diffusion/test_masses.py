@@ -34,7 +34,7 @@ def test_what_all_nodes_exchange_dies_out_alike(solver: str, theta: float, left:
 
 
 def test_the_bound_counts_what_is_exchanged() -> None:
-    """All that leaves a node, along links and outward, but that of nodes that are held."""
+    """All that leaves a node, along bonds and outward, but that of nodes that are held."""
     out = Exchange(nodes=(5,), coefficient=70.0, length=1.0), Exchange(nodes=(1,), coefficient=900.0, length=1.0)
     held = Concentration(nodes=(1,), value=0.0)
     system, _ = prepare(model(row(10, 1.0), 1.0, UNIT, conditions=(*out, held)), 1)
@@ -112,7 +112,7 @@ def test_the_balance_is_relative_to_the_largest(inside: float, through: float, s
 
 @pytest.mark.parametrize(("dimension", "reach", "found"), [(2, 9.0, 0.958), (3, 7.0, 0.879)])
 def test_the_surface_of_a_solid(dimension: int, reach: float, found: float) -> None:
-    """Of a disc of radius 4.5 spacings and a ball of 3.5, by listed links and slots: less than theirs, as links that
+    """Of a disc of radius 4.5 spacings and a ball of 3.5, by listed bonds and slots: less than theirs, as bonds that
     are as long as a horizon cut across what is so round; 0.994 and 0.948 at 9 and 6.5."""
     position = lattice(1.0, reach, dimension)
     radius = 0.5 * reach
@@ -136,8 +136,8 @@ def test_phases_of_a_content() -> None:
 
 
 @pytest.mark.parametrize(("k_diss", "capped", "C"), [(0.5, True, 0.1), (0.25, True, 0.2), (0.25, False, 0.2)])
-def test_links_of_a_kinetic_dissolution(k_diss: float, capped: bool, C: float) -> None:
-    """Two nodes, solid and liquid: k_diss times what the link would give, nothing into liquid at C_sat if capped."""
+def test_bonds_of_a_kinetic_dissolution(k_diss: float, capped: bool, C: float) -> None:
+    """Two nodes, solid and liquid: k_diss times what the bond would give, nothing into liquid at C_sat if capped."""
     medium = Medium(D=1.0, C_solid=1.0, C_sat=0.2, dissolution="kinetic", k_diss=k_diss, capped=capped)
     conditions = Solid(nodes=(1,)), InitialConcentration(nodes=(2,), value=C)
     system, state = prepare(model(row(2, 1.0), 1.0, medium, conditions=conditions, run=Run(time_step=1e-3)), 1)

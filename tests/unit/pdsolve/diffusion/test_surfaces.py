@@ -1,4 +1,4 @@
-"""Links near free surfaces and what is held: strips at rest, bars in space, edges, cracks, layers that part."""
+"""Bonds near free surfaces and what is held: strips at rest, bars in space, edges, cracks, layers that part."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def full(system: Transport, state: State) -> NDArray[np.float64]:
     return np.asarray(-system.operator.tangent(state).toarray() * system.operator.volume[:, None])
 
 
-def test_links_stay_symmetric_and_positive() -> None:
+def test_bonds_stay_symmetric_and_positive() -> None:
     """With a hole, cut cells, a crack, a thin layer in the middle and corners: what nodes give each other is the same
     both ways (1e-14), and nothing flows from less to more; a step at the bound keeps between 0 and 1."""
     axis = np.arange(24) + 0.5
@@ -121,7 +121,7 @@ def test_links_stay_symmetric_and_positive() -> None:
 
 
 def test_a_layer_parts_what_is_on_both_sides() -> None:
-    """Of one column of nodes: no link goes from one side to the other; uncorrected many do."""
+    """Of one column of nodes: no bond goes from one side to the other; uncorrected many do."""
     position = np.column_stack([one.ravel() for one in np.meshgrid(np.arange(12) + 0.5, np.arange(12) + 0.5)])
     x = position[:, 0]
     held = (Concentration(nodes=ids((x > 6) & (x < 7)), value=0.0),)

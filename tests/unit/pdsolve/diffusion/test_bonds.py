@@ -14,7 +14,7 @@ from benchmarks.screw import screw
 from pdmesh.model.document import MediumRegion
 from pdmesh.model.medium import Medium
 from pdmesh.model.neighbours import Pairs, chosen
-from pdsolve.diffusion.links import Linking, Part, lattice_diffusivity, links_of
+from pdsolve.diffusion.families import Families, Part, grouped, lattice_diffusivity
 from pdsolve.diffusion.listed import BondList
 from pdsolve.diffusion.operator import Fick
 from pdsolve.diffusion.system import prepare
@@ -75,7 +75,7 @@ def test_what_one_node_gives_another_takes() -> None:
 
 
 def test_a_crack_blocks() -> None:
-    """No link crosses it: of two halves each keeps what it has, to 1e-13, while within one it evens out."""
+    """No bond crosses it: of two halves each keeps what it has, to 1e-13, while within one it evens out."""
     position = lattice(1.0, 7.0, 2)
     base = model(position, 1.0, Medium(D=1.0))
     cracks = np.array([[-9.0, 0.0, 9.0, 0.0]])
@@ -91,7 +91,7 @@ def test_a_crack_blocks() -> None:
 
 
 def test_collocation_passes_what_is_linear() -> None:
-    """Across the seam of both lattices, deep inside: no rate, 1e-12 of what leaves a node; 123 nodes and 178 links."""
+    """Across the seam of both lattices, deep inside: no rate, 1e-12 of what leaves a node; 123 nodes and 178 bonds."""
     base = screw(0.5, 80, True)
     medium = Medium(D=1.0, C_solid=1.0, C_sat=0.2, surface_correction=False)  # held nodes have what is linear, too
     base = dataclasses.replace(base, settings=msgspec.structs.replace(base.settings, medium=medium))
@@ -129,20 +129,20 @@ def test_two_media_in_a_row_share_the_fall() -> None:
     assert abs(np.polyval(lines[0] - lines[1], 0.5)) < 0.15 * abs(slope) * spacing
 
 
-def test_links_in_two_operators_are_those_of_one() -> None:
-    """Rates, tangent and bound of a cloud whose links are parted by the sum of their rows; measured 2e-16 of them."""
+def test_bonds_in_two_operators_are_those_of_one() -> None:
+    """Rates, tangent and bound of a cloud whose bonds are parted by the sum of their rows; measured 2e-16 of them."""
     position = lattice(1.0, 7.0, 2)
     base = model(position, 1.0, Medium(D=2.0, surface_correction=False))
     system, state = prepare(base, 1, listed=True)
     i, j = system.operator.bonds()
     pairs = Pairs(i, j, np.linalg.norm(position[j] - position[i], axis=1))
-    linking, parts = Linking(base), []
+    families, parts = Families(base), []
     for odd in (0, 1):
         own = chosen(pairs, (i + j) % 2 == odd)
-        part = Part(own, linking.conductance(own), i[:0], chosen(own, i[:0]), np.zeros(0))
-        links, _ = links_of(iter([part]), len(position))
-        exchange = BondList(links, system.operator.volume, 1)
-        parts.append(Fick(exchange, partial(Linking, base), system.operator.medium))
+        part = Part(own, families.conductance(own), i[:0], chosen(own, i[:0]), np.zeros(0))
+        bonds, _ = grouped(iter([part]), len(position))
+        exchange = BondList(bonds, system.operator.volume, 1)
+        parts.append(Fick(exchange, partial(Families, base), system.operator.medium))
     both = Together(*parts)
     state.value[:, 0] = np.random.default_rng(4).uniform(0, 1, len(position))
     out, other = np.zeros((2, len(position), 1))
@@ -185,7 +185,7 @@ CRACKS = {2: [[-9.0, 0.2, 2.0, 0.9]], 3: [[-9.0, -9.0, 0.2, 9.0, -9.0, 0.2, 0.0,
 
 @pytest.mark.parametrize(("dimension", "reach"), [(2, 12.0), (3, 7.0)])
 def test_slots_with_a_crack_and_two_media_are_the_list(dimension: int, reach: float) -> None:
-    """Rates, counts, blocked links, contrast and tangent; measured 5e-15 of the largest."""
+    """Rates, counts, blocked bonds, contrast and tangent; measured 5e-15 of the largest."""
     position = lattice(1.0, reach, dimension)
     region = MediumRegion(box=(4.0, *[-99.0] * (dimension - 1), *[99.0] * dimension), D=0.2)
     base = model(position, 1.0, Medium(D=1.0), media=(region,))

@@ -1,6 +1,6 @@
-"""Links between nodes and their conductances.
+"""Bonds between nodes and their conductances.
 
-The conductance of a link is k beta / |xi|^q, with the micro-diffusivity k that gives a lattice the medium's
+The conductance of a bond is k beta / |xi|^q, with the micro-diffusivity k that gives a lattice the medium's
 diffusivity, Hu's beta (families extend half a spacing beyond the horizon), and the mean of both ends' horizons. Between
 two media, D is the harmonic mean, which makes the flux continuous across their interface. Nodes in one row are a bar,
 as thick as its cells are long.
@@ -39,7 +39,7 @@ def dimension_of(model: Model) -> int:
 
 
 class Part(NamedTuple):
-    """Links of some nodes, and those that they would have without cracks, holes and edges."""
+    """Bonds of some nodes, and those that they would have without cracks, holes and edges."""
 
     pairs: Pairs
     conductance: NDArray[np.float64]  # (b,) 1/(s m^d)
@@ -49,12 +49,12 @@ class Part(NamedTuple):
 
 
 class Unlike(NamedTuple):
-    """Links of n nodes that differ from those of a full lattice, sorted by source, then target."""
+    """Bonds of n nodes that differ from those of a full lattice, sorted by source, then target."""
 
     source: NDArray[np.int64]  # (b,)
     target: NDArray[np.int64]  # (b,)
     conductance: NDArray[np.float64]  # (b,) 1/(s m^d), to be added
-    lost: NDArray[np.int64]  # (n,) links that are not there
+    lost: NDArray[np.int64]  # (n,) bonds that are not there
     blocked: NDArray[np.int64]  # (n,) those of them that a crack blocks
 
 
@@ -89,8 +89,8 @@ def lattice_diffusivity(ratio: float, dimension: int, power: int) -> float:
     return moment(2, ratio, dimension, power) / (2 * dimension)
 
 
-class Linking:
-    """Links of the nodes of a model. Raises GridError for an invalid outline."""
+class Families:
+    """Bonds of the nodes of a model. Raises GridError for an invalid outline."""
 
     def __init__(self, model: Model) -> None:
         assert model.settings.medium is not None
@@ -119,7 +119,7 @@ class Linking:
         return np.asarray((both[0] + both[1]) / self._lattice * one * other / (one + other))
 
     def part(self, rows: NDArray[np.int64]) -> Part:
-        """Links of some increasing rows."""
+        """Bonds of some increasing rows."""
         pairs = self.neighbours.pairs(rows)
         conductance = self.conductance(pairs)
         some = conductance > ROUND_OFF * conductance.max(initial=0.0)
@@ -130,16 +130,16 @@ class Linking:
         kept, lost = ((chosen(pairs, which), conductance[which]) for which in (there, ~there))
         return Part(*kept, pairs.source[blocked], *lost)
 
-    def linked(self, rows: NDArray[np.int64]) -> tuple[Pairs, NDArray[np.float64]]:
-        """Links (b,) of some increasing rows, and their conductances (b,)."""
+    def of(self, rows: NDArray[np.int64]) -> tuple[Pairs, NDArray[np.float64]]:
+        """Bonds (b,) of some increasing rows, and their conductances (b,)."""
         return self.part(rows)[:2]
 
     def parts(self) -> Iterator[Part]:
-        """All links, in parts of some rows."""
+        """All bonds, in parts of some rows."""
         return (self.part(rows) for rows in row_chunks(len(self.model.grid)))
 
     def unlike(self) -> Unlike:
-        """Where links differ from those of a full lattice that has each node's own diffusivity all over."""
+        """Where bonds differ from those of a full lattice that has each node's own diffusivity all over."""
         D, nodes = self.diffusivity, len(self.model.grid)
         lost, blocked = np.zeros((2, nodes), dtype=np.int64)
         nothing = np.zeros(0, dtype=np.int64)
@@ -157,10 +157,10 @@ class Linking:
         return Unlike(source[order], target[order], conductance[order], lost, blocked)
 
 
-class Links(NamedTuple):
-    """All b directed links of n nodes in one list; equal links of a node are together, in one of g groups.
+class Grouped(NamedTuple):
+    """All b directed bonds of n nodes in one list; equal bonds of a node are together, in one of g groups.
 
-    The groups of node i are start[i]:start[i + 1], the links of group k are first[k]:first[k + 1].
+    The groups of node i are start[i]:start[i + 1], the bonds of group k are first[k]:first[k + 1].
     """
 
     start: NDArray[np.int64]  # (n + 1,)
@@ -169,8 +169,8 @@ class Links(NamedTuple):
     conductance: NDArray[np.float64]  # (g,) 1/(s m^d)
 
 
-def links_of(parts: Iterator[Part], nodes: int) -> tuple[Links, NDArray[np.int64]]:
-    """All parts as one list, and the number (n,) of links of each node that a crack blocks."""
+def grouped(parts: Iterator[Part], nodes: int) -> tuple[Grouped, NDArray[np.int64]]:
+    """All parts as one list, and the number (n,) of bonds of each node that a crack blocks."""
     neighbours, sizes, conductances = [], [], []
     groups, blocked = np.zeros(nodes, dtype=np.int64), np.zeros(nodes, dtype=np.int64)
     for pairs, conductance, hidden, *_ in parts:
@@ -185,4 +185,4 @@ def links_of(parts: Iterator[Part], nodes: int) -> tuple[Links, NDArray[np.int64
         groups += np.bincount(source[new], minlength=nodes)
     first = np.concatenate([[0], np.cumsum(np.concatenate(sizes))]).astype(np.uint32)
     start = np.concatenate([[0], np.cumsum(groups)])
-    return Links(start, first, np.concatenate(neighbours), np.concatenate(conductances)), blocked
+    return Grouped(start, first, np.concatenate(neighbours), np.concatenate(conductances)), blocked
