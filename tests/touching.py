@@ -7,9 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.contact import Bodies
 from pdmesh.model.document import Contact, InitialVelocity, Material, Region, Run, Settings
-from pdmesh.model.node_grid import Grid
+from pdmesh.model.node_grid import Bodies, Grid
 from pdsolve.model import Model
 from pdsolve.run.measures import Ledger, books
 from pdsolve.run.system import Options, prepare

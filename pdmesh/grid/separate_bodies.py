@@ -10,9 +10,9 @@ import numpy as np
 
 from pdmesh.grid.cell_areas import cell_areas
 from pdmesh.grid.lattice import Shift, build_grid, grid_of_nodes, place_nodes, settings_of
-from pdmesh.model.contact import REST, Bodies
+from pdmesh.model.contact import REST
 from pdmesh.model.document import InitialVelocity, Region, Settings
-from pdmesh.model.node_grid import Grid
+from pdmesh.model.node_grid import Bodies, Grid
 from pdmesh.scene.plate import BodyBeside
 from pdmesh.scene.scene import Scene
 from pdmesh.scene.shapes import SceneError

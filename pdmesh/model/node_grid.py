@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.contact import Bodies, bodies_of, records_of
+from pdmesh.model.contact import REST, BodyNodes
 from pdmesh.model.document import (
     FORMAT_VERSION,
     LARGEST,
@@ -27,6 +27,17 @@ from pdmesh.model.svg_picture import svg
 
 MOST_NODES = 10**8  # of a lattice
 MOST_CELLS = 16  # that a node stands for; those at holes and corners have up to 2.2
+
+
+class Bodies(NamedTuple):
+    """The bodies of n nodes."""
+
+    number: NDArray[np.int64]  # (n,) 0: of the first body
+    names: tuple[str, ...]  # from number 0 on
+
+    def parted(self, source: NDArray[np.int64], target: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Mask (b,) of pairs of rows that are in different bodies."""
+        return np.asarray(self.number[source] != self.number[target])
 
 
 @dataclass(frozen=True)
@@ -290,3 +301,31 @@ def _records(grid: Grid) -> tuple[NodeRecord, ...]:
     if grid.dimension == 3:
         return tuple(NodeRecord(i, border, (x, y, z), hole, (d, d, d)) for i, border, (x, y, z), hole, d in columns)
     return tuple(NodeRecord(i, border, (x, y, 0.0), hole, (d, d, 1.0)) for i, border, (x, y), hole, d in columns)
+
+
+def bodies_of(records: tuple[BodyNodes, ...], ids: NDArray[np.int64]) -> Bodies | None:
+    """The bodies of nodes with these ids (n,); None if there is one. Raises ValueError naming place and id."""
+    if not records:
+        return None
+    number, order = np.zeros(len(ids), dtype=np.int64), np.argsort(ids)
+    for at, record in enumerate(records):
+        asked = np.array(record.nodes, dtype=np.int64)
+        if not len(asked):
+            raise ValueError(f"$.bodies[{at}].nodes: found none, expected at least one")
+        rows = order[np.searchsorted(ids, asked, sorter=order).clip(max=len(ids) - 1)]
+        for wrong, said in (
+            (ids[rows] != asked, "one of the grid's nodes"),
+            (number[rows] > 0, "one of no other body"),
+        ):
+            if wrong.any():
+                raise ValueError(f"$.bodies[{at}].nodes: found id {asked[wrong.argmax()]}, expected {said}")
+        number[rows] = at + 1
+    return Bodies(number, (REST, *(record.name for record in records)))
+
+
+def records_of(bodies: Bodies | None, ids: NDArray[np.int64]) -> tuple[BodyNodes, ...]:
+    """The bodies as the grid file has them."""
+    if bodies is None:
+        return ()
+    rest = enumerate(bodies.names[1:], start=1)
+    return tuple(BodyNodes(name, tuple(ids[bodies.number == number].tolist())) for number, name in rest)

@@ -14,13 +14,12 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.contact import Bodies
 from pdmesh.model.crack_surfaces import apart, front
 from pdmesh.model.detours import Detours
 from pdmesh.model.document import GridError
 from pdmesh.model.kd_trees import tree_of
 from pdmesh.model.neighbours import ROUND_OFF, Pairs
-from pdmesh.model.node_grid import Grid
+from pdmesh.model.node_grid import Bodies, Grid
 from pdmesh.model.triangulated_surface import Screen, distances, facing
 
 if TYPE_CHECKING:

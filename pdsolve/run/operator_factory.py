@@ -81,7 +81,7 @@ def surveyed(model: Model, options: Options, scheme: Scheme) -> tuple[NDArray[np
 
 def _tiled(model: Model, options: Options, scheme: Scheme, lasting: bool) -> Tiled | None:
     """The bonds of a body in tiles, where they can be and options do not exclude it."""
-    if options.kernel == "listed" or numba.config.DISABLE_JIT or not scheme.symmetric:
+    if model.grid.dimension == 2 or options.kernel == "listed" or numba.config.DISABLE_JIT or not scheme.symmetric:
         return None
     return tiled(model, np.dtype(options.precision).type, lasting)
 

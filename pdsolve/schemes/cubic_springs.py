@@ -43,7 +43,7 @@ def tiled(model: Model, kind: type[np.floating], lasting: bool = False) -> Tiled
     law = law_of(model)
     if law.pair is None or law.pair.held is not None:
         return None
-    if model.grid.dimension == 2 or (model.materials[0].detour is not None and len(model.grid.cracks)):
+    if model.materials[0].detour is not None and len(model.grid.cracks):
         return None
     sites = sites_of(model.grid, model.settings.horizon.ratio + 0.5)
     if sites is None:
