@@ -38,6 +38,7 @@ SHOWN = {
     "compact_tension.py": Shown("stress --scale auto"),
     "disc.geo": Shown("content --time 500"),
     "duran_metre.py": Shown("damage", "--set spacing=2e-3"),
+    "fatigue_compact_tension.py": Shown("fatigue"),
     "figure_18.geo": Shown("stress --largest 4e7"),
     "figure_19.py": Shown("stress --largest 4e7"),
     "brazilian_disc.py": Shown("damage", "--set spacing=0.004"),

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from pdmesh.drawing.building import build
     from pdmesh.drawing.file_reading import read_scene
     from pdmesh.drawing.geo import read_outline
-    from pdmesh.model.document import Gap, GridError, LoadCell, Material, ParticleRules, Run, Static
+    from pdmesh.model.document import Fatigue, Gap, GridError, LoadCell, Material, ParticleRules, Run, Static
     from pdmesh.model.medium import Medium
     from pdmesh.scene.body import Body
     from pdmesh.scene.conditions import ramp
@@ -42,6 +42,7 @@ else:
             "Scene": "pdmesh.scene.scene",
             "SceneError": "pdmesh.scene.shapes",
             "Sphere": "pdmesh.scene.solids",
+            "Fatigue": "pdmesh.model.document",
             "Static": "pdmesh.model.document",
             "box": "shapely",
             "build": "pdmesh.drawing.building",
@@ -56,6 +57,7 @@ __all__ = [
     "Box",
     "Circle",
     "Cylinder",
+    "Fatigue",
     "Gap",
     "GridError",
     "Heat",

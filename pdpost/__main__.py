@@ -17,6 +17,7 @@ from pdpost.commands import (
     crack,
     curves,
     export,
+    fatigue,
     line,
     notch,
     pictures,
@@ -28,7 +29,7 @@ from pdpost.commands import (
     verify,
 )
 
-OF_PLATES = ("bonds", "nodes", "notch", "tradeoff")
+OF_PLATES = ("bonds", "fatigue", "nodes", "notch", "tradeoff")
 OF_BODIES = (
     "damage and other fields, animate, slice, render, crack, sif, line, history, balance, reaction, report, export and"
     " study"
@@ -47,6 +48,7 @@ def parser() -> argparse.ArgumentParser:
         line,
         crack,
         sif,
+        fatigue,
         study,
         tradeoff,
         report,

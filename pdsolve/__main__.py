@@ -221,6 +221,8 @@ def _show_plan(found: Plan, args: argparse.Namespace) -> int:
         steps = f"{found.steps} load steps of {found.time_step:.4g} s, times without cracks"
     if found.along_path:
         steps = f"about {found.steps} steps along the equilibrium path"
+    if found.in_jumps:
+        steps = f"at most {found.steps} steps of jumps of cycles"
     lines = [
         f"{found.nodes} nodes, {found.bonds} bonds, {steps}",
         f"about {found.memory / 1e6:.3g} MB of memory and {found.wall_time:.3g} s for the steps",
@@ -279,13 +281,19 @@ def _how_far(summary: dict[str, Any]) -> tuple[str, str]:
     if "path_steps" in summary:
         last, most = summary["path_steps"][-1], max(abs(step["pull"]) for step in summary["path_steps"])
         return "path steps", f"{last['factor']:.4g} of the loads, {abs(last['pull']) / most:.1%} of their largest"
+    if "fatigue_steps" in summary:
+        ended = f", {summary['ended']}" if summary["ended"] else ""
+        return "steps of jumps", f"{summary['fatigue_steps'][-1]['cycles']:.6g} cycles{ended}"
     return "steps", f"{summary['time'] * 1e6:.4g} us"
 
 
 def _lines(path: Path, summary: dict[str, Any]) -> list[str]:
     if summary.get("physics") == "diffusion":
         return _lines_of_masses(path, summary)
-    energy, rested = summary["energy"], summary.get("load_steps") or summary.get("path_steps")
+    energy, rested = (
+        summary["energy"],
+        summary.get("load_steps") or summary.get("path_steps") or summary.get("fatigue_steps"),
+    )
     what, until = _how_far(summary)
     threads = f"{summary['threads']} thread{'s' if summary['threads'] > 1 else ''}"
     how = f" {summary['bond_updates_per_second'] / 1e6:.0f} million bond updates a second"

@@ -25,6 +25,8 @@ import msgspec
 from pdmesh.files import read_bytes, write_atomically
 from pdmesh.model.contact import BodyNodes as BodyNodes
 from pdmesh.model.contact import Contact as Contact
+from pdmesh.model.fatigue import Fatigue as Fatigue
+from pdmesh.model.fatigue import Share
 from pdmesh.model.material import Material as Material
 from pdmesh.model.medium import Concentration as Concentration
 from pdmesh.model.medium import Exchange as Exchange
@@ -63,7 +65,6 @@ KEY = b'"digest"'  # in a file that another program has written anew
 Adapt = Literal["none", "hybrid", "split", "collocation"]
 ON_ONE_LATTICE = ("hybrid", "collocation")  # ways to be solved for which the finest nodes are laid everywhere
 ADAPTS: tuple[str, ...] = get_args(Adapt)
-Share = Annotated[float, msgspec.Meta(gt=0, le=1)]
 Crack = Annotated[tuple[float, ...], msgspec.Meta(min_length=6, max_length=9)]  # corners of a segment or a triangle, m
 
 
@@ -223,6 +224,7 @@ class Run(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults
     start: Literal["unloaded", "static"] = "unloaded"  # static: at rest under what acts at time 0
     damping: Annotated[float, msgspec.Meta(ge=0)] = 0.0  # 1/s: force against motion over mass and velocity
     static: Static = Static()
+    fatigue: Fatigue | None = None  # static: loads repeat and bonds tire; a step is some jumps of cycles
     collocation: Collocation = Collocation()
     duration: Positive | None = None  # s: in place of steps, as many as it takes
 

@@ -14,6 +14,8 @@ from pdmesh.model.document import (
     MOST,
     Absorb,
     Acceleration,
+    Condition,
+    Fatigue,
     GridError,
     InitialVelocity,
     Settings,
@@ -152,17 +154,59 @@ def _at_rest(settings: Settings, every: Places) -> Iterator[Impossible]:
             "true",
             "false, as the method is relaxation: it has no way to tell a slow motion from one that nothing holds",
         )
-    if run.cracks == "bonds" and any(softens(material) for _, material in every):
-        yield from _along_path(run.static)
-    elif run.static.control is not None:
-        expected = "none, as no bond softens: of these alone a path is followed"
-        yield Impossible("$.run.static.control", f"'{run.static.control}'", expected)
+    yield from _in_steps(settings, every)
     for number, condition in enumerate(settings.conditions):
         if isinstance(condition, Velocity | Acceleration | InitialVelocity | Absorb):
             kind = str(condition.__struct_config__.tag)
             yield Impossible(f"$.conditions[{number}]", kind, f"load or displacement, {why}")
     for place, material in every:
         yield from _quoted(material, place, KINDS[material.model].at_rest(material, run.cracks == "bonds"))
+
+
+def _in_steps(settings: Settings, every: Places) -> Iterator[Impossible]:
+    """Settings that a path, or jumps of cycles, do not support."""
+    run = settings.run
+    if run.cracks == "bonds" and any(softens(material) for _, material in every):
+        yield from _along_path(run.static)
+    elif run.static.control is not None:
+        expected = "none, as no bond softens: of these alone a path is followed"
+        yield Impossible("$.run.static.control", f"'{run.static.control}'", expected)
+    if run.fatigue is not None:
+        yield from _of_fatigue(settings, run.fatigue, every)
+
+
+def _of_fatigue(settings: Settings, fatigue: Fatigue, every: Places) -> Iterator[Impossible]:
+    """Settings with which bonds do not tire."""
+    run, why = settings.run, "as bonds tire"
+    yield from _of_lines(fatigue)
+    for name, found, usual in (
+        ("cracks", run.cracks, "bonds"),
+        ("static.floating", str(run.static.floating).lower(), "false"),
+        ("static.load_steps", str(run.static.load_steps), "None"),
+    ):
+        if found != usual:
+            yield Impossible(f"$.run.{name}", found, f"{usual}, {why}")
+    for number, condition in enumerate(settings.conditions):
+        if isinstance(condition, Condition) and condition.profile:
+            place = f"$.conditions[{number}].profile"
+            yield Impossible(place, f"{len(condition.profile)} points", "none, as loads are the largest of a cycle")
+    if settings.physics != "mechanics":
+        yield Impossible("$.physics", settings.physics, f"mechanics, {why}")
+    for place, material in every:
+        if material.model != "bond":
+            yield Impossible(f"{place}.model", material.model, f"bond, {why}")
+        elif material.law != "brittle":
+            yield Impossible(f"{place}.law", material.law, f"brittle, {why}")
+
+
+def _of_lines(fatigue: Fatigue) -> Iterator[Impossible]:
+    """Halves of a line of growth or initiation."""
+    if fatigue.A is None and fatigue.A1 is None:
+        yield Impossible("$.run.fatigue.A", "none", "a number, or A1")
+    for pair in (("A", "m"), ("A1", "m1")):
+        for name, other in (pair, pair[::-1]):
+            if getattr(fatigue, name) is None and getattr(fatigue, other) is not None:
+                yield Impossible(f"$.run.fatigue.{name}", "none", f"a number, with {other}")
 
 
 def _along_path(static: Static) -> Iterator[Impossible]:

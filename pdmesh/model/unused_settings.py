@@ -46,6 +46,8 @@ def _of_materials() -> Iterator[Used]:
             yield Used(said, (("material.model", kind.name),))
 
 
+GIVEN = "given"  # as the value of a switch: any
+OF_TIME = (("run.solver", "explicit"), ("run.solver", "implicit"), ("physics", "thermoelastic"))
 TABLE = (
     Used(("run.theta",), (("run.solver", "implicit"), ("physics", "thermoelastic"))),
     Used(("run.split",), (("run.adapt", "split"),)),
@@ -60,11 +62,17 @@ TABLE = (
         (("run.solver", "static"), ("run.start", "static")),
         "run.solver static (--static), or run.start static",
     ),
+    Used(("run.fatigue",), (("run.solver", "static"),), "run.solver static (--static)"),
     Used(("run.static.load_steps",), (("run.solver", "static"),), "run.solver static (--static)"),
     Used(("run.steps",), (("run.duration", None),), "one of the two"),
     Used(
-        ("run.steps", "run.duration", "run.time_step", "run.every", "run.ledger"),
-        (("run.solver", "explicit"), ("run.solver", "implicit"), ("physics", "thermoelastic")),
+        ("run.steps", "run.every"),
+        (*OF_TIME, ("run.fatigue", GIVEN)),
+        "run.static.load_steps: a load step is a step and a frame",
+    ),
+    Used(
+        ("run.duration", "run.time_step", "run.ledger"),
+        OF_TIME,
         "run.static.load_steps: a load step is a step and a frame",
     ),
     *_of_materials(),
@@ -80,7 +88,7 @@ def unused(settings: Settings) -> Iterator[Unused]:
         if (
             found is not None
             and row.instead in (None, found)
-            and all(value_of(settings, name) != value for name, value in row.switches)
+            and not any(_is_on(settings, name, value) for name, value in row.switches)
         ):
             expected = row.expected or " or ".join(f"{name} {value}" for name, value in row.switches)
             yield Unused(row.names, first, found, expected)
@@ -120,6 +128,11 @@ def _said(settings: Settings, place: str) -> Iterator[str]:
 
 # As everything is that is left out
 USUAL = Settings(material=Material(E=1.0, rho=1.0, G0=1.0), medium=Medium(D=1.0))
+
+
+def _is_on(settings: Settings, name: str, value: str | None) -> bool:
+    found = value_of(settings, name)
+    return found is not None if value is GIVEN else bool(found == value)
 
 
 def value_of(settings: Settings, name: str) -> Any:

@@ -56,6 +56,7 @@ FILL, GROWTH = 20.4, 0.31
 # Along an equilibrium path: the share of the steps after which it is given up that are taken (41 to 106 of 800), and
 # how long one takes beside a load step in which nothing breaks (0.8 to 2.8)
 TAKEN, ITERATED = 0.07, 1.3
+JUMPED = 4.0  # times as long as a load step takes a step of jumps of cycles
 TANGENT, SOLVED, FACTOR, WITHOUT = 1.5e-6, 1.6e-8, 0.9e-10, 7e-8
 RELAXED, LONG = 1.1e-9, 28.0
 # Of diffusion: s of a bond and of a node in a step; bytes at least, of a bond while it is prepared, of a node
@@ -76,6 +77,7 @@ class Plan(NamedTuple):
     wall_time: float  # s of the time loop, with its ledger and frames; at rest, what breaking adds is left out
     at_rest: bool = False  # steps are load steps
     along_path: bool = False  # steps are those of an equilibrium path, about so many
+    in_jumps: bool = False  # steps are jumps of cycles, at most so many
     in_blocks: bool = True  # summed by the kernels of pairs on lattices; False: bond by bond
     finest: int | None = None  # nodes of the finest spacing, where the others are twice as far apart and come and go
     most: int | None = None  # nodes if all cells were to split, of which none has at the start
@@ -147,7 +149,9 @@ def estimate_size(
     run = settings.run
     rest, load_step = resting(run, nodes, bonds)
     if run.solver == "static":
-        return Plan(nodes, bonds, run.steps, *steps, round(rest), slower() * (BEGIN + run.steps * load_step), True)
+        tires = run.fatigue is not None
+        seconds = slower() * (BEGIN + run.steps * (JUMPED if tires else 1) * load_step)
+        return Plan(nodes, bonds, run.steps, *steps, round(rest), seconds, at_rest=True, in_jumps=tires)
     least, each = MEMORY[options.mode]
     memory = least + each * nodes + (0 if in_blocks else LISTED * bonds)
     threads = threads_of(options, nodes, in_blocks)

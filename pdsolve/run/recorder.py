@@ -24,7 +24,7 @@ from pdsolve.run.node_changes import Change
 from pdsolve.run.system import System
 from pdsolve.state import Broken, State
 from pdsolve.steppers.load_steps import Rested
-from pdsolve.steppers.path_steps import PathSteps
+from pdsolve.steppers.stepped_rest import SteppedRest
 
 KEPT = 1.0  # s between checkpoints in full precision, with frames
 OLD = 10.0  # s, with entries of the ledger
@@ -80,7 +80,7 @@ def checkpoint(system: System, state: State) -> dict[str, NDArray[Any]]:
     here = {**state._asdict(), "held_force": system.drive.held_force}
     if system.load_steps is not None:
         here["rested"] = system.load_steps.keep()
-    if isinstance(system.stepper, PathSteps):
+    if isinstance(system.stepper, SteppedRest):
         here |= system.stepper.keep()
     grown = {} if system.growth is None else system.growth.keep()
     kept = {name: _copied(values) for name, values in here.items()} | dict(system.operator.keep()) | grown
@@ -130,7 +130,7 @@ def restore(system: System, state: State, step: int, kept: Mapping[str, NDArray[
         if not np.array_equal(rested[:, 0], np.arange(1, step + 1)):
             raise CheckpointError(f"found load steps that are not 1 to {step}, expected those until the checkpoint")
         system.load_steps.back(rested, past)
-    if isinstance(system.stepper, PathSteps):
+    if isinstance(system.stepper, SteppedRest):
         system.stepper.back(kept, step)
     if system.growth is not None:
         system.growth.back(kept, past)

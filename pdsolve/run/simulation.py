@@ -29,7 +29,7 @@ from pdsolve.run.system import Options, System, prepare
 from pdsolve.state import State
 from pdsolve.steppers.equilibrium import UnsettledError
 from pdsolve.steppers.load_steps import Going
-from pdsolve.steppers.path_steps import PathSteps
+from pdsolve.steppers.stepped_rest import SteppedRest
 
 PATIENCE = 5e7  # bond updates between two looks at the watcher, some 20 ms; fewer where they take longer
 DEFAULT = Options()
@@ -222,7 +222,7 @@ def _march(notes: Recorder, writer: Behind, watch: Watcher | None, adapt: Adapt 
         if watch is not None and watch(_progress(notes, step, now)):
             raise KeyboardInterrupt("within a load step, which is lost")
 
-    taken = notes.system.stepper if isinstance(notes.system.stepper, PathSteps) else notes.system.load_steps
+    taken = notes.system.stepper if isinstance(notes.system.stepper, SteppedRest) else notes.system.load_steps
     if taken is not None:
         taken.watch = going
     writer.stop = asked
@@ -262,7 +262,7 @@ def _progress(notes: Recorder, step: int, going: Going | None = None) -> Progres
     books, steps = notes.accounts, notes.system.model.settings.run.steps
     broken = books.broken if going is None else going.broken
     words, stepper = books.words(broken), notes.system.stepper
-    if isinstance(stepper, PathSteps):
+    if isinstance(stepper, SteppedRest):
         words = f"{stepper.words()}, {words}"
     return Progress(step, steps, broken, books.balance, words, notes.system.zone_summary, going)
 
@@ -303,7 +303,7 @@ def _next(step: int, interval: int) -> int:
 def _is_enough(system: System, latest: int, step: int) -> bool:
     """Whether the model's stop criterion is met; `latest` is the step of the last broken bond."""
     run = system.model.settings.run
-    if isinstance(system.stepper, PathSteps):
+    if isinstance(system.stepper, SteppedRest):
         return system.stepper.ended
     if run.until == "split":
         return pieces(system) > bodies(system)

@@ -10,8 +10,10 @@ import numpy as np
 from pdmesh import VERSION
 from pdsolve.run.recorder import Recorder
 from pdsolve.run.system import System
+from pdsolve.steppers.fatigue_steps import FatigueSteps
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.path_steps import PathSteps
+from pdsolve.steppers.stepped_rest import SteppedRest
 
 
 def meta(notes: Recorder, provenance: str) -> dict[str, Any]:
@@ -56,7 +58,7 @@ def summary(notes: Recorder, step: int, stopped_early: bool) -> dict[str, Any]:
         **({} if system.contact is None else {"contact": {"stiffness": system.contact.stiffness}}),
         **_grown(system),
         **_finer(system),
-        **_rested(system.stepper if isinstance(system.stepper, PathSteps) else system.load_steps),
+        **_rested(system.stepper if isinstance(system.stepper, SteppedRest) else system.load_steps),
     }
 
 
@@ -77,8 +79,16 @@ def _finer(system: System) -> dict[str, Any]:
     return {"split": {name: found[name] for name in ("refinement", "fine_share")}}
 
 
-def _rested(taken: LoadSteps | PathSteps | None) -> dict[str, Any]:
+def _rested(taken: LoadSteps | SteppedRest | None) -> dict[str, Any]:
     """Iterations and residuals of each load step."""
+    if isinstance(taken, FatigueSteps):
+        rows = [cycled._asdict() for cycled in taken.rested]
+        return {
+            "method": taken.said,
+            "fatigue_steps": rows,
+            "first_break": taken.first if taken.rested else None,
+            "ended": taken.why or None,
+        }
     if isinstance(taken, PathSteps):
         return {"method": taken.said, "path_steps": [stepped._asdict() for stepped in taken.rested]}
     if taken is None:

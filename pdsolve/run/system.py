@@ -40,12 +40,14 @@ from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import State
 from pdsolve.steppers.equilibrium import Method, forces
 from pdsolve.steppers.euler import Euler
+from pdsolve.steppers.fatigue_steps import tiring
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.newton import FACTORED_IN, Newton
 from pdsolve.steppers.path_steps import PathSteps
 from pdsolve.steppers.protocol import Stepper
 from pdsolve.steppers.relaxation import Relaxation
 from pdsolve.steppers.static_loads import follows_path, in_load_steps, in_steps_of_content
+from pdsolve.steppers.stepped_rest import SteppedRest
 from pdsolve.steppers.verlet import Verlet
 from pdsolve.steppers.verlet_blocks import VerletBlocks
 
@@ -108,7 +110,7 @@ class System:
 
     def load_time(self, step: int) -> float:
         """Time of the profiles of conditions after `step`, s."""
-        return self.stepper.factor if isinstance(self.stepper, PathSteps) else step * self.time_step
+        return self.stepper.factor if isinstance(self.stepper, SteppedRest) else step * self.time_step
 
     @property
     def threads(self) -> int:
@@ -445,4 +447,6 @@ def at_rest(model: Model, options: Options, scheme: Scheme, breaks: bool = True)
     counts = filled.family, filled.bonds
     numbers = step, bound, 0.0
     found = System(model, options, scheme, operator, stepper, driven, area, *counts, *numbers, growth=growth)
+    if model.settings.run.fatigue is not None and breaks:
+        found = replace(found, stepper=tiring(model, scheme, operator, stepper, breakable, *counts))
     return Prepared(found, state)

@@ -133,7 +133,7 @@ class LoadSteps:
             self._balance("")
             settled = self._load(state, before, step, step * self._dt)
             self._loaded(state)
-            settled, breaks, least = self._break(state, step, settled)
+            settled, breaks, least = self.break_overstretched(state, step, settled)
             settled, grown = self._let_grow(state, step, settled)
         except UnsettledError as error:
             raise UnsettledError(f"{self._model.name}: load step {step}, {step * self._dt:.4g} s: {error}") from None
@@ -202,7 +202,7 @@ class LoadSteps:
         state.work[:] += _along(u, pushed).sum(axis=1)
         return Settled(iterations, settled.residual)
 
-    def _break(self, state: State, step: int, settled: Settled) -> tuple[Settled, int, float]:
+    def break_overstretched(self, state: State, step: int, settled: Settled) -> tuple[Settled, int, float]:
         """Break bonds and settle until no bond is above its limit.
 
         Returns how it settled, how often, and the smallest share of the load.
@@ -215,20 +215,26 @@ class LoadSteps:
                 break
             if breaks:
                 least = min(least, 1 / most)
-            held = breakable.hold(which, stretches)
-            state.dissipated[:] += np.bincount(breakable.source[which], held, minlength=len(self._area))
-            breakable.intact[which] = False
-            new = Broken(np.full(len(which), step), breakable.source[which], breakable.target[which])
-            broken = Broken(*(np.concatenate(both) for both in zip(self._operator.broken(), new, strict=True)))
-            self._operator.back(self._operator.keep(), broken)
-            self._support(broken, f"after {len(broken.step)} directed bonds broke: ")
-            try:
-                settled = self._settle(state, step, iterations)
-            except UnsettledError as error:
-                raise UnsettledError(f"after {len(broken.step)} directed bonds broke: {error}") from None
+            settled = self.shed(state, step, which, stretches, iterations)
             iterations += settled.iterations
             breaks += 1
         return Settled(iterations, settled.residual), breaks, least
+
+    def shed(self, state: State, step: int, which: NDArray[np.int64], stretches: Array, iterations: int = 0) -> Settled:
+        """Break these bonds (k,), of all with their stretches (b,), and settle again. Raises UnsettledError."""
+        breakable = self._breakable
+        assert breakable is not None
+        held = breakable.hold(which, stretches)
+        state.dissipated[:] += np.bincount(breakable.source[which], held, minlength=len(self._area))
+        breakable.intact[which] = False
+        new = Broken(np.full(len(which), step), breakable.source[which], breakable.target[which])
+        broken = Broken(*(np.concatenate(both) for both in zip(self._operator.broken(), new, strict=True)))
+        self._operator.back(self._operator.keep(), broken)
+        self._support(broken, f"after {len(broken.step)} directed bonds broke: ")
+        try:
+            return self._settle(state, step, iterations)
+        except UnsettledError as error:
+            raise UnsettledError(f"after {len(broken.step)} directed bonds broke: {error}") from None
 
     def _let_grow(self, state: State, step: int, settled: Settled) -> tuple[Settled, int]:
         """Let cracks grow and settle until none grows; returns how it settled, and how often."""

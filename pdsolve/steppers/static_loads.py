@@ -28,6 +28,11 @@ def in_load_steps(model: Model, precision: str) -> Model:
         raise ModelError(f"precision: found {precision}, expected float64, as the solver is static")
     if follows_path(model):
         return _in_path_steps(model)
+    if run.fatigue is not None:
+        changed = msgspec.structs.replace(run, time_step=1.0, ledger=1)
+        found = dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, run=changed))
+        _refuse_loads(found, [1.0])
+        return found
     end = max((time for c in _no_fail(model) for time, _ in c.profile), default=0.0)
     varies = end > 0 and any(len(c.profile) > 1 for c in _no_fail(model))
     steps = run.static.load_steps or (STEPS if varies else 1)

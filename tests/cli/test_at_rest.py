@@ -68,6 +68,22 @@ def test_what_a_run_says(here: Path, capsys: pytest.CaptureFixture[str]) -> None
             2,
             naming("run.static.load_steps", expected=("run.solver static", "--static")),
         ),
+        *(
+            (["held.json", "--static", *words], 2, said)
+            for words, said in (
+                (["--set", "run.fatigue.A=1"], naming("run.fatigue.m", found="none", expected=("a number", "A"))),
+                (
+                    ["--set", "run.fatigue.A=1", "--set", "run.fatigue.m=0.5"],
+                    r"run\.fatigue\.m.*0\.5",
+                ),
+                (
+                    ["--set", "run.fatigue.A=1", "--set", "run.fatigue.m=2"],
+                    naming("conditions[1].profile", found="2 points", expected=("none",)),
+                ),
+                (["--set", "run.fatigue.ratio=0"], naming("run.fatigue.A", found="none", expected=("A1",))),
+                (["--set", "run.fatigue.A=1", "--set", "run.fatigue.cycles=2e15"], naming("run.fatigue.cycles")),
+            )
+        ),
         (["held.json", "--float"], 2, naming("--float", expected=("--static", "run.start static"))),
         (
             ["held.json", "--static", "--set", "run.static.method=relaxation", "--set", "run.static.iterations=3"],

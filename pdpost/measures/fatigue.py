@@ -1,0 +1,120 @@
+"""Growth of cracks by fatigue: their length over the cycles, and the growth a cycle over the range of intensity.
+
+K is sqrt(J E'), of the largest load of a cycle, and its range dK = (1 - R) K with a load ratio R of 0 or more; below 0
+a crack is taken to be closed, and dK = K. Paris's line is da/dN = C dK^m.
+
+The growth a cycle is that between two frames, and belongs to the dK with which a crack whose K grows exponentially
+from that of the first frame, K0, to that of the second, K1, takes as many cycles:
+
+    dK^m = m log(K1 / K0) / (K0^-m - K1^-m)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.document import Horizon, Run
+from pdmesh.model.fatigue import Cycled
+from pdpost.measures import stress_intensities
+from pdpost.reading.embedded_model import read
+from pdsolve.results import Results, ResultsError
+
+Array = NDArray[np.float64]
+
+SETTLED = 2.0  # horizons that a crack grows until the life ahead of it is that of a crack that grows
+FEWEST = 3  # points of a line
+FLAT = 1e-6  # m log(K1 / K0), below which both are as good as one
+FIRST, ROUNDS = 3.0, 20  # slope to begin with, and how often it is taken anew
+CYCLES = Cycled._fields.index("cycles")
+
+
+class Growth(NamedTuple):
+    """A tip at t frames, and its t - 1 ways from one to the next."""
+
+    name: str
+    cycles: Array  # (t,)
+    length: Array  # (t,) m, that the crack has grown
+    K: Array  # (t,) Pa m^0.5
+    dK: Array  # (t,) Pa m^0.5
+    rate: Array  # (t - 1,) m a cycle
+    settled: NDArray[np.bool_]  # (t - 1,) whether it is beyond the start, which is slower
+
+
+class Line(NamedTuple):
+    """Paris's line."""
+
+    C: float  # m a cycle at 1 Pa m^0.5
+    m: float
+    points: int
+    scatter: float  # of points about it: the standard deviation of log10 of the growth
+
+    def at(self, dK: Array) -> Array:
+        """Growth a cycle, m."""
+        return np.asarray(self.C * dK**self.m)
+
+
+def between(one: Growth, m: float) -> Array:
+    """The dK (t - 1,) to which the growth between two frames belongs, for Paris's exponent."""
+    first, last = one.dK[:-1], one.dK[1:]
+    more = np.log(last / first)
+    steep = np.abs(m * more) > FLAT
+    with np.errstate(divide="ignore", invalid="ignore"):
+        found = first * (m * more / -np.expm1(-m * more)) ** (1 / m)
+    return np.where(steep, found, (first + last) / 2)
+
+
+class _Model(msgspec.Struct):
+    """The keys of the grid file that fatigue needs."""
+
+    horizon: Horizon = Horizon()
+    run: Run = Run()
+
+
+def cycles(results: Results) -> Array:
+    """Cycles (s + 1,) after each step until the last checkpoint, those of step 0 first. Raises ResultsError."""
+    kept = results.checkpoint()[1] if results.has_checkpoint() else {}
+    if "cycled" not in kept:
+        raise ResultsError(f"{results.name}: found no cycles, expected a run with run.fatigue")
+    return np.concatenate([[0.0], kept["cycled"].reshape(-1, len(Cycled._fields))[:, CYCLES]])
+
+
+def growth(
+    results: Results, steps: Sequence[int], progress: Callable[[list[int]], Iterable[int]] = lambda steps: steps
+) -> list[Growth]:
+    """The growth of each tip that has room for J at two frames or more. Raises ResultsError."""
+    N, model = cycles(results), read(results, _Model)
+    ratio = 0.0 if model.run.fatigue is None else max(model.run.fatigue.ratio, 0.0)
+    found = []
+    for one in stress_intensities.follow(results, [step for step in steps if step < len(N)], progress=progress):
+        known = np.flatnonzero((one.value["J"] > 0) & np.isfinite(one.place).all(axis=1))
+        if len(known) < 2 or one.last is None:
+            continue
+        place = one.place[known]
+        K = np.sqrt(one.value["J"][known] * one.last.effective)
+        way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(place, axis=0).T))])
+        settled = way[:-1] >= SETTLED * model.horizon.ratio * float(results.nodes(int(steps[0])).delta.min())
+        n = N[one.step[known]]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            rate = np.diff(way) / np.diff(n)
+        found.append(Growth(one.front.name, n, way, K, (1 - ratio) * K, rate, settled))
+    if not found:
+        raise ResultsError(f"{results.name}: found no tip at two frames or more, expected a crack that grows")
+    return found
+
+
+def paris(found: Sequence[Growth]) -> Line | None:
+    """The line through all settled points; None with fewer than three."""
+    rate, settled = np.concatenate([one.rate for one in found]), np.concatenate([one.settled for one in found])
+    good = settled & (rate > 0) & np.isfinite(rate)
+    if good.sum() < FEWEST:
+        return None
+    slope, y = FIRST, np.log10(rate[good])
+    for _ in range(ROUNDS):  # as the dK of a point depends on the slope a little
+        x = np.log10(np.concatenate([between(one, slope) for one in found])[good])
+        slope, at_0 = (float(number) for number in np.polyfit(x, y, 1))
+    return Line(10**at_0, slope, int(good.sum()), float(np.std(y - slope * x - at_0)))

@@ -1,0 +1,157 @@
+"""Fatigue at rest: a body under loads that repeat, its bonds tiring in jumps of cycles until the next ones break.
+
+The body rests under the largest loads of the cycle. At the least ones, which are `ratio` of these, bonds that are
+linear stretch `ratio` times as far, so that one equilibrium says what both ends of the cycle are. It stays the same
+from one break to the next: a jump goes there at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.fatigue import Cycled, Fatigue
+from pdsolve.bonds.fatigue_life import LEFT, Place, jump
+from pdsolve.bonds.static_breakage import Breakable
+from pdsolve.checkpoint import entry
+from pdsolve.errors import CheckpointError
+from pdsolve.model import Model, ModelError
+from pdsolve.operators.protocol import Operator
+from pdsolve.schemes.scheme import Scheme
+from pdsolve.state import Broken, State
+from pdsolve.steppers.equilibrium import Settled, UnsettledError
+from pdsolve.steppers.load_steps import Going, LoadSteps, Rested
+
+JUMPS = 10  # to a step
+
+
+class FatigueSteps:
+    """Takes steps of jumps with load steps whose bonds may break."""
+
+    factor = 1.0  # of the loads: the largest of a cycle
+
+    def __init__(
+        self,
+        law: Fatigue,
+        operator: Operator,
+        motion: LoadSteps,
+        breakable: Breakable,
+        family: NDArray[np.int64],
+        count: NDArray[np.int64],
+    ) -> None:
+        """`family` and `count` (n,) are bonds of nodes, with and without those that cracks cut at the start."""
+        self._law, self._operator, self._motion, self._breakable = law, operator, motion, breakable
+        self._family, self._cut = family, family - count
+        self._life = np.ones(len(breakable.source))
+        self._at, self._cycles = Place(0, 0.0), 0.0
+        self.first = np.inf  # cycles until the first bonds broke: the life of a smooth body
+        self.said = f"jumps of cycles, {motion.method.said}"
+        self.rested: list[Cycled] = []
+        self.ended, self.why = False, ""
+
+    @property
+    def watch(self) -> Callable[[Going], None] | None:
+        """Called with the progress of an equilibrium."""
+        return self._motion.watch
+
+    @watch.setter
+    def watch(self, watch: Callable[[Going], None] | None) -> None:
+        self._motion.watch = watch
+
+    def march(self, state: State, first: int, last: int) -> None:
+        """Take the steps `first` to `last` - 1, in place, unless life has ended. Raises UnsettledError."""
+        for step in range(first, last):
+            if self.ended:
+                return
+            if step == 1:
+                self._motion.march(state, 1, 2)
+            self._motion.method.forget()
+            settled = Settled(0, self._motion.rested[-1].residual)
+            for _ in range(JUMPS):
+                if not self.ended:
+                    settled = self._jump(state, step, settled)
+            broken = len(self._operator.broken().step)
+            self.rested.append(Cycled(step, settled.iterations, settled.residual, self._cycles, broken))
+
+    def keep(self) -> dict[str, NDArray[Any]]:
+        """Lives and steps so far, for a checkpoint."""
+        return {
+            "cycled": np.array(self.rested, dtype=float).reshape(-1, len(Cycled._fields)),
+            "rested": self._motion.keep(),
+            "fatigue_life": self._life,
+            "fatigue_numbers": np.array([self._cycles, self.first, *self._at]),
+        }
+
+    def back(self, kept: Mapping[str, NDArray[Any]], step: int) -> None:
+        """Restore a checkpoint after `step`. Raises CheckpointError."""
+        rows = entry(kept, "cycled", (step, len(Cycled._fields)), float)
+        if not np.array_equal(rows[:, 0], np.arange(1, step + 1)):
+            raise CheckpointError(f"found steps of cycles that are not 1 to {step}, expected those until there")
+        self.rested = [Cycled(int(s), int(i), r, c, int(b)) for s, i, r, c, b in rows.tolist()]
+        self._life[:] = entry(kept, "fatigue_life", self._life.shape, float)
+        self._cycles, self.first, block, done = entry(kept, "fatigue_numbers", (4,), float).tolist()
+        if not 0 <= block < max(len(self._law.blocks), 1):
+            raise CheckpointError(f"found block {block:g} of the loading, expected one of {len(self._law.blocks)}")
+        self._at = Place(int(block), done)
+        if step:
+            self._motion.back(entry(kept, "rested", (1, len(Rested._fields)), float), self._operator.broken())
+
+    def words(self) -> str:
+        """The cycles so far, for a progress display."""
+        return f"{self._cycles:.4g} cycles"
+
+    def _jump(self, state: State, step: int, before: Settled) -> Settled:
+        """Let bonds tire until the next ones break, and settle without these. Returns iterations in all."""
+        bonds, law, motion = self._breakable, self._law, self._motion
+        stretches = bonds.stretches(state.value)
+        eps = np.where(bonds.intact, np.abs(stretches) * (1 - law.ratio), 0.0)
+        cycles, self._at = jump(self._life, law, eps, self._grows(), self._at, law.cycles - self._cycles)
+        self._cycles = min(self._cycles + cycles, law.cycles)
+        which = np.flatnonzero(bonds.intact & (self._life <= LEFT))
+        if not len(which):
+            self.ended, self.why = True, "its cycles are over" if eps.any() else "no bond tires"
+            return before
+        self.first = min(self.first, self._cycles)
+        values, broken, intact = [part.copy() for part in state], self._operator.broken(), bonds.intact.copy()
+        try:
+            settled = motion.shed(state, step, which, stretches, before.iterations)
+            total = Settled(before.iterations + settled.iterations, settled.residual)
+            return motion.break_overstretched(state, step, total)[0]
+        except UnsettledError:
+            for part, value in zip(state, values, strict=True):
+                part[:] = value
+            bonds.intact[:] = intact
+            self._operator.back(self._operator.keep(), Broken(*broken))
+            self.ended, self.why = True, "what was left could not bear the largest loads"
+            return before
+
+    def _grows(self) -> NDArray[np.bool_]:
+        """Whether bonds (b,) are within a horizon of damage."""
+        bonds, nodes = self._breakable, len(self._family)
+        gone = self._cut + np.bincount(bonds.source[~bonds.intact], minlength=nodes)
+        damaged = gone > self._law.damaged * self._family
+        near = damaged.copy()
+        near[bonds.source[damaged[bonds.target]]] = True
+        return near[bonds.source] | near[bonds.target]
+
+
+def tiring(
+    model: Model,
+    scheme: Scheme,
+    operator: Operator,
+    motion: LoadSteps,
+    breakable: Breakable | None,
+    family: NDArray[np.int64],
+    count: NDArray[np.int64],
+) -> FatigueSteps:
+    """Steps of jumps of a model with fatigue; arguments are those of `FatigueSteps`. Raises ModelError."""
+    law = model.settings.run.fatigue
+    assert law is not None
+    if not scheme.symmetric:
+        raise ModelError(f"{model.name}: mode: found {scheme.name}, expected conservative, as bonds tire")
+    if breakable is None:
+        raise ModelError(f"{model.name}: $.run.fatigue: found no bond that may break, expected some that tire")
+    return FatigueSteps(law, operator, motion, breakable, family, count)
