@@ -444,9 +444,7 @@ def at_rest(model: Model, options: Options, scheme: Scheme, breaks: bool = True)
     growth = _growth(model, operator, filling, driven, None) if grows else None
     stepper = LoadSteps(model, operator, driven, area, method, breakable, growth.look if growth else None, **remember)
     step, bound = float(model.settings.run.time_step or 0.0), stable(operator.stiffness_bound(), model.rho)
-    counts = filled.family, filled.bonds
-    numbers = step, bound, 0.0
-    found = System(model, options, scheme, operator, stepper, driven, area, *counts, *numbers, growth=growth)
+    found = System(model, options, scheme, operator, stepper, driven, *filled, step, bound, 0.0, growth=growth)
     if model.settings.run.fatigue is not None and breaks:
-        found = replace(found, stepper=tiring(model, scheme, operator, stepper, breakable, *counts))
+        found = replace(found, stepper=tiring(model, operator, stepper, breakable, filled.family, filled.bonds))
     return Prepared(found, state)

@@ -20,7 +20,6 @@ from pdsolve.checkpoint import entry
 from pdsolve.errors import CheckpointError
 from pdsolve.model import Model, ModelError
 from pdsolve.operators.protocol import Operator
-from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import Broken, State
 from pdsolve.steppers.equilibrium import Settled, UnsettledError
 from pdsolve.steppers.load_steps import Going, LoadSteps, Rested
@@ -140,7 +139,6 @@ class FatigueSteps:
 
 def tiring(
     model: Model,
-    scheme: Scheme,
     operator: Operator,
     motion: LoadSteps,
     breakable: Breakable | None,
@@ -150,8 +148,8 @@ def tiring(
     """Steps of jumps of a model with fatigue; arguments are those of `FatigueSteps`. Raises ModelError."""
     law = model.settings.run.fatigue
     assert law is not None
-    if not scheme.symmetric:
-        raise ModelError(f"{model.name}: mode: found {scheme.name}, expected conservative, as bonds tire")
+    if not operator.symmetric:
+        raise ModelError(f"{model.name}: mode: found forces that do not cancel, expected conservative, as bonds tire")
     if breakable is None:
         raise ModelError(f"{model.name}: $.run.fatigue: found no bond that may break, expected some that tire")
     return FatigueSteps(law, operator, motion, breakable, family, count)
