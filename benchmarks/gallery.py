@@ -46,6 +46,7 @@ SHOWN = {
     "double_cantilever.py": Shown("sif"),
     "hot_disc.py": Shown("stress"),
     "kalthoff_winkler_steel.py": Shown("velocity", "--set spacing=1e-3"),
+    "kalthoff_winkler_projectile.py": Shown("velocity"),
     "notched_beam.py": Shown("reaction --condition middle"),
     "nooru_mohamed.py": Shown("displacement --scale auto", "--set spacing=0.01"),
     "offset_notch.py": Shown("reaction --gap mouth --condition middle"),

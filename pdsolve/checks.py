@@ -288,7 +288,7 @@ def _shapes(model: Model) -> None:
 
 def advise_damped(model: Model, damped: float, put_in: float) -> None:
     """Warn, at the end of a run in time, if damping took much of the supplied energy `put_in`, J/m."""
-    said = remark(model.settings.run, model.settings.conditions, damped, put_in)
+    said = remark(model.settings.run, model.settings.conditions, model.settings.contact, damped, put_in)
     if said is not None and model.settings.run.solver != "static":  # at rest every crack gives some up
         warn(model, said)
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.damping import remark
-from pdmesh.model.document import AnyCondition, Run
+from pdmesh.model.document import AnyCondition, Contact, Run
 from pdpost.reading.embedded_model import expect_mechanics, read
 from pdsolve.results import Results, ResultsError
 
@@ -50,6 +50,7 @@ class _Solved(msgspec.Struct):
 
     run: Run = Run()
     conditions: tuple[AnyCondition, ...] = ()
+    contact: Contact | None = None
 
 
 def remarks(results: Results) -> list[str]:
@@ -57,7 +58,7 @@ def remarks(results: Results) -> list[str]:
     books, model = results.history(), read(results, _Solved)
     given = put_in(books, float(results.meta()["initial_energy"]))
     damped = float(np.nan_to_num(damping(books))[-1])
-    said = remark(model.run, model.conditions, damped, given)
+    said = remark(model.run, model.conditions, model.contact, damped, given)
     return [] if said is None else [said]
 
 

@@ -45,7 +45,7 @@ class Ledger(NamedTuple):
     fine_share: float = 1.0  # of the plate
     clipped_stretch: float = 0.0  # the largest of clipped bonds so far, over that which softens or breaks one
     momentum_z: float = 0.0
-    damped: float = 0.0  # taken by damping, by layers that absorb and by numerical ones
+    damped: float = 0.0  # taken by damping, by layers that absorb, by numerical ones and by friction
 
     def balance(self, initial: float, most: float = 0.0) -> float:
         """Energy created since a start with `initial` energy (J/m), over the energy supplied; 0 if energy is conserved.
@@ -82,9 +82,14 @@ def books(system: System, state: State, step: int, asked: Asked | None = None) -
             momentum_y=float(np.sum(rho * area * velocity[:, 1])),
             broken=system.broken_before + len(broken.step),
             momentum_z=float(np.sum(rho * area * velocity[:, 2])) if system.model.grid.dimension == 3 else 0.0,
-            damped=float(np.sum(area * state.damped)),
+            damped=float(np.sum(area * state.damped)) + friction(system, state),
             **({} if system.zone_summary is None else system.zone_summary._asdict()),
         )
+
+
+def friction(system: System, state: State) -> float:
+    """Energy that friction has turned into heat so far, J/m, of a body J."""
+    return 0.0 if system.contact is None else system.contact.friction(state)
 
 
 def damage(system: System, broken: Broken | None = None) -> NDArray[np.float64]:

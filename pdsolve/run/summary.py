@@ -55,11 +55,19 @@ def summary(notes: Recorder, step: int, stopped_early: bool) -> dict[str, Any]:
         "bond_updates_per_second": notes.updates(step) / wall if wall > 0 else 0.0,
         "stopped": system.model.settings.run.until if stopped_early else None,
         **notes.accounts.summary(),
-        **({} if system.contact is None else {"contact": {"stiffness": system.contact.stiffness}}),
+        **_touched(notes),
         **_grown(system),
         **_finer(system),
         **_rested(system.stepper if isinstance(system.stepper, SteppedRest) else system.load_steps),
     }
+
+
+def _touched(notes: Recorder) -> dict[str, Any]:
+    """Stiffness of contact, N/m^5, in space N/m^7, and heat of friction, J/m, of a body J."""
+    contact = notes.system.contact
+    if contact is None:
+        return {}
+    return {"contact": {"stiffness": contact.stiffness, "friction": contact.friction(notes.state)}}
 
 
 def _grown(system: System) -> dict[str, Any]:

@@ -22,6 +22,7 @@ SHIPPED = {
     "soda_lime_one_scale.py": (4242, {1: 101 * 42}, [808, 808]),
     "kalthoff_winkler.geo": (13255, {1: 101 * 107, 2: 51 * 48}, [51, 51, 49]),
     "kalthoff_winkler_steel.py": (20301, {1: 101 * 201}, [51]),
+    "kalthoff_winkler_projectile.py": (25_000, {1: 25_000}, [5000]),
     "oblique_crack.geo": (4591, {0.5: 61 * 59, 1: 31 * 32}, [124, 124]),
     "plate_with_hole.geo": (6288, {0.5: 101 * 59 - 793, 1: 51 * 22}, [204, 204]),
     "v_notch.geo": (8931, {0.5: 99 * 81 - 400, 1: 32 * 41}, [164, 164]),

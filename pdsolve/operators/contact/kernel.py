@@ -133,13 +133,13 @@ def _pressed(nodes, pairs, u, q, vectors):  # type: ignore[no-untyped-def]
     gap = 0.0
     for a in range(d):
         gap += r[a] * n[a]
-    if facing == 0.0 or gap >= pairs.touch[q] or gap <= -pairs.touch[q]:
+    if facing == 0.0 or gap >= pairs.touch[q] or gap <= 0.0:
         return 0.0, 0.0, 0.0
     t = np.sqrt(max(square - gap * gap, 0.0))
     w, slope = _weight(t, pairs.h[q], d)
     for a in range(d):
         way[a] = (r[a] - gap * n[a]) / t if t > ROUND_OFF * pairs.h[q] else 0.0
-    touch = min(pairs.touch[q], _gap_before(nodes, u, i, j, vectors))
+    touch = min(pairs.touch[q], _gap_before(nodes, u, i, j, reach * reach + pairs.touch[q] ** 2, vectors))
     depth = touch - gap
     if w == 0.0 or depth <= 0.0:
         return 0.0, 0.0, 0.0
@@ -147,18 +147,25 @@ def _pressed(nodes, pairs, u, q, vectors):  # type: ignore[no-untyped-def]
 
 
 @njit
-def _gap_before(nodes, u, i, j, vectors):  # type: ignore[no-untyped-def]
-    """The gap between two nodes in the reference, m, not below 0; of bonds as they are now."""
+def _gap_before(nodes, u, i, j, near, vectors):  # type: ignore[no-untyped-def]
+    """The gap between two nodes in the reference, m, of bonds as they are now; infinite farther than root `near`, m^2.
+
+    It is negative between nodes that are back to back.
+    """
     d = nodes.x.shape[1]
     r, first, second, n = vectors[2, :d], vectors[3, :d], vectors[4, :d], vectors[5, :d]
+    square = 0.0
     for a in range(d):
         r[a] = nodes.x[j, a] - nodes.x[i, a]
+        square += r[a] * r[a]
+    if square >= near:
+        return np.inf
     bent, other = normal(nodes, u, i, False, first), normal(nodes, u, j, False, second)
     _between(r, first, second, bent, other, n)
     gap = 0.0
     for a in range(d):
         gap += r[a] * n[a]
-    return max(gap, 0.0)
+    return gap
 
 
 @cached_njit(error_model="numpy")

@@ -1,0 +1,51 @@
+"""A block on an incline slides by g (sin a - mu cos a) t^2 / 2, and sticks where tan a < mu; the heat is mu N s."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from touching import UNIT, grid_of
+
+from pdmesh.model.contact import Contact
+from pdmesh.model.document import Displacement, Load, Settings
+from pdsolve.model import Model
+from pdsolve.run.measures import Ledger, books
+from pdsolve.run.system import Options, prepare
+
+H, G, DURATION = 0.02, 1e-5, 60.0  # m, m/s^2, s
+
+
+def cells(columns: int, rows: int, x: float, y: float) -> np.ndarray:
+    """Nodes of a rectangle from a corner on."""
+    along, up = np.meshgrid(x + H * (np.arange(columns) + 0.5), y + H * (np.arange(rows) + 0.5))
+    return np.column_stack([along.ravel(), up.ravel()])
+
+
+def slid(mu: float, angle: float) -> tuple[float, float, Ledger]:
+    """How far a block of 15 x 6 nodes has come along a held one, m, the heat, J/m, and the ledger."""
+    grid = grid_of([cells(60, 4, 0, -4 * H), cells(15, 6, 0.2, 0)], H)
+    below, block = tuple(grid.ids[:240].tolist()), tuple(grid.ids[240:].tolist())
+    pull = Load(body_force=(G * np.sin(angle), -G * np.cos(angle)), nodes=block)
+    conditions = (Displacement(x=0.0, y=0.0, nodes=below), pull)
+    settings = Settings(material=UNIT, conditions=conditions, contact=Contact(friction=mu))
+    system, state = prepared = prepare(Model(grid, settings), Options(threads=1))
+    steps = int(DURATION / system.time_step)
+    prepared.march(1, steps + 1)
+    assert system.contact is not None
+    return float(state.value[240:, 0].mean()), system.contact.friction(state), books(system, state, steps)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mu", [0.0, 0.2])
+def test_a_block_slides(mu: float) -> None:
+    way, heat, last = slid(mu, 0.3)
+    assert way == pytest.approx(G * (np.sin(0.3) - mu * np.cos(0.3)) * last.time**2 / 2, rel=0.01)  # 2e-8, .004
+    assert heat == pytest.approx(mu * G * np.cos(0.3) * 90 * H**2 * way, rel=0.04)  # .03: it rattles
+    assert last.damped == heat
+    assert abs(last.balance(0.0)) < 5e-3  # 5e-7, .004
+
+
+@pytest.mark.slow
+def test_a_block_sticks() -> None:
+    way, _, _ = slid(0.2, 0.1)
+    assert way < 1e-4 * H  # 6e-5 H; without friction .1
