@@ -23,7 +23,7 @@ from tqdm import tqdm
 from benchmarks.claims import CASES, Case, measured
 from benchmarks.runs import built, first_steps, solved
 from pdmesh import VERSION
-from pdmesh.model.full_lattice import full_family
+from pdmesh.model.lattice_calibration import full_family
 from pdmesh.model.material_constants import critical_stretch
 from pdpost.figures import field_figure
 from pdpost.figures.style import save, styled

@@ -18,7 +18,7 @@ import numpy as np
 from benchmarks.specimens import PULL, STATIC, UNIT, centre_shape, edge_shape
 from pdmesh.model.document import Horizon, Load, Material, Settings
 from pdmesh.model.domain_integrals import Ring
-from pdmesh.model.full_lattice import calibration, lattice_ratios
+from pdmesh.model.lattice_calibration import calibration, lattice_ratios
 from pdmesh.model.node_grid import Grid
 from pdpost.measures.stress_intensities import follow
 from pdsolve.laws import MODELS, ordinary

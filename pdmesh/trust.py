@@ -148,9 +148,9 @@ def private_folder() -> Folder:
             folder.mkdir(mode=0o700, parents=True, exist_ok=True)
             if _is_private(folder):
                 return Folder(folder, True)
-    made = tempfile.TemporaryDirectory(prefix="pdsuite-", ignore_cleanup_errors=True)
-    atexit.register(made.cleanup)
-    return Folder(Path(made.name), False)
+    temporary = tempfile.TemporaryDirectory(prefix="pdsuite-", ignore_cleanup_errors=True)
+    atexit.register(temporary.cleanup)
+    return Folder(Path(temporary.name), False)
 
 
 def _caches(given: Mapping[str, str]) -> Iterator[Path]:

@@ -15,8 +15,8 @@ from pdmesh.model import unused_settings
 from pdmesh.model.cohesive_cracks import COARSE, characteristic_length, largest_horizon
 from pdmesh.model.damping import MUCH, remark
 from pdmesh.model.document import MOST
-from pdmesh.model.full_lattice import lattice_ratios
 from pdmesh.model.kd_trees import tree_of
+from pdmesh.model.lattice_calibration import lattice_ratios
 from pdmesh.model.neighbours import ROUND_OFF, Neighbours, row_chunks
 from pdmesh.model.refused_settings import impossible
 from pdmesh.model.triangulated_surface import distances

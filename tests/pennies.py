@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator, cg
 
 from pdmesh.model.document import Horizon, Material, Settings
-from pdmesh.model.full_lattice import lattice_ratios
+from pdmesh.model.lattice_calibration import lattice_ratios
 from pdmesh.model.material_constants import C11, C66
 from pdmesh.model.node_grid import Grid
 from pdsolve.bonds.assembly import Assembly

@@ -12,7 +12,7 @@ from pdmesh.grid.ligaments import THINNEST, Ligament, ligaments
 from pdmesh.grid.pieces import faces_of, pieces
 from pdmesh.grid.supports import rows_of, unheld
 from pdmesh.model.document import Settings
-from pdmesh.model.full_lattice import has_partial_cells
+from pdmesh.model.lattice_calibration import has_partial_cells
 from pdmesh.model.node_grid import Grid
 from pdmesh.model.visibility import cracks_of, plate_of
 from pdmesh.scene.shapes import SceneError, near

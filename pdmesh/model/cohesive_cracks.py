@@ -29,7 +29,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.full_lattice import calibration, has_partial_cells, hu_beta, offsets, sheared
+from pdmesh.model.lattice_calibration import calibration, has_partial_cells, hu_beta, offsets, sheared
 from pdmesh.model.material import Material
 from pdmesh.model.material_constants import (
     BONDS_NU,

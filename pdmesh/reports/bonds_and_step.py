@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.full_lattice import calibration, has_partial_cells, hu_beta, offsets
+from pdmesh.model.lattice_calibration import calibration, has_partial_cells, hu_beta, offsets
 from pdmesh.model.material import Material
 from pdmesh.model.material_constants import micromodulus
 from pdmesh.model.neighbours import Neighbours

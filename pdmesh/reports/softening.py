@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 
 from pdmesh.model import cohesive_cracks
-from pdmesh.model.full_lattice import has_partial_cells, lattice_ratios
+from pdmesh.model.lattice_calibration import has_partial_cells, lattice_ratios
 from pdmesh.model.material import Material
 
 

@@ -102,7 +102,7 @@ def _watch(args: argparse.Namespace) -> int:
     from pdpost.figures import field_figure, style
     from pdpost.measures.fields import usual
     from pdpost.reading import watching
-    from pdpost.reading.times import told
+    from pdpost.reading.time_text import time_text
     from pdsolve.results import Results
 
     def chosen(field: str) -> Path:
@@ -125,7 +125,7 @@ def _watch(args: argparse.Namespace) -> int:
                 figure = field_figure.field(results, field, step, part=args.component, **how)
             style.save(figure, path)
             drawn += 1
-            commandline.note(f"{path}: {field} at {told(time)} (step {step})", args)
+            commandline.note(f"{path}: {field} at {time_text(time)} (step {step})", args)
     with Results.open(args.results) as results:
         status = str(results.meta()["status"])
     result = {"output": path and str(path), "field": field, "drawn": drawn, "status": status}

@@ -67,7 +67,7 @@ def _slice(args: argparse.Namespace) -> int:
     from pdpost.exports import csv_columns
     from pdpost.figures import slice_figure, style
     from pdpost.measures import fields, slices
-    from pdpost.reading.times import told
+    from pdpost.reading.time_text import time_text
     from pdsolve.results import Results
 
     path = commandline.output_path(args.output, args.results, ".slice.png", args.force)
@@ -89,7 +89,7 @@ def _slice(args: argparse.Namespace) -> int:
     if args.csv != "-":
         smallest, largest = float(found.values.min()), float(found.values.max())
         result = {"output": str(path), "step": step, "time": time, "field": name, "nodes": len(found.rows)}
-        line = f"{path}: {name} at {told(time)}, {len(found.rows)} nodes, {smallest:.4g} to {largest:.4g}"
+        line = f"{path}: {name} at {time_text(time)}, {len(found.rows)} nodes, {smallest:.4g} to {largest:.4g}"
         commandline.report({**result, "smallest": smallest, "largest": largest}, [line], args)
     return commandline.OK
 
@@ -97,7 +97,7 @@ def _slice(args: argparse.Namespace) -> int:
 def _render(args: argparse.Namespace) -> int:
     from pdpost.figures import colours, render, style
     from pdpost.measures import fields, slices
-    from pdpost.reading.times import told
+    from pdpost.reading.time_text import time_text
     from pdsolve.results import Results
 
     path = commandline.output_path(args.output, args.results, ".render.png", args.force)
@@ -108,7 +108,7 @@ def _render(args: argparse.Namespace) -> int:
         step, time = chosen_frame(results, args)
         if args.crack or args.explode is not None:
             style.save(_cracked(results, step, args.explode), path)
-            commandline.report({"output": str(path), "step": step, "time": time}, [f"{path}: {told(time)}"], args)
+            commandline.report({"output": str(path), "step": step, "time": time}, [f"{path}: {time_text(time)}"], args)
             return commandline.OK
         name = args.field or fields.usual(results, step)
         part = fields.component(name, args.component, results.dimension)
@@ -120,7 +120,7 @@ def _render(args: argparse.Namespace) -> int:
             title = f"{title} {colours.at(results, step)}"
         style.save(render.render(results.nodes(step), values, shown, title, args.level, args.plane), path)
     commandline.report(
-        {"output": str(path), "step": step, "time": time, "field": name}, [f"{path}: {name} at {told(time)}"], args
+        {"output": str(path), "step": step, "time": time, "field": name}, [f"{path}: {name} at {time_text(time)}"], args
     )
     return commandline.OK
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pdmesh import commandline
-from pdpost.commands import delivery, overlay
+from pdpost.commands import number_options, overlay
 from pdpost.commands.shared import add_csv, add_journal, add_results, add_window, check_window
 
 if TYPE_CHECKING:
@@ -58,9 +58,9 @@ def _crack(args: argparse.Namespace) -> int:
     threshold = _threshold(args)
     if is_study(args.results):
         return overlay.overlaid(args, threshold)
-    path = delivery.picture_path(args, ".compare.png" if args.compare else ".crack.png")
+    path = number_options.picture_path(args, ".compare.png" if args.compare else ".crack.png")
     look = {name: value for name, value in args.assignments if name != "cracked"}
-    with delivery.styled(path, look), Results.open(args.results) as results:
+    with number_options.styled(path, look), Results.open(args.results) as results:
         if results.dimension == 3:
             return _of_body(args, results, threshold, path)
         if args.surface is not None:
@@ -82,7 +82,7 @@ def _one(args: argparse.Namespace, results: Results, threshold: float, path: Pat
         style.save(crack_figure.crack(results, found, args.window), path)
     header, rows = crack_summary.table(found)
     lines = crack_summary.sentences(found)
-    return delivery.deliver(args, crack_summary.numbers(found), lines, header, rows, path)
+    return number_options.deliver(args, crack_summary.numbers(found), lines, header, rows, path)
 
 
 def _of_body(args: argparse.Namespace, results: Results, threshold: float, path: Path | None) -> int:
@@ -105,13 +105,13 @@ def _of_body(args: argparse.Namespace, results: Results, threshold: float, path:
         surface_files.write(args.surface, found.surface, found.speed)
         lines = [f"{args.surface}: the surface, {len(found.surface.faces)} faces", *lines]
     header, rows = crack_in_space.table(found)
-    return delivery.deliver(args, crack_in_space.numbers(found), lines, header, rows, path)
+    return number_options.deliver(args, crack_in_space.numbers(found), lines, header, rows, path)
 
 
 def _two(args: argparse.Namespace, one: Results, other: Results, threshold: float, path: Path | None) -> int:
     from pdpost.measures import cracks, paths
     from pdpost.measures.comparison import compare
-    from pdpost.reading.times import told
+    from pdpost.reading.time_text import time_text
 
     check_window(one, args)
     steps = _step(args, one), _step(args, other)
@@ -122,7 +122,7 @@ def _two(args: argparse.Namespace, one: Results, other: Results, threshold: floa
         lines = [f"mean distance {found.mean * 1e3:.3g} mm, at most {found.hausdorff * 1e3:.3g} mm (Hausdorff)"]
     for name in ("start", "branching", "split"):
         if (later := getattr(found, name)) is not None:
-            lines.append(f"{name}: {told(later, '+.3g')} in {args.compare}")
+            lines.append(f"{name}: {time_text(later, '+.3g')} in {args.compare}")
     if path is not None:
         from pdpost.figures import crack_figure, style
 
@@ -137,7 +137,7 @@ def _two(args: argparse.Namespace, one: Results, other: Results, threshold: floa
         for point in line
     ]
     result = found._asdict() | {"results": [str(args.results), str(args.compare)], "along": along, "steps": steps}
-    return delivery.deliver(args, result, lines, ("results", "branch", "x, m", "y, m"), rows, path)
+    return number_options.deliver(args, result, lines, ("results", "branch", "x, m", "y, m"), rows, path)
 
 
 def _step(args: argparse.Namespace, results: Results) -> int:

@@ -6,7 +6,7 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 from pdmesh import commandline
-from pdpost.commands import delivery
+from pdpost.commands import number_options
 from pdpost.commands.shared import finite_numbers
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ Place = tuple[str, tuple[float, ...]]
 
 def add(commands: Commands) -> None:
     """Put `history`, `balance` and `reaction` on the command line."""
-    history = delivery.add_command(
+    history = number_options.add_command(
         commands, "history", "draw a node's motion over time, or the masses of a model of diffusion"
     )
     for name, words, count, text in (
@@ -46,10 +46,10 @@ def add(commands: Commands) -> None:
         help="component to draw (z only in a body); may be repeated (default: magnitude)",
     )
     history.set_defaults(run=_history)
-    delivery.add_command(commands, "balance", "draw where the energy went, and how well it balances").set_defaults(
-        run=_balance
-    )
-    reaction = delivery.add_command(
+    number_options.add_command(
+        commands, "balance", "draw where the energy went, and how well it balances"
+    ).set_defaults(run=_balance)
+    reaction = number_options.add_command(
         commands, "reaction", "draw the forces of loads and grips over time and displacement"
     )
     reaction.add_argument(
@@ -92,8 +92,8 @@ def _history(args: argparse.Namespace) -> int:
     from pdmesh.model.output_fields import FIELDS
     from pdsolve.results import Results
 
-    path = delivery.picture_path(args, ".history.png")
-    with delivery.styled(path, dict(args.assignments)), Results.open(args.results) as results:
+    path = number_options.picture_path(args, ".history.png")
+    with number_options.styled(path, dict(args.assignments)), Results.open(args.results) as results:
         moves = len(results.history()) and (args.places or args.components)
         if len(results.masses()) and not moves:
             return _masses(args, results, path)
@@ -117,13 +117,13 @@ def _history(args: argparse.Namespace) -> int:
         for row in zip(curve.time, curve.value, curve.low, curve.high, strict=True)
     ]
     header = ("curve", "component", "time, s", f"{args.quantity}, {unit}", "smallest", "largest")
-    return delivery.deliver(args, found, [_told(curve, unit) for curve in curves], header, rows, path)
+    return number_options.deliver(args, found, [_told(curve, unit) for curve in curves], header, rows, path)
 
 
 def _masses(args: argparse.Namespace, results: Results, path: Path | None) -> int:
     """The history of a substance that diffuses."""
     from pdpost.measures.masses import masses
-    from pdpost.reading.times import told
+    from pdpost.reading.time_text import time_text
 
     if args.places or args.components:
         raise commandline.UsageError("history: found a node or a component, expected none: masses are of the whole")
@@ -134,7 +134,7 @@ def _masses(args: argparse.Namespace, results: Results, path: Path | None) -> in
         style.save(charts.masses(books), path)
     last = {name: float(column[-1]) for name, column in books._asdict().items()}
     lines = [
-        f"at {told(last['time'])}, mol: inside {last['inside']:.6g}, gone out {last['through']:.6g}, supplied"
+        f"at {time_text(last['time'])}, mol: inside {last['inside']:.6g}, gone out {last['through']:.6g}, supplied"
         f" {last['supplied']:.6g} (balance {last['error']:+.1e})"
     ]
     if last["left"] == last["left"]:
@@ -144,7 +144,7 @@ def _masses(args: argparse.Namespace, results: Results, path: Path | None) -> in
         )
     found = {"units": results.meta()["units"], "last": last, **books._asdict()}
     header = ("step", "time, s", "inside, mol", "gone out, mol", "supplied, mol", "solid", "dissolved, mol", "surface")
-    return delivery.deliver(args, found, lines, (*header, "share left", "error"), zip(*books, strict=True), path)
+    return number_options.deliver(args, found, lines, (*header, "share left", "error"), zip(*books, strict=True), path)
 
 
 def _usual(results: Results) -> list[Place]:
@@ -192,11 +192,11 @@ def _balance(args: argparse.Namespace) -> int:
     import numpy as np
 
     from pdpost.measures.balance import balance, per_thickness, remarks
-    from pdpost.reading.times import told
+    from pdpost.reading.time_text import time_text
     from pdsolve.results import Results
 
-    path = delivery.picture_path(args, ".balance.png")
-    with delivery.styled(path, dict(args.assignments)), Results.open(args.results) as results:
+    path = number_options.picture_path(args, ".balance.png")
+    with number_options.styled(path, dict(args.assignments)), Results.open(args.results) as results:
         books, per, said = balance(results), per_thickness(results), remarks(results)
         if path is not None:
             from pdpost.figures import charts, style
@@ -207,10 +207,10 @@ def _balance(args: argparse.Namespace) -> int:
     known = np.isfinite(last["damped"])
     damped = f" + damped {last['damped']:.4g}" if known else " with what damping took"
     lines = [
-        f"at {told(last['time'])}, J{per}: put in {last['work']:.4g} = kinetic {last['kinetic']:.4g} + strain"
+        f"at {time_text(last['time'])}, J{per}: put in {last['work']:.4g} = kinetic {last['kinetic']:.4g} + strain"
         f" {last['strain']:.4g} + dissipated {last['dissipated']:.4g}{damped} (balance {last['error']:+.1e})",
         f"largest error of the balance: {books.error[worst]:+.1e} of the most put in,"
-        f" at {told(float(books.time[worst]))}",
+        f" at {time_text(float(books.time[worst]))}",
         *said,
     ]
     found = {
@@ -226,7 +226,7 @@ def _balance(args: argparse.Namespace) -> int:
         *(f"{name}, J{per}" for name in ("kinetic", "strain", "dissipated", "damped", "put in", "total")),
     )
     header = (*header, "error", f"momentum x, N s{per}", f"momentum y, N s{per}")
-    return delivery.deliver(args, found, lines, header, zip(*books, strict=True), path)
+    return number_options.deliver(args, found, lines, header, zip(*books, strict=True), path)
 
 
 def _reaction(args: argparse.Namespace) -> int:
@@ -238,8 +238,8 @@ def _reaction(args: argparse.Namespace) -> int:
         return _gap(args)
     if args.smooth != 1:
         raise commandline.UsageError("--smooth: found it without --gap, expected both")
-    path = delivery.picture_path(args, ".reaction.png")
-    with delivery.styled(path, dict(args.assignments)), Results.open(args.results) as results:
+    path = number_options.picture_path(args, ".reaction.png")
+    with number_options.styled(path, dict(args.assignments)), Results.open(args.results) as results:
         axis, per, ways = _axis(results, args), per_thickness(results), "xyz"[: results.dimension]
         found = chosen(reactions(results), args.condition)
         if path is not None:
@@ -269,7 +269,7 @@ def _reaction(args: argparse.Namespace) -> int:
         *(f"displacement {way}, m" for way in ways),
     )
     result = {"units": _units(per), "conditions": [one._asdict() for one in found]}
-    return delivery.deliver(args, result, lines, header, rows, path)
+    return number_options.deliver(args, result, lines, header, rows, path)
 
 
 def _gap(args: argparse.Namespace) -> int:
@@ -280,8 +280,8 @@ def _gap(args: argparse.Namespace) -> int:
 
     if args.smooth < 1:
         raise commandline.UsageError(f"--smooth: found {args.smooth}, expected 1 or more")
-    path = delivery.picture_path(args, ".gap.png")
-    with delivery.styled(path, dict(args.assignments)), Results.open(args.results) as results:
+    path = number_options.picture_path(args, ".gap.png")
+    with number_options.styled(path, dict(args.assignments)), Results.open(args.results) as results:
         axis, per = _axis(results, args), per_thickness(results)
         opened = named_gap(results, args.gap[0]) if len(args.gap) == 1 else gap(results, *_two_places(args.gap))
         conditions = chosen(reactions(results), args.condition)
@@ -300,7 +300,7 @@ def _gap(args: argparse.Namespace) -> int:
     ]
     forces = [each._asdict() | {"peak": float(each.force[each.peak]), "area": each.area} for each in found]
     result = {"units": _units(per), "nodes": opened.nodes, "forces": forces}
-    return delivery.deliver(args, result, lines, ("condition", "opening, m", f"force, N{per}"), rows, path)
+    return number_options.deliver(args, result, lines, ("condition", "opening, m", f"force, N{per}"), rows, path)
 
 
 def _two_places(words: list[str]) -> tuple[tuple[float, ...], tuple[float, ...]]:

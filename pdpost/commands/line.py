@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from pdpost.commands import delivery
+from pdpost.commands import number_options
 from pdpost.commands.pictures import FIELDS
 from pdpost.commands.shared import add_frame, chosen_frame, place
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 def add(commands: Commands) -> None:
     """Put `line` on the command line."""
-    line = delivery.add_command(commands, "line", "draw a field along a straight line")
+    line = number_options.add_command(commands, "line", "draw a field along a straight line")
     for word, where in (("--from", "begins"), ("--to", "ends")):
         line.add_argument(
             word,
@@ -41,12 +41,12 @@ def _line(args: argparse.Namespace) -> int:
     import numpy as np
 
     from pdpost.measures import fields, lines
-    from pdpost.reading.times import told
+    from pdpost.reading.time_text import time_text
     from pdsolve.results import Results
 
-    path = delivery.picture_path(args, ".line.png")
+    path = number_options.picture_path(args, ".line.png")
     field = fields.FIELDS[args.field]
-    with delivery.styled(path, dict(args.assignments)), Results.open(args.results) as results:
+    with number_options.styled(path, dict(args.assignments)), Results.open(args.results) as results:
         asked = args.components or [None]
         parts = list(dict.fromkeys(fields.component(args.field, one, results.dimension) for one in asked))
         step, time = chosen_frame(results, args)
@@ -64,7 +64,7 @@ def _line(args: argparse.Namespace) -> int:
             low, high = (int(known[at]) for at in (values[known].argmin(), values[known].argmax()))
             ends = (f"{values[at]:.4g} at ({', '.join(f'{x:.4g}' for x in found.place[at])}) m" for at in (low, high))
             said = f"{len(known)} of {len(values)} places known, from {' to '.join(ends)}"
-        words.append(f"{f'{args.field} {part}'.strip()} at {told(time)}: {said}")
+        words.append(f"{f'{args.field} {part}'.strip()} at {time_text(time)}: {said}")
     names = {f"{args.field}_{part}" if part else args.field: values for part, values in found.values.items()}
     header = (
         "along, m",
@@ -82,4 +82,4 @@ def _line(args: argparse.Namespace) -> int:
         "values": names,
     }
     rows = zip(found.along, *found.place.T, *names.values(), strict=True)
-    return delivery.deliver(args, result, words, header, rows, path)
+    return number_options.deliver(args, result, words, header, rows, path)

@@ -6,7 +6,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 from pdmesh import commandline
-from pdpost.commands import delivery
+from pdpost.commands import number_options
 from pdpost.commands.shared import add_csv, add_frame, add_results, check_csv, chosen_frame
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ def _notch(args: argparse.Namespace) -> int:
         notch = tuple((x0, y0, 0.0, x1, y1, 0.0) for x0, y0, x1, y1 in segments.tolist())
         write_file(msgspec.structs.replace(document, notch=notch), path)
     rows = ((number, *place) for number, line in enumerate(lines) for place in line.tolist())
-    told = [] if path is None else [f"{path}: the grid file, with {len(segments)} segments of cracks"]
-    words = [*told, f"{len(lines)} polylines of {len(particles.place)} particles, at {time:.4g} s"]
+    written = [] if path is None else [f"{path}: the grid file, with {len(segments)} segments of cracks"]
+    words = [*written, f"{len(lines)} polylines of {len(particles.place)} particles, at {time:.4g} s"]
     result = {"output": None if path is None else str(path), "step": step, "time": time, "lines": lines}
-    return delivery.deliver(args, result, words, ("line", "x, m", "y, m"), rows, None)
+    return number_options.deliver(args, result, words, ("line", "x, m", "y, m"), rows, None)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from pdmesh import commandline
-from pdpost.commands import delivery
+from pdpost.commands import number_options
 from pdpost.commands.shared import check_window
 
 
@@ -19,10 +19,10 @@ def overlaid(args: argparse.Namespace, threshold: float) -> int:
 
     if args.compare is not None or args.step is not None or args.along is not None:
         raise commandline.UsageError("found a study and --compare, --step or --along, expected a study alone")
-    picture = delivery.picture_path(args, ".paths.png")
+    picture = number_options.picture_path(args, ".paths.png")
     look = {name: value for name, value in args.assignments if name != "cracked"}
     found = studies.read(args.results)
-    with delivery.styled(picture, look), Results.open(found.rows[0].file) as first:
+    with number_options.styled(picture, look), Results.open(found.rows[0].file) as first:
         if first.dimension == 3:
             raise ResultsError(f"{args.results}: found runs of a body in space, expected those of a plate")
         check_window(first, args)
@@ -39,10 +39,10 @@ def overlaid(args: argparse.Namespace, threshold: float) -> int:
             drawn = [(name, way) for _, name, way in lines]
             style.save(study_figure.overlay(first, drawn, title, args.window), picture)
     apart = [(row, paths.distance(way, lines[0][2])[0]) for row, _, way in lines[1:] if way and lines[0][2]]
-    told = [f"{len(lines)} runs, {sum(bool(way) for _, _, way in lines)} with a crack"]
+    text = [f"{len(lines)} runs, {sum(bool(way) for _, _, way in lines)} with a crack"]
     if apart:
         most = max(apart, key=lambda one: one[1])
-        told.append(
+        text.append(
             f"mean distance from run {lines[0][0].number}: at most {most[1] * 1e3:.3g} mm (run {most[0].number})"
         )
     rows = [
@@ -53,4 +53,4 @@ def overlaid(args: argparse.Namespace, threshold: float) -> int:
     ]
     result = {"runs": [{"number": row.number, "series": name, "paths": way} for row, name, way in lines]}
     result["mean_distance"] = [{"number": row.number, "from_first": mean} for row, mean in apart]
-    return delivery.deliver(args, result, told, ("run", "series", "branch", "x, m", "y, m"), rows, picture)
+    return number_options.deliver(args, result, text, ("run", "series", "branch", "x, m", "y, m"), rows, picture)

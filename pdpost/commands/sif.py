@@ -6,7 +6,7 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 from pdmesh import commandline
-from pdpost.commands import delivery
+from pdpost.commands import number_options
 from pdpost.commands.shared import (
     add_every,
     add_frame,
@@ -29,7 +29,7 @@ UNITS = {"J": "J/m^2", "K1": "Pa m^0.5", "K2": "Pa m^0.5", "T": "Pa", "angle": "
 
 def add(commands: Commands) -> None:
     """Put `sif` on the command line."""
-    sif = delivery.add_command(
+    sif = number_options.add_command(
         commands, "sif", "draw J, stress intensities and angle of growth of the tips or along the fronts of cracks"
     )
     sif.add_argument(
@@ -66,9 +66,9 @@ def _sif(args: argparse.Namespace) -> int:
     from pdpost.reading.embedded_model import expect_mechanics
     from pdsolve.results import Results
 
-    path = delivery.picture_path(args, ".sif.png")
+    path = number_options.picture_path(args, ".sif.png")
     ring = None if args.ring is None else Ring(*args.ring)
-    with delivery.styled(path, dict(args.assignments)), Results.open(args.results) as results:
+    with number_options.styled(path, dict(args.assignments)), Results.open(args.results) as results:
         expect_mechanics(results)
         check_window(results, args)
         steps = _steps(results, args)
@@ -91,7 +91,7 @@ def _sif(args: argparse.Namespace) -> int:
     names = [f"{name}{end}, {unit}" for name, unit in UNITS.items() for end in ("", " at least", " at most")]
     header = ("tip", "step", "time, s", "x, m", "y, m", *names, "dD/da, J/m^2")
     rows = (row for one in found for row in _rows(one, beside))
-    return delivery.deliver(args, result, lines, header, rows, path)
+    return number_options.deliver(args, result, lines, header, rows, path)
 
 
 def _steps(results: Results, args: argparse.Namespace) -> list[int]:
@@ -130,7 +130,7 @@ def _rows(one: Series, beside: Any) -> Any:
 def _words(one: Series) -> str:
     import numpy as np
 
-    from pdpost.reading.times import told
+    from pdpost.reading.time_text import time_text
 
     known = np.flatnonzero(np.isfinite(one.value["J"]))
     if not len(known):
@@ -146,9 +146,7 @@ def _words(one: Series) -> str:
         said += [f"turns by {values['angle'][0]:+.1f} degrees"]
     if one.differs[at]:
         said += [f"(K1^2 + K2^2)/E' {one.of_K[at]:.4g} J/m^2 is outside the band of J: trust J"]
-    x, y = one.place[at] * 1e3 + 0.0
+    (x, y), when = one.place[at] * 1e3 + 0.0, time_text(float(one.time[at]))
     gaps = len(one.step) - len(known)
     left = f"; not known at {gaps} of {len(one.step)} frames" + (f": {one.refused}" if one.refused else "")
-    return (
-        f"{one.front.name} at ({x:.4g}, {y:.4g}) mm, {told(float(one.time[at]))}: {', '.join(said)}{left * bool(gaps)}"
-    )
+    return f"{one.front.name} at ({x:.4g}, {y:.4g}) mm, {when}: {', '.join(said)}{left * bool(gaps)}"

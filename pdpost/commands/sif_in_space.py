@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pdmesh import commandline
-from pdpost.commands import delivery
+from pdpost.commands import number_options
 from pdpost.commands.shared import counted
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ def deliver_fronts(args: argparse.Namespace, results: Results, steps: list[int],
     names = [f"{name}{end}, {unit}" for name, unit in UNITS.items() for end in ("", " at least", " at most")]
     header = ("front", "step", "time, s", "along, m", "x, m", "y, m", "z, m", *names)
     rows = (row for one in found for row in _rows(one))
-    return delivery.deliver(args, result, lines, header, rows, path)
+    return number_options.deliver(args, result, lines, header, rows, path)
 
 
 def _reason(why: str) -> str:
@@ -71,7 +71,7 @@ def _rows(one: AlongFront) -> Any:
 
 def _words(one: AlongFront) -> str:
     """The largest and the mean of a front's values."""
-    from pdpost.reading.times import told
+    from pdpost.reading.time_text import time_text
 
     known = one.known
     at = int(known[one.value["J"][known].argmax()])
@@ -86,6 +86,6 @@ def _words(one: AlongFront) -> str:
     means = ", ".join(f"{name} {one.value[name][known].mean() * 1e-6:.4g}" for name in ("K1", "K2", "K3"))
     points = f"{len(known)} of {len(one.along)} points known"
     return (
-        f"{one.name}, {told(one.time)}, {points}: largest J at ({place}) mm: {', '.join(said)};"
+        f"{one.name}, {time_text(one.time)}, {points}: largest J at ({place}) mm: {', '.join(said)};"
         f" in the mean {means} MPa m^0.5"
     )

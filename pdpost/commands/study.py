@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pdmesh import commandline
-from pdpost.commands import delivery
+from pdpost.commands import number_options
 from pdpost.commands.shared import add_csv, add_journal
 
 if TYPE_CHECKING:
@@ -45,8 +45,8 @@ def _study(args: argparse.Namespace) -> int:
     from pdpost.measures import scatter
     from pdpost.reading import studies
 
-    path = delivery.picture_path(args, ".study.png")
-    with delivery.styled(path, dict(args.assignments)):
+    path = number_options.picture_path(args, ".study.png")
+    with number_options.styled(path, dict(args.assignments)):
         found = studies.read(args.results)
         measures, over = scatter.chosen(found, args.measure, args.over)
         nowhere = scatter.empty(found, args.measure)
@@ -69,7 +69,7 @@ def _study(args: argparse.Namespace) -> int:
     lines = [_told(row, over, units) for row in rows]
     if found.failed or found.waiting:
         lines.append(f"left out: {found.failed} runs that failed, {found.waiting} that wait")
-    return delivery.deliver(args, numbers, lines, header, rows, path)
+    return number_options.deliver(args, numbers, lines, header, rows, path)
 
 
 def _told(row: tuple[Any, ...], over: str | None, units: dict[str, str]) -> str:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pdmesh import commandline
-from pdpost.commands import delivery
+from pdpost.commands import number_options
 from pdpost.commands.shared import add_csv, add_journal, check_csv
 
 if TYPE_CHECKING:
@@ -87,7 +87,7 @@ def _tradeoff(args: argparse.Namespace) -> int:
         "within": args.within,
         "cheapest": cheapest,
     }
-    write_atomically(table, json.dumps(delivery.finite(found), indent=1, allow_nan=False).encode() + b"\n")
+    write_atomically(table, json.dumps(number_options.finite(found), indent=1, allow_nan=False).encode() + b"\n")
     header = ("name", "nodes", *COSTS, *ERRORS, "worst", "front")
     rows = [
         (point.name, point.nodes, *point.cost, *point.errors, worst, at in best)
@@ -96,7 +96,7 @@ def _tradeoff(args: argparse.Namespace) -> int:
     lines = [_told(*rated[at], kinds) for at in best]
     if args.within is not None:
         lines.append(f"the cheapest within {args.within:.3g}: {cheapest or 'none of them'}")
-    return delivery.deliver(args, found, lines, header, rows, picture)
+    return number_options.deliver(args, found, lines, header, rows, picture)
 
 
 def _points(files: list[Path], reference: Path) -> list[Point]:

@@ -24,7 +24,7 @@ from pdpost.measures.cracked_nodes import damage_at
 from pdpost.measures.paths import LONG, Polyline
 from pdpost.measures.speed import WINDOW
 from pdpost.measures.tips import Branch
-from pdpost.reading.times import told
+from pdpost.reading.time_text import time_text
 from pdsolve.results import Results
 
 Chart: TypeAlias = Callable[[list[Branch], Axes, Summary], None]
@@ -45,7 +45,7 @@ def crack(results: Results, found: Summary | None = None, window: Box | None = N
     charts = _charts(found)
     figure, plate, places = _panels(box, len(charts))
     on = on_grey_plate(plate, box, where, damage_at(results, found.step))
-    when = told(found.step * found.time_step, micro="µs")
+    when = time_text(found.step * found.time_step, micro="µs")
     if not found.branches:
         plate.set_title(f"No crack has grown at {when}", fontsize="medium")
         return figure

@@ -15,7 +15,7 @@ from pdpost.figures.labels import scaled
 from pdpost.figures.opening_colours import Opening, opening_colours
 from pdpost.measures.crack_faces import Surface
 from pdpost.measures.crack_in_space import SummaryInSpace
-from pdpost.reading.times import told
+from pdpost.reading.time_text import time_text
 from pdsolve.results import Nodes, Results
 
 VIEW = (25.0, -60.0)  # degrees: height and turn of the eye
@@ -36,7 +36,7 @@ def crack_surface(results: Results, found: SummaryInSpace) -> Figure:
     axes = figure.add_subplot(grid[0, :], projection="3d")
     assert isinstance(axes, Axes3D)
     colours = _surface(axes, results, found)
-    when = told(found.step * float(results.meta()["time_step"]), micro="µs")
+    when = time_text(found.step * float(results.meta()["time_step"]), micro="µs")
     figure.suptitle(f"Surface of the crack at {when}" if opened else f"No crack has grown at {when}", fontsize="medium")
     if opened:
         figure.colorbar(colours.painted, ax=axes, label=colours.label, shrink=0.6, pad=0.08, extend="max")

@@ -14,7 +14,7 @@ from pdpost.figures.raster import Box
 from pdpost.figures.sheets import border, box_of, mark, on_axes, paint, seen, shape
 from pdpost.figures.style import narrow
 from pdpost.measures import fields
-from pdpost.reading.times import told
+from pdpost.reading.time_text import time_text
 from pdsolve.results import Results
 
 TITLE, AROUND = 0.25, 0.9  # inches: above each picture; for axes and legend
@@ -51,7 +51,7 @@ def frames(
         paint(on, where, shot.values * range_of.factor, mappable, shot.torn)
         border(on, where)
         mark(on, where)
-        on.axes.set_title(told(step * float(results.meta()["time_step"]), micro="µs"))
+        on.axes.set_title(time_text(step * float(results.meta()["time_step"]), micro="µs"))
         if number % columns:
             on.axes.set_ylabel("")
             on.axes.tick_params(labelleft=False)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pdpost.figures.charts import WIDTH, look, plain
 from pdpost.figures.labels import scaled
 from pdpost.measures.intensities_in_space import AlongFront
-from pdpost.reading.times import told
+from pdpost.reading.time_text import time_text
 
 INTENSITIES = ("K1", "K2", "K3")
 SHOWN = 4  # fronts with curves
@@ -26,7 +26,7 @@ def along_fronts(found: list[AlongFront]) -> Figure:
     figure = Figure(figsize=(WIDTH, 6.4 if several else 3.6), layout="constrained")
     grid = figure.add_gridspec(2 if several else 1, 2)
     intensity, energy = (figure.add_subplot(grid[0, column]) for column in (0, 1))
-    figure.suptitle(f"Along the fronts at {told(last[0].time, micro='µs')}", fontsize="medium")
+    figure.suptitle(f"Along the fronts at {time_text(last[0].time, micro='µs')}", fontsize="medium")
     _curves(intensity, last, INTENSITIES, "Pa√m", "stress intensity")
     factor = _curves(energy, last, ("J",), "J/m²", "J")
     metre, _ = scaled([one.along for one in last], "m")

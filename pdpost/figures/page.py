@@ -27,7 +27,7 @@ from pdpost.measures.masses import masses
 from pdpost.reading.embedded_model import whole
 from pdpost.reading.frame_steps import frames
 from pdpost.reading.stored_fields import OF_DIFFUSION, diffuses
-from pdpost.reading.times import told
+from pdpost.reading.time_text import time_text
 from pdsolve.results import DamagedError, Nodes, Results, ResultsError
 
 DPI = 110
@@ -69,7 +69,7 @@ def report(results: Results, name: str) -> str:
     sections = [
         *([("Crack", _crack(results) if flat else _crack_in_space(results))] if moves else []),
         ("Animation", [_picture(_film(results, shown), "gif", f"{shown} over time")]),
-        (f"Fields at {told(float(times[-1]), micro='µs')}", _fields(results, int(steps[-1]))),
+        (f"Fields at {time_text(float(times[-1]), micro='µs')}", _fields(results, int(steps[-1]))),
         ("Balance", _balance(results) if moves else _masses(results)),
         ("Scene", [*drawn, _conditions(nodes, model)]),
         ("Grid", [_table(_grid(results, nodes))]),
@@ -136,8 +136,8 @@ def _conditions(nodes: Nodes, model: dict[str, Any]) -> str:
         what = {key: value for key, value in condition.items() if key not in ("kind", "name", "nodes")}
         name = called(condition.get("name"), number)
         count = int(acted_on(nodes, condition).sum())
-        told = ", ".join(f"{key} {_text(value)}" for key, value in what.items())
-        rows.append((name, f"{condition['kind']} of {count} nodes: {told}"))
+        time_text = ", ".join(f"{key} {_text(value)}" for key, value in what.items())
+        rows.append((name, f"{condition['kind']} of {count} nodes: {time_text}"))
     return _table(rows)
 
 
@@ -170,15 +170,15 @@ def _masses(results: Results) -> list[str]:
 
 def _crack(results: Results) -> list[str]:
     found = crack_summary.crack(results)
-    told = "".join(f"<li>{escape(spelled(sentence))}</li>" for sentence in crack_summary.sentences(found))
-    return [f"<ul>{told}</ul>", _image(crack_figure.crack(results, found), "path, length and speed of the crack")]
+    time_text = "".join(f"<li>{escape(spelled(sentence))}</li>" for sentence in crack_summary.sentences(found))
+    return [f"<ul>{time_text}</ul>", _image(crack_figure.crack(results, found), "path, length and speed of the crack")]
 
 
 def _crack_in_space(results: Results) -> list[str]:
     found = crack_in_space.crack_in_space(results)
-    told = "".join(f"<li>{escape(spelled(sentence))}</li>" for sentence in crack_in_space.sentences(found))
+    time_text = "".join(f"<li>{escape(spelled(sentence))}</li>" for sentence in crack_in_space.sentences(found))
     drawn = crack_surface_figure.crack_surface(results, found)
-    return [f"<ul>{told}</ul>", _image(drawn, "surface of the crack, its area and its cost")]
+    return [f"<ul>{time_text}</ul>", _image(drawn, "surface of the crack, its area and its cost")]
 
 
 def _fields(results: Results, step: int) -> list[str]:

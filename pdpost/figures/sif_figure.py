@@ -15,7 +15,7 @@ from pdpost.figures.sheets import Sheet, box_of, shape
 from pdpost.measures.cracked_nodes import damage_at
 from pdpost.measures.release import Release
 from pdpost.measures.stress_intensities import Series
-from pdpost.reading.times import told
+from pdpost.reading.time_text import time_text
 from pdsolve.results import Results
 
 SHOWN = 6  # tips with curves
@@ -34,7 +34,7 @@ def sif(results: Results, found: list[Series], spent: Release, window: Box | Non
     on = on_grey_plate(plate, box, where, damage_at(results, step))
     for number, one in enumerate(shown):
         _rings(on, one, str(look(number)["color"]))
-    when = told(float(found[0].time[-1]), micro="µs")
+    when = time_text(float(found[0].time[-1]), micro="µs")
     plate.set_title(f"Damage at {when} and the rings of the tips, the last they had", fontsize="medium")
     _curves(intensity, shown, ("K1", "K2"), "Pa√m", "stress intensity")
     _curves(energy, shown, ("J",), "J/m²", "J")

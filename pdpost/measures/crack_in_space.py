@@ -16,7 +16,7 @@ from pdpost.measures.fragments_in_space import Fragments, fragments
 from pdpost.measures.waves import rayleigh_of
 from pdpost.reading.embedded_model import at_rest, read
 from pdpost.reading.frame_steps import frames, last_step
-from pdpost.reading.times import told
+from pdpost.reading.time_text import time_text
 from pdsolve.results import Results
 
 LISTED = 6  # fragments in sentences
@@ -141,7 +141,7 @@ def sentences(found: SummaryInSpace) -> list[str]:
         return ["nothing opened"]
     area, speed = float(found.surface.area[grown].sum()), _speeds(found)
     lines = [
-        f"area that opened: {area * 1e6:.4g} mm^2, the first at {told(float(found.surface.time[grown][0]))}",
+        f"area that opened: {area * 1e6:.4g} mm^2, the first at {time_text(float(found.surface.time[grown][0]))}",
         f"dissipated over area, of G0: {found.release[-1] / found.G0:.3g}",
         _front(found),
     ]

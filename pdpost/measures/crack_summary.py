@@ -20,7 +20,7 @@ from pdpost.measures.waves import rayleigh_of
 from pdpost.reading.embedded_model import at_rest
 from pdpost.reading.frame_steps import last_step
 from pdpost.reading.table_columns import Columns, columns_of
-from pdpost.reading.times import told
+from pdpost.reading.time_text import time_text
 from pdsolve.results import Results
 
 LISTED = 6  # branches and forks in sentences
@@ -134,7 +134,7 @@ def sentences(found: Summary) -> list[str]:
     axis, sign = ("x", DIRECTIONS[found.along][0]) if DIRECTIONS[found.along][0] else ("y", DIRECTIONS[found.along][1])
     events = {name: getattr(found.growth, name) for name in ("first_break", "start", "branching", "split")}
     lines = [
-        f"{name.replace('_', ' ')}: step {event.step}, {told(event.time)}"
+        f"{name.replace('_', ' ')}: step {event.step}, {time_text(event.time)}"
         + ("" if event.along is None else f", {axis} = {sign * event.along * 1e3:.4g} mm")
         for name, event in events.items()
         if event is not None
@@ -144,7 +144,7 @@ def sentences(found: Summary) -> list[str]:
     if len(found.branches) > LISTED:
         lines.append(f"and {len(found.branches) - LISTED} shorter branches")
     for fork in found.forks[:LISTED]:
-        where = f"{_place(fork.place)}, {told(fork.time)}"
+        where = f"{_place(fork.place)}, {time_text(fork.time)}"
         lines.append(f"fork at {where}: {fork.angle:.1f} degrees between {len(fork.arms)} arms")
     lines += _spent(found.release)
     for way in found.directions:
@@ -157,7 +157,7 @@ def sentences(found: Summary) -> list[str]:
 
 def _way(branch: Branch, found: Summary) -> str:
     """Where and when a tip started and ended, and its speed, in words."""
-    ways = [f"{_place(branch.place[at])} at {told(branch.time[at])}" for at in (0, -1)]
+    ways = [f"{_place(branch.place[at])} at {time_text(branch.time[at])}" for at in (0, -1)]
     mean, rayleigh = _mean_speed(branch, found), found.rayleigh_speed
     if found.at_rest:
         fast = ""

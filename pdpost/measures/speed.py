@@ -26,14 +26,14 @@ def speeds(
     along: NDArray[np.float64],
     time: NDArray[np.float64],
     spacing: NDArray[np.float64],
-    told: NDArray[np.bool_],
+    known_time: NDArray[np.bool_],
     time_step: float,
 ) -> Speeds:
     """Speeds at k points of a path, from the length there, m, and the time the tip passed, s.
 
     A speed is one over the slope of a least-squares line of time over length, through the surrounding points, at least
     ten spacings from first to last, with Student's band of the slope. The window is one of length, not of time, as
-    cracks wait and jump. A speed is NaN if the stretch is shorter, if one of its points is not `told`, or if the
+    cracks wait and jump. A speed is NaN if the stretch is shorter, if one of its points is not `known_time`, or if the
     uncertainty of the slope exceeds one half.
     """
     found = np.full((3, len(along)), np.nan)
@@ -41,7 +41,7 @@ def speeds(
         near = window(along, at, WINDOW * spacing[at])
         if near is not None:  # of the coarsest nodes there
             near = window(along, at, WINDOW * float(spacing[near].max()))
-        if near is None or not told[near].all():
+        if near is None or not known_time[near].all():
             continue
         away, late = along[near] - along[near].mean(), time[near] - time[near].mean()
         free = len(away) - 2

@@ -105,11 +105,11 @@ def _expect_bonds(results: Results) -> None:
             f"{results.name}: table bond_break: found a bond of {breaks.node[at]} and {breaks.neighbour[at]}, expected"
             " each bond that breaks to be one of a family, and to break once"
         )
-    for step, told in zip(books["step"].tolist(), books["broken"].tolist(), strict=True):
+    for step, kept in zip(books["step"].tolist(), books["broken"].tolist(), strict=True):
         there = int(np.searchsorted(breaks.step, step, side="right"))
-        if told != there:
+        if kept != there:
             raise DamagedError(
-                f"{results.name}: the ledger: found {told:g} broken bonds at step {step:g}, expected {there} as in the"
+                f"{results.name}: the ledger: found {kept:g} broken bonds at step {step:g}, expected {there} as in the"
                 " table bond_break"
             )
     for step in results.frames()[0].tolist() if len(books) else ():

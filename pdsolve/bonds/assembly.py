@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model.neighbours import Neighbours, Pairs, lengths, row_chunks
 from pdmesh.model.thesis_areas import thesis_areas
-from pdsolve.checkpoint import expect_found
+from pdsolve.checkpoint_validation import expect_found
 from pdsolve.model import Model
 
 

@@ -23,7 +23,7 @@ from pdmesh.model.material_constants import poisson, rayleigh_speed
 from pdmesh.model.timed_selection import MOST_STEPS
 from pdmesh.model.visibility import Sight
 from pdsolve.bonds.assembly import Filling
-from pdsolve.checkpoint import entry
+from pdsolve.checkpoint_validation import entry
 from pdsolve.conditions import Drive, held, unbreakable
 from pdsolve.crack_growth.criteria import AHEAD, Verdict, by_intensity, by_release, by_stress
 from pdsolve.crack_growth.obstacles import ACTED_ON, Obstacles

@@ -151,11 +151,11 @@ class Collocated:
 @compiled(fastmath={"reassoc", "contract", "nsz"})
 def _give_back(volume, seam, seam_volume, out):  # type: ignore[no-untyped-def]
     """Subtract the surplus of all rates (n,) from the nodes at the seam."""
-    made = 0.0
+    surplus = 0.0
     for i in range(len(out)):
-        made += volume[i] * out[i]
+        surplus += volume[i] * out[i]
     for i in seam:
-        out[i] -= made / seam_volume
+        out[i] -= surplus / seam_volume
 
 
 def _slice(rows: NDArray[np.int64]) -> slice | NDArray[np.int64]:

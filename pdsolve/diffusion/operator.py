@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.medium import Medium
-from pdsolve.checkpoint import entry
+from pdsolve.checkpoint_validation import entry
 from pdsolve.diffusion.dissolution import potential, solid_share
 from pdsolve.diffusion.listed import BondList
 from pdsolve.diffusion.surfaces import Bonds

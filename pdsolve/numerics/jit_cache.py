@@ -61,10 +61,10 @@ def cached_njit(**options: Any) -> Callable[[Any], Any]:
     """A decorator like `numba.njit`, whose functions are compiled by the first process that needs them."""
 
     def decorate(function: Any) -> Any:
-        made = numba.njit(**options)(function)
-        if made is not function:  # it is, where numba is told to compile nothing
-            made._cache = _Cache(function)
-        return made
+        compiled = numba.njit(**options)(function)
+        if compiled is not function:  # it is, where numba is told to compile nothing
+            compiled._cache = _Cache(function)
+        return compiled
 
     return decorate
 

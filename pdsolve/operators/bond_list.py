@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.bonds.assembly import Bonds, ends, find, in_precision, stiffness_bound
-from pdsolve.checkpoint import entry, like
+from pdsolve.checkpoint_validation import entry, like
 from pdsolve.laws.bond_arrays import AnyList, Now, SwollenList, list_of
 from pdsolve.laws.calls import bind
 from pdsolve.laws.law import Law, Sums

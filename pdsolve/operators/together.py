@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.checkpoint import expect_found
+from pdsolve.checkpoint_validation import expect_found
 from pdsolve.operators.protocol import Kept, Operator
 from pdsolve.state import Broken, State, Unknown
 

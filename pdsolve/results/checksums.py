@@ -104,7 +104,7 @@ def select(table: str, where: str = "", columns: str = "*") -> str:
     return f"SELECT {columns} FROM {table} {where} ORDER BY {order}"
 
 
-def told(table: str) -> str:
+def checked(table: str) -> str:
     """The columns of a table that its checksum is made of: all but large values."""
     names = [column.split()[0] for column in TABLES[table].split(" --")[0].split(",")]
     return ", ".join(names[: KEYS[table] + 1]) if table in KEYS else "*"

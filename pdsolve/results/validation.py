@@ -88,8 +88,8 @@ def _master(dimension: int) -> dict[str, str]:
     with closing(sqlite3.connect(":memory:")) as connection:
         for statement in statements(dimension):
             connection.execute(statement)
-        made = connection.execute("SELECT name, sql FROM sqlite_master WHERE sql IS NOT NULL").fetchall()
-    return {name: plain(sql) for name, sql in made}
+        schema = connection.execute("SELECT name, sql FROM sqlite_master WHERE sql IS NOT NULL").fetchall()
+    return {name: plain(sql) for name, sql in schema}
 
 
 @cache

@@ -17,7 +17,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.files import irregular
-from pdsolve.results.checksums import KEYS, Checksum, Row, records, select, select_schema, stored, told, with_crc
+from pdsolve.results.checksums import (
+    KEYS,
+    Checksum,
+    Row,
+    checked,
+    records,
+    select,
+    select_schema,
+    stored,
+    with_crc,
+)
 from pdsolve.results.errors import GoneError, ResultsError, ResultsWarning, WriteError, explained
 from pdsolve.results.lock import writing_to
 from pdsolve.results.reader import Results
@@ -236,7 +246,7 @@ class Writer:
 
     def _add_up(self, table: str) -> None:
         """Compute the checksum from the existing rows."""
-        self._checksums[table] = Checksum().of(table, self.connection.execute(select(table, columns=told(table))))
+        self._checksums[table] = Checksum().of(table, self.connection.execute(select(table, columns=checked(table))))
 
     def _tell(self, meta: Mapping[str, Any]) -> None:
         rows = [with_crc("meta", (key, stored(value))) for key, value in meta.items()]

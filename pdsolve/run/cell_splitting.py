@@ -14,7 +14,7 @@ from pdsolve.adaptivity.quadtree.interpolation import kinetic, moved
 from pdsolve.adaptivity.quadtree.leaf_mapping import Transfer, transfer_of
 from pdsolve.adaptivity.quadtree.operator import Leaves, Memory, remembered
 from pdsolve.adaptivity.quadtree.tree import Cells
-from pdsolve.checkpoint import entry
+from pdsolve.checkpoint_validation import entry
 from pdsolve.conditions import put_loads
 from pdsolve.errors import CheckpointError, UnstableError
 from pdsolve.operators.protocol import Kept
@@ -75,9 +75,9 @@ class Splitting:
             values[:] = found
         new.drive.held_force[:] = system.drive.held_force
         put_loads(new.drive, step * system.time_step)
-        made = _energy(new, begun, operator.energies(begun)[0]) - _energy(system, state, held) + _pushed(new, begun)
+        created = _energy(new, begun, operator.energies(begun)[0]) - _energy(system, state, held) + _pushed(new, begun)
         calm = np.where(transfer.stays, own.memory.calm[transfer.before[:, 0]], 0)
-        operator.memory = Memory(calm, own.memory.made + made)
+        operator.memory = Memory(calm, own.memory.created + created)
         return Change(new, begun, self._origin(system, new, transfer))
 
     def _cloud(self, system: System, cells: Cells, transfer: Transfer | None = None) -> Prepared:

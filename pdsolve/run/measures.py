@@ -67,8 +67,8 @@ def books(system: System, state: State, step: int, asked: Asked | None = None) -
     known."""
     strain, softened, broken = asked or ask(system, state)
     if system.hybrid is not None:
-        sums, told = system.hybrid.books()._asdict(), system.hybrid.zone_summary()._asdict()
-        return Ledger(step, step * system.time_step, **sums, broken=len(broken.step), **told)
+        sums, zone = system.hybrid.books()._asdict(), system.hybrid.zone_summary()._asdict()
+        return Ledger(step, step * system.time_step, **sums, broken=len(broken.step), **zone)
     area, rho, velocity = system.area, system.model.rho, state.rate.astype(np.float64, copy=False)
     with np.errstate(over="ignore", invalid="ignore"):  # of a run that becomes unstable
         return Ledger(

@@ -71,11 +71,11 @@ class MotionAccounts:
 
     def words(self, broken: int) -> str:
         """State of the accounts in words, with so many broken bonds, for a progress display."""
-        fine, told = self._system.zone_summary, f"broken bonds {broken}, balance {self.balance:+.1e}"
+        fine, text = self._system.zone_summary, f"broken bonds {broken}, balance {self.balance:+.1e}"
         if fine is not None:
-            told += f", fine {fine.fine_share:.1%}"
-            told += f", clipped stretch {fine.clipped_stretch:.2f}" if fine.clipped_stretch else ""
-        return told
+            text += f", fine {fine.fine_share:.1%}"
+            text += f", clipped stretch {fine.clipped_stretch:.2f}" if fine.clipped_stretch else ""
+        return text
 
     def settle(self, state: State, step: int, asked: Asked) -> None:
         """Make this step the last entry."""

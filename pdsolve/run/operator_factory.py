@@ -12,7 +12,7 @@ from pdsolve.model import Model, ModelError
 from pdsolve.operators.bond_list import BondList
 from pdsolve.operators.contact.operator import PenaltyContact, touch_bound
 from pdsolve.operators.protocol import Operator
-from pdsolve.operators.simd_lattice import families
+from pdsolve.operators.simd_lattice import state_based
 from pdsolve.operators.simd_lattice.layout import blocks_of
 from pdsolve.operators.simd_lattice.operator import SimdLattice
 from pdsolve.operators.space_lattice.operator import SpaceLattice
@@ -46,10 +46,10 @@ def operator_of(
     bonds = listed(survey.parts(), filling.area).bonds
     counted = survey.counted(filling.area)
     compiled = not numba.config.DISABLE_JIT and options.kernel != "listed"
-    where = families.placed(law, bonds) if compiled else None
+    where = state_based.placed(law, bonds) if compiled else None
     if where is not None:
         of = law, model, bonds, scheme.symmetric, options.precision, threads
-        return families.Families(*of, where), counted
+        return state_based.Families(*of, where), counted
     if options.kernel == "blocks":
         raise ModelError(
             "kernel: found blocks, expected listed: blocks need nodes on a lattice, a law that is written for them, and"

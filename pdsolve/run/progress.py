@@ -75,15 +75,15 @@ class Watch:
         self.signal = number
 
     def _show(self, progress: Progress) -> bool:
-        told = progress.words
+        text = progress.words
         if progress.going is not None:
-            told = f"{progress.going.iterations} iterations, residual {progress.going.residual:.1e}, {told}"
+            text = f"{progress.going.iterations} iterations, residual {progress.going.residual:.1e}, {text}"
         if self._bar is not None:
             self._bar.total = progress.steps
             self._bar.set_description_str("solving", refresh=False)
-            self._bar.set_postfix_str(told, refresh=False)
+            self._bar.set_postfix_str(text, refresh=False)
             self._bar.update(progress.step - self._bar.n)
         elif not self._quiet and time.monotonic() - self._said > LINE_EVERY:
             self._said = time.monotonic()
-            remark(f"step {progress.step} of {progress.steps}, {told}")
+            remark(f"step {progress.step} of {progress.steps}, {text}")
         return self.signal is not None

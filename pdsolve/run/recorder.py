@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.checkpoint import entry, expect_broken, expect_found, like
+from pdsolve.checkpoint_validation import entry, expect_broken, expect_found, like
 from pdsolve.conditions import put_loads
 from pdsolve.diffusion.mass_accounts import MassAccounts
 from pdsolve.diffusion.swelling import Swelling

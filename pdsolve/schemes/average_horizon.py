@@ -9,7 +9,7 @@ symmetric, waves are reflected less where spacings differ.
   ends' to stay symmetric), in a family that reaches half a spacing beyond the horizon. With a conical one, which is
   0 at the horizon, it counts in full: less is reflected, and displacements are better (benchmarks/README.md).
 - The lattice is calibrated: its mean stiffness and fracture energy are those of the material
-  (`pdmesh.model.full_lattice`).
+  (`pdmesh.model.lattice_calibration`).
 - Surfaces, the faces of pre-cracks and interfaces are corrected by the energy method. In the plane, each bond has a
   factor such that, in uniform stretching along x and along y, its two nodes have on average the energy of a node in a
   full lattice (Q. V. Le, F. Bobaru, Comput. Mech. 61 (2018) 499-518, section "energy method"). In space, where families
@@ -30,8 +30,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.full_lattice import Calibration, calibration, has_partial_cells, hu_beta, lattice_ratios
 from pdmesh.model.kd_trees import tree_of
+from pdmesh.model.lattice_calibration import Calibration, calibration, has_partial_cells, hu_beta, lattice_ratios
 from pdmesh.model.material import Material
 from pdmesh.model.material_constants import BONDS_NU, C11, C66, STIFFNESS, critical_stretch, micromodulus
 from pdmesh.model.neighbours import ROUND_OFF, Neighbours, Pairs, chosen, row_chunks

@@ -21,7 +21,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.full_lattice import hu_beta, offsets
+from pdmesh.model.lattice_calibration import hu_beta, offsets
 from pdmesh.model.material import Material
 from pdmesh.model.material_constants import dimension_of
 from pdmesh.model.neighbours import ROUND_OFF, Neighbours, Pairs, chosen, lengths

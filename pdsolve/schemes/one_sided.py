@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.full_lattice import full_family, hu_beta
+from pdmesh.model.lattice_calibration import full_family, hu_beta
 from pdmesh.model.material_constants import critical_stretch, micromodulus
 from pdmesh.model.neighbours import Neighbours, Pairs, chosen
 from pdmesh.model.visibility import sight_of

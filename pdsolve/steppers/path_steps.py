@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.kd_trees import tree_of
-from pdsolve.checkpoint import entry
+from pdsolve.checkpoint_validation import entry
 from pdsolve.conditions import Drive, put_loads
 from pdsolve.errors import CheckpointError
 from pdsolve.model import Model, ModelError, ModelWarning

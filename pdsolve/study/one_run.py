@@ -13,7 +13,7 @@ from pdsolve.run.simulation import resume, simulate
 from pdsolve.study.description import Case
 from pdsolve.study.recovered_runs import provenance
 from pdsolve.study.run_measures import measured
-from pdsolve.study.run_model import made, options
+from pdsolve.study.run_model import model_of_run, options
 
 ALONE = threading.Lock()  # a process solves one run at a time
 
@@ -88,4 +88,4 @@ def _gone_on(task: Task) -> Results:
     if state.kind is not Kind.NONE:
         remove(task.output)
     how = options(task.case, task.threads)
-    return simulate(made(task.drawing, task.case, task.trust), task.output, how, provenance=own)
+    return simulate(model_of_run(task.drawing, task.case, task.trust), task.output, how, provenance=own)

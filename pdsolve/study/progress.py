@@ -32,7 +32,7 @@ class StudyWatch:
             self._bar.close()
 
     def __call__(self, going: Going) -> None:
-        done, told = going.finished + going.failed, f"{going.failed} failed"
+        done, text = going.finished + going.failed, f"{going.failed} failed"
         for number, name in going.held.items():
             remark(f"pdsolve study: run {number} waits up to {PATIENCE:g} s for {name}, which writes to its database")
         if self._quiet:
@@ -40,8 +40,8 @@ class StudyWatch:
         if self._bar is None:
             self._bar = bar("solving", " runs", total=going.runs, initial=done)
         if self._bar is not None:
-            self._bar.set_postfix_str(told, refresh=False)
+            self._bar.set_postfix_str(text, refresh=False)
             self._bar.update(done - self._bar.n)
         elif time.monotonic() - self._said > LINE_EVERY:
             self._said = time.monotonic()
-            remark(f"run {done} of {going.runs}, {told}")
+            remark(f"run {done} of {going.runs}, {text}")

@@ -26,7 +26,7 @@ LOOKED_AT = 5  # runs, until one can be read
 ANY = Settings(material=Material(E=1.0, rho=1.0, G0=1.0), medium=Medium(D=1.0))
 
 
-def made(drawing: Path, case: Case, trust: bool = False) -> Model:
+def model_of_run(drawing: Path, case: Case, trust: bool = False) -> Model:
     """The model of a run from the drawing at this path. Raises SceneError, GridError, ModelError."""
     grid, settings = _built(drawing, case, trust)
     model = Model(grid, overlaid(settings, drawing, None, case.assignments("model")), str(drawing))
@@ -61,7 +61,7 @@ def planned(study: Study, trust: bool = False) -> list[tuple[Case, int, Plan]]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the solver warns when it solves
         return [
-            (cases[0], len(cases), estimate_run(made(study.drawing, cases[0], trust), options(cases[0])))
+            (cases[0], len(cases), estimate_run(model_of_run(study.drawing, cases[0], trust), options(cases[0])))
             for cases in alike.values()
         ]
 

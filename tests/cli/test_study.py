@@ -28,7 +28,7 @@ from pdsolve.results import writing_to
 from pdsolve.study import dispatch, one_run, workers
 from pdsolve.study.description import Case
 from pdsolve.study.one_run import Outcome, Task
-from pdsolve.study.run_model import made
+from pdsolve.study.run_model import model_of_run
 from pdsolve.study.table import Column, Row, Table
 
 STUDY = """
@@ -249,7 +249,7 @@ def test_a_setting_that_means_nothing_is_refused_before_anything_is_solved(
 def test_a_setting_that_its_runs_do_not_use_is_refused(here: Path) -> None:
     small(here)
     with pytest.raises(ModelError, match=naming("run.theta", found="run.solver", expected="run.solver")):
-        made(Path("plate.json"), Case({}, {"run.theta": 0.6}, {}))
+        model_of_run(Path("plate.json"), Case({}, {"run.theta": 0.6}, {}))
 
 
 def test_without_the_extra_there_is_no_cluster(

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from plates import GLASS
 
 from pdmesh.model.document import Material
-from pdmesh.model.full_lattice import lattice_ratios, offsets
+from pdmesh.model.lattice_calibration import lattice_ratios, offsets
 from pdmesh.model.material_constants import critical_stretch, micromodulus
 from pdsolve.laws import limits
 from pdsolve.laws.bilinear import intact_share, spent_share

@@ -16,7 +16,7 @@ from systems import bonds_of, matrix, sources
 from pdmesh import Scene, box
 from pdmesh.grid.lattice import build_grid
 from pdmesh.model.document import Load, Material, Run
-from pdmesh.model.full_lattice import hu_beta, offsets
+from pdmesh.model.lattice_calibration import hu_beta, offsets
 from pdsolve.model import ModelError
 from pdsolve.run.estimate import estimate_run
 from pdsolve.run.simulation import simulate

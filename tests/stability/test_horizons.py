@@ -10,7 +10,7 @@ import pytest
 from plates import GLASS, plate, square_grid
 from systems import bonds_of, stiffness
 
-from pdmesh.model.full_lattice import calibration, full_family, lattice_ratios
+from pdmesh.model.lattice_calibration import calibration, full_family, lattice_ratios
 from pdsolve.run.system import Options, prepare
 
 CONSTANT = msgspec.structs.replace(GLASS, micromodulus="constant")

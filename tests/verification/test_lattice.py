@@ -8,7 +8,7 @@ import pytest
 from plates import GLASS, plate, square_grid
 from systems import bonds_of, stiffness
 
-from pdmesh.model.full_lattice import calibration, full_family, lattice_ratios
+from pdmesh.model.lattice_calibration import calibration, full_family, lattice_ratios
 from pdsolve.run.system import Options, prepare
 
 # m, micromodulus: per cent of C11 and C66 too much, whole cells up to the horizon | Hu's beta, half a spacing beyond

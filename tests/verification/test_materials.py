@@ -10,7 +10,7 @@ from plates import GLASS, plate, square_grid
 from systems import bonds_of, equilibrium, matrix, sources
 
 from pdmesh.model.document import Material, Region
-from pdmesh.model.full_lattice import calibration
+from pdmesh.model.lattice_calibration import calibration
 from pdmesh.model.material_constants import critical_stretch
 from pdsolve.bonds.assembly import Bonds
 from pdsolve.laws import brittle, law_of, limits

@@ -14,7 +14,7 @@ from scipy.sparse import csr_array, diags_array
 from scipy.sparse.linalg import eigsh, spsolve
 
 from pdmesh.model.document import Displacement, Load, Run, Static
-from pdmesh.model.full_lattice import lattice_ratios
+from pdmesh.model.lattice_calibration import lattice_ratios
 from pdsolve.bonds.assembly import Filling, Part
 from pdsolve.conditions import put_loads
 from pdsolve.model import Model

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pdmesh.model.document import Horizon, Material, Settings
-from pdmesh.model.full_lattice import full_family, lattice_ratios, offsets
+from pdmesh.model.lattice_calibration import full_family, lattice_ratios, offsets
 from pdmesh.model.material_constants import C11, C66, critical_stretch, lame, micromodulus
 from pdmesh.model.node_grid import Grid
 from pdmesh.reports.bonds_and_step import count

@@ -11,7 +11,7 @@ from plates import GLASS, plate, square_grid
 from systems import equilibrium
 
 from pdmesh.model.document import Load
-from pdmesh.model.full_lattice import calibration, lattice_ratios
+from pdmesh.model.lattice_calibration import calibration, lattice_ratios
 from pdsolve.run.system import Options, prepare
 
 STRESS = 1.0

@@ -12,7 +12,7 @@ from plates import GLASS, interface_grid, plate, square_grid
 from scipy.sparse.linalg import eigs
 from systems import accelerate, at_step, matrix, true_limit
 
-from pdmesh.model.full_lattice import calibration
+from pdmesh.model.lattice_calibration import calibration
 from pdmesh.reports.bonds_and_step import SURFACES, stable_step
 from pdsolve.run.system import Options, Prepared, prepare
 

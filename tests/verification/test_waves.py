@@ -10,7 +10,7 @@ from plates import GLASS, plate, square_grid
 from systems import accelerate, at_step
 
 from pdmesh.model.document import Material
-from pdmesh.model.full_lattice import calibration, hu_beta, offsets
+from pdmesh.model.lattice_calibration import calibration, hu_beta, offsets
 from pdmesh.model.material_constants import micromodulus
 from pdsolve.run.system import Options, Prepared, prepare
 

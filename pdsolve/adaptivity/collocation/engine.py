@@ -26,7 +26,7 @@ from pdsolve.adaptivity.collocation.zone import (
     widened,
 )
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
-from pdsolve.checkpoint import entry, like
+from pdsolve.checkpoint_validation import entry, like
 from pdsolve.conditions import Drive
 from pdsolve.errors import CheckpointError, UnstableError
 from pdsolve.numerics.thread_team import gate_of, side_by_side

@@ -28,9 +28,9 @@ def intact(typingctx, cut, like, row, k, lane):  # type: ignore[no-untyped-def]
     lanes = Lanes(like.dtype)
 
     def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
-        made = context.make_array(cut)(context, builder, values[0])
-        at = builder.add(builder.mul(values[2], builder.extract_value(made.shape, 1)), values[3])
-        word = builder.load(builder.gep(made.data, [at]))
+        view = context.make_array(cut)(context, builder, values[0])
+        at = builder.add(builder.mul(values[2], builder.extract_value(view.shape, 1)), values[3])
+        word = builder.load(builder.gep(view.data, [at]))
         some = builder.lshr(word, builder.trunc(values[4], word.type))
         bits = ir.IntType(lanes.count)
         some = builder.trunc(some, bits) if lanes.count < 16 else some

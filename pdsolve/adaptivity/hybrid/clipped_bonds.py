@@ -245,9 +245,9 @@ def _set_end(ground, kind, p, k, n, which, pieces, count):  # type: ignore[no-un
 def put_pieces(ground, zone, dirty):  # type: ignore[no-untyped-def]
     """Replace the pieces owned by these fine nodes, given in order; all pieces stay ordered by owner."""
     old, new, count = zone.pieces, zone.spare, zone.number[PIECES]
-    kept = made = count - count  # a plain 0 would be compiled for once more
+    kept = pieces = count - count  # a plain 0 would be compiled for once more
     for p in dirty:
-        made = add_pieces(ground, zone.cells, zone.bits, zone.coarse.kind, p, new, made)
+        pieces = add_pieces(ground, zone.cells, zone.bits, zone.coarse.kind, p, new, pieces)
         zone.mark[p] = True
     for n in range(count):
         if not zone.mark[old.owner[n]]:
@@ -255,7 +255,7 @@ def put_pieces(ground, zone, dirty):  # type: ignore[no-untyped-def]
             kept += 1
     for p in dirty:
         zone.mark[p] = False
-    at, n, m = kept + made - 1, kept - 1, made - 1
+    at, n, m = kept + pieces - 1, kept - 1, pieces - 1
     while m >= 0:
         if n >= 0 and old.owner[n] > new.owner[m]:
             _move(old, n, old, at)
@@ -264,7 +264,7 @@ def put_pieces(ground, zone, dirty):  # type: ignore[no-untyped-def]
             _move(new, m, old, at)
             m -= 1
         at -= 1
-    zone.number[PIECES] = kept + made
+    zone.number[PIECES] = kept + pieces
 
 
 @njit(forceinline=True, **INNER)

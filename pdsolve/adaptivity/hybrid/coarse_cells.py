@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from pdmesh.model.full_lattice import has_partial_cells
+from pdmesh.model.lattice_calibration import has_partial_cells
 from pdsolve.adaptivity.hybrid.arrays import RING, TIPS
 from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, COARSE, EMPTY, FINE, LEFT, VOID, Lattice, lattice_of
 from pdsolve.model import Model, ModelError

@@ -31,7 +31,7 @@ from pdsolve.adaptivity.hybrid.coarse_cells import Plate, squares
 from pdsolve.adaptivity.hybrid.energy import held
 from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, BELOW_COARSE, COARSE, FINE, FREE, IDLE, LEFT
 from pdsolve.adaptivity.hybrid.march import CLIP, DONE, march
-from pdsolve.checkpoint import entry, like
+from pdsolve.checkpoint_validation import entry, like
 from pdsolve.conditions import Drive
 from pdsolve.errors import CheckpointError, UnstableError
 from pdsolve.numerics.thread_team import gate_of, side_by_side

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.full_lattice import calibration, hu_beta, offsets
+from pdmesh.model.lattice_calibration import calibration, hu_beta, offsets
 from pdmesh.model.material import Material
 from pdmesh.model.material_constants import critical_stretch, micromodulus
 from pdsolve.laws import limits

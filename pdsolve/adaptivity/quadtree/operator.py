@@ -12,7 +12,7 @@ from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.adaptivity.quadtree.incremental_bonds import Filled
 from pdsolve.adaptivity.quadtree.tree import Cells, Tree
 from pdsolve.bonds.assembly import Bonds
-from pdsolve.checkpoint import entry
+from pdsolve.checkpoint_validation import entry
 from pdsolve.laws import law_of
 from pdsolve.model import Model, ModelError
 from pdsolve.operators.bond_list import BondList
@@ -28,7 +28,7 @@ class Memory(NamedTuple):
     """History of n leaves."""
 
     calm: NDArray[np.int64]  # (n,) looks that each has been calm for, the latest ones
-    made: float  # J/m: energy that splitting and merging have made so far
+    created: float  # J/m: energy that splitting and merging have made so far
 
 
 class Leaves(BondList):
@@ -57,11 +57,11 @@ class Leaves(BondList):
 
     def zone_summary(self) -> ZoneSummary:
         """Summary of the finer cells."""
-        return ZoneSummary(self.memory.made, self._fine, 0.0)
+        return ZoneSummary(self.memory.created, self._fine, 0.0)
 
     def keep(self) -> Kept:
         """Bond history for a checkpoint, and for how long each cell has been calm."""
-        return {**super().keep(), "calm": self.memory.calm.copy(), "made": np.array([self.memory.made])}
+        return {**super().keep(), "calm": self.memory.calm.copy(), "made": np.array([self.memory.created])}
 
 
 def remembered(kept: Kept, leaves: int) -> Memory:

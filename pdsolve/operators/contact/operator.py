@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model.document import Contact
 from pdmesh.model.material_constants import STIFFNESS
-from pdsolve.checkpoint import entry
+from pdsolve.checkpoint_validation import entry
 from pdsolve.errors import CheckpointError
 from pdsolve.model import Model, ModelError
 from pdsolve.operators.contact.candidates import Joined, candidates

@@ -46,11 +46,11 @@ class Code:
 
     def data(self, kind: Any, array: Any, axis: int = 0) -> Any:
         """Address of the beginning of an array component."""
-        made = self._context.make_array(kind)(self._context, self.builder, array)
+        view = self._context.make_array(kind)(self._context, self.builder, array)
         if axis == 0:
-            return made.data
-        begin = self.builder.gep(self.builder.bitcast(made.data, _BYTE), [self.builder.extract_value(made.strides, 0)])
-        return self.builder.bitcast(begin, made.data.type)
+            return view.data
+        begin = self.builder.gep(self.builder.bitcast(view.data, _BYTE), [self.builder.extract_value(view.strides, 0)])
+        return self.builder.bitcast(begin, view.data.type)
 
     def load(self, data: Any, at: Any) -> list[Any]:
         """The lanes from `at` on."""

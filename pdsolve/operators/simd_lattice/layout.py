@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.neighbours import lengths
-from pdsolve.checkpoint import expect_found
+from pdsolve.checkpoint_validation import expect_found
 from pdsolve.laws.law import Law
 from pdsolve.laws.pair import no_bonds
 from pdsolve.operators.simd_lattice.distinct import Distinct

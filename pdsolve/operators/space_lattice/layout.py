@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.checkpoint import expect_found
+from pdsolve.checkpoint_validation import expect_found
 from pdsolve.laws.law import Law
 from pdsolve.laws.pair import no_bonds
 from pdsolve.operators.simd_lattice.lanes import ROW

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.full_lattice import offsets
+from pdmesh.model.lattice_calibration import offsets
 from pdmesh.model.node_grid import Grid
 from pdsolve.operators.simd_lattice.lanes import ROW
 

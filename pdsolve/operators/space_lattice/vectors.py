@@ -91,9 +91,9 @@ class _Slots:
 
 def _component(code: Code, kind: Any, array: Any, number: int) -> Any:
     """Where row `number` of a matrix begins."""
-    made = code._context.make_array(kind)(code._context, code.builder, array)
-    columns = code.builder.extract_value(made.shape, 1)
-    return code.builder.gep(made.data, [code.builder.mul(columns, INT(number))])
+    view = code._context.make_array(kind)(code._context, code.builder, array)
+    columns = code.builder.extract_value(view.shape, 1)
+    return code.builder.gep(view.data, [code.builder.mul(columns, INT(number))])
 
 
 def _loop(corrections: int, exact: bool, softened: bool = False) -> Callable[..., Any]:
@@ -154,8 +154,8 @@ def _loop(corrections: int, exact: bool, softened: bool = False) -> Callable[...
         numbers_of = (types.int64,) * 7
         return types.int64(u, offsets, table, bits, c, cells, share, u.dtype, u.dtype, *numbers_of, s), generate
 
-    made: Callable[..., Any] = add
-    return made
+    view: Callable[..., Any] = add
+    return view
 
 
 add_alike, add_corrected, add_general = (_loop(corrections, False) for corrections in (0, 3, 5))

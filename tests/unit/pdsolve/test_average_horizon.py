@@ -10,7 +10,7 @@ import pytest
 from plates import GLASS, plate, square_grid
 from systems import sources
 
-from pdmesh.model.full_lattice import hu_beta, offsets
+from pdmesh.model.lattice_calibration import hu_beta, offsets
 from pdmesh.model.node_grid import Grid
 from pdsolve.schemes import average_horizon
 from pdsolve.schemes.average_horizon import ALL

@@ -10,7 +10,7 @@ import pytest
 from plates import GLASS, plate, square_grid, two_scale_grid
 
 from pdmesh.model.document import Load
-from pdmesh.model.full_lattice import full_family, hu_beta
+from pdmesh.model.lattice_calibration import full_family, hu_beta
 from pdmesh.model.neighbours import Neighbours, Pairs, chosen
 from pdmesh.model.node_grid import Grid
 from pdmesh.model.visibility import Sight

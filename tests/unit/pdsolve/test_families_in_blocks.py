@@ -13,7 +13,7 @@ from plates import GLASS, plate, square_grid
 
 from pdmesh.model.document import Material
 from pdsolve.laws.bond_arrays import Now
-from pdsolve.operators.simd_lattice.families import Families
+from pdsolve.operators.simd_lattice.state_based import Families
 from pdsolve.run.measures import books
 from pdsolve.run.system import Options, Prepared, prepare
 

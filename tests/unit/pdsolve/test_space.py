@@ -14,7 +14,7 @@ from pdmesh import Body, Box, Material
 from pdmesh.drawing.solids import meshed
 from pdmesh.grid.building import build
 from pdmesh.model.document import Run
-from pdmesh.model.full_lattice import lattice_ratios
+from pdmesh.model.lattice_calibration import lattice_ratios
 from pdsolve.model import Model, ModelError
 from pdsolve.results import Results
 from pdsolve.run.simulation import Options, resume, simulate

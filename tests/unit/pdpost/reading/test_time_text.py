@@ -10,11 +10,11 @@ from drawn import lattice, run
 from pdpost import figures
 from pdpost.measures.crack_summary import crack, numbers, sentences
 from pdpost.measures.cracks import Event
-from pdpost.reading.times import told
+from pdpost.reading.time_text import time_text
 
 
 def test_the_unit_is_that_of_the_time() -> None:
-    assert [told(seconds) for seconds in (0.0, 4.25e-5, -1e-3, 0.099, -0.1, 0.75, 36)] == [
+    assert [time_text(seconds) for seconds in (0.0, 4.25e-5, -1e-3, 0.099, -0.1, 0.75, 36)] == [
         "0 us",
         "42.5 us",
         "-1000 us",
@@ -23,7 +23,7 @@ def test_the_unit_is_that_of_the_time() -> None:
         "0.75 s",
         "36 s",
     ]
-    assert told(2e-6, "+.3g", "µs") == "+2 µs"
+    assert time_text(2e-6, "+.3g", "µs") == "+2 µs"
 
 
 def test_a_crack_at_rest_has_no_speed() -> None:
