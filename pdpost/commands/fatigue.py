@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pdpost.commands import delivery
+from pdpost.commands import number_options
 from pdpost.commands.shared import add_every, counted
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 def add(commands: Commands) -> None:
     """Put `fatigue` on the command line."""
     about = "draw the growth of cracks over cycles, and the growth a cycle over the range of K"
-    add_every(delivery.add_command(commands, "fatigue", about))
+    add_every(number_options.add_command(commands, "fatigue", about))
     commands.choices["fatigue"].set_defaults(run=_fatigue)
 
 
@@ -28,8 +28,8 @@ def _fatigue(args: argparse.Namespace) -> int:
     from pdpost.reading.frame_steps import chosen
     from pdsolve.results import Results
 
-    path = delivery.picture_path(args, ".fatigue.png")
-    with delivery.styled(path, dict(args.assignments)), Results.open(args.results) as results:
+    path = number_options.picture_path(args, ".fatigue.png")
+    with number_options.styled(path, dict(args.assignments)), Results.open(args.results) as results:
         expect_mechanics(results)
         life = float(fatigue.cycles(results)[-1])
         found = fatigue.growth(results, chosen(results, args.every), counted(args, "summing"))
@@ -47,7 +47,7 @@ def _fatigue(args: argparse.Namespace) -> int:
         "tips": [one._asdict() for one in found],
     }
     header = ("tip", "cycles", "growth, m", "K, Pa m^0.5", "dK, Pa m^0.5", "da/dN to the next, m", "settled")
-    return delivery.deliver(args, result, lines, header, (row for one in found for row in _rows(one)), path)
+    return number_options.deliver(args, result, lines, header, (row for one in found for row in _rows(one)), path)
 
 
 def _words(line: Line) -> str:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pdmesh.model.fatigue import Cycled, Fatigue
 from pdsolve.bonds.fatigue_life import LEFT, Place, jump
 from pdsolve.bonds.static_breakage import Breakable
-from pdsolve.checkpoint import entry
+from pdsolve.checkpoint_validation import entry
 from pdsolve.errors import CheckpointError
 from pdsolve.model import Model, ModelError
 from pdsolve.operators.protocol import Operator
