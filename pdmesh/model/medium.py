@@ -27,16 +27,16 @@ class Medium(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defau
     capped: bool = True  # kinetic: nothing dissolves into liquid that holds C_sat
 
 
-def contradiction(medium: Medium) -> str | None:
-    """The contradiction in a medium with a solid: key, found, expected; None if there is none."""
+def contradiction(medium: Medium) -> tuple[str, str, str] | None:
+    """The contradiction in a medium with a solid: key, what was found, what was expected; None if there is none."""
     C_solid, C_sat = medium.C_solid, medium.C_sat
     if (C_solid is None) != (C_sat is None):
         missing = "C_sat" if C_sat is None else "C_solid"
-        return f"{missing}: found none, expected one, as there is the other of C_solid and C_sat"
+        return missing, "none", "one, as there is the other of C_solid and C_sat"
     if C_solid is not None and C_sat is not None and not C_sat < C_solid:
-        return f"C_sat: found {C_sat:g} mol/m^3, expected less than C_solid, {C_solid:g} mol/m^3"
+        return "C_sat", f"{C_sat:g} mol/m^3", f"less than C_solid, {C_solid:g} mol/m^3"
     if medium.dissolution == "kinetic" and C_solid is None:
-        return "C_solid: found none, expected one, as the dissolution is kinetic"
+        return "C_solid", "none", "one, as the dissolution is kinetic"
     return None
 
 

@@ -18,6 +18,7 @@ from pdmesh.model.document import (
     Fatigue,
     GridError,
     InitialVelocity,
+    Run,
     Settings,
     Static,
     Velocity,
@@ -25,6 +26,9 @@ from pdmesh.model.document import (
 from pdmesh.model.material import DECLARED, Expansion, Material, missing, switch_of
 from pdmesh.model.materials import KINDS, Refusal, Refusals
 from pdmesh.model.materials.kind import softens
+from pdmesh.model.medium import Medium, contradiction
+from pdmesh.model.output_fields import OF_CONTENT
+from pdmesh.model.output_fields import USUAL as USUAL_FIELDS
 
 FEWEST = 12.0  # spacings in the horizon with which collocation need not be asked to damp its seam
 # Measured in the plate of docs/collocation.md
@@ -68,8 +72,44 @@ def _swelling(settings: Settings, every: list[tuple[str, Material]]) -> Iterator
             yield Impossible(f"$.run.{name}", getattr(run, name), f"{expected}, {why}")
 
 
+def _diffusing(settings: Settings, medium: Medium) -> Iterator[Impossible]:
+    """Settings that diffusion in this medium does not support."""
+    wrong = contradiction(medium)
+    if wrong is not None:
+        yield Impossible(f"$.medium.{wrong[0]}", *wrong[1:])
+    run, usual = settings.run, Run()
+    for name in ("until", "start", "damping", "probes", "cracks"):
+        found, expected = getattr(run, name), getattr(usual, name)
+        if found != expected:
+            yield Impossible(f"$.run.{name}", f"{found!r}", f"{expected!r}, as the physics is diffusion")
+    if settings.area_rule == "eq19":
+        yield Impossible("$.area_rule", "eq19", "cells or square of diffusion")
+    for name in run.fields if run.fields != USUAL_FIELDS else ():
+        if name not in OF_CONTENT:
+            yield Impossible("$.run.fields", f"'{name}'", f"one of {', '.join(OF_CONTENT)}")
+    yield from _steps_of_content(run, medium.dissolution == "kinetic")
+
+
+def _steps_of_content(run: Run, kinetic: bool) -> Iterator[Impossible]:
+    """Solvers that diffusion does not support; `kinetic`: that of a kinetic dissolution."""
+    if run.solver == "static":
+        yield Impossible("$.run.solver", "static", "explicit or implicit of diffusion")
+    if run.solver == "implicit" and kinetic:
+        yield Impossible("$.run.solver", "implicit", "explicit of a kinetic dissolution")
+    if run.solver == "implicit" and run.time_step is None:
+        yield Impossible("$.run.time_step", "none", "one, as the solver is implicit")
+    if run.adapt not in ("none", "collocation"):
+        yield Impossible("$.run.adapt", run.adapt, "none or collocation of diffusion")
+    if run.adapt == "collocation" and run.solver == "implicit":
+        yield Impossible("$.run.solver", "implicit", "explicit with collocation")
+    if run.adapt == "collocation" and kinetic:
+        yield Impossible("$.run.adapt", "collocation", "none of a kinetic dissolution")
+
+
 def impossible(settings: Settings, dimension: int) -> Iterator[Impossible]:
-    """Settings that cannot be combined, in a plate (2) or a body in space (3), except those of diffusion."""
+    """Settings that cannot be combined, in a plate (2) or a body in space (3)."""
+    if settings.physics == "diffusion" and settings.medium is not None:
+        yield from _diffusing(settings, settings.medium)
     if settings.physics == "diffusion" or settings.material is None:
         return
     every = [("$.material", settings.material)]

@@ -82,7 +82,8 @@ def passable(medium: Medium | Heat) -> None:
     described(medium, Medium, "medium")
     wrong = contradiction(medium)
     if wrong is not None:
-        raise SceneError(f"medium: {wrong}")
+        key, found, expected = wrong
+        raise SceneError(f"medium: {key}: found {found}, expected {expected}")
 
 
 def described(struct: Any, kind: type, place: str) -> None:

@@ -15,18 +15,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.medium import Medium, contradiction
+from pdmesh.model.medium import Medium
 from pdsolve.diffusion.families import dimension_of, lattice_diffusivity, moment
-from pdsolve.model import Model, ModelError
-
-
-def check(model: Model) -> None:
-    """Raise ModelError for a contradictory solid."""
-    medium = model.settings.medium
-    assert medium is not None
-    wrong = contradiction(medium)
-    if wrong is not None:
-        raise ModelError(f"{model.name}: $.medium.{wrong}")
+from pdsolve.model import Model
 
 
 def potential(medium: Medium, content: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -9,14 +9,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.document import Run
-from pdmesh.model.output_fields import OF_CONTENT, USUAL
+from pdmesh.model.refused_settings import impossible
 from pdsolve.bonds.assembly import areas
 from pdsolve.conditions import Drive
 from pdsolve.diffusion import surfaces
 from pdsolve.diffusion.collocation import Collocated
 from pdsolve.diffusion.conditions import begin, boundary_conditions, with_edges
-from pdsolve.diffusion.dissolution import check, crossing
+from pdsolve.diffusion.dissolution import crossing
 from pdsolve.diffusion.families import Families, grouped
 from pdsolve.diffusion.lattice import on_lattice
 from pdsolve.diffusion.listed import BondList, ChangedBonds
@@ -50,8 +49,8 @@ class Transport:
 
 def prepare(model: Model, threads: int | None = None, listed: bool = False) -> tuple[Transport, State]:
     """A model's bonds and conditions, and its state at time 0. Raises ModelError for an unsupported model."""
-    check(model)
-    _refuse(model)
+    for wrong in impossible(model.settings, model.grid.dimension):
+        raise ModelError(f"{model.name}: {wrong}")
     medium, run = model.settings.medium, model.settings.run
     assert medium is not None
     threads = threads or crew(len(model.grid))
@@ -117,9 +116,7 @@ def _stored(model: Model, volume: NDArray[np.float64], free: NDArray[np.bool_], 
 def _step(model: Model, most: float) -> float:
     """Time step of a run, s; `most` is the surely stable one. Raises ModelError for a longer one."""
     run = model.settings.run
-    if run.solver == "implicit":
-        if run.time_step is None:
-            raise ModelError(f"{model.name}: $.run.time_step: found none, expected one, as the solver is implicit")
+    if run.solver == "implicit" and run.time_step is not None:
         return run.time_step
     if run.time_step is None:
         if not np.isfinite(most):
@@ -131,36 +128,3 @@ def _step(model: Model, most: float) -> float:
             " forward Euler is surely stable, or run.solver = 'implicit'"
         )
     return run.time_step
-
-
-def _refuse(model: Model) -> None:
-    """Raise ModelError for settings that diffusion does not support."""
-    run, usual = model.settings.run, Run()
-    for name in ("until", "start", "damping", "probes", "cracks"):
-        found, expected = getattr(run, name), getattr(usual, name)
-        if found != expected:
-            raise ModelError(
-                f"{model.name}: $.run.{name}: found {found!r}, expected {expected!r}, as the physics is diffusion"
-            )
-    if model.settings.area_rule == "eq19":
-        raise ModelError(f"{model.name}: $.area_rule: found eq19, expected cells or square of diffusion")
-    for name in run.fields if run.fields != USUAL else ():
-        if name not in OF_CONTENT:
-            raise ModelError(f"{model.name}: $.run.fields: found '{name}', expected one of {', '.join(OF_CONTENT)}")
-    _refuse_ways(model)
-
-
-def _refuse_ways(model: Model) -> None:
-    """Raise ModelError for solvers that diffusion does not support."""
-    run, medium = model.settings.run, model.settings.medium
-    kinetic = medium is not None and medium.dissolution == "kinetic"
-    if run.solver == "static":
-        raise ModelError(f"{model.name}: $.run.solver: found static, expected explicit or implicit of diffusion")
-    if run.solver == "implicit" and kinetic:
-        raise ModelError(f"{model.name}: $.run.solver: found implicit, expected explicit of a kinetic dissolution")
-    if run.adapt not in ("none", "collocation"):
-        raise ModelError(f"{model.name}: $.run.adapt: found {run.adapt}, expected none or collocation of diffusion")
-    if run.adapt == "collocation" and run.solver == "implicit":
-        raise ModelError(f"{model.name}: $.run.solver: found implicit, expected explicit with collocation")
-    if run.adapt == "collocation" and kinetic:
-        raise ModelError(f"{model.name}: $.run.adapt: found collocation, expected none of a kinetic dissolution")

@@ -23,6 +23,7 @@ from pdmesh.model.document import (
     Static,
     write_file,
 )
+from pdmesh.model.medium import Medium
 from pdmesh.model.node_grid import document_of
 from pdmesh.model.refused_settings import impossible
 from pdsolve.__main__ import main as solve_command
@@ -38,6 +39,10 @@ BEYOND = Region(box=BOX, material=SOFT)
 
 def of(material: Material, run: Run, **more: Any) -> Settings:
     return Settings(material=material, run=run, **more)
+
+
+def of_medium(run: Run) -> Settings:
+    return Settings(physics="diffusion", medium=Medium(D=1.0), run=run)
 
 
 def changed(**more: Any) -> Material:
@@ -82,6 +87,8 @@ def changed(**more: Any) -> Material:
             2,
             naming("$.material.model", found="correspondence", expected="bond"),
         ),
+        (of_medium(Run(solver="static")), 2, naming("$.run.solver", found="static", expected="implicit")),
+        (of_medium(Run(damping=1.0)), 3, naming("$.run.damping", found="1.0", expected="diffusion")),
         (of(SOFT, COLLOCATED), 2, naming("$.material.law", found="bilinear", expected="run.adapt")),
         (of(OWN, Run(adapt="hybrid")), 2, naming("law", found="own", expected=("brittle", "bilinear"))),
         (of(GLASS, Run(adapt="hybrid")), 3, naming("$.run.adapt", found="'hybrid'", expected=("none", "space"))),
