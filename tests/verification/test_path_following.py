@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from plates import plate, square_grid
+from softened import PETERSSONS as CONCRETE
+from softened import beam
 from whole import contents
 
-from pdmesh.model.document import Condition, Displacement, Load, Material, Run, Static
 from pdsolve.laws import law_of
 from pdsolve.model import Model, ModelWarning
 from pdsolve.operators.softening_bonds import SofteningBonds
@@ -24,29 +25,7 @@ from pdsolve.schemes import SCHEMES
 
 ONE = Options(threads=1)
 RAMP = ((0.0, 0.0), (1.0, 1.0))
-CONCRETE = Material(
-    E=30e9, rho=2400, G0=124, law="cohesive", f_t=3.33e6, shape="bilinear", micromodulus="constant"
-)  # of Petersson's beams
 WIDTH = 0.05  # m
-
-
-def beam(h: float, by: str = "displacement", load_steps: int | None = None) -> Model:
-    """A beam of 2 x 0.2 m with a notch of half its height, on single nodes, as P.-E. Petersson, TVBM-1006 (1981)."""
-    grid = square_grid(round(2 / h), round(0.2 / h), h, x0=h / 2 - 1, y0=h / 2)
-    grid = dataclasses.replace(grid, cracks=np.array([[0, -0.01, 0, 0.1]]))
-    x, y = grid.position.T
-    low, middle = np.flatnonzero(y < h), np.flatnonzero((np.abs(x) < h) & (y > 0.2 - h))
-    ends = [int(low[x[low].argmin()]) + 1, int(low[x[low].argmax()]) + 1]
-    conditions: list[Condition] = [Displacement(nodes=ends[:1], x=0.0, y=0.0), Displacement(nodes=ends[1:], y=0.0)]
-    if by == "load":
-        force = 1000 / WIDTH / len(middle) / h**2
-        conditions.append(
-            Load(nodes=tuple((middle + 1).tolist()), body_force=(0.0, -force), profile=RAMP, breakable=True)
-        )
-    else:
-        conditions.append(Displacement(nodes=(int(middle[0]) + 1,), y=-2e-3, profile=RAMP, breakable=True))
-    run = Run(solver="static", static=Static(load_steps=load_steps))
-    return plate(grid, 3, material=CONCRETE, conditions=tuple(conditions), run=run)
 
 
 def force(results: Results) -> NDArray[np.float64]:
