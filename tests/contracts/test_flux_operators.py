@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import msgspec
@@ -11,7 +12,7 @@ from media import CORRODING, disc, lattice, model
 from scipy.sparse.linalg import eigs
 
 from pdmesh.model.document import Exchange
-from pdmesh.model.medium import Medium
+from pdmesh.model.medium import Medium, MediumRegion
 from pdsolve.diffusion.operator import Fick
 from pdsolve.diffusion.system import prepare
 from pdsolve.model import Model
@@ -19,11 +20,13 @@ from pdsolve.state import State
 
 
 class Case(NamedTuple):
-    """A medium, and how its bonds are stored."""
+    """A medium in a disc or a ball, and how its bonds are stored; `uneven`: with a crack and a second medium."""
 
     medium: Medium
     listed: bool
     outside: bool = False
+    dimension: int = 2
+    uneven: bool = False
 
 
 UNIT, KINETIC = Medium(D=1.0), msgspec.structs.replace(CORRODING, dissolution="kinetic", k_diss=0.5)
@@ -34,17 +37,31 @@ CASES = {
     "open": Case(UNIT, False, True),
     "dissolving": Case(CORRODING, False, True),
     "kinetic": Case(KINETIC, True, True),
+    "uneven": Case(UNIT, False, uneven=True),
+    "uneven, listed": Case(UNIT, True, uneven=True),
+    "space": Case(UNIT, False, dimension=3),
+    "space, listed": Case(UNIT, True, dimension=3),
+    "space, uneven": Case(UNIT, False, dimension=3, uneven=True),
+    "space, uneven, listed": Case(UNIT, True, dimension=3, uneven=True),
 }
 SMOOTH = [name for name in CASES if name != "kinetic"]
 
 
+CRACKS = {2: [[-9.0, 0.1, 0.5, 0.2]], 3: [[-9.0, -9.0, 0.1, 9.0, -9.0, 0.1, 0.0, 0.5, 0.2]]}
+
+
 def fresh(name: str) -> tuple[Fick, State]:
-    """A disc of a case, and a state of it in which nodes have anything from none to the solid's content."""
-    medium, listed, outside = CASES[name]
+    """The operator of a case, and a state of it in which nodes have anything from none to the solid's content."""
+    medium, listed, outside, dimension, uneven = CASES[name]
     conditions = (Exchange(box=(-2, -2, 0, 0), coefficient=0.5, length=2.0),) if outside else ()
-    base: Model = disc(0.25, 400, medium) if medium.C_sat else model(lattice(0.25, 3.0, 2), 0.25, medium)
-    settings = msgspec.structs.replace(base.settings, conditions=(*base.settings.conditions, *conditions))
-    system, state = prepare(Model(base.grid, settings), 1, listed)
+    cloud = lattice(0.25, 3.0 if dimension == 2 else 1.75, dimension)
+    base: Model = disc(0.25, 400, medium) if medium.C_sat else model(cloud, 0.25, medium)
+    far = (0.9, *[-9.0] * (dimension - 1), *[9.0] * dimension)
+    media = (MediumRegion(box=far, D=0.3),) if uneven else ()
+    settings = msgspec.structs.replace(base.settings, conditions=(*base.settings.conditions, *conditions), media=media)
+    grid = replace(base.grid, cracks=np.array(CRACKS[dimension])) if uneven else base.grid
+    system, state = prepare(Model(grid, settings), 1, listed)
+    assert (system.operator.name == "listed") == listed
     state.value[:, 0] = np.random.default_rng(7).uniform(0.01, 1.0, len(state.value))
     return system.operator, state
 
