@@ -1,19 +1,26 @@
-"""Gradients fitted to the differences of a family, the strain from them, and Hooke's stress.
+"""Gradients fitted to the differences of a family, the strain from them, and Hooke's stress, in d = 2 or 3 dimensions.
 
 The gradient H of a node is the weighted least-squares fit of eta = H xi to its bonds: xi is the bond, eta the
-difference of values, the weight the neighbour's area over |xi|. It is exact for affine values, at edges too.
+difference of values, the weight the neighbour's area, in a body its volume, over |xi|. It is exact for affine values,
+at edges too. Symmetric tensors are (n, 3) in the order xx, yy, xy, in space (n, 6) with zz, xz, yz after these.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from functools import reduce
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-BLOCK = 1 << 15  # nodes at a time, so that memory stays small
-FLAT = 1e-6  # det / trace^2 of a family's shape below which its bonds lie on a line; a full family has 0.25
+BLOCK = 1 << 14  # nodes at a time, so that memory stays small
+FLAT = 1e-6  # det / trace^d of a family's shape below which its bonds lie on a line or plane; a full one has d^-d
+PAIRS = ((0, 0), (1, 1), (0, 1), (2, 2), (0, 2), (1, 2))
+
+
+def pairs_of(d: int) -> tuple[tuple[int, int], ...]:
+    """The components of a symmetric tensor in d dimensions, in order."""
+    return PAIRS[: d * (d + 1) // 2]
 
 
 def gradients_of(
@@ -24,41 +31,57 @@ def gradients_of(
     neighbour: NDArray[np.int64],
     rows: NDArray[np.int64] | None = None,
 ) -> NDArray[np.float64]:
-    """The gradient (r, k, 2) of nodal values (n, k), fitted to bonds; NaN without bonds, or with bonds on a line.
+    """The gradient (r, k, d) of nodal values (n, k), fitted to bonds; NaN where no bonds span the d dimensions.
 
-    Nodes are at `position` (n, 2), m, with areas (n,), m^2. The bonds of `rows` (r,), by default all, lead to
-    `neighbour` (b,); those of row r are start[r]:start[r + 1].
+    Nodes are at `position` (n, d), m, with areas (n,), m^2, or volumes, m^3. The bonds of `rows` (r,), by default all,
+    lead to `neighbour` (b,); those of the i-th of them are start[i]:start[i + 1].
     """
-    rows = np.arange(len(position)) if rows is None else rows
-    found = np.full((len(rows), values.shape[1], 2), np.nan)
-    for first, last in _blocks(len(rows)):
-        near = neighbour[start[first] : start[last]]
-        count = np.diff(start[first : last + 1])
-        own = np.repeat(np.arange(last - first), count)
-        here = rows[first:last]
-        x, y = (position[near] - np.repeat(position[here], count, axis=0)).T
-        weight = area[near] / np.hypot(x, y)
+    rows, d = np.arange(len(position)) if rows is None else rows, position.shape[1]
+    found = np.full((len(rows), values.shape[1], d), np.nan)
+    for first in range(0, len(rows), BLOCK):
+        last = min(first + BLOCK, len(rows))
+        near, count = neighbour[start[first] : start[last]], np.diff(start[first : last + 1])
+        own, here = np.repeat(np.arange(last - first), count), np.repeat(rows[first:last], count)
+        xi = (position[near] - position[here]).T
+        weight = area[near] / reduce(np.hypot, xi)
 
         def total(product: NDArray[np.float64], own: NDArray[np.int64] = own, nodes: int = last - first) -> NDArray:  # type: ignore[type-arg]
             return np.bincount(own, product, minlength=nodes).astype(float)  # of none, bincount makes integers
 
-        xx, xy, yy = total(weight * x * x), total(weight * x * y), total(weight * y * y)
-        det = xx * yy - xy * xy
-        flat = det <= FLAT * (xx + yy) ** 2
-        det[flat] = np.nan
+        shape = np.empty((d, d, last - first))
+        for a, b in pairs_of(d):
+            shape[a, b] = shape[b, a] = total(weight * xi[a] * xi[b])
+        adjugate, det = _adjugate(shape)
+        det[det <= FLAT * sum(shape[a, a] for a in range(d)) ** d] = np.nan
         for k in range(values.shape[1]):
-            eta = weight * (values[near, k] - np.repeat(values[here, k], count))
-            with_x, with_y = total(eta * x), total(eta * y)
-            found[first:last, k, 0] = (with_x * yy - with_y * xy) / det
-            found[first:last, k, 1] = (with_y * xx - with_x * xy) / det
+            eta = weight * (values[near, k] - values[here, k])
+            moment = [total(eta * x) for x in xi]
+            for a in range(d):
+                found[first:last, k, a] = sum(moment[b] * adjugate[a][b] for b in range(d)) / det
     return found
 
 
+def _adjugate(shape: NDArray[np.float64]) -> tuple[list[list[NDArray[np.float64]]], NDArray[np.float64]]:
+    """The adjugates of symmetric matrices (d, d, n), entry by entry, and their determinants (n,)."""
+    if len(shape) == 2:
+        (xx, xy), (_, yy) = shape
+        return [[yy, -xy], [-xy, xx]], xx * yy - xy * xy
+    (xx, xy, xz), (_, yy, yz), (_, _, zz) = shape
+    first = [yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy]
+    mixed = xy * xz - xx * yz
+    entries = [first, [first[1], xx * zz - xz * xz, mixed], [first[2], mixed, xx * yy - xy * xy]]
+    return entries, xx * first[0] + xy * first[1] + xz * first[2]
+
+
 def green(gradient: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Green's strain (n, 3), xx, yy, xy, from displacement gradients (n, 2, 2)."""
-    (a, b), (c, d) = gradient.transpose(1, 2, 0)
+    """Green's strain from displacement gradients (n, d, d)."""
+    d, H = gradient.shape[-1], gradient.transpose(1, 2, 0)
+    normal = [H[a, a] + sum(H[k, a] * H[k, a] for k in range(d)) / 2 for a in range(d)]
     return np.column_stack(
-        [a + (a * a + c * c) / 2, d + (b * b + d * d) / 2, (b + c + a * b + c * d) / 2],
+        [
+            normal[a] if a == b else sum((H[k, a] * H[k, b] for k in range(d)), H[a, b] + H[b, a]) / 2
+            for a, b in pairs_of(d)
+        ]
     )
 
 
@@ -67,16 +90,24 @@ class Stiffness(NamedTuple):
 
     E: NDArray[np.float64]  # (n,) Young's modulus, Pa
     nu: NDArray[np.float64]  # (n,) Poisson's ratio of the material's model
-    plane: str  # stress or strain
+    plane: str  # stress, strain or space
 
 
 def hooke(
     strain: NDArray[np.float64], elastic: Stiffness, free: NDArray[np.float64] | float = 0.0
 ) -> NDArray[np.float64]:
-    """Stress (n, 4), xx, yy, xy, zz, Pa, from strains (n, 3); `free` (n,) is that of no stress in a free body."""
+    """Stress, Pa, from strains: (n, 4), xx, yy, xy, zz, of (n, 3) in the plane, and (n, 6) of (n, 6) in space.
+
+    `free` (n,) is the strain of no stress in a free body.
+    """
     modulus, nu, plane = elastic
-    within = free if plane == "stress" else (1 + nu) * free
+    within = (1 + nu) * free if plane == "strain" else free
     within = within + within**2 / 2  # Green's
+    if strain.shape[1] == 6:
+        normal = np.array([a == b for a, b in PAIRS], dtype=float)
+        strain = strain - np.reshape(within, (-1, 1)) * normal
+        pressure = modulus * nu / ((1 + nu) * (1 - 2 * nu)) * (strain @ normal)
+        return np.asarray(pressure[:, None] * normal + (modulus / (1 + nu))[:, None] * strain)
     xx, yy, xy = strain[:, 0] - within, strain[:, 1] - within, strain[:, 2]
     if plane == "stress":
         factor, out = modulus / (1 - nu**2), 0 * nu
@@ -96,8 +127,3 @@ def thinning(
         return np.zeros(len(strain))
     nu = elastic.nu
     return (strain[:, 0] + strain[:, 1] - 2 * free) * (-nu / (1 - nu)) + free
-
-
-def _blocks(count: int) -> Iterator[tuple[int, int]]:
-    for first in range(0, count, BLOCK):
-        yield first, min(first + BLOCK, count)

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from pdmesh.model import output_fields
 from pdmesh.model.gradients import green, hooke, thinning
-from pdmesh.model.gradients_in_space import green_in_space, hooke_in_space
 from pdmesh.model.output_fields import CRACKED
 from pdpost.measures.cracked_nodes import damage_at
 from pdpost.measures.strain import gradients, stiffness, thermal
@@ -155,11 +154,9 @@ def _in_space(results: Results, name: str, step: int) -> dict[str, NDArray[np.fl
     if name == "stress" and "sxx" in results.stored(step):
         tensor = vector(results, "stress", step)
     else:
-        tensor = green_in_space(gradients(results, step))
+        tensor = green(gradients(results, step))
         if name == "stress":
-            free = thermal(results, step)
-            tensor[:, [0, 1, 3]] -= (free + free**2 / 2)[:, None]
-            tensor = hooke_in_space(tensor, stiffness(results, step))
+            tensor = hooke(tensor, stiffness(results, step), thermal(results, step))
     xx, yy, xy, zz, xz, yz = tensor.T
     whole = np.moveaxis(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]), 2, 0)
     known = np.isfinite(tensor).all(axis=1)

@@ -19,7 +19,7 @@ from scipy.spatial import cKDTree
 from pdmesh.model.document import Horizon, Material
 from pdmesh.model.domain_integrals import Motion
 from pdmesh.model.front_integrals import FoundInSpace, FrontPlace, SampledInSpace, Tube, front_integrals
-from pdmesh.model.gradients_in_space import PAIRS, gradients_in_space, green_in_space, hooke_in_space
+from pdmesh.model.gradients import PAIRS, gradients_of, green, hooke
 from pdmesh.model.tip_fields import Elastic
 from pdpost.measures.crack_fronts import Polyline
 from pdpost.measures.cracked_nodes import ROUND_OFF, damage_at
@@ -188,16 +188,16 @@ def _sample(results: Results, step: int, rows: NDArray[np.int64]) -> SampledInSp
     own = _of_rows(families, rows)
 
     def fitted(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        return gradients_in_space(nodes.position, nodes.area, values, own.start, own.neighbour, rows)
+        return gradients_of(nodes.position, nodes.area, values, own.start, own.neighbour, rows)
 
     gradient = fitted(vector(results, "displacement", step))
     gradient[damage_at(results, step)[rows] > CRUMB] = np.nan
-    strain = green_in_space(gradient)
+    strain = green(gradient)
     if "sxx" in results.stored(step):
         stress = vector(results, "stress", step)[rows]
     else:
         every = stiffness(results, step)
-        stress = hooke_in_space(strain, every._replace(E=every.E[rows], nu=every.nu[rows]))
+        stress = hooke(strain, every._replace(E=every.E[rows], nu=every.nu[rows]))
     motion = None
     if not at_rest(results):
         velocity, acceleration = (vector(results, name, step) for name in ("velocity", "acceleration"))

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from pdmesh.model.document import Material, Region
 from pdmesh.model.gradients import Stiffness, gradients_of
-from pdmesh.model.gradients_in_space import gradients_in_space
 from pdmesh.model.kd_trees import tree_of
 from pdmesh.model.material_constants import poisson
 from pdmesh.model.selection import selected
@@ -42,8 +41,6 @@ def gradients(results: Results, step: int) -> NDArray[np.float64]:
 
 def fitted(nodes: Nodes, values: NDArray[np.float64], families: Families) -> NDArray[np.float64]:
     """The gradient (n, k, d) of nodal values (n, k), fitted to the bonds of `families`."""
-    if nodes.position.shape[1] == 3:
-        return gradients_in_space(nodes.position, nodes.area, values, families.start, families.neighbour)
     return gradients_of(nodes.position, nodes.area, values, families.start, families.neighbour)
 
 

@@ -11,8 +11,7 @@ from scipy.spatial import cKDTree
 from pdmesh.model.domain_integrals import Motion
 from pdmesh.model.front_fields import front_field
 from pdmesh.model.front_integrals import FoundInSpace, FrontPlace, SampledInSpace, Tube, front_integrals
-from pdmesh.model.gradients import Stiffness
-from pdmesh.model.gradients_in_space import PAIRS, gradients_in_space, hooke_in_space
+from pdmesh.model.gradients import PAIRS, Stiffness, gradients_of, hooke
 from pdmesh.model.tip_fields import Elastic
 
 SOLID = Elastic(2.0, 0.3, "strain")
@@ -29,7 +28,7 @@ def sampled(x: NDArray[np.float64], gradient: NDArray[np.float64]) -> SampledInS
     """The fields of small displacement gradients (n, 3, 3)."""
     strain = (gradient + gradient.transpose(0, 2, 1)) / 2
     elastic = Stiffness(np.full(len(x), SOLID.E), np.full(len(x), SOLID.nu), "space")
-    packed = hooke_in_space(np.column_stack([strain[:, a, b] for a, b in PAIRS]), elastic)
+    packed = hooke(np.column_stack([strain[:, a, b] for a, b in PAIRS]), elastic)
     stress = np.empty_like(strain)
     for k, (a, b) in enumerate(PAIRS):
         stress[:, a, b] = stress[:, b, a] = packed[:, k]
@@ -48,7 +47,7 @@ def fitted(x: NDArray[np.float64], u: NDArray[np.float64], edge: float | None) -
     own, other = np.concatenate([pairs, pairs[:, ::-1]]).T
     order = np.argsort(own, kind="stable")
     start = np.concatenate([[0], np.cumsum(np.bincount(own, minlength=len(x)))])
-    return gradients_in_space(x, np.ones(len(x)), u, start, other[order])
+    return gradients_of(x, np.ones(len(x)), u, start, other[order])
 
 
 @pytest.mark.parametrize("mode", [0, 1, 2])
