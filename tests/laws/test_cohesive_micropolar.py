@@ -180,6 +180,7 @@ FINE = [
 ]
 
 
+@pytest.mark.filterwarnings("ignore:.*which do not break:pdsolve.model.ModelWarning")  # it is pulled evenly
 @pytest.mark.parametrize(("h", "m", "shape"), FINE)
 def test_a_bar_peaks_at_its_strength_and_its_crack_spends_G0(h: float, m: float, shape: str) -> None:
     stepper, prepared = pulled(bar(h, m, shape))
