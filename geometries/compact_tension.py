@@ -4,7 +4,7 @@ Source: the shape is that of ASTM E399 (W = 50 mm, a / W = 0.5). Pins are stiff 
 the node at which it is pulled. The load line is x = 0, and the pins are moved apart by 1 mm a minute.
 Two scales: fine around the pins and along the path of the crack, which lies between rows of nodes on both scales.
 Calibrated: nothing. Bonds in plane strain always have nu = 1/4. The ordinary solid (`--set model=ordinary`) has the
-material's nu, but its crack does not grow, because breaking ordinary solids are not solved at rest.
+material's nu; its crack does not grow here, as each of its many rounds takes seconds.
 """
 
 from pdmesh import Circle, Material, Run, Scene, Static, box, ramp

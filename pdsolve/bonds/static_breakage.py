@@ -2,18 +2,39 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.bonds.assembly import Filling, Part
+from pdsolve.state import Broken, State
+
+if TYPE_CHECKING:
+    from pdsolve.operators.bond_list import BondList
+    from pdsolve.operators.protocol import Operator
 
 TIE = 1e-3  # relative: bonds this near to the worst are as bad; they break together, in whatever order nodes are
 
 
+class Breaking(Protocol):
+    """Bonds that break at rest, the worst first."""
+
+    def break_worst(self, operator: Operator, state: State, step: int) -> float:
+        """Break the worst bonds over their limit, and book what they held.
+
+        Returns how far over it they are: the largest ratio of the load to that at which the first breaks; 0 if none is.
+        """
+
+    def restore(self, broken: Broken) -> None:
+        """Take these bonds for broken, and no others."""
+
+    def swell(self, strain: NDArray[np.float64]) -> None:
+        """Let bonds stretch from these strains (n,) of free nodes."""
+
+
 class Breakable(NamedTuple):
-    """Breakable bonds, b of them, in the order of their nodes."""
+    """Springs that may break, b of them, in the order of their nodes; see `Breaking`."""
 
     source: NDArray[np.int64]  # (b,) row of the node whose bond it is
     target: NDArray[np.int64]  # (b,)
@@ -31,16 +52,70 @@ class Breakable(NamedTuple):
         e = ((2 * self.xi + eta) * eta).sum(axis=1) / (self.xi**2).sum(axis=1)
         return np.asarray(e / (np.sqrt(1 + e) + 1))
 
-    def worst(self, stretches: NDArray[np.float64]) -> tuple[NDArray[np.int64], float]:
-        """The intact bonds (k,) most over their limit, and the largest ratio of stretch to limit."""
+    def break_worst(self, operator: Operator, state: State, step: int) -> float:
+        """Break the most overstretched."""
+        stretches = self.stretches(state.value)
         over = np.where(self.intact, stretches / self.limit, 0.0)
         most = float(over.max(initial=0.0))
-        return np.flatnonzero(over > max(1.0, (1 - TIE) * most)), most
+        which = np.flatnonzero(over > max(1.0, (1 - TIE) * most))
+        if not len(which):
+            return 0.0
+        self.part(operator, state, step, which, stretches)
+        return most
 
-    def hold(self, which: NDArray[np.int64], stretches: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Energy densities (k,), J/m^3, that these bonds give their own nodes, half of each bond's."""
+    def part(
+        self,
+        operator: Operator,
+        state: State,
+        step: int,
+        which: NDArray[np.int64],
+        stretches: NDArray[np.float64],
+    ) -> None:
+        """Break these bonds (k,), of all with stretches (b,), and book half of what each holds at its own node."""
         length = np.sqrt((self.xi[which] ** 2).sum(axis=1))
-        return np.asarray(self.stiffness[which] * length * stretches[which] ** 2 / 4)
+        held = self.stiffness[which] * length * stretches[which] ** 2 / 4
+        state.dissipated[:] += np.bincount(self.source[which], held, minlength=len(self.strain))
+        self.intact[which] = False
+        new = Broken(np.full(len(which), step), self.source[which], self.target[which])
+        broken = Broken(*(np.concatenate(both) for both in zip(operator.broken(), new, strict=True)))
+        operator.back(operator.keep(), broken)
+
+    def restore(self, broken: Broken) -> None:
+        """Mark the others intact."""
+        nodes = len(self.strain)
+        self.intact[:] = ~np.isin(self.source * nodes + self.target, broken.source * nodes + broken.target)
+
+    def swell(self, strain: NDArray[np.float64]) -> None:
+        """Keep the strains (n,)."""
+        self.strain[:] = strain
+
+
+class FamilyBonds:
+    """Bonds of nodes that know their families: a law says which fail; see `Breaking`.
+
+    The worst fail first if all displacements grow in proportion, which is found by bisection.
+    """
+
+    def __init__(self, operator: BondList) -> None:
+        self._operator = operator
+
+    def break_worst(self, operator: Operator, state: State, step: int) -> float:
+        """Break what fails at the least share of the displacements; the family loses what it held less."""
+        which, low, high = self._operator.failing(state.value), 0.0, 1.0
+        if not len(which):
+            return 0.0
+        while high - low > TIE * high:
+            middle = (low + high) / 2
+            found = self._operator.failing(middle * state.value)
+            low, high, which = (low, middle, found) if len(found) else (middle, high, which)
+        self._operator.sever(state, which, step)
+        return 1 / high
+
+    def restore(self, broken: Broken) -> None:
+        """Does nothing: the operator knows."""
+
+    def swell(self, strain: NDArray[np.float64]) -> None:
+        """Does nothing: the operator knows."""
 
 
 class StaticBreakage:

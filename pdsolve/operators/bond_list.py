@@ -93,6 +93,20 @@ class BondList:
             state.dissipated[:] += dt / 2 * ((before - pulls) * state.rate).sum(axis=1)
             out += pulls
 
+    def failing(self, value: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Bonds (k,) that are over their limit at values (n, w), of a law with a first pass; none of them breaks."""
+        now = Now(value, np.zeros_like(value), 0, 0.0)
+        self._torn(now, self._between(now))
+        found = np.flatnonzero(self._failing)
+        self._failing[found] = False
+        return found
+
+    def sever(self, state: State, bonds: NDArray[np.int64], step: int) -> None:
+        """Break these bonds (k,) of a law with a first pass, and book the energy that is lost where nodes are."""
+        now = Now(state.value, state.rate, step, 0.0)
+        self._failing[bonds] = True
+        self._fail(now, self._between(now), np.unique(ends(self._bonds, bonds)[0]), state.dissipated)
+
     def _torn(self, now: Now, between: NDArray[Any]) -> NDArray[np.int64] | None:
         """Nodes (k,) with a bond that fails now, None without any; the bonds are marked."""
         near, torn = self._near(now, between), np.zeros(self._nodes, dtype=np.bool_)

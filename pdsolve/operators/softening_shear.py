@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.bonds.assembly import Assembly
+from pdsolve.laws import law_of
 from pdsolve.laws.cohesive_micropolar import shear_of
 from pdsolve.laws.law import Law
 from pdsolve.model import Model
@@ -97,3 +98,9 @@ class SofteningShear(SofteningBonds):
         M *= self.length[:, None, None]
         blocks = [np.swapaxes(self._B[i], 1, 2) @ M @ self._B[j] for i, j in ((0, 0), (1, 1), (0, 1), (1, 0))]
         return self._assembled(np.concatenate(blocks))
+
+
+def softening_of(model: Model, whole: Assembly) -> SofteningBonds:
+    """The softening bonds of a model, with shear if its law has it."""
+    law = law_of(model)
+    return SofteningBonds(law, whole) if law.pair is not None else SofteningShear(law, whole, model)

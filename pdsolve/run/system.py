@@ -16,7 +16,7 @@ from pdsolve.adaptivity.quadtree.incremental_bonds import filled
 from pdsolve.adaptivity.quadtree.operator import SURE, Leaves, tree_over
 from pdsolve.adaptivity.two_lattice_operator import FusedMarch
 from pdsolve.bonds.assembly import Counted, Filling
-from pdsolve.bonds.static_breakage import StaticBreakage
+from pdsolve.bonds.static_breakage import FamilyBonds, StaticBreakage
 from pdsolve.checks import refuse
 from pdsolve.conditions import Drive, damping, drive, held, initial_acceleration, initial_velocity, refuse_layers
 from pdsolve.diffusion import system as diffusion
@@ -29,8 +29,7 @@ from pdsolve.operators.bond_list import BondList
 from pdsolve.operators.contact.operator import PenaltyContact
 from pdsolve.operators.protocol import Operator
 from pdsolve.operators.simd_lattice.operator import SimdLattice
-from pdsolve.operators.softening_bonds import SofteningBonds
-from pdsolve.operators.softening_shear import SofteningShear
+from pdsolve.operators.softening_shear import softening_of
 from pdsolve.options import Options as Options
 from pdsolve.options import threads_of as threads_of
 from pdsolve.run.operator_factory import operator_of, touched
@@ -411,9 +410,7 @@ def _along_path(model: Model, options: Options, scheme: Scheme) -> Prepared:
         raise ModelError(f"{model.name}: $.nodes: found {nodes}, expected at most {most}, as bonds soften at rest")
     driven.force[:] = driven.before[:] = driven.held_force[:] = 0
     state = operator.place(State(*np.zeros((3, *driven.force.shape)), *np.zeros((3, nodes))))
-    law, whole = law_of(model), filling.whole()
-    bonds = SofteningBonds(law, whole) if law.pair is not None else SofteningShear(law, whole, model)
-    stepper = PathSteps(model, operator, driven, area, bonds)
+    stepper = PathSteps(model, operator, driven, area, softening_of(model, filling.whole()))
     bound = stable(operator.stiffness_bound(), model.rho)
     step = model.settings.run.time_step or 1.0
     found = System(model, options, scheme, operator, stepper, driven, *filled, step, bound, 0.0)
@@ -426,9 +423,12 @@ def at_rest(model: Model, options: Options, scheme: Scheme, breaks: bool = True)
     breaks = breaks and not grows
     if breaks and follows_path(model):
         return _along_path(model, options, scheme)
-    no_fail, static = StaticBreakage(scheme.fill(model)), model.settings.run.static
-    filling = no_fail.filling()
-    operator, filled = operator_of(model, options, scheme, filling, lasting=True)
+    law, whole, static = law_of(model), scheme.fill(model), model.settings.run.static
+    of_families = breaks and law.pair is None and any(material.failure != "none" for material in model.materials)
+    no_fail = StaticBreakage(whole)
+    filling = whole if of_families else no_fail.filling()
+    options = options._replace(kernel="listed") if of_families else options
+    operator, filled = operator_of(model, options, scheme, filling, lasting=not of_families)
     area, nodes = filling.area, len(model.grid)
     driven = drive(model, area, scheme.exact_load, np.float64)
     driven.force[:] = driven.before[:] = driven.held_force[:] = 0  # nothing acts before the first load step
@@ -439,10 +439,11 @@ def at_rest(model: Model, options: Options, scheme: Scheme, breaks: bool = True)
     else:
         free, most = driven.force.size - len(driven.holds.node), FACTORED_IN[model.grid.dimension]
         method = Newton(operator, area, static.tolerance, static.iterations, free, most)
-    breakable = no_fail.breakable() if breaks and law_of(model).pair is not None else None
+    breakable = no_fail.breakable() if breaks and law.pair is not None else None
+    breaking = FamilyBonds(operator) if of_families and isinstance(operator, BondList) else breakable
     remember = {"remember": operator.remember} if isinstance(operator, BondList) else {}
     growth = _growth(model, operator, filling, driven, None) if grows else None
-    stepper = LoadSteps(model, operator, driven, area, method, breakable, growth.look if growth else None, **remember)
+    stepper = LoadSteps(model, operator, driven, area, method, breaking, growth.look if growth else None, **remember)
     step, bound = float(model.settings.run.time_step or 0.0), stable(operator.stiffness_bound(), model.rho)
     found = System(model, options, scheme, operator, stepper, driven, *filled, step, bound, 0.0, growth=growth)
     if model.settings.run.fatigue is not None and breaks:

@@ -116,7 +116,8 @@ class FatigueSteps:
         self.first = min(self.first, self._cycles)
         values, broken, intact = [part.copy() for part in state], self._operator.broken(), bonds.intact.copy()
         try:
-            settled = motion.shed(state, step, which, stretches, before.iterations)
+            bonds.part(self._operator, state, step, which, stretches)
+            settled = motion.settle_broken(state, step, before.iterations)
             total = Settled(before.iterations + settled.iterations, settled.residual)
             return motion.break_overstretched(state, step, total)[0]
         except UnsettledError:

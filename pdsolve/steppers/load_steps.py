@@ -17,7 +17,7 @@ from typing import NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.bonds.static_breakage import Breakable
+from pdsolve.bonds.static_breakage import Breaking
 from pdsolve.conditions import DISPLACEMENT, Drive, factors_at, put_loads
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.operators.protocol import Operator
@@ -61,17 +61,17 @@ class LoadSteps:
         drive: Drive,
         area: Array,
         method: Method,
-        breakable: Breakable | None,
+        breaking: Breaking | None,
         grow: Callable[[State, int], bool] | None = None,
         remember: Callable[[State], None] = lambda state: None,
     ) -> None:
-        """`breakable` are the bonds that may break here; None: none does.
+        """`breaking` lets bonds break here; None: none does.
 
         `grow` lets cracks grow from an equilibrium in a step, and returns whether any did. `remember` is called with
         each equilibrium under load. Raises ModelError for a body without supports.
         """
         self._model, self._operator, self._drive, self._area = model, operator, drive, area
-        self.method, self._breakable, self._dt = method, breakable, model.settings.run.time_step or 0.0
+        self.method, self._breaking, self._dt = method, breaking, model.settings.run.time_step or 0.0
         self.held = np.zeros(drive.force.shape, dtype=bool)
         self.held[drive.holds.node, drive.holds.axis] = True
         self.rested: list[Rested] = []
@@ -102,8 +102,8 @@ class LoadSteps:
         `loaded` is called with the next equilibrium before bonds break.
         """
         self._loaded = loaded
-        if self._breakable is not None:
-            self._breakable.strain[:] = strain
+        if self._breaking is not None:
+            self._breaking.swell(strain)
         self._inner = norm(forces(self._operator, state._replace(value=np.zeros(state.value.shape))))
 
     def bring(self, state: State) -> Settled:
@@ -118,10 +118,8 @@ class LoadSteps:
     def back(self, kept: Array, broken: Broken) -> None:
         """Restore a checkpoint (k, 5) with these broken bonds."""
         self.rested = [Rested(int(s), int(i), r, int(b), least) for s, i, r, b, least in kept.tolist()]
-        if self._breakable is not None:
-            nodes = len(self._area)
-            mine = self._breakable.source * nodes + self._breakable.target
-            self._breakable.intact[:] = ~np.isin(mine, broken.source * nodes + broken.target)
+        if self._breaking is not None:
+            self._breaking.restore(broken)
         self._support(broken, "")
 
     def _take(self, state: State, step: int) -> None:
@@ -207,29 +205,21 @@ class LoadSteps:
 
         Returns how it settled, how often, and the smallest share of the load.
         """
-        breakable, breaks, least, iterations = self._breakable, 0, 1.0, settled.iterations
-        while breakable is not None:
-            stretches = breakable.stretches(state.value)
-            which, most = breakable.worst(stretches)
-            if not len(which):
+        breaks, least, iterations = 0, 1.0, settled.iterations
+        while self._breaking is not None:
+            most = self._breaking.break_worst(self._operator, state, step)
+            if most == 0:
                 break
             if breaks:
                 least = min(least, 1 / most)
-            settled = self.shed(state, step, which, stretches, iterations)
+            settled = self.settle_broken(state, step, iterations)
             iterations += settled.iterations
             breaks += 1
         return Settled(iterations, settled.residual), breaks, least
 
-    def shed(self, state: State, step: int, which: NDArray[np.int64], stretches: Array, iterations: int = 0) -> Settled:
-        """Break these bonds (k,), of all with their stretches (b,), and settle again. Raises UnsettledError."""
-        breakable = self._breakable
-        assert breakable is not None
-        held = breakable.hold(which, stretches)
-        state.dissipated[:] += np.bincount(breakable.source[which], held, minlength=len(self._area))
-        breakable.intact[which] = False
-        new = Broken(np.full(len(which), step), breakable.source[which], breakable.target[which])
-        broken = Broken(*(np.concatenate(both) for both in zip(self._operator.broken(), new, strict=True)))
-        self._operator.back(self._operator.keep(), broken)
+    def settle_broken(self, state: State, step: int, iterations: int = 0) -> Settled:
+        """Settle again after bonds broke. Raises UnsettledError."""
+        broken = self._operator.broken()
         self._support(broken, f"after {len(broken.step)} directed bonds broke: ")
         try:
             return self._settle(state, step, iterations)

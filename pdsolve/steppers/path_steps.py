@@ -332,7 +332,7 @@ def _largest_step(model: Model) -> float:
     if static.opening is not None:
         return static.opening / steps
     extent = float(np.ptp(model.grid.position, axis=0).min() + model.grid.delta.min())
-    cost = max(material.G0 for material in model.materials)
+    cost = min(material.G0 for material in model.materials)
     return float(cost * extent ** (model.grid.dimension - 1) / steps)
 
 

@@ -9,7 +9,6 @@ from pdmesh.model.materials.kind import (
     Refusals,
     bonds_alone,
     compressible,
-    intact_at_rest,
     symmetric_alone,
 )
 from pdmesh.model.materials.solids import SOLIDS
@@ -37,6 +36,12 @@ def from_rest(material: Material) -> Refusals:
         yield Refusal("form", f"'total' at rest with '{material.model}'")
 
 
+def at_rest(material: Material, breaks: bool) -> Refusals:
+    """Bonds break one round after the other, of solids whose nodes remember nothing."""
+    if breaks and material.failure != "none" and (SOLIDS[material.solid].flows or material.form == "rate"):
+        yield Refusal("failure", f"'none' at rest where nodes of '{material.model}' have a history")
+
+
 def with_particles(material: Material) -> Refusals:
     """Intensities and stresses at tips are those of small strains, and of what springs back."""
     if not SOLIDS[material.solid].particles:
@@ -48,7 +53,7 @@ CORRESPONDENCE = Kind(
     structs=(Family, StressFailure, Correspondence, Silling, Plastic),
     failures=("stretch", "energy", "stress", "none"),
     wrong=wrong,
-    at_rest=intact_at_rest,
+    at_rest=at_rest,
     from_rest=from_rest,
     with_particles=with_particles,
     one_sided=symmetric_alone,

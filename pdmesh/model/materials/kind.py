@@ -33,6 +33,11 @@ def nothing(material: Material) -> Refusals:
     yield from ()
 
 
+def nothing_at_rest(material: Material, breaks: bool) -> Refusals:
+    """Refuses nothing under load steps."""
+    yield from ()
+
+
 def bonds_alone(material: Material, first: Material, adapt: str) -> Refusals:
     """Refuses a kind that no cells that split and no fine zones take."""
     yield Refusal("model", f"bond, as run.adapt is {adapt}")
@@ -52,7 +57,7 @@ class Kind:
     failures: tuple[str, ...]  # `Material.failure`
     wrong: Callable[[Material], Refusals] = nothing  # in itself
     in_space: Callable[[Material], Refusals] = nothing
-    at_rest: Callable[[Material, bool], Refusals]  # under load steps, in which bonds break by themselves or not
+    at_rest: Callable[[Material, bool], Refusals] = nothing_at_rest  # load steps, in which bonds break or not
     from_rest: Callable[[Material], Refusals] = nothing  # a run that begins there remembers nothing of it
     with_particles: Callable[[Material], Refusals] = nothing  # cracks that are particles
     one_sided: Callable[[Material], Refusals]  # the thesis mode
@@ -62,12 +67,6 @@ class Kind:
     def parameters(self) -> tuple[str, ...]:
         """Names of its parameters."""
         return tuple(name for struct in self.structs for name in struct.__struct_fields__)
-
-
-def intact_at_rest(material: Material, breaks: bool) -> Refusals:
-    """Refuses failure under load steps, which do not follow it where nodes know their families."""
-    if breaks and material.failure != "none":
-        yield Refusal("failure", f"'none' at rest with '{material.model}'")
 
 
 def compressible(material: Material) -> Refusals:

@@ -69,7 +69,7 @@ def changed(**more: Any) -> Material:
             naming("$.run.static.floating", found="true", expected="false"),
         ),
         (
-            of(changed(failure="stress", strength=1e6), Run(solver="static")),
+            of(changed(failure="stress", strength=1e6, form="rate"), Run(solver="static")),
             2,
             naming("$.material.failure", found="'stress'"),
         ),
