@@ -411,8 +411,7 @@ def _along_path(model: Model, options: Options, scheme: Scheme) -> Prepared:
     driven.force[:] = driven.before[:] = driven.held_force[:] = 0
     state = operator.place(State(*np.zeros((3, *driven.force.shape)), *np.zeros((3, nodes))))
     stepper = PathSteps(model, operator, driven, area, softening_of(model, filling.whole()))
-    bound = stable(operator.stiffness_bound(), model.rho)
-    step = model.settings.run.time_step or 1.0
+    step, bound = model.settings.run.time_step or 1.0, stable(operator.stiffness_bound(), model.rho)
     found = System(model, options, scheme, operator, stepper, driven, *filled, step, bound, 0.0)
     return Prepared(found, state)
 
