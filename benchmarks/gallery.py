@@ -39,6 +39,7 @@ SHOWN = {
     "disc.geo": Shown("content --time 500"),
     "duran_metre.py": Shown("damage", "--set spacing=2e-3"),
     "fatigue_compact_tension.py": Shown("fatigue"),
+    "expanding_ring.py": Shown("crack"),
     "figure_18.geo": Shown("stress --largest 4e7"),
     "figure_19.py": Shown("stress --largest 4e7"),
     "brazilian_disc.py": Shown("damage", "--set spacing=0.004"),

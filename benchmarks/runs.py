@@ -14,7 +14,14 @@ from pdsolve.model import Model, read_model
 from pdsolve.run.simulation import Options, simulate
 
 GEOMETRIES = Path(__file__).parent.parent / "geometries"
-BODIES = ("branching_block.py", "penny.geo", "screw.geo", "slanted_notch.py")  # in space
+BODIES = (
+    "branching_block.py",
+    "expanding_ring.py",
+    "kalthoff_winkler_block.py",
+    "penny.geo",
+    "screw.geo",
+    "slanted_notch.py",
+)  # in space
 PLATES = sorted(path for path in GEOMETRIES.iterdir() if path.suffix in (".geo", ".py") and path.name not in BODIES)
 
 

@@ -25,6 +25,7 @@ from pdsolve.results.schema import (
 from pdsolve.results.validation import checked_rows, table_columns, wrong_schema
 
 OPERATIONS = 100_000  # of SQLite's machine between two looks whether a query goes on for too long
+LONGEST = 2**31 - 1  # bytes of a value that SQLite may be asked for
 LEAST, PER_BYTE = 10**7, 64  # operations that a query may take, and how many more for each byte of the file
 
 
@@ -105,7 +106,7 @@ class Tables:
                 left -= 1
                 return left < 0
 
-            self.connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, max(size, 10**6))
+            self.connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, min(max(size, 10**6), LONGEST))
             self.connection.set_progress_handler(too_long, OPERATIONS)
             try:
                 yield

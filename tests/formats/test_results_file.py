@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 import sqlite3
 import struct
 from pathlib import Path
@@ -229,3 +230,10 @@ def test_a_crack_of_whole_numbers_is_written_as_any_other(tmp_path: Path) -> Non
         results.verify()
         assert results.cracks().tolist() == [[0.0, 0.0, 4.0, 0.0]]
     resume(path).close()
+
+
+def test_a_database_of_more_than_two_gigabytes_is_read(small_results: Path) -> None:
+    """What is behind its pages is none of it."""
+    os.truncate(small_results, 5 * 2**29)
+    with Results.open(small_results) as results:
+        assert len(results.nodes().ids) > 0

@@ -23,7 +23,14 @@ from pdsolve.run.estimate import estimate_run as planned
 from pdsolve.run.system import Options, prepare
 
 pytest.importorskip("gmsh", exc_type=(ImportError, OSError))
-BODIES = ("branching_block.py", "penny.geo", "screw.geo", "slanted_notch.py")  # see tests/unit/pdsolve/test_space.py
+BODIES = (
+    "branching_block.py",
+    "expanding_ring.py",
+    "kalthoff_winkler_block.py",
+    "penny.geo",
+    "screw.geo",
+    "slanted_notch.py",
+)  # see tests/unit/pdsolve/test_space.py
 SCENES = sorted(
     path.name for path in GEOMETRIES.iterdir() if path.suffix in (".geo", ".py") and path.name not in BODIES
 )

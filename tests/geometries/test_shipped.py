@@ -15,6 +15,9 @@ from pdmesh.model.document import Displacement, Load, Velocity
 from pdmesh.model.visibility import plate_of
 
 # nodes in all, by spacing (mm), and on each condition
+QUARTER = [
+    4 * int(each) for each in "844444344543444535445435444536363544453454453544434544344444"
+]  # nodes of the ring's sectors
 SHIPPED = {
     "duran50.geo": (2732, {1: 101 * 22, 2: 51 * 10}, [204, 204]),
     "soda_lime.geo": (2732, {1: 101 * 22, 2: 51 * 10}, [204, 204]),
@@ -54,12 +57,16 @@ SHIPPED = {
     "screw.geo": (21_624, {0.25: 4992, 0.5: 16_632}, [800, 10_048]),
     "branching_block.py": (20_480, {0.5: 40 * 16 * 32}, [640, 640]),
     "slanted_notch.py": (31_200, {1: 104 * 12 * 25}, [12, 12, 12]),
+    "expanding_ring.py": (3984, {0.5: 3984}, 4 * QUARTER),
+    "kalthoff_winkler_block.py": (78_750, {1.333333333: 75 * 150 * 7}, [38 * 7]),
 }
 BODIES = {
     "penny.geo": 0.03**3,
     "screw.geo": 4 / 3 * np.pi * 0.008**3,
     "branching_block.py": 0.02 * 0.008 * 0.016,
     "slanted_notch.py": 0.104 * 0.012 * 0.025,
+    "expanding_ring.py": np.pi * (0.021**2 - 0.019**2) * 0.002,
+    "kalthoff_winkler_block.py": 0.1 * 0.2 * 7 * 0.1 / 75,
 }  # m^3
 
 
