@@ -14,7 +14,7 @@ from pdmesh.model.lattice_calibration import lattice_ratios
 from pdmesh.model.material_constants import C11, C66
 from pdmesh.model.node_grid import Grid
 from pdsolve.bonds.assembly import Assembly
-from pdsolve.laws import brittle
+from pdsolve.laws.pair_laws import brittle
 from pdsolve.model import Model
 from pdsolve.operators.bond_list import BondList
 from pdsolve.schemes.average_horizon import Corrections, fill

@@ -111,13 +111,13 @@ MUTANTS = (
         f"{CONTRACTS}::test_force_is_minus_the_slope_of_energy",
     ),
     Mutant(
-        "pdsolve/laws/bilinear.py",
+        "pdsolve/laws/pair_laws/bilinear.py",
         "    return c * peak * limit * spent_share(worst, peak, limit)",
         "    return c * peak * peak * spent_share(worst, peak, limit)",
         "tests/contracts/test_spent.py::test_what_a_bond_spends_is_work_less_what_it_holds",
     ),
     Mutant(
-        "pdsolve/laws/cohesive.py",
+        "pdsolve/laws/pair_laws/cohesive.py",
         "(peak + 2 * (limit - peak) * area - g * worst)",
         "(peak + 2 * (limit - peak) * area - g * peak)",
         "tests/contracts/test_spent.py::test_what_a_bond_spends_is_work_less_what_it_holds",

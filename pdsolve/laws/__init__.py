@@ -8,10 +8,7 @@ from pdmesh.model.material import Material
 from pdmesh.model.material_constants import BONDS_NU
 from pdmesh.model.refused_settings import of_material
 from pdsolve.laws import (
-    bilinear,
     breitzman_dayal,
-    brittle,
-    cohesive,
     cohesive_micropolar,
     correspondence,
     higher_order_correspondence,
@@ -21,6 +18,7 @@ from pdsolve.laws import (
 )
 from pdsolve.laws.bond_limits import Limits, Sizes
 from pdsolve.laws.law import Law
+from pdsolve.laws.pair_laws import bilinear, brittle, cohesive
 from pdsolve.model import Model, ModelError, ModelWarning
 
 LAWS: dict[str, Law] = {  # of bonds alone

@@ -5,7 +5,7 @@ For small motions, bond k from i to j with the direction n and the normal t has 
     s = n . eta / |xi|        gamma = t . eta / |xi| - (theta_i + theta_j) / 2        c |xi| (s^2 + r gamma^2) / 2
 
 with c and r of `pdmesh.model.lattice_calibration.sheared`. A node's rotation theta has no stiffness of its own and is
-free, so that uniform strains make none. The bond softens as one of `pdsolve.laws.cohesive`, by the drive
+free, so that uniform strains make none. The bond softens as one of `pdsolve.laws.pair_laws.cohesive`, by the drive
 
     sqrt(s^2 + r gamma^2) under tension, sqrt(r) |gamma| under compression
 
@@ -26,10 +26,10 @@ from numpy.typing import NDArray
 
 from pdmesh.model.lattice_calibration import sheared
 from pdsolve.bonds.assembly import Bonds
-from pdsolve.laws import cohesive
 from pdsolve.laws.calls import released, secant, spent
 from pdsolve.laws.law import INLINE, Law, Passes
 from pdsolve.laws.micropolar import fields, unknowns
+from pdsolve.laws.pair_laws import cohesive
 from pdsolve.model import Model, ModelError
 
 

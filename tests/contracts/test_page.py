@@ -22,7 +22,7 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name in ("pdmesh", "pdsolve", "tests"):
         shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(ROOT / "pyproject.toml", folder)
-    (name,) = re.findall(r"^`(pdsolve/laws/\w+\.py)`", PAGE, re.MULTILINE)
+    (name,) = re.findall(r"^`(pdsolve/laws/pair_laws/\w+\.py)`", PAGE, re.MULTILINE)
     (folder / name).write_text(blocks("python")[0])
     (entry,) = blocks("diff")
     table = folder / "pdsolve" / "laws" / "__init__.py"
@@ -57,7 +57,7 @@ def test_the_page_adds_a_law(copy: Path) -> None:
         "-W",
         "error",
         "-c",
-        "from pdmesh import Material\nfrom pdsolve.laws import LAWS, saturating\n"
+        "from pdmesh import Material\nfrom pdsolve.laws import LAWS\nfrom pdsolve.laws.pair_laws import saturating\n"
         "from pdsolve.laws.bond_limits import Sizes\n"
         "assert LAWS['saturating'] is saturating.LAW\n"
         "glass = Material(E=65e9, rho=2235, G0=204, law='saturating', kr=2)\n"

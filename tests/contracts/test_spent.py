@@ -91,7 +91,7 @@ def test_what_a_bond_spends_is_work_less_what_it_holds(law: str, precision: str,
 
 
 STIFFER = """
-from pdsolve.laws import brittle
+from pdsolve.laws.pair_laws import brittle
 from pdsolve.laws.law import Pair
 from pdsolve.laws.pair import PairColumns, pair_law
 

@@ -11,7 +11,8 @@ from plates import GLASS, plate, square_grid
 from pdmesh.model.cohesive_cracks import AREA, critical_opening, crossing, first_stretch, largest_horizon
 from pdmesh.model.document import Material, Run
 from pdsolve.bonds.assembly import Bonds
-from pdsolve.laws import cohesive, law_of
+from pdsolve.laws import law_of
+from pdsolve.laws.pair_laws import cohesive
 from pdsolve.operators.bond_list import BondList
 from pdsolve.run.system import Options, prepare
 from pdsolve.schemes import average_horizon

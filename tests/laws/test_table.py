@@ -8,7 +8,8 @@ from messages import naming
 from plates import GLASS, plate, square_grid
 
 from pdmesh.model.document import Displacement, Load, Material, Region, Run
-from pdsolve.laws import bilinear, brittle, law_of, ordinary
+from pdsolve.laws import law_of, ordinary
+from pdsolve.laws.pair_laws import bilinear, brittle
 from pdsolve.model import Model, ModelError
 from pdsolve.run.static_start import started
 from pdsolve.run.system import Options, prepare

@@ -13,8 +13,9 @@ from pdmesh.model.document import Material, Region
 from pdmesh.model.lattice_calibration import calibration
 from pdmesh.model.material_constants import critical_stretch
 from pdsolve.bonds.assembly import Bonds
-from pdsolve.laws import brittle, law_of, limits
+from pdsolve.laws import law_of, limits
 from pdsolve.laws.bond_limits import Sizes
+from pdsolve.laws.pair_laws import brittle
 from pdsolve.model import Model
 from pdsolve.run.measures import books
 from pdsolve.run.system import Options, prepare

@@ -55,7 +55,7 @@ def test_all_that_a_kernel_calls_is_in_its_digest(name: str) -> None:
 def test_laws_count_for_every_kernel_and_results_for_none() -> None:
     for name in KERNELS:
         counted = kernel_sources._closure([name, *kernel_sources._laws()])
-        assert {"pdsolve.laws.brittle", "pdsolve.laws.materials.j2"} <= counted
+        assert {"pdsolve.laws.pair_laws.brittle", "pdsolve.laws.materials.j2"} <= counted
         assert not any(one.startswith(("pdsolve.results", "pdsolve.study")) for one in counted)
 
 
@@ -66,7 +66,7 @@ def test_a_change_changes_the_digest_of_what_is_made_of_it(monkeypatch: pytest.M
     monkeypatch.setattr(kernel_sources, "_sources", lambda: sources)
     sources[other] += "\n# changed\n"
     assert digest(file) == before
-    sources["pdsolve.laws.brittle"] += "\n# changed\n"
+    sources["pdsolve.laws.pair_laws.brittle"] += "\n# changed\n"
     assert digest(file) != before
 
 
@@ -84,7 +84,11 @@ def digest(file: str) -> str:
 
 @pytest.mark.parametrize(
     ("file", "name"),
-    [("laws/__init__.py", "pdsolve.laws"), ("laws/brittle.py", "pdsolve.laws.brittle"), ("__init__.py", "pdsolve")],
+    [
+        ("laws/__init__.py", "pdsolve.laws"),
+        ("laws/pair_laws/brittle.py", "pdsolve.laws.pair_laws.brittle"),
+        ("__init__.py", "pdsolve"),
+    ],
 )
 def test_the_file_of_a_package_has_its_name(file: str, name: str) -> None:
     assert kernel_sources.name_of(Path(kernel_sources.__file__).parent.parent / file) == name

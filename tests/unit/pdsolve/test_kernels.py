@@ -12,7 +12,7 @@ from systems import bonds_of, forces
 from pdmesh.model.document import Run
 from pdsolve.bonds.assembly import Bonds, stiffness_bound
 from pdsolve.conditions import drive
-from pdsolve.laws import brittle
+from pdsolve.laws.pair_laws import brittle
 from pdsolve.operators.bond_list import BondList
 from pdsolve.run.system import Options, Prepared, prepare
 from pdsolve.state import State

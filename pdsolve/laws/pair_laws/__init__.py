@@ -1,0 +1,1 @@
+"""Laws of bonds that know nothing of others, one a file."""
