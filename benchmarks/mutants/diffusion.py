@@ -89,4 +89,16 @@ DIFFUSION = (
         "np.concatenate([change, 0 * change[outward]])",
         "tests/unit/pdsolve/diffusion/test_surfaces.py::test_a_strip_conducts_D",
     ),
+    Mutant(
+        "pdsolve/diffusion/families.py",
+        "(D[k] + D[m]) / (2 * D[m])",
+        "(D[k] + D[m]) / (2 * D[k])",
+        "tests/unit/pdsolve/diffusion/test_bonds.py::test_slots_with_a_crack_and_two_media_are_the_list",
+    ),
+    Mutant(
+        "pdsolve/diffusion/families.py",
+        "self._beside_others() | ",
+        "",
+        "tests/unit/pdsolve/diffusion/test_bonds.py::test_slots_with_a_crack_and_two_media_are_the_list",
+    ),
 )

@@ -39,6 +39,9 @@ class Obstacles(Protocol):
     def clear(self) -> bool:
         """Whether it is known that nothing separates any pair."""
 
+    def near(self, far: float) -> NDArray[np.bool_]:
+        """Mask (n,) of nodes with a pair of length `far`, m, that something may separate."""
+
     def inside(self, pairs: Pairs) -> NDArray[np.bool_]:
         """Mask (b,) of pairs whose segment stays in the plate or the body."""
 
@@ -132,6 +135,10 @@ class Sight:
     @cached_property
     def _tree(self) -> cKDTree:
         return tree_of(self._grid.position)
+
+    def near(self, far: float) -> NDArray[np.bool_]:
+        """Mask (n,) of nodes with a pair that something may separate: all, unless nothing does."""
+        return np.full(len(self._grid), not self.clear)
 
     def inside(self, pairs: Pairs) -> NDArray[np.bool_]:
         """Mask (b,) of pairs of one body whose segment neither leaves the outline nor meets a hole.

@@ -19,8 +19,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.model.kd_trees import tree_of
 from pdmesh.model.lattice_calibration import hu_beta
-from pdmesh.model.neighbours import ROUND_OFF, Neighbours, Pairs, chosen, row_chunks
+from pdmesh.model.neighbours import ROUND_OFF, ROWS, Neighbours, Pairs, chosen, row_chunks
 from pdmesh.model.visibility import sight_of
 from pdsolve.model import Model
 
@@ -144,7 +145,8 @@ class Families:
         lost, blocked = np.zeros((2, nodes), dtype=np.int64)
         nothing = np.zeros(0, dtype=np.int64)
         found = [(nothing, nothing, np.zeros(0))]
-        for part in self.parts() if (D[0] != D).any() or not self.sight.clear else ():
+        rows = np.flatnonzero(self._beside_others() | self.sight.near(float(self.reach.max())))
+        for part in (self.part(rows[first : first + ROWS]) for first in range(0, len(rows), ROWS)):
             (i, j, _), (k, m, _) = part.pairs, part.lost
             blocked += np.bincount(part.blocked, minlength=nodes)
             lost += np.bincount(k, minlength=nodes)
@@ -155,6 +157,15 @@ class Families:
         source, target, conductance = (np.concatenate(column) for column in zip(*found, strict=True))
         order = np.lexsort((target, source))
         return Unlike(source[order], target[order], conductance[order], lost, blocked)
+
+    def _beside_others(self) -> NDArray[np.bool_]:
+        """Mask (n,) of nodes within reach of one of another diffusivity."""
+        found, farthest = np.zeros(len(self.position), dtype=bool), float(self.reach.max()) * (1 + ROUND_OFF)
+        values = np.unique(self.diffusivity)
+        for own in (self.diffusivity == value for value in (values if len(values) > 1 else ())):
+            near, _ = tree_of(self.position[~own]).query(self.position[own], distance_upper_bound=farthest)
+            found[own] = np.isfinite(near)
+        return found
 
 
 class Grouped(NamedTuple):
