@@ -11,7 +11,7 @@ from scipy.sparse.linalg import LinearOperator, cg
 from stored import results_of
 
 from pdmesh.model.document import Horizon, Lattice, Material, Settings
-from pdmesh.model.full_lattice import calibration, lattice_ratios
+from pdmesh.model.lattice_calibration import calibration, lattice_ratios
 from pdmesh.model.material_constants import C11, C66
 from pdmesh.model.node_grid import whole_lattice
 from pdpost.measures.intensities_in_space import AlongFront, along_fronts
