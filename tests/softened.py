@@ -16,6 +16,7 @@ from pdsolve.laws import law_of
 from pdsolve.model import Model
 from pdsolve.operators.softening_bonds import SofteningBonds
 from pdsolve.results import Results
+from pdsolve.run.simulation import Options, simulate
 from pdsolve.schemes import SCHEMES
 
 RAMP = ((0.0, 0.0), (1.0, 1.0))
@@ -81,6 +82,31 @@ def beam(h: float, by: str = "displacement", load_steps: int | None = None) -> M
         conditions.append(Displacement(nodes=(int(middle[0]) + 1,), y=-2e-3, profile=RAMP, breakable=True))
     run = Run(solver="static", static=Static(load_steps=load_steps))
     return plate(grid, 3, material=PETERSSONS, conditions=tuple(conditions), run=run)
+
+
+def steady_drive() -> NDArray[np.float64]:
+    """The energy (t,) that a long strip offers its crack, over G_f, while the crack runs through its middle.
+
+    0.3 x 0.08 m, 5 mm between nodes, held at both long edges, which are moved apart; l_ch is four spacings. A strip of
+    height H between its edges offers E / (1 - nu^2) (u / H)^2 H / 2, where they are moved apart by u.
+    """
+    h, rows = 0.005, 16
+    grid = square_grid(60, rows, h, x0=h / 2, y0=(1 - rows) * h / 2)
+    grid = dataclasses.replace(grid, cracks=np.array([[-1.0, 0, 0.1, 0]]))
+    material = msgspec.structs.replace(CONCRETE, f_t=float(np.sqrt(CONCRETE.E * CONCRETE.G0 / (4 * h))))
+    y = grid.position[:, 1]
+    edges = [tuple((np.flatnonzero(side * y > rows * h / 2 - h) + 1).tolist()) for side in (-1, 1)]
+    conditions = tuple(
+        Displacement(nodes=nodes, x=0.0, y=side * 5e-5, profile=RAMP)
+        for side, nodes in zip((-1, 1), edges, strict=True)
+    )
+    run = Run(solver="static", static=Static(load_steps=40))
+    model = plate(grid, 3, material=material, conditions=conditions, run=run)
+    with simulate(model, None, Options(threads=1)) as results:
+        table, grown = results.reactions(), results.history()["dissipated"] / CONCRETE.G0
+    moved, H = 2 * table["displacement_y"][table["condition"] == 1], (rows - 1) * h
+    drive = CONCRETE.E / (1 - 1 / 9) * (moved / H) ** 2 * H / 2 / CONCRETE.G0
+    return np.asarray(drive[(grown > 0.06) & (grown < 0.13)])
 
 
 def turned_beam(degrees: float, spacing: float = 0.0066) -> Model:
