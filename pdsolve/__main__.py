@@ -118,6 +118,7 @@ def _solve(args: argparse.Namespace) -> int:
         _leave_out_blas()
         from pdmesh.model.document import GridWarning
         from pdsolve.model import ModelWarning, read_model
+        from pdsolve.numerics.compile_time import compile_time_said
         from pdsolve.numerics.memory import large_arrays_apart
         from pdsolve.results import ResultsWarning, state_of
         from pdsolve.run.simulation import Options, resume, simulate
@@ -134,7 +135,7 @@ def _solve(args: argparse.Namespace) -> int:
             path = args.model
             if args.dry_run:
                 return _show_what_is_left(path, args)
-            with _says_how_to_go_on(path, args):
+            with _says_how_to_go_on(path, args), compile_time_said(lambda words: commandline.note(words, args)):
                 results = resume(path, args.threads, watch)
         else:
             options = Options(args.mode or "conservative", args.precision or "float64", args.threads)
@@ -149,7 +150,7 @@ def _solve(args: argparse.Namespace) -> int:
             path = commandline.output_path(args.output, args.model, ".sqlite", args.force)
             if not args.force:
                 state_of(path)  # a log without its database is left alone
-            with _says_how_to_go_on(path, args):
+            with _says_how_to_go_on(path, args), compile_time_said(lambda words: commandline.note(words, args)):
                 results = simulate(model, path, options, watch, escaped(shlex.join(["pdsolve", *sys.argv[1:]])))
         with results:
             meta, summary = results.meta(), results.summary()

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pdpost.measures import fields
-from pdpost.measures.bond_pairs import Pairs
 from pdsolve.results import Nodes, Results
+
+if TYPE_CHECKING:
+    from pdpost.measures.bond_pairs import Pairs
 
 Columns = Mapping[str, NDArray[np.generic]]
 

@@ -109,9 +109,9 @@ def thermal(results: Results, step: int) -> NDArray[np.float64]:
 def _materials(results: Results, step: int) -> tuple[NDArray[np.int64], tuple[Material, ...]]:
     """The number (n,) of each node's material at `step`, and the materials. Raises ResultsError."""
     model, nodes = read(results, _Materials), results.nodes(0)
-    which = np.zeros(len(nodes.ids), dtype=np.int64)
+    which = np.zeros(len(nodes.ids if model.regions else results.rows(step)), dtype=np.int64)
     for number, region in enumerate(model.regions):
         which[selected(nodes, region.nodes, region.box)] = number + 1
-    if results.epoch(step):
+    if model.regions and results.epoch(step):
         which = which[tree_of(nodes.position).query(results.nodes(step).position)[1]]
     return which, (model.material, *(region.material for region in model.regions))

@@ -48,11 +48,18 @@ def read(results: Results, kind: type[T]) -> T:
     """The keys of the model that are fields of `kind`. Raises ResultsError naming what is wrong with them."""
     if "material" in kind.__struct_fields__ and physics_of(results) == "diffusion":
         expect_mechanics(results)
+    if isinstance(known := results.decoded.get(kind), kind):
+        return known
     try:
-        found = msgspec.json.decode(results.model(), type=kind)
-        _check(results, msgspec.json.decode(results.model(), type=_Model))
+        text = results.model()
+        found = msgspec.json.decode(text, type=kind)
+        if _Model not in results.decoded:
+            rest = msgspec.json.decode(text, type=_Model)
+            _check(results, rest)
+            results.decoded[_Model] = rest
     except (msgspec.DecodeError, RecursionError) as error:
         raise ResultsError(f"{results.name}: found no model to read ({error}), expected a grid file") from None
+    results.decoded[kind] = found
     return found
 
 

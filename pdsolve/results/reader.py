@@ -38,6 +38,8 @@ class Results:
         self._tables = Tables(connection, name, path)
         self._lives: tuple[tuple[int | None, ...], Lives] | None = None  # with how many rows it was read from
         self._nodes: tuple[Lives, int, Nodes] | None = None  # of an epoch
+        self._breaks: tuple[int | None, Breaks] | None = None  # with how many rows it was read from
+        self.decoded: dict[type, Any] = {}  # parts of the model, which stays as it is, by their type
 
     @classmethod
     def open(cls, path: Path) -> Results:
@@ -310,11 +312,17 @@ class Results:
             raise ResultsError(f"{self.name}: found no field '{name}', expected one of {fields}")
 
     def breaks(self) -> Breaks:
-        """All bonds broken so far."""
-        table = self._tables.records("bond_break")
-        found = Breaks(*(np.ascontiguousarray(table[name]) for name in table.dtype.names or ()))
-        self._tables.expect("bond_break", validation.wrong_breaks(found, self.lives().nodes.ids))
-        return found
+        """All bonds broken so far, read once: the arrays are shared and read-only."""
+        with self._tables.snapshot():
+            known = self._tables.count("bond_break")
+            if self._breaks is None or self._breaks[0] != known:
+                table = self._tables.records("bond_break")
+                found = Breaks(*(np.ascontiguousarray(table[name]) for name in table.dtype.names or ()))
+                self._tables.expect("bond_break", validation.wrong_breaks(found, self.lives().nodes.ids))
+                for column in found:
+                    column.flags.writeable = False
+                self._breaks = known, found
+        return self._breaks[1]
 
     def history(self) -> NDArray[np.void]:
         """The ledger, one record a row.

@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 
 from pdsolve.laws.calls import held, pair_of, released, secant, spent
 from pdsolve.laws.law import Pair
+from pdsolve.numerics.inner_functions import INNER as INNER
 from pdsolve.numerics.jit_cache import cached_njit
 from pdsolve.operators.simd_lattice import lanes, vectors
 from pdsolve.operators.simd_lattice.lanes import ROW
@@ -50,9 +51,6 @@ LANES = 4 * ROW
 PLANE, ONE = (0, 0), (0,)  # of as many rows
 PULLS, STRETCHES = coefficients("float64")[0], stretch_coefficients()
 LIMITS = 7  # of a slot: row of `peak` and `limit`
-# Only compiled code calls such a function: leaving out what Python would call it by saves a quarter of the compile.
-# Nor does it make arrays: counting references to those it is given took a tenth of a step
-INNER = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True, "_nrt": False}
 
 # Where a thread's scratch has the sums of the whole block
 FX, FY, END = vectors.SCRATCH, vectors.SCRATCH + LANES, vectors.SCRATCH + 2 * LANES

@@ -1,0 +1,39 @@
+"""Compiling is said while it lasts, and how long it took."""
+
+from __future__ import annotations
+
+import re
+import time
+
+import numba
+import pytest
+from numba.extending import overload
+
+from pdsolve.numerics import compile_time
+
+
+def _slowly() -> float:
+    return 1.0
+
+
+@overload(_slowly)
+def _typed_slowly():  # type: ignore[no-untyped-def]
+    time.sleep(0.2)
+    return lambda: 1.0
+
+
+def test_compiling_is_said_once_with_its_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    said: list[str] = []
+    monkeypatch.setattr(compile_time, "PATIENCE", 0.05)
+    with compile_time.compile_time_said(said.append):
+        assert numba.njit(lambda: _slowly())() == 1.0
+    assert len(said) == 2
+    assert re.search(r"once: \d+ s$", said[1])
+
+
+def test_a_short_compilation_is_not_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    said: list[str] = []
+    monkeypatch.setattr(compile_time, "PATIENCE", 600.0)
+    with compile_time.compile_time_said(said.append):
+        assert numba.njit(lambda: 2)() == 2
+    assert said == []
