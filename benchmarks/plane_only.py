@@ -33,7 +33,6 @@ TRIED = (
     "pdmesh plan body.py --trust --mode thesis",
     "pdmesh preview body.json --bonds",
     "pdsolve body.json --mode thesis",
-    "pdsolve body.json --adapt hybrid",
     "pdsolve body.json --adapt collocation",
     "pdsolve body.json --adapt split",
     "pdsolve body.json --cracks particles",

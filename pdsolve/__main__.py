@@ -301,12 +301,13 @@ def _lines(path: Path, summary: dict[str, Any]) -> list[str]:
     if rested:
         iterations, residual = sum(step["iterations"] for step in rested), max(step["residual"] for step in rested)
         how = f" {iterations} iterations of {summary['method']}, residual {residual:.1e} at most"
+    unit = summary.get("energy_unit", "J/m")
     damped = f" + damped {energy['damped']:.4g}" if energy["damped"] else ""
     lines = [
         f"{path}: {summary['nodes']} nodes, {summary['bonds']} bonds, {summary['steps']} {what} to"
         f" {until}, {summary['mode']} mode, {summary['precision']}",
         f"wall time {summary['wall_time']:.2f} s on {threads},{how}",
-        f"broken bonds {summary['broken_bonds']}; energy, {summary.get('energy_unit', 'J/m')}:"
+        f"broken bonds {summary['broken_bonds']}; energy, {unit}:"
         f" work {energy['work']:.4g} = kinetic {energy['kinetic']:.4g} + strain {energy['strain']:.4g}"
         f" + dissipated {energy['dissipated']:.4g}{damped} (balance {summary['balance']:+.1e} of what was put in)",
     ]
@@ -320,8 +321,9 @@ def _lines(path: Path, summary: dict[str, Any]) -> list[str]:
     if fine is not None:
         coarse = "pairs of coarse nodes" if summary["kernel"] == "collocation" else "clipped bonds"
         lines.append(
-            f"{summary['kernel']}: {fine['fine_share']:.1%} of the plate is fine; {coarse} were stretched to"
-            f" {fine['clipped_stretch']:.2f} of what breaks a bond; refining made {fine['refinement']:+.3g} J/m"
+            f"{summary['kernel']}: {fine['fine_share']:.1%} of the {'plate' if unit == 'J/m' else 'body'} is fine;"
+            f" {coarse} were stretched to {fine['clipped_stretch']:.2f} of what breaks a bond; refining made"
+            f" {fine['refinement']:+.3g} {unit}"
         )
     if "particles" in summary:
         lines.append(f"cracks have {summary['particles']} particles")

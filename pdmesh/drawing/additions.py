@@ -7,10 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import TypeVar
 
 from pdmesh.drawing.parameters import unit_of
 from pdmesh.drawing.units import Unit
 from pdmesh.model.document import ADAPTS
+from pdmesh.scene.body import Body
 from pdmesh.scene.plate import Refinement
 from pdmesh.scene.scene import Scene
 from pdmesh.scene.shapes import SceneError
@@ -31,12 +33,22 @@ def added(scene: Scene, refine: Sequence[str], cracks: Sequence[str], adapt: str
     for word in refine:
         scene = replace(scene, refinements=(*scene.refinements, refinement(word, unit)))
         kept[REFINE + word] = word
-    if adapt is not None:
-        if adapt not in ADAPTS:
-            raise SceneError(f"{ADAPT}: found '{adapt}', expected one of {', '.join(ADAPTS)}")
-        scene = scene.adapt(adapt)  # type: ignore[arg-type]
-        kept[ADAPT] = adapt
-    return replace(scene, parameters=tuple(kept.items()))
+    return adapted(replace(scene, parameters=tuple(kept.items())), adapt)
+
+
+S = TypeVar("S", Scene, Body)
+
+
+def adapted(scene: S, adapt: str | None) -> S:
+    """The scene with the adaptivity `adapt`, if any, among its parameters too. Raises SceneError."""
+    if adapt is None:
+        return scene
+    if adapt not in ADAPTS:
+        raise SceneError(f"{ADAPT}: found '{adapt}', expected one of {', '.join(ADAPTS)}")
+    if isinstance(scene, Body) and adapt not in ("none", "hybrid"):
+        raise SceneError(f"{ADAPT}: found '{adapt}', expected none or hybrid of a body in space")
+    scene = scene.adapt(adapt)  # type: ignore[arg-type]
+    return replace(scene, parameters=tuple((dict(scene.parameters) | {ADAPT: adapt}).items()))
 
 
 def sorted_out(parameters: Mapping[str, float | str]) -> tuple[list[tuple[str, str]], list[str], list[str]]:

@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from pdmesh.drawing.additions import ADAPT, added, sorted_out
+from pdmesh.drawing.additions import ADAPT, adapted, added, sorted_out
 from pdmesh.drawing.parameters import Parameter, full_name, unknown
 from pdmesh.drawing.scratch import scratch
 from pdmesh.file_kinds import CAD, MESHES
@@ -36,10 +36,13 @@ def read_scene(
         return _again(path, assignments, refine, trust, cracks)
     scene = _read(path, [(name, value) for name, value in assignments if name != ADAPT], trust)
     if isinstance(scene, Body):
-        for option, given in (("--refine", refine), ("--crack", cracks), (ADAPT, dict(assignments).get(ADAPT))):
-            if given and given != "none":
+        for option, given in (("--refine", refine), ("--crack", cracks)):
+            if given:
                 raise SceneError(f"{path}: {option}: found a body in space, expected a plate")
-        return scene
+        try:
+            return adapted(scene, dict(assignments).get(ADAPT))
+        except SceneError as error:
+            raise SceneError(f"{path}: {error}") from None
     try:
         return added(scene, refine, cracks, dict(assignments).get(ADAPT))
     except SceneError as error:

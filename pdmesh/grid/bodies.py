@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from pdmesh.grid.cubic import Cubic, place_nodes
 from pdmesh.model.document import (
+    ON_ONE_LATTICE,
     AnyCondition,
     Concentration,
     Horizon,
@@ -49,6 +50,10 @@ class Cloud(NamedTuple):
 
 def build_body(body: Body) -> tuple[Grid, Settings, tuple[str, ...]]:
     """The nodes of a body whose solids are shells, what is done to them, and remarks. Raises SceneError."""
+    notes: tuple[str, ...] = ()
+    if body.run.adapt in ON_ONE_LATTICE and body.zones:
+        notes = (f"nodes of {body.finest:g} m everywhere: the solver makes them coarser where it can",)
+        body = replace(body, spacing=body.finest, zones=())
     levels = place_nodes(body)
     counts = [len(level.at) for level in levels]
     delta = np.repeat([level.cubes.spacing for level in levels], counts)
@@ -66,7 +71,7 @@ def build_body(body: Body) -> tuple[Grid, Settings, tuple[str, ...]]:
     )
     cracks = np.concatenate([np.zeros((0, 9)), *(crack.sheet.triangles.reshape(-1, 9) for crack, _ in cleared)])
     grid = _grid(body, cloud, cracks)
-    return grid, settings, tuple(remark for _, remarks in cleared for remark in remarks)
+    return grid, settings, notes + tuple(remark for _, remarks in cleared for remark in remarks)
 
 
 def _grid(body: Body, cloud: Cloud, cracks: NDArray[np.float64]) -> Grid:

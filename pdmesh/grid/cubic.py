@@ -3,7 +3,9 @@
 Layout: cubes of the coarsest spacing fill the bounding box of the body and share its centre. A cube is divided into
 eight where a zone asks for it. A zone is grown by the horizon of the nodes it replaces, as in the plane, so that
 neighbouring spacings differ by one step. A node whose centre is in the body stays and stands for the part of its cube
-inside the body. Material in cubes with their centre outside goes to the nearest nodes. The volumes of cubes that the
+inside the body. Material in cubes with their centre outside goes to the nearest nodes. For a
+fine zone that moves there is one lattice, whose outer cubes have their centres on the faces of the box: coarse cells
+then end there. The volumes of cubes that the
 surface cuts are scaled so that all volumes sum to the body's.
 """
 
@@ -16,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.grid.enclosed_volumes import Cubes, inside, shares
+from pdmesh.model.document import ON_ONE_LATTICE
 from pdmesh.model.kd_trees import tree_of
 from pdmesh.model.triangulated_surface import gap
 from pdmesh.scene.body import Body
@@ -23,6 +26,7 @@ from pdmesh.scene.shapes import SceneError
 from pdmesh.scene.solids import Shell
 
 SLACK = 1e-6  # of a spacing: what a box may be larger than cubes that fill it
+ON = 1e-4  # of a spacing: a centre this near to the surface is on it
 FULL = 1 - 1e-9  # share of a cube that is all of it
 LINES = 4  # along each side of a cube, that measure what is inside
 MOST_CUBES = 10**8  # of a level
@@ -101,13 +105,29 @@ def _refuse_thin(levels: list[Cubic]) -> None:
 def _cubes(body: Body, step: int) -> Cubes:
     """The cubes that fill the bounding box of a body, halved `step` times. Raises SceneError for too many."""
     low, high = body.shell.bounds
-    count = np.maximum(np.ceil((high - low) / body.spacing - SLACK), 1).astype(np.int64)
+    count = np.maximum(np.ceil((high - low) / body.spacing - SLACK), 1).astype(np.int64) + _on_faces(body)
     if float(np.prod(count.astype(float))) * 8**step > MOST_CUBES:
         size = " x ".join(f"{side:g}" for side in high - low)
         raise SceneError(
             f"spacing: found {body.spacing / 2**step:g} m in a box of {size} m, expected at most {MOST_CUBES:.0e} cubes"
         )
     return Cubes((low + high) / 2 - count / 2 * body.spacing, body.spacing / 2**step, count * 2**step)
+
+
+def _on_faces(body: Body) -> bool:
+    """Whether the outer nodes lie on the faces of the box around a body, for coarse cells to end there."""
+    return body.run.adapt in ON_ONE_LATTICE
+
+
+def _solid(body: Body, cubes: Cubes) -> NDArray[np.bool_]:
+    """Mask of the cubes with their centre in a body; a centre on the surface is in it where nodes lie on faces."""
+    triangles = body.shell.triangles
+    if not _on_faces(body):
+        return inside(triangles, cubes, "body")
+    found = np.zeros(cubes.size, dtype=bool)
+    for way in itertools.product((-ON, ON), repeat=3):
+        found |= inside(triangles, cubes._replace(corner=cubes.corner + np.array(way) * cubes.spacing), "body")
+    return found
 
 
 def _refined(body: Body) -> list[NDArray[np.bool_]]:
@@ -169,7 +189,7 @@ def _level(
     `cubes` are a part of `every` cube.
     """
     triangles = body.shell.triangles
-    solid, share = inside(triangles, cubes, "body"), shares(triangles, cubes, LINES, "body")
+    solid, share = _solid(body, cubes), shares(triangles, cubes, LINES, "body")
     share = np.clip(share, 0.0, 1.0)
     kept, left = there & solid, there & ~solid & (share > 0)
     edge = np.zeros_like(kept)

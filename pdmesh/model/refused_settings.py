@@ -170,14 +170,27 @@ def _plain(material: Material, place: str, refusals: Refusals) -> Iterator[Impos
 def _in_space(settings: Settings, every: Places) -> Iterator[Impossible]:
     """Settings that only plates can have."""
     run = settings.run
-    if run.adapt != "none":
-        yield Impossible("$.run.adapt", f"'{run.adapt}'", "none in a body in space")
+    if run.adapt not in ("none", "hybrid"):
+        yield Impossible("$.run.adapt", f"'{run.adapt}'", "none or hybrid in a body in space")
+    if run.adapt == "hybrid":
+        yield from _hybrid_in_space(settings, every)
     if run.cracks != "bonds":
         yield Impossible("$.run.cracks", run.cracks, "bonds in a body in space")
     if settings.area_rule == "eq19":
         yield Impossible("$.area_rule", "'eq19'", "cells or square in a body in space")
     for place, material in every:
         yield from _quoted(material, place, KINDS[material.model].in_space(material))
+
+
+def _hybrid_in_space(settings: Settings, every: Places) -> Iterator[Impossible]:
+    """Settings that moving fine zones support in plates alone."""
+    why = ", as run.adapt is hybrid in a body in space"
+    if settings.physics != "mechanics":
+        yield Impossible("$.physics", settings.physics, f"mechanics{why}")
+    if settings.regions:
+        yield Impossible("$.regions", f"{len(every)} materials", f"one{why}")
+    if settings.material is not None and settings.material.law != USUAL_LAW:
+        yield Impossible("$.material.law", settings.material.law, f"{USUAL_LAW}{why}")
 
 
 def _at_rest(settings: Settings, every: Places) -> Iterator[Impossible]:

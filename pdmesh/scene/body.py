@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any, Generic, TypeAlias, TypeVar
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.document import (
+    Adapt,
     AnyCondition,
     Displacement,
     Load,
@@ -75,7 +77,7 @@ class Body(DiffusionConditions[Where]):
     """Description of a body in space; lengths in metres. Each method returns a body with an addition.
 
     Nodes are the centres of cubes `spacing` wide that fill the bounding box of the solid; those with their centre in it
-    stay.
+    stay. With `adapt`, the first nodes lie on the faces of that box, and all are as fine as the finest.
     """
 
     solid: Solid
@@ -131,6 +133,10 @@ class Body(DiffusionConditions[Where]):
     def finest(self) -> float:
         """The finest spacing, m."""
         return min([self.spacing, *(zone.spacing for zone in self.zones)])
+
+    def adapt(self, how: Adapt = "hybrid") -> Body:
+        """The body with an adaptive method: "none", or "hybrid", peridynamics only where bonds may break."""
+        return replace(self, run=msgspec.structs.replace(self.run, adapt=how))
 
     def zone(self, solid: Solid, spacing: float, name: str = "", grown: bool = True) -> Body:
         """The body with nodes of this `spacing` (m) in a solid; if `grown`, also around it within the coarser

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pdsolve.adaptivity.quadtree import criteria
 from pdsolve.adaptivity.quadtree.incremental_bonds import filled, refilled
 from pdsolve.adaptivity.quadtree.inherited_cracks import Before, healed, inherited, sources
-from pdsolve.adaptivity.quadtree.interpolation import kinetic, moved
+from pdsolve.adaptivity.quadtree.interpolation import moved
 from pdsolve.adaptivity.quadtree.leaf_mapping import Transfer, transfer_of
 from pdsolve.adaptivity.quadtree.operator import Leaves, Memory, remembered
 from pdsolve.adaptivity.quadtree.tree import Cells
@@ -18,10 +18,11 @@ from pdsolve.checkpoint_validation import entry
 from pdsolve.conditions import put_loads
 from pdsolve.errors import CheckpointError, UnstableError
 from pdsolve.operators.protocol import Kept
-from pdsolve.run.node_changes import Adapt, Change
+from pdsolve.run.energy_steps import energy as energy_of
+from pdsolve.run.energy_steps import pushed
+from pdsolve.run.node_changes import Change
 from pdsolve.run.system import Prepared, System, assembled, stable
 from pdsolve.state import State
-from pdsolve.steppers.equilibrium import forces
 
 
 class Splitting:
@@ -75,7 +76,7 @@ class Splitting:
             values[:] = found
         new.drive.held_force[:] = system.drive.held_force
         put_loads(new.drive, step * system.time_step)
-        created = _energy(new, begun, operator.energies(begun)[0]) - _energy(system, state, held) + _pushed(new, begun)
+        created = energy_of(new, begun, operator.energies(begun)[0]) - energy_of(system, state, held) + pushed(new, begun)
         calm = np.where(transfer.stays, own.memory.calm[transfer.before[:, 0]], 0)
         operator.memory = Memory(calm, own.memory.created + created)
         return Change(new, begun, self._origin(system, new, transfer))
@@ -124,36 +125,7 @@ class Splitting:
         return found
 
 
-def _energy(system: System, state: State, held: NDArray[np.float64]) -> float:
-    """Energy, J/m, of nodes with energy densities `held` (n,), J/m^3: the sum that Verlet conserves.
-
-    It is m (dt a)^2 / 8 below that of whole steps, which the ledger uses.
-    """
-    mass = system.model.rho * system.area
-    swing = (system.time_step / 2) ** 2 * kinetic(mass, state.second)
-    return kinetic(mass, state.rate) - swing + float(np.sum(system.area * held))
-
-
-def _pushed(system: System, state: State) -> float:
-    """Work, J/m, in the next half kick of interpolated accelerations that differ from those of the forces.
-
-    Verlet follows them for half of a kick.
-    """
-    rho, drive, dt = system.model.rho[:, None], system.drive, system.time_step
-    still = state._replace(dissipated=np.zeros_like(state.dissipated))  # nothing breaks
-    slowed = system.model.settings.run.damping * state.rate
-    excess = rho * (state.second + slowed) - forces(system.operator, still) - drive.force
-    excess[drive.holds.node, drive.holds.axis] = 0.0
-    way = dt * (state.rate + dt / 2 * state.second)
-    return float(np.sum(system.area[:, None] * excess / 2 * way))
-
-
 def leaves(system: System) -> Leaves:
     """The operator of such a run."""
     assert isinstance(system.operator, Leaves)
     return system.operator
-
-
-def changing(system: System) -> Adapt | None:
-    """What changes the nodes of a run as its model requires; None if nothing does, or the operator itself does."""
-    return Splitting(system) if isinstance(system.operator, Leaves) else None

@@ -14,12 +14,15 @@ import numpy as np
 
 from pdsolve.adaptivity.hybrid.arrays import EVERY
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
+from pdsolve.adaptivity.hybrid.space.operator import SpaceHybrid
+from pdsolve.adaptivity.quadtree.operator import Leaves
 from pdsolve.checks import advise, advise_unused
 from pdsolve.errors import CheckpointError, UnstableError
 from pdsolve.model import Model, ModelError, model_of
 from pdsolve.numerics.memory import give_back
 from pdsolve.results import Behind, Results, ResultsError, Writer, behind, gone_back, put_away, writing_to
-from pdsolve.run.cell_splitting import changing
+from pdsolve.run.body_zones import Refining
+from pdsolve.run.cell_splitting import Splitting
 from pdsolve.run.measures import bodies, pieces
 from pdsolve.run.node_changes import Adapt, zone_back, zone_moved
 from pdsolve.run.recorder import Past, Recorder, families, nodes, restore
@@ -98,7 +101,7 @@ def run(
 def _run(
     system: System, state: State, output: Path | None, watch: Watcher | None, provenance: str, adapt: Adapt | None
 ) -> Results:
-    adapt = adapt or changing(system)
+    adapt = adapt or _changing(system)
     notes = Recorder(system, state, None, _changes(system, adapt))
 
     def new() -> Writer:
@@ -106,6 +109,13 @@ def _run(
         return Writer.create(output, nodes(system), partial(families, system), cracks, meta(notes, provenance))
 
     return _finish(notes, new, output, watch, adapt)
+
+
+def _changing(system: System) -> Adapt | None:
+    """What changes the nodes of a run as its model requires; None if nothing does, or the operator itself does."""
+    if isinstance(system.operator, SpaceHybrid):
+        return Refining()
+    return Splitting(system) if isinstance(system.operator, Leaves) else None
 
 
 def _changes(system: System, adapt: Adapt | None) -> bool:
@@ -154,7 +164,7 @@ def _resume(output: Path, threads: int | None, watch: Watcher | None, adapt: Ada
                 f"{output}: found a checkpoint by {meta['program']}, expected this version's; solve it anew"
             )
         system, state = prepare(model, options)
-        adapt = adapt or changing(system)
+        adapt = adapt or _changing(system)
         same = float(meta["time_step"]) == system.time_step and np.array_equal(known.family, system.family)
         if not same or not np.array_equal(known.cut, system.family - system.count):
             raise ResultsError(

@@ -8,6 +8,8 @@ import numba
 import numpy as np
 
 from pdmesh import VERSION
+from pdsolve.adaptivity.quadtree.operator import Leaves
+from pdsolve.provenance import made_by
 from pdsolve.run.recorder import Recorder
 from pdsolve.run.system import System
 from pdsolve.steppers.fatigue_steps import FatigueSteps
@@ -82,7 +84,7 @@ def _finer(system: System) -> dict[str, Any]:
     if system.zone_summary is None:
         return {}
     found = system.zone_summary._asdict()
-    if system.hybrid is not None:
+    if not isinstance(system.operator, Leaves):
         return {"hybrid": found}
     return {"split": {name: found[name] for name in ("refinement", "fine_share")}}
 

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from pdmesh.model.output_fields import USUAL
 from pdsolve.adaptivity.factory import Moving, moving_of
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
+from pdsolve.adaptivity.hybrid.space.operator import SpaceHybrid
+from pdsolve.adaptivity.hybrid.space.prepare import body_of, drive_of_nodes
 from pdsolve.adaptivity.quadtree.incremental_bonds import filled
 from pdsolve.adaptivity.quadtree.operator import SURE, Leaves, tree_over
 from pdsolve.adaptivity.two_lattice_operator import FusedMarch
@@ -105,7 +107,7 @@ class System:
     @property
     def zone_summary(self) -> ZoneSummary | None:
         """Summary of finer nodes that come and go; None without any."""
-        return self.operator.zone_summary() if isinstance(self.operator, Moving | Leaves) else None
+        return self.operator.zone_summary() if isinstance(self.operator, Moving | Leaves | SpaceHybrid) else None
 
     def load_time(self, step: int) -> float:
         """Time of the profiles of conditions after `step`, s."""
@@ -171,7 +173,7 @@ def _prepared(model: Model, options: Options) -> Prepared:
     if model.settings.run.adapt == "split":
         return _split(model, options, scheme)
     if model.settings.run.adapt != "none":
-        return _moving(model, options, scheme)
+        return (_moving if model.grid.dimension == 2 else _in_space)(model, options, scheme)
     if model.settings.run.solver == "static":
         return at_rest(in_load_steps(model, options.precision), options, scheme)
     return system_of(model, options, scheme)
@@ -252,6 +254,27 @@ def _moving(model: Model, options: Options, scheme: Scheme) -> Prepared:
     return Prepared(system, state)
 
 
+def _in_space(model: Model, options: Options, scheme: Scheme) -> Prepared:
+    """A prepared body with a moving fine zone. Raises ModelError for an unsupported one."""
+    options = options._replace(threads=threads_of(options, len(model.grid), True))
+    operator = body_of(model, options.mode, options.precision, options.threads or 1)
+    bound = stable(operator.stiffness_bound(), operator.model.rho)
+    driven = drive_of_nodes(operator, 0.0)
+    system, state = on_body(operator, driven, options, scheme, (step_of(model, bound), bound))
+    velocity = initial_velocity(model)[operator.rows]
+    _set_off(state, velocity, np.zeros(len(velocity)), system.drive)
+    energy = float(np.sum(system.model.rho / 2 * system.area * (velocity**2).sum(axis=1)))
+    return Prepared(replace(system, whole=model, initial_energy=energy), state)
+
+
+def on_body(
+    operator: SpaceHybrid, driven: Drive, options: Options, scheme: Scheme, steps: tuple[float, float]
+) -> Prepared:
+    """The system of the current nodes of a body with a moving fine zone, at rest, with these conditions."""
+    count, family = operator.counts
+    return assembled(operator.model, options, scheme, operator, Counted(operator.volume, family, count), steps, driven)
+
+
 def _split(model: Model, options: Options, scheme: Scheme) -> Prepared:
     """A prepared model whose cells can split; none has yet. Raises ModelError for an unsupported one."""
     tree = tree_over(model, scheme.name, options.precision, options.kernel)
@@ -330,16 +353,22 @@ def system_of(model: Model, options: Options, scheme: Scheme) -> Prepared:
 
 
 def assembled(
-    model: Model, options: Options, scheme: Scheme, operator: Operator, filled: Counted, steps: tuple[float, float]
+    model: Model,
+    options: Options,
+    scheme: Scheme,
+    operator: Operator,
+    filled: Counted,
+    steps: tuple[float, float],
+    driven: Drive | None = None,
 ) -> Prepared:
     """The system of a model with this operator, and its state.
 
-    `steps`, s, are the run's step and the surely stable one.
+    `steps`, s, are the run's step and the surely stable one; `driven` are the conditions, if not those of the model.
     """
     kind, (step, bound) = np.dtype(options.precision).type, steps
     rho = model.rho.astype(kind)
     width = sum(unknown.width for unknown in operator.unknowns)
-    driven = widened(drive(model, filled.area, scheme.exact_load, kind), width)
+    driven = widened(driven or drive(model, filled.area, scheme.exact_load, kind), width)
     if not driven.varies:
         driven = driven._replace(before=driven.force)
     velocity, nodes = initial_velocity(model, width), len(model.grid)

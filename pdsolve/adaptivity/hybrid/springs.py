@@ -7,7 +7,6 @@ fine lattice, including its anisotropy: C11 = sum c |xi| h^2 n_x^4 / 2, C66 = su
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 from pdmesh.model.lattice_calibration import calibration, hu_beta, offsets
 from pdmesh.model.material import Material
 from pdmesh.model.material_constants import critical_stretch, micromodulus
+from pdsolve.adaptivity.hybrid.bond_division import divided
 from pdsolve.laws import limits
 from pdsolve.laws.bond_limits import Sizes
 
@@ -95,17 +95,14 @@ def stretches(springs: Springs) -> Stretches:
     """The points at which the bonds of the first half of a family cross cells, by the parity of their node."""
     half = len(springs.dx) // 2
     first = np.zeros((4, half, 3), dtype=np.int64)
-    found: list[tuple[tuple[float, float], tuple[int, int], list[tuple[int, int, int, float]]]] = []
+    found: list[tuple[tuple[float, float], tuple[int, ...], list[tuple[int, int, int, float]]]] = []
     for place in range(4):
         px, py = place % 2, place // 2
         for k in range(half):
             dx, dy = int(springs.dx[k]), int(springs.dy[k])
             first[place, k] = len(found)
-            for side, (sx, sy) in enumerate(_sides(px, py, dx, dy)):
-                crossings = sorted({0.0, 1.0, *_crossings(px, dx), *_crossings(py, dy)})
-                for t0, t1 in pairwise(crossings):
-                    middle = (t0 + t1) / 2
-                    cell = int((px + middle * dx + sx) // 2), int((py + middle * dy + sy) // 2)
+            for side, parts in enumerate(divided((px, py), (dx, dy))):
+                for t0, t1, cell in parts:
                     found.append(((t0, t1), cell, [_end(px + t * dx, py + t * dy, t) for t in (t0, t1)]))
                 first[place, k, side + 1 :] = len(found)
     return Stretches(
@@ -115,24 +112,6 @@ def stretches(springs: Springs) -> Stretches:
         np.array([[end[:3] for end in ends] for _, _, ends in found], dtype=np.int64),
         np.array([[end[3] for end in ends] for _, _, ends in found]),
     )
-
-
-def _sides(px: int, py: int, dx: int, dy: int) -> list[tuple[float, float]]:
-    """Sides of a bond on which its cells lie: both for a bond along a line between cells."""
-    if dx == 0 and px == 0:
-        return [(-0.5, 0.0), (0.5, 0.0)]
-    if dy == 0 and py == 0:
-        return [(0.0, -0.5), (0.0, 0.5)]
-    return [(0.0, 0.0)]
-
-
-def _crossings(start: int, step: int) -> list[float]:
-    """Shares of a bond's length at which a coordinate is even."""
-    if step == 0:
-        return []
-    low, high = sorted((start, start + step))
-    shares = ((line - start) / step for line in range(low + low % 2, high + 1, 2))
-    return [share for share in shares if 0 < share < 1]
 
 
 def _end(x: float, y: float, t: float) -> tuple[int, int, int, float]:

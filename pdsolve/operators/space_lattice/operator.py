@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from threading import RLock
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -42,6 +43,7 @@ class SpaceLattice:
         self._u = aligned(np.zeros((3, tiles.cells.shape[1]), dtype=tiles.cells.dtype))
         self._broken = Broken(*(np.zeros(0, dtype=np.int64) for _ in Broken._fields))
         self._new: list[Broken] = []
+        self._breaking = RLock()  # held while bits and broken bonds disagree: results ask for both during a march
 
     def place(self, state: State) -> State:
         """The state itself: its arrays are those of all nodes."""
@@ -49,6 +51,10 @@ class SpaceLattice:
 
     def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
         """Add the force densities (n, w), N/m^3, to `out`; bonds over their limit break in this `step`, `dt` s long."""
+        with self._breaking:
+            self._add(state, out, step, dt)
+
+    def _add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
         self._place(state.value)
         found: list[tuple[int, NDArray[np.int64]]] = []  # first tile of a sum, and the bonds that broke in it
         waiting: list[int] = []  # tiles whose bonds soften for the first time
@@ -118,9 +124,10 @@ class SpaceLattice:
 
     def broken(self, after: int = 0) -> Broken:
         """The bonds broken after a step: step, source and target row of each."""
-        if self._new:
-            every = zip(self._broken, *self._new, strict=True)
-            self._broken, self._new = Broken(*(np.concatenate(columns) for columns in every)), []
+        with self._breaking:
+            if self._new:
+                every = zip(self._broken, *self._new, strict=True)
+                self._broken, self._new = Broken(*(np.concatenate(columns) for columns in every)), []
         if after == 0:
             return self._broken
         later = self._broken.step > after
@@ -169,7 +176,8 @@ class SpaceLattice:
         if 0 < last - first < len(self._stiffest):
             own = (self._sites.site[first:last] - self._sites.margin) // ROW
             low, high = int(own.min()), int(own.max()) + 1
-        bits, (_, source, target) = self.tiles.bits[low:high].copy(), self.broken()
+        with self._breaking:
+            bits, (_, source, target) = self.tiles.bits[low:high].copy(), self.broken()
         of_these = (source >= first) & (source < last)
         tile, slot, bit = layout.placed(self._sites, source[of_these], target[of_these])
         np.bitwise_or.at(bits, (tile - low, slot), bit)

@@ -1,0 +1,54 @@
+"""The parts into which cells of two spacings divide a bond of a lattice, in the plane and in space.
+
+A bond along a line or a face between cells belongs in equal shares to all sides on which there are cells.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise, product
+from typing import NamedTuple
+
+NEAR = 1e-9  # of a cell: places this near to a line between cells are on it
+
+
+class Part(NamedTuple):
+    """The part of a bond in one cell."""
+
+    begin: float  # share of the bond's length where it begins
+    end: float
+    cell: tuple[int, ...]  # from the cell of the bond's node
+
+
+def divided(place: tuple[int, ...], way: tuple[int, ...]) -> list[list[Part]]:
+    """The parts of the bond `way` (d,) from a node at `place` (d,) in its cell, 0 or 1 along each axis; by side."""
+    crossings = sorted({0.0, 1.0, *(share for x, dx in zip(place, way, strict=True) for share in _crossings(x, dx))})
+    found = []
+    for side in _sides(place, way):
+        parts = []
+        for t0, t1 in pairwise(crossings):
+            middle = (t0 + t1) / 2
+            at = (int((x + middle * dx + s) // 2) for x, dx, s in zip(place, way, side, strict=True))
+            parts.append(Part(t0, t1, tuple(at)))
+        found.append(parts)
+    return found
+
+
+def _sides(place: tuple[int, ...], way: tuple[int, ...]) -> list[tuple[float, ...]]:
+    """Directions from a bond to its cells: both across each line or face between cells that it lies in."""
+    across = ((-0.5, 0.5) if dx == 0 and x == 0 else (0.0,) for x, dx in zip(place, way, strict=True))
+    return list(product(*across))
+
+
+def _crossings(start: int, step: int) -> list[float]:
+    """Shares of a bond's length at which a coordinate is even."""
+    if step == 0:
+        return []
+    low, high = sorted((start, start + step))
+    shares = ((line - start) / step for line in range(low + low % 2, high + 1, 2))
+    return [share for share in shares if 0 < share < 1]
+
+
+def on_cells(at: float) -> tuple[int, float]:
+    """The line between cells at or below a coordinate in cells, and the share of a cell beyond it."""
+    below = int(at // 1) if at % 1 < 1 - NEAR else int(at // 1) + 1
+    return below, 0.0 if abs(at - below) < NEAR else at - below

@@ -1,0 +1,85 @@
+"""Numbering of the nodes and cells of a body.
+
+x, y, z   of a fine node, from 0 on; its site counts x fastest and is that of the tiles, without their margin
+X, Y, Z   of a cell, whose lowest corner is the fine node (2 X, 2 Y, 2 Z); its place counts X fastest, with `pad` void
+          cells around the box
+          likewise of the coarse node at that corner; its site counts X fastest in the box of coarse nodes
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from numba import njit
+
+from pdsolve.operators.simd_lattice.kernel import INNER
+
+COARSE, FINE, VOID = range(3)  # cells
+IDLE, FREE, BORDER = range(3)  # fine nodes: in coarse cells alone, in fine ones alone, in both
+
+
+class Box(NamedTuple):
+    """A box of sx by sy by sz fine nodes and of cx by cy by cz cells."""
+
+    sx: int
+    sy: int
+    sz: int
+    cx: int
+    cy: int
+    cz: int
+    pad: int
+
+    @property
+    def padded(self) -> tuple[int, int, int]:
+        """The shape of an array of all cells, void ones included."""
+        return self.cz + 2 * self.pad, self.cy + 2 * self.pad, self.cx + 2 * self.pad
+
+
+def box_of(sides: tuple[int, int, int], reach: int) -> Box:
+    """The numbering of a box of fine nodes whose bonds reach so many spacings."""
+    x, y, z = (max(1, side // 2) for side in sides)
+    return Box(*sides, x, y, z, reach // 2 + 2)
+
+
+@njit(forceinline=True, **INNER)
+def cell_place(box, x, y, z):  # type: ignore[no-untyped-def]
+    """The place of the cell (X, Y, Z)."""
+    pad = box.pad
+    return ((z + pad) * (box.cy + 2 * pad) + y + pad) * (box.cx + 2 * pad) + x + pad
+
+
+@njit(forceinline=True, **INNER)
+def fine_site(box, x, y, z):  # type: ignore[no-untyped-def]
+    """The site of the fine node (x, y, z)."""
+    return (z * box.sy + y) * box.sx + x
+
+
+@njit(forceinline=True, **INNER)
+def fine_at(box, site):  # type: ignore[no-untyped-def]
+    """The fine node (x, y, z) at a site."""
+    return site % box.sx, site // box.sx % box.sy, site // (box.sx * box.sy)
+
+
+@njit(forceinline=True, **INNER)
+def coarse_site(box, x, y, z):  # type: ignore[no-untyped-def]
+    """The site of the coarse node (X, Y, Z)."""
+    return (z * (box.cy + 1) + y) * (box.cx + 1) + x
+
+
+@njit(**INNER)
+def touches(box, cells, x, y, z, wanted):  # type: ignore[no-untyped-def]
+    """Whether a fine node is in, or at the border of, a cell of a kind."""
+    found = False
+    for dz in (-1, 0):
+        for dy in (-1, 0):
+            for dx in (-1, 0):
+                found |= cells[cell_place(box, (x + dx) >> 1, (y + dy) >> 1, (z + dz) >> 1)] == wanted
+    return found
+
+
+@njit(**INNER)
+def kind_of(box, cells, x, y, z):  # type: ignore[no-untyped-def]
+    """The kind of a fine node."""
+    if not touches(box, cells, x, y, z, FINE):
+        return IDLE
+    return BORDER if touches(box, cells, x, y, z, COARSE) else FREE

@@ -1,0 +1,187 @@
+"""The springs of coarse cells: their constants, and the lattice of those that there are.
+
+A cell of H = 2 h has springs on its 12 edges, the 12 diagonals of its faces and its 4 body diagonals, of
+
+    k_b = 1.5 tau C11 h          of a body diagonal
+    k_f = 2 h C12 - 4/3 k_b      of a face diagonal, half of it from each of two cells
+    k_e = 2 h (C11 - 2 C12) + 4/3 k_b      of an edge, a quarter of it from each of four cells
+
+They have the stiffness of the fine lattice for any tau. With tau from the force f_i = tau C11 h^2 gamma_jk that fine
+bonds leave on the vertex of a fine cube under shear, vertices of fine zones are in equilibrium too.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.adaptivity.hybrid.space.box import COARSE, Box, cell_place, coarse_site, fine_site
+from pdsolve.laws.law import Law
+from pdsolve.laws.pair import no_bonds
+from pdsolve.numerics.jit_cache import cached_njit
+from pdsolve.operators.simd_lattice.lanes import ROW
+from pdsolve.operators.simd_lattice.layout import aligned
+from pdsolve.operators.simd_lattice.pull import NARROW
+from pdsolve.operators.space_lattice.kernel import ALIKE, EMPTY, MODULUS, SOFTENED, VOLUME, Tiles
+from pdsolve.operators.space_lattice.layout import table_of
+from pdsolve.operators.space_lattice.sites import Sites
+from pdsolve.operators.space_lattice.vectors import INVERSE, PULL
+
+
+class Elastic(NamedTuple):
+    """Stiffness of a cubic lattice."""
+
+    c11: float  # Pa
+    c12: float
+
+
+def elastic_of(table: NDArray[np.float64]) -> Elastic:
+    """The stiffness of a full lattice with these bonds; see `Tiles.table`."""
+    xi, held = table[:, :3], table[:, PULL] / 2
+    n2 = xi**2 * table[:, INVERSE, None]
+    held = held / table[:, INVERSE]
+    return Elastic(float((held * n2[:, 0] ** 2).sum()), float((held * n2[:, 0] * n2[:, 1]).sum()))
+
+
+def ways() -> NDArray[np.int64]:
+    """The offsets (26, 3) of a coarse node's springs, in the order of their sites."""
+    steps = np.arange(-1, 2)
+    z, y, x = (each.ravel() for each in np.meshgrid(steps, steps, steps, indexing="ij"))
+    found = np.column_stack([x, y, z])
+    return np.asarray(found[found.any(axis=1)])
+
+
+def stiffnesses(elastic: Elastic, tau: float, h: float) -> NDArray[np.float64]:
+    """Stiffness (26,), N/m, of whole springs."""
+    body = 1.5 * tau * elastic.c11 * h
+    face = 2 * h * elastic.c12 - 4 / 3 * body
+    edge = 2 * h * (elastic.c11 - 2 * elastic.c12) + 4 / 3 * body
+    return np.array([edge, face, body])[np.count_nonzero(ways(), axis=1) - 1]
+
+
+def sites_of(box: Box, h: float) -> Sites:
+    """The sites of the coarse nodes of a box; no node is there yet."""
+    sides = box.cx + 1, box.cy + 1, box.cz + 1
+    every, stride = int(np.prod(sides)), sides[0] * sides[1]
+    margin = -(-(stride + sides[0] + 1) // ROW) * ROW
+    node = np.full(-(-every // ROW) * ROW, -1, dtype=np.int32)
+    return Sites(np.zeros(0, dtype=np.int64), node, sides, margin, 2 * h, ways())
+
+
+def tiles_of(law: Law, sites: Sites, stiffness: NDArray[np.float64]) -> Tiles:
+    """Springs (26,), N/m, of coarse nodes; none is there yet. Sums over them are forces, N."""
+    length = np.sqrt((sites.ways**2).sum(axis=1)) * sites.spacing
+    c, cells = np.ones((3, sites.size)), np.ones((2, sites.size))
+    cells[VOLUME], cells[MODULUS] = 1.0, 0.5
+    tiles, slots = sites.tiles, len(sites.ways)
+    return Tiles(
+        law=no_bonds(law),
+        offsets=sites.steps.astype(np.int32),
+        table=table_of(sites.ways, sites.spacing, stiffness * length),
+        bits=np.zeros((tiles, slots), dtype=np.uint16),
+        c=aligned(c),
+        cells=aligned(cells),
+        kind=np.full(tiles, EMPTY, dtype=np.uint8),
+        node=sites.node,
+        held=np.zeros(0, dtype=np.bool_),
+        material=np.zeros(0, dtype=np.uint8),
+        peak=np.full((1, slots), np.inf),
+        limit=np.full((1, slots), np.inf),
+        memory=np.arange(tiles, dtype=np.int32),
+        share=np.zeros((tiles, slots, ROW)),
+        worst=np.zeros((0, slots, ROW)),
+        margin=sites.margin,
+        floor=-np.inf,
+        near=NARROW,
+    )
+
+
+@cached_njit(error_model="numpy")
+def set_springs(box, cells, way, some, tiles):  # type: ignore[no-untyped-def]
+    """Set the springs of the coarse nodes (k, 3) in `some`."""
+    for n in range(len(some)):
+        x, y, z = some[n]
+        site = coarse_site(box, x, y, z)
+        tile, lane = site // ROW, site % ROW
+        for slot in range(len(way)):
+            count = there = 0
+            for sz in range(min(way[slot, 2], 0) - (way[slot, 2] == 0), 1 - (way[slot, 2] < 0)):
+                for sy in range(min(way[slot, 1], 0) - (way[slot, 1] == 0), 1 - (way[slot, 1] < 0)):
+                    for sx in range(min(way[slot, 0], 0) - (way[slot, 0] == 0), 1 - (way[slot, 0] < 0)):
+                        count += 1
+                        there += cells[cell_place(box, x + sx, y + sy, z + sz)] == COARSE
+            share, bit = there / count, np.uint16(1) << np.uint16(lane)
+            tiles.share[tile, slot, lane] = share
+            if share > 0:
+                tiles.bits[tile, slot] |= bit
+            else:
+                tiles.bits[tile, slot] &= ~bit
+        tiles.kind[tile] = _kind(tiles, tile)
+
+
+@cached_njit(error_model="numpy")
+def _kind(tiles, tile):  # type: ignore[no-untyped-def]
+    """What the stiffnesses of a tile are made of."""
+    kind = EMPTY
+    for slot in range(len(tiles.offsets)):
+        for lane in range(ROW):
+            share = tiles.share[tile, slot, lane]
+            if 0 < share < 1:
+                return SOFTENED
+            if share > 0:
+                kind = ALIKE
+    return kind
+
+
+@cached_njit(error_model="numpy")
+def hold_springs(tiles, u, held):  # type: ignore[no-untyped-def]
+    """Add the energies (n,), J, of the coarse nodes' springs, half to each end."""
+    for t in range(len(tiles.kind)):
+        if tiles.kind[t] == EMPTY:
+            continue
+        for slot in range(len(tiles.offsets)):
+            row, word = tiles.table[slot], tiles.bits[t, slot]
+            for lane in range(ROW):
+                if (word >> np.uint16(lane)) & np.uint16(1):
+                    stretch = _stretch(tiles, u, t * ROW + lane, slot)
+                    c = row[PULL] * tiles.share[t, slot, lane] / row[INVERSE] / 4
+                    held[tiles.node[t * ROW + lane]] += c * stretch * stretch
+
+
+@cached_njit(error_model="numpy")
+def _stretch(tiles, u, site, slot):  # type: ignore[no-untyped-def]
+    """The stretch of a spring."""
+    row, own = tiles.table[slot], tiles.margin + site
+    far, e = own + tiles.offsets[slot], 0.0
+    for axis in range(3):
+        eta = u[axis, far] - u[axis, own]
+        e += row[INVERSE] * eta * (2 * row[axis] + eta)
+    return e / (np.sqrt(1 + e) + 1)
+
+
+@cached_njit(error_model="numpy")
+def hot_nodes(box, tiles, lasts, u, limit, found):  # type: ignore[no-untyped-def]
+    """List the fine sites of coarse nodes with a spring stretched beyond `limit`; returns how many there are.
+
+    `lasts` (n,) are the nodes whose bonds do not break.
+    """
+    count, half = 0, len(tiles.offsets) // 2
+    for t in range(len(tiles.kind)):
+        if tiles.kind[t] == EMPTY:
+            continue
+        for slot in range(half, 2 * half):
+            word = tiles.bits[t, slot]
+            for lane in range(ROW):
+                if (word >> np.uint16(lane)) & np.uint16(1) == 0:
+                    continue
+                site = t * ROW + lane
+                other = site + tiles.offsets[slot]
+                if _stretch(tiles, u, site, slot) > limit and not (lasts[tiles.node[site]] or lasts[tiles.node[other]]):
+                    for one in (site, other):
+                        row, x = one // (box.cx + 1), one % (box.cx + 1)
+                        if count < len(found):
+                            found[count] = fine_site(box, 2 * x, 2 * (row % (box.cy + 1)), 2 * (row // (box.cy + 1)))
+                            count += 1
+    return count

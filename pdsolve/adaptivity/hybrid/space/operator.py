@@ -1,0 +1,520 @@
+"""The operator of a body with a moving fine zone: its current coarse and fine nodes.
+
+Nodes are the fine nodes that are in fine cells alone, and the coarse nodes. A fine node on the border moves with the
+coarse nodes around it and is no node of its own, unless it lies on a coarse one. Bonds are the whole ones between
+nodes, and the springs of coarse cells; pieces of clipped bonds never break.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from functools import cached_property
+from threading import RLock
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.adaptivity.hybrid.arrays import AHEAD, KAPPA
+from pdsolve.adaptivity.hybrid.engine import ZoneSummary
+from pdsolve.adaptivity.hybrid.irregular_bonds import part_of
+from pdsolve.adaptivity.hybrid.space import arrangement, coarse_springs, pieces
+from pdsolve.adaptivity.hybrid.space.arrangement import Fine, Pieces
+from pdsolve.adaptivity.hybrid.space.box import BORDER, COARSE, FINE, FREE
+from pdsolve.adaptivity.hybrid.space.zone import mark_balls
+from pdsolve.adaptivity.hybrid.springs import e_of
+from pdsolve.conditions import Drive
+from pdsolve.checkpoint import entry, like
+from pdsolve.errors import CheckpointError, UnstableError
+from pdsolve.model import Model
+from pdsolve.numerics.thread_team import share
+from pdsolve.operators.protocol import Kept
+from pdsolve.operators.simd_lattice.lanes import ROW
+from pdsolve.operators.simd_lattice.layout import aligned
+from pdsolve.operators.space_lattice import layout
+from pdsolve.operators.space_lattice.kernel import EMPTY, VOLUME, Breaks, Tiles, hold_tiles, sum_tiles
+from pdsolve.operators.space_lattice.operator import ROOM
+from pdsolve.operators.space_lattice.sites import Sites
+from pdsolve.state import Broken, State, Unknown
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
+
+class Whole(NamedTuple):
+    """What does not change: the body with all its fine nodes."""
+
+    model: Model | None  # None of a block alone
+    fine: Fine
+    sites: Sites
+    springs_at: Sites  # of coarse nodes
+    cut: NDArray[np.int64]  # (n,) bonds of each fine node that pre-cracks cut
+    stiffest: float  # N/m^4, of all nodes of any zone; see `Operator.stiffness_bound`
+    solid: int  # cells that are not void
+    driven: Drive | None = None  # conditions on all fine nodes
+
+
+class Zone(NamedTuple):
+    """What follows from the cells; arrays are changed in place, others replaced."""
+
+    cells: NDArray[np.uint8]  # (c,)
+    kind: NDArray[np.uint8]  # (sites,) of fine nodes
+    above: NDArray[np.bool_]  # (sites,) whether a coarse node is there
+    tiles: Tiles  # of bonds whole in fine cells
+    springs: Tiles  # of coarse cells
+    pieces: Pieces
+    u: NDArray[np.float64]  # (3, m) displacements of fine sites, m
+    u_coarse: NDArray[np.float64]
+
+
+class History(NamedTuple):
+    """What happened so far."""
+
+    step: NDArray[np.int64]  # (b,) when directed bonds broke
+    source: NDArray[np.int64]  # (b,) fine sites
+    target: NDArray[np.int64]
+    made: float  # J, energy that refining has made
+    largest: float  # e of clipped bonds
+
+
+Ends = tuple[NDArray[np.int32], NDArray[np.float64]]
+Bonds = tuple[Tiles, Sites, NDArray[np.int64], NDArray[np.float64], bool]
+
+
+class Linked(NamedTuple):
+    """What springs there are between n nodes, for a tangent."""
+
+    volume: NDArray[np.float64]  # (n,) m^3
+    border: Ends  # rows and weights of the nodes that move fine nodes on the border
+    ends: tuple[Ends, Ends]  # likewise of both ends of pieces
+    bonds: Bonds  # of fine nodes: tiles, sites of points, points, what densities are of, and whether shares count
+    springs: Bonds
+    xi: NDArray[np.float64]  # (p, 3) m, of pieces
+    stiffness: NDArray[np.float64]  # (p,) N/m
+
+
+NOTHING = History(*np.zeros((3, 0), dtype=np.int64), 0.0, 0.0)
+
+
+class SpaceHybrid:
+    """The operator of the n current nodes, in the order of their fine sites."""
+
+    name = "hybrid"
+    symmetric = True
+    unknowns: tuple[Unknown, ...] = (Unknown("u", 3, 2),)
+
+    def __init__(self, whole: Whole, zone: Zone, history: History, threads: int) -> None:
+        """`zone` is that of its cells."""
+        self.whole, self._zone, self.history, self._threads = whole, zone, history, threads
+        fine, count = whole.fine, len(whole.sites.node)
+        self.sites = np.flatnonzero((zone.kind == FREE) | zone.above)
+        self.rows = fine.tiles.node[self.sites].astype(np.int64)  # of the grid
+        self._row = np.full(count, -1, dtype=np.int32)
+        self._row[self.sites] = np.arange(len(self.sites))
+        self._free = np.flatnonzero(zone.kind[self.sites] == FREE)
+        self._coarse = np.flatnonzero(zone.above[self.sites])
+        self._border = np.flatnonzero(zone.kind == BORDER)
+        nodes, border = len(self.sites), len(self._border)
+        on, self._w = np.zeros((border, arrangement.ENDS), np.int64), np.zeros((border, arrangement.ENDS))
+        arrangement.carriers(fine.box, zone.cells, self._border, on, self._w)
+        order, self._groups = arrangement.grouped(fine, zone.cells, zone.pieces)
+        self._on, self._ends = self._row[on], self._row[zone.pieces.site[order]]
+        self._k, self._breaks = zone.pieces.k[order], zone.pieces.breaks[order]
+        margin, volume = whole.sites.margin, fine.cube * fine.tiles.cells[VOLUME]
+        self.volume = np.zeros(nodes)
+        self.volume[self._free] = volume[margin + self.sites[self._free]]
+        found = np.zeros(len(self._coarse))
+        arrangement.gather_volumes(fine, zone.kind, self.sites[self._coarse], found)
+        self.volume[self._coarse] = found
+        self._border_volume = volume[margin + self._border]
+        self._zone = zone._replace(tiles=self._numbered(zone.tiles), springs=self._carried(zone.springs))
+        self._coarse_sites = self.whole.springs_at.margin + self._above(self.sites[self._coarse])
+        self._force, self._density = np.zeros((nodes, 3)), np.zeros((nodes + border, 3))
+        self._known = Broken(*np.zeros((3, 0), dtype=np.int64))
+        self._new: list[Broken] = []
+        self._breaking = RLock()  # held while bits and broken bonds disagree: results ask for both during a march
+
+    def _above(self, sites: NDArray[np.int64]) -> NDArray[np.int64]:
+        """The coarse sites at fine sites."""
+        box = self.whole.fine.box
+        x, y, z = sites % box.sx // 2, sites // box.sx % box.sy // 2, sites // (box.sx * box.sy) // 2
+        return np.asarray((z * (box.cy + 1) + y) * (box.cx + 1) + x)
+
+    def _numbered(self, tiles: Tiles) -> Tiles:
+        """The tiles with the numbers of nodes, followed by those on the border, whose bonds do not break."""
+        zone, whole, nodes = self._zone, self.whole.fine.tiles, len(self.sites)
+        tiles.node[:] = np.where(zone.kind == FREE, self._row, -1)
+        tiles.node[self._border] = nodes + np.arange(len(self._border))
+        there = (tiles.node.reshape(-1, ROW) >= 0).any(axis=1)
+        tiles.kind[:] = np.where(there, whole.kind, EMPTY)
+        held = np.ones(nodes + len(self._border), dtype=np.bool_)
+        held[:nodes] = whole.held[self.rows]
+        return tiles._replace(held=held, material=np.zeros(len(held), dtype=np.uint8))
+
+    def _carried(self, springs: Tiles) -> Tiles:
+        """The springs with the numbers of nodes."""
+        springs.node[:] = -1
+        springs.node[self._above(self.sites[self._coarse])] = self._coarse
+        nodes = len(self.sites)
+        return springs._replace(held=np.ones(nodes, np.bool_), material=np.zeros(nodes, np.uint8))
+
+    @cached_property
+    def model(self) -> Model:
+        """The model of the n current nodes, without conditions."""
+        found = part_of(self.whole.model, self.rows)
+        delta = found.grid.delta.copy()
+        delta[self._coarse] *= 2
+        return dataclasses.replace(found, grid=dataclasses.replace(found.grid, delta=delta, areas=self.volume))
+
+    def place(self, state: State) -> State:
+        """The state itself: its arrays are those of all nodes."""
+        return state
+
+    def _place(self, value: NDArray[np.float64]) -> None:
+        zone, margin = self._zone, self.whole.sites.margin
+        pieces.place(self._free, margin + self.sites[self._free], value, zone.u)
+        pieces.place(self._coarse, self._coarse_sites, value, zone.u_coarse)
+        pieces.follow(margin + self._border, self._on, self._w, value, zone.u)
+
+    def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
+        """Add the force densities (n, 3), N/m^3, to `out`; bonds over their limit break in this `step`, `dt` s long.
+
+        Raises UnstableError if a clipped bond exceeds its limit.
+        """
+        self._place(state.value)
+        zone, nodes, force, density = self._zone, len(self.sites), self._force, self._density
+        force[:], density[:] = 0, 0
+        self._sum_bonds(state, step, dt)
+        nothing = Breaks(np.zeros(1, np.int64), np.empty((ROW * len(zone.springs.offsets) + 1, 2), np.int32))
+        of_state = state.rate, dt, False, force, state.dissipated
+
+        def work(first: int, last: int) -> None:
+            sum_tiles(zone.springs, zone.u_coarse, *of_state, nothing, first, last)
+
+        share(work, len(zone.springs.kind), self._threads)
+        largest = pieces.sum_pieces(state.value, self._ends, self._k, self._breaks, self._groups, force)
+        pieces.pass_on(density[nodes:], self._on, self._w, self._border_volume, force)
+        out += density[:nodes] + force / self.volume[:, None]
+        self.history = self.history._replace(largest=max(self.history.largest, largest))
+        if step > 0 and largest > self._peak:
+            raise UnstableError(
+                f"step {step}: found a bond at the border of the fine zone stretched to"
+                f" {self.zone_summary().clipped_stretch:.2f} of what breaks it, expected less than 1: the fine zone is"
+                " too narrow for this motion; solve it with run.adapt none"
+            )
+
+    @property
+    def _peak(self) -> float:
+        return float(e_of(self.whole.fine.tiles.peak.min()))
+
+    def _sum_bonds(self, state: State, step: int, dt: float) -> None:
+        """Force densities of the bonds of fine nodes; those that break are noted."""
+        with self._breaking:
+            self._sum_and_break(state, step, dt)
+
+    def _sum_and_break(self, state: State, step: int, dt: float) -> None:
+        zone, density = self._zone, self._density
+        found: list[tuple[int, NDArray[np.int64]]] = []
+        room = ROOM * ROW * len(zone.tiles.offsets)
+
+        def work(first: int, last: int) -> None:
+            breaks = Breaks(np.zeros(1, dtype=np.int64), np.empty((room, 2), dtype=np.int32))
+            while first < last:
+                begin, breaks.used[0] = first, 0
+                of_state = state.rate, dt, step > 0, density, state.dissipated
+                first = sum_tiles(zone.tiles, zone.u, *of_state, breaks, first, last)
+                if breaks.used[0]:
+                    found.append((begin, breaks.ends[: breaks.used[0]].astype(np.int64)))
+
+        share(work, len(zone.tiles.kind), self._threads)
+        for _, ends in sorted(found, key=lambda one: one[0]):
+            source, target = ends.T
+            self._clear(source, target)
+            self._new.append(Broken(np.full(len(source), step, dtype=np.int64), source, target))
+
+    def _clear(self, source: NDArray[np.int64], target: NDArray[np.int64]) -> None:
+        """Take broken bonds out of those of the whole body too, so that none is there again."""
+        bits = self.whole.fine.tiles.bits
+        tile, slot, bit = layout.placed(self._lattice, source, target)
+        np.bitwise_and.at(bits, (tile, slot), ~bit)
+
+    @cached_property
+    def _lattice(self) -> Sites:
+        """The fine sites of the nodes; -1 for those on the border that are none."""
+        return self.whole.sites._replace(site=self.whole.sites.margin + self.sites, node=self._row)
+
+    def forces(self, value: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Forces (n, 3), N, at displacements (n, 3), m; nothing breaks."""
+        nodes = len(value)
+        state, out = State(value, *np.zeros((2, nodes, 3)), *np.zeros((3, nodes))), np.zeros((nodes, 3))
+        self.add(state, out, 0, 0.0)
+        return out * self.volume[:, None]
+
+    def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Strain energy densities (n,), J/m^3, and zeros: no bond softens."""
+        self._place(state.value)
+        zone, nodes, held = self._zone, len(self.sites), np.zeros(len(self.sites))
+        own, nothing = np.zeros((2, len(self._density)))
+        hold_tiles(zone.tiles, zone.u, own, nothing, 0, len(zone.tiles.kind))
+        coarse_springs.hold_springs(zone.springs, zone.u_coarse, held)
+        pieces.hold_pieces(state.value, self._ends, self._k, self._groups, held)
+        pieces.pass_on(own[nodes:, None], self._on, self._w, self._border_volume, held[:, None])
+        return held / self.volume + own[:nodes], np.zeros(nodes)
+
+    def fields(self, state: State) -> dict[str, NDArray[np.float64]]:
+        """Empty: bonds store no fields beside the displacements."""
+        return {}
+
+    def stiffness_bound(self) -> NDArray[np.float64]:
+        """A bound (n,) of the stiffness that resists each node's motion, N/m^4; see `Operator`."""
+        return np.full(len(self.sites), self.whole.stiffest)
+
+    def tangent(self, state: State) -> csr_array:
+        """Minus the derivative (3 n, 3 n), N/m^4, of the force densities by the values; see `Operator`."""
+        from pdsolve.adaptivity.hybrid.space.tangent import tangent_of  # few runs need it
+
+        zone, nodes, border = self._zone, len(self.sites), len(self._border)
+        whole, margin = self.whole, self.whole.sites.margin
+        sites = whole.sites._replace(site=margin + np.append(self.sites, self._border), node=zone.tiles.node)
+        at = whole.springs_at
+        above = at._replace(site=np.full(nodes, at.margin), node=zone.springs.node)
+        above.site[self._coarse] = self._coarse_sites
+        half, (start, count) = arrangement.ENDS, (self._groups.start, len(self._k))
+        group = np.repeat(np.arange(len(start) - 1), np.diff(start)) if count else np.zeros(0, dtype=np.int64)
+        rows, w = self._ends, self._groups.w[group]
+        free = np.append(self._free, nodes + np.arange(border))
+        linked = Linked(
+            self.volume,
+            (self._on, self._w),
+            ((rows[:, :half], w[:, :half]), (rows[:, half:], w[:, half:])),
+            (zone.tiles, sites, free, np.append(self.volume, self._border_volume), False),
+            (zone.springs, above, self._coarse, np.ones(nodes), True),
+            self._groups.xi[group, :3],
+            self._k,
+        )
+        return tangent_of(linked, state.value)
+
+    def bonds(
+        self, first: int = 0, last: int | None = None, start: bool = False
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Source and target rows (k,) of the intact bonds of nodes `first` to `last` - 1, or of those at the
+        `start`."""
+        last = len(self.sites) if last is None else last
+        zone, sites = self._zone, self.sites[first:last]
+        low, high = np.searchsorted(self._coarse, [first, last])
+        rows, above = self._coarse[low:high], self._coarse_sites[low:high] - self.whole.springs_at.margin
+        with self._breaking:
+            found = [listed(sites, np.arange(first, last), self._row, zone.tiles)]
+            _, gone, lost = self.broken()
+        found.append(listed(above, rows, zone.springs.node, zone.springs))
+        if start:
+            own = (gone >= first) & (gone < last)
+            found.append((gone[own], lost[own]))
+        source, target = (np.concatenate(ends) for ends in zip(*found, strict=True))
+        order = np.lexsort((target, source))
+        return source[order], target[order]
+
+    @cached_property
+    def counts(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Bonds (n,) of each node at the start, and their number including those cut by pre-cracks."""
+        zone, every = self._zone, np.arange(len(self.sites))
+        with self._breaking:
+            count = arrangement.count_bonds(self.sites, self._row, zone.tiles.offsets, zone.tiles.bits)
+            count += np.bincount(self.broken().source, minlength=len(every))
+        above = self._coarse_sites - self.whole.springs_at.margin
+        springs = zone.springs
+        count[self._coarse] += arrangement.count_bonds(above, springs.node, springs.offsets, springs.bits)
+        family = count.copy()
+        family[self._free] += self.whole.cut[self.rows[self._free]]
+        return count, family
+
+    def broken(self, after: int = 0) -> Broken:
+        """Bonds broken after a step: step, source row and target row of each."""
+        with self._breaking:
+            self._settle()
+        later = self._known.step > after
+        return Broken(*(column[later] for column in self._known))
+
+    def _settle(self) -> None:
+        """Add the bonds that broke since the last call to the history."""
+        if self._new or len(self._known.step) < len(self.history.step):
+            for step, source, target in self._new:
+                own = [self.history.step, self.history.source, self.history.target]
+                more = [step, self.sites[source], self.sites[target]]
+                found = [np.concatenate(each) for each in zip(own, more, strict=True)]
+                self.history = self.history._replace(step=found[0], source=found[1], target=found[2])
+            self._new = []
+            ends = (self._row[each].astype(np.int64) for each in (self.history.source, self.history.target))
+            self._known = Broken(self.history.step, *ends)
+
+    def zone_summary(self) -> ZoneSummary:
+        """Summary of the fine zone."""
+        share, peak = np.count_nonzero(self._zone.cells == FINE) / self.whole.solid, self._peak
+        stretch = self.history.largest / (1 + np.sqrt(1 + self.history.largest))
+        return ZoneSummary(self.history.made, float(share), float(stretch / (np.sqrt(1 + peak) - 1)))
+
+    def wanted(self, state: State, since: int) -> NDArray[np.int64]:
+        """Cells (k, 3) that become fine: around bonds broken after a step, and around coarse springs that are stretched.
+
+        They are marked as fine at once; `refined` makes the operator for them.
+        """
+        self._place(state.value)
+        zone, box, fine = self._zone, self.whole.fine.box, self.whole.fine
+        sites = np.unique(self.sites[self.broken(since).source])
+        found = np.zeros(26 * max(len(self._coarse), 1), dtype=np.int64)
+        held, limit = fine.tiles.held[self.rows], KAPPA * float(fine.tiles.peak.min())
+        count = coarse_springs.hot_nodes(box, zone.springs, held, zone.u_coarse, limit, found)
+        sites = np.unique(np.concatenate([sites, found[:count]]))
+        new = np.zeros((np.count_nonzero(zone.cells == COARSE), 3), dtype=np.int64)
+        count = mark_balls(box, zone.cells, places(box, sites), AHEAD, new)
+        return new[:count]
+
+    def refined(self, new: NDArray[np.int64]) -> SpaceHybrid:
+        """The operator after the cells `new` (k, 3) have become fine."""
+        self.broken()
+        zone = arranged(self.whole, self._zone, new)
+        return SpaceHybrid(self.whole, zone, self.history, self._threads)
+
+    def restored(self, kept: Kept) -> SpaceHybrid:
+        """The operator of a checkpoint's cells, some of which have become fine. Raises CheckpointError."""
+        cells = like(kept, "cells", self._zone.cells)
+        new = (self._zone.cells == COARSE) & (cells == FINE)
+        if not ((cells == self._zone.cells) | new).all():
+            raise CheckpointError("found cells that are others than at the start, expected coarse ones to become fine")
+        self._zone.cells[:] = cells
+        box = self.whole.fine.box
+        where = np.argwhere(new.reshape(box.padded))[:, ::-1] - box.pad
+        return self.refined(np.ascontiguousarray(where))
+
+    def moved(self, other: SpaceHybrid, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Values (m, 3) of the nodes of `other`, refined from this one, interpolated from those here (n, 3)."""
+        found, scratch = np.zeros((len(other.sites), 3)), (np.zeros(8, np.int64), np.zeros(8))
+        arrangement.interpolate(self.whole.fine.box, scratch, self._row, values, other.sites, found)
+        return found
+
+    def before(self, other: SpaceHybrid) -> NDArray[np.int64]:
+        """Rows (m,) here of the nodes of `other`, -1 for new ones."""
+        return self._row[other.sites].astype(np.int64)
+
+    def row_of_grid(self, which: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Rows (k,) of the rows of the grid `which`, -1 for nodes that are none now."""
+        return self._row[self.whole.sites.site[which] - self.whole.sites.margin].astype(np.int64)
+
+    def spread(self, which: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Rows (k, 8) of the nodes that move rows of the grid `which` (k,), and their shares."""
+        margin = self.whole.sites.margin
+        sites, box = self.whole.sites.site[which] - margin, self.whole.fine.box
+        own, at = self._row[sites], places(box, sites)
+        rows, w = np.zeros((len(which), 8), np.int64), np.zeros((len(which), 8))
+        for number, corner in enumerate(np.ndindex(2, 2, 2)):
+            step = np.array(corner)
+            part = np.where(at % 2 == 1, 0.5, 1.0 - step).prod(axis=1)
+            end = np.minimum(at - at % 2 + 2 * step, np.array([box.sx, box.sy, box.sz]) - 1)
+            rows[:, number] = self._row[(end[:, 2] * box.sy + end[:, 1]) * box.sx + end[:, 0]]
+            w[:, number] = part
+        known = own >= 0
+        rows[known], w[known] = own[known, None], np.eye(8)[0]
+        rows[w == 0] = 0
+        return rows, w
+
+    @property
+    def cells(self) -> NDArray[np.uint8]:
+        """All cells (c,)."""
+        return self._zone.cells
+
+    def keep(self) -> Kept:
+        """The cells and books for a checkpoint."""
+        books = np.array([self.history.made, self.history.largest])
+        return {"cells": self._zone.cells.copy(), "zone_books": books}
+
+    def back(self, kept: Kept, broken: Broken) -> None:
+        """Restore the broken bonds and the books of a checkpoint of these cells."""
+        if not np.array_equal(like(kept, "cells", self._zone.cells), self._zone.cells):
+            raise CheckpointError("found cells that are others than those of the nodes, expected the same")
+        made, largest = entry(kept, "zone_books", (2,), float).tolist()
+        layout.cleared(self._lattice, broken.source, broken.target, self._zone.tiles.bits)
+        self._clear(broken.source, broken.target)
+        ends = (self.sites[each] for each in (broken.source, broken.target))
+        self.history = History(broken.step.astype(np.int64), *ends, made, largest)
+
+    def bytes(self) -> int:
+        """The memory of all arrays, bytes."""
+        parts = (*self._zone, *self._zone.tiles, *self._zone.springs, *self._zone.pieces, *self.whole.fine.tiles)
+        return sum(getattr(array, "nbytes", 0) for array in parts)
+
+
+def listed(
+    sites: NDArray[np.int64], rows: NDArray[np.int64], row: NDArray[np.int32], tiles: Tiles
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Source and target rows (k,) of the bonds of nodes at these sites, whose rows are `rows`."""
+    count = arrangement.count_bonds(sites, row, tiles.offsets, tiles.bits)
+    target = np.zeros(int(count.sum()), dtype=np.int64)
+    arrangement.list_bonds(sites, row, tiles.offsets, tiles.bits, target)
+    return np.repeat(rows, count), target
+
+
+def places(box: Any, sites: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The fine nodes (k, 3) at sites."""
+    return np.column_stack([sites % box.sx, sites // box.sx % box.sy, sites // (box.sx * box.sy)])
+
+
+def _near(box: Any, new: NDArray[np.int64], reach: int) -> NDArray[np.int64]:
+    """The sites, in order, of fine nodes within `reach` spacings of cells (k, 3)."""
+    marked = np.zeros((box.sz, box.sy, box.sx), dtype=bool)
+    for x, y, z in (2 * new).tolist():
+        low = [max(each - reach, 0) for each in (z, y, x)]
+        marked[low[0] : z + reach + 3, low[1] : y + reach + 3, low[2] : x + reach + 3] = True
+    return np.flatnonzero(marked)
+
+
+def _copied(tiles: Tiles) -> Tiles:
+    return tiles._replace(bits=tiles.bits.copy(), node=tiles.node.copy(), kind=tiles.kind.copy())
+
+
+def arranged(whole: Whole, zone: Zone, new: NDArray[np.int64]) -> Zone:
+    """The zone after the cells `new` (k, 3), which are fine already, have become so.
+
+    Bits and numbers are new arrays: results may still ask for bonds of before.
+    """
+    fine, box = whole.fine, whole.fine.box
+    dirty = _near(box, new, fine.reach)
+    arrangement.classify(box, fine.tiles.node, zone.cells, dirty, zone.kind, zone.above)
+    zone = zone._replace(tiles=_copied(zone.tiles), springs=_copied(zone.springs))
+    made = arrangement.pieces_of(2 * len(zone.pieces.owner) + ROOM * len(dirty))
+    scratch = np.zeros(arrangement.ENDS)
+    count = arrangement.arrange(fine, zone.cells, zone.tiles.bits, dirty, made, scratch)
+    if count > len(made.owner):
+        made = arrangement.pieces_of(count)
+        arrangement.arrange(fine, zone.cells, zone.tiles.bits, dirty, made, scratch)
+    stale = np.zeros(len(zone.kind), dtype=bool)
+    stale[dirty] = True
+    kept = ~stale[zone.pieces.owner]
+    both = [np.concatenate([old[kept], own[:count]]) for old, own in zip(zone.pieces, made, strict=True)]
+    order = np.argsort(both[0], kind="stable")
+    corners = np.unique((new[:, None] + np.array(list(np.ndindex(2, 2, 2)))).reshape(-1, 3), axis=0)
+    coarse_springs.set_springs(box, zone.cells, whole.springs_at.ways, corners, zone.springs)
+    return zone._replace(pieces=Pieces(*(each[order] for each in both)))
+
+
+def begun(whole: Whole, cells: NDArray[np.uint8], springs: Tiles) -> Zone:
+    """The zone of cells (c,)."""
+    fine, box, count = whole.fine, whole.fine.box, len(whole.sites.node)
+    zone = Zone(
+        cells=cells,
+        kind=np.zeros(count, dtype=np.uint8),
+        above=np.zeros(count, dtype=np.bool_),
+        tiles=fine.tiles._replace(
+            bits=np.zeros_like(fine.tiles.bits), node=fine.tiles.node.copy(), kind=fine.tiles.kind.copy()
+        ),
+        springs=springs,
+        pieces=arrangement.pieces_of(0),
+        u=aligned(np.zeros((3, whole.sites.size))),
+        u_coarse=aligned(np.zeros((3, whole.springs_at.size))),
+    )
+    arrangement.classify(box, fine.tiles.node, cells, np.arange(count), zone.kind, zone.above)
+    inner = cells.reshape(box.padded)[(slice(box.pad, -box.pad),) * 3]
+    every = np.argwhere(inner == FINE)[:, ::-1]
+    corners = np.column_stack([each.ravel() for each in np.meshgrid(
+        *(np.arange(side + 1) for side in (box.cx, box.cy, box.cz)), indexing="ij")])  # fmt: skip
+    coarse_springs.set_springs(box, cells, whole.springs_at.ways, corners, springs)
+    return arranged(whole, zone, np.ascontiguousarray(every)) if len(every) else zone

@@ -1,0 +1,126 @@
+"""Prepares a body for a moving fine zone."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.adaptivity.hybrid.coarse_cells import refused
+from pdsolve.adaptivity.hybrid.space import coarse_springs
+from pdsolve.adaptivity.hybrid.space.arrangement import Fine
+from pdsolve.adaptivity.hybrid.space.box import FINE, VOID, box_of
+from pdsolve.adaptivity.hybrid.space.divisions import divisions
+from pdsolve.adaptivity.hybrid.space.operator import NOTHING, SpaceHybrid, Whole, begun
+from pdsolve.adaptivity.hybrid.space.zone import cells_at_start
+from pdsolve.conditions import Drive, Entries, drive, drive_of, put_loads
+from pdsolve.laws import law_of
+from pdsolve.laws.calls import bind
+from pdsolve.laws.law import Law
+from pdsolve.model import Model
+from pdsolve.operators.simd_lattice.lanes import ROW
+from pdsolve.operators.space_lattice import families, layout
+from pdsolve.operators.space_lattice.kernel import VOLUME, Tiles
+from pdsolve.operators.space_lattice.sites import Sites
+from pdsolve.operators.space_lattice.vectors import INVERSE, PULL
+from pdsolve.schemes.cubic_springs import tiled
+
+SEAM = 0.9  # of the squared sure step of the fine lattice: what short, stiff pieces leave
+SHEAR = 1e-6  # of the block in which tau is found
+CUBE = 8  # cells along the side of the block in which tau is found
+
+
+def body_of(model: Model, mode: str, precision: str, threads: int) -> SpaceHybrid:
+    """The operator at the start. Raises ModelError for a body that the method does not support."""
+    for place, found, expected in (("mode", mode, "conservative"), ("precision", precision, "float64")):
+        if found != expected:
+            raise refused(model, place, found, expected)
+    made = tiled(model, np.float64)
+    if made is None:
+        raise refused(model, "$.nodes", "nodes or a law that cubic tiles cannot have", "one cubic lattice of bonds")
+    law, h = law_of(model), made.sites.spacing
+    whole = whole_of(model, made.sites, made.tiles)._replace(cut=made.counted.family - made.counted.bonds)
+    box, tiles = whole.fine.box, made.tiles
+    shape = box.sz, box.sy, box.sx
+    count, first = int(np.prod(shape)), model.grid.position.min(axis=0)
+    volume = tiles.cells[VOLUME][made.sites.margin :][:count].reshape(shape)
+    cracks = (model.grid.cracks.reshape(-1, 3, 3) - first) / h
+    cells = cells_at_start(box, volume, tiles.node[:count].reshape(shape) >= 0, whole.fine.reach, cracks)
+    stiffest = float((made.stiffest / model.rho).max() * model.rho.max()) / SEAM
+    driven = drive(model, model.grid.cells, True, np.float64)
+    whole = whole._replace(stiffest=stiffest, solid=int(np.count_nonzero(cells != VOID)), driven=driven)
+    return operator_on(law, whole, cells, tau_of(law, tiles.table, h), threads)
+
+
+def operator_on(law: Law, whole: Whole, cells: NDArray[np.uint8], tau: float, threads: int = 1) -> SpaceHybrid:
+    """The operator of these cells (c,)."""
+    bind(law)
+    elastic = coarse_springs.elastic_of(whole.fine.tiles.table)
+    strength = coarse_springs.stiffnesses(elastic, tau, whole.sites.spacing)
+    springs = coarse_springs.tiles_of(law, whole.springs_at, strength)
+    return SpaceHybrid(whole, begun(whole, cells, springs), NOTHING, threads)
+
+
+def whole_of(model: Model | None, sites: Sites, tiles: Tiles) -> Whole:
+    """What does not change of a body with these bonds."""
+    reach, half = int(np.abs(sites.ways).max()), len(sites.ways) // 2
+    box = box_of(sites.sides, reach)
+    fine = Fine(box, tiles, divisions(sites.ways[half:]), reach, sites.spacing**3)
+    at = coarse_springs.sites_of(box, sites.spacing)
+    return Whole(model, fine, sites, at, np.zeros(len(sites.site), dtype=np.int64), 0.0, 1)
+
+
+def full_block(law: Law, table: NDArray[np.float64], h: float, side: int) -> Whole:
+    """A block of `side` cells along each edge, all of whose bonds are those of a full lattice; see `Tiles.table`."""
+    nodes = 2 * side + 1
+    ways, count, stride = np.rint(table[:, :3] / h).astype(np.int64), nodes**3, np.array([1, nodes, nodes**2])
+    node = np.full(-(-count // ROW) * ROW, -1, dtype=np.int32)
+    node[:count] = np.arange(count)
+    margin = -(-int(np.abs(ways @ stride).max()) // ROW) * ROW
+    sites = Sites(np.arange(count) + margin, node, (nodes, nodes, nodes), margin, h, ways)
+    strength, never = table[:, PULL] / np.sqrt(table[:, INVERSE]), np.full((1, len(ways)), np.inf)
+    alike = np.ones(count), np.full(count, 0.5), np.ones(count, np.bool_), np.zeros(count, np.uint8)
+    springs = layout.Springs(strength, *alike, never, never)
+    tiles = layout.tiles_of(law, sites, families.members(sites), springs)
+    return whole_of(None, sites, tiles)
+
+
+def tau_of(law: Law, table: NDArray[np.float64], h: float) -> float:
+    """The force on the vertex of a fine cube in a sheared block of coarse cells without body diagonals, over
+    C11 h^2 gamma."""
+    whole, half = full_block(law, table, h, CUBE), CUBE // 2
+    cells, nodes = np.zeros((CUBE,) * 3, dtype=np.uint8), 2 * CUBE + 1
+    cells[half:, half:, half:] = FINE
+    cells = np.pad(cells, whole.fine.box.pad, constant_values=VOID)
+    found = operator_on(law, whole, cells.ravel(), 0.0)
+    vertex = CUBE * (1 + nodes + nodes**2)
+    value, row = np.zeros((len(found.sites), 3)), np.searchsorted(found.sites, vertex)
+    value[:, 1] = SHEAR * h * (found.sites // nodes**2)
+    force = (found.forces(value) - found.forces(-value))[row, 0] / 2  # without what is quadratic in the shear
+    return abs(float(force)) / (coarse_springs.elastic_of(table).c11 * h**2 * SHEAR)
+
+
+def drive_of_nodes(operator: SpaceHybrid, time: float) -> Drive:
+    """Conditions of the whole body on the current nodes, with the body forces of `time`, s."""
+    every, model = operator.whole.driven, operator.whole.model
+    assert every is not None
+    assert model is not None
+    holds, loads, cells = every.holds, every.loads, model.grid.cells
+    row = operator.row_of_grid(holds.node)
+    some = row >= 0
+    held = Entries(row[some], holds.axis[some], holds.value[some], holds.profile[some], holds.kind[some])
+    acting = loads.value != 0
+    rows, w = operator.spread(loads.node[acting])
+    force = (w * (loads.value * cells[loads.node])[acting, None]).ravel()
+    key = np.column_stack([np.repeat(loads.profile[acting], 8), np.repeat(loads.axis[acting], 8), rows.ravel()])
+    key, force = key[force != 0], force[force != 0]
+    which, at = np.unique(key, axis=0, return_inverse=True)
+    sums = np.bincount(at.ravel(), force, minlength=len(which)) if len(which) else np.zeros(0)
+    profile, axis, node = which.T.astype(np.int64)
+    loaded = Entries(node, axis, sums / operator.volume[node], profile, np.zeros(len(node), dtype=np.int64))
+    shape = len(operator.sites), 3
+    found = drive_of([], [], [], shape)._replace(profiles=every.profiles, loads=loaded, holds=held, varies=every.varies)
+    found = found._replace(held_force=np.zeros(len(held.node)), held_speed=np.zeros(len(held.node)))
+    put_loads(found, time)
+    found.before[:] = found.force
+    found.held_force[:] = found.force[held.node, held.axis]
+    return found

@@ -1,0 +1,56 @@
+"""Tangent of the forces on the nodes of a body with a fine zone: fine bonds, coarse springs, pieces of clipped bonds.
+
+All of them are springs between points: nodes, fine nodes on the border, and ends of pieces, in this order. A point moves
+with nodes by weights, and passes its forces to them by the same weights.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array, csr_array, diags_array, eye_array, kron, vstack
+
+from pdsolve.operators.space_lattice import layout
+from pdsolve.operators.space_lattice.kernel import Tiles
+from pdsolve.operators.space_lattice.sites import Sites
+from pdsolve.operators.tangent import of_springs
+
+if TYPE_CHECKING:
+    from pdsolve.adaptivity.hybrid.space.operator import Linked
+
+
+def tangent_of(linked: Linked, value: NDArray[np.float64]) -> csr_array:
+    """Minus the derivative (3 n, 3 n), N/m^4, of the force densities (n, 3) at `value`."""
+    nodes = len(value)
+    points = vstack([eye_array(nodes), *(_moved(rows, w, nodes) for rows, w in (linked.border, *linked.ends))]).tocsr()
+    u, last = points @ value, points.shape[0]
+    found = csr_array((3 * last, 3 * last))
+    for tiles, sites, rows, volume, share in (linked.bonds, linked.springs):
+        found += _of_tiles(tiles, sites, rows, volume, u, share)
+    count = len(linked.stiffness)
+    one, other = last - 2 * count + np.arange(count), last - count + np.arange(count)
+    pull = linked.stiffness * np.sqrt((linked.xi**2).sum(axis=1))
+    for first, second, sign in ((one, other, 1.0), (other, one, -1.0)):
+        found += of_springs(first, second, sign * linked.xi, pull, u)
+    tied, density = kron(points, eye_array(3)).tocsr(), diags_array(np.repeat(1 / linked.volume, 3))
+    return (density @ (tied.T @ found @ tied)).tocsr()
+
+
+def _moved(rows: NDArray[np.int32], w: NDArray[np.float64], nodes: int) -> csr_array:
+    """Weights (k, nodes) of points that move with nodes `rows` (k, 4)."""
+    where = np.repeat(np.arange(len(rows)), rows.shape[1]), rows.ravel()
+    return coo_array((w.ravel(), where), (len(rows), nodes)).tocsr()
+
+
+def _of_tiles(
+    tiles: Tiles, sites: Sites, rows: NDArray[np.int64], volume: NDArray[np.float64], u: NDArray[np.float64], share: bool
+) -> csr_array:
+    """Minus the derivative of the forces, N, on points, of the bonds of `rows`; `volume` is what densities are of."""
+    source, target, slot = layout.intact(sites, tiles.bits, rows)
+    xi, pull = layout.springs(tiles, sites, source, target, slot)
+    if share:
+        tile, lane = np.divmod(sites.site[source] - sites.margin, tiles.share.shape[2])
+        pull *= tiles.share[tile, slot, lane]
+    return of_springs(source, target, xi, pull * volume[source], u)

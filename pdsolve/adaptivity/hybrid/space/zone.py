@@ -1,0 +1,111 @@
+"""Which cells are fine at the start, and which become fine."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from pdmesh.model.triangulated_surface import distances
+from pdsolve.adaptivity.hybrid.arrays import RING, TIPS
+from pdsolve.adaptivity.hybrid.space.box import COARSE, FINE, VOID, Box, cell_place
+from pdsolve.numerics.jit_cache import cached_njit
+from pdsolve.operators.simd_lattice.kernel import INNER
+
+SAME = 1e-6  # of a cell: volumes this near are the same
+FLANKS = 8  # h: cells this near to the faces of a pre-crack are fine: none of their springs is cut
+
+
+def cells_at_start(
+    box: Box, volume: NDArray[np.float64], there: NDArray[np.bool_], reach: int, cracks: NDArray[np.float64]
+) -> NDArray[np.uint8]:
+    """Initial cells (c,): fine around pre-cracks and where a surface cuts cells, coarse elsewhere.
+
+    `volume` and `there` (z, y, x) are of fine nodes: cells over h^3, and whether there is one. `cracks` (t, 3, 3) are
+    triangles in spacings from the first node. A face along cells cuts none, except at re-entrant edges.
+    """
+    whole = _cubes(there)
+    octants = sum(np.pad(whole, [(1 - s, s) for s in side]).astype(np.int8) for side in product((0, 1), repeat=3))
+    around = octants[tuple(slice(0, n) for n in there.shape)] if octants.shape != there.shape else octants
+    odd = there & ((np.abs(volume - around / 8) > SAME) | np.isin(around, (3, 5, 6, 7)))
+    some, good = np.zeros((2, box.cz, box.cy, box.cx), dtype=bool)
+    good[:] = True
+    wide = [(0, max(0, 2 * count + 1 - side)) for count, side in zip((box.cz, box.cy, box.cx), there.shape, strict=True)]
+    odd, there = (np.pad(each, wide) for each in (odd, there))
+    solid = np.zeros_like(there)
+    solid[tuple(slice(0, n) for n in whole.shape)] = whole
+    for z, y, x in product(range(3), repeat=3):
+        here = np.s_[z : z + 2 * box.cz - 1 : 2, y : y + 2 * box.cy - 1 : 2, x : x + 2 * box.cx - 1 : 2]
+        some |= odd[here]
+        good &= ~odd[here] & there[here]
+        if max(z, y, x) < 2:
+            some |= solid[here]
+            good &= solid[here]
+    cells = np.where(some, FINE, VOID).astype(np.uint8)
+    cells[good] = COARSE
+    if (some & ~good).any():
+        away = 2 * ndimage.distance_transform_edt(~(some & ~good)) - 1
+        cells[(away <= reach + RING) & good] = FINE
+    _around_cracks(cells, cracks)
+    return np.pad(cells, box.pad, constant_values=VOID).ravel()
+
+
+def _cubes(there: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Mask of the cubes between nodes with a node at all eight corners, by their lowest one."""
+    found = there
+    for axis in range(3):
+        low, high = (np.take(found, np.arange(found.shape[axis] - 1) + end, axis=axis) for end in (0, 1))
+        found = low & high
+    return found
+
+
+def _around_cracks(cells: NDArray[np.uint8], cracks: NDArray[np.float64]) -> None:
+    """Make cells (z, y, x) fine near the faces and the edges of pre-cracks."""
+    if not len(cracks):
+        return
+    where = np.argwhere(cells == COARSE)
+    middle = 2.0 * where[:, ::-1] + 1
+    corner = np.sqrt(3.0)  # from the middle of a cell
+    near = distances(middle, cracks, FLANKS + corner) < FLANKS + corner
+    edges = _edges(cracks)
+    near |= distances(middle, np.stack([edges[:, 0], edges[:, 1], edges[:, 1]], axis=1), TIPS + corner) < TIPS + corner
+    cells[tuple(where[near].T)] = FINE
+
+
+def _edges(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The edges (e, 2, 3) that belong to one triangle alone."""
+    ends = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2, 3)
+    key = np.round(ends, 6)
+    swap = np.array([tuple(a) > tuple(b) for a, b in key])
+    key[swap] = key[swap][:, ::-1]
+    _, first, count = np.unique(key.reshape(-1, 6), axis=0, return_index=True, return_counts=True)
+    return np.asarray(ends[first[count == 1]])
+
+
+@cached_njit(error_model="numpy")
+def mark_balls(box, cells, places, radius, new):  # type: ignore[no-untyped-def]
+    """Make the coarse cells within `radius` of the fine nodes `places` (k, 3) fine, and list them in `new` (., 3);
+    returns how many there are."""
+    count, half = 0, radius // 2 + 1
+    for n in range(len(places)):
+        x, y, z = places[n]
+        for cz in range(max((z >> 1) - half, 0), min((z >> 1) + half + 1, box.cz)):
+            for cy in range(max((y >> 1) - half, 0), min((y >> 1) + half + 1, box.cy)):
+                for cx in range(max((x >> 1) - half, 0), min((x >> 1) + half + 1, box.cx)):
+                    c = cell_place(box, cx, cy, cz)
+                    away = _away(x, cx) + _away(y, cy) + _away(z, cz)
+                    if cells[c] == COARSE and away < radius * radius:
+                        cells[c] = FINE
+                        new[count, 0], new[count, 1], new[count, 2] = cx, cy, cz
+                        count += 1
+    return count
+
+
+@njit(forceinline=True, **INNER)
+def _away(x, cell):  # type: ignore[no-untyped-def]
+    """The square of the distance between a coordinate and a cell."""
+    away = max(abs(x - (2 * cell + 1)) - 1, 0)
+    return away * away

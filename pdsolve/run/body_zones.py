@@ -1,0 +1,87 @@
+"""Runs of bodies whose cells become fine around what breaks."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.adaptivity.hybrid.arrays import EVERY
+from pdsolve.adaptivity.hybrid.space.operator import SpaceHybrid
+from pdsolve.adaptivity.hybrid.space.prepare import drive_of_nodes
+from pdsolve.errors import CheckpointError
+from pdsolve.operators.protocol import Kept
+from pdsolve.run.energy_steps import energy, pushed
+from pdsolve.run.node_changes import Change
+from pdsolve.run.system import Prepared, System, on_body
+from pdsolve.state import State
+from pdsolve.steppers.equilibrium import forces
+
+
+class Refining:
+    """Makes cells fine around broken bonds and stretched springs; its history is stored in the operator."""
+
+    every = EVERY
+
+    def epoch(self, system: System, state: State, step: int) -> Change | None:
+        """Refine after `step`; None if no cell becomes fine."""
+        before = zone_of(system)
+        new = before.wanted(state, step - self.every)
+        if not len(new):
+            return None
+        held = energy(system, state, before.energies(state)[0])
+        after = before.refined(new)
+        fresh = _on(system, after, step)
+        found = _moved(before, after, state, fresh)
+        made = energy(fresh, found, after.energies(found)[0]) - held + pushed(fresh, found)
+        after.history = after.history._replace(made=after.history.made + made)
+        return Change(fresh, found, _origin(system, fresh))
+
+    def back(self, system: System, kept: Kept) -> Prepared:
+        """The system of a checkpoint's cells. Raises CheckpointError for cells that no run from here can have."""
+        after = zone_of(system).restored(kept)
+        if not np.array_equal(after.model.grid.ids, kept["ids"]):
+            raise CheckpointError("found ids of nodes that are not those of its cells, expected these")
+        fresh = _on(system, after, 0)
+        nodes = len(after.sites)
+        return Prepared(fresh, State(*np.zeros((3, nodes, 3)), *np.zeros((3, nodes))))
+
+
+def zone_of(system: System) -> SpaceHybrid:
+    """The operator of such a run."""
+    assert isinstance(system.operator, SpaceHybrid)
+    return system.operator
+
+
+def _on(system: System, after: SpaceHybrid, step: int) -> System:
+    """The system of other nodes."""
+    steps, driven = (system.time_step, system.bound), drive_of_nodes(after, step * system.time_step)
+    found = on_body(after, driven, system.options, system.scheme, steps).system
+    return dataclasses.replace(found, whole=system.whole)
+
+
+def _moved(before: SpaceHybrid, after: SpaceHybrid, state: State, fresh: System) -> State:
+    """The state on the nodes `after` a refinement: interpolated, with what was booked where it was."""
+    rows = before.before(after)
+    old, nodes = rows >= 0, len(rows)
+    booked = np.zeros((3, nodes))
+    for here, there in zip(booked, state[3:], strict=True):
+        here[old] = there[rows[old]] * before.volume[rows[old]] / after.volume[old]
+    found = State(*(before.moved(after, values) for values in state[:3]), *booked)
+    drive = fresh.drive
+    still = found._replace(dissipated=np.zeros(nodes))
+    pull = forces(after, still) + drive.force
+    drive.held_force[:] = pull[drive.holds.node, drive.holds.axis]
+    return found
+
+
+def _origin(system: System, fresh: System) -> NDArray[np.int64]:
+    """Rows (m,) before of nodes that keep their cell and their bonds; -1 for others."""
+    before, after = zone_of(system), zone_of(fresh)
+    rows = before.before(after)
+    old = np.flatnonzero(rows >= 0)
+    own = rows[old]
+    same = (before.volume[own] == after.volume[old]) & (system.family[own] == fresh.family[old])
+    same &= system.count[own] == fresh.count[old]
+    return np.where(np.isin(np.arange(len(rows)), old[same]), rows, -1)
