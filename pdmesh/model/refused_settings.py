@@ -23,7 +23,7 @@ from pdmesh.model.document import (
     Static,
     Velocity,
 )
-from pdmesh.model.material import DECLARED, Expansion, Material, missing, switch_of
+from pdmesh.model.material import DECLARED, USUAL_LAW, Expansion, Material, missing, switch_of
 from pdmesh.model.materials import KINDS, Refusal, Refusals
 from pdmesh.model.materials.kind import softens
 from pdmesh.model.medium import Medium, contradiction

@@ -13,7 +13,6 @@ from pdmesh.model.output_fields import USUAL
 from pdsolve.adaptivity.factory import Moving, moving_of
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.adaptivity.hybrid.space.operator import SpaceHybrid
-from pdsolve.adaptivity.hybrid.space.prepare import body_of, drive_of_nodes
 from pdsolve.adaptivity.quadtree.incremental_bonds import filled
 from pdsolve.adaptivity.quadtree.operator import SURE, Leaves, tree_over
 from pdsolve.adaptivity.two_lattice_operator import FusedMarch
@@ -173,7 +172,11 @@ def _prepared(model: Model, options: Options) -> Prepared:
     if model.settings.run.adapt == "split":
         return _split(model, options, scheme)
     if model.settings.run.adapt != "none":
-        return (_moving if model.grid.dimension == 2 else _in_space)(model, options, scheme)
+        if model.grid.dimension == 2:
+            return _moving(model, options, scheme)
+        from pdsolve.run.body_zones import prepared  # which makes systems too
+
+        return prepared(model, options, scheme)
     if model.settings.run.solver == "static":
         return at_rest(in_load_steps(model, options.precision), options, scheme)
     return system_of(model, options, scheme)
@@ -254,27 +257,6 @@ def _moving(model: Model, options: Options, scheme: Scheme) -> Prepared:
     return Prepared(system, state)
 
 
-def _in_space(model: Model, options: Options, scheme: Scheme) -> Prepared:
-    """A prepared body with a moving fine zone. Raises ModelError for an unsupported one."""
-    options = options._replace(threads=threads_of(options, len(model.grid), True))
-    operator = body_of(model, options.mode, options.precision, options.threads or 1)
-    bound = stable(operator.stiffness_bound(), operator.model.rho)
-    driven = drive_of_nodes(operator, 0.0)
-    system, state = on_body(operator, driven, options, scheme, (step_of(model, bound), bound))
-    velocity = initial_velocity(model)[operator.rows]
-    _set_off(state, velocity, np.zeros(len(velocity)), system.drive)
-    energy = float(np.sum(system.model.rho / 2 * system.area * (velocity**2).sum(axis=1)))
-    return Prepared(replace(system, whole=model, initial_energy=energy), state)
-
-
-def on_body(
-    operator: SpaceHybrid, driven: Drive, options: Options, scheme: Scheme, steps: tuple[float, float]
-) -> Prepared:
-    """The system of the current nodes of a body with a moving fine zone, at rest, with these conditions."""
-    count, family = operator.counts
-    return assembled(operator.model, options, scheme, operator, Counted(operator.volume, family, count), steps, driven)
-
-
 def _split(model: Model, options: Options, scheme: Scheme) -> Prepared:
     """A prepared model whose cells can split; none has yet. Raises ModelError for an unsupported one."""
     tree = tree_over(model, scheme.name, options.precision, options.kernel)
@@ -285,7 +267,7 @@ def _split(model: Model, options: Options, scheme: Scheme) -> Prepared:
     bound = SURE[scheme.name] * stable(operator.stiffness_bound(), now.rho) / 2**tree.levels
     system, state = assembled(now, options, scheme, operator, found.assembly.counted, (step_of(model, bound), bound))
     velocity = initial_velocity(model)  # of which `now` knows nothing
-    _set_off(state, velocity, damping(now), system.drive)
+    set_off(state, velocity, damping(now), system.drive)
     energy = float(np.sum(model.rho / 2 * system.area * (velocity**2).sum(axis=1)))
     return Prepared(replace(system, whole=tree.model, initial_energy=energy), state)
 
@@ -382,7 +364,7 @@ def assembled(
     )
     stepper: Stepper
     state, damped = operator.place(state), damping(model)
-    _set_off(state, velocity, damped, driven)
+    set_off(state, velocity, damped, driven)
     if isinstance(operator, SimdLattice) and not damped.any():
         stepper = VerletBlocks(operator, driven, rho, step)
         driven = stepper.drive
@@ -397,7 +379,7 @@ def assembled(
     return Prepared(system, state)
 
 
-def _set_off(state: State, velocity: NDArray[np.float64], damped: NDArray[np.float64], driven: Drive) -> None:
+def set_off(state: State, velocity: NDArray[np.float64], damped: NDArray[np.float64], driven: Drive) -> None:
     """Set velocities (n, w), m/s, and the accelerations from damping (n,), 1/s, except of prescribed components."""
     if velocity.any():
         state.rate[:] = velocity

@@ -157,7 +157,9 @@ def test_a_crack_runs_as_on_the_fine_lattice(solved: Path) -> None:
 def test_a_stopped_run_and_two_threads_have_the_same_bits(solved: Path, tmp_path: Path) -> None:
     """A run stopped while cells become fine goes on to the same tables; so does one on two threads."""
     path, seen = tmp_path / "stopped.sqlite", []
-    simulate(block("hybrid"), path, Options(threads=1), lambda now: bool(seen.append(now.step)) or now.step >= 90).close()
+    simulate(
+        block("hybrid"), path, Options(threads=1), lambda now: bool(seen.append(now.step)) or now.step >= 90
+    ).close()
     with Results.open(path) as results:
         assert results.meta()["status"] == "interrupted"
     resume(path, threads=2).close()

@@ -176,9 +176,7 @@ def _divide(fine, cells, own, k, sides, pieces, made, w):  # type: ignore[no-unt
                     length = of.t[part - 1, 1] - of.t[begin, 0]
                     pieces.owner[made], first_site, last_site = site, pieces.site[made, :ENDS], pieces.site[made, ENDS:]
                     one = _set_end(box, cells, of, own, site, (begin, 0), first_site, w)
-                    other = _set_end(
-                        box, cells, of, own, site + tiles.offsets[slot], (part - 1, 1), last_site, w
-                    )
+                    other = _set_end(box, cells, of, own, site + tiles.offsets[slot], (part - 1, 1), last_site, w)
                     pieces.kind[made] = ((begin * PARTS + part - 1 - begin) * 2 + one) * 2 + other
                     pieces.k[made] = _stiffness(fine, site, slot) / (sides * length)
                     i, j = tiles.node[site], tiles.node[site + tiles.offsets[slot]]

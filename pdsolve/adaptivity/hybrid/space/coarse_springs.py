@@ -37,7 +37,7 @@ class Elastic(NamedTuple):
     c12: float
 
 
-def elastic_of(table: NDArray[np.float64]) -> Elastic:
+def elastic_of(table: NDArray[np.floating]) -> Elastic:
     """The stiffness of a full lattice with these bonds; see `Tiles.table`."""
     xi, held = table[:, :3], table[:, PULL] / 2
     n2 = xi**2 * table[:, INVERSE, None]
@@ -58,7 +58,7 @@ def stiffnesses(elastic: Elastic, tau: float, h: float) -> NDArray[np.float64]:
     body = 1.5 * tau * elastic.c11 * h
     face = 2 * h * elastic.c12 - 4 / 3 * body
     edge = 2 * h * (elastic.c11 - 2 * elastic.c12) + 4 / 3 * body
-    return np.array([edge, face, body])[np.count_nonzero(ways(), axis=1) - 1]
+    return np.asarray(np.array([edge, face, body])[np.count_nonzero(ways(), axis=1) - 1])
 
 
 def sites_of(box: Box, h: float) -> Sites:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.adaptivity.hybrid.bond_division import divided, on_cells
+from pdsolve.adaptivity.hybrid.bond_division import Part, divided, on_cells
 
 SIDES = 4  # of a bond along an edge between cells
 
@@ -29,7 +29,8 @@ class Divisions(NamedTuple):
 def divisions(ways: NDArray[np.int64]) -> Divisions:
     """The parts of the bonds `ways` (k, 3)."""
     first = np.zeros((8, len(ways), SIDES + 1), dtype=np.int64)
-    found, ends = [], []
+    found: list[Part] = []
+    ends: list[list[list[tuple[int, float]]]] = []
     for f in range(8):
         place = f % 2, f // 2 % 2, f // 4
         for k, way in enumerate(map(tuple, ways.tolist())):
@@ -37,9 +38,7 @@ def divisions(ways: NDArray[np.int64]) -> Divisions:
             for side, parts in enumerate(divided(place, way)):
                 for part in parts:
                     found.append(part)
-                    points = [
-                        [on_cells((x + t * dx) / 2) for x, dx in zip(place, way, strict=True)] for t in part[:2]
-                    ]
+                    points = [[on_cells((x + t * dx) / 2) for x, dx in zip(place, way, strict=True)] for t in part[:2]]
                     ends.append(points)
                 first[f, k, side + 1 :] = len(found)
     t = np.array([part[:2] for part in found])

@@ -19,18 +19,16 @@ from pdsolve.adaptivity.hybrid.arrays import AHEAD, KAPPA
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.adaptivity.hybrid.irregular_bonds import part_of
 from pdsolve.adaptivity.hybrid.space import arrangement, coarse_springs, pieces
-from pdsolve.adaptivity.hybrid.space.arrangement import Fine, Pieces
 from pdsolve.adaptivity.hybrid.space.box import BORDER, COARSE, FINE, FREE
+from pdsolve.adaptivity.hybrid.space.layout import Whole, Zone, arranged, listed, places
 from pdsolve.adaptivity.hybrid.space.zone import mark_balls
 from pdsolve.adaptivity.hybrid.springs import e_of
-from pdsolve.conditions import Drive
 from pdsolve.checkpoint import entry, like
 from pdsolve.errors import CheckpointError, UnstableError
 from pdsolve.model import Model
 from pdsolve.numerics.thread_team import share
 from pdsolve.operators.protocol import Kept
 from pdsolve.operators.simd_lattice.lanes import ROW
-from pdsolve.operators.simd_lattice.layout import aligned
 from pdsolve.operators.space_lattice import layout
 from pdsolve.operators.space_lattice.kernel import EMPTY, VOLUME, Breaks, Tiles, hold_tiles, sum_tiles
 from pdsolve.operators.space_lattice.operator import ROOM
@@ -39,32 +37,6 @@ from pdsolve.state import Broken, State, Unknown
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
-
-
-class Whole(NamedTuple):
-    """What does not change: the body with all its fine nodes."""
-
-    model: Model | None  # None of a block alone
-    fine: Fine
-    sites: Sites
-    springs_at: Sites  # of coarse nodes
-    cut: NDArray[np.int64]  # (n,) bonds of each fine node that pre-cracks cut
-    stiffest: float  # N/m^4, of all nodes of any zone; see `Operator.stiffness_bound`
-    solid: int  # cells that are not void
-    driven: Drive | None = None  # conditions on all fine nodes
-
-
-class Zone(NamedTuple):
-    """What follows from the cells; arrays are changed in place, others replaced."""
-
-    cells: NDArray[np.uint8]  # (c,)
-    kind: NDArray[np.uint8]  # (sites,) of fine nodes
-    above: NDArray[np.bool_]  # (sites,) whether a coarse node is there
-    tiles: Tiles  # of bonds whole in fine cells
-    springs: Tiles  # of coarse cells
-    pieces: Pieces
-    u: NDArray[np.float64]  # (3, m) displacements of fine sites, m
-    u_coarse: NDArray[np.float64]
 
 
 class History(NamedTuple):
@@ -93,7 +65,8 @@ class Linked(NamedTuple):
     stiffness: NDArray[np.float64]  # (p,) N/m
 
 
-NOTHING = History(*np.zeros((3, 0), dtype=np.int64), 0.0, 0.0)
+NEVER = np.zeros(0, dtype=np.int64)
+NOTHING = History(NEVER, NEVER, NEVER, 0.0, 0.0)
 
 
 class SpaceHybrid:
@@ -161,6 +134,7 @@ class SpaceHybrid:
     @cached_property
     def model(self) -> Model:
         """The model of the n current nodes, without conditions."""
+        assert self.whole.model is not None
         found = part_of(self.whole.model, self.rows)
         delta = found.grid.delta.copy()
         delta[self._coarse] *= 2
@@ -241,7 +215,7 @@ class SpaceHybrid:
     @cached_property
     def _lattice(self) -> Sites:
         """The fine sites of the nodes; -1 for those on the border that are none."""
-        return self.whole.sites._replace(site=self.whole.sites.margin + self.sites, node=self._row)
+        return self.whole.sites._replace(site=(self.whole.sites.margin + self.sites).astype(np.int32), node=self._row)
 
     def forces(self, value: NDArray[np.float64]) -> NDArray[np.float64]:
         """Forces (n, 3), N, at displacements (n, 3), m; nothing breaks."""
@@ -275,9 +249,10 @@ class SpaceHybrid:
 
         zone, nodes, border = self._zone, len(self.sites), len(self._border)
         whole, margin = self.whole, self.whole.sites.margin
-        sites = whole.sites._replace(site=margin + np.append(self.sites, self._border), node=zone.tiles.node)
+        every = (margin + np.append(self.sites, self._border)).astype(np.int32)
+        sites = whole.sites._replace(site=every, node=zone.tiles.node)
         at = whole.springs_at
-        above = at._replace(site=np.full(nodes, at.margin), node=zone.springs.node)
+        above = at._replace(site=np.full(nodes, at.margin, dtype=np.int32), node=zone.springs.node)
         above.site[self._coarse] = self._coarse_sites
         half, (start, count) = arrangement.ENDS, (self._groups.start, len(self._k))
         group = np.repeat(np.arange(len(start) - 1), np.diff(start)) if count else np.zeros(0, dtype=np.int64)
@@ -354,7 +329,7 @@ class SpaceHybrid:
         return ZoneSummary(self.history.made, float(share), float(stretch / (np.sqrt(1 + peak) - 1)))
 
     def wanted(self, state: State, since: int) -> NDArray[np.int64]:
-        """Cells (k, 3) that become fine: around bonds broken after a step, and around coarse springs that are stretched.
+        """Cells (k, 3) that become fine: around bonds broken after a step, and around stretched springs.
 
         They are marked as fine at once; `refined` makes the operator for them.
         """
@@ -434,87 +409,10 @@ class SpaceHybrid:
         made, largest = entry(kept, "zone_books", (2,), float).tolist()
         layout.cleared(self._lattice, broken.source, broken.target, self._zone.tiles.bits)
         self._clear(broken.source, broken.target)
-        ends = (self.sites[each] for each in (broken.source, broken.target))
-        self.history = History(broken.step.astype(np.int64), *ends, made, largest)
+        source, target = (self.sites[each] for each in (broken.source, broken.target))
+        self.history = History(broken.step.astype(np.int64), source, target, made, largest)
 
     def bytes(self) -> int:
         """The memory of all arrays, bytes."""
         parts = (*self._zone, *self._zone.tiles, *self._zone.springs, *self._zone.pieces, *self.whole.fine.tiles)
         return sum(getattr(array, "nbytes", 0) for array in parts)
-
-
-def listed(
-    sites: NDArray[np.int64], rows: NDArray[np.int64], row: NDArray[np.int32], tiles: Tiles
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Source and target rows (k,) of the bonds of nodes at these sites, whose rows are `rows`."""
-    count = arrangement.count_bonds(sites, row, tiles.offsets, tiles.bits)
-    target = np.zeros(int(count.sum()), dtype=np.int64)
-    arrangement.list_bonds(sites, row, tiles.offsets, tiles.bits, target)
-    return np.repeat(rows, count), target
-
-
-def places(box: Any, sites: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The fine nodes (k, 3) at sites."""
-    return np.column_stack([sites % box.sx, sites // box.sx % box.sy, sites // (box.sx * box.sy)])
-
-
-def _near(box: Any, new: NDArray[np.int64], reach: int) -> NDArray[np.int64]:
-    """The sites, in order, of fine nodes within `reach` spacings of cells (k, 3)."""
-    marked = np.zeros((box.sz, box.sy, box.sx), dtype=bool)
-    for x, y, z in (2 * new).tolist():
-        low = [max(each - reach, 0) for each in (z, y, x)]
-        marked[low[0] : z + reach + 3, low[1] : y + reach + 3, low[2] : x + reach + 3] = True
-    return np.flatnonzero(marked)
-
-
-def _copied(tiles: Tiles) -> Tiles:
-    return tiles._replace(bits=tiles.bits.copy(), node=tiles.node.copy(), kind=tiles.kind.copy())
-
-
-def arranged(whole: Whole, zone: Zone, new: NDArray[np.int64]) -> Zone:
-    """The zone after the cells `new` (k, 3), which are fine already, have become so.
-
-    Bits and numbers are new arrays: results may still ask for bonds of before.
-    """
-    fine, box = whole.fine, whole.fine.box
-    dirty = _near(box, new, fine.reach)
-    arrangement.classify(box, fine.tiles.node, zone.cells, dirty, zone.kind, zone.above)
-    zone = zone._replace(tiles=_copied(zone.tiles), springs=_copied(zone.springs))
-    made = arrangement.pieces_of(2 * len(zone.pieces.owner) + ROOM * len(dirty))
-    scratch = np.zeros(arrangement.ENDS)
-    count = arrangement.arrange(fine, zone.cells, zone.tiles.bits, dirty, made, scratch)
-    if count > len(made.owner):
-        made = arrangement.pieces_of(count)
-        arrangement.arrange(fine, zone.cells, zone.tiles.bits, dirty, made, scratch)
-    stale = np.zeros(len(zone.kind), dtype=bool)
-    stale[dirty] = True
-    kept = ~stale[zone.pieces.owner]
-    both = [np.concatenate([old[kept], own[:count]]) for old, own in zip(zone.pieces, made, strict=True)]
-    order = np.argsort(both[0], kind="stable")
-    corners = np.unique((new[:, None] + np.array(list(np.ndindex(2, 2, 2)))).reshape(-1, 3), axis=0)
-    coarse_springs.set_springs(box, zone.cells, whole.springs_at.ways, corners, zone.springs)
-    return zone._replace(pieces=Pieces(*(each[order] for each in both)))
-
-
-def begun(whole: Whole, cells: NDArray[np.uint8], springs: Tiles) -> Zone:
-    """The zone of cells (c,)."""
-    fine, box, count = whole.fine, whole.fine.box, len(whole.sites.node)
-    zone = Zone(
-        cells=cells,
-        kind=np.zeros(count, dtype=np.uint8),
-        above=np.zeros(count, dtype=np.bool_),
-        tiles=fine.tiles._replace(
-            bits=np.zeros_like(fine.tiles.bits), node=fine.tiles.node.copy(), kind=fine.tiles.kind.copy()
-        ),
-        springs=springs,
-        pieces=arrangement.pieces_of(0),
-        u=aligned(np.zeros((3, whole.sites.size))),
-        u_coarse=aligned(np.zeros((3, whole.springs_at.size))),
-    )
-    arrangement.classify(box, fine.tiles.node, cells, np.arange(count), zone.kind, zone.above)
-    inner = cells.reshape(box.padded)[(slice(box.pad, -box.pad),) * 3]
-    every = np.argwhere(inner == FINE)[:, ::-1]
-    corners = np.column_stack([each.ravel() for each in np.meshgrid(
-        *(np.arange(side + 1) for side in (box.cx, box.cy, box.cz)), indexing="ij")])  # fmt: skip
-    coarse_springs.set_springs(box, cells, whole.springs_at.ways, corners, springs)
-    return arranged(whole, zone, np.ascontiguousarray(every)) if len(every) else zone

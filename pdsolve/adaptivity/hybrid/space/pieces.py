@@ -31,9 +31,8 @@ def sum_pieces(value, rows, k, breaks, groups, force):  # type: ignore[no-untype
     for g in range(len(groups.ends)):
         x, y, z, inverse = groups.xi[g]
         for n in range(groups.start[g], groups.start[g + 1]):
-            ex, ey, ez = (
-                _eta(value, rows, n, g, groups, 0), _eta(value, rows, n, g, groups, 1), _eta(value, rows, n, g, groups, 2)
-            )  # fmt: skip
+            ex, ey = _eta(value, rows, n, g, groups, 0), _eta(value, rows, n, g, groups, 1)
+            ez = _eta(value, rows, n, g, groups, 2)
             e = inverse * (2 * (x * ex + y * ey + z * ez) + (ex * ex + ey * ey + ez * ez))
             largest = max(largest, e * breaks[n])
             pull = k[n] * e / (1 + e + np.sqrt(1 + e))

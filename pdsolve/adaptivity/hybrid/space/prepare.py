@@ -10,7 +10,8 @@ from pdsolve.adaptivity.hybrid.space import coarse_springs
 from pdsolve.adaptivity.hybrid.space.arrangement import Fine
 from pdsolve.adaptivity.hybrid.space.box import FINE, VOID, box_of
 from pdsolve.adaptivity.hybrid.space.divisions import divisions
-from pdsolve.adaptivity.hybrid.space.operator import NOTHING, SpaceHybrid, Whole, begun
+from pdsolve.adaptivity.hybrid.space.layout import Whole, begun
+from pdsolve.adaptivity.hybrid.space.operator import NOTHING, SpaceHybrid
 from pdsolve.adaptivity.hybrid.space.zone import cells_at_start
 from pdsolve.conditions import Drive, Entries, drive, drive_of, put_loads
 from pdsolve.laws import law_of
@@ -69,14 +70,14 @@ def whole_of(model: Model | None, sites: Sites, tiles: Tiles) -> Whole:
     return Whole(model, fine, sites, at, np.zeros(len(sites.site), dtype=np.int64), 0.0, 1)
 
 
-def full_block(law: Law, table: NDArray[np.float64], h: float, side: int) -> Whole:
+def full_block(law: Law, table: NDArray[np.floating], h: float, side: int) -> Whole:
     """A block of `side` cells along each edge, all of whose bonds are those of a full lattice; see `Tiles.table`."""
     nodes = 2 * side + 1
     ways, count, stride = np.rint(table[:, :3] / h).astype(np.int64), nodes**3, np.array([1, nodes, nodes**2])
     node = np.full(-(-count // ROW) * ROW, -1, dtype=np.int32)
     node[:count] = np.arange(count)
     margin = -(-int(np.abs(ways @ stride).max()) // ROW) * ROW
-    sites = Sites(np.arange(count) + margin, node, (nodes, nodes, nodes), margin, h, ways)
+    sites = Sites((np.arange(count) + margin).astype(np.int32), node, (nodes, nodes, nodes), margin, h, ways)
     strength, never = table[:, PULL] / np.sqrt(table[:, INVERSE]), np.full((1, len(ways)), np.inf)
     alike = np.ones(count), np.full(count, 0.5), np.ones(count, np.bool_), np.zeros(count, np.uint8)
     springs = layout.Springs(strength, *alike, never, never)
@@ -84,7 +85,7 @@ def full_block(law: Law, table: NDArray[np.float64], h: float, side: int) -> Who
     return whole_of(None, sites, tiles)
 
 
-def tau_of(law: Law, table: NDArray[np.float64], h: float) -> float:
+def tau_of(law: Law, table: NDArray[np.floating], h: float) -> float:
     """The force on the vertex of a fine cube in a sheared block of coarse cells without body diagonals, over
     C11 h^2 gamma."""
     whole, half = full_block(law, table, h, CUBE), CUBE // 2

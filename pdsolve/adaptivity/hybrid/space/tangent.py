@@ -1,7 +1,7 @@
 """Tangent of the forces on the nodes of a body with a fine zone: fine bonds, coarse springs, pieces of clipped bonds.
 
-All of them are springs between points: nodes, fine nodes on the border, and ends of pieces, in this order. A point moves
-with nodes by weights, and passes its forces to them by the same weights.
+All of them are springs between points: nodes, fine nodes on the border, and ends of pieces, in this order. A point
+moves with nodes by weights, and passes its forces to them by the same weights.
 """
 
 from __future__ import annotations
@@ -45,7 +45,12 @@ def _moved(rows: NDArray[np.int32], w: NDArray[np.float64], nodes: int) -> csr_a
 
 
 def _of_tiles(
-    tiles: Tiles, sites: Sites, rows: NDArray[np.int64], volume: NDArray[np.float64], u: NDArray[np.float64], share: bool
+    tiles: Tiles,
+    sites: Sites,
+    rows: NDArray[np.int64],
+    volume: NDArray[np.float64],
+    u: NDArray[np.float64],
+    share: bool,
 ) -> csr_array:
     """Minus the derivative of the forces, N, on points, of the bonds of `rows`; `volume` is what densities are of."""
     source, target, slot = layout.intact(sites, tiles.bits, rows)

@@ -28,12 +28,15 @@ def cells_at_start(
     triangles in spacings from the first node. A face along cells cuts none, except at re-entrant edges.
     """
     whole = _cubes(there)
-    octants = sum(np.pad(whole, [(1 - s, s) for s in side]).astype(np.int8) for side in product((0, 1), repeat=3))
-    around = octants[tuple(slice(0, n) for n in there.shape)] if octants.shape != there.shape else octants
+    around = np.zeros(there.shape, dtype=np.int8)
+    for side in product((0, 1), repeat=3):
+        around += np.pad(whole, [(1 - s, s) for s in side])
     odd = there & ((np.abs(volume - around / 8) > SAME) | np.isin(around, (3, 5, 6, 7)))
     some, good = np.zeros((2, box.cz, box.cy, box.cx), dtype=bool)
     good[:] = True
-    wide = [(0, max(0, 2 * count + 1 - side)) for count, side in zip((box.cz, box.cy, box.cx), there.shape, strict=True)]
+    wide = [
+        (0, max(0, 2 * count + 1 - side)) for count, side in zip((box.cz, box.cy, box.cx), there.shape, strict=True)
+    ]
     odd, there = (np.pad(each, wide) for each in (odd, there))
     solid = np.zeros_like(there)
     solid[tuple(slice(0, n) for n in whole.shape)] = whole
@@ -67,11 +70,11 @@ def _around_cracks(cells: NDArray[np.uint8], cracks: NDArray[np.float64]) -> Non
     if not len(cracks):
         return
     where = np.argwhere(cells == COARSE)
-    middle = 2.0 * where[:, ::-1] + 1
+    middle = np.asarray(2.0 * where[:, ::-1] + 1, dtype=np.float64)
     corner = np.sqrt(3.0)  # from the middle of a cell
     near = distances(middle, cracks, FLANKS + corner) < FLANKS + corner
     edges = _edges(cracks)
-    near |= distances(middle, np.stack([edges[:, 0], edges[:, 1], edges[:, 1]], axis=1), TIPS + corner) < TIPS + corner
+    near |= distances(middle, edges[:, [0, 1, 1]], TIPS + corner) < TIPS + corner
     cells[tuple(where[near].T)] = FINE
 
 

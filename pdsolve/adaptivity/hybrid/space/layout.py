@@ -1,0 +1,122 @@
+"""The arrays of a body with a fine zone, and how they follow from its cells."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.adaptivity.hybrid.space import arrangement, coarse_springs
+from pdsolve.adaptivity.hybrid.space.arrangement import Fine, Pieces
+from pdsolve.adaptivity.hybrid.space.box import FINE, Box
+from pdsolve.conditions import Drive
+from pdsolve.model import Model
+from pdsolve.operators.simd_lattice.layout import aligned
+from pdsolve.operators.space_lattice.kernel import Tiles
+from pdsolve.operators.space_lattice.sites import Sites
+
+ROOM = 16  # pieces of a node, about
+
+
+class Whole(NamedTuple):
+    """What does not change: the body with all its fine nodes."""
+
+    model: Model | None  # None of a block alone
+    fine: Fine
+    sites: Sites
+    springs_at: Sites  # of coarse nodes
+    cut: NDArray[np.int64]  # (n,) bonds of each fine node that pre-cracks cut
+    stiffest: float  # N/m^4, of all nodes of any zone; see `Operator.stiffness_bound`
+    solid: int  # cells that are not void
+    driven: Drive | None = None  # conditions on all fine nodes
+
+
+class Zone(NamedTuple):
+    """What follows from the cells; arrays are changed in place, others replaced."""
+
+    cells: NDArray[np.uint8]  # (c,)
+    kind: NDArray[np.uint8]  # (sites,) of fine nodes
+    above: NDArray[np.bool_]  # (sites,) whether a coarse node is there
+    tiles: Tiles  # of bonds whole in fine cells
+    springs: Tiles  # of coarse cells
+    pieces: Pieces
+    u: NDArray[np.float64]  # (3, m) displacements of fine sites, m
+    u_coarse: NDArray[np.float64]
+
+
+def listed(
+    sites: NDArray[np.int64], rows: NDArray[np.int64], row: NDArray[np.int32], tiles: Tiles
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Source and target rows (k,) of the bonds of nodes at these sites, whose rows are `rows`."""
+    count = arrangement.count_bonds(sites, row, tiles.offsets, tiles.bits)
+    target = np.zeros(int(count.sum()), dtype=np.int64)
+    arrangement.list_bonds(sites, row, tiles.offsets, tiles.bits, target)
+    return np.repeat(rows, count), target
+
+
+def places(box: Box, sites: NDArray[np.signedinteger]) -> NDArray[np.int64]:
+    """The fine nodes (k, 3) at sites."""
+    return np.column_stack([sites % box.sx, sites // box.sx % box.sy, sites // (box.sx * box.sy)])
+
+
+def _near(box: Box, new: NDArray[np.int64], reach: int) -> NDArray[np.int64]:
+    """The sites, in order, of fine nodes within `reach` spacings of cells (k, 3)."""
+    marked = np.zeros((box.sz, box.sy, box.sx), dtype=bool)
+    for x, y, z in (2 * new).tolist():
+        low = [max(each - reach, 0) for each in (z, y, x)]
+        marked[low[0] : z + reach + 3, low[1] : y + reach + 3, low[2] : x + reach + 3] = True
+    return np.flatnonzero(marked)
+
+
+def _copied(tiles: Tiles) -> Tiles:
+    return tiles._replace(bits=tiles.bits.copy(), node=tiles.node.copy(), kind=tiles.kind.copy())
+
+
+def arranged(whole: Whole, zone: Zone, new: NDArray[np.int64]) -> Zone:
+    """The zone after the cells `new` (k, 3), which are fine already, have become so.
+
+    Bits and numbers are new arrays: results may still ask for bonds of before.
+    """
+    fine, box = whole.fine, whole.fine.box
+    dirty = _near(box, new, fine.reach)
+    arrangement.classify(box, fine.tiles.node, zone.cells, dirty, zone.kind, zone.above)
+    zone = zone._replace(tiles=_copied(zone.tiles), springs=_copied(zone.springs))
+    made = arrangement.pieces_of(2 * len(zone.pieces.owner) + ROOM * len(dirty))
+    scratch = np.zeros(arrangement.ENDS)
+    count = arrangement.arrange(fine, zone.cells, zone.tiles.bits, dirty, made, scratch)
+    if count > len(made.owner):
+        made = arrangement.pieces_of(count)
+        arrangement.arrange(fine, zone.cells, zone.tiles.bits, dirty, made, scratch)
+    stale = np.zeros(len(zone.kind), dtype=bool)
+    stale[dirty] = True
+    kept = ~stale[zone.pieces.owner]
+    both = [np.concatenate([old[kept], own[:count]]) for old, own in zip(zone.pieces, made, strict=True)]
+    order = np.argsort(both[0], kind="stable")
+    corners = np.unique((new[:, None] + np.array(list(np.ndindex(2, 2, 2)))).reshape(-1, 3), axis=0)
+    coarse_springs.set_springs(box, zone.cells, whole.springs_at.ways, corners, zone.springs)
+    return zone._replace(pieces=Pieces(*(each[order] for each in both)))
+
+
+def begun(whole: Whole, cells: NDArray[np.uint8], springs: Tiles) -> Zone:
+    """The zone of cells (c,)."""
+    fine, box, count = whole.fine, whole.fine.box, len(whole.sites.node)
+    zone = Zone(
+        cells=cells,
+        kind=np.zeros(count, dtype=np.uint8),
+        above=np.zeros(count, dtype=np.bool_),
+        tiles=fine.tiles._replace(
+            bits=np.zeros_like(fine.tiles.bits), node=fine.tiles.node.copy(), kind=fine.tiles.kind.copy()
+        ),
+        springs=springs,
+        pieces=arrangement.pieces_of(0),
+        u=aligned(np.zeros((3, whole.sites.size))),
+        u_coarse=aligned(np.zeros((3, whole.springs_at.size))),
+    )
+    arrangement.classify(box, fine.tiles.node, cells, np.arange(count), zone.kind, zone.above)
+    inner = cells.reshape(box.padded)[(slice(box.pad, -box.pad),) * 3]
+    every = np.argwhere(inner == FINE)[:, ::-1]
+    corners = np.column_stack([each.ravel() for each in np.meshgrid(
+        *(np.arange(side + 1) for side in (box.cx, box.cy, box.cz)), indexing="ij")])  # fmt: skip
+    coarse_springs.set_springs(box, cells, whole.springs_at.ways, corners, springs)
+    return arranged(whole, zone, np.ascontiguousarray(every)) if len(every) else zone
