@@ -9,41 +9,14 @@ from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.arrays import EVERY
 from pdsolve.adaptivity.hybrid.space.operator import SpaceHybrid
-from pdsolve.adaptivity.hybrid.space.prepare import body_of, drive_of_nodes
-from pdsolve.bonds.assembly import Counted
-from pdsolve.conditions import Drive, initial_velocity
+from pdsolve.adaptivity.hybrid.space.prepare import drive_of_nodes
 from pdsolve.errors import CheckpointError
-from pdsolve.model import Model
 from pdsolve.operators.protocol import Kept
-from pdsolve.options import Options, threads_of
 from pdsolve.run.energy_steps import energy, pushed
 from pdsolve.run.node_changes import Change
-from pdsolve.run.operator_factory import stable
-from pdsolve.run.system import Prepared, System, assembled, set_off, step_of
-from pdsolve.schemes.scheme import Scheme
+from pdsolve.run.system import Prepared, System, assembled
 from pdsolve.state import State
 from pdsolve.steppers.equilibrium import forces
-
-
-def prepared(model: Model, options: Options, scheme: Scheme) -> Prepared:
-    """A prepared body with a moving fine zone. Raises ModelError for an unsupported one."""
-    options = options._replace(threads=threads_of(options, len(model.grid), True))
-    operator = body_of(model, options.mode, options.precision, options.threads or 1)
-    bound = stable(operator.stiffness_bound(), operator.model.rho)
-    driven = drive_of_nodes(operator, 0.0)
-    system, state = on_body(operator, driven, options, scheme, (step_of(model, bound), bound))
-    velocity = initial_velocity(model)[operator.rows]
-    set_off(state, velocity, np.zeros(len(velocity)), system.drive)
-    started = float(np.sum(system.model.rho / 2 * system.area * (velocity**2).sum(axis=1)))
-    return Prepared(dataclasses.replace(system, whole=model, initial_energy=started), state)
-
-
-def on_body(
-    operator: SpaceHybrid, driven: Drive, options: Options, scheme: Scheme, steps: tuple[float, float]
-) -> Prepared:
-    """The system of the current nodes of a body, at rest, with these conditions; `steps` as in `assembled`."""
-    count, family = operator.counts
-    return assembled(operator.model, options, scheme, operator, Counted(operator.volume, family, count), steps, driven)
 
 
 class Refining:
@@ -84,7 +57,7 @@ def zone_of(system: System) -> SpaceHybrid:
 def _on(system: System, after: SpaceHybrid, step: int) -> System:
     """The system of other nodes."""
     steps, driven = (system.time_step, system.bound), drive_of_nodes(after, step * system.time_step)
-    found = on_body(after, driven, system.options, system.scheme, steps).system
+    found = assembled(after.model, system.options, system.scheme, after, after.counted, steps, driven).system
     return dataclasses.replace(found, whole=system.whole)
 
 

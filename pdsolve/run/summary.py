@@ -9,7 +9,6 @@ import numpy as np
 
 from pdmesh import VERSION
 from pdsolve.adaptivity.quadtree.operator import Leaves
-from pdsolve.provenance import made_by
 from pdsolve.run.recorder import Recorder
 from pdsolve.run.system import System
 from pdsolve.steppers.fatigue_steps import FatigueSteps

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -13,6 +12,7 @@ from pdmesh.model.output_fields import USUAL
 from pdsolve.adaptivity.factory import Moving, moving_of
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.adaptivity.hybrid.space.operator import SpaceHybrid
+from pdsolve.adaptivity.hybrid.space.prepare import body_of, drive_of_nodes
 from pdsolve.adaptivity.quadtree.incremental_bonds import filled
 from pdsolve.adaptivity.quadtree.operator import SURE, Leaves, tree_over
 from pdsolve.adaptivity.two_lattice_operator import FusedMarch
@@ -24,7 +24,7 @@ from pdsolve.diffusion import system as diffusion
 from pdsolve.diffusion.swelling import Swelling, cycle_of
 from pdsolve.diffusion.system import Transport
 from pdsolve.laws import law_of
-from pdsolve.model import Model, ModelError, ModelWarning, counted
+from pdsolve.model import Model, ModelError, counted
 from pdsolve.numerics.thread_team import cores, crew
 from pdsolve.operators.bond_list import BondList
 from pdsolve.operators.contact.operator import PenaltyContact
@@ -35,6 +35,7 @@ from pdsolve.options import Options as Options
 from pdsolve.options import threads_of as threads_of
 from pdsolve.run.operator_factory import operator_of, touched
 from pdsolve.run.operator_factory import stable as stable
+from pdsolve.run.time_step import step_of as step_of
 from pdsolve.schemes import SCHEMES
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import State
@@ -172,11 +173,7 @@ def _prepared(model: Model, options: Options) -> Prepared:
     if model.settings.run.adapt == "split":
         return _split(model, options, scheme)
     if model.settings.run.adapt != "none":
-        if model.grid.dimension == 2:
-            return _moving(model, options, scheme)
-        from pdsolve.run.body_zones import prepared  # which makes systems too
-
-        return prepared(model, options, scheme)
+        return (_moving if model.grid.dimension == 2 else _in_space)(model, options, scheme)
     if model.settings.run.solver == "static":
         return at_rest(in_load_steps(model, options.precision), options, scheme)
     return system_of(model, options, scheme)
@@ -265,11 +262,27 @@ def _split(model: Model, options: Options, scheme: Scheme) -> Prepared:
     found, threads = filled(scheme.by_pairs(now)), threads_of(options, len(model.grid), False)
     operator = Leaves(tree, cells, now, found, scheme.symmetric, threads)
     bound = SURE[scheme.name] * stable(operator.stiffness_bound(), now.rho) / 2**tree.levels
-    system, state = assembled(now, options, scheme, operator, found.assembly.counted, (step_of(model, bound), bound))
-    velocity = initial_velocity(model)  # of which `now` knows nothing
-    set_off(state, velocity, damping(now), system.drive)
-    energy = float(np.sum(model.rho / 2 * system.area * (velocity**2).sum(axis=1)))
-    return Prepared(replace(system, whole=tree.model, initial_energy=energy), state)
+    steps = step_of(model, bound), bound
+    rest = assembled(now, options, scheme, operator, found.assembly.counted, steps)
+    return _set_going(rest, tree.model, initial_velocity(model))  # of which `now` knows nothing
+
+
+def _in_space(model: Model, options: Options, scheme: Scheme) -> Prepared:
+    """A prepared body with a moving fine zone. Raises ModelError for an unsupported one."""
+    options = options._replace(threads=threads_of(options, len(model.grid), True))
+    operator = body_of(model, options.mode, options.precision, options.threads or 1)
+    bound = stable(operator.stiffness_bound(), operator.model.rho)
+    steps, driven = (step_of(model, bound), bound), drive_of_nodes(operator, 0.0)
+    rest = assembled(operator.model, options, scheme, operator, operator.counted, steps, driven)
+    return _set_going(rest, model, initial_velocity(model)[operator.rows])
+
+
+def _set_going(rest: Prepared, whole: Model, velocity: NDArray[np.float64]) -> Prepared:
+    """The start of a run of the `whole` model whose current nodes have these velocities (n, d), m/s."""
+    system, state = rest
+    _set_off(state, velocity, damping(system.model), system.drive)
+    energy = float(np.sum(system.model.rho / 2 * system.area * (velocity**2).sum(axis=1)))
+    return Prepared(replace(system, whole=whole, initial_energy=energy), state)
 
 
 def moved(system: System, shown: Moving) -> System:
@@ -284,28 +297,6 @@ def moved(system: System, shown: Moving) -> System:
         family=family,
         count=count,
     )
-
-
-STILL = 2.0  # damping times a step: more would turn velocities round within it
-
-
-def step_of(model: Model, bound: float) -> float:
-    """The time step of a run, s; warns of one above the surely stable `bound`. Raises ModelError."""
-    step, damped = float(model.settings.run.time_step or bound), model.settings.run.damping
-    if not np.isfinite(step):
-        raise ModelError(f"{model.name}: $.run.time_step: found none, expected one for a model without bonds")
-    if damped * step > STILL:
-        raise ModelError(
-            f"{model.name}: $.run.damping: found {damped:g} 1/s, which stops all motion within a step of {step:.3g} s,"
-            f" expected at most {STILL / step:.3g}"
-        )
-    if step > bound:
-        warnings.warn(
-            f"{model.name}: the time step {step:.4g} s is above the bound that is surely stable, {bound:.4g} s",
-            ModelWarning,
-            stacklevel=3,
-        )
-    return step
 
 
 def _filling(model: Model, scheme: Scheme) -> Filling:
@@ -364,7 +355,7 @@ def assembled(
     )
     stepper: Stepper
     state, damped = operator.place(state), damping(model)
-    set_off(state, velocity, damped, driven)
+    _set_off(state, velocity, damped, driven)
     if isinstance(operator, SimdLattice) and not damped.any():
         stepper = VerletBlocks(operator, driven, rho, step)
         driven = stepper.drive
@@ -379,7 +370,7 @@ def assembled(
     return Prepared(system, state)
 
 
-def set_off(state: State, velocity: NDArray[np.float64], damped: NDArray[np.float64], driven: Drive) -> None:
+def _set_off(state: State, velocity: NDArray[np.float64], damped: NDArray[np.float64], driven: Drive) -> None:
     """Set velocities (n, w), m/s, and the accelerations from damping (n,), 1/s, except of prescribed components."""
     if velocity.any():
         state.rate[:] = velocity

@@ -103,7 +103,7 @@ def test_xdmf_and_csv_have_all_three_axes(solved: Path) -> None:
         ),
         (pdmesh, ["preview", "body.json", "--bonds"], naming("--bonds", found=("body", "space"))),
         (pdsolve, ["body.json", "--mode", "thesis"], naming(found=("space", "thesis"))),
-        (pdsolve, ["body.json", "--adapt", "hybrid"], naming(found="'hybrid'", expected=("none", "body"))),
+        (pdsolve, ["body.json", "--adapt", "split"], naming(found="'split'", expected=("none", "hybrid", "body"))),
         (pdsolve, ["body.json", "--cracks", "particles"], naming(found="particles", expected=("bonds", "space"))),
         (
             pdpost,

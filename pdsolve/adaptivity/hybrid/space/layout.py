@@ -91,11 +91,20 @@ def arranged(whole: Whole, zone: Zone, new: NDArray[np.int64]) -> Zone:
     stale = np.zeros(len(zone.kind), dtype=bool)
     stale[dirty] = True
     kept = ~stale[zone.pieces.owner]
-    both = [np.concatenate([old[kept], own[:count]]) for old, own in zip(zone.pieces, made, strict=True)]
-    order = np.argsort(both[0], kind="stable")
+    old = zone.pieces
+    fresh = Pieces(made.owner[:count], made.kind[:count], made.site[:count], made.k[:count], made.breaks[:count])
+    both = Pieces(
+        np.concatenate([old.owner[kept], fresh.owner]),
+        np.concatenate([old.kind[kept], fresh.kind]),
+        np.concatenate([old.site[kept], fresh.site]),
+        np.concatenate([old.k[kept], fresh.k]),
+        np.concatenate([old.breaks[kept], fresh.breaks]),
+    )
+    order = np.argsort(both.owner, kind="stable")
     corners = np.unique((new[:, None] + np.array(list(np.ndindex(2, 2, 2)))).reshape(-1, 3), axis=0)
     coarse_springs.set_springs(box, zone.cells, whole.springs_at.ways, corners, zone.springs)
-    return zone._replace(pieces=Pieces(*(each[order] for each in both)))
+    ordered = Pieces(both.owner[order], both.kind[order], both.site[order], both.k[order], both.breaks[order])
+    return zone._replace(pieces=ordered)
 
 
 def begun(whole: Whole, cells: NDArray[np.uint8], springs: Tiles) -> Zone:

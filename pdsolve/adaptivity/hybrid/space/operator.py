@@ -23,6 +23,7 @@ from pdsolve.adaptivity.hybrid.space.box import BORDER, COARSE, FINE, FREE
 from pdsolve.adaptivity.hybrid.space.layout import Whole, Zone, arranged, listed, places
 from pdsolve.adaptivity.hybrid.space.zone import mark_balls
 from pdsolve.adaptivity.hybrid.springs import e_of
+from pdsolve.bonds.assembly import Counted
 from pdsolve.checkpoint import entry, like
 from pdsolve.errors import CheckpointError, UnstableError
 from pdsolve.model import Model
@@ -290,18 +291,17 @@ class SpaceHybrid:
         return source[order], target[order]
 
     @cached_property
-    def counts(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Bonds (n,) of each node at the start, and their number including those cut by pre-cracks."""
-        zone, every = self._zone, np.arange(len(self.sites))
+    def counted(self) -> Counted:
+        """Volumes (n,), and numbers of bonds at the start, with and without those cut by pre-cracks."""
+        zone, springs = self._zone, self._zone.springs
         with self._breaking:
             count = arrangement.count_bonds(self.sites, self._row, zone.tiles.offsets, zone.tiles.bits)
-            count += np.bincount(self.broken().source, minlength=len(every))
+            count += np.bincount(self.broken().source, minlength=len(count))
         above = self._coarse_sites - self.whole.springs_at.margin
-        springs = zone.springs
         count[self._coarse] += arrangement.count_bonds(above, springs.node, springs.offsets, springs.bits)
         family = count.copy()
         family[self._free] += self.whole.cut[self.rows[self._free]]
-        return count, family
+        return Counted(self.volume, family, count)
 
     def broken(self, after: int = 0) -> Broken:
         """Bonds broken after a step: step, source row and target row of each."""

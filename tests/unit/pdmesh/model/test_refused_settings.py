@@ -91,7 +91,12 @@ def changed(**more: Any) -> Material:
         (of_medium(Run(damping=1.0)), 3, naming("$.run.damping", found="1.0", expected="diffusion")),
         (of(SOFT, COLLOCATED), 2, naming("$.material.law", found="bilinear", expected="run.adapt")),
         (of(OWN, Run(adapt="hybrid")), 2, naming("law", found="own", expected=("brittle", "bilinear"))),
-        (of(GLASS, Run(adapt="hybrid")), 3, naming("$.run.adapt", found="'hybrid'", expected=("none", "space"))),
+        (
+            of(GLASS, Run(adapt="split")),
+            3,
+            naming("$.run.adapt", found="'split'", expected=("none", "hybrid", "space")),
+        ),
+        (of(SOFT, Run(adapt="hybrid")), 3, naming("$.material.law", found="bilinear", expected=("brittle", "space"))),
         (
             of(changed(solid="neo hooke"), Run(cracks="particles")),
             2,
