@@ -111,19 +111,23 @@ def test_free_vibration_does_not_grow() -> None:
 
 
 def block(adapt: str, steps: int = 168) -> Model:
-    """A block with a crack of two triangles from its left face, pulled apart by its upper and lower ones."""
+    """A block with a crack of two triangles from its left face, pulled apart by its upper and lower ones.
+
+    Its nodes lie on its faces, however it is solved.
+    """
     x, y, z = LENGTH / 2, WIDTH / 2, HEIGHT / 2
     corners = [(-1.1 * x, -1.1 * y), (-x / 3, -1.1 * y), (-x / 3, 1.1 * y), (-1.1 * x, 1.1 * y)]
-    flat = [(a, b, 0.52 * H if adapt == "hybrid" else 0.02 * H) for a, b in corners]
+    flat = [(a, b, 0.52 * H) for a, b in corners]
     run = Run(steps=steps, every=steps // 4, ledger=8, time_step=1.05e-7)
-    body = Body(Box((-x, -y, -z), (x, y, z)), H, GLASS, run=run).adapt(adapt)  # type: ignore[arg-type]
+    body = Body(Box((-x, -y, -z), (x, y, z)), H, GLASS, run=run).adapt("hybrid")
     body = body.crack([[flat[0], flat[1], flat[2]], [flat[0], flat[2], flat[3]]])
     for side, speed in (("top", 0.45), ("bottom", -0.45)):
-        body = body.move(side, velocity=(None, None, speed), profile=ramp(2e-6))
+        body = body.move(side, velocity=(None, None, speed), rows=3, profile=ramp(2e-6))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         built = pdmesh.build(body)
-    return Model(built.grid, built.settings)
+    settings = msgspec.structs.replace(built.settings, run=msgspec.structs.replace(run, adapt=adapt))
+    return Model(built.grid, settings)
 
 
 @pytest.fixture(scope="module")
@@ -136,16 +140,17 @@ def solved(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.slow
 def test_a_crack_runs_as_on_the_fine_lattice(solved: Path) -> None:
-    """Beside the body's own lattice everywhere: energy dissipated, first bond, books; the zone grows with the crack."""
+    """Beside the fine lattice everywhere: energy dissipated, first bond, books; the zone grows with the crack."""
     uniform = simulate(block("none"), None, Options(threads=1))
     with Results.open(solved) as results:
         books, others = results.history(), uniform.history()
         fine = books["fine_share"]
         assert 0.1 < fine[0] < fine[-1] < 0.8
         assert np.all(np.diff(fine) >= 0)
-        assert books["dissipated"][-1] == pytest.approx(others["dissipated"][-1], rel=0.1)
-        first, other = (results.breaks().step.min(), uniform.breaks().step.min())
-        assert abs(int(first) - int(other)) <= 4
+        assert books["dissipated"][-1] == pytest.approx(others["dissipated"][-1], rel=0.03)  # measured 0.0094
+        assert books["work"][-1] == pytest.approx(others["work"][-1], rel=0.005)  # 0.0014
+        first, other = (int(each.breaks().step.min()) for each in (results, uniform))
+        assert abs(first - other) <= 1  # 94 in both
         assert abs(results.summary()["balance"]) < 0.01
         for step in results.frames()[0].tolist():
             nodes = results.nodes(step)
