@@ -76,7 +76,9 @@ class Splitting:
             values[:] = found
         new.drive.held_force[:] = system.drive.held_force
         put_loads(new.drive, step * system.time_step)
-        created = energy_of(new, begun, operator.energies(begun)[0]) - energy_of(system, state, held) + pushed(new, begun)
+        created = (
+            energy_of(new, begun, operator.energies(begun)[0]) - energy_of(system, state, held) + pushed(new, begun)
+        )
         calm = np.where(transfer.stays, own.memory.calm[transfer.before[:, 0]], 0)
         operator.memory = Memory(calm, own.memory.created + created)
         return Change(new, begun, self._origin(system, new, transfer))

@@ -262,15 +262,14 @@ def _split(model: Model, options: Options, scheme: Scheme) -> Prepared:
     found, threads = filled(scheme.by_pairs(now)), threads_of(options, len(model.grid), False)
     operator = Leaves(tree, cells, now, found, scheme.symmetric, threads)
     bound = SURE[scheme.name] * stable(operator.stiffness_bound(), now.rho) / 2**tree.levels
-    steps = step_of(model, bound), bound
-    rest = assembled(now, options, scheme, operator, found.assembly.counted, steps)
+    rest = assembled(now, options, scheme, operator, found.assembly.counted, (step_of(model, bound), bound))
     return _set_going(rest, tree.model, initial_velocity(model))  # of which `now` knows nothing
 
 
 def _in_space(model: Model, options: Options, scheme: Scheme) -> Prepared:
     """A prepared body with a moving fine zone. Raises ModelError for an unsupported one."""
-    options = options._replace(threads=threads_of(options, len(model.grid), True))
-    operator = body_of(model, options.mode, options.precision, options.threads or 1)
+    threads = threads_of(options, len(model.grid), True)
+    operator, options = body_of(model, options, threads), options._replace(threads=threads)
     bound = stable(operator.stiffness_bound(), operator.model.rho)
     steps, driven = (step_of(model, bound), bound), drive_of_nodes(operator, 0.0)
     rest = assembled(operator.model, options, scheme, operator, operator.counted, steps, driven)
@@ -279,10 +278,9 @@ def _in_space(model: Model, options: Options, scheme: Scheme) -> Prepared:
 
 def _set_going(rest: Prepared, whole: Model, velocity: NDArray[np.float64]) -> Prepared:
     """The start of a run of the `whole` model whose current nodes have these velocities (n, d), m/s."""
-    system, state = rest
-    _set_off(state, velocity, damping(system.model), system.drive)
-    energy = float(np.sum(system.model.rho / 2 * system.area * (velocity**2).sum(axis=1)))
-    return Prepared(replace(system, whole=whole, initial_energy=energy), state)
+    _set_off(rest.state, velocity, damping(rest.system.model), rest.system.drive)
+    energy = float(np.sum(rest.system.model.rho / 2 * rest.system.area * (velocity**2).sum(axis=1)))
+    return rest._replace(system=replace(rest.system, whole=whole, initial_energy=energy))
 
 
 def moved(system: System, shown: Moving) -> System:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 import pdmesh
 from pdmesh import Body, Box, Material, Run, ramp
-from pdmesh.model.full_lattice import offsets
+from pdmesh.model.lattice_calibration import offsets
 from pdmesh.model.material_constants import micromodulus
 from pdmesh.model.neighbours import lengths
 from pdsolve.adaptivity.hybrid.space.box import COARSE, FINE, VOID

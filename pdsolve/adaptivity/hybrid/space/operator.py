@@ -24,7 +24,7 @@ from pdsolve.adaptivity.hybrid.space.layout import Whole, Zone, arranged, listed
 from pdsolve.adaptivity.hybrid.space.zone import mark_balls
 from pdsolve.adaptivity.hybrid.springs import e_of
 from pdsolve.bonds.assembly import Counted
-from pdsolve.checkpoint import entry, like
+from pdsolve.checkpoint_validation import entry, like
 from pdsolve.errors import CheckpointError, UnstableError
 from pdsolve.model import Model
 from pdsolve.numerics.thread_team import share

@@ -23,6 +23,7 @@ from pdsolve.operators.space_lattice import families, layout
 from pdsolve.operators.space_lattice.kernel import VOLUME, Tiles
 from pdsolve.operators.space_lattice.sites import Sites
 from pdsolve.operators.space_lattice.vectors import INVERSE, PULL
+from pdsolve.options import Options
 from pdsolve.schemes.cubic_springs import tiled
 
 SEAM = 0.9  # of the squared sure step of the fine lattice: what short, stiff pieces leave
@@ -30,9 +31,10 @@ SHEAR = 1e-6  # of the block in which tau is found
 CUBE = 8  # cells along the side of the block in which tau is found
 
 
-def body_of(model: Model, mode: str, precision: str, threads: int) -> SpaceHybrid:
+def body_of(model: Model, options: Options, threads: int) -> SpaceHybrid:
     """The operator at the start. Raises ModelError for a body that the method does not support."""
-    for place, found, expected in (("mode", mode, "conservative"), ("precision", precision, "float64")):
+    for place, expected in (("mode", "conservative"), ("precision", "float64")):
+        found = getattr(options, place)
         if found != expected:
             raise refused(model, place, found, expected)
     made = tiled(model, np.float64)
