@@ -151,7 +151,8 @@ def test_what_is_of_plates_is_refused(change: dict[str, object], said: str) -> N
     ("change", "options", "said"),
     [
         ({"area_rule": "eq19"}, ONE, "found 'eq19'"),
-        ({"run": {"adapt": "hybrid"}}, ONE, naming(found="'hybrid'", expected=("none", "body"))),
+        ({"run": {"adapt": "split"}}, ONE, naming(found="'split'", expected=("none", "hybrid", "body"))),
+        ({"run": {"adapt": "hybrid"}}, ONE, naming("$.nodes", found="tiles", expected=("lattice", "hybrid"))),
         ({}, Options("thesis", threads=1), naming(found=("space", "thesis"))),
         (
             {"material": {"E": 1.0, "rho": 1.0, "G0": 1.0, "law": "bilinear"}},
