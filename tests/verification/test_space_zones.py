@@ -19,7 +19,7 @@ from pdsolve.adaptivity.hybrid.space.box import COARSE, FINE, VOID
 from pdsolve.adaptivity.hybrid.space.coarse_springs import elastic_of
 from pdsolve.adaptivity.hybrid.space.operator import SpaceHybrid
 from pdsolve.adaptivity.hybrid.space.prepare import SEAM, full_block, operator_on, tau_of
-from pdsolve.laws.brittle import LAW
+from pdsolve.laws.pair_laws.brittle import LAW
 from pdsolve.model import Model
 from pdsolve.numerics.thread_team import cores
 from pdsolve.operators.space_lattice.layout import table_of
