@@ -63,7 +63,7 @@ TABLE = (
         "run.solver static (--static), or run.start static",
     ),
     Used(("run.fatigue",), (("run.solver", "static"),), "run.solver static (--static)"),
-    Used(("run.static.load_steps",), (("run.solver", "static"),), "run.solver static (--static)"),
+    Used(("run.static.load_steps", "run.after"), (("run.solver", "static"),), "run.solver static (--static)"),
     Used(("run.steps",), (("run.duration", None),), "one of the two"),
     Used(
         ("run.steps", "run.every"),

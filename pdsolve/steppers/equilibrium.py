@@ -52,6 +52,9 @@ class Method(Protocol):
     def forget(self) -> None:
         """Discard history, so that what follows depends on the state alone."""
 
+    def ways_down(self, state: State, held: NDArray[np.bool_]) -> int:
+        """Independent displacements of free components along which energy falls; 0 where that is not known."""
+
     def hold_softly(self, nodes: NDArray[np.bool_]) -> None:
         """Restrain these nodes (n,) by weak springs during the solution; no force of the springs remains."""
 

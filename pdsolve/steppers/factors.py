@@ -26,3 +26,13 @@ def factors(matrix: csr_array, symmetric: bool = True) -> Callable[[NDArray[np.f
     solve: Callable[[NDArray[np.float64]], NDArray[np.float64]]
     solve = splu(matrix.tocsc(), **(SYMMETRIC if symmetric else {})).solve
     return solve
+
+
+def negative_pivots(matrix: csr_array) -> int:
+    """How many eigenvalues of a symmetric matrix (k, k) are negative, by Sylvester's law of inertia.
+
+    Raises RuntimeError for a singular one.
+    """
+    from scipy.sparse.linalg import splu
+
+    return int((splu(matrix.tocsc(), **SYMMETRIC).U.diagonal() < 0).sum())

@@ -133,10 +133,22 @@ class LoadSteps:
             self._loaded(state)
             settled, breaks, least = self.break_overstretched(state, step, settled)
             settled, grown = self._let_grow(state, step, settled)
+            self._refuse_unstable(state)
         except UnsettledError as error:
             raise UnsettledError(f"{self._model.name}: load step {step}, {step * self._dt:.4g} s: {error}") from None
         self.rested.append(Rested(step, settled.iterations, settled.residual, breaks + grown, least))
         self._tell_jump(step, least * self._size(state, self._drive.force.astype(float)) < start, least, spent, state)
+
+    def _refuse_unstable(self, state: State) -> None:
+        """Raise UnsettledError under dead loads where the body would not stay."""
+        if not self._drive.force[~self.held].any():
+            return
+        ways = self.method.ways_down(state, self.held)
+        if ways:
+            raise UnsettledError(
+                f"found an equilibrium that is not stable, as energy falls in {ways} independent ways: a body under"
+                " dead loads leaves it; expected smaller loads, prescribed displacements, or motion (run.solver)"
+            )
 
     def _tell_jump(self, step: int, less: bool, least: float, spent: float, state: State) -> None:
         """Report, once, a crack that grew a long way at a smaller load than that of the step before."""

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
 from pdsolve.steppers.equilibrium import Asked, Settled, Tell, UnsettledError, forces, left_over, norm, round_off
-from pdsolve.steppers.factors import factors
+from pdsolve.steppers.factors import factors, negative_pivots
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -78,6 +78,16 @@ class Newton:
         if self._floating is None or (self._floating != nodes).any():
             self._floating = nodes
             self.forget()
+
+    def ways_down(self, state: State, held: NDArray[np.bool_]) -> int:
+        """Independent displacements along which energy falls from this equilibrium; 0 where that is not known.
+
+        It is known of symmetric tangents that are factorized, of bodies that are supported.
+        """
+        if not (self._factored and self._operator.symmetric) or self._floating is not None:
+            return 0
+        matrix, free = self._symmetric(state, held.shape[1]), ~held.ravel()
+        return negative_pivots(matrix[free][:, free])
 
     def settle(self, state: State, asked: Asked, tell: Tell) -> Settled:
         """Move the values of the state to equilibrium by Newton's method, in place; raises UnsettledError.
@@ -182,11 +192,9 @@ class Newton:
         is: it turns by its load's own stiffness then, and converges as one that is supported."""
         from scipy.sparse import diags_array  # here and below: SciPy takes long to import, and few runs ask
 
-        matrix = self._operator.tangent(state)
-        if self._operator.symmetric:
-            matrix = diags_array(np.repeat(self._area, free.shape[1])) @ matrix
-            matrix = (matrix + matrix.T) / 2
-        self._matrix = matrix = matrix.tocsr()
+        symmetric = self._operator.symmetric
+        matrix = self._symmetric(state, free.shape[1]) if symmetric else self._operator.tangent(state).tocsr()
+        self._matrix = matrix
         if self._floating is not None and self._floating.any():
             soft = (
                 SOFT
@@ -197,6 +205,13 @@ class Newton:
             matrix = (matrix + diags_array(soft)).tocsr()
         inner = matrix[free.ravel()][:, free.ravel()]
         self._inverse = self._factors(inner) if self._factored else self._gradients(inner)
+
+    def _symmetric(self, state: State, width: int) -> csr_array:
+        """The tangent times the nodes' areas, N/m^2."""
+        from scipy.sparse import diags_array
+
+        matrix = diags_array(np.repeat(self._area, width)) @ self._operator.tangent(state)
+        return ((matrix + matrix.T) / 2).tocsr()
 
     def _factors(self, inner: csr_array) -> Callable[[Array], Array]:
         try:

@@ -261,10 +261,12 @@ class PathSteps:
         self.ended |= now < END * most
         if self._driven[self._held].any() or now >= PASSED * most or min(pulls[pulls.index(most) : -1]) < PASSED * most:
             return
-        largest = max(one.factor for one in self.rested)
+        largest, stops = max(one.factor for one in self.rested), self._model.settings.run.after == "stop"
+        self.ended |= stops
         warnings.warn(
             f"{self._model.name}: path step {step}: found loads past their largest, {largest:.4g} of those prescribed,"
-            " where a body under dead loads does not stay at rest; the path goes on at smaller loads",
+            " where a body under dead loads does not stay at rest; the path"
+            + (" ends here" if stops else " goes on at smaller loads"),
             ModelWarning,
             stacklevel=2,
         )

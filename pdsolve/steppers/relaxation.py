@@ -65,6 +65,10 @@ class Relaxation:
     def forget(self) -> None:
         """Does nothing: each solution depends on the state alone."""
 
+    def ways_down(self, state: State, held: NDArray[np.bool_]) -> int:
+        """0: relaxation leaves what is not stable by itself."""
+        return 0
+
     def hold_softly(self, nodes: NDArray[np.bool_]) -> None:
         """Does nothing: relaxation has no equations to hold nodes in; see `pdsolve.steppers.static_loads`."""
 

@@ -7,6 +7,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -108,3 +109,13 @@ def test_the_order_of_nodes_does_not_matter() -> None:
             found.append(force(results))
     assert len(found[0]) == len(found[1])
     assert np.abs(found[0] - found[1]).max() < 1e-9 * found[0].max()  # measured: 2e-13
+
+
+@pytest.mark.slow
+def test_a_path_under_dead_loads_may_end_past_the_largest() -> None:
+    model = beam(0.02, "load", 20)
+    run = msgspec.structs.replace(model.settings.run, after="stop")
+    model = dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, run=run))
+    with pytest.warns(ModelWarning, match="ends here"), simulate(model, None, ONE) as results:
+        found = [one["pull"] for one in summary(results)["path_steps"]]
+    assert 0.5 < abs(found[-1]) / max(map(abs, found)) < 0.98
