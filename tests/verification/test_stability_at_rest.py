@@ -1,4 +1,4 @@
-"""Loss of equilibrium under dead loads: Euler's column, and a body of bonds that soften."""
+"""Loss of equilibrium under dead loads: a column below and beyond Euler's load."""
 
 from __future__ import annotations
 
