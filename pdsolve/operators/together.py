@@ -20,7 +20,7 @@ class Together:
 
     def __init__(self, *parts: Operator) -> None:
         """Raises ValueError for parts of other unknowns than those of the first."""
-        self._parts, self.name = parts, " + ".join(part.name for part in parts)
+        self.parts, self.name = parts, " + ".join(part.name for part in parts)
         self.unknowns: tuple[Unknown, ...] = parts[0].unknowns
         self.symmetric = all(part.symmetric for part in parts)
         for part in parts:
@@ -29,31 +29,31 @@ class Together:
 
     def place(self, state: State) -> State:
         """The state in the layout of the last part; the others copy it."""
-        for part in self._parts:
+        for part in self.parts:
             state = part.place(state)
         return state
 
     def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
         """Add the force densities (n, w) of all parts to `out`; bonds over their limit break in this `step`."""
-        for part in self._parts:
+        for part in self.parts:
             part.add(state, out, step, dt)
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Energy densities (n,), J/m^3: stored, and dissipated by softening so far."""
-        held, spent = zip(*(part.energies(state) for part in self._parts), strict=True)
+        held, spent = zip(*(part.energies(state) for part in self.parts), strict=True)
         return np.sum(held, axis=0), np.sum(spent, axis=0)
 
     def fields(self, state: State) -> dict[str, NDArray[np.float64]]:
         """Stored fields (n,) of all parts; of two of one name that of the later part."""
-        return {name: values for part in self._parts for name, values in part.fields(state).items()}
+        return {name: values for part in self.parts for name, values in part.fields(state).items()}
 
     def stiffness_bound(self) -> NDArray[np.float64]:
         """A bound (n,) of each node's stiffness, N/m^4: largest eigenvalues add up at most."""
-        return np.asarray(sum(part.stiffness_bound() for part in self._parts))
+        return np.asarray(sum(part.stiffness_bound() for part in self.parts))
 
     def tangent(self, state: State) -> csr_array:
         """Minus the derivative of the force densities by the values, (n w, n w), N/m^4."""
-        first, *others = (part.tangent(state) for part in self._parts)
+        first, *others = (part.tangent(state) for part in self.parts)
         found: csr_array = sum(others, first).tocsr()
         return found
 
@@ -62,25 +62,25 @@ class Together:
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Source and target rows (k,) of the intact bonds of nodes `first` to `last` - 1, or of those at the
         `start`."""
-        each = zip(*(part.bonds(first, last, start) for part in self._parts), strict=True)
+        each = zip(*(part.bonds(first, last, start) for part in self.parts), strict=True)
         source, target = (np.concatenate(ends) for ends in each)
         order = np.lexsort((target, source))
         return source[order], target[order]
 
     def broken(self, after: int = 0) -> Broken:
         """The bonds broken after a step, part by part."""
-        each = zip(*(part.broken(after) for part in self._parts), strict=True)
+        each = zip(*(part.broken(after) for part in self.parts), strict=True)
         return Broken(*(np.concatenate(columns) for columns in each))
 
     def keep(self) -> Kept:
         """History of all parts for a checkpoint; names begin with the number of the part."""
-        return {f"{k}_{name}": values for k, part in enumerate(self._parts) for name, values in part.keep().items()}
+        return {f"{k}_{name}": values for k, part in enumerate(self.parts) for name, values in part.keep().items()}
 
     def back(self, kept: Kept, broken: Broken) -> None:
         """Restore a checkpoint; each part takes the broken bonds that it began with. Raises CheckpointError."""
         nodes, found = len(self.stiffness_bound()), np.zeros(len(broken.step), dtype=np.bool_)
         gone = broken.source * nodes + broken.target
-        for k, part in enumerate(self._parts):
+        for k, part in enumerate(self.parts):
             source, target = part.bonds(start=True)
             own = np.isin(gone, source * nodes + target)
             mine = {name.removeprefix(f"{k}_"): values for name, values in kept.items() if name.startswith(f"{k}_")}
@@ -90,4 +90,4 @@ class Together:
 
     def bytes(self) -> int:
         """Memory of all arrays, bytes."""
-        return sum(part.bytes() for part in self._parts)
+        return sum(part.bytes() for part in self.parts)

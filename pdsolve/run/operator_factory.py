@@ -66,6 +66,15 @@ def touched(model: Model, volume: NDArray[np.float64], bonds: Operator) -> tuple
     return Together(contact, bonds), contact
 
 
+def in_blocks(operator: Operator) -> tuple[SimdLattice | None, PenaltyContact | None]:
+    """The blocks of an operator, if they are all there is of it but for contact; and that."""
+    if isinstance(operator, Together):
+        *others, last = operator.parts
+        if len(others) == 1 and isinstance(others[0], PenaltyContact) and isinstance(last, SimdLattice):
+            return last, others[0]
+    return (operator if isinstance(operator, SimdLattice) else None), None
+
+
 def surveyed(model: Model, options: Options, scheme: Scheme) -> tuple[NDArray[np.int64], NDArray[np.float64], bool]:
     """Number (n,) of the bonds of a pair law, the bound (n,) of their stiffness, N/m^4, and whether blocks can have
     them."""

@@ -33,7 +33,7 @@ from pdsolve.operators.simd_lattice.operator import SimdLattice
 from pdsolve.operators.softening_shear import softening_of
 from pdsolve.options import Options as Options
 from pdsolve.options import threads_of as threads_of
-from pdsolve.run.operator_factory import operator_of, touched
+from pdsolve.run.operator_factory import in_blocks, operator_of, touched
 from pdsolve.run.operator_factory import stable as stable
 from pdsolve.run.time_step import step_of as step_of
 from pdsolve.schemes import SCHEMES
@@ -351,12 +351,12 @@ def assembled(
         work=np.zeros(nodes),
         damped=np.zeros(nodes),
     )
-    stepper: Stepper
     state, damped = operator.place(state), damping(model)
     _set_off(state, velocity, damped, driven)
-    if isinstance(operator, SimdLattice) and not damped.any():
-        stepper = VerletBlocks(operator, driven, rho, step)
-        driven = stepper.drive
+    blocks, touching = in_blocks(operator)
+    if blocks and not damped.any():
+        stepper: Stepper = (fast := VerletBlocks(blocks, driven, rho, step, touching))
+        driven = fast.drive
     else:
         stepper = Verlet(operator, driven, rho, step, damped)
     energy = 0.0

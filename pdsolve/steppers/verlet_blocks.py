@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from pdsolve.conditions import Drive, apply_loads
 from pdsolve.numerics.jit_cache import cached_njit
 from pdsolve.numerics.thread_team import gate_of, meet, side_by_side
+from pdsolve.operators.contact.operator import PenaltyContact
 from pdsolve.operators.simd_lattice.kernel import FX, FY, INNER, LANES, across, sum_lanes
 from pdsolve.operators.simd_lattice.lanes import ROW
 from pdsolve.operators.simd_lattice.layout import aligned
@@ -37,19 +38,29 @@ class Course(NamedTuple):
     held: NDArray[np.int64]  # (holds,) the held components in the order of their blocks
     held_start: NDArray[np.int64]  # (blocks + 1,) those of a block
     turns: NDArray[np.int64]  # (blocks,) the order in which blocks are shared out to threads
+    push: NDArray[np.float64]  # (2, m) force density of contact now, N/m^3
+    pushed: NDArray[np.bool_]  # (blocks,) whether contact may act on the block
 
 
 class VerletBlocks:
     """Takes steps with bonds in blocks, changing the placed state."""
 
-    def __init__(self, operator: SimdLattice, drive: Drive, rho: NDArray[np.floating], dt: float) -> None:
+    def __init__(
+        self,
+        operator: SimdLattice,
+        drive: Drive,
+        rho: NDArray[np.floating],
+        dt: float,
+        contact: PenaltyContact | None = None,
+    ) -> None:
         """`rho` (n,) is the density, kg/m^3, `dt` the step, s."""
         count, threads = len(operator.blocks.softened), len(operator.blocks.scratch)
         block = drive.holds.node // LANES
         held, loaded = np.argsort(block, kind="stable"), np.zeros(count, dtype=np.bool_)
         loaded[drive.loads.node // LANES] = True
         held_start = np.searchsorted(block[held], np.arange(count + 1))
-        self._operator, self._dt, self._threads = operator, dt, threads
+        self._operator, self._dt, self._threads, self._contact = operator, dt, threads, contact
+        self._rows = np.zeros(0, dtype=np.int64)  # on which contact acted
         self._course = Course(
             force=_spread(drive.force, count),
             before=_spread(drive.before, count),
@@ -60,15 +71,41 @@ class VerletBlocks:
             held=held,
             held_start=held_start,
             turns=_turns(count, threads),
+            push=np.zeros((2, LANES * count if contact is not None else 0)),
+            pushed=np.zeros(count, dtype=np.bool_),
         )
         nodes = len(rho)
         self.drive = drive._replace(force=self._course.force[:, :nodes].T, before=self._course.before[:, :nodes].T)
 
     def march(self, state: State, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1, in place."""
+        taken, ends = 0, last - first + 1 if last > first else 0
+        while taken < ends:
+            some = ends - taken
+            if self._contact is not None:
+                some = min(some, self._touched(self._contact, state, first + taken - 1, taken) if taken > 0 else 1)
+            self._sweep(first, last, taken, taken + some)
+            taken += some
+
+    def _sweep(self, first: int, last: int, begin: int, end: int) -> None:
+        """Sweep the blocks for `begin` to `end` - 1 of the steps `first` to `last` - 1."""
         operator, gate = self._operator, gate_of(self._threads)
-        arguments = operator.blocks, operator.tracks, self._course, self.drive, self._dt, first, last
+        arguments = operator.blocks, operator.tracks, self._course, self.drive, self._dt, first, last, begin, end
         side_by_side(lambda thread: advance_blocks(*arguments, thread, gate), self._threads)
+
+    def _touched(self, contact: PenaltyContact, state: State, step: int, taken: int) -> int:
+        """Set the forces of contact in a step, with the displacements of the sweep `taken`; returns for how many steps
+        they hold: more than one where nothing touches."""
+        nodes, course = len(state.value), self._course
+        now = state._replace(value=self._operator.tracks.u[taken % 3][:, :nodes].T)
+        free = contact.free_steps(now, step, self._dt)
+        course.push[:, self._rows] = 0
+        course.pushed[:] = False
+        if free == 0:
+            self._rows = contact.rows
+            course.pushed[contact.rows // LANES] = True
+            contact.add(now, course.push[:, :nodes].T, step, self._dt)
+        return max(free, 1)
 
 
 def _spread(values: NDArray[Any], count: int, idle: float = 0.0) -> NDArray[Any]:
@@ -88,14 +125,15 @@ def _turns(count: int, threads: int) -> NDArray[np.int64]:
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def advance_blocks(blocks, tracks, course, drive, dt, first, last, thread, gate):  # type: ignore[no-untyped-def]
+def advance_blocks(blocks, tracks, course, drive, dt, first, last, begin, end, thread, gate):  # type: ignore[no-untyped-def]
     """Take the steps `first` to `last` - 1; `tracks.u[0]` are the displacements before and after.
 
-    All threads call this together, each with a share of the blocks, and `meet` once a step.
+    A sequence of s steps has s + 1 sweeps, of which those from `begin` to `end` - 1 are done. All threads call this
+    together, each with a share of the blocks, and `meet` once a step.
     """
     u, steps, count = tracks.u, last - first, len(course.turns)
     own, others, s = count * thread // gate.threads, count * (thread + 1) // gate.threads, blocks.scratch[thread]
-    for taken in range(steps + 1 if steps > 0 else 0):
+    for taken in range(begin, end):
         if taken > 0 and drive.varies:
             if thread == 0:
                 apply_loads(drive, (first + taken - 1) * dt)
@@ -103,12 +141,12 @@ def advance_blocks(blocks, tracks, course, drive, dt, first, last, thread, gate)
         before, now, after = u[(taken + 2) % 3], u[taken % 3], u[(taken + 1) % 3]
         for turn in range(own, others):
             b, step, starts, ends = course.turns[turn], first + taken - 1, taken == 0, taken == steps
-            if not starts and not ends and course.plain[b]:
+            if not starts and not ends and course.plain[b] and not course.pushed[b]:
                 _sweep_plain(blocks, tracks, course.lightness, now, before, after, dt, step, b, s)
             else:
                 _sweep_block(blocks, tracks, course, drive, now, before, after, dt, step, starts, ends, b, s)
         meet(gate)
-    if thread == 0 and steps > 0 and steps % 3 != 0:
+    if thread == 0 and end == steps + 1 and steps % 3 != 0:
         _copy(u, steps % 3)
 
 
@@ -131,6 +169,8 @@ def _sweep_block(blocks, tracks, course, drive, u, before, after, dt, step, star
             sum_lanes(blocks, tracks, u, before, step, b, lane, s)
             for k in range(across(s)):
                 s[FX + lane + k], s[FY + lane + k] = s[k], s[ROW + k]
+        if course.pushed[b]:
+            _push_lanes(course.push, s, b)
         if course.loaded[b]:
             _load_lanes(course.force, course.before, tracks.v, tracks.work, s, dt, b)
         _accelerate_lanes(course.lightness, s, b)
@@ -175,6 +215,14 @@ def _load_lanes(force, before, v, work, s, dt, b):  # type: ignore[no-untyped-de
         s[FY + lane] += force[1, i]
         work[i] += (before[0, i] + force[0, i]) / 2 * (dt * v[0, i])
         work[i] += (before[1, i] + force[1, i]) / 2 * (dt * v[1, i])
+
+
+@njit(**INNER)
+def _push_lanes(push, s, b):  # type: ignore[no-untyped-def]
+    """Add the forces of contact to those of block b."""
+    for lane in range(LANES):
+        s[FX + lane] += push[0, b * LANES + lane]
+        s[FY + lane] += push[1, b * LANES + lane]
 
 
 @njit(**INNER)

@@ -18,7 +18,7 @@ class Joined:
     """The bonds of n nodes, as contact knows them: which join two nodes up to a step."""
 
     def __init__(self, model: Model, volume: NDArray[np.float64], operator: Operator) -> None:
-        self._operator, self._nodes, self._until = operator, len(volume), 0
+        self._operator, self._nodes, self._until, self._gone = operator, len(volume), 0, 0
         ends = [operator.bonds(int(rows[0]), int(rows[-1]) + 1, start=True) for rows in row_chunks(len(volume))]
         source, target = (np.concatenate(column) for column in zip(*ends, strict=True))
         once = source < target
@@ -45,13 +45,12 @@ class Joined:
             return False
         broken, self._until = self._operator.broken(), until
         past = broken.step < until
-        gone = self._found(broken.source[past], broken.target[past])
-        intact = np.ones(len(self._key), dtype=np.bool_)
-        intact[gone] = False
-        if np.array_equal(intact, self.intact):
+        if int(past.sum()) == self._gone:  # in a run that goes on
             return False
-        self.intact = intact
-        self.nodes.intact[:] = intact[self._number]
+        self._gone = int(past.sum())
+        self.intact[:] = True
+        self.intact[self._found(broken.source[past], broken.target[past])] = False
+        self.nodes.intact[:] = self.intact[self._number]
         surface_nodes(self.nodes, self.surface)
         return True
 

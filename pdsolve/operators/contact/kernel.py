@@ -25,6 +25,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from pdsolve.numerics.jit_cache import cached_njit
+from pdsolve.operators.simd_lattice.kernel import INNER
 
 LOOSE = 0.5  # length of a normal that is none
 FACING, ASKEW = 0.3, 0.8  # cosine of two normals below which they face each other, above which they do not
@@ -54,30 +55,37 @@ class PairList(NamedTuple):
     touch: NDArray[np.float64]  # (p,) m
     slip: NDArray[np.float64]  # (p, d) m
     drag: NDArray[np.float64]  # (p, d) N
+    rows: NDArray[np.int64]  # (m,) of the nodes of all pairs
+    first: NDArray[np.int64]  # (p,) number of i among them
+    second: NDArray[np.int64]  # (p,) number of j
+    normals: NDArray[np.float64]  # (m, d + 2) their normals now, how far from flat they are, and whether that is known
 
 
-@njit
+@njit(**INNER)
+def _apart(nodes, u, i, j, a, moved):  # type: ignore[no-untyped-def]
+    """Component a of the way from node i to node j, m."""
+    way = nodes.x[j, a] - nodes.x[i, a]
+    return way + (np.float64(u[j, a]) - np.float64(u[i, a])) if moved else way
+
+
+@njit(**INNER)
 def normal(nodes, u, i, moved, found):  # type: ignore[no-untyped-def]
     """Set `found` (d,) to the normal of node i, in the reference unless `moved`; returns how far it is from flat."""
     d, count = nodes.x.shape[1], 0
     for a in range(d):
         found[a] = 0.0
-    way = np.empty(3)
     for b in range(nodes.start[i], nodes.start[i + 1]):
         if nodes.intact[b]:
             j, square, count = nodes.near[b], 0.0, count + 1
             for a in range(d):
-                way[a] = nodes.x[j, a] - nodes.x[i, a]
-                if moved:
-                    way[a] += np.float64(u[j, a]) - np.float64(u[i, a])
-                square += way[a] * way[a]
-            if square > 0:
-                for a in range(d):
-                    found[a] -= way[a] / np.sqrt(square)
+                square += _apart(nodes, u, i, j, a, moved) ** 2
+            inverse = 1.0 / np.sqrt(square) if square > 0 else 0.0
+            for a in range(d):
+                found[a] -= _apart(nodes, u, i, j, a, moved) * inverse
     return abs(count - (FLAT if d == 2 else FLAT_IN_SPACE))
 
 
-@njit
+@njit(**INNER)
 def _between(r, first, second, bent, other, n):  # type: ignore[no-untyped-def]
     """Set n (d,) to the normal of a pair `r` (d,) apart with these normals (d,); returns how much they face.
 
@@ -105,7 +113,7 @@ def _between(r, first, second, bent, other, n):  # type: ignore[no-untyped-def]
     return facing
 
 
-@njit
+@njit(**INNER)
 def _weight(t, h, d):  # type: ignore[no-untyped-def]
     """Weight of a pair at a distance t along the face, and its derivative, 1/m."""
     if d == 2:
@@ -114,22 +122,25 @@ def _weight(t, h, d):  # type: ignore[no-untyped-def]
     return (IN_SPACE * q * q, -4.0 * IN_SPACE * q * t / (WIDE * h) ** 2) if q > 0 else (0.0, 0.0)
 
 
-@njit
+@njit(**INNER)
 def _pressed(nodes, pairs, u, q, vectors):  # type: ignore[no-untyped-def]
     """Energy k w f, N/m, depth p, m, and pull along the face, N, of pair q; `vectors` are n, t / |t| and work space.
 
     The depth is 0 where the nodes do not touch.
     """
     i, j, d = pairs.i[q], pairs.j[q], nodes.x.shape[1]
-    n, way, r, first, second = vectors[0, :d], vectors[1, :d], vectors[2, :d], vectors[3, :d], vectors[4, :d]
+    n, way, r = vectors[0, :d], vectors[1, :d], vectors[2, :d]
     square, reach = 0.0, pairs.h[q] * (1.0 if d == 2 else WIDE)
     for a in range(d):
         r[a] = nodes.x[j, a] - nodes.x[i, a] + (np.float64(u[j, a]) - np.float64(u[i, a]))
         square += r[a] * r[a]
     if square >= reach * reach + pairs.touch[q] ** 2:
         return 0.0, 0.0, 0.0
-    bent, other = normal(nodes, u, i, True, first), normal(nodes, u, j, True, second)
-    facing = _between(r, first, second, bent, other, n)
+    one, two = pairs.first[q], pairs.second[q]
+    _learn(nodes, pairs, u, one)
+    _learn(nodes, pairs, u, two)
+    first, second = pairs.normals[one], pairs.normals[two]
+    facing = _between(r, first, second, first[d], second[d], n)
     gap = 0.0
     for a in range(d):
         gap += r[a] * n[a]
@@ -139,14 +150,34 @@ def _pressed(nodes, pairs, u, q, vectors):  # type: ignore[no-untyped-def]
     w, slope = _weight(t, pairs.h[q], d)
     for a in range(d):
         way[a] = (r[a] - gap * n[a]) / t if t > ROUND_OFF * pairs.h[q] else 0.0
-    touch = min(pairs.touch[q], _gap_before(nodes, u, i, j, reach * reach + pairs.touch[q] ** 2, vectors))
-    depth = touch - gap
+    depth = pairs.touch[q] - gap
     if w == 0.0 or depth <= 0.0:
         return 0.0, 0.0, 0.0
     return pairs.k[q] * w * facing, depth, pairs.k[q] * facing * slope / 2 * depth * depth
 
 
-@njit
+@njit(**INNER)
+def _learn(nodes, pairs, u, number):  # type: ignore[no-untyped-def]
+    """Find the normal of a node of the pairs, and how far from flat it is, if that is not known yet."""
+    found, d = pairs.normals[number], nodes.x.shape[1]
+    if found[d + 1] == 0.0:
+        found[d] = normal(nodes, u, pairs.rows[number], True, found)
+        found[d + 1] = 1.0
+
+
+@cached_njit(error_model="numpy")
+def nearer(nodes, pairs):  # type: ignore[no-untyped-def]
+    """Let pairs touch at the gap that they had in the reference, if it was less; never those that were back to back."""
+    vectors, nothing, d = np.empty((6, 3)), np.zeros((1, 3)), nodes.x.shape[1]
+    for q in range(len(pairs.i)):
+        reach = pairs.h[q] * (1.0 if d == 2 else WIDE)
+        near = reach * reach + pairs.touch[q] ** 2
+        pairs.touch[q] = max(
+            min(pairs.touch[q], _gap_before(nodes, nothing, pairs.i[q], pairs.j[q], near, vectors)), 0.0
+        )
+
+
+@njit(**INNER)
 def _gap_before(nodes, u, i, j, near, vectors):  # type: ignore[no-untyped-def]
     """The gap between two nodes in the reference, m, of bonds as they are now; infinite farther than root `near`, m^2.
 
@@ -173,6 +204,7 @@ def add_forces(nodes, pairs, u, v, mu, dt, out, spent):  # type: ignore[no-untyp
     """Add the forces of all pairs; friction's springs go on by a step of `dt` s, where it is not 0."""
     d = nodes.x.shape[1]
     vectors, force, along = np.empty((6, 3)), np.empty(3), np.empty(3)
+    pairs.normals[:, d + 1] = 0.0
     for q in range(len(pairs.i)):
         i, j = pairs.i[q], pairs.j[q]
         stiffness, depth, pull = _pressed(nodes, pairs, u, q, vectors)
@@ -189,7 +221,7 @@ def add_forces(nodes, pairs, u, v, mu, dt, out, spent):  # type: ignore[no-untyp
                 out[j, a] += force[a] / nodes.volume[j]
 
 
-@njit
+@njit(**INNER)
 def _rub(pairs, v, mu, dt, q, stiffness, depth, n, along, spent):  # type: ignore[no-untyped-def]
     """Take friction's spring of pair q through a step, and book its work by the trapezoidal rule."""
     i, j, d, across, length = pairs.i[q], pairs.j[q], v.shape[1], 0.0, 0.0
@@ -219,6 +251,7 @@ def _rub(pairs, v, mu, dt, q, stiffness, depth, n, along, spent):  # type: ignor
 def pressed_pairs(nodes, pairs, u, held, rubbed, found):  # type: ignore[no-untyped-def]
     """Add the energies, J, of pairs to their nodes, and set `found` (p, 2 + d): stiffness, depth and normal."""
     d, vectors = nodes.x.shape[1], np.empty((6, 3))
+    pairs.normals[:, d + 1] = 0.0
     for q in range(len(pairs.i)):
         stiffness, depth, _ = _pressed(nodes, pairs, u, q, vectors)
         found[q, 0], found[q, 1] = stiffness, depth

@@ -18,7 +18,7 @@ from pdsolve.checkpoint_validation import entry
 from pdsolve.errors import CheckpointError
 from pdsolve.model import Model, ModelError
 from pdsolve.operators.contact.candidates import Joined, candidates
-from pdsolve.operators.contact.kernel import WIDE, PairList, add_forces, farthest, pressed_pairs
+from pdsolve.operators.contact.kernel import WIDE, PairList, add_forces, farthest, nearer, pressed_pairs
 from pdsolve.operators.protocol import Kept, Operator
 from pdsolve.state import Broken, State, Unknown
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 SPACINGS = 3.0  # in the horizon whose micromodulus counts
 SKIN = 0.5  # spacings, of the finest surface nodes: pairs nearer than that and their reach are known
-EVERY = 10  # steps after which broken bonds are asked for
+EVERY = 25  # steps after which broken bonds are asked for
 TWO_FACES = 2.0  # that a node touches at most
 DEEP = 0.5  # of the distance of touch: nodes of two bodies that are nearer at the start overlap
 
@@ -50,7 +50,7 @@ class PenaltyContact:
         self._rows, self._before = np.zeros(0, dtype=np.int64), np.zeros((0, grid.dimension))
         self._pairs = self._listed(*np.zeros((2, 0), dtype=np.int64))
         self._search(np.zeros((len(grid), grid.dimension)))
-        _refuse_overlap(model, self._pairs)
+        _refuse_overlap(model, self._settings, self._pairs)
 
     @property
     def stiffness(self) -> float:
@@ -69,6 +69,24 @@ class PenaltyContact:
                 self._joined.nodes, self._pairs, state.value, state.rate, self._settings.friction, dt, out, self._spent
             )
 
+    def free_steps(self, state: State, step: int, dt: float) -> int:
+        """For how many steps of `dt`, s, from this one on surely nothing touches; 0 if something may.
+
+        No node gets twice as fast meanwhile, nor loses a bond that counts.
+        """
+        self._follow(state, step)
+        if len(self._pairs.i) or not len(self._rows):
+            return 0 if len(self._pairs.i) else EVERY
+        fastest = np.sqrt(farthest(state.rate, self._still, self._rows))
+        left = SKIN * self._finest / 2 - np.sqrt(farthest(state.value, self._before, self._rows))
+        most = EVERY - step % EVERY
+        return most if 2 * fastest * dt * most <= left else 0
+
+    @property
+    def rows(self) -> NDArray[np.int64]:
+        """Rows (m,) of the nodes that may touch now, in order."""
+        return self._pairs.rows
+
     def _follow(self, state: State, step: int) -> None:
         """Bring the pairs up to date."""
         changed, skin = self._joined.follow(step // EVERY * EVERY), SKIN * self._finest
@@ -76,18 +94,20 @@ class PenaltyContact:
             self._search(state.value)
 
     def _search(self, u: NDArray[np.floating]) -> None:
-        """Find the pairs that may touch until a node has moved by half a skin."""
+        """Find the pairs that may touch until a node has moved by half a skin, and how near they were at first."""
         self._rows = np.flatnonzero(self._joined.surface)
         delta = self._delta[self._rows]
         self._finest = float(delta.min(initial=np.inf))
         wide = 1.0 if u.shape[1] == 2 else WIDE
         reach = float(delta.max(initial=0.0)) * np.hypot(wide, self._settings.distance)
         self._before = u[self._rows].astype(np.float64)
+        self._still = np.zeros_like(self._before)
         before, pairs = self._pairs, self._listed(*candidates(self._joined, u, self._rows, reach + SKIN * self._finest))
         nodes = len(self._volume)
         key, old = pairs.i * nodes + pairs.j, before.i * nodes + before.j
         _, here, there = np.intersect1d(key, old, assume_unique=True, return_indices=True)
         pairs.slip[here], pairs.drag[here] = before.slip[there], before.drag[there]
+        nearer(self._joined.nodes, pairs)
         self._pairs = pairs
 
     def _listed(self, i: NDArray[np.int64], j: NDArray[np.int64]) -> PairList:
@@ -95,7 +115,12 @@ class PenaltyContact:
         mean, nothing = (self._delta[i] + self._delta[j]) / 2, np.zeros((len(i), self.unknowns[0].width))
         k = 2 / (1 / self._k[i] + 1 / self._k[j]) * self._cell[i] * self._cell[j]
         wide = np.maximum(self._delta[i], self._delta[j])
-        return PairList(i, j, k, wide, self._settings.distance * mean, nothing, nothing.copy())
+        rows, ends = np.unique(np.concatenate([i, j]), return_inverse=True)
+        first, second = ends.reshape(2, -1)
+        normals = np.zeros((len(rows), nothing.shape[1] + 2))
+        return PairList(
+            i, j, k, wide, self._settings.distance * mean, nothing, nothing.copy(), rows, first, second, normals
+        )
 
     def _pressed(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Energies (n,), J, of all springs and of those of friction; stiffness, depth, normal of pairs (p, 2 + d)."""
@@ -107,6 +132,11 @@ class PenaltyContact:
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Energy densities (n,), J/m^3: stored in springs of touch and of friction; nothing is dissipated here."""
         return self._pressed(state)[0] / self._volume, np.zeros(len(self._volume))
+
+    def touching(self, state: State) -> int:
+        """Number of nodes that touch others."""
+        some = self._pressed(state)[2][:, 1] > 0
+        return len(np.unique(np.concatenate([self._pairs.i[some], self._pairs.j[some]])))
 
     def friction(self, state: State) -> float:
         """Energy that friction has turned into heat so far, J/m, of a body J."""
@@ -195,15 +225,16 @@ def touch_bound(model: Model, volume: NDArray[np.float64]) -> NDArray[np.float64
     return np.asarray(TWO_FACES * k * 2 / (1 + E / E.max()) * cell * cell / volume)
 
 
-def _refuse_overlap(model: Model, pairs: PairList) -> None:
+def _refuse_overlap(model: Model, contact: Contact, pairs: PairList) -> None:
     """Raise ModelError for two bodies that overlap at the start."""
     grid = model.grid
     if grid.bodies is None:
         return
     some = np.flatnonzero(grid.bodies.parted(pairs.i, pairs.j))
     i, j = pairs.i[some], pairs.j[some]
-    depth = pairs.touch[some] - np.sqrt(((grid.position[j] - grid.position[i]) ** 2).sum(axis=1))
-    if not len(some) or not (depth > (1 - DEEP) * pairs.touch[some]).any():
+    touch = contact.distance * (grid.delta[i] + grid.delta[j]) / 2
+    depth = touch - np.sqrt(((grid.position[j] - grid.position[i]) ** 2).sum(axis=1))
+    if not len(some) or not (depth > (1 - DEEP) * touch).any():
         return
     at = int(np.argmax(depth))
     first, second = (grid.bodies.names[grid.bodies.number[end]] for end in (i[at], j[at]))
