@@ -15,7 +15,7 @@ import pytest
 from touching import bar, grid_of, moving, struck
 
 from pdmesh.model.contact import Contact
-from pdmesh.model.document import Displacement, Horizon, Run
+from pdmesh.model.document import Displacement, Horizon, Material, Run
 from pdsolve.run.system import Options, prepare
 
 N, V = 200, 1e-3  # nodes of a bar; m/s
@@ -99,7 +99,8 @@ def test_bars_of_a_plane_touch_as_long_as_bars_of_a_row() -> None:
     h = 1 / count
     grid = grid_of([bar(0, 1, h, rows), bar(1, 1, h, rows)], h)
     model = moving(grid, (V / 2, -V / 2), Contact(), Run(time_step=0.35 * h))
-    plane = msgspec.structs.replace(model.settings, horizon=Horizon(ratio=6.0))
+    conical = Material(E=1.0, rho=1.0, G0=1e9)
+    plane = msgspec.structs.replace(model.settings, horizon=Horizon(ratio=6.0), material=conical)
     found, plateau = struck(replace(model, settings=plane), 3.0), V / 2 * rows * h
     on = (found.time > 0.4) & (found.time < 1.4)
     assert found.lasts(plateau / 2, gap=0.2) == pytest.approx(2.0, abs=0.06)  # 1.95
