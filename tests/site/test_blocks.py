@@ -33,8 +33,8 @@ LANGUAGES = {"bash", "python", "toml", "diff", "c++", "text"}
 DIRECTIVES = {"{argparse}", "{eval-rst}", "{literalinclude}", "{toctree}"}
 COARSE = {  # what stands on a page, and what is run in its place
     "geometries/branching_plate.py": "geometries/branching_plate.py --set spacing=2e-3",
-    "geometries/brazilian_disc.py": "geometries/brazilian_disc.py --set spacing=0.008",
-    "geometries/nooru_mohamed.py": "geometries/nooru_mohamed.py --set spacing=0.02 --set load_steps=10",
+    "geometries/brazilian_disc.py": "geometries/brazilian_disc.py --set load_steps=10",
+    "geometries/nooru_mohamed.py": "geometries/nooru_mohamed.py --set spacing=0.01",
     "geometries/offset_notch.py": "geometries/offset_notch.py --set layers=9 --set load_steps=10",
     "geometries/l_panel.py": "geometries/l_panel.py --set spacing=0.025",
     "geometries/compact_tension.py": "geometries/compact_tension.py --set spacing=4e-3 --set fine=2e-3",
