@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
+from pathlib import Path
+
 import msgspec
 import numpy as np
 import pytest
 from atrest import strip
 from messages import naming
 from plates import plate, square_grid
+from whole import contents
 
 from pdmesh.model.cohesive_cracks import AREA
 from pdmesh.model.document import Displacement, Material, Region, Run, Static
@@ -15,6 +19,7 @@ from pdsolve.laws import law_of
 from pdsolve.model import Model, ModelError
 from pdsolve.operators.softening_shear import SofteningShear
 from pdsolve.run.measures import books
+from pdsolve.run.simulation import resume, simulate
 from pdsolve.run.system import Options, Prepared, prepare
 from pdsolve.schemes import SCHEMES
 from pdsolve.schemes.separation_energy import cost, patch
@@ -187,6 +192,40 @@ def test_a_bar_peaks_at_its_strength_and_its_crack_spends_G0(h: float, m: float,
     peak = max(abs(one.pull) for one in stepper.rested) / 4e-4 / 0.1
     assert peak == pytest.approx(3e6, rel=0.06)  # measured over f_t: 0.94 to 1.02
     assert crossing(prepared) / 0.1 == pytest.approx(100, rel=0.03)  # measured over G0: 0.985 to 0.995
+
+
+def short() -> Model:
+    """A bar somewhat beyond its peak."""
+    return bar(0.02, 3.0, "linear", 4e-5)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:.*which do not break:pdsolve.model.ModelWarning")
+def test_neither_the_order_of_nodes_nor_threads_matter() -> None:
+    model, found = short(), []
+    order = np.random.default_rng(3).permutation(len(model.grid))
+    names = ("ids", "position", "delta", "border", "hole_id")
+    grid = dataclasses.replace(model.grid, **{name: getattr(model.grid, name)[order] for name in names})
+    for one, threads in ((model, 1), (Model(grid, model.settings), 1), (model, 2)):
+        with simulate(one, None, Options(threads=threads)) as results:
+            found.append(results.reactions()["force_x"])
+    assert len(found[0]) == len(found[1])
+    assert np.abs(found[1] - found[0]).max() < 1e-8 * np.abs(found[0]).max()
+    assert (found[2] == found[0]).all()
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:.*which do not break:pdsolve.model.ModelWarning")
+def test_a_path_that_goes_on_is_the_same_to_the_last_bit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pdsolve.run.simulation.PATIENCE", 1.0)
+    whole, stopped = tmp_path / "whole.sqlite", tmp_path / "stopped.sqlite"
+    one = Options(threads=1)
+    simulate(short(), whole, one).close()
+    with simulate(short(), stopped, one, watch=lambda progress: progress.step == 6) as results:
+        assert results.meta()["status"] == "interrupted"
+        assert len(results.checkpoint()[1]["worst"]) > 0
+    resume(stopped, 1).close()
+    assert contents(stopped) == contents(whole)
 
 
 @pytest.mark.parametrize(
