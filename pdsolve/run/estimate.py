@@ -29,6 +29,7 @@ DEFAULT = Options()
 # Peak of the whole process, bytes: at least, half of it libraries' files, of which systems map more or less; and for
 # each node
 MEMORY = {"thesis": (196e6, 1700.0), "conservative": (181e6, 1700.0)}
+LATTICE = {"float64": 480.0, "float32": 385.0}  # bytes for each node of a box in space whose file holds a lattice
 LISTED = 130.0  # bytes for each bond of a law that is no pair's
 SPLITTING = 640.0  # the same where cells split: all pairs are kept, and two lists there while they do
 # Seconds: of a bond and of a node in a step on one thread, breaking included; of a bond of another law; of an entry of
@@ -123,12 +124,20 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
     if splits:
         found = found._replace(most=most, memory=found.memory + round((SPLITTING - LISTED) * found.bonds))
     if in_blocks and model.grid.dimension == 3 and not found.at_rest:
-        found = found._replace(wall_time=TILED * found.wall_time)
+        found = _in_tiles(found, model, options)
     if along_path:
         found = found._replace(wall_time=ITERATED * found.wall_time, along_path=True)
     if cycle is not None:
         found = found._replace(wall_time=(1 + SWELLING / cycle) * found.wall_time)
     return found._replace(finest=int(np.isclose(model.grid.delta, model.grid.delta.min()).sum())) if moves else found
+
+
+def _in_tiles(plan: Plan, model: Model, options: Options) -> Plan:
+    """The plan of a plate's blocks as that of a body in tiles."""
+    memory = plan.memory
+    if model.grid.lattice is not None:
+        memory = round(MEMORY[options.mode][0] + LATTICE[options.precision] * len(model.grid))
+    return plan._replace(wall_time=TILED * plan.wall_time, memory=memory)
 
 
 def _diffusing(model: Model, options: Options) -> Plan:
