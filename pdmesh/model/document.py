@@ -311,7 +311,7 @@ class Document(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 def read_document(data: bytes | str, name: str) -> Document:
     """Parse and check the text of a file called `name` in messages. Raises GridError."""
-    if not data.strip():
+    if not data or data.isspace():
         raise GridError(f"{name}: found nothing in it, expected a grid file")
     try:
         document = msgspec.json.decode(data, type=Document)
@@ -342,9 +342,10 @@ def encode(document: Document) -> bytes:
     usual = {"physics": "mechanics", "medium": None, "media": (), "contact": None, "bodies": ()}  # is left out
     given = {name: getattr(document, name) for name in document.__struct_fields__ if name not in ("nodes", "digest")}
     fields |= {name: value for name, value in given.items() if name not in usual or value != usual[name]}
-    nodes = b"  " + msgspec.json.encode(document.nodes)[1:-1].replace(b"},{", b"},\n  {")  # no node has braces inside
+    nodes = msgspec.json.encode(document.nodes).replace(b"},{", b"},\n  {")  # no node has braces inside
     lines = [b"%s: %s" % (msgspec.json.encode(name), msgspec.json.encode(value)) for name, value in fields.items()]
-    return sealed(b"{\n" + b",\n".join([*lines, b'"nodes": [\n' + nodes + b"\n]"]))
+    head = b"{\n" + b",\n".join([*lines, b'"nodes": [\n  '])
+    return sealed(head, memoryview(nodes)[1:-1], b"\n]")
 
 
 def write_file(document: Document, path: Path) -> None:
@@ -363,9 +364,9 @@ def settings_of(document: Document) -> Settings:
     return Settings(**{field: getattr(document, field) for field in Settings.__struct_fields__})
 
 
-def sealed(head: bytes) -> bytes:
-    """A whole file: `head`, the text of an object up to its last value, and the digest."""
-    return head + START + _digest(head) + END
+def sealed(*head: bytes | memoryview) -> bytes:
+    """A whole file: `head`, the text of an object up to its last value in parts, and the digest."""
+    return b"".join([*head, START, _digest(*head), END])
 
 
 def compare(data: bytes, name: str) -> None:
@@ -375,8 +376,8 @@ def compare(data: bytes, name: str) -> None:
     """
     if b"\r" in data:
         data = data.replace(b"\r\n", b"\n")
-    head, key, tail = data.rpartition(START)
-    if (tail == _digest(head) + END) if key else KEY not in data:
+    at = data.rfind(START)
+    if (data[at + len(START) :] == _digest(memoryview(data)[:at]) + END) if at >= 0 else KEY not in data:
         return
     warnings.warn(
         f"{name}: $.digest: found one that does not match the file, expected that of its content: the file was"
@@ -386,5 +387,8 @@ def compare(data: bytes, name: str) -> None:
     )
 
 
-def _digest(head: bytes) -> bytes:
-    return hashlib.sha256(head).hexdigest().encode()
+def _digest(*head: bytes | memoryview) -> bytes:
+    found = hashlib.sha256()
+    for part in head:
+        found.update(part)
+    return found.hexdigest().encode()

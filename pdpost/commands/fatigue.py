@@ -5,8 +5,6 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from pdpost.commands import number_options
 from pdpost.commands.shared import add_every, counted
 
@@ -51,6 +49,8 @@ def _fatigue(args: argparse.Namespace) -> int:
 
 
 def _words(line: Line) -> str:
+    import numpy as np
+
     at = float(line.at(np.array(10e6)))
     return (
         f"da/dN = {at:.4g} m a cycle at 10 MPa m^0.5, m = {line.m:.4g}, from {line.points} points, which scatter by"
@@ -59,6 +59,6 @@ def _words(line: Line) -> str:
 
 
 def _rows(one: Growth) -> Any:
-    rate, settled = np.append(one.rate, np.nan), [*one.settled.tolist(), None]
+    rate, settled = [*one.rate.tolist(), float("nan")], [*one.settled.tolist(), None]
     for row in zip(one.cycles, one.length, one.K, one.dK, rate, settled, strict=True):
         yield (one.name, *row)
