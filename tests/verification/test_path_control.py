@@ -20,6 +20,7 @@ from pdsolve.model import Model, ModelWarning
 from pdsolve.results import Results
 from pdsolve.run.simulation import Options, simulate
 from pdsolve.steppers.equilibrium import UnsettledError
+from pdsolve.steppers.path_control import Opening
 
 RAMP = ((0.0, 0.0), (1.0, 1.0))
 CONCRETE = Material(E=30e9, rho=2400, G0=124, law="cohesive", f_t=3.33e6, shape="linear", micromodulus="constant")
@@ -92,3 +93,14 @@ def test_a_crack_that_arrives_at_what_does_not_break_is_told() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error", ModelWarning)
         simulate(model, None, Options(threads=1)).close()
+
+
+def test_the_gradient_of_an_opening_is_that_of_its_measure() -> None:
+    """By central differences, in a state of large displacements and with an unknown rotation beside them."""
+    random = np.random.default_rng(2)
+    position, value, way = random.standard_normal((5, 2)), *random.standard_normal((2, 5, 3))
+    gap = Opening("a", position, (1, 3))
+    low, high = (gap.measure(value + side * 1e-6 * way, 0.0) for side in (-1, 1))
+    rate = float((gap.gradient(value, None) * way).sum())  # type: ignore[arg-type]
+    assert rate == pytest.approx((high - low) / 2e-6, rel=1e-6)
+    assert gap.measure(np.zeros((5, 3)), 0.0) == 0

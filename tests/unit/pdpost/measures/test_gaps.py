@@ -40,6 +40,8 @@ def test_force_against_opening(stretched: Path) -> None:
         assert across.opening[-1] < -1e-8  # it becomes narrower
         pulled = against(found, right, 0)
         assert pulled.force == pytest.approx(pulled.opening * pulled.force[-1] / 2e-6, rel=1e-4)
+        assert pulled.peak == 5
+        assert pulled.area == pytest.approx(pulled.force[-1] * 1e-6, rel=1e-4)  # a triangle
         smooth = against(found, right, 0, 3)
         assert smooth.force == pytest.approx(pulled.force[1:-1], rel=1e-4)
         with pytest.raises(ResultsError, match=naming(found="6 times", expected="7")):
