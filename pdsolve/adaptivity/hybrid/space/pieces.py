@@ -11,14 +11,16 @@ from pdsolve.operators.simd_lattice.kernel import INNER
 
 
 @njit(forceinline=True, **INNER)
-def _eta(value, rows, n, g, groups, axis):  # type: ignore[no-untyped-def]
-    """The displacement of a piece's second end less that of its first, along an axis."""
-    found = 0.0
-    for m in range(groups.ends[g, 1]):
-        found += groups.w[g, ENDS + m] * value[rows[n, ENDS + m], axis]
-    for m in range(groups.ends[g, 0]):
-        found -= groups.w[g, m] * value[rows[n, m], axis]
-    return found
+def _eta(value, rows, n, w, ends):  # type: ignore[no-untyped-def]
+    """The displacement of a piece's second end less that of its first, m; `ends` nodes move them by weights w (8,)."""
+    x = y = z = 0.0
+    for m in range(ENDS, ENDS + ends[1]):
+        row, share = rows[n, m], w[m]
+        x, y, z = x + share * value[row, 0], y + share * value[row, 1], z + share * value[row, 2]
+    for m in range(ends[0]):
+        row, share = rows[n, m], w[m]
+        x, y, z = x - share * value[row, 0], y - share * value[row, 1], z - share * value[row, 2]
+    return x, y, z
 
 
 @cached_njit(nogil=True, error_model="numpy")
@@ -30,17 +32,17 @@ def sum_pieces(value, rows, k, breaks, groups, force):  # type: ignore[no-untype
     largest = 0.0
     for g in range(len(groups.ends)):
         x, y, z, inverse = groups.xi[g]
+        w, ends = groups.w[g], (groups.ends[g, 0], groups.ends[g, 1])
         for n in range(groups.start[g], groups.start[g + 1]):
-            ex, ey = _eta(value, rows, n, g, groups, 0), _eta(value, rows, n, g, groups, 1)
-            ez = _eta(value, rows, n, g, groups, 2)
+            ex, ey, ez = _eta(value, rows, n, w, ends)
             e = inverse * (2 * (x * ex + y * ey + z * ez) + (ex * ex + ey * ey + ez * ez))
             largest = max(largest, e * breaks[n])
             pull = k[n] * e / (1 + e + np.sqrt(1 + e))
             fx, fy, fz = pull * (x + ex), pull * (y + ey), pull * (z + ez)
-            for m in range(groups.ends[g, 0]):
-                _push(force, rows[n, m], groups.w[g, m], fx, fy, fz)
-            for m in range(ENDS, ENDS + groups.ends[g, 1]):
-                _push(force, rows[n, m], -groups.w[g, m], fx, fy, fz)
+            for m in range(ends[0]):
+                _push(force, rows[n, m], w[m], fx, fy, fz)
+            for m in range(ENDS, ENDS + ends[1]):
+                _push(force, rows[n, m], -w[m], fx, fy, fz)
     return largest
 
 
@@ -56,10 +58,9 @@ def hold_pieces(value, rows, k, groups, held):  # type: ignore[no-untyped-def]
     """Add the energies of pieces, J, to `held` (n,), half to each end."""
     for g in range(len(groups.ends)):
         for n in range(groups.start[g], groups.start[g + 1]):
-            e = 0.0
+            eta, e = _eta(value, rows, n, groups.w[g], (groups.ends[g, 0], groups.ends[g, 1])), 0.0
             for axis in range(3):
-                eta = _eta(value, rows, n, g, groups, axis)
-                e += groups.xi[g, 3] * eta * (2 * groups.xi[g, axis] + eta)
+                e += groups.xi[g, 3] * eta[axis] * (2 * groups.xi[g, axis] + eta[axis])
             stretch = e / (np.sqrt(1 + e) + 1)
             energy = k[n] / groups.xi[g, 3] * stretch * stretch / 4
             for end in range(2):
