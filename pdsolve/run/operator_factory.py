@@ -62,6 +62,12 @@ def touched(model: Model, volume: NDArray[np.float64], bonds: Operator) -> tuple
     """The operator of a model's bonds and of what touches; and the latter. `volume` (n,), m^d. Raises ModelError."""
     if model.settings.contact is None:
         return bonds, None
+    longest, step = stable(touch_bound(model, volume), model.rho), model.settings.run.time_step
+    if step is not None and step > longest:
+        raise ModelError(
+            f"{model.name}: $.contact.stiffness: found {model.settings.contact.stiffness:g} with steps of {step:.3g} s,"
+            f" expected steps up to {longest:.3g} s, or less"
+        )
     contact = PenaltyContact(model, volume, bonds)
     return Together(contact, bonds), contact
 

@@ -167,6 +167,12 @@ def test_bodies_that_overlap_are_named_with_the_depth() -> None:
         overlapping.body(box(0.8, 0, 2, 1), "disc")
 
 
+def test_a_stiffness_that_the_step_does_not_allow_is_refused() -> None:
+    step = prepare(two(Run()), Options()).system.time_step
+    with pytest.raises(ModelError, match=naming("$.contact.stiffness", found=1500, expected="steps")):
+        prepare(two(Run(time_step=step), stiffness=1500.0), Options())
+
+
 def test_the_stable_step_takes_the_stiffness_of_contact() -> None:
     steps = [prepare(two(Run(), stiffness=k), Options()).system.time_step for k in (1.0, 15.0, 150.0)]
     assert steps[0] > 1.1 * steps[1] > 2 * steps[2]
