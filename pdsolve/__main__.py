@@ -285,7 +285,8 @@ def _how_far(summary: dict[str, Any]) -> tuple[str, str]:
     if "fatigue_steps" in summary:
         ended = f", {summary['ended']}" if summary["ended"] else ""
         return "steps of jumps", f"{summary['fatigue_steps'][-1]['cycles']:.6g} cycles{ended}"
-    return "steps", f"{summary['time'] * 1e6:.4g} us"
+    factor, unit = (1e6, "us") if summary["time"] < 1e-2 else (1e3, "ms") if summary["time"] < 0.1 else (1.0, "s")
+    return "steps", f"{summary['time'] * factor:.4g} {unit}"
 
 
 def _lines(path: Path, summary: dict[str, Any]) -> list[str]:

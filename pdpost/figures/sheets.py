@@ -223,7 +223,7 @@ def border(on: Sheet, nodes: Shape) -> list[Artist]:
     sides = np.concatenate([np.stack([ring[:-1], ring[1:]], axis=1) for ring in rings])
     sides = sides[np.hypot(*(sides[:, 1] - sides[:, 0]).T) < TORN_APART * coarsest]
     found: list[Artist] = []
-    for colour, width, label in (("white", 2.2 * THICK, None), (BLACK, THIN, "zone of finer nodes")):
+    for colour, width, label in (("white", 2 * THIN, None), (BLACK, THIN, "zone of finer nodes")):
         lines = LineCollection(list(sides * on.factor), colors=colour, linewidths=width, zorder=2, label=label)
         found.append(on.axes.add_collection(lines, autolim=False))
     return found

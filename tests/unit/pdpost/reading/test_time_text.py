@@ -14,11 +14,13 @@ from pdpost.reading.time_text import time_text
 
 
 def test_the_unit_is_that_of_the_time() -> None:
-    assert [time_text(seconds) for seconds in (0.0, 4.25e-5, -1e-3, 0.099, -0.1, 0.75, 36)] == [
+    assert [time_text(seconds) for seconds in (0.0, 4.25e-5, -1e-3, 9.99e-3, 0.034, 0.099, -0.1, 0.75, 36)] == [
         "0 us",
         "42.5 us",
         "-1000 us",
-        "9.9e+04 us",
+        "9990 us",
+        "34 ms",
+        "99 ms",
         "-0.1 s",
         "0.75 s",
         "36 s",
