@@ -2,7 +2,7 @@
 # make test    set up, run the quick tests
 # make docs    build the site below site/, from docs
 # make package   build wheel and source, install the wheel into an empty environment, use it there
-# make pythons   the same with every Python from 3.12 to 3.14 that is found
+# make pythons   the same with every Python from 3.11 to 3.14 that is found
 # make check   lint, types, import contracts, limits of files and functions
 # make slow    the verification that takes minutes, and five minutes of mutants
 # make thesis  every scene of the thesis in both modes, on one page
@@ -92,7 +92,7 @@ check: $(VENV)/check.done
 package:
 	.ci/package $(PYTHON)
 
-PYTHONS := 3.12 3.13 3.14
+PYTHONS := 3.11 3.12 3.13 3.14
 pythons:
 	@found=; for version in $(PYTHONS); do \
 		for python in python$$version $$HOME/.pyenv/versions/$$version.*/bin/python; do \

@@ -58,8 +58,8 @@ NOT_RUN = {  # commands that no test can run, and why
     "make demo": CI,
     "make test": CI,
     "python -m pytest tests/contracts/test_laws.py tests/contracts/test_spent.py -k saturating": "done on a copy",
-    "pip install pdsuite": "a package index",
-    "pip install 'pdsuite[study,completion]'": "a package index",
+    "pip install pdsuite-*.whl": "a wheel",
+    "pip install '.[study,completion]'": "a package index",
     "pip install 'pdsuite[study]'": "a package index",
     "pdsolve study study.toml --scheduler tls://host:8786": "the address of a cluster",
 }
