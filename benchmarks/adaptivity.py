@@ -25,9 +25,9 @@ from benchmarks.runs import PLATES
 from pdmesh.drawing.additions import ADAPT
 from pdmesh.drawing.file_reading import build
 from pdsolve.model import Model, ModelWarning
-from pdsolve.run.cell_splitting import changing
 from pdsolve.run.measures import books, damage
 from pdsolve.run.node_changes import zone_moved
+from pdsolve.run.simulation import changing
 from pdsolve.run.system import Options, prepare
 
 ROOT = Path(__file__).parent.parent
@@ -115,7 +115,7 @@ def solved(
         step = share * prepare(with_run(plate, time_step=None), Options(threads=1)).system.bound
         plate = with_run(plate, time_step=step, steps=round(duration / step))
     (system, state), steps = prepare(plate, Options(threads=1)), plate.settings.run.steps
-    begins = system.told.fine_share if system.told else 1.0
+    begins = system.zone_summary.fine_share if system.zone_summary else 1.0
     splits = changing(system)
     began, done = time.thread_time(), 0
     while done < steps:

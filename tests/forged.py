@@ -42,7 +42,7 @@ COMMANDS: dict[str, list[str]] = {  # the words behind a command
     "sql": ["--json"],
     "history": ["--at", "0,0", "--json"],
     "balance": ["--json"],
-    **{name: ["--json"] for name in ("reaction", "crack", "sif", "notch")},
+    **{name: ["--json"] for name in ("reaction", "crack", "sif", "fatigue", "notch")},
     "line": ["--from", "0,0", "--to", "0.01,0.003", "--json"],
     "export": ["-o", "out.csv"],
     "bonds": ["-o", "out.png"],

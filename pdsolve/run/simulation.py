@@ -101,7 +101,7 @@ def run(
 def _run(
     system: System, state: State, output: Path | None, watch: Watcher | None, provenance: str, adapt: Adapt | None
 ) -> Results:
-    adapt = adapt or _changing(system)
+    adapt = adapt or changing(system)
     notes = Recorder(system, state, None, _changes(system, adapt))
 
     def new() -> Writer:
@@ -111,7 +111,7 @@ def _run(
     return _finish(notes, new, output, watch, adapt)
 
 
-def _changing(system: System) -> Adapt | None:
+def changing(system: System) -> Adapt | None:
     """What changes the nodes of a run as its model requires; None if nothing does, or the operator itself does."""
     if isinstance(system.operator, SpaceHybrid):
         return Refining()
@@ -164,7 +164,7 @@ def _resume(output: Path, threads: int | None, watch: Watcher | None, adapt: Ada
                 f"{output}: found a checkpoint by {meta['program']}, expected this version's; solve it anew"
             )
         system, state = prepare(model, options)
-        adapt = adapt or _changing(system)
+        adapt = adapt or changing(system)
         same = float(meta["time_step"]) == system.time_step and np.array_equal(known.family, system.family)
         if not same or not np.array_equal(known.cut, system.family - system.count):
             raise ResultsError(

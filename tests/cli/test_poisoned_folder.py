@@ -58,7 +58,7 @@ RELATIVE = {  # what leads to the current folder, by name, or as an empty entry 
     "NUMBA_CACHE_DIR": "kernels", "XDG_CACHE_HOME": ".", "XDG_CONFIG_HOME": ".", "PYTHONSTARTUP": "startup.py",
 }  # fmt: skip
 ALIKE = """damage energy displacement velocity acceleration strain stress plastic rotation volume concentration content
-    solid nodes bonds watch slice render history balance reaction crack sif report export notch verify"""
+    solid nodes bonds watch slice render history balance reaction crack sif fatigue report export notch verify"""
 WORDS = {  # a call of each command; those that find nothing to show in these results may say so
     "pdmesh build": "plate.geo -o built.json",
     "pdmesh info": "plate.json",
@@ -76,7 +76,19 @@ WORDS = {  # a call of each command; those that find nothing to show in these re
     "pdpost study": "study.sqlite",
     **{f"pdpost {name}": "small.sqlite" for name in ALIKE.split()},
 }
-REFUSED = {"plastic", "rotation", "volume", "concentration", "content", "solid", "slice", "render", "notch", "sif"}
+REFUSED = {
+    "plastic",
+    "rotation",
+    "volume",
+    "concentration",
+    "content",
+    "solid",
+    "slice",
+    "render",
+    "notch",
+    "sif",
+    "fatigue",
+}
 SHORT = (
     "pdmesh build",
     "pdmesh preview",
