@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from pdpost.figures.charts import WIDTH, look, plain
 from pdpost.measures.fatigue import FIRST, Growth, Line, between
@@ -31,6 +32,9 @@ def fatigue(found: Sequence[Growth], line: Line | None) -> Figure:
     lengths.set(xlabel="cycles", ylabel="growth of the crack, mm")
     lengths.legend(frameon=False, fontsize="small")
     rates.set(xscale="log", yscale="log", xlabel="ΔK, MPa√m", ylabel="growth a cycle, m")
+    rates.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    rates.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
+    rates.xaxis.set_minor_formatter(NullFormatter())
     for axes in (lengths, rates):
         plain(axes)
     return figure
