@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model.document import Concentration, Exchange, InitialConcentration, Solid, Source, Timed
 from pdsolve.conditions import Drive, Entries, chosen, drive_of, entries, held, hold_values
+from pdsolve.diffusion.edge_fluxes import Cloud, beside_edge, is_coarse, over_cells
 from pdsolve.diffusion.families import extended
 from pdsolve.diffusion.surfaces import Faces, Held, nothing
 from pdsolve.model import Model, ModelError
@@ -28,6 +29,7 @@ class BoundaryConditions(NamedTuple):
     exchange: NDArray[np.float64]  # (n,) 1/s: what goes out for each mol/m^3
     edges: Held
     at_edges: list[tuple[float, int]]  # what each held edge holds, mol/m^3, and its profile
+    fluxes: list[tuple[Source | Exchange, NDArray[np.int64], int]]  # through edges, their nodes and profiles
 
     def drive(self) -> Drive:
         """Sources and prescribed contents for a stepper."""
@@ -53,6 +55,7 @@ def boundary_conditions(model: Model, volume: NDArray[np.float64]) -> BoundaryCo
     supplied: list[Entries] = []
     at_edges: list[tuple[float, int]] = []
     edges = [nothing(len(extended(model)))]
+    fluxes: list[tuple[Source | Exchange, NDArray[np.int64], int]] = []
     for number, condition in enumerate(model.settings.conditions):
         if not isinstance(condition, Concentration | Source | Exchange):
             continue
@@ -68,17 +71,33 @@ def boundary_conditions(model: Model, volume: NDArray[np.float64]) -> BoundaryCo
             held.append(entries(rows, 0, condition.value, profile))
             free[rows] = False
             continue
-        share = _extent(condition) / volume[rows].sum()
-        if isinstance(condition, Source):
-            rate = condition.rate if condition.rate is not None else (condition.flux or 0.0) * share
+        if isinstance(condition, Source) and condition.rate is not None:
+            supplied.append(entries(rows, 0, condition.rate, profile))
         else:
-            exchange[rows] += condition.coefficient * share
-            rate = condition.coefficient * share * condition.value
-        supplied.append(entries(rows, 0, rate, profile))
+            fluxes.append((condition, rows, profile))
     supplied = [chosen(each, free[each.node]) for each in supplied]
-    exchange[~free] = 0
     together = Faces(*(np.concatenate(column) for column in zip(*edges[::-1], strict=True)))  # the last one holds
-    return BoundaryConditions(profiles, held, supplied, free, exchange, Held(on_edge, together), at_edges)
+    return BoundaryConditions(profiles, held, supplied, free, exchange, Held(on_edge, together), at_edges, fluxes)
+
+
+def with_fluxes(done: BoundaryConditions, cloud: Cloud, corrected: bool) -> BoundaryConditions:
+    """Conditions with the fluxes through edges; `corrected`: where they leave linear fields exact."""
+    supplied, exchange = list(done.supplied), done.exchange.copy()
+    for condition, rows, profile in done.fluxes:
+        extent = _extent(condition)
+        coarse = isinstance(condition, Exchange) and is_coarse(cloud, rows, condition.coefficient)
+        found = beside_edge(cloud, rows, extent) if corrected and not coarse else over_cells(cloud, rows)
+        share = extent * found.share / cloud.volume[found.rows]
+        if isinstance(condition, Source):
+            rate = (condition.flux or 0.0) * share
+        else:
+            coefficient = share / (1 / condition.coefficient + found.resistance)
+            np.add.at(exchange, found.rows, coefficient)
+            rate = coefficient * condition.value
+        supplied.append(entries(found.rows, 0, rate, profile))
+    supplied = [chosen(each, done.free[each.node]) for each in supplied]
+    exchange[~done.free] = 0
+    return done._replace(supplied=supplied, exchange=exchange)
 
 
 def _has_edges(model: Model) -> bool:

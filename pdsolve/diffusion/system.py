@@ -14,8 +14,9 @@ from pdsolve.bonds.assembly import areas
 from pdsolve.conditions import Drive
 from pdsolve.diffusion import surfaces
 from pdsolve.diffusion.collocation import Collocated
-from pdsolve.diffusion.conditions import begin, boundary_conditions, with_edges
+from pdsolve.diffusion.conditions import begin, boundary_conditions, with_edges, with_fluxes
 from pdsolve.diffusion.dissolution import crossing
+from pdsolve.diffusion.edge_fluxes import Cloud
 from pdsolve.diffusion.families import Families, grouped
 from pdsolve.diffusion.lattice import on_lattice
 from pdsolve.diffusion.listed import BondList, ChangedBonds
@@ -62,6 +63,9 @@ def prepare(model: Model, threads: int | None = None, listed: bool = False) -> t
         found = surfaces.correction(stored.bonds, volume, done.free, done.edges, stored.lacking)
         done, change = with_edges(done, found.to_edge, found.edge), ChangedBonds(*found[:3], volume, threads)
     bonds = (lambda: stored.bonds) if run.adapt == "collocation" else partial(Families, model)
+    if done.fluxes:
+        inside = Fick(stored.exchange, bonds, medium, None, change)
+        done = with_fluxes(done, _cloud(model, inside, volume), medium.surface_correction)
     operator, drive = Fick(stored.exchange, bonds, medium, done.exchange, change), done.drive()
     content, operator.solid = begin(model, drive)
     most = bound(operator, done.free)
@@ -74,6 +78,17 @@ def prepare(model: Model, threads: int | None = None, listed: bool = False) -> t
     transport = Transport(counted(model, step), operator, drive, done.free, *steps, *of)
     second, (rate, dissipated, work, damped) = np.zeros((len(content), 0)), np.zeros((4, len(content)))
     return transport, State(content[:, None], rate[:, None], second, dissipated, work, damped)
+
+
+def _cloud(model: Model, operator: Fick, volume: NDArray[np.float64]) -> Cloud:
+    """The nodes, and what they gain in linear fields."""
+    families = Families(model)
+    gain = np.zeros(families.position.T.shape)
+    for rates, x in zip(gain, families.position.T, strict=True):
+        operator.rates(np.ascontiguousarray(x), rates)
+    return Cloud(
+        families.position, volume, families.delta, families.reach, families.diffusivity, volume[:, None] * gain.T
+    )
 
 
 def expect_usual(model: Model, options: Options) -> None:

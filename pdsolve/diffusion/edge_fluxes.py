@@ -1,0 +1,96 @@
+r"""Fluxes and exchange through edges, handed on to the nodes beside them so that linear fields stay exact.
+
+Nodes near a free edge lack bonds. In a linear field that rises by 1 in a metre along the inward normal n they gain
+R . n with R_i = V_i sum_j g_ij V_j (x_j - x_i), m^(d+1)/s. It is 0 inside a body and adds up to D A over an edge of the
+extent A. A flux that is shared out as R . n has the exact linear field for its equilibrium; one that acts on the outer
+row alone leaves that row off by about q h / D. Symbols:
+
+    A   extent of the edge, m^(d-1)        z   depth of a node below the edge, m
+    D   diffusivity, m^2/s                 w   share of a node in the flux
+    H   exchange between the outside and the nodes, 1 / (1 / coefficient + sum(w z) / D), m/s
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.kd_trees import tree_of
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.int64]
+
+CLEAR = 0.2  # of D A, by which the sum of R . n may miss it at a free edge
+COARSE = 1.0  # exchange times spacing over D, beyond which a spacing does not resolve what it does
+
+
+class Cloud(NamedTuple):
+    """Nodes, and what they gain in linear fields."""
+
+    position: Array  # (n, d) m
+    volume: Array  # (n,) m^d
+    delta: Array  # (n,) m
+    reach: Array  # (n,) m, of bonds
+    diffusivity: Array  # (n,) m^2/s
+    gain: Array  # (n, d) R
+
+
+class Spread(NamedTuple):
+    """Shares of a flux."""
+
+    rows: Rows  # (k,)
+    share: Array  # (k,) of the whole flux; they add up to 1
+    resistance: Array  # (k,) s/m, between the edge and where the flux arrives
+
+
+def over_cells(cloud: Cloud, rows: Rows) -> Spread:
+    """Shares in proportion to the cells of these nodes."""
+    return Spread(rows, cloud.volume[rows] / cloud.volume[rows].sum(), np.zeros(len(rows)))
+
+
+def is_coarse(cloud: Cloud, rows: Rows, coefficient: float) -> bool:
+    """Whether an exchange of this coefficient, m/s, changes a field within a spacing."""
+    return bool((coefficient * cloud.delta[rows] > COARSE * cloud.diffusivity[rows]).any())
+
+
+def beside_edge(cloud: Cloud, rows: Rows, extent: float) -> Spread:
+    """Shares of a flux through an edge of that extent, whose nodes `rows` are.
+
+    Each of these hands the part of its own cell on to the nodes that it is the nearest to, or keeps it if that part of
+    the edge is not free.
+    """
+    volume, D = cloud.volume[rows], cloud.diffusivity[rows]
+    part, normal = volume / volume.sum(), _normals(cloud, rows)
+    reach = 2 * float(cloud.reach[rows].max())
+    distance, owner = tree_of(cloud.position[rows]).query(cloud.position, distance_upper_bound=reach)
+    near = np.flatnonzero(np.isfinite(distance))
+    owner = owner[near]
+    way = ((cloud.position[near] - cloud.position[rows[owner]]) * normal[owner]).sum(axis=1)
+    w = (cloud.gain[near] * normal[owner]).sum(axis=1) * (way > -cloud.delta[near] / 2)
+    whole = np.bincount(owner, w, len(rows))
+    free = np.abs(whole - D * extent * part) < CLEAR * D * extent * part
+    hands = free[owner] & (w != 0)
+    near, owner, way = near[hands], owner[hands], way[hands]
+    w = w[hands] / whole[owner]
+    z = volume.sum() / extent - cloud.delta[rows[owner]] / 2 + way
+    resistance = np.maximum(np.bincount(owner, w * z, len(rows)), 0.0) / D
+    kept = np.flatnonzero(~free)
+    return Spread(
+        np.concatenate([near, rows[kept]]),
+        np.concatenate([part[owner] * w, part[kept]]),
+        np.concatenate([resistance[owner], np.zeros(len(kept))]),
+    )
+
+
+def _normals(cloud: Cloud, rows: Rows) -> Array:
+    """Inward unit normals (k, d) of an edge at its nodes: across the line or plane through those around."""
+    x, own = cloud.position[rows], cloud.gain[rows]
+    around = tree_of(x).query_ball_point(x, cloud.reach[rows])
+    found = np.zeros(own.shape)
+    for at, some in enumerate(around):
+        _, axes = np.linalg.eigh(np.cov(x[some].T, bias=True).reshape(own.shape[1], -1))
+        found[at] = axes[:, 0] if len(some) > 1 else own[at]
+    found *= np.where((found * own).sum(axis=1) < 0, -1.0, 1.0)[:, None]
+    return np.asarray(found / np.maximum(np.sqrt((found**2).sum(axis=1)), np.finfo(float).tiny)[:, None])
