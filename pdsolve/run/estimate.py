@@ -13,7 +13,7 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
-from pdmesh.model.document import ON_ONE_LATTICE, Absorb, Run, Settings
+from pdmesh.model.document import ON_ONE_LATTICE, Absorb, Load, Run, Settings
 from pdsolve.checks import advise
 from pdsolve.diffusion.swelling import Swelling
 from pdsolve.laws import law_of
@@ -28,7 +28,7 @@ DEFAULT = Options()
 
 # Peak of the whole process, bytes: at least, half of it libraries' files, of which systems map more or less; and for
 # each node
-MEMORY = {"thesis": (196e6, 1700.0), "conservative": (181e6, 1700.0)}
+MEMORY = {"thesis": (200e6, 1350.0), "conservative": (187e6, 1300.0)}
 LATTICE = {"float64": 480.0, "float32": 385.0}  # bytes for each node of a box in space whose file holds a lattice
 LISTED = 130.0  # bytes for each bond of a law that is no pair's
 SPLITTING = 640.0  # the same where cells split: all pairs are kept, and two lists there while they do
@@ -54,6 +54,7 @@ RELAXED_BOND = 150.0
 # Entries of the factors for each bond of a thousand nodes, and how they grow with nodes: of a plate twice as long as
 # wide; those of a square are more, those of a strip fewer
 FILL, GROWTH = 20.4, 0.31
+DEAD = 1.2  # times as much beyond the least under dead loads, where pivots say whether a body stays
 # Along an equilibrium path: the share of the steps after which it is given up that are taken (41 to 106 of 800), and
 # how long one takes beside a load step in which nothing breaks (0.8 to 2.8)
 TAKEN, ITERATED = 0.07, 1.3
@@ -158,6 +159,8 @@ def estimate_size(
     run = settings.run
     rest, load_step = resting(run, nodes, bonds)
     if run.solver == "static":
+        if any(isinstance(condition, Load) for condition in settings.conditions) and 2 * nodes <= FACTORED:
+            rest = REST + DEAD * (rest - REST)
         tires = run.fatigue is not None
         seconds = slower() * (BEGIN + run.steps * (JUMPED if tires else 1) * load_step)
         return Plan(nodes, bonds, run.steps, *steps, round(rest), seconds, at_rest=True, in_jumps=tires)

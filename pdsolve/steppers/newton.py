@@ -86,6 +86,7 @@ class Newton:
         """
         if not (self._factored and self._operator.symmetric) or self._floating is not None:
             return 0
+        self.forget()  # whose factors would be there beside these
         matrix, free = self._symmetric(state, held.shape[1]), ~held.ravel()
         return negative_pivots(matrix[free][:, free])
 
