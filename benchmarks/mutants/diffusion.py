@@ -25,7 +25,7 @@ DIFFUSION = (
     ),
     Mutant(
         "pdsolve/diffusion/conditions.py",
-        "    exchange[~free] = 0\n",
+        "    exchange[~done.free] = 0\n",
         "",
         "tests/unit/pdsolve/diffusion/test_masses.py::test_held_nodes_exchange_nothing_and_are_supplied_nothing",
     ),

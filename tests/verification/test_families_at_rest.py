@@ -60,6 +60,7 @@ def shuffled(model: Model) -> Model:
     )
 
 
+@pytest.mark.slow
 def test_the_order_of_nodes_and_threads_do_not_matter() -> None:
     found = []
     model = strip(**LAWS["ordinary, stretch"])
@@ -72,6 +73,7 @@ def test_the_order_of_nodes_and_threads_do_not_matter() -> None:
     assert (found[2][1] == found[0][1]).all()
 
 
+@pytest.mark.slow
 def test_a_run_that_goes_on_is_the_same_to_the_last_bit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("pdsolve.run.simulation.PATIENCE", 1.0)
     whole, stopped = tmp_path / "whole.sqlite", tmp_path / "stopped.sqlite"
