@@ -1,6 +1,12 @@
 """Changes that change nothing anybody could notice: file, line, what a piece of it becomes; the reason beside each."""
 
 EQUIVALENT: dict[tuple[str, str, str], str] = {
+    ("pdmesh/grid/cell_areas.py", "shapely.prepare(around)", "pass"): "prepared geometries are only faster",
+    (
+        "pdsolve/operators/space_lattice/sites.py",
+        "OFF_PLACE = 1e-6  # spacings: how far a node may be from its place in the lattice",
+        "(2e-06)",
+    ): "round-off of places is 1e-12, and what is no lattice is off by far more",
     (
         "pdmesh/scene/shapes.py",
         "sagitta = float(np.clip(CHORD_TOLERANCE * spacing / self.radius, 1e-15, 0.25))",

@@ -60,6 +60,7 @@ def test_a_drawing_has_both_kinds_of_conditions() -> None:
     left, right, top, core, warm, foot = (by_name[n] for n in ("left", "right", "top", "core", "warm", "foot"))
     assert isinstance(left, Concentration)
     assert (left.value, left.profile) == (350.0, ((0.0, 0.0), (2.0, 1.0)))
+    assert len(left.nodes or ()) == 11  # one row
     assert isinstance(right, Exchange)
     assert (right.coefficient, right.value) == (pytest.approx(5e-4), 280.0)
     assert isinstance(top, Source)
