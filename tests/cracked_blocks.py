@@ -6,8 +6,8 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from atrest import settled
 from numpy.typing import NDArray
-from scipy.sparse.linalg import LinearOperator, cg
 from stored import results_of
 
 from pdmesh.model.document import Horizon, Lattice, Material, Settings
@@ -70,31 +70,9 @@ def at_rest(
     c11, c12 = scale * ratios.c11 * C11["space"], scale * ratios.c12 * C66["space"]
     E, nu = (c11 - c12) * (c11 + 2 * c12) / (c11 + c12), c12 / (c11 + c12)
     reach = np.array(counts) * h / 2 - LAYERS * h
-    inner = (np.abs(grid.position) < reach)[:, list(held)].all(axis=1)
-    return Block(found, _settled(found, SMALL * outer(grid.position, E, nu), inner), E, nu, crack)
-
-
-def _settled(found: Prepared, start: NDArray[np.float64], inner: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Displacements (n, 3) with all but the nodes `inner` held as at the `start`."""
-    state, free = found.state, np.repeat(inner, 3)
-
-    def force(u: NDArray[np.float64]) -> NDArray[np.float64]:
-        state.value[:] = u.reshape(-1, 3)
-        out = np.zeros_like(state.value)
-        found.system.operator.add(state, out, 0, 0.0)
-        return out.ravel()[free]
-
-    def stiff(way: NDArray[np.float64]) -> NDArray[np.float64]:
-        whole = np.zeros(len(free))
-        share = 0.1 * SMALL / max(float(np.abs(way).max()), 1e-300)
-        whole[free] = share * way
-        return -force(whole) / share
-
-    u = start.ravel().copy()
-    change, left = cg(LinearOperator((int(free.sum()),) * 2, matvec=stiff), force(u), rtol=1e-6)
-    assert left == 0
-    u[free] += change
-    return u.reshape(-1, 3)
+    outermost = np.repeat((np.abs(grid.position) >= reach)[:, list(held), None].any(axis=1), 3, axis=1)
+    start = SMALL * outer(grid.position, E, nu)
+    return Block(found, settled(found.system.operator, found.system.area, outermost, start), E, nu, crack)
 
 
 def front_of(block: Block) -> AlongFront:

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from atrest import settled
 from numpy.typing import NDArray
-from scipy.sparse.linalg import LinearOperator, cg
 
 from pdmesh.model.document import Horizon, Material, Settings
 from pdmesh.model.lattice_calibration import lattice_ratios
@@ -18,10 +18,8 @@ from pdsolve.laws.pair_laws import brittle
 from pdsolve.model import Model
 from pdsolve.operators.bond_list import BondList
 from pdsolve.schemes.average_horizon import Corrections, fill
-from pdsolve.state import State
 
 GLASS = Material(E=1.0, rho=1.0, G0=1e30, micromodulus="constant")
-SMALL = 1e-6  # stress: displacements are linear
 Outer = Callable[[NDArray[np.float64], float, float], NDArray[np.float64]]  # u (n, 3) at places, by E and nu
 
 
@@ -68,29 +66,6 @@ def opened(nodes_of_radius: int, half: float, outer: Outer = pulled) -> Penny:
     c11, c12 = ratios.c11 * C11["space"], ratios.c12 * C66["space"]
     E, nu = (c11 - c12) * (c11 + 2 * c12) / (c11 + c12), c12 / (c11 + c12)
     operator = BondList(brittle.LAW, model, whole.bonds, True)
-    u = _at_rest(operator, SMALL * outer(position, E, nu), (np.abs(position) < half - 3 * h).all(axis=1))
-    return Penny(nodes_of_radius, position, whole, u / SMALL, E, nu)
-
-
-def _at_rest(operator: BondList, start: NDArray[np.float64], inner: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Displacements (n, 3) with all but the nodes `inner` held as at the `start`."""
-    state = State(*np.zeros((3, *start.shape)), *np.zeros((3, len(start))))
-    free = np.repeat(inner, 3)
-
-    def force(u: NDArray[np.float64]) -> NDArray[np.float64]:
-        state.value[:] = u.reshape(-1, 3)
-        out = np.zeros_like(state.value)
-        operator.add(state, out, 0, 0.0)
-        return out.ravel()[free]
-
-    def stiff(way: NDArray[np.float64]) -> NDArray[np.float64]:
-        whole = np.zeros(len(free))
-        share = 0.1 * SMALL / max(float(np.abs(way).max()), 1e-300)
-        whole[free] = share * way
-        return -force(whole) / share
-
-    u = start.ravel()
-    found, left = cg(LinearOperator((int(free.sum()),) * 2, matvec=stiff), force(u), rtol=1e-6)
-    assert left == 0
-    u[free] += found
-    return u.reshape(-1, 3)
+    held = np.repeat((np.abs(position) >= half - 3 * h).any(axis=1)[:, None], 3, axis=1)
+    u = settled(operator, np.full(count, h**3), held, outer(position, E, nu))
+    return Penny(nodes_of_radius, position, whole, u, E, nu)

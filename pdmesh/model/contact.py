@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
 import msgspec
 
-from pdmesh.model.timed_selection import Amount, Id, Positive
+from pdmesh.model.timed_selection import Amount, Id, Positive, Share
 
 REST = "plate"  # the body of the nodes that no other has
 
@@ -22,5 +20,5 @@ class Contact(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defa
     """How bodies, and the faces of cracks, push each other apart."""
 
     stiffness: Positive = 15.0  # of a pair of nodes, in micromoduli over their horizon
-    distance: Annotated[float, msgspec.Meta(gt=0, le=1)] = 1.0  # at which pairs begin to touch, in spacings
+    distance: Share = 1.0  # at which pairs begin to touch, in spacings
     friction: Amount = 0.0  # Coulomb's coefficient

@@ -26,7 +26,6 @@ from pdmesh.files import read_bytes, write_atomically
 from pdmesh.model.contact import BodyNodes as BodyNodes
 from pdmesh.model.contact import Contact as Contact
 from pdmesh.model.fatigue import Fatigue as Fatigue
-from pdmesh.model.fatigue import Share
 from pdmesh.model.material import Material as Material
 from pdmesh.model.medium import Concentration as Concentration
 from pdmesh.model.medium import Exchange as Exchange
@@ -47,6 +46,7 @@ from pdmesh.model.timed_selection import Point as Point
 from pdmesh.model.timed_selection import Positive as Positive
 from pdmesh.model.timed_selection import PositiveInt as PositiveInt
 from pdmesh.model.timed_selection import Selection as Selection
+from pdmesh.model.timed_selection import Share
 from pdmesh.model.timed_selection import Timed as Timed
 from pdmesh.model.timed_selection import Vector as Vector
 
@@ -173,9 +173,7 @@ class ParticleRules(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omi
     spacing: Annotated[float, msgspec.Meta(ge=1, le=64)] = 1.0  # between particles, over that of the nodes there
     toughness: Positive | None = None  # intensity: Pa m^0.5; None: sqrt(E' G0)
     strength: Positive | None = None  # stress: largest principal value, Pa
-    branch: Annotated[float, msgspec.Meta(gt=0, le=1)] = (
-        0.95  # stress: second maximum over the first that forks a crack
-    )
+    branch: Share = 0.95  # stress: second maximum over the first that forks a crack
     most: PositiveInt | None = None  # particles that a run adds, at most
 
 

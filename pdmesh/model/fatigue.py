@@ -15,9 +15,8 @@ from typing import Annotated, NamedTuple
 
 import msgspec
 
-from pdmesh.model.timed_selection import Positive
+from pdmesh.model.timed_selection import Amount, Positive, Share
 
-Share = Annotated[float, msgspec.Meta(gt=0, le=1)]
 Exponent = Annotated[float, msgspec.Meta(ge=1, le=100)]
 MOST_CYCLES = 1e15
 
@@ -29,8 +28,8 @@ class Fatigue(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defa
     m: Exponent | None = None
     A1: Positive | None = None  # elsewhere; None: bonds tire next to damage alone
     m1: Exponent | None = None
-    endurance: Annotated[float, msgspec.Meta(ge=0)] = 0.0  # range of stretch of which nothing away from damage tires
-    threshold: Annotated[float, msgspec.Meta(ge=0)] = 0.0  # the same next to damage
+    endurance: Amount = 0.0  # range of stretch of which nothing away from damage tires
+    threshold: Amount = 0.0  # the same next to damage
     damaged: Share = 0.25  # damage of a node from which bonds within a horizon of it grow the crack
     ratio: Annotated[float, msgspec.Meta(ge=-1, lt=1)] = 0.0  # of the least load of a cycle to the largest, R
     cycles: Annotated[float, msgspec.Meta(gt=0, le=MOST_CYCLES)] = MOST_CYCLES  # then the run ends

@@ -11,6 +11,7 @@ Id = Annotated[int, msgspec.Meta(ge=-(2**62), le=2**62)]
 MOST_STEPS = 2**31 - 1  # what a broken bond can remember
 PositiveInt = Annotated[int, msgspec.Meta(gt=0, le=MOST_STEPS)]
 Amount = Annotated[float, msgspec.Meta(ge=0)]
+Share = Annotated[float, msgspec.Meta(gt=0, le=1)]
 Point = tuple[float, float]
 Vector = Annotated[tuple[float, ...], msgspec.Meta(min_length=2, max_length=3)]  # x, y and, in space, z
 Box = Annotated[tuple[float, ...], msgspec.Meta(min_length=4, max_length=6)]  # its low corner, then its high one, m

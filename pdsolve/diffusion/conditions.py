@@ -94,8 +94,7 @@ def with_fluxes(done: BoundaryConditions, cloud: Cloud, corrected: bool) -> Boun
             coefficient = share / (1 / condition.coefficient + found.resistance)
             np.add.at(exchange, found.rows, coefficient)
             rate = coefficient * condition.value
-        supplied.append(entries(found.rows, 0, rate, profile))
-    supplied = [chosen(each, done.free[each.node]) for each in supplied]
+        supplied.append(chosen(entries(found.rows, 0, rate, profile), done.free[found.rows]))
     exchange[~done.free] = 0
     return done._replace(supplied=supplied, exchange=exchange)
 

@@ -65,7 +65,7 @@ def prepare(model: Model, threads: int | None = None, listed: bool = False) -> t
     bonds = (lambda: stored.bonds) if run.adapt == "collocation" else partial(Families, model)
     if done.fluxes:
         inside = Fick(stored.exchange, bonds, medium, None, change)
-        done = with_fluxes(done, _cloud(model, inside, volume), medium.surface_correction)
+        done = with_fluxes(done, _cloud(stored.bonds, inside), medium.surface_correction)
     operator, drive = Fick(stored.exchange, bonds, medium, done.exchange, change), done.drive()
     content, operator.solid = begin(model, drive)
     most = bound(operator, done.free)
@@ -80,15 +80,13 @@ def prepare(model: Model, threads: int | None = None, listed: bool = False) -> t
     return transport, State(content[:, None], rate[:, None], second, dissipated, work, damped)
 
 
-def _cloud(model: Model, operator: Fick, volume: NDArray[np.float64]) -> Cloud:
+def _cloud(bonds: surfaces.Bonds, operator: Fick) -> Cloud:
     """The nodes, and what they gain in linear fields."""
-    families = Families(model)
-    gain = np.zeros(families.position.T.shape)
-    for rates, x in zip(gain, families.position.T, strict=True):
-        operator.rates(np.ascontiguousarray(x), rates)
-    return Cloud(
-        families.position, volume, families.delta, families.reach, families.diffusivity, volume[:, None] * gain.T
-    )
+    x, volume = bonds.position, operator.volume
+    gain = np.zeros(x.T.shape)
+    for rates, along in zip(gain, x.T, strict=True):
+        operator.rates(np.ascontiguousarray(along), rates)
+    return Cloud(x, volume, bonds.delta, bonds.reach, bonds.diffusivity, volume[:, None] * gain.T)
 
 
 def expect_usual(model: Model, options: Options) -> None:

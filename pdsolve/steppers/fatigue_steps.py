@@ -20,7 +20,7 @@ from pdsolve.checkpoint_validation import entry
 from pdsolve.errors import CheckpointError
 from pdsolve.model import Model, ModelError
 from pdsolve.operators.protocol import Operator
-from pdsolve.state import Broken, State
+from pdsolve.state import State
 from pdsolve.steppers.equilibrium import Settled, UnsettledError
 from pdsolve.steppers.load_steps import Going, LoadSteps, Rested
 
@@ -124,7 +124,7 @@ class FatigueSteps:
             for part, value in zip(state, values, strict=True):
                 part[:] = value
             bonds.intact[:] = intact
-            self._operator.back(self._operator.keep(), Broken(*broken))
+            self._operator.back(self._operator.keep(), broken)
             self.ended, self.why = True, "what was left could not bear the largest loads"
             return before
 

@@ -12,6 +12,7 @@ import pytest
 from plates import GEOMETRIES, GLASS
 from shapely import box
 
+from benchmarks.runs import PLATES
 from pdmesh import Scene
 from pdmesh.grid.lattice import build_grid
 from pdmesh.model.document import Run
@@ -23,17 +24,7 @@ from pdsolve.run.estimate import estimate_run as planned
 from pdsolve.run.system import Options, prepare
 
 pytest.importorskip("gmsh", exc_type=(ImportError, OSError))
-BODIES = (
-    "branching_block.py",
-    "expanding_ring.py",
-    "kalthoff_winkler_block.py",
-    "penny.geo",
-    "screw.geo",
-    "slanted_notch.py",
-)  # see tests/unit/pdsolve/test_space.py
-SCENES = sorted(
-    path.name for path in GEOMETRIES.iterdir() if path.suffix in (".geo", ".py") and path.name not in BODIES
-)
+SCENES = [path.name for path in PLATES]
 MODES = ("thesis", "conservative")
 
 
