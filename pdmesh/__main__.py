@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pdmesh import commandline
-from pdmesh.drawing.units import UNITS
 from pdmesh.file_kinds import Kind
 from pdmesh.printing import say
+from pdmesh.scene.units import UNITS
 
 if TYPE_CHECKING:
     from pdmesh.model.document import Document

@@ -111,7 +111,7 @@ def drive(model: Model, areas: NDArray[np.float64], exact_total: bool, kind: typ
 
     A traction becomes traction / (rows delta) at each of its nodes, as in the thesis. With `exact_total`, and if the
     length of the loaded edge (or the area of the loaded face) is known, its nodes share traction times that in
-    proportion to their `areas` (n,), m^2, or volumes.
+    proportion to their `areas` (n,), m^2, or volumes. A force is always shared so.
     """
     d, nodes = model.grid.dimension, len(model.grid)
     profiles: list[Sequence[tuple[float, float]]] = []
@@ -220,9 +220,10 @@ def _body_force(
     load: Load, rows: NDArray[np.int64], model: Model, areas: NDArray[np.float64], exact_total: bool
 ) -> NDArray[np.float64]:
     """Body force (rows, d), N/m^3, of a load at factor 1."""
-    if load.traction is None:
-        assert load.body_force is not None
+    if load.body_force is not None:
         return np.tile(np.array(load.body_force), (len(rows), 1))
+    if load.force is not None:
+        return np.tile(np.array(load.force) / areas[rows].sum(), (len(rows), 1))
     extent = load.length if model.grid.dimension == 2 else load.surface
     if exact_total and extent is not None:
         spread = np.full(len(rows), extent / areas[rows].sum())

@@ -10,12 +10,12 @@ from dataclasses import replace
 from typing import TypeVar
 
 from pdmesh.drawing.parameters import unit_of
-from pdmesh.drawing.units import Unit
 from pdmesh.model.document import ADAPTS
 from pdmesh.scene.body import Body
 from pdmesh.scene.plate import Refinement
 from pdmesh.scene.scene import Scene
 from pdmesh.scene.shapes import SceneError
+from pdmesh.scene.units import Unit
 
 REFINE, CRACK = "--refine ", "--crack "  # begin the names under which a model keeps what was added
 ADAPT = "--adapt"  # likewise, the name of how it is to be solved

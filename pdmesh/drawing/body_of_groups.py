@@ -3,10 +3,12 @@
     group                                      parameters below Peridynamics/
     Physical Volume("zone:NAME")               Zones/NAME/Spacing, Grown (1)
     Physical Surface("crack:NAME")             -
-    Physical Surface or Volume("load:NAME")    Loads/NAME/Traction x, y, z or Body force x, y, z; *
+    Physical Surface or Volume("load:NAME")    Loads/NAME/Traction, Body force or (total) Force x, y, z; *
     Physical Surface or Volume("fix:NAME")     Fixes/NAME/Components (xyz), Displacement x, y, z; *
     Physical Surface or Volume("move:NAME")    Moves/NAME/Velocity, Acceleration or Initial velocity x, y, z; *
-    * of each condition                        Rows (1), Profile (constant), Breakable (0), Box "x0 y0 z0 x1 y1 z1"
+    * of each condition                        Rows (1), Profile (constant), Breakable (0); without a group
+                                               Box "x0 y0 z0 x1 y1 z1", or Face, words that pick one
+                                               (`pdmesh.scene.faces`)
     Physical Volume("material:NAME")           Materials/NAME/ as in the plane: the values that differ
 
 The body is the union of all zones. All other parameters are those of a plate (`pdmesh.drawing.plate_of_groups`), except
@@ -22,7 +24,8 @@ from pdmesh.drawing import diffusion_conditions
 from pdmesh.drawing import parameters as named
 from pdmesh.drawing.parameters import PREFIX, Parameters
 from pdmesh.drawing.solids import sheet_of, shell_of
-from pdmesh.scene.body import Body, Components, SolidZone
+from pdmesh.scene.body import Body, Components, SolidZone, Where
+from pdmesh.scene.faces import face
 from pdmesh.scene.shapes import SceneError, checked_spacing
 from pdmesh.scene.solids import Sheet, Shell, brick
 
@@ -40,17 +43,18 @@ KINDS = {  # kind: dimensions, folder of its parameters
     "solid": ((3,), ""),
     "medium": ((3,), "Media"),
 }
-PLACED = ("load", "fix", "move", "hold", "supply", "begin")
 SHAPES = ("Point", "Curve", "Surface", "Volume")
+PICKED = ("Box", "Face")  # parameters that place a condition without a group
+ON_PLATES = ("/Edge", "/Node")
 OF_PLATES = ("Refine/", "Load cells/", "Absorbs/", "Area rule", "Run/Adapt")
-Placed = dict[str, tuple[Shell | Sheet, str]]  # by name: where, and the folder of its parameters
+Placed = dict[str, tuple[Where, str]]  # by name: where, and the folder of its parameters
 
 
 def body_of(found: Mapping[str, Any], values: Mapping[str, float | str], source: str, text: str = "") -> Body:
     """The body that groups and parameters describe. Raises SceneError naming the group or the parameter."""
     named.refuse_unknown(values, own=True)
     for name in values:
-        if name.removeprefix(PREFIX).startswith(OF_PLATES):
+        if name.removeprefix(PREFIX).startswith(OF_PLATES) or name.endswith(ON_PLATES):
             raise SceneError(f"parameter '{name}': found one in a body in space, expected none: only plates have it")
     parameters = Parameters(values, named.unit_of(values))
     groups = _sorted_out(found, parameters)
@@ -85,7 +89,8 @@ def body_of(found: Mapping[str, Any], values: Mapping[str, float | str], source:
     )
     for name, group in groups["crack"].items():
         body = body.crack(_sheet(found, group, parameters), name)
-    places = {kind: _places(found, groups[kind], parameters, kind) for kind in PLACED}
+    kinds = ("load", "fix", "move", *diffusion_conditions.KINDS)
+    places = {kind: _places(found, groups[kind], parameters, kind) for kind in kinds}
     body = _moved(
         _fixed(_loaded(body, places["load"], parameters), places["fix"], parameters), places["move"], parameters
     )
@@ -98,7 +103,6 @@ def body_of(found: Mapping[str, Any], values: Mapping[str, float | str], source:
         body = body.diffusivity(_shell(found, group, parameters), parameters.number(f"Media/{name}/D"), name)
     for name, group in groups["solid"].items():
         body = body.dissolve(_shell(found, group, parameters), name)
-    places["exchange"] = _places(found, groups["exchange"], parameters, "exchange")
     diffusing = {kind: [(name, *place) for name, place in places[kind].items()] for kind in diffusion_conditions.KINDS}
     return diffusion_conditions.diffusing(body, diffusing, parameters)
 
@@ -123,7 +127,7 @@ def _sorted_out(found: Mapping[str, Any], parameters: Parameters) -> dict[str, d
         groups[kind][name] = group
     for kind, (dimensions, folder) in KINDS.items():
         for name in sorted(parameters.below(folder) - set(groups[kind])) if folder else ():
-            if not (kind in PLACED and parameters.text(f"{folder}/{name}/Box")):
+            if not _picked(parameters, f"{folder}/{name}"):
                 raise SceneError(
                     f'Physical {SHAPES[dimensions[0]]}("{kind}:{name}"): found none, expected one for'
                     f" {PREFIX}{folder}/{name}"
@@ -143,17 +147,33 @@ def _sheet(found: Mapping[str, Any], group: Mapping[str, Any], parameters: Param
 
 def _places(found: Mapping[str, Any], groups: Mapping[str, Any], parameters: Parameters, kind: str) -> Placed:
     """Places of the conditions of a kind, by name, with their parameter folders."""
-    top, places = KINDS[kind][1], {}
+    top = KINDS[kind][1]
+    places: Placed = {}
     for name, group in groups.items():
-        if parameters.text(f"{top}/{name}/Box"):
+        for word in _picked(parameters, f"{top}/{name}"):
             raise SceneError(
-                f"parameter '{PREFIX}{top}/{name}/Box': found a group '{kind}:{name}' too, expected one of them"
+                f"parameter '{PREFIX}{top}/{name}/{word}': found a group '{kind}:{name}' too, expected one of them"
             )
         where = _shell(found, group, parameters) if group["dimension"] == 3 else _sheet(found, group, parameters)
         places[name] = where, f"{top}/{name}"
     for name in sorted(parameters.below(top) - set(groups)):
-        places[name] = _box(parameters, f"{top}/{name}/Box"), f"{top}/{name}"
+        word, *others = _picked(parameters, f"{top}/{name}")
+        if others:
+            raise SceneError(f"parameter '{PREFIX}{top}/{name}/Face': found a Box too, expected one of them")
+        places[name] = _placed(found, parameters, f"{top}/{name}/{word}"), f"{top}/{name}"
     return places
+
+
+def _picked(parameters: Parameters, folder: str) -> list[str]:
+    """Which of the parameters that place a condition without a group a folder has."""
+    return [word for word in PICKED if parameters.text(f"{folder}/{word}")]
+
+
+def _placed(found: Mapping[str, Any], parameters: Parameters, name: str) -> Where:
+    if name.endswith("/Box"):
+        return _box(parameters, name)
+    whole = next(group for group in found["groups"] if group["name"] == "body")
+    return face(_shell(found, whole, parameters), parameters.text(name), f"parameter '{PREFIX}{name}'", parameters.unit)
 
 
 def _box(parameters: Parameters, name: str) -> Shell:
@@ -187,11 +207,13 @@ def _loaded(body: Body, places: Placed, parameters: Parameters) -> Body:
     for name, (where, folder) in places.items():
         given: dict[str, Any] = {
             word: tuple(value or 0.0 for value in three)
-            for word, key in (("traction", "Traction"), ("body_force", "Body force"))
+            for word, key in (("traction", "Traction"), ("body_force", "Body force"), ("force", "Force"))
             if (three := _three(parameters, f"{folder}/{key}")) is not None
         }
         if len(given) != 1:
-            raise SceneError(f"load '{name}': found {len(given)} of traction and body force, expected one of them")
+            raise SceneError(
+                f"load '{name}': found {len(given)} of traction, body force and force, expected one of them"
+            )
         body = body.load(where, name=name, **given, **_shared(parameters, folder))
     return body
 

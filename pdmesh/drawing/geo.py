@@ -15,14 +15,15 @@ import shapely
 
 from pdmesh.drawing.body_of_groups import body_of
 from pdmesh.drawing.parameters import OWN, PREFIX, Parameter, full_name, given, refuse_unknown, unit_of, unknown
-from pdmesh.drawing.plate_of_groups import Group, face, in_metres, scene_of
+from pdmesh.drawing.plate_of_groups import scene_of
+from pdmesh.drawing.plate_places import Group, face, in_metres
 from pdmesh.drawing.sandbox.child import read_copies, read_trusted
 from pdmesh.drawing.sandbox.copies import Copy, cad_copy, drawing_bytes, drawing_copies
 from pdmesh.drawing.sandbox.tokens import decoded
-from pdmesh.drawing.units import UNITS
 from pdmesh.scene.body import Body
 from pdmesh.scene.scene import Scene
 from pdmesh.scene.shapes import CHORD_TOLERANCE, SceneError, Surface
+from pdmesh.scene.units import UNITS
 
 TIME_LIMIT = 60.0  # s, for a drawing
 CAD_SECONDS, CAD_SECONDS_PER_BYTE = 60.0, 1e-5  # a broken file may never end

@@ -21,7 +21,8 @@ from pdmesh.drawing import mesh_checks
 from pdmesh.drawing.additions import added
 from pdmesh.drawing.mesh_checks import Mesh
 from pdmesh.drawing.parameters import PREFIX, given, unit_of
-from pdmesh.drawing.plate_of_groups import Group, scene_of
+from pdmesh.drawing.plate_of_groups import scene_of
+from pdmesh.drawing.plate_places import Group
 from pdmesh.grid.lattice import grid_of_nodes, settings_of
 from pdmesh.model.document import Settings
 from pdmesh.model.node_grid import Grid

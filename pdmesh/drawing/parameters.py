@@ -10,7 +10,6 @@ import msgspec
 import msgspec.inspect as inspection
 import numpy as np
 
-from pdmesh.drawing.units import UNITS, Unit
 from pdmesh.model.document import ADAPTS, Contact, Run
 from pdmesh.model.material import DECLARED, Material
 from pdmesh.model.medium import Medium
@@ -18,6 +17,7 @@ from pdmesh.model.suggestions import explained
 from pdmesh.scene.conditions import Profile, parse_profile
 from pdmesh.scene.heat import Heat
 from pdmesh.scene.shapes import SceneError
+from pdmesh.scene.units import UNITS, Unit
 from pdmesh.spelling import nearest
 
 T = TypeVar("T")
@@ -27,9 +27,9 @@ OWN = "Plate"  # the folder of the numbers that a drawing has for itself
 MOST = 1e9  # of any count
 ANY = "NAME"  # in the names below, the name of a group
 ZONE = ("Spacing", "Grown")
-SHARED = ("Rows", "Profile", "Breakable", "Box")  # of every condition
-LOAD = tuple(f"{kind} {axis}" for kind in ("Traction", "Body force") for axis in "xyz")
-FIX = ("Components", *(f"Displacement {axis}" for axis in "xyz"))
+SHARED = ("Rows", "Profile", "Breakable", "Box", "Edge", "Face")  # of every condition
+LOAD = ("Node", *(f"{kind} {axis}" for kind in ("Traction", "Body force", "Force") for axis in "xyz"))
+FIX = ("Node", "Components", *(f"Displacement {axis}" for axis in "xyz"))
 MOVE = tuple(f"{kind} {axis}" for kind in ("Velocity", "Acceleration", "Initial velocity") for axis in "xyz")
 MATERIAL = {  # parameters of a material: in the model, and in drawings
     name: declared.drawn or name[0].upper() + name[1:].replace("_", " ") for name, declared in DECLARED.items()
@@ -40,16 +40,16 @@ FOLDERS = {
     f"Loads/{ANY}": LOAD + SHARED,
     f"Fixes/{ANY}": FIX + SHARED,
     f"Moves/{ANY}": MOVE + SHARED,
-    f"Absorbs/{ANY}": ("Width", "Box"),
+    f"Absorbs/{ANY}": ("Width", "Box", "Edge"),
     f"Load cells/{ANY}": ("Of",),
     "Material": tuple(MATERIAL.values()),
     f"Materials/{ANY}": tuple(MATERIAL.values()),
     f"Bodies/{ANY}": ("Spacing", *(f"Velocity {axis}" for axis in "xyz"), *MATERIAL.values()),
     "Contact": tuple(CONTACT.values()),
     **{f"Refine/{target}": ("Distance", "Spacing") for target in ("crack", "notch", "hole")},
-    f"Holds/{ANY}": ("Concentration", "Temperature", *SHARED[:2], "Box"),
-    f"Supplies/{ANY}": ("Flux", "Rate", "Heat flux", "Heat rate", *SHARED[:2], "Box"),
-    f"Exchanges/{ANY}": ("Coefficient", "h", "Outside", *SHARED[:2]),
+    f"Holds/{ANY}": ("Concentration", "Temperature", *SHARED[:2], *SHARED[3:]),
+    f"Supplies/{ANY}": ("Flux", "Rate", "Heat flux", "Heat rate", *SHARED[:2], *SHARED[3:]),
+    f"Exchanges/{ANY}": ("Coefficient", "h", "Outside", *SHARED[:2], "Edge", "Face"),
     f"Begins/{ANY}": ("Concentration", "Temperature", "Box"),
     f"Media/{ANY}": ("D",),
     "Medium": ("D", "k", "c", "Power", "C solid", "C sat", "Dissolution", "k diss", "Capped", "Surface correction"),
@@ -125,9 +125,9 @@ def refuse_unknown(names: Iterable[str], own: bool) -> None:
 
 
 def refuse_space(names: Iterable[str]) -> None:
-    """Raise SceneError for a component that plates do not have."""
+    """Raise SceneError for a component or a face, which plates do not have."""
     for name in names:
-        if name.endswith(" z") and not name.startswith(f"{PREFIX}{OWN}/"):
+        if name.endswith((" z", "/Face")) and not name.startswith(f"{PREFIX}{OWN}/"):
             raise SceneError(f"parameter '{name}': found one, expected none in a plate (volumes make a body in space)")
 
 

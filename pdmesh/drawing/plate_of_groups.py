@@ -3,12 +3,12 @@
     group                                     parameters below Peridynamics/
     Physical Surface("zone:NAME")             Zones/NAME/Spacing, Grown (1)
     Physical Curve("crack:NAME")              -
-    Physical Curve or Surface("load:NAME")    Loads/NAME/Traction x, y or Body force x, y; *
+    Physical Curve or Surface("load:NAME")    Loads/NAME/Traction x, y, Body force x, y or (total) Force x, y; *
     Physical Curve or Surface("fix:NAME")     Fixes/NAME/Components (xy), Displacement x, y; *
-    Physical Point("fix:NAME")                the same of the one node nearest to it
+    Physical Point("fix:NAME" or "load:NAME") the same of the one node nearest to it, for loads Force x, y
     Physical Point("gap:NAME")                - (two points, between which the opening is monitored)
     Physical Curve or Surface("move:NAME")    Moves/NAME/Velocity, Acceleration or Initial velocity x, y; *
-    * of each condition                       Rows (1), Profile (constant), Breakable (0), Box
+    * of each condition                       Rows (1), Profile (constant), Breakable (0), Box, Edge or Node
     Physical Curve or Surface("absorb:NAME")  Absorbs/NAME/Width (of a curve's layer: 12 horizons), Box
     Physical Surface("material:NAME")         Materials/NAME/ as below, what differs
     Physical Surface("body:NAME")             Bodies/NAME/Spacing (the coarsest zone's), Velocity x, y, and as Material
@@ -30,21 +30,18 @@ FACTOR, TIME FACTOR, ...".
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import shapely
-from shapely import LineString, MultiLineString
 
 from pdmesh.drawing import diffusion_conditions
 from pdmesh.drawing import parameters as named
 from pdmesh.drawing.parameters import PREFIX, Parameters
-from pdmesh.drawing.units import Unit
-from pdmesh.model.document import LARGEST
+from pdmesh.drawing.plate_places import Group, in_metres, lines_of, picked, places, point_of, surface_of
 from pdmesh.scene.plate import Refinement, Zone
 from pdmesh.scene.scene import Scene
-from pdmesh.scene.shapes import Curve, SceneError, Surface, parts
+from pdmesh.scene.shapes import SceneError
 from pdmesh.scene.slits import Crack
 from pdmesh.spelling import nearest
 
@@ -52,8 +49,8 @@ FLAT = 1e-6  # of a drawing's size: how far it may leave its plane
 GROUPS = {  # kind: dimensions, folder of its parameters
     "zone": ((2,), "Zones"),
     "crack": ((1,), None),
-    "load": ((1, 2), "Loads"),
-    "fix": ((0, 1, 2), "Fixes"),
+    "load": ((1, 0, 2), "Loads"),
+    "fix": ((1, 0, 2), "Fixes"),
     "gap": ((0,), None),
     "move": ((1, 2), "Moves"),
     "absorb": ((1, 2), "Absorbs"),
@@ -66,19 +63,7 @@ GROUPS = {  # kind: dimensions, folder of its parameters
     "solid": ((2,), None),
     "medium": ((2,), "Media"),
 }
-# kinds of conditions, which may have a box instead of a group
-PLACED = ("load", "fix", "move", "absorb", "hold", "supply", "begin")
 SHAPES = ("Point", "Curve", "Surface", "Volume")
-
-
-@dataclass(frozen=True)
-class Group:
-    """A named group: curves as points (k, 3) in the drawing's unit, and surfaces as lists of such curves."""
-
-    name: str
-    dimension: int
-    curves: tuple[Any, ...] = ()
-    surfaces: tuple[tuple[Any, ...], ...] = ()
 
 
 def scene_of(groups: Iterable[Group], values: Mapping[str, float | str], source: str, text: str = "") -> Scene:
@@ -91,7 +76,7 @@ def scene_of(groups: Iterable[Group], values: Mapping[str, float | str], source:
     zones = tuple(
         Zone(
             name,
-            _surface(f"zone '{name}'", group),
+            surface_of(f"zone '{name}'", group),
             _spacing(parameters, name),
             parameters.flag(f"Zones/{name}/Grown", True),
         )
@@ -123,7 +108,7 @@ def scene_of(groups: Iterable[Group], values: Mapping[str, float | str], source:
         cracks=tuple(
             Crack(name, line)
             for name, group in named_groups["crack"].items()
-            for line in _lines(f"crack '{name}'", group.curves)
+            for line in lines_of(f"crack '{name}'", group.curves)
         ),
         source=source,
         drawing=text,
@@ -147,14 +132,6 @@ def _reaching_beyond(zones: Sequence[Zone]) -> tuple[str, ...]:
                 " plate too (if they should not: BooleanIntersection with the plate)"
             )
     return tuple(notes)
-
-
-def in_metres(group: Group, unit: Unit) -> Group:
-    """The group with its coordinates in metres."""
-    curves, *surfaces = (
-        tuple(unit.metres(np.asarray(curve, dtype=float)) for curve in some) for some in (group.curves, *group.surfaces)
-    )
-    return replace(group, curves=curves, surfaces=tuple(surfaces))
 
 
 def _spacing(parameters: Parameters, name: str) -> float:
@@ -189,17 +166,19 @@ def _meant(kind: str, name: str) -> str:
 def _check_groups(groups: dict[str, dict[str, Group]], parameters: Parameters) -> None:
     for kind, (dimensions, folder) in GROUPS.items():
         for name in groups[kind]:
-            if kind in PLACED and parameters.text(f"{folder}/{name}/Box"):
+            for word in picked(parameters, f"{folder}/{name}"):
                 raise SceneError(
-                    f"parameter '{PREFIX}{folder}/{name}/Box': found a group '{kind}:{name}' too, expected one of them"
+                    f"parameter '{PREFIX}{folder}/{name}/{word}': found a group '{kind}:{name}' too, expected one of"
+                    " them"
                 )
         for name in sorted(parameters.below(folder or "") - set(groups[kind])) if folder else ():
-            if kind in PLACED and parameters.text(f"{folder}/{name}/Box"):
+            if picked(parameters, f"{folder}/{name}"):
                 continue
             group = f'Physical {SHAPES[dimensions[0]]}("{kind}:{name}")'
+            edge = f", or {PREFIX}{folder}/{name}/Edge" if 1 in dimensions else ""
             near = nearest(name, groups[kind])
             meant = f" (or is {PREFIX}{folder}/{near} meant?)" if near else ""
-            raise SceneError(f"{group}: found none, expected one for {PREFIX}{folder}/{name}{meant}")
+            raise SceneError(f"{group}: found none, expected one for {PREFIX}{folder}/{name}{meant}{edge}")
     points = [np.asarray(curve) for group in _all(groups) for curve in _curves_of(group)]
     if points:
         cloud = np.concatenate(points)
@@ -220,12 +199,16 @@ def _curves_of(group: Group) -> list[Any]:
 
 
 def _with_conditions(scene: Scene, groups: dict[str, dict[str, Group]], parameters: Parameters) -> Scene:
-    for name, where, folder in _places(groups, parameters, "load"):
-        traction, force = (_filled(parameters.pair(f"{folder}/{key}")) for key in ("Traction", "Body force"))
-        if traction is None and force is None:
-            raise SceneError(f"parameter '{PREFIX}{folder}/Traction x': found none, expected a number (or Traction y)")
-        scene = scene.load(where, traction=traction, body_force=force, name=name, **_shared(parameters, folder))
-    for name, where, folder in _places(groups, parameters, "fix"):
+    for name, where, folder in places(scene, groups["load"], parameters, "load", "Loads"):
+        given = {key: _filled(parameters.pair(f"{folder}/{key}")) for key in ("Traction", "Body force", "Force")}
+        if not any(given.values()):
+            raise SceneError(
+                f"parameter '{PREFIX}{folder}/Traction x': found none, expected a number (or Traction y, or of Body"
+                " force or Force)"
+            )
+        values = {key.lower().replace(" ", "_"): vector for key, vector in given.items()}
+        scene = scene.load(where, name=name, **values, **_shared(parameters, folder))  # type: ignore[arg-type]
+    for name, where, folder in places(scene, groups["fix"], parameters, "fix", "Fixes"):
         x, y = (parameters.maybe_length(f"{folder}/Displacement {axis}") for axis in "xy")
         held = parameters.text(f"{folder}/Components", "xy", of=("xy", "x", "y"))
         for axis, value in (("x", x), ("y", y)):
@@ -236,14 +219,14 @@ def _with_conditions(scene: Scene, groups: dict[str, dict[str, Group]], paramete
                 )
         x, y = (x or 0.0) if "x" in held else None, (y or 0.0) if "y" in held else None
         scene = scene.fix(where, x, y, name=name, **_shared(parameters, folder))
-    for name, where, folder in _places(groups, parameters, "move"):
+    for name, where, folder in places(scene, groups["move"], parameters, "move", "Moves"):
         moves: dict[str, Any] = {
             key.lower().replace(" ", "_"): pair
             for key in ("Velocity", "Acceleration", "Initial velocity")
             if (pair := parameters.pair(f"{folder}/{key}")) != (None, None)
         }
         scene = scene.move(where, name=name, **moves, **_shared(parameters, folder))
-    for name, where, folder in _places(groups, parameters, "absorb"):
+    for name, where, folder in places(scene, groups["absorb"], parameters, "absorb", "Absorbs"):
         scene = scene.absorb(where, parameters.maybe_length(f"{folder}/Width"), name)
     return scene
 
@@ -252,60 +235,23 @@ def _with_monitors(scene: Scene, gaps: Mapping[str, Group], parameters: Paramete
     for name, group in gaps.items():
         if len(group.curves) != 2:
             raise SceneError(f"gap '{name}': found {len(group.curves)} points, expected two")
-        scene = scene.gap(name, *(_point(curve) for curve in group.curves))
+        scene = scene.gap(name, *(point_of(curve) for curve in group.curves))
     for name in sorted(parameters.below("Load cells")):
         words = parameters.text(f"Load cells/{name}/Of").split(",")
         scene = scene.load_cell(name, *filter(None, map(str.strip, words)))
     return scene
 
 
-def _point(curve: Any) -> tuple[float, float]:
-    x, y = np.asarray(curve)[0, :2].tolist()
-    return x, y
-
-
 def _with_diffusion(scene: Scene, groups: dict[str, dict[str, Group]], parameters: Parameters) -> Scene:
     """The scene with regions of other media, solids and the conditions of diffusion."""
     for name, group in groups["medium"].items():
-        scene = scene.diffusivity(_surface(f"medium '{name}'", group), parameters.number(f"Media/{name}/D"), name)
+        scene = scene.diffusivity(surface_of(f"medium '{name}'", group), parameters.number(f"Media/{name}/D"), name)
     for name, group in groups["solid"].items():
-        scene = scene.solid(_surface(f"solid '{name}'", group), name)
-    places = {kind: _places(groups, parameters, kind) for kind in diffusion_conditions.KINDS}
-    return diffusion_conditions.diffusing(scene, places, parameters)
-
-
-def _places(
-    groups: dict[str, dict[str, Group]], parameters: Parameters, kind: str
-) -> list[tuple[str, Curve | Surface | shapely.Point, str]]:
-    """Name, place and parameter folder of each condition of a kind."""
-    top = GROUPS[kind][1]
-    found: list[tuple[str, Curve | Surface | shapely.Point, str]] = []
-    for name, group in groups[kind].items():
-        found.append((name, _where(f"{kind} '{name}'", group), f"{top}/{name}"))
-    for name in sorted(parameters.below(str(top)) - set(groups[kind])):
-        found.append((name, _box(parameters, f"{top}/{name}/Box"), f"{top}/{name}"))
-    return found
-
-
-def _where(place: str, group: Group) -> Curve | Surface | shapely.Point:
-    if group.dimension == 2:
-        return _surface(place, group)
-    if group.dimension == 1:
-        return MultiLineString(_lines(place, group.curves))
-    if len(group.curves) != 1:
-        raise SceneError(f"{place}: found {len(group.curves)} points, expected one: a support at one node")
-    return shapely.Point(_point(group.curves[0]))
-
-
-def _box(parameters: Parameters, name: str) -> Surface:
-    text, place = parameters.text(name), PREFIX + name
-    try:
-        x0, y0, x1, y1 = (parameters.unit.metres(float(word)) for word in text.split())
-    except ValueError:
-        raise SceneError(f"parameter '{place}': found '{text}', expected four numbers 'x0 y0 x1 y1'") from None
-    if not (-LARGEST <= x0 < x1 <= LARGEST and -LARGEST <= y0 < y1 <= LARGEST):
-        raise SceneError(f"parameter '{place}': found '{text}', expected x0 < x1 and y0 < y1, at most {LARGEST:g} m")
-    return shapely.box(x0, y0, x1, y1)
+        scene = scene.solid(surface_of(f"solid '{name}'", group), name)
+    found = {
+        kind: places(scene, groups[kind], parameters, kind, str(GROUPS[kind][1])) for kind in diffusion_conditions.KINDS
+    }
+    return diffusion_conditions.diffusing(scene, found, parameters)
 
 
 def _shared(parameters: Parameters, folder: str) -> dict[str, Any]:
@@ -326,7 +272,7 @@ def _with_bodies(scene: Scene, groups: dict[str, Group], parameters: Parameters)
         folder, known = f"Bodies/{name}", parameters.below(f"Bodies/{name}")
         own = known - {"Spacing", "Velocity x", "Velocity y"}
         scene = scene.body(
-            _surface(f"body '{name}'", group),
+            surface_of(f"body '{name}'", group),
             name,
             parameters.maybe_length(f"{folder}/Spacing"),
             named.material(parameters, folder, scene.material) if own else None,
@@ -340,39 +286,5 @@ def _with_regions(scene: Scene, groups: dict[str, dict[str, Group]], parameters:
         material = named.material(parameters, f"Materials/{name}", scene.material)
         if material is None:
             raise SceneError(f"parameter '{PREFIX}Materials/{name}/E': found none, expected a number")
-        scene = scene.region(_surface(f"material '{name}'", group), material, name)
+        scene = scene.region(surface_of(f"material '{name}'", group), material, name)
     return scene
-
-
-# ---- curves
-
-
-def _lines(place: str, curves: Iterable[Any]) -> list[LineString]:
-    lines = [LineString(np.asarray(points)[:, :2]) for points in curves]
-    lines = [line for line in lines if line.length > 0]
-    if not lines:
-        raise SceneError(f"{place}: found no curve of any length, expected at least one")
-    merged = shapely.line_merge(MultiLineString(lines))
-    return list(merged.geoms) if isinstance(merged, MultiLineString) else [merged]
-
-
-def _surface(place: str, group: Group) -> Surface:
-    return shapely.union_all([face(curves, place) for curves in group.surfaces])
-
-
-def face(curves: Iterable[Any], place: str) -> shapely.Polygon:
-    """The face bounded by curves, points (k, 2 or 3). Raises SceneError if they do not close, or cross."""
-    lines = _lines(place, curves)
-    polygons, cuts, dangles, _ = shapely.polygonize_full(lines)
-    crossing = [line for line in lines if not line.is_simple]
-    if crossing or not MultiLineString(lines).is_simple:
-        reason = shapely.is_valid_reason(shapely.Polygon(crossing[0])) if crossing else "curves that cross"
-        raise SceneError(f"{place}: found {reason}, expected an outline that does not cross itself")
-    for loose in (dangles, cuts):
-        if not loose.is_empty:
-            x, y = shapely.get_coordinates(loose)[0]
-            raise SceneError(f"{place}: found an outline open at ({x:g}, {y:g}) m, expected closed curves")
-    faces = parts(polygons)
-    if not faces:
-        raise SceneError(f"{place}: found an outline that does not close, expected closed curves")
-    return max(faces, key=lambda part: float(shapely.Polygon(part.exterior).area))

@@ -24,8 +24,9 @@ from pdmesh.model.document import (
 )
 from pdmesh.model.node_grid import Grid, whole_lattice
 from pdmesh.model.triangulated_surface import distances
-from pdmesh.scene.body import SIDES, Body, CrackFace, SolidCondition
+from pdmesh.scene.body import Body, CrackFace, SolidCondition
 from pdmesh.scene.conditions import describe
+from pdmesh.scene.faces import SIDES, face
 from pdmesh.scene.heat import medium_of
 from pdmesh.scene.shapes import SceneError
 from pdmesh.scene.solids import Sheet, Shell
@@ -165,10 +166,14 @@ def _nodes(solid: object, place: str, cloud: Cloud) -> tuple[int, ...]:
 
 def _condition(condition: SolidCondition, body: Body, cloud: Cloud) -> AnyCondition:
     action, where, place = condition.action, condition.where, describe(condition.action)
+    if isinstance(where, str):
+        where = face(body.shell, where, place)
     surface: float | None = None
     if isinstance(where, Shell):
         if isinstance(action, Load) and action.traction is not None:
-            raise SceneError(f"{place}: found a traction in a solid, expected a body force there, or a side or a sheet")
+            raise SceneError(
+                f"{place}: found a traction in a solid, expected a force or a body force there, or a side or a sheet"
+            )
         found = cloud.within(where, place)
     elif isinstance(where, Sheet):
         reach = condition.rows * cloud.delta * (1 - SLACK)

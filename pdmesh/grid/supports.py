@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model.document import Acceleration, AnyCondition, Displacement, Load, Settings, Velocity
 from pdmesh.model.node_grid import Grid
+from pdmesh.model.resultants import nodal_forces
 
 UNBALANCED = 0.05  # of the forces on a piece: what is less may come from nodes that are not quite on edges
 NOTHING = 1e-9  # of the largest: what does not resist a rigid motion at all
@@ -31,7 +32,7 @@ def unheld(grid: Grid, settings: Settings, number: NDArray[np.int64]) -> Iterato
             for load in loads:
                 if load.profile == profile:
                     rows = rows_of(load)
-                    force = np.where(inside[rows, None], _forces(load, grid), 0.0)
+                    force = np.where(inside[rows, None], nodal_forces(load, grid, rows), 0.0)
                     left += np.einsum("ni,nij->j", force, motions.of(rows))
                     total += float(np.hypot(*force.T).sum())
             unbalanced = float(np.linalg.norm(free @ left))
@@ -73,13 +74,3 @@ def _free_motions(settings: Settings, motions: _Motions, inside: NDArray[np.bool
     strength, ways = np.linalg.eigh(resistance)
     free = ways[:, strength <= NOTHING * max(strength.max(), NOTHING)]
     return np.asarray(free @ free.T)
-
-
-def _forces(load: Load, grid: Grid) -> NDArray[np.float64]:
-    """Force of a load on each node (k, 2), N/m."""
-    rows = rows_of(load)
-    area = grid.delta[rows] ** 2 if grid.areas is None else grid.areas[rows]
-    if load.traction is None:
-        return np.asarray(area[:, None] * np.array(load.body_force))
-    share = area / area.sum() * load.length if load.length else area / (load.rows * grid.delta[rows])
-    return np.asarray(share[:, None] * np.array(load.traction))

@@ -95,14 +95,15 @@ class Condition(Timed, frozen=True, kw_only=True):
 
 
 class Load(Condition, frozen=True, kw_only=True, tag="load", tag_field="kind"):
-    """A body force: ``body_force`` (N/m^3), or ``traction`` (Pa) over ``rows`` rows of nodes.
+    """A body force: ``body_force`` (N/m^3), ``traction`` (Pa) over ``rows`` rows of nodes, or a total ``force``.
 
     A traction gives traction / (rows delta) at each node; ``length`` (m) of the loaded edge, if known, lets a solver
-    make the total exact.
+    make the total exact. A force (N/m of a plate, N of a body in space) is shared by its nodes by area or volume.
     """
 
     body_force: Vector | None = None
     traction: Vector | None = None
+    force: Vector | None = None
     rows: PositiveInt = 1
     length: Positive | None = None
     surface: Positive | None = None  # m^2, of a loaded face in space, likewise

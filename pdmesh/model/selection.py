@@ -26,6 +26,7 @@ from pdmesh.model.document import (
 from pdmesh.model.monitors import contradiction
 
 WHOLES = {2: "a plate", 3: "a body in space"}
+LOADS = ("body_force", "traction", "force")
 SLACK = 1e-9  # of a node's spacing: how far beside a box it is still in it
 
 
@@ -50,6 +51,12 @@ def components(
 ) -> tuple[float | None, ...]:
     """The components that a condition prescribes along each axis; None leaves one free."""
     return (condition.x, condition.y, condition.z)[:dimension]
+
+
+def given_of(load: Load) -> dict[str, Sequence[float]]:
+    """What is given of a load's body_force (N/m^3), traction (Pa) and force (N/m or N), by name."""
+    each = {"body_force": load.body_force, "traction": load.traction, "force": load.force}
+    return {name: vector for name, vector in each.items() if vector is not None}
 
 
 def rows_of(cloud: Cloud, ids: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -109,8 +116,9 @@ def _check_selection(selection: Selection, cloud: Cloud, place: str) -> None:
 
 
 def _check_condition(condition: AnyCondition, place: str) -> None:
-    if isinstance(condition, Load) and (condition.body_force is None) == (condition.traction is None):
-        raise GridError(f"{place}: found neither or both of body_force and traction, expected one of them")
+    if isinstance(condition, Load) and len(given_of(condition)) != 1:
+        found = " and ".join(given_of(condition)) or "none"
+        raise GridError(f"{place}: found {found}, expected one of {', '.join(LOADS)}")
     if isinstance(condition, Displacement | Velocity | Acceleration) and not any(
         value is not None for value in components(condition)
     ):
@@ -130,10 +138,8 @@ def _check_condition(condition: AnyCondition, place: str) -> None:
 def _check_components(condition: AnyCondition, dimension: int, place: str) -> None:
     """Raise GridError for components of a body in a plate, and for vectors of a plate in a body."""
     if isinstance(condition, Load):
-        for key in ("body_force", "traction"):
-            vector = getattr(condition, key)
-            if vector is not None:
-                _check_length(vector, dimension, f"{place}.{key}")
+        for key, vector in given_of(condition).items():
+            _check_length(vector, dimension, f"{place}.{key}")
         extent = "surface" if dimension == 2 else "length"
         if getattr(condition, extent) is not None:
             raise GridError(f"{place}.{extent}: found one, expected none in {WHOLES[dimension]}")

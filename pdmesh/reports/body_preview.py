@@ -18,6 +18,7 @@ from pdmesh.model import selection
 from pdmesh.model.document import Document
 from pdmesh.model.node_grid import Grid, grid_of
 from pdmesh.model.suggestions import called
+from pdmesh.reports.load_arrows import total
 from pdmesh.reports.style import CONDITIONS, CRACK, DPI, MARGIN, marker, shades
 
 SIDE = 4.2  # inches, of each of the four at most
@@ -77,14 +78,15 @@ def _section(
 
 
 def marked(document: Document, grid: Grid) -> Iterator[tuple[str, str, NDArray[np.bool_]]]:
-    """Names, colours and nodes (n,) of conditions and of material regions."""
+    """Names, colours and nodes (n,) of conditions and of material regions; with the names what loads add up to."""
     entries: list[tuple[str, str, Any]] = [
         (str(each.__struct_config__.tag), called(each.name, at), each) for at, each in enumerate(document.conditions)
     ]
     entries += [("material", called(each.name, at, "region"), each) for at, each in enumerate(document.regions)]
     for number, (kind, name, entry) in enumerate(entries):
         rows = selection.selected(grid, entry.nodes, entry.box)
-        yield f"{kind} '{name}': {int(rows.sum())} nodes", CONDITIONS[number % len(CONDITIONS)], rows
+        sums = total(entry, grid, np.flatnonzero(rows))
+        yield f"{kind} '{name}': {int(rows.sum())} nodes{sums}", CONDITIONS[number % len(CONDITIONS)], rows
 
 
 def _near(grid: Grid, across: int, middle: NDArray[np.float64]) -> NDArray[np.bool_]:

@@ -20,6 +20,7 @@ from pdmesh.model.node_grid import Grid, grid_of
 from pdmesh.model.visibility import plate_of
 from pdmesh.reports import body_preview
 from pdmesh.reports.bonds_and_step import bonds
+from pdmesh.reports.load_arrows import symbols
 from pdmesh.reports.style import CRACK, DPI, MARGIN, marker, shades
 from pdmesh.scene.shapes import SceneError
 
@@ -61,6 +62,8 @@ def draw(document: Document, name: str, with_bonds: bool = False) -> Figure:
         axes.plot([], [], color=CRACK, label="crack")
     axes.set_title(f"{Path(document.source or name).stem}: {len(grid)} nodes", fontsize=10)
     figure.legend(loc="outside lower center", ncols=4, fontsize=7, frameon=False, markerscale=1.2)
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")  # which each drawing would change a little more
     return figure
 
 
@@ -126,7 +129,7 @@ def _nodes(axes: Axes, grid: Grid, points: float) -> None:
 
 
 def _conditions(axes: Axes, document: Document, grid: Grid, points: float) -> None:
-    for label, colour, rows in body_preview.marked(document, grid):
+    for number, (label, colour, rows) in enumerate(body_preview.marked(document, grid)):
         size = marker(float(np.median(grid.delta[rows])), points)
         style: dict[str, Any] = {
             "linestyle": "",
@@ -135,6 +138,8 @@ def _conditions(axes: Axes, document: Document, grid: Grid, points: float) -> No
             "zorder": 3,
         }
         axes.plot(*(grid.position[rows] * 1e3).T, marker="s", color=colour, fillstyle="none", label=label, **style)
+        if number < len(document.conditions):
+            symbols(axes, document.conditions[number], grid, np.flatnonzero(rows), colour)
 
 
 def _bonds(axes: Axes, grid: Grid, ratio: float, window: tuple[NDArray[np.float64], NDArray[np.float64]]) -> None:

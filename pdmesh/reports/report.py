@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import msgspec
@@ -17,6 +18,7 @@ from pdmesh.model.consistency import examine
 from pdmesh.model.document import ON_ONE_LATTICE, Document, GridError, Material, Settings, settings_of
 from pdmesh.model.node_grid import Grid, grid_of
 from pdmesh.model.refused_settings import refuse
+from pdmesh.model.resultants import resultants
 from pdmesh.model.suggestions import called
 from pdmesh.model.triangulated_surface import volume
 from pdmesh.model.visibility import plate_of
@@ -37,6 +39,7 @@ HEAT = {
     "source": "heat source",
     "exchange": "convection",
 }  # kinds of conditions as they are called where heat stretches what moves
+NOTHING = 1e-9  # of the largest force, and of that times the size of the grid: round-off
 SAMPLE = 20_000  # nodes whose bonds stand for those of a larger grid
 
 
@@ -79,6 +82,10 @@ def info(document: Document, name: str, mode: str = DEFAULT_MODE) -> dict[str, A
         "medium": _fields(document.medium),
         "media": [{"name": region.name, "D": region.D} for region in document.media],
         "conditions": [_condition(condition, grid) for condition in document.conditions],
+        "loads": {
+            load.name: {"force": load.force.tolist(), "moment": load.moment.tolist()}
+            for load in resultants(document, grid)
+        },
     }
     return result
 
@@ -132,11 +139,31 @@ def info_lines(result: dict[str, Any]) -> list[str]:
     for kind, regions in (("medium", result["media"]), ("material", [*map(_telling, result["regions"])])):
         lines += [f"{kind} '{called(each['name'], at, 'region')}': {_words(each)}" for at, each in enumerate(regions)]
     words = HEAT if result["physics"] == "thermoelastic" else {}
-    return lines + [
+    lines += [
         f"{words.get(entry['kind'], entry['kind'])} '{called(entry.get('name'), number)}': "
         + ", ".join(filter(None, (f"{entry['nodes']} nodes", _words(_asked(entry)))))
         for number, entry in enumerate(result["conditions"])
     ]
+    return [*lines, *_sums(result["loads"], box)]
+
+
+def _sums(loads: dict[str, dict[str, list[float]]], box: list[float]) -> Iterator[str]:
+    """The force and the moment of each load, and of all of them, where their profiles are 1."""
+    if not loads:
+        return
+    each = {f"load '{name}' adds up to": load for name, load in loads.items()}
+    if len(loads) > 1:
+        total = {key: np.sum([load[key] for load in loads.values()], axis=0).tolist() for key in ("force", "moment")}
+        each["all loads add up to"] = total
+    of_force, of_moment = ("N/m", "N") if len(box) == 4 else ("N", "N m")
+    strongest = max(abs(value) for load in loads.values() for value in load["force"])
+    largest = {"force": strongest, "moment": strongest * float(np.ptp(np.reshape(box, (2, -1)), axis=0).max())}
+    for name, load in each.items():
+        force, moment = (
+            ", ".join(f"{value if abs(value) > NOTHING * most else 0.0:.4g}" for value in load[key])
+            for key, most in largest.items()
+        )
+        yield f"{name} ({force}) {of_force}, moment about the middle ({moment}) {of_moment}"
 
 
 def plan_lines(result: dict[str, Any]) -> list[str]:

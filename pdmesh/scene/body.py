@@ -25,13 +25,13 @@ from pdmesh.scene import actions
 from pdmesh.scene.checks import composed, described, passable, ratio
 from pdmesh.scene.conditions import Profile
 from pdmesh.scene.diffusion_conditions import DiffusionConditions
+from pdmesh.scene.faces import SIDES, expected
 from pdmesh.scene.heat import Heat, Physics, physics_of
 from pdmesh.scene.shapes import SceneError, checked_spacing
 from pdmesh.scene.solids import Sheet, Shell, Solid, checked, name_of
 
 DEFAULT_RUN = Run()
 ROUND_OFF = 1e-6  # of a halving
-SIDES = {"left": (0, -1), "right": (0, 1), "front": (1, -1), "back": (1, 1), "bottom": (2, -1), "top": (2, 1)}
 Where: TypeAlias = str | Solid | Sheet
 R = TypeVar("R", Region, MediumRegion)
 Components: TypeAlias = tuple[float | None, float | None, float | None]
@@ -166,12 +166,15 @@ class Body(DiffusionConditions[Where]):
         profile: Profile = (),
         breakable: bool = False,
         name: str = "",
+        force: tuple[float, float, float] | None = None,
     ) -> Body:
-        """The body with a `traction` (Pa) over `rows` of nodes along a side or a sheet, or a `body_force` (N/m^3).
+        """The body with a `traction` (Pa) over `rows` of nodes along a side or a sheet, a `body_force` (N/m^3) or a
+        total `force` (N).
 
-        A body force acts there or in a solid. Sides are left, right (along x), front, back (y), bottom, top (z).
+        The latter two act there or in a solid. Sides are left, right (along x), front, back (y), bottom, top (z); other
+        words pick a face (`pdmesh.scene.faces`).
         """
-        values = {"traction": traction, "body_force": body_force, "rows": rows}
+        values = {"traction": traction, "body_force": body_force, "force": force, "rows": rows}
         return self._with(Load, values, where, rows, name, profile=profile, breakable=breakable)
 
     def fix(
@@ -232,7 +235,7 @@ class Body(DiffusionConditions[Where]):
         name = name or name_of(where)
         place = f"{kind.__struct_config__.tag} '{name}'"
         if isinstance(where, str) and where not in SIDES:
-            raise SceneError(f"{place}: found '{where}', expected one of {', '.join(SIDES)}, a solid or a sheet")
+            expected(where, place)
         action = actions.action(kind, name, values | more)
         if not isinstance(where, str | Sheet):
             checked(where, place)

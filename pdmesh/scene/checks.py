@@ -12,6 +12,7 @@ import shapely
 from pdmesh.model.contact import REST
 from pdmesh.model.document import LARGEST, MOST, Absorb, Condition, Load, Material, OfDiffusion, Run, Settings
 from pdmesh.model.medium import Medium, contradiction
+from pdmesh.model.selection import LOADS, given_of
 from pdmesh.model.suggestions import explained
 from pdmesh.scene.conditions import PlacedCondition, PlacedRegion, describe
 from pdmesh.scene.heat import Heat
@@ -223,12 +224,14 @@ def _condition(condition: PlacedCondition, scene: Plate) -> None:
     if not isinstance(rows, int) or not 1 <= rows <= MOST_ROWS:
         raise SceneError(f"{place}: rows: found {rows!r:.40}, expected a whole number of 1 to {MOST_ROWS}")
     if isinstance(action, Load):
-        if (action.traction is None) == (action.body_force is None):
-            raise SceneError(f"{place}: found neither or both of traction and body force, expected one of them")
+        given = given_of(action)
+        if len(given) != 1:
+            found = " and ".join(given) or "none"
+            raise SceneError(f"{place}: found {found}, expected one of {', '.join(LOADS)}")
         if action.traction is not None and not isinstance(condition.place.shape, Curve):
             what = "on a surface" if isinstance(condition.place.shape, Surface) else "at a point"
-            raise SceneError(f"{place}: found a traction {what}, expected a body force there, or a curve")
-        values = [*(action.traction or ()), *(action.body_force or ())]
+            raise SceneError(f"{place}: found a traction {what}, expected a force or a body force there, or a curve")
+        values = [value for vector in given.values() for value in vector]
     elif isinstance(action, Absorb | OfDiffusion):
         values = [value for value in msgspec.to_builtins(action).values() if isinstance(value, float | int)]
     else:

@@ -6,20 +6,20 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
 
-import numpy as np
 import shapely
-from shapely import MultiLineString, Polygon
+from shapely import Polygon
 
 from pdmesh.model.document import Contact, Material, MediumRegion, Run
 from pdmesh.model.medium import Medium
 from pdmesh.model.svg_picture import svg
 from pdmesh.scene.conditions import MaterialRegion, PlacedCondition, PlacedRegion
+from pdmesh.scene.edges import METRE, edge
 from pdmesh.scene.heat import Heat, Physics, physics_of
-from pdmesh.scene.shapes import Curve, SceneError, Shape, Surface, parts, surface
+from pdmesh.scene.shapes import Curve, Shape, Surface, parts, surface
 from pdmesh.scene.slits import Crack, Slit, slits_of
+from pdmesh.scene.units import Unit
 
 DEFAULT_RUN = Run()
-SIDES = {"left": (0, -1), "right": (0, 1), "bottom": (1, -1), "top": (1, 1)}  # axis, end
 
 
 @dataclass(frozen=True)
@@ -87,24 +87,9 @@ class Plate:
         """The physics of its material, regions and medium. Raises SceneError for half of it."""
         return physics_of(self.medium, self.material, (part.region for part in self.regions))
 
-    def side(self, name: str, place: str = "side") -> Curve:
-        """The part of the plate's outline on its left, right, bottom or top. Raises SceneError."""
-        if name not in SIDES:
-            raise SceneError(f"{place}: found '{name}', expected one of {', '.join(SIDES)}, points or a shape")
-        axis, end = SIDES[name]
-        reach = self.shape.bounds[axis + (2 if end > 0 else 0)]
-        kept = []
-        for part in self.parts:
-            ring = shapely.get_coordinates(part.exterior)
-            on = np.abs(ring[:, axis] - reach) <= 1e-9 * self.finest + 1e-12 * abs(reach)
-            kept += [ring[i : i + 2] for i in range(len(ring) - 1) if on[i] and on[i + 1]]
-        if not kept:
-            raise SceneError(
-                f"{place}: found no straight edge at the {name} of the plate, expected one, or points of a curve or a"
-                " shape such as box(x0, y0, x1, y1) in place of its name"
-            )
-        merged = shapely.line_merge(MultiLineString(kept))
-        return merged if isinstance(merged, Curve) else MultiLineString(kept)
+    def edge(self, words: str, place: str = "edge", unit: Unit = METRE) -> Curve:
+        """The part of the plate's outline that the words pick; see `pdmesh.scene.edges`. Raises SceneError."""
+        return edge(self.shape, self.finest, words, place, unit)
 
     @cached_property
     def whole(self) -> Surface:

@@ -126,13 +126,16 @@ class Scene(Plate, DiffusionConditions[Where]):
         profile: Profile = (),
         name: str = "",
         breakable: bool = False,
+        force: Point | None = None,
     ) -> Scene:
-        """The scene with a traction (Pa) on a curve, or a body force (N/m^3) there or in a surface.
+        """The scene with a traction (Pa) on a curve, or a body force (N/m^3) or a total `force` (N per metre of
+        thickness) there, in a surface or at a `shapely.Point`, which stands for the one node nearest to it.
 
-        `where` is "left", "right", "bottom" or "top" (of the plate's outline), points of a curve, or a shape. A curve
-        stands for its `rows` nearest rows of nodes. `profile` holds points (time in s, factor).
+        `where` is "left", "right", "bottom" or "top", other words that pick an edge (`pdmesh.scene.edges`), points of
+        a curve, or a shape. A curve stands for its `rows` nearest rows of nodes. `profile` holds points (time in s,
+        factor).
         """
-        values = {"traction": traction, "body_force": body_force}
+        values = {"traction": traction, "body_force": body_force, "force": force}
         return self._with(Load, values, where, rows, name, profile=profile, breakable=breakable)
 
     def fix(
@@ -238,7 +241,7 @@ class Scene(Plate, DiffusionConditions[Where]):
 
     def _place(self, where: Where, place: str) -> Curve | Surface | shapely.Point:
         if isinstance(where, str):
-            return self.side(where, place)
+            return self.edge(where, place)
         if isinstance(where, shapely.Point):
             ((x, y),) = coordinates([(where.x, where.y)], 1, place)
             return shapely.Point(x, y)

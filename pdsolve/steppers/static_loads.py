@@ -9,7 +9,7 @@ import numpy as np
 
 from pdmesh.model.document import Condition, Displacement, Load
 from pdmesh.model.materials.kind import softens
-from pdmesh.model.selection import components
+from pdmesh.model.selection import components, given_of
 from pdsolve.conditions import factors
 from pdsolve.model import Model, ModelError, counted
 from pdsolve.steppers.path_steps import CRACK_STEPS
@@ -106,8 +106,7 @@ def _refuse_loads(model: Model, times: list[float], needed: bool = True) -> None
     holds: dict[tuple[int, str], tuple[int, list[float]]] = {}
     for number, condition in enumerate(model.settings.conditions):
         if isinstance(condition, Load):
-            push = condition.traction if condition.body_force is None else condition.body_force
-            loads |= bool(np.any(push)) and any(factors(condition, times))
+            loads |= any(map(np.any, given_of(condition).values())) and any(factors(condition, times))
         if not isinstance(condition, Displacement):
             continue
         for axis, value in zip("xyz", components(condition), strict=True):

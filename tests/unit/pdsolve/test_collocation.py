@@ -19,10 +19,10 @@ from whole import contents, kill_when
 from pdmesh import Scene, box
 from pdmesh.__main__ import main as build_command
 from pdmesh.drawing.parameters import Parameters, run
-from pdmesh.drawing.units import UNITS
 from pdmesh.model.document import Collocation, Region, Run, write_file
 from pdmesh.model.node_grid import document_of
 from pdmesh.model.refused_settings import impossible
+from pdmesh.scene.units import UNITS
 from pdpost.__main__ import main as show_command
 from pdpost.figures.page import report
 from pdpost.measures.balance import remarks

@@ -12,7 +12,7 @@ from plates import GLASS, plate, square_grid
 from systems import bonds_of
 
 from pdmesh.model.document import Absorb, Acceleration, AnyCondition, Displacement, InitialVelocity, Load, Run, Velocity
-from pdsolve.conditions import ABSORBED, apply_loads, damping, put_loads, unbreakable
+from pdsolve.conditions import ABSORBED, apply_loads, damping, drive, put_loads, unbreakable
 from pdsolve.model import ModelError
 from pdsolve.run.estimate import estimate_run as planned
 from pdsolve.run.measures import books
@@ -170,6 +170,17 @@ def test_loads_put_once_are_those_of_every_step(precision: str) -> None:
         apply_loads(each, time)
         assert np.array_equal(once.force, each.force)
     assert np.count_nonzero(once.force) > 20
+
+
+def test_a_force_is_shared_by_size() -> None:
+    """Of nodes of different areas, whatever the mode does with tractions."""
+    grid = square_grid(10, 6, 1e-3)
+    areas = np.where(grid.position[:, 1] > 2e-3, 3e-6, 1e-6)
+    model = plate(grid, conditions=(Load(box=LEFT, force=(30.0, -6.0)),))
+    for exact in (True, False):
+        found = drive(model, areas, exact, np.float64).force
+        assert (areas[:, None] * found).sum(axis=0) == pytest.approx([30, -6])
+        assert np.ptp(found[found[:, 0] != 0], axis=0) == pytest.approx(0)
 
 
 def test_layers_absorb_the_more_the_deeper() -> None:

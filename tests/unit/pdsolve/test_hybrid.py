@@ -17,9 +17,9 @@ from pdmesh import Scene, SceneError, box
 from pdmesh.__main__ import main as build_command
 from pdmesh.drawing.file_reading import build, read_scene
 from pdmesh.drawing.parameters import Parameters, run
-from pdmesh.drawing.units import UNITS
 from pdmesh.model.document import Absorb, Acceleration, Material, Region, Run, read_file, write_file
 from pdmesh.model.node_grid import Grid, document_of
+from pdmesh.scene.units import UNITS
 from pdsolve.__main__ import main as solve_command
 from pdsolve.adaptivity.hybrid.coarse_cells import plate_of
 from pdsolve.adaptivity.hybrid.springs import coarse_springs, fine_springs, stretches

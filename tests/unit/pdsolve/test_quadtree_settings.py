@@ -14,9 +14,9 @@ from plates import GEOMETRIES, GLASS, plate, square_grid
 
 from pdmesh.__main__ import main as build_command
 from pdmesh.drawing.parameters import Parameters, run
-from pdmesh.drawing.units import UNITS
 from pdmesh.model.document import Absorb, Acceleration, Region, Run, Split, read_file, write_file
 from pdmesh.model.node_grid import Grid, document_of
+from pdmesh.scene.units import UNITS
 from pdsolve.__main__ import main as solve_command
 from pdsolve.adaptivity.quadtree.operator import tree_over
 from pdsolve.model import Model, ModelError

@@ -14,6 +14,8 @@ pytest.importorskip("gmsh", exc_type=OSError)
 from pdmesh import SceneError
 from pdmesh.drawing.geo import read_cad, read_geo, read_outline
 from pdmesh.grid.lattice import build_grid
+from pdmesh.model.node_grid import document_of
+from pdmesh.model.resultants import resultants
 
 MERGING = """
 DefineConstant[
@@ -97,3 +99,44 @@ def test_files_that_are_no_plates(tmp_path: Path, cad: Path) -> None:
         read_cad(tmp_path / "text.step", [("Zones/plate/Spacing", "1e-3")])
     with pytest.raises(SceneError, match=naming("Zones/plate/Spacing'", found="none")):
         read_cad(cad / "plate.step")
+
+
+def test_conditions_without_groups(cad: Path) -> None:
+    """Edges and nodes of a part from outside, with forces whose sums are exact."""
+    given = {
+        "Units": "mm",
+        "Zones/plate/Spacing": "0.5",
+        "Fixes/foot/Edge": "left",
+        "Loads/bolt/Edge": "bearing 20,10 toward 1,0",
+        "Loads/bolt/Force x": "3e4",
+        "Loads/side/Edge": "along 30,0 40,0",
+        "Loads/side/Traction y": "1e6",
+        "Loads/tip/Node": "40,20",
+        "Loads/tip/Force y": "-2e3",
+    }
+    grid, settings, _ = build_grid(read_cad(cad / "plate.step", list(given.items())))
+    document = document_of(grid, settings)
+    found = {each.name: each.force for each in resultants(document, grid)}
+    assert found["bolt"] == pytest.approx([3e4, 0])
+    assert found["side"] == pytest.approx([0, 1e4])
+    assert found["tip"] == pytest.approx([0, -2e3])
+    bolt = settings.conditions[[condition.name for condition in settings.conditions].index("bolt")]
+    pressed = grid.position[np.array(bolt.nodes) - 1] - [0.02, 0.01]
+    assert (np.hypot(*pressed.T) < 5.5e-3).all()
+    assert pressed[:, 0].min() > -5e-4
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"Fixes/a/Edge": "lef"}, naming("Fixes/a/Edge'", found="'lef'", expected="left")),
+        ({"Fixes/a/Edge": "left", "Fixes/a/Box": "0 0 1 1"}, naming("Fixes/a/Edge'", found="Box")),
+        ({"Fixes/a/Node": "1,2,3"}, naming("Fixes/a/Node'", found="'1,2,3'", expected="X,Y")),
+        ({"Fixes/a/Face": "left"}, naming("Fixes/a/Face'", expected="plate")),
+        ({"Loads/a/Node": "0,0", "Loads/a/Traction x": "1"}, naming("load 'a'", found="traction", expected="force")),
+        ({"Loads/a/Edge": "top", "Loads/a/Traction x": "1", "Loads/a/Force x": "1"}, naming("a'", found="force")),
+    ],
+)
+def test_places_that_cannot_be(given: dict[str, str], message: str, cad: Path) -> None:
+    with pytest.raises(SceneError, match=message):
+        read_cad(cad / "plate.step", [("Zones/plate/Spacing", "1e-3"), *given.items()])

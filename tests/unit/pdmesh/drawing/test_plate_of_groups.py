@@ -14,7 +14,8 @@ from messages import mentions, naming
 
 from pdmesh import Scene, SceneError
 from pdmesh.drawing.parameters import NAMES
-from pdmesh.drawing.plate_of_groups import Group, scene_of
+from pdmesh.drawing.plate_of_groups import scene_of
+from pdmesh.drawing.plate_places import Group
 from pdmesh.grid.lattice import build_grid
 from pdmesh.model.document import Displacement, InitialVelocity, Load, Velocity
 from pdmesh.scene.conditions import parse_profile
@@ -245,7 +246,7 @@ BAD = {
     "unknown kind": ([Group("laod:top", 1)], {}, naming('Curve("laod:top")', expected='Surface("load:top"')),
     "no kind": ([Group("top", 1)], {}, r'Physical Curve\("top"\)'),
     "crack as a surface": ([Group("crack:a", 2)], {}, r'Physical Surface\("crack:a"\)'),
-    "a point": ([Group("load:a", 0)], {}, r'Physical Point\("load:a"\)'),
+    "a point": ([Group("load:a", 0)], {}, naming("load 'a'", found="points", expected="one")),
     "missing group": ([], {"Loads/left/Traction x": 1.0}, naming('Curve("load:left")', found="none")),
     "missing zone": ([], {"Zones/fine/Spacing": 1e-3}, naming('Surface("zone:fine")', found="none")),
     "missing spacing": ([Group("zone:b", 2, surfaces=(ring(0, 0, 1, 1),))], {}, naming("Zones/b/Spacing'")),

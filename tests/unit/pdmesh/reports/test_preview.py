@@ -37,7 +37,7 @@ def test_everything_has_its_entry(scene: Scene) -> None:
         f"0.5 mm: {fine} nodes",
         f"1 mm: {len(grid) - fine} nodes",
         f"at a hole: {int((grid.hole_id >= 0).sum())} nodes",
-        f"load 'top': {len(settings.conditions[0].nodes or ())} nodes",
+        f"load 'top': {len(settings.conditions[0].nodes or ())} nodes, 40 kN/m",
         f"material 'ring': {len(settings.regions[0].nodes or ())} nodes",
         "crack",
     ]

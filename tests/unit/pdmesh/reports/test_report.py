@@ -85,7 +85,9 @@ def test_info_of_a_shipped_scene() -> None:
     assert [entry["nodes"] for entry in found["conditions"]] == [204, 204]
     lines = info_lines(found)
     assert lines[0] == "plate_with_hole.json: 6288 nodes (5166 of 0.0005 m, 1122 of 0.001 m)"
-    assert lines[-1].startswith("load 'bottom': 204 nodes")
+    assert lines[-4].startswith("load 'bottom': 204 nodes")
+    assert [entry["force"][1] for entry in found["loads"].values()] == pytest.approx([1.1e6, -1.1e6])  # 22 MPa on 50 mm
+    assert lines[-1].startswith("all loads add up to (0, 0) N/m, moment about the middle (0) N")
 
 
 def softening_of(horizon: float = 3.0, **given: Any) -> dict[str, float]:
@@ -129,7 +131,7 @@ def test_info_of_a_bare_grid(plate: Scene) -> None:
         ({"conditions": (Load(nodes=(1, 9999), body_force=(0, 1)),)}, r"\$.conditions\[0\].nodes: found id 9999"),
         ({"conditions": (Load(body_force=(0, 1)),)}, r"\$.conditions\[0\]: found neither or both of nodes and box"),
         ({"conditions": (Load(box=(1, 1, 2, 2), body_force=(0, 1)),)}, r"\$.conditions\[0\]\.box: found no node"),
-        ({"conditions": (Load(nodes=(1,)),)}, "found neither or both of body_force and traction"),
+        ({"conditions": (Load(nodes=(1,)),)}, "found none, expected one of body_force"),
         (
             {"conditions": (Load(nodes=(1,), body_force=(0, 1), profile=((1, 0), (0, 1))),)},
             "expected them to increase",

@@ -12,7 +12,8 @@ from plates import GLASS
 
 from pdmesh import Circle, Material, Run, Scene, SceneError, box, ramp
 from pdmesh.drawing.parameters import NAMES
-from pdmesh.drawing.plate_of_groups import Group, scene_of
+from pdmesh.drawing.plate_of_groups import scene_of
+from pdmesh.drawing.plate_places import Group
 from pdmesh.grid import soundness
 from pdmesh.grid.lattice import build_grid
 from pdmesh.model.document import Document, encode, read_document

@@ -138,8 +138,8 @@ def test_sides_of_a_plate_of_several_edges() -> None:
     scene = Scene(
         [(0, 0), (0.04, 0), (0.04, 0.01), (0.03, 0.01), (0.03, 0.02), (0.04, 0.02), (0.04, 0.03), (0, 0.03)], 1e-3
     )
-    assert scene.side("right").length == pytest.approx(0.02)
-    assert scene.side("left").length == pytest.approx(0.03)
+    assert scene.edge("right").length == pytest.approx(0.02)
+    assert scene.edge("left").length == pytest.approx(0.03)
 
 
 def test_chords_follow_the_spacing() -> None:
@@ -209,7 +209,7 @@ BAD: dict[str, tuple[Callable[[Scene], Any], str]] = {
     "refine nothing known": (lambda plate: plate.refine("edge", 1e-3), "refine: found 'edge'"),
     "refine by nan": (lambda plate: plate.refine("crack", NAN), naming("crack", "distance", found="nan")),
     "region outside": (lambda plate: plate.region(box(1, 1, 2, 2), Material(1e9, 1e3, 1)), "m': found outside"),
-    "load without a value": (lambda plate: plate.load("top"), naming("load 'top'", found=("neither", "both"))),
+    "load without a value": (lambda plate: plate.load("top"), naming("load 'top'", found="none", expected="force")),
     "traction in a surface": (
         lambda plate: plate.load(box(0, 0, 0.01, 0.01), traction=(0, 1)),
         naming("'box at (0.005, 0.005) m'", found=("traction", "surface")),

@@ -1,0 +1,128 @@
+"""Where the groups and parameters of a plate's drawing place things: points, curves, surfaces, boxes and edges."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import shapely
+from shapely import LineString, MultiLineString
+
+from pdmesh.drawing.parameters import PREFIX, Parameters
+from pdmesh.model.document import LARGEST
+from pdmesh.scene.edges import point_in
+from pdmesh.scene.scene import Scene
+from pdmesh.scene.shapes import Curve, SceneError, Surface, parts
+from pdmesh.scene.units import Unit
+
+PICKED = ("Box", "Edge", "Node")  # parameters that place a condition without a group
+
+
+@dataclass(frozen=True)
+class Group:
+    """A named group: curves as points (k, 3) in the drawing's unit, and surfaces as lists of such curves."""
+
+    name: str
+    dimension: int
+    curves: tuple[Any, ...] = ()
+    surfaces: tuple[tuple[Any, ...], ...] = ()
+
+
+def in_metres(group: Group, unit: Unit) -> Group:
+    """The group with its coordinates in metres."""
+    curves, *surfaces = (
+        tuple(unit.metres(np.asarray(curve, dtype=float)) for curve in some) for some in (group.curves, *group.surfaces)
+    )
+    return replace(group, curves=curves, surfaces=tuple(surfaces))
+
+
+def places(
+    scene: Scene, groups: Mapping[str, Group], parameters: Parameters, kind: str, top: str
+) -> list[tuple[str, Curve | Surface | shapely.Point, str]]:
+    """Name, place and parameter folder of each condition of a kind, whose folders are below `top`."""
+    found: list[tuple[str, Curve | Surface | shapely.Point, str]] = []
+    for name, group in groups.items():
+        found.append((name, _where(f"{kind} '{name}'", group), f"{top}/{name}"))
+    for name in sorted(parameters.below(top) - set(groups)):
+        found.append((name, _picked(scene, parameters, f"{top}/{name}"), f"{top}/{name}"))
+    return found
+
+
+def picked(parameters: Parameters, folder: str) -> tuple[str, ...]:
+    """Which of the parameters that place a condition without a group a folder has."""
+    return tuple(word for word in PICKED if parameters.text(f"{folder}/{word}"))
+
+
+def _picked(scene: Scene, parameters: Parameters, folder: str) -> Curve | Surface | shapely.Point:
+    word, *others = picked(parameters, folder)
+    name, text = f"{folder}/{word}", parameters.text(f"{folder}/{word}")
+    if others:
+        raise SceneError(f"parameter '{PREFIX}{folder}/{others[0]}': found a {word} too, expected one of them")
+    match word:
+        case "Box":
+            return _box(parameters, name)
+        case "Edge":
+            return scene.edge(text, f"parameter '{PREFIX}{name}'", parameters.unit)
+    return shapely.Point(*point_in(text, 2, f"parameter '{PREFIX}{name}'", parameters.unit))
+
+
+def _where(place: str, group: Group) -> Curve | Surface | shapely.Point:
+    if group.dimension == 2:
+        return surface_of(place, group)
+    if group.dimension == 1:
+        return MultiLineString(lines_of(place, group.curves))
+    if len(group.curves) != 1:
+        raise SceneError(f"{place}: found {len(group.curves)} points, expected one: a support at one node")
+    return shapely.Point(point_of(group.curves[0]))
+
+
+def _box(parameters: Parameters, name: str) -> Surface:
+    text, place = parameters.text(name), PREFIX + name
+    try:
+        x0, y0, x1, y1 = (parameters.unit.metres(float(word)) for word in text.split())
+    except ValueError:
+        raise SceneError(f"parameter '{place}': found '{text}', expected four numbers 'x0 y0 x1 y1'") from None
+    if not (-LARGEST <= x0 < x1 <= LARGEST and -LARGEST <= y0 < y1 <= LARGEST):
+        raise SceneError(f"parameter '{place}': found '{text}', expected x0 < x1 and y0 < y1, at most {LARGEST:g} m")
+    return shapely.box(x0, y0, x1, y1)
+
+
+def point_of(curve: Any) -> tuple[float, float]:
+    """The first point of a curve, x and y, m."""
+    x, y = np.asarray(curve)[0, :2].tolist()
+    return x, y
+
+
+def lines_of(place: str, curves: Iterable[Any]) -> list[LineString]:
+    """Curves, points (k, 3), as lines joined where they meet. Raises SceneError."""
+    lines = [LineString(np.asarray(points)[:, :2]) for points in curves]
+    lines = [line for line in lines if line.length > 0]
+    if not lines:
+        raise SceneError(f"{place}: found no curve of any length, expected at least one")
+    merged = shapely.line_merge(MultiLineString(lines))
+    return list(merged.geoms) if isinstance(merged, MultiLineString) else [merged]
+
+
+def surface_of(place: str, group: Group) -> Surface:
+    """The union of the faces of a group. Raises SceneError."""
+    return shapely.union_all([face(curves, place) for curves in group.surfaces])
+
+
+def face(curves: Iterable[Any], place: str) -> shapely.Polygon:
+    """The face bounded by curves, points (k, 2 or 3). Raises SceneError if they do not close, or cross."""
+    lines = lines_of(place, curves)
+    polygons, cuts, dangles, _ = shapely.polygonize_full(lines)
+    crossing = [line for line in lines if not line.is_simple]
+    if crossing or not MultiLineString(lines).is_simple:
+        reason = shapely.is_valid_reason(shapely.Polygon(crossing[0])) if crossing else "curves that cross"
+        raise SceneError(f"{place}: found {reason}, expected an outline that does not cross itself")
+    for loose in (dangles, cuts):
+        if not loose.is_empty:
+            x, y = shapely.get_coordinates(loose)[0]
+            raise SceneError(f"{place}: found an outline open at ({x:g}, {y:g}) m, expected closed curves")
+    faces = parts(polygons)
+    if not faces:
+        raise SceneError(f"{place}: found an outline that does not close, expected closed curves")
+    return max(faces, key=lambda part: float(shapely.Polygon(part.exterior).area))

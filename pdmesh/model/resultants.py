@@ -1,0 +1,52 @@
+"""Forces of loads on nodes, and their sums: force and moment of each load."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.document import Document, Load
+from pdmesh.model.node_grid import Grid
+from pdmesh.model.selection import selected
+from pdmesh.model.suggestions import called
+
+
+class Resultant(NamedTuple):
+    """What a load adds up to where its profile is 1: N and N m, in a plate per metre of thickness."""
+
+    name: str
+    force: NDArray[np.float64]  # (d,)
+    moment: NDArray[np.float64]  # (1,) about the z axis, or (3,), through the middle of the grid's box
+
+
+def resultants(document: Document, grid: Grid) -> Iterator[Resultant]:
+    """The resultant of each load of a grid file."""
+    middle = (grid.position.min(axis=0) + grid.position.max(axis=0)) / 2
+    for number, load in enumerate(document.conditions):
+        if isinstance(load, Load):
+            rows = np.flatnonzero(selected(grid, load.nodes, load.box))
+            force = nodal_forces(load, grid, rows)
+            moment = np.atleast_1d(_turning(grid.position[rows] - middle, force).sum(axis=0))
+            yield Resultant(called(load.name, number), force.sum(axis=0), moment)
+
+
+def nodal_forces(load: Load, grid: Grid, rows: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Force of a load on each of its nodes, rows (k,): (k, d), N in space, N/m in a plate."""
+    size = grid.cells[rows]
+    if load.body_force is not None:
+        return np.asarray(size[:, None] * np.array(load.body_force))
+    if load.force is not None:
+        return np.asarray((size / size.sum())[:, None] * np.array(load.force))
+    extent = load.length or load.surface
+    share = size / size.sum() * extent if extent else size / (load.rows * grid.delta[rows])
+    return np.asarray(share[:, None] * np.array(load.traction))
+
+
+def _turning(arm: NDArray[np.float64], force: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Moments (k,) in the plane or (k, 3) of forces with these arms, both (k, d)."""
+    if arm.shape[1] == 2:
+        return np.asarray(arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0])
+    return np.cross(arm, force)

@@ -1,0 +1,67 @@
+"""Symbols in pictures of plates: arrows of loads, and marks of what is held."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from numpy.typing import NDArray
+
+from pdmesh.model.document import AnyCondition, Displacement, Load
+from pdmesh.model.kd_trees import tree_of
+from pdmesh.model.node_grid import Grid
+from pdmesh.model.resultants import nodal_forces
+
+LENGTH = 0.08  # of the larger side of the plate: the longest arrow
+HEAD = 0.3  # of the longest arrow: the length of a head
+MOST = 12  # arrows or marks of a condition
+HELD = {(True, True): "^", (False, True): "o", (True, False): ">"}  # marks, by whether x and y are held
+PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""))
+
+
+def symbols(axes: Axes, condition: AnyCondition, grid: Grid, rows: NDArray[np.int64], colour: str) -> None:
+    """Draw a load, or what is held, on its nodes, rows (k,), in mm."""
+    some = rows[_some(grid.position[rows])]
+    at = grid.position[some] * 1e3
+    if isinstance(condition, Displacement):
+        mark = HELD[condition.x is not None, condition.y is not None]
+        axes.plot(*at.T, mark, color=colour, markersize=6, markeredgecolor="white", markeredgewidth=0.5, zorder=6)
+    if not isinstance(condition, Load):
+        return
+    force = nodal_forces(condition, grid, rows)[np.searchsorted(rows, some)]
+    if not force.any():
+        return
+    way = LENGTH * 1e3 * float(np.ptp(grid.position, axis=0).max()) * force / np.hypot(*force.T).max()
+    outside = tree_of(grid.position).query((at + way) / 1e3)[0] > float(grid.delta.max())
+    start = at if outside.mean() > 0.5 else at - way  # what pulls begins at its nodes, what pushes ends there
+    drawn = _arrows(start, way)
+    axes.add_collection(PolyCollection(list(drawn), facecolors=colour, linewidths=0, zorder=6))
+    ends = drawn.reshape(-1, 2)
+    axes.set_xlim(min(axes.get_xlim()[0], ends[:, 0].min()), max(axes.get_xlim()[1], ends[:, 0].max()))
+    axes.set_ylim(min(axes.get_ylim()[0], ends[:, 1].min()), max(axes.get_ylim()[1], ends[:, 1].max()))
+
+
+def _arrows(start: NDArray[np.float64], way: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Outlines (k, 7, 2) of arrows from `start` (k, 2) along `way` (k, 2), the widths in shares of the longest."""
+    length = np.hypot(*way.T)[:, None]
+    along = way / np.where(length > 0, length, 1.0)
+    across, size = np.column_stack([-along[:, 1], along[:, 0]]), float(length.max())
+    neck, half, head = start + way - HEAD * size * along, 0.025 * size * across, 0.1 * size * across
+    corners = (start - half, neck - half, neck - head, start + way, neck + head, neck + half, start + half)
+    return np.stack(corners, axis=1)
+
+
+def total(condition: AnyCondition, grid: Grid, rows: NDArray[np.int64]) -> str:
+    """What a load adds up to, in words, ", 1.2 MN/m"; empty of other conditions."""
+    if not isinstance(condition, Load):
+        return ""
+    value = float(np.linalg.norm(nodal_forces(condition, grid, rows).sum(axis=0)))
+    size, prefix = next((each for each in PREFIXES if value >= each[0]), PREFIXES[-1])
+    return f", {value / size:.4g} {prefix}{'N/m' if grid.dimension == 2 else 'N'}"
+
+
+def _some(position: NDArray[np.float64]) -> NDArray[np.int64]:
+    """At most MOST of places (k, 2), evenly along their longer side."""
+    order = np.argsort(position[:, int(np.ptp(position, axis=0).argmax())], kind="stable")
+    some = np.linspace(0, len(order) - 1, min(MOST, len(order))).round().astype(int)
+    return np.sort(order[some])
