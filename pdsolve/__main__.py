@@ -42,8 +42,9 @@ def parser() -> argparse.ArgumentParser:
     )
     program.add_argument(
         "--adapt",
-        choices=("none", "hybrid", "split", "collocation"),
-        help="hybrid, collocation: use peridynamics where bonds may break, and a compact lattice (hybrid) or stencils"
+        choices=("none", "auto", "hybrid", "split", "collocation"),
+        help="auto: hybrid or none, as costs less; hybrid, collocation: use peridynamics where bonds may break, and a"
+        " compact lattice (hybrid) or stencils"
         " of the same horizon (collocation) elsewhere; split: split cells where the energy is high, and merge them"
         " afterwards (run.adapt; default: none)",
     )

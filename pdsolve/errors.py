@@ -9,3 +9,7 @@ class CheckpointError(ValueError):
 
 class UnstableError(ArithmeticError):
     """A run whose state is no longer physical; the message says where, when, what was found and what was expected."""
+
+
+class LateZoneError(UnstableError):
+    """A moving fine zone that came too late: a clipped bond would have broken."""

@@ -45,8 +45,8 @@ def adapted(scene: S, adapt: str | None) -> S:
         return scene
     if adapt not in ADAPTS:
         raise SceneError(f"{ADAPT}: found '{adapt}', expected one of {', '.join(ADAPTS)}")
-    if isinstance(scene, Body) and adapt not in ("none", "hybrid"):
-        raise SceneError(f"{ADAPT}: found '{adapt}', expected none or hybrid of a body in space")
+    if isinstance(scene, Body) and adapt not in ("none", "auto", "hybrid"):
+        raise SceneError(f"{ADAPT}: found '{adapt}', expected none, auto or hybrid of a body in space")
     scene = scene.adapt(adapt)  # type: ignore[arg-type]
     return replace(scene, parameters=tuple((dict(scene.parameters) | {ADAPT: adapt}).items()))
 

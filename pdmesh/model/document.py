@@ -60,10 +60,10 @@ MOST_LEVELS = 6  # how often a cell can be split
 START, END = b',\n"digest": "', b'"\n}\n'  # around the hexadecimal digits
 KEY = b'"digest"'  # in a file that another program has written anew
 
-# hybrid: peridynamics where bonds may break, a compact lattice elsewhere; collocation: stencils of the same horizon
-# there; split: cells split where energy is
-Adapt = Literal["none", "hybrid", "split", "collocation"]
-ON_ONE_LATTICE = ("hybrid", "collocation")  # ways to be solved for which the finest nodes are laid everywhere
+# hybrid: peridynamics where bonds may break, a compact lattice elsewhere; auto: hybrid or none, as costs less;
+# collocation: stencils of the same horizon there; split: cells split where energy is
+Adapt = Literal["none", "auto", "hybrid", "split", "collocation"]
+ON_ONE_LATTICE = ("auto", "hybrid", "collocation")  # ways to be solved for which the finest nodes are laid everywhere
 ADAPTS: tuple[str, ...] = get_args(Adapt)
 Crack = Annotated[tuple[float, ...], msgspec.Meta(min_length=6, max_length=9)]  # corners of a segment or a triangle, m
 
@@ -191,6 +191,13 @@ class Split(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaul
     levels: Annotated[int, msgspec.Meta(ge=1, le=MOST_LEVELS)] = 1  # how often a cell of the grid can be split
 
 
+class Hybrid(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """Settings of a run with `adapt` = hybrid."""
+
+    kappa: Annotated[float, msgspec.Meta(gt=0, lt=1)] = 0.7  # of what breaks a bond: cells around coarse bonds
+    # stretched to that become fine
+
+
 class Collocation(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """Settings of a run with `adapt` = collocation."""
 
@@ -226,6 +233,7 @@ class Run(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults
     after: Literal["path", "stop"] = "path"  # static, of bonds that soften: what follows loads past their largest
     fatigue: Fatigue | None = None  # static: loads repeat and bonds tire; a step is some jumps of cycles
     collocation: Collocation = Collocation()
+    hybrid: Hybrid = Hybrid()
     duration: Positive | None = None  # s: in place of steps, as many as it takes
 
 

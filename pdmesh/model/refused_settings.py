@@ -108,6 +108,8 @@ def _steps_of_content(run: Run, kinetic: bool) -> Iterator[Impossible]:
 
 def impossible(settings: Settings, dimension: int) -> Iterator[Impossible]:
     """Settings that cannot be combined, in a plate (2) or a body in space (3)."""
+    if settings.run.adapt == "auto":  # where hybrid is refused, that is none
+        settings = msgspec.structs.replace(settings, run=msgspec.structs.replace(settings.run, adapt="none"))
     if settings.physics == "diffusion" and settings.medium is not None:
         yield from _diffusing(settings, settings.medium)
     if settings.physics == "diffusion" or settings.material is None:

@@ -52,6 +52,7 @@ TABLE = (
     Used(("run.theta",), (("run.solver", "implicit"), ("physics", "thermoelastic"))),
     Used(("run.split",), (("run.adapt", "split"),)),
     Used(("run.collocation",), (("run.adapt", "collocation"),)),
+    Used(("run.hybrid",), (("run.adapt", "hybrid"), ("run.adapt", "auto"))),
     Used(("run.collocation",), (("physics", "mechanics"),)),
     Used(tuple(f"material.{name}" for name in Expansion.__struct_fields__), (("physics", "thermoelastic"),)),
     Used(("run.particles",), (("run.cracks", "particles"),)),

@@ -135,7 +135,7 @@ class Body(DiffusionConditions[Where]):
         return min([self.spacing, *(zone.spacing for zone in self.zones)])
 
     def adapt(self, how: Adapt = "hybrid") -> Body:
-        """The body with an adaptive method: "none", or "hybrid", peridynamics only where bonds may break."""
+        """The body with an adaptive method: "none" or "auto", or "hybrid", peridynamics only where bonds may break."""
         return replace(self, run=msgspec.structs.replace(self.run, adapt=how))
 
     def zone(self, solid: Solid, spacing: float, name: str = "", grown: bool = True) -> Body:

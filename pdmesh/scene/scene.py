@@ -250,7 +250,7 @@ class Scene(Plate, DiffusionConditions[Where]):
         return polyline(where, place)
 
     def adapt(self, how: Adapt = "hybrid", damped: bool | None = None) -> Scene:
-        """The scene with an adaptive method: "none", "hybrid", "split" or "collocation".
+        """The scene with an adaptive method: "none", "auto", "hybrid", "split" or "collocation".
 
         "hybrid" and "collocation" solve peridynamics only where bonds may break, "split" divides cells of high energy;
         `damped` is that of `run.collocation`.

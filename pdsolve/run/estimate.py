@@ -14,6 +14,7 @@ import msgspec
 import numpy as np
 
 from pdmesh.model.document import ON_ONE_LATTICE, Absorb, Load, Run, Settings
+from pdsolve.adaptivity.hybrid.outlook import decided
 from pdsolve.checks import advise
 from pdsolve.diffusion.swelling import Swelling
 from pdsolve.laws import law_of
@@ -90,6 +91,7 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
     """Cost of solving the model; with a moving fine zone, that of its initial state. Raises ModelError."""
     if model.diffuses:
         return _diffusing(model, options)
+    model = decided(model, options)
     scheme, settings = scheme_of(model, options), model.settings
     paired, splits = law_of(model).pair is not None, settings.run.adapt == "split"
     moves = settings.run.adapt in ON_ONE_LATTICE

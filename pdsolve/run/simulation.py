@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import time as clock
+import warnings
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
@@ -14,11 +15,12 @@ import numpy as np
 
 from pdsolve.adaptivity.hybrid.arrays import EVERY
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
+from pdsolve.adaptivity.hybrid.outlook import decided, widened
 from pdsolve.adaptivity.hybrid.space.operator import SpaceHybrid
 from pdsolve.adaptivity.quadtree.operator import Leaves
 from pdsolve.checks import advise, advise_unused
-from pdsolve.errors import CheckpointError, UnstableError
-from pdsolve.model import Model, ModelError, model_of
+from pdsolve.errors import CheckpointError, LateZoneError, UnstableError
+from pdsolve.model import Model, ModelError, ModelWarning, model_of
 from pdsolve.numerics.memory import give_back
 from pdsolve.results import Behind, Results, ResultsError, Writer, behind, gone_back, put_away, writing_to
 from pdsolve.run.body_zones import Refining
@@ -77,6 +79,25 @@ def simulate(
 def _simulate(
     model: Model, output: Path | None, options: Options, watch: Watcher | None, provenance: str, adapt: Adapt | None
 ) -> Results:
+    model = decided(model, options)
+    while True:
+        try:
+            return _solve(model, output, options, watch, provenance, adapt)
+        except LateZoneError as late:
+            model = _anew(model, late)
+
+
+def _anew(model: Model, late: LateZoneError) -> Model:
+    """The model to solve from its start after fine cells came too late; a warning says so."""
+    wider, words = widened(model)
+    warnings.warn(f"{model.name}: {late}; begins anew with {words}", ModelWarning, stacklevel=3)
+    return wider
+
+
+def _solve(
+    model: Model, output: Path | None, options: Options, watch: Watcher | None, provenance: str, adapt: Adapt | None
+) -> Results:
+    """Solve a model from its start. Raises LateZoneError besides."""
     found = prepare(model, options)
     system, state = started(found) if model.settings.run.start == "static" else found
     advise_unused(model)
@@ -134,7 +155,10 @@ def resume(
     if not _is_finished(output):
         with writing_to(output):
             if not _is_finished(output):
-                return _resume(output, threads, watch, adapt)
+                try:
+                    return _resume(output, threads, watch, adapt)
+                except LateZoneError as late:
+                    return _resume_anew(output, late, threads, watch, adapt)
     put_away(output)
     return Results.open(output)
 
@@ -148,6 +172,15 @@ def options_of(model: Model, meta: Mapping[str, Any], threads: int | None) -> Op
     """The options of a run of `model`, from its metadata; the number of threads may differ."""
     kernel = meta.get("kernel")
     return Options(meta["mode"], meta["precision"], threads, None if model.diffuses and kernel != "listed" else kernel)
+
+
+def _resume_anew(
+    output: Path, late: LateZoneError, threads: int | None, watch: Watcher | None, adapt: Adapt | None
+) -> Results:
+    """Solve a run whose fine cells came too late from its start, as it would have been without the stop."""
+    with Results.open(output) as results:
+        model, meta = model_of(results.model(), str(output)), results.meta()
+    return _simulate(_anew(model, late), output, options_of(model, meta, threads), watch, meta["provenance"], adapt)
 
 
 def _resume(output: Path, threads: int | None, watch: Watcher | None, adapt: Adapt | None) -> Results:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pdmesh.model.output_fields import USUAL
 from pdsolve.adaptivity.factory import Moving, moving_of
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
+from pdsolve.adaptivity.hybrid.outlook import decided
 from pdsolve.adaptivity.hybrid.space.operator import SpaceHybrid
 from pdsolve.adaptivity.hybrid.space.prepare import body_of, drive_of_nodes
 from pdsolve.adaptivity.quadtree.incremental_bonds import filled
@@ -56,8 +57,7 @@ if TYPE_CHECKING:
     from pdsolve.crack_growth.growth import Growth
 
 
-# Nodes of a plate with a fine zone that moves, were they all there
-WORTH_HYBRID = 25_000
+WORTH_HYBRID = 25_000  # nodes of a plate with a fine zone that moves, were they all there
 
 
 @dataclass(frozen=True)
@@ -156,7 +156,7 @@ def scheme_of(model: Model, options: Options) -> Scheme:
 
 def prepare(model: Model, options: Options) -> Prepared:
     """A model's bonds and conditions, and its state at time 0. Raises ModelError for an unsupported model."""
-    found = _prepared(model, options)
+    found = _prepared(decided(model, options), options)
     system = found.system
     whole = None if system.whole is None else counted(system.whole, system.time_step)
     return found._replace(system=replace(system, model=counted(system.model, system.time_step), whole=whole))

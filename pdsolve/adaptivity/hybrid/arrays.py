@@ -15,7 +15,6 @@ EVERY = 8  # steps between two looks at what has broken and what is stretched
 AHEAD = 8  # h: cells this near to a node that has lost a bond become fine
 TIPS = 12  # h: likewise to the tip of a pre-crack, at the start
 RING = 4  # h beyond the family's reach: likewise to a cell that an outline cuts, at the start
-KAPPA = 0.7  # of the critical stretch: likewise within `AHEAD` of a coarse bond that is stretched more
 
 PLACE, AXIS, PROFILE, KIND = range(4)  # of `Entries.what`
 VALUE, SPEED, LAST, FORCE = range(4)  # of `Entries.value`

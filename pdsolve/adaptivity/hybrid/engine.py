@@ -33,7 +33,7 @@ from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, BELOW_COARSE, COARS
 from pdsolve.adaptivity.hybrid.march import CLIP, DONE, march
 from pdsolve.checkpoint_validation import entry, like
 from pdsolve.conditions import Drive
-from pdsolve.errors import CheckpointError, UnstableError
+from pdsolve.errors import CheckpointError, LateZoneError
 from pdsolve.numerics.thread_team import gate_of, side_by_side
 from pdsolve.operators.protocol import Kept
 from pdsolve.operators.simd_lattice.lanes import ROW
@@ -100,14 +100,14 @@ class Hybrid:
         return (y + BELOW_COARSE) * at.coarse_stride + LEFT + x, chosen
 
     def march(self, first: int, last: int) -> None:
-        """Take the steps `first` to `last` - 1. Raises UnstableError if a clipped bond exceeds its limit."""
+        """Take the steps `first` to `last` - 1. Raises LateZoneError if a clipped bond exceeds its limit."""
         if first < last:
             self._march(first, last)
 
     def sum_forces(self, step: int, dt: float) -> None:
         """Sum the forces at the current displacements, without loads; bonds over their limit break in this step.
 
-        `dt` is the time since the last step, s, 0 at rest. Raises UnstableError if a clipped bond exceeds its limit.
+        `dt` is the time since the last step, s, 0 at rest. Raises LateZoneError if a clipped bond exceeds its limit.
         """
         ground, number = self.ground, self.zone.number
         acting = number[[LOADS, HOLDS]].copy()
@@ -125,10 +125,10 @@ class Hybrid:
             if how == DONE:
                 return
             if how == CLIP:
-                raise UnstableError(
+                raise LateZoneError(
                     f"step {step}: found a bond at the border of the fine zone stretched to"
-                    f" {self.zone_summary().clipped_stretch:.2f} of what breaks it, expected less than 1: the fine zone"
-                    " is too narrow for this motion; solve it with run.adapt none"
+                    f" {self.zone_summary().clipped_stretch:.2f} of what breaks it, expected less than 1: fine"
+                    " nodes came too late"
                 )
             self.zone = arrays.grown(self.zone)
             if first < last:
@@ -203,7 +203,9 @@ class Hybrid:
             kept |= {"edge": zone.fine.edge[own], "own": zone.fine.own[own], "usual": entries < 0}
         stirs = zone.stirs[: zone.number[STIRS]].copy()
         kept |= {"holds": zone.holds.value.copy(), "stirs": stirs, "spent": zone.spent[stirs]}
-        return kept | {"cells": zone.cells.copy(), "total": zone.total.copy(), "number": zone.number.copy()}
+        number = zone.number.copy()
+        number[NEW:] = 0  # of the last refinement
+        return kept | {"cells": zone.cells.copy(), "total": zone.total.copy(), "number": number}
 
     def _put_bits(self, node: NDArray[np.int64], spring: NDArray[np.integer]) -> None:
         """Mark exactly these bonds as broken, besides those missing at the start."""

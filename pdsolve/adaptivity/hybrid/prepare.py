@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve import conditions
-from pdsolve.adaptivity.hybrid.arrays import KAPPA, VALUE, Entries, LatticeConstants, zone_of
+from pdsolve.adaptivity.hybrid.arrays import VALUE, Entries, LatticeConstants, zone_of
 from pdsolve.adaptivity.hybrid.coarse_cells import Plate, cells_of, plate_of
 from pdsolve.adaptivity.hybrid.engine import Hybrid
 from pdsolve.adaptivity.hybrid.irregular_bonds import Irregular, irregular
@@ -52,9 +52,10 @@ def hybrid_of(
 def ground_of(plate: Plate, springs: tuple[Springs, ...], found: Irregular, dt: float) -> LatticeConstants:
     """Constant arrays for steps of `dt`, s; the effects of pre-cracks on the coarse lattice are not yet recorded."""
     at, model, h = plate.at, plate.model, plate.h
+    kappa = model.settings.run.hybrid.kappa
     first = springs[0]
     coarse = coarse_springs(first, h)
-    bounds = np.array([[e_of(one.peak), e_of(one.limit), e_of(KAPPA * one.peak)] for one in springs])
+    bounds = np.array([[e_of(one.peak), e_of(one.limit), e_of(kappa * one.peak)] for one in springs])
     mass, material = np.zeros(at.places), np.zeros(at.places, dtype=np.uint8)
     mass[plate.place] = model.rho * plate.area * h**2
     material[plate.place] = model.material_of

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.model.document import Hybrid
 from pdsolve.adaptivity.hybrid.space import arrangement, coarse_springs
 from pdsolve.adaptivity.hybrid.space.arrangement import Fine, Pieces
 from pdsolve.adaptivity.hybrid.space.box import FINE, Box
@@ -30,6 +31,7 @@ class Whole(NamedTuple):
     stiffest: float  # N/m^4, of all nodes of any zone; see `Operator.stiffness_bound`
     solid: int  # cells that are not void
     driven: Drive | None = None  # conditions on all fine nodes
+    kappa: float = Hybrid().kappa  # see `pdmesh.model.document.Hybrid`
 
 
 class Zone(NamedTuple):

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.adaptivity.hybrid.arrays import AHEAD, KAPPA
+from pdsolve.adaptivity.hybrid.arrays import AHEAD
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.adaptivity.hybrid.irregular_bonds import part_of
 from pdsolve.adaptivity.hybrid.space import arrangement, coarse_springs, pieces
@@ -25,7 +25,7 @@ from pdsolve.adaptivity.hybrid.space.zone import mark_balls
 from pdsolve.adaptivity.hybrid.springs import e_of
 from pdsolve.bonds.assembly import Counted
 from pdsolve.checkpoint_validation import entry, like
-from pdsolve.errors import CheckpointError, UnstableError
+from pdsolve.errors import CheckpointError, LateZoneError
 from pdsolve.model import Model
 from pdsolve.numerics.thread_team import share
 from pdsolve.operators.protocol import Kept
@@ -154,7 +154,7 @@ class SpaceHybrid:
     def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
         """Add the force densities (n, 3), N/m^3, to `out`; bonds over their limit break in this `step`, `dt` s long.
 
-        Raises UnstableError if a clipped bond exceeds its limit.
+        Raises LateZoneError if a clipped bond exceeds its limit.
         """
         self._place(state.value)
         zone, nodes, force, density = self._zone, len(self.sites), self._force, self._density
@@ -172,10 +172,10 @@ class SpaceHybrid:
         out += density[:nodes] + force / self.volume[:, None]
         self.history = self.history._replace(largest=max(self.history.largest, largest))
         if step > 0 and largest > self._peak:
-            raise UnstableError(
+            raise LateZoneError(
                 f"step {step}: found a bond at the border of the fine zone stretched to"
-                f" {self.zone_summary().clipped_stretch:.2f} of what breaks it, expected less than 1: the fine zone is"
-                " too narrow for this motion; solve it with run.adapt none"
+                f" {self.zone_summary().clipped_stretch:.2f} of what breaks it, expected less than 1: fine nodes"
+                " came too late"
             )
 
     @property
@@ -337,7 +337,7 @@ class SpaceHybrid:
         zone, box, fine = self._zone, self.whole.fine.box, self.whole.fine
         sites = np.unique(self.sites[self.broken(since).source])
         found = np.zeros(26 * max(len(self._coarse), 1), dtype=np.int64)
-        held, limit = fine.tiles.held[self.rows], KAPPA * float(fine.tiles.peak.min())
+        held, limit = fine.tiles.held[self.rows], self.whole.kappa * float(fine.tiles.peak.min())
         count = coarse_springs.hot_nodes(box, zone.springs, held, zone.u_coarse, limit, found)
         sites = np.unique(np.concatenate([sites, found[:count]]))
         new = np.zeros((np.count_nonzero(zone.cells == COARSE), 3), dtype=np.int64)

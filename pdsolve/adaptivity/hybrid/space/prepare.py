@@ -51,6 +51,7 @@ def body_of(model: Model, options: Options, threads: int) -> SpaceHybrid:
     stiffest = float((made.stiffest / model.rho).max() * model.rho.max()) / SEAM
     driven = drive(model, model.grid.cells, True, np.float64)
     whole = whole._replace(stiffest=stiffest, solid=int(np.count_nonzero(cells != VOID)), driven=driven)
+    whole = whole._replace(kappa=model.settings.run.hybrid.kappa)
     return operator_on(law, whole, cells, tau_of(law, tiles.table, h), threads)
 
 

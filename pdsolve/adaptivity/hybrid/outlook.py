@@ -1,0 +1,130 @@
+"""Chooses between a moving fine zone and fine nodes everywhere, before the first step, by what the two will cost.
+
+Symbols: F share of the plate that is fine, h spacing, A area, L length that the cracks may run, N number of fine nodes,
+q largest strain that the conditions bring over the strain at which coarse cells become fine, c_R Rayleigh wave speed. A
+crack that runs leaves a strip of STRIP h, so that F grows by STRIP h L / A until the end. With the mean F of a run, its
+steps cost EVEN + FIXED / N + FINE_NODES F times those with fine nodes everywhere. The constants fit the scenes of
+docs/adaptivity.md.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import warnings
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+
+from pdmesh.model.document import Adapt, Displacement, InitialVelocity, Load, Velocity
+from pdmesh.model.material_constants import pressure_speed, rayleigh_speed
+from pdmesh.model.refused_settings import impossible
+from pdmesh.model.selection import components
+from pdsolve.adaptivity.hybrid.coarse_cells import Plate, cells_of, plate_of, tips_of
+from pdsolve.adaptivity.hybrid.lattice import COARSE, FINE
+from pdsolve.adaptivity.hybrid.springs import fine_springs
+from pdsolve.model import Model, ModelError, ModelWarning
+from pdsolve.options import Options
+
+EVEN, FIXED, FINE_NODES = 0.06, 1200.0, 2.2
+STRIP = 25.0  # h, width of what a crack leaves fine
+GROWN = 0.45  # mean growth of F during a run, over that until its end
+SPEED = 0.5  # of cracks, over c_R
+SWING = 2.0  # largest stress over that at rest of a load that begins at once, as its wave comes back
+DEAR = 0.85  # cost above which nodes are fine everywhere
+WIDER = (0.5,)  # values of run.hybrid.kappa to begin anew with, in turn, where fine cells come too late
+
+
+class Outlook(NamedTuple):
+    """What is known of a run with a moving fine zone before it begins."""
+
+    begins: float  # F at the start
+    ends: float  # F at the end
+    strain: float  # q
+    cost: float  # of the steps, over those with fine nodes everywhere
+
+
+def decided(model: Model, options: Options) -> Model:
+    """The model with run.adapt hybrid or none where it is auto; a warning says which and why."""
+    if model.settings.run.adapt != "auto":
+        return model
+    how, why = _choice(model, options)
+    named = "peridynamics near cracks alone (hybrid)" if how == "hybrid" else "fine nodes everywhere (none)"
+    warnings.warn(f"{model.name}: $.run.adapt: auto takes {named}: {why}", ModelWarning, stacklevel=3)
+    return adapted(model, how)
+
+
+def widened(model: Model) -> tuple[Model, str]:
+    """The model to begin anew with where fine cells came too late, and what it is in words."""
+    kappa = next((one for one in WIDER if one < model.settings.run.hybrid.kappa), None)
+    if kappa is None:
+        return adapted(model, "none"), "fine nodes everywhere (run.adapt none)"
+    wider = msgspec.structs.replace(model.settings.run.hybrid, kappa=kappa)
+    return adapted(model, "hybrid", hybrid=wider), f"run.hybrid.kappa {kappa:g}"
+
+
+def adapted(model: Model, how: Adapt, **settings: object) -> Model:
+    """The model with this adaptivity and these settings of the run."""
+    run = msgspec.structs.replace(model.settings.run, adapt=how, **settings)
+    return dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, run=run))
+
+
+def _choice(model: Model, options: Options) -> tuple[Adapt, str]:
+    """The adaptivity that a model gets, and why, in words."""
+    if model.grid.dimension == 3:
+        return "none", "its costs are known in a plate alone, found a body in space"
+    hybrid = adapted(model, "hybrid")
+    refused = next(iter(impossible(hybrid.settings, 2)), None)
+    if refused is not None:
+        return "none", f"hybrid does not support it, {refused}"
+    try:
+        found = outlook(hybrid, options)
+    except ModelError as error:
+        return "none", f"hybrid does not support it, {error}"
+    shares = f"{found.begins:.0%} of the plate is fine at the start, {found.ends:.0%} expected at the end"
+    if found.strain >= 1:
+        return "none", f"the conditions strain all of it to {found.strain:.2g} of what makes cells fine"
+    how: Adapt = "hybrid" if found.cost <= DEAR else "none"
+    return how, f"{shares}, about {found.cost:.2g} of the steps of fine nodes everywhere"
+
+
+def outlook(model: Model, options: Options) -> Outlook:
+    """Predicts what a moving fine zone will cost. Raises ModelError for a model that the method does not support."""
+    plate = plate_of(model, options.mode, options.precision)
+    springs = [fine_springs(material, model.settings.horizon.ratio, plate.h) for material in model.materials]
+    cells = cells_of(plate, int(np.abs(springs[0].dx).max()))
+    fine, coarse = (int(np.count_nonzero(cells == kind)) for kind in (FINE, COARSE))
+    begins = fine / max(fine + coarse, 1)
+    q = _strain(model) / (model.settings.run.hybrid.kappa * min(one.peak for one in springs))
+    grows = STRIP * plate.h * _running(plate, begins > 0) / (float(plate.area.sum()) * plate.h**2)
+    ends = 1.0 if q >= 1 else min(begins + grows, 1.0)
+    mean = begins + GROWN * (ends - begins)
+    return Outlook(begins, ends, q, EVEN + FIXED / len(model.grid) + FINE_NODES * mean)
+
+
+def _strain(model: Model) -> float:
+    """The largest strain that a single condition brings to the whole plate."""
+    softest = min(material.E for material in model.materials)
+    speed = min(pressure_speed(material) for material in model.materials)
+    sides, found = np.ptp(model.grid.position, axis=0), 0.0
+    for condition in model.settings.conditions:
+        most = max((abs(float(factor)) for _, factor in getattr(condition, "profile", ())), default=1.0)
+        if isinstance(condition, Load):
+            force = condition.body_force
+            stress = np.abs(condition.traction or ()) if force is None else np.abs(force[:2]) * sides
+            found = max(found, most * SWING * float(np.max(stress, initial=0.0)) / softest)
+        elif isinstance(condition, Velocity | InitialVelocity | Displacement):
+            each = np.array([abs(value or 0.0) for value in components(condition, 2)])
+            held = isinstance(condition, Displacement)
+            found = max(found, most * float(np.max(each / sides if held else each / speed)))
+    return found
+
+
+def _running(plate: Plate, begins: bool) -> float:
+    """L, m: of the tips of pre-cracks, else of one crack where an outline makes cells fine from the start."""
+    model = plate.model
+    run, side = model.settings.run, float(np.sqrt(plate.area.sum()) * plate.h)
+    material = model.materials[0]
+    lasts = run.duration if run.duration is not None else run.steps * (run.time_step or 0.0)
+    way = SPEED * rayleigh_speed(material.E, material.rho, material.plane) * lasts
+    return max(len(tips_of(plate)), int(begins)) * min(way or side, side)
