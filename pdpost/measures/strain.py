@@ -2,9 +2,10 @@
 
 The gradient H of a node is the weighted least-squares fit of eta = H xi to its bonds: xi is the bond, eta the
 difference of the displacements, the weight the neighbour's area (in a body its volume) over |xi|. The fit is exact for
-affine displacements, at edges too. Strain is Green's, 1/2 (H + H^T + H^T H), which is zero for a rotated piece. Stress
-follows from it, less the strain of heat, by Hooke's law with the model's Poisson's ratio. Cut and broken bonds do not
-count. A node without bonds, or with bonds along one line (in a body in one plane) only, has strain NaN.
+affine displacements, at edges too; of bodies that heat for quadratic ones, as these bend most at edges. Strain is
+Green's, 1/2 (H + H^T + H^T H), which is zero for a rotated piece. Stress follows from it, less the strain of heat, by
+Hooke's law with the model's Poisson's ratio. Cut and broken bonds do not count. A node without bonds, or with bonds
+along one line (in a body in one plane) only, has strain NaN.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.model.curved_gradients import curved_gradients_of
 from pdmesh.model.document import Material, Region
 from pdmesh.model.gradients import Stiffness, gradients_of
 from pdmesh.model.kd_trees import tree_of
@@ -36,7 +38,10 @@ def gradients(results: Results, step: int) -> NDArray[np.float64]:
     Raises ResultsError if the frame does not hold the displacement.
     """
     families = intact(results, results.families(step), step)
-    return fitted(results.nodes(step), vector(results, "displacement", step), families)
+    nodes, u = results.nodes(step), vector(results, "displacement", step)
+    if physics_of(results) == "thermoelastic":
+        return curved_gradients_of(nodes.position, nodes.area, u, families.start, families.neighbour)
+    return fitted(nodes, u, families)
 
 
 def fitted(nodes: Nodes, values: NDArray[np.float64], families: Families) -> NDArray[np.float64]:
