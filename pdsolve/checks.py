@@ -105,7 +105,7 @@ def advise(model: Model, bonds: NDArray[np.int64], partial_cells: bool, symmetri
     _digits(model)
     _places(model, found)
     through = _cracks(model)
-    _lonely(model, (bonds == 0) & ~through)
+    _lonely(model, (bonds == 0) & ~through & ~model.grid.rigid)
     _shapes(model)
     _probes(model)
     ratio = model.settings.horizon.ratio

@@ -9,15 +9,25 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pdmesh.model.document import Absorb, Acceleration, Condition, Displacement, InitialVelocity, Load, Velocity
+from pdmesh.model.document import (
+    Absorb,
+    Acceleration,
+    Condition,
+    Displacement,
+    InitialVelocity,
+    Load,
+    RigidBody,
+    Velocity,
+)
 from pdmesh.model.kd_trees import tree_of
 from pdmesh.model.material_constants import pressure_speed
+from pdmesh.model.rigid_bodies import rigid_velocities
 from pdmesh.model.selection import components
 from pdsolve.model import Model, ModelError
 
 DISPLACEMENT, VELOCITY, ACCELERATION = 0, 1, 2
 ABSORBED = 7.0  # damping where a layer ends, times its depth over the speed of P waves
-Driving = Load | Displacement | Velocity | Acceleration  # what acts throughout a run, and has a profile
+Driving = Load | Displacement | Velocity | Acceleration | RigidBody  # what acts throughout a run, and has a profile
 HELD = {Displacement: DISPLACEMENT, Velocity: VELOCITY, Acceleration: ACCELERATION}
 
 
@@ -68,6 +78,9 @@ def initial_velocity(model: Model, width: int | None = None) -> NDArray[np.float
     for condition in model.settings.conditions:
         if isinstance(condition, InitialVelocity):
             velocity[model.selected(condition), :d] = components(condition, d)
+        if isinstance(condition, RigidBody):
+            rows = model.selected(condition)
+            velocity[rows, :d] = rigid_velocities(condition, model.grid.position[rows], model.grid.cells[rows])
     for condition in model.settings.conditions:
         if isinstance(condition, Velocity):
             factor = condition.profile[0][1] if condition.profile else 1.0
@@ -85,7 +98,8 @@ def refuse_layers(model: Model) -> None:
 
 
 def damping(model: Model) -> NDArray[np.float64]:
-    """Damping coefficient (n,), 1/s: force over mass and velocity, from the run and from absorbing layers.
+    """Damping coefficient (n,), 1/s: force over mass and velocity, from the run and from absorbing layers; 0 of rigid
+    bodies.
 
     In a layer of depth L it is K (c / L) (d / L), with the P wave speed c and the distance d of a node from those
     outside the layer. Of waves shorter than L, a share exp(-K / 2) returns from its end, and little from its beginning.
@@ -103,6 +117,9 @@ def damping(model: Model) -> NDArray[np.float64]:
             whole = condition.depth or depth.max(initial=0.0)
             layer = ABSORBED * speed / whole * np.minimum(depth / whole, 1.0)
             found[rows] = np.maximum(found[rows], model.settings.run.damping + layer)
+    for condition in model.settings.conditions:
+        if isinstance(condition, RigidBody):
+            found[model.selected(condition)] = 0.0
     return found
 
 
@@ -122,6 +139,8 @@ def drive(model: Model, areas: NDArray[np.float64], exact_total: bool, kind: typ
             continue
         rows, number = model.selected(condition), len(profiles)
         profiles.append(condition.profile)
+        if isinstance(condition, RigidBody):  # moved by contact
+            continue
         if isinstance(condition, Load):
             values = _body_force(condition, rows, model, areas, exact_total)
             loads.append(entries(np.repeat(rows, d), np.tile(np.arange(d), len(rows)), values.ravel(), number))
@@ -180,6 +199,14 @@ def drive_of(
         _add_loads(result, 0.0, each)
     result.held_force[:] = result.force[held.node, held.axis]
     return result
+
+
+def widened(driven: Drive, width: int) -> Drive:
+    """Conditions on all components (n, width); they act only on the displacement."""
+    more = ((0, 0), (0, width - driven.force.shape[1]))
+    return (
+        driven._replace(force=np.pad(driven.force, more), before=np.pad(driven.before, more)) if more[1][1] else driven
+    )
 
 
 def held(drive: Drive) -> NDArray[np.bool_]:

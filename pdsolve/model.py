@@ -35,6 +35,7 @@ from pdmesh.model.document import read_document as parse_document
 from pdmesh.model.node_grid import Grid, document_of, grid_of
 from pdmesh.model.output_fields import OF_CONTENT
 from pdmesh.model.refused_settings import beyond
+from pdmesh.model.rigid_bodies import densities, without_bonds
 from pdmesh.model.suggestions import explained
 
 PARTS = {"mechanics": ("material",), "diffusion": ("medium",), "thermoelastic": ("material", "medium")}
@@ -81,6 +82,7 @@ class Model:
             self._check_places()
         try:
             selection.check(self.settings, self.grid, self.name)
+            object.__setattr__(self, "grid", without_bonds(self.grid, self.settings, self.name))
         except GridError as error:
             raise ModelError(str(error)) from None
         if not self.diffuses:
@@ -200,8 +202,9 @@ class Model:
 
     @property
     def rho(self) -> NDArray[np.float64]:
-        """Each node's density (n,), kg/m^3."""
-        return np.array([material.rho for material in self.materials])[self.material_of]
+        """Each node's density (n,), kg/m^3; that of a rigid body's is its mass over its cells."""
+        rho = np.array([material.rho for material in self.materials])[self.material_of]
+        return densities(self.grid, self.settings, rho)
 
     @property
     def horizons(self) -> NDArray[np.float64]:

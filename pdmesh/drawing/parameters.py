@@ -35,6 +35,7 @@ MATERIAL = {  # parameters of a material: in the model, and in drawings
     name: declared.drawn or name[0].upper() + name[1:].replace("_", " ") for name, declared in DECLARED.items()
 }
 CONTACT = {"friction": "Friction", "stiffness": "Stiffness", "distance": "Distance"}  # in the model, and in drawings
+RIGID = ("Rigid", "Mass", "Spin", "Held", "Profile")
 FOLDERS = {
     f"Zones/{ANY}": ZONE,
     f"Loads/{ANY}": LOAD + SHARED,
@@ -44,7 +45,7 @@ FOLDERS = {
     f"Load cells/{ANY}": ("Of",),
     "Material": tuple(MATERIAL.values()),
     f"Materials/{ANY}": tuple(MATERIAL.values()),
-    f"Bodies/{ANY}": ("Spacing", *(f"Velocity {axis}" for axis in "xyz"), *MATERIAL.values()),
+    f"Bodies/{ANY}": ("Spacing", *(f"Velocity {axis}" for axis in "xyz"), *RIGID, *MATERIAL.values()),
     "Contact": tuple(CONTACT.values()),
     **{f"Refine/{target}": ("Distance", "Spacing") for target in ("crack", "notch", "hole")},
     f"Holds/{ANY}": ("Concentration", "Temperature", *SHARED[:2], *SHARED[3:]),

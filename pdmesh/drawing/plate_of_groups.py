@@ -12,6 +12,7 @@
     Physical Curve or Surface("absorb:NAME")  Absorbs/NAME/Width (of a curve's layer: 12 horizons), Box
     Physical Surface("material:NAME")         Materials/NAME/ as below, what differs
     Physical Surface("body:NAME")             Bodies/NAME/Spacing (the coarsest zone's), Velocity x, y, and as Material
+                                              or, with Rigid 1, Mass, Spin, Held (of "x y spin"), Profile
     -                                         Contact/Friction, Stiffness, Distance
     -                                         Material/E, rho, G0, Force law and so on (`parameters.MATERIAL`)
     -                                         Medium/D, or k and c of heat (pdmesh.drawing.diffusion_conditions)
@@ -270,14 +271,29 @@ def _filled(pair: tuple[float | None, float | None]) -> tuple[float, float] | No
 def _with_bodies(scene: Scene, groups: dict[str, Group], parameters: Parameters) -> Scene:
     for name, group in groups.items():
         folder, known = f"Bodies/{name}", parameters.below(f"Bodies/{name}")
-        own = known - {"Spacing", "Velocity x", "Velocity y"}
-        scene = scene.body(
-            surface_of(f"body '{name}'", group),
-            name,
-            parameters.maybe_length(f"{folder}/Spacing"),
-            named.material(parameters, folder, scene.material) if own else None,
-            _filled(parameters.pair(f"{folder}/Velocity")) or (0.0, 0.0),
-        )
+        rigid, own = parameters.flag(f"{folder}/Rigid", False), known - {"Spacing", "Velocity x", "Velocity y", "Rigid"}
+        wrong = sorted(own - set(named.RIGID) if rigid else own & set(named.RIGID))
+        if wrong:
+            what = "rigid" if rigid else "not rigid"
+            raise SceneError(
+                f"parameter '{PREFIX}{folder}/{wrong[0]}': found one, expected none of a body that is {what}"
+            )
+        shape, spacing = surface_of(f"body '{name}'", group), parameters.maybe_length(f"{folder}/Spacing")
+        velocity = _filled(parameters.pair(f"{folder}/Velocity")) or (0.0, 0.0)
+        if rigid:
+            scene = scene.rigid(
+                shape,
+                name,
+                parameters.maybe(f"{folder}/Mass"),
+                velocity,
+                parameters.number(f"{folder}/Spin", 0.0),
+                parameters.text(f"{folder}/Held").split(),
+                parameters.profile(f"{folder}/Profile"),
+                spacing,
+            )
+            continue
+        material = named.material(parameters, folder, scene.material) if own else None
+        scene = scene.body(shape, name, spacing, material, velocity)
     return scene
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from pdmesh.grid.cell_areas import cell_areas
 from pdmesh.grid.lattice import Shift, build_grid, grid_of_nodes, place_nodes, settings_of
 from pdmesh.model.contact import REST
-from pdmesh.model.document import InitialVelocity, Region, Settings
+from pdmesh.model.document import InitialVelocity, Region, RigidBody, Settings
 from pdmesh.model.node_grid import Bodies, Grid
 from pdmesh.scene.plate import BodyBeside
 from pdmesh.scene.scene import Scene
@@ -76,9 +76,10 @@ def _joined(grids: list[Grid], names: tuple[str, ...]) -> Grid:
     )
 
 
-def _of_bodies(scene: Scene, grid: Grid) -> tuple[list[Region], list[InitialVelocity]]:
-    """Materials and velocities of the bodies beside the plate."""
-    regions, moves = [], []
+def _of_bodies(scene: Scene, grid: Grid) -> tuple[list[Region], list[InitialVelocity | RigidBody]]:
+    """Materials and motions of the bodies beside the plate."""
+    regions: list[Region] = []
+    moves: list[InitialVelocity | RigidBody] = []
     assert grid.bodies is not None
     for number, body in enumerate(scene.bodies, start=1):
         nodes = tuple(grid.ids[grid.bodies.number == number].tolist())
@@ -87,6 +88,8 @@ def _of_bodies(scene: Scene, grid: Grid) -> tuple[list[Region], list[InitialVelo
         if any(body.velocity):
             x, y = map(float, body.velocity)
             moves.append(InitialVelocity(name=body.name, x=x, y=y, nodes=nodes))
+        if body.rigid is not None:
+            moves.append(msgspec.structs.replace(body.rigid, nodes=nodes))
     return regions, moves
 
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import msgspec
 
-from pdmesh.model.timed_selection import Amount, Id, Positive, Share
+from pdmesh.model.timed_selection import Amount, Id, Positive, Share, Timed
 
 REST = "plate"  # the body of the nodes that no other has
 
@@ -22,3 +24,21 @@ class Contact(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defa
     stiffness: Positive = 15.0  # of a pair of nodes, in micromoduli over their horizon
     distance: Share = 1.0  # at which pairs begin to touch, in spacings
     friction: Amount = 0.0  # Coulomb's coefficient
+
+
+class RigidBody(Timed, frozen=True, kw_only=True, tag="rigid", tag_field="kind"):
+    """A body that moves as one: its nodes, all those of a body, have no bonds.
+
+    What is `held` keeps its velocity, times the factor of the profile; what is not moves freely from time 0 on.
+    """
+
+    mass: Positive | None = None  # kg/m, of a body in space kg, shared by its cells; None: only if all is held
+    x: float = 0.0  # m/s, of the centre of mass at time 0
+    y: float = 0.0
+    z: float = 0.0
+    spin: float | tuple[float, float, float] = 0.0  # rad/s, anticlockwise; of a body in space about x, y, z
+    held: tuple[Literal["x", "y", "z", "spin"], ...] = ()
+
+    def ways(self, dimension: int) -> tuple[str, ...]:
+        """What it can have `held` in the plane (2) or in space (3)."""
+        return (*"xyz"[:dimension], "spin")

@@ -25,6 +25,7 @@ import msgspec
 from pdmesh.files import read_bytes, write_atomically
 from pdmesh.model.contact import BodyNodes as BodyNodes
 from pdmesh.model.contact import Contact as Contact
+from pdmesh.model.contact import RigidBody as RigidBody
 from pdmesh.model.fatigue import Fatigue as Fatigue
 from pdmesh.model.material import Material as Material
 from pdmesh.model.medium import Concentration as Concentration
@@ -147,7 +148,7 @@ class Absorb(Selection, frozen=True, kw_only=True, tag="absorb", tag_field="kind
     depth: Positive | None = None  # m; None: as far as one of its nodes is from all that are not in it
 
 
-OfMechanics = Load | Displacement | Velocity | Acceleration | InitialVelocity | Absorb
+OfMechanics = Load | Displacement | Velocity | Acceleration | InitialVelocity | Absorb | RigidBody
 AnyCondition = OfMechanics | OfDiffusion
 
 

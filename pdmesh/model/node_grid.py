@@ -34,10 +34,16 @@ class Bodies(NamedTuple):
 
     number: NDArray[np.int64]  # (n,) 0: of the first body
     names: tuple[str, ...]  # from number 0 on
+    rigid: tuple[int, ...] = ()  # numbers of those whose nodes have no bonds
 
     def parted(self, source: NDArray[np.int64], target: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Mask (b,) of pairs of rows that are in different bodies."""
-        return np.asarray(self.number[source] != self.number[target])
+        """Mask (b,) of pairs of rows that no bond joins: of different bodies, or of one that is rigid."""
+        apart = self.number[source] != self.number[target]
+        return np.asarray(apart | np.isin(self.number[source], self.rigid) if self.rigid else apart)
+
+    def moving_as_one(self, source: NDArray[np.int64], target: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Mask (b,) of pairs of rows that are in the same rigid body."""
+        return np.asarray((self.number[source] == self.number[target]) & np.isin(self.number[source], self.rigid))
 
 
 @dataclass(frozen=True)
@@ -81,6 +87,13 @@ class Grid:
     def cells(self) -> NDArray[np.float64]:
         """Area (n,), m^2, or in a body volume, m^3, of each node; full cells if the file has none."""
         return self.delta**self.dimension if self.areas is None else self.areas
+
+    @property
+    def rigid(self) -> NDArray[np.bool_]:
+        """Mask (n,) of the nodes of rigid bodies."""
+        if self.bodies is None:
+            return np.zeros(len(self), dtype=np.bool_)
+        return np.isin(self.bodies.number, self.bodies.rigid)
 
     @property
     def faces(self) -> NDArray[np.float64]:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any, TypeVar
 
 import msgspec
+import numpy as np
 
 from pdmesh.model.document import Acceleration, AnyCondition, InitialVelocity, MediumRegion, Velocity
 from pdmesh.model.suggestions import explained
@@ -53,6 +54,14 @@ def motion(
     if any(held.values()):
         raise SceneError(f"move '{name}': found a profile or breakable, expected none of an initial velocity")
     return kind, {axis: value or 0.0 for axis, value in along.items()}
+
+
+def pair(given: Sequence[float], place: str) -> tuple[float, float]:
+    """Two finite numbers. Raises SceneError, beginning with `place`."""
+    if len(given) != 2 or not np.isfinite(np.asarray(given, dtype=float)).all():
+        raise SceneError(f"{place}: found {given}, expected two finite numbers")
+    x, y = map(float, given)
+    return x, y
 
 
 def medium(name: str, D: float) -> MediumRegion:

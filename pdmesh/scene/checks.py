@@ -12,6 +12,7 @@ import shapely
 from pdmesh.model.contact import REST
 from pdmesh.model.document import LARGEST, MOST, Absorb, Condition, Load, Material, OfDiffusion, Run, Settings
 from pdmesh.model.medium import Medium, contradiction
+from pdmesh.model.rigid_bodies import contradiction as contradiction_of_rigid
 from pdmesh.model.selection import LOADS, given_of
 from pdmesh.model.suggestions import explained
 from pdmesh.scene.conditions import PlacedCondition, PlacedRegion, describe
@@ -197,6 +198,9 @@ def _bodies(scene: Plate) -> None:
             composed(body.material, place)
         if len(body.velocity) != 2 or not (np.abs(body.velocity) <= MOST).all():
             raise SceneError(f"{place}: velocity: found {body.velocity}, expected two finite numbers, m/s")
+        wrong = None if body.rigid is None else contradiction_of_rigid(body.rigid, 2)
+        if wrong is not None:
+            raise SceneError(f"{place}: {wrong}")
         for name, shape, spacing in others:
             common = shape.intersection(body.shape)
             if common.area > OVERLAP * min(spacing, body.spacing) ** 2:

@@ -9,7 +9,7 @@ from typing import Literal
 import shapely
 from shapely import Polygon
 
-from pdmesh.model.document import Contact, Material, MediumRegion, Run
+from pdmesh.model.document import Contact, Material, MediumRegion, RigidBody, Run
 from pdmesh.model.medium import Medium
 from pdmesh.model.svg_picture import svg
 from pdmesh.scene.conditions import MaterialRegion, PlacedCondition, PlacedRegion
@@ -54,6 +54,7 @@ class BodyBeside:
     spacing: float  # m
     material: Material | None = None  # None: the plate's
     velocity: tuple[float, float] = (0.0, 0.0)  # m/s, at time 0
+    rigid: RigidBody | None = None  # without nodes; None: it deforms
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ Frozen: every method returns a new scene. Lengths in metres, SI units throughout
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeAlias
 
@@ -33,6 +34,7 @@ from pdmesh.model.document import (
     Material,
     Point,
     Region,
+    RigidBody,
     Solid,
 )
 from pdmesh.scene import actions, checks
@@ -110,6 +112,31 @@ class Scene(Plate, DiffusionConditions[Where]):
         """
         spacing = self.spacing if spacing is None else spacing
         other = BodyBeside(name, surface(shape, spacing, f"body '{name}'"), spacing, material, velocity)
+        return replace(self, bodies=(*self.bodies, other), touching=self.touching or Contact())
+
+    def rigid(
+        self,
+        shape: Shape,
+        name: str,
+        mass: float | None = None,
+        velocity: tuple[float, float] = (0.0, 0.0),
+        spin: float = 0.0,
+        held: Sequence[str] = (),
+        profile: Profile = (),
+        spacing: float | None = None,
+    ) -> Scene:
+        """The scene with a rigid body of a `mass` (kg per metre of thickness), which moves as one.
+
+        `velocity` (m/s) and `spin` (rad/s, anticlockwise) are those at time 0. Of "x", "y" and "spin" those `held` keep
+        theirs, times the `profile`. A body that is wholly held needs no mass. It pushes what touches it as one of the
+        plate's material would. `pdpost reaction` draws its force and the way of its centre of mass.
+        """
+        x, y = actions.pair(velocity, f"rigid '{name}': velocity")
+        given = {"mass": mass, "x": x, "y": y, "spin": spin, "held": tuple(held), "profile": profile}
+        own = actions.action(RigidBody, name, {key: value for key, value in given.items() if value is not None})
+        assert isinstance(own, RigidBody)
+        spacing = self.spacing if spacing is None else spacing
+        other = BodyBeside(name, surface(shape, spacing, f"body '{name}'"), spacing, rigid=own)
         return replace(self, bodies=(*self.bodies, other), touching=self.touching or Contact())
 
     def contact(self, friction: float = 0.0, stiffness: float = 15.0, distance: float = 1.0) -> Scene:

@@ -8,11 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model import selection
-from pdmesh.model.document import Selection
+from pdmesh.model.document import RigidBody, Selection
 from pdmesh.model.neighbours import lengths
 from pdsolve.conditions import Driving, factor_now
 from pdsolve.run.system import System
 from pdsolve.state import State
+
+RIGID = str(RigidBody.__struct_config__.tag)
 
 
 class Grip(NamedTuple):
@@ -62,11 +64,14 @@ def reactions(grips: tuple[Grip, ...], system: System, state: State, step: int, 
 
     A hold balances bonds and loads on its components and provides their acceleration. The acceleration of a prescribed
     displacement or velocity is taken as 0: only the inertia of the held nodes is neglected while their speed changes.
+    The force of a rigid body is that on what it touches.
     """
     pulls, pushes = _forces(system, state, len(grips))
     found, at = [], system.load_time(step)
     for profile, grip in enumerate(grips):
         force = (pulls[profile] + float(factor_now(system.drive.profiles, profile, at)) * pushes[profile]).tolist()
+        if grip.kind == RIGID and system.contact is not None:
+            force = (-system.contact.rigid.force_of(grip.rows, len(force))).tolist()
         mean = state.value[grip.rows, : len(force)].astype(float).mean(axis=0).tolist()
         plane = *force[:2], *mean[:2]
         found.append(Reaction(step, time, grip.number, grip.kind, *plane, *force[2:], *mean[2:]))

@@ -20,7 +20,16 @@ from pdsolve.adaptivity.two_lattice_operator import FusedMarch
 from pdsolve.bonds.assembly import Counted, Filling
 from pdsolve.bonds.static_breakage import FamilyBonds, StaticBreakage
 from pdsolve.checks import refuse
-from pdsolve.conditions import Drive, damping, drive, held, initial_acceleration, initial_velocity, refuse_layers
+from pdsolve.conditions import (
+    Drive,
+    damping,
+    drive,
+    held,
+    initial_acceleration,
+    initial_velocity,
+    refuse_layers,
+    widened,
+)
 from pdsolve.diffusion import system as diffusion
 from pdsolve.diffusion.swelling import Swelling, cycle_of
 from pdsolve.diffusion.system import Transport
@@ -148,8 +157,7 @@ def scheme_of(model: Model, options: Options) -> Scheme:
     scheme = SCHEMES[options.mode]
     refuse(model, scheme.partial_cells)
     if model.settings.run.cracks != "bonds" and not scheme.symmetric:
-        found = f"found {scheme.name}, expected conservative with cracks that are particles"
-        raise ModelError(f"{model.name}: mode: {found}")
+        raise ModelError(f"{model.name}: mode: found {scheme.name}, expected conservative with cracks of particles")
     refuse_layers(model)
     return scheme
 
@@ -319,6 +327,8 @@ def system_of(model: Model, options: Options, scheme: Scheme) -> Prepared:
     operator, touching = touched(model, filled.area, operator)
     bound = stable(operator.stiffness_bound(), model.rho)
     found = assembled(model, options, scheme, operator, filled, (step_of(model, bound), bound))
+    if touching is not None:
+        touching.rigid.start(found.state, found.system.drive, found.system.time_step)
     growth = _growth(model, operator, filling, found.system.drive, found.system.time_step)
     return found._replace(system=replace(found.system, growth=growth, contact=touching))
 
@@ -359,9 +369,7 @@ def assembled(
         driven = fast.drive
     else:
         stepper = Verlet(operator, driven, rho, step, damped)
-    energy = 0.0
-    if velocity.any():
-        energy = float(np.sum(model.rho / 2 * filled.area * (velocity**2).sum(axis=1)))
+    energy = float(np.sum(model.rho / 2 * filled.area * (velocity**2).sum(axis=1))) if velocity.any() else 0.0
     _refuse_fields(model, operator, state)
     system = System(model, options, scheme, operator, stepper, driven, *filled, step, bound, energy)
     stepper.march(state, 1, 1)  # no step: compiles before the clock runs
@@ -386,14 +394,6 @@ def _refuse_fields(model: Model, operator: Operator, state: State) -> None:
         if name not in there:
             expected = ", ".join((*USUAL, *there))
             raise ModelError(f"{model.name}: $.run.fields: found '{name}', expected one of {expected}")
-
-
-def widened(driven: Drive, width: int) -> Drive:
-    """Conditions on all components (n, width); they act only on the displacement."""
-    more = ((0, 0), (0, width - driven.force.shape[1]))
-    return (
-        driven._replace(force=np.pad(driven.force, more), before=np.pad(driven.before, more)) if more[1][1] else driven
-    )
 
 
 def _along_path(model: Model, options: Options, scheme: Scheme) -> Prepared:

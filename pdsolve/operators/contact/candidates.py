@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model.kd_trees import tree_of
 from pdmesh.model.neighbours import lengths, row_chunks
+from pdmesh.model.node_grid import Bodies, Grid
 from pdsolve.model import Model
 from pdsolve.operators.contact.kernel import Nodes, surface_nodes
 from pdsolve.operators.protocol import Operator
@@ -21,10 +22,12 @@ class Joined:
         self._operator, self._nodes, self._until, self._gone = operator, len(volume), 0, 0
         ends = [operator.bonds(int(rows[0]), int(rows[-1]) + 1, start=True) for rows in row_chunks(len(volume))]
         source, target = (np.concatenate(column) for column in zip(*ends, strict=True))
+        x, delta, self._bodies = model.grid.position, model.grid.delta, model.grid.bodies
+        if self._bodies is not None and self._bodies.rigid:
+            source, target = _and_rigid(model.grid, self._bodies, source, target)
         once = source < target
         self._key = source[once] * self._nodes + target[once]
         self.intact = np.ones(len(self._key), dtype=np.bool_)
-        x, delta = model.grid.position, model.grid.delta
         mean = (delta[source] + delta[target]) / 2
         near = lengths(x[target] - x[source]) <= NEAREST[x.shape[1]] * mean
         source, target = source[near], target[near]
@@ -55,12 +58,28 @@ class Joined:
         return True
 
     def join(self, source: NDArray[np.int64], target: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Mask (k,) of pairs of rows that an intact bond joins."""
+        """Mask (k,) of pairs of rows that an intact bond joins, or that are of one rigid body."""
+        as_one = np.zeros(len(source), dtype=np.bool_)
+        if self._bodies is not None and self._bodies.rigid:
+            as_one = self._bodies.moving_as_one(source, target)
         if not len(self._key):
-            return np.zeros(len(source), dtype=np.bool_)
+            return as_one
         number = self._found(source, target)
         key = np.minimum(source, target) * self._nodes + np.maximum(source, target)
-        return np.asarray((self._key[number] == key) & self.intact[number])
+        return np.asarray((self._key[number] == key) & self.intact[number] | as_one)
+
+
+def _and_rigid(
+    grid: Grid, bodies: Bodies, source: NDArray[np.int64], target: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Bonds, in order, with the nearest nodes of rigid bodies as if bonds joined them, for their normals."""
+    rows = np.flatnonzero(np.isin(bodies.number, bodies.rigid))
+    reach = NEAREST[grid.dimension] * float(grid.delta[rows].max())
+    pairs = rows[tree_of(grid.position[rows]).query_pairs(reach, output_type="ndarray")].reshape(-1, 2)
+    i, j = pairs[bodies.moving_as_one(*pairs.T)].T
+    source, target = np.concatenate([source, i, j]), np.concatenate([target, j, i])
+    order = np.lexsort((target, source))
+    return source[order], target[order]
 
 
 def candidates(

@@ -19,6 +19,7 @@ from pdsolve.errors import CheckpointError
 from pdsolve.model import Model, ModelError
 from pdsolve.operators.contact.candidates import Joined, candidates
 from pdsolve.operators.contact.kernel import WIDE, PairList, add_forces, farthest, nearer, pressed_pairs
+from pdsolve.operators.contact.rigid_motion import RigidMotion
 from pdsolve.operators.protocol import Kept, Operator
 from pdsolve.state import Broken, State, Unknown
 
@@ -45,7 +46,7 @@ class PenaltyContact:
         self.unknowns: tuple[Unknown, ...] = (Unknown("u", grid.dimension, 2),)
         self._joined, self._delta, self._volume = Joined(model, volume, operator), grid.delta, volume
         self._cell, self._k = grid.delta**grid.dimension, pair_stiffness(model, self._settings)
-        self._bound = touch_bound(model, volume)
+        self._bound, self.rigid = touch_bound(model, volume), RigidMotion(model, volume)
         self._spent, self._until = np.zeros(len(grid)), -1
         self._rows, self._before = np.zeros(0, dtype=np.int64), np.zeros((0, grid.dimension))
         self._pairs = self._listed(*np.zeros((2, 0), dtype=np.int64))
@@ -68,6 +69,8 @@ class PenaltyContact:
             add_forces(
                 self._joined.nodes, self._pairs, state.value, state.rate, self._settings.friction, dt, out, self._spent
             )
+        if len(self.rigid.rows):
+            self.rigid.constrain(state, out, step, dt)
 
     def free_steps(self, state: State, step: int, dt: float) -> int:
         """For how many steps of `dt`, s, from this one on surely nothing touches; 0 if something may.
@@ -75,6 +78,8 @@ class PenaltyContact:
         No node gets twice as fast meanwhile, nor loses a bond that counts.
         """
         self._follow(state, step)
+        if len(self.rigid.rows):  # which move by forces of their own
+            return 0
         if len(self._pairs.i) or not len(self._rows):
             return 0 if len(self._pairs.i) else EVERY
         fastest = np.sqrt(farthest(state.rate, self._still, self._rows))
@@ -84,8 +89,8 @@ class PenaltyContact:
 
     @property
     def rows(self) -> NDArray[np.int64]:
-        """Rows (m,) of the nodes that may touch now, in order."""
-        return self._pairs.rows
+        """Rows (m,) of the nodes on which forces may act now, in order."""
+        return np.union1d(self._pairs.rows, self.rigid.rows) if len(self.rigid.rows) else self._pairs.rows
 
     def _follow(self, state: State, step: int) -> None:
         """Bring the pairs up to date."""
@@ -185,7 +190,13 @@ class PenaltyContact:
         pairs = self._pairs
         some = np.flatnonzero((pairs.slip != 0).any(axis=1) | (pairs.drag != 0).any(axis=1))
         ends = {"slip_source": pairs.i[some], "slip_target": pairs.j[some]}
-        return {"slip": pairs.slip[some], "drag": pairs.drag[some], **ends, "rubbed": self._spent.copy()}
+        return {
+            "slip": pairs.slip[some],
+            "drag": pairs.drag[some],
+            **ends,
+            "rubbed": self._spent.copy(),
+            **self.rigid.keep(),
+        }
 
     def back(self, kept: Kept, broken: Broken) -> None:
         """Restore a checkpoint. Raises CheckpointError."""
@@ -197,6 +208,7 @@ class PenaltyContact:
         if (np.diff(i * nodes + j) <= 0).any() or (i >= j).any():
             raise CheckpointError("found 'slip_source' and 'slip_target' out of order, expected pairs in order")
         self._spent[:] = entry(kept, "rubbed", (nodes,), np.float64)
+        self.rigid.back(kept)
         self._pairs = self._listed(i, j)._replace(slip=slip.copy(), drag=drag.copy())
         self._before = np.full_like(self._before, np.inf)  # the next step searches
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from pdmesh import GridError, Material, Scene, SceneError, box, build
 from pdmesh.drawing.plate_of_groups import scene_of
 from pdmesh.drawing.plate_places import Group
 from pdmesh.model.contact import Contact
-from pdmesh.model.document import InitialVelocity, read_document
+from pdmesh.model.document import InitialVelocity, RigidBody, read_document
 from pdmesh.model.node_grid import grid_of
 from pdmesh.reports.report import info, info_lines
 from pdsolve.model import Model
@@ -114,3 +115,34 @@ def test_a_drawing_has_bodies_in_groups() -> None:
     assert (body.name, body.spacing, body.velocity) == ("striker", 0.5 * MM, (-3.0, 0.0))
     assert body.material == Material(E=2e11, rho=8500.0, G0=1e4)
     assert found.touching == Contact(friction=0.2)
+
+
+def drawn(**more: float | str) -> Scene:
+    """The scene of a drawing with a plate and a body 'hammer' that has these parameters."""
+    groups = [
+        Group("zone:plate", 2, surfaces=(ring(0, 0, 0.02, 0.01),)),
+        Group("body:hammer", 2, surfaces=(ring(0, 0.01, 0.005, 0.015),)),
+    ]
+    values: dict[str, float | str] = {"Zones/plate/Spacing": MM, "Material/E": 2e11, "Material/rho": 7800.0}
+    values |= {"Material/G0": 1e4, **{f"Bodies/hammer/{name.replace('_', ' ')}": value for name, value in more.items()}}
+    return scene_of(groups, {f"Peridynamics/{name}": value for name, value in values.items()}, "two.geo")
+
+
+def test_a_body_of_a_drawing_can_be_rigid() -> None:
+    built = build(drawn(Rigid=1.0, Mass=3.0, Velocity_y=-2.0, Spin=0.5, Held="x", Profile="ramp 1e-3"))
+    (body,) = built.settings.conditions
+    assert isinstance(body, RigidBody)
+    assert body.nodes == tuple(range(201, 226))
+    assert (body.name, body.mass, body.x, body.y, body.spin, body.held) == ("hammer", 3.0, 0.0, -2.0, 0.5, ("x",))
+    assert body.profile == ((0.0, 0.0), (1e-3, 1.0))
+    said = "\n".join(info_lines(info(built.document, "two")))
+    assert "hammer" in said
+
+
+@pytest.mark.parametrize(
+    ("more", "named"),
+    [({"Rigid": 1.0, "rho": 1e3}, "rho"), ({"Mass": 1.0}, "Mass"), ({"Rigid": 2.0}, "Rigid"), ({"Rigid": 1.0}, "mass")],
+)
+def test_parameters_of_a_rigid_body_are_those_of_no_other(more: dict[str, float], named: str) -> None:
+    with pytest.raises(SceneError, match=naming("hammer", named, expected=re.compile("(?:none|0 or 1|kg)"))):
+        drawn(**more)

@@ -1,0 +1,99 @@
+"""Rigid bodies of a model: which bodies they are, what they weigh, and what they cannot be."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model import selection
+from pdmesh.model.contact import RigidBody
+from pdmesh.model.document import Acceleration, Displacement, GridError, Settings, Velocity
+from pdmesh.model.node_grid import Grid
+
+
+def rigid_bodies(grid: Grid, settings: Settings) -> Iterator[tuple[RigidBody, NDArray[np.int64], int]]:
+    """Each rigid body, the rows (k,) of its nodes, and its number among the conditions."""
+    for number, condition in enumerate(settings.conditions):
+        if isinstance(condition, RigidBody):
+            rows = np.flatnonzero(selection.selected(grid, condition.nodes, condition.box))
+            yield condition, rows, number
+
+
+def without_bonds(grid: Grid, settings: Settings, name: str) -> Grid:
+    """The grid whose rigid bodies have no bonds. Raises GridError for what no rigid body can be."""
+    found = tuple(rigid_bodies(grid, settings))
+    if not found:
+        return grid
+    if settings.contact is None:
+        raise GridError(f"{name}: $.contact: found none, expected some, as a body is rigid")
+    numbers = []
+    for body, rows, number in found:
+        place = f"$.conditions[{number}]"
+        wrong = contradiction(body, grid.dimension)
+        if wrong is not None:
+            raise GridError(f"{name}: {place}.{wrong}")
+        own = np.unique(grid.bodies.number[rows]) if grid.bodies is not None else np.zeros(1, dtype=np.int64)
+        whole = len(grid) if grid.bodies is None else int(np.isin(grid.bodies.number, own).sum())
+        if grid.bodies is None or len(own) != 1 or whole != len(rows) or own[0] in numbers:
+            raise GridError(f"{name}: {place}: found {len(rows)} nodes, expected all those of one body")
+        _refuse_holds(settings, grid, rows, name, place)
+        numbers.append(int(own[0]))
+    assert grid.bodies is not None
+    return replace(grid, bodies=grid.bodies._replace(rigid=tuple(numbers)))
+
+
+def contradiction(body: RigidBody, dimension: int) -> str | None:
+    """What a rigid body in the plane (2) or in space (3) cannot be: place, found and expected; None if all can be."""
+    ways = body.ways(dimension)
+    if body.mass is None and not set(ways) <= set(body.held):
+        unit = "kg/m" if dimension == 2 else "kg"
+        return f"mass: found none of a rigid body that is free, expected {unit}, or {', '.join(ways)} held"
+    if not set(body.held) <= set(ways):
+        return f"held: found z, expected {', '.join(ways)} in a plate"
+    if dimension == 2 and isinstance(body.spin, tuple):
+        return f"spin: found {len(body.spin)} numbers, expected one in a plate"
+    if dimension == 3 and not isinstance(body.spin, tuple) and body.spin:
+        return "spin: found one number, expected those about x, y and z in a body in space"
+    return None
+
+
+def _refuse_holds(settings: Settings, grid: Grid, rows: NDArray[np.int64], name: str, place: str) -> None:
+    """Raise GridError for a condition that holds nodes of a rigid body."""
+    for number, condition in enumerate(settings.conditions):
+        if not isinstance(condition, Displacement | Velocity | Acceleration):
+            continue
+        if selection.selected(grid, condition.nodes, condition.box)[rows].any():
+            raise GridError(
+                f"{name}: $.conditions[{number}]: found nodes of the rigid body of {place}, expected none: its own"
+                " 'held' holds it"
+            )
+
+
+def densities(grid: Grid, settings: Settings, rho: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Densities (n,), kg/m^3, with those of rigid bodies that have a mass."""
+    for body, rows, _ in rigid_bodies(grid, settings):
+        if body.mass is not None:
+            rho[rows] = body.mass / grid.cells[rows].sum()
+    return rho
+
+
+def rigid_velocities(body: RigidBody, x: NDArray[np.float64], mass: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Velocities (k, d), m/s, at time 0 of its nodes at x (k, d) with these masses (k,) in any unit."""
+    arm, factor = wide(x - mass @ x / mass.sum()), body.profile[0][1] if body.profile else 1.0
+    held = np.where([way in body.held for way in "xyz"], factor, 1.0)
+    spin = spin_of(body) * (factor if "spin" in body.held else 1.0)
+    found = held * np.array([body.x, body.y, body.z]) + np.cross(spin, arm)
+    return np.asarray(found[:, : x.shape[1]])
+
+
+def spin_of(body: RigidBody) -> NDArray[np.float64]:
+    """Its spin as a vector (3,), rad/s."""
+    return np.array(body.spin if isinstance(body.spin, tuple) else (0.0, 0.0, body.spin))
+
+
+def wide(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Vectors (k, d) with three components."""
+    return np.pad(vectors, ((0, 0), (0, 3 - vectors.shape[1])))
