@@ -14,6 +14,7 @@ from pdmesh.file_kinds import Kind
 from pdpost.commands import (
     animate_and_watch,
     bodies,
+    compare,
     crack,
     curves,
     export,
@@ -29,7 +30,7 @@ from pdpost.commands import (
     verify,
 )
 
-OF_PLATES = ("bonds", "fatigue", "nodes", "notch", "tradeoff")
+OF_PLATES = ("bonds", "compare", "fatigue", "nodes", "notch", "tradeoff")
 OF_BODIES = (
     "damage and other fields, animate, slice, render, crack, sif, line, history, balance, reaction, report, export and"
     " study"
@@ -42,6 +43,7 @@ def parser() -> argparse.ArgumentParser:
     commands = program.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for group in (
         pictures,
+        compare,
         animate_and_watch,
         bodies,
         curves,

@@ -63,6 +63,7 @@ COMMANDS: dict[str, list[str]] = {  # the words behind a command
     "rotation": ["-o", "out.png"],
     "volume": ["-o", "out.png"],
     "tradeoff": ["--reference", "whole.sqlite", "-o", "out.png"],
+    "compare": ["whole.sqlite", "-o", "out.png"],
     "watch": ["-o", "out.png", "--patience", "0"],
     "study": ["-o", "out.png"],
     "render": ["-o", "out.png"],

@@ -1,8 +1,9 @@
-"""Several frames of a field on one sheet with one colour range, such as the growth of a crack for a page of a paper."""
+"""Several frames of a field, of one run or of several, on one sheet with one colour range."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import matplotlib
 import numpy as np
@@ -21,6 +22,14 @@ TITLE, AROUND = 0.25, 0.9  # inches: above each picture; for axes and legend
 BAR = 0.9  # inches, of the bar of colours
 
 
+class Panel(NamedTuple):
+    """A frame of a run and what stands above it."""
+
+    results: Results
+    step: int
+    title: str
+
+
 def frames(
     results: Results,
     name: str,
@@ -31,35 +40,50 @@ def frames(
     largest: float | None = None,
     window: Box | None = None,
 ) -> Figure:
-    """The field `name` after each of `steps`, in rows and columns; other arguments are those of `field_figure.field`.
+    """The field `name` after each of `steps` of one run; see `panels`."""
+    time_step = float(results.meta()["time_step"])
+    shown = [Panel(results, step, time_text(step * time_step, micro="µs")) for step in steps]
+    return panels(shown, name, part=part, scale=scale, largest=largest, window=window)
+
+
+def panels(
+    each: Sequence[Panel],
+    name: str,
+    *,
+    part: str | None = None,
+    scale: float = 0.0,
+    largest: float | None = None,
+    window: Box | None = None,
+) -> Figure:
+    """The field `name` of frames, in rows and columns; other arguments are those of `field_figure.field`.
 
     The colour range ends at the usual largest value of all frames. Raises FieldError, and ResultsError naming what is
     available.
     """
     part = fields.component(name, part)
-    shots = [field_figure.values_of(results, name, step, part) for step in steps]
-    shapes = [shape(results, step, scale) for step in steps]
+    shots = [field_figure.values_of(one.results, name, one.step, part) for one in each]
+    shapes = [shape(one.results, one.step, scale) for one in each]
     box = window or box_of(shapes)
     known = [shot.values[~shot.torn & seen(where.position, box)] for shot, where in zip(shots, shapes, strict=True)]
     range_of = colours.colours(name, part, np.concatenate(known), largest)
     mappable = colours.mappable(range_of)
-    figure, columns = _figure(box, len(steps))
-    rows = -(-len(steps) // columns)
-    panels = [figure.add_subplot(rows, columns, number + 1) for number in range(len(steps))]
-    for number, (step, shot, where) in enumerate(zip(steps, shots, shapes, strict=True)):
-        on = on_axes(panels[number], box)
+    figure, columns = _figure(box, len(each))
+    rows = -(-len(each) // columns)
+    drawn = [figure.add_subplot(rows, columns, number + 1) for number in range(len(each))]
+    for number, (one, shot, where) in enumerate(zip(each, shots, shapes, strict=True)):
+        on = on_axes(drawn[number], box)
         paint(on, where, shot.values * range_of.factor, mappable, shot.torn)
         border(on, where)
         mark(on, where)
-        on.axes.set_title(time_text(step * float(results.meta()["time_step"]), micro="µs"))
+        on.axes.set_title(one.title)
         if number % columns:
             on.axes.set_ylabel("")
             on.axes.tick_params(labelleft=False)
-        if number + columns < len(steps):
+        if number + columns < len(each):
             on.axes.set_xlabel("")
             on.axes.tick_params(labelbottom=False)
-    figure.colorbar(mappable, ax=panels, label=range_of.label, extend=range_of.beyond, fraction=0.05, aspect=25)
-    handles, _ = panels[0].get_legend_handles_labels()
+    figure.colorbar(mappable, ax=drawn, label=range_of.label, extend=range_of.beyond, fraction=0.05, aspect=25)
+    handles, _ = drawn[0].get_legend_handles_labels()
     patches = [(colour, words.split(":")[0]) for shot in shots for colour, words in field_figure.explained(shot)]
     handles += [Patch(color=colour, label=words) for colour, words in dict.fromkeys(patches)]
     if handles:

@@ -20,7 +20,7 @@ from tampered import tampered
 
 from pdpost.__main__ import main
 from pdpost.commands import pictures
-from pdpost.figures import style
+from pdpost.figures import frames_figure, style
 from pdpost.measures.fields import FIELDS
 from pdsolve.results import Families, Nodes, Results, Writer
 
@@ -336,3 +336,41 @@ def test_help_is_there_at_once() -> None:
     words += "print([name for name in ('numpy', 'matplotlib', 'meshio') if name in sys.modules])"
     found = subprocess.run([sys.executable, "-c", words], check=True, capture_output=True, text=True)
     assert found.stdout.strip() == "[]"
+
+
+def test_runs_side_by_side(small_results: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Frames of two runs under their names, at their own times, in the colours of both."""
+    other = here / "other.sqlite"
+    other.write_bytes(small_results.read_bytes())
+    given = ["compare", str(small_results), str(other), "-o", "both.png", "--field", "velocity"]
+    assert main([*given, "--frame", "2", "--titles", "one, another", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert [run["title"] for run in told["runs"]] == ["one", "another"]
+    assert len({run["time"] for run in told["runs"]}) == 1
+    assert (here / "both.png").read_bytes().startswith(b"\x89PNG")
+    with Results.open(small_results) as results:
+        each = [frames_figure.Panel(results, step, f"{step}") for step in (0, 60)]
+        first, last, bar = frames_figure.panels(each, "velocity").axes
+    assert (first.get_title(), last.get_title()) == ("0", "60")
+    ends = [float(axes.collections[0].norm.vmax) for axes in (first, last)]
+    assert ends[0] == ends[1] == bar.get_ylim()[1] > 0  # although nothing moves at first
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ([], naming("compare", found="1", expected="two")),
+        (["{other}", "--titles", "a"], naming("--titles", found="1", expected="2")),
+        (["{other}", "--time", "7"], naming("--time", found="7", expected="seconds")),
+        (["none.sqlite"], naming("none.sqlite", found="file")),
+    ],
+)
+def test_runs_that_cannot_stand_side_by_side(
+    small_results: Path, here: Path, capsys: pytest.CaptureFixture[str], words: list[str], message: str
+) -> None:
+    other = here / "other.sqlite"
+    other.write_bytes(small_results.read_bytes())
+    assert main(["compare", str(small_results), *(word.format(other=other) for word in words)]) == 2
+    err = capsys.readouterr().err
+    assert re.search(message, err)
+    assert err.count("\n") == 1

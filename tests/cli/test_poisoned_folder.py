@@ -71,6 +71,7 @@ WORDS = {  # a call of each command; those that find nothing to show in these re
     "pdsolve study": "study.toml --workers 1",
     "pdpost animate": "small.sqlite -o film.gif",
     "pdpost line": "small.sqlite --from 0,0 --to 0.01,0",
+    "pdpost compare": "small.sqlite small.sqlite -o both.png",
     "pdpost tradeoff": "small.sqlite --reference small.sqlite",
     "pdpost sql": "small.sqlite",
     "pdpost study": "study.sqlite",

@@ -1,0 +1,94 @@
+"""A field of several runs of one scene, side by side with one colour bar."""
+
+from __future__ import annotations
+
+import argparse
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pdmesh import commandline
+from pdpost.commands.pictures import FIELDS
+from pdpost.commands.shared import (
+    add_colours,
+    add_frame,
+    add_journal,
+    add_scale,
+    add_window,
+    check_window,
+    chosen_frame,
+    chosen_scale,
+)
+
+if TYPE_CHECKING:
+    from pdpost.commands.shared import Commands
+
+
+def add(commands: Commands) -> None:
+    """Put `compare` on the command line."""
+    compare = commands.add_parser(
+        "compare",
+        help="draw a field of several runs of one scene side by side",
+        description="Draw a field of several runs of one scene - laws, spacings, methods - side by side, with one"
+        " colour bar.",
+    )
+    compare.add_argument("results", type=Path, nargs="+", help="databases written by pdsolve, two or more")
+    compare.add_argument("--field", choices=FIELDS, default="damage", help="what is drawn (default: damage)")
+    compare.add_argument("--component", metavar="NAME", help="the component of the field, as its own command has it")
+    compare.add_argument(
+        "--titles", metavar="A,B,...", help="what stands above the pictures (default: the names of the files)"
+    )
+    commandline.add_common_options(
+        compare,
+        output="the picture, in the format of its suffix (default: compare.png)",
+        assignment="override a matplotlib setting, such as savefig.dpi=300 or font.size=11",
+    )
+    add_journal(compare)
+    add_frame(compare)
+    add_scale(compare, "0")
+    add_colours(compare)
+    add_window(compare)
+    compare.set_defaults(run=_compare)
+
+
+def _compare(args: argparse.Namespace) -> int:
+    from pdpost.figures import frames_figure, style
+    from pdpost.measures import fields
+    from pdpost.measures.plate_geometry import check_alike
+    from pdpost.reading.time_text import time_text
+    from pdsolve.results import Results
+
+    files: list[Path] = args.results
+    if len(files) < 2:
+        raise commandline.UsageError(f"compare: found {len(files)} database, expected two or more")
+    titles = _titles(files, args.titles)
+    path = commandline.output_path(args.output, files[0].with_name("compare.sqlite"), ".png", args.force)
+    style.check_format(path)
+    part = fields.component(args.field, args.component)
+    with style.styled(dict(args.assignments)), ExitStack() as stack:
+        runs = [stack.enter_context(Results.open(file)) for file in files]
+        each, found = [], []
+        for file, results, title in zip(files, runs, titles, strict=True):
+            check_alike(results, runs[0])
+            args.results = file  # which a message names
+            step, time = chosen_frame(results, args)
+            each.append(frames_figure.Panel(results, step, f"{title}, {time_text(time, micro='µs')}"))
+            found.append({"results": str(file), "title": title, "step": step, "time": time})
+        check_window(runs[0], args)
+        scale = chosen_scale(runs[0], each[0].step, args)
+        how = {"part": part or None, "scale": scale, "largest": args.largest, "window": args.window}
+        style.save(frames_figure.panels(each, args.field, **how), path)
+    result = {"output": str(path), "field": args.field, "component": part or None, "scale": scale, "runs": found}
+    commandline.report(result, [f"{path}: {args.field} of {', '.join(titles)}"], args)
+    return commandline.OK
+
+
+def _titles(files: list[Path], given: str | None) -> list[str]:
+    """What stands above each picture. Raises UsageError."""
+    if given is None:
+        names = [file.stem for file in files]
+        return names if len(set(names)) == len(names) else list(map(str, files))
+    titles = [title.strip() for title in given.split(",")]
+    if len(titles) != len(files):
+        raise commandline.UsageError(f"--titles: found {len(titles)}, expected {len(files)}, one for each database")
+    return titles
