@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.model.graphs import connected
 from pdmesh.model.triangulated_surface import distances
 from pdmesh.scene.edges import METRE, points_in
 from pdmesh.scene.shapes import SceneError
@@ -70,6 +71,4 @@ def _patches(triangles: NDArray[np.float64], normal: NDArray[np.float64]) -> NDA
     same = (ends[order[1:]] == ends[order[:-1]]).all(axis=1)
     first, second = owner[order[:-1][same]], owner[order[1:][same]]
     smooth = (normal[first] * normal[second]).sum(axis=1) >= CORNER
-    joined = coo_array((np.ones(smooth.sum()), (first[smooth], second[smooth])), shape=2 * (len(triangles),))
-    number: NDArray[np.int64] = connected_components(joined, directed=False)[1].astype(np.int64)
-    return number
+    return connected(len(triangles), first[smooth], second[smooth])

@@ -20,6 +20,8 @@ from pdsolve.state import Broken
 
 AROUND = 4  # nodes next to a node, of which two and the node are a triangle to look at
 TOGETHER = 1000  # nodes whose bonds are asked for at once
+LINES = 2  # of a lattice: nodes on it may be that far from those beside them
+ON_LATTICE = 1e-6  # spacings: nodes this near to a lattice are on it
 FLAT = 0.1  # of a spacing squared: neighbours that span less are in line with the node
 FRACTION = 0.005  # of what breaks a bond: displacements must be known to that, as errors add up over steps
 
@@ -112,15 +114,49 @@ class _Triangles(NamedTuple):
 
 def _triangles(position: NDArray[np.float64], flat: float) -> _Triangles:
     """The largest triangle of each node, if twice its area exceeds `flat` (m^2)."""
-    near = tree_of(position).query(position, min(AROUND + 1, len(position)))[1][:, 1:]
-    one, other = np.zeros((2, len(position)), dtype=np.int64)
-    twice = np.zeros(len(position))
-    for first, second in combinations(near.T, 2):
-        here = _cross(position[first] - position, position[second] - position)
-        larger = np.abs(here) > np.abs(twice) * (1 + ROUND_OFF)
-        one[larger], other[larger], twice[larger] = first[larger], second[larger], here[larger]
+    arms = _arms(position)
+    if arms is not None:
+        one, other = arms
+        twice = _cross(position[one] - position, position[other] - position)
+    else:
+        near = tree_of(position).query(position, min(AROUND + 1, len(position)))[1][:, 1:]
+        one, other = np.zeros((2, len(position)), dtype=np.int64)
+        twice = np.zeros(len(position))
+        for first, second in combinations(near.T, 2):
+            here = _cross(position[first] - position, position[second] - position)
+            larger = np.abs(here) > np.abs(twice) * (1 + ROUND_OFF)
+            one[larger], other[larger], twice[larger] = first[larger], second[larger], here[larger]
     rows = np.flatnonzero(np.abs(twice) >= flat)
     return _Triangles(rows, one[rows], other[rows], twice[rows])
+
+
+def _arms(position: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.int64]] | None:
+    """Nodes (n,) beside each one along x and along y, itself where there are none; None off a square lattice.
+
+    Nodes are row by row on a lattice, of which some may be missing; the nearest one within `LINES` spacings counts.
+    """
+    low, nodes = position.min(axis=0), np.arange(len(position))
+    along = np.diff(position[:, 0])
+    spacing = float(along[along > 0].min(initial=np.inf))
+    if not np.isfinite(spacing):
+        return None
+    place = (position - low) / spacing
+    column, row = np.rint(place).astype(np.int64).T
+    if np.abs(place - np.column_stack([column, row])).max() > ON_LATTICE:
+        return None
+    stride = int(column.max()) + LINES + 1
+    key = row * stride + column
+    if (np.diff(key) <= 0).any():
+        return None
+    found = []
+    for step in (1, stride):
+        arm = nodes.copy()
+        for far in (way * lines * step for lines in range(1, LINES + 1) for way in (1, -1)):
+            left = np.flatnonzero(arm == nodes)
+            at = np.minimum(np.searchsorted(key, key[left] + far), len(key) - 1)
+            arm[left] = np.where(key[at] == key[left] + far, at, left)
+        found.append(arm)
+    return found[0], found[1]
 
 
 def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:

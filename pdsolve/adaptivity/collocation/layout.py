@@ -17,7 +17,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from pdmesh.model.document import InitialVelocity
 from pdmesh.model.neighbours import Pairs
@@ -27,6 +26,7 @@ from pdsolve.adaptivity.hybrid.precracks import lengthened, seen
 from pdsolve.adaptivity.hybrid.springs import Springs, e_of
 from pdsolve.conditions import unbreakable
 from pdsolve.model import Model, ModelError
+from pdsolve.numerics.dilation import in_square
 from pdsolve.numerics.jit_cache import cached_njit
 from pdsolve.operators.simd_lattice.lanes import ROW
 from pdsolve.operators.stencils import Stencil
@@ -159,9 +159,9 @@ def _areas(model: Model, at: Layout, place: NDArray[np.int64], row: NDArray[np.i
 
 def dilated(marked: NDArray[np.bool_], at: Layout, reach: int) -> NDArray[np.bool_]:
     """Mask (places,) of places at most `reach` columns and rows from a marked one."""
-    field = marked[: at.places - 2 * ROW].reshape(-1, at.stride).astype(np.uint8)
+    field = marked[: at.places - 2 * ROW].reshape(-1, at.stride)
     found = np.zeros(at.places, dtype=np.bool_)
-    found[: field.size] = ndimage.maximum_filter(field, 2 * reach + 1, mode="constant").ravel() > 0
+    found[: field.size] = in_square(field, reach).ravel()
     return found
 
 

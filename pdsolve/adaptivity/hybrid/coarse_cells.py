@@ -6,12 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from pdmesh.model.lattice_calibration import has_partial_cells
 from pdsolve.adaptivity.hybrid.arrays import RING, TIPS
 from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, COARSE, EMPTY, FINE, LEFT, VOID, Lattice, lattice_of
 from pdsolve.model import Model, ModelError
+from pdsolve.numerics.dilation import in_disc
 
 OFF = 1e-6  # spacings: nodes this far from the lattice are not on it
 CLEARANCE = 1e-3  # spacings: a pre-crack this near to a node passes through it
@@ -126,9 +126,8 @@ def cells_of(plate: Plate, reach: int) -> NDArray[np.uint8]:
     cells = np.where(some, FINE, VOID).astype(np.uint8)
     cells[good] = COARSE
     if (some & ~good).any():
-        away = 2 * ndimage.distance_transform_edt(~(some & ~good)) - 1
-        cells[(away <= reach + RING) & good] = FINE
-        cells[(away <= reach + 1) & ~some & ~good] = EMPTY
+        cells[in_disc(some & ~good, (reach + RING + 1) / 2) & good] = FINE
+        cells[in_disc(some & ~good, (reach + 2) / 2) & ~some & ~good] = EMPTY
     rows, columns = np.indices(cells.shape)
     for tip_x, tip_y in tips_of(plate).tolist():
         near = np.hypot(*(np.maximum(np.abs(np.array([tip_x - 2 * columns - 1, tip_y - 2 * rows - 1])) - 1, 0))) < TIPS

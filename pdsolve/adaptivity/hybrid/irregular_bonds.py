@@ -6,21 +6,24 @@ The scheme makes these bonds for that part of the plate, so that fine nodes equa
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from pdmesh.model import selection
+from pdmesh.model.neighbours import ROWS
 from pdsolve.adaptivity.hybrid.coarse_cells import Plate, quarters
 from pdsolve.adaptivity.hybrid.lattice import BELOW, LEFT
 from pdsolve.adaptivity.hybrid.springs import Springs, e_of
-from pdsolve.bonds.assembly import Filling, stiffness_bound
+from pdsolve.bonds.assembly import Paired, Part, stiffness_bound
 from pdsolve.model import Model
-from pdsolve.schemes.average_horizon import fill
+from pdsolve.numerics.dilation import in_square
+from pdsolve.schemes.average_horizon import Rule
 
+KEPT = 8  # parts whose pairs are held in memory; those of others are looked for twice
 ROUND_OFF = 1e-12  # relative: stiffnesses this near to those of a full lattice are those
 
 
@@ -40,8 +43,8 @@ def irregular(plate: Plate, springs: tuple[Springs, ...]) -> Irregular:
     grid, reach = plate.model.grid, int(np.abs(springs[0].dx).max())
     odd = _odd(plate, reach)
     there = plate.row >= 0
-    asked = there & _within(odd, 2 * reach).ravel()
-    around = there & _within(odd, 4 * reach).ravel()
+    asked = there & in_square(odd, 2 * reach).ravel()
+    around = there & in_square(odd, 3 * reach).ravel()
     some = np.sort(plate.row[around]).astype(np.int64)
     wanted = np.zeros(len(grid), dtype=bool)
     wanted[plate.row[asked]] = True
@@ -50,7 +53,7 @@ def irregular(plate: Plate, springs: tuple[Springs, ...]) -> Irregular:
     springs_, peak, limit = np.zeros((3, *shape))
     found = Irregular(some[wanted], springs_, peak, limit, np.zeros(shape[0], np.int64), np.zeros(shape[0]))
     if len(found.node):
-        _fill(plate, fill(part_of(plate.model, some)), some, wanted, springs, found)
+        _fill(plate, _parts(part_of(plate.model, some), np.flatnonzero(wanted)), some, wanted, springs, found)
     return found
 
 
@@ -71,13 +74,8 @@ def _odd(plate: Plate, reach: int) -> NDArray[np.bool_]:
         x, y = np.round(x0 + share * (x1 - x0)).astype(int), np.round(y0 + share * (y1 - y0)).astype(int)
         inside = (x >= 0) & (x <= at.nx) & (y >= 0) & (y <= at.ny)
         near[(y[inside] + BELOW) * at.stride + LEFT + x[inside]] = True
-    odd |= _within(near.reshape(odd.shape), reach + 1)
+    odd |= in_square(near.reshape(odd.shape), reach + 1)
     return odd
-
-
-def _within(marked: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
-    """Mask of places at most `reach` columns and rows from a marked one."""
-    return np.asarray(ndimage.maximum_filter(marked.astype(np.uint8), 2 * reach + 1, mode="nearest") > 0)
 
 
 def part_of(model: Model, rows: NDArray[np.int64]) -> Model:
@@ -101,9 +99,23 @@ def part_of(model: Model, rows: NDArray[np.int64]) -> Model:
     return Model(part, settings, model.name)
 
 
+def _parts(model: Model, rows: NDArray[np.int64]) -> Iterator[tuple[NDArray[np.int64], Part]]:
+    """Bonds of these rows, some at a time: those of nodes near irregular places, beyond which nothing is corrected."""
+    rule, chunks = Rule(model), np.array_split(rows, -(-len(rows) // ROWS))
+    lack = np.ones((len(model.grid), 2))
+    kept: list[Paired | None] = []
+    for some in chunks:
+        found = rule.looked(rule.neighbours.pairs(some))
+        lack[some] = rule.lack(some, found)
+        kept.append(found if len(kept) < KEPT else None)
+    for number, some in enumerate(chunks):
+        found, kept[number] = kept[number] or rule.looked(rule.neighbours.pairs(some)), None
+        yield some, rule.part(some, found, lack)
+
+
 def _fill(
     plate: Plate,
-    filling: Filling,
+    parts: Iterable[tuple[NDArray[np.int64], Part]],
     some: NDArray[np.int64],
     wanted: NDArray[np.bool_],
     springs: tuple[Springs, ...],
@@ -116,17 +128,14 @@ def _fill(
     number[springs[0].dy + reach, springs[0].dx + reach] = np.arange(len(springs[0].dx))
     slot, full = np.cumsum(wanted) - 1, np.array([one.table[:, 5] for one in springs])
     material, area = plate.model.material_of, plate.area * plate.h**2
-    for part in filling.parts():
-        bonds, last = part.bonds, part.first + len(part.family)
-        own = np.arange(part.first, last)[wanted[part.first : last]]
-        source = part.first + np.repeat(np.arange(len(part.family)), np.diff(bonds.start))
-        kept = wanted[source]
-        source, xi = source[kept], bonds.xi[kept]
+    for own, part in parts:
+        bonds = part.bonds
+        source, xi = np.repeat(own, np.diff(bonds.start)), bonds.xi
         step = np.round(xi / plate.h).astype(np.int64)
         k, at, row = number[step[:, 1] + reach, step[:, 0] + reach], slot[source], some[source]
-        stiffness = bonds.stiffness[kept] * area[row] / np.hypot(*xi.T)
+        stiffness = bonds.stiffness * area[row] / np.hypot(*xi.T)
         usual = full[material[row], k]
         found.springs[at, k] = np.where(np.abs(stiffness - usual) < ROUND_OFF * usual, usual, stiffness)
-        found.peak[at, k], found.limit[at, k] = e_of(bonds.peak[kept]), e_of(bonds.limit[kept])
+        found.peak[at, k], found.limit[at, k] = e_of(bonds.peak), e_of(bonds.limit)
         found.family[slot[own]] = part.family[own - part.first]
-        found.stiffness_bound[slot[own]] = stiffness_bound(bonds, bonds.stiffness, True)[own - part.first]
+        found.stiffness_bound[slot[own]] = stiffness_bound(bonds, bonds.stiffness, True)

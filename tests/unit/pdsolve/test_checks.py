@@ -140,3 +140,21 @@ def test_energy_that_does_not_add_up(balance: float, spent: float, symmetric: bo
     with saying() as lines:
         closing(plate(square_grid(9, 8)), balance, spent, symmetric)
     assert len(lines) == told
+
+
+def test_a_node_that_passes_another_is_seen_on_lattices_with_and_without_gaps() -> None:
+    """In rows of a lattice, coarse on the right, and in no order, which the tree of nodes is for."""
+    column, row = (axis.ravel() for axis in np.meshgrid(np.arange(13), np.arange(9)))
+    kept = (column <= 6) | ((column % 2 == 0) & (row % 2 == 0))
+    place = np.column_stack([column, row])[kept]
+    mixed = np.random.default_rng(1).permutation(len(place))
+    for order in (np.arange(len(place)), mixed):
+        grid = dataclasses.replace(square_grid(len(place), 1), position=1e-3 * place[order], areas=None)
+        model, (target, source) = plate(grid), np.indices(2 * (len(place),)).reshape(2, -1)[::-1]
+        for x, y in ((3, 3), (6, 4), (10, 4), (12, 8)):
+            u = np.zeros((len(place), 2))
+            u[(place[order] == (x, y)).all(axis=1), 0] = -2.5e-3
+            watch = MotionChecks(model, partial(lambda ends, first, last: ends, (source, target)))
+            with saying() as lines:
+                watch.look(u, Broken(*np.zeros((3, 0), dtype=np.int64)), 1)
+            assert len(lines) == 1, (x, y)

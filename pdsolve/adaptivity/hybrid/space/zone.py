@@ -7,7 +7,6 @@ from itertools import product
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from pdmesh.model.triangulated_surface import distances
 from pdsolve.adaptivity.hybrid.arrays import RING, TIPS
@@ -50,6 +49,8 @@ def cells_at_start(
     cells = np.where(some, FINE, VOID).astype(np.uint8)
     cells[good] = COARSE
     if (some & ~good).any():
+        from scipy import ndimage  # takes long to import
+
         away = 2 * ndimage.distance_transform_edt(~(some & ~good)) - 1
         cells[(away <= reach + RING) & good] = FINE
     _around_cracks(cells, cracks)
