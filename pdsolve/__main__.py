@@ -16,10 +16,12 @@ from pdmesh import commandline
 from pdmesh.file_kinds import Kind
 from pdmesh.printing import escaped
 from pdmesh.spelling import nearest
+from pdsolve.ranks import launch
 from pdsolve.run.progress import Watch
 
 if TYPE_CHECKING:
     from pdmesh.model.document import Settings
+    from pdsolve.numerics.team import Team
     from pdsolve.run.estimate import Plan
 
 ROOM = 1 << 29  # bytes of addresses: with less, OpenBLAS asks the system for more for ever
@@ -112,7 +114,7 @@ def _uncollected() -> Iterator[None]:
             gc.enable()
 
 
-def _solve(args: argparse.Namespace) -> int:
+def _solve(args: argparse.Namespace, ranks: Team | None) -> int:
     commandline.expect(args.model, Kind.RESULTS if args.resume else Kind.MODEL)
     commandline.expect_memory(ROOM)
     with _uncollected():
@@ -137,9 +139,9 @@ def _solve(args: argparse.Namespace) -> int:
             if args.dry_run:
                 return _show_what_is_left(path, args)
             with _says_how_to_go_on(path, args), compile_time_said(lambda words: commandline.note(words, args)):
-                results = resume(path, args.threads, watch)
+                results = resume(path, args.threads, watch, team=ranks)
         else:
-            options = Options(args.mode or "conservative", args.precision or "float64", args.threads)
+            options = Options(args.mode or "conservative", args.precision or "float64", args.threads, None, ranks)
             model = read_model(args.model, args.settings, [*args.assignments, *_flags(args)])
             if args.float and "static" not in (model.settings.run.solver, model.settings.run.start):
                 raise commandline.UsageError("--float: found a run in time, expected --static or run.start static")
@@ -346,8 +348,13 @@ def main(argv: Sequence[str] | None = None) -> int:
         return command.main(words[1:])
     if nearest(words[0] if words else "", ["study"], commandline.ALIKE) and not Path(words[0]).exists():
         parser().error(f"found '{words[0]}', expected a model's file, or the word study")
+    return launch.together(lambda ranks: _alone(words, ranks))
+
+
+def _alone(words: list[str], ranks: Team | None) -> int:
+    """Run one command, with the other `ranks` at hand."""
     args = parser().parse_args(words)
-    return commandline.run("pdsolve", lambda: _solve(args), _exits)
+    return commandline.run("pdsolve", lambda: _solve(args, ranks), _exits)
 
 
 def _exits() -> dict[type[Exception], int]:

@@ -18,10 +18,13 @@ from pdmesh.model.document import MOST
 from pdmesh.model.kd_trees import tree_of
 from pdmesh.model.lattice_calibration import lattice_ratios
 from pdmesh.model.neighbours import ROUND_OFF, Neighbours, row_chunks
-from pdmesh.model.refused_settings import impossible
+from pdmesh.model.output_fields import USUAL
+from pdmesh.model.refused_settings import impossible, on_ranks
 from pdmesh.model.triangulated_surface import distances
 from pdsolve.laws import law_named
 from pdsolve.model import Model, ModelError, ModelWarning
+from pdsolve.operators.protocol import Operator
+from pdsolve.state import State
 
 LEAST = 1e-30  # of a material's numbers, likewise
 SAME = 1e-6  # spacings: nodes this near are at one place but for round-off
@@ -86,6 +89,24 @@ def refuse(model: Model, partial_cells: bool) -> None:
                 f"{model.name}: $.horizon.ratio: found {ratio:g}, where bonds of a {material.micromodulus}"
                 " micromodulus have no stiffness, expected more than 1 (3 is usual)"
             )
+
+
+def refuse_on_ranks(model: Model, kernel: str | None) -> None:
+    """Raise ModelError for what a run on many ranks does not support."""
+    for wrong in on_ranks(model.settings, model.grid.dimension):
+        raise ModelError(f"{model.name}: {wrong}")
+    if kernel == "listed":
+        raise ModelError("kernel: found listed, expected blocks on many ranks")
+
+
+def refuse_fields(model: Model, operator: Operator, state: State) -> None:
+    """Raise ModelError for a requested field that the model does not have."""
+    asked = [name for name in model.settings.run.fields if name not in USUAL]
+    there = operator.fields(state) if asked else {}
+    for name in asked:
+        if name not in there:
+            expected = ", ".join((*USUAL, *there))
+            raise ModelError(f"{model.name}: $.run.fields: found '{name}', expected one of {expected}")
 
 
 def advise(model: Model, bonds: NDArray[np.int64], partial_cells: bool, symmetric: bool) -> None:

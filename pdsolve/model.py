@@ -215,6 +215,12 @@ class Model:
         """The rows of the grid a condition or a region acts on."""
         return np.flatnonzero(selection.selected(self.grid, some.nodes, some.box))
 
+    def window(self, first: int, last: int) -> Model:
+        """The model of the rows `first` to `last` - 1, of which a condition or a region may have none."""
+        part = object.__new__(Model)
+        part.__dict__.update(grid=self.grid.window(first, last), settings=self.settings, name=self.name)
+        return part
+
     def _repr_svg_(self) -> str | None:
         """SVG for a notebook: that of the grid."""
         return self.grid._repr_svg_()

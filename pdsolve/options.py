@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from pdsolve.numerics.team import Team
 from pdsolve.numerics.thread_team import crew
 
 # Nodes in blocks that are worth a thread. On two cores all shipped scenes, of 2700 to 13 000 nodes, took 1.0 to 2 times
@@ -18,8 +19,11 @@ class Options(NamedTuple):
     precision: str = "float64"
     threads: int | None = None  # None: as many as there are and the nodes are worth
     kernel: str | None = None  # "blocks" or "listed"; None: blocks where nodes are a lattice and the law can
+    team: Team | None = None  # the ranks of the run; None: it is one process
 
 
 def threads_of(options: Options, nodes: int, fast: bool) -> int:
     """Number of threads for so many nodes; `fast`: for the block kernel, whose steps are shorter."""
+    if options.team is not None:
+        return options.threads or 1
     return options.threads or (crew(nodes, WORTH) if fast else crew(nodes))

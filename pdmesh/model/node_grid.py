@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -99,6 +99,14 @@ class Grid:
     def faces(self) -> NDArray[np.float64]:
         """Triangles (t, 3, 3) of a body's surface, m."""
         return np.array(self.outline).reshape(-1, 3, 3)
+
+    def window(self, first: int, last: int) -> Grid:
+        """The grid of the rows `first` to `last` - 1, as a list of nodes."""
+        of_nodes = ("ids", "position", "delta", "border", "hole_id")
+        rows = {name: getattr(self, name)[first:last] for name in of_nodes}
+        areas = None if self.areas is None else self.areas[first:last]
+        bodies = None if self.bodies is None else self.bodies._replace(number=self.bodies.number[first:last])
+        return replace(self, **rows, areas=areas, bodies=bodies, lattice=None)
 
     def _repr_svg_(self) -> str | None:
         """SVG for a notebook: the plate and its nodes; None for a body in space."""

@@ -128,6 +128,27 @@ def impossible(settings: Settings, dimension: int) -> Iterator[Impossible]:
     yield from _of_run(settings, every)
 
 
+def on_ranks(settings: Settings, dimension: int) -> Iterator[Impossible]:
+    """Settings that a run on many ranks does not support, in a plate (2) or a body in space (3)."""
+    why, run = "on many ranks", settings.run
+    if settings.physics != "mechanics":
+        yield Impossible("$.physics", settings.physics, f"mechanics {why}")
+    if dimension == 3:
+        yield Impossible("$.nodes", "a body in space", f"a plate {why}")
+    usual = {"solver": "explicit", "start": "unloaded", "adapt": "none", "cracks": "bonds"}
+    for name, expected in usual.items():
+        if getattr(run, name) != expected:
+            yield Impossible(f"$.run.{name}", getattr(run, name), f"{expected} {why}")
+    if run.damping or any(isinstance(condition, Absorb) for condition in settings.conditions):
+        yield Impossible("$.run.damping", "damping or a layer that absorbs", f"none {why}")
+    if settings.contact is not None:
+        yield Impossible("$.contact", "some", f"none {why}")
+    every = [settings.material, *(region.material for region in settings.regions)]
+    for material in every:
+        if material is not None and material.model != "bond":
+            yield Impossible("$.material.model", f"'{material.model}'", f"'bond' {why}")
+
+
 def _of_run(settings: Settings, every: Places) -> Iterator[Impossible]:
     """Settings that the way in which a model is solved does not support."""
     run = settings.run

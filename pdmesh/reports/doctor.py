@@ -25,6 +25,7 @@ WALLS = (
 )
 EXTRAS = {
     "distributed": ("studies on a cluster", "pip install 'pdsuite[study]'"),
+    "mpi4py": ("one run on many ranks", "pip install 'pdsuite[mpi]'"),
     "pyvista": ("pdpost render, how bodies look", "pip install 'pdsuite[render]'"),
     "shtab": ("completion in the shell", "pip install 'pdsuite[completion]'"),
 }

@@ -205,12 +205,16 @@ class BondStatistics:
     def parts(self) -> Iterator[Part]:
         """All parts of the bonds; statistics are collected while they are iterated."""
         for part in self._filling.parts():
-            bonds = part.bonds
-            self._counts.append(np.diff(bonds.start))
-            self._families.append(part.family)
-            self._stiffest.append(stiffness_bound(bonds, bonds.stiffness, self._symmetric))
-            self.softens |= bool((bonds.peak < bonds.limit).any())
+            self.look(part)
             yield part
+
+    def look(self, part: Part) -> None:
+        """Collect the statistics of a part, after those of the rows before it."""
+        bonds = part.bonds
+        self._counts.append(np.diff(bonds.start))
+        self._families.append(part.family)
+        self._stiffest.append(stiffness_bound(bonds, bonds.stiffness, self._symmetric))
+        self.softens |= bool((bonds.peak < bonds.limit).any())
 
     def counted(self, area: NDArray[np.float64]) -> Counted:
         """Data of the nodes besides their bonds, with these cells (n,), m^2, in space m^3."""

@@ -77,13 +77,14 @@ def _until(step: int, broken: Broken) -> Broken:
 
 def checkpoint(system: System, state: State) -> dict[str, NDArray[Any]]:
     """A copy of everything a resumed run needs to continue bit by bit, except the broken bonds."""
+    of_bonds = dict(system.operator.keep())  # before the state, which it may bring up to date
     here = {**state._asdict(), "held_force": system.drive.held_force}
     if system.load_steps is not None:
         here["rested"] = system.load_steps.keep()
     if isinstance(system.stepper, SteppedRest):
         here |= system.stepper.keep()
     grown = {} if system.growth is None else system.growth.keep()
-    kept = {name: _copied(values) for name, values in here.items()} | dict(system.operator.keep()) | grown
+    kept = {name: _copied(values) for name, values in here.items()} | of_bonds | grown
     for one in system.beside:
         kept |= {_of(one.system, name): values for name, values in checkpoint(*one).items()}
     return kept

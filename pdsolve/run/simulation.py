@@ -22,6 +22,7 @@ from pdsolve.checks import advise, advise_unused
 from pdsolve.errors import CheckpointError, LateZoneError, UnstableError
 from pdsolve.model import Model, ModelError, ModelWarning, model_of
 from pdsolve.numerics.memory import give_back
+from pdsolve.numerics.team import Team
 from pdsolve.results import Behind, Results, ResultsError, Writer, behind, gone_back, put_away, writing_to
 from pdsolve.run.body_zones import Refining
 from pdsolve.run.cell_splitting import Splitting
@@ -145,18 +146,23 @@ def _changes(system: System, adapt: Adapt | None) -> bool:
 
 
 def resume(
-    output: Path, threads: int | None = None, watch: Watcher | None = None, adapt: Adapt | None = None
+    output: Path,
+    threads: int | None = None,
+    watch: Watcher | None = None,
+    adapt: Adapt | None = None,
+    team: Team | None = None,
 ) -> Results:
     """Continue the run in the file `output` from its last checkpoint, bit by bit as without the stop.
 
     A run stopped before its first checkpoint starts again. `adapt` is the one it began with. A finished run is left
-    unchanged. The whole file is checked before. Raises ResultsError, ModelError, UnstableError.
+    unchanged. The whole file is checked before. `team` are the ranks to go on with, as many as before or not. Raises
+    ResultsError, ModelError, UnstableError.
     """
     if not _is_finished(output):
         with writing_to(output):
             if not _is_finished(output):
                 try:
-                    return _resume(output, threads, watch, adapt)
+                    return _resume(output, threads, watch, adapt, team)
                 except LateZoneError as late:
                     return _resume_anew(output, late, threads, watch, adapt)
     put_away(output)
@@ -183,11 +189,13 @@ def _resume_anew(
     return _simulate(_anew(model, late), output, options_of(model, meta, threads), watch, meta["provenance"], adapt)
 
 
-def _resume(output: Path, threads: int | None, watch: Watcher | None, adapt: Adapt | None) -> Results:
+def _resume(
+    output: Path, threads: int | None, watch: Watcher | None, adapt: Adapt | None, team: Team | None
+) -> Results:
     with Results.open(output) as results:
         results.verify()
         model, meta = model_of(results.model(), str(output)), results.meta()
-        options = options_of(model, meta, threads)
+        options = options_of(model, meta, threads)._replace(team=team)
         if not results.has_checkpoint():
             results.close()
             return _simulate(model, output, options, watch, meta["provenance"], adapt)

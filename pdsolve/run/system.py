@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.output_fields import USUAL
 from pdsolve.adaptivity.factory import Moving, moving_of
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.adaptivity.hybrid.outlook import decided
@@ -19,7 +18,7 @@ from pdsolve.adaptivity.quadtree.operator import SURE, Leaves, tree_over
 from pdsolve.adaptivity.two_lattice_operator import FusedMarch
 from pdsolve.bonds.assembly import Counted, Filling
 from pdsolve.bonds.static_breakage import FamilyBonds, StaticBreakage
-from pdsolve.checks import refuse
+from pdsolve.checks import refuse, refuse_fields, refuse_on_ranks
 from pdsolve.conditions import (
     Drive,
     damping,
@@ -43,6 +42,7 @@ from pdsolve.operators.simd_lattice.operator import SimdLattice
 from pdsolve.operators.softening_shear import softening_of
 from pdsolve.options import Options as Options
 from pdsolve.options import threads_of as threads_of
+from pdsolve.ranks.operator import AcrossRanks
 from pdsolve.run.operator_factory import in_blocks, operator_of, touched
 from pdsolve.run.operator_factory import stable as stable
 from pdsolve.run.time_step import step_of as step_of
@@ -171,6 +171,8 @@ def prepare(model: Model, options: Options) -> Prepared:
 
 
 def _prepared(model: Model, options: Options) -> Prepared:
+    if options.team is not None:
+        refuse_on_ranks(model, options.kernel)
     if model.diffuses:
         return _diffusing(model, options)
     scheme = scheme_of(model, options)
@@ -364,13 +366,15 @@ def assembled(
     state, damped = operator.place(state), damping(model)
     _set_off(state, velocity, damped, driven)
     blocks, touching = in_blocks(operator)
-    if blocks and not damped.any():
-        stepper: Stepper = (fast := VerletBlocks(blocks, driven, rho, step, touching))
+    if isinstance(operator, AcrossRanks):
+        stepper: Stepper = operator.marched(driven, rho, step)
+    elif blocks and not damped.any():
+        stepper = (fast := VerletBlocks(blocks, driven, rho, step, touching))
         driven = fast.drive
     else:
         stepper = Verlet(operator, driven, rho, step, damped)
     energy = float(np.sum(model.rho / 2 * filled.area * (velocity**2).sum(axis=1))) if velocity.any() else 0.0
-    _refuse_fields(model, operator, state)
+    refuse_fields(model, operator, state)
     system = System(model, options, scheme, operator, stepper, driven, *filled, step, bound, energy)
     stepper.march(state, 1, 1)  # no step: compiles before the clock runs
     return Prepared(system, state)
@@ -384,16 +388,6 @@ def _set_off(state: State, velocity: NDArray[np.float64], damped: NDArray[np.flo
         slowed = damped[:, None] * velocity
         slowed[driven.holds.node, driven.holds.axis] = 0.0
         state.second[:] -= slowed
-
-
-def _refuse_fields(model: Model, operator: Operator, state: State) -> None:
-    """Raise ModelError for a requested field that the model does not have."""
-    asked = [name for name in model.settings.run.fields if name not in USUAL]
-    there = operator.fields(state) if asked else {}
-    for name in asked:
-        if name not in there:
-            expected = ", ".join((*USUAL, *there))
-            raise ModelError(f"{model.name}: $.run.fields: found '{name}', expected one of {expected}")
 
 
 def _along_path(model: Model, options: Options, scheme: Scheme) -> Prepared:

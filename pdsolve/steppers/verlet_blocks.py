@@ -7,7 +7,7 @@ do not depend on where a sequence of steps is divided.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numba import njit
@@ -37,9 +37,18 @@ class Course(NamedTuple):
     plain: NDArray[np.bool_]  # (blocks,) whether neither a load nor a hold does
     held: NDArray[np.int64]  # (holds,) the held components in the order of their blocks
     held_start: NDArray[np.int64]  # (blocks + 1,) those of a block
-    turns: NDArray[np.int64]  # (blocks,) the order in which blocks are shared out to threads
+    turns: NDArray[np.int64]  # (own blocks,) the order in which blocks are shared out to threads
     push: NDArray[np.float64]  # (2, m) force density of contact now, N/m^3
     pushed: NDArray[np.bool_]  # (blocks,) whether contact may act on the block
+
+
+class Ghosts(Protocol):
+    """Nodes of other ranks, whose displacements come from there."""
+
+    blocks: tuple[int, int]  # the first block of this rank's own nodes, and the one after the last
+
+    def fill(self, values: NDArray[np.floating]) -> None:
+        """Set the ghosts' displacements in `values` (2, m)."""
 
 
 class VerletBlocks:
@@ -52,14 +61,17 @@ class VerletBlocks:
         rho: NDArray[np.floating],
         dt: float,
         contact: PenaltyContact | None = None,
+        ghosts: Ghosts | None = None,
     ) -> None:
-        """`rho` (n,) is the density, kg/m^3, `dt` the step, s."""
+        """`rho` (n,) is the density, kg/m^3, `dt` the step, s; with `ghosts`, only the blocks of own nodes move."""
         count, threads = len(operator.blocks.softened), len(operator.blocks.scratch)
         block = drive.holds.node // LANES
         held, loaded = np.argsort(block, kind="stable"), np.zeros(count, dtype=np.bool_)
         loaded[drive.loads.node // LANES] = True
         held_start = np.searchsorted(block[held], np.arange(count + 1))
+        own = (0, count) if ghosts is None else ghosts.blocks
         self._operator, self._dt, self._threads, self._contact = operator, dt, threads, contact
+        self._ghosts = ghosts
         self._rows = np.zeros(0, dtype=np.int64)  # on which contact acted
         self._course = Course(
             force=_spread(drive.force, count),
@@ -70,7 +82,7 @@ class VerletBlocks:
             plain=~loaded & (np.diff(held_start) == 0),
             held=held,
             held_start=held_start,
-            turns=_turns(count, threads),
+            turns=own[0] + _turns(own[1] - own[0], threads),
             push=np.zeros((2, LANES * count if contact is not None else 0)),
             pushed=np.zeros(count, dtype=np.bool_),
         )
@@ -81,11 +93,13 @@ class VerletBlocks:
         """Take the steps `first` to `last` - 1, in place."""
         taken, ends = 0, last - first + 1 if last > first else 0
         while taken < ends:
-            some = ends - taken
+            some = ends - taken if self._ghosts is None else 1
             if self._contact is not None:
                 some = min(some, self._touched(self._contact, state, first + taken - 1, taken) if taken > 0 else 1)
             self._sweep(first, last, taken, taken + some)
             taken += some
+            if self._ghosts is not None and taken < ends:
+                self._ghosts.fill(self._operator.tracks.u[taken % 3])
 
     def _sweep(self, first: int, last: int, begin: int, end: int) -> None:
         """Sweep the blocks for `begin` to `end` - 1 of the steps `first` to `last` - 1."""

@@ -41,7 +41,7 @@ class _Rows(NamedTuple):
     own: NDArray[np.int32]  # (., 64) of the mixed ones
 
 
-class _Slots(NamedTuple):
+class Slots(NamedTuple):
     """The s slots of a part."""
 
     counts: NDArray[np.int64]  # (blocks,) slots of a block
@@ -51,6 +51,7 @@ class _Slots(NamedTuple):
     ids: NDArray[np.int32]  # (., 16)
     pull: _Rows
     bound: _Rows
+    bonds: int
 
 
 class Tables:
@@ -76,17 +77,36 @@ def blocks_of(law: Law, parts: Iterable[Any], nodes: int, kind: type[np.floating
 
     `parts` (pdsolve.bonds.assembly.Part, exact) begin at multiples of 64.
     """
-    tables, slots, bonds = Tables(), [], 0
-    room = -(-nodes // LANES) * LANES
+    tables, slots = Tables(), []
     for part in parts:
-        found = _slots_of(part.bonds, part.first, room, tables)
+        found = slots_of(part.bonds, part.first, room_of(nodes), tables)
         if found is None:
             return None
         slots.append(found)
-        bonds += len(part.bonds.neighbour)
-    counts, vector, mask = (np.concatenate([part[field] for part in slots]) for field in range(3))
-    if not bonds or bonds < LEAST_FILLED * LANES * len(mask):
+    if not is_filled(slots):
         return None
+    return joined(law, tables, slots, kind, threads)
+
+
+def room_of(nodes: int) -> int:
+    """Places of nodes in whole blocks."""
+    return -(-nodes // LANES) * LANES
+
+
+def is_filled(slots: list[Slots]) -> bool:
+    """Whether so many lanes have bonds that the nodes are on a lattice."""
+    bonds, lanes = bonds_and_lanes(slots)
+    return bool(bonds) and bonds >= LEAST_FILLED * lanes
+
+
+def bonds_and_lanes(slots: list[Slots]) -> tuple[int, int]:
+    """Numbers of bonds, and of lanes of slots."""
+    return sum(part.bonds for part in slots), sum(LANES * len(part.mask) for part in slots)
+
+
+def joined(law: Law, tables: Tables, slots: list[Slots], kind: type[np.floating], threads: int) -> Blocks:
+    """The blocks of all parts, from their slots and the tables that these share."""
+    counts, vector, mask = (np.concatenate([part[field] for part in slots]) for field in range(3))
     way, scattered = [], 0
     for part in slots:
         way.append(np.where(part.way >= FAR, part.way + scattered, part.way))
@@ -136,7 +156,7 @@ class Placed(NamedTuple):
     lane: NDArray[np.int32]  # (s, 64) the bond in each lane, or -1
 
 
-def _slots_of(bonds: Any, first: int, room: int, tables: Tables) -> _Slots | None:
+def slots_of(bonds: Any, first: int, room: int, tables: Tables) -> Slots | None:
     """Slots of the bonds of rows from `first` on, a multiple of 64; None if the nodes are on no lattice."""
     placed = place(bonds, first, room, tables)
     if placed is None:
@@ -146,7 +166,7 @@ def _slots_of(bonds: Any, first: int, room: int, tables: Tables) -> _Slots | Non
     vector[placed.lane[there]] = np.repeat(placed.vector, there.sum(axis=1))
     pulls = tables.pulls.numbers(bonds.stiffness / length[vector])
     bounds = np.float64(SIDES**2) * tables.peaks.numbers(bonds.peak) + tables.limits.numbers(bonds.limit)
-    return _Slots(
+    return Slots(
         counts=placed.counts,
         vector=placed.vector,
         mask=np.packbits(there, axis=1, bitorder="little").view(np.uint64)[:, 0],
@@ -154,6 +174,7 @@ def _slots_of(bonds: Any, first: int, room: int, tables: Tables) -> _Slots | Non
         ids=placed.ids,
         pull=_rows(pulls, placed.lane, there),
         bound=_rows(tables.bounds.numbers(bounds), placed.lane, there),
+        bonds=len(bonds.neighbour),
     )
 
 

@@ -170,7 +170,7 @@ class SimdLattice:
         """Memory of all arrays, bytes, without the rows that slots get as their bonds break."""
         blocks = self.blocks
         later = sum(table[-len(blocks.mask) :].nbytes for table in (blocks.stiffness, blocks.near, blocks.edge))
-        return sum(array.nbytes for array in (*blocks, *self.tracks)) - later
+        return sum(array.nbytes for array in (*blocks[1:], *self.tracks)) - later
 
     def _ends(self, numbers: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         return layout.ends(self.blocks, numbers)

@@ -1,0 +1,95 @@
+"""The blocks of a rank's slab: the same, with the same order of sums, as one process has of these rows.
+
+Values that differ by round-off are merged in the order in which they appear, so that the tables of values go from rank
+to rank. Each looks at its rows meanwhile, and all use the tables of the last one.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from pdmesh.model.neighbours import ROWS
+from pdsolve.bonds.assembly import BondStatistics, Filling, Part
+from pdsolve.laws.law import Law
+from pdsolve.numerics.team import PASSED, Team
+from pdsolve.operators.simd_lattice.kernel import LANES, Blocks
+from pdsolve.operators.simd_lattice.layout import (
+    LEAST_FILLED,
+    Slots,
+    Tables,
+    bonds_and_lanes,
+    joined,
+    room_of,
+    slots_of,
+)
+from pdsolve.ranks.slabs import Slab
+
+
+class Scratch(NamedTuple):
+    """The number type of blocks, and how many threads work on them."""
+
+    kind: type[np.floating]
+    threads: int
+
+
+def blocks_of(
+    team: Team, law: Law, filling: Filling, slab: Slab, survey: BondStatistics, scratch: Scratch
+) -> Blocks | None:
+    """The bonds of a slab in blocks, for a window's rows, of which only its own have bonds; None if the nodes of all
+    ranks are on no lattice. `filling` makes the bonds of the window, `survey` looks at those of the slab. All ranks
+    call this together."""
+    tables: Tables | None = Tables()
+    if team.rank > 0:
+        tables = team.received(team.rank - 1, PASSED)
+    slots = None if tables is None else _numbered(filling, slab, tables, survey)
+    if team.rank < team.size - 1:
+        team.comm.send(tables if slots is not None else None, team.rank + 1, PASSED)
+    tables = team.comm.bcast(tables if slots is not None else None, team.size - 1)
+    every = team.comm.allgather((0, 0) if slots is None else bonds_and_lanes(slots))
+    bonds, lanes = (sum(column) for column in zip(*every, strict=True))
+    if tables is None or slots is None or not bonds or bonds < LEAST_FILLED * lanes:
+        return None
+    found = joined(law, tables, slots, scratch.kind, scratch.threads)
+    before, after = (slab.first - slab.begin) // LANES, (room_of(slab.end) - room_of(slab.last)) // LANES
+    return found._replace(
+        start=np.concatenate([np.zeros(before, np.int64), found.start, np.full(after, found.start[-1])]),
+        ids=found.ids - np.int32(slab.begin) * (found.ids > 0),
+        softened=np.zeros(before + len(found.softened) + after, dtype=np.bool_),
+    )
+
+
+def _numbered(filling: Filling, slab: Slab, tables: Tables, survey: BondStatistics) -> list[Slots] | None:
+    """The slots of a slab's own rows; new values are added to the tables. None if nodes are on no lattice."""
+    found, room = [], room_of(slab.nodes)
+    for first in range(*slab.chunks, ROWS):
+        last = min(first + ROWS, slab.chunks[1])
+        part = _in_whole(filling.part(np.arange(first, last) - slab.begin), slab)
+        slots = slots_of(part.bonds, part.first, room, tables)
+        if slots is None:
+            return None
+        begin, end = max(first, slab.first), min(last, slab.last)
+        own = rows_of(part, begin, end)
+        survey.look(own)
+        if (begin, end) != (first, last):
+            slots = slots_of(own.bonds, own.first, room, tables)
+        assert slots is not None
+        found.append(slots)
+    return found
+
+
+def _in_whole(part: Part, slab: Slab) -> Part:
+    """A part whose rows are those of the whole grid."""
+    bonds = part.bonds._replace(neighbour=part.bonds.neighbour + np.int32(slab.begin))
+    return part._replace(first=part.first + slab.begin, bonds=bonds)
+
+
+def rows_of(part: Part, first: int, last: int) -> Part:
+    """The rows `first` to `last` - 1 of a part."""
+    start = part.bonds.start[first - part.first : last - part.first + 1]
+    some = slice(int(start[0]), int(start[-1]))
+    bonds = part.bonds._replace(
+        start=start - start[0], **{name: getattr(part.bonds, name)[some] for name in part.bonds._fields[1:]}
+    )
+    return Part(first, bonds, part.family[first - part.first : last - part.first])

@@ -1,0 +1,64 @@
+"""Ghosts: the nodes of other ranks that a rank's bonds reach, and the exchange of their displacements."""
+
+from __future__ import annotations
+
+import time as clock
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.numerics.team import NAP, SPIN, Team
+from pdsolve.operators.simd_lattice.kernel import LANES
+from pdsolve.ranks.slabs import Slab
+
+EXCHANGED = 7  # tag of messages
+
+
+class Ghosts:
+    """The exchange of nodal values between this rank and its neighbours; rows are those of its window."""
+
+    def __init__(self, team: Team, starts: NDArray[np.int64], slab: Slab, needed: NDArray[np.int64]) -> None:
+        """`starts` (ranks + 1,) are the first rows of all ranks in the whole grid, `needed` (k,) sorted rows there.
+
+        All ranks call this together.
+        """
+        self._comm, self.seconds = team.comm, 0.0  # s spent on exchanges
+        offset = slab.begin
+        self.blocks = ((slab.first - offset) // LANES, -(-(slab.last - offset) // LANES))  # of own nodes
+        owner = np.searchsorted(starts, needed, side="right") - 1
+        wanted = [needed[owner == rank] for rank in range(team.size)]
+        asked = team.comm.alltoall(wanted)
+        self._in = [(rank, _rows(rows - offset)) for rank, rows in enumerate(wanted) if len(rows)]
+        self._out = [(rank, _rows(rows - offset)) for rank, rows in enumerate(asked) if len(rows)]
+
+    def fill(self, values: NDArray[Any]) -> None:
+        """Set the ghosts' columns of `values` (w, m) to those of their owners."""
+        began = clock.perf_counter()
+        comm, wide = self._comm, len(values)
+        room = [np.empty((wide, _length(rows)), values.dtype) for _, rows in self._in]
+        waits = [comm.Irecv(into, rank, EXCHANGED) for into, (rank, _) in zip(room, self._in, strict=True)]
+        sent = [np.ascontiguousarray(values[:, rows]) for _, rows in self._out]
+        waits += [comm.Isend(values, rank, EXCHANGED) for values, (rank, _) in zip(sent, self._out, strict=True)]
+        _wait(waits, began)
+        for into, (_, rows) in zip(room, self._in, strict=True):
+            values[:, rows] = into
+        self.seconds += clock.perf_counter() - began
+
+
+def _wait(waits: list[Any], began: float) -> None:
+    """Wait until all messages have gone through, without taking the processor from others for long."""
+    from mpi4py import MPI
+
+    while not MPI.Request.Testall(waits):
+        if clock.perf_counter() > began + SPIN:
+            clock.sleep(NAP)
+
+
+def _rows(rows: NDArray[np.int64]) -> NDArray[np.int64] | slice:
+    """Rows (k,) as a slice where they are consecutive."""
+    return slice(int(rows[0]), int(rows[-1]) + 1) if rows[-1] - rows[0] == len(rows) - 1 else rows
+
+
+def _length(rows: NDArray[np.int64] | slice) -> int:
+    return int(rows.stop - rows.start) if isinstance(rows, slice) else len(rows)

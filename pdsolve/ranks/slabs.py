@@ -1,0 +1,59 @@
+"""Slabs: which consecutive rows of a grid each rank owns, and the window of rows that it needs to make their bonds."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.neighbours import ROWS
+from pdsolve.model import Model, ModelError
+from pdsolve.operators.simd_lattice.kernel import LANES
+
+BESIDE = 2  # reaches: corrections of a bond depend on the families of both its ends
+
+
+class Slab(NamedTuple):
+    """The rows of one rank, as those of the whole grid."""
+
+    first: int  # of its own
+    last: int  # after its own
+    begin: int  # of its window, which begins with a block
+    end: int
+    chunks: tuple[int, int]  # the rows looked at together in one process that have its own among them
+    nodes: int  # of the whole grid
+
+
+def slabs_of(model: Model, ranks: int) -> list[Slab]:
+    """The slabs of a model. Raises ModelError for fewer blocks of nodes than ranks."""
+    nodes = len(model.grid)
+    blocks = -(-nodes // LANES)
+    if blocks < ranks:
+        raise ModelError(
+            f"{model.name}: $.nodes: found {nodes} on {ranks} ranks, expected at least {LANES} a rank: fewer ranks"
+        )
+    cuts = [min(LANES * (blocks * rank // ranks), nodes) for rank in range(ranks + 1)]
+    around = BESIDE * float((model.horizons + model.grid.delta).max())
+    return [_slab(model, first, last, around) for first, last in pairwise(cuts)]
+
+
+def starts_of(slabs: list[Slab]) -> NDArray[np.int64]:
+    """The first rows (ranks + 1,) of slabs, and the number of all nodes."""
+    return np.array([*(slab.first for slab in slabs), slabs[-1].last], dtype=np.int64)
+
+
+def _slab(model: Model, first: int, last: int, around: float) -> Slab:
+    """The slab of the rows `first` to `last` - 1, whose window has all nodes `around` its chunks, m."""
+    nodes, position = len(model.grid), model.grid.position
+    chunks = first // ROWS * ROWS, min(-(-last // ROWS) * ROWS, nodes)
+    own = position[chunks[0] : chunks[1]]
+    low, high = own.min(axis=0) - around, own.max(axis=0) + around
+    near = np.ones(nodes, dtype=bool)
+    for axis in range(position.shape[1]):
+        near &= (position[:, axis] >= low[axis]) & (position[:, axis] <= high[axis])
+    begin, end = int(near.argmax()), nodes - int(near[::-1].argmax())
+    return Slab(
+        first, last, max(begin // LANES - 1, 0) * LANES, min((-(-end // LANES) + 1) * LANES, nodes), chunks, nodes
+    )

@@ -1,0 +1,200 @@
+"""Runs on many ranks, as mpiexec starts them: the bits of one process, one line of what is wrong, no one left."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from importlib.util import find_spec
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from messages import mentions
+from plates import GLASS, STEEL, interface_grid, plate, square_grid
+from whole import contents
+
+from pdmesh.model.document import Absorb, Displacement, Load, Run, Velocity
+from pdmesh.model.node_grid import Grid
+from pdsolve.model import Model, read_model
+from pdsolve.results import Results, ResultsError
+from pdsolve.run.simulation import resume, simulate
+
+MPIEXEC = shutil.which("mpiexec", path=str(Path(sys.executable).parent)) or shutil.which("mpiexec")
+pytestmark = pytest.mark.skipif(find_spec("mpi4py") is None or MPIEXEC is None, reason="needs mpi4py and mpiexec")
+PULL = 6e10
+
+
+@contextlib.contextmanager
+def ranks(count: int, *words: str) -> Iterator[subprocess.Popen[str]]:
+    """pdsolve with these words on so many ranks, which end with the context."""
+    launcher = [str(MPIEXEC), "-launcher", "fork", "-hosts", "localhost", "-n", str(count)]
+    every = [*launcher, sys.executable, "-m", "pdsolve", *words]
+    with subprocess.Popen(every, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as child:
+        try:
+            yield child
+        finally:
+            child.terminate()
+
+
+def ran(count: int, *words: str) -> tuple[int, str]:
+    """The exit code of pdsolve on so many ranks, and what it says on stderr."""
+    with ranks(count, *words) as child:
+        said = child.communicate(timeout=100)[1]
+        return child.returncode, said
+
+
+def torn(grid: Grid, **settings: object) -> Model:
+    """A plate torn apart in 60 steps."""
+    ends = (float(grid.position[:, 1].max()), PULL), (float(grid.position[:, 1].min()), -PULL)
+    grows = ((0.0, 1.0), (2e-6, 1.5))
+    loads = tuple(Load(box=(-1.0, y - 1e-3, 1.0, y + 1e-3), body_force=(0.0, pull), profile=grows) for y, pull in ends)
+    run = Run(time_step=50e-9, steps=60, every=20, ledger=5, probes=((0.0, 0.0), (1e-2, 0.0)))
+    return plate(grid, **{"conditions": loads, "run": run, **settings})
+
+
+def struck(material: object = STEEL) -> Model:
+    """A plate held at one end and struck at the other, whose bonds soften and break."""
+    ends = (
+        Displacement(box=(-1.0, -1.0, 1.0, 1e-4), x=0.0, y=0.0),
+        Velocity(box=(-1.0, 38.9e-3, 4e-3, 1.0), y=-60.0, profile=((0.0, 1.0), (1e-6, 0.5))),
+    )
+    return plate(square_grid(13, 40), material=material, conditions=ends, run=Run(steps=80, every=20, ledger=10))
+
+
+CASES = {
+    "a row of blocks a rank": (
+        torn(dataclasses.replace(square_grid(21, 12, y0=-5.5e-3), cracks=np.array([[-1.0, 0.0, 8e-3, 0.0]]))),
+        3,
+    ),
+    "two spacings": (torn(interface_grid(24, 12, 12), run=Run(steps=60, every=20)), 5),
+    "bilinear, struck": (struck(), 2),
+    "brittle, struck": (struck(GLASS), 3),
+}
+
+
+@pytest.mark.parametrize(
+    "case", [pytest.param(case, marks=() if "brittle" in case else pytest.mark.slow) for case in CASES]
+)
+def test_bits_are_those_of_one_process(here: Path, case: str) -> None:
+    model, count = CASES[case]
+    (here / "plate.json").write_text(model.to_json())
+    with simulate(model, here / "one.sqlite") as one:
+        assert len(one.breaks().step) > 50
+    assert ran(count, "plate.json", "-o", "many.sqlite")[0] == 0
+    expect_same(here / "one.sqlite", here / "many.sqlite")
+
+
+def long(folder: Path) -> Path:
+    """A plate in a file, with so many steps that it can be stopped on the way."""
+    model = CASES["bilinear, struck"][0]
+    run = msgspec.structs.replace(model.settings.run, steps=6000, every=50, ledger=10, time_step=2e-8)
+    slow = dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, run=run))
+    (folder / "long.json").write_text(slow.to_json())
+    return folder / "long.json"
+
+
+def going(child: subprocess.Popen[str], path: Path) -> None:
+    """Wait until a run has written frames to this file."""
+    for _ in range(2000):
+        time.sleep(0.02)
+        with contextlib.suppress(ResultsError), Results.open(path) as results:
+            if results.frames()[0].max() >= 100:
+                return
+    pytest.fail(f"no frames, {child.poll()}")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("number", "before", "after"), [("SIGTERM", 3, 2), ("SIGINT", 2, 3), ("SIGTERM", 2, 1)])
+def test_a_stopped_run_goes_on_with_other_ranks_to_the_same_bits(
+    here: Path, number: str, before: int, after: int
+) -> None:
+    path, output = long(here), here / "many.sqlite"
+    with ranks(before, str(path), "-o", str(output), "-q") as child:
+        going(child, output)
+        child.send_signal(getattr(signal, number))
+        assert child.wait(20) == 128 + getattr(signal, number)
+    with Results.open(output) as results:
+        assert results.meta()["status"] == "interrupted"
+    assert ran(after, "--resume", str(output), "-q") == (0, "")
+    simulate(read_model(path), here / "one.sqlite").close()
+    expect_same(here / "one.sqlite", output)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("rank", [0, 1])
+def test_a_killed_rank_ends_all_and_the_run_goes_on_in_one_process(here: Path, rank: int) -> None:
+    path, output = long(here), here / "many.sqlite"
+    with ranks(2, str(path), "-o", str(output), "-q") as child:
+        going(child, output)
+        every = numbers_of(child.pid)
+        os.kill(every[rank], signal.SIGKILL)
+        assert child.wait(20) == signal.SIGKILL
+    assert not any(Path(f"/proc/{number}").exists() for number in every.values())
+    resume(output).close()
+    simulate(read_model(path), here / "one.sqlite").close()
+    expect_same(here / "one.sqlite", output)
+
+
+def numbers_of(launcher: int) -> dict[int, int]:
+    """The processes below a launcher by rank."""
+    below = {launcher}
+    for _ in range(3):
+        for status in Path("/proc").glob("[0-9]*/stat"):
+            with contextlib.suppress(OSError):
+                words = status.read_text().rpartition(")")[2].split()
+                below |= {int(status.parent.name)} if int(words[1]) in below else set()
+    found = {}
+    for process in below:
+        words = Path(f"/proc/{process}/environ").read_bytes().split(b"\0")
+        own = [word for word in words if word.startswith(b"PMI_RANK=")]
+        if own and b"pdsolve" in Path(f"/proc/{process}/cmdline").read_bytes():
+            found[int(own[0].partition(b"=")[2])] = process
+    return found
+
+
+def expect_same(known: Path, found: Path) -> None:
+    """Both files hold the same, but for what says how the runs went."""
+    one, other = contents(known), contents(found)
+    for table, rows in one.items():
+        if table not in ("meta", "checkpoint", "checksum"):
+            assert other[table] == rows, table
+
+
+REFUSED = {
+    "at rest": {"run": Run(solver="static", steps=1)},
+    "hybrid": {"run": Run(steps=10, adapt="hybrid")},
+    "particles": {"run": Run(steps=10, cracks="particles")},
+    "a layer": {"conditions": (Absorb(box=(0.0, 0.0, 3e-3, 1.0)),), "run": Run(steps=10)},
+    "ordinary": {"material": msgspec.structs.replace(GLASS, model="ordinary", nu=0.2), "run": Run(steps=10)},
+}
+PLACES = {"at rest": "$.run.solver", "hybrid": "$.run.adapt", "particles": "$.run.cracks", "a layer": "$.run.damping"}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_ranks_cannot_is_refused_in_one_line(here: Path, case: str) -> None:
+    (here / "plate.json").write_text(plate(square_grid(21, 12), **REFUSED[case]).to_json())
+    code, said = ran(2, "plate.json")
+    assert (code, len(said.splitlines())) == (2, 1), said
+    assert PLACES.get(case, "$.material.model") in said
+    assert not (here / "plate.sqlite").exists()
+
+
+def test_a_plate_of_fewer_blocks_than_ranks_is_refused(here: Path) -> None:
+    (here / "plate.json").write_text(plate(square_grid(8, 12), run=Run(steps=10)).to_json())
+    code, said = ran(3, "plate.json")
+    assert (code, len(said.splitlines())) == (2, 1), said
+    assert mentions(said, "$.nodes", found=("96", "3 ranks"), expected=64)
+
+
+def test_words_that_are_wrong_are_told_once(here: Path) -> None:
+    code, said = ran(3, "plate.json", "--nothing")
+    assert code == 2
+    assert said.count("--nothing") == 1
