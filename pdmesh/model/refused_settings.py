@@ -18,6 +18,7 @@ from pdmesh.model.document import (
     Fatigue,
     GridError,
     InitialVelocity,
+    RigidBody,
     Run,
     Settings,
     Static,
@@ -143,6 +144,9 @@ def on_ranks(settings: Settings, dimension: int) -> Iterator[Impossible]:
         yield Impossible("$.run.damping", "damping or a layer that absorbs", f"none {why}")
     if settings.contact is not None:
         yield Impossible("$.contact", "some", f"none {why}")
+    for number, condition in enumerate(settings.conditions):
+        if isinstance(condition, RigidBody):
+            yield Impossible(f"$.conditions[{number}]", "a rigid body", f"none {why}")
     every = [settings.material, *(region.material for region in settings.regions)]
     for material in every:
         if material is not None and material.model != "bond":
