@@ -37,6 +37,7 @@ def meshed(body: Body) -> Body:
 
     return replace(
         body,
+        bodies=tuple(replace(each, body=meshed(each.body)) for each in body.bodies),
         solid=found(BODY),
         zones=tuple(replace(zone, solid=found(f"zone '{zone.name}'")) for zone in body.zones),
         regions=tuple(replace(part, solid=found(f"material '{part.region.name}'")) for part in body.regions),

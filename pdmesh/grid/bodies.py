@@ -3,23 +3,27 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.grid.cubic import Cubic, place_nodes
+from pdmesh.grid.separate_bodies import joined
+from pdmesh.model.contact import REST
 from pdmesh.model.document import (
     ON_ONE_LATTICE,
     AnyCondition,
     Concentration,
     Horizon,
+    InitialVelocity,
     Lattice,
     Load,
     Material,
     MediumRegion,
     Region,
+    Selection,
     Settings,
 )
 from pdmesh.model.node_grid import Grid, whole_lattice
@@ -30,6 +34,8 @@ from pdmesh.scene.faces import SIDES, face
 from pdmesh.scene.heat import medium_of
 from pdmesh.scene.shapes import SceneError
 from pdmesh.scene.solids import Sheet, Shell
+
+S = TypeVar("S", bound=Selection)
 
 MANY = 100_000  # nodes of a box, whose file holds a lattice in place of them
 SLACK = 1e-6  # of a spacing: what still counts as on a side
@@ -50,7 +56,44 @@ class Cloud(NamedTuple):
 
 
 def build_body(body: Body) -> tuple[Grid, Settings, tuple[str, ...]]:
-    """The nodes of a body whose solids are shells, what is done to them, and remarks. Raises SceneError."""
+    """The nodes of a body whose solids are shells, and of those beside it, what is done to them, and remarks.
+
+    Raises SceneError.
+    """
+    if not body.bodies:
+        return _alone(body)
+    every = [_alone(replace(body, bodies=()), lists=True)]
+    for other in body.bodies:
+        try:
+            every.append(_alone(replace(other.body, run=body.run), lists=True))
+        except SceneError as error:
+            raise SceneError(f"body '{other.name}': {error}") from None
+    grid = joined([one for one, _, _ in every], (REST, *(other.name for other in body.bodies)))
+    settings, regions, conditions = every[0][1], [*every[0][1].regions], [*every[0][1].conditions]
+    first = len(every[0][0])
+    for other, (own, more, _) in zip(body.bodies, every[1:], strict=True):
+        nodes = tuple(range(first + 1, first + len(own) + 1))
+        if other.body.material not in (None, body.material):
+            regions.append(Region(name=other.name, material=in_space(other.body.material), nodes=nodes))
+        if any(other.velocity):
+            x, y, z = other.velocity
+            conditions.append(InitialVelocity(name=other.name, x=x, y=y, z=z, nodes=nodes))
+        if other.rigid is not None:
+            conditions.append(msgspec.structs.replace(other.rigid, nodes=nodes))
+        regions += [_further(each, first) for each in more.regions]
+        conditions += [_further(each, first) for each in more.conditions]
+        first += len(own)
+    settings = msgspec.structs.replace(settings, regions=tuple(regions), conditions=tuple(conditions))
+    return grid, settings, tuple(remark for _, _, remarks in every for remark in remarks)
+
+
+def _further(some: S, first: int) -> S:
+    """A condition or region whose nodes have ids `first` larger."""
+    return msgspec.structs.replace(some, nodes=tuple(node + first for node in some.nodes or ()))
+
+
+def _alone(body: Body, lists: bool = False) -> tuple[Grid, Settings, tuple[str, ...]]:
+    """The same of a body without others; `lists`: its nodes are listed, even if they are those of a lattice."""
     notes: tuple[str, ...] = ()
     if body.run.adapt in ON_ONE_LATTICE and body.zones:
         notes = (f"nodes of {body.finest:g} m everywhere: the solver makes them coarser where it can",)
@@ -68,15 +111,17 @@ def build_body(body: Body) -> tuple[Grid, Settings, tuple[str, ...]]:
         physics=body.physics,
         medium=medium_of(body.medium, body.material),
         media=tuple(_medium(part.solid, part.region, cloud) for part in body.media),
+        contact=body.touching,
         run=body.run,
     )
     cracks = np.concatenate([np.zeros((0, 9)), *(crack.sheet.triangles.reshape(-1, 9) for crack, _ in cleared)])
-    grid = _grid(body, cloud, cracks)
+    grid = _grid(body, cloud, cracks, lists)
     return grid, settings, notes + tuple(remark for _, remarks in cleared for remark in remarks)
 
 
-def _grid(body: Body, cloud: Cloud, cracks: NDArray[np.float64]) -> Grid:
-    """The nodes of a body with triangles (k, 9) of cracks, m: those of a large box as a lattice."""
+def _grid(body: Body, cloud: Cloud, cracks: NDArray[np.float64], lists: bool) -> Grid:
+    """The nodes of a body with triangles (k, 9) of cracks, m: those of a large box as a lattice,
+    if not `lists`."""
     levels, count = cloud.levels, len(cloud.delta)
     said: dict[str, Any] = {
         "cracks": cracks,
@@ -85,7 +130,7 @@ def _grid(body: Body, cloud: Cloud, cracks: NDArray[np.float64]) -> Grid:
         "parameters": body.parameters,
         "drawing": body.drawing,
     }
-    if count >= MANY and len(levels) == 1 and levels[0].whole:
+    if not lists and count >= MANY and len(levels) == 1 and levels[0].whole:
         columns, rows, layers = (np.ptp(levels[0].at, axis=0) + 1).tolist()
         origin = tuple(cloud.position[0].tolist())
         return whole_lattice(Lattice(origin, levels[0].cubes.spacing, columns, rows, layers), **said)

@@ -37,7 +37,7 @@ def build_scene(scene: Scene) -> tuple[Grid, Settings, tuple[Shift, ...]]:
         areas = cell_areas(nodes.position, one.shape, nodes.delta, nodes.regular)
         grids.append(grid_of_nodes(one, nodes.position, nodes.delta, areas))
         shifts += nodes.shifts
-    grid = _joined(grids, (REST, *(body.name for body in scene.bodies)))
+    grid = joined(grids, (REST, *(body.name for body in scene.bodies)))
     settings = settings_of(scene, grid.position, grid.delta)
     regions, moves = _of_bodies(scene, grid)
     settings = msgspec.structs.replace(
@@ -56,7 +56,7 @@ def _as_plate(scene: Scene, body: BodyBeside) -> Scene:
         raise SceneError(f"body '{body.name}': {error}") from None
 
 
-def _joined(grids: list[Grid], names: tuple[str, ...]) -> Grid:
+def joined(grids: list[Grid], names: tuple[str, ...]) -> Grid:
     """The nodes of all bodies as one grid."""
     counts, first = [len(grid) for grid in grids], grids[0]
     holes = np.cumsum([0, *(len(grid.holes) for grid in grids[:-1])])
@@ -72,6 +72,7 @@ def _joined(grids: list[Grid], names: tuple[str, ...]) -> Grid:
         outline=tuple(ring for grid in grids for ring in grid.outline),
         holes=tuple(ring for grid in grids for ring in grid.holes),
         areas=np.concatenate([grid.cells for grid in grids]),
+        cracks=np.concatenate([grid.cracks for grid in grids]),
         bodies=Bodies(np.repeat(np.arange(len(grids)), counts), names),
     )
 

@@ -56,12 +56,11 @@ def motion(
     return kind, {axis: value or 0.0 for axis, value in along.items()}
 
 
-def pair(given: Sequence[float], place: str) -> tuple[float, float]:
-    """Two finite numbers. Raises SceneError, beginning with `place`."""
-    if len(given) != 2 or not np.isfinite(np.asarray(given, dtype=float)).all():
-        raise SceneError(f"{place}: found {given}, expected two finite numbers")
-    x, y = map(float, given)
-    return x, y
+def vector(given: Sequence[float], count: int, place: str) -> tuple[float, ...]:
+    """So many finite numbers. Raises SceneError, beginning with `place`."""
+    if len(given) != count or not np.isfinite(np.asarray(given, dtype=float)).all():
+        raise SceneError(f"{place}: found {given}, expected {count} finite numbers")
+    return tuple(map(float, given))
 
 
 def medium(name: str, D: float) -> MediumRegion:

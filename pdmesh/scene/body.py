@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Generic, TypeAlias, TypeVar
 
@@ -9,18 +10,22 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.model.contact import REST
 from pdmesh.model.document import (
     Adapt,
     AnyCondition,
+    Contact,
     Displacement,
     Load,
     Material,
     MediumRegion,
     Region,
+    RigidBody,
     Run,
 )
 from pdmesh.model.document import Solid as Dissolving
 from pdmesh.model.medium import Medium
+from pdmesh.model.rigid_bodies import contradiction
 from pdmesh.scene import actions
 from pdmesh.scene.checks import composed, described, passable, ratio
 from pdmesh.scene.conditions import Profile
@@ -73,6 +78,16 @@ class SolidCondition:
 
 
 @dataclass(frozen=True)
+class SolidBeside:
+    """A body besides the first one, with a lattice of its own."""
+
+    name: str
+    body: Body  # its conditions and regions too; its run does not count
+    velocity: tuple[float, ...] = (0.0, 0.0, 0.0)  # m/s, at time 0
+    rigid: RigidBody | None = None  # without nodes; None: it deforms
+
+
+@dataclass(frozen=True)
 class Body(DiffusionConditions[Where]):
     """Description of a body in space; lengths in metres. Each method returns a body with an addition.
 
@@ -91,6 +106,8 @@ class Body(DiffusionConditions[Where]):
     conditions: tuple[SolidCondition, ...] = ()
     medium: Medium | Heat | None = None  # what a substance or heat diffuses through
     media: tuple[SolidRegion[MediumRegion], ...] = ()  # parts of another diffusivity
+    bodies: tuple[SolidBeside, ...] = ()  # no bonds join them to this one or to each other
+    touching: Contact | None = None  # how bodies and faces of cracks push each other apart
     source: str = ""  # file the scene comes from
     drawing: str = ""  # its text
     parameters: tuple[tuple[str, float | str], ...] = ()  # that it was read with
@@ -144,6 +161,69 @@ class Body(DiffusionConditions[Where]):
         name = name or f"{len(self.zones) + 1}"
         zone = SolidZone(name, checked(solid, f"zone '{name}'"), spacing, grown)
         return replace(self, zones=(*self.zones, zone))
+
+    def body(
+        self,
+        other: Body | Solid,
+        name: str,
+        spacing: float | None = None,
+        material: Material | None = None,
+        velocity: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    ) -> Body:
+        """The body with another one beside it, which no bond joins to it and which pushes what it touches.
+
+        The other one is a solid with this `spacing` (m) and `material`, without them those of this body; or a `Body`,
+        as of a file of its own. `velocity` (m/s) is that at time 0.
+        """
+        way = actions.vector(velocity, 3, f"body '{name}': velocity")
+        return self._beside(SolidBeside(name, self._like(other, spacing, material), way))
+
+    def rigid(
+        self,
+        other: Body | Solid,
+        name: str,
+        mass: float | None = None,
+        velocity: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        spin: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        held: Sequence[str] = (),
+        profile: Profile = (),
+        spacing: float | None = None,
+    ) -> Body:
+        """The body with a rigid one beside it, of a `mass` (kg), which moves as one; `spin` (rad/s) is about x, y, z.
+
+        Of "x", "y", "z" and "spin" those `held` keep what they have at time 0, times the `profile`. A body that is
+        wholly held needs no mass.
+        """
+        x, y, z = actions.vector(velocity, 3, f"rigid '{name}': velocity")
+        about = actions.vector(spin, 3, f"rigid '{name}': spin")
+        given = {"mass": mass, "x": x, "y": y, "z": z, "spin": about, "held": tuple(held), "profile": profile}
+        own = actions.action(RigidBody, name, {key: value for key, value in given.items() if value is not None})
+        assert isinstance(own, RigidBody)
+        wrong = contradiction(own, 3)
+        if wrong is not None:
+            raise SceneError(f"body '{name}': {wrong}")
+        return self._beside(SolidBeside(name, self._like(other, spacing, None), rigid=own))
+
+    def _like(self, other: Body | Solid, spacing: float | None, material: Material | None) -> Body:
+        if isinstance(other, Body):
+            return other if other.material is not None else replace(other, material=material or self.material)
+        return Body(other, self.spacing if spacing is None else spacing, material or self.material, self.horizon)
+
+    def _beside(self, other: SolidBeside) -> Body:
+        if not other.name or other.name in (REST, *(each.name for each in self.bodies)):
+            raise SceneError(
+                f"body '{other.name}': found no name, or one that another body has, expected one of its own"
+            )
+        if other.body.bodies or other.body.medium is not None or other.body.horizon != self.horizon:
+            raise SceneError(
+                f"body '{other.name}': found bodies, a medium or another horizon ratio of its own, expected none"
+            )
+        return replace(self, bodies=(*self.bodies, other), touching=self.touching or Contact())
+
+    def contact(self, friction: float = 0.0, stiffness: float = 15.0, distance: float = 1.0) -> Body:
+        """The body that pushes what it touches, as faces of its cracks do; the settings are those of `Contact`."""
+        given = {"friction": friction, "stiffness": stiffness, "distance": distance}
+        return replace(self, touching=actions.converted(given, Contact, "contact"))
 
     def crack(self, sheet: Sheet | Any, name: str = "") -> Body:
         """The body with a crack: a `Sheet`, or triangles (t, 3, 3), m."""

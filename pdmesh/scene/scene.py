@@ -131,7 +131,7 @@ class Scene(Plate, DiffusionConditions[Where]):
         theirs, times the `profile`. A body that is wholly held needs no mass. It pushes what touches it as one of the
         plate's material would. `pdpost reaction` draws its force and the way of its centre of mass.
         """
-        x, y = actions.pair(velocity, f"rigid '{name}': velocity")
+        x, y = actions.vector(velocity, 2, f"rigid '{name}': velocity")
         given = {"mass": mass, "x": x, "y": y, "spin": spin, "held": tuple(held), "profile": profile}
         own = actions.action(RigidBody, name, {key: value for key, value in given.items() if value is not None})
         assert isinstance(own, RigidBody)

@@ -1,0 +1,157 @@
+"""Bodies beside each other in space: their nodes and settings, contact, rigid motion, and a ball on a brittle plate."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from messages import naming
+from scipy.spatial.distance import pdist
+
+from pdmesh import Body, Box, Material, SceneError, Sphere, build
+from pdmesh.model.contact import Contact
+from pdmesh.model.document import Displacement, InitialVelocity, RigidBody, Run, read_document
+from pdmesh.model.node_grid import grid_of
+from pdsolve.model import Model
+from pdsolve.operators.contact.operator import pair_stiffness
+from pdsolve.run.measures import books, damage
+from pdsolve.run.reactions import grips, reactions
+from pdsolve.run.system import Options, Prepared, prepare
+
+UNIT = Material(E=1.0, rho=1.0, G0=1e9, plane="space")
+HEAVY = msgspec.structs.replace(UNIT, rho=3.0)
+H = 0.1
+
+
+def plate() -> Body:
+    return Body(Box((0, 0, 0), (1, 1, 0.3)), H, UNIT)
+
+
+def prepared(body: Body) -> Prepared:
+    built = build(body)
+    return prepare(Model(built.grid, built.settings), Options(threads=1))
+
+
+def test_bodies_have_nodes_materials_motions_and_conditions_of_their_own(tmp_path: Path) -> None:
+    upper = Body(Box((0, 0, 0.3), (0.4, 0.4, 0.5)), 0.05, HEAVY).fix("top", 0.0, 0.0, None)
+    whole = plate().fix("bottom").body(upper, "upper", velocity=(0.0, 0.0, -2.0)).contact(friction=0.1)
+    built = build(whole.rigid(Box((0.6, 0.6, 0.3), (1, 1, 0.6)), "lid", 5.0, spin=(0, 0, 1.0)))
+    grid = built.grid
+    assert grid.bodies is not None
+    assert grid.bodies.names == ("plate", "upper", "lid")
+    assert np.bincount(grid.bodies.number).tolist() == [300, 256, 48]
+    assert set(grid.delta[grid.bodies.number == 1]) == {0.05}
+    assert built.settings.contact == Contact(friction=0.1)
+    held, moves, top, lid = built.settings.conditions
+    assert isinstance(held, Displacement)
+    assert isinstance(moves, InitialVelocity)
+    assert isinstance(top, Displacement)
+    assert isinstance(lid, RigidBody)
+    assert moves.nodes == tuple(range(301, 557))
+    assert grid.position[np.array(top.nodes) - 1, 2] == pytest.approx(0.475)
+    model = Model(grid, built.settings)
+    assert [set(model.rho[grid.bodies.number == number]) for number in (0, 1)] == [{1.0}, {3.0}]
+    assert model.rho[-48:] @ grid.cells[-48:] == pytest.approx(5.0, rel=1e-14)
+    system, state = prepare(model, Options(threads=1))
+    source, target = system.operator.bonds()
+    assert not (grid.bodies.number[source] != grid.bodies.number[target]).any()
+    assert not (grid.bodies.number[source] == 2).any()
+    assert set(state.rate[grid.bodies.number == 1, 2]) == {-2.0}
+    built.write(tmp_path / "three.json")
+    again = grid_of(read_document((tmp_path / "three.json").read_bytes(), "three"), "three")
+    assert again.bodies is not None
+    assert again.bodies.number.tolist() == grid.bodies.number.tolist()
+
+
+def test_equal_blocks_in_space_change_velocities() -> None:
+    """Two blocks of ten spacings: some of the motion stays in their vibrations."""
+    block = Body(Box((0, 0, 0), (1, 0.3, 0.3)), H, UNIT)
+    system, state = both = prepared(block.body(Box((1, 0, 0), (2, 0.3, 0.3)), "other", velocity=(-1e-3, 0.0, 0.0)))
+    both.march(1, 1 + int(3 / system.time_step))
+    assert system.model.grid.bodies is not None
+    first, other = (state.rate[system.model.grid.bodies.number == number, 0].mean() for number in (0, 1))
+    assert (first, other) == (pytest.approx(-1e-3, rel=0.05), pytest.approx(0, abs=5e-5))
+    momentum = (system.area * system.model.rho) @ state.rate
+    assert np.abs(momentum - [-1e-3 * 0.09, 0, 0]).max() < 1e-13 * 1e-3 * 0.09
+
+
+def test_a_rigid_ball_bounces_from_a_plate() -> None:
+    ball = plate().rigid(Sphere((0.5, 0.5, 0.5), 0.2), "ball", 0.05, (0.0, 0.0, -1e-3), (0.0, 0.1, 0.0), spacing=0.05)
+    (system, state), steps, pushed = prepared(ball), 120, 0.0
+    for step in range(1, steps + 1):
+        Prepared(system, state).march(step, step + 1)
+        (found,) = reactions(grips(system), system, state, step, step * system.time_step)
+        pushed -= found.force_z * system.time_step
+    rows = system.model.grid.rigid
+    assert pushed == pytest.approx(
+        0.05 * (state.rate[rows, 2].mean() + 1e-3), rel=1e-5
+    )  # the mean of cells of all sizes
+    assert state.rate[rows, 2].mean() > 0
+    entry = books(system, state, steps)
+    assert entry.momentum_z == pytest.approx(-0.05 * 1e-3, rel=1e-12)
+    assert abs(entry.balance(system.initial_energy)) < 5e-3
+    x = system.model.grid.position[rows]
+    assert np.abs(pdist(x + state.value[rows]) - pdist(x)).max() < 1e-14
+
+
+def test_a_box_that_tumbles_keeps_its_angular_momentum_and_its_energy() -> None:
+    box, spin = Box((0, 0, 1), (0.3, 0.5, 2.0)), (0.4, 0.7, 0.2)
+    (system, state), steps = prepared(plate().rigid(box, "box", 2.0, (0.0, 0.0, 0.01), spin)), 300
+    rows, mass = np.flatnonzero(system.model.grid.rigid), system.model.rho * system.area
+
+    def angular() -> np.ndarray:
+        x = system.model.grid.position[rows] + state.value[rows]
+        arm = x - x.mean(axis=0)
+        return np.asarray(mass[rows] @ np.cross(arm, state.rate[rows]))
+
+    before = angular()
+    Prepared(system, state).march(1, steps + 1)
+    assert angular() == pytest.approx(before, rel=2e-3)  # of steps that turn it by .05
+    assert abs(books(system, state, steps).balance(system.initial_energy)) < 2e-3
+    turned = state.value[rows] - state.value[rows].mean(axis=0)
+    assert np.abs(turned).max() > 0.3
+
+
+def struck() -> Prepared:
+    """A ball on a brittle plate, of LAMMPS's example `peri`, with a smaller plate."""
+    glass = Material(E=1.5 * 14.9e9, rho=2200.0, G0=20.0, plane="space", micromodulus="constant")
+    h = 0.5e-3
+    target = Body(Box((-4e-3, -4e-3, -2e-3), (4e-3, 4e-3, 0)), h, glass, run=Run())
+    return prepared(target.rigid(Sphere((0, 0, 2e-3), 2e-3), "ball", 1e-4, (0.0, 0.0, -100.0), held=("spin",)))
+
+
+def test_contact_of_a_ball_on_a_plate_has_the_constants_of_lammps() -> None:
+    """c = 18 K / (pi delta^4) with K = 14.9 GPa and delta = 1.5 mm; contact 15 c / delta."""
+    model = struck().system.model
+    assert model.settings.contact is not None
+    c = 1.6863e22
+    assert pair_stiffness(model, model.settings.contact) == pytest.approx(15 * c / 1.5e-3, rel=1e-4)
+
+
+def test_a_ball_breaks_a_plate_into_mirror_symmetric_quarters() -> None:
+    system, state = both = struck()
+    both.march(1, 81)
+    of, x = damage(system), system.model.grid.position
+    assert of.max() > 0.3
+    order = np.lexsort(np.round(x, 7).T)
+    for mirror in ([-1, 1, 1], [1, -1, 1]):
+        other = np.lexsort(np.round(x * mirror, 7).T)
+        assert np.abs(of[order] - of[other]).max() < 0.02
+        assert state.value[other] * mirror == pytest.approx(state.value[order], abs=1e-9)
+
+
+def test_what_no_body_beside_can_be_is_refused() -> None:
+    ball = Sphere((0.5, 0.5, 0.5), 0.2)
+    for wrong in (
+        lambda: plate().rigid(ball, "ball"),
+        lambda: plate().rigid(ball, "plate", 1.0),
+        lambda: plate().body(ball, "ball").body(ball, "ball"),
+        lambda: plate().body(plate().body(ball, "ball"), "two"),
+        lambda: plate().body(ball, "ball", velocity=(0.0, 1.0)),  # type: ignore[arg-type]
+    ):
+        with pytest.raises(SceneError, match=naming(expected="")):
+            wrong()
+    with pytest.raises(SceneError, match=naming("ball", "mass", expected="kg")):
+        plate().rigid(ball, "ball")
