@@ -42,6 +42,7 @@ RUNS = {
     "collocation": Run(adapt="collocation", collocation=Collocation(damped=True)),
     "split": Run(adapt="split"),
     "particles": Run(cracks="particles"),
+    "device": Run(device="opencl"),
 }
 
 

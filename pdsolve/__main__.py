@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from pdmesh import commandline
 from pdmesh.file_kinds import Kind
-from pdmesh.printing import escaped
+from pdmesh.printing import escaped, say
 from pdmesh.spelling import nearest
 from pdsolve.ranks import launch
 from pdsolve.run.progress import Watch
@@ -45,10 +45,9 @@ def parser() -> argparse.ArgumentParser:
     program.add_argument(
         "--adapt",
         choices=("none", "auto", "hybrid", "split", "collocation"),
-        help="auto: hybrid or none, as costs less; hybrid, collocation: use peridynamics where bonds may break, and a"
-        " compact lattice (hybrid) or stencils"
-        " of the same horizon (collocation) elsewhere; split: split cells where the energy is high, and merge them"
-        " afterwards (run.adapt; default: none)",
+        help="hybrid, collocation: use peridynamics where bonds may break, and a compact lattice (hybrid) or stencils"
+        " of the same horizon (collocation) elsewhere; auto: hybrid or none, as costs less; split: split cells where the"
+        " energy is high, and merge them afterwards (run.adapt; default: none)",
     )
     program.add_argument(
         "--cracks",
@@ -57,6 +56,12 @@ def parser() -> argparse.ArgumentParser:
         " (run.cracks; default: bonds)",
     )
     program.add_argument("--threads", type=int, metavar="N", help="number of threads (default: by the number of nodes)")
+    program.add_argument(
+        "--device",
+        action=_Device,
+        metavar="cpu|opencl[:N]|list",
+        help="what sums bonds: the processor or an OpenCL device (run.device; default: cpu); list: list them and end",
+    )
     program.add_argument("--precision", choices=("float64", "float32"), help="number type (default: float64)")
     program.add_argument("--every", metavar="N", help="steps between two frames (run.every)")
     program.add_argument(
@@ -82,6 +87,22 @@ def parser() -> argparse.ArgumentParser:
     program.add_argument("--dry-run", action="store_true", help="estimate memory and time of the run, solve nothing")
     program.add_argument("--resume", action="store_true", help="continue a run from its last checkpoint")
     return program
+
+
+class _Device(argparse.Action):
+    """Keep the name of a device; for `list`, print the devices and end."""
+
+    def __call__(self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any, *_: object) -> None:
+        if values == "list":
+            parser.exit(commandline.run("pdsolve", _list_devices, _exits))
+        setattr(namespace, self.dest, values)
+
+
+def _list_devices() -> int:
+    from pdsolve.operators.device.runtime import devices
+
+    say("\n".join(["cpu  the processor: float64 and float32", *(found.words for found in devices())]))
+    return commandline.OK
 
 
 def _study_parser() -> argparse.ArgumentParser:
@@ -139,7 +160,7 @@ def _solve(args: argparse.Namespace, ranks: Team | None) -> int:
             if args.dry_run:
                 return _show_what_is_left(path, args)
             with _says_how_to_go_on(path, args), compile_time_said(lambda words: commandline.note(words, args)):
-                results = resume(path, args.threads, watch, team=ranks)
+                results = resume(path, args.threads, watch, team=ranks, device=args.device)
         else:
             options = Options(args.mode or "conservative", args.precision or "float64", args.threads, None, ranks)
             model = read_model(args.model, args.settings, [*args.assignments, *_flags(args)])
@@ -201,6 +222,8 @@ def _flags(args: argparse.Namespace) -> list[tuple[str, str]]:
     flags = [] if args.every is None else [("run.every", args.every)]
     if args.adapt is not None:
         flags.append(("run.adapt", f'"{args.adapt}"'))
+    if args.device is not None:
+        flags.append(("run.device", f'"{args.device}"'))
     if args.cracks is not None:
         flags.append(("run.cracks", f'"{args.cracks}"'))
     if args.fields is not None:
@@ -359,6 +382,7 @@ def _alone(words: list[str], ranks: Team | None) -> int:
 
 def _exits() -> dict[type[Exception], int]:
     from pdmesh.model.document import GridError
+    from pdsolve.errors import DeviceLostError
     from pdsolve.model import ModelError
     from pdsolve.results import ResultsError, WriteError
     from pdsolve.run.simulation import UnsettledError, UnstableError
@@ -371,6 +395,7 @@ def _exits() -> dict[type[Exception], int]:
         ResultsError: bad,
         UnstableError: commandline.UNSTABLE,
         UnsettledError: commandline.UNSTABLE,
+        DeviceLostError: commandline.UNSTABLE,
     }
 
 

@@ -13,3 +13,7 @@ class UnstableError(ArithmeticError):
 
 class LateZoneError(UnstableError):
     """A moving fine zone that came too late: a clipped bond would have broken."""
+
+
+class DeviceLostError(RuntimeError):
+    """A device that stopped working during a run; the message says which and how."""

@@ -230,6 +230,12 @@ class Model:
         return encode(document_of(self.grid, self.settings)).decode()
 
 
+def on_device(model: Model, device: str) -> Model:
+    """The model, whose bonds another device sums. Raises ModelError for one of no such name, or that cannot."""
+    settings = overlaid(model.settings, Path(model.name), assignments=[("run.device", f'"{device}"')])
+    return replace(model, settings=settings)
+
+
 def model_of(text: str, name: str) -> Model:
     """The model in the text of a document. Raises GridError or ModelError."""
     document = parse_document(text, name)

@@ -209,6 +209,9 @@ class Collocation(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_
     damped: bool = False  # whether it may be where the horizon is less than 12 spacings, and energy is lost
 
 
+DeviceName = Annotated[str, msgspec.Meta(pattern=r"^(cpu|opencl(:\d{1,3})?)$")]
+
+
 class Run(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """Duration, solver and output of a run."""
 
@@ -236,6 +239,7 @@ class Run(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults
     collocation: Collocation = Collocation()
     hybrid: Hybrid = Hybrid()
     duration: Positive | None = None  # s: in place of steps, as many as it takes
+    device: DeviceName = "cpu"  # what sums bonds: the processor, or an OpenCL device, the first or that of a number
 
 
 def in_steps(run: Run, step: float) -> Run:

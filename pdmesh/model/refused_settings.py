@@ -113,6 +113,8 @@ def impossible(settings: Settings, dimension: int) -> Iterator[Impossible]:
         settings = msgspec.structs.replace(settings, run=msgspec.structs.replace(settings.run, adapt="none"))
     if settings.physics == "diffusion" and settings.medium is not None:
         yield from _diffusing(settings, settings.medium)
+        if settings.run.device != "cpu":
+            yield Impossible("$.run.device", settings.run.device, "cpu of diffusion")
     if settings.physics == "diffusion" or settings.material is None:
         return
     every = [("$.material", settings.material)]
@@ -165,6 +167,8 @@ def _of_run(settings: Settings, every: Places) -> Iterator[Impossible]:
         yield from _adaptive(settings, every)
     if run.cracks == "particles":
         yield from _of_particles(settings, every)
+    if run.device != "cpu":
+        yield from _on_device(settings, every)
 
 
 def refuse(settings: Settings, dimension: int, name: str) -> None:
@@ -341,6 +345,25 @@ def _touching(settings: Settings, every: Places) -> Iterator[Impossible]:
     for place, material in every:
         if material.model == "micropolar":
             yield Impossible(f"{place}.model", "'micropolar'", f"a model without rotations{why}")
+
+
+def _on_device(settings: Settings, every: Places) -> Iterator[Impossible]:
+    """Settings of mechanics that no device has."""
+    run, why = settings.run, f"as run.device is {settings.run.device}"
+    for name, expected in (("solver", "explicit"), ("adapt", "none"), ("cracks", "bonds")):
+        if getattr(run, name) != expected:
+            yield Impossible(f"$.run.{name}", getattr(run, name), f"{expected}, {why}")
+    if settings.physics != "mechanics":
+        yield Impossible("$.physics", settings.physics, f"mechanics, {why}")
+    if settings.contact is not None:
+        yield Impossible("$.contact", "some", f"none, {why}")
+    for place, material in every:
+        if material.model != "bond":
+            yield Impossible(f"{place}.model", f"'{material.model}'", f"bond, {why}")
+        elif material.law == "cohesive":
+            yield Impossible(f"{place}.law", "'cohesive'", f"brittle or bilinear, {why}")
+        if material.plane == "space":
+            yield Impossible(f"{place}.plane", "'space'", f"stress or strain, {why}")
 
 
 def _of_particles(settings: Settings, every: Places) -> Iterator[Impossible]:

@@ -24,6 +24,7 @@ WALLS = (
     " print(*raise_walls(Path(sys.argv[1]), 10.0))"
 )
 EXTRAS = {
+    "pyopencl": ("pdsolve --device opencl", "pip install 'pdsuite[opencl]'"),
     "distributed": ("studies on a cluster", "pip install 'pdsuite[study]'"),
     "mpi4py": ("one run on many ranks", "pip install 'pdsuite[mpi]'"),
     "pyvista": ("pdpost render, how bodies look", "pip install 'pdsuite[render]'"),

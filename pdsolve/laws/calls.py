@@ -185,6 +185,11 @@ def pair_of(law: Any) -> Pair:
     return _pairs[getattr(law, "instance_class", type(law))]
 
 
+def functions_of(law: Law) -> dict[str, Function]:
+    """The functions of a law by the names of this file, with defaults for those it does not have."""
+    return _functions(law)
+
+
 def bind(law: Law) -> None:
     """Bind the functions of a law to its columns' type; numba keeps them for the life of the process."""
     kind = law.Columns

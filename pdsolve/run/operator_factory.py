@@ -8,9 +8,12 @@ from numpy.typing import NDArray
 
 from pdsolve.bonds.assembly import BondStatistics, Counted, Filling, listed
 from pdsolve.laws import law_of
+from pdsolve.laws.law import Law
 from pdsolve.model import Model, ModelError
 from pdsolve.operators.bond_list import BondList
 from pdsolve.operators.contact.operator import PenaltyContact, touch_bound
+from pdsolve.operators.device.plane import PlaneOnDevice
+from pdsolve.operators.device.runtime import Session
 from pdsolve.operators.protocol import Operator
 from pdsolve.operators.simd_lattice import state_based
 from pdsolve.operators.simd_lattice.layout import blocks_of
@@ -40,6 +43,8 @@ def operator_of(
         return SpaceLattice(law, tiles.tiles, tiles.sites, tiles.stiffest, scheme.symmetric, threads), tiles.counted
     blocked = not numba.config.DISABLE_JIT and model.grid.dimension == 2  # blocks are compiled code, of the plane
     survey = BondStatistics(filling, scheme.symmetric)
+    if model.settings.run.device != "cpu":
+        return _on_device(model, options, scheme, filling, law, survey)
     if law.pair is not None and options.kernel != "listed" and blocked:
         blocks = blocks_of(law, survey.parts(), nodes, kind, threads_of(options, nodes, True))
         if blocks is not None:
@@ -60,6 +65,22 @@ def operator_of(
             " compiled code"
         )
     return BondList(law, model, bonds, scheme.symmetric, options.precision, threads), counted
+
+
+def _on_device(
+    model: Model, options: Options, scheme: Scheme, filling: Filling, law: Law, survey: BondStatistics
+) -> tuple[Operator, Counted]:
+    """The operator of a plate's bonds on a device. Raises ModelError."""
+    if law.pair is None or law.pair.held is not None or law.pair.elastic_in_compression:
+        raise ModelError(
+            f"{model.name}: $.run.device: found a law that is no straight line, expected cpu of such a law"
+        )
+    session, kind = Session(model.settings.run.device), np.dtype(options.precision).type
+    blocks = blocks_of(law, survey.parts(), len(model.grid), kind, 1)
+    if blocks is None:
+        raise ModelError(f"{model.name}: $.run.device: found nodes on no lattice, expected cpu, or nodes on one")
+    found = PlaneOnDevice(law, blocks, survey.stiffness_bound, scheme.symmetric, survey.softens, session)
+    return found, survey.counted(filling.area)
 
 
 def touched(model: Model, volume: NDArray[np.float64], bonds: Operator) -> tuple[Operator, PenaltyContact | None]:

@@ -25,6 +25,7 @@ from pdsolve.run.system import System
 from pdsolve.state import Broken, State
 from pdsolve.steppers.load_steps import Rested
 from pdsolve.steppers.stepped_rest import SteppedRest
+from pdsolve.steppers.verlet_on_device import fetch
 
 KEPT = 1.0  # s between checkpoints in full precision, with frames
 OLD = 10.0  # s, with entries of the ledger
@@ -237,6 +238,7 @@ class Recorder:
 
     def _asked(self, step: int) -> Asked:
         """What the operator says of the state after this step, asked once."""
+        fetch(self.system.stepper)
         if step != self.step:
             self.now, self.step = ask(self.system, self.state), step
         return self.now
@@ -247,6 +249,7 @@ class Recorder:
         `whole` adds the fields, after a recorded step; `state` adds a checkpoint now, otherwise only when it is due.
         """
         system = self.system
+        fetch(system.stepper)
         state |= clock.perf_counter() - self._kept > KEPT
         if state:
             self._kept = clock.perf_counter()

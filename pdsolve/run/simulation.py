@@ -20,7 +20,7 @@ from pdsolve.adaptivity.hybrid.space.operator import SpaceHybrid
 from pdsolve.adaptivity.quadtree.operator import Leaves
 from pdsolve.checks import advise, advise_unused
 from pdsolve.errors import CheckpointError, LateZoneError, UnstableError
-from pdsolve.model import Model, ModelError, ModelWarning, model_of
+from pdsolve.model import Model, ModelError, ModelWarning, model_of, on_device
 from pdsolve.numerics.memory import give_back
 from pdsolve.numerics.team import Team
 from pdsolve.results import Behind, Results, ResultsError, Writer, behind, gone_back, put_away, writing_to
@@ -151,18 +151,19 @@ def resume(
     watch: Watcher | None = None,
     adapt: Adapt | None = None,
     team: Team | None = None,
+    device: str | None = None,
 ) -> Results:
     """Continue the run in the file `output` from its last checkpoint, bit by bit as without the stop.
 
     A run stopped before its first checkpoint starts again. `adapt` is the one it began with. A finished run is left
-    unchanged. The whole file is checked before. `team` are the ranks to go on with, as many as before or not. Raises
-    ResultsError, ModelError, UnstableError.
+    unchanged. The whole file is checked before. `team` are the ranks to go on with, as many as before or not; `device`
+    may be another one, None: the same. Raises ResultsError, ModelError, UnstableError.
     """
     if not _is_finished(output):
         with writing_to(output):
             if not _is_finished(output):
                 try:
-                    return _resume(output, threads, watch, adapt, team)
+                    return _resume(output, threads, watch, adapt, team, device)
                 except LateZoneError as late:
                     return _resume_anew(output, late, threads, watch, adapt)
     put_away(output)
@@ -190,11 +191,17 @@ def _resume_anew(
 
 
 def _resume(
-    output: Path, threads: int | None, watch: Watcher | None, adapt: Adapt | None, team: Team | None
+    output: Path,
+    threads: int | None,
+    watch: Watcher | None,
+    adapt: Adapt | None,
+    team: Team | None,
+    device: str | None,
 ) -> Results:
     with Results.open(output) as results:
         results.verify()
         model, meta = model_of(results.model(), str(output)), results.meta()
+        model = model if device is None else on_device(model, device)
         options = options_of(model, meta, threads)._replace(team=team)
         if not results.has_checkpoint():
             results.close()

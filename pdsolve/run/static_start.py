@@ -38,7 +38,7 @@ def still(model: Model, options: Options, scheme: Scheme) -> Prepared:
     """The model to be brought to rest, in double precision. Raises ModelError."""
     run = model.settings.run
     rest = msgspec.structs.replace(run, solver="static", start="unloaded", damping=0.0, until=None, quiet=None)
-    rest = msgspec.structs.replace(rest, time_step=None, steps=1)  # what acts at time 0, and no later
+    rest = msgspec.structs.replace(rest, time_step=None, steps=1, device="cpu")  # what acts at time 0, and no later
     settings = msgspec.structs.replace(model.settings, run=rest)
     double = options._replace(precision="float64")
     return at_rest(dataclasses.replace(model, settings=settings), double, scheme, breaks=False)

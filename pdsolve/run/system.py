@@ -42,8 +42,8 @@ from pdsolve.operators.simd_lattice.operator import SimdLattice
 from pdsolve.operators.softening_shear import softening_of
 from pdsolve.options import Options as Options
 from pdsolve.options import threads_of as threads_of
-from pdsolve.ranks.operator import AcrossRanks
-from pdsolve.run.operator_factory import in_blocks, operator_of, touched
+from pdsolve.run.explicit_stepper import stepper_of
+from pdsolve.run.operator_factory import operator_of, touched
 from pdsolve.run.operator_factory import stable as stable
 from pdsolve.run.time_step import step_of as step_of
 from pdsolve.schemes import SCHEMES
@@ -59,8 +59,7 @@ from pdsolve.steppers.protocol import Stepper
 from pdsolve.steppers.relaxation import Relaxation
 from pdsolve.steppers.static_loads import follows_path, in_load_steps, in_steps_of_content
 from pdsolve.steppers.stepped_rest import SteppedRest
-from pdsolve.steppers.verlet import Verlet
-from pdsolve.steppers.verlet_blocks import VerletBlocks
+from pdsolve.steppers.verlet_on_device import fetch
 
 if TYPE_CHECKING:
     from pdsolve.crack_growth.growth import Growth
@@ -142,6 +141,7 @@ class Prepared(NamedTuple):
     def march(self, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1, in place."""
         self.system.stepper.march(self.state, first, last)
+        fetch(self.system.stepper)
 
 
 def scheme_of(model: Model, options: Options) -> Scheme:
@@ -365,14 +365,7 @@ def assembled(
     )
     state, damped = operator.place(state), damping(model)
     _set_off(state, velocity, damped, driven)
-    blocks, touching = in_blocks(operator)
-    if isinstance(operator, AcrossRanks):
-        stepper: Stepper = operator.marched(driven, rho, step)
-    elif blocks and not damped.any():
-        stepper = (fast := VerletBlocks(blocks, driven, rho, step, touching))
-        driven = fast.drive
-    else:
-        stepper = Verlet(operator, driven, rho, step, damped)
+    stepper, driven = stepper_of(operator, state, driven, rho, step, damped)
     energy = float(np.sum(model.rho / 2 * filled.area * (velocity**2).sum(axis=1))) if velocity.any() else 0.0
     refuse_fields(model, operator, state)
     system = System(model, options, scheme, operator, stepper, driven, *filled, step, bound, energy)

@@ -61,9 +61,14 @@ NOT_RUN = {  # commands that no test can run, and why
     "pip install pdsuite-*.whl": "a wheel",
     "pip install '.[study,completion]'": "a package index",
     "pip install 'pdsuite[study]'": "a package index",
+    "pip install 'pdsuite[opencl]'": "a package index",
     "pdsolve study study.toml --scheduler tls://host:8786": "the address of a cluster",
 }
-NEEDS = {"pdpost render": "pyvista", "pdmesh --completion": "shtab"}  # commands that take an extra
+NEEDS = {
+    "pdpost render": "pyvista",
+    "pdmesh --completion": "shtab",
+    "--device": "pyopencl",
+}  # commands that take an extra
 PART = """import gmsh
 gmsh.initialize()
 gmsh.option.setNumber("General.Terminal", 0)

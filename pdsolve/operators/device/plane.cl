@@ -1,0 +1,104 @@
+/* Bonds of lattices in the plane, under a pair law with straight lines: pdsolve/operators/simd_lattice in OpenCL C.
+
+A work item is a node, a work group a block of 64. A node gathers its family slot by slot, in the order of the processor,
+and alone changes what its bonds remember: no atomics. Products and sums are rounded once where the processor's vectors
+are (fma), and nowhere else. Symbols as in `Blocks`; m nodes in whole blocks.
+
+    gone     (w, m) bits of the slots of a node's block: its bond there is broken; 32 a word
+    soft     (w, m) likewise: it has softened, and has its own `pull`, `own_edge` and `worst` (slots, 64)
+    broken   (slots, 64) step in which the bond broke, 0 while intact
+    torn     (blocks,) whether a bond of the block has broken or softened since the host looked
+*/
+
+#define FORCE_PARAMETERS                                                                                               \
+  __global const int *start, __global const int *slots, __global const int *ids, __global const REAL *vectors,        \
+      __global const REAL *stiffness, __global const REAL *edge, __global const REAL *peak,                            \
+      __global const REAL *limit, __global uint *gone, __global int *broken, __global int *torn,                      \
+      __global double *dissipated, __global uint *soft, __global REAL *pull, __global REAL *own_edge,                 \
+      __global REAL *worst
+#define FORCE_ARGUMENTS                                                                                                \
+  start, slots, ids, vectors, stiffness, edge, peak, limit, gone, broken, torn, dissipated, soft, pull, own_edge, worst
+
+/* 1 / (1 + e + sqrt(1 + e)) */
+inline REAL over_root(REAL e, REAL size) {
+  if (size <= (REAL)NARROW)
+    return polynomial_narrow(e);
+  if (size <= (REAL)WIDE)
+    return polynomial_wide(e);
+  REAL q2 = (REAL)1 + e;
+  return (REAL)1 / (q2 + sqrt(q2));
+}
+
+inline double stretched(__global const REAL *v, REAL x, REAL y) {
+  REAL inverse = v[4];
+  double along = 2.0 * (double)(v[0] * x + v[1] * y);
+  double e = (double)inverse * (along + (double)(REAL)(x * x) + (double)(REAL)(y * y));
+  return e / (sqrt(1.0 + e) + 1.0);
+}
+
+/* Displacement of a node one step ago */
+inline REAL ago(__global const REAL *before, __global const REAL *u, __global const REAL *rate, REAL dt, int at) {
+#ifdef FUSED
+  return before[at];
+#else
+  REAL way = dt * rate[at];
+  return u[at] - way;
+#endif
+}
+
+/* Force density on node i, N/m^3; bonds over their limit break in this step, those over their peak soften. */
+inline void sum_bonds(FORCE_PARAMETERS, __global const REAL *before, __global const REAL *u, __global const REAL *rate,
+                      REAL dt, int m, int step, int i, REAL *force) {
+  int b = i / 64, lane = i % 64;
+  REAL here_x = u[i], here_y = u[m + i], fx = 0, fy = 0;
+  int first = start[b], last = start[b + 1];
+  for (int slot = first; slot < last; ++slot) {
+    __global const int *row = slots + 8 * slot;
+    int place = ((slot - first) / 32) * m + i;
+    uint bit = 1u << ((slot - first) % 32);
+    REAL w = stiffness[64 * row[5] + lane], most = edge[64 * row[6] + lane];
+    if ((w == 0 && isinf(most)) || (gone[place] & bit)) /* no bond; one of no stiffness breaks like any other */
+      continue;
+    int way = row[lane / 16], own = 64 * slot + lane;
+    int j = way < FAR ? i + way : ids[16 * (way - FAR) + lane % 16];
+    __global const REAL *v = vectors + 8 * row[4];
+    REAL x = u[j] - here_x, y = u[m + j] - here_y;
+    REAL along = fma(v[4], x, v[2]) * x;
+    REAL e = fma(fma(v[4], y, v[3]), y, along), size = fabs(e);
+#ifdef SOFTENS
+    if (soft[place] & bit) {
+      w = pull[own];
+      most = own_edge[own];
+    }
+#endif
+    if (e > most) {
+      double stretch = (double)e / (1.0 + sqrt(1.0 + (double)e));
+      REAL highest = peak[64 * row[7] + lane], end = limit[64 * row[7] + lane], whole = stiffness[64 * row[5] + lane];
+      if (stretch > (double)end) {
+        REAL last_x = ago(before, u, rate, dt, j) - ago(before, u, rate, dt, i);
+        REAL last_y = ago(before, u, rate, dt, m + j) - ago(before, u, rate, dt, m + i);
+        double c = (double)(REAL)(whole / v[4]) / 4.0;
+        dissipated[i] += RELEASED(c, stretch, stretched(v, last_x, last_y), highest, end);
+        broken[own] = step;
+        gone[place] |= bit;
+        torn[b] = 1;
+        continue;
+      }
+#ifdef SOFTENS
+      if (stretch > (double)highest) {
+        worst[own] = (REAL)stretch;
+        own_edge[own] = e;
+        soft[place] |= bit;
+        torn[b] = 1;
+        w = pull[own] = (REAL)(SECANT(stretch, (double)worst[own], (double)highest, (double)end) * (double)whole);
+      }
+#endif
+    }
+    REAL along_bond = w * e;
+    along_bond *= over_root(e, size);
+    fx = fma(along_bond, v[0] + x, fx);
+    fy = fma(along_bond, v[1] + y, fy);
+  }
+  force[0] = fx;
+  force[1] = fy;
+}

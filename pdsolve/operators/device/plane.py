@@ -1,0 +1,143 @@
+"""The bonds of a plate's lattices on a device: an operator whose history is there while steps are taken."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.laws.calls import functions_of
+from pdsolve.laws.law import Law
+from pdsolve.operators.device.runtime import Session
+from pdsolve.operators.device.source import pair_functions
+from pdsolve.operators.protocol import Kept
+from pdsolve.operators.simd_lattice import layout
+from pdsolve.operators.simd_lattice.kernel import LANES, LIMITS, Blocks
+from pdsolve.operators.simd_lattice.operator import SimdLattice
+from pdsolve.operators.simd_lattice.vectors import BOUND, PULL
+from pdsolve.state import Broken
+
+WORD = 32  # bits
+
+
+class PlaneOnDevice(SimdLattice):
+    """The bonds of n nodes in blocks whose steps a device takes; see `pdsolve.steppers.verlet_on_device`.
+
+    The arrays of the processor's blocks hold the history of bonds as of the last `fetch`.
+    """
+
+    def __init__(
+        self,
+        law: Law,
+        blocks: Blocks,
+        stiffest: NDArray[np.float64],
+        symmetric: bool,
+        softens: bool,
+        session: Session,
+    ) -> None:
+        """Arguments are those of `SimdLattice`. Raises ModelError if the device has too little memory."""
+        super().__init__(law, blocks, stiffest, symmetric, softens)
+        self.session, self.dimension, self.stale = session, 2, True
+        self.room = self.tracks.v.shape[1]
+        self._remembers = bool(self.tracks.worst.size)
+        words = -(-int(np.diff(blocks.start).max(initial=1)) // WORD)
+        self._bits = np.zeros((words, self.room), dtype=np.uint32)
+        session.room_for(self._wanted())
+        self._make()
+
+    def _wanted(self) -> int:
+        """Memory of the bonds on the device, bytes."""
+        blocks, history = self.blocks, self.tracks.broken.nbytes + 3 * self.tracks.worst.nbytes
+        tables = (blocks.slots, blocks.ids, blocks.vectors, blocks.peak, blocks.limit)
+        return int(sum(table.nbytes for table in tables) + history + 2 * self._bits.nbytes + 8 * self.room)
+
+    def _make(self) -> None:
+        """Copy the tables to the device, and make room for what changes."""
+        blocks, slots, put = self.blocks, self.blocks.slots.copy(), self.session.put
+        slots[:, PULL], slots[:, BOUND] = blocks.whole, slots[:, LIMITS]
+        shared = [table[: len(table) - len(blocks.mask)] for table in (blocks.stiffness, blocks.edge)]
+        first = blocks.start.astype(np.int32), slots, blocks.ids, blocks.vectors, *shared, blocks.peak, blocks.limit
+        self._tables = [put(table) for table in first]
+        self._gone, self._soft = put(self._bits), put(self._bits)
+        self._broken_in, self._torn = put(self.tracks.broken), put(np.zeros(len(blocks.start) - 1, dtype=np.int32))
+        self.dissipated = put(self.tracks.dissipated)
+        self._pull, self._edge, self._worst = (put(self.tracks.worst) for _ in range(3))
+
+    @property
+    def arguments(self) -> list[Any]:
+        """The buffers of `FORCE_PARAMETERS`, in order."""
+        history = self._gone, self._broken_in, self._torn, self.dissipated, self._soft
+        return [*self._tables, *history, self._pull, self._edge, self._worst]
+
+    def source(self) -> str:
+        """What the bonds are in OpenCL C."""
+        return pair_functions(functions_of(self._law), self._remembers, "plane.cl")
+
+    def spread(self, values: NDArray[Any], idle: float = 0.0) -> NDArray[Any]:
+        """Nodal values (n, ...) in the device's order (..., m)."""
+        wide = np.full((*values.shape[1:], self.room), idle, dtype=values.dtype)
+        wide[..., : len(values)] = values.T
+        return wide
+
+    def rows(self, nodes: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Where the device has these nodes (k,)."""
+        return nodes
+
+    def collected(self, values: NDArray[Any], state: NDArray[Any]) -> None:
+        """Enter values (..., m) of the device in an array (n, ...) of the state."""
+        state[:] = values[..., : len(state)].T
+
+    def back(self, kept: Kept, broken: Broken) -> None:
+        """Restore the history of bonds and the broken bonds of a checkpoint."""
+        super().back(kept, broken)
+        self.stale = True
+
+    def hand_over(self) -> None:
+        """Give the history of bonds to the device, if it is another than the device's."""
+        if not self.stale:
+            return
+        write, worst = self.session.write, self.tracks.worst
+        write(self._gone, self._bits_of(self.tracks.broken != 0))
+        write(self._broken_in, self.tracks.broken)
+        write(self._torn, np.zeros(len(self.blocks.start) - 1, dtype=np.int32))
+        if self._remembers:
+            write(self._soft, self._bits_of(worst > 0))
+            rows = self.blocks.slots
+            write(self._worst, worst)
+            write(self._edge, self.blocks.edge[rows[:, BOUND]])
+            write(self._pull, self.blocks.stiffness[rows[:, PULL]])
+        self.stale = False
+
+    def fetch(self) -> None:
+        """Bring the history of bonds up to the device's, where bonds have broken or softened."""
+        torn = np.zeros(len(self.blocks.start) - 1, dtype=np.int32)
+        self.session.read(self._torn, torn)
+        if not torn.any():
+            return
+        edge = np.zeros_like(self.tracks.worst)
+        changes = np.flatnonzero(np.diff(np.concatenate([[0], torn, [0]])))
+        for first, last in changes.reshape(-1, 2):  # blocks side by side are copied together
+            of = slice(*self.blocks.start[[first, last]])
+            self._read(self._broken_in, self.tracks.broken, of)
+            if self._remembers:
+                self._read(self._worst, self.tracks.worst, of)
+        if self._remembers:
+            self.session.read(self._edge, edge)
+        layout.revive(self._law, self.blocks, self._whole, self.tracks.broken, self.tracks.worst, edge)
+        self.session.write(self._torn, np.zeros_like(torn))
+
+    def _read(self, buffer: Any, values: NDArray[Any], of: slice) -> None:
+        """Read some slots (., 64) of the device's into those of the host."""
+        fresh = np.empty_like(values[of])
+        self.session.read(buffer, fresh, int(of.start) * LANES * values.itemsize)
+        values[of] = fresh
+
+    def _bits_of(self, which: NDArray[np.bool_]) -> NDArray[np.uint32]:
+        """Bits (w, m) of nodes, of bonds (slots, 64)."""
+        found, start = np.zeros_like(self._bits), self.blocks.start
+        for k in range(int(np.diff(start).max(initial=0))):
+            block = np.flatnonzero(np.diff(start) > k)
+            lanes = found[k // WORD].reshape(-1, LANES)
+            lanes[block] |= which[start[block] + k].astype(np.uint32) << np.uint32(k % WORD)
+        return found

@@ -1,0 +1,181 @@
+"""OpenCL devices: which there are, which one a run takes, its memory, its programs, and what it says when it fails.
+
+pyopencl is an extra, and is imported by these functions alone.
+"""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh import trust
+from pdsolve.errors import DeviceLostError
+from pdsolve.model import ModelError
+
+INSTALL = "pip install 'pdsuite[opencl]'"
+DOUBLE = "cl_khr_fp64"
+EXACT = "-cl-fp32-correctly-rounded-divide-sqrt"  # of single precision; double precision always is
+SPARE = 0.9  # of a device's memory that a run may take
+
+
+class Found(NamedTuple):
+    """A device of a platform."""
+
+    number: int  # as `opencl:1` has it
+    platform: str
+    name: str
+    kind: str  # GPU, CPU or other
+    double: bool  # whether it has float64
+    memory: int  # bytes
+    units: int  # compute units
+
+    @property
+    def words(self) -> str:
+        """One line of a list of devices."""
+        precision = "float64 and float32" if self.double else "float32 alone"
+        where = f"{self.name.strip()} ({self.kind}, {self.platform.strip()})"
+        return f"opencl:{self.number}  {where}: {precision}, {self.memory / 1e9:.3g} GB, {self.units} compute units"
+
+
+def devices() -> list[Found]:
+    """All devices of all platforms. Raises ModelError without the package or without a runtime."""
+    return [_described(number, device) for number, device in enumerate(_all())]
+
+
+def chosen(name: str) -> tuple[Found, Any]:
+    """The device of a name, `opencl` (the first GPU, else the first of all) or `opencl:1`. Raises ModelError."""
+    every, (_, _, number) = _all(), name.partition(":")
+    found = [_described(at, device) for at, device in enumerate(every)]
+    if number and int(number) >= len(every):
+        raise ModelError(f"device: found {name}, expected one of opencl:0 to opencl:{len(every) - 1} (--device list)")
+    best = int(number) if number else next((one.number for one in found if one.kind == "GPU"), 0)
+    if not found[best].double:
+        raise ModelError(
+            f"device: found opencl:{best}, {found[best].name}, without float64 ({DOUBLE}), expected one with it"
+        )
+    return found[best], every[best]
+
+
+class Session:
+    """A device with a queue of work; its arrays are `Buffer`s of OpenCL."""
+
+    def __init__(self, name: str) -> None:
+        cl = _library()
+        self.about, device = chosen(name)
+        with self._said():
+            self._context = cl.Context([device])
+            self._queue = cl.CommandQueue(self._context)
+        self._taken = 0
+
+    def room_for(self, wanted: int) -> None:
+        """Raise ModelError if the device has less memory than this, bytes."""
+        most = int(SPARE * self.about.memory)
+        if self._taken + wanted > most:
+            raise ModelError(
+                f"device: found {self.about.name} with {most / 1e9:.3g} GB to take, expected"
+                f" {(self._taken + wanted) / 1e9:.3g} GB (fewer nodes, --precision float32, or --device cpu)"
+            )
+        self._taken += wanted
+
+    def build(self, source: str) -> Any:
+        """The program of an OpenCL C source. Raises ModelError for one that the device's compiler refuses."""
+        cl = _library()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # a compiler's remarks
+            try:
+                return cl.Program(self._context, source).build([EXACT], cache_dir=False)
+            except cl.RuntimeError as error:
+                words = next((line for line in str(error).splitlines() if "error" in line), str(error).splitlines()[0])
+                raise ModelError(
+                    f"device: found {self.about.name}, whose compiler refuses the kernel, expected one that builds it:"
+                    f" {words.strip()}"
+                ) from None
+
+    def put(self, values: NDArray[Any]) -> Any:
+        """A buffer with a copy of these values; of none, of a few bytes."""
+        cl = _library()
+        values = np.ascontiguousarray(values)
+        if not values.size:
+            values = np.zeros(8, dtype=values.dtype)
+        with self._said():
+            flags = cl.mem_flags.READ_WRITE | cl.mem_flags.COPY_HOST_PTR
+            return cl.Buffer(self._context, flags, hostbuf=values)
+
+    def write(self, buffer: Any, values: NDArray[Any], at: int = 0) -> None:
+        """Copy values into a buffer, from the byte `at` on."""
+        if values.size:
+            with self._said():
+                _library().enqueue_copy(self._queue, buffer, np.ascontiguousarray(values), dst_offset=at)
+
+    def read(self, buffer: Any, values: NDArray[Any], at: int = 0) -> None:
+        """Copy a buffer, from the byte `at` on, into contiguous values."""
+        if values.size:
+            with self._said():
+                _library().enqueue_copy(self._queue, values, buffer, src_offset=at)
+
+    def launch(self, kernel: Any, size: tuple[int, int], arguments: Sequence[Any]) -> None:
+        """Queue a kernel over so many work items, and so many a group."""
+        with self._said():
+            kernel(self._queue, size[:1], size[1:], *arguments)
+
+    def finish(self) -> None:
+        """Wait until all that is queued is done."""
+        with self._said():
+            self._queue.finish()
+
+    @contextmanager
+    def _said(self) -> Iterator[None]:
+        """A context that turns an error of the device into one of this package."""
+        cl = _library()
+        try:
+            yield
+        except cl.MemoryError as error:
+            raise ModelError(
+                f"device: found {self.about.name} without memory for the run, expected more ({error})"
+            ) from None
+        except cl.Error as error:
+            raise DeviceLostError(f"device: found {self.about.name} lost ({error}), expected it to go on") from None
+
+
+def _all() -> list[Any]:
+    cl = _library()
+    try:
+        return [device for platform in cl.get_platforms() for device in platform.get_devices()]
+    except cl.Error:
+        raise ModelError(
+            "device: found no OpenCL runtime, expected a driver of the device, or PoCL:"
+            " pip install pocl-binary-distribution"
+        ) from None
+
+
+def _library() -> Any:
+    """The module pyopencl, whose caches of compiled code are the user's own."""
+    place, _ = trust.private_folder()
+    os.environ.setdefault("POCL_CACHE_DIR", str(place / "pocl"))
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            import pyopencl
+    except ImportError:
+        raise ModelError(f"device: found no package pyopencl, expected it ({INSTALL}), or --device cpu") from None
+    return pyopencl
+
+
+def _described(number: int, device: Any) -> Found:
+    types = _library().device_type
+    kind = "GPU" if device.type & types.GPU else "CPU" if device.type & types.CPU else "other"
+    return Found(
+        number,
+        device.platform.name,
+        device.name,
+        kind,
+        DOUBLE in device.extensions.split(),
+        int(device.global_mem_size),
+        int(device.max_compute_units),
+    )

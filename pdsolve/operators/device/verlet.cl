@@ -1,0 +1,144 @@
+/* One step of velocity Verlet for all nodes, a node a work item: it ends `step` and begins the next one.
+
+The schemes are those of pdsolve/steppers: of `verlet_blocks` where FUSED is defined, whose numbers are of the run's
+precision, else of `verlet`, which computes in double precision, with damping where DAMPED is. Nodes on which more than
+bonds acts have a row of `acts`, else -1:
+
+    now, ago_force   (rows, DIM) load now and one step ago, N/m^3       load_first, hold_first   (rows + 1,) entries
+    load_, hold_     columns of `Entries`                                held_speed, held_force   (holds,) of `Drive`
+    factors          3 p of a step: at its end, at the end of the next one, and half a step before that
+*/
+
+#define STARTS 1
+#define ENDS 2
+#define DISPLACEMENT 0
+#define VELOCITY 1
+#define ACCELERATION 2
+
+__kernel __attribute__((reqd_work_group_size(64, 1, 1))) void
+advance(FORCE_PARAMETERS, __global const REAL *before, __global const REAL *u, __global REAL *after,
+        __global const REAL *rate, __global REAL *rate_after, __global REAL *a, __global const REAL *weight,
+        __global const double *damping, __global double *work, __global double *damped, __global const int *acts,
+        __global REAL *now, __global REAL *ago_force, __global const int *load_first, __global const int *load_axis,
+        __global const double *load_value, __global const int *load_profile, __global const int *hold_first,
+        __global const int *hold_axis, __global const double *hold_value, __global const int *hold_profile,
+        __global const int *hold_kind, __global double *held_speed, __global double *held_force,
+        __global const double *factors, int profiles, int varies, double dt, int m, int step, int phase, int at) {
+  int i = get_global_id(0), k = acts[i];
+  REAL v[DIM], acc[DIM];
+  __global const double *end = factors + 3 * profiles * at, *next = end + profiles, *middle = next + profiles;
+  REAL whole = (REAL)dt, half_dt = (REAL)(dt / 2.0);
+  for (int axis = 0; axis < DIM; ++axis) {
+    v[axis] = rate[axis * m + i];
+    acc[axis] = a[axis * m + i];
+  }
+  if (!(phase & STARTS)) {
+    REAL was[DIM];
+    for (int axis = 0; axis < DIM; ++axis) {
+      REAL kick = half_dt * acc[axis];
+      was[axis] = v[axis] - kick;
+    }
+    SUM f[DIM];
+    SUM_BONDS(FORCE_ARGUMENTS, before, u, rate, whole, m, step, i, f);
+    if (k >= 0 && varies && load_first[k] < load_first[k + 1]) {
+      for (int axis = 0; axis < DIM; ++axis) {
+        ago_force[DIM * k + axis] = now[DIM * k + axis];
+        now[DIM * k + axis] = 0;
+      }
+      for (int e = load_first[k]; e < load_first[k + 1]; ++e) {
+        double share = load_value[e] * end[load_profile[e]];
+        now[DIM * k + load_axis[e]] = (REAL)((double)now[DIM * k + load_axis[e]] + share);
+      }
+    }
+    for (int axis = 0; axis < DIM; ++axis) {
+      REAL load = k >= 0 ? now[DIM * k + axis] : (REAL)0;
+#ifdef FUSED
+      f[axis] += load;
+      acc[axis] = f[axis] * weight[i];
+#else
+      acc[axis] = (REAL)((f[axis] + (double)load) / (double)weight[m + i]);
+#endif
+    }
+    if (k >= 0 && load_first[k] < load_first[k + 1]) {
+      for (int axis = 0; axis < DIM; ++axis) {
+        REAL both = ago_force[DIM * k + axis] + now[DIM * k + axis];
+        work[i] += (double)both / 2.0 * (dt * (double)v[axis]);
+      }
+    }
+    if (k >= 0) {
+      double rho = (double)weight[m + i];
+      for (int e = hold_first[k]; e < hold_first[k + 1]; ++e) {
+        int axis = hold_axis[e];
+        REAL push = weight[m + i] * acc[axis];
+        double force = (double)push, way = dt * (double)v[axis];
+        acc[axis] = 0;
+        double value = hold_value[e] * end[hold_profile[e]];
+        if (hold_kind[e] == ACCELERATION)
+          acc[axis] = (REAL)value;
+        else if (hold_kind[e] == VELOCITY)
+          v[axis] = (REAL)value;
+        double speed = (double)v[axis] + dt / 2.0 * (double)acc[axis];
+        work[i] += rho / 2.0 * (speed * speed - held_speed[e] * held_speed[e]);
+        work[i] -= (held_force[e] + force) / 2.0 * way;
+        held_force[e] = force;
+      }
+    }
+    for (int axis = 0; axis < DIM; ++axis) {
+#ifdef FUSED
+      REAL kick = half_dt * acc[axis];
+      v[axis] += kick;
+#else
+      v[axis] = (REAL)((double)v[axis] + dt / 2.0 * (double)acc[axis]);
+#endif
+    }
+#ifdef DAMPED
+    for (int axis = 0; axis < DIM; ++axis) {
+      bool held = false;
+      for (int e = k >= 0 ? hold_first[k] : 0; k >= 0 && e < hold_first[k + 1]; ++e)
+        held = held || hold_axis[e] == axis;
+      if (!held) {
+        double undamped = (double)acc[axis], mean = (double)v[axis] - dt / 2.0 * undamped;
+        v[axis] = (REAL)((double)v[axis] / (1.0 + damping[i] * dt / 2.0));
+        acc[axis] = (REAL)(undamped - damping[i] * (double)v[axis]);
+        REAL both = was[axis] + v[axis];
+        damped[i] += (double)weight[m + i] * damping[i] * (double)both / 2.0 * (dt * mean);
+      }
+    }
+#endif
+#ifdef FUSED
+    if (phase & ENDS)
+#endif
+      for (int axis = 0; axis < DIM; ++axis)
+        a[axis * m + i] = acc[axis];
+  }
+  if (!(phase & ENDS)) {
+    REAL place[DIM];
+    for (int axis = 0; axis < DIM; ++axis) {
+#ifdef FUSED
+      REAL kick = half_dt * acc[axis];
+      v[axis] += kick;
+      REAL way = whole * v[axis];
+      place[axis] = u[axis * m + i] + way;
+#else
+      v[axis] = (REAL)((double)v[axis] + dt / 2.0 * (double)acc[axis]);
+      place[axis] = (REAL)((double)u[axis * m + i] + dt * (double)v[axis]);
+#endif
+    }
+    for (int e = k >= 0 ? hold_first[k] : 0; k >= 0 && e < hold_first[k + 1]; ++e) {
+      int axis = hold_axis[e];
+      held_speed[e] = (double)v[axis] - dt / 2.0 * (double)acc[axis];
+      double start = (double)place[axis] - dt * (double)v[axis];
+      if (hold_kind[e] == DISPLACEMENT) {
+        place[axis] = (REAL)(hold_value[e] * next[hold_profile[e]]);
+        v[axis] = (REAL)(((double)place[axis] - start) / dt);
+      } else if (hold_kind[e] == VELOCITY) {
+        v[axis] = (REAL)(hold_value[e] * middle[hold_profile[e]]);
+        place[axis] = (REAL)(start + dt * (double)v[axis]);
+      }
+    }
+    for (int axis = 0; axis < DIM; ++axis)
+      after[axis * m + i] = place[axis];
+  }
+  for (int axis = 0; axis < DIM; ++axis)
+    rate_after[axis * m + i] = v[axis];
+}

@@ -1,0 +1,37 @@
+"""Chooses what takes the explicit steps of a motion: a device, one sweep with the forces of blocks, or Verlet."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.conditions import Drive
+from pdsolve.operators.device.plane import PlaneOnDevice
+from pdsolve.operators.protocol import Operator
+from pdsolve.ranks.operator import AcrossRanks
+from pdsolve.run.operator_factory import in_blocks
+from pdsolve.state import State
+from pdsolve.steppers.protocol import Stepper
+from pdsolve.steppers.verlet import Verlet
+from pdsolve.steppers.verlet_blocks import VerletBlocks
+from pdsolve.steppers.verlet_on_device import VerletOnDevice
+
+
+def stepper_of(
+    operator: Operator,
+    state: State,
+    drive: Drive,
+    rho: NDArray[np.floating],
+    dt: float,
+    damping: NDArray[np.float64],
+) -> tuple[Stepper, Drive]:
+    """What takes steps of `dt`, s, of a placed state, and its conditions; `rho` (n,), kg/m^3, `damping` (n,), 1/s."""
+    if isinstance(operator, AcrossRanks):
+        return operator.marched(drive, rho, dt), drive
+    if isinstance(operator, PlaneOnDevice):
+        return VerletOnDevice((operator, state, drive), rho, dt, damping), drive
+    blocks, touching = in_blocks(operator)
+    if blocks and not damping.any():
+        fused = VerletBlocks(blocks, drive, rho, dt, touching)
+        return fused, fused.drive
+    return Verlet(operator, drive, rho, dt, damping), drive

@@ -1,0 +1,177 @@
+"""Velocity Verlet on a device, to the same bits as on the processor: state and conditions stay there between records.
+
+The host computes the factors of profiles of some steps at a time, and reads the state where it is asked for (`fetch`).
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.conditions import Drive, Entries, factor_at, put_loads
+from pdsolve.numerics.jit_cache import cached_njit
+from pdsolve.operators.device.plane import PlaneOnDevice
+from pdsolve.operators.device.source import preamble, text_of
+from pdsolve.operators.simd_lattice.kernel import LANES
+from pdsolve.state import State
+from pdsolve.steppers.protocol import Stepper
+
+STARTS, ENDS = 1, 2  # phases of the kernel
+AT_ONCE = 256  # steps whose factors are computed together
+
+
+class _Acting(NamedTuple):
+    """Entries of loads or holds, by the nodes on which anything acts."""
+
+    order: NDArray[np.int64]  # (e,) of the entries
+    first: NDArray[np.int32]  # (rows + 1,) entries of a node
+
+
+class VerletOnDevice:
+    """Takes steps on a device; the state on the host is that of the last `fetch`, and may be changed after it."""
+
+    def __init__(
+        self,
+        of: tuple[PlaneOnDevice, State, Drive],
+        rho: NDArray[np.floating],
+        dt: float,
+        damping: NDArray[np.float64],
+    ) -> None:
+        """`of` are bonds, the placed state, and conditions; `rho` (n,) is the density, kg/m^3, `dt` the step, s, and
+        `damping` (n,) that of free components, 1/s.
+
+        Raises ModelError for a device with too little memory, or whose compiler refuses the kernel.
+        """
+        self._operator, self._state, self._drive = of
+        operator = of[0]
+        self._dt = dt
+        self._session, self._ahead, self._last = operator.session, False, 0
+        count, kind = operator.dimension * operator.room, rho.dtype
+        self._session.room_for((6 * kind.itemsize + 8) * count + (24 + 2 * kind.itemsize) * operator.room)
+        self._kernel = self._session.build(self._source(kind, bool(damping.any()))).advance
+        put, none = self._session.put, np.zeros(count, dtype=kind)
+        self._u, self._v, self._a = [put(none) for _ in range(3)], [put(none) for _ in range(2)], put(none)
+        weight = np.concatenate([operator.spread(1 / rho, 1.0), operator.spread(rho, 1.0)])
+        self._weight, self._damping = put(weight), put(operator.spread(damping))
+        self._work, self._damped = (put(np.zeros(operator.room)) for _ in range(2))
+        self._place_conditions()
+
+    def _source(self, kind: Any, damped: bool) -> str:
+        """The program of the run."""
+        own = ["#define SUM REAL", "#define SUM_BONDS sum_bonds", "#define DAMPED" if damped else "#define FUSED"]
+        parts = [preamble(kind.name, self._operator.dimension), *own, self._operator.source(), text_of("verlet.cl")]
+        return "\n".join(parts)
+
+    def _place_conditions(self) -> None:
+        """Put loads and holds on the device, by the nodes on which they act."""
+        drive, operator, put = self._drive, self._operator, self._session.put
+        nodes = np.union1d(drive.loads.node, drive.holds.node)
+        acts = np.full(operator.room, -1, dtype=np.int32)
+        acts[operator.rows(nodes)] = np.arange(len(nodes))
+        self._nodes, self._acts = nodes, put(acts)
+        self._now, self._ago = (put(drive.force[nodes]) for _ in range(2))
+        loads, self._holds = _sorted(drive.loads, nodes), _sorted(drive.holds, nodes)
+        self._load = [put(loads.first), *_columns(drive.loads, loads, put)]
+        self._hold = [put(self._holds.first), *_columns(drive.holds, self._holds, put)]
+        self._hold.append(put(drive.holds.kind[self._holds.order].astype(np.int32)))
+        self._speed, self._force = (put(each[self._holds.order]) for each in (drive.held_speed, drive.held_force))
+        self._factors = put(np.zeros((AT_ONCE, 3, max(len(drive.profiles.start) - 1, 1))))
+
+    def march(self, state: State, first: int, last: int) -> None:
+        """Take the steps `first` to `last` - 1. Raises DeviceLostError."""
+        if last <= first:
+            return
+        if not self._ahead:
+            self._hand_over()
+        self._ahead, steps, self._last = True, last - first, last - 1
+        for taken in range(steps + 1):
+            if taken % AT_ONCE == 0:
+                self._write_factors(first + taken - 1, min(AT_ONCE, steps + 1 - taken))
+            phase = STARTS * (taken == 0) + ENDS * (taken == steps)
+            self._step(first + taken - 1, phase, taken % AT_ONCE)
+        self._u = [self._u[2], *self._u[:2]]  # the last sweep wrote no displacements
+        self._session.finish()
+
+    def _step(self, step: int, phase: int, at: int) -> None:
+        operator, drive = self._operator, self._drive
+        before, now, after = self._u
+        motion = before, now, after, *self._v, self._a, self._weight, self._damping, self._work, self._damped
+        acting = self._acts, self._now, self._ago, *self._load, *self._hold, self._speed, self._force, self._factors
+        numbers = np.int32(len(drive.profiles.start) - 1), np.int32(drive.varies), np.float64(self._dt)
+        last = (np.int32(each) for each in (operator.room, step, phase, at))
+        arguments = [*operator.arguments, *motion, *acting, *numbers, *last]
+        self._session.launch(self._kernel, (operator.room, LANES), arguments)
+        self._u, self._v = [now, after, before], self._v[::-1]
+
+    def _write_factors(self, step: int, steps: int) -> None:
+        table = np.zeros((steps, 3, max(len(self._drive.profiles.start) - 1, 1)))
+        factors_of(self._drive.profiles, step, self._dt, table)
+        self._session.write(self._factors, table)
+
+    def _hand_over(self) -> None:
+        """Give the state of the host to the device."""
+        operator, write, drive = self._operator, self._session.write, self._drive
+        operator.hand_over()
+        self._session.finish()
+        for buffer, values in self._mirrored():
+            write(buffer, operator.spread(values))
+        for buffer in (self._now, self._ago):
+            write(buffer, drive.force[self._nodes])
+        write(self._force, drive.held_force[self._holds.order])
+
+    def _mirrored(self) -> list[tuple[Any, NDArray[Any]]]:
+        """Buffers, and the arrays of the state that they are."""
+        state = self._state
+        motion = (self._u[1], state.value), (self._v[0], state.rate), (self._a, state.second)
+        booked = (self._operator.dissipated, state.dissipated), (self._work, state.work), (self._damped, state.damped)
+        return [*motion, *booked]
+
+    def fetch(self) -> None:
+        """Bring the state on the host, and the history of bonds, up to the device's. Raises DeviceLostError."""
+        if not self._ahead:
+            return
+        operator, drive = self._operator, self._drive
+        for buffer, values in self._mirrored():
+            wide = np.empty((*values.shape[1:], operator.room), dtype=values.dtype)
+            self._session.read(buffer, wide)
+            operator.collected(wide, values)
+        forces = np.empty(len(drive.held_force))
+        self._session.read(self._force, forces)
+        drive.held_force[self._holds.order] = forces
+        if drive.varies:
+            put_loads(drive, self._last * self._dt)
+        operator.fetch()
+        self._ahead = False
+
+
+def fetch(stepper: Stepper) -> None:
+    """Bring the state of a system up to the steps taken, if a device takes them."""
+    if isinstance(stepper, VerletOnDevice):
+        stepper.fetch()
+
+
+def _sorted(entries: Entries, nodes: NDArray[np.int64]) -> _Acting:
+    """Entries by these nodes (k,), in ascending order; those of a node in their own order."""
+    order = np.argsort(entries.node, kind="stable")
+    first = np.searchsorted(entries.node[order], np.append(nodes, np.iinfo(np.int64).max))
+    return _Acting(order, first.astype(np.int32))
+
+
+def _columns(entries: Entries, by_node: _Acting, put: Any) -> list[Any]:
+    """Axes, values and profiles of entries on the device."""
+    axis, value, profile = (column[by_node.order] for column in (entries.axis, entries.value, entries.profile))
+    return [put(axis.astype(np.int32)), put(value), put(profile.astype(np.int32))]
+
+
+@cached_njit(error_model="numpy")
+def factors_of(profiles, first, dt, table):  # type: ignore[no-untyped-def]
+    """Factors (steps, 3, p) of profiles at the end of steps from `first` on, of the next ones, and half a step before
+    that."""
+    for k in range(len(table)):
+        step = first + k
+        for p in range(len(profiles.start) - 1):
+            table[k, 0, p] = factor_at(profiles, p, step * dt)
+            table[k, 1, p] = factor_at(profiles, p, (step + 1) * dt)
+            table[k, 2, p] = factor_at(profiles, p, (step + 1) * dt - dt / 2)

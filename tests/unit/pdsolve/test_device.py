@@ -1,0 +1,145 @@
+"""Bonds on an OpenCL device: the same bits as on the processor, from any start, through breaks and interruptions."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+from beside import GRIDS, torn
+from devices import needs_opencl
+from messages import naming
+from plates import GLASS, plate, square_grid
+from systems import broken, kept
+from whole import contents
+
+from pdmesh.model.document import Absorb, Acceleration, Displacement, InitialVelocity, Run, Velocity
+from pdsolve.model import Model, ModelError, on_device
+from pdsolve.results import Results
+from pdsolve.run.simulation import Options, resume, simulate
+from pdsolve.run.system import Prepared, prepare
+
+pytestmark = needs_opencl
+MATERIALS = {"brittle": GLASS, "bilinear": msgspec.structs.replace(GLASS, law="bilinear", kr=2.0)}
+EVERYWHERE = (-1.0, -1.0, 1.0, 1.0)
+
+
+def two(model: Model, mode: str = "conservative", precision: str = "float64") -> tuple[Prepared, Prepared]:
+    """The problem for the processor and for the device."""
+    options = Options(mode, precision, threads=1)
+    return prepare(model, options), prepare(on_device(model, "opencl"), options)
+
+
+def same(here: Prepared, there: Prepared) -> None:
+    """Expect all that a checkpoint has, the broken bonds and the energies to be equal to the last bit."""
+    own, other = kept(here), kept(there)
+    for name in {*own, *other} - {"worst", "worst_edge", "worst_source", "worst_target"}:
+        assert np.array_equal(own[name], other[name]), name
+    order = [np.lexsort((one["worst_target"], one["worst_source"])) for one in (own, other)]
+    for name in ("worst", "worst_edge"):
+        assert np.array_equal(own[name][order[0]], other[name][order[1]]), name
+    assert all(map(np.array_equal, broken(here), broken(there)))
+    energies = (one.system.operator.energies(one.state) for one in (here, there))
+    assert all(map(np.array_equal, *energies))
+
+
+@pytest.mark.parametrize("precision", ["float64", "float32"])
+@pytest.mark.parametrize("law", MATERIALS)
+@pytest.mark.parametrize("mode", ["thesis", "conservative"])
+@pytest.mark.parametrize("name", GRIDS)
+def test_steps_from_anywhere(name: str, mode: str, law: str, precision: str) -> None:
+    """Large random displacements: what breaks, softens and is spent, in pieces of some steps."""
+    problems = two(plate(GRIDS[name], material=MATERIALS[law]), mode, precision)
+    for problem in problems:
+        random = np.random.default_rng(3)
+        problem.state.value[:] = 3e-7 * random.standard_normal(problem.state.value.shape)
+        problem.state.rate[:] = 3.0 * random.standard_normal(problem.state.value.shape)
+        for first, last in ((1, 2), (2, 3), (3, 8), (8, 12)):
+            problem.march(first, last)
+    assert 0 < len(broken(problems[0]).step) < 0.9 * problems[0].system.bonds
+    same(*problems)
+
+
+DRIVEN = {
+    "loads that change": {},
+    "damping": {"run": Run(time_step=40e-9, damping=3e5)},
+    "motions": {
+        "conditions": (
+            Displacement(box=(-1.0, 4.4e-3, 1.0, 1.0), y=1e-5, profile=((0.0, 0.0), (2e-6, 1.0))),
+            Velocity(box=(-1.0, -1.0, 1.0, -4.4e-3), x=0.0, y=-5.0, profile=((0.0, 0.2), (1e-6, 1.0), (3e-6, 0.5))),
+            Acceleration(box=(-1.0, -2e-3, 1e-3, 2e-3), x=-1e8),
+            InitialVelocity(box=EVERYWHERE, x=1.0, y=-0.5),
+        )
+    },
+    "a layer that absorbs": {
+        "conditions": (
+            InitialVelocity(box=EVERYWHERE, y=30.0),
+            Absorb(box=(-1.0, -1.0, 6e-3, 1.0)),
+            Velocity(box=(15e-3, -1.0, 1.0, 1.0), y=0.0),
+        )
+    },
+}
+
+
+@pytest.mark.parametrize("precision", ["float64", "float32"])
+@pytest.mark.parametrize("how", DRIVEN)
+def test_conditions(how: str, precision: str) -> None:
+    problems = two(torn(GRIDS["cracked"], **DRIVEN[how]), "conservative", precision)
+    for problem in problems:
+        for first, last in ((1, 40), (40, 41), (41, 400)):  # factors of profiles are sent 256 steps at a time
+            problem.march(first, last)
+    assert len(broken(problems[0]).step) > 0
+    same(*problems)
+
+
+@pytest.mark.parametrize(("first", "then"), [("cpu", "opencl"), ("opencl", "cpu"), ("opencl", "opencl")])
+def test_an_interrupted_run_goes_on_elsewhere(
+    first: str, then: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Fields, ledger, probes, broken bonds and checkpoint of its file are those of a run on the processor."""
+    run = Run(time_step=40e-9, steps=90, every=30, ledger=10, probes=((3e-3, 3e-3),))
+    model = torn(GRIDS["two scales"], run=run, material=MATERIALS["bilinear"])
+    monkeypatch.setattr("pdsolve.run.simulation.PATIENCE", 1.0)
+    stopped, whole = tmp_path / "stopped.sqlite", tmp_path / "whole.sqlite"
+    simulate(on_device(model, first), stopped, Options(threads=1), lambda progress: progress.step >= 37).close()
+    with Results.open(stopped) as results:
+        assert 0 < results.checkpoint()[0] < 90
+        assert len(results.breaks().step) > 0
+    resume(stopped, 1, device=then).close()
+    simulate(model, whole, Options(threads=1)).close()
+    found, expected = contents(stopped), contents(whole)
+    assert {name: rows for name, rows in found.items() if name != "meta"} == {
+        name: rows
+        for name, rows in expected.items()
+        if name != "meta"  # whose model names its device
+    }
+
+
+REFUSED: dict[str, tuple[dict[str, Any], str]] = {
+    "at rest": ({"run": Run(solver="static", device="opencl")}, "solver"),
+    "fine zones": ({"run": Run(adapt="hybrid", device="opencl")}, "adapt"),
+    "particles": ({"run": Run(cracks="particles", device="opencl")}, "cracks"),
+    "families": ({"material": msgspec.structs.replace(GLASS, model="ordinary", nu=0.2)}, "model"),
+    "cohesive": ({"material": msgspec.structs.replace(GLASS, law="cohesive", f_t=1e8)}, "law"),
+}
+
+
+@pytest.mark.parametrize("why", REFUSED)
+def test_what_no_device_has_is_refused(why: str) -> None:
+    settings, name = REFUSED[why]
+    model = plate(square_grid(9, 5), **{"run": Run(device="opencl"), **settings})
+    with pytest.raises(ModelError, match=naming(name, "opencl")):
+        prepare(model, Options())
+
+
+def test_nodes_on_no_lattice_and_other_devices_are_refused() -> None:
+    grid = square_grid(9, 5)
+    moved = grid.position + 1e-4 * np.random.default_rng(1).standard_normal(grid.position.shape)
+    scattered = plate(dataclasses.replace(grid, position=moved), run=Run(device="opencl"))
+    with pytest.raises(ModelError, match=naming("device", found="lattice", expected="cpu")):
+        prepare(scattered, Options())
+    with pytest.raises(ModelError, match=naming(found="opencl:999", expected="opencl:0")):
+        prepare(plate(grid, run=Run(device="opencl:999")), Options())
