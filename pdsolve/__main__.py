@@ -46,8 +46,8 @@ def parser() -> argparse.ArgumentParser:
         "--adapt",
         choices=("none", "auto", "hybrid", "split", "collocation"),
         help="hybrid, collocation: use peridynamics where bonds may break, and a compact lattice (hybrid) or stencils"
-        " of the same horizon (collocation) elsewhere; auto: hybrid or none, as costs less; split: split cells where the"
-        " energy is high, and merge them afterwards (run.adapt; default: none)",
+        " of the same horizon (collocation) elsewhere; auto: hybrid or none, as costs less; split: split cells where"
+        " the energy is high, and merge them afterwards (run.adapt; default: none)",
     )
     program.add_argument(
         "--cracks",

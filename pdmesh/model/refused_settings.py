@@ -138,7 +138,7 @@ def on_ranks(settings: Settings, dimension: int) -> Iterator[Impossible]:
         yield Impossible("$.physics", settings.physics, f"mechanics {why}")
     if dimension == 3:
         yield Impossible("$.nodes", "a body in space", f"a plate {why}")
-    usual = {"solver": "explicit", "start": "unloaded", "adapt": "none", "cracks": "bonds"}
+    usual = {"solver": "explicit", "start": "unloaded", "adapt": "none", "cracks": "bonds", "device": "cpu"}
     for name, expected in usual.items():
         if getattr(run, name) != expected:
             yield Impossible(f"$.run.{name}", getattr(run, name), f"{expected} {why}")
@@ -357,6 +357,9 @@ def _on_device(settings: Settings, every: Places) -> Iterator[Impossible]:
         yield Impossible("$.physics", settings.physics, f"mechanics, {why}")
     if settings.contact is not None:
         yield Impossible("$.contact", "some", f"none, {why}")
+    for number, condition in enumerate(settings.conditions):
+        if isinstance(condition, RigidBody):
+            yield Impossible(f"$.conditions[{number}]", "a rigid body", f"none, {why}")
     for place, material in every:
         if material.model != "bond":
             yield Impossible(f"{place}.model", f"'{material.model}'", f"bond, {why}")
