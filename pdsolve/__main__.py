@@ -324,6 +324,8 @@ def _lines(path: Path, summary: dict[str, Any]) -> list[str]:
     )
     what, until = _how_far(summary)
     threads = f"{summary['threads']} thread{'s' if summary['threads'] > 1 else ''}"
+    if summary["device"] != "cpu":
+        threads = summary["device"]
     how = f" {summary['bond_updates_per_second'] / 1e6:.0f} million bond updates a second"
     if rested:
         iterations, residual = sum(step["iterations"] for step in rested), max(step["residual"] for step in rested)

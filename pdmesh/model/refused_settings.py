@@ -139,20 +139,25 @@ def on_ranks(settings: Settings, dimension: int) -> Iterator[Impossible]:
     if dimension == 3:
         yield Impossible("$.nodes", "a body in space", f"a plate {why}")
     usual = {"solver": "explicit", "start": "unloaded", "adapt": "none", "cracks": "bonds", "device": "cpu"}
-    for name, expected in usual.items():
-        if getattr(run, name) != expected:
-            yield Impossible(f"$.run.{name}", getattr(run, name), f"{expected} {why}")
+    yield from _unusual(settings, usual, f" {why}")
     if run.damping or any(isinstance(condition, Absorb) for condition in settings.conditions):
         yield Impossible("$.run.damping", "damping or a layer that absorbs", f"none {why}")
-    if settings.contact is not None:
-        yield Impossible("$.contact", "some", f"none {why}")
-    for number, condition in enumerate(settings.conditions):
-        if isinstance(condition, RigidBody):
-            yield Impossible(f"$.conditions[{number}]", "a rigid body", f"none {why}")
     every = [settings.material, *(region.material for region in settings.regions)]
     for material in every:
         if material is not None and material.model != "bond":
             yield Impossible("$.material.model", f"'{material.model}'", f"'bond' {why}")
+
+
+def _unusual(settings: Settings, usual: dict[str, str], why: str) -> Iterator[Impossible]:
+    """Settings of a run that are not the usual ones, contact and rigid bodies."""
+    for name, expected in usual.items():
+        if getattr(settings.run, name) != expected:
+            yield Impossible(f"$.run.{name}", getattr(settings.run, name), f"{expected}{why}")
+    if settings.contact is not None:
+        yield Impossible("$.contact", "some", f"none{why}")
+    for number, condition in enumerate(settings.conditions):
+        if isinstance(condition, RigidBody):
+            yield Impossible(f"$.conditions[{number}]", "a rigid body", f"none{why}")
 
 
 def _of_run(settings: Settings, every: Places) -> Iterator[Impossible]:
@@ -349,17 +354,10 @@ def _touching(settings: Settings, every: Places) -> Iterator[Impossible]:
 
 def _on_device(settings: Settings, every: Places) -> Iterator[Impossible]:
     """Settings of mechanics that no device has."""
-    run, why = settings.run, f"as run.device is {settings.run.device}"
-    for name, expected in (("solver", "explicit"), ("adapt", "none"), ("cracks", "bonds")):
-        if getattr(run, name) != expected:
-            yield Impossible(f"$.run.{name}", getattr(run, name), f"{expected}, {why}")
+    why = f"as run.device is {settings.run.device}"
+    yield from _unusual(settings, {"solver": "explicit", "adapt": "none", "cracks": "bonds"}, f", {why}")
     if settings.physics != "mechanics":
         yield Impossible("$.physics", settings.physics, f"mechanics, {why}")
-    if settings.contact is not None:
-        yield Impossible("$.contact", "some", f"none, {why}")
-    for number, condition in enumerate(settings.conditions):
-        if isinstance(condition, RigidBody):
-            yield Impossible(f"$.conditions[{number}]", "a rigid body", f"none, {why}")
     for place, material in every:
         if material.model != "bond":
             yield Impossible(f"{place}.model", f"'{material.model}'", f"bond, {why}")

@@ -23,8 +23,12 @@ WALLS = (
     "import sys; from pathlib import Path; from pdmesh.drawing.sandbox.walls import raise_walls;"
     " print(*raise_walls(Path(sys.argv[1]), 10.0))"
 )
+DEVICES = (
+    "from pdsolve.operators.device.runtime import devices\n"
+    "try:\n    print(*(found.words for found in devices()), sep=', ')\n"
+    "except ValueError as error:\n    raise SystemExit(f'{error}')"
+)
 EXTRAS = {
-    "pyopencl": ("pdsolve --device opencl", "pip install 'pdsuite[opencl]'"),
     "distributed": ("studies on a cluster", "pip install 'pdsuite[study]'"),
     "mpi4py": ("one run on many ranks", "pip install 'pdsuite[mpi]'"),
     "pyvista": ("pdpost render, how bodies look", "pip install 'pdsuite[render]'"),
@@ -44,7 +48,7 @@ class Finding(NamedTuple):
 
 def findings() -> list[Finding]:
     """All findings about this installation."""
-    return [_python(), *_packages(), _gmsh(), _walls(), _ffmpeg(), _cores(), _cache(), *_extras()]
+    return [_python(), *_packages(), _gmsh(), _walls(), _ffmpeg(), _cores(), _cache(), _devices(), *_extras()]
 
 
 def lines(found: list[Finding]) -> list[str]:
@@ -105,6 +109,13 @@ def _cache() -> Finding:
     cure = "each run compiles anew, some ten seconds: set NUMBA_CACHE_DIR to a folder that may be written to"
     said = f"kept in {place}" if stays else "kept nowhere"
     return Finding("compiled kernels", stays, said, cure, needed=False)
+
+
+def _devices() -> Finding:
+    """Finding about OpenCL devices, which a process of its own asks for: drivers may crash."""
+    found, ended = _child(DEVICES)
+    cure = "pdsolve --device opencl needs one; all else works"
+    return Finding("OpenCL", not ended, found or ended.removeprefix("device: found "), cure, needed=False)
 
 
 def _extras() -> Iterator[Finding]:

@@ -37,6 +37,7 @@ from pdsolve.model import Model, ModelError, counted
 from pdsolve.numerics.thread_team import cores, crew
 from pdsolve.operators.bond_list import BondList
 from pdsolve.operators.contact.operator import PenaltyContact
+from pdsolve.operators.device.plane import PlaneOnDevice
 from pdsolve.operators.protocol import Operator
 from pdsolve.operators.simd_lattice.operator import SimdLattice
 from pdsolve.operators.softening_shear import softening_of
@@ -100,6 +101,11 @@ class System:
     def kernel(self) -> str:
         """The kernel that sums the forces of bonds, by name."""
         return self.operator.name if self.contact is None else self.contact.bonded.name
+
+    @property
+    def device(self) -> str:
+        """What sums bonds: cpu, or the name of a device."""
+        return self.operator.session.about.name.strip() if isinstance(self.operator, PlaneOnDevice) else "cpu"
 
     @property
     def hybrid(self) -> Moving | None:

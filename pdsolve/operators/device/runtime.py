@@ -155,9 +155,10 @@ def _all() -> list[Any]:
 
 
 def _library() -> Any:
-    """The module pyopencl, whose caches of compiled code are the user's own."""
+    """The module pyopencl; PoCL keeps compiled code in the user's own folder, pyopencl keeps none."""
     place, _ = trust.private_folder()
     os.environ.setdefault("POCL_CACHE_DIR", str(place / "pocl"))
+    os.environ.setdefault("PYOPENCL_NO_CACHE", "1")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -11,13 +12,15 @@ import numpy as np
 import pytest
 from beside import GRIDS, torn
 from devices import needs_opencl
-from messages import naming
+from messages import mentions, naming
 from plates import GLASS, plate, square_grid
 from systems import broken, kept
 from whole import contents
 
 from pdmesh.model.document import Absorb, Acceleration, Displacement, InitialVelocity, Run, Velocity
+from pdsolve.errors import DeviceLostError
 from pdsolve.model import Model, ModelError, on_device
+from pdsolve.operators.device import runtime, source
 from pdsolve.results import Results
 from pdsolve.run.simulation import Options, resume, simulate
 from pdsolve.run.system import Prepared, prepare
@@ -95,6 +98,14 @@ def test_conditions(how: str, precision: str) -> None:
     same(*problems)
 
 
+def alike(found: Path, expected: Path) -> None:
+    """Expect files to have the same in all tables but that whose model names its device."""
+    rows, others = contents(found), contents(expected)
+    assert rows.keys() == others.keys()
+    for name in rows.keys() - {"meta"}:
+        assert rows[name] == others[name], name
+
+
 @pytest.mark.parametrize(("first", "then"), [("cpu", "opencl"), ("opencl", "cpu"), ("opencl", "opencl")])
 def test_an_interrupted_run_goes_on_elsewhere(
     first: str, then: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -143,3 +154,74 @@ def test_nodes_on_no_lattice_and_other_devices_are_refused() -> None:
         prepare(scattered, Options())
     with pytest.raises(ModelError, match=naming(found="opencl:999", expected="opencl:0")):
         prepare(plate(grid, run=Run(device="opencl:999")), Options())
+
+
+class Failing:
+    """What stands for pyopencl and fails."""
+
+    def __init__(self, instead: dict[str, Any]) -> None:
+        self._library, self._instead = runtime._library(), instead
+
+    def __getattr__(self, name: str) -> Any:
+        return self._instead.get(name) or getattr(self._library, name)
+
+
+def refused() -> str:
+    """What is said where a plate is prepared for the device."""
+    with pytest.raises(ModelError) as caught:
+        prepare(plate(square_grid(9, 5), run=Run(device="opencl")), Options())
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def test_without_the_package(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pyopencl", None)
+    assert mentions(refused(), found="pyopencl", expected="pip install")
+
+
+def test_without_a_runtime(monkeypatch: pytest.MonkeyPatch) -> None:
+    library = runtime._library()
+
+    def none() -> list[Any]:
+        raise library.LogicError("clGetPlatformIDs failed: PLATFORM_NOT_FOUND_KHR")
+
+    failing = Failing({"get_platforms": none})
+    monkeypatch.setattr(runtime, "_library", lambda: failing)
+    assert mentions(refused(), found="no OpenCL runtime", expected="driver")
+
+
+@pytest.mark.parametrize(
+    ("changes", "word"), [({"double": False}, "float64"), ({"memory": 10_000}, "GB")], ids=["no float64", "memory"]
+)
+def test_a_device_that_is_not_enough(changes: dict[str, Any], word: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    described = runtime._described
+    monkeypatch.setattr(runtime, "_described", lambda *given: described(*given)._replace(**changes))
+    assert mentions(refused(), word)
+
+
+def test_a_kernel_that_does_not_build(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(source, "text_of", lambda name: "no kernel")
+    assert mentions(refused(), "compiler", expected="builds")
+
+
+def test_a_device_lost_in_mid_run_loses_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What was written stays, and the run goes on from there on the processor."""
+    model = torn(GRIDS["cracked"], run=Run(time_step=40e-9, steps=60, every=20, ledger=10))
+    lost, whole = tmp_path / "lost.sqlite", tmp_path / "whole.sqlite"
+    launch, left = runtime.Session.launch, iter(range(45))
+
+    def launched(session: runtime.Session, kernel: Any, *rest: Any) -> None:
+        def gone(*_: Any) -> None:
+            raise runtime._library().RuntimeError("clEnqueueNDRangeKernel failed: DEVICE_NOT_AVAILABLE")
+
+        launch(session, kernel if next(left, None) is not None else gone, *rest)
+
+    monkeypatch.setattr(runtime.Session, "launch", launched)
+    with pytest.raises(DeviceLostError, match=naming(found="DEVICE_NOT_AVAILABLE")):
+        simulate(on_device(model, "opencl"), lost, Options(threads=1))
+    with Results.open(lost) as results:
+        assert results.meta()["status"] == "failed"
+        assert results.frames()[0].max() >= 20
+    resume(lost, 1, device="cpu").close()
+    simulate(model, whole, Options(threads=1)).close()
+    alike(lost, whole)
