@@ -7,6 +7,8 @@ Every bond begins with a remaining life of 1, and breaks when none is left. A cy
 
 where eps is the range of the bond's stretch within a cycle. The first is Paris's line da/dN = C dK^m with the same
 exponent, whose C is proportional to A; the second is the line of Wöhler's diagram, with the life 1 / (A1 eps^m1).
+
+Cracks of particles grow by that line itself: C and m are given, and K is that of the tip.
 """
 
 from __future__ import annotations
@@ -26,6 +28,8 @@ class Fatigue(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defa
 
     A: Positive | None = None  # share of life that a cycle of unit strain takes, next to damage; None: A1 everywhere
     m: Exponent | None = None
+    C: Positive | None = None  # cracks of particles: m a cycle at 1 Pa m^0.5
+    threshold_K: Annotated[float, msgspec.Meta(ge=0)] = 0.0  # cracks of particles: range of K, Pa m^0.5, without growth
     A1: Positive | None = None  # elsewhere; None: bonds tire next to damage alone
     m1: Exponent | None = None
     endurance: Amount = 0.0  # range of stretch of which nothing away from damage tires

@@ -77,17 +77,37 @@ class Growth:
 
     def look(self, state: State, step: int) -> bool:
         """Let cracks grow from a state, as of `step`; returns whether any did."""
-        before, tips = len(self.particles.place), self.tips()
-        verdicts = [self.judge(tip, tips, state) for tip in tips]
-        for tip, verdict in zip(tips, verdicts, strict=True):
-            if verdict.share >= 1:
-                self._grow(tip, verdict, step)
-        new = len(self.particles.place) - before
+        judged = self.judged(state)
+        due = [(tip, verdict) for tip, verdict in judged if verdict.share >= 1]
+        new = self.lengthen(due, state, step)
         if new and self.every is None:
-            self._watch(max(verdict.share for verdict in verdicts), new, step)
+            self._watch(max(verdict.share for _, verdict in judged), new, step)
+        return new > 0
+
+    def judged(self, state: State) -> list[tuple[Tip, Verdict]]:
+        """All tips, and what is decided about them in a state."""
+        tips = self.tips()
+        return [(tip, self.judge(tip, tips, state)) for tip in tips]
+
+    def lengthen(self, chosen: list[tuple[Tip, Verdict]], state: State, step: int) -> int:
+        """Let these tips grow by a particle each and cut the bonds; returns the number of new particles."""
+        before = len(self.particles.place)
+        for tip, verdict in chosen:
+            self._grow(tip, verdict, step)
+        new = len(self.particles.place) - before
         if new:
             self._cut(arms(self.particles)[-new:], state, step)
-        return new > 0
+        return new
+
+    def length(self, tip: Tip) -> float:
+        """The length, m, by which a tip grows at once."""
+        return self.rules.spacing * float(self._model.grid.delta[self._near.nearest(tip.place)])
+
+    def toughness(self, tip: Tip) -> float:
+        """What the stress intensity of a tip must reach, Pa m^0.5."""
+        row = self._near.nearest(tip.place)
+        plate, G0 = self._near.plate(row), self._model.materials[self._model.material_of[row]].G0
+        return self.rules.toughness or float(np.sqrt(plate.effective * G0))
 
     def judge(self, tip: Tip, tips: list[Tip], state: State) -> Verdict:
         """Decide about a tip, one of all `tips`, in a state."""
@@ -98,9 +118,7 @@ class Growth:
             found = by_stress(sampled, tip.place, self._way(tip), horizon, rules, not young)
             return found._replace(angles=(0.0,)) if young and found.angles else found
         room, what = self._room(tip, tips)
-        row = self._near.nearest(tip.place)
-        plate, G0 = self._near.plate(row), self._model.materials[self._model.material_of[row]].G0
-        toughness = rules.toughness or float(np.sqrt(plate.effective * G0))
+        plate, toughness = self._near.plate(self._near.nearest(tip.place)), self.toughness(tip)
         if room >= LEAST * horizon:
             ring = Ring(BLURRED * horizon, min(RING * horizon, OUTER * room))
         elif what == ACTED_ON:
@@ -117,9 +135,7 @@ class Growth:
 
     def _grow(self, tip: Tip, verdict: Verdict, step: int) -> None:
         """Add particles ahead of a tip."""
-        rules, grid = self.rules, self._model.grid
-        way = self._way(tip)
-        length = rules.spacing * float(grid.delta[self._near.nearest(tip.place)])
+        rules, way, length = self.rules, self._way(tip), self.length(tip)
         for angle in verdict.angles:
             if rules.most is not None and len(self.particles.place) - self._first >= rules.most:
                 found = (

@@ -13,6 +13,7 @@ from pdsolve.run.recorder import Recorder
 from pdsolve.run.system import System
 from pdsolve.steppers.fatigue_steps import FatigueSteps
 from pdsolve.steppers.load_steps import LoadSteps
+from pdsolve.steppers.paris_steps import ParisSteps
 from pdsolve.steppers.path_steps import PathSteps
 from pdsolve.steppers.stepped_rest import SteppedRest
 
@@ -92,12 +93,12 @@ def _finer(system: System) -> dict[str, Any]:
 
 def _rested(taken: LoadSteps | SteppedRest | None) -> dict[str, Any]:
     """Iterations and residuals of each load step."""
-    if isinstance(taken, FatigueSteps):
+    if isinstance(taken, FatigueSteps | ParisSteps):
         rows = [cycled._asdict() for cycled in taken.rested]
         return {
             "method": taken.said,
             "fatigue_steps": rows,
-            "first_break": taken.first if taken.rested else None,
+            "first_break": taken.first if isinstance(taken, FatigueSteps) and taken.rested else None,
             "ended": taken.why or None,
         }
     if isinstance(taken, PathSteps):

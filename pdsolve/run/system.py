@@ -52,14 +52,13 @@ from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import State
 from pdsolve.steppers.equilibrium import Method, forces
 from pdsolve.steppers.euler import Euler
-from pdsolve.steppers.fatigue_steps import tiring
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.newton import FACTORED_IN, Newton
 from pdsolve.steppers.path_steps import PathSteps
 from pdsolve.steppers.protocol import Stepper
 from pdsolve.steppers.relaxation import Relaxation
 from pdsolve.steppers.static_loads import follows_path, in_load_steps, in_steps_of_content
-from pdsolve.steppers.stepped_rest import SteppedRest
+from pdsolve.steppers.stepped_rest import SteppedRest, repeating
 from pdsolve.steppers.verlet_on_device import fetch
 
 if TYPE_CHECKING:
@@ -435,9 +434,10 @@ def at_rest(model: Model, options: Options, scheme: Scheme, breaks: bool = True)
     breaking = FamilyBonds(operator) if of_families and isinstance(operator, BondList) else breakable
     remember = {"remember": operator.remember} if isinstance(operator, BondList) else {}
     growth = _growth(model, operator, filling, driven, None) if grows else None
-    stepper = LoadSteps(model, operator, driven, area, method, breaking, growth.look if growth else None, **remember)
+    fatigue, look = model.settings.run.fatigue, growth.look if growth else None
+    stepper = LoadSteps(model, operator, driven, area, method, breaking, None if fatigue else look, **remember)
     step, bound = float(model.settings.run.time_step or 0.0), stable(operator.stiffness_bound(), model.rho)
     found = System(model, options, scheme, operator, stepper, driven, *filled, step, bound, 0.0, growth=growth)
-    if model.settings.run.fatigue is not None and breaks:
-        found = replace(found, stepper=tiring(model, operator, stepper, breakable, filled.family, filled.bonds))
+    if fatigue is not None and (breaks or grows):
+        found = replace(found, stepper=repeating(model, operator, stepper, breakable, *filled[1:], growth))
     return Prepared(found, state)

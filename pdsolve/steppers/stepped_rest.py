@@ -2,7 +2,31 @@
 
 from __future__ import annotations
 
-from pdsolve.steppers.fatigue_steps import FatigueSteps
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.bonds.static_breakage import Breakable
+from pdsolve.model import Model
+from pdsolve.operators.protocol import Operator
+from pdsolve.steppers.fatigue_steps import FatigueSteps, tiring
+from pdsolve.steppers.load_steps import LoadSteps
+from pdsolve.steppers.paris_steps import Growing, ParisSteps
 from pdsolve.steppers.path_steps import PathSteps
 
-SteppedRest = FatigueSteps | PathSteps
+SteppedRest = FatigueSteps | ParisSteps | PathSteps
+
+
+def repeating(
+    model: Model,
+    operator: Operator,
+    motion: LoadSteps,
+    breakable: Breakable | None,
+    family: NDArray[np.int64],
+    count: NDArray[np.int64],
+    growth: Growing | None,
+) -> FatigueSteps | ParisSteps:
+    """Steps of a model with fatigue: of cracks that `growth` grows, or of bonds; see `tiring`. Raises ModelError."""
+    law = model.settings.run.fatigue
+    if growth is not None and law is not None:
+        return ParisSteps(law, operator, motion, growth)
+    return tiring(model, operator, motion, breakable, family, count)
