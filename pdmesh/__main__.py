@@ -102,8 +102,8 @@ def _add_drawing(command: argparse.ArgumentParser, output: str) -> None:
         "--adapt",
         choices=("none", "auto", "hybrid", "split", "collocation"),
         help="auto, hybrid, collocation: build the finest spacing everywhere; the solver uses peridynamics where bonds"
-        " may break and a coarse lattice (hybrid; auto: if that costs less) or stencils (collocation) elsewhere; split: build"
-        " the coarsest spacing, whose cells split where the energy is high",
+        " may break and a coarse lattice (hybrid; auto: if that costs less) or stencils (collocation) elsewhere; split:"
+        " build the coarsest spacing, whose cells split where the energy is high",
     )
     commandline.add_trust(command)
 
