@@ -240,7 +240,8 @@ including its anisotropy. A coarse cell has the mean stiffness and mass of its m
 pre-cracks and interfaces have the same bonds as in a uniform run.
 
 **The fine zone.** From the start, cells are fine within 12 h of the tips of pre-cracks, and within a horizon and 4 h of
-places where the outline cuts cells or turns inwards. Every 8 steps more cells become fine: those within 8 h of a node
+places where the outline cuts cells or turns inwards, and around nodes with a prescribed motion that the coarse nodes
+beside them do not have. Every 8 steps more cells become fine: those within 8 h of a node
 with a bond that has broken or begun to soften, and those within 8 h of a coarse bond stretched to more than 0.7 of the
 stretch that breaks or softens it. Fine cells never become coarse again. A broken bond never heals: each bond of the
 whole plate has one bit, which is cleared once.

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from pdmesh.model.lattice_calibration import has_partial_cells
 from pdsolve.adaptivity.hybrid.arrays import RING, TIPS
 from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, COARSE, EMPTY, FINE, LEFT, VOID, Lattice, lattice_of
+from pdsolve.adaptivity.hybrid.prescribed_motion import between
 from pdsolve.model import Model, ModelError
 from pdsolve.numerics.dilation import in_disc
 
@@ -103,7 +104,8 @@ def quarters(there: NDArray[np.bool_]) -> NDArray[np.int8]:
 
 
 def cells_of(plate: Plate, reach: int) -> NDArray[np.uint8]:
-    """Initial cells (c,): fine near tips of pre-cracks and where an outline cuts cells, coarse elsewhere.
+    """Initial cells (c,): fine near tips of pre-cracks, where an outline cuts cells, and where a motion is prescribed
+    that coarse cells do not have; coarse elsewhere.
 
     An edge along a line between cells cuts none, except at re-entrant corners.
     """
@@ -128,6 +130,12 @@ def cells_of(plate: Plate, reach: int) -> NDArray[np.uint8]:
     if (some & ~good).any():
         cells[in_disc(some & ~good, (reach + RING + 1) / 2) & good] = FINE
         cells[in_disc(some & ~good, (reach + 2) / 2) & ~some & ~good] = EMPTY
+    cells = np.pad(cells, AROUND, constant_values=VOID)
+    node_y, node_x = np.divmod(between(plate.model, at, plate.place, plate.row), at.stride)
+    for below, left in ((0, 0), (0, 1), (1, 0), (1, 1)):
+        corner = AROUND + (node_y - BELOW - below) // 2, AROUND + (node_x - LEFT - left) // 2
+        cells[corner] = np.where(cells[corner] == COARSE, FINE, cells[corner])
+    cells = cells[AROUND:-AROUND, AROUND:-AROUND]
     rows, columns = np.indices(cells.shape)
     for tip_x, tip_y in tips_of(plate).tolist():
         near = np.hypot(*(np.maximum(np.abs(np.array([tip_x - 2 * columns - 1, tip_y - 2 * rows - 1])) - 1, 0))) < TIPS

@@ -12,22 +12,35 @@ import numpy as np
 import pytest
 from messages import mentions, naming
 from plates import GLASS, plate, square_grid
+from zones import rectangle
 
 from pdmesh import Scene, SceneError, box
 from pdmesh.__main__ import main as build_command
 from pdmesh.drawing.file_reading import build, read_scene
 from pdmesh.drawing.parameters import Parameters, run
-from pdmesh.model.document import Absorb, Acceleration, Material, Region, Run, read_file, write_file
+from pdmesh.model.document import (
+    Absorb,
+    Acceleration,
+    InitialVelocity,
+    Material,
+    Region,
+    Run,
+    Velocity,
+    read_file,
+    write_file,
+)
 from pdmesh.model.node_grid import Grid, document_of
 from pdmesh.scene.units import UNITS
 from pdsolve.__main__ import main as solve_command
 from pdsolve.adaptivity.hybrid.coarse_cells import plate_of
 from pdsolve.adaptivity.hybrid.springs import coarse_springs, fine_springs, stretches
 from pdsolve.model import Model, ModelError
-from pdsolve.run.system import Options, scheme_of
+from pdsolve.run.measures import books
+from pdsolve.run.system import Options, prepare, scheme_of
 
 GEOMETRIES = Path(__file__).parents[3] / "geometries"
 HYBRID = Run(adapt="hybrid", steps=20)
+LASTING = Material(E=65e9, rho=2235.0, G0=1e9)
 
 
 def cracked(**changes: Any) -> Grid:
@@ -154,3 +167,28 @@ def test_the_command_says_how_much_is_fine(tmp_path: Path, capsys: pytest.Captur
     said = capsys.readouterr().err
     assert mentions(said, "pdsolve: mode", found="thesis", expected=("conservative", "run.adapt", "hybrid"))
     assert said.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    "condition",
+    [
+        Velocity(box=(-1.0, 6.9e-3, 1.0, 7.1e-3), y=1.0),
+        Velocity(box=(-1.0, -1e-5, 1.0, 1.1e-3), y=1.0),
+        InitialVelocity(box=(-1.0, -1.0, 1.0, 7.1e-3), y=1.0),
+        InitialVelocity(box=(-1.0, -1.0, 1.0, 8.1e-3), y=1.0),
+    ],
+    ids=["row between coarse nodes", "two rows", "half, from between them", "half, from one of them"],
+)
+def test_motion_may_be_prescribed_anywhere(condition: Velocity | InitialVelocity) -> None:
+    """Where coarse nodes do not have it, cells are fine: momentum and work are those of fine nodes everywhere."""
+    momentum, work = [], []
+    for adapt in ("none", "hybrid"):
+        model = plate(
+            rectangle(60, 40, 1e-3, []), 4.0, material=LASTING, conditions=(condition,), run=Run(steps=40, adapt=adapt)
+        )
+        system, state = prepare(model, Options())
+        momentum.append(float((state.rate[:, 1] * system.model.rho * system.area).sum()))
+        system.stepper.march(state, 1, 41)
+        work.append(books(system, state, 40).work)
+    np.testing.assert_allclose(*momentum, rtol=1e-12)
+    np.testing.assert_allclose(*work, rtol=0.02)  # 0.009 at most
