@@ -246,7 +246,7 @@ def _at_rest(settings: Settings, every: Places) -> Iterator[Impossible]:
         )
     yield from _in_steps(settings, every)
     for number, condition in enumerate(settings.conditions):
-        if isinstance(condition, Velocity | Acceleration | InitialVelocity | Absorb):
+        if isinstance(condition, Velocity | Acceleration | InitialVelocity | Absorb | RigidBody):
             kind = str(condition.__struct_config__.tag)
             yield Impossible(f"$.conditions[{number}]", kind, f"load or displacement, {why}")
     for place, material in every:
@@ -359,10 +359,17 @@ def _touching(settings: Settings, every: Places) -> Iterator[Impossible]:
     why = ", as bodies touch"
     if settings.physics == "thermoelastic":
         yield Impossible("$.physics", "thermoelastic", f"mechanics{why}")
-    usual = {"solver": "explicit", "start": "unloaded", "adapt": "none", "cracks": "bonds"}
-    for name, expected in usual.items():
-        if getattr(settings.run, name) != expected:
-            yield Impossible(f"$.run.{name}", getattr(settings.run, name), f"{expected}{why}")
+    run = settings.run
+    for name, expected in {"start": "unloaded", "adapt": "none", "cracks": "bonds", "fatigue": None}.items():
+        if getattr(run, name) != expected:
+            found = getattr(run, name) if expected else "some"
+            yield Impossible(f"$.run.{name}", found, f"{expected or 'none'}{why}")
+    if run.solver == "implicit":
+        yield Impossible("$.run.solver", "implicit", f"explicit or static{why}")
+    if run.solver == "static":
+        for place, material in every:
+            if softens(material):
+                yield Impossible(f"{place}.law", f"'{material.law}'", f"one that does not soften, at rest{why}")
     for place, material in every:
         if material.model == "micropolar":
             yield Impossible(f"{place}.model", "'micropolar'", f"a model without rotations{why}")

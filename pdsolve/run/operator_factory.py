@@ -11,6 +11,7 @@ from pdsolve.laws import law_of
 from pdsolve.laws.law import Law
 from pdsolve.model import Model, ModelError
 from pdsolve.operators.bond_list import BondList
+from pdsolve.operators.contact.at_rest import RestingContact
 from pdsolve.operators.contact.operator import PenaltyContact, touch_bound
 from pdsolve.operators.device.plane import PlaneOnDevice
 from pdsolve.operators.device.runtime import Session
@@ -94,6 +95,16 @@ def touched(model: Model, volume: NDArray[np.float64], bonds: Operator) -> tuple
             f" expected steps up to {longest:.3g} s, or less"
         )
     contact = PenaltyContact(model, volume, bonds)
+    return Together(contact, bonds), contact
+
+
+def touched_at_rest(
+    model: Model, volume: NDArray[np.float64], bonds: Operator
+) -> tuple[Operator, RestingContact | None]:
+    """As `touched`, of a model at rest."""
+    if model.settings.contact is None:
+        return bonds, None
+    contact = RestingContact(model, volume, bonds)
     return Together(contact, bonds), contact
 
 

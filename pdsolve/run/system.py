@@ -44,7 +44,7 @@ from pdsolve.operators.softening_shear import softening_of
 from pdsolve.options import Options as Options
 from pdsolve.options import threads_of as threads_of
 from pdsolve.run.explicit_stepper import stepper_of
-from pdsolve.run.operator_factory import operator_of, touched
+from pdsolve.run.operator_factory import operator_of, touched, touched_at_rest
 from pdsolve.run.operator_factory import stable as stable
 from pdsolve.run.time_step import step_of as step_of
 from pdsolve.schemes import SCHEMES
@@ -59,6 +59,7 @@ from pdsolve.steppers.protocol import Stepper
 from pdsolve.steppers.relaxation import Relaxation
 from pdsolve.steppers.static_loads import follows_path, in_load_steps, in_steps_of_content
 from pdsolve.steppers.stepped_rest import SteppedRest, repeating
+from pdsolve.steppers.touching import Touching
 from pdsolve.steppers.verlet_on_device import fetch
 
 if TYPE_CHECKING:
@@ -420,7 +421,8 @@ def at_rest(model: Model, options: Options, scheme: Scheme, breaks: bool = True)
     filling = whole if of_families else no_fail.filling()
     options = options._replace(kernel="listed") if of_families else options
     operator, filled = operator_of(model, options, scheme, filling, lasting=not of_families)
-    area, nodes = filling.area, len(model.grid)
+    bonded, area, nodes = operator, filling.area, len(model.grid)
+    operator, contact = touched_at_rest(model, area, bonded)
     driven = drive(model, area, scheme.exact_load, np.float64)
     driven.force[:] = driven.before[:] = driven.held_force[:] = 0  # nothing acts before the first load step
     state = operator.place(State(*np.zeros((3, *driven.force.shape)), *np.zeros((3, nodes))))
@@ -430,14 +432,17 @@ def at_rest(model: Model, options: Options, scheme: Scheme, breaks: bool = True)
     else:
         free, most = driven.force.size - len(driven.holds.node), FACTORED_IN[model.grid.dimension]
         method = Newton(operator, area, static.tolerance, static.iterations, free, most)
+    if contact is not None:
+        method = Touching(method, operator, contact)
     breakable = no_fail.breakable() if breaks and law.pair is not None else None
-    breaking = FamilyBonds(operator) if of_families and isinstance(operator, BondList) else breakable
-    remember = {"remember": operator.remember} if isinstance(operator, BondList) else {}
+    breaking = FamilyBonds(bonded) if of_families and isinstance(bonded, BondList) else breakable
+    remember = {"remember": bonded.remember} if isinstance(bonded, BondList) else {}
     growth = _growth(model, operator, filling, driven, None) if grows else None
     fatigue, look = model.settings.run.fatigue, growth.look if growth else None
     stepper = LoadSteps(model, operator, driven, area, method, breaking, None if fatigue else look, **remember)
     step, bound = float(model.settings.run.time_step or 0.0), stable(operator.stiffness_bound(), model.rho)
     found = System(model, options, scheme, operator, stepper, driven, *filled, step, bound, 0.0, growth=growth)
+    found = replace(found, contact=contact)
     if fatigue is not None and (breaks or grows):
         found = replace(found, stepper=repeating(model, operator, stepper, breakable, *filled[1:], growth))
     return Prepared(found, state)

@@ -23,7 +23,8 @@ from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import Broken, State
 from pdsolve.steppers.equilibrium import Asked, Method, Settled, Tell, UnsettledError, forces, norm
-from pdsolve.steppers.rigid_body_modes import Loose, loose, unbalanced
+from pdsolve.steppers.rigid_body_modes import Loose, Pairs, loose, unbalanced
+from pdsolve.steppers.touching import Touching
 
 Array = NDArray[np.float64]
 
@@ -76,6 +77,7 @@ class LoadSteps:
         self.held[drive.holds.node, drive.holds.axis] = True
         self.rested: list[Rested] = []
         self._remember, self._grow = remember, grow
+        self._contact = method.contact if isinstance(method, Touching) else None
         self.watch: Callable[[Going], None] | None = None
         self._inner = 0.0  # N/m^3, of `Asked`
         self._loaded: Callable[[State], object] = lambda state: None
@@ -292,6 +294,12 @@ class LoadSteps:
         found = loose(model.grid.position, model.grid.ids, np.divmod(left, nodes), self.held)
         if not found.said:
             return
+        if self._contact is not None:
+            alone = found.nodes
+            found = loose(model.grid.position, model.grid.ids, self._joined(np.divmod(left, nodes)), self.held)
+            self.method.hold_softly(alone)  # which touch holds once it presses, in all directions but along a face
+            if not found.said:
+                return
         if not model.settings.run.static.floating:
             said = f"found {found.said}, expected supports, or --float (run.static.floating)"
             if when:
@@ -300,6 +308,12 @@ class LoadSteps:
         self._loose = found
         self._balance(when)
         self.method.hold_softly(found.nodes)
+
+    def _joined(self, bonds: Pairs) -> Pairs:
+        """Bonds and pairs that touch."""
+        assert self._contact is not None
+        (source, target), (i, j) = bonds, self._contact.holding()
+        return np.concatenate([source, i, j]), np.concatenate([target, j, i])
 
     def _balance(self, when: str) -> None:
         """Check that loads on unsupported bodies balance. Raises UnsettledError."""

@@ -42,6 +42,10 @@ class Joined:
         key = np.minimum(source, target) * self._nodes + np.maximum(source, target)
         return np.asarray(np.searchsorted(self._key, key).clip(max=max(len(self._key) - 1, 0)), dtype=np.int64)
 
+    def forget(self) -> None:
+        """Ask for broken bonds anew the next time."""
+        self._until = -1
+
     def follow(self, until: int) -> bool:
         """Learn which bonds broke before the step `until`; returns whether anything changed."""
         if until == self._until:

@@ -123,10 +123,10 @@ def _weight(t, h, d):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _pressed(nodes, pairs, u, q, vectors):  # type: ignore[no-untyped-def]
-    """Energy k w f, N/m, depth p, m, and pull along the face, N, of pair q; `vectors` are n, t / |t| and work space.
+def _pressed(nodes, pairs, u, q, slack, vectors):  # type: ignore[no-untyped-def]
+    """Stiffness k w f, N/m, depth p, m, and pull along the face, N, of pair q; `vectors` are n, t / |t| and work space.
 
-    The depth is 0 where the nodes do not touch.
+    All are 0 where the nodes are farther apart than the distance of touch and the `slack`, m.
     """
     i, j, d = pairs.i[q], pairs.j[q], nodes.x.shape[1]
     n, way, r = vectors[0, :d], vectors[1, :d], vectors[2, :d]
@@ -134,7 +134,7 @@ def _pressed(nodes, pairs, u, q, vectors):  # type: ignore[no-untyped-def]
     for a in range(d):
         r[a] = nodes.x[j, a] - nodes.x[i, a] + (np.float64(u[j, a]) - np.float64(u[i, a]))
         square += r[a] * r[a]
-    if square >= reach * reach + pairs.touch[q] ** 2:
+    if square >= reach * reach + (pairs.touch[q] + slack) ** 2:
         return 0.0, 0.0, 0.0
     one, two = pairs.first[q], pairs.second[q]
     _learn(nodes, pairs, u, one)
@@ -144,14 +144,14 @@ def _pressed(nodes, pairs, u, q, vectors):  # type: ignore[no-untyped-def]
     gap = 0.0
     for a in range(d):
         gap += r[a] * n[a]
-    if facing == 0.0 or gap >= pairs.touch[q] or gap <= 0.0:
+    if facing == 0.0 or gap >= pairs.touch[q] + slack or gap <= 0.0:
         return 0.0, 0.0, 0.0
     t = np.sqrt(max(square - gap * gap, 0.0))
     w, slope = _weight(t, pairs.h[q], d)
     for a in range(d):
         way[a] = (r[a] - gap * n[a]) / t if t > ROUND_OFF * pairs.h[q] else 0.0
     depth = pairs.touch[q] - gap
-    if w == 0.0 or depth <= 0.0:
+    if w == 0.0 or depth <= -slack:
         return 0.0, 0.0, 0.0
     return pairs.k[q] * w * facing, depth, pairs.k[q] * facing * slope / 2 * depth * depth
 
@@ -207,7 +207,7 @@ def add_forces(nodes, pairs, u, v, mu, dt, out, spent):  # type: ignore[no-untyp
     pairs.normals[:, d + 1] = 0.0
     for q in range(len(pairs.i)):
         i, j = pairs.i[q], pairs.j[q]
-        stiffness, depth, pull = _pressed(nodes, pairs, u, q, vectors)
+        stiffness, depth, pull = _pressed(nodes, pairs, u, q, 0.0, vectors)
         n, way = vectors[0], vectors[1]
         for a in range(d):
             force[a] = stiffness * depth * n[a] - pull * way[a]
@@ -253,7 +253,7 @@ def pressed_pairs(nodes, pairs, u, held, rubbed, found):  # type: ignore[no-unty
     d, vectors = nodes.x.shape[1], np.empty((6, 3))
     pairs.normals[:, d + 1] = 0.0
     for q in range(len(pairs.i)):
-        stiffness, depth, _ = _pressed(nodes, pairs, u, q, vectors)
+        stiffness, depth, _ = _pressed(nodes, pairs, u, q, 0.0, vectors)
         found[q, 0], found[q, 1] = stiffness, depth
         normal_energy, spring = stiffness * depth * depth / 2, 0.0
         for a in range(d):
@@ -262,6 +262,17 @@ def pressed_pairs(nodes, pairs, u, held, rubbed, found):  # type: ignore[no-unty
         for node in (pairs.i[q], pairs.j[q]):
             held[node] += (normal_energy + spring) / 2
             rubbed[node] += spring / 2
+
+
+@cached_njit(error_model="numpy")
+def geometry(nodes, pairs, u, slack, found):  # type: ignore[no-untyped-def]
+    """Set `found` (p, 1 + d): stiffness, 0 of those farther apart than touch and `slack`, m, and normal of pairs."""
+    d, vectors = nodes.x.shape[1], np.empty((6, 3))
+    pairs.normals[:, d + 1] = 0.0
+    for q in range(len(pairs.i)):
+        found[q, 0], _, _ = _pressed(nodes, pairs, u, q, slack, vectors)
+        for a in range(d):
+            found[q, 1 + a] = vectors[0, a] if found[q, 0] > 0.0 else 0.0
 
 
 @cached_njit(error_model="numpy")

@@ -172,7 +172,7 @@ def test_conditions_of_a_rigid_body_and_its_contact_are_its_own() -> None:
             replace(model, settings=settings)
     with pytest.raises(ModelError, match=naming("$.contact")):
         replace(model, settings=msgspec.structs.replace(model.settings, contact=None))
-    with pytest.raises(ModelError, match=naming("$.run.solver")):
+    with pytest.raises(ModelError, match=naming("$.conditions[0]", "static", found="rigid")):
         prepare(replace(model, settings=msgspec.structs.replace(model.settings, run=Run(solver="static"))), Options())
 
 

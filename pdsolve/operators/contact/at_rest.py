@@ -1,0 +1,183 @@
+"""Contact at rest: the pairs of `PenaltyContact`, with normals and weights that stay during one equilibrium.
+
+`see` takes normals, weights and pairs from displacements that are nearly those of the equilibrium; then forces are
+piecewise linear and the tangent is exact, so that Newton's method finds which pairs touch in a few iterations. Friction
+is a return mapping from the last equilibrium, which `begin` takes over:
+
+    K    k w f, N/m, of a pair     g = r . n     p = max(d - g, 0)     force K p n
+    s    slip that was there and what has come along the face since; shorter than mu p, or cut to it; force -K s
+
+The symbols are those of `pdsolve.operators.contact.kernel`.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.checkpoint_validation import entry
+from pdsolve.operators.contact.kernel import geometry
+from pdsolve.operators.contact.operator import SKIN, PenaltyContact
+from pdsolve.operators.protocol import Kept, Operator
+from pdsolve.state import Broken, State
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
+    from pdsolve.model import Model
+
+Array = NDArray[np.float64]
+
+ALL = np.iinfo(np.int64).max  # step before which bonds broke: all that are
+TOUCHES = 1e-9  # of the distance of touch: pairs that near count as pressed in the tangent
+HOLDS = 0.05  # of it: bodies that near hold each other
+
+
+class Touch(NamedTuple):
+    """What p pairs do at some displacements."""
+
+    depth: Array  # (p,) m, of those that touch above 0
+    slip: Array  # (p, d) m, of friction's spring
+    cut: Array  # (p,) share of the slip there would be without a limit
+
+
+class RestingContact(PenaltyContact):
+    """Contact of n nodes at rest; see `Operator`."""
+
+    def __init__(self, model: Model, volume: Array, operator: Operator) -> None:
+        """As `PenaltyContact`."""
+        super().__init__(model, volume, operator)
+        self.symmetric = not self._settings.friction
+        self._at = np.zeros((len(volume), model.grid.dimension))  # m, displacements of the last equilibrium
+        self.seen = self._at.copy()  # m, those of normals and weights
+        self._stiffness, self._normal = np.zeros(0), np.zeros((0, model.grid.dimension))
+        self.see(self._at)
+
+    def begin(self, state: State) -> None:
+        """Take this equilibrium over: friction's springs go on from it. Books their heat."""
+        if self._settings.friction:
+            now = self._touch(state.value)
+            drag = -self._stiffness[:, None] * now.slip
+            work = ((self._pairs.drag + drag) / 2 * self._along(state.value)).sum(axis=1)
+            for end in (self._pairs.i, self._pairs.j):
+                self._spent -= np.bincount(end, work / 2, len(self._spent))
+            self._pairs.slip[:] = now.slip
+        self._at = state.value.astype(np.float64)
+        self.see(self._at)
+        self._pairs.drag[:] = -self._stiffness[:, None] * self._touch(state.value).slip
+
+    def moved(self, state: State) -> float:
+        """The farthest that a surface node has come since the last look, over the finest spacing there."""
+        rows = self._rows
+        way = state.value[rows].astype(np.float64) - self.seen[rows]
+        return float(np.sqrt((way**2).sum(axis=1).max(initial=0.0)) / self._finest) if len(rows) else 0.0
+
+    def see(self, u: Array) -> None:
+        """Take pairs, normals and weights from these displacements (n, d), m."""
+        self._joined.forget()
+        self._joined.follow(ALL)
+        self._search(u)
+        found = np.zeros((len(self._pairs.i), 1 + u.shape[1]))
+        geometry(self._joined.nodes, self._pairs, u, SKIN * self._finest if len(found) else 0.0, found)
+        self.seen, self._stiffness, self._normal = u.copy(), found[:, 0], found[:, 1:]
+
+    def holding(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Rows (k,) of the nodes of pairs that touch where they were looked at last, or nearly so."""
+        depth = self._pairs.touch - self._gap(self.seen)
+        some = (self._stiffness > 0) & (depth > -HOLDS * self._pairs.touch)
+        return self._pairs.i[some], self._pairs.j[some]
+
+    def _gap(self, u: Array) -> Array:
+        i, j, x = self._pairs.i, self._pairs.j, self._joined.nodes.x
+        return np.asarray(((x[j] - x[i] + (u[j] - u[i])) * self._normal).sum(axis=1))
+
+    def _along(self, u: Array) -> Array:
+        """Way (p, d) along the face since the last equilibrium, m."""
+        i, j = self._pairs.i, self._pairs.j
+        way = (u[j] - self._at[j]) - (u[i] - self._at[i])
+        return np.asarray(way - (way * self._normal).sum(axis=1)[:, None] * self._normal)
+
+    def _touch(self, value: NDArray[Any]) -> Touch:
+        u, mu = value.astype(np.float64), self._settings.friction
+        depth = np.where(self._stiffness > 0, np.maximum(self._pairs.touch - self._gap(u), 0.0), 0.0)
+        slip, cut = np.zeros_like(self._normal), np.zeros(len(depth))
+        if mu:
+            before = self._pairs.slip
+            before = before - (before * self._normal).sum(axis=1)[:, None] * self._normal
+            slip = before + self._along(u)
+            length = np.sqrt((slip**2).sum(axis=1))
+            cut = np.where(length > mu * depth, mu * depth / np.maximum(length, 1e-300), 1.0)
+            slip *= cut[:, None]
+        return Touch(depth, slip, cut)
+
+    def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
+        """Add the force densities (n, d), N/m^3, to `out`."""
+        pairs, now = self._pairs, self._touch(state.value)
+        force = self._stiffness[:, None] * (now.depth[:, None] * self._normal - now.slip)
+        for a in range(force.shape[1]):
+            pushed = np.bincount(pairs.j, force[:, a], len(out)) - np.bincount(pairs.i, force[:, a], len(out))
+            out[:, a] += pushed / self._volume
+
+    def energies(self, state: State) -> tuple[Array, Array]:
+        """Energy densities (n,), J/m^3: stored in springs of touch and of friction; nothing is dissipated here."""
+        now = self._touch(state.value)
+        held = self._shared(self._stiffness * (now.depth**2 + (now.slip**2).sum(axis=1)) / 2)
+        return held / self._volume, np.zeros(len(self._volume))
+
+    def _shared(self, energy: Array) -> Array:
+        """Energies (n,) of nodes, J, of those of pairs (p,), half and half."""
+        ends, nodes = (self._pairs.i, self._pairs.j), len(self._volume)
+        return np.asarray(sum(np.bincount(end, energy / 2, nodes) for end in ends))
+
+    def touching(self, state: State) -> int:
+        """Number of nodes that touch others."""
+        some = self._touch(state.value).depth > 0
+        return len(np.unique(np.concatenate([self._pairs.i[some], self._pairs.j[some]])))
+
+    def friction(self, state: State) -> float:
+        """Energy that friction has turned into heat so far, J/m, of a body J."""
+        now = self._touch(state.value)
+        drag = self._pairs.drag - self._stiffness[:, None] * now.slip
+        spent = np.sum(self._spent) - (drag / 2 * self._along(state.value)).sum()
+        return float(spent - (self._stiffness * (now.slip**2).sum(axis=1) / 2).sum())
+
+    def tangent(self, state: State) -> csr_array:
+        """Minus the derivative of the force densities by the values, (n w, n w), N/m^4."""
+        from scipy.sparse import coo_array
+
+        pairs, now, n = self._pairs, self._touch(state.value), self._normal
+        u = state.value.astype(np.float64)
+        some = np.flatnonzero((self._stiffness > 0) & (pairs.touch - self._gap(u) > -TOUCHES * pairs.touch))
+        n, d, mu = n[some], n.shape[1], self._settings.friction
+        nn = n[:, :, None] * n[:, None, :]
+        block = nn.copy()
+        if mu:
+            slip, cut = now.slip[some], now.cut[some]
+            length = np.sqrt((slip**2).sum(axis=1))
+            way = slip / np.maximum(length, 1e-300)[:, None]
+            slides = (cut < 1)[:, None, None]
+            across = np.eye(d) - nn
+            block += np.where(slides, cut[:, None, None] * (across - way[:, :, None] * way[:, None, :]), across)
+            block -= np.where(slides, mu * way[:, :, None] * n[:, None, :], 0.0)
+        block *= self._stiffness[some, None, None]
+        rows, columns, values = [], [], []
+        for one, other in ((pairs.i, pairs.j), (pairs.j, pairs.i)):
+            for end, sign in ((one, 1.0), (other, -1.0)):
+                rows.append((d * one[some, None, None] + np.arange(d)[:, None] + np.zeros((d, d), int)).ravel())
+                columns.append((d * end[some, None, None] + np.arange(d) + np.zeros((d, d), int)).ravel())
+                values.append((sign * block / self._volume[one[some], None, None]).ravel())
+        size, ends = d * len(self._volume), (np.concatenate(rows), np.concatenate(columns))
+        found: csr_array = coo_array((np.concatenate(values), ends), shape=(size, size)).tocsr()
+        return found
+
+    def keep(self) -> Kept:
+        """Friction's springs, and the displacements of the last equilibrium and of the last look, for a checkpoint."""
+        return {**super().keep(), "at": self._at.copy(), "seen": self.seen.copy()}
+
+    def back(self, kept: Kept, broken: Broken) -> None:
+        """Restore a checkpoint. Raises CheckpointError."""
+        super().back(kept, broken)
+        self._at = entry(kept, "at", self._at.shape, np.float64).copy()
+        self.see(entry(kept, "seen", self.seen.shape, np.float64).copy())

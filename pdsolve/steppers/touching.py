@@ -1,0 +1,57 @@
+"""Equilibria of bodies that touch: any method, with normals and weights of contact taken anew until they stay."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.operators.contact.at_rest import RestingContact
+from pdsolve.operators.protocol import Operator
+from pdsolve.state import State
+from pdsolve.steppers.equilibrium import Asked, Method, Settled, Tell, UnsettledError, forces, left_over
+
+LOOKS = 10  # at one equilibrium
+STAYS = 1e-3  # residual of an equilibrium for normals and weights of that place: these are good then
+SMALLEST = 1 / 64  # of a load step
+FAR = 0.5  # spacings: a node that moves farther in one equilibrium may miss what it meets
+
+
+class Touching:
+    """A method for an operator with a part that is contact; see `Method`."""
+
+    def __init__(self, method: Method, operator: Operator, contact: RestingContact) -> None:
+        self._method, self._operator, self.contact = method, operator, contact
+        self.said, self.smallest = method.said, min(method.smallest, SMALLEST)
+
+    def settle(self, state: State, asked: Asked, tell: Tell) -> Settled:
+        """Move the values of the state to equilibrium, in place. Raises UnsettledError."""
+        start, contact, done = state.value.copy(), self.contact, 0
+        contact.begin(state)
+        for _ in range(LOOKS):
+            settled = self._method.settle(state, asked, tell)
+            done += settled.iterations
+            if contact.moved(state) > FAR:
+                state.value[:] = start
+                raise UnsettledError(f"found bodies in contact that move by more than {FAR:g} spacings")
+            before = contact.seen
+            contact.see(state.value.copy())
+            if left_over(state, asked, forces(self._operator, state), 0.0) < STAYS:
+                contact.see(before)
+                return Settled(done, settled.residual)
+        state.value[:] = start
+        raise UnsettledError(
+            f"found no place in which bodies stay that touch, after {LOOKS} looks at their faces, expected supports or"
+            " friction of what can slide"
+        )
+
+    def forget(self) -> None:
+        """Discard history, so that what follows depends on the state alone."""
+        self._method.forget()
+
+    def ways_down(self, state: State, held: NDArray[np.bool_]) -> int:
+        """Independent displacements along which energy falls; see `Method`."""
+        return self._method.ways_down(state, held)
+
+    def hold_softly(self, nodes: NDArray[np.bool_]) -> None:
+        """Restrain these nodes (n,) by weak springs during the solution; see `Method`."""
+        self._method.hold_softly(nodes)

@@ -1,0 +1,182 @@
+"""Bodies that touch at rest: Hertz, a closed crack, a block that another holds, a bar pulled through a grip."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import pytest
+from messages import naming
+from numpy.typing import NDArray
+from touching import UNIT, grid_of
+
+from pdmesh import Run, Scene, Static, box, build, ramp
+from pdmesh.model.contact import Contact
+from pdmesh.model.document import AnyCondition, Displacement, Load, Settings
+from pdmesh.model.node_grid import Bodies, Grid
+from pdsolve import Results
+from pdsolve.model import Model, ModelError
+from pdsolve.operators.contact.at_rest import RestingContact
+from pdsolve.run.measures import Ledger, books
+from pdsolve.run.reactions import grips, reactions
+from pdsolve.run.simulation import Options, resume, simulate
+from pdsolve.run.system import Prepared, prepare
+
+Array = NDArray[np.float64]
+
+H = 0.02  # m
+GROWS = ((0.0, 0.0), (1.0, 1.0))
+By = Literal["newton", "relaxation"]
+
+
+def cells(columns: int, rows: int, x: float, y: float) -> Array:
+    """Nodes of a rectangle from a corner on."""
+    along, up = np.meshgrid(x + H * (np.arange(columns) + 0.5), y + H * (np.arange(rows) + 0.5))
+    return np.column_stack([along.ravel(), up.ravel()])
+
+
+def at_rest(conditions: tuple[AnyCondition, ...], grid: Grid, friction: float, by: By, steps: int) -> Model:
+    run = Run(solver="static", static=Static(method=by, load_steps=steps))
+    return Model(grid, Settings(material=UNIT, conditions=conditions, contact=Contact(friction=friction), run=run))
+
+
+def taken(model: Model) -> tuple[Prepared, Array, Ledger]:
+    """A model after its load steps, the forces of its conditions (c, 2), N/m, and its ledger."""
+    system, state = prepared = prepare(model, Options(threads=1))
+    steps = system.model.settings.run.steps
+    prepared.march(1, steps + 1)
+    found = reactions(grips(system), system, state, steps, 1.0)
+    return prepared, np.array([[one.force_x, one.force_y] for one in found]), books(system, state, steps)
+
+
+def stacked(by: By, apart: float = 0.0, friction: float = 0.2) -> Model:
+    """A block on one that is held below, pressed from above by 1e-3 N/m in all."""
+    grid = grid_of([cells(30, 10, 0, -10 * H), cells(15, 10, 0.15, apart)], H)
+    y = grid.position[:, 1]
+    low, top = (tuple(grid.ids[rows].tolist()) for rows in (y < -9 * H, y > 9 * H + apart))
+    push = Load(body_force=(0.0, -1e-3 / (15 * H * H)), nodes=top, profile=GROWS)
+    return at_rest((Displacement(x=0.0, y=0.0, nodes=low), push), grid, friction, by, 2)
+
+
+@pytest.mark.parametrize("by", ["newton", "relaxation"])
+def test_a_block_is_held_by_what_it_lies_on(by: By) -> None:
+    (system, state), force, last = taken(stacked(by))
+    assert force[0, 1] == pytest.approx(1e-3, rel=1e-6)
+    assert system.contact is not None
+    assert system.contact.touching(state) == 31
+    assert abs(last.balance(0.0)) < 3e-3  # 1.8e-3: normals turn with the faces
+
+
+def test_a_block_above_a_gap_is_not_supported() -> None:
+    with pytest.raises(ModelError, match=naming("$.conditions", "150 nodes", expected="supports")):
+        prepare(stacked("newton", apart=0.2 * H), Options(threads=1))
+
+
+def pressed(crack: bool, contact: bool, by: By = "newton", friction: float = 0.0) -> tuple[float, float, float]:
+    """Stiffness of a unit plate under a strain of .001, the depth of its crack's faces, and the balance."""
+    side, strain = 40, 1e-3
+    h = 1 / side
+    run = Run(solver="static", static=Static(method=by, load_steps=2))
+    scene = Scene(box(0, 0, 1, 1), h, UNIT, run=run)
+    scene = scene.fix("bottom", x=None, y=0.0).fix(box(0.5 - h / 2, 0, 0.5 + h / 2, h / 2), x=0.0, y=None)
+    scene = scene.fix("top", x=None, y=-strain, profile=ramp(1))
+    scene = scene.crack([(0, 0.5 + h / 2), (0.5, 0.5 + h / 2)]) if crack else scene
+    built = build(scene.contact(friction) if contact else scene)
+    (system, state), force, last = taken(Model(built.grid, built.settings))
+    depth = system.contact._touch(state.value).depth.max() if isinstance(system.contact, RestingContact) else 0.0
+    return -float(force[2, 1]) / strain, float(depth / h), last.balance(0.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("by", "friction"), [("newton", 0.0), ("newton", 0.3), ("relaxation", 0.0)])
+def test_a_crack_closes(by: By, friction: float) -> None:
+    whole, _, _ = pressed(False, False)
+    gaping, _, _ = pressed(True, False)
+    found, depth, balance = pressed(True, True, by, friction)
+    assert gaping / whole < 0.6  # .57
+    assert found / whole == pytest.approx(1.0, abs=0.03)  # .991
+    assert 0 < depth < 0.05  # .002 of a spacing
+    assert abs(balance) < 1e-5  # 2e-7
+
+
+def gripped(friction: float, steps: int = 10, by: By = "newton") -> Model:
+    """A bar between two jaws that press with 1e-3 N/m, pulled by its end."""
+    grid = grid_of([cells(40, 6, 0, -3 * H), cells(12, 6, 0.1, 3 * H), cells(12, 6, 0.1, -9 * H)], H)
+    (x, y), of = grid.position.T, np.repeat([0, 1, 2], [240, 72, 72])
+    masks = (of == 2) & (y < -8 * H), (of == 1) & (y > 8 * H), (of == 0) & (x > 39 * H)
+    low, up, end = (tuple(grid.ids[mask].tolist()) for mask in masks)
+    push = Load(body_force=(0.0, -1e-3 / (12 * H * H)), nodes=up, profile=((0.0, 0.0), (0.25, 1.0)))
+    pull = Displacement(x=0.008, nodes=end, profile=((0.25, 0.0), (1.0, 1.0)))
+    hold = Displacement(x=0.0, y=0.0, nodes=low), Displacement(x=0.0, nodes=up)
+    return at_rest((*hold, push, pull), grid, friction, by, steps)
+
+
+@pytest.mark.slow
+def test_a_bar_is_pulled_through_a_grip() -> None:
+    (system, state), force, last = taken(gripped(0.3, 16))
+    assert system.contact is not None
+    heat = system.contact.friction(state)
+    assert force[3, 0] == pytest.approx(2 * 0.3 * 1e-3, rel=0.02)  # .989
+    assert last.damped == heat > 0.5 * last.work
+    assert abs(last.balance(0.0)) < 0.01  # .0085
+
+
+@pytest.mark.slow
+def test_a_resumed_grip_has_the_same_bits(tmp_path: Path) -> None:
+    model, path = gripped(0.3, 8), tmp_path / "stopped.sqlite"
+    whole = simulate(model, options=Options(threads=1))
+    simulate(model, path, Options(threads=1), lambda progress: progress.step == 5).close()
+    resume(path, threads=1).close()
+    with Results.open(path) as again:
+        for name in ("ux", "uy", "energy"):
+            assert np.array_equal(whole.field(name, 8), again.field(name, 8))
+        assert whole.history()["damped"][-1] == again.history()["damped"][-1] > 0
+
+
+def squares(x: tuple[float, float], y: tuple[float, float], d: float) -> Array:
+    """Nodes in the middles of squares of side d that fill a rectangle."""
+    along, up = np.meshgrid(*(np.arange(first + d / 2, last, d) for first, last in (x, y)))
+    return np.column_stack([along.ravel(), up.ravel()])
+
+
+def cylinders(radius: float, wide: float, fine: float, approach: float) -> Grid:
+    """Two equal bodies with faces of this radius, 2 `wide` x `wide`, of spacing 1 in the middle and 2 elsewhere; m."""
+    near, far = squares((-fine, fine), (-fine, 0), 1.0), squares((-wide, wide), (-wide, 0), 2.0)
+    far = far[(np.abs(far[:, 0]) > fine) | (far[:, 1] < -fine)]
+    below, delta = np.concatenate([near, far]), np.repeat([1.0, 2.0], [len(near), len(far)])
+    flat = below[:, 1].copy()
+    below[:, 1] -= below[:, 0] ** 2 / (2 * radius)
+    nodes, held = len(below), flat < 3 - wide
+    return Grid(
+        ids=np.arange(1, 2 * nodes + 1),
+        position=np.concatenate([below, below * [1, -1]]),
+        delta=np.tile(delta, 2),
+        border=np.tile(held, 2),
+        hole_id=np.full(2 * nodes, -1),
+        cracks=np.zeros((0, 4)),
+        areas=np.tile(delta**2, 2),
+        bodies=Bodies(np.repeat([0, 1], nodes), ("below", "above")),
+    )
+
+
+@pytest.mark.slow
+def test_two_cylinders_touch_as_hertz_has_it() -> None:
+    """The half-width is twice the root of the mean of x^2 under the pressure; E = 1, nu = 1/3 in plane stress."""
+    radius = 800.0
+    grid = cylinders(radius, 80, 24, 0.0)
+    nodes = len(grid) // 2
+    below = grid.ids[:nodes][grid.border[:nodes]]
+    conditions = (
+        Displacement(x=0.0, y=0.0, nodes=tuple(below.tolist())),
+        Displacement(x=0.0, y=-0.235, nodes=tuple((below + nodes).tolist()), profile=GROWS),
+    )
+    (system, state), force, last = taken(at_rest(conditions, grid, 0.0, "newton", 1))
+    contact = system.contact
+    assert isinstance(contact, RestingContact)
+    x, push = grid.position[contact._pairs.i, 0], contact._stiffness * contact._touch(state.value).depth
+    half = 2 * np.sqrt((push * x**2).sum() / push.sum())
+    assert push.sum() == pytest.approx(force[0, 1], rel=1e-3)
+    assert half == pytest.approx(8, abs=0.5)
+    assert half == pytest.approx(np.sqrt(4 * force[0, 1] * radius / np.pi), rel=0.05)
+    assert abs(last.balance(0.0)) < 0.01  # .004: one load step while the area of contact grows
