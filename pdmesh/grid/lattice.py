@@ -79,7 +79,7 @@ def place_nodes(scene: Scene, start: tuple[float, float] = (0.0, 0.0)) -> Placed
     rows: list[NDArray[np.float64]] = []
     shifts = []
     coarser: list[Level] = []
-    for level in levels(scene):
+    for level in (every := levels(scene)):
         points, offset = _level_nodes(scene, level, coarser, start)
         if len(points) and rows:
             distance, _ = tree_of(np.concatenate(rows)).query(points, distance_upper_bound=GAP * level.spacing)
@@ -88,8 +88,9 @@ def place_nodes(scene: Scene, start: tuple[float, float] = (0.0, 0.0)) -> Placed
             shifts.append(Shift(level.spacing, offset))
         found.append(points)
         regular.append(~near(points, level.shape.boundary, INTERIOR * level.spacing))
-        rows.append(_rows(points[~regular[-1]], level.spacing))
         coarser.append(level)
+        if len(coarser) < len(every):
+            rows.append(_rows(points[~regular[-1]], level.spacing))
     counts = [len(points) for points in found]
     if not sum(counts):
         raise SceneError(f"spacing: found no node in the plate, expected a spacing below {scene.spacing:g} m")

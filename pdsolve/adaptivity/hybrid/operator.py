@@ -52,7 +52,8 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         places = (own.rows[: zone.number[ROWS], None] * ROW + np.arange(ROW)).ravel()
         fine = places[own.kind[places] != IDLE]
         self._on = self._beneath(coarse)  # fine places that coarse nodes lie on
-        self.places = np.unique(np.concatenate([fine, self._on]))
+        places = np.sort(np.concatenate([fine, self._on]), kind="stable")  # two runs in order
+        self.places = places[np.diff(places, prepend=-1) > 0]
         self.rows = plate.row[self.places].astype(np.int64)
         self._row_of = np.full(plate.at.places, -1, dtype=np.int32)
         self._row_of[self.places] = np.arange(len(self.places))
