@@ -151,8 +151,8 @@ def _hybrid(hybrid: Hybrid, model: Model, seam: float) -> Marching:
     zone.cells[left] = FINE
     hybrid.number()
     hybrid.renew()
-    place, (coarse, rows) = model.grid.position, hybrid.coincident()
-    lattices = (hybrid.plate.place, place), (coarse, place[rows])
+    place, coarse = model.grid.position, np.flatnonzero(zone.coarse.kind == FREE)
+    lattices = (hybrid.plate.place, place), (coarse, place[hybrid.plate.rows_at(hybrid.beneath(coarse))])
 
     def free() -> list[tuple[object, NDArray[np.int64], NDArray[np.float64]]]:
         found = []

@@ -213,7 +213,7 @@ class Model:
 
     def selected(self, some: Selection) -> NDArray[np.int64]:
         """The rows of the grid a condition or a region acts on."""
-        return np.flatnonzero(selection.selected(self.grid, some.nodes, some.box))
+        return self.grid.chosen(some.nodes, some.box)
 
     def window(self, first: int, last: int) -> Model:
         """The model of the rows `first` to `last` - 1, of which a condition or a region may have none."""

@@ -128,7 +128,8 @@ def _cross(a: Array, b: Array) -> Array:
 def _ends(grid: Grid, name: str) -> None:
     """Warn of a lattice that is not the rectangle of the outline, or whose cells are not its box."""
     out = 0.5 * float(grid.delta[0]) if grid.dimension == 3 else 0.0
-    found = np.array([*(grid.position[0] - out), *(grid.position[-1] + out)])
+    first, last = grid.part(np.array([0, len(grid) - 1])).position
+    found = np.array([*(first - out), *(last + out)])
     corners = np.concatenate(grid.outline)
     expected = np.array([*corners.min(axis=0), *corners.max(axis=0)])
     if np.abs(found - expected).max() > OFF * float(grid.delta[0]):
@@ -144,12 +145,10 @@ def _cracks(grid: Grid, name: str) -> None:
     for number, corner in enumerate(corners):
         if _size(corner) < least:
             continue
-        beside = (grid.position >= corner.min(axis=0) - reach) & (grid.position <= corner.max(axis=0) + reach)
-        rows = np.flatnonzero(beside.all(axis=1))
-        spacing = float(grid.delta[rows].max(initial=0.0))
-        if len(rows) and (
-            _size(corner) < LONG * spacing or _parts(grid.position[rows], AROUND_ONE * grid.delta[rows], corner)
-        ):
+        rows = grid.chosen(None, [*(corner.min(axis=0) - reach), *(corner.max(axis=0) + reach)])
+        beside = grid.part(rows)
+        spacing = float(beside.delta.max(initial=0.0))
+        if len(rows) and (_size(corner) < LONG * spacing or _parts(beside.position, AROUND_ONE * beside.delta, corner)):
             continue
         _warn(
             f"{name}: $.notch[{number}]: found a crack that parts no neighbouring nodes, expected it between some"

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from pdmesh.model.contact import REST, BodyNodes
 from pdmesh.model.document import (
@@ -23,6 +23,7 @@ from pdmesh.model.document import (
     Vector,
 )
 from pdmesh.model.refused_settings import LEAST
+from pdmesh.model.selection import selected
 from pdmesh.model.svg_picture import svg
 
 MOST_NODES = 10**8  # of a lattice
@@ -67,7 +68,7 @@ class Grid:
 
     def __post_init__(self) -> None:
         """Convert numbers to the types above; arrays of those types are kept."""
-        for name in ("position", "delta", "cracks", "areas"):
+        for name in self._converted():
             given = getattr(self, name)
             if given is not None:
                 object.__setattr__(self, name, np.asarray(given, dtype=np.float64))
@@ -75,8 +76,36 @@ class Grid:
             rings = tuple(np.asarray(ring, dtype=np.float64) for ring in getattr(self, name))
             object.__setattr__(self, name, rings)
 
+    def _converted(self) -> tuple[str, ...]:
+        """The names of arrays of numbers that are there."""
+        return ("position", "delta", "cracks", "areas")
+
     def __len__(self) -> int:
         return len(self.ids)
+
+    def part(self, rows: NDArray[np.int64]) -> Grid:
+        """The grid of the nodes in `rows`, with the shapes of all; it has no bodies."""
+        return Grid(
+            ids=self.ids[rows],
+            position=self.position[rows],
+            delta=self.delta[rows],
+            border=self.border[rows],
+            hole_id=self.hole_id[rows],
+            areas=None if self.areas is None else self.areas[rows],
+            **self._shapes(),
+        )
+
+    def _shapes(self) -> dict[str, Any]:
+        names = ("cracks", "outline", "holes", "source", "parameters", "drawing", "lattice")
+        return {name: getattr(self, name) for name in names}
+
+    def missing(self, ids: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Those of the ids (k,) that no node has."""
+        return ids[~np.isin(ids, self.ids)]
+
+    def chosen(self, ids: Sequence[int] | None, box: ArrayLike | None) -> NDArray[np.int64]:
+        """The rows of the nodes with these ids or, without ids, of those in a box."""
+        return np.flatnonzero(selected(self, ids, box))
 
     @property
     def dimension(self) -> int:
@@ -189,32 +218,10 @@ def places(first: float, spacing: float, numbers: NDArray[np.int64]) -> NDArray[
 
 
 def whole_lattice(lattice: Lattice, **more: Any) -> Grid:
-    """Nodes of a lattice; constant arrays take no memory."""
-    shape, d = lattice.counts[::-1], len(lattice.counts)
-    size = math.prod(shape)
-    position, border = np.empty((*shape, d)), np.ones(shape, dtype=np.bool_)
-    for axis, (first, count) in enumerate(zip(lattice.origin, lattice.counts, strict=True)):
-        along = places(first, lattice.spacing, np.arange(count))
-        position[..., axis] = along.reshape(-1, *(1,) * axis)
-    border[(slice(1, -1),) * d] = False
-    return Grid(
-        ids=np.arange(1, size + 1),
-        position=position.reshape(-1, d),
-        delta=np.broadcast_to(lattice.spacing, size),
-        border=border.ravel(),
-        hole_id=np.broadcast_to(np.int64(-1), size),
-        areas=_areas_of(lattice) if d == 2 else np.broadcast_to(lattice.spacing**3, size),
-        lattice=lattice,
-        **more,
-    )
+    """All nodes of a lattice; `more` are other fields of the grid."""
+    from pdmesh.model.whole_lattice import WholeLattice  # which is a grid
 
-
-def _areas_of(lattice: Lattice) -> NDArray[np.float64]:
-    """The areas (n,) of the cells of a rectangle, m^2."""
-    areas = np.full(lattice.counts[::-1], lattice.spacing**2)
-    for side in (areas[0], areas[-1], areas[:, 0], areas[:, -1]):
-        side /= 2
-    return areas.ravel()
+    return WholeLattice(lattice, **more)
 
 
 def _check_nodes(name: str, position: NDArray[np.float64], delta: NDArray[np.float64], dimension: int) -> None:
@@ -300,8 +307,8 @@ def document_of(grid: Grid, settings: Settings) -> Document:
         lattice=grid.lattice,
         outline=tuple(tuple(map(tuple, ring.tolist())) for ring in grid.outline),
         holes=tuple(tuple(map(tuple, ring.tolist())) for ring in grid.holes),
-        areas=None if grid.areas is None or grid.lattice is not None else tuple(grid.areas.tolist()),
-        bodies=records_of(grid.bodies, grid.ids),
+        areas=None if grid.lattice is not None or grid.areas is None else tuple(grid.areas.tolist()),
+        bodies=() if grid.bodies is None else records_of(grid.bodies, grid.ids),
         source=grid.source,
         drawing=grid.drawing,
         parameters=dict(grid.parameters),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,6 +24,9 @@ from pdmesh.model.document import (
     Velocity,
 )
 from pdmesh.model.monitors import contradiction
+
+if TYPE_CHECKING:
+    from pdmesh.model.node_grid import Grid
 
 WHOLES = {2: "a plate", 3: "a body in space"}
 LOADS = ("body_force", "traction", "force")
@@ -80,38 +83,38 @@ def selected(cloud: Cloud, ids: Sequence[int] | None, box: ArrayLike | None) -> 
     return in_box(cloud, box)
 
 
-def check(settings: Settings, cloud: Cloud, name: str) -> None:
+def check(settings: Settings, grid: Grid, name: str) -> None:
     """Raise GridError for a condition or region, of the file called `name`, without nodes or without effect."""
     for number, condition in enumerate(settings.conditions):
         place = f"{name}: $.conditions[{number}]"
-        _check_selection(condition, cloud, place)
+        _check_selection(condition, grid, place)
         _check_condition(condition, place)
-        _check_components(condition, cloud.position.shape[1], place)
+        _check_components(condition, grid.dimension, place)
     for number, region in enumerate(settings.regions):
-        _check_selection(region, cloud, f"{name}: $.regions[{number}]")
+        _check_selection(region, grid, f"{name}: $.regions[{number}]")
     for number, probe in enumerate(settings.run.probes):
-        _check_length(probe, cloud.position.shape[1], f"{name}: $.run.probes[{number}]")
+        _check_length(probe, grid.dimension, f"{name}: $.run.probes[{number}]")
     for number, gap in enumerate(settings.run.gaps):
         for end in gap.ends:
-            _check_length(end, cloud.position.shape[1], f"{name}: $.run.gaps[{number}].ends")
+            _check_length(end, grid.dimension, f"{name}: $.run.gaps[{number}].ends")
     wrong = contradiction(settings.run, [condition.name for condition in settings.conditions])
     if wrong is not None:
         raise GridError(f"{name}: $.run.{wrong}")
 
 
-def _check_selection(selection: Selection, cloud: Cloud, place: str) -> None:
+def _check_selection(selection: Selection, grid: Grid, place: str) -> None:
     if (selection.nodes is None) == (selection.box is None):
         raise GridError(f"{place}: found neither or both of nodes and box, expected one of them")
     if selection.nodes is not None:
         asked = np.array(selection.nodes, dtype=np.int64)
-        missing = asked[~np.isin(asked, cloud.ids)]
+        missing = grid.missing(asked)
         if len(missing):
             raise GridError(f"{place}.nodes: found id {missing[0]}, expected one of the grid's nodes")
         if not selection.nodes:
             raise GridError(f"{place}.nodes: found none, expected at least one")
     elif selection.box is not None:
-        _check_length(selection.box, 2 * cloud.position.shape[1], f"{place}.box")
-        if not in_box(cloud, selection.box).any():
+        _check_length(selection.box, 2 * grid.dimension, f"{place}.box")
+        if not len(grid.chosen(None, selection.box)):
             raise GridError(f"{place}.box: found no node in {list(selection.box)}, expected at least one")
 
 

@@ -58,8 +58,6 @@ def _normals(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
 def _patches(triangles: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray[np.int64]:
     """Number (t,) of the smooth part of the surface that each triangle belongs to."""
     # Here, as importing SciPy takes as long as building a small plate, which may do without it
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
 
     size = float(np.ptp(triangles.reshape(-1, 3), axis=0).max())
     corner = np.unique(np.round(triangles.reshape(-1, 3) / (1e-9 * size)), axis=0, return_inverse=True)[1].reshape(

@@ -55,7 +55,7 @@ def _rows(system: System, condition: Selection) -> NDArray[np.int64]:
     rows = np.flatnonzero(selection.selected(grid, condition.nodes, condition.box))
     if len(rows):
         return rows
-    place = asked.grid.position[asked.selected(condition)].mean(axis=0)
+    place = asked.grid.part(asked.selected(condition)).position.mean(axis=0)
     return np.array([lengths(grid.position - place).argmin()])
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import mmap
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -158,7 +159,7 @@ def nodes_of(places: int, springs: int, entries: int, varied: bool = False) -> N
         kind=np.zeros(places, dtype=np.uint8),
         rows=np.zeros(rows, dtype=np.int64),
         entry=np.full(rows, -1, dtype=np.int32),
-        own=zeros(entries, springs, ROW),
+        own=_seldom_touched(entries, springs, ROW),
         masks=np.zeros((entries, 2, springs), dtype=np.uint16),
         masked=np.zeros(entries, dtype=np.bool_),
         edge=zeros(entries if varied else 0, springs, ROW),
@@ -173,6 +174,11 @@ def _aligned_zeros(shape: tuple[int, ...]) -> NDArray[np.float64]:
     room = np.zeros(wanted + 64, dtype=np.uint8)
     first = -room.ctypes.data % 64
     return room[first : first + wanted].view(np.float64).reshape(shape)
+
+
+def _seldom_touched(*shape: int) -> NDArray[np.float64]:
+    """Zeros aligned to 64 bytes in small pages: NumPy asks for large ones, of which edges of a plate touch every one."""
+    return np.frombuffer(mmap.mmap(-1, max(8 * int(np.prod(shape)), 1)), count=int(np.prod(shape))).reshape(shape)
 
 
 def zone_of(

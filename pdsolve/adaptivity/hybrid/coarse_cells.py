@@ -7,7 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.model.document import Lattice as Nodes
 from pdmesh.model.lattice_calibration import has_partial_cells
+from pdmesh.model.whole_lattice import WholeLattice
 from pdsolve.adaptivity.hybrid.arrays import RING, TIPS
 from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, COARSE, EMPTY, FINE, LEFT, VOID, Lattice, lattice_of
 from pdsolve.adaptivity.hybrid.prescribed_motion import between
@@ -20,24 +22,101 @@ LARGEST = 6.0  # horizon over spacing: half of a family has a bit of 64 for each
 SAME = 1e-6  # of a cell: areas this near are the same
 
 
+class Listed(NamedTuple):
+    """Where the n nodes of a grid are on a lattice, one by one."""
+
+    place: NDArray[np.int64]  # (n,) fine place of each row of the grid
+    row: NDArray[np.int32]  # (places,) row of the grid at each fine place, -1 without a node
+    area: NDArray[np.float64]  # (n,) of the cells of nodes, over h^2
+
+
 class Plate(NamedTuple):
-    """Nodes on a lattice."""
+    """Nodes on a lattice: all of a rectangle, or those that are listed."""
 
     model: Model
     at: Lattice
     h: float  # m
     origin: NDArray[np.float64]  # (2,) lower left corner, m
-    place: NDArray[np.int64]  # (n,) fine place of each row of the grid
-    row: NDArray[np.int32]  # (places,) row of the grid at each fine place, -1 without a node
-    area: NDArray[np.float64]  # (n,) of the cells of nodes, over h^2
+    there: NDArray[np.bool_]  # (places,) whether there is a node
     cracks: NDArray[np.float64]  # (k, 4) in spacings from the corner
+    first: tuple[int, int]  # column and row of the first node
+    counts: tuple[int, int]  # columns and rows of nodes
+    listed: Listed | None  # None: nodes are all of a rectangle, row by row, with parts of cells at its edges
+
+    @property
+    def place(self) -> NDArray[np.int64]:
+        """Fine place (n,) of each row of the grid."""
+        return self.places_of(np.arange(len(self.model.grid)))
+
+    @property
+    def size(self) -> float:
+        """Area of the plate over h^2."""
+        if self.listed is not None:
+            return float(self.listed.area.sum())
+        return float(np.prod(np.array(self.counts) - 1))
+
+    def places_of(self, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Fine places (k,) of rows of the grid."""
+        if self.listed is not None:
+            return self.listed.place[rows]
+        y, x = np.divmod(rows, self.counts[0])
+        return np.asarray((y + BELOW + self.first[1]) * self.at.stride + LEFT + self.first[0] + x)
+
+    def rows_at(self, places: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Rows of the grid at fine places (k,) with nodes."""
+        if self.listed is not None:
+            return self.listed.row[places].astype(np.int64)
+        y, x = np.divmod(places, self.at.stride)
+        return np.asarray((y - BELOW - self.first[1]) * self.counts[0] + x - LEFT - self.first[0])
+
+    def areas_of(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Areas (k,) of the cells of rows of the grid, over h^2."""
+        if self.listed is not None:
+            return self.listed.area[rows]
+        y, x = np.divmod(rows, self.counts[0])
+        return np.asarray(_halves(self.counts[1])[y] * _halves(self.counts[0])[x])
+
+    @property
+    def area(self) -> NDArray[np.float64]:
+        """Area (n,) of the cell of each node over h^2."""
+        if self.listed is not None:
+            return self.listed.area
+        return np.multiply.outer(_halves(self.counts[1]), _halves(self.counts[0])).ravel()
+
+    def areas(self) -> NDArray[np.float64]:
+        """Areas (places,) of the cells of nodes over h^2, 0 without a node; a new array."""
+        found = np.zeros(self.at.places)
+        if self.listed is not None:
+            found[self.listed.place] = self.listed.area
+            return found
+        (x, y), (nx, ny) = self.first, self.counts
+        inside = np.s_[BELOW + y : BELOW + y + ny, LEFT + x : LEFT + x + nx]
+        np.multiply(_halves(ny)[:, None], _halves(nx), out=found.reshape(-1, self.at.stride)[inside])
+        return found
+
+    def materials(self) -> NDArray[np.uint8]:
+        """Number (places,) of the material of each node, 0 without one; without regions it is not touched."""
+        found = np.zeros(self.at.places, dtype=np.uint8)
+        if self.model.settings.regions:
+            found[self.place] = self.model.material_of
+        return found
+
+
+def _halves(count: int) -> NDArray[np.float64]:
+    """Shares (count,) of whole cells along a side of a rectangle: a half at either end."""
+    found = np.ones(count)
+    found[[0, -1]] = 0.5
+    return found
 
 
 def plate_of(model: Model, mode: str, precision: str) -> Plate:
     """The lattice of a model's nodes. Raises ModelError, in one sentence, for an unsupported model."""
     farther = any(has_partial_cells(material) for material in model.materials)
     refuse(model, mode, precision, LARGEST - 0.5 if farther else LARGEST)
-    return _on_lattice(model, float(model.grid.delta[0]), model.grid.position.min(axis=0))
+    grid, h = model.grid, float(model.grid.delta[0])
+    if isinstance(grid, WholeLattice):
+        return _rectangle(model, grid.lattice)
+    return _on_lattice(model, h, grid.position.min(axis=0))
 
 
 def refuse(model: Model, mode: str, precision: str, largest: float) -> None:
@@ -57,12 +136,30 @@ def refuse(model: Model, mode: str, precision: str, largest: float) -> None:
         )
 
 
+def _origin(model: Model, h: float, origin: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The corner of the lattice of cells: the plate's edge is one of its lines wherever that can be."""
+    if not len(model.grid.outline):
+        return origin
+    corner = np.min([ring.min(axis=0) for ring in model.grid.outline], axis=0)
+    return np.asarray(origin - h * (np.round((origin - corner) / h) % 2))
+
+
+def _rectangle(model: Model, lattice: Nodes) -> Plate:
+    """The plate of all nodes of a lattice."""
+    h, ends = lattice.spacing, model.grid.part(np.array([0, len(model.grid) - 1])).position
+    origin = _origin(model, h, ends[0])
+    (x, y), last = np.round((ends - origin) / h).astype(int).tolist()
+    nx, ny = (max(4, side + side % 2) for side in last)
+    at = lattice_of(nx, ny)
+    cracks = (model.grid.cracks - np.tile(origin, 2)) / h
+    clear(model, cracks, nx, ny)
+    there = np.zeros((at.places // at.stride, at.stride), dtype=np.bool_)
+    there[BELOW + y : BELOW + y + lattice.rows, LEFT + x : LEFT + x + lattice.columns] = True
+    return Plate(model, at, h, origin, there.ravel(), cracks, (x, y), (lattice.columns, lattice.rows), None)
+
+
 def _on_lattice(model: Model, h: float, origin: NDArray[np.float64]) -> Plate:
-    grid = model.grid
-    if len(grid.outline):
-        # the lattice of cells begins at the plate's edge, so that it is one of its lines wherever that can be
-        corner = np.min([ring.min(axis=0) for ring in grid.outline], axis=0)
-        origin = origin - h * (np.round((origin - corner) / h) % 2)
+    grid, origin = model.grid, _origin(model, h, origin)
     steps = (grid.position - origin) / h
     column, row = np.round(steps).astype(np.int64).T
     if np.abs(steps - np.column_stack([column, row])).max() > OFF:
@@ -74,7 +171,8 @@ def _on_lattice(model: Model, h: float, origin: NDArray[np.float64]) -> Plate:
     place = (row + BELOW) * at.stride + LEFT + column
     rows = np.full(at.places, -1, dtype=np.int32)
     rows[place] = np.arange(len(place))
-    return Plate(model, at, h, origin, place, rows, _areas(model, at, h, place, rows), cracks)
+    listed = Listed(place, rows, _areas(model, at, h, place, rows))
+    return Plate(model, at, h, origin, rows >= 0, cracks, (0, 0), (nx + 1, ny + 1), listed)
 
 
 def _areas(
@@ -109,11 +207,12 @@ def cells_of(plate: Plate, reach: int) -> NDArray[np.uint8]:
 
     An edge along a line between cells cuts none, except at re-entrant corners.
     """
-    at, there = plate.at, (plate.row >= 0).reshape(-1, plate.at.stride)
+    at, there = plate.at, plate.there.reshape(-1, plate.at.stride)
     around, whole = quarters(there), squares(there)
-    area = np.zeros(at.places)
-    area[plate.place] = plate.area
-    odd = np.abs(area.reshape(there.shape) - around / 4) > SAME
+    away = plate.areas().reshape(there.shape)
+    away -= around / np.float32(4)
+    odd = np.abs(away, out=away) > SAME
+    del away
     odd |= there & (around == 3)  # where an edge turns inwards
     some = np.zeros((at.ny // 2, at.nx // 2), dtype=bool)
     good = np.ones_like(some)

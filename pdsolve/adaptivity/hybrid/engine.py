@@ -55,7 +55,7 @@ class Hybrid:
     def __init__(self, plate: Plate, ground: LatticeConstants, zone: Zone, drive: Drive) -> None:
         """Bits and cells of `zone` are those of the start."""
         self.plate, self.ground, self.zone, self.drive, self.now = plate, ground, zone, drive, 0
-        at, there = plate.at, squares((plate.row >= 0).reshape(-1, plate.at.stride))
+        at, there = plate.at, squares(plate.there.reshape(-1, plate.at.stride))
         inside = there[BELOW : BELOW + at.ny, LEFT : LEFT + at.nx].reshape(at.ny // 2, 2, at.nx // 2, 2)
         self._solid = np.pad(inside.mean(axis=(1, 3)), AROUND).ravel()
         self._whole = self._solid.sum()
@@ -63,13 +63,9 @@ class Hybrid:
     def start(self, velocity: NDArray[np.float64]) -> None:
         """Number the zone, set the velocities (n, 2), m/s, of all nodes, and compute the forces."""
         self.number()
-        place = self.plate.place
-        for nodes, own, rows in (
-            (self.zone.fine, place, np.arange(len(place))),
-            (self.zone.coarse, *self.coincident()),
-        ):
-            free = nodes.kind[own] == FREE
-            nodes.v[:, own[free]] = velocity[rows[free]].T
+        for nodes, beneath in ((self.zone.fine, None), (self.zone.coarse, self.beneath)):
+            own = np.flatnonzero(nodes.kind == FREE)
+            nodes.v[:, own] = velocity[self.plate.rows_at(own if beneath is None else beneath(own))].T
         self.renew()
 
     def renew(self) -> None:
@@ -91,13 +87,11 @@ class Hybrid:
         self.renew()
         self.zone.total[:] = 0.0
 
-    def coincident(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Places of coarse nodes, and the rows of the fine nodes that they lie on."""
-        at, place = self.plate.at, self.plate.place
-        row, column = np.divmod(place, at.stride)
-        chosen = np.flatnonzero(((column - LEFT) % 2 == 0) & ((row - BELOW) % 2 == 0))
-        x, y = (column[chosen] - LEFT) // 2, (row[chosen] - BELOW) // 2
-        return (y + BELOW_COARSE) * at.coarse_stride + LEFT + x, chosen
+    def beneath(self, coarse: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Fine places (k,) that coarse nodes lie on."""
+        at = self.plate.at
+        y, x = np.divmod(coarse, at.coarse_stride)
+        return np.asarray((2 * (y - BELOW_COARSE) + BELOW) * at.stride + LEFT + 2 * (x - LEFT))
 
     def march(self, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1. Raises LateZoneError if a clipped bond exceeds its limit."""
@@ -257,7 +251,7 @@ class Hybrid:
         spring = entry(kept, "break_spring", step.shape, np.int32, 0, len(ground.ways) - 1)
         other, half = node + ground.ways[spring], len(ground.ways) // 2
         inside = (other >= 0) & (other < plate.at.places)
-        inside &= (plate.row[node] >= 0) & (plate.row[other.clip(0, plate.at.places - 1)] >= 0)
+        inside &= plate.there[node] & plate.there[other.clip(0, plate.at.places - 1)]
         owner = np.where(spring < half, node, other.clip(0, plate.at.places - 1))
         whole = bits[owner] >> (spring % half).astype(np.uint64) & np.uint64(1) != 0
         if not (inside & whole).all() or len(np.unique(node * 2 * half + spring)) < len(node):

@@ -5,7 +5,6 @@ The scheme makes these bonds for that part of the plate, so that fine nodes equa
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
@@ -40,15 +39,12 @@ class Irregular(NamedTuple):
 
 def irregular(plate: Plate, springs: tuple[Springs, ...]) -> Irregular:
     """Bonds of all nodes near irregular places; `springs` holds those of each material."""
-    grid, reach = plate.model.grid, int(np.abs(springs[0].dx).max())
+    reach = int(np.abs(springs[0].dx).max())
     odd = _odd(plate, reach)
-    there = plate.row >= 0
-    asked = there & in_square(odd, 2 * reach).ravel()
-    around = there & in_square(odd, 3 * reach).ravel()
-    some = np.sort(plate.row[around]).astype(np.int64)
-    wanted = np.zeros(len(grid), dtype=bool)
-    wanted[plate.row[asked]] = True
-    wanted = wanted[some]
+    places = np.flatnonzero(plate.there & in_square(odd, 3 * reach).ravel())
+    rows, asked = plate.rows_at(places), in_square(odd, 2 * reach).ravel()[places]
+    order = np.argsort(rows)
+    some, wanted = rows[order], asked[order]
     shape = (len(some[wanted]), len(springs[0].dx))
     springs_, peak, limit = np.zeros((3, *shape))
     found = Irregular(some[wanted], springs_, peak, limit, np.zeros(shape[0], np.int64), np.zeros(shape[0]))
@@ -59,13 +55,14 @@ def irregular(plate: Plate, springs: tuple[Springs, ...]) -> Irregular:
 
 def _odd(plate: Plate, reach: int) -> NDArray[np.bool_]:
     """Mask (rows, columns) of places without a node or a whole cell, at an interface, or next to a pre-crack."""
-    at, model = plate.at, plate.model
-    area, material = np.zeros(at.places), np.zeros(at.places, dtype=np.uint8)
-    area[plate.place], material[plate.place] = plate.area, model.material_of
-    odd = np.abs(area - 1).reshape(-1, at.stride) > ROUND_OFF
+    at = plate.at
+    away = plate.areas()
+    away -= 1
+    odd = np.abs(away, out=away).reshape(-1, at.stride) > ROUND_OFF
+    del away
     odd |= quarters(~odd) < 4
-    field = material.reshape(odd.shape)
-    for axis in (0, 1):
+    field = plate.materials().reshape(odd.shape)
+    for axis in (0, 1) if plate.model.settings.regions else ():
         other = np.diff(field, axis=axis) != 0
         odd |= np.pad(other, [(0, int(a == axis)) for a in (0, 1)])
     near = np.zeros(at.places, dtype=bool)
@@ -80,16 +77,7 @@ def _odd(plate: Plate, reach: int) -> NDArray[np.bool_]:
 
 def part_of(model: Model, rows: NDArray[np.int64]) -> Model:
     """The model of the nodes in `rows`, without conditions."""
-    grid = model.grid
-    part = dataclasses.replace(
-        grid,
-        ids=grid.ids[rows],
-        position=grid.position[rows],
-        delta=grid.delta[rows],
-        border=grid.border[rows],
-        hole_id=grid.hole_id[rows],
-        areas=None if grid.areas is None else grid.areas[rows],
-    )
+    part = model.grid.part(rows)
     regions = []
     for region in model.settings.regions:
         own = part.ids[selection.selected(part, region.nodes, region.box)]
@@ -127,13 +115,13 @@ def _fill(
     number = np.full((2 * reach + 1, 2 * reach + 1), -1)
     number[springs[0].dy + reach, springs[0].dx + reach] = np.arange(len(springs[0].dx))
     slot, full = np.cumsum(wanted) - 1, np.array([one.table[:, 5] for one in springs])
-    material, area = plate.model.material_of, plate.area * plate.h**2
+    material, area = plate.model.material_of, plate.areas_of(some) * plate.h**2
     for own, part in parts:
         bonds = part.bonds
         source, xi = np.repeat(own, np.diff(bonds.start)), bonds.xi
         step = np.round(xi / plate.h).astype(np.int64)
         k, at, row = number[step[:, 1] + reach, step[:, 0] + reach], slot[source], some[source]
-        stiffness = bonds.stiffness * area[row] / np.hypot(*xi.T)
+        stiffness = bonds.stiffness * area[source] / np.hypot(*xi.T)
         usual = full[material[row], k]
         found.springs[at, k] = np.where(np.abs(stiffness - usual) < ROUND_OFF * usual, usual, stiffness)
         found.peak[at, k], found.limit[at, k] = e_of(bonds.peak), e_of(bonds.limit)

@@ -45,16 +45,16 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
     symmetric = True
 
     def __init__(self, hybrid: Hybrid, cut: NDArray[np.int64]) -> None:
-        """`cut` is the number of bonds that pre-cracks cut, for each node of the whole fine lattice."""
+        """`cut` is the number of bonds that pre-cracks cut, of irregular nodes and, last, of others."""
         self.hybrid, self._cut, self._strain = hybrid, cut, 0.0
         plate, zone = hybrid.plate, hybrid.zone
         own, coarse = zone.fine, hybrid.active(zone.coarse, zone.number[COARSE_ROWS])
         places = (own.rows[: zone.number[ROWS], None] * ROW + np.arange(ROW)).ravel()
         fine = places[own.kind[places] != IDLE]
-        self._on = self._beneath(coarse)  # fine places that coarse nodes lie on
+        self._on = hybrid.beneath(coarse)  # fine places that coarse nodes lie on
         places = np.sort(np.concatenate([fine, self._on]), kind="stable")  # two runs in order
         self.places = places[np.diff(places, prepend=-1) > 0]
-        self.rows = plate.row[self.places].astype(np.int64)
+        self.rows = plate.rows_at(self.places)
         self._row_of = np.full(plate.at.places, -1, dtype=np.int32)
         self._row_of[self.places] = np.arange(len(self.places))
         self._fine, self._coarse = fine, coarse
@@ -62,11 +62,6 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         self._bonds = self._fine_bonds()
         self._springs = self._coarse_springs()
         self.cells = np.count_nonzero(zone.cells == COARSE)
-
-    def _beneath(self, coarse: NDArray[np.int64]) -> NDArray[np.int64]:
-        at = self.hybrid.plate.at
-        y, x = np.divmod(coarse, at.coarse_stride)
-        return np.asarray((2 * (y - BELOW_COARSE) + BELOW) * at.stride + LEFT + 2 * (x - LEFT))
 
     def _fine_bonds(self) -> NDArray[np.bool_]:
         """Mask (k, family) of past and present bonds of fine nodes to nodes that exist."""
@@ -108,7 +103,7 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         """Areas (n,), m^2: for a fine node its share of fine cells, for a coarse node its share of coarse cells."""
         plate, zone = self.hybrid.plate, self.hybrid.zone
         part = zone.fine.mass[self._fine] / self.hybrid.ground.mass[self._fine]
-        whole = plate.area[plate.row[self._fine]] * plate.h**2
+        whole = plate.areas_of(plate.rows_at(self._fine)) * plate.h**2
         found = np.zeros(len(self.places))
         found[self._at_fine] = part * whole
         y, x = np.divmod(self._coarse, plate.at.coarse_stride)
@@ -124,7 +119,7 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         count[self._at_fine] += self._bonds.sum(axis=1)
         count[self._at_coarse] += self._springs.sum(axis=1)
         family = count.copy()
-        family[self._at_fine] += self._cut[self.hybrid.plate.row[self._fine]]
+        family[self._at_fine] += self._cut[self.hybrid.ground.own[self._fine]]
         alone = np.setdiff1d(self._at_coarse, self._at_fine, assume_unique=True)
         family[alone] = np.maximum(family[alone], self._whole(alone))
         return count, family
@@ -261,7 +256,7 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         some = np.flatnonzero((self._at_coarse >= first) & (self._at_coarse < last))
         node, k = np.nonzero(self._springs[some])
         coarse = self._coarse[some[node]]
-        ends = (self._row_of[self._beneath(one)] for one in (coarse, coarse + ground.coarse_ways[k]))
+        ends = (self._row_of[self.hybrid.beneath(one)] for one in (coarse, coarse + ground.coarse_ways[k]))
         source, target = (
             np.concatenate([self._row_of[one], other], dtype=np.int64)
             for one, other in zip((fine, target), ends, strict=True)

@@ -96,7 +96,7 @@ def outlook(model: Model, options: Options) -> Outlook:
     fine, coarse = (int(np.count_nonzero(cells == kind)) for kind in (FINE, COARSE))
     begins = fine / max(fine + coarse, 1)
     q = _strain(model) / (model.settings.run.hybrid.kappa * min(one.peak for one in springs))
-    grows = STRIP * plate.h * _running(plate, begins > 0) / (float(plate.area.sum()) * plate.h**2)
+    grows = STRIP * plate.h * _running(plate, begins > 0) / (plate.size * plate.h**2)
     ends = 1.0 if q >= 1 else min(begins + grows, 1.0)
     mean = begins + GROWN * (ends - begins)
     return Outlook(begins, ends, q, EVEN + FIXED / len(model.grid) + FINE_NODES * mean)
@@ -123,7 +123,7 @@ def _strain(model: Model) -> float:
 def _running(plate: Plate, begins: bool) -> float:
     """L, m: of the tips of pre-cracks, else of one crack where an outline makes cells fine from the start."""
     model = plate.model
-    run, side = model.settings.run, float(np.sqrt(plate.area.sum()) * plate.h)
+    run, side = model.settings.run, float(np.sqrt(plate.size) * plate.h)
     material = model.materials[0]
     lasts = run.duration if run.duration is not None else run.steps * (run.time_step or 0.0)
     way = SPEED * rayleigh_speed(material.E, material.rho, material.plane) * lasts

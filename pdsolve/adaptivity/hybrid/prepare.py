@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 
 import numpy as np
@@ -56,13 +57,14 @@ def ground_of(plate: Plate, springs: tuple[Springs, ...], found: Irregular, dt: 
     first = springs[0]
     coarse = coarse_springs(first, h)
     bounds = np.array([[e_of(one.peak), e_of(one.limit), e_of(kappa * one.peak)] for one in springs])
-    mass, material = np.zeros(at.places), np.zeros(at.places, dtype=np.uint8)
-    mass[plate.place] = model.rho * plate.area * h**2
-    material[plate.place] = model.material_of
+    material, rho = plate.materials(), np.array([one.rho for one in model.materials])
+    mass = plate.areas()
+    mass *= rho[material] if len(rho) > 1 else rho[0]
+    mass *= h**2
     own = np.full(at.places, -1, dtype=np.int32)
-    own[plate.place[found.node]] = np.arange(len(found.node))
+    own[plate.places_of(found.node)] = np.arange(len(found.node))
     no_fail = np.zeros(at.places, dtype=np.bool_)
-    no_fail[plate.place] = unbreakable(model)
+    no_fail[plate.places_of(np.flatnonzero(unbreakable(model)))] = True
     return LatticeConstants(
         at=at,
         h=h,
@@ -100,47 +102,45 @@ def _cells(plate: Plate, springs: tuple[Springs, ...]) -> NDArray[np.float64]:
     """k1, k2 and a quarter of the mass (3, c) of coarse cells: means of their nodes, weighted by area in the cell."""
     at, rho = plate.at, np.array([material.rho for material in plate.model.materials])
     each = np.array([[one.c11 - one.c66, one.c66, plate.h**2 * dense] for one, dense in zip(springs, rho, strict=True)])
-    material = np.zeros(at.places, dtype=np.int64)
-    material[plate.place] = plate.model.material_of
-    field = material.reshape(-1, at.stride)
     found = np.zeros((at.ny // 2, at.nx // 2, 3))
-    for y, part_y in enumerate((0.25, 0.5, 0.25)):
-        for x, part_x in enumerate((0.25, 0.5, 0.25)):
+    if len(springs) == 1:
+        found[:] = each[0]
+    else:
+        field = plate.materials().reshape(-1, at.stride)
+        for (y, part_y), (x, part_x) in itertools.product(enumerate((0.25, 0.5, 0.25)), repeat=2):
             here = np.s_[BELOW + y : BELOW + y + at.ny - 1 : 2, LEFT + x : LEFT + x + at.nx - 1 : 2]
             found += part_x * part_y * each[field[here]]
-    if len(springs) == 1:
-        found[:] = each[0]  # not but for round-off
     around = ((AROUND, AROUND), (AROUND, AROUND), (0, 0))
     return np.ascontiguousarray(np.pad(found, around).reshape(at.cells, 3).T)
 
 
 def bits_of(plate: Plate, ground: LatticeConstants, found: Irregular) -> tuple[NDArray[np.uint64], NDArray[np.int64]]:
-    """Initial bonds of all places, one bit for each in the first half of a family; and the number (n,) cut by
-    pre-cracks."""
+    """Initial bonds of all places, one bit for each in the first half of a family; and the number (s + 1,) cut
+    by pre-cracks of the s irregular nodes, and 0 of the others."""
     half = len(ground.ways) // 2
     bits = np.zeros(plate.at.places, dtype=np.uint64)
-    bits[plate.place] = np.uint64((1 << half) - 1)
+    bits[plate.there] = np.uint64((1 << half) - 1)
     own = np.zeros(len(found.node), dtype=np.uint64)
     for k in range(half):
         own |= np.where(found.springs[:, k] > 0, np.uint64(1) << np.uint64(k), np.uint64(0))
-    bits[plate.place[found.node]] = own
-    cut = np.zeros(len(plate.place), dtype=np.int64)
-    cut[found.node] = found.family - np.count_nonzero(found.springs, axis=1)
-    return bits, cut
+    bits[plate.places_of(found.node)] = own
+    return bits, np.append(found.family - np.count_nonzero(found.springs, axis=1), 0)
 
 
 def _resistance(plate: Plate, springs: tuple[Springs, ...], found: Irregular) -> NDArray[np.float64]:
     """A bound of stiffness over density, 1/s^2, over nodes at edges and nodes of a full lattice."""
-    rho = plate.model.rho
-    usual = np.ones(len(rho), dtype=bool)
-    usual[found.node] = False
-    inside = []
+    model = plate.model
+    rho, every = np.array([material.rho for material in model.materials]), [len(model.grid)]
+    if len(springs) > 1:
+        every = np.bincount(model.material_of, minlength=len(springs)).tolist()
+    own = model.material_of[found.node]
+    usual, inside = every - np.bincount(own, minlength=len(springs)), []
     for number, one in enumerate(springs):
-        if (usual & (plate.model.material_of == number)).any():
+        if usual[number]:
             x, y, inverse, k = one.table[:, 0], one.table[:, 1], one.table[:, 4], one.table[:, 5] / plate.h**2
             a, b, c = ((k * inverse * term).sum() for term in (x * x, y * y, x * y))
-            inside.append(((a + b) / 2 + np.hypot((a - b) / 2, c)) / plate.model.materials[number].rho)
-    return np.concatenate([inside, found.stiffness_bound / rho[found.node]])
+            inside.append(((a + b) / 2 + np.hypot((a - b) / 2, c)) / rho[number])
+    return np.concatenate([inside, found.stiffness_bound / rho[own]])
 
 
 def _loads(plate: Plate, driven: Drive, area: NDArray[np.float64]) -> Entries:
@@ -152,7 +152,7 @@ def _loads(plate: Plate, driven: Drive, area: NDArray[np.float64]) -> Entries:
 
 def _entries(plate: Plate, driven: conditions.Entries, most: int) -> Entries:
     """Entries with room for at most `most` nodes each."""
-    what = np.column_stack([plate.place[driven.node], driven.axis, driven.profile, driven.kind])
+    what = np.column_stack([plate.places_of(driven.node), driven.axis, driven.profile, driven.kind])
     value = np.zeros((len(what), 4))
     value[:, VALUE] = driven.value
     return Entries(what, value, np.zeros((most * len(what), 2), dtype=np.int64), np.zeros(most * len(what)))

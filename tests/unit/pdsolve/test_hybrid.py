@@ -22,6 +22,8 @@ from pdmesh.model.document import (
     Absorb,
     Acceleration,
     InitialVelocity,
+    Lattice,
+    Load,
     Material,
     Region,
     Run,
@@ -29,13 +31,14 @@ from pdmesh.model.document import (
     read_file,
     write_file,
 )
-from pdmesh.model.node_grid import Grid, document_of
+from pdmesh.model.node_grid import Grid, document_of, whole_lattice
 from pdmesh.scene.units import UNITS
 from pdsolve.__main__ import main as solve_command
 from pdsolve.adaptivity.hybrid.coarse_cells import plate_of
 from pdsolve.adaptivity.hybrid.springs import coarse_springs, fine_springs, stretches
 from pdsolve.model import Model, ModelError
 from pdsolve.run.measures import books
+from pdsolve.run.simulation import simulate
 from pdsolve.run.system import Options, prepare, scheme_of
 
 GEOMETRIES = Path(__file__).parents[3] / "geometries"
@@ -192,3 +195,23 @@ def test_motion_may_be_prescribed_anywhere(condition: Velocity | InitialVelocity
         work.append(books(system, state, 40).work)
     np.testing.assert_allclose(*momentum, rtol=1e-12)
     np.testing.assert_allclose(*work, rtol=0.02)  # 0.009 at most
+
+
+def test_a_lattice_is_solved_as_its_listed_nodes_without_arrays_of_them(tmp_path: Path) -> None:
+    """Bit by bit, loads, held nodes and a pre-crack included."""
+    lattice, crack = Lattice((0.0, 0.0), 1e-3, 61, 41), 1e-3 * np.array([[0, 19.5, 20.5, 19.5]])
+    ring = 1e-3 * np.array([[0, 0], [60, 0], [60, 40], [0, 40]])
+    held, listed = (whole_lattice(lattice, cracks=crack, outline=(ring,)) for _ in range(2))
+    given = {field.name: getattr(listed, field.name) for field in dataclasses.fields(Grid)} | {"lattice": None}
+    conditions = (
+        Load(nodes=tuple(range(2441, 2502)), traction=(0.0, 12e6), rows=1, length=0.06),
+        Velocity(box=(0.0, 0.0, 0.06, 0.0), y=-1.0),
+    )
+    runs = []
+    for number, grid in enumerate((held, Grid(**given))):
+        model = plate(grid, 4.0, run=HYBRID, conditions=conditions)
+        with simulate(model, tmp_path / f"{number}.sqlite") as results:
+            runs.append([results.field(name, 20) for name in ("ux", "uy", "vy", "ay", "damage")])
+            runs[-1] += [results.history()["work"], results.nodes(20).area, results.nodes(20).cut]
+    assert all(np.array_equal(one, other) for one, other in zip(*runs, strict=True))
+    assert {"ids", "position", "border", "areas"}.isdisjoint(vars(held))

@@ -1,0 +1,127 @@
+"""All nodes of a lattice, whose arrays are made when they are first asked for.
+
+A plate with a moving fine zone has few of the nodes of its lattice: those who ask for some nodes only make no arrays of
+all.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pdmesh.model.document import Lattice
+from pdmesh.model.node_grid import Grid, places
+from pdmesh.model.selection import SLACK
+
+
+class WholeLattice(Grid):
+    """A grid of all n nodes of a lattice, with ids 1 to n, the first axis changing fastest."""
+
+    lattice: Lattice
+
+    def __new__(cls, lattice: Lattice | None, **more: Any) -> Grid:  # type: ignore[misc]
+        """A grid that lists its nodes if it is not to be those of a lattice any more."""
+        return super().__new__(cls) if lattice is not None else Grid(lattice=None, **more)
+
+    def __init__(self, lattice: Lattice, **more: Any) -> None:
+        """`more` are other fields of `Grid`, which are kept; arrays of all nodes that are not among them are made."""
+        nodes = math.prod(lattice.counts)
+        usual = {"delta": np.broadcast_to(lattice.spacing, nodes), "hole_id": np.broadcast_to(np.int64(-1), nodes)}
+        for name, value in {"lattice": lattice, **usual, **more}.items():
+            object.__setattr__(self, name, value)
+        self.__post_init__()
+
+    def _converted(self) -> tuple[str, ...]:
+        return tuple(name for name in super()._converted() if name in self.__dict__)
+
+    @property
+    def _listed(self) -> bool:
+        """Whether arrays of all nodes have been made or given."""
+        return not {"ids", "position"}.isdisjoint(self.__dict__)
+
+    def __len__(self) -> int:
+        return len(self.delta)
+
+    @property
+    def dimension(self) -> int:
+        """2 for a plate, 3 for a body in space."""
+        return len(self.lattice.counts)
+
+    @cached_property
+    def ids(self) -> NDArray[np.int64]:
+        """The ids (n,), from 1."""
+        return np.arange(1, len(self) + 1)
+
+    @cached_property
+    def position(self) -> NDArray[np.float64]:
+        """The places (n, d), m."""
+        counts = self.lattice.counts
+        found = np.empty((*counts[::-1], len(counts)))
+        for axis, along in enumerate(self._lines()):
+            found[..., axis] = along.reshape(-1, *(1,) * axis)
+        return found.reshape(-1, len(counts))
+
+    @cached_property
+    def border(self) -> NDArray[np.bool_]:
+        """Mask (n,) of the nodes at the edge."""
+        found = np.ones(self.lattice.counts[::-1], dtype=np.bool_)
+        found[(slice(1, -1),) * self.dimension] = False
+        return found.ravel()
+
+    @cached_property
+    def areas(self) -> NDArray[np.float64]:
+        """The areas (n,), m^2: in a rectangle half at edges, a quarter at corners; of a box volumes, m^3."""
+        h, d = self.lattice.spacing, self.dimension
+        if d == 3:
+            return np.broadcast_to(h**3, len(self))
+        found = np.full(self.lattice.counts[::-1], h**2)
+        for side in (found[0], found[-1], found[:, 0], found[:, -1]):
+            side /= 2
+        return found.ravel()
+
+    def _lines(self) -> list[NDArray[np.float64]]:
+        """Positions along each axis, m."""
+        given = zip(self.lattice.origin, self.lattice.counts, strict=True)
+        return [places(first, self.lattice.spacing, np.arange(count)) for first, count in given]
+
+    def part(self, rows: NDArray[np.int64]) -> Grid:
+        """The grid of the nodes in `rows`; of a rectangle no arrays of all nodes are made."""
+        if self.dimension == 3 or self._listed:
+            return super().part(rows)
+        at = np.unravel_index(rows, self.lattice.counts[::-1])[::-1]
+        ends = [(one == 0) | (one == count - 1) for one, count in zip(at, self.lattice.counts, strict=True)]
+        return Grid(
+            ids=rows + 1,
+            position=np.column_stack([along[one] for along, one in zip(self._lines(), at, strict=True)]),
+            delta=self.delta[rows],
+            border=ends[0] | ends[1],
+            hole_id=self.hole_id[rows],
+            areas=self.lattice.spacing**2 / np.where(ends[0], 2, 1) / np.where(ends[1], 2, 1),
+            **self._shapes(),
+        )
+
+    def missing(self, ids: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Those of the ids (k,) that no node has."""
+        return super().missing(ids) if self._listed else ids[(ids < 1) | (ids > len(self))]
+
+    def chosen(self, ids: Sequence[int] | None, box: ArrayLike | None) -> NDArray[np.int64]:
+        """The rows of the nodes with these ids or, without ids, of those in a box."""
+        if self._listed:
+            return super().chosen(ids, box)
+        if ids is not None:
+            return np.asarray(np.unique(np.array(ids, dtype=np.int64)) - 1)
+        low, high = np.reshape(np.asarray(box, dtype=float), (2, self.dimension))
+        slack = SLACK * self.lattice.spacing
+        inside = [
+            np.flatnonzero((along >= first - slack) & (along <= last + slack))
+            for along, first, last in zip(self._lines(), low, high, strict=True)
+        ]
+        rows = inside[-1]
+        for along, count in zip(inside[-2::-1], self.lattice.counts[-2::-1], strict=True):
+            rows = (rows[:, None] * count + along).ravel()
+        return np.asarray(rows, dtype=np.int64)
