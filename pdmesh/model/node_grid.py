@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from pdmesh.model.contact import REST, BodyNodes
 from pdmesh.model.document import (
@@ -22,127 +21,14 @@ from pdmesh.model.document import (
     Settings,
     Vector,
 )
+from pdmesh.model.node_arrays import Bodies as Bodies
+from pdmesh.model.node_arrays import Grid as Grid
 from pdmesh.model.refused_settings import LEAST
-from pdmesh.model.selection import selected
-from pdmesh.model.svg_picture import svg
+from pdmesh.model.whole_lattice import WholeLattice
+from pdmesh.model.whole_lattice import places as places
 
 MOST_NODES = 10**8  # of a lattice
 MOST_CELLS = 16  # that a node stands for; those at holes and corners have up to 2.2
-
-
-class Bodies(NamedTuple):
-    """The bodies of n nodes."""
-
-    number: NDArray[np.int64]  # (n,) 0: of the first body
-    names: tuple[str, ...]  # from number 0 on
-    rigid: tuple[int, ...] = ()  # numbers of those whose nodes have no bonds
-
-    def parted(self, source: NDArray[np.int64], target: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Mask (b,) of pairs of rows that no bond joins: of different bodies, or of one that is rigid."""
-        apart = self.number[source] != self.number[target]
-        return np.asarray(apart | np.isin(self.number[source], self.rigid) if self.rigid else apart)
-
-    def moving_as_one(self, source: NDArray[np.int64], target: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Mask (b,) of pairs of rows that are in the same rigid body."""
-        return np.asarray((self.number[source] == self.number[target]) & np.isin(self.number[source], self.rigid))
-
-
-@dataclass(frozen=True)
-class Grid:
-    """A checked grid as arrays, n nodes in the file's order, in d = 2 or 3 dimensions."""
-
-    ids: NDArray[np.int64]  # (n,) unique
-    position: NDArray[np.float64]  # (n, d) m
-    delta: NDArray[np.float64]  # (n,) spacing, m
-    border: NDArray[np.bool_]  # (n,) at the edge of the plate or of a hole
-    hole_id: NDArray[np.int64]  # (n,) -1 where none
-    cracks: NDArray[np.float64]  # (k, 4) segments x0, y0, x1, y1, or (k, 9) triangles x0, y0, z0, ..., z2, m
-    outline: tuple[NDArray[np.float64], ...] = ()  # rings (p, 2), m; of a body (3, 3), triangles of its surface
-    holes: tuple[NDArray[np.float64], ...] = ()  # rings (p, 2), m
-    areas: NDArray[np.float64] | None = None  # (n,) m^2; of a body volumes, m^3
-    source: str = ""
-    parameters: tuple[tuple[str, float | str], ...] = ()
-    drawing: str = ""
-    lattice: Lattice | None = None  # what the nodes are all of, where they are
-    bodies: Bodies | None = None  # None: all nodes are of one
-
-    def __post_init__(self) -> None:
-        """Convert numbers to the types above; arrays of those types are kept."""
-        for name in self._converted():
-            given = getattr(self, name)
-            if given is not None:
-                object.__setattr__(self, name, np.asarray(given, dtype=np.float64))
-        for name in ("outline", "holes"):
-            rings = tuple(np.asarray(ring, dtype=np.float64) for ring in getattr(self, name))
-            object.__setattr__(self, name, rings)
-
-    def _converted(self) -> tuple[str, ...]:
-        """The names of arrays of numbers that are there."""
-        return ("position", "delta", "cracks", "areas")
-
-    def __len__(self) -> int:
-        return len(self.ids)
-
-    def part(self, rows: NDArray[np.int64]) -> Grid:
-        """The grid of the nodes in `rows`, with the shapes of all; it has no bodies."""
-        return Grid(
-            ids=self.ids[rows],
-            position=self.position[rows],
-            delta=self.delta[rows],
-            border=self.border[rows],
-            hole_id=self.hole_id[rows],
-            areas=None if self.areas is None else self.areas[rows],
-            **self._shapes(),
-        )
-
-    def _shapes(self) -> dict[str, Any]:
-        names = ("cracks", "outline", "holes", "source", "parameters", "drawing", "lattice")
-        return {name: getattr(self, name) for name in names}
-
-    def missing(self, ids: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Those of the ids (k,) that no node has."""
-        return ids[~np.isin(ids, self.ids)]
-
-    def chosen(self, ids: Sequence[int] | None, box: ArrayLike | None) -> NDArray[np.int64]:
-        """The rows of the nodes with these ids or, without ids, of those in a box."""
-        return np.flatnonzero(selected(self, ids, box))
-
-    @property
-    def dimension(self) -> int:
-        """2 for a plate, 3 for a body in space."""
-        return int(self.position.shape[1])
-
-    @property
-    def cells(self) -> NDArray[np.float64]:
-        """Area (n,), m^2, or in a body volume, m^3, of each node; full cells if the file has none."""
-        return self.delta**self.dimension if self.areas is None else self.areas
-
-    @property
-    def rigid(self) -> NDArray[np.bool_]:
-        """Mask (n,) of the nodes of rigid bodies."""
-        if self.bodies is None:
-            return np.zeros(len(self), dtype=np.bool_)
-        return np.isin(self.bodies.number, self.bodies.rigid)
-
-    @property
-    def faces(self) -> NDArray[np.float64]:
-        """Triangles (t, 3, 3) of a body's surface, m."""
-        return np.array(self.outline).reshape(-1, 3, 3)
-
-    def window(self, first: int, last: int) -> Grid:
-        """The grid of the rows `first` to `last` - 1, as a list of nodes."""
-        of_nodes = ("ids", "position", "delta", "border", "hole_id")
-        rows = {name: getattr(self, name)[first:last] for name in of_nodes}
-        areas = None if self.areas is None else self.areas[first:last]
-        bodies = None if self.bodies is None else self.bodies._replace(number=self.bodies.number[first:last])
-        return replace(self, **rows, areas=areas, bodies=bodies, lattice=None)
-
-    def _repr_svg_(self) -> str | None:
-        """SVG for a notebook: the plate and its nodes; None for a body in space."""
-        if self.dimension == 3:
-            return None
-        rings, cracks = [*self.outline, *self.holes], self.cracks.reshape(-1, 2, 2)
-        return svg(rings, cracks, self.position, self.delta, self.border)
 
 
 def grid_of(document: Document, name: str) -> Grid:
@@ -211,16 +97,8 @@ def _grid_of_lattice(document: Document, lattice: Lattice, name: str) -> Grid:
     )
 
 
-def places(first: float, spacing: float, numbers: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Positions, m, of lattice columns or rows (k,), counted from `first`; mirrored ones are bitwise mirrored."""
-    decimals = 9 - int(np.floor(np.log10(spacing)))
-    return np.asarray(np.round(first + numbers * spacing, decimals) + 0.0)
-
-
 def whole_lattice(lattice: Lattice, **more: Any) -> Grid:
     """All nodes of a lattice; `more` are other fields of the grid."""
-    from pdmesh.model.whole_lattice import WholeLattice  # which is a grid
-
     return WholeLattice(lattice, **more)
 
 

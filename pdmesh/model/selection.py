@@ -26,7 +26,7 @@ from pdmesh.model.document import (
 from pdmesh.model.monitors import contradiction
 
 if TYPE_CHECKING:
-    from pdmesh.model.node_grid import Grid
+    from pdmesh.model.node_arrays import Grid
 
 WHOLES = {2: "a plate", 3: "a body in space"}
 LOADS = ("body_force", "traction", "force")

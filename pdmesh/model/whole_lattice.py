@@ -15,8 +15,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pdmesh.model.document import Lattice
-from pdmesh.model.node_grid import Grid, places
+from pdmesh.model.node_arrays import Grid
 from pdmesh.model.selection import SLACK
+
+
+def places(first: float, spacing: float, numbers: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Positions, m, of lattice columns or rows (k,), counted from `first`; mirrored ones are bitwise mirrored."""
+    decimals = 9 - int(np.floor(np.log10(spacing)))
+    return np.asarray(np.round(first + numbers * spacing, decimals) + 0.0)
 
 
 class WholeLattice(Grid):

@@ -177,7 +177,7 @@ def _aligned_zeros(shape: tuple[int, ...]) -> NDArray[np.float64]:
 
 
 def _seldom_touched(*shape: int) -> NDArray[np.float64]:
-    """Zeros aligned to 64 bytes in small pages: NumPy asks for large ones, of which edges of a plate touch every one."""
+    """Zeros aligned to 64 bytes in small pages: NumPy asks for large ones, all of which the edges of a plate touch."""
     return np.frombuffer(mmap.mmap(-1, max(8 * int(np.prod(shape)), 1)), count=int(np.prod(shape))).reshape(shape)
 
 
