@@ -230,7 +230,7 @@ def cells_of(plate: Plate, reach: int) -> NDArray[np.uint8]:
         cells[in_disc(some & ~good, (reach + RING + 1) / 2) & good] = FINE
         cells[in_disc(some & ~good, (reach + 2) / 2) & ~some & ~good] = EMPTY
     cells = np.pad(cells, AROUND, constant_values=VOID)
-    node_y, node_x = np.divmod(between(plate.model, at, plate.place, plate.row), at.stride)
+    node_y, node_x = np.divmod(between(plate), at.stride)
     for below, left in ((0, 0), (0, 1), (1, 0), (1, 1)):
         corner = AROUND + (node_y - BELOW - below) // 2, AROUND + (node_x - LEFT - left) // 2
         cells[corner] = np.where(cells[corner] == COARSE, FINE, cells[corner])
