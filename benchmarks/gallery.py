@@ -52,6 +52,7 @@ SHOWN = {
     "nooru_mohamed.py": Shown("displacement --scale auto"),
     "offset_notch.py": Shown("reaction --gap mouth --condition middle"),
     "penny.geo": Shown("slice --field damage --plane y=0"),
+    "quenched_slab.py": Shown("damage"),
     "plastic_beam.py": Shown("plastic --scale auto"),
     "rubber_block.py": Shown("stress --scale 1"),
     "screw.geo": Shown("slice --field content --plane y=0 --time 500"),
