@@ -285,7 +285,7 @@ class Writer:
         if rows is not None:
             data = np.full(self._checksums["node"].rows, np.nan, dtype="<f4")
             data[rows] = values
-            chunks = np.unique(rows // CHUNK)
+            chunks = np.flatnonzero(np.bincount(rows // CHUNK))
         bits = data.data
         parts = ((chunk, bits[CHUNK * chunk : CHUNK * (chunk + 1)]) for chunk in chunks.tolist())
         self._append("field_chunk", [(step, name, chunk, part) for chunk, part in parts])

@@ -27,6 +27,7 @@ from pdsolve.steppers.load_steps import Rested
 from pdsolve.steppers.stepped_rest import SteppedRest
 from pdsolve.steppers.verlet_on_device import fetch
 
+GAP = 64  # rows between born nodes whose bonds are asked for together
 KEPT = 1.0  # s between checkpoints in full precision, with frames
 OLD = 10.0  # s, with entries of the ledger
 
@@ -47,13 +48,14 @@ def families(system: System, first: int, last: int) -> Families:
 
 def born(system: System, which: NDArray[np.int64], rows: NDArray[np.int64], step: int) -> tuple[Nodes, Families]:
     """Nodes born after `step`, `which` (b,) of a set of nodes, and their remaining bonds; `rows` (n,) as in `Frame`."""
-    runs = np.split(which, np.flatnonzero(np.diff(which) > 1) + 1) if len(which) else []
+    runs = np.split(which, np.flatnonzero(np.diff(which) > GAP) + 1) if len(which) else []
     nothing = np.zeros(0, dtype=np.int64)
     ends = [(nothing, nothing), *(system.operator.bonds(int(run[0]), int(run[-1]) + 1) for run in runs)]
-    since = system.operator.broken(step)
-    own = np.isin(since.source, which)
-    ends.append((since.source[own], since.target[own]))
+    since, own = system.operator.broken(step), np.zeros(len(system.family), dtype=np.bool_)
+    own[which] = True
+    ends.append((since.source, since.target))
     source, target = (np.concatenate(column) for column in zip(*ends, strict=True))
+    source, target = source[own[source]], target[own[source]]
     order = np.lexsort((target, source))
     source, target = source[order], target[order]
     count = np.bincount(source, minlength=len(system.family))[which]
