@@ -91,12 +91,10 @@ def refuse(model: Model, partial_cells: bool) -> None:
             )
 
 
-def refuse_on_ranks(model: Model, kernel: str | None) -> None:
+def refuse_on_ranks(model: Model) -> None:
     """Raise ModelError for what a run on many ranks does not support."""
-    for wrong in on_ranks(model.settings, model.grid.dimension):
+    for wrong in on_ranks(model.settings):
         raise ModelError(f"{model.name}: {wrong}")
-    if kernel == "listed":
-        raise ModelError("kernel: found listed, expected blocks on many ranks")
 
 
 def refuse_fields(model: Model, operator: Operator, state: State) -> None:

@@ -132,21 +132,18 @@ def impossible(settings: Settings, dimension: int) -> Iterator[Impossible]:
     yield from _of_run(settings, every)
 
 
-def on_ranks(settings: Settings, dimension: int) -> Iterator[Impossible]:
-    """Settings that a run on many ranks does not support, in a plate (2) or a body in space (3)."""
-    why, run = "on many ranks", settings.run
+def on_ranks(settings: Settings) -> Iterator[Impossible]:
+    """Settings that a run on many ranks does not support."""
+    why = "on many ranks"
     if settings.physics != "mechanics":
         yield Impossible("$.physics", settings.physics, f"mechanics {why}")
-    if dimension == 3:
-        yield Impossible("$.nodes", "a body in space", f"a plate {why}")
     usual = {"solver": "explicit", "start": "unloaded", "adapt": "none", "cracks": "bonds", "device": "cpu"}
     yield from _unusual(settings, usual, f" {why}")
-    if run.damping or any(isinstance(condition, Absorb) for condition in settings.conditions):
-        yield Impossible("$.run.damping", "damping or a layer that absorbs", f"none {why}")
-    every = [settings.material, *(region.material for region in settings.regions)]
-    for material in every:
-        if material is not None and material.model != "bond":
-            yield Impossible("$.material.model", f"'{material.model}'", f"'bond' {why}")
+    for material in (settings.material, *(region.material for region in settings.regions)):
+        if material is not None and material.model not in ("bond", "ordinary"):
+            yield Impossible("$.material.model", f"'{material.model}'", f"'bond' or 'ordinary' {why}")
+        elif material is not None and material.model == "ordinary" and material.failure not in ("none", "stretch"):
+            yield Impossible("$.material.failure", f"'{material.failure}'", f"'none' or 'stretch' {why}")
 
 
 def _unusual(settings: Settings, usual: dict[str, str], why: str) -> Iterator[Impossible]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pdmesh.model.neighbours import ROWS
 from pdsolve.bonds.assembly import BondStatistics, Filling, Part
@@ -27,6 +28,13 @@ from pdsolve.operators.simd_lattice.layout import (
 from pdsolve.ranks.slabs import Slab
 
 
+class Seen(NamedTuple):
+    """What is seen of the bonds of own nodes while they are made."""
+
+    survey: BondStatistics
+    reached: list[NDArray[np.int32]]  # rows of the whole grid that bonds go to, of each part
+
+
 class Scratch(NamedTuple):
     """The number type of blocks, and how many threads work on them."""
 
@@ -34,16 +42,13 @@ class Scratch(NamedTuple):
     threads: int
 
 
-def blocks_of(
-    team: Team, law: Law, filling: Filling, slab: Slab, survey: BondStatistics, scratch: Scratch
-) -> Blocks | None:
+def blocks_of(team: Team, law: Law, filling: Filling, slab: Slab, seen: Seen, scratch: Scratch) -> Blocks | None:
     """The bonds of a slab in blocks, for a window's rows, of which only its own have bonds; None if the nodes of all
-    ranks are on no lattice. `filling` makes the bonds of the window, `survey` looks at those of the slab. All ranks
-    call this together."""
+    ranks are on no lattice. `filling` makes the bonds of the window. All ranks call this together."""
     tables: Tables | None = Tables()
     if team.rank > 0:
         tables = team.received(team.rank - 1, PASSED)
-    slots = None if tables is None else _numbered(filling, slab, tables, survey)
+    slots = None if tables is None else _numbered(filling, slab, tables, seen)
     if team.rank < team.size - 1:
         team.comm.send(tables if slots is not None else None, team.rank + 1, PASSED)
     tables = team.comm.bcast(tables if slots is not None else None, team.size - 1)
@@ -60,7 +65,7 @@ def blocks_of(
     )
 
 
-def _numbered(filling: Filling, slab: Slab, tables: Tables, survey: BondStatistics) -> list[Slots] | None:
+def _numbered(filling: Filling, slab: Slab, tables: Tables, seen: Seen) -> list[Slots] | None:
     """The slots of a slab's own rows; new values are added to the tables. None if nodes are on no lattice."""
     found, room = [], room_of(slab.nodes)
     for first in range(*slab.chunks, ROWS):
@@ -71,7 +76,8 @@ def _numbered(filling: Filling, slab: Slab, tables: Tables, survey: BondStatisti
             return None
         begin, end = max(first, slab.first), min(last, slab.last)
         own = rows_of(part, begin, end)
-        survey.look(own)
+        seen.survey.look(own)
+        seen.reached.append(np.unique(own.bonds.neighbour))
         if (begin, end) != (first, last):
             slots = slots_of(own.bonds, own.first, room, tables)
         assert slots is not None

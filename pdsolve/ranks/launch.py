@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import warnings
 from collections.abc import Callable
 
 from pdmesh import commandline
@@ -46,6 +47,7 @@ def _served(ranks: Team) -> int:
     """Serve rank 0, which is the one that hears signals; an error here ends all ranks."""
     for number in commandline.STOPS:
         signal.signal(number, signal.SIG_IGN)
+    warnings.simplefilter("ignore")  # rank 0 has the whole model to warn of
     try:
         return ranks.serve()
     except BaseException as error:

@@ -12,16 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.bonds.assembly import Counted
-from pdsolve.checkpoint_validation import entry
 from pdsolve.conditions import Drive, chosen
-from pdsolve.model import Model, ModelError
+from pdsolve.laws import law_of
+from pdsolve.model import Model
 from pdsolve.numerics.team import Team
 from pdsolve.operators.protocol import Kept
 from pdsolve.options import Options
 from pdsolve.ranks import part
 from pdsolve.ranks.slabs import slabs_of, starts_of
 from pdsolve.schemes.scheme import Scheme
-from pdsolve.state import Broken, State, Unknown
+from pdsolve.state import Broken, State
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -30,25 +30,21 @@ if TYPE_CHECKING:
 class AcrossRanks:
     """The bonds of n nodes on the ranks of a team; see `Operator`."""
 
-    name = "blocks"
-    unknowns: tuple[Unknown, ...] = (Unknown("u", 2, 2),)
-
-    def __init__(self, model: Model, options: Options, scheme: Scheme, team: Team) -> None:
-        """Raises ModelError for nodes that are on no lattice, or fewer than ranks need."""
+    def __init__(self, model: Model, options: Options, scheme: Scheme, team: Team, make: part.Make) -> None:
+        """`make` makes the operator of a window where bonds are not in blocks of the plane. Raises ModelError."""
         self.team, self.symmetric = team, scheme.symmetric
         self.slabs = slabs_of(model, team.size)
-        plain = options._replace(team=None)
+        starts, plain = starts_of(self.slabs), options._replace(team=None)
         windows = [(slab, model.window(slab.begin, slab.end)) for slab in self.slabs]
-        found: list[part.Counts] = [
-            one for one in team.everywhere(part.build, plain, starts_of(self.slabs), each=windows) if one is not None
-        ]
-        if len(found) < team.size:
-            raise ModelError(f"{model.name}: found nodes on no lattice, expected one on {team.size} ranks: one process")
-        area, family, bonds, self._stiffest, _ = (
-            np.concatenate([np.atleast_1d(column) for column in columns]) for columns in zip(*found, strict=True)
-        )
-        self.counted = Counted(area, family, bonds)
-        self._bytes = sum(one.bytes for one in found)
+        found: list[part.Counts | None] = [None]
+        if law_of(model).pair is not None and model.grid.dimension == 2 and options.kernel != "listed":
+            found = team.everywhere(part.build, plain, starts, each=windows)
+        if found[0] is None:
+            found = team.everywhere(part.build_window, plain, make, starts, each=windows)
+        parts = [one for one in found if one is not None]
+        *columns, self._stiffest = (np.concatenate(values) for values in zip(*(one[:4] for one in parts), strict=True))
+        self.counted, self._bytes = Counted(*columns), sum(one.bytes for one in parts)
+        self.name, self.unknowns = parts[0].kernel, parts[0].unknowns
         self.stepper: VerletOnRanks | None = None
         self._broken = _none()
 
@@ -56,9 +52,12 @@ class AcrossRanks:
         """The state as it is: rank 0 has that of all nodes."""
         return state
 
-    def marched(self, drive: Drive, rho: NDArray[np.floating], dt: float) -> VerletOnRanks:
-        """The stepper of these bonds under conditions of all nodes of density `rho` (n,); steps are `dt` s long."""
-        self.stepper = VerletOnRanks(self, drive, rho, dt)
+    def marched(
+        self, drive: Drive, rho: NDArray[np.floating], dt: float, damping: NDArray[np.float64]
+    ) -> VerletOnRanks:
+        """The stepper under conditions of all nodes of density `rho` (n,) and `damping` (n,), 1/s; steps are `dt` s
+        long."""
+        self.stepper = VerletOnRanks(self, drive, rho, dt, damping)
         return self.stepper
 
     def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> NoReturn:
@@ -72,8 +71,12 @@ class AcrossRanks:
         return np.concatenate(held), np.concatenate(spent)
 
     def fields(self, state: State) -> dict[str, NDArray[np.float64]]:
-        """Empty: a pair law stores no fields besides displacements."""
-        return {}
+        """Other stored fields (n,), by result column, in SI units."""
+        self._collect(state)
+        if self.stepper is None or not self.stepper.marches:
+            return {}
+        found = self.team.everywhere(part.fields)
+        return {name: np.concatenate([one[name] for one in found]) for name in found[0]}
 
     def stiffness_bound(self) -> NDArray[np.float64]:
         """A bound (n,) of each node's stiffness, N/m^4; see `Operator`."""
@@ -94,7 +97,8 @@ class AcrossRanks:
 
     def broken(self, after: int = 0) -> Broken:
         """The bonds broken after a step."""
-        found = self._broken, *self.team.everywhere(part.newly_broken)
+        known = int(self._broken.step.max(initial=0))  # no bond breaks in a step that is over
+        found = self._broken, *self.team.everywhere(part.broken, known)
         self._broken = Broken(*(np.concatenate(columns) for columns in zip(*found, strict=True)))
         later = self._broken.step > after
         return Broken(*(column[later] for column in self._broken))
@@ -108,14 +112,14 @@ class AcrossRanks:
 
     def back(self, kept: Kept, broken: Broken) -> None:
         """Restore the history of bonds and the broken bonds of a checkpoint; the state goes to all ranks anew."""
-        nodes = len(self._stiffest) - 1
-        (count,) = entry(kept, "worst_source", (None,), np.int64, 0, nodes).shape
-        entry(kept, "worst_target", (count,), np.int64, 0, nodes)
-        known = {name: values for name, values in kept.items() if name.startswith("worst")}
-        self.team.everywhere(part.back, known, broken)
+        self.team.everywhere(part.back, {name: kept[name] for name in self._kept() if name in kept}, broken)
         self._broken = _none()
         if self.stepper is not None:
             self.stepper.forget()
+
+    def _kept(self) -> set[str]:
+        """The names of what the operator keeps."""
+        return {name for one in self.team.everywhere(part.keep) for name in one}
 
     def bytes(self) -> int:
         """Memory of all arrays of all ranks, bytes."""
@@ -129,12 +133,24 @@ class AcrossRanks:
 class VerletOnRanks:
     """Velocity Verlet on all ranks together."""
 
-    def __init__(self, operator: AcrossRanks, drive: Drive, rho: NDArray[np.floating], dt: float) -> None:
-        self._operator, self.drive, self._rho, self._dt = operator, drive, rho, dt
+    def __init__(
+        self,
+        operator: AcrossRanks,
+        drive: Drive,
+        rho: NDArray[np.floating],
+        dt: float,
+        damping: NDArray[np.float64],
+    ) -> None:
+        self._operator, self.drive, self._rho, self._dt, self._damping = operator, drive, rho, dt, damping
         self._there, self._fresh = False, True  # whether ranks have the state; whether rank 0 does
         owner = np.searchsorted([slab.first for slab in operator.slabs], drive.holds.node, side="right") - 1
         self._held = [np.flatnonzero(owner == rank) for rank in range(operator.team.size)]
         self.state: Any = None  # as it was given last
+
+    @property
+    def marches(self) -> bool:
+        """Whether ranks have a state."""
+        return self._there
 
     def forget(self) -> None:
         """Send the state to all ranks before the next step."""
@@ -175,7 +191,8 @@ class VerletOnRanks:
             )
             varying = drive.force[window], drive.before[window], drive.held_force[held], drive.held_speed[held]
             local = State(*(values[window] for values in state))
-            found.append(part.Share(drive.profiles, loads, holds, drive.varies, *varying, self._rho[window], local))
+            still = self._rho[window], self._damping[window]
+            found.append(part.Share(drive.profiles, loads, holds, drive.varies, *varying, *still, local))
         return found
 
 

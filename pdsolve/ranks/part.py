@@ -5,26 +5,28 @@ Rows are those of the whole grid where rank 0 has to do with them, and those of 
 
 from __future__ import annotations
 
-import warnings
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.bonds.assembly import BondStatistics
+from pdsolve.bonds.assembly import BondStatistics, Counted, Filling
 from pdsolve.conditions import Drive, Entries, Profiles
 from pdsolve.laws import law_of
 from pdsolve.model import Model
 from pdsolve.numerics.team import Team
-from pdsolve.operators.protocol import Kept
-from pdsolve.operators.simd_lattice import layout
+from pdsolve.operators.protocol import Kept, Operator
 from pdsolve.operators.simd_lattice.operator import SimdLattice
 from pdsolve.options import Options
-from pdsolve.ranks.blocks import Scratch, blocks_of
+from pdsolve.ranks.blocks import Scratch, Seen, blocks_of
 from pdsolve.ranks.ghosts import Ghosts
 from pdsolve.ranks.slabs import Slab
 from pdsolve.schemes import SCHEMES
-from pdsolve.state import Broken, State
+from pdsolve.schemes.scheme import Scheme
+from pdsolve.state import Broken, State, Unknown
+from pdsolve.steppers.protocol import Stepper
+from pdsolve.steppers.verlet import Verlet
 from pdsolve.steppers.verlet_blocks import VerletBlocks
 
 
@@ -36,6 +38,8 @@ class Counts(NamedTuple):
     bonds: NDArray[np.int64]  # (k,) at the start
     stiffest: NDArray[np.float64]  # (k,) N/m^4, a bound of the stiffness
     bytes: int  # of all arrays of the operator
+    kernel: str
+    unknowns: tuple[Unknown, ...]
 
 
 class Share(NamedTuple):
@@ -50,6 +54,7 @@ class Share(NamedTuple):
     held_force: NDArray[np.float64]  # (holds,)
     held_speed: NDArray[np.float64]  # (holds,)
     rho: NDArray[np.floating]  # (m,)
+    damping: NDArray[np.float64]  # (m,) 1/s
     state: State
 
 
@@ -60,46 +65,75 @@ class Own(NamedTuple):
     held_force: NDArray[np.float64]
 
 
+Make = Callable[[Model, Options, Scheme, Filling], tuple[Operator, Counted]]  # what makes the operator of a model
+
+
 class Part:
     """What a rank works on."""
 
-    def __init__(self, slab: Slab, operator: SimdLattice, ghosts: Ghosts) -> None:
+    def __init__(self, slab: Slab, operator: Operator, ghosts: Ghosts) -> None:
         self.slab, self.operator, self.ghosts = slab, operator, ghosts
         self.own = slice(slab.first - slab.begin, slab.last - slab.begin)
-        self.told = 0  # broken bonds that rank 0 knows
-        self.stepper: VerletBlocks | None = None
+        self.stepper: Stepper | None = None
+        self.held_force = np.zeros(0)
         self.state: State | None = None
 
 
 def build(team: Team, options: Options, starts: NDArray[np.int64], given: tuple[Slab, Model]) -> Counts | None:
-    """Make the bonds of a slab from the model of its window; None if all nodes are on no lattice."""
+    """Make the bonds of a slab in blocks, from the model of its window; None if all nodes are on no lattice."""
     slab, model = given
     scheme, law = SCHEMES[options.mode], law_of(model)
-    with warnings.catch_warnings():
-        if team.rank > 0:
-            warnings.simplefilter("ignore")  # rank 0 has the whole model to warn of
-        filling = scheme.fill(model)
-    survey = BondStatistics(filling, scheme.symmetric)
+    filling = scheme.fill(model)
+    seen = Seen(BondStatistics(filling, scheme.symmetric), [])
     scratch = Scratch(np.dtype(options.precision).type, options.threads or 1)
-    blocks = blocks_of(team, law, filling, slab, survey, scratch)
-    softens = any(team.comm.allgather(survey.softens))
+    blocks = blocks_of(team, law, filling, slab, seen, scratch)
+    softens = any(team.comm.allgather(seen.survey.softens))
     if blocks is None:
         return None
-    stiffest = np.zeros(len(model.grid))
+    survey, stiffest = seen.survey, np.zeros(len(model.grid))
     stiffest[slab.first - slab.begin : slab.last - slab.begin] = survey.stiffness_bound
     operator = SimdLattice(law, blocks, stiffest, scheme.symmetric, softens)
-    reached = np.unique(layout.ends(blocks, layout.there(blocks.mask))[1]) + slab.begin
-    ghosts = Ghosts(team, starts, slab, reached[(reached < slab.first) | (reached >= slab.last)])
-    part = team.part = Part(slab, operator, ghosts)
-    return Counts(filling.area[part.own], survey.family, survey.count, survey.stiffness_bound, operator.bytes())
+    reached = np.unique(np.concatenate(seen.reached)).astype(np.int64)
+    part = _with_ghosts(team, starts, slab, operator, reached)
+    return _counts(operator, Counted(filling.area[part.own], survey.family, survey.count), survey.stiffness_bound)
+
+
+def build_window(
+    team: Team, options: Options, make: Make, starts: NDArray[np.int64], given: tuple[Slab, Model]
+) -> Counts:
+    """Make the bonds of a whole window; those of ghosts are there to know what own nodes' bonds ask of them."""
+    slab, model = given
+    scheme = SCHEMES[options.mode]
+    operator, counted = make(model, options._replace(threads=options.threads or 1), scheme, scheme.fill(model))
+    part = _with_ghosts(team, starts, slab, operator, np.arange(slab.begin, slab.end))
+    own = part.own
+    return _counts(
+        operator, Counted(counted.area[own], counted.family[own], counted.bonds[own]), operator.stiffness_bound()[own]
+    )
+
+
+def _with_ghosts(
+    team: Team, starts: NDArray[np.int64], slab: Slab, operator: Operator, reached: NDArray[np.int64]
+) -> Part:
+    """The part of this rank, whose nodes ask for the motion of those `reached` (k,) by rows of the whole grid."""
+    others = reached[(reached < slab.first) | (reached >= slab.last)]
+    part = team.part = Part(slab, operator, Ghosts(team, starts, slab, others))
+    return part
+
+
+def _counts(operator: Operator, counted: Counted, stiffest: NDArray[np.float64]) -> Counts:
+    return Counts(*counted, stiffest, operator.bytes(), operator.name, operator.unknowns)
 
 
 def put(team: Team, dt: float, share: Share) -> None:
     """Take over conditions and state of the window; steps are `dt` s long."""
     part: Part = team.part
-    part.state = part.operator.place(share.state)
-    drive = Drive(*share[:8])
-    part.stepper = VerletBlocks(part.operator, drive, share.rho, dt, ghosts=part.ghosts)
+    operator, drive = part.operator, Drive(*share[:8])
+    part.state, part.held_force = operator.place(share.state), drive.held_force
+    if isinstance(operator, SimdLattice) and not share.damping.any():
+        part.stepper = VerletBlocks(operator, drive, share.rho, dt, ghosts=part.ghosts)
+    else:
+        part.stepper = Verlet(operator, drive, share.rho, dt, share.damping, part.ghosts)
 
 
 def march(team: Team, first: int, last: int) -> None:
@@ -113,10 +147,15 @@ def march(team: Team, first: int, last: int) -> None:
 def own(team: Team) -> Own:
     """The state of own nodes."""
     part: Part = team.part
-    assert part.stepper is not None
     assert part.state is not None
-    held = part.stepper.drive.held_force
-    return Own(State(*(np.ascontiguousarray(values[part.own]) for values in part.state)), held)
+    return Own(State(*(np.ascontiguousarray(values[part.own]) for values in part.state)), part.held_force)
+
+
+def fields(team: Team) -> dict[str, NDArray[np.float64]]:
+    """Other fields (k,) of own nodes."""
+    part: Part = team.part
+    assert part.state is not None
+    return {name: values[part.own] for name, values in part.operator.fields(part.state).items()}
 
 
 def energies(team: Team) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -127,14 +166,12 @@ def energies(team: Team) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     return held[part.own], spent[part.own]
 
 
-def newly_broken(team: Team) -> Broken:
-    """Bonds of own nodes that rank 0 does not know to be broken, by rows of the whole grid."""
+def broken(team: Team, after: int) -> Broken:
+    """Bonds of own nodes broken after a step, by rows of the whole grid."""
     part: Part = team.part
-    found = part.operator.broken()
-    new = slice(part.told, None)
-    part.told = len(found.step)
-    begin = part.slab.begin
-    return Broken(found.step[new], found.source[new] + begin, found.target[new] + begin)
+    found, slab = part.operator.broken(after), part.slab
+    mine = (found.source >= part.own.start) & (found.source < part.own.stop)
+    return Broken(found.step[mine], found.source[mine] + slab.begin, found.target[mine] + slab.begin)
 
 
 def bonds(team: Team, first: int, last: int, start: bool) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -148,31 +185,44 @@ def bonds(team: Team, first: int, last: int, start: bool) -> tuple[NDArray[np.in
     return source + slab.begin, target + slab.begin
 
 
+ENDS = ("_source", "_target")  # of bonds, in the names of their history
+
+
 def keep(team: Team) -> Kept:
-    """History of the bonds of own nodes."""
+    """History of own nodes and of their bonds, by rows of the whole grid."""
     part: Part = team.part
-    return {
-        name: values + part.slab.begin if name.endswith(("_source", "_target")) else values
-        for name, values in part.operator.keep().items()
-    }
+    slab = part.slab
+    kept, found = part.operator.keep(), {}
+    for name, values in kept.items():
+        source = _ends(kept, name, "source")
+        if source is None:
+            found[name] = values[part.own]
+            continue
+        mine = (source >= part.own.start) & (source < part.own.stop)
+        found[name] = values[mine] + slab.begin if name.endswith(ENDS) else values[mine]
+    return found
+
+
+def _ends(kept: Kept, name: str, end: str) -> NDArray[np.int64] | None:
+    """The sources, or targets, of the bonds that a column of a history is of; None if it is of nodes."""
+    stem = name.removesuffix("_edge").removesuffix("_source").removesuffix("_target")
+    return kept.get(f"{stem}_{end}")
 
 
 def back(team: Team, kept: Kept, broken: Broken) -> None:
-    """Restore the history of the bonds of own nodes; arguments are those of all nodes."""
+    """Restore the history of a window, of which arguments are those of all nodes; in blocks only own nodes' bonds."""
     part: Part = team.part
-    slab = part.slab
-    mine = (broken.source >= slab.first) & (broken.source < slab.last)
+    slab, alone = part.slab, isinstance(part.operator, SimdLattice)
+    first, last = (slab.first, slab.last) if alone else (slab.begin, slab.end)
+    mine = (broken.source >= first) & (broken.source < last)
+    mine &= (broken.target >= slab.begin) & (broken.target < slab.end)
     past = Broken(broken.step[mine], broken.source[mine] - slab.begin, broken.target[mine] - slab.begin)
-    part.operator.back(_of(kept, slab), past)
-    part.told = 0
-
-
-def _of(kept: Kept, slab: Slab) -> dict[str, NDArray[Any]]:
-    """The history of bonds of a slab's own nodes, by rows of its window."""
-    source = kept["worst_source"]
-    mine = (source >= slab.first) & (source < slab.last)
-    return {
-        name: values[mine] - slab.begin if name.endswith(("_source", "_target")) else values[mine]
-        for name, values in kept.items()
-        if name.startswith("worst")
-    }
+    own: dict[str, NDArray[Any]] = {}
+    for name, values in kept.items():
+        source, target = (_ends(kept, name, end) for end in ("source", "target"))
+        if source is None or target is None:
+            own[name] = values[slab.begin : slab.end]
+            continue
+        here = (source >= first) & (source < last) & (target >= slab.begin) & (target < slab.end)
+        own[name] = values[here] - slab.begin if name.endswith(ENDS) else values[here]
+    part.operator.back(own, past)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.model.document import Lattice
 from pdmesh.model.neighbours import ROWS
 from pdsolve.model import Model, ModelError
 from pdsolve.operators.simd_lattice.kernel import LANES
@@ -28,6 +30,10 @@ class Slab(NamedTuple):
 
 def slabs_of(model: Model, ranks: int) -> list[Slab]:
     """The slabs of a model. Raises ModelError for fewer blocks of nodes than ranks."""
+    if model.grid.dimension == 3 and model.grid.lattice is None:
+        raise ModelError(
+            f"{model.name}: $.lattice: found nodes one by one, expected a box on one lattice on many ranks"
+        )
     nodes = len(model.grid)
     blocks = -(-nodes // LANES)
     if blocks < ranks:
@@ -54,6 +60,15 @@ def _slab(model: Model, first: int, last: int, around: float) -> Slab:
     for axis in range(position.shape[1]):
         near &= (position[:, axis] >= low[axis]) & (position[:, axis] <= high[axis])
     begin, end = int(near.argmax()), nodes - int(near[::-1].argmax())
-    return Slab(
-        first, last, max(begin // LANES - 1, 0) * LANES, min((-(-end // LANES) + 1) * LANES, nodes), chunks, nodes
-    )
+    if model.grid.lattice is not None and model.grid.dimension == 3:
+        begin -= begin % _layers(model.grid.lattice)
+    else:
+        begin = max(begin // LANES - 1, 0) * LANES
+    return Slab(first, last, begin, min((-(-end // LANES) + 1) * LANES, nodes), chunks, nodes)
+
+
+def _layers(lattice: Lattice) -> int:
+    """Nodes of the fewest layers of a box that fill blocks and tiles of the kernels: a window that begins with them has
+    those of the whole."""
+    layer = lattice.columns * lattice.rows
+    return LANES // math.gcd(LANES, layer) * layer

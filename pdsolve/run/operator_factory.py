@@ -35,7 +35,7 @@ def operator_of(
     `lasting`: no bond breaks, as `filling` has it.
     """
     if options.team is not None:
-        ranked = AcrossRanks(model, options, scheme, options.team)
+        ranked = AcrossRanks(model, options, scheme, options.team, operator_of)
         return ranked, ranked.counted
     law, kind, nodes = law_of(model), np.dtype(options.precision).type, len(model.grid)
     tiles = _tiled(model, options, scheme, lasting)

@@ -178,7 +178,7 @@ def prepare(model: Model, options: Options) -> Prepared:
 
 def _prepared(model: Model, options: Options) -> Prepared:
     if options.team is not None:
-        refuse_on_ranks(model, options.kernel)
+        refuse_on_ranks(model)
     if model.diffuses:
         return _diffusing(model, options)
     scheme = scheme_of(model, options)

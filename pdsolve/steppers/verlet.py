@@ -14,6 +14,7 @@ from pdsolve.conditions import Drive, apply_loads, held
 from pdsolve.numerics.jit_cache import cached_njit
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
+from pdsolve.steppers.ghosts import Ghosts
 from pdsolve.steppers.holds import hold_component, release_component
 
 
@@ -27,12 +28,14 @@ class Verlet:
         rho: NDArray[np.floating],
         dt: float,
         damping: NDArray[np.float64] | None = None,
+        ghosts: Ghosts | None = None,
     ) -> None:
         """`rho` (n,) is the density, kg/m^3, `dt` the step, s, `damping` (n,) the damping of free components, 1/s.
 
-        Damping is the force against motion over mass and velocity.
+        Damping is the force against motion over mass and velocity. `ghosts` get their motion from other ranks.
         """
         self._operator, self._drive, self._rho, self._dt = operator, drive, rho, dt
+        self._ghosts = ghosts
         self._damping = damping if damping is not None and damping.any() else None
         self._held = held(drive) if self._damping is not None else None
 
@@ -43,6 +46,9 @@ class Verlet:
         out = state.second if state.second.dtype == np.float64 else np.zeros(state.value.shape)
         for step in range(first, last):
             _begin(state, drive, dt, step * dt)
+            if self._ghosts is not None:
+                self._ghosts.fill(state.value.T)
+                self._ghosts.fill(state.rate.T)  # with which some operators know where nodes were a step ago
             before = None if self._damping is None else state.rate - dt / 2 * state.second
             out[:] = 0
             self._operator.add(state, out, step, dt)

@@ -7,7 +7,7 @@ do not depend on where a sequence of steps is divided.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -23,6 +23,7 @@ from pdsolve.operators.simd_lattice.layout import aligned
 from pdsolve.operators.simd_lattice.operator import SimdLattice
 from pdsolve.operators.simd_lattice.vectors import kick_and_drift
 from pdsolve.state import State
+from pdsolve.steppers.ghosts import Ghosts
 from pdsolve.steppers.holds import hold_component, release_component
 
 
@@ -40,15 +41,6 @@ class Course(NamedTuple):
     turns: NDArray[np.int64]  # (own blocks,) the order in which blocks are shared out to threads
     push: NDArray[np.float64]  # (2, m) force density of contact now, N/m^3
     pushed: NDArray[np.bool_]  # (blocks,) whether contact may act on the block
-
-
-class Ghosts(Protocol):
-    """Nodes of other ranks, whose displacements come from there."""
-
-    blocks: tuple[int, int]  # the first block of this rank's own nodes, and the one after the last
-
-    def fill(self, values: NDArray[np.floating]) -> None:
-        """Set the ghosts' displacements in `values` (2, m)."""
 
 
 class VerletBlocks:

@@ -21,8 +21,8 @@ from messages import mentions
 from plates import GLASS, STEEL, interface_grid, plate, square_grid
 from whole import contents
 
-from pdmesh.model.document import Absorb, Displacement, Load, Run, Velocity
-from pdmesh.model.node_grid import Grid
+from pdmesh.model.document import Displacement, Lattice, Load, Run, Velocity
+from pdmesh.model.node_grid import Grid, whole_lattice
 from pdsolve.model import Model, read_model
 from pdsolve.results import Results, ResultsError
 from pdsolve.run.simulation import resume, simulate
@@ -69,14 +69,29 @@ def struck(material: object = STEEL) -> Model:
     return plate(square_grid(13, 40), material=material, conditions=ends, run=Run(steps=80, every=20, ledger=10))
 
 
+def pulled(**material: object) -> Model:
+    """A bar in space with a crack across it, pulled at both ends."""
+    crack = [[-1.0, -1.0, 0.02951, 4e-3, -1.0, 0.02951, 4e-3, 1.0, 0.02951]]
+    grid = whole_lattice(Lattice((0.0, 0.0, 0.0), 1e-3, 10, 9, 60), cracks=np.array(crack))
+    ends = (1.1e-3, -8e10), (57.9e-3, 8e10)
+    loads = tuple(Load(box=(-1.0, -1.0, min(-z, z), 1.0, 1.0, z), body_force=(0.0, 0.0, pull)) for z, pull in ends[:1])
+    loads += tuple(Load(box=(-1.0, -1.0, z, 1.0, 1.0, 1.0), body_force=(0.0, 0.0, pull)) for z, pull in ends[1:])
+    glass = msgspec.structs.replace(GLASS, plane="space", **material)
+    return plate(grid, material=glass, conditions=loads, run=Run(time_step=50e-9, steps=100, every=50, ledger=25))
+
+
+ORDINARY = msgspec.structs.replace(GLASS, model="ordinary", nu=0.2)
+NOTCHED = dataclasses.replace(square_grid(21, 12, y0=-5.5e-3), cracks=np.array([[-1.0, 0.0, 8e-3, 0.0]]))
 CASES = {
-    "a row of blocks a rank": (
-        torn(dataclasses.replace(square_grid(21, 12, y0=-5.5e-3), cracks=np.array([[-1.0, 0.0, 8e-3, 0.0]]))),
-        3,
-    ),
+    "brittle, struck": (struck(GLASS), 3),
+    "a row of blocks a rank": (torn(NOTCHED), 3),
     "two spacings": (torn(interface_grid(24, 12, 12), run=Run(steps=60, every=20)), 5),
     "bilinear, struck": (struck(), 2),
-    "brittle, struck": (struck(GLASS), 3),
+    "damped": (torn(square_grid(20, 120), run=Run(time_step=50e-9, steps=60, every=20, damping=1e4)), 3),
+    "ordinary": (torn(square_grid(20, 120), material=ORDINARY), 3),
+    "ordinary, two spacings": (torn(interface_grid(24, 12, 40), material=ORDINARY), 3),
+    "a body": (pulled(), 3),
+    "a softening body": (pulled(law="bilinear", kr=2.0), 3),
 }
 
 
@@ -172,10 +187,18 @@ REFUSED = {
     "at rest": {"run": Run(solver="static", steps=1)},
     "hybrid": {"run": Run(steps=10, adapt="hybrid")},
     "particles": {"run": Run(steps=10, cracks="particles")},
-    "a layer": {"conditions": (Absorb(box=(0.0, 0.0, 3e-3, 1.0)),), "run": Run(steps=10)},
-    "ordinary": {"material": msgspec.structs.replace(GLASS, model="ordinary", nu=0.2), "run": Run(steps=10)},
+    "damage of families": {"material": msgspec.structs.replace(ORDINARY, failure="energy"), "run": Run(steps=10)},
+    "correspondence": {
+        "material": msgspec.structs.replace(GLASS, model="correspondence", nu=0.2),
+        "run": Run(steps=10),
+    },
 }
-PLACES = {"at rest": "$.run.solver", "hybrid": "$.run.adapt", "particles": "$.run.cracks", "a layer": "$.run.damping"}
+PLACES = {
+    "at rest": "$.run.solver",
+    "hybrid": "$.run.adapt",
+    "particles": "$.run.cracks",
+    "damage of families": "$.material.failure",
+}
 
 
 @pytest.mark.parametrize("case", REFUSED)

@@ -1,0 +1,16 @@
+"""The interface of steppers to nodes that other ranks move."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+from numpy.typing import NDArray
+
+
+class Ghosts(Protocol):
+    """Nodes of other ranks, whose motion comes from there."""
+
+    blocks: tuple[int, int]  # the first block of this rank's own nodes, and the one after the last
+
+    def fill(self, values: NDArray[Any]) -> None:
+        """Set the ghosts' columns of `values` (w, m)."""
