@@ -27,7 +27,7 @@ def stepper_of(
 ) -> tuple[Stepper, Drive]:
     """What takes steps of `dt`, s, of a placed state, and its conditions; `rho` (n,), kg/m^3, `damping` (n,), 1/s."""
     if isinstance(operator, AcrossRanks):
-        return operator.marched(drive, rho, dt, damped), drive
+        return operator.marched(drive, rho, dt, damping), drive
     if isinstance(operator, PlaneOnDevice):
         return VerletOnDevice((operator, state, drive), rho, dt, damping), drive
     blocks, touching = in_blocks(operator)
