@@ -41,6 +41,9 @@ COARSE = {  # what stands on a page, and what is run in its place
     "geometries/disc.geo": "geometries/disc.geo --set Zones/liquid/Spacing=0.2 --set 'Run/Duration=1000'",
     "geometries/double_edge_notch.py": "geometries/double_edge_notch.py --set load_steps=2",
     "geometries/forked_crack.py": "geometries/forked_crack.py --set spacing=1e-3",
+    "--set Zones/fine/Spacing=5e-4 --set Zones/coarse/Spacing=1e-3": "--set Zones/fine/Spacing=2e-3",
+    "geometries/kalthoff_winkler_steel.py": "geometries/kalthoff_winkler_steel.py --set spacing=2e-3",
+    "build hole.py": "build hole.py --set spacing=1e-3",
     "--set spacing=5e-4 --adapt hybrid": "--set spacing=1e-3 --adapt hybrid",
     "geometries/inclined_crack.py": "geometries/inclined_crack.py --set fine=1e-3 --set coarse=4e-3 --set most=4",
     "geometries/penny.geo": "geometries/penny.geo --set Zones/glass/Spacing=1.5e-3",
@@ -153,7 +156,7 @@ def given(tmp_path_factory: pytest.TempPathFactory, solved: Callable[[str], Path
     """What readers have of their own: drawings, a part from a CAD program, a mesh, a bare grid file, results."""
     pytest.importorskip("gmsh", exc_type=OSError)
     folder = tmp_path_factory.mktemp("given")
-    for drawing in (DOCS / "tutorial").glob("*.*"):
+    for drawing in (*(DOCS / "tutorial").glob("*.*"), *(DOCS / "tutorials").glob("*.*")):
         if drawing.suffix in (".geo", ".py"):
             shutil.copy(drawing, folder)
     for name in ("plate", "duran50"):

@@ -1,0 +1,49 @@
+"""Tutorials: each has its page, its picture and what draws it; curves are those of their sources."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from benchmarks import tutorials
+from benchmarks.tutorials import PAGES, TUTORIALS
+
+
+def test_each_has_its_page_and_picture() -> None:
+    listed = (PAGES / "index.md").read_text(encoding="utf-8")
+    assert {path.stem for path in PAGES.glob("*.md")} == {*TUTORIALS, "index"}
+    assert {path.stem for path in PAGES.glob("*.png")} == set(TUTORIALS)
+    assert all(f"\n{name}\n" in listed for name in TUTORIALS)
+
+
+@pytest.mark.parametrize("name", TUTORIALS)
+def test_commands_write_what_is_drawn(name: str) -> None:
+    """Each page types a table, which its picture reads."""
+    lines = tutorials.typed(PAGES / f"{name}.md")
+    assert lines[0].startswith("pdmesh build")
+    assert lines[1].startswith("pdsolve")
+    assert any("--csv" in line or "--json" in line for line in lines)
+
+
+def drawn(name: str, folder: Path) -> str:
+    return TUTORIALS[name].draw(Figure().add_subplot(), folder)
+
+
+def test_an_exact_wave_is_off_by_nothing(tmp_path: Path) -> None:
+    rows = [f"{t},{1e-3 * (2 - abs(t - 2))}" for t in np.arange(0, 4, 0.25).tolist()]
+    (tmp_path / "end.csv").write_text("\n".join(['"time, s","displacement, m"', *rows]))
+    assert drawn("wave_in_a_bar", tmp_path).startswith("off by 0.0%")
+
+
+def test_kirsch_has_three_times_the_stress_at_the_hole(tmp_path: Path) -> None:
+    rows = ["5e-3,3e6", "1e-2,1.21875e6"]  # at 2 radii: 1 + 1 / 8 + 3 / 32
+    (tmp_path / "line.csv").write_text("\n".join(['"x, m","stress_yy, Pa"', *rows]))
+    assert drawn("plate_with_a_hole", tmp_path).startswith("1.00 of the largest stress at the hole; off by 0.0%")
+
+
+def test_grady_has_twenty_fragments(tmp_path: Path) -> None:
+    (tmp_path / "ring.json").write_text('{"fragments": {"pieces": [{"mass": 1e-3}, {"mass": 2e-3}]}}')
+    assert drawn("body_in_space", tmp_path) == "2 fragments, Grady 20"
