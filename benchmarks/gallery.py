@@ -33,6 +33,7 @@ class Shown(NamedTuple):
 SHOWN = {
     "bar.py": Shown("displacement --component x"),
     "branching_block.py": Shown("crack"),
+    "beam_on_rollers.py": Shown("stress --component xx --scale auto"),
     "bending.py": Shown("stress --component xx --scale auto"),
     "bent_square.py": Shown("stress --scale 1"),
     "compact_tension.py": Shown("stress --scale auto"),

@@ -66,6 +66,27 @@ def test_a_double_cantilever_beam_has_its_intensity(spacing: float, off: float, 
 
 
 @pytest.mark.slow
+def test_a_beam_lies_on_rollers_that_are_bodies() -> None:
+    """Rollers on a lattice touch at the edges of flats, 3 mm from their middles: the sag is that between these."""
+    with solved("beam_on_rollers.py") as results:
+        force, step = forces(results, "middle", 1), int(results.frames()[0][-1])
+        supports = [forces(results, name, 1) for name in ("left", "right")]
+        x, y = results.nodes().position.T
+        way, books = results.field("uy", step), results.history()[-1]
+    row = (np.abs(y - 0.01) < 0.0015) & (x > 0) & (x < 0.2)
+    places = np.unique(np.round(x[row], 6))
+    sagged = [float(way[row][np.abs(x[row] - place) < 1e-6].mean()) for place in places]
+    left, middle, right = np.interp([0.023, 0.1, 0.177], places, sagged)
+    span, arm, E, G, height = 0.154, 0.074, 200e9, 75e9, 0.02
+    sag = arm * (3 * span**2 - 4 * arm**2) / (2 * E * height**3) + arm / (5 / 6 * G * height)
+    assert (left + right) / 2 - middle == pytest.approx(force[-1] / 2 * sag, rel=0.08)  # .949
+    assert supports[0] == pytest.approx(supports[1], rel=1e-6)
+    assert supports[0] == pytest.approx(force / 2, rel=1e-6)
+    created = books["strain"] + books["damped"] - books["work"]  # with friction's heat
+    assert abs(created) < 1e-3 * books["work"]  # 3e-4
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(("spacing", "peak"), [("0.004", 0.733), ("0.002", 0.950)])
 def test_a_brazilian_disc_splits_near_its_strength(spacing: str, peak: float) -> None:
     """2 F / (pi D t) over f_t; the flats are two nodes wide on the coarse grid."""

@@ -43,6 +43,7 @@ SHIPPED = {
     "compact_tension.py": (6400, {0.5: 3467, 1: 2933}, [1, 1]),
     "cook_membrane.py": (1481, {1000: 1481}, [45, 17]),
     "double_cantilever.py": (8040, {1: 8040}, [1, 1, 1, 1]),
+    "beam_on_rollers.py": (1240, {2: 1240}, [40, 40, 40]),
     "brazilian_disc.py": (1958, {2: 1958}, [5, 5, 1]),
     "nooru_mohamed.py": (1671, {5: 1671}, [41, 20, 20, 41]),
     "offset_notch.py": (736, {5.08: 736}, [1, 1, 1]),
