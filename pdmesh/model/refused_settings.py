@@ -383,8 +383,8 @@ def _on_device(settings: Settings, every: Places) -> Iterator[Impossible]:
             yield Impossible(f"{place}.model", f"'{material.model}'", f"bond, {why}")
         elif material.law == "cohesive":
             yield Impossible(f"{place}.law", "'cohesive'", f"brittle or bilinear, {why}")
-        if material.plane == "space":
-            yield Impossible(f"{place}.plane", "'space'", f"stress or strain, {why}")
+        elif material.plane == "space" and material.law != USUAL_LAW:
+            yield Impossible(f"{place}.law", f"'{material.law}'", f"{USUAL_LAW} in a body in space, {why}")
 
 
 def _of_particles(settings: Settings, every: Places) -> Iterator[Impossible]:

@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.conditions import Drive
-from pdsolve.operators.device.plane import PlaneOnDevice
 from pdsolve.operators.protocol import Operator
 from pdsolve.ranks.operator import AcrossRanks
 from pdsolve.run.operator_factory import in_blocks
@@ -14,7 +13,7 @@ from pdsolve.state import State
 from pdsolve.steppers.protocol import Stepper
 from pdsolve.steppers.verlet import Verlet
 from pdsolve.steppers.verlet_blocks import VerletBlocks
-from pdsolve.steppers.verlet_on_device import VerletOnDevice
+from pdsolve.steppers.verlet_on_device import OnDevice, VerletOnDevice
 
 
 def stepper_of(
@@ -28,7 +27,7 @@ def stepper_of(
     """What takes steps of `dt`, s, of a placed state, and its conditions; `rho` (n,), kg/m^3, `damping` (n,), 1/s."""
     if isinstance(operator, AcrossRanks):
         return operator.marched(drive, rho, dt, damping), drive
-    if isinstance(operator, PlaneOnDevice):
+    if isinstance(operator, OnDevice):
         return VerletOnDevice((operator, state, drive), rho, dt, damping), drive
     blocks, touching = in_blocks(operator)
     if blocks and not damping.any():

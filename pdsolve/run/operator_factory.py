@@ -15,6 +15,7 @@ from pdsolve.operators.contact.at_rest import RestingContact
 from pdsolve.operators.contact.operator import PenaltyContact, touch_bound
 from pdsolve.operators.device.plane import PlaneOnDevice
 from pdsolve.operators.device.runtime import Session
+from pdsolve.operators.device.space import SpaceOnDevice
 from pdsolve.operators.protocol import Operator
 from pdsolve.operators.simd_lattice import state_based
 from pdsolve.operators.simd_lattice.layout import blocks_of
@@ -40,6 +41,9 @@ def operator_of(
     law, kind, nodes = law_of(model), np.dtype(options.precision).type, len(model.grid)
     tiles = _tiled(model, options, scheme, lasting)
     if tiles is not None:
+        if model.settings.run.device != "cpu":
+            session, parts = Session(model.settings.run.device), (tiles.tiles, tiles.sites, tiles.stiffest)
+            return SpaceOnDevice(law, *parts, scheme.symmetric, session), tiles.counted
         threads = threads_of(options, nodes, True)
         return SpaceLattice(law, tiles.tiles, tiles.sites, tiles.stiffest, scheme.symmetric, threads), tiles.counted
     blocked = not numba.config.DISABLE_JIT and model.grid.dimension == 2  # blocks are compiled code, of the plane
@@ -77,7 +81,8 @@ def _on_device(
             f"{model.name}: $.run.device: found a law that is no straight line, expected cpu of such a law"
         )
     session, kind = Session(model.settings.run.device), np.dtype(options.precision).type
-    blocks = blocks_of(law, survey.parts(), len(model.grid), kind, 1)
+    in_plane = model.grid.dimension == 2
+    blocks = blocks_of(law, survey.parts(), len(model.grid), kind, 1) if in_plane else None
     if blocks is None:
         raise ModelError(f"{model.name}: $.run.device: found nodes on no lattice, expected cpu, or nodes on one")
     found = PlaneOnDevice(law, blocks, survey.stiffness_bound, scheme.symmetric, survey.softens, session)

@@ -37,7 +37,6 @@ from pdsolve.model import Model, ModelError, counted
 from pdsolve.numerics.thread_team import cores, crew
 from pdsolve.operators.bond_list import BondList
 from pdsolve.operators.contact.operator import PenaltyContact
-from pdsolve.operators.device.plane import PlaneOnDevice
 from pdsolve.operators.protocol import Operator
 from pdsolve.operators.simd_lattice.operator import SimdLattice
 from pdsolve.operators.softening_shear import softening_of
@@ -60,7 +59,7 @@ from pdsolve.steppers.relaxation import Relaxation
 from pdsolve.steppers.static_loads import follows_path, in_load_steps, in_steps_of_content
 from pdsolve.steppers.stepped_rest import SteppedRest, repeating
 from pdsolve.steppers.touching import Touching
-from pdsolve.steppers.verlet_on_device import fetch
+from pdsolve.steppers.verlet_on_device import OnDevice, fetch
 
 if TYPE_CHECKING:
     from pdsolve.crack_growth.growth import Growth
@@ -105,7 +104,7 @@ class System:
     @property
     def device(self) -> str:
         """What sums bonds: cpu, or the name of a device."""
-        return self.operator.session.about.name.strip() if isinstance(self.operator, PlaneOnDevice) else "cpu"
+        return self.operator.session.about.name.strip() if isinstance(self.operator, OnDevice) else "cpu"
 
     @property
     def hybrid(self) -> Moving | None:

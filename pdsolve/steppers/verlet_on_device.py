@@ -14,10 +14,12 @@ from pdsolve.conditions import Drive, Entries, factor_at, put_loads
 from pdsolve.numerics.jit_cache import cached_njit
 from pdsolve.operators.device.plane import PlaneOnDevice
 from pdsolve.operators.device.source import preamble, text_of
+from pdsolve.operators.device.space import SpaceOnDevice
 from pdsolve.operators.simd_lattice.kernel import LANES
 from pdsolve.state import State
 from pdsolve.steppers.protocol import Stepper
 
+OnDevice = PlaneOnDevice | SpaceOnDevice
 STARTS, ENDS = 1, 2  # phases of the kernel
 AT_ONCE = 256  # steps whose factors are computed together
 
@@ -34,7 +36,7 @@ class VerletOnDevice:
 
     def __init__(
         self,
-        of: tuple[PlaneOnDevice, State, Drive],
+        of: tuple[OnDevice, State, Drive],
         rho: NDArray[np.floating],
         dt: float,
         damping: NDArray[np.float64],
@@ -60,7 +62,7 @@ class VerletOnDevice:
 
     def _source(self, kind: Any, damped: bool) -> str:
         """The program of the run."""
-        own = ["#define SUM REAL", "#define SUM_BONDS sum_bonds", "#define DAMPED" if damped else "#define FUSED"]
+        own = ["#define DAMPED"] if damped else ["#define FUSED"] if self._operator.fused else []
         parts = [preamble(kind.name, self._operator.dimension), *own, self._operator.source(), text_of("verlet.cl")]
         return "\n".join(parts)
 
@@ -88,6 +90,8 @@ class VerletOnDevice:
         self._ahead, steps, self._last = True, last - first, last - 1
         for taken in range(steps + 1):
             if taken % AT_ONCE == 0:
+                if taken > 0:
+                    self._operator.fetch()  # there is room for so many breaks
                 self._write_factors(first + taken - 1, min(AT_ONCE, steps + 1 - taken))
             phase = STARTS * (taken == 0) + ENDS * (taken == steps)
             self._step(first + taken - 1, phase, taken % AT_ONCE)

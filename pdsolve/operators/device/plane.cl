@@ -16,6 +16,8 @@ are (fma), and nowhere else. Symbols as in `Blocks`; m nodes in whole blocks.
       __global const REAL *limit, __global uint *gone, __global int *broken, __global int *torn,                      \
       __global double *dissipated, __global uint *soft, __global REAL *pull, __global REAL *own_edge,                 \
       __global REAL *worst
+#define SUM REAL
+#define ABSENT(i) false
 #define FORCE_ARGUMENTS                                                                                                \
   start, slots, ids, vectors, stiffness, edge, peak, limit, gone, broken, torn, dissipated, soft, pull, own_edge, worst
 
@@ -48,7 +50,8 @@ inline REAL ago(__global const REAL *before, __global const REAL *u, __global co
 
 /* Force density on node i, N/m^3; bonds over their limit break in this step, those over their peak soften. */
 inline void sum_bonds(FORCE_PARAMETERS, __global const REAL *before, __global const REAL *u, __global const REAL *rate,
-                      REAL dt, int m, int step, int i, REAL *force) {
+                      double step_time, int m, int step, int i, SUM *force) {
+  REAL dt = (REAL)step_time;
   int b = i / 64, lane = i % 64;
   REAL here_x = u[i], here_y = u[m + i], fx = 0, fy = 0;
   int first = start[b], last = start[b + 1];

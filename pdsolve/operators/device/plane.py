@@ -38,7 +38,7 @@ class PlaneOnDevice(SimdLattice):
     ) -> None:
         """Arguments are those of `SimdLattice`. Raises ModelError if the device has too little memory."""
         super().__init__(law, blocks, stiffest, symmetric, softens)
-        self.session, self.dimension, self.stale = session, 2, True
+        self.session, self.dimension, self.fused, self.stale = session, 2, True, True
         self.room = self.tracks.v.shape[1]
         self._remembers = bool(self.tracks.worst.size)
         words = -(-int(np.diff(blocks.start).max(initial=1)) // WORD)

@@ -28,6 +28,13 @@ def pair_functions(functions: Mapping[str, Function], remembers: bool, file: str
     return "\n".join([law.source, *lines, text_of(file)])
 
 
+def body_functions(functions: Mapping[str, Function], numbers: Mapping[str, int | str], file: str) -> str:
+    """A pair law whose bonds break in double precision, constants, and the file that sums its bonds."""
+    law = Translation(functions)
+    defined = {"RELEASED": law.add("released", (DOUBLE,) * 5), **numbers}
+    return "\n".join([law.source, *(f"#define {name} {value}" for name, value in defined.items()), text_of(file)])
+
+
 def preamble(precision: str, dimension: int) -> str:
     """Types, constants and polynomials of a run; no product and sum is rounded once unless it is written so."""
     kind = np.dtype(precision).type

@@ -24,7 +24,10 @@ advance(FORCE_PARAMETERS, __global const REAL *before, __global const REAL *u, _
         __global const int *hold_axis, __global const double *hold_value, __global const int *hold_profile,
         __global const int *hold_kind, __global double *held_speed, __global double *held_force,
         __global const double *factors, int profiles, int varies, double dt, int m, int step, int phase, int at) {
-  int i = get_global_id(0), k = acts[i];
+  int i = get_global_id(0);
+  if (ABSENT(i))
+    return;
+  int k = acts[i];
   REAL v[DIM], acc[DIM];
   __global const double *end = factors + 3 * profiles * at, *next = end + profiles, *middle = next + profiles;
   REAL whole = (REAL)dt, half_dt = (REAL)(dt / 2.0);
@@ -39,7 +42,7 @@ advance(FORCE_PARAMETERS, __global const REAL *before, __global const REAL *u, _
       was[axis] = v[axis] - kick;
     }
     SUM f[DIM];
-    SUM_BONDS(FORCE_ARGUMENTS, before, u, rate, whole, m, step, i, f);
+    sum_bonds(FORCE_ARGUMENTS, before, u, rate, dt, m, step, i, f);
     if (k >= 0 && varies && load_first[k] < load_first[k + 1]) {
       for (int axis = 0; axis < DIM; ++axis) {
         ago_force[DIM * k + axis] = now[DIM * k + axis];

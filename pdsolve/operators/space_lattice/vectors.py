@@ -134,11 +134,11 @@ def _loop(corrections: int, exact: bool, softened: bool = False) -> Callable[...
                 beyond = code.some(code.above(code.magnitude(e), near))
                 builder.cbranch(beyond, leave, go_on).set_weights(SELDOM)
             builder.position_at_end(go_on)
-            if exact:
+            g = code.polynomial(code.coefficients[0], e)
+            if exact:  # lane by lane, so that a sum does not depend on how many lanes are beside each other
                 q2 = code.add(code.same(1.0), e)
-                g = code.each(builder.fdiv, code.same(1.0), code.add(q2, code.root(q2)))
-            else:
-                g = code.polynomial(code.coefficients[0], e)
+                root = code.each(builder.fdiv, code.same(1.0), code.add(q2, code.root(q2)))
+                g = code.choose(code.above(code.magnitude(e), near), root, g)
             pull = code.mul(slots.stiffness(slot, e), code.mul(e, g))
             after = [code.fma(pull, code.add(x, y), total) for x, y, total in zip(xi, eta, sums, strict=True)]
             slot.add_incoming(builder.add(slot, INT(1)), go_on)

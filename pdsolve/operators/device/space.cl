@@ -1,0 +1,115 @@
+/* Brittle bonds of cubic lattices: pdsolve/operators/space_lattice in OpenCL C.
+
+A work item is a site, a tile 16 of them. Products and sums are rounded once where the processor's vectors are (fma),
+and nowhere else. Symbols as in `Tiles`; m sites with margins, `count` offsets.
+
+    intact    (w, m) bits of offsets: the bond of a site is there; 32 a word     kind   (tiles,)
+    node      (m,) row of a site's node, or -1                                   held   (m,)
+    breaks    (., 3) site, offset and step of broken bonds, of which `used` counts all: those beyond `room` are lost
+*/
+
+#define FORCE_PARAMETERS                                                                                               \
+  __global const int *offsets, __global const REAL *table, __global const REAL *c, __global const REAL *cells,        \
+      __global const uchar *kind, __global const int *node, __global const uchar *held,                                \
+      __global const uchar *material, __global const double *peak, __global const double *limit,                      \
+      __global uint *intact, __global int *breaks, __global int *used, __global double *dissipated
+#define SUM double
+#define ABSENT(i) (node[i] < 0)
+#define FORCE_ARGUMENTS                                                                                                \
+  offsets, table, c, cells, kind, node, held, material, peak, limit, intact, breaks, used, dissipated
+#define INVERSE 6
+#define PULL 7
+#define SHARES 8
+#define ALIKE 1
+#define GENERAL 3
+
+inline double stretched(__global const REAL *row, REAL x, REAL y, REAL z) {
+  REAL along = row[0] * x + row[1] * y;
+  along += row[2] * z;
+  REAL square = x * x + y * y;
+  square += z * z;
+  double e = (double)row[INVERSE] * (2.0 * (double)along + (double)square);
+  return e / (sqrt(1.0 + e) + 1.0);
+}
+
+inline double stretched_before(__global const REAL *row, double x, double y, double z) {
+  double along = (double)row[0] * x + (double)row[1] * y + (double)row[2] * z;
+  double e = (double)row[INVERSE] * (2.0 * along + (x * x + y * y + z * z));
+  return e / (sqrt(1.0 + e) + 1.0);
+}
+
+/* Stiffness over length of a bond, in double precision */
+inline double whole_stiffness(__global const REAL *row, __global const REAL *c, __global const REAL *cells, int of,
+                              int m, int i, int j) {
+  if (of == ALIKE)
+    return (double)row[PULL];
+  double w = 0;
+  for (int axis = 0; axis < 3; ++axis)
+    w += (double)row[SHARES + axis] * ((double)c[axis * m + i] + (double)c[axis * m + j]);
+  if (of >= GENERAL) {
+    REAL both = cells[m + i] + cells[m + j];
+    both = cells[j] * both;
+    w *= (double)both;
+  }
+  return w;
+}
+
+inline void sum_bonds(FORCE_PARAMETERS, __global const REAL *before, __global const REAL *u, __global const REAL *rate,
+                      double dt, int m, int step, int i, SUM *force) {
+  REAL sums[3] = {0, 0, 0};
+  int of = kind[(i - MARGIN) / 16];
+  for (int slot = 0; slot < COUNT; ++slot) {
+    int place = (slot / 32) * m + i, j = i + offsets[slot];
+    uint bit = 1u << (slot % 32);
+    if (!(intact[place] & bit))
+      continue;
+    __global const REAL *row = table + 12 * slot;
+    REAL eta[3], e = 0;
+    for (int axis = 0; axis < 3; ++axis) {
+      eta[axis] = u[axis * m + j] - u[axis * m + i];
+      e = fma(fma(row[INVERSE], eta[axis], row[3 + axis]), eta[axis], e);
+    }
+    REAL g;
+    if (fabs(e) > (REAL)NEAR) {
+      int pair = PAIRS == 1 ? 0 : MATERIALS * material[i] + material[j];
+      double highest = peak[COUNT * pair + slot], most = limit[COUNT * pair + slot];
+      double stretch = stretched(row, eta[0], eta[1], eta[2]);
+      if (stretch > highest && !held[i] && !held[j] && stretch > most) {
+        double last[3];
+        for (int axis = 0; axis < 3; ++axis) {
+          REAL faster = rate[axis * m + j] - rate[axis * m + i];
+          last[axis] = (double)eta[axis] - dt * (double)faster;
+        }
+        double stiffness = whole_stiffness(row, c, cells, of, m, i, j) / (double)row[INVERSE] / 4.0;
+        dissipated[i] += RELEASED(stiffness, stretch, stretched_before(row, last[0], last[1], last[2]), highest, most);
+        intact[place] &= ~bit;
+        int at = atomic_inc(used);
+        if (at < ROOM) {
+          breaks[3 * at] = i;
+          breaks[3 * at + 1] = slot;
+          breaks[3 * at + 2] = step;
+        }
+        continue;
+      }
+      REAL q2 = (REAL)1 + e;
+      g = (REAL)1 / (q2 + sqrt(q2));
+    } else {
+      g = polynomial_narrow(e);
+    }
+    REAL w = row[PULL];
+    if (of != ALIKE) {
+      w = row[SHARES] * (c[j] + c[i]);
+      for (int axis = 1; axis < 3; ++axis)
+        w = fma(row[SHARES + axis], c[axis * m + j] + c[axis * m + i], w);
+      if (of >= GENERAL) {
+        w *= cells[j];
+        w *= cells[m + j] + cells[m + i];
+      }
+    }
+    REAL eg = e * g, pull = w * eg;
+    for (int axis = 0; axis < 3; ++axis)
+      sums[axis] = fma(pull, row[axis] + eta[axis], sums[axis]);
+  }
+  for (int axis = 0; axis < 3; ++axis)
+    force[axis] = (double)sums[axis];
+}
