@@ -53,6 +53,7 @@ SHOWN = {
     "nooru_mohamed.py": Shown("displacement --scale auto"),
     "offset_notch.py": Shown("reaction --gap mouth --condition middle"),
     "penny.geo": Shown("slice --field damage --plane y=0"),
+    "cracking_disc.py": Shown("damage"),
     "quenched_slab.py": Shown("damage"),
     "plastic_beam.py": Shown("plastic --scale auto"),
     "rubber_block.py": Shown("stress --scale 1"),

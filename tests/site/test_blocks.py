@@ -54,6 +54,7 @@ COARSE = {  # what stands on a page, and what is run in its place
     " --set Zones/pins/Spacing=1 --set 'Fixes/upper pin/Box=-0.6 13.2 -0.4 13.3'"
     " --set 'Fixes/lower pin/Box=-0.6 -13.8 -0.4 -13.7'"
     " --set 'Fixes/upper pin/Displacement y=0.15' --set 'Fixes/lower pin/Displacement y=-0.15'",
+    "geometries/cracking_disc.py": "geometries/cracking_disc.py --set duration=5",
     "geometries/quenched_slab.py": "geometries/quenched_slab.py --set spacing=5e-4",
     "geometries/screw.geo": "geometries/screw.geo --set Zones/near/Spacing=5e-4 --set Zones/far/Spacing=1e-3",
 }
