@@ -42,12 +42,12 @@ def at_rest(conditions: tuple[AnyCondition, ...], grid: Grid, friction: float, b
 
 
 def taken(model: Model) -> tuple[Prepared, Array, Ledger]:
-    """A model after its load steps, the forces of its conditions (c, 2), N/m, and its ledger."""
+    """A model after its load steps, the forces of its conditions (c, 3), N/m, in space N, and its ledger."""
     system, state = prepared = prepare(model, Options(threads=1))
     steps = system.model.settings.run.steps
     prepared.march(1, steps + 1)
     found = reactions(grips(system), system, state, steps, 1.0)
-    return prepared, np.array([[one.force_x, one.force_y] for one in found]), books(system, state, steps)
+    return prepared, np.array([[one.force_x, one.force_y, one.force_z] for one in found]), books(system, state, steps)
 
 
 def stacked(by: By, apart: float = 0.0, friction: float = 0.2) -> Model:
@@ -132,6 +132,24 @@ def test_a_resumed_grip_has_the_same_bits(tmp_path: Path) -> None:
         for name in ("ux", "uy", "energy"):
             assert np.array_equal(whole.field(name, 8), again.field(name, 8))
         assert whole.history()["damped"][-1] == again.history()["damped"][-1] > 0
+
+
+def pressed_cubes(by: By) -> tuple[float, float]:
+    """Force on two cubes of 6 x 6 x 6 nodes in space, pressed by 0.01 of a strain, and the balance."""
+    cube = (np.indices((6, 6, 6)).reshape(3, -1).T + 0.5) * H
+    grid = grid_of([cube - [0.0, 0.0, 6 * H], cube], H)
+    z = grid.position[:, 2]
+    low, top = (tuple(grid.ids[rows].tolist()) for rows in (z < -5 * H, z > 5 * H))
+    push = Displacement(x=0.0, y=0.0, z=-0.06 * H, nodes=top, profile=GROWS)
+    _, force, last = taken(at_rest((Displacement(x=0.0, y=0.0, z=0.0, nodes=low), push), grid, 0.2, by, 1))
+    return float(force[0, 2]), last.balance(0.0)
+
+
+@pytest.mark.slow
+def test_cubes_that_touch_in_space_rest_alike_by_both_methods() -> None:
+    (newton, created), (relaxed, _) = pressed_cubes("newton"), pressed_cubes("relaxation")
+    assert 0 < newton == pytest.approx(relaxed, rel=1e-6)
+    assert abs(created) < 3e-3  # .001
 
 
 def squares(x: tuple[float, float], y: tuple[float, float], d: float) -> Array:
