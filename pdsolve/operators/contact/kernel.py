@@ -62,55 +62,63 @@ class PairList(NamedTuple):
 
 
 @njit(**INNER)
-def _apart(nodes, u, i, j, a, moved):  # type: ignore[no-untyped-def]
-    """Component a of the way from node i to node j, m."""
-    way = nodes.x[j, a] - nodes.x[i, a]
-    return way + (np.float64(u[j, a]) - np.float64(u[i, a])) if moved else way
+def _apart(nodes, u, i, j, moved):  # type: ignore[no-untyped-def]
+    """The way (x, y, z) from node i to node j, m; z is 0 in the plane."""
+    x, y, z = nodes.x[j, 0] - nodes.x[i, 0], nodes.x[j, 1] - nodes.x[i, 1], 0.0
+    space = nodes.x.shape[1] == 3
+    if space:
+        z = nodes.x[j, 2] - nodes.x[i, 2]
+    if moved:
+        x += np.float64(u[j, 0]) - np.float64(u[i, 0])
+        y += np.float64(u[j, 1]) - np.float64(u[i, 1])
+        if space:
+            z += np.float64(u[j, 2]) - np.float64(u[i, 2])
+    return x, y, z
 
 
 @njit(**INNER)
 def normal(nodes, u, i, moved, found):  # type: ignore[no-untyped-def]
     """Set `found` (d,) to the normal of node i, in the reference unless `moved`; returns how far it is from flat."""
-    d, count = nodes.x.shape[1], 0
-    for a in range(d):
-        found[a] = 0.0
+    x, y, z, count = 0.0, 0.0, 0.0, 0
     for b in range(nodes.start[i], nodes.start[i + 1]):
         if nodes.intact[b]:
-            j, square, count = nodes.near[b], 0.0, count + 1
-            for a in range(d):
-                square += _apart(nodes, u, i, j, a, moved) ** 2
-            inverse = 1.0 / np.sqrt(square) if square > 0 else 0.0
-            for a in range(d):
-                found[a] -= _apart(nodes, u, i, j, a, moved) * inverse
-    return abs(count - (FLAT if d == 2 else FLAT_IN_SPACE))
+            along, across, up = _apart(nodes, u, i, nodes.near[b], moved)
+            square = along * along + across * across + up * up
+            inverse, count = 1.0 / np.sqrt(square) if square > 0 else 0.0, count + 1
+            x -= along * inverse
+            y -= across * inverse
+            z -= up * inverse
+    found[0], found[1] = x, y
+    if nodes.x.shape[1] == 3:
+        found[2] = z
+    return abs(count - (FLAT if nodes.x.shape[1] == 2 else FLAT_IN_SPACE))
 
 
 @njit(**INNER)
-def _between(r, first, second, bent, other, n):  # type: ignore[no-untyped-def]
-    """Set n (d,) to the normal of a pair `r` (d,) apart with these normals (d,); returns how much they face.
+def _between(r, first, second, bent, other):  # type: ignore[no-untyped-def]
+    """The normal (x, y, z) of a pair `r` apart with these normals, all (x, y, z), and how much they face.
 
     `bent` and `other` are how far the nodes are from flat.
     """
-    d, length, away, one, two, dot = len(r), 0.0, 0.0, 0.0, 0.0, 0.0
-    for a in range(d):
-        n[a] = first[a] if bent <= other else 0.0
-        n[a] -= second[a] if other <= bent else 0.0
-        length += n[a] * n[a]
-        away += r[a] * r[a]
-        one += first[a] * first[a]
-        two += second[a] * second[a]
-        dot += first[a] * second[a]
-    loose = one < LOOSE * LOOSE or two < LOOSE * LOOSE
-    facing = 1.0
-    if not loose:
+    x, y, z = 0.0, 0.0, 0.0
+    if bent <= other:
+        x, y, z = first
+    if other <= bent:
+        x, y, z = x - second[0], y - second[1], z - second[2]
+    length, away, dot = x * x + y * y + z * z, _dot(r, r), _dot(first, second)
+    one, two, facing = _dot(first, first), _dot(second, second), 1.0
+    if one >= LOOSE * LOOSE and two >= LOOSE * LOOSE:
         facing = min(max((ASKEW - dot / np.sqrt(one * two)) / (ASKEW - FACING), 0.0), 1.0)
     if length < LOOSE * LOOSE:
-        for a in range(d):
-            n[a] = r[a] / np.sqrt(away)
-    else:
-        for a in range(d):
-            n[a] /= np.sqrt(length)
-    return facing
+        root = np.sqrt(away)
+        return r[0] / root, r[1] / root, r[2] / root, facing
+    root = np.sqrt(length)
+    return x / root, y / root, z / root, facing
+
+
+@njit(**INNER)
+def _dot(a, b):  # type: ignore[no-untyped-def]
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @njit(**INNER)
@@ -124,90 +132,81 @@ def _weight(t, h, d):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def _pressed(nodes, pairs, u, q, slack, vectors):  # type: ignore[no-untyped-def]
-    """Stiffness k w f, N/m, depth p, m, and pull along the face, N, of pair q; `vectors` are n, t / |t| and work space.
+    """Stiffness k w f, N/m, depth p, m, and pull along the face, N, of pair q; `vectors` (2, 3) become n and t / |t|.
 
     All are 0 where the nodes are farther apart than the distance of touch and the `slack`, m.
     """
-    i, j, d = pairs.i[q], pairs.j[q], nodes.x.shape[1]
-    n, way, r = vectors[0, :d], vectors[1, :d], vectors[2, :d]
-    square, reach = 0.0, pairs.h[q] * (1.0 if d == 2 else WIDE)
-    for a in range(d):
-        r[a] = nodes.x[j, a] - nodes.x[i, a] + (np.float64(u[j, a]) - np.float64(u[i, a]))
-        square += r[a] * r[a]
-    if square >= reach * reach + (pairs.touch[q] + slack) ** 2:
+    d, touch, h = nodes.x.shape[1], pairs.touch[q], pairs.h[q]
+    r, reach = _apart(nodes, u, pairs.i[q], pairs.j[q], True), h * (1.0 if d == 2 else WIDE)
+    square = _dot(r, r)
+    if square >= reach * reach + (touch + slack) ** 2:
         return 0.0, 0.0, 0.0
-    one, two = pairs.first[q], pairs.second[q]
-    _learn(nodes, pairs, u, one)
-    _learn(nodes, pairs, u, two)
-    first, second = pairs.normals[one], pairs.normals[two]
-    facing = _between(r, first, second, first[d], second[d], n)
-    gap = 0.0
-    for a in range(d):
-        gap += r[a] * n[a]
-    if facing == 0.0 or gap >= pairs.touch[q] + slack or gap <= 0.0:
+    first, bent = _learned(nodes, pairs, u, pairs.first[q])
+    second, other = _learned(nodes, pairs, u, pairs.second[q])
+    x, y, z, facing = _between(r, first, second, bent, other)
+    gap = r[0] * x + r[1] * y + r[2] * z
+    if facing == 0.0 or gap >= touch + slack or gap <= 0.0:
         return 0.0, 0.0, 0.0
     t = np.sqrt(max(square - gap * gap, 0.0))
-    w, slope = _weight(t, pairs.h[q], d)
-    for a in range(d):
-        way[a] = (r[a] - gap * n[a]) / t if t > ROUND_OFF * pairs.h[q] else 0.0
-    depth = pairs.touch[q] - gap
+    w, slope = _weight(t, h, d)
+    depth, far = touch - gap, t > ROUND_OFF * h
     if w == 0.0 or depth <= -slack:
         return 0.0, 0.0, 0.0
+    vectors[0, 0], vectors[0, 1], vectors[0, 2] = x, y, z
+    vectors[1, 0] = (r[0] - gap * x) / t if far else 0.0
+    vectors[1, 1] = (r[1] - gap * y) / t if far else 0.0
+    vectors[1, 2] = (r[2] - gap * z) / t if far else 0.0
     return pairs.k[q] * w * facing, depth, pairs.k[q] * facing * slope / 2 * depth * depth
 
 
 @njit(**INNER)
-def _learn(nodes, pairs, u, number):  # type: ignore[no-untyped-def]
-    """Find the normal of a node of the pairs, and how far from flat it is, if that is not known yet."""
-    found, d = pairs.normals[number], nodes.x.shape[1]
-    if found[d + 1] == 0.0:
-        found[d] = normal(nodes, u, pairs.rows[number], True, found)
-        found[d + 1] = 1.0
+def _learned(nodes, pairs, u, number):  # type: ignore[no-untyped-def]
+    """The normal (x, y, z) of a node of the pairs, and how far from flat it is: found once a step."""
+    found, d = pairs.normals, nodes.x.shape[1]
+    if found[number, d + 1] == 0.0:
+        found[number, d] = normal(nodes, u, pairs.rows[number], True, found[number])
+        found[number, d + 1] = 1.0
+    z = found[number, 2] if d == 3 else 0.0
+    return (found[number, 0], found[number, 1], z), found[number, d]
 
 
 @cached_njit(error_model="numpy")
 def nearer(nodes, pairs):  # type: ignore[no-untyped-def]
     """Let pairs touch at the gap that they had in the reference, if it was less; never those that were back to back."""
-    vectors, nothing, d = np.empty((6, 3)), np.zeros((1, 3)), nodes.x.shape[1]
+    nothing, d, ends = np.zeros((1, 3)), nodes.x.shape[1], np.zeros((2, 3))
     for q in range(len(pairs.i)):
         reach = pairs.h[q] * (1.0 if d == 2 else WIDE)
         near = reach * reach + pairs.touch[q] ** 2
-        pairs.touch[q] = max(
-            min(pairs.touch[q], _gap_before(nodes, nothing, pairs.i[q], pairs.j[q], near, vectors)), 0.0
-        )
+        gap = _gap_before(nodes, nothing, pairs.i[q], pairs.j[q], near, ends)
+        pairs.touch[q] = max(min(pairs.touch[q], gap), 0.0)
 
 
 @njit(**INNER)
-def _gap_before(nodes, u, i, j, near, vectors):  # type: ignore[no-untyped-def]
+def _gap_before(nodes, u, i, j, near, ends):  # type: ignore[no-untyped-def]
     """The gap between two nodes in the reference, m, of bonds as they are now; infinite farther than root `near`, m^2.
 
-    It is negative between nodes that are back to back.
+    It is negative between nodes that are back to back. `ends` (2, 3), the third column 0 in the plane, is work space.
     """
-    d = nodes.x.shape[1]
-    r, first, second, n = vectors[2, :d], vectors[3, :d], vectors[4, :d], vectors[5, :d]
-    square = 0.0
-    for a in range(d):
-        r[a] = nodes.x[j, a] - nodes.x[i, a]
-        square += r[a] * r[a]
-    if square >= near:
+    r = _apart(nodes, u, i, j, False)
+    if _dot(r, r) >= near:
         return np.inf
-    bent, other = normal(nodes, u, i, False, first), normal(nodes, u, j, False, second)
-    _between(r, first, second, bent, other, n)
-    gap = 0.0
-    for a in range(d):
-        gap += r[a] * n[a]
-    return gap
+    bent, other = normal(nodes, u, i, False, ends[0]), normal(nodes, u, j, False, ends[1])
+    first, second = (ends[0, 0], ends[0, 1], ends[0, 2]), (ends[1, 0], ends[1, 1], ends[1, 2])
+    x, y, z, _ = _between(r, first, second, bent, other)
+    return r[0] * x + r[1] * y + r[2] * z
 
 
 @cached_njit(error_model="numpy")
 def add_forces(nodes, pairs, u, v, mu, dt, out, spent):  # type: ignore[no-untyped-def]
     """Add the forces of all pairs; friction's springs go on by a step of `dt` s, where it is not 0."""
     d = nodes.x.shape[1]
-    vectors, force, along = np.empty((6, 3)), np.empty(3), np.empty(3)
+    vectors, force, along = np.empty((2, 3)), np.empty(3), np.empty(3)
     pairs.normals[:, d + 1] = 0.0
     for q in range(len(pairs.i)):
         i, j = pairs.i[q], pairs.j[q]
         stiffness, depth, pull = _pressed(nodes, pairs, u, q, 0.0, vectors)
+        if depth == 0.0 and mu == 0.0:
+            continue
         n, way = vectors[0], vectors[1]
         for a in range(d):
             force[a] = stiffness * depth * n[a] - pull * way[a]
@@ -250,7 +249,7 @@ def _rub(pairs, v, mu, dt, q, stiffness, depth, n, along, spent):  # type: ignor
 @cached_njit(error_model="numpy")
 def pressed_pairs(nodes, pairs, u, held, rubbed, found):  # type: ignore[no-untyped-def]
     """Add the energies, J, of pairs to their nodes, and set `found` (p, 2 + d): stiffness, depth and normal."""
-    d, vectors = nodes.x.shape[1], np.empty((6, 3))
+    d, vectors = nodes.x.shape[1], np.empty((2, 3))
     pairs.normals[:, d + 1] = 0.0
     for q in range(len(pairs.i)):
         stiffness, depth, _ = _pressed(nodes, pairs, u, q, 0.0, vectors)
@@ -267,7 +266,7 @@ def pressed_pairs(nodes, pairs, u, held, rubbed, found):  # type: ignore[no-unty
 @cached_njit(error_model="numpy")
 def geometry(nodes, pairs, u, slack, found):  # type: ignore[no-untyped-def]
     """Set `found` (p, 1 + d): stiffness, 0 of those farther apart than touch and `slack`, m, and normal of pairs."""
-    d, vectors = nodes.x.shape[1], np.empty((6, 3))
+    d, vectors = nodes.x.shape[1], np.empty((2, 3))
     pairs.normals[:, d + 1] = 0.0
     for q in range(len(pairs.i)):
         found[q, 0], _, _ = _pressed(nodes, pairs, u, q, slack, vectors)
