@@ -38,6 +38,7 @@ SHOWN = {
     "bent_square.py": Shown("stress --scale 1"),
     "compact_tension.py": Shown("stress --scale auto"),
     "disc.geo": Shown("content --time 500"),
+    "drop_weight.py": Shown("reaction --condition hammer"),
     "duran_metre.py": Shown("damage", "--set spacing=2e-3"),
     "fatigue_compact_tension.py": Shown("fatigue"),
     "expanding_ring.py": Shown("crack"),

@@ -1,0 +1,105 @@
+"""Bodies in contact.
+
+Contact pushes by springs between nodes, with normals from the nodes around them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from failures import Said
+from messages import mentions
+from shapely import Point
+from touching import UNIT, bar, grid_of, moving
+
+from pdmesh import Scene, box, build
+from pdmesh.model.contact import Contact
+from pdmesh.model.document import Run
+from pdsolve.model import Model
+from pdsolve.run.system import Options, Prepared, prepare
+
+H, V = 0.01, 0.02
+
+
+def bars(stiffness: float, run: Run) -> Model:
+    """Two short bars of a plane, of which one moves against the other."""
+    parts = [bar(0, 0.2, H, 6), bar(0.2, 0.2, H, 6)]
+    return moving(grid_of(parts, H), (V, 0.0), Contact(stiffness=stiffness), run)
+
+
+def passed(stiffness: float) -> float:
+    """Mean velocity of the struck bar after two seconds over that of the striking one."""
+    prepared = prepare(bars(stiffness, Run()), Options(threads=1))
+    prepared.march(1, 1 + int(4 / prepared.system.time_step))
+    struck = prepared.system.model.grid.bodies.number == 1  # type: ignore[union-attr]
+    return float(prepared.state.rate[struck, 0].mean() / V)
+
+
+def test_a_penalty_that_is_too_soft(failure: Callable[..., None]) -> None:
+    """A contact that is too soft.
+
+    A pair of nodes pushes until one is past the other. Soft springs take up the motion over a depth of more than a
+    spacing, and let it go there.
+    """
+    soft, usual = passed(0.01), passed(15.0)
+    assert soft < 0.3
+    assert usual > 0.9
+    failure(
+        fails=f"A bar hits one like it at 0.02 c with `contact.stiffness` 0.01: it goes through, and the other one has"
+        f" {soft:.2f} of its speed afterwards.",
+        noticed="Not at all: energy balances.",
+        says=[],
+        cure=f"The stiffness of 15: the other one takes over {usual:.2f} of the speed.",
+    )
+
+
+def test_a_penalty_that_is_too_stiff_for_the_step(failure: Callable[..., None], pdsolve: Callable[..., Said]) -> None:
+    """A contact that is too stiff for the time step.
+
+    Springs between nodes bound the step as bonds do.
+    """
+    steps = [prepare(bars(stiffness, Run()), Options()).system.time_step for stiffness in (15.0, 1500.0)]
+    said = pdsolve(bars(1500.0, Run(time_step=steps[0])))
+    assert said.code == 2
+    assert mentions(said.err[0], "$.contact.stiffness", found="1500", expected="steps")
+    failure(
+        fails=f"The bars with `contact.stiffness` 1500 and the time step that 15 allows: the stable one is"
+        f" {steps[0] / steps[1]:.1f} times shorter.",
+        noticed="By an error before the run (exit code 2).",
+        says=said.err,
+        cure="No time step in the model: the solver finds one.",
+    )
+
+
+def spun(shape: object) -> float:
+    """Spin, over that at the start, of a rigid body that hits a plate askew without friction."""
+    scene = Scene(box(0, 0, 1, 0.1), H, UNIT)
+    scene = scene.rigid(box(0, -0.1, 1, 0), "anvil", held=("x", "y", "spin"))
+    scene = scene.rigid(shape, "striker", 0.03, (5e-3, -5e-3), 0.05)  # type: ignore[arg-type]
+    built = build(scene)
+    system, state = prepare(Model(built.grid, built.settings), Options(threads=1))
+    Prepared(system, state).march(1, 1201)
+    own = system.model.grid.bodies.number == 2  # type: ignore[union-attr]
+    place, rate = system.model.grid.position[own] + state.value[own], state.rate[own]
+    assert rate[:, 1].mean() > 0  # it has bounced
+    arm, way = place - place.mean(axis=0), rate - rate.mean(axis=0)
+    return float((arm[:, 0] @ way[:, 1] - arm[:, 1] @ way[:, 0]) / (arm**2).sum() / 0.05)
+
+
+def test_a_round_body_on_a_lattice(failure: Callable[..., None]) -> None:
+    """Round bodies on a lattice.
+
+    The nodes of a disc are those of a lattice: its edge has steps, and the normals of their corners are not those of
+    the circle.
+    """
+    kept = spun(Point(0.3, 0.2 + 0.1 * H).buffer(0.1, 64))
+    assert kept < 0.6
+    assert np.isfinite(kept)
+    failure(
+        fails=f"A rigid disc of ten spacings that turns hits a plate without friction and keeps {kept:.2f} of its spin,"
+        " in place of all.",
+        noticed="Not at all: momentum and energy balance.",
+        says=[],
+        cure="None yet: faces along rows are smooth, round ones are not. A finer lattice has smaller steps.",
+    )
