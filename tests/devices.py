@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import atexit
 import os
+import shutil
 import tempfile
 from functools import cache
 
@@ -11,7 +13,8 @@ import pytest
 from pdsolve.model import ModelError
 from pdsolve.operators.device.runtime import devices
 
-os.environ.setdefault("POCL_CACHE_DIR", tempfile.mkdtemp(prefix="pocl-"))
+os.environ["POCL_CACHE_DIR"] = fresh = tempfile.mkdtemp(prefix="pocl-")
+atexit.register(shutil.rmtree, fresh, ignore_errors=True)
 
 
 @cache
