@@ -106,7 +106,7 @@ def touched(model: Model, volume: NDArray[np.float64], bonds: Operator) -> tuple
 def touched_at_rest(
     model: Model, volume: NDArray[np.float64], bonds: Operator
 ) -> tuple[Operator, RestingContact | None]:
-    """As `touched`, of a model at rest."""
+    """The operator of the bonds of a model at rest and of what touches; and the latter. `volume` (n,), m^d."""
     if model.settings.contact is None:
         return bonds, None
     contact = RestingContact(model, volume, bonds)

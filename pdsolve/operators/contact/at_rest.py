@@ -47,7 +47,7 @@ class RestingContact(PenaltyContact):
     """Contact of n nodes at rest; see `Operator`."""
 
     def __init__(self, model: Model, volume: Array, operator: Operator) -> None:
-        """As `PenaltyContact`."""
+        """`volume` (n,), m^d; raises ModelError for bodies that overlap, or operators of more than displacements."""
         super().__init__(model, volume, operator)
         self.symmetric = not self._settings.friction
         self._at = np.zeros((len(volume), model.grid.dimension))  # m, displacements of the last equilibrium
