@@ -3,8 +3,8 @@
 Builds geometries/duran_metre.py, 0.25 mm between nodes if not said otherwise, and solves it, each in a process of its
 own, as from the command line; prints wall time, the largest memory of each, and how far the crack has come.
 
-Bars: 1.5 GB and 120 s on two cores. Measured: built in 0.4 GB; solved in 4.5 GB at its peak and in 3.0 GB before its first step. Mass, bonds, cells and
-numbers of fine nodes that never are take 26 bytes each of it.
+Bars: 1.5 GB and 120 s on two cores. Measured: built in 0.4 GB; solved in 4.5 GB at its peak and in 3.0 GB before its
+first step. Mass, bonds, cells and numbers of fine nodes that never are take 26 bytes each of it.
 """
 
 from __future__ import annotations

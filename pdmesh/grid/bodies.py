@@ -93,7 +93,7 @@ def _further(some: S, first: int) -> S:
 
 
 def _alone(body: Body, lists: bool = False) -> tuple[Grid, Settings, tuple[str, ...]]:
-    """Grid, settings and notes of a body without others; `lists`: its nodes are listed, even where a lattice would do."""
+    """Grid, settings and notes of a body without others; `lists`: its nodes are listed, though a lattice would do."""
     notes: tuple[str, ...] = ()
     if body.run.adapt in ON_ONE_LATTICE and body.zones:
         notes = (f"nodes of {body.finest:g} m everywhere: the solver makes them coarser where it can",)

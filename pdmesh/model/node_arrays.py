@@ -84,7 +84,7 @@ class Grid:
         return {name: getattr(self, name) for name in names}
 
     def missing(self, ids: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Those of the ids (k,) that no node has."""
+        """The ids among these (k,) that no node has."""
         return ids[~np.isin(ids, self.ids)]
 
     def chosen(self, ids: Sequence[int] | None, box: ArrayLike | None) -> NDArray[np.int64]:

@@ -90,7 +90,7 @@ def rigid_velocities(body: RigidBody, x: NDArray[np.float64], mass: NDArray[np.f
 
 
 def spin_of(body: RigidBody) -> NDArray[np.float64]:
-    """Its spin as a vector (3,), rad/s."""
+    """The spin of a rigid body as a vector (3,), rad/s."""
     return np.array(body.spin if isinstance(body.spin, tuple) else (0.0, 0.0, body.spin))
 
 

@@ -112,7 +112,7 @@ class WholeLattice(Grid):
         )
 
     def missing(self, ids: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Those of the ids (k,) that no node has."""
+        """The ids among these (k,) that no node has."""
         return super().missing(ids) if self._listed else ids[(ids < 1) | (ids > len(self))]
 
     def chosen(self, ids: Sequence[int] | None, box: ArrayLike | None) -> NDArray[np.int64]:

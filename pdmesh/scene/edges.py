@@ -124,7 +124,7 @@ def _facing(shape: Surface, finest: float, way: NDArray[np.float64], place: str)
 
 
 def _chords(shape: Surface, on: Callable[[NDArray[np.float64]], NDArray[np.bool_]]) -> Iterable[NDArray[np.float64]]:
-    """Those chords (2, 2) of the exterior, counter-clockwise, for whose ends (k, 4) `on` is true."""
+    """The chords (2, 2) of the exterior, counter-clockwise, for whose ends (k, 4) `on` is true."""
     for part in parts(shape):
         ring = shapely.get_coordinates(shapely.geometry.polygon.orient(part).exterior)
         ends = np.hstack([ring[:-1], ring[1:]])
