@@ -16,7 +16,7 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
-from pdmesh.model.document import Adapt, Displacement, InitialVelocity, Load, Velocity
+from pdmesh.model.document import Adapt, Displacement, Hybrid, InitialVelocity, Load, Velocity
 from pdmesh.model.material_constants import pressure_speed, rayleigh_speed
 from pdmesh.model.refused_settings import impossible
 from pdmesh.model.selection import components
@@ -51,16 +51,21 @@ def decided(model: Model, options: Options) -> Model:
     how, why = _choice(model, options)
     named = "peridynamics near cracks alone (hybrid)" if how == "hybrid" else "fine nodes everywhere (none)"
     warnings.warn(f"{model.name}: $.run.adapt: auto takes {named}: {why}", ModelWarning, stacklevel=3)
-    return adapted(model, how)
+    return adapted(model, how) if how == "hybrid" else uniform(model)
 
 
 def widened(model: Model) -> tuple[Model, str]:
     """The model to begin anew with where fine cells came too late, and what it is in words."""
     kappa = next((one for one in WIDER if one < model.settings.run.hybrid.kappa), None)
     if kappa is None:
-        return adapted(model, "none"), "fine nodes everywhere (run.adapt none)"
+        return uniform(model), "fine nodes everywhere (run.adapt none)"
     wider = msgspec.structs.replace(model.settings.run.hybrid, kappa=kappa)
     return adapted(model, "hybrid", hybrid=wider), f"run.hybrid.kappa {kappa:g}"
+
+
+def uniform(model: Model) -> Model:
+    """The model with fine nodes everywhere, and without the settings of fine zones."""
+    return adapted(model, "none", hybrid=Hybrid())
 
 
 def adapted(model: Model, how: Adapt, **settings: object) -> Model:

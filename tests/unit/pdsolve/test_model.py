@@ -93,7 +93,7 @@ def test_a_duration_is_counted_in_the_sure_step_and_the_end_said_last_counts(bar
         ),
         ("conditions", "[{kind = 'load', nodes = [99], body_force = [0, 1]}]", "nodes: found id 99"),
         ("conditions", "[{kind = 'load', body_force = [0, 1]}]", naming(found=("neither", "nodes"))),
-        ("conditions", "[{kind = 'load', nodes = [1]}]", naming(found="body_force")),
+        ("conditions", "[{kind = 'load', nodes = [1]}]", naming(found="none", expected="body_force")),
         ("conditions", "[{kind = 'lode', nodes = [1]}]", r"Invalid value 'lode' - at `\$.conditions\[0\].kind`"),
     ],
 )
