@@ -46,7 +46,7 @@ KINDS = {  # kind: dimensions, folder of its parameters
 SHAPES = ("Point", "Curve", "Surface", "Volume")
 PICKED = ("Box", "Face")  # parameters that place a condition without a group
 ON_PLATES = ("/Edge", "/Node")
-OF_PLATES = ("Refine/", "Load cells/", "Absorbs/", "Area rule", "Run/Adapt")
+OF_PLATES = ("Refine/", "Load cells/", "Absorbs/", "Bodies/", "Contact/", "Area rule", "Run/Adapt")
 Placed = dict[str, tuple[Where, str]]  # by name: where, and the folder of its parameters
 
 

@@ -82,10 +82,10 @@ def info(document: Document, name: str, mode: str = DEFAULT_MODE) -> dict[str, A
         "medium": _fields(document.medium),
         "media": [{"name": region.name, "D": region.D} for region in document.media],
         "conditions": [_condition(condition, grid) for condition in document.conditions],
-        "loads": {
-            load.name: {"force": load.force.tolist(), "moment": load.moment.tolist()}
+        "loads": [
+            {"name": load.name, "force": load.force.tolist(), "moment": load.moment.tolist()}
             for load in resultants(document, grid)
-        },
+        ],
     }
     return result
 
@@ -147,18 +147,18 @@ def info_lines(result: dict[str, Any]) -> list[str]:
     return [*lines, *_sums(result["loads"], box)]
 
 
-def _sums(loads: dict[str, dict[str, list[float]]], box: list[float]) -> Iterator[str]:
+def _sums(loads: list[dict[str, Any]], box: list[float]) -> Iterator[str]:
     """The force and the moment of each load, and of all of them, where their profiles are 1."""
     if not loads:
         return
-    each = {f"load '{name}' adds up to": load for name, load in loads.items()}
+    each = [(f"load '{load['name']}' adds up to", load) for load in loads]
     if len(loads) > 1:
-        total = {key: np.sum([load[key] for load in loads.values()], axis=0).tolist() for key in ("force", "moment")}
-        each["all loads add up to"] = total
+        total = {key: np.sum([load[key] for load in loads], axis=0).tolist() for key in ("force", "moment")}
+        each.append(("all loads add up to", total))
     of_force, of_moment = ("N/m", "N") if len(box) == 4 else ("N", "N m")
-    strongest = max(abs(value) for load in loads.values() for value in load["force"])
+    strongest = max(abs(value) for load in loads for value in load["force"])
     largest = {"force": strongest, "moment": strongest * float(np.ptp(np.reshape(box, (2, -1)), axis=0).max())}
-    for name, load in each.items():
+    for name, load in each:
         force, moment = (
             ", ".join(f"{value if abs(value) > NOTHING * most else 0.0:.4g}" for value in load[key])
             for key, most in largest.items()

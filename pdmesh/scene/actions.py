@@ -58,9 +58,13 @@ def motion(
 
 def vector(given: Sequence[float], count: int, place: str) -> tuple[float, ...]:
     """So many finite numbers. Raises SceneError, beginning with `place`."""
-    if len(given) != count or not np.isfinite(np.asarray(given, dtype=float)).all():
-        raise SceneError(f"{place}: found {given}, expected {count} finite numbers")
-    return tuple(map(float, given))
+    try:
+        found = np.asarray(given, dtype=float)
+    except (TypeError, ValueError):
+        found = np.zeros(0)
+    if found.shape != (count,) or not np.isfinite(found).all():
+        raise SceneError(f"{place}: found {given!r:.80}, expected {count} finite numbers")
+    return tuple(found.tolist())
 
 
 def medium(name: str, D: float) -> MediumRegion:

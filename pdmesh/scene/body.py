@@ -30,7 +30,7 @@ from pdmesh.scene import actions
 from pdmesh.scene.checks import composed, described, passable, ratio
 from pdmesh.scene.conditions import Profile
 from pdmesh.scene.diffusion_conditions import DiffusionConditions
-from pdmesh.scene.faces import SIDES, expected
+from pdmesh.scene.faces import SIDES, parsed
 from pdmesh.scene.heat import Heat, Physics, physics_of
 from pdmesh.scene.shapes import SceneError, checked_spacing
 from pdmesh.scene.solids import Sheet, Shell, Solid, checked, name_of
@@ -176,7 +176,7 @@ class Body(DiffusionConditions[Where]):
         as of a file of its own. `velocity` (m/s) is that at time 0.
         """
         way = actions.vector(velocity, 3, f"body '{name}': velocity")
-        return self._beside(SolidBeside(name, self._like(other, spacing, material), way))
+        return self._beside(SolidBeside(name, self._like(other, name, spacing, material), way))
 
     def rigid(
         self,
@@ -185,7 +185,7 @@ class Body(DiffusionConditions[Where]):
         mass: float | None = None,
         velocity: tuple[float, float, float] = (0.0, 0.0, 0.0),
         spin: tuple[float, float, float] = (0.0, 0.0, 0.0),
-        held: Sequence[str] = (),
+        held: str | Sequence[str] = (),
         profile: Profile = (),
         spacing: float | None = None,
     ) -> Body:
@@ -196,16 +196,27 @@ class Body(DiffusionConditions[Where]):
         """
         x, y, z = actions.vector(velocity, 3, f"rigid '{name}': velocity")
         about = actions.vector(spin, 3, f"rigid '{name}': spin")
-        given = {"mass": mass, "x": x, "y": y, "z": z, "spin": about, "held": tuple(held), "profile": profile}
+        given = {
+            "mass": mass,
+            "x": x,
+            "y": y,
+            "z": z,
+            "spin": about,
+            "held": [held] if isinstance(held, str) else held,
+            "profile": profile,
+        }
         own = actions.action(RigidBody, name, {key: value for key, value in given.items() if value is not None})
         assert isinstance(own, RigidBody)
         wrong = contradiction(own, 3)
         if wrong is not None:
-            raise SceneError(f"body '{name}': {wrong}")
-        return self._beside(SolidBeside(name, self._like(other, spacing, None), rigid=own))
+            raise SceneError(f"rigid '{name}': {wrong}")
+        return self._beside(SolidBeside(name, self._like(other, name, spacing, None), rigid=own))
 
-    def _like(self, other: Body | Solid, spacing: float | None, material: Material | None) -> Body:
+    def _like(self, other: Body | Solid, name: str, spacing: float | None, material: Material | None) -> Body:
         if isinstance(other, Body):
+            for word, found in (("spacing", spacing), ("material", other.material and material)):
+                if found is not None:
+                    raise SceneError(f"body '{name}': {word}: found one, expected none of a body that has its own")
             return other if other.material is not None else replace(other, material=material or self.material)
         return Body(other, self.spacing if spacing is None else spacing, material or self.material, self.horizon)
 
@@ -254,7 +265,14 @@ class Body(DiffusionConditions[Where]):
         The latter two act there or in a solid. Sides are left, right (along x), front, back (y), bottom, top (z); other
         words pick a face (`pdmesh.scene.faces`).
         """
-        values = {"traction": traction, "body_force": body_force, "force": force, "rows": rows}
+        given = {"traction": traction, "body_force": body_force, "force": force}
+        place = f"load '{name or name_of(where)}'"
+        values: dict[str, Any] = {
+            key: actions.vector(vector, 3, f"{place}: {key}") for key, vector in given.items() if vector is not None
+        }
+        if len(values) != 1:
+            raise SceneError(f"{place}: found {' and '.join(values) or 'none'}, expected one of {', '.join(given)}")
+        values["rows"] = rows
         return self._with(Load, values, where, rows, name, profile=profile, breakable=breakable)
 
     def fix(
@@ -315,7 +333,7 @@ class Body(DiffusionConditions[Where]):
         name = name or name_of(where)
         place = f"{kind.__struct_config__.tag} '{name}'"
         if isinstance(where, str) and where not in SIDES:
-            expected(where, place)
+            parsed(where, place)
         action = actions.action(kind, name, values | more)
         if not isinstance(where, str | Sheet):
             checked(where, place)

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from shapely import LineString, MultiLineString
 from shapely.ops import substring
 
+from pdmesh.model.document import LARGEST
 from pdmesh.scene.shapes import Curve, SceneError, Surface, parts
 from pdmesh.scene.units import UNITS, Unit
 
@@ -55,7 +56,7 @@ def edge(shape: Surface, finest: float, words: str, place: str, unit: Unit = MET
         case "nearest":
             return _nearest(shape, points[0])
         case "normal":
-            return _facing(shape, finest, points[0], place)
+            return _facing(shape, points[0], place)
         case "along":
             return _along(shape, finest, points, place)
     return _bearing(shape, points, place)
@@ -82,14 +83,14 @@ def points_in(
     *most, last = text.rsplit(maxsplit=1) or [""]
     if last in UNITS and most:
         text, unit = most[0], UNITS[last]
-    text = text.replace("toward", " ")
     first = next((form for form in forms if text.startswith(form + " ")), "")
+    text = text.replace("toward", " ") if first == "bearing" else text
     try:
         rows = re.findall(r"[^\s()]+", re.sub(r"\s*,\s*", ",", text.removeprefix(first)))
         points = np.array([[float(number) for number in row.split(",")] for row in rows], dtype=float)
     except ValueError:
         points = np.zeros((0, 0))
-    if not first or points.shape != (forms[first], dimension) or not np.isfinite(points).all():
+    if not first or points.shape != (forms[first], dimension) or not (np.abs(points) <= LARGEST).all():
         raise SceneError(f"{place}: found '{words}', expected {expected}")
     directions = {"normal": 0, "bearing": 1}.get(first, len(points))
     points[:directions] = unit.metres(points[:directions])
@@ -113,7 +114,7 @@ def _side(shape: Surface, finest: float, name: str, place: str) -> Curve:
     )
 
 
-def _facing(shape: Surface, finest: float, way: NDArray[np.float64], place: str) -> Curve:
+def _facing(shape: Surface, way: NDArray[np.float64], place: str) -> Curve:
     def on(chords: NDArray[np.float64]) -> NDArray[np.bool_]:
         along = chords[:, 2:] - chords[:, :2]
         outward = np.column_stack([along[:, 1], -along[:, 0]]) / np.hypot(*along.T)[:, None]

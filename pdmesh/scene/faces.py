@@ -28,7 +28,7 @@ def face(shell: Shell, words: str, place: str, unit: Unit = METRE) -> str | Shee
     """The side, or the part of a body's surface, that the words pick. Raises SceneError, beginning with `place`."""
     if words.strip() in SIDES:
         return words.strip()
-    first, points = expected(words, place, unit)
+    first, points = parsed(words, place, unit)
     triangles, at = shell.triangles, points[0]
     normal = _normals(triangles)
     if first == "normal":
@@ -41,7 +41,7 @@ def face(shell: Shell, words: str, place: str, unit: Unit = METRE) -> str | Shee
     return Sheet(triangles[patch == away.argmin()])
 
 
-def expected(words: str, place: str, unit: Unit = METRE) -> tuple[str, NDArray[np.float64]]:
+def parsed(words: str, place: str, unit: Unit = METRE) -> tuple[str, NDArray[np.float64]]:
     """The first word of a choice that is no side, and the points (1, 3) behind it. Raises SceneError."""
     return points_in(words, FORMS, 3, place, EXPECTED, unit)
 
@@ -57,8 +57,6 @@ def _normals(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _patches(triangles: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray[np.int64]:
     """Number (t,) of the smooth part of the surface that each triangle belongs to."""
-    # Here, as importing SciPy takes as long as building a small plate, which may do without it
-
     size = float(np.ptp(triangles.reshape(-1, 3), axis=0).max())
     corner = np.unique(np.round(triangles.reshape(-1, 3) / (1e-9 * size)), axis=0, return_inverse=True)[1].reshape(
         -1, 3

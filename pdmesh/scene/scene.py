@@ -121,7 +121,7 @@ class Scene(Plate, DiffusionConditions[Where]):
         mass: float | None = None,
         velocity: tuple[float, float] = (0.0, 0.0),
         spin: float = 0.0,
-        held: Sequence[str] = (),
+        held: str | Sequence[str] = (),
         profile: Profile = (),
         spacing: float | None = None,
     ) -> Scene:
@@ -132,7 +132,14 @@ class Scene(Plate, DiffusionConditions[Where]):
         plate's material would. `pdpost reaction` draws its force and the way of its centre of mass.
         """
         x, y = actions.vector(velocity, 2, f"rigid '{name}': velocity")
-        given = {"mass": mass, "x": x, "y": y, "spin": spin, "held": tuple(held), "profile": profile}
+        given = {
+            "mass": mass,
+            "x": x,
+            "y": y,
+            "spin": spin,
+            "held": [held] if isinstance(held, str) else held,
+            "profile": profile,
+        }
         own = actions.action(RigidBody, name, {key: value for key, value in given.items() if value is not None})
         assert isinstance(own, RigidBody)
         spacing = self.spacing if spacing is None else spacing

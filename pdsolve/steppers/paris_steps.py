@@ -133,7 +133,7 @@ class ParisSteps:
         except UnsettledError:
             for part, value in zip(state, values, strict=True):
                 part[:] = value
-            operator.back(operator.keep(), Broken(*broken))
+            operator.back(operator.keep(), broken)
             growth.back(cracks, broken)
             return self._end("what was left could not bear the largest loads", rest)
 

@@ -77,6 +77,8 @@ def test_groups_are_zones_regions_cracks_and_conditions(tmp_path: Path) -> None:
         ('Surface("crack:disc") = {50}', 'Volume("crack:disc") = {2}', naming('Volume("crack:disc")')),
         ('"-1 -1 -1 401 401 50"', '"0 0 1 1"', "expected six numbers"),
         ("Loads/top/Traction z", "Refine/crack/Distance", naming(found=("body", "space"), expected="none")),
+        ("Loads/top/Traction z", "Contact/Friction", naming("Contact/Friction'", found=("body", "space"))),
+        ("Loads/top/Traction z", "Bodies/ram/Mass", naming("Bodies/ram/Mass'", found=("body", "space"))),
         ("{100, Name", "{-1, Name", "zone 'coarse': spacing"),
         ("250};", "-250};", "Gmsh says"),
         ("Disk(50) = {500, 500, 300, 250}", "Disk(50) = {500, 500, 3000, 250}", naming("crack 'disc'")),

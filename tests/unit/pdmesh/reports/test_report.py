@@ -86,7 +86,7 @@ def test_info_of_a_shipped_scene() -> None:
     lines = info_lines(found)
     assert lines[0] == "plate_with_hole.json: 6288 nodes (5166 of 0.0005 m, 1122 of 0.001 m)"
     assert lines[-4].startswith("load 'bottom': 204 nodes")
-    assert [entry["force"][1] for entry in found["loads"].values()] == pytest.approx([1.1e6, -1.1e6])  # 22 MPa on 50 mm
+    assert [entry["force"][1] for entry in found["loads"]] == pytest.approx([1.1e6, -1.1e6])  # 22 MPa on 50 mm
     assert lines[-1].startswith("all loads add up to (0, 0) N/m, moment about the middle (0) N")
 
 
@@ -186,3 +186,12 @@ def test_a_one_scale_too_large_to_place_is_estimated(monkeypatch: pytest.MonkeyP
     estimated = plan(scene)["one_scale"]
     assert estimated["nodes"] == pytest.approx(placed["nodes"], rel=0.05)  # measured: 4.0 %, the nodes on edges
     assert estimated["bonds"] == pytest.approx(placed["bonds"], rel=0.12)  # measured: 8 %
+
+
+def test_loads_of_one_name_are_all_in_the_sum() -> None:
+    scene = (
+        Scene(box(0, 0, 0.1, 0.05), 5e-3, GLASS).fix("bottom").load("top", force=(0, 100)).load("top", force=(0, 15))
+    )
+    found = info(document(scene), "plate.json")
+    assert [load["force"][1] for load in found["loads"]] == pytest.approx([100, 15])
+    assert "(0, 115) N/m" in info_lines(found)[-1]

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from messages import naming
 
-from pdmesh import GridError, Material, Scene, SceneError, box, build
+from pdmesh import Body, GridError, Material, Scene, SceneError, box, build
 from pdmesh.drawing.plate_of_groups import scene_of
 from pdmesh.drawing.plate_places import Group
 from pdmesh.model.contact import Contact
 from pdmesh.model.document import InitialVelocity, RigidBody, read_document
 from pdmesh.model.node_grid import grid_of
 from pdmesh.reports.report import info, info_lines
+from pdmesh.scene.solids import brick
 from pdsolve.model import Model
 from pdsolve.run.system import Options, prepare
 
@@ -146,3 +148,29 @@ def test_a_body_of_a_drawing_can_be_rigid() -> None:
 def test_parameters_of_a_rigid_body_are_those_of_no_other(more: dict[str, float], named: str) -> None:
     with pytest.raises(SceneError, match=naming("hammer", named, expected=re.compile("(?:none|0 or 1|kg)"))):
         drawn(**more)
+
+
+BLOCK = brick((0, 0, 0), (0.01, 0.01, 0.01))
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        (lambda body: body.rigid(BLOCK, "b", spin=3.0), naming("rigid 'b'", "spin", found="3.0", expected="3")),
+        (lambda body: body.rigid(BLOCK, "b", velocity="fast"), naming("rigid 'b'", "velocity", found="'fast'")),
+        (lambda body: body.rigid(BLOCK, "b", held=5), naming("rigid 'b'")),
+        (lambda body: body.body(body, "b", spacing=MM), naming("body 'b'", "spacing", found="one", expected="none")),
+        (lambda body: body.load("top", force=(0, 5.0)), naming("load 'top'", "force", expected="3")),
+        (lambda body: body.load("top", force=(0, 5.0, np.nan)), naming("load 'top'", "force", expected="finite")),
+        (lambda body: body.load("top"), naming("load 'top'", found="none", expected="force")),
+    ],
+)
+def test_bodies_in_space_that_cannot_be(given: Callable[[Body], Body], message: str) -> None:
+    with pytest.raises(SceneError, match=message):
+        given(Body(BLOCK, MM, STEEL))
+
+
+def test_one_word_is_held_as_a_list_of_it() -> None:
+    body = Body(BLOCK, MM, STEEL).rigid(BLOCK, "b", mass=1.0, held="spin")
+    assert body.bodies[0].rigid is not None
+    assert body.bodies[0].rigid.held == ("spin",)
