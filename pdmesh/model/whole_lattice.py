@@ -42,6 +42,10 @@ class WholeLattice(Grid):
             object.__setattr__(self, name, value)
         self.__post_init__()
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """How copies and other processes make it anew."""
+        return _made_anew, (dict(self.__dict__),)
+
     def _converted(self) -> tuple[str, ...]:
         return tuple(name for name in super()._converted() if name in self.__dict__)
 
@@ -131,3 +135,8 @@ class WholeLattice(Grid):
         for along, count in zip(inside[-2::-1], self.lattice.counts[-2::-1], strict=True):
             rows = (rows[:, None] * count + along).ravel()
         return np.asarray(rows, dtype=np.int64)
+
+
+def _made_anew(fields: dict[str, Any]) -> WholeLattice:
+    """The grid with these fields."""
+    return WholeLattice(**fields)

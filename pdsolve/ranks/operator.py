@@ -39,8 +39,12 @@ class AcrossRanks:
         found: list[part.Counts | None] = [None]
         if law_of(model).pair is not None and model.grid.dimension == 2 and options.kernel != "listed":
             found = team.everywhere(part.build, plain, starts, each=windows)
+            plain = plain if found[0] is not None else plain._replace(kernel="listed")  # as one process has it
         if found[0] is None:
             found = team.everywhere(part.build_window, plain, make, starts, each=windows)
+            if len({one.kernel for one in found if one is not None}) > 1:
+                plain = plain._replace(kernel="listed")  # some windows lie on a lattice, others do not
+                found = team.everywhere(part.build_window, plain, make, starts, each=windows)
         parts = [one for one in found if one is not None]
         *columns, self._stiffest = (np.concatenate(values) for values in zip(*(one[:4] for one in parts), strict=True))
         self.counted, self._bytes = Counted(*columns), sum(one.bytes for one in parts)
@@ -66,6 +70,8 @@ class AcrossRanks:
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Energy densities (n,), J/m^3: stored, and dissipated by softening so far. Brings the state up to date."""
+        if self.stepper is not None:
+            self.stepper.lend(state)
         self._collect(state)
         held, spent = zip(*self.team.everywhere(part.energies), strict=True)
         return np.concatenate(held), np.concatenate(spent)
@@ -156,12 +162,16 @@ class VerletOnRanks:
         """Send the state to all ranks before the next step."""
         self._there = False
 
+    def lend(self, state: State) -> None:
+        """Send the state to all ranks if they have none of their own; the next step sends it anew."""
+        if not self._there:
+            self._operator.team.everywhere(part.put, self._dt, each=self._shares(state))
+
     def march(self, state: State, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1; the state is brought up to date when it is asked for."""
         team, self.state = self._operator.team, state
-        if not self._there:
-            team.everywhere(part.put, self._dt, each=self._shares(state))
-            self._there = True
+        self.lend(state)
+        self._there = True
         team.everywhere(part.march, first, last)
         self._fresh = self._fresh and last <= first
 

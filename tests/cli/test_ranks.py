@@ -80,6 +80,14 @@ def pulled(**material: object) -> Model:
     return plate(grid, material=glass, conditions=loads, run=Run(time_step=50e-9, steps=100, every=50, ledger=25))
 
 
+def partly_jittered() -> Grid:
+    """A grid whose first rows lie on a lattice, and whose last ones do not: only some windows could be in blocks."""
+    grid = square_grid(20, 120)
+    off = np.random.default_rng(1).uniform(-2e-4, 2e-4, grid.position.shape)
+    off[: 20 * 80] = 0
+    return dataclasses.replace(grid, position=grid.position + off)
+
+
 ORDINARY = msgspec.structs.replace(GLASS, model="ordinary", nu=0.2)
 NOTCHED = dataclasses.replace(square_grid(21, 12, y0=-5.5e-3), cracks=np.array([[-1.0, 0.0, 8e-3, 0.0]]))
 CASES = {
@@ -90,6 +98,7 @@ CASES = {
     "damped": (torn(square_grid(20, 120), run=Run(time_step=50e-9, steps=60, every=20, damping=1e4)), 3),
     "ordinary": (torn(square_grid(20, 120), material=ORDINARY), 3),
     "ordinary, two spacings": (torn(interface_grid(24, 12, 40), material=ORDINARY), 3),
+    "half on a lattice": (torn(partly_jittered()), 3),
     "a body": (pulled(), 3),
     "a softening body": (pulled(law="bilinear", kr=2.0), 3),
 }

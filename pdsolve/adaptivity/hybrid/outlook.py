@@ -19,7 +19,7 @@ import numpy as np
 from pdmesh.model.document import Adapt, Displacement, Hybrid, InitialVelocity, Load, Velocity
 from pdmesh.model.material_constants import pressure_speed, rayleigh_speed
 from pdmesh.model.refused_settings import impossible
-from pdmesh.model.selection import components
+from pdmesh.model.selection import components, given_of
 from pdsolve.adaptivity.hybrid.coarse_cells import Plate, cells_of, plate_of, tips_of
 from pdsolve.adaptivity.hybrid.lattice import COARSE, FINE
 from pdsolve.adaptivity.hybrid.springs import fine_springs
@@ -115,9 +115,9 @@ def _strain(model: Model) -> float:
     for condition in model.settings.conditions:
         most = max((abs(float(factor)) for _, factor in getattr(condition, "profile", ())), default=1.0)
         if isinstance(condition, Load):
-            force = condition.body_force
-            stress = np.abs(condition.traction or ()) if force is None else np.abs(force[:2]) * sides
-            found = max(found, most * SWING * float(np.max(stress, initial=0.0)) / softest)
+            across = {"traction": np.ones(2), "body_force": sides, "force": 1 / sides[::-1]}  # to stress
+            stress = [np.abs(vector[:2]) * across[name] for name, vector in given_of(condition).items()]
+            found = max(found, most * SWING * float(np.max(stress)) / softest)
         elif isinstance(condition, Velocity | InitialVelocity | Displacement):
             each = np.array([abs(value or 0.0) for value in components(condition, 2)])
             held = isinstance(condition, Displacement)

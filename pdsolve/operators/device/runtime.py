@@ -8,7 +8,8 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -140,20 +141,29 @@ class Session:
                 f"device: found {self.about.name} without memory for the run, expected more ({error})"
             ) from None
         except cl.Error as error:
+            if "INVALID_BUFFER_SIZE" in str(error):
+                raise ModelError(
+                    f"device: found {self.about.name}, which takes no array of this size, expected fewer nodes,"
+                    " --precision float32, or --device cpu"
+                ) from None
             raise DeviceLostError(f"device: found {self.about.name} lost ({error}), expected it to go on") from None
 
 
 def _all() -> list[Any]:
-    cl = _library()
-    try:
-        return [device for platform in cl.get_platforms() for device in platform.get_devices()]
-    except cl.Error:
+    cl, found = _library(), []
+    with suppress(cl.Error):  # without a runtime
+        for platform in cl.get_platforms():
+            with suppress(cl.Error):  # one whose device is gone hides no other
+                found += platform.get_devices()
+    if not found:
         raise ModelError(
-            "device: found no OpenCL runtime, expected a driver of the device, or PoCL:"
+            "device: found no OpenCL runtime with a device, expected a driver of the device, or PoCL:"
             " pip install pocl-binary-distribution"
-        ) from None
+        )
+    return found
 
 
+@cache
 def _library() -> Any:
     """The module pyopencl; PoCL keeps compiled code in the user's own folder, pyopencl keeps none."""
     place, _ = trust.private_folder()

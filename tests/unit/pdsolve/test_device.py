@@ -224,6 +224,7 @@ def refused() -> str:
 
 
 def test_without_the_package(monkeypatch: pytest.MonkeyPatch) -> None:
+    runtime._library.cache_clear()
     monkeypatch.setitem(sys.modules, "pyopencl", None)
     assert mentions(refused(), found="pyopencl", expected="pip install")
 

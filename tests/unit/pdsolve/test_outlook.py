@@ -10,14 +10,14 @@ import msgspec
 import numpy as np
 import pytest
 from messages import mentions, naming
-from plates import plate, shipped, square_grid
+from plates import GLASS, plate, shipped, square_grid
 from whole import contents
 from zones import rectangle
 
 from pdmesh.drawing.additions import ADAPT
 from pdmesh.model.document import Absorb, Hybrid, Load, Run, Velocity
 from pdmesh.model.material import Material
-from pdsolve.adaptivity.hybrid.outlook import decided, outlook
+from pdsolve.adaptivity.hybrid.outlook import _strain, decided, outlook
 from pdsolve.model import Model, ModelWarning
 from pdsolve.run.simulation import Options, prepare, resume, simulate
 
@@ -55,6 +55,15 @@ def test_the_strain_of_conditions_is_counted() -> None:
     found = outlook(Model(built.grid, built.settings), Options())
     np.testing.assert_allclose(found.strain, 16.5 / 5353 / (0.7 * 9.562e-3), rtol=1e-3)  # 0.4605
     np.testing.assert_allclose(found.begins, 0.054, atol=5e-4)
+
+
+def test_a_total_force_strains_as_its_traction_does() -> None:
+    """On the top of a plate 23 mm wide between its outermost nodes."""
+    top = (-1.0, 19e-3 - 1e-4, 1.0, 1.0)
+    loads = Load(box=top, traction=(0.0, 2e6)), Load(box=top, force=(0.0, 2e6 * 23e-3))
+    found = [_strain(plate(square_grid(24, 20), conditions=(load,))) for load in loads]
+    assert found[0] == pytest.approx(found[1])
+    assert found[0] == pytest.approx(2 * 2e6 / GLASS.E)
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
+import pickle
 import tracemalloc
 
 import numpy as np
@@ -61,3 +63,11 @@ def test_a_part_of_a_large_plate_takes_little() -> None:
         tracemalloc.stop()
     assert len(part) == 101**2
     assert most < 0.5 * len(grid)  # bytes a node; measured: 0.25
+
+
+def test_copies_and_other_processes_have_the_same_nodes() -> None:
+    grid = grid_of(Lattice((0.0, 0.0), 1e-3, 41, 11))
+    for again in (pickle.loads(pickle.dumps(grid)), copy.copy(grid), copy.deepcopy(grid)):
+        assert type(again) is type(grid)
+        assert np.array_equal(again.position, grid.position)
+        assert again.lattice == grid.lattice
