@@ -3,6 +3,10 @@
 The values of a family are fitted by w = H xi + xi' C xi / 2, weighted as in `gradients`. At a node whose family is
 even, the gradient is that of the fit without C. At an edge the latter is that of a place within the body, a third of a
 horizon below the edge: too warm, where an edge is cooled.
+
+Only families beside an edge along an axis are fitted so. At the steps of an edge across the rows of a lattice the
+strains of the outermost bonds differ from row to row, which curvatures make worse: the hoop stress at the rim of a hot
+disc is 4 % more than the exact one without them, and was 12 % less with them.
 """
 
 from __future__ import annotations
@@ -24,14 +28,14 @@ def curved_gradients_of(
 ) -> Array:
     """The gradient (n, k, d) of nodal values (n, k); arguments are those of `gradients_of`.
 
-    Where bonds are too few for curvatures it is that of the fit without them; NaN as there.
+    Elsewhere, and where bonds are too few for curvatures, it is that of the fit without them; NaN as there.
     """
     found, d = gradients_of(position, area, values, start, neighbour), position.shape[1]
     own = np.repeat(np.arange(len(position)), np.diff(start))
     xi = position[neighbour] - position[own]
     length = np.sqrt((xi**2).sum(axis=1))
     mean = np.column_stack([np.bincount(own, xi[:, a] / length, len(position)) for a in range(d)])
-    uneven = np.flatnonzero((np.abs(mean) > EVEN * np.diff(start)[:, None]).any(axis=1))
+    uneven = np.flatnonzero((np.abs(mean) > EVEN * np.diff(start)[:, None]).sum(axis=1) == 1)
     for first in range(0, len(uneven), BLOCK):
         rows = uneven[first : first + BLOCK]
         bonds = np.flatnonzero(np.isin(own, rows))

@@ -67,6 +67,8 @@ NOT_RUN = {  # commands that no test can run, and why
     "pip install '.[study,completion]'": "a package index",
     "pip install 'pdsuite[study]'": "a package index",
     "pip install 'pdsuite[opencl]'": "a package index",
+    "pip install 'pdsuite[mpi]'": "a package index",
+    "mpiexec -n 8 pdsolve plate.json": "a cluster; see tests/cli/test_ranks.py",
     "pdsolve study study.toml --scheduler tls://host:8786": "the address of a cluster",
 }
 NEEDS = {

@@ -17,7 +17,7 @@ def families(position: NDArray[np.float64], reach: float) -> tuple[NDArray[np.in
 
 
 @pytest.mark.parametrize("counts", [(12, 9), (8, 7, 6)])
-def test_quadratic_values_have_their_gradients_at_edges_and_corners_too(counts: tuple[int, ...]) -> None:
+def test_quadratic_values_have_their_gradients_at_edges_too(counts: tuple[int, ...]) -> None:
     d, h = len(counts), 2e-3
     x = h * np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1).reshape(-1, d).astype(float)
     draw = np.random.default_rng(1)
@@ -27,11 +27,12 @@ def test_quadratic_values_have_their_gradients_at_edges_and_corners_too(counts: 
     exact = slope + np.einsum("kab,nb->nka", curve, x)
     volume, bonds = np.full(len(x), h**d), families(x, 3.01 * h)
     found = curved_gradients_of(x, volume, values, *bonds)
-    assert np.abs(found - exact).max() < 1e-9 * np.abs(exact).max()  # measured: 2e-13
+    near = ((x < 2.5 * h) | (x > (np.array(counts) - 3.5) * h)).sum(axis=1)  # axes along which it is beside an edge
+    most = np.abs(exact).max()
+    assert np.abs(found - exact)[near <= 1].max() < 1e-9 * most  # measured: 2e-13
     flat = gradients_of(x, volume, values, *bonds)
-    assert np.abs(flat - exact).max() > 0.05 * np.abs(exact).max()
-    inside = ((x > 3.5 * h) & (x < (np.array(counts) - 4.5) * h)).all(axis=1)
-    assert np.array_equal(found[inside], flat[inside])
+    assert np.abs(flat - exact)[near == 1].max() > 0.05 * most
+    assert np.array_equal(found[near != 1], flat[near != 1])
 
 
 def test_a_family_of_few_bonds_is_fitted_without_curvatures() -> None:
