@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 
 import msgspec
 import numpy as np
@@ -14,6 +15,7 @@ from pdmesh.model.lattice_calibration import full_family, hu_beta
 from pdmesh.model.neighbours import Neighbours, Pairs, chosen
 from pdmesh.model.node_grid import Grid
 from pdmesh.model.visibility import Sight
+from pdsolve.bonds.assembly import Bonds, stiffness_bound
 from pdsolve.schemes import average_horizon, one_sided
 from pdsolve.schemes.one_sided import softening
 
@@ -162,3 +164,20 @@ def test_one_sided_bonds_do_not() -> None:
     source = np.repeat(np.arange(len(bonds.start) - 1), np.diff(bonds.start))
     directed = set(zip(source.tolist(), bonds.neighbour.tolist(), strict=True))
     assert any((j, i) not in directed for i, j in directed)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_the_bound_of_symmetric_bonds_is_the_largest_eigenvalue(dimension: int) -> None:
+    """Of the sums of k n n^T over each node's bonds, beside numpy's; and the sum of k for others."""
+    draw = np.random.default_rng(3)
+    count = np.array([5, 7, 0, 4])
+    xi, k = draw.normal(size=(count.sum(), dimension)), draw.uniform(1, 9, count.sum())
+    start, nothing = np.cumsum([0, *count]), np.zeros(count.sum())
+    bonds = Bonds(start, nothing.astype(np.int32), xi, *(nothing for _ in Bonds._fields[3:]))
+    size = np.hypot.reduce(xi, axis=1)
+    found = [stiffness_bound(bonds, k * size, symmetric) for symmetric in (True, False)]
+    for node, (first, last) in enumerate(itertools.pairwise(start)):
+        n, own = xi[first:last] / size[first:last, None], k[first:last]
+        whole = np.einsum("b,ba,bc->ac", own, n, n)
+        assert found[0][node] == pytest.approx(np.linalg.eigvalsh(whole)[-1])
+        assert found[1][node] == pytest.approx(own.sum())

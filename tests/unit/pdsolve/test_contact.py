@@ -18,6 +18,7 @@ from pdmesh.model.contact import Contact
 from pdmesh.model.document import Run
 from pdsolve import simulate
 from pdsolve.model import Model, ModelError, read_model
+from pdsolve.operators.contact.operator import pair_stiffness, touch_bound
 from pdsolve.run.measures import books
 from pdsolve.run.reactions import grips, reactions
 from pdsolve.run.simulation import resume
@@ -178,3 +179,12 @@ def test_the_stable_step_takes_the_stiffness_of_contact() -> None:
     assert steps[0] > 1.1 * steps[1] > 2 * steps[2]
     settings = msgspec.structs.replace(two(Run()).settings, contact=None)
     assert prepare(replace(two(Run()), settings=settings), Options()).system.time_step > steps[0]
+
+
+def test_contact_adds_two_faces_to_the_bound() -> None:
+    """Of nodes like it: two pairs of its stiffness, each over its cell."""
+    model, contact = two(Run()), two(Run()).settings.contact
+    volume = model.grid.delta**2
+    assert contact is not None
+    k = pair_stiffness(model, contact)
+    assert touch_bound(model, volume) == pytest.approx(2 * k * volume)
