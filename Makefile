@@ -19,7 +19,7 @@
 # make mutants  break the code on purpose, in places written down and in a hundred drawn, and see that tests notice
 # make places   tests of files, users, locks, processes, walls and caches where the host has no name, as another user, without HOME and so on (PLACES="spaced wheel")
 # make size    lines of the packages, and through how many files a model goes until its first step
-# make endurance  kills, corruptions, full disks, many readers and more, in at most an hour: docs/endurance.md
+# make endurance  hundreds of forgeries; then kills, corruptions, full disks and more, in at most an hour: docs/endurance.md
 # make clean   remove what the others made
 
 VENV ?= .venv
@@ -53,7 +53,7 @@ test: $(VENV)/test.done gmsh-libraries
 	$(BIN)/python -m pytest $(TWO) -m "not slow"
 
 slow: $(VENV)/test.done gmsh-libraries
-	$(BIN)/python -m pytest $(TWO) -m slow
+	$(BIN)/python -m pytest $(TWO) -m "slow and not endurance"
 	$(BIN)/python -m benchmarks.mutants --sample-only --minutes 5
 
 thesis: $(VENV)/install.done gmsh-libraries
@@ -157,7 +157,8 @@ places: $(VENV)/test.done gmsh-libraries
 	VENV=$(VENV) .ci/places $(PLACES)
 
 MINUTES := 55
-endurance: $(VENV)/install.done
+endurance: $(VENV)/test.done gmsh-libraries
+	$(BIN)/python -m pytest $(TWO) -m endurance
 	$(BIN)/python -m benchmarks.endurance --minutes $(MINUTES)
 
 clean:

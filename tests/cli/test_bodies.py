@@ -60,6 +60,7 @@ def test_a_body_is_told_of(solved: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert plan["one_scale"]["nodes"] == 160
 
 
+@pytest.mark.slow
 def test_a_body_is_drawn(solved: Path) -> None:
     assert pdmesh(["preview", str(solved / "body.json"), "-o", str(solved / "body.png"), "-q"]) == 0
     assert (solved / "body.png").stat().st_size > 20_000
@@ -233,6 +234,7 @@ def test_curves_of_a_body_know_z(solved: Path, capsys: pytest.CaptureFixture[str
     assert float(last.split(",")[6]) == pytest.approx(10 * 0.16)
 
 
+@pytest.mark.slow
 def test_a_report_of_a_body(solved: Path) -> None:
     path = solved / "body.html"
     assert pdpost(["report", str(solved / "body.sqlite"), "-o", str(path), "-q"]) == 0

@@ -40,6 +40,7 @@ def test_masses_of_a_body(screw: Path, capsys: pytest.CaptureFixture[str]) -> No
     assert abs(found["last"]["error"]) < 1e-12
 
 
+@pytest.mark.slow
 def test_a_plane_through_a_body(screw: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path, table = tmp_path / "plane.png", tmp_path / "plane.csv"
     words = ["slice", str(screw), "--plane", "z=4e-4", "--frame", "0", "--json", "--csv", str(table), "-o", str(path)]

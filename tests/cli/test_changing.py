@@ -104,6 +104,7 @@ def test_exports_of_each_epoch(given: Path) -> None:
     assert len(Path("a.csv").read_text().splitlines()) == 1 + nodes[30]
 
 
+@pytest.mark.slow
 def test_numbers_over_time(given: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Crack, history, balance, reaction, tradeoff, sql."""
     found = said(["crack", str(given), "-o", "c.png"], capsys)

@@ -104,6 +104,7 @@ def test_a_study_is_of_mechanics(disc: Path, capsys: pytest.CaptureFixture[str])
     assert not disc.with_name("study.sqlite").exists()
 
 
+@pytest.mark.slow
 def test_a_film_and_a_report_show_what_diffuses(results: Path, tmp_path: Path) -> None:
     film, page = tmp_path / "film.gif", tmp_path / "page.html"
     assert pdpost(["animate", str(results), "-o", str(film), "--json"]) == 0

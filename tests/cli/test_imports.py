@@ -148,6 +148,7 @@ def last_line(code: str, *words: str) -> Any:
     return json.loads(ran.stdout.splitlines()[-1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("chain", CHAINS)
 def test_what_is_imported(small_results: Path, here: Path, chain: str) -> None:
     program, rows = chain.split()[0], CHAINS[chain]
@@ -162,6 +163,7 @@ def test_what_is_imported(small_results: Path, here: Path, chain: str) -> None:
     assert [name for name in sorted(others) if not f"{name}.".startswith(may)] == []
 
 
+@pytest.mark.slow
 def test_an_import_changes_nothing(here: Path) -> None:
     """Neither settings nor signals nor files, whichever of the modules comes."""
     found = last_line(CHANGES, *HOUSE)

@@ -52,6 +52,7 @@ def check_resumed(probed: Model, capsys: pytest.CaptureFixture[str]) -> None:
     assert contents(Path("plate.sqlite")) == contents(Path("alone.sqlite"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("program", "module"),
     [
@@ -136,6 +137,7 @@ def test_twice_while_a_frame_is_written(
     check_resumed(probed, capsys)
 
 
+@pytest.mark.slow
 def test_while_another_program_is_waited_for(
     model: Path, probed: Model, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

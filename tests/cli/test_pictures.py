@@ -311,6 +311,7 @@ def test_watching_a_run_that_has_ended(small_results: Path, here: Path, capsys: 
     assert err == "small.damage.png: damage at 3 us (step 60)\n"
 
 
+@pytest.mark.slow
 def test_a_watcher_is_out_of_patience_or_interrupted(small_results: Path, here: Path) -> None:
     """A run that was killed still says it is running: 1 when patience ends, 130 at Ctrl-C."""
     with tampered(small_results) as connection:

@@ -129,6 +129,7 @@ def test_a_process_that_is_asked_to_end(model: Path, probed: Model) -> None:
         results.verify()
 
 
+@pytest.mark.slow
 def test_another_run_has_begun_to_write(
     model: Path, probed: Model, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

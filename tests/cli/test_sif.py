@@ -42,6 +42,7 @@ def pulled(case: Case, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_intensities_of_an_edge_crack(pulled: Path, case: Case, capsys: pytest.CaptureFixture[str]) -> None:
     """Of half the load and of all of it; 40 spacings wide, 3 % above Tada's."""
     assert main(["sif", str(pulled), "--json"]) == 0
@@ -175,6 +176,7 @@ def test_a_crack_that_leaves_the_plate(tmp_path: Path, here: Path, capsys: pytes
     assert mentions(said(["cut.sqlite"], capsys), found=("tip", "inside"))
 
 
+@pytest.mark.slow
 def test_frames_without_the_fields(here: Path, case: Case, capsys: pytest.CaptureFixture[str]) -> None:
     run = msgspec.structs.replace(case.model.settings.run, fields=("ux", "damage"))
     settings = msgspec.structs.replace(case.model.settings, run=run)

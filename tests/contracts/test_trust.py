@@ -61,6 +61,7 @@ def test_nothing_is_trusted_by_default() -> None:
     assert {name for name, default in found.items() if default not in (False, inspect.Parameter.empty)} == set()
 
 
+@pytest.mark.slow
 def test_nothing_in_the_packages_is_told_to_trust() -> None:
     """A call with `trust=True` would be a door of its own; the one there is, is behind the other."""
     found = set()

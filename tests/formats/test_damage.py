@@ -126,6 +126,7 @@ def test_a_damaged_run_is_refused_or_goes_on_as_if_nothing_had_been(
     assert min(found.values()) > 30, found
 
 
+@pytest.mark.slow
 def test_what_is_read_is_what_was_written(stopped: bytes, tmp_path: Path) -> None:
     path = tmp_path / "spoilt.sqlite"
 

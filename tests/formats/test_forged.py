@@ -181,5 +181,6 @@ def test_forged_results(whole: Path) -> None:
 
 
 @pytest.mark.slow
-def test_five_hundred_forged_results(whole: Path) -> None:
-    assert apart("forged_runs", whole, 2, 500, 2, limit=3000) == []
+@pytest.mark.parametrize("count", [100, pytest.param(500, marks=pytest.mark.endurance)])
+def test_many_forged_results(count: int, whole: Path) -> None:
+    assert apart("forged_runs", whole, 2, count, 2, limit=3000) == []

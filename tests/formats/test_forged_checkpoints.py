@@ -152,8 +152,9 @@ def test_forged_checkpoints(halves: Path) -> None:
 
 
 @pytest.mark.slow
-def test_five_hundred_forged_checkpoints(tmp_path: Path) -> None:
+@pytest.mark.parametrize("count", [100, pytest.param(500, marks=pytest.mark.endurance)])
+def test_many_forged_checkpoints(count: int, tmp_path: Path) -> None:
     """Of every kind of run that there is; those that are sound go on."""
     stopped(tmp_path, {name: make() for name, make in KINDS.items()})
     assert apart("sound_stops", tmp_path, module="forged_checkpoints") == []
-    assert apart("forged_stops", tmp_path, 2, 500, module="forged_checkpoints", limit=3000) == []
+    assert apart("forged_stops", tmp_path, 2, count, module="forged_checkpoints", limit=3000) == []

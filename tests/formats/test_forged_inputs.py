@@ -22,9 +22,10 @@ def test_forged_models(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_five_hundred_forged_models(tmp_path: Path) -> None:
+@pytest.mark.parametrize("count", [100, pytest.param(500, marks=pytest.mark.endurance)])
+def test_many_forged_models(count: int, tmp_path: Path) -> None:
     models(tmp_path, {name: KINDS[name]()[0] for name in SLOW})
-    assert apart("forged_models", tmp_path, 2, 500, module="forged_inputs", limit=3000) == []
+    assert apart("forged_models", tmp_path, 2, count, module="forged_inputs", limit=3000) == []
 
 
 def test_forged_studies(tmp_path: Path) -> None:
@@ -34,10 +35,11 @@ def test_forged_studies(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_five_hundred_forged_studies(tmp_path: Path) -> None:
+@pytest.mark.parametrize("count", [100, pytest.param(500, marks=pytest.mark.endurance)])
+def test_many_forged_studies(count: int, tmp_path: Path) -> None:
     """One that is sound is solved first, then every tenth: those start processes."""
     models(tmp_path, {"plate": KINDS["bonds"]()[0]})
-    assert apart("forged_studies", tmp_path, 2, 500, 10, module="forged_inputs", limit=3000) == []
+    assert apart("forged_studies", tmp_path, 2, count, 10, module="forged_inputs", limit=3000) == []
 
 
 def test_forgeries_differ() -> None:

@@ -19,6 +19,7 @@ def check(found: Sequence[Trial], states: set[str]) -> None:
     assert {trial.state for trial in found} == states
 
 
+@pytest.mark.slow
 def test_a_kill_at_the_last_calls(tmp_path: Path) -> None:
     """While SQLite's log is put away, all frames there: a journal is to be rolled back."""
     check(list(islice(trials([("bonds", False)], tmp_path), 8)), {"FINISHED"})

@@ -62,6 +62,7 @@ def test_a_notched_beam_softens() -> None:
     assert force[-1] < 0.05 * force.max()  # measured 0.03
 
 
+@pytest.mark.slow
 def test_a_square_bends_and_turns_as_it_is_said_to() -> None:
     """Its middle by 30 degrees less half of a radian."""
     with solved("bent_square.py") as results:

@@ -52,6 +52,7 @@ def test_the_conservative_mode_cracks_the_same_way(case: Case, cache: Path) -> N
     assert abs(balance) < 1e-3  # measured 4e-6 to 2.1e-4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("one", "two"), [("duran50_one_scale", "duran50")])
 def test_one_scale_and_two_agree(one: str, two: str, cache: Path) -> None:
     """At most 2 us and 4.1 mm, four spacings of the one, apart."""

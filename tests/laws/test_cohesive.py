@@ -44,7 +44,7 @@ def test_sums_over_bonds_that_cross_a_line(plane: str, profile: str) -> None:
 @shapes
 @pytest.mark.parametrize("profile", ["constant", "conical"])
 @pytest.mark.parametrize("plane", ["stress", "strain"])
-@pytest.mark.parametrize("m", [3.0, 4.0])
+@pytest.mark.parametrize("m", [3.0, pytest.param(4.0, marks=pytest.mark.slow)])
 def test_halves_moved_apart_spend_G0(shape: str, profile: str, plane: str, m: float) -> None:
     """The bonds that cross an axis line, over G0, where l_ch is 2.5 horizons."""
     length, G0 = 2.5 * m, 1e-12

@@ -82,7 +82,7 @@ def test_a_free_strip_has_the_poisson_ratio_that_is_said(nu: float) -> None:
 
 @shapes
 @pytest.mark.parametrize(("plane", "nu"), [("stress", 0.18), ("stress", -0.2), ("strain", 0.1)])
-@pytest.mark.parametrize("m", [3.0, 4.0])
+@pytest.mark.parametrize("m", [3.0, pytest.param(4.0, marks=pytest.mark.slow)])
 def test_halves_moved_apart_spend_G0(shape: str, plane: str, nu: float, m: float) -> None:
     """The bonds that cross an axis line, over G0, where l_ch is 2.5 horizons."""
     G0 = 1e-12

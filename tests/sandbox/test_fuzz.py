@@ -1,6 +1,6 @@
 """Commands hidden in drawings by chance: refused, or never run by Gmsh itself, without walls.
 
-Seeded and bounded: a sample here, all of it in the slow tests.
+Seeded and bounded: a sample in the slow tests, all of it in those of endurance.
 """
 
 from __future__ import annotations
@@ -135,6 +135,7 @@ def test_a_command_at_tokens(path: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.endurance
 @pytest.mark.parametrize("path", DRAWINGS, ids=lambda path: path.stem)
 def test_every_command_at_every_token(path: Path) -> None:
     text = path.read_bytes()
@@ -191,10 +192,6 @@ def check_soup(seed: int, count: int, folder: Path) -> None:
 
 
 @pytest.mark.slow
-def test_soup(tmp_path: Path) -> None:
-    check_soup(1, 2000, tmp_path)
-
-
-@pytest.mark.slow
-def test_more_soup(tmp_path: Path) -> None:
-    check_soup(2, 50_000, tmp_path)
+@pytest.mark.parametrize("count", [2000, pytest.param(50_000, marks=pytest.mark.endurance)])
+def test_soup(count: int, tmp_path: Path) -> None:
+    check_soup(count, count, tmp_path)

@@ -64,6 +64,7 @@ def test_a_plate_that_nothing_holds(failure: Callable[..., None], pdsolve: Calla
     )
 
 
+@pytest.mark.slow
 def test_a_crack_that_jumps(failure: Callable[..., None], pdsolve: Callable[..., Said]) -> None:
     """Snap-back.
 

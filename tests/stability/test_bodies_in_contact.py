@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+import pytest
 from failures import Said
 from messages import mentions
 from shapely import Point
@@ -87,6 +88,7 @@ def spun(shape: object) -> float:
     return float((arm[:, 0] @ way[:, 1] - arm[:, 1] @ way[:, 0]) / (arm**2).sum() / 0.05)
 
 
+@pytest.mark.slow
 def test_a_round_body_on_a_lattice(failure: Callable[..., None]) -> None:
     """Round bodies on a lattice.
 

@@ -7,6 +7,7 @@ import json
 from collections.abc import Callable
 
 import msgspec
+import pytest
 from failures import Said
 from messages import mentions
 from plates import plate
@@ -85,6 +86,7 @@ def test_a_border_that_is_stretched(failure: Callable[..., None], pdsolve: Calla
     )
 
 
+@pytest.mark.slow
 def test_zones_too_narrow(failure: Callable[..., None], pdsolve: Callable[..., Said]) -> None:
     """Zones that are narrow for their horizon.
 

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 from plates import STEEL, struck_plate
 
@@ -51,6 +52,7 @@ def torn(clamped: bool, material: Material = STEEL) -> dict[str, Torn]:
     }
 
 
+@pytest.mark.slow
 def test_the_far_edge_of_a_struck_plate(failure: Callable[..., None]) -> None:
     """A struck plate that spalls at its far edge.
 

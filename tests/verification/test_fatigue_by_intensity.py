@@ -67,6 +67,7 @@ def test_below_the_threshold_nothing_grows_and_cycles_end_where_they_are_told_to
         assert ended(results) == ("its cycles are over", 1e5)
 
 
+@pytest.mark.slow
 def test_the_load_ratio_takes_its_power_of_the_growth() -> None:
     lives = []
     for ratio in (0.0, 0.5, -1.0):
@@ -76,6 +77,7 @@ def test_the_load_ratio_takes_its_power_of_the_growth() -> None:
     assert lives[2] == lives[0]  # closed cracks
 
 
+@pytest.mark.slow
 def test_a_run_that_goes_on_is_the_same_to_the_last_bit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("pdsolve.run.simulation.PATIENCE", 1.0)
     whole, stopped = tmp_path / "whole.sqlite", tmp_path / "stopped.sqlite"

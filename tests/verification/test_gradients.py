@@ -86,6 +86,7 @@ def reaction(columns: int) -> float:
     return float(-out[system.model.grid.position[:, 0] > 1 - 0.1 / columns, 0].sum() / columns**2)
 
 
+@pytest.mark.slow
 def test_a_rubber_block_between_clamps() -> None:
     """Independent: 0.43931."""
     assert reaction(20) == pytest.approx(0.43931, rel=3e-3)  # measured 0.43931

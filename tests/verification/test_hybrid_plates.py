@@ -84,6 +84,7 @@ def test_what_must_not_break_makes_no_cell_fine() -> None:
     assert (kept.books.fine_share, kept.books.broken, kept.books.clipped_stretch) == (0.0, 0, 0.0)
 
 
+@pytest.mark.slow
 def test_a_shipped_scene_of_all_kinds() -> None:
     """Holes, notches, an inclusion and a curved crack: the elastic work of its ramp within a thousandth."""
     scene = read_scene(GEOMETRIES / "figure_19.py", trust=True)

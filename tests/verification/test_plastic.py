@@ -48,6 +48,7 @@ def moments(layers: int, most: int) -> tuple[list[float], float]:
     return found, books(system, state, 4 * most).balance(0.0)
 
 
+@pytest.mark.slow
 def test_a_coarse_beam_flows_as_an_independent_one() -> None:
     """The half of a load step is a step of the flow here, so that not all digits are the same."""
     found, missing = moments(10, 2)

@@ -59,6 +59,7 @@ def test_a_plate_of_bonds_twice_as_fine() -> None:
     assert abs(off) < 0.25  # measured 0.05 degrees
 
 
+@pytest.mark.slow
 def test_all_rings_say_the_same() -> None:
     lattice = on_lattice(20, 45.0)
     found = np.array([lattice.feels(*ring)[:3] for ring in RINGS])

@@ -29,6 +29,7 @@ def test_the_last_frame_and_step_are_what_is_meant_without_one(small_results: Pa
     assert all(title.endswith("(step 60)") for title in titles)
 
 
+@pytest.mark.slow
 def test_styled_pictures_are_those_of_the_commands(
     small_results: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -114,6 +114,7 @@ FEW = (
 )
 
 
+@pytest.mark.slow
 def test_few_spacings_have_to_be_asked_for(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Built, planned and solved they are refused in one line that says what they cost; a drawing may ask too."""
     script, path = tmp_path / "plate.py", tmp_path / "plate.json"

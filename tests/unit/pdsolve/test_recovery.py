@@ -224,6 +224,7 @@ def test_a_database_that_goes_while_a_run_writes(
         assert contents(other) == contents(tmp_path / "whole.sqlite")
 
 
+@pytest.mark.slow
 def test_a_second_run_without_the_file_of_the_lock(
     probed: Model, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

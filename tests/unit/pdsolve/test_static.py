@@ -270,6 +270,7 @@ def test_relaxation_that_does_not_settle_says_after_how_many_iterations(tmp_path
         assert results.frames()[0].tolist() == [0]
 
 
+@pytest.mark.slow
 def test_bonds_that_soften_are_followed() -> None:
     """Measured: 368 bonds gone and a balance of 8.8e-3, over 19 steps; below the first peak one step, nothing spent."""
     steel = msgspec.structs.replace(STEEL, E=65e9, G0=204)

@@ -1,6 +1,6 @@
 """Damaged files of every kind: a grid, or one line that names the file. Seeded; more of it in the slow tests.
 
-Each is built by a process of its own, so that the slow tests take minutes a kind. Drawings are damaged by their lines
+Each is built by a process of its own, so that five hundred take minutes a kind. Drawings are damaged by their lines
 in test_geo.py too, and commands hidden in them in tests/sandbox/test_fuzz.py.
 """
 
@@ -183,6 +183,7 @@ def test_damage_is_a_grid_or_one_error(kind: str, tmp_path: Path, monkeypatch: p
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("count", [100, pytest.param(500, marks=pytest.mark.endurance)])
 @pytest.mark.parametrize("kind", KINDS)
-def test_more_damage(kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    check(kind, 2, 500, tmp_path, monkeypatch)
+def test_more_damage(kind: str, count: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    check(kind, 2, count, tmp_path, monkeypatch)

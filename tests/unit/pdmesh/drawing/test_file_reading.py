@@ -177,6 +177,7 @@ def test_a_pipe_is_no_drawing(command: str, suffix: str, tmp_path: Path, capsys:
     assert err.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_a_reader_that_never_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """As meshio's of .ply, where the end of the header is no line of its own."""
     path = tmp_path / "part.ply"

@@ -106,6 +106,7 @@ def test_what_is_proposed_is_in_the_unit_of_the_drawing() -> None:
     assert settings(found)["Zones/fine/Spacing"] == "0.5"
 
 
+@pytest.mark.slow
 def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["plan", str(GEOMETRIES / "duran50.geo"), "--within", "10%", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)

@@ -61,6 +61,7 @@ def test_python_and_gmsh_draw_the_same_grid() -> None:
     assert others == settings
 
 
+@pytest.mark.slow
 def test_python_scenes_need_no_gmsh() -> None:
     script = (
         "import sys, pathlib; sys.modules['gmsh'] = None\n"

@@ -97,6 +97,7 @@ def test_a_series_as_xdmf(small_results: Path, tmp_path: Path) -> None:
     assert (tmp_path / "a.bin").stat().st_size == each + 252 * (3 * 8 + 8 + 8 + 8 + 8)
 
 
+@pytest.mark.slow
 def test_a_series_is_about_as_large_as_its_pvd(solved: Callable[[str], Path], tmp_path: Path) -> None:
     """As text it was six times as large."""
     with Results.open(solved("conservative")) as results:

@@ -24,6 +24,7 @@ def gmsh() -> Iterator[Any]:
     module.finalize()
 
 
+@pytest.mark.slow
 def test_gmsh_reads_what_was_stored(hybrid_results: Path, tmp_path: Path, gmsh: Any) -> None:
     path, corners = tmp_path / "views.msh", 4
     assert main(["export", str(hybrid_results), "-o", str(path), "-q", "--squares"]) == 0

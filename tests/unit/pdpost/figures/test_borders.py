@@ -50,6 +50,7 @@ def test_it_is_around_the_finer_nodes(solved: Path) -> None:
             assert np.all(among[apart[~finer] == 0] < 2.1e-3)
 
 
+@pytest.mark.slow
 def test_it_moves_and_opens_with_the_plate(solved: Path) -> None:
     """Longer in the end; deformed, no side is drawn across a crack."""
     with Results.open(solved) as results:

@@ -35,8 +35,13 @@ DRAW: dict[str, Callable[[Results], Figure]] = {
 }
 
 
+suffixes = pytest.mark.parametrize(
+    "suffix", [".png", *(pytest.param(one, marks=pytest.mark.slow) for one in (".svg", ".pdf"))]
+)
+
+
 @pytest.mark.parametrize("what", DRAW)
-@pytest.mark.parametrize("suffix", [".png", ".svg", ".pdf"])
+@suffixes
 def test_a_picture_has_the_same_bytes_each_time(small_results: Path, tmp_path: Path, suffix: str, what: str) -> None:
     written = []
     for name in ("one", "two"):
@@ -293,7 +298,7 @@ def test_bonds_are_blue_and_red(small_results: Path) -> None:
     assert np.array(broken.get_segments()) == pytest.approx(ends)
 
 
-@pytest.mark.parametrize("suffix", [".png", ".svg", ".pdf"])
+@suffixes
 def test_an_image_has_the_same_bytes_each_time(
     small_results: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str
 ) -> None:

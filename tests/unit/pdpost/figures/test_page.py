@@ -28,6 +28,7 @@ def test_where_conditions_act(small_results: Path) -> None:
     assert labels == ["252 nodes, 1 mm apart", "condition 0 (load)", "condition 1 (load)"]
 
 
+@pytest.mark.slow
 def test_text_of_the_model_is_no_markup(small_results: Path) -> None:
     with Results.open(small_results) as results:
         model = json.loads(results.model())

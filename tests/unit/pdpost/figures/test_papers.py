@@ -20,6 +20,7 @@ from pdpost.figures.style import JOURNALS, FigureError, written
 from pdsolve.results import Results
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("journal", ["elsevier", "aps-wide"])
 def test_a_figure_is_exactly_as_wide_as_the_column(small_results: Path, journal: str) -> None:
     width = JOURNALS[journal][0]
@@ -87,6 +88,7 @@ def test_frames_are_chosen_and_refused(
             main([*words, *wrong])
 
 
+@pytest.mark.slow
 def test_units_are_spelled_in_one_way_on_a_page(small_results: Path) -> None:
     assert (
         spelled("3 us, 2.5e-3 mm^2, 4 um, 1 MPa m^0.5, us 5 users") == "3 µs, 2.5e-3 mm², 4 µm, 1 MPa m^½, us 5 users"

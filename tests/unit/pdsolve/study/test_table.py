@@ -117,6 +117,7 @@ def test_a_table_of_an_older_version_is_read_and_given_checksums(path: Path, stu
         Table.open(path)
 
 
+@pytest.mark.slow
 def test_one_whose_program_was_killed_at_any_statement_is_gone_on_with(
     study: Study, path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
