@@ -16,7 +16,6 @@ from pdpost.reading.frame_steps import frames
 from pdpost.reading.stored_fields import vector
 from pdsolve.results import Nodes, Results, ResultsError
 
-QUANTITIES = ("displacement", "velocity", "acceleration")
 OUTSIDE = 1.5  # spacings: a place further from every node is not of the plate
 
 

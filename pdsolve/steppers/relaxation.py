@@ -22,7 +22,7 @@ from pdsolve.state import State
 from pdsolve.steppers.equilibrium import Asked, Settled, Tell, UnsettledError, forces, left_over, round_off
 
 if TYPE_CHECKING:
-    from scipy.sparse import csr_array
+    pass
 
 MOST = 100_000  # iterations
 CAP = 1.9  # of the damping, as 2 would stop every motion
@@ -34,14 +34,6 @@ LOOK = 50  # iterations between two looks at the clock
 def by_eigenvalue(operator: Operator) -> NDArray[np.float64]:
     """The smallest mass (n,), N/m^4 s^2, at which a step of 1 s is surely stable, from the operator's bound."""
     return operator.stiffness_bound() / 2
-
-
-def by_row_sum(tangent: csr_array) -> NDArray[np.float64]:
-    """The smallest mass (n w,), N/m^4 s^2, at which a step of 1 s is surely stable, by Gershgorin's circles.
-
-    It is a quarter of the row sums of |K|.
-    """
-    return np.asarray(abs(tangent).sum(axis=1)).ravel() / 4
 
 
 class Relaxation:

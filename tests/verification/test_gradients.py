@@ -8,6 +8,7 @@ import msgspec
 import numpy as np
 import pytest
 from plates import GLASS, plate, square_grid
+from systems import by_row_sum
 
 from pdmesh.model.document import Displacement, Run, Static
 from pdsolve.laws.higher_order_correspondence import fit
@@ -15,7 +16,7 @@ from pdsolve.model import Model
 from pdsolve.run.system import Options, prepare
 from pdsolve.steppers.equilibrium import Asked
 from pdsolve.steppers.load_steps import LoadSteps
-from pdsolve.steppers.relaxation import Relaxation, by_row_sum
+from pdsolve.steppers.relaxation import Relaxation
 
 TURN = np.radians(30)
 EXACT = np.diag([-0.375, 0.0])  # Green's strain at the corner

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from plates import GLASS, plate, square_grid
 from scipy.sparse import csr_array, diags_array
 from scipy.sparse.linalg import eigsh, spsolve
+from systems import by_row_sum
 
 from pdmesh.model.document import Displacement, Load, Run, Static
 from pdmesh.model.lattice_calibration import lattice_ratios
@@ -26,7 +27,7 @@ from pdsolve.state import State
 from pdsolve.steppers.equilibrium import Asked
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.newton import Newton
-from pdsolve.steppers.relaxation import Relaxation, by_eigenvalue, by_row_sum
+from pdsolve.steppers.relaxation import Relaxation, by_eigenvalue
 from pdsolve.steppers.static_loads import in_load_steps
 
 UNIT = msgspec.structs.replace(GLASS, E=1.0, G0=1e9, micromodulus="constant")
