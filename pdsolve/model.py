@@ -143,7 +143,9 @@ class Model:
         steps = Run(time_step=time_step, steps=run.steps, every=run.every, ledger=run.ledger)
         if run.solver == "static":
             steps = msgspec.structs.replace(steps, solver="implicit", theta=run.theta)
-        return self._part(physics="diffusion", material=None, regions=(), conditions=mine, run=steps)
+        assert self.settings.medium is not None
+        medium = msgspec.structs.replace(self.settings.medium, broken=1.0)  # `Swelling` knows what breaks
+        return self._part(physics="diffusion", medium=medium, material=None, regions=(), conditions=mine, run=steps)
 
     def _unstressed(self) -> Iterator[InitialConcentration]:
         """The contents T0 of the materials, which nodes begin with where no condition says another."""

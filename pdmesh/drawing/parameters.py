@@ -53,7 +53,19 @@ FOLDERS = {
     f"Exchanges/{ANY}": ("Coefficient", "h", "Outside", *SHARED[:2], "Edge", "Face"),
     f"Begins/{ANY}": ("Concentration", "Temperature", "Box"),
     f"Media/{ANY}": ("D",),
-    "Medium": ("D", "k", "c", "Power", "C solid", "C sat", "Dissolution", "k diss", "Capped", "Surface correction"),
+    "Medium": (
+        "D",
+        "k",
+        "c",
+        "Power",
+        "C solid",
+        "C sat",
+        "Dissolution",
+        "k diss",
+        "Capped",
+        "Broken",
+        "Surface correction",
+    ),
     "Run": (
         "Theta",
         "Time step",
@@ -283,11 +295,13 @@ def either(parameters: Parameters, folder: str, *names: str) -> tuple[float, str
 def medium(parameters: Parameters) -> Medium | Heat | None:
     """The medium of diffusion, or of heat if its conductivity is given; None if no parameter is given."""
     if parameters.maybe("Medium/k") is not None or parameters.maybe("Medium/c") is not None:
-        others = sorted(parameters.below("Medium") - {"k", "c"})
+        others = sorted(parameters.below("Medium") - {"k", "c", "Broken"})
         if others:
             raise SceneError(f"parameter '{PREFIX}Medium/{others[0]}': found one, expected none beside k and c")
-        return Heat(parameters.number("Medium/k"), parameters.number("Medium/c"))
+        k, c = (parameters.number(f"Medium/{name}") for name in "kc")
+        return Heat(k, c, parameters.number("Medium/Broken", 1.0))
     given: dict[str, Any] = {"D": parameters.maybe("Medium/D"), "k_diss": parameters.maybe("Medium/k diss")}
+    given["broken"] = parameters.maybe("Medium/Broken")
     given |= {f"C_{end}": parameters.maybe(f"Medium/C {end}") for end in ("solid", "sat")}
     given["dissolution"] = parameters.text("Medium/Dissolution") or None
     given = {name: value for name, value in given.items() if value is not None}

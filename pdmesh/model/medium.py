@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
 import msgspec
 
@@ -24,6 +24,7 @@ class Medium(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defau
     dissolution: Literal["enthalpy", "kinetic"] = "enthalpy"
     k_diss: Positive = 1.0  # kinetic: of bonds from solid to liquid, over that from liquid to liquid
     surface_correction: bool = True  # of bonds near free surfaces, cracks and held layers; see the guide
+    broken: Annotated[float, msgspec.Meta(ge=0, le=1)] = 1.0  # share of its conductance that a broken bond keeps
     capped: bool = True  # kinetic: nothing dissolves into liquid that holds C_sat
 
 

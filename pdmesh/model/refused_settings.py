@@ -79,6 +79,8 @@ def _diffusing(settings: Settings, medium: Medium) -> Iterator[Impossible]:
     wrong = contradiction(medium)
     if wrong is not None:
         yield Impossible(f"$.medium.{wrong[0]}", *wrong[1:])
+    if medium.broken != 1:
+        yield Impossible("$.medium.broken", f"{medium.broken:g}", "1 of diffusion, in which no bond breaks")
     run, usual = settings.run, Run()
     for name in ("until", "start", "damping", "probes", "cracks"):
         found, expected = getattr(run, name), getattr(usual, name)

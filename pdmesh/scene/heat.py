@@ -25,11 +25,14 @@ class Heat:
 
     k: float  # W/(m K)
     c: float  # J/(kg K)
+    broken: float = 1.0  # share of its conductance that a broken bond keeps
 
     def __post_init__(self) -> None:
         for name, value in (("k", self.k), ("c", self.c)):
             if not isinstance(value, float | int) or not 0 < value <= MOST:
                 raise SceneError(f"medium: {name}: found {value!r:.40}, expected a positive number of at most {MOST:g}")
+        if not isinstance(self.broken, float | int) or not 0 <= self.broken <= 1:
+            raise SceneError(f"medium: broken: found {self.broken!r:.40}, expected a number from 0 to 1")
 
 
 def capacity(medium: Medium | Heat | None, material: Material | None, place: str) -> float:
@@ -46,7 +49,7 @@ def medium_of(medium: Medium | Heat | None, material: Material | None) -> Medium
     """The medium of the grid file: that of heat with D = k / (rho c). Raises SceneError without a density."""
     if not isinstance(medium, Heat):
         return medium
-    return Medium(D=medium.k / capacity(medium, material, "medium"))
+    return Medium(D=medium.k / capacity(medium, material, "medium"), broken=medium.broken)
 
 
 def physics_of(medium: Medium | Heat | None, material: Material | None, regions: Iterable[Region]) -> Physics:

@@ -119,6 +119,12 @@ class Families:
         one, other = self.diffusivity[i], self.diffusivity[j]
         return np.asarray((both[0] + both[1]) / self._lattice * one * other / (one + other))
 
+    def between(self, source: NDArray[np.int64], target: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Conductance (b,) of these pairs, 1/(s m^d), that see each other; 0 beyond the horizon."""
+        away = self.position[target] - self.position[source]
+        found = self.conductance(Pairs(source, target, np.sqrt((away**2).sum(axis=1))))
+        return np.where(found > ROUND_OFF * found.max(initial=0.0), found, 0.0)
+
     def part(self, rows: NDArray[np.int64]) -> Part:
         """Bonds of some increasing rows."""
         pairs = self.neighbours.pairs(rows)

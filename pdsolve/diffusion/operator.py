@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pdmesh.model.medium import Medium
 from pdsolve.checkpoint_validation import entry
 from pdsolve.diffusion.dissolution import potential, solid_share
-from pdsolve.diffusion.listed import BondList
+from pdsolve.diffusion.listed import BondList, ChangedBonds
 from pdsolve.diffusion.surfaces import Bonds
 from pdsolve.model import ModelError
 from pdsolve.operators.protocol import Kept
@@ -54,20 +54,25 @@ class Fick:
         families: Callable[[], Bonds],
         medium: Medium,
         outside: NDArray[np.float64] | None = None,
-        change: Exchange | None = None,
+        change: ChangedBonds | None = None,
     ) -> None:
         """`change` is what a surface correction adds to the fluxes of `exchange`.
 
         `outside` (n,), 1/s, is what leaves the body per volume for each mol/m^3 of potential.
         """
         self.exchange, self.medium, self._families = exchange, medium, families
-        self._parts = (exchange,) if change is None else (exchange, change)
+        self.change = change
+        self.torn: ChangedBonds | None = None  # what is added to the fluxes of bonds that broke
         self.total = sum((part.total for part in self._parts), np.zeros(len(exchange.volume)))  # (n,) 1/s, inside
         self.outside = np.zeros(len(exchange.volume)) if outside is None else outside
         self._open = bool(self.outside.any())
         self.name, self.volume, self.count = exchange.name, exchange.volume, exchange.count
         self.kinetic = medium.dissolution == "kinetic"
         self.solid = np.zeros(len(self.volume), dtype=np.uint8)  # (n,) whether a node is solid; kinetic alone
+
+    @property
+    def _parts(self) -> tuple[Exchange, ...]:
+        return (self.exchange, *(part for part in (self.change, self.torn) if part is not None))
 
     def place(self, state: State) -> State:
         """The state unchanged: it already has the layout of this operator."""

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model.document import Material, Run
 from pdmesh.model.material_constants import poisson
+from pdsolve.diffusion.broken_bonds import BrokenBonds
 from pdsolve.model import Model
 from pdsolve.operators.bond_list import BondList
 from pdsolve.state import State
@@ -30,12 +31,19 @@ class Swelling:
     """Steps of a content and of the motion, or load steps, that it swells; n nodes."""
 
     def __init__(
-        self, content: tuple[Stepper, State], motion: Stepper, bonds: BondList, model: Model, cycle: int = 1
+        self,
+        content: tuple[Stepper, State],
+        motion: Stepper,
+        bonds: BondList,
+        model: Model,
+        cycle: int = 1,
+        broken: BrokenBonds | None = None,
     ) -> None:
         """`content` is its stepper, whose steps are `cycle` of the motion long, and its state.
 
-        `model` has the materials, each with alpha and T0.
+        `model` has the materials, each with alpha and T0. `broken` bonds conduct less; None: all conduct alike.
         """
+        self._broken = broken
         self._content, self._h = content
         self.motion, self.cycle, self._bonds = motion, cycle, bonds
         self._alpha, self._T0 = coefficients(model)
@@ -70,6 +78,8 @@ class Swelling:
         rests = isinstance(self.motion, LoadSteps)
         before = np.zeros(len(self._T0)) if rests and step == 1 else self._strain()
         held = self._held(state, before) if held is None else held
+        if self._broken is not None:
+            self._broken.update(self._content)
         self._content.march(self._h, (step - 1) // self.cycle + 1, (step - 1) // self.cycle + 2)
         strain = self._strain()
         state.work[:] += (self._held(state, strain) - held) / 2

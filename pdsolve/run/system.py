@@ -30,6 +30,7 @@ from pdsolve.conditions import (
     widened,
 )
 from pdsolve.diffusion import system as diffusion
+from pdsolve.diffusion.broken_bonds import BrokenBonds
 from pdsolve.diffusion.swelling import Swelling, cycle_of
 from pdsolve.diffusion.system import Transport
 from pdsolve.laws import law_of
@@ -238,7 +239,10 @@ def _swelling(model: Model, options: Options, scheme: Scheme) -> Prepared:
     if not rests:
         cycle = cycle_of(model.settings.run, system.time_step, transport.bound)
         marches = Euler(transport.operator, transport.drive, cycle * system.time_step)
-    stepper = Swelling((marches, content.state), system.stepper, system.operator, model, cycle)
+    assert model.settings.medium is not None
+    share = model.settings.medium.broken
+    broken = None if share == 1 else BrokenBonds(transport, system.operator, share)
+    stepper = Swelling((marches, content.state), system.stepper, system.operator, model, cycle, broken)
     if not rests:  # the first half step goes with what the strains of time 0 pull
         pull = forces(system.operator, state) / system.model.rho[:, None]
         state.second[:] += np.where(held(system.drive), 0.0, pull)

@@ -39,6 +39,10 @@ class Theta:
         self._factors: Solve | None = None
         self._out = np.zeros(len(self._free))
 
+    def forget(self) -> None:
+        """Factor the equations anew, as the operator has changed."""
+        self._factors = None
+
     def march(self, state: State, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1, in place. Raises UnstableError if the equations do not converge."""
         drive, dt, theta, free = self._drive, self._dt, self._theta, self._free

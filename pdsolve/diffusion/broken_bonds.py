@@ -1,0 +1,51 @@
+"""Bonds that break in the motion and conduct less from then on.
+
+A pair of nodes whose bond broke keeps a share of the conductance that it had, that of the surface correction included.
+Walls that prescribe a value keep all of theirs.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.diffusion.families import Families
+from pdsolve.diffusion.listed import ChangedBonds
+from pdsolve.diffusion.system import Transport
+from pdsolve.operators.protocol import Operator
+from pdsolve.steppers.theta import Theta
+
+
+class BrokenBonds:
+    """What the broken bonds of a motion, of the same n nodes, take from a transport."""
+
+    def __init__(self, transport: Transport, motion: Operator, share: float) -> None:
+        """`share`, from 0 to 1, of its conductance is what a bond keeps."""
+        self._transport, self._motion, self._share = transport, motion, share
+        self._families, self._known = Families(transport.model), 0
+
+    def update(self, stepper: object) -> None:
+        """Let the bonds that are broken now conduct less, in the steps of `stepper` too."""
+        broken = self._motion.broken()
+        if len(broken.step) == self._known:
+            return
+        self._known = len(broken.step)
+        order = np.lexsort((broken.target, broken.source))
+        source, target = broken.source[order], broken.target[order]
+        lost = (self._share - 1) * self._conductance(source, target)
+        some, operator = lost < 0, self._transport.operator
+        operator.torn = ChangedBonds(source[some], target[some], lost[some], operator.volume, self._transport.threads)
+        if isinstance(stepper, Theta):
+            stepper.forget()
+
+    def _conductance(self, source: NDArray[np.int64], target: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Conductance (b,) of these pairs while they are whole, 1/(s m^d); 0 where nothing diffuses."""
+        found, change = self._families.between(source, target), self._transport.operator.change
+        if change is None:
+            return found
+        start, _, neighbour, more = change.bonds
+        nodes = len(start) - 1
+        keys = np.repeat(np.arange(nodes), np.diff(start)) * nodes + neighbour
+        wanted = source * nodes + target
+        at = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1) if len(keys) else np.zeros(0, dtype=np.int64)
+        return found + np.where(keys[at] == wanted, more[at], 0.0) if len(keys) else found
