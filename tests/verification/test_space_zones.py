@@ -24,7 +24,9 @@ from pdsolve.model import Model
 from pdsolve.numerics.thread_team import cores
 from pdsolve.operators.space_lattice.layout import table_of
 from pdsolve.results import Results
+from pdsolve.run.body_zones import zone_of
 from pdsolve.run.simulation import Options, resume, simulate
+from pdsolve.run.system import prepare
 
 SMALL = 1e-7  # strain
 GLASS = Material(E=65e9, rho=2235, G0=204, micromodulus="constant")
@@ -136,6 +138,23 @@ def solved(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("body") / "whole.sqlite"
     simulate(block("hybrid"), path, Options(threads=1)).close()
     return path
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_cells_around_a_stretched_spring_become_fine(axis: int) -> None:
+    """A coarse node moves by 0.9 of the critical stretch of the spring behind it: this one alone is beyond kappa."""
+    problem = prepare(block("hybrid"), Options(threads=1))
+    operator, state = zone_of(problem.system), problem.state
+    spacings, limit = place(operator), operator.whole.fine.tiles.peak.min()
+    node = np.array([40, 8, 20])
+    state.value[(spacings == node).all(axis=1), axis] = 0.9 * 2 * H * limit
+    found = operator.wanted(state, 0)
+    behind = node - 2 * np.eye(3, dtype=int)[axis]
+    cells = np.argwhere(np.ones((24, 8, 20)))
+    away = [np.linalg.norm(np.maximum(np.abs(one - (2 * cells + 1)) - 1, 0), axis=1) for one in (node, behind)]
+    near = cells[np.minimum(*away) < 8]
+    assert (np.abs(spacings - node) > 10).any(axis=1)[operator.model.grid.delta < 1.5 * H].all()  # fine ones are far
+    assert sorted(map(tuple, found)) == sorted(map(tuple, near))
 
 
 @pytest.mark.slow
