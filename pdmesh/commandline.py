@@ -254,7 +254,7 @@ def run(
         except KeyboardInterrupt:
             code, message = _stopped(*interrupts[:1])
         except Exception as error:
-            code, message = _stopped(*interrupts[:1]) if interrupts else _said(error, exits)
+            code, message = _stopped(*interrupts[:1]) if interrupts else said(error, exits)
     remark(f"{name}: {' '.join(message.split())}")
     return code
 
@@ -296,7 +296,7 @@ def _trust_warnings(name: str, quiet: bool) -> Iterator[None]:
         yield
 
 
-def _said(error: Exception, exits: Callable[[], dict[type[Exception], int]]) -> tuple[int, str]:
+def said(error: Exception, exits: Callable[[], dict[type[Exception], int]]) -> tuple[int, str]:
     """Exit code and message of an expected error; raises any other."""
     if isinstance(error, UsageError):
         return BAD_INPUT, str(error)

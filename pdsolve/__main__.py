@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from pdsolve.numerics.team import Team
     from pdsolve.run.estimate import Plan
 
-ROOM = 1 << 29  # bytes of addresses: with less, OpenBLAS asks the system for more for ever
-
 
 def parser() -> argparse.ArgumentParser:
     """The command line of pdsolve."""
@@ -137,7 +135,7 @@ def _uncollected() -> Iterator[None]:
 
 def _solve(args: argparse.Namespace, ranks: Team | None) -> int:
     commandline.expect(args.model, Kind.RESULTS if args.resume else Kind.MODEL)
-    commandline.expect_memory(ROOM)
+    launch.expect_room(ranks)
     with _uncollected():
         _leave_out_blas()
         from pdmesh.model.document import GridWarning
@@ -370,10 +368,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     if words[:1] == ["study"]:
         from pdsolve.study import command
 
-        return command.main(words[1:])
+        return launch.alone("pdsolve study", lambda: command.main(words[1:]))
     if nearest(words[0] if words else "", ["study"], commandline.ALIKE) and not Path(words[0]).exists():
         parser().error(f"found '{words[0]}', expected a model's file, or the word study")
-    return launch.together(lambda ranks: _alone(words, ranks))
+    return launch.together(lambda ranks: _alone(words, ranks), _exits)
 
 
 def _alone(words: list[str], ranks: Team | None) -> int:

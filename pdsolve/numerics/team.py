@@ -7,18 +7,28 @@ are asked. Work is a function at the top level of a module, as it travels by its
 from __future__ import annotations
 
 import os
+import pickle
+import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-ORDER, ANSWER, PASSED = 1, 2, 3  # tags of messages
+ORDER, ANSWER, PASSED, HEARD = 1, 2, 3, 4  # tags of messages
 SPIN, NAP = 1e-3, 5e-5  # s of looking before a nap; s of a nap, as ranks may be more than cores
 NUMBERS = ("PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_RANK", "MPI_LOCALRANKID")  # set by what starts ranks
+SIZES = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "MPI_LOCALNRANKS", "SLURM_STEP_NUM_TASKS")  # likewise
 PATIENCE = 1.5  # s that rank 0 waits for the others at the end
+GRACE = 0.5  # s that a rank in error waits for rank 0 to end it
+
+
+class Failed(NamedTuple):
+    """The answer of a rank whose work raised an error."""
+
+    error: Exception
 
 
 class Team:
@@ -32,26 +42,54 @@ class Team:
     def everywhere(self, work: Callable[..., Any], *common: Any, each: Sequence[Any] | None = None) -> list[Any]:
         """What `work(team, *common)` returns on every rank, in the order of ranks; asked by rank 0.
 
-        With `each`, an item a rank, the rank's item is the last argument.
+        With `each`, an item a rank, the rank's item is the last argument. Raises what the first rank in error raised.
         """
         with self._asking:
             for rank in range(1, self.size):
                 own = common if each is None else (*common, each[rank])
                 self.comm.send((work, own), rank, ORDER)
-            found = [work(self, *(common if each is None else (*common, each[0])))]
-            return found + [self.received(rank, ANSWER) for rank in range(1, self.size)]
+            try:
+                found = [work(self, *(common if each is None else (*common, each[0])))]
+            except Exception:
+                self._hear()
+                raise
+            found += [self.received(rank, ANSWER) for rank in range(1, self.size)]
+            errors = [answer.error for answer in found if isinstance(answer, Failed)]
+            if errors:
+                self._hear()
+                raise errors[0]
+        return found
 
     def serve(self) -> int:
-        """Do what rank 0 asks for until it ends; returns its exit code."""
+        """Do what rank 0 asks for until it ends; returns its exit code.
+
+        An error is rank 0's to tell. It is raised here if rank 0 does not hear of it, as it waits for this rank's part
+        of a sum or an exchange.
+        """
         while True:
             work, arguments = self.received(0, ORDER)
             if work is None:
+                while self.comm.Iprobe(0, HEARD):
+                    self.comm.recv(source=0, tag=HEARD)
                 self.comm.send(None, 0, ANSWER)
+                time.sleep(PATIENCE if _is_ended_at_once(arguments) else 0.0)
                 return int(arguments)
-            self.comm.send(work(self, *arguments), 0, ANSWER)
+            try:
+                self.comm.send(work(self, *arguments), 0, ANSWER)
+            except Exception as error:
+                self.comm.send(Failed(_portable(error)), 0, ANSWER)
+                if self.received(0, HEARD, time.monotonic() + GRACE * (1 + self.rank / self.size)) is None:
+                    raise
+
+    def _hear(self) -> None:
+        """Let all other ranks know that rank 0 knows of an error."""
+        for rank in range(1, self.size):
+            self.comm.isend(True, rank, HEARD)
 
     def end(self, code: int) -> None:
-        """Let all other ranks end with this exit code; end them if they do not answer."""
+        """Let all other ranks end with this exit code; end them if they do not answer. Returns where all may end by
+        themselves."""
+        self._hear()
         for rank in range(1, self.size):
             self.comm.isend((None, code), rank, ORDER)
         until = time.monotonic() + PATIENCE
@@ -60,6 +98,10 @@ class Team:
                 pass
             if time.monotonic() > until:
                 self.comm.Abort(code)
+                return
+        if _is_ended_at_once(code):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stderr.fileno())  # nothing went wrong with MPI
+            self.comm.Abort(code)
 
     def received(self, source: int, tag: int, until: float = float("inf")) -> Any:
         """The next message of this tag from a rank, waited for without taking the processor from others.
@@ -74,6 +116,33 @@ class Team:
             if now > began + SPIN:
                 time.sleep(NAP)
         return self.comm.recv(source=source, tag=tag)
+
+
+def _portable(error: Exception) -> Exception:
+    """The error, or its words if it cannot travel."""
+    try:
+        pickle.loads(pickle.dumps(error))
+    except Exception:
+        return RuntimeError(f"{type(error).__name__}: {error}")
+    return error
+
+
+def _is_ended_at_once(code: int) -> bool:
+    """Whether rank 0 ends all processes with this exit code, instead of each itself.
+
+    Hydra, MPICH's launcher, kills the others when the first has ended, and then tells either's code.
+    """
+    return code != 0 or "HYDI_CONTROL_FD" in os.environ
+
+
+def is_one_of_many() -> bool:
+    """Whether this process is one of several that mpiexec, mpirun or srun started."""
+    return is_started_by_mpi() and any(os.environ.get(name, "1") not in ("", "0", "1") for name in SIZES)
+
+
+def is_first() -> bool:
+    """Whether no rank before this process is known of."""
+    return all(os.environ.get(name, "0") == "0" for name in NUMBERS)
 
 
 def is_started_by_mpi() -> bool:

@@ -5,54 +5,90 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import traceback
 import warnings
 from collections.abc import Callable
 
 from pdmesh import commandline
 from pdmesh.commandline import BAD_INPUT, FAILURE
 from pdmesh.printing import remark
-from pdsolve.numerics.team import NUMBERS, Team, team
+from pdsolve.numerics.team import Team, is_first, is_one_of_many, team
 
 MISSING = "found ranks but no MPI for Python, expected it: pip install 'pdsuite[mpi]'"
 
 
-def together(command: Callable[[Team | None], int]) -> int:
+ROOM = 1 << 29  # bytes of addresses: with less, OpenBLAS asks the system for more for ever
+Exits = Callable[[], dict[type[Exception], int]]  # the exit codes of expected errors
+
+
+def together(command: Callable[[Team | None], int], exits: Exits) -> int:
     """Run a command on rank 0, with the other ranks at its service; returns its exit code on all.
 
-    An error on any rank ends all of them.
+    An error on any rank ends all of them, with one line.
     """
     try:
         ranks = team()
     except (ImportError, RuntimeError):  # the library is looked for when the package is imported
-        if all(os.environ.get(name, "0") == "0" for name in NUMBERS):
+        if is_first():
             remark(f"pdsolve: {MISSING}")
         return BAD_INPUT
     if ranks is None:
         return command(None)
     if ranks.rank > 0:
-        return _served(ranks)
-    code = FAILURE
+        return _served(ranks, exits)
     try:
         code = command(ranks)
     except SystemExit as end:
         code = end.code if isinstance(end.code, int) else FAILURE
-        raise
-    finally:
-        sys.stdout.flush()
-        ranks.end(code)
+    except BaseException:
+        traceback.print_exc()
+        code = FAILURE
+    sys.stdout.flush()
+    ranks.end(code)
     return code
 
 
-def _served(ranks: Team) -> int:
-    """Serve rank 0, which is the one that hears signals; an error here ends all ranks."""
+def alone(name: str, command: Callable[[], int]) -> int:
+    """Run a command that is of one process; returns its exit code. Many ranks are refused."""
+    if not is_one_of_many():
+        return command()
+    if is_first():
+        remark(f"{name}: found many ranks, expected one process: pdsolve alone is for mpiexec")
+    return BAD_INPUT
+
+
+def expect_room(ranks: Team | None) -> None:
+    """Raise MemoryError if a process of the run may use too few bytes of addresses."""
+    if ranks is None:
+        commandline.expect_memory(ROOM)
+    else:
+        ranks.everywhere(_expect_room)
+
+
+def _expect_room(ranks: Team) -> None:
+    commandline.expect_memory(ROOM)
+
+
+def _served(ranks: Team, exits: Exits) -> int:
+    """Serve rank 0, which is the one that hears signals; an error that rank 0 does not hear of ends all ranks."""
     for number in commandline.STOPS:
         signal.signal(number, signal.SIG_IGN)
     warnings.simplefilter("ignore")  # rank 0 has the whole model to warn of
     try:
         return ranks.serve()
     except BaseException as error:
-        said = "found too little memory" if isinstance(error, MemoryError) else f"{type(error).__name__}: {error}"
+        code, said = _said(error, exits)
         remark(f"pdsolve: rank {ranks.rank}: {' '.join(said.split())}")
         sys.stderr.flush()
-        ranks.comm.Abort(FAILURE)
-        raise
+        ranks.comm.Abort(code)
+        os._exit(code)
+
+
+def _said(error: BaseException, exits: Exits) -> tuple[int, str]:
+    """The exit code and the words of an error."""
+    try:
+        if isinstance(error, Exception):
+            return commandline.said(error, exits)
+    except Exception as unexpected:
+        error = unexpected
+    return FAILURE, f"{type(error).__name__}: {error}"

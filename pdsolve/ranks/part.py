@@ -20,7 +20,7 @@ from pdsolve.operators.protocol import Kept, Operator
 from pdsolve.operators.simd_lattice.operator import SimdLattice
 from pdsolve.options import Options
 from pdsolve.ranks.blocks import Scratch, Seen, blocks_of
-from pdsolve.ranks.ghosts import Ghosts
+from pdsolve.ranks.ghost_exchange import GhostExchange
 from pdsolve.ranks.slabs import Slab
 from pdsolve.schemes import SCHEMES
 from pdsolve.schemes.scheme import Scheme
@@ -71,7 +71,7 @@ Make = Callable[[Model, Options, Scheme, Filling], tuple[Operator, Counted]]  # 
 class Part:
     """What a rank works on."""
 
-    def __init__(self, slab: Slab, operator: Operator, ghosts: Ghosts) -> None:
+    def __init__(self, slab: Slab, operator: Operator, ghosts: GhostExchange) -> None:
         self.slab, self.operator, self.ghosts = slab, operator, ghosts
         self.own = slice(slab.first - slab.begin, slab.last - slab.begin)
         self.stepper: Stepper | None = None
@@ -117,7 +117,7 @@ def _with_ghosts(
 ) -> Part:
     """The part of this rank, whose nodes ask for the motion of those `reached` (k,) by rows of the whole grid."""
     others = reached[(reached < slab.first) | (reached >= slab.last)]
-    part = team.part = Part(slab, operator, Ghosts(team, starts, slab, others))
+    part = team.part = Part(slab, operator, GhostExchange(team, starts, slab, others))
     return part
 
 

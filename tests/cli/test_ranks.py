@@ -29,15 +29,23 @@ from pdsolve.run.simulation import resume, simulate
 
 MPIEXEC = shutil.which("mpiexec", path=str(Path(sys.executable).parent)) or shutil.which("mpiexec")
 pytestmark = pytest.mark.skipif(find_spec("mpi4py") is None or MPIEXEC is None, reason="needs mpi4py and mpiexec")
+TESTS = Path(__file__).parent.parent
 PULL = 6e10
 
 
 @contextlib.contextmanager
 def ranks(count: int, *words: str) -> Iterator[subprocess.Popen[str]]:
     """pdsolve with these words on so many ranks, which end with the context."""
-    launcher = [str(MPIEXEC), "-launcher", "fork", "-hosts", "localhost", "-n", str(count)]
-    every = [*launcher, sys.executable, "-m", "pdsolve", *words]
-    with subprocess.Popen(every, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as child:
+    with started("-n", str(count), sys.executable, "-m", "pdsolve", *words) as child:
+        yield child
+
+
+@contextlib.contextmanager
+def started(*words: str) -> Iterator[subprocess.Popen[str]]:
+    """mpiexec with these words, which ends with the context."""
+    every, place = [str(MPIEXEC), "-launcher", "fork", "-hosts", "localhost", *words], {"PYTHONPATH": str(TESTS)}
+    pipes = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE}
+    with subprocess.Popen(every, text=True, env=os.environ | place, **pipes) as child:
         try:
             yield child
         finally:
@@ -224,6 +232,32 @@ def test_a_plate_of_fewer_blocks_than_ranks_is_refused(here: Path) -> None:
     code, said = ran(3, "plate.json")
     assert (code, len(said.splitlines())) == (2, 1), said
     assert mentions(said, "$.nodes", found=("96", "3 ranks"), expected=64)
+
+
+def own_lines(said: str) -> list[str]:
+    """What pdsolve says, without what its launcher and the system's library say."""
+    return [line for line in said.splitlines() if line.startswith("pdsolve") or "Traceback" in line]
+
+
+@pytest.mark.parametrize(
+    ("how", "failing", "code"),
+    [("between", "1", 2), ("between", "012", 2), ("within", "0", 2), ("within", "12", 2), ("memory", "2", 1)],
+)
+def test_an_error_on_a_rank_is_one_line_and_ends_all(how: str, failing: str, code: int) -> None:
+    with started("-n", "3", sys.executable, "-m", "ranked", how, *failing) as child:
+        lines = own_lines(child.communicate(timeout=100)[1])
+    assert (child.returncode, len(lines)) == (code, 1), lines
+    if how == "memory":
+        assert mentions(lines[0], found="memory")
+    else:
+        assert mentions(lines[0], "plate.json", "$.nodes", found=1, expected=2)
+    assert ("rank " in lines[0]) == (how != "between" and "0" not in failing)
+
+
+def test_a_study_on_many_ranks_is_refused_once(here: Path) -> None:
+    code, said = ran(3, "study", "study.toml")
+    assert (code, len(said.splitlines())) == (2, 1), said
+    assert mentions(said, "pdsolve study", found="many ranks", expected="one process")
 
 
 def test_words_that_are_wrong_are_told_once(here: Path) -> None:

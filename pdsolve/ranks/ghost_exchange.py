@@ -1,4 +1,4 @@
-"""Ghosts: the nodes of other ranks that a rank's bonds reach, and the exchange of their displacements."""
+"""The exchange of values with the owners of ghosts: nodes of other ranks that a rank's bonds reach."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pdsolve.ranks.slabs import Slab
 EXCHANGED = 7  # tag of messages
 
 
-class Ghosts:
+class GhostExchange:
     """The exchange of nodal values between this rank and its neighbours; rows are those of its window."""
 
     def __init__(self, team: Team, starts: NDArray[np.int64], slab: Slab, needed: NDArray[np.int64]) -> None:
