@@ -45,8 +45,8 @@ def stiffness(thick: int) -> tuple[float, float]:
 def test_thin_bodies_bend(failure: Callable[..., None]) -> None:
     """Bodies thinner than three horizons.
 
-    Bonds beside a surface are corrected for a uniform strain. In bending the strain changes over a horizon. Besides, the
-    layers of n nodes have 1 - 1 / n^2 of the section's second moment.
+    Bonds beside a surface are corrected for a uniform strain. In bending the strain changes over a horizon. Besides,
+    the layers of n nodes have 1 - 1 / n^2 of the section's second moment.
     """
     table = {thick: stiffness(thick) for thick in (3, 4, 6, 9)}
     assert [pulled for pulled, _ in table.values()] == pytest.approx([0.901, 1.011, 1.008, 1.010], abs=2e-3)
