@@ -383,10 +383,8 @@ def _on_device(settings: Settings, every: Places) -> Iterator[Impossible]:
     for place, material in every:
         if material.model != "bond":
             yield Impossible(f"{place}.model", f"'{material.model}'", f"bond, {why}")
-        elif material.law == "cohesive":
-            yield Impossible(f"{place}.law", "'cohesive'", f"brittle or bilinear, {why}")
-        elif material.plane == "space" and material.law != USUAL_LAW:
-            yield Impossible(f"{place}.law", f"'{material.law}'", f"{USUAL_LAW} in a body in space, {why}")
+        elif material.law == "cohesive" and material.shape == "exponential":
+            yield Impossible(f"{place}.shape", "'exponential'", f"linear or bilinear, {why}")
 
 
 def _of_particles(settings: Settings, every: Places) -> Iterator[Impossible]:

@@ -76,7 +76,7 @@ def _on_device(
     model: Model, options: Options, scheme: Scheme, filling: Filling, law: Law, survey: BondStatistics
 ) -> tuple[Operator, Counted]:
     """The operator of a plate's bonds on a device. Raises ModelError."""
-    if law.pair is None or law.pair.held is not None or law.pair.elastic_in_compression:
+    if law.pair is None or law.pair.held is not None:
         raise ModelError(
             f"{model.name}: $.run.device: found a law that is no straight line, expected cpu of such a law"
         )

@@ -1,4 +1,5 @@
-/* Bonds of lattices in the plane, under a pair law with straight lines: pdsolve/operators/simd_lattice in OpenCL C.
+/* Bonds of lattices in the plane, under a pair law with straight lines, softened ones with all their stiffness where
+shortened if ONE_SIDED: pdsolve/operators/simd_lattice in OpenCL C.
 
 A work item is a node, a work group a block of 64. A node gathers its family slot by slot, in the order of the processor,
 and alone changes what its bonds remember: no atomics. Products and sums are rounded once where the processor's vectors
@@ -57,12 +58,12 @@ inline void sum_bonds(FORCE_PARAMETERS, __global const REAL *before, __global co
   int first = start[b], last = start[b + 1];
   for (int slot = first; slot < last; ++slot) {
     __global const int *row = slots + 8 * slot;
-    int place = ((slot - first) / 32) * m + i;
+    long place = (long)((slot - first) / 32) * m + i, own = 64L * slot + lane;
     uint bit = 1u << ((slot - first) % 32);
     REAL w = stiffness[64 * row[5] + lane], most = edge[64 * row[6] + lane];
     if ((w == 0 && isinf(most)) || (gone[place] & bit)) /* no bond; one of no stiffness breaks like any other */
       continue;
-    int way = row[lane / 16], own = 64 * slot + lane;
+    int way = row[lane / 16];
     int j = way < FAR ? i + way : ids[16 * (way - FAR) + lane % 16];
     __global const REAL *v = vectors + 8 * row[4];
     REAL x = u[j] - here_x, y = u[m + j] - here_y;
@@ -97,6 +98,10 @@ inline void sum_bonds(FORCE_PARAMETERS, __global const REAL *before, __global co
       }
 #endif
     }
+#ifdef ONE_SIDED
+    if (e <= 0)
+      w = stiffness[64 * row[5] + lane];
+#endif
     REAL along_bond = w * e;
     along_bond *= over_root(e, size);
     fx = fma(along_bond, v[0] + x, fx);

@@ -72,7 +72,7 @@ class PlaneOnDevice(SimdLattice):
 
     def source(self) -> str:
         """What the bonds are in OpenCL C."""
-        return pair_functions(functions_of(self._law), self._remembers, "plane.cl")
+        return pair_functions(functions_of(self._law), self._remembers, self._pair.elastic_in_compression, "plane.cl")
 
     def spread(self, values: NDArray[Any], idle: float = 0.0) -> NDArray[Any]:
         """Nodal values (n, ...) in the device's order (..., m)."""

@@ -108,6 +108,18 @@ class Session:
             flags = cl.mem_flags.READ_WRITE | cl.mem_flags.COPY_HOST_PTR
             return cl.Buffer(self._context, flags, hostbuf=values)
 
+    def zeros(self, size: int) -> Any:
+        """A buffer of so many bytes, all 0."""
+        with self._said():
+            buffer = _library().Buffer(self._context, _library().mem_flags.READ_WRITE, max(size, 8))
+        self.clear(buffer)
+        return buffer
+
+    def clear(self, buffer: Any) -> None:
+        """Set all bytes of a buffer to 0."""
+        with self._said():
+            _library().enqueue_fill_buffer(self._queue, buffer, np.uint8(0), 0, buffer.size)
+
     def write(self, buffer: Any, values: NDArray[Any], at: int = 0) -> None:
         """Copy values into a buffer, from the byte `at` on."""
         if values.size:

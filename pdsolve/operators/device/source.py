@@ -18,20 +18,26 @@ def text_of(name: str) -> str:
     return (resources.files("pdsolve.operators.device") / name).read_text(encoding="utf-8")
 
 
-def pair_functions(functions: Mapping[str, Function], remembers: bool, file: str) -> str:
-    """A pair law, and the file that sums its bonds; `remembers`: whether some bonds soften. Raises ModelError."""
+def pair_functions(functions: Mapping[str, Function], remembers: bool, one_sided: bool, file: str) -> str:
+    """A pair law, and the file that sums its bonds; `remembers`: whether some bonds soften, `one_sided`: in tension
+    alone. Raises ModelError."""
     law = Translation(functions)
     defined = {"RELEASED": law.add("released", (DOUBLE, DOUBLE, DOUBLE, REAL, REAL))}
     if remembers:
         defined |= {"SOFTENS": "", "SECANT": law.add("secant", (DOUBLE, DOUBLE, DOUBLE, DOUBLE))}
+    if one_sided:
+        defined["ONE_SIDED"] = ""
     lines = [f"#define {name} {value}" for name, value in defined.items()]
     return "\n".join([law.source, *lines, text_of(file)])
 
 
-def body_functions(functions: Mapping[str, Function], numbers: Mapping[str, int | str], file: str) -> str:
-    """A pair law whose bonds break in double precision, constants, and the file that sums its bonds."""
-    law = Translation(functions)
+def body_functions(functions: Mapping[str, Function], numbers: Mapping[str, int | str], remembers: bool) -> str:
+    """A pair law whose bonds break in double precision, constants, and what sums bonds in space; `remembers` as above.
+    Raises ModelError."""
+    law, file = Translation(functions), "space.cl"
     defined = {"RELEASED": law.add("released", (DOUBLE,) * 5), **numbers}
+    if remembers:
+        defined |= {"SOFTENS": "", "SECANT": law.add("secant", (DOUBLE,) * 4)}
     return "\n".join([law.source, *(f"#define {name} {value}" for name, value in defined.items()), text_of(file)])
 
 

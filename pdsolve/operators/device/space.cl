@@ -1,10 +1,12 @@
-/* Brittle bonds of cubic lattices: pdsolve/operators/space_lattice in OpenCL C.
+/* Bonds of cubic lattices: pdsolve/operators/space_lattice in OpenCL C.
 
 A work item is a site, a tile 16 of them. Products and sums are rounded once where the processor's vectors are (fma),
 and nowhere else. Symbols as in `Tiles`; m sites with margins, `count` offsets.
 
     intact    (w, m) bits of offsets: the bond of a site is there; 32 a word     kind   (tiles,)
     node      (m,) row of a site's node, or -1                                   held   (m,)
+    memory    (tiles,) whether a bond of the tile has softened; torn: since the host looked
+    worst     (tiles, count, 16) largest stretch of a bond above its peak, 0 if never there
     breaks    (., 3) site, offset and step of broken bonds, of which `used` counts all: those beyond `room` are lost
 */
 
@@ -12,11 +14,13 @@ and nowhere else. Symbols as in `Tiles`; m sites with margins, `count` offsets.
   __global const int *offsets, __global const REAL *table, __global const REAL *c, __global const REAL *cells,        \
       __global const uchar *kind, __global const int *node, __global const uchar *held,                                \
       __global const uchar *material, __global const double *peak, __global const double *limit,                      \
-      __global uint *intact, __global int *breaks, __global int *used, __global double *dissipated
+      __global uint *intact, __global int *breaks, __global int *used, __global double *dissipated,                   \
+      __global int *memory, __global int *torn, __global double *worst
 #define SUM double
 #define ABSENT(i) (node[i] < 0)
 #define FORCE_ARGUMENTS                                                                                                \
-  offsets, table, c, cells, kind, node, held, material, peak, limit, intact, breaks, used, dissipated
+  offsets, table, c, cells, kind, node, held, material, peak, limit, intact, breaks, used, dissipated, memory, torn,    \
+      worst
 #define INVERSE 6
 #define PULL 7
 #define SHARES 8
@@ -57,9 +61,10 @@ inline double whole_stiffness(__global const REAL *row, __global const REAL *c, 
 inline void sum_bonds(FORCE_PARAMETERS, __global const REAL *before, __global const REAL *u, __global const REAL *rate,
                       double dt, int m, int step, int i, SUM *force) {
   REAL sums[3] = {0, 0, 0};
-  int of = kind[(i - MARGIN) / 16];
+  int tile = (i - MARGIN) / 16, of = kind[tile];
   for (int slot = 0; slot < COUNT; ++slot) {
-    int place = (slot / 32) * m + i, j = i + offsets[slot];
+    long place = (long)(slot / 32) * m + i, own = ((long)tile * COUNT + slot) * 16 + (i - MARGIN) % 16;
+    int j = i + offsets[slot];
     uint bit = 1u << (slot % 32);
     if (!(intact[place] & bit))
       continue;
@@ -70,8 +75,8 @@ inline void sum_bonds(FORCE_PARAMETERS, __global const REAL *before, __global co
       e = fma(fma(row[INVERSE], eta[axis], row[3 + axis]), eta[axis], e);
     }
     REAL g;
+    int pair = PAIRS == 1 ? 0 : MATERIALS * material[i] + material[j];
     if (fabs(e) > (REAL)NEAR) {
-      int pair = PAIRS == 1 ? 0 : MATERIALS * material[i] + material[j];
       double highest = peak[COUNT * pair + slot], most = limit[COUNT * pair + slot];
       double stretch = stretched(row, eta[0], eta[1], eta[2]);
       if (stretch > highest && !held[i] && !held[j] && stretch > most) {
@@ -85,12 +90,18 @@ inline void sum_bonds(FORCE_PARAMETERS, __global const REAL *before, __global co
         intact[place] &= ~bit;
         int at = atomic_inc(used);
         if (at < ROOM) {
-          breaks[3 * at] = i;
-          breaks[3 * at + 1] = slot;
-          breaks[3 * at + 2] = step;
+          breaks[3L * at] = i;
+          breaks[3L * at + 1] = slot;
+          breaks[3L * at + 2] = step;
         }
         continue;
       }
+#ifdef SOFTENS
+      if (stretch > highest && !held[i] && !held[j] && stretch > worst[own]) {
+        worst[own] = stretch;
+        memory[tile] = torn[tile] = 1;
+      }
+#endif
       REAL q2 = (REAL)1 + e;
       g = (REAL)1 / (q2 + sqrt(q2));
     } else {
@@ -106,6 +117,10 @@ inline void sum_bonds(FORCE_PARAMETERS, __global const REAL *before, __global co
         w *= cells[m + j] + cells[m + i];
       }
     }
+#ifdef SOFTENS
+    if (memory[tile] && worst[own] > 0 && e > (REAL)FLOOR)
+      w *= (REAL)SECANT(worst[own], worst[own], peak[COUNT * pair + slot], limit[COUNT * pair + slot]);
+#endif
     REAL eg = e * g, pull = w * eg;
     for (int axis = 0; axis < 3; ++axis)
       sums[axis] = fma(pull, row[axis] + eta[axis], sums[axis]);

@@ -1,4 +1,4 @@
-"""The brittle bonds of a cubic lattice on a device: an operator whose history is there while steps are taken."""
+"""The bonds of a cubic lattice on a device: an operator whose history is there while steps are taken."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from pdsolve.operators.device.runtime import Session
 from pdsolve.operators.device.source import body_functions
 from pdsolve.operators.protocol import Kept
 from pdsolve.operators.simd_lattice.lanes import ROW
-from pdsolve.operators.space_lattice.kernel import Tiles
+from pdsolve.operators.space_lattice import layout
+from pdsolve.operators.space_lattice.kernel import Tiles, recall
 from pdsolve.operators.space_lattice.operator import SpaceLattice
 from pdsolve.operators.space_lattice.sites import Sites
 from pdsolve.state import Broken
@@ -39,6 +40,8 @@ class SpaceOnDevice(SpaceLattice):
         self._words, self._most = -(-len(tiles.offsets) // WORD), max(FEWEST, EACH * len(stiffest))
         tables = (tiles.offsets, tiles.table, tiles.c, tiles.cells, tiles.kind, tiles.peak, tiles.limit)
         own = self.room * (4 * self._words + 4 + 2 + 8) + 12 * self._most
+        self._remembers = bool(law.memory)
+        own += self._remembered() * len(tiles.kind)
         session.room_for(int(sum(table.nbytes for table in tables) + own))
         self._make()
 
@@ -54,11 +57,18 @@ class SpaceOnDevice(SpaceLattice):
         self._intact = put(np.zeros((self._words, self.room), dtype=np.uint32))
         self._breaks, self._used = put(np.zeros((self._most, 3), dtype=np.int32)), put(np.zeros(2, dtype=np.int32))
         self.dissipated = put(np.zeros(self.room))
+        self._memory, self._torn = (put(np.zeros(len(tiles.kind), dtype=np.int32)) for _ in range(2))
+        self._worst = self.session.zeros(self._remembered() * len(tiles.kind))
+
+    def _remembered(self) -> int:
+        """Memory of what the bonds of a tile remember, bytes."""
+        return 8 * ROW * len(self.tiles.offsets) if self._remembers else 0
 
     @property
     def arguments(self) -> list[Any]:
         """The buffers of `FORCE_PARAMETERS`, in order."""
-        return [*self._tables, self._intact, self._breaks, self._used, self.dissipated]
+        history = self._intact, self._breaks, self._used, self.dissipated, self._memory, self._torn, self._worst
+        return [*self._tables, *history]
 
     def source(self) -> str:
         """What the bonds are in OpenCL C."""
@@ -70,8 +80,9 @@ class SpaceOnDevice(SpaceLattice):
             "MATERIALS": round(len(tiles.peak) ** 0.5),
             "ROOM": self._most,
             "NEAR": float(tiles.near).hex(),
+            "FLOOR": "-INFINITY" if np.isinf(tiles.floor) else float(tiles.floor).hex(),
         }
-        return body_functions(functions_of(self._law), numbers, "space.cl")
+        return body_functions(functions_of(self._law), numbers, self._remembers)
 
     def spread(self, values: NDArray[Any], idle: float = 0.0) -> NDArray[Any]:
         """Nodal values (n, ...) at their sites (..., m)."""
@@ -103,11 +114,40 @@ class SpaceOnDevice(SpaceLattice):
             there = (bits[:, None] >> lanes & np.uint16(1)).astype(np.uint32).ravel()
             found[slot // WORD, of_tiles] |= there << np.uint32(slot % WORD)
         self.session.write(self._intact, found)
+        if self._remembers:
+            self._hand_over_memory()
         self.stale = False
+
+    def _hand_over_memory(self) -> None:
+        """Give what softened bonds remember to the device."""
+        tiles = self.tiles
+        self.session.clear(self._worst)
+        self.session.write(self._memory, (tiles.memory >= 0).astype(np.int32))
+        self.session.write(self._torn, np.zeros(len(tiles.kind), dtype=np.int32))
+        for tile in np.flatnonzero(tiles.memory >= 0).tolist():
+            self.session.write(self._worst, tiles.worst[tiles.memory[tile]], tile * self._remembered())
+
+    def _fetch_memory(self) -> None:
+        """Bring what bonds remember up to the device's, in tiles of which one has softened."""
+        torn = np.zeros(len(self.tiles.kind), dtype=np.int32)
+        self.session.read(self._torn, torn)
+        some = np.flatnonzero(torn)
+        if not len(some):
+            return
+        worst = np.empty((len(some), len(self.tiles.offsets), ROW))
+        for number, tile in enumerate(some.tolist()):
+            self.session.read(self._worst, worst[number], tile * self._remembered())
+        with self._breaking:
+            self.tiles = layout.extended(self.tiles, some[self.tiles.memory[some] < 0])
+            which, slot, lane = np.nonzero(worst)
+            recall(self.tiles, some[which], slot, lane, worst[which, slot, lane])
+        self.session.write(self._torn, np.zeros_like(torn))
 
     def fetch(self) -> None:
         """Bring the history of bonds up to the device's. Raises UnstableError if more have broken than there is room
         for."""
+        if self._remembers:
+            self._fetch_memory()
         used = np.zeros(2, dtype=np.int32)
         self.session.read(self._used, used)
         count = int(used[0])
@@ -121,6 +161,7 @@ class SpaceOnDevice(SpaceLattice):
         breaks = np.zeros((count, 3), dtype=np.int32)
         self.session.read(self._breaks, breaks)
         self.session.write(self._used, np.zeros(2, dtype=np.int32))
+        breaks = breaks[np.lexsort(breaks.T[[1, 0, 2]])]
         own, slot = breaks[:, 0] - self.tiles.margin, breaks[:, 1]
         bit = np.uint16(1) << (own % ROW).astype(np.uint16)
         target = self.tiles.node[own + self.tiles.offsets[slot]]

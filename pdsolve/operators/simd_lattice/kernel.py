@@ -45,11 +45,22 @@ from pdsolve.operators.simd_lattice.packed import (
     which_above,
 )
 from pdsolve.operators.simd_lattice.pull import NARROW, coefficients, stretch_coefficients
-from pdsolve.operators.simd_lattice.vectors import BOUND, FAR, PULL, VECTOR, add_any, add_far, add_slots
+from pdsolve.operators.simd_lattice.vectors import (
+    BOUND,
+    FAR,
+    PULL,
+    VECTOR,
+    add_any,
+    add_any_one_sided,
+    add_far,
+    add_far_one_sided,
+    add_slots,
+)
 
 LANES = 4 * ROW
 PLANE, ONE = (0, 0), (0,)  # of as many rows
 PULLS, STRETCHES = coefficients("float64")[0], stretch_coefficients()
+SQUARE = NARROW * NARROW
 LIMITS = 7  # of a slot: row of `peak` and `limit`
 
 # Where a thread's scratch has the sums of the whole block
@@ -114,22 +125,29 @@ def _pair(blocks: Any) -> Pair:
 
 
 def _sum_straight(blocks, tracks, u, before, step, b, lane, s):  # type: ignore[no-untyped-def]
-    slots, ids, table, pull = blocks.slots, blocks.ids, blocks.vectors, blocks.stiffness
-    near, edge, slot, last, own = blocks.near, blocks.edge, blocks.start[b], blocks.start[b + 1], b * LANES + lane
+    table = u, blocks.slots, blocks.ids, blocks.vectors, blocks.stiffness, blocks.near, blocks.edge, blocks.whole
+    slot, last, own = blocks.start[b], blocks.start[b + 1], b * LANES + lane
     for k in range(2 * ROW):
         s[k] = 0
-    slot = add_slots(u, slots, ids, table, pull, near, edge, slot, last, own, lane, s)
+    slot = add_slots(*table, slot, last, own, lane, s)
     while slot < last:
-        slot = add_any(u, slots, ids, table, pull, near, edge, slot, last, own, lane, s)
+        slot = add_any(*table, slot, last, own, lane, s)
         if slot < last and not _age(blocks, tracks, before, step, slot, b, lane, s):
-            slot = add_far(u, slots, ids, table, pull, near, edge, slot, slot + 1, own, lane, s)
+            slot = add_far(*table, slot, slot + 1, own, lane, s)
 
 
 def _sum_one_sided(blocks, tracks, u, before, step, b, lane, s):  # type: ignore[no-untyped-def]
-    if blocks.softened[b]:
-        sum_in_lanes(blocks, tracks, u, before, step, b, lane, s)
-    else:
+    if not blocks.softened[b]:
         sum_of_straight(blocks, tracks, u, before, step, b, lane, s)
+        return
+    table = u, blocks.slots, blocks.ids, blocks.vectors, blocks.stiffness, blocks.near, blocks.edge, blocks.whole
+    slot, last, own = blocks.start[b], blocks.start[b + 1], b * LANES + lane
+    for k in range(2 * ROW):
+        s[k] = 0
+    while slot < last:
+        slot = add_any_one_sided(*table, slot, last, own, lane, s)
+        if slot < last and not _age(blocks, tracks, before, step, slot, b, lane, s):
+            slot = add_far_one_sided(*table, slot, slot + 1, own, lane, s)
 
 
 def _sum_curved(blocks, tracks, u, before, step, b, lane, s):  # type: ignore[no-untyped-def]
@@ -150,41 +168,21 @@ def _sum_curved(blocks, tracks, u, before, step, b, lane, s):  # type: ignore[no
             _age(blocks, tracks, before, step, slot, b, lane, s)
             w = row_of(blocks.stiffness, blocks.slots[slot, PULL], lane)
             e = unless_none(w, e, none)
-        if which_above(e * e, same(u, NARROW * NARROW)) == 0:
-            over_q, stretch = e * _polynomial(PULLS, e), e * _polynomial(STRETCHES, e)
-        else:
+        over_q, stretch, size, most = e * _polynomial(PULLS, e), e * _polynomial(STRETCHES, e), e * e, same(u, SQUARE)
+        if which_above(size, most) != 0:  # lane by lane, so that a bond does not depend on those beside it
             q = np.sqrt(1.0 + e)
-            over_q = e / (q + q * q)
-            stretch = over_q * q
-        pull = pulls(blocks, tracks.worst, slot, lane, w, over_q, stretch, none)
+            far = e / (q + q * q)
+            over_q, stretch = where_above(size, most, far, over_q), where_above(size, most, far * q, stretch)
+        kind = blocks.slots[slot, LIMITS]
+        peak, limit = row_of(blocks.peak, kind, lane), row_of(blocks.limit, kind, lane)
+        largest = worst_lanes(blocks.law, tracks.worst, slot, lane, none)
+        pull = w * over_q * secant(blocks.law, stretch, largest, peak, limit)
         fx, fy = fx + pull * (x + v[0]), fy + pull * (y + v[1])
     keep((fx,), s, 0)
     keep((fy,), s, ROW)
 
 
 sum_of_straight = register_jitable(**INNER)(_sum_straight)
-sum_in_lanes = register_jitable(**INNER)(_sum_curved)
-
-
-def pulls(blocks: Any, worst: Any, slot: Any, lane: Any, w: Any, over_q: Any, stretch: Any, none: Any) -> Any:
-    """Force densities over |xi + eta| of the lanes from `lane` on, of stiffness over length w."""
-
-
-@overload(pulls, jit_options=INNER | {"forceinline": True})
-def _pulls(blocks, worst, slot, lane, w, over_q, stretch, none):  # type: ignore[no-untyped-def]
-    return _pulls_one_sided if _pair(blocks).elastic_in_compression else _pulls_curved
-
-
-def _pulls_curved(blocks, worst, slot, lane, w, over_q, stretch, none):  # type: ignore[no-untyped-def]
-    kind = blocks.slots[slot, LIMITS]
-    peak, limit = row_of(blocks.peak, kind, lane), row_of(blocks.limit, kind, lane)
-    largest = worst_lanes(blocks.law, worst, slot, lane, none)
-    return w * over_q * secant(blocks.law, stretch, largest, peak, limit)
-
-
-def _pulls_one_sided(blocks, worst, slot, lane, w, over_q, stretch, none):  # type: ignore[no-untyped-def]
-    whole = row_of(blocks.stiffness, blocks.whole[slot], lane)  # of broken bonds too, whose stretch is set to 0
-    return where_above(over_q, none, w, whole) * over_q
 
 
 @njit(forceinline=True, **INNER)

@@ -1,7 +1,8 @@
 """Lanes as a number type of compiled code: a law's function of one bond then computes as many as fit into registers.
 
-A function that adds, multiplies, divides and takes roots accepts numbers and lanes alike. For compiled code only;
-arrays are (rows, m), row after row.
+A function that adds, multiplies, divides and takes roots accepts numbers and lanes alike. Each product and each sum is
+rounded, on every processor: contracted ones gain nothing beside roots and divisions (2.34 against 2.29 ms for 0.7
+million bonds of ordinary families). For compiled code only; arrays are (rows, m), row after row.
 """
 
 from __future__ import annotations
@@ -22,7 +23,6 @@ from numba.extending import intrinsic, overload
 from pdsolve.operators.simd_lattice.lanes import INT, across
 
 _ID = ir.IntType(32)
-CONTRACTED = ("contract",)  # a product and a sum may be rounded once
 
 
 class Lanes(types.Type):
@@ -73,7 +73,7 @@ def _lower(function: Any, instruction: str) -> None:
             value if isinstance(kind, Lanes) else _same(builder, vector, value)
             for kind, value in zip(signature.args, values, strict=True)
         ]
-        return getattr(builder, instruction)(*wide, flags=CONTRACTED)
+        return getattr(builder, instruction)(*wide)
 
     for kinds in ((Lanes, Lanes), (Lanes, types.Float), (types.Float, Lanes)):
         lower_builtin(function, *kinds)(both)

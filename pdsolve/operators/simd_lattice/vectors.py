@@ -5,13 +5,14 @@ vectors the same sum takes half of the time. Each lane is computed alike, to the
 vectors are.
 
     u, after       (2, m) displacements of all lanes, now and one step on        s   (ACROSS,) a thread's scratch:
-    slots, ids, vectors, stiffness, near, edge     of `kernel.Blocks`                 sums of forces, x then y, then e
+    slots, ids, vectors, stiffness, near, edge,                                       sums of forces, x then y, then e
+    whole          of `kernel.Blocks`
     lane           of the block, the first of `across` that are summed; own   its node
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -35,9 +36,9 @@ class _Bonds:
     def __init__(self, code: Code, kinds: Any, values: Any) -> None:
         """`values` are the arguments of `add_slots`, of the types `kinds`."""
         self._code = code
-        arrays = zip(kinds[:7], values[:7], strict=True)
+        arrays = zip(kinds[:8], values[:8], strict=True)
         self.u = [code.data(kinds[0], values[0], axis) for axis in (0, 1)]
-        _, self._slots, self.ids, self._vectors, self._stiffness, self._near, self._edge = (
+        _, self._slots, self.ids, self._vectors, self._stiffness, self._near, self._edge, self._whole = (
             code.data(kind, array) for kind, array in arrays
         )
         self._node, self._lane = values[-3:-1]
@@ -94,6 +95,10 @@ class _Bonds:
         """w of each lane, 0 without a bond."""
         return self._code.load(self._stiffness, self._lane_of(self._field(slot, INT(PULL))))
 
+    def whole(self, slot: Any) -> list[Any]:
+        """w of each lane before any of its bonds softened or broke."""
+        return self._code.load(self._stiffness, self._lane_of(self._code.integer(self._whole, slot)))
+
     def near(self, slot: Any) -> list[Any]:
         """Largest |e| of a lane for the narrow polynomial, infinite without a bond."""
         return self._code.load(self._near, self._lane_of(self._field(slot, INT(BOUND))))
@@ -110,10 +115,14 @@ class _Bonds:
         e: list[Any],
         g: list[Any],
         sums: list[list[Any]],
+        one_sided: bool = False,
     ) -> list[list[Any]]:
-        """The sums plus the slot's forces."""
+        """The sums plus the slot's forces; `one_sided`: shortened bonds have all their stiffness."""
         code = self._code
-        pull = code.mul(code.mul(self.stiffness(slot), e), g)
+        w = self.stiffness(slot)
+        if one_sided:
+            w = code.choose(code.above(e, code.same(0.0)), w, self.whole(slot))
+        pull = code.mul(code.mul(w, e), g)
         return [
             code.fma(pull, code.add(xi, along), total)
             for xi, along, total in zip(reference[:2], eta, sums, strict=True)
@@ -131,9 +140,9 @@ class _Bonds:
         return self._code.builder.load(self._code.builder.gep(data, [at]))
 
 
-def _signature(u: Any, slots: Any, ids: Any, vectors: Any, stiffness: Any, near: Any, edge: Any, s: Any) -> Any:
+def _signature(*arrays: Any) -> Any:
     numbers = (types.int64,) * 4
-    return types.int64(u, slots, ids, vectors, stiffness, near, edge, *numbers, s)
+    return types.int64(*arrays[:-1], *numbers, arrays[-1])
 
 
 class _Loop:
@@ -149,9 +158,9 @@ class _Loop:
         builder.branch(self.blocks["head"])
         self.go_on("head")
         self.slot = builder.phi(INT)
-        self.slot.add_incoming(values[7], began)
+        self.slot.add_incoming(values[8], began)
         self.sums = [code.merge([(total, began)]) for total in sums]
-        builder.cbranch(builder.icmp_signed("<", self.slot, values[8]), self.blocks["look"], self.blocks["leave"])
+        builder.cbranch(builder.icmp_signed("<", self.slot, values[9]), self.blocks["look"], self.blocks["leave"])
         self.go_on("look")
 
     def go_on(self, name: str) -> None:
@@ -179,7 +188,7 @@ class _Loop:
 
 
 @intrinsic
-def add_slots(typingctx, u, slots, ids, vectors, stiffness, near, edge, first, last, own, lane, s):  # type: ignore[no-untyped-def]
+def add_slots(typingctx, u, slots, ids, vectors, stiffness, near, edge, whole, first, last, own, lane, s):  # type: ignore[no-untyped-def]
     """Add the forces of slots `first` to `last` - 1 of a block to the sums in s, for the lanes from `lane` on.
 
     Returns the first slot with neighbours that are not consecutive or with an |e| above `near`, or `last`.
@@ -197,61 +206,73 @@ def add_slots(typingctx, u, slots, ids, vectors, stiffness, near, edge, first, l
         g = code.polynomial(code.coefficients[0], e)
         return loop.end(bonds.pulled(loop.slot, reference, eta, e, g, loop.sums))
 
-    return _signature(u, slots, ids, vectors, stiffness, near, edge, s), generate
+    return _signature(u, slots, ids, vectors, stiffness, near, edge, whole, s), generate
 
 
-@intrinsic
-def add_any(typingctx, u, slots, ids, vectors, stiffness, near, edge, first, last, own, lane, s):  # type: ignore[no-untyped-def]
-    """Add the forces of slots `first` to `last` - 1 to the sums in s, for neighbours anywhere and |e| up to WIDE.
+def _adding_any(one_sided: bool) -> Callable[..., Any]:
+    """The loop for neighbours anywhere and |e| up to WIDE; `one_sided` as in `_Bonds.pulled`."""
 
-    Returns the first slot with a larger |e|, or with an e above `edge` (its lanes are stored in s); or `last`.
-    """
+    @intrinsic
+    def add(typingctx, u, slots, ids, vectors, stiffness, near, edge, whole, first, last, own, lane, s):  # type: ignore[no-untyped-def]
+        def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
+            code = Code(context, builder, u.dtype)
+            bonds, kept = _Bonds(code, signature.args, values), code.data(s, values[-1])
+            loop = _Loop(code, bonds, values, kept, ("beside", "listed", "found", "strange", "usual", "wide"))
+            slot, (reference, *eta, e) = loop.slot, bonds.found(loop)
+            size = code.magnitude(e)
+            known = code.least(bonds.edge(slot), code.same(WIDE))
+            strange = code.each(builder.or_, code.above(e, known), code.above(size, code.same(WIDE)))
+            builder.cbranch(code.some(strange), loop.blocks["strange"], loop.blocks["usual"]).set_weights(SELDOM)
+            loop.go_on("strange")
+            code.store(e, kept, INT(E))
+            builder.branch(loop.blocks["leave"])
+            loop.go_on("usual")
+            narrow, beyond = code.polynomial(code.coefficients[0], e), code.above(size, code.same(NARROW))
+            builder.cbranch(code.some(beyond), loop.blocks["wide"], loop.blocks["add"])
+            loop.go_on("wide")
+            wide = code.choose(beyond, code.polynomial(code.coefficients[1], e), narrow)
+            builder.branch(loop.blocks["add"])
+            loop.go_on("add")
+            g = code.merge([(narrow, loop.blocks["usual"]), (wide, loop.blocks["wide"])])
+            return loop.end(bonds.pulled(slot, reference, eta, e, g, loop.sums, one_sided))
 
-    def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
-        code = Code(context, builder, u.dtype)
-        bonds, kept = _Bonds(code, signature.args, values), code.data(s, values[-1])
-        loop = _Loop(code, bonds, values, kept, ("beside", "listed", "found", "strange", "usual", "wide"))
-        slot, (reference, *eta, e) = loop.slot, bonds.found(loop)
-        size = code.magnitude(e)
-        known = code.least(bonds.edge(slot), code.same(WIDE))
-        strange = code.each(builder.or_, code.above(e, known), code.above(size, code.same(WIDE)))
-        builder.cbranch(code.some(strange), loop.blocks["strange"], loop.blocks["usual"]).set_weights(SELDOM)
-        loop.go_on("strange")
-        code.store(e, kept, INT(E))
-        builder.branch(loop.blocks["leave"])
-        loop.go_on("usual")
-        narrow, beyond = code.polynomial(code.coefficients[0], e), code.above(size, code.same(NARROW))
-        builder.cbranch(code.some(beyond), loop.blocks["wide"], loop.blocks["add"])
-        loop.go_on("wide")
-        wide = code.choose(beyond, code.polynomial(code.coefficients[1], e), narrow)
-        builder.branch(loop.blocks["add"])
-        loop.go_on("add")
-        g = code.merge([(narrow, loop.blocks["usual"]), (wide, loop.blocks["wide"])])
-        return loop.end(bonds.pulled(slot, reference, eta, e, g, loop.sums))
+        return _signature(u, slots, ids, vectors, stiffness, near, edge, whole, s), generate
 
-    return _signature(u, slots, ids, vectors, stiffness, near, edge, s), generate
+    view: Callable[..., Any] = add
+    return view
 
 
-@intrinsic
-def add_far(typingctx, u, slots, ids, vectors, stiffness, near, edge, first, last, own, lane, s):  # type: ignore[no-untyped-def]
-    """Add the forces of slots `first` to `last` - 1 to the sums in s, for any stretch."""
+def _adding_far(one_sided: bool) -> Callable[..., Any]:
+    """The loop for any stretch; `one_sided` as in `_Bonds.pulled`."""
 
-    def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
-        code = Code(context, builder, u.dtype)
-        bonds, kept = _Bonds(code, signature.args, values), code.data(s, values[-1])
-        loop = _Loop(code, bonds, values, kept, ("beside", "listed", "found"))
-        slot, (reference, *eta, e) = loop.slot, bonds.found(loop)
-        builder.branch(loop.blocks["add"])
-        loop.go_on("add")
-        size, one = code.magnitude(e), code.same(1.0)
-        narrow, wide = (code.polynomial(factors, e) for factors in code.coefficients)
-        g = code.choose(code.above(size, code.same(NARROW)), wide, narrow)
-        q2 = code.add(one, e)
-        exact = code.each(builder.fdiv, one, code.add(q2, code.root(q2)))
-        g = code.choose(code.above(size, code.same(WIDE)), exact, g)
-        return loop.end(bonds.pulled(slot, reference, eta, e, g, loop.sums))
+    @intrinsic
+    def add(typingctx, u, slots, ids, vectors, stiffness, near, edge, whole, first, last, own, lane, s):  # type: ignore[no-untyped-def]
+        def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
+            code = Code(context, builder, u.dtype)
+            bonds, kept = _Bonds(code, signature.args, values), code.data(s, values[-1])
+            loop = _Loop(code, bonds, values, kept, ("beside", "listed", "found"))
+            slot, (reference, *eta, e) = loop.slot, bonds.found(loop)
+            builder.branch(loop.blocks["add"])
+            loop.go_on("add")
+            size, one = code.magnitude(e), code.same(1.0)
+            narrow, wide = (code.polynomial(factors, e) for factors in code.coefficients)
+            g = code.choose(code.above(size, code.same(NARROW)), wide, narrow)
+            q2 = code.add(one, e)
+            exact = code.each(builder.fdiv, one, code.add(q2, code.root(q2)))
+            g = code.choose(code.above(size, code.same(WIDE)), exact, g)
+            return loop.end(bonds.pulled(slot, reference, eta, e, g, loop.sums, one_sided))
 
-    return _signature(u, slots, ids, vectors, stiffness, near, edge, s), generate
+        return _signature(u, slots, ids, vectors, stiffness, near, edge, whole, s), generate
+
+    view: Callable[..., Any] = add
+    return view
+
+
+# Add the forces of slots `first` to `last` - 1 to the sums in s, for neighbours anywhere and |e| up to WIDE. Returns
+# the first slot with a larger |e|, or with an e above `edge` (its lanes are stored in s); or `last`.
+add_any, add_any_one_sided = _adding_any(False), _adding_any(True)
+# Likewise for any stretch
+add_far, add_far_one_sided = _adding_far(False), _adding_far(True)
 
 
 @intrinsic

@@ -39,13 +39,17 @@ from pdsolve.operators.space_lattice.vectors import (
     add_corrected_far,
     add_general,
     add_general_far,
-    add_softened,
-    add_softened_far,
+    add_soft_alike,
+    add_soft_alike_far,
+    add_soft_corrected,
+    add_soft_corrected_far,
+    add_soft_general,
+    add_soft_general_far,
 )
 
-EMPTY, ALIKE, CORRECTED, GENERAL, SOFTENED = range(
-    5
-)  # tiles: without a node; what their bonds' stiffnesses are made of
+# Tiles: without a node; what their bonds' stiffnesses are made of; and the same of tiles with a memory
+EMPTY, ALIKE, CORRECTED, GENERAL, SOFT_ALIKE, SOFT_CORRECTED, SOFT_GENERAL = range(7)
+SOFTENED = SOFT_ALIKE - ALIKE  # added to a tile's kind as it gets a memory
 ACROSS = lanes.across(8)  # lanes summed at once in double precision; in single precision a row
 VOLUME, MODULUS = 0, 1  # rows of `cells`
 
@@ -60,7 +64,7 @@ class Tiles(NamedTuple):
     bits: NDArray[np.uint16]  # (t, k) lanes with an intact bond
     c: NDArray[np.floating]  # (3, m) corrections along x, y and z
     cells: NDArray[np.floating]  # (2, m) cell over h^3; half of the modulus over E
-    kind: NDArray[np.uint8]  # (t,) EMPTY to GENERAL
+    kind: NDArray[np.uint8]  # (t,) EMPTY to SOFT_GENERAL
     node: NDArray[np.int32]  # (16 t,) row of a site's node, or -1
     held: NDArray[np.bool_]  # (n,) whose bonds must not break
     material: NDArray[np.uint8]  # (n,)
@@ -156,7 +160,11 @@ def _add(kind, u, to, near, slot, count, at, s):  # type: ignore[no-untyped-def]
         return add_corrected(u, *to, *near, slot, count, *at, s)
     if kind == GENERAL:
         return add_general(u, *to, *near, slot, count, *at, s)
-    return add_softened(u, *to, *near, slot, count, *at, s)
+    if kind == SOFT_ALIKE:
+        return add_soft_alike(u, *to, *near, slot, count, *at, s)
+    if kind == SOFT_CORRECTED:
+        return add_soft_corrected(u, *to, *near, slot, count, *at, s)
+    return add_soft_general(u, *to, *near, slot, count, *at, s)
 
 
 @njit(**INNER)
@@ -168,7 +176,11 @@ def _add_far(kind, u, to, near, slot, at, s):  # type: ignore[no-untyped-def]
         return add_corrected_far(u, *to, *near, slot, slot + 1, *at, s)
     if kind == GENERAL:
         return add_general_far(u, *to, *near, slot, slot + 1, *at, s)
-    return add_softened_far(u, *to, *near, slot, slot + 1, *at, s)
+    if kind == SOFT_ALIKE:
+        return add_soft_alike_far(u, *to, *near, slot, slot + 1, *at, s)
+    if kind == SOFT_CORRECTED:
+        return add_soft_corrected_far(u, *to, *near, slot, slot + 1, *at, s)
+    return add_soft_general_far(u, *to, *near, slot, slot + 1, *at, s)
 
 
 @njit(**INNER)
@@ -252,12 +264,13 @@ def _stretch(row, x, y, z):  # type: ignore[no-untyped-def]
 @njit(**INNER)
 def stiffness(tiles, row, t, own, offset):  # type: ignore[no-untyped-def]
     """Stiffness over length of a bond."""
-    if tiles.kind[t] == ALIKE:
+    kind = tiles.kind[t]
+    if kind in (ALIKE, SOFT_ALIKE):
         return np.float64(row[PULL])
     c, cells, w = tiles.c, tiles.cells, np.float64(0)
     for axis in range(3):
         w += row[SHARES + axis] * (np.float64(c[axis, own]) + np.float64(c[axis, own + offset]))
-    if tiles.kind[t] >= GENERAL:
+    if kind in (GENERAL, SOFT_GENERAL):
         w *= cells[VOLUME, own + offset] * (cells[MODULUS, own] + cells[MODULUS, own + offset])
     return w
 

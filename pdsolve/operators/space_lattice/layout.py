@@ -81,7 +81,8 @@ def extended(tiles: Tiles, some: NDArray[np.int64]) -> Tiles:
             np.concatenate([each, np.zeros((more, *each.shape[1:]), each.dtype)]) for each in (tiles.share, tiles.worst)
         )
         tiles = tiles._replace(share=share, worst=worst)
-    tiles.memory[some], tiles.kind[some] = used + np.arange(len(some)), SOFTENED
+    tiles.memory[some] = used + np.arange(len(some))
+    tiles.kind[some] += np.uint8(SOFTENED)
     tiles.share[used : used + len(some)], tiles.worst[used : used + len(some)] = 1, 0
     return tiles
 

@@ -68,13 +68,13 @@ class _Slots:
         """Stiffness over length of bonds at e."""
         code, builder = self._code, self._code.builder
         field = builder.mul(slot, INT(FIELDS))
-        if not self._corrections:
-            return self._field(field, PULL)
-        at = builder.add(self._site, code.integer(self._offsets, slot))
-        both = [code.add(code.load(component, at), own) for component, own in zip(self._c, self._own_c, strict=True)]
-        w = code.mul(self._field(field, SHARES), both[0])
-        for axis in (1, 2):
-            w = code.fma(self._field(field, SHARES + axis), both[axis], w)
+        w, at = self._field(field, PULL), builder.add(self._site, code.integer(self._offsets, slot))
+        if self._corrections:
+            ends = zip(self._c, self._own_c, strict=True)
+            both = [code.add(code.load(component, at), own) for component, own in ends]
+            w = code.mul(self._field(field, SHARES), both[0])
+            for axis in (1, 2):
+                w = code.fma(self._field(field, SHARES + axis), both[axis], w)
         if self._cells:
             volume, modulus = (code.load(component, at) for component in self._cells)
             w = code.mul(code.mul(w, volume), code.add(modulus, self._own_cells[1]))
@@ -160,4 +160,7 @@ def _loop(corrections: int, exact: bool, softened: bool = False) -> Callable[...
 
 add_alike, add_corrected, add_general = (_loop(corrections, False) for corrections in (0, 3, 5))
 add_alike_far, add_corrected_far, add_general_far = (_loop(corrections, True) for corrections in (0, 3, 5))
-add_softened, add_softened_far = (_loop(5, exact, True) for exact in (False, True))
+add_soft_alike, add_soft_corrected, add_soft_general = (_loop(corrections, False, True) for corrections in (0, 3, 5))
+add_soft_alike_far, add_soft_corrected_far, add_soft_general_far = (
+    _loop(corrections, True, True) for corrections in (0, 3, 5)
+)

@@ -29,7 +29,13 @@ from pdsolve.run.simulation import Options, resume, simulate
 from pdsolve.run.system import Prepared, prepare
 
 pytestmark = needs_opencl
-MATERIALS = {"brittle": GLASS, "bilinear": msgspec.structs.replace(GLASS, law="bilinear", kr=2.0)}
+MATERIALS = {
+    "brittle": GLASS,
+    "bilinear": msgspec.structs.replace(GLASS, law="bilinear", kr=2.0),
+    "cohesive": msgspec.structs.replace(GLASS, law="cohesive", f_t=8e7),
+    "cohesive, two lines": msgspec.structs.replace(GLASS, law="cohesive", shape="bilinear", f_t=8e7),
+}
+FAR = {"cohesive, two lines": 2e-6}  # m, of displacements that break bonds of laws that need more than the others
 EVERYWHERE = (-1.0, -1.0, 1.0, 1.0)
 
 
@@ -55,15 +61,17 @@ def same(here: Prepared, there: Prepared) -> None:
 
 
 @pytest.mark.parametrize("precision", ["float64", "float32"])
-@pytest.mark.parametrize("law", MATERIALS)
-@pytest.mark.parametrize("mode", ["thesis", "conservative"])
+@pytest.mark.parametrize(
+    ("law", "mode"),
+    [(law, "conservative") for law in MATERIALS] + [(law, "thesis") for law in ("brittle", "bilinear")],
+)
 @pytest.mark.parametrize("name", GRIDS)
 def test_steps_from_anywhere(name: str, mode: str, law: str, precision: str) -> None:
     """Large random displacements: what breaks, softens and is spent, in pieces of some steps."""
     problems = two(plate(GRIDS[name], material=MATERIALS[law]), mode, precision)
     for problem in problems:
         random = np.random.default_rng(3)
-        problem.state.value[:] = 3e-7 * random.standard_normal(problem.state.value.shape)
+        problem.state.value[:] = FAR.get(law, 3e-7) * random.standard_normal(problem.state.value.shape)
         problem.state.rate[:] = 3.0 * random.standard_normal(problem.state.value.shape)
         for first, last in ((1, 2), (2, 3), (3, 8), (8, 12)):
             problem.march(first, last)
@@ -134,9 +142,9 @@ def test_an_interrupted_run_goes_on_elsewhere(
     }
 
 
-def bar(**settings: Any) -> Model:
+def bar(law: dict[str, Any] | None = None, **settings: Any) -> Model:
     """A bar of two materials, bent and pulled until it breaks."""
-    brittle = Material(E=1e6, rho=1000.0, G0=3.0, micromodulus="constant", plane="space")
+    brittle = Material(E=1e6, rho=1000.0, G0=3.0, micromodulus="constant", plane="space", **(law or {}))
     body = Body(Box((0, 0, 0), (0.7, 0.5, 0.4)), 0.05, brittle).fix("left").load("right", (4e4, 0, 1e3))
     found = build(meshed(body))
     stiffer = Region(material=msgspec.structs.replace(brittle, E=2e6), box=(0.0, 0.0, 0.0, 0.35, 1.0, 1.0))
@@ -168,6 +176,20 @@ def test_bodies(how: str, precision: str) -> None:
     same(*problems)
 
 
+@pytest.mark.parametrize("precision", ["float64", "float32"])
+@pytest.mark.parametrize(
+    "law", [{"law": "bilinear", "kr": 2.0}, {"law": "cohesive", "f_t": 2e3}], ids=["bilinear", "cohesive"]
+)
+def test_bodies_that_soften(law: dict[str, Any], precision: str) -> None:
+    problems = two(bar(law, **BENT["loads"]), "conservative", precision)
+    for problem in problems:
+        for first, last in ((1, 60), (60, 61), (61, 260)):
+            problem.march(first, last)
+    assert len(broken(problems[0]).step) > 100
+    assert len(kept(problems[0])["worst"]) > 100
+    same(*problems)
+
+
 def test_a_body_goes_on_elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     model = bar(run=Run(time_step=1e-4, steps=120, every=40, ledger=20))
     monkeypatch.setattr("pdsolve.run.simulation.PATIENCE", 1.0)
@@ -183,7 +205,7 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "fine zones": ({"run": Run(adapt="hybrid", device="opencl")}, "adapt"),
     "particles": ({"run": Run(cracks="particles", device="opencl")}, "cracks"),
     "families": ({"material": msgspec.structs.replace(GLASS, model="ordinary", nu=0.2)}, "model"),
-    "cohesive": ({"material": msgspec.structs.replace(GLASS, law="cohesive", f_t=1e8)}, "law"),
+    "exponentials": ({"material": msgspec.structs.replace(MATERIALS["cohesive"], shape="exponential")}, "shape"),
 }
 
 

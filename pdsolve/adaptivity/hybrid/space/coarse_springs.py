@@ -24,7 +24,7 @@ from pdsolve.numerics.jit_cache import cached_njit
 from pdsolve.operators.simd_lattice.lanes import ROW
 from pdsolve.operators.simd_lattice.layout import aligned
 from pdsolve.operators.simd_lattice.pull import NARROW
-from pdsolve.operators.space_lattice.kernel import ALIKE, EMPTY, MODULUS, SOFTENED, VOLUME, Tiles
+from pdsolve.operators.space_lattice.kernel import ALIKE, EMPTY, MODULUS, SOFT_GENERAL, VOLUME, Tiles
 from pdsolve.operators.space_lattice.layout import table_of
 from pdsolve.operators.space_lattice.sites import Sites
 from pdsolve.operators.space_lattice.vectors import INVERSE, PULL
@@ -129,7 +129,7 @@ def _kind(tiles, tile):  # type: ignore[no-untyped-def]
         for lane in range(ROW):
             share = tiles.share[tile, slot, lane]
             if 0 < share < 1:
-                return SOFTENED
+                return SOFT_GENERAL
             if share > 0:
                 kind = ALIKE
     return kind
