@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model.neighbours import ON_LATTICE, ROUND_OFF
 from pdsolve.diffusion.families import Families, Unlike, shape
-from pdsolve.diffusion.listed import ChangedBonds, compiled
+from pdsolve.diffusion.listed import BondList, ChangedBonds, compiled
 from pdsolve.numerics.thread_team import side_by_side
 
 if TYPE_CHECKING:
@@ -79,10 +79,13 @@ def box_of(position: NDArray[np.float64], spacing: float, margin: int, wanted: i
     strides[axes] = np.concatenate([[1], np.cumprod(side[axes][:-1])])
     cell = place @ strides
     order = np.argsort(cell[:wanted], kind="stable")
-    step = np.diff(cell[order])
-    first = np.concatenate([[0], np.flatnonzero(step != 1) + 1])
-    runs = Runs(cell[order][first], first, np.diff(np.append(first, len(order))))
-    return Box(int(np.prod(side)), cell, order, runs, strides)
+    return Box(int(np.prod(side)), cell, order, runs_of(cell[order]), strides)
+
+
+def runs_of(cell: NDArray[np.int64]) -> Runs:
+    """The runs of increasing cells (w,)."""
+    first = np.concatenate([[0], np.flatnonzero(np.diff(cell) != 1) + 1])
+    return Runs(cell[first], first, np.diff(np.append(first, len(cell))))
 
 
 def slots_of(steps: NDArray[np.int64], conductance: NDArray[np.float64], box: Box) -> Slots:
@@ -137,7 +140,7 @@ class OnLattice:
     ) -> None:
         self.volume, self.threads = volume, threads
         self._box, self._slots = box, slots
-        self._change: ChangedBonds | None = None
+        self._change: BondList | None = None
         self._scale = np.ones(len(volume)) if scale is None else scale
         self._amount, self._whole = np.zeros((2, box.size + ABREAST))
         self._whole[box.cell] = volume
@@ -158,6 +161,20 @@ class OnLattice:
             self._change = ChangedBonds(*unlike[:3], volume, threads)
             self.count, self.blocked = self.count - unlike.lost, unlike.blocked
             self.total = self.total + self._change.total
+
+    def part(self, first: int, last: int, begin: int, end: int) -> OnLattice:
+        """The bonds of the rows `first` to `last` - 1, on one thread; nodes are the rows `begin` to `end` - 1, which
+        have all neighbours."""
+        cell, margin = self._box.cell[begin:end], int(np.abs(self._slots.ahead).max())
+        base = int(cell.min()) - margin
+        order = first + np.argsort(self._box.cell[first:last], kind="stable") - begin
+        runs = runs_of((cell - base)[order])
+        box = Box(int(cell.max()) - base + margin + 1, cell - base, order, runs, self._box.strides)
+        found = OnLattice(box, self._slots, self.volume[begin:end], 1, self._scale[begin:end])
+        if self._change is not None:
+            found._change = self._change.part(first, last, begin, end)
+            found.total = found.total + found._change.total
+        return found
 
     def _share(self, kernel, slots, of, out) -> None:  # type: ignore[no-untyped-def]
         runs, ends = self._box.runs, self._ends

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from copy import copy
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,21 @@ class BondList:
         self.count = ends[1:] - ends[:-1]
         self.total = np.zeros(len(volume))
         self._share(_pull, (volume, np.ones(len(volume)), np.zeros(len(volume))), self.total)
+
+    def part(self, first: int, last: int, begin: int, end: int) -> Self:
+        """The bonds of the rows `first` to `last` - 1, on one thread; nodes are the rows `begin` to `end` - 1, which
+        have all neighbours."""
+        start, groups = self.bonds.start, slice(*self.bonds.start[[first, last]].tolist())
+        ends = self.bonds.first[groups.start : groups.stop + 1]
+        some = Grouped(
+            np.clip(start[begin : end + 1], groups.start, groups.stop) - groups.start,
+            ends - ends[0],
+            self.bonds.neighbour[ends[0] : ends[-1]] - np.uint32(begin),
+            self.bonds.conductance[groups],
+        )
+        found = copy(self)
+        BondList.__init__(found, some, self.volume[begin:end], 1)
+        return found
 
     def _share(self, kernel, of, out) -> None:  # type: ignore[no-untyped-def]
         share(lambda first, last: kernel(self.bonds, of, out, first, last), len(self.volume), self.threads)

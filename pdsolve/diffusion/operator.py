@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pdmesh.model.medium import Medium
 from pdsolve.checkpoint_validation import entry
 from pdsolve.diffusion.dissolution import potential, solid_share
+from pdsolve.diffusion.lattice import OnLattice
 from pdsolve.diffusion.listed import BondList, ChangedBonds
 from pdsolve.diffusion.surfaces import Bonds
 from pdsolve.model import ModelError
@@ -73,6 +74,18 @@ class Fick:
     @property
     def _parts(self) -> tuple[Exchange, ...]:
         return (self.exchange, *(part for part in (self.change, self.torn) if part is not None))
+
+    def part(self, first: int, last: int, begin: int, end: int) -> Fick:
+        """The operator of the rows `begin` to `end` - 1, of which `first` to `last` - 1 have bonds, all of them among
+        these nodes."""
+        rows, change = (first, last, begin, end), self.change
+        assert isinstance(self.exchange, BondList | OnLattice)
+        outside = np.zeros(end - begin)
+        outside[first - begin : last - begin] = self.outside[first:last]
+        bonds = self.exchange.part(*rows)
+        found = Fick(bonds, _asked_of_the_whole, self.medium, outside, None if change is None else change.part(*rows))
+        found.solid = self.solid[begin:end].copy()
+        return found
 
     def place(self, state: State) -> State:
         """The state unchanged: it already has the layout of this operator."""
@@ -170,3 +183,7 @@ class Fick:
     def bytes(self) -> int:
         """Memory of the nodes' arrays, bytes, without that of bonds."""
         return sum(array.nbytes for array in (self.volume, self.count, self.total, self.solid))
+
+
+def _asked_of_the_whole() -> Bonds:
+    raise NotImplementedError("the bonds of a part are asked of the whole")

@@ -91,9 +91,9 @@ def _cloud(bonds: surfaces.Bonds, operator: Fick) -> Cloud:
 
 def expect_usual(model: Model, options: Options) -> None:
     """Raise ModelError for options that diffusion does not use."""
-    rest = options._replace(threads=None, kernel=None)
+    rest = options._replace(threads=None, kernel=None, team=None)
     if rest != Options() or options.kernel not in (None, "listed"):
-        found = ", ".join(str(value) for value in options._replace(threads=None) if value is not None)
+        found = ", ".join(str(value) for value in rest._replace(kernel=options.kernel) if value is not None)
         raise ModelError(
             f"{model.name}: found {found}, expected the usual mode, precision and kernel of diffusion, or listed"
         )

@@ -6,7 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.conditions import Drive
+from pdsolve.diffusion.system import Transport
+from pdsolve.model import Model
+from pdsolve.numerics.team import Team
 from pdsolve.operators.protocol import Operator
+from pdsolve.ranks.diffusing import EulerOnRanks
 from pdsolve.ranks.operator import AcrossRanks
 from pdsolve.run.operator_factory import in_blocks
 from pdsolve.state import State
@@ -34,3 +38,10 @@ def stepper_of(
         fused = VerletBlocks(blocks, drive, rho, dt, touching)
         return fused, fused.drive
     return Verlet(operator, drive, rho, dt, damping), drive
+
+
+def stepper_of_content(model: Model, transport: Transport, team: Team | None) -> Stepper:
+    """What takes the steps of a transport through a model, on the ranks of a team if there is one."""
+    if team is None:
+        return transport.stepper
+    return EulerOnRanks(model, team, transport.operator, transport.drive, transport.time_step)

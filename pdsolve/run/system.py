@@ -43,7 +43,7 @@ from pdsolve.operators.simd_lattice.operator import SimdLattice
 from pdsolve.operators.softening_shear import softening_of
 from pdsolve.options import Options as Options
 from pdsolve.options import threads_of as threads_of
-from pdsolve.run.explicit_stepper import stepper_of
+from pdsolve.run.explicit_stepper import stepper_of, stepper_of_content
 from pdsolve.run.operator_factory import operator_of, touched, touched_at_rest
 from pdsolve.run.operator_factory import stable as stable
 from pdsolve.run.time_step import step_of as step_of
@@ -205,7 +205,7 @@ def _diffusing(model: Model, options: Options) -> Prepared:
         options=options._replace(threads=found.threads),
         scheme=SCHEMES["conservative"],
         operator=operator,
-        stepper=found.stepper,
+        stepper=stepper_of_content(model, found, options.team),
         drive=found.drive,
         area=volume,
         family=operator.count + found.blocked,

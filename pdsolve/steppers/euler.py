@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from pdsolve.conditions import Drive, hold_values, put_loads
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
+from pdsolve.steppers.ghosts import Ghosts
 
 
 class Euler:
@@ -15,9 +16,9 @@ class Euler:
 
     name = "forward Euler"
 
-    def __init__(self, operator: Operator, drive: Drive, dt: float) -> None:
-        """Steps of `dt`, s."""
-        self._operator, self._drive, self._dt = operator, drive, dt
+    def __init__(self, operator: Operator, drive: Drive, dt: float, ghosts: Ghosts | None = None) -> None:
+        """Steps of `dt`, s; `ghosts` get their values from other ranks."""
+        self._operator, self._drive, self._dt, self._ghosts = operator, drive, dt, ghosts
         self._change = np.zeros(len(drive.force))
 
     def march(self, state: State, first: int, last: int) -> None:
@@ -25,6 +26,8 @@ class Euler:
         drive, dt, held = self._drive, self._dt, self._drive.holds.node
         value, rate, source = state.value[:, 0], state.rate[:, 0], drive.force[:, 0]
         for step in range(first, last):
+            if self._ghosts is not None:
+                self._ghosts.fill(state.value.T)
             rate[:] = 0
             self._operator.add(state, state.rate, step, dt)
             state.dissipated[held] += dt * rate[held]

@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
 
+import media
 import msgspec
 import numpy as np
 import pytest
@@ -97,6 +98,7 @@ def partly_jittered() -> Grid:
 
 
 ORDINARY = msgspec.structs.replace(GLASS, model="ordinary", nu=0.2)
+COHESIVE = msgspec.structs.replace(GLASS, law="cohesive", f_t=50e6)
 NOTCHED = dataclasses.replace(square_grid(21, 12, y0=-5.5e-3), cracks=np.array([[-1.0, 0.0, 8e-3, 0.0]]))
 CASES = {
     "brittle, struck": (struck(GLASS), 3),
@@ -109,7 +111,26 @@ CASES = {
     "half on a lattice": (torn(partly_jittered()), 3),
     "a body": (pulled(), 3),
     "a softening body": (pulled(law="bilinear", kr=2.0), 3),
+    "cohesive": (torn(NOTCHED, material=COHESIVE), 3),
+    "a cohesive body": (pulled(law="cohesive", f_t=50e6), 3),
 }
+
+
+WET = {
+    "a disc that dissolves": (media.disc(0.1, 400), 3),
+    "a solid of two states": (media.disc(0.1, 400, msgspec.structs.replace(media.CORRODING, dissolution="kinetic")), 3),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", WET)
+def test_contents_are_those_of_one_process(here: Path, case: str) -> None:
+    model, count = WET[case]
+    (here / "wet.json").write_text(model.to_json())
+    with simulate(model, here / "one.sqlite") as one:
+        assert one.masses()["dissolved"][-1] > 0.1
+    assert ran(count, "wet.json", "-o", "many.sqlite") == (0, "")
+    expect_same(here / "one.sqlite", here / "many.sqlite")
 
 
 @pytest.mark.parametrize(

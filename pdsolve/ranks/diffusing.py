@@ -1,0 +1,108 @@
+"""A march by forward Euler on all ranks: each has the bonds of its rows, which rank 0 has made, and gets the state of
+its window with every order."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.conditions import Drive, Entries, chosen
+from pdsolve.model import Model
+from pdsolve.numerics.team import Team
+from pdsolve.operators.protocol import Operator
+from pdsolve.ranks.ghost_exchange import GhostExchange
+from pdsolve.ranks.slabs import Slab, slabs_of, starts_of
+from pdsolve.state import State
+from pdsolve.steppers.euler import Euler
+
+
+class Content(Operator, Protocol):
+    """An operator of contents that can be divided."""
+
+    solid: NDArray[np.uint8]  # (n,) whether a node is solid
+
+    def part(self, first: int, last: int, begin: int, end: int) -> Content:
+        """The operator of the nodes `begin` to `end` - 1, of which `first` to `last` - 1 have bonds."""
+
+
+class Share(NamedTuple):
+    """What a rank needs for its march: a window of m rows of the state, and the sources of now."""
+
+    state: State
+    solid: NDArray[np.uint8]  # (m,)
+    force: NDArray[np.floating]  # (m, 1) mol/(m^3 s)
+
+
+class DiffusingPart:
+    """What a rank works on."""
+
+    def __init__(self, operator: Content, stepper: Euler, drive: Drive, own: slice) -> None:
+        self.operator, self.stepper, self.drive, self.own = operator, stepper, drive, own
+
+
+class EulerOnRanks:
+    """Forward Euler on all ranks together."""
+
+    name = Euler.name
+
+    def __init__(self, model: Model, team: Team, operator: Content, drive: Drive, dt: float) -> None:
+        """Steps of `dt`, s, of the `operator` of all nodes. Raises ModelError for too few nodes."""
+        self._team, self._operator, self._drive = team, operator, drive
+        self._slabs = slabs_of(model, team.size)
+        parts = [
+            (slab, operator.part(slab.first, slab.last, slab.begin, slab.end), _of_slab(drive, slab))
+            for slab in self._slabs
+        ]
+        team.everywhere(build, starts_of(self._slabs), dt, each=parts)
+
+    def march(self, state: State, first: int, last: int) -> None:
+        """Take the steps `first` to `last` - 1, in place."""
+        windows = [slice(slab.begin, slab.end) for slab in self._slabs]
+        shares = [
+            Share(State(*(values[rows] for values in state)), self._operator.solid[rows], self._drive.force[rows])
+            for rows in windows
+        ]
+        solid = self._operator.solid.copy()
+        for slab, own in zip(self._slabs, self._team.everywhere(march, first, last, each=shares), strict=True):
+            rows = slice(slab.first, slab.last)
+            for values, found in zip(state, own.state, strict=True):
+                values[rows] = found
+            solid[rows], self._drive.force[rows] = own.solid, own.force
+        self._operator.solid = solid
+
+
+def _of_slab(drive: Drive, slab: Slab) -> Drive:
+    """The conditions of a slab's own nodes, by rows of its window."""
+
+    def own(some: Entries) -> Entries:
+        here = chosen(some, (some.node >= slab.first) & (some.node < slab.last))
+        return here._replace(node=here.node - slab.begin)
+
+    force = drive.force[slab.begin : slab.end]
+    return drive._replace(loads=own(drive.loads), holds=own(drive.holds), force=force, before=force)
+
+
+def build(team: Team, starts: NDArray[np.int64], dt: float, given: tuple[Slab, Content, Drive]) -> None:
+    """Take over the bonds and the conditions of a slab; steps are `dt` s long."""
+    slab, operator, drive = given
+    drive = drive._replace(force=drive.force.copy())
+    beside = np.concatenate([np.arange(slab.begin, slab.first), np.arange(slab.last, slab.end)])
+    stepper = Euler(operator, drive, dt, GhostExchange(team, starts, slab, beside))
+    team.part = DiffusingPart(operator, stepper, drive, slice(slab.first - slab.begin, slab.last - slab.begin))
+
+
+def march(team: Team, first: int, last: int, share: Share) -> Share:
+    """Take the steps `first` to `last` - 1; returns what has become of own nodes."""
+    part: DiffusingPart = team.part
+    state = State(*(_owned(values) for values in share.state))
+    part.operator.solid, part.drive.force[:] = share.solid, share.force
+    part.stepper.march(state, first, last)
+    own = part.own
+    return Share(State(*(values[own] for values in state)), part.operator.solid[own], part.drive.force[own])
+
+
+def _owned(values: NDArray[Any]) -> NDArray[Any]:
+    """A copy: rank 0 shares rows of its own arrays with itself."""
+    return np.array(values)

@@ -1,0 +1,46 @@
+"""The operator of a part of the nodes has the rates of the whole, bit by bit."""
+
+from __future__ import annotations
+
+import media
+import msgspec
+import numpy as np
+import pytest
+
+from pdmesh.model.document import Concentration, Run
+from pdmesh.model.medium import Medium
+from pdsolve.diffusion.system import prepare
+
+CORRECTED = Medium(D=1.0, surface_correction=True)
+KINETIC = msgspec.structs.replace(media.CORRODING, dissolution="kinetic")
+
+
+@pytest.mark.parametrize(("medium", "kernel"), [(CORRECTED, "lattice"), (CORRECTED, "listed"), (KINETIC, "listed")])
+def test_rows_of_a_part_have_the_rates_of_the_whole(medium: Medium, kernel: str) -> None:
+    position = media.lattice(0.05, 1.0, 2)
+    held = Concentration(nodes=media.ids(position[:, 0] > 0.8), value=0.1)
+    model = media.model(position, 0.05, medium, conditions=(held,), run=Run(steps=1))
+    transport, state = prepare(model, listed=kernel == "listed")
+    whole = transport.operator
+    assert whole.name == kernel
+    rng, nodes = np.random.default_rng(1), len(position)
+    state.value[:, 0], whole.solid = rng.uniform(0.0, 0.3, nodes), rng.integers(0, 2, nodes).astype(np.uint8)
+    whole.outside = rng.uniform(0.0, 1.0, nodes)
+    whole._open = True
+    out = np.zeros((nodes, 1))
+    first, last = 320, 704
+    far = np.abs(position[:, None, 1] - position[None, first:last, 1]).min(axis=1) < 0.3
+    begin, end = int(far.argmax()), nodes - int(far[::-1].argmax())
+    assert 0 < begin < first < last < end < nodes
+    part = whole.part(first, last, begin, end)
+    whole.add(state, out, 1, 1e-3)
+    window, found = type(state)(*(values[begin:end].copy() for values in state)), np.zeros((end - begin, 1))
+    window.work[:] = 0
+    part.add(window, found, 1, 1e-3)
+    own = slice(first - begin, last - begin)
+    assert found[own].tobytes() == out[first:last].tobytes()
+    assert np.abs(out[first:last]).min() > 0
+    assert not found[: own.start].any()
+    assert not found[own.stop :].any()
+    assert window.work[own].tobytes() == state.work[first:last].tobytes()
+    assert part.solid[own].tobytes() == whole.solid[first:last].tobytes()
