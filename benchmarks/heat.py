@@ -1,7 +1,7 @@
 """What heat costs beside mechanics alone, in the quenched slab before it cracks: python -m benchmarks.heat
 
-Times are CPU s of 60 steps on one thread, interleaved, the least of three; with the same kernel (listed), and beside
-the kernel that mechanics alone takes (blocks), which knows no heat.
+Times are CPU s of 60 steps on one thread, interleaved, the least of three; beside mechanics on the same kernel
+(blocks), and on the one for any law (listed).
 """
 
 from __future__ import annotations

@@ -20,6 +20,7 @@ from pdmesh.model.material_constants import poisson
 from pdsolve.diffusion.broken_bonds import BrokenBonds
 from pdsolve.model import Model
 from pdsolve.operators.bond_list import BondList
+from pdsolve.operators.simd_lattice.operator import SimdLattice
 from pdsolve.state import State
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.protocol import Stepper
@@ -34,7 +35,7 @@ class Swelling:
         self,
         content: tuple[Stepper, State],
         motion: Stepper,
-        bonds: BondList,
+        bonds: BondList | SimdLattice,
         model: Model,
         cycle: int = 1,
         broken: BrokenBonds | None = None,
@@ -56,7 +57,10 @@ class Swelling:
 
     def clamped(self, state: State) -> NDArray[np.float64]:
         """The energy densities (n,) that bonds would hold at no displacement, J/m^3: what heat can do at most."""
-        return self._bonds.energies(state._replace(value=np.zeros_like(state.value)))[0]
+        now = state.value.copy()
+        held = self._bonds.energies(state._replace(value=np.zeros_like(now)))[0]
+        state.value[:] = now  # blocks have one place for displacements
+        return held
 
     def march(self, state: State, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1 of both, in place; `state` is that of the motion."""

@@ -98,14 +98,14 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
     most = len(model.grid) * 4**settings.run.split.levels
     cycle: int | None = None  # of steps for one of a content
     along_path = False
-    paired &= not (splits or model.swells)  # which are listed bond by bond
+    paired &= not splits  # which is listed bond by bond
     prepared = still(model, options, scheme).system if settings.run.start == "static" else None
-    in_blocks = paired and model.grid.dimension == 2
+    in_blocks = paired and model.grid.dimension == 2 and not model.swells
     if prepared is not None and not moves:
         in_blocks |= paired and prepared.operator.name == "blocks"
         count, bound = prepared.count, prepared.bound
         step = step_of(model, bound)
-    elif paired and not moves and settings.run.solver != "static":
+    elif paired and not (moves or model.swells) and settings.run.solver != "static":
         count, stiffest, in_blocks = surveyed(model, options, scheme)
         bound = stable(stiffest, model.rho)
         step = step_of(model, bound)

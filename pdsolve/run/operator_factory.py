@@ -113,6 +113,20 @@ def touched_at_rest(
     return Together(contact, bonds), contact
 
 
+def for_swelling(model: Model, options: Options) -> Options:
+    """The options of a kernel that knows what swells: blocks in motion, of laws that they can sum so; else the list.
+
+    Raises ModelError where the options exclude it.
+    """
+    pair, run = law_of(model).pair, model.settings.run
+    straight = pair is not None and pair.held is None and not pair.elastic_in_compression
+    fast = straight and model.grid.dimension == 2 and run.solver == "explicit"
+    expected = (None, "listed", "blocks") if fast else (None, "listed")
+    if options.kernel not in expected:
+        raise ModelError(f"{model.name}: kernel: found {options.kernel}, expected listed of bonds that swell")
+    return options if fast else options._replace(kernel="listed")
+
+
 def in_blocks(operator: Operator) -> tuple[SimdLattice | None, PenaltyContact | None]:
     """The blocks of an operator, if they are all there is of it but for contact; and that."""
     if isinstance(operator, Together):

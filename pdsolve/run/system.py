@@ -44,7 +44,7 @@ from pdsolve.operators.softening_shear import softening_of
 from pdsolve.options import Options as Options
 from pdsolve.options import threads_of as threads_of
 from pdsolve.run.explicit_stepper import stepper_of, stepper_of_content
-from pdsolve.run.operator_factory import operator_of, touched, touched_at_rest
+from pdsolve.run.operator_factory import for_swelling, operator_of, touched, touched_at_rest
 from pdsolve.run.operator_factory import stable as stable
 from pdsolve.run.time_step import step_of as step_of
 from pdsolve.schemes import SCHEMES
@@ -220,20 +220,17 @@ def _diffusing(model: Model, options: Options) -> Prepared:
 
 def _swelling(model: Model, options: Options, scheme: Scheme) -> Prepared:
     """A model of a motion that a content swells. Raises ModelError for what cannot be solved so."""
-    if not scheme.symmetric or options.kernel not in (None, "listed"):
-        found = scheme.name if not scheme.symmetric else options.kernel
-        raise ModelError(
-            f"{model.name}: found {found}, expected mode conservative and kernel listed of bonds that swell"
-        )
-    listed, rests = options._replace(kernel="listed"), model.settings.run.solver == "static"
+    if not scheme.symmetric:
+        raise ModelError(f"{model.name}: found {scheme.name}, expected mode conservative of bonds that swell")
+    options, rests = for_swelling(model, options), model.settings.run.solver == "static"
     if rests:
         model = in_steps_of_content(model, options.precision)
-        system, state = at_rest(model.moving_part(), listed, scheme)
+        system, state = at_rest(model.moving_part(), options, scheme)
     else:
-        system, state = system_of(model.moving_part(), listed, scheme)
+        system, state = system_of(model.moving_part(), options, scheme)
     content = _diffusing(model.diffusing_part(system.time_step), Options(threads=options.threads))
     transport, cycle = content.system.transport, 1
-    assert isinstance(system.operator, BondList)
+    assert isinstance(system.operator, BondList | SimdLattice)
     assert transport is not None
     marches = content.system.stepper
     if not rests:

@@ -170,6 +170,28 @@ def test_slow_heat_takes_a_step_for_many_of_the_motion(D: float, every: int, led
     assert stepper.cycle == expected
 
 
+@pytest.mark.parametrize(("name", "G0"), [("bonds", 100.0), pytest.param("bilinear", 300.0, marks=pytest.mark.slow)])
+def test_blocks_and_the_list_swell_alike(name: str, G0: float) -> None:
+    """Displacements, energies, works and breaks of both kernels, of a bar whose middle is cold at once."""
+    material, found = msgspec.structs.replace(LAWS[name][0], G0=G0), []
+    for kernel in ("listed", "blocks"):
+        system, state = run = prepare(
+            bar(*ends(clamped=True), material=material, steps=300), ONE._replace(kernel=kernel)
+        )
+        system.beside[0].state.value[100:220] -= 120.0
+        assert isinstance(system.stepper, Swelling)
+        system.stepper.swell()
+        held = system.stepper.clamped(state)
+        run.march(1, 201)
+        assert system.kernel == kernel
+        found.append((held, state.value, *system.operator.energies(state), state.work, state.dissipated))
+        steps = np.sort(system.operator.broken().step)
+        assert len(steps) > 1000  # measured 6080 and 1538
+        found[-1] = (*found[-1], steps.astype(float))
+    for listed, blocks in zip(*found, strict=True):
+        assert np.abs(blocks - listed).max() <= 1e-9 * np.abs(listed).max()  # measured below 1e-11
+
+
 @pytest.mark.filterwarnings("ignore:.*balance of energy")  # of a run that has just begun
 def test_cycles_change_little(monkeypatch: pytest.MonkeyPatch) -> None:
     """A bar heated within 400 steps, which is fast: one step of heat for 20 of the motion, or for each."""
@@ -196,10 +218,12 @@ def test_a_stopped_run_goes_on_to_the_same_bits(tmp_path: Path) -> None:
 
 
 def test_a_plan_knows_what_heat_costs() -> None:
-    """A body that heats is listed bond by bond, and takes longer, by how often its heat is booked."""
+    """A body that heats takes longer, by how often its heat is booked; one that is ordinary is listed bond by bond."""
     heats, cold = bar(steps=1000), bar(steps=1000).moving_part()
     seldom, cost, less = estimate_run(bar(D=1e-3, steps=1000), ONE), estimate_run(heats, ONE), estimate_run(cold, ONE)
-    assert (cost.in_blocks, less.in_blocks) == (False, True)
+    assert (cost.in_blocks, less.in_blocks) == (True, True)
+    ordinary = bar(material=LAWS["ordinary"][0], steps=1000)
+    assert not estimate_run(ordinary, ONE).in_blocks
     assert cost.bonds == less.bonds
     assert cost.wall_time > 4 * less.wall_time
     assert seldom.wall_time < cost.wall_time / 2
@@ -227,7 +251,12 @@ REFUSED = {
     "a moving zone": ({"run": Run(adapt="hybrid")}, {}, naming("run.adapt", found="hybrid", expected="none")),
     "no medium": ({"medium": None}, {}, naming("$.medium", found="none", expected="D")),
     "the thesis mode": ({}, {"mode": "thesis"}, naming(found="thesis", expected="conservative")),
-    "blocks": ({}, {"kernel": "blocks"}, naming(found="blocks", expected="listed")),
+    "blocks": ({"material": LAWS["ordinary"][0]}, {"kernel": "blocks"}, naming(found="blocks", expected="listed")),
+    "blocks at rest": (
+        {"run": Run(solver="static", time_step=1.0, steps=1)},
+        {"kernel": "blocks"},
+        naming(found="blocks", expected="listed"),
+    ),
 }
 
 

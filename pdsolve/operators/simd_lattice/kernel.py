@@ -25,7 +25,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
+from numba import njit, types
 from numba.extending import overload, register_jitable
 from numpy.typing import NDArray
 
@@ -101,6 +101,24 @@ class Tracks(NamedTuple):
     work: NDArray[np.float64]  # (m,) done on the node by loads and holds so far, J/m^3
     broken: NDArray[np.int32]  # (s, 64) step in which the bond broke, 0 while intact
     worst: NDArray[np.floating]  # (s, 64) or (0, 64): largest stretch above the peak, 0 if never there
+    shrink: NDArray[np.floating] | None = None  # (m,) minus half the strain of a free node: bonds are relieved of that
+    # of both ends; None: nothing swells
+
+
+def displaced(u: Any, shrink: Any, x: Any, y: Any, i: Any, j: Any) -> Any:
+    """Both components of what stretches the bond (x, y) from node i to j at displacements u (2, m)."""
+
+
+@overload(displaced, jit_options=INNER | {"forceinline": True})
+def _displaced(u, shrink, x, y, i, j):  # type: ignore[no-untyped-def]
+    if isinstance(shrink, types.NoneType):
+        return lambda u, shrink, x, y, i, j: (u[0, j] - u[0, i], u[1, j] - u[1, i])
+
+    def relieved(u, shrink, x, y, i, j):  # type: ignore[no-untyped-def]
+        both = shrink[i] + shrink[j]
+        return u[0, j] - u[0, i] + both * x, u[1, j] - u[1, i] + both * y
+
+    return relieved
 
 
 def sum_lanes(blocks: Any, tracks: Any, u: Any, before: Any, step: Any, b: Any, lane: Any, s: Any) -> None:
@@ -126,14 +144,15 @@ def _pair(blocks: Any) -> Pair:
 
 def _sum_straight(blocks, tracks, u, before, step, b, lane, s):  # type: ignore[no-untyped-def]
     table = u, blocks.slots, blocks.ids, blocks.vectors, blocks.stiffness, blocks.near, blocks.edge, blocks.whole
+    shrink = tracks.shrink
     slot, last, own = blocks.start[b], blocks.start[b + 1], b * LANES + lane
     for k in range(2 * ROW):
         s[k] = 0
-    slot = add_slots(*table, slot, last, own, lane, s)
+    slot = add_slots(*table, shrink, slot, last, own, lane, s)
     while slot < last:
-        slot = add_any(*table, slot, last, own, lane, s)
+        slot = add_any(*table, shrink, slot, last, own, lane, s)
         if slot < last and not _age(blocks, tracks, before, step, slot, b, lane, s):
-            slot = add_far(*table, slot, slot + 1, own, lane, s)
+            slot = add_far(*table, shrink, slot, slot + 1, own, lane, s)
 
 
 def _sum_one_sided(blocks, tracks, u, before, step, b, lane, s):  # type: ignore[no-untyped-def]
@@ -141,13 +160,14 @@ def _sum_one_sided(blocks, tracks, u, before, step, b, lane, s):  # type: ignore
         sum_of_straight(blocks, tracks, u, before, step, b, lane, s)
         return
     table = u, blocks.slots, blocks.ids, blocks.vectors, blocks.stiffness, blocks.near, blocks.edge, blocks.whole
+    shrink = tracks.shrink
     slot, last, own = blocks.start[b], blocks.start[b + 1], b * LANES + lane
     for k in range(2 * ROW):
         s[k] = 0
     while slot < last:
-        slot = add_any_one_sided(*table, slot, last, own, lane, s)
+        slot = add_any_one_sided(*table, shrink, slot, last, own, lane, s)
         if slot < last and not _age(blocks, tracks, before, step, slot, b, lane, s):
-            slot = add_far_one_sided(*table, slot, slot + 1, own, lane, s)
+            slot = add_far_one_sided(*table, shrink, slot, slot + 1, own, lane, s)
 
 
 def _sum_curved(blocks, tracks, u, before, step, b, lane, s):  # type: ignore[no-untyped-def]
@@ -276,7 +296,7 @@ def _break(blocks, tracks, before, step, slot, i, lane, stretch):  # type: ignor
     row, law, j = blocks.slots[slot, BOUND], blocks.slots[slot, LIMITS], neighbour(blocks, slot, i, lane)
     vector = blocks.vectors[blocks.slots[slot, VECTOR]]
     peak, limit, x, y, inverse = blocks.peak[law, lane], blocks.limit[law, lane], vector[0], vector[1], vector[4]
-    eta_x, eta_y = before[0, j] - before[0, i], before[1, j] - before[1, i]
+    eta_x, eta_y = displaced(before, tracks.shrink, x, y, i, j)
     e = inverse * (2 * (x * eta_x + y * eta_y) + eta_x * eta_x + eta_y * eta_y)
     c = blocks.stiffness[blocks.whole[slot], lane] / inverse / 4
     tracks.dissipated[i] += released(blocks.law, c, stretch, e / (np.sqrt(1 + e) + 1), peak, limit)
@@ -321,20 +341,20 @@ def sum_blocks(blocks, tracks, before, out, step):  # type: ignore[no-untyped-de
 
 
 @cached_njit(error_model="numpy")
-def energy_densities(blocks, worst, u, own, gone):  # type: ignore[no-untyped-def]
+def energy_densities(blocks, worst, u, shrink, own, gone):  # type: ignore[no-untyped-def]
     """Add stored energy and energy dissipated by softening, J/m^3, of the nodes' intact bonds to arrays (m,).
 
     On one thread, as it is needed only once in many steps.
     """
     for b in range(len(blocks.start) - 1):
         for slot in range(blocks.start[b], blocks.start[b + 1]):
-            _energies_of(blocks, worst, u, b, slot, own)
+            _energies_of(blocks, worst, u, shrink, b, slot, own)
             if blocks.softened[b]:
                 _spent_of(blocks, worst, b, slot, gone)
 
 
 @njit(**INNER)
-def _energies_of(blocks, worst, u, b, slot, out):  # type: ignore[no-untyped-def]
+def _energies_of(blocks, worst, u, shrink, b, slot, out):  # type: ignore[no-untyped-def]
     vector = blocks.vectors[blocks.slots[slot, VECTOR]]
     x, y, inverse = vector[0], vector[1], vector[4]
     stiffness = blocks.stiffness[blocks.slots[slot, PULL]]
@@ -343,7 +363,7 @@ def _energies_of(blocks, worst, u, b, slot, out):  # type: ignore[no-untyped-def
         for k in range(ROW):
             i = np.uint64(first + k)
             j = np.uint64(first + way + k) if way < FAR else np.uint64(blocks.ids[way - FAR, k])
-            eta_x, eta_y = u[0, j] - u[0, i], u[1, j] - u[1, i]
+            eta_x, eta_y = displaced(u, shrink, x, y, i, j)
             e = inverse * (2 * (x * eta_x + y * eta_y) + eta_x * eta_x + eta_y * eta_y)
             stretch = e / (np.sqrt(1 + e) + 1)
             lane = row * ROW + k

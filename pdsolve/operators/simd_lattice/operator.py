@@ -65,14 +65,23 @@ class SimdLattice:
         """Add the force densities (n, w), N/m^3, to `out`; bonds over their limit break in this `step`, `dt` s long."""
         own = self.place(state)
         before = self.tracks.u[0] - self.tracks.v.dtype.type(dt) * self.tracks.v
-        sum_blocks(self.blocks, self.tracks, before, out, step)
+        blocks = self.blocks
+        if step == 0 and self.tracks.shrink is not None:  # of what is strained from the start none breaks yet
+            blocks = blocks._replace(edge=np.full_like(blocks.edge, np.inf))
+        sum_blocks(blocks, self.tracks, before, out, step)
         state.dissipated[:] = own.dissipated
+
+    def swell(self, strain: NDArray[np.float64]) -> None:
+        """Let bonds stretch from what they are long at these strains (n,) of free nodes; of straight lines."""
+        shrink = aligned(np.zeros_like(self.tracks.v[0])) if self.tracks.shrink is None else self.tracks.shrink
+        shrink[: len(strain)] = -strain / 2
+        self.tracks = self.tracks._replace(shrink=shrink)
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Energy densities (n,), J/m^3: stored, and dissipated by softening so far."""
         self.place(state)
         held, spent = np.zeros_like(self.tracks.work), np.zeros_like(self.tracks.work)
-        energy_densities(self.blocks, self.tracks.worst, self.tracks.u[0], held, spent)
+        energy_densities(self.blocks, self.tracks.worst, self.tracks.u[0], self.tracks.shrink, held, spent)
         return held[: len(self._stiffest)], spent[: len(self._stiffest)]
 
     def fields(self, state: State) -> dict[str, NDArray[np.float64]]:
@@ -170,7 +179,7 @@ class SimdLattice:
         """Memory of all arrays, bytes, without the rows that slots get as their bonds break."""
         blocks = self.blocks
         later = sum(table[-len(blocks.mask) :].nbytes for table in (blocks.stiffness, blocks.near, blocks.edge))
-        return sum(array.nbytes for array in (*blocks[1:], *self.tracks)) - later
+        return sum(array.nbytes for array in (*blocks[1:], *self.tracks) if array is not None) - later
 
     def _ends(self, numbers: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         return layout.ends(self.blocks, numbers)

@@ -7,6 +7,7 @@ vectors are.
     u, after       (2, m) displacements of all lanes, now and one step on        s   (ACROSS,) a thread's scratch:
     slots, ids, vectors, stiffness, near, edge,                                       sums of forces, x then y, then e
     whole          of `kernel.Blocks`
+    shrink         (m,) minus half the strain of a free node: a bond is relieved of that of both ends; or None
     lane           of the block, the first of `across` that are summed; own   its node
 """
 
@@ -38,6 +39,8 @@ class _Bonds:
         self._code = code
         arrays = zip(kinds[:8], values[:8], strict=True)
         self.u = [code.data(kinds[0], values[0], axis) for axis in (0, 1)]
+        if not isinstance(kinds[8], types.NoneType):
+            self.u.append(code.data(kinds[8], values[8]))
         _, self._slots, self.ids, self._vectors, self._stiffness, self._near, self._edge, self._whole = (
             code.data(kind, array) for kind, array in arrays
         )
@@ -55,12 +58,12 @@ class _Bonds:
         return [code.same(self._element(self._vectors, code.builder.add(at, INT(c)))) for c in range(5)]
 
     def beside(self, way: Any) -> list[list[Any]]:
-        """Displacements of consecutive neighbours."""
+        """Displacements of consecutive neighbours, and their shrinkage, if there is any."""
         at = self._code.builder.add(self._node, way)
         return [self._code.load(component, at) for component in self.u]
 
     def listed(self, way: Any) -> list[list[Any]]:
-        """Displacements of listed neighbours."""
+        """Displacements of listed neighbours, and their shrinkage, if there is any."""
         builder = self._code.builder
         row = builder.mul(builder.sub(way, INT(FAR)), INT(ROW))
         at = builder.add(row, builder.srem(self._lane, INT(ROW)))
@@ -68,8 +71,11 @@ class _Bonds:
 
     def deformed(self, reference: list[list[Any]], there: list[list[Any]]) -> tuple[list[Any], list[Any], list[Any]]:
         """Both components of eta, and e."""
-        code, (_, _, x2, y2, inverse) = self._code, reference
-        eta_x, eta_y = (code.sub(far, near) for far, near in zip(there, self.own, strict=True))
+        code, (x, y, x2, y2, inverse) = self._code, reference
+        eta_x, eta_y = (code.sub(far, near) for far, near in zip(there[:2], self.own[:2], strict=True))
+        for far, near in zip(there[2:], self.own[2:], strict=True):
+            shrink = code.add(far, near)
+            eta_x, eta_y = code.fma(shrink, x, eta_x), code.fma(shrink, y, eta_y)
         along_x = code.mul(code.fma(inverse, eta_x, x2), eta_x)
         return eta_x, eta_y, code.fma(code.fma(inverse, eta_y, y2), eta_y, along_x)
 
@@ -158,9 +164,9 @@ class _Loop:
         builder.branch(self.blocks["head"])
         self.go_on("head")
         self.slot = builder.phi(INT)
-        self.slot.add_incoming(values[8], began)
+        self.slot.add_incoming(values[9], began)
         self.sums = [code.merge([(total, began)]) for total in sums]
-        builder.cbranch(builder.icmp_signed("<", self.slot, values[9]), self.blocks["look"], self.blocks["leave"])
+        builder.cbranch(builder.icmp_signed("<", self.slot, values[10]), self.blocks["look"], self.blocks["leave"])
         self.go_on("look")
 
     def go_on(self, name: str) -> None:
@@ -188,7 +194,7 @@ class _Loop:
 
 
 @intrinsic
-def add_slots(typingctx, u, slots, ids, vectors, stiffness, near, edge, whole, first, last, own, lane, s):  # type: ignore[no-untyped-def]
+def add_slots(typingctx, u, slots, ids, vectors, stiffness, near, edge, whole, shrink, first, last, own, lane, s):  # type: ignore[no-untyped-def]
     """Add the forces of slots `first` to `last` - 1 of a block to the sums in s, for the lanes from `lane` on.
 
     Returns the first slot with neighbours that are not consecutive or with an |e| above `near`, or `last`.
@@ -206,14 +212,14 @@ def add_slots(typingctx, u, slots, ids, vectors, stiffness, near, edge, whole, f
         g = code.polynomial(code.coefficients[0], e)
         return loop.end(bonds.pulled(loop.slot, reference, eta, e, g, loop.sums))
 
-    return _signature(u, slots, ids, vectors, stiffness, near, edge, whole, s), generate
+    return _signature(u, slots, ids, vectors, stiffness, near, edge, whole, shrink, s), generate
 
 
 def _adding_any(one_sided: bool) -> Callable[..., Any]:
     """The loop for neighbours anywhere and |e| up to WIDE; `one_sided` as in `_Bonds.pulled`."""
 
     @intrinsic
-    def add(typingctx, u, slots, ids, vectors, stiffness, near, edge, whole, first, last, own, lane, s):  # type: ignore[no-untyped-def]
+    def add(typingctx, u, slots, ids, vectors, stiffness, near, edge, whole, shrink, first, last, own, lane, s):  # type: ignore[no-untyped-def]
         def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
             code = Code(context, builder, u.dtype)
             bonds, kept = _Bonds(code, signature.args, values), code.data(s, values[-1])
@@ -236,7 +242,7 @@ def _adding_any(one_sided: bool) -> Callable[..., Any]:
             g = code.merge([(narrow, loop.blocks["usual"]), (wide, loop.blocks["wide"])])
             return loop.end(bonds.pulled(slot, reference, eta, e, g, loop.sums, one_sided))
 
-        return _signature(u, slots, ids, vectors, stiffness, near, edge, whole, s), generate
+        return _signature(u, slots, ids, vectors, stiffness, near, edge, whole, shrink, s), generate
 
     view: Callable[..., Any] = add
     return view
@@ -246,7 +252,7 @@ def _adding_far(one_sided: bool) -> Callable[..., Any]:
     """The loop for any stretch; `one_sided` as in `_Bonds.pulled`."""
 
     @intrinsic
-    def add(typingctx, u, slots, ids, vectors, stiffness, near, edge, whole, first, last, own, lane, s):  # type: ignore[no-untyped-def]
+    def add(typingctx, u, slots, ids, vectors, stiffness, near, edge, whole, shrink, first, last, own, lane, s):  # type: ignore[no-untyped-def]
         def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
             code = Code(context, builder, u.dtype)
             bonds, kept = _Bonds(code, signature.args, values), code.data(s, values[-1])
@@ -262,7 +268,7 @@ def _adding_far(one_sided: bool) -> Callable[..., Any]:
             g = code.choose(code.above(size, code.same(WIDE)), exact, g)
             return loop.end(bonds.pulled(slot, reference, eta, e, g, loop.sums, one_sided))
 
-        return _signature(u, slots, ids, vectors, stiffness, near, edge, whole, s), generate
+        return _signature(u, slots, ids, vectors, stiffness, near, edge, whole, shrink, s), generate
 
     view: Callable[..., Any] = add
     return view
