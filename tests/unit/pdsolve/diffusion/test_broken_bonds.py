@@ -42,7 +42,9 @@ def strip(share: float, dimension: int, ratio: float, corrected: bool = True, **
     found = prepare(Model(grid(place, H), settings), ONE)
     source, target = found.system.operator.bonds()
     across = (x[source] > CELLS * H / 2) != (x[target] > CELLS * H / 2)
-    found.system.operator.back({}, Broken(np.ones(across.sum(), np.int64), source[across], target[across]))
+    found.system.operator.back(
+        found.system.operator.keep(), Broken(np.ones(across.sum(), np.int64), source[across], target[across])
+    )
     return found
 
 
