@@ -2,11 +2,12 @@
 
 Every bond begins with a remaining life of 1, and breaks when none is left. A cycle of N takes of it
 
-    growth:      A eps^m                    next to damage
-    initiation:  A1 (eps - endurance)^m1    elsewhere
+    growth:      A eps^m      next to damage
+    initiation:  A1 eps^m1    elsewhere
 
-where eps is the range of the bond's stretch within a cycle. The first is Paris's line da/dN = C dK^m with the same
-exponent, whose C is proportional to A; the second is the line of Wöhler's diagram, with the life 1 / (A1 eps^m1).
+where eps is the range of the bond's stretch within a cycle; up to `threshold` and `endurance`, nothing. The first is
+Paris's line da/dN = C dK^m with the same exponent, whose C is proportional to A; the second is the line of Wöhler's
+diagram, with the life 1 / (A1 eps^m1).
 
 Cracks of particles grow by that line itself: C and m are given, and K is that of the tip.
 """

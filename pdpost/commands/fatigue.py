@@ -1,4 +1,4 @@
-"""Growth of cracks by fatigue, and Paris's line through it."""
+"""Growth of cracks by fatigue, Paris's line through it, and Wöhler's line of smooth bodies."""
 
 from __future__ import annotations
 
@@ -10,51 +10,42 @@ from pdpost.commands.shared import add_every, counted
 
 if TYPE_CHECKING:
     from pdpost.commands.shared import Commands
-    from pdpost.measures.fatigue import Growth, Line
+    from pdpost.measures.fatigue import Life, Line
+
+HEADER = (
+    *("run", "tip", "cycles", "growth, m", "K, Pa m^0.5", "dK, Pa m^0.5", "da/dN to the next, m", "settled"),
+    "range of stretch",
+)
 
 
 def add(commands: Commands) -> None:
     """Put `fatigue` on the command line."""
-    about = "draw the growth of cracks over cycles, and the growth a cycle over the range of K"
+    about = "draw the growth of cracks over cycles, the growth a cycle over the range of K, and lives of smooth bodies"
     parser = number_options.add_command(commands, "fatigue", about)
     add_every(parser)
-    parser.add_argument("--beside", metavar="RESULTS", help="a second run in the same picture")
+    beside = "other runs, in the same picture and the same numbers"
+    parser.add_argument("--beside", metavar="RESULTS", nargs="+", default=[], help=beside)
     commands.choices["fatigue"].set_defaults(run=_fatigue)
 
 
 def _fatigue(args: argparse.Namespace) -> int:
-    from pdpost.measures import fatigue
-
     path = number_options.picture_path(args, ".fatigue.png")
     with number_options.styled(path, dict(args.assignments)):
-        life, found = _measured(args, args.results)
-        line = fatigue.paris(found)
-        other = None if args.beside is None else _measured(args, args.beside)[1]
+        runs = [_measured(args, name) for name in (args.results, *args.beside)]
         if path is not None:
-            from pathlib import Path
-
             from pdpost.figures import style
-            from pdpost.figures.fatigue_figure import Run
             from pdpost.figures.fatigue_figure import fatigue as figure
 
-            runs = [Run("" if other is None else Path(args.results).stem, found, line)]
-            if other is not None:
-                runs.append(Run(Path(args.beside).stem, other, fatigue.paris(other)))
             style.save(figure(runs), path)
-    lines = [f"{life:.6g} cycles in all"]
-    lines += [f"{one.name}: grown by {one.length[-1] * 1e3:.4g} mm until {one.cycles[-1]:.4g} cycles" for one in found]
-    lines += ["found too few frames of a growing crack for a line" if line is None else _words(line)]
-    result = {
-        "cycles": life,
-        "line": None if line is None else line._asdict(),
-        "tips": [one._asdict() for one in found],
-    }
-    header = ("tip", "cycles", "growth, m", "K, Pa m^0.5", "dK, Pa m^0.5", "da/dN to the next, m", "settled")
-    return number_options.deliver(args, result, lines, header, (row for one in found for row in _rows(one)), path)
+    told = [_told(one) for one in runs]
+    result = {**told[0], "beside": told[1:]}
+    lines = [line for one in runs for line in ([f"{one.name}:"] if args.beside else []) + _lines(one)]
+    rows = (row for one in runs for row in _rows(one))
+    return number_options.deliver(args, result, lines, HEADER, rows, path)
 
 
-def _measured(args: argparse.Namespace, name: str) -> tuple[float, list[Growth]]:
-    """The cycles of a run in all, and the growth of its tips. Raises ResultsError."""
+def _measured(args: argparse.Namespace, name: str) -> Life:
+    """The life of a run. Raises ResultsError."""
     from pathlib import Path
 
     from pdpost.measures import fatigue
@@ -64,8 +55,30 @@ def _measured(args: argparse.Namespace, name: str) -> tuple[float, list[Growth]]
 
     with Results.open(Path(name)) as results:
         expect_mechanics(results)
-        life = float(fatigue.cycles(results)[-1])
-        return life, fatigue.growth(results, chosen(results, args.every), counted(args, "summing"))
+        return fatigue.lived(results, chosen(results, args.every), counted(args, "summing"))
+
+
+def _told(one: Life) -> dict[str, Any]:
+    return {
+        "name": one.name,
+        "cycles": one.cycles,
+        "first_break": one.first,
+        "first_range": one.range,
+        "line": None if one.line is None else one.line._asdict(),
+        "tips": [tip._asdict() for tip in one.found],
+    }
+
+
+def _lines(one: Life) -> list[str]:
+    lines = [f"{one.cycles:.6g} cycles in all"]
+    if one.first is not None:
+        lines.append(f"first bonds broke after {one.first:.6g} cycles, stretched by a range of {one.range:.4g}")
+    lines += [
+        f"{tip.name}: grown by {tip.length[-1] * 1e3:.4g} mm until {tip.cycles[-1]:.4g} cycles" for tip in one.found
+    ]
+    if one.found:
+        lines.append("found too few frames of a growing crack for a line" if one.line is None else _words(one.line))
+    return lines
 
 
 def _words(line: Line) -> str:
@@ -78,7 +91,11 @@ def _words(line: Line) -> str:
     )
 
 
-def _rows(one: Growth) -> Any:
-    rate, settled = [*one.rate.tolist(), float("nan")], [*one.settled.tolist(), None]
-    for row in zip(one.cycles, one.length, one.K, one.dK, rate, settled, strict=True):
-        yield (one.name, *row)
+def _rows(one: Life) -> Any:
+    none = float("nan")
+    if one.first is not None:
+        yield (one.name, "first break", one.first, none, none, none, none, None, one.range)
+    for tip in one.found:
+        rate, settled = [*tip.rate.tolist(), none], [*tip.settled.tolist(), None]
+        for row in zip(tip.cycles, tip.length, tip.K, tip.dK, rate, settled, strict=True):
+            yield (one.name, tip.name, *row, none)

@@ -1,53 +1,96 @@
-"""Growth of cracks by fatigue as a figure: length over cycles, and growth a cycle over the range of intensity."""
+"""Growth of cracks by fatigue as a figure: length over cycles, growth a cycle over the range of intensity, and lives of
+smooth bodies over the range of stretch."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from pdpost.figures.charts import WIDTH, look, plain
-from pdpost.measures.fatigue import FIRST, Growth, Line, between
+from pdpost.measures.fatigue import FIRST, Growth, Life, between
+
+WIDER = 3.0  # times the range of the points that Wöhler's line is drawn over
 
 
-class Run(NamedTuple):
-    """The growth of a run's cracks."""
-
-    name: str  # "": of the only one
-    found: Sequence[Growth]
-    line: Line | None
-
-
-def fatigue(runs: Sequence[Run]) -> Figure:
-    """Both panels; points at the start of a crack, which are off the line, are hollow."""
-    figure = Figure(figsize=(WIDTH, 3.4), layout="constrained")
-    lengths, rates = figure.subplots(1, 2)
-    every = [(run, one) for run in runs for one in run.found]
-    for number, (run, one) in enumerate(every):
-        style = look(number)
-        label = f"{run.name}, {one.name}" if run.name else one.name
-        lengths.plot(one.cycles, one.length * 1e3, marker=".", lw=1.2, label=label, **style)
-        dK = between(one, run.line.m if run.line is not None else FIRST)
-        for some, fill in ((one.settled, style["color"]), (~one.settled, "white")):
-            x, y = dK[some] * 1e-6, one.rate[some]
-            rates.plot(x, y, "o", ms=4, mfc=fill, mec=style["color"], ls="none")
-    for run, dashes in zip(runs, ("--", ":"), strict=False):
-        if run.line is None:
-            continue
-        ranges = np.concatenate([one.dK for one in run.found])
-        ends = np.array([ranges.min(), ranges.max()])
-        words = f"{run.name}: m = {run.line.m:.3g}" if run.name else f"da/dN = C ΔK^m, m = {run.line.m:.3g}"
-        rates.plot(ends * 1e-6, run.line.at(ends), color="black", lw=0.9, ls=dashes, label=words)
-        rates.legend(frameon=False, fontsize="small")
-    lengths.set(xlabel="cycles", ylabel="growth of the crack, mm")
-    lengths.legend(frameon=False, fontsize="small")
-    rates.set(xscale="log", yscale="log", xlabel="ΔK, MPa√m", ylabel="growth a cycle, m")
-    rates.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    rates.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
-    rates.xaxis.set_minor_formatter(NullFormatter())
-    for axes in (lengths, rates):
-        plain(axes)
+def fatigue(runs: Sequence[Life]) -> Figure:
+    """A panel of lengths and one of growth a cycle where cracks grow, and one of lives where smooth bodies break."""
+    cracked = [run for run in runs if run.found]
+    smooth = [run for run in runs if not run.found or (run.given.A1 is not None and run.first is not None)]
+    panels = 2 * bool(cracked) + bool(smooth)
+    figure = Figure(figsize=(WIDTH * max(panels, 1.2) / 2, 3.4), layout="constrained")
+    axes = figure.subplots(1, panels, squeeze=False)[0].tolist()
+    if cracked:
+        _lengths(axes[0], cracked, len(runs) > 1)
+        _growth(axes[1], cracked, len(runs) > 1)
+    if smooth:
+        _lives(axes[-1], smooth)
+    for one in axes:
+        plain(one)
     return figure
+
+
+def _tips(runs: Sequence[Life]) -> list[tuple[Life, Growth]]:
+    return [(run, one) for run in runs for one in run.found]
+
+
+def _lengths(axes: Axes, runs: Sequence[Life], named: bool) -> None:
+    for number, (run, one) in enumerate(_tips(runs)):
+        label = f"{run.name}, {one.name}" if named else one.name
+        axes.plot(one.cycles, one.length * 1e3, marker=".", lw=1.2, label=label, **look(number))
+    axes.set(xlabel="cycles", ylabel="growth of the crack, mm")
+    axes.legend(frameon=False, fontsize="small")
+
+
+def _growth(axes: Axes, runs: Sequence[Life], named: bool) -> None:
+    """Points, hollow at the start of a crack, where they are off the line; the line through them, and that given."""
+    for number, (run, one) in enumerate(_tips(runs)):
+        colour = look(number)["color"]
+        dK = between(one, run.line.m if run.line is not None else FIRST)
+        for some, fill in ((one.settled, colour), (~one.settled, "white")):
+            axes.plot(dK[some] * 1e-6, one.rate[some], "o", ms=4, mfc=fill, mec=colour, ls="none")
+    for run, dashes in zip(runs, ("--", ":", "-."), strict=False):
+        ranges = np.concatenate([one.dK for one in run.found])
+        ends, of = np.array([ranges.min(), ranges.max()]), f"{run.name}: " if named else ""
+        if run.line is not None:
+            words = f"{of}found, m = {run.line.m:.3g}"
+            axes.plot(ends * 1e-6, run.line.at(ends), color="black", lw=0.9, ls=dashes, label=words)
+        given = run.slope(ends)
+        if given is not None:
+            words = f"{of}given, m = {run.given.m:.3g}"
+            axes.plot(ends * 1e-6, given, color="0.6", lw=2.5, alpha=0.6, ls=dashes, label=words, zorder=0)
+    if axes.get_legend_handles_labels()[1]:
+        axes.legend(frameon=False, fontsize="small")
+    axes.set(xscale="log", yscale="log", xlabel="ΔK, MPa√m", ylabel="growth a cycle, m")
+    _ticks(axes)
+
+
+def _lives(axes: Axes, runs: Sequence[Life]) -> None:
+    """Cycles until the first bonds break over the range of their stretch, beside the lines that runs were given."""
+    broke = [(run.range, run.first) for run in runs if run.range is not None and run.first is not None]
+    points = np.array(broke).reshape(-1, 2)
+    drawn = set()
+    for run in runs:
+        if run.given.A1 is None or not len(points) or (run.given.A1, run.given.m1, run.given.endurance) in drawn:
+            continue
+        drawn.add((run.given.A1, run.given.m1, run.given.endurance))
+        low = max(points[:, 0].min() / WIDER, run.given.endurance)
+        eps = np.geomspace(low * (1 + 1e-9), points[:, 0].max() * WIDER, 50)
+        axes.plot(run.smooth(eps), eps, color="black", lw=0.9, label=f"given, m = {run.given.m1:.3g}")
+        if run.given.endurance > 0:
+            axes.axhline(run.given.endurance, color="0.6", lw=0.9, ls=":", label="endurance")
+    for number, run in enumerate(runs):
+        if run.first is not None and run.range is not None:
+            axes.plot(run.first, run.range, "o", ms=5, color=look(number)["color"], label=run.name)
+    axes.set(xscale="log", yscale="log", xlabel="cycles until the first bonds break", ylabel="range of stretch")
+    if axes.get_legend_handles_labels()[1]:
+        axes.legend(frameon=False, fontsize="small")
+
+
+def _ticks(axes: Axes) -> None:
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
+    axes.xaxis.set_minor_formatter(NullFormatter())

@@ -7,19 +7,23 @@ The growth a cycle is that between two frames, and belongs to the dK with which 
 from that of the first frame, K0, to that of the second, K1, takes as many cycles:
 
     dK^m = m log(K1 / K0) / (K0^-m - K1^-m)
+
+The life of a smooth body is that until its first bonds break. Its line, Wöhler's, is N = 1 / (A1 eps^m1) over the range
+eps of their stretch.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.document import Horizon, Run
-from pdmesh.model.fatigue import Cycled
+from pdmesh.model.fatigue import Cycled, Fatigue
 from pdpost.measures import stress_intensities
 from pdpost.reading.embedded_model import read
 from pdsolve.results import Results, ResultsError
@@ -58,6 +62,45 @@ class Line(NamedTuple):
         return np.asarray(self.C * dK**self.m)
 
 
+class Life(NamedTuple):
+    """What a run under loads that repeat came to."""
+
+    name: str
+    cycles: float  # in all
+    first: float | None  # cycles until its first bonds broke; None: none did, or the crack is one of particles
+    range: float | None  # of the stretch of these bonds
+    given: Fatigue
+    found: list[Growth]  # of its cracks; empty: a smooth body
+    line: Line | None  # Paris's, through these
+
+    def smooth(self, eps: Array) -> Array:
+        """Wöhler's line: cycles until bonds stretched by these ranges break, away from damage."""
+        A1, m1 = self.given.A1, self.given.m1
+        if A1 is None or m1 is None:
+            return np.full(len(eps), np.inf)
+        return np.where(eps > self.given.endurance, 1 / (A1 * eps**m1), np.inf)
+
+    def slope(self, dK: Array) -> Array | None:
+        """Growth a cycle by what the run was given: C and m, or m alone through the middle of the settled points."""
+        C, m = self.given.C, self.given.m
+        if m is None or (C is None and self.line is None):
+            return None
+        if C is not None:
+            return np.asarray(C * dK**m)
+        assert self.line is not None
+        rate, at = settled_points(self.found, m)
+        return np.asarray(np.exp(np.log(rate).mean()) * (dK / np.exp(np.log(at).mean())) ** m)
+
+
+def settled_points(found: Sequence[Growth], m: float) -> Array:
+    """Growth a cycle, m, and dK of all settled points, (2, p), for Paris's exponent."""
+    columns = [np.empty((2, 0))]
+    for one in found:
+        good = one.settled & (one.rate > 0) & np.isfinite(one.rate)
+        columns.append(np.array([one.rate[good], between(one, m)[good]]))
+    return np.concatenate(columns, axis=1)
+
+
 def between(one: Growth, m: float) -> Array:
     """The dK (t - 1,) to which the growth between two frames belongs, for Paris's exponent."""
     first, last = one.dK[:-1], one.dK[1:]
@@ -73,6 +116,21 @@ class _Model(msgspec.Struct):
 
     horizon: Horizon = Horizon()
     run: Run = Run()
+    notch: list[Any] = []
+
+
+def lived(
+    results: Results, steps: Sequence[int], progress: Callable[[list[int]], Iterable[int]] = lambda steps: steps
+) -> Life:
+    """The life of a run, and the growth of its cracks. Raises ResultsError."""
+    N, model = cycles(results), read(results, _Model)
+    said = results.summary()
+    found = growth(results, steps, progress) if model.notch else []
+    first, stretch = (said.get(name) for name in ("first_break", "first_range"))
+    broke = first is not None and stretch is not None and stretch > 0
+    given = model.run.fatigue or Fatigue()
+    name = Path(results.name).stem
+    return Life(name, float(N[-1]), first if broke else None, stretch if broke else None, given, found, paris(found))
 
 
 def cycles(results: Results) -> Array:
@@ -109,12 +167,10 @@ def growth(
 
 def paris(found: Sequence[Growth]) -> Line | None:
     """The line through all settled points; None with fewer than three."""
-    rate, settled = np.concatenate([one.rate for one in found]), np.concatenate([one.settled for one in found])
-    good = settled & (rate > 0) & np.isfinite(rate)
-    if good.sum() < FEWEST:
-        return None
-    slope, y = FIRST, np.log10(rate[good])
+    slope, at_0, x, y = FIRST, 0.0, np.empty(0), np.empty(0)
     for _ in range(ROUNDS):  # as the dK of a point depends on the slope a little
-        x = np.log10(np.concatenate([between(one, slope) for one in found])[good])
+        y, x = np.log10(settled_points(found, slope))
+        if len(x) < FEWEST:
+            return None
         slope, at_0 = (float(number) for number in np.polyfit(x, y, 1))
-    return Line(10**at_0, slope, int(good.sum()), float(np.std(y - slope * x - at_0)))
+    return Line(10**at_0, slope, len(x), float(np.std(y - slope * x - at_0)))

@@ -37,6 +37,7 @@ class Verdict(NamedTuple):
     angles: tuple[float, ...]  # rad from its way, to the left positive: one, or two where it forks
     K1: float = float("nan")  # Pa m^0.5
     K2: float = float("nan")
+    released: float = float("nan")  # Pa m^0.5, intensity of the largest hoop stress if K1^2 + K2^2 were J E'
 
 
 def by_intensity(
@@ -48,7 +49,10 @@ def by_intensity(
     half = turn / 2
     hoop = np.cos(half) ** 2 * (found.K1 * np.cos(half) - 3 * found.K2 * np.sin(half))
     share = hoop / toughness if np.isfinite(hoop) else 0.0
-    return Verdict(float(share), (float(turn),) if np.isfinite(turn) else (), found.K1, found.K2)
+    whole = np.hypot(found.K1, found.K2)
+    released = hoop / whole * np.sqrt(max(found.J, 0.0) * plate.effective) if whole > 0 else 0.0
+    angles = (float(turn),) if np.isfinite(turn) else ()
+    return Verdict(float(share), angles, found.K1, found.K2, float(released))
 
 
 def by_release(
@@ -57,7 +61,8 @@ def by_release(
     """Decide by J alone, which a ring too narrow for intensities also gives, against a toughness, Pa m^0.5:
     straight ahead."""
     found = integrals(at, tip, way, ring, plate)
-    return Verdict(float(np.sqrt(max(found.J, 0.0) * plate.effective) / toughness), (0.0,))
+    released = float(np.sqrt(max(found.J, 0.0) * plate.effective))
+    return Verdict(released / toughness, (0.0,), released=released)
 
 
 def by_stress(

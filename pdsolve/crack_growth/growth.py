@@ -228,9 +228,8 @@ class Growth:
         place = entry(kept, "particle_place", (len(step), 2), float, -far, far)
         normal = entry(kept, "particle_normal", (len(step), 2), float, -2, 2)
         parent = entry(kept, "particle_parent", (len(step),), np.int64, -1, len(step) - 1)
-        same = np.array_equal(parent[:first], self.particles.parent) and np.array_equal(
-            place[:first], self.particles.place
-        )
+        own = self.particles
+        same = np.array_equal(parent[:first], own.parent[:first]) and np.array_equal(place[:first], own.place[:first])
         if not same or step[:first].any():
             raise CheckpointError(f"found other particles than the {first} of pre-cracks, expected those first")
         later = np.arange(first, len(step))

@@ -46,7 +46,7 @@ class FatigueSteps:
         self._family, self._cut = family, family - count
         self._life = np.ones(len(breakable.source))
         self._at, self._cycles = Place(0, 0.0), 0.0
-        self.first = np.inf  # cycles until the first bonds broke: the life of a smooth body
+        self.first, self.range = np.inf, 0.0  # cycles until the first bonds broke, and their range of stretch
         self.said = f"jumps of cycles, {motion.method.said}"
         self.rested: list[Cycled] = []
         self.ended, self.why = False, ""
@@ -81,7 +81,7 @@ class FatigueSteps:
             "cycled": np.array(self.rested, dtype=float).reshape(-1, len(Cycled._fields)),
             "rested": self._motion.keep(),
             "fatigue_life": self._life,
-            "fatigue_numbers": np.array([self._cycles, self.first, *self._at]),
+            "fatigue_numbers": np.array([self._cycles, self.first, self.range, *self._at]),
         }
 
     def back(self, kept: Mapping[str, NDArray[Any]], step: int) -> None:
@@ -91,7 +91,7 @@ class FatigueSteps:
             raise CheckpointError(f"found steps of cycles that are not 1 to {step}, expected those until there")
         self.rested = [Cycled(int(s), int(i), r, c, int(b)) for s, i, r, c, b in rows.tolist()]
         self._life[:] = entry(kept, "fatigue_life", self._life.shape, float)
-        self._cycles, self.first, block, done = entry(kept, "fatigue_numbers", (4,), float).tolist()
+        self._cycles, self.first, self.range, block, done = entry(kept, "fatigue_numbers", (5,), float).tolist()
         if not 0 <= block < max(len(self._law.blocks), 1):
             raise CheckpointError(f"found block {block:g} of the loading, expected one of {len(self._law.blocks)}")
         self._at = Place(int(block), done)
@@ -113,7 +113,8 @@ class FatigueSteps:
         if not len(which):
             self.ended, self.why = True, "its cycles are over" if eps.any() else "no bond tires"
             return before
-        self.first = min(self.first, self._cycles)
+        if np.isinf(self.first):
+            self.first, self.range = self._cycles, float(eps[which].max())
         values, broken, intact = [part.copy() for part in state], self._operator.broken(), bonds.intact.copy()
         try:
             bonds.part(self._operator, state, step, which, stretches)

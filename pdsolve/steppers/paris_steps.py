@@ -1,5 +1,6 @@
 r"""Fatigue by stress intensities: cracks of particles grow by da/dN = C dK^m, a particle a step (P. Paris, F. Erdogan,
-J. Basic Engng 85 (1963) 528-533), and turn by the largest hoop stress, whose intensity is K.
+J. Basic Engng 85 (1963) 528-533), and turn by the largest hoop stress. K is its intensity, with the size of sqrt(J E'):
+stress along the crack (T) changes intensities of interaction integrals by some percent on a lattice, and J by none.
 
 The body rests under the largest loads of the cycle. Every tip has grown a part of its next particle; a step goes to the
 cycle in which the first tip has grown all of it. Symbols:
@@ -92,7 +93,8 @@ class ParisSteps:
         """Let tips grow until the first has grown a particle, and settle; returns how."""
         law, growth, rest = self._law, self._growth, Settled(0, self._motion.rested[-1].residual)
         judged = growth.judged(state)
-        K = np.array([verdict.share * growth.toughness(tip) for tip, verdict in judged])
+        whole = [verdict.share * growth.toughness(tip) for tip, verdict in judged]  # of tips that go straight on
+        K = np.array([v.released if np.isfinite(v.released) else k for (_, v), k in zip(judged, whole, strict=True)])
         if any(verdict.share >= 1 and np.isfinite(verdict.K1) for _, verdict in judged):
             return self._end("K of the largest loads reached the toughness", rest)
         rate = rates(law, K)

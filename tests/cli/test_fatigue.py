@@ -1,0 +1,90 @@
+"""`pdpost fatigue`: lives of smooth bodies beside Wöhler's line, growth of cracks beside the line given, many runs."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pdmesh import Circle, Fatigue, Material, Run, Scene, box, build
+from pdpost.__main__ import main as pdpost
+from pdpost.figures.fatigue_figure import fatigue as figure
+from pdpost.measures.fatigue import Growth, Life, Line
+from pdsolve.model import Model
+from pdsolve.run.simulation import Options, simulate
+
+STEEL = Material(E=200e9, rho=7850, G0=1e9)
+A1, M1 = 1e12, 6.0
+
+
+def bar(strain: float) -> Scene:
+    """A small bar with a hole, stretched by its ends, until its first bonds break."""
+    run = Run(solver="static", steps=1, every=1, fatigue=Fatigue(A1=A1, m1=M1, endurance=1e-4))
+    return (
+        Scene(box(0, 0, 0.03, 0.012), 1e-3, STEEL, 3.0, run)
+        .hole(Circle(0.015, 0.006, 0.0025))
+        .fix("left", x=0, y=0)
+        .fix("right", x=strain * 0.03, y=None)
+    )
+
+
+@pytest.fixture(scope="module")
+def bars(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
+    folder, names = tmp_path_factory.mktemp("bars"), []
+    for strain in (1e-3, 2e-3):
+        path, made = folder / f"bar{strain * 1e3:.0f}.sqlite", build(bar(strain))
+        simulate(Model(made.grid, made.settings), path, Options(threads=1)).close()
+        names.append(str(path))
+    return names
+
+
+def test_smooth_bodies_lie_on_woehlers_line(
+    bars: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    picture = tmp_path / "lives.png"
+    assert pdpost(["fatigue", bars[0], "--beside", bars[1], "-o", str(picture), "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert picture.stat().st_size > 5000
+    both = [said, *said["beside"]]
+    assert [one["name"] for one in both] == ["bar1", "bar2"]
+    for one in both:
+        assert one["first_break"] == pytest.approx(1 / (A1 * one["first_range"] ** M1), rel=1e-9)
+        assert one["tips"] == []
+    assert both[1]["first_range"] == pytest.approx(2 * both[0]["first_range"], rel=0.01)
+    assert pdpost(["fatigue", bars[0], "--beside", bars[1], "--csv", "-"]) == 0
+    rows = list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
+    assert [(row["run"], row["tip"]) for row in rows] == [("bar1", "first break"), ("bar2", "first break")]
+    assert float(rows[1]["range of stretch"]) == both[1]["first_range"]
+
+
+def life(name: str, given: Fatigue, line: Line | None, first: float | None = None) -> Life:
+    dK = np.geomspace(10e6, 40e6, 5)
+    rate = np.full(4, 2e-8)
+    tip = Growth("branch 0", np.arange(5.0), np.arange(5.0) * 1e-3, dK, dK, rate, np.ones(4, dtype=bool))
+    return Life(name, 4.0, first, None if first is None else 1e-3, given, [tip], line)
+
+
+def test_the_line_that_was_given_stands_beside_the_one_found() -> None:
+    line = Line(1e-36, 3.5, 4, 0.0)
+    of_K = life("K", Fatigue(C=2e-37, m=4.0), line)
+    of_bonds = life("bonds", Fatigue(A=1e9, m=3.0, A1=A1, m1=M1), line, first=1e5)
+    at = np.array([10e6, 20e6])
+    assert of_K.slope(at) == pytest.approx([2e-9, 3.2e-8])
+    given = of_bonds.slope(at)
+    assert given is not None
+    assert given[1] / given[0] == pytest.approx(8)
+    assert life("none", Fatigue(A=1e9, m=3.0), None).slope(at) is None
+    assert of_bonds.smooth(at * 1e-10) == pytest.approx([1e6, 1e6 / 64])
+    drawn = figure([of_K, of_bonds])
+    lengths, rates, lives = drawn.axes
+    assert {one.get_text() for one in rates.get_legend().get_texts()} == {  # type: ignore[union-attr]
+        *("K: found, m = 3.5", "K: given, m = 4", "bonds: found, m = 3.5", "bonds: given, m = 3")
+    }
+    assert len(lengths.lines) == 2
+    (curve, point) = lives.lines
+    assert point.get_xydata() == pytest.approx(np.array([[1e5, 1e-3]]))
+    assert curve.get_xdata() == pytest.approx(1 / (A1 * np.asarray(curve.get_ydata()) ** M1))
