@@ -381,8 +381,8 @@ def _on_device(settings: Settings, every: Places) -> Iterator[Impossible]:
     if settings.physics != "mechanics":
         yield Impossible("$.physics", settings.physics, f"mechanics, {why}")
     for place, material in every:
-        if material.model != "bond":
-            yield Impossible(f"{place}.model", f"'{material.model}'", f"bond, {why}")
+        if material.model not in ("bond", "ordinary"):
+            yield Impossible(f"{place}.model", f"'{material.model}'", f"bond or ordinary, {why}")
         elif material.law == "cohesive" and material.shape == "exponential":
             yield Impossible(f"{place}.shape", "'exponential'", f"linear or bilinear, {why}")
 

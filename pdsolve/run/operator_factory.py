@@ -13,6 +13,7 @@ from pdsolve.model import Model, ModelError
 from pdsolve.operators.bond_list import BondList
 from pdsolve.operators.contact.at_rest import RestingContact
 from pdsolve.operators.contact.operator import PenaltyContact, touch_bound
+from pdsolve.operators.device.families import FamiliesOnDevice
 from pdsolve.operators.device.plane import PlaneOnDevice
 from pdsolve.operators.device.runtime import Session
 from pdsolve.operators.device.space import SpaceOnDevice
@@ -75,7 +76,9 @@ def operator_of(
 def _on_device(
     model: Model, options: Options, scheme: Scheme, filling: Filling, law: Law, survey: BondStatistics
 ) -> tuple[Operator, Counted]:
-    """The operator of a plate's bonds on a device. Raises ModelError."""
+    """The operator of bonds that are in no tiles on a device. Raises ModelError."""
+    if law.lanes is not None:
+        return _families_on_device(model, options, scheme, filling, law, survey)
     if law.pair is None or law.pair.held is not None:
         raise ModelError(
             f"{model.name}: $.run.device: found a law that is no straight line, expected cpu of such a law"
@@ -87,6 +90,18 @@ def _on_device(
         raise ModelError(f"{model.name}: $.run.device: found nodes on no lattice, expected cpu, or nodes on one")
     found = PlaneOnDevice(law, blocks, survey.stiffness_bound, scheme.symmetric, survey.softens, session)
     return found, survey.counted(filling.area)
+
+
+def _families_on_device(
+    model: Model, options: Options, scheme: Scheme, filling: Filling, law: Law, survey: BondStatistics
+) -> tuple[Operator, Counted]:
+    """The operator of families on a device. Raises ModelError."""
+    bonds = listed(survey.parts(), filling.area).bonds
+    where = state_based.placed(law, bonds)
+    if where is None:
+        raise ModelError(f"{model.name}: $.run.device: found nodes on no lattice, expected cpu, or nodes on one")
+    of = law, model, bonds, scheme.symmetric, options.precision, where
+    return FamiliesOnDevice(*of, Session(model.settings.run.device)), survey.counted(filling.area)
 
 
 def touched(model: Model, volume: NDArray[np.float64], bonds: Operator) -> tuple[Operator, PenaltyContact | None]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from pdsolve.conditions import Drive, Entries, factor_at, put_loads
 from pdsolve.numerics.jit_cache import cached_njit
+from pdsolve.operators.device.families import FamiliesOnDevice
 from pdsolve.operators.device.plane import PlaneOnDevice
 from pdsolve.operators.device.source import preamble, text_of
 from pdsolve.operators.device.space import SpaceOnDevice
@@ -19,7 +20,7 @@ from pdsolve.operators.simd_lattice.kernel import LANES
 from pdsolve.state import State
 from pdsolve.steppers.protocol import Stepper
 
-OnDevice = PlaneOnDevice | SpaceOnDevice
+OnDevice = PlaneOnDevice | SpaceOnDevice | FamiliesOnDevice
 STARTS, ENDS = 1, 2  # phases of the kernel
 AT_ONCE = 256  # steps whose factors are computed together
 
@@ -52,7 +53,10 @@ class VerletOnDevice:
         self._session, self._ahead, self._last = operator.session, False, 0
         count, kind = operator.dimension * operator.room, rho.dtype
         self._session.room_for((6 * kind.itemsize + 8) * count + (24 + 2 * kind.itemsize) * operator.room)
-        self._kernel = self._session.build(self._source(kind, bool(damping.any()))).advance
+        program = self._session.build(self._source(kind, bool(damping.any())))
+        self._kernel = program.advance
+        if isinstance(operator, FamiliesOnDevice):
+            operator.take_passes(program)
         put, none = self._session.put, np.zeros(count, dtype=kind)
         self._u, self._v, self._a = [put(none) for _ in range(3)], [put(none) for _ in range(2)], put(none)
         weight = np.concatenate([operator.spread(1 / rho, 1.0), operator.spread(rho, 1.0)])
@@ -101,6 +105,8 @@ class VerletOnDevice:
     def _step(self, step: int, phase: int, at: int) -> None:
         operator, drive = self._operator, self._drive
         before, now, after = self._u
+        if isinstance(operator, FamiliesOnDevice) and not phase & STARTS and operator.sum_families(now):
+            self._sum_here(operator, step)
         motion = before, now, after, *self._v, self._a, self._weight, self._damping, self._work, self._damped
         acting = self._acts, self._now, self._ago, *self._load, *self._hold, self._speed, self._force, self._factors
         numbers = np.int32(len(drive.profiles.start) - 1), np.int32(drive.varies), np.float64(self._dt)
@@ -108,6 +114,21 @@ class VerletOnDevice:
         arguments = [*operator.arguments, *motion, *acting, *numbers, *last]
         self._session.launch(self._kernel, (operator.room, LANES), arguments)
         self._u, self._v = [now, after, before], self._v[::-1]
+
+    def _sum_here(self, operator: FamiliesOnDevice, step: int) -> None:
+        """Let the processor sum forces and break bonds, of a step that has drifted."""
+        state = self._state
+        for buffer, values in ((self._u[1], state.value), (self._v[0], state.rate)):
+            self._read(buffer, values)
+        out = np.zeros(state.value.shape)
+        operator.add(state, out, step, self._dt)
+        operator.give(out, state.dissipated)
+
+    def _read(self, buffer: Any, values: NDArray[Any]) -> None:
+        """Enter a buffer in an array of the state."""
+        wide = np.empty((*values.shape[1:], self._operator.room), dtype=values.dtype)
+        self._session.read(buffer, wide)
+        self._operator.collected(wide, values)
 
     def _write_factors(self, step: int, steps: int) -> None:
         table = np.zeros((steps, 3, max(len(self._drive.profiles.start) - 1, 1)))
@@ -138,9 +159,7 @@ class VerletOnDevice:
             return
         operator, drive = self._operator, self._drive
         for buffer, values in self._mirrored():
-            wide = np.empty((*values.shape[1:], operator.room), dtype=values.dtype)
-            self._session.read(buffer, wide)
-            operator.collected(wide, values)
+            self._read(buffer, values)
         forces = np.empty(len(drive.held_force))
         self._session.read(self._force, forces)
         drive.held_force[self._holds.order] = forces

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from pdsolve.laws.calls import functions_of
 from pdsolve.laws.law import Law
+from pdsolve.operators.device.padded import Padded
 from pdsolve.operators.device.runtime import Session
 from pdsolve.operators.device.source import pair_functions
 from pdsolve.operators.protocol import Kept
@@ -21,7 +22,7 @@ from pdsolve.state import Broken
 WORD = 32  # bits
 
 
-class PlaneOnDevice(SimdLattice):
+class PlaneOnDevice(Padded, SimdLattice):
     """The bonds of n nodes in blocks whose steps a device takes; see `pdsolve.steppers.verlet_on_device`.
 
     The arrays of the processor's blocks hold the history of bonds as of the last `fetch`.
@@ -73,20 +74,6 @@ class PlaneOnDevice(SimdLattice):
     def source(self) -> str:
         """What the bonds are in OpenCL C."""
         return pair_functions(functions_of(self._law), self._remembers, self._pair.elastic_in_compression, "plane.cl")
-
-    def spread(self, values: NDArray[Any], idle: float = 0.0) -> NDArray[Any]:
-        """Nodal values (n, ...) in the device's order (..., m)."""
-        wide = np.full((*values.shape[1:], self.room), idle, dtype=values.dtype)
-        wide[..., : len(values)] = values.T
-        return wide
-
-    def rows(self, nodes: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Where the device has these nodes (k,)."""
-        return nodes
-
-    def collected(self, values: NDArray[Any], state: NDArray[Any]) -> None:
-        """Enter values (..., m) of the device in an array (n, ...) of the state."""
-        state[:] = values[..., : len(state)].T
 
     def back(self, kept: Kept, broken: Broken) -> None:
         """Restore the history of bonds and the broken bonds of a checkpoint."""

@@ -62,10 +62,16 @@ def same(here: Prepared, there: Prepared) -> None:
 
 @pytest.mark.parametrize("precision", ["float64", "float32"])
 @pytest.mark.parametrize(
-    ("law", "mode"),
-    [(law, "conservative") for law in MATERIALS] + [(law, "thesis") for law in ("brittle", "bilinear")],
+    ("name", "law", "mode"),
+    [(name, law, mode) for name in GRIDS for law in ("brittle", "bilinear") for mode in ("thesis", "conservative")]
+    + [("two scales", law, "conservative") for law in MATERIALS if "cohesive" in law]
+    + [
+        pytest.param(name, law, "conservative", marks=pytest.mark.slow)
+        for name in sorted(GRIDS.keys() - {"two scales"})
+        for law in MATERIALS
+        if "cohesive" in law
+    ],
 )
-@pytest.mark.parametrize("name", GRIDS)
 def test_steps_from_anywhere(name: str, mode: str, law: str, precision: str) -> None:
     """Large random displacements: what breaks, softens and is spent, in pieces of some steps."""
     problems = two(plate(GRIDS[name], material=MATERIALS[law]), mode, precision)
@@ -200,11 +206,54 @@ def test_a_body_goes_on_elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     alike(stopped, whole)
 
 
+FAMILIES = {
+    "for ever": {"failure": "none"},
+    "by stretch": {},
+    "by energy": {"failure": "energy"},
+}
+
+
+@pytest.mark.parametrize("precision", ["float64", "float32"])
+@pytest.mark.parametrize(
+    ("name", "failure"),
+    [("two scales", "by stretch")]
+    + [
+        pytest.param(name, failure, marks=pytest.mark.slow)
+        for name in sorted(GRIDS)
+        for failure in FAMILIES
+        if (name, failure) != ("two scales", "by stretch")
+    ],
+)
+def test_ordinary_families(name: str, failure: str, precision: str) -> None:
+    """Steps in which bonds fail are the processor's, those between them the device's."""
+    material = msgspec.structs.replace(GLASS, model="ordinary", nu=0.2, **FAMILIES[failure])
+    problems = two(plate(GRIDS[name], material=material), "conservative", precision)
+    for problem in problems:
+        random = np.random.default_rng(3)
+        problem.state.value[:] = 2e-7 * random.standard_normal(problem.state.value.shape)
+        problem.state.rate[:] = 2.0 * random.standard_normal(problem.state.value.shape)
+        for first, last in ((1, 2), (2, 4), (4, 60)):
+            problem.march(first, last)
+    assert (len(broken(problems[0]).step) > 0) == (failure != "for ever")
+    same(*problems)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("precision", ["float64", "float32"])
+@pytest.mark.parametrize("how", BENT)
+def test_ordinary_bodies(how: str, precision: str) -> None:
+    problems = two(bar({"model": "ordinary", "nu": 0.3}, **BENT[how]), "conservative", precision)
+    for problem in problems:
+        for first, last in ((1, 2), (2, 30), (30, 200)):
+            problem.march(first, last)
+    same(*problems)
+
+
 REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "at rest": ({"run": Run(solver="static", device="opencl")}, "solver"),
     "fine zones": ({"run": Run(adapt="hybrid", device="opencl")}, "adapt"),
     "particles": ({"run": Run(cracks="particles", device="opencl")}, "cracks"),
-    "families": ({"material": msgspec.structs.replace(GLASS, model="ordinary", nu=0.2)}, "model"),
+    "families": ({"material": msgspec.structs.replace(GLASS, model="correspondence", nu=0.2)}, "model"),
     "exponentials": ({"material": msgspec.structs.replace(MATERIALS["cohesive"], shape="exponential")}, "shape"),
 }
 

@@ -1,0 +1,102 @@
+/* Two passes over families on lattices: pdsolve/operators/simd_lattice/passes in OpenCL C.
+
+A work item is a node, a work group a block of 64. Each product and each sum is rounded, as on the processor. What a law
+does with a bond is SAY, FINISH, EXCHANGE and NEARS, whose statements the host has written from the law. Symbols as in
+`Slots`; m nodes in whole blocks; C numbers a bond, of which WIDTH are between the passes and SHOWN of them shown.
+
+    own       (., m) constants of nodes for the first pass        nodal   (WIDTH, m)
+    given     (DIM, m) forces that the host has summed, N/m^3     flags   whether they count; whether a bond may fail
+*/
+
+#define FORCE_PARAMETERS                                                                                               \
+  __global const int *start, __global const int *slots, __global const int *ids, __global const REAL *vectors,        \
+      __global const REAL *kinds, __global const REAL *rows, __global const REAL *own, __global REAL *nodal,           \
+      __global const double *given, __global int *flags
+#define SUM double
+#define ABSENT(i) false
+#define FORCE_ARGUMENTS start, slots, ids, vectors, kinds, rows, own, nodal, given, flags
+
+typedef struct {
+  REAL xi[DIM], eta[DIM], length, stretch, elongation, inverse, q;
+} Bond;
+
+/* The numbers of a bond, and the node at its other end; false without a bond */
+inline bool bond_of(__global const int *slots, __global const int *ids, __global const REAL *vectors,
+                    __global const REAL *kinds, __global const REAL *rows, __global const REAL *u, int m, int i,
+                    int slot, REAL *c, int *j, Bond *bond) {
+  __global const int *row = slots + 6L * slot;
+  int lane = i % 64, kind = row[5], way = row[lane / 16];
+  bool there = false;
+  for (int k = 0; k < C; ++k) {
+    c[k] = kind >= 0 ? kinds[C * kind + k] : rows[((long)(-1 - kind) * C + k) * 64 + lane];
+    there = there || c[k] != 0;
+  }
+  if (!there)
+    return false;
+  *j = way < FAR ? i + way : ids[16L * (way - FAR) + lane % 16];
+  __global const REAL *v = vectors + (long)FIELDS * row[4];
+  REAL e = 0;
+  for (int axis = 0; axis < DIM; ++axis) {
+    REAL far = u[axis * m + *j];
+    bond->xi[axis] = v[axis];
+    bond->eta[axis] = c[0] != 0 ? far - u[axis * m + i] : far * (REAL)0;
+    REAL along = v[2 * DIM] * bond->eta[axis];
+    along += v[DIM + axis];
+    along *= bond->eta[axis];
+    e = axis ? e + along : along;
+  }
+  bond->q = sqrt((REAL)1 + e);
+  REAL reach = bond->q + (REAL)1, both = bond->q * reach, once = (REAL)1 / both;
+  REAL stretch = e * bond->q;
+  bond->stretch = stretch * once;
+  bond->length = v[2 * DIM + 1];
+  bond->elongation = bond->length * bond->stretch;
+  REAL inverse = reach * once;
+  bond->inverse = v[2 * DIM + 2] * inverse;
+  return true;
+}
+
+/* Numbers of nodes between the passes */
+__kernel __attribute__((reqd_work_group_size(64, 1, 1))) void gather(FORCE_PARAMETERS, __global const REAL *u, int m) {
+  int i = get_global_id(0), j;
+  REAL s[SUMS], c[C];
+  Bond bond;
+  for (int k = 0; k < SUMS; ++k)
+    s[k] = 0;
+  for (int slot = start[i / 64]; slot < start[i / 64 + 1]; ++slot)
+    if (bond_of(slots, ids, vectors, kinds, rows, u, m, i, slot, c, &j, &bond)) {
+      SAY
+    }
+  FINISH
+}
+
+/* Whether a bond may be over its limit */
+__kernel __attribute__((reqd_work_group_size(64, 1, 1))) void watch(FORCE_PARAMETERS, __global const REAL *u, int m) {
+  int i = get_global_id(0), j;
+  REAL c[C];
+  Bond bond;
+  for (int slot = start[i / 64]; slot < start[i / 64 + 1]; ++slot)
+    if (bond_of(slots, ids, vectors, kinds, rows, u, m, i, slot, c, &j, &bond)) {
+      NEARS
+    }
+}
+
+inline void sum_bonds(FORCE_PARAMETERS, __global const REAL *before, __global const REAL *u, __global const REAL *rate,
+                      double dt, int m, int step, int i, SUM *force) {
+  if (flags[0]) {
+    for (int axis = 0; axis < DIM; ++axis)
+      force[axis] = given[axis * m + i];
+    return;
+  }
+  int j;
+  REAL f[DIM], c[C];
+  Bond bond;
+  for (int axis = 0; axis < DIM; ++axis)
+    f[axis] = 0;
+  for (int slot = start[i / 64]; slot < start[i / 64 + 1]; ++slot)
+    if (bond_of(slots, ids, vectors, kinds, rows, u, m, i, slot, c, &j, &bond)) {
+      EXCHANGE
+    }
+  for (int axis = 0; axis < DIM; ++axis)
+    force[axis] = (double)f[axis];
+}

@@ -1,0 +1,160 @@
+"""Families of nodes on a lattice on a device: two passes of a state-based law.
+
+Steps in which a bond may fail are summed by the processor.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.bonds.assembly import Bonds
+from pdsolve.laws.bond_arrays import Bond
+from pdsolve.laws.calls import functions_of
+from pdsolve.laws.law import Law
+from pdsolve.model import Model
+from pdsolve.operators.device.padded import Padded
+from pdsolve.operators.device.runtime import Session
+from pdsolve.operators.device.source import text_of
+from pdsolve.operators.device.tracing import Code
+from pdsolve.operators.protocol import Kept
+from pdsolve.operators.simd_lattice.kernel import LANES
+from pdsolve.operators.simd_lattice.layout import Placed, Tables
+from pdsolve.operators.simd_lattice.passes import SAFE
+from pdsolve.operators.simd_lattice.state_based import Families
+from pdsolve.state import Broken
+
+
+class FamiliesOnDevice(Padded, Families):
+    """The families of n nodes whose steps a device takes; see `pdsolve.steppers.verlet_on_device`."""
+
+    def __init__(
+        self,
+        law: Law,
+        model: Model,
+        exact: Bonds,
+        symmetric: bool,
+        precision: str,
+        placed: tuple[Placed, Tables],
+        session: Session,
+    ) -> None:
+        """Arguments are those of `Families`. Raises ModelError if the device has too little memory."""
+        super().__init__(law, model, exact, symmetric, precision, 1, placed)
+        self.session, self.dimension, self.fused, self.stale = session, len(self._u), False, True
+        self.room, self._fresh = self._u.shape[1], [np.zeros(0, dtype=np.int64)]
+        slots, put, forces = self.slots, session.put, 8 * self.dimension * self.room
+        first = slots.start.astype(np.int32), slots.slots, slots.ids, slots.vectors, slots.kinds
+        tables = *first, slots.rows, self._own, self._m
+        session.room_for(sum(table.nbytes for table in tables) + forces + 8 * self.room)
+        self._rows, self._given = session.zeros(slots.rows.nbytes), session.zeros(forces)
+        self._tables, self._constants = [put(table) for table in first], put(self._own)
+        self._nodal, self._flags = put(self._m), put(np.zeros(2, dtype=np.int32))
+        self.dissipated = put(np.zeros(self.room))
+        session.write(self._rows, slots.rows[: self._used])
+
+    @property
+    def arguments(self) -> list[Any]:
+        """The buffers of `FORCE_PARAMETERS`, in order."""
+        return [*self._tables, self._rows, self._constants, self._nodal, self._given, self._flags]
+
+    def source(self) -> str:
+        """What the bonds are in OpenCL C. Raises ModelError for a law that no device computes to the same bits."""
+        said, law, wide = functions_of(self.law), self.columns, len(self._m)
+        sums, (shown, count) = self._sums(), (self._tabled.shown, len(self._tabled.columns))
+        lines = [f"#define C {count}", f"#define FIELDS {self.slots.vectors.shape[1]}", f"#define SUMS {sums}"]
+        lines.append(f"#define WIDTH {wide}")
+        code = Code("a")
+        found = code.call(said["say"], law, *self._bond(code), tuple(code.named(f"s[{k}]") for k in range(sums)))
+        lines.append(_macro("SAY", code, [f"s[{k}] = {one.text};" for k, one in enumerate(found)]))
+        code = Code("b")
+        constants = tuple(code.named(f"own[{k} * m + i]") for k in range(len(self._own)))
+        found = code.call(said["finish"], law, tuple(code.named(f"s[{k}]") for k in range(sums)), constants)
+        lines.append(_macro("FINISH", code, [f"nodal[{k} * m + i] = {one.text};" for k, one in enumerate(found)]))
+        code = Code("c")
+        found = code.call(said["exchange"], law, *self._bond(code), *self._ends(code, shown))
+        lines.append(_macro("EXCHANGE", code, [f"f[{k}] = f[{k}] + {one.text};" for k, one in enumerate(found)]))
+        code = Code("d")
+        if self._tabled.watched:
+            value, limit = code.call(said["nears"], law, *self._bond(code), *self._ends(code, shown))
+            most = limit * (1.0 - SAFE)
+            lines.append(_macro("NEARS", code, [f"if ({value.text} > {most.text}) flags[1] = 1;"]))
+        else:
+            lines.append("#define NEARS")
+        return "\n".join([*lines, text_of("families.cl")])
+
+    def _sums(self) -> int:
+        """How many sums the first pass has."""
+        nothing = functions_of(self.law)["nothing"]
+        return len(nothing(self.columns, (0.0,) * self.dimension, 0.0))
+
+    def _bond(self, code: Code) -> tuple[Bond, tuple[Any, ...]]:
+        """A deformed bond and its numbers in C."""
+        xi, eta = (tuple(code.named(f"bond.{way}[{axis}]") for axis in range(self.dimension)) for way in ("xi", "eta"))
+        rest = (code.named(f"bond.{name}") for name in ("length", "q", "stretch", "elongation", "inverse"))
+        numbers = tuple(code.named(f"c[{k}]") for k in range(len(self._tabled.columns)))
+        return Bond(xi, eta, *rest), numbers
+
+    def _ends(self, code: Code, shown: int) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+        """What a node and its neighbour show, in C."""
+        here, there = (tuple(code.named(f"nodal[{k} * m + {end}]") for k in range(shown)) for end in "ij")
+        return here, there
+
+    def take_passes(self, program: Any) -> None:
+        """Keep the kernels of the first pass."""
+        self._gather, self._watch = program.gather, program.watch
+
+    def sum_families(self, u: Any) -> bool:
+        """Sum the first pass at these displacements; returns whether a bond may fail, and the processor is to sum."""
+        sizes, arguments = (self.room, LANES), [*self.arguments, u, np.int32(self.room)]
+        self.session.launch(self._gather, sizes, arguments)
+        if not self._tabled.watched:
+            return False
+        flags = np.zeros(2, dtype=np.int32)
+        self.session.write(self._flags, flags)
+        self.session.launch(self._watch, sizes, arguments)
+        self.session.read(self._flags, flags)
+        return bool(flags[1])
+
+    def give(self, forces: NDArray[np.float64], dissipated: NDArray[np.float64]) -> None:
+        """Let the next step have these force densities (n, d), N/m^3, of the processor's, and what its bonds lost."""
+        write = self.session.write
+        write(self._given, self.spread(forces))
+        write(self.dissipated, self.spread(dissipated))
+        write(self._flags, np.array([1, 0], dtype=np.int32))
+        self._write_torn()
+
+    def _lose(self, bonds: NDArray[np.int64], rows: NDArray[np.int64]) -> None:
+        super()._lose(bonds, rows)
+        self._fresh.append(np.unique(self._lane_of[bonds] // LANES))
+
+    def _write_torn(self) -> None:
+        """Give the slots of which a bond has broken to the device."""
+        torn, rows = np.unique(np.concatenate(self._fresh)), self.slots.rows
+        self._fresh = self._fresh[:1]
+        if len(torn):
+            self.session.write(self._tables[1], self.slots.slots)
+            self.session.write(self._constants, self._own)
+        for row in (self._used + torn).tolist():
+            self.session.write(self._rows, rows[row], row * rows[row].nbytes)
+
+    def back(self, kept: Kept, broken: Broken) -> None:
+        """Restore the history of bonds and the broken bonds of a checkpoint."""
+        super().back(kept, broken)
+        self.stale = True
+
+    def hand_over(self) -> None:
+        """Give the history of bonds to the device, if it is another than the device's."""
+        if self.stale:
+            self.session.write(self._tables[1], self.slots.slots)
+            self._write_torn()
+            self.stale = False
+
+    def fetch(self) -> None:
+        """Nothing: what bonds remember is the processor's."""
+
+
+def _macro(name: str, code: Code, last: list[str]) -> str:
+    """A macro of the statements of a function, and of what is done with its result."""
+    return f"#define {name} " + " ".join([line.strip() for line in code.lines] + last)

@@ -1,0 +1,85 @@
+"""Functions of a law on lanes as OpenCL C: they are run on expressions, and what they compute is written down.
+
+Such a function assigns, adds, subtracts, multiplies and divides numbers of a bond or a node, of the run's precision,
+and may ask what the law's constants are. Each result is rounded, as that of lanes is (see
+`pdsolve.operators.simd_lattice.packed`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import FunctionType
+from typing import Any
+
+from pdsolve.laws.law import Function
+from pdsolve.model import ModelError
+
+
+class Code:
+    """Statements in OpenCL C, one for each result."""
+
+    def __init__(self, prefix: str) -> None:
+        self.lines: list[str] = []
+        self._prefix = prefix
+
+    def named(self, text: str) -> Traced:
+        """A number with this name in C."""
+        return Traced(self, text)
+
+    def write(self, expression: str) -> Traced:
+        """The number that an expression is."""
+        name = f"{self._prefix}{len(self.lines)}"
+        self.lines.append(f"  REAL {name} = {expression};")
+        return Traced(self, name)
+
+    def call(self, function: Function, *values: Any) -> tuple[Any, ...]:
+        """What a function returns, given traced numbers and constants. Raises ModelError for what it cannot write."""
+        try:
+            found: tuple[Any, ...] = plain(function)(*values)
+        except TypeError:
+            raise ModelError(
+                f"device: found a law whose {function.__name__} does more than add, multiply and divide, expected one"
+                " that a device computes to the same bits (--device cpu)"
+            ) from None
+        return found
+
+
+class Traced:
+    """A number whose value is known on the device."""
+
+    def __init__(self, code: Code, text: str) -> None:
+        self._code, self.text = code, text
+
+    def __neg__(self) -> Traced:
+        return self._code.write(f"-{self.text}")
+
+    def sqrt(self) -> Traced:
+        """The root, as NumPy asks for it."""
+        return self._code.write(f"sqrt({self.text})")
+
+    def __bool__(self) -> bool:
+        raise TypeError("found a choice between numbers of a device")
+
+
+def _binary(sign: str, swapped: bool) -> Callable[[Traced, Any], Traced]:
+    def both(self: Traced, other: Any) -> Traced:
+        text = other.text if isinstance(other, Traced) else f"(REAL){float(other).hex()}"
+        left, right = (text, self.text) if swapped else (self.text, text)
+        return self._code.write(f"{left} {sign} {right}")
+
+    return both
+
+
+for _name, _sign in (("add", "+"), ("sub", "-"), ("mul", "*"), ("truediv", "/")):
+    setattr(Traced, f"__{_name}__", _binary(_sign, False))
+    setattr(Traced, f"__r{_name}__", _binary(_sign, True))
+
+
+def plain(function: Function) -> Function:
+    """A function, and those of its file that it calls, as Python has them and not as compiled."""
+    whole: Any = getattr(function, "py_func", function)
+    scope = dict(whole.__globals__)
+    for name in whole.__code__.co_names:
+        if getattr(scope.get(name), "py_func", None) is not None:
+            scope[name] = plain(scope[name])
+    return FunctionType(whole.__code__, scope, whole.__name__, whole.__defaults__, whole.__closure__)
