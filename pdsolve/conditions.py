@@ -16,7 +16,9 @@ from pdmesh.model.document import (
     Displacement,
     InitialVelocity,
     Load,
+    Pin,
     RigidBody,
+    Spring,
     Velocity,
 )
 from pdmesh.model.kd_trees import tree_of
@@ -27,7 +29,7 @@ from pdsolve.model import Model, ModelError
 
 DISPLACEMENT, VELOCITY, ACCELERATION = 0, 1, 2
 ABSORBED = 7.0  # damping where a layer ends, times its depth over the speed of P waves
-Driving = Load | Displacement | Velocity | Acceleration | RigidBody  # what acts throughout a run, and has a profile
+Driving = Load | Displacement | Velocity | Acceleration | RigidBody | Spring | Pin  # what acts throughout a run
 HELD = {Displacement: DISPLACEMENT, Velocity: VELOCITY, Acceleration: ACCELERATION}
 
 
@@ -66,7 +68,7 @@ def unbreakable(model: Model) -> NDArray[np.bool_]:
     """Mask (n,) of nodes with a condition that makes their bonds unbreakable."""
     marked = np.zeros(len(model.grid), dtype=bool)
     for condition in model.settings.conditions:
-        if isinstance(condition, Condition) and not condition.breakable:
+        if isinstance(condition, Condition | Spring | Pin) and not condition.breakable:
             marked[model.selected(condition)] = True
     return marked
 
@@ -138,8 +140,8 @@ def drive(model: Model, areas: NDArray[np.float64], exact_total: bool, kind: typ
         if not isinstance(condition, Driving):
             continue
         rows, number = model.selected(condition), len(profiles)
-        profiles.append(condition.profile)
-        if isinstance(condition, RigidBody):  # moved by contact
+        profiles.append(() if isinstance(condition, Spring | Pin) else condition.profile)
+        if isinstance(condition, RigidBody | Spring | Pin):  # operators have their forces
             continue
         if isinstance(condition, Load):
             values = _body_force(condition, rows, model, areas, exact_total)

@@ -6,6 +6,7 @@
     Physical Surface or Volume("load:NAME")    Loads/NAME/Traction, Body force or (total) Force x, y, z; *
     Physical Surface or Volume("fix:NAME")     Fixes/NAME/Components (xyz), Displacement x, y, z; *
     Physical Surface or Volume("move:NAME")    Moves/NAME/Velocity, Acceleration or Initial velocity x, y, z; *
+    Physical Surface or Volume("spring:NAME")  Springs/NAME/Stiffness x, y, z of a face, or Body stiffness x, y, z
     * of each condition                        Rows (1), Profile (constant), Breakable (0); without a group
                                                Box "x0 y0 z0 x1 y1 z1", or Face, words that pick one
                                                (`pdmesh.scene.faces`)
@@ -35,6 +36,7 @@ KINDS = {  # kind: dimensions, folder of its parameters
     "load": ((2, 3), "Loads"),
     "fix": ((2, 3), "Fixes"),
     "move": ((2, 3), "Moves"),
+    "spring": ((2, 3), "Springs"),
     "material": ((3,), "Materials"),
     "hold": ((2, 3), "Holds"),
     "supply": ((2, 3), "Supplies"),
@@ -46,7 +48,7 @@ KINDS = {  # kind: dimensions, folder of its parameters
 SHAPES = ("Point", "Curve", "Surface", "Volume")
 PICKED = ("Box", "Face")  # parameters that place a condition without a group
 ON_PLATES = ("/Edge", "/Node")
-OF_PLATES = ("Refine/", "Load cells/", "Absorbs/", "Bodies/", "Contact/", "Area rule", "Run/Adapt")
+OF_PLATES = ("Refine/", "Load cells/", "Absorbs/", "Bodies/", "Contact/", "Pins/", "Area rule", "Run/Adapt")
 Placed = dict[str, tuple[Where, str]]  # by name: where, and the folder of its parameters
 
 
@@ -89,11 +91,12 @@ def body_of(found: Mapping[str, Any], values: Mapping[str, float | str], source:
     )
     for name, group in groups["crack"].items():
         body = body.crack(_sheet(found, group, parameters), name)
-    kinds = ("load", "fix", "move", *diffusion_conditions.KINDS)
+    kinds = ("load", "fix", "move", "spring", *diffusion_conditions.KINDS)
     places = {kind: _places(found, groups[kind], parameters, kind) for kind in kinds}
     body = _moved(
         _fixed(_loaded(body, places["load"], parameters), places["fix"], parameters), places["move"], parameters
     )
+    body = _sprung(body, places["spring"], parameters)
     for name, group in groups["material"].items():
         material = named.material(parameters, f"Materials/{name}", body.material)
         if material is None:
@@ -243,4 +246,16 @@ def _moved(body: Body, places: Placed, parameters: Parameters) -> Body:
             if (three := _three(parameters, f"{folder}/{key}")) is not None
         }
         body = body.move(where, name=name, **moves, **_shared(parameters, folder))
+    return body
+
+
+def _sprung(body: Body, places: Placed, parameters: Parameters) -> Body:
+    for name, (where, folder) in places.items():
+        given: dict[str, Any] = {
+            word: tuple(value or 0.0 for value in three)
+            for word, key in (("stiffness", "Stiffness"), ("body_stiffness", "Body stiffness"))
+            if (three := _three(parameters, f"{folder}/{key}")) is not None
+        }
+        shared = {key: value for key, value in _shared(parameters, folder).items() if key != "profile"}
+        body = body.spring(where, name=name, **given, **shared)
     return body

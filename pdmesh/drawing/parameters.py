@@ -30,6 +30,7 @@ ZONE = ("Spacing", "Grown")
 SHARED = ("Rows", "Profile", "Breakable", "Box", "Edge", "Face")  # of every condition
 LOAD = ("Node", *(f"{kind} {axis}" for kind in ("Traction", "Body force", "Force") for axis in "xyz"))
 FIX = ("Node", "Components", *(f"Displacement {axis}" for axis in "xyz"))
+SPRING = tuple(f"{kind} {axis}" for kind in ("Stiffness", "Body stiffness") for axis in "xyz")
 MOVE = tuple(f"{kind} {axis}" for kind in ("Velocity", "Acceleration", "Initial velocity") for axis in "xyz")
 MATERIAL = {  # parameters of a material: in the model, and in drawings
     name: declared.drawn or name[0].upper() + name[1:].replace("_", " ") for name, declared in DECLARED.items()
@@ -41,6 +42,8 @@ FOLDERS = {
     f"Loads/{ANY}": LOAD + SHARED,
     f"Fixes/{ANY}": FIX + SHARED,
     f"Moves/{ANY}": MOVE + SHARED,
+    f"Springs/{ANY}": (*SPRING, "Rows", *SHARED[2:]),
+    f"Pins/{ANY}": ("Rows", "Breakable", "Edge"),
     f"Absorbs/{ANY}": ("Width", "Box", "Edge"),
     f"Load cells/{ANY}": ("Of",),
     "Material": tuple(MATERIAL.values()),

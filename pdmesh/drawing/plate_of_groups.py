@@ -8,6 +8,8 @@
     Physical Point("fix:NAME" or "load:NAME") the same of the one node nearest to it, for loads Force x, y
     Physical Point("gap:NAME")                - (two points, between which the opening is monitored)
     Physical Curve or Surface("move:NAME")    Moves/NAME/Velocity, Acceleration or Initial velocity x, y; *
+    Physical Curve or Surface("spring:NAME")  Springs/NAME/Stiffness x, y of an edge, Body stiffness x, y; Breakable
+    Physical Curve("pin:NAME")                a hole's edge that turns about its centre: Pins/NAME/Breakable
     * of each condition                       Rows (1), Profile (constant), Breakable (0), Box, Edge or Node
     Physical Curve or Surface("absorb:NAME")  Absorbs/NAME/Width (of a curve's layer: 12 horizons), Box
     Physical Surface("material:NAME")         Materials/NAME/ as below, what differs
@@ -54,6 +56,8 @@ GROUPS = {  # kind: dimensions, folder of its parameters
     "fix": ((1, 0, 2), "Fixes"),
     "gap": ((0,), None),
     "move": ((1, 2), "Moves"),
+    "spring": ((1, 2), "Springs"),
+    "pin": ((1,), "Pins"),
     "absorb": ((1, 2), "Absorbs"),
     "material": ((2,), "Materials"),
     "body": ((2,), "Bodies"),
@@ -227,8 +231,20 @@ def _with_conditions(scene: Scene, groups: dict[str, dict[str, Group]], paramete
             if (pair := parameters.pair(f"{folder}/{key}")) != (None, None)
         }
         scene = scene.move(where, name=name, **moves, **_shared(parameters, folder))
+    scene = _with_ground(scene, groups, parameters)
     for name, where, folder in places(scene, groups["absorb"], parameters, "absorb", "Absorbs"):
         scene = scene.absorb(where, parameters.maybe_length(f"{folder}/Width"), name)
+    return scene
+
+
+def _with_ground(scene: Scene, groups: dict[str, dict[str, Group]], parameters: Parameters) -> Scene:
+    """The scene with spring supports and pins in holes."""
+    for name, where, folder in places(scene, groups["spring"], parameters, "spring", "Springs"):
+        given = {key: _filled(parameters.pair(f"{folder}/{key}")) for key in ("Stiffness", "Body stiffness")}
+        stiff = {key.lower().replace(" ", "_"): pair for key, pair in given.items()}
+        scene = scene.spring(where, name=name, **stiff, **_rows(parameters, folder))  # type: ignore[arg-type]
+    for name, where, folder in places(scene, groups["pin"], parameters, "pin", "Pins"):
+        scene = scene.pin_hole(where, name=name, **_rows(parameters, folder))
     return scene
 
 
@@ -257,9 +273,13 @@ def _with_diffusion(scene: Scene, groups: dict[str, dict[str, Group]], parameter
 
 def _shared(parameters: Parameters, folder: str) -> dict[str, Any]:
     """Rows, profile and breakable of a condition, from its parameters."""
+    return {**_rows(parameters, folder), "profile": parameters.profile(f"{folder}/Profile")}
+
+
+def _rows(parameters: Parameters, folder: str) -> dict[str, Any]:
+    """Rows and breakable of a condition without a profile."""
     return {
         "rows": parameters.whole(f"{folder}/Rows", 1),
-        "profile": parameters.profile(f"{folder}/Profile"),
         "breakable": parameters.flag(f"{folder}/Breakable", False),
     }
 

@@ -25,6 +25,7 @@ from pdmesh.model.document import (
     Region,
     Selection,
     Settings,
+    Spring,
 )
 from pdmesh.model.node_grid import Grid, whole_lattice
 from pdmesh.model.triangulated_surface import distances
@@ -219,6 +220,8 @@ def _condition(condition: SolidCondition, body: Body, cloud: Cloud) -> AnyCondit
             raise SceneError(
                 f"{place}: found a traction in a solid, expected a force or a body force there, or a side or a sheet"
             )
+        if isinstance(action, Spring) and action.stiffness is not None:
+            raise SceneError(f"{place}: found a stiffness in a solid, expected a body_stiffness, or a side or a sheet")
         found = cloud.within(where, place)
     elif isinstance(where, Sheet):
         reach = condition.rows * cloud.delta * (1 - SLACK)
@@ -230,6 +233,8 @@ def _condition(condition: SolidCondition, body: Body, cloud: Cloud) -> AnyCondit
         raise SceneError(f"{place}: found no node within {condition.rows} rows, expected some")
     changed: dict[str, object] = {"nodes": tuple((rows + 1).tolist())}
     if isinstance(action, Load) and action.traction is not None:
+        changed |= {"rows": condition.rows, "surface": surface}
+    if isinstance(action, Spring) and action.stiffness is not None:
         changed |= {"rows": condition.rows, "surface": surface}
     if isinstance(action, Concentration) and isinstance(where, str):
         axis, end = SIDES[where]

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.document import Acceleration, AnyCondition, Displacement, Load, Settings, Velocity
+from pdmesh.model.document import Acceleration, AnyCondition, Displacement, Load, Pin, Settings, Spring, Velocity
 from pdmesh.model.node_grid import Grid
 from pdmesh.model.resultants import nodal_forces
 
@@ -66,11 +66,20 @@ def _free_motions(settings: Settings, motions: _Motions, inside: NDArray[np.bool
     """Projection (3, 3) onto the rigid motions that no support resists."""
     resistance = np.zeros((3, 3))
     for condition in settings.conditions:
-        if isinstance(condition, Displacement | Velocity | Acceleration):
-            rows = rows_of(condition)
-            for axis, value in enumerate((condition.x, condition.y)):
-                held = motions.of(rows[inside[rows]])[:, axis]
-                resistance += held.T @ held * (value is not None)
+        for axis, held in enumerate(_held(condition)):
+            rows = rows_of(condition)[:1] if isinstance(condition, Pin) else rows_of(condition)
+            way = motions.of(rows[inside[rows]])[:, axis]
+            resistance += way.T @ way * held
     strength, ways = np.linalg.eigh(resistance)
     free = ways[:, strength <= NOTHING * max(strength.max(), NOTHING)]
     return np.asarray(free @ free.T)
+
+
+def _held(condition: AnyCondition) -> tuple[bool, ...]:
+    """Whether a condition resists motions along x and y; a pin does at one of its nodes, as its ring turns."""
+    if isinstance(condition, Displacement | Velocity | Acceleration):
+        return condition.x is not None, condition.y is not None
+    if isinstance(condition, Spring):
+        along = condition.stiffness or condition.body_stiffness or ()
+        return tuple(value > 0 for value in along[:2])
+    return (True, True) if isinstance(condition, Pin) else ()

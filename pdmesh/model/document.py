@@ -27,6 +27,8 @@ from pdmesh.model.contact import BodyNodes as BodyNodes
 from pdmesh.model.contact import Contact as Contact
 from pdmesh.model.contact import RigidBody as RigidBody
 from pdmesh.model.fatigue import Fatigue as Fatigue
+from pdmesh.model.ground_supports import Pin as Pin
+from pdmesh.model.ground_supports import Spring as Spring
 from pdmesh.model.material import Material as Material
 from pdmesh.model.medium import Concentration as Concentration
 from pdmesh.model.medium import Exchange as Exchange
@@ -148,7 +150,7 @@ class Absorb(Selection, frozen=True, kw_only=True, tag="absorb", tag_field="kind
     depth: Positive | None = None  # m; None: as far as one of its nodes is from all that are not in it
 
 
-OfMechanics = Load | Displacement | Velocity | Acceleration | InitialVelocity | Absorb | RigidBody
+OfMechanics = Load | Displacement | Velocity | Acceleration | InitialVelocity | Absorb | RigidBody | Spring | Pin
 AnyCondition = OfMechanics | OfDiffusion
 
 

@@ -19,10 +19,11 @@ from pdmesh.model.document import (
     GridError,
     InitialVelocity,
     ParticleRules,
+    Pin,
     RigidBody,
     Run,
     Settings,
-    Static,
+    Spring,
     Velocity,
 )
 from pdmesh.model.material import DECLARED, USUAL_LAW, Expansion, Material, missing, switch_of
@@ -155,9 +156,14 @@ def _unusual(settings: Settings, usual: dict[str, str], why: str) -> Iterator[Im
             yield Impossible(f"$.run.{name}", getattr(settings.run, name), f"{expected}{why}")
     if settings.contact is not None:
         yield Impossible("$.contact", "some", f"none{why}")
+    yield from _of_kinds(settings, (RigidBody, Spring, Pin), f"none{why}")
+
+
+def _of_kinds(settings: Settings, kinds: tuple[type, ...], expected: str) -> Iterator[Impossible]:
+    """Conditions of these kinds, which are not supported, and what is."""
     for number, condition in enumerate(settings.conditions):
-        if isinstance(condition, RigidBody):
-            yield Impossible(f"$.conditions[{number}]", "a rigid body", f"none{why}")
+        if isinstance(condition, kinds):
+            yield Impossible(f"$.conditions[{number}]", str(condition.__struct_config__.tag), expected)
 
 
 def _of_run(settings: Settings, every: Places) -> Iterator[Impossible]:
@@ -244,10 +250,8 @@ def _at_rest(settings: Settings, every: Places) -> Iterator[Impossible]:
             "false, as the method is relaxation: it has no way to tell a slow motion from one that nothing holds",
         )
     yield from _in_steps(settings, every)
-    for number, condition in enumerate(settings.conditions):
-        if isinstance(condition, Velocity | Acceleration | InitialVelocity | Absorb | RigidBody):
-            kind = str(condition.__struct_config__.tag)
-            yield Impossible(f"$.conditions[{number}]", kind, f"load or displacement, {why}")
+    moving = (Velocity, Acceleration, InitialVelocity, Absorb, RigidBody)
+    yield from _of_kinds(settings, moving, f"load or displacement, {why}")
     for place, material in every:
         yield from _quoted(material, place, KINDS[material.model].at_rest(material, run.cracks == "bonds"))
 
@@ -256,7 +260,7 @@ def _in_steps(settings: Settings, every: Places) -> Iterator[Impossible]:
     """Settings that a path, or jumps of cycles, do not support."""
     run = settings.run
     if run.cracks == "bonds" and any(softens(material) for _, material in every):
-        yield from _along_path(run.static)
+        yield from _along_path(settings)
     elif run.static.control is not None:
         expected = "none, as no bond softens: of these alone a path is followed"
         yield Impossible("$.run.static.control", f"'{run.static.control}'", expected)
@@ -313,8 +317,10 @@ def _of_lines(fatigue: Fatigue) -> Iterator[Impossible]:
                 yield Impossible(f"$.run.fatigue.{name}", "none", f"a number, with {other}")
 
 
-def _along_path(static: Static) -> Iterator[Impossible]:
+def _along_path(settings: Settings) -> Iterator[Impossible]:
     """Settings with which bonds that soften are not followed."""
+    static = settings.run.static
+    yield from _of_kinds(settings, (Spring, Pin), "a load or a displacement, as bonds soften at rest")
     if static.method != "newton":
         yield Impossible("$.run.static.method", static.method, "newton, as bonds soften")
     if static.floating:
@@ -344,10 +350,7 @@ def _adaptive(settings: Settings, every: Places) -> Iterator[Impossible]:
         )
     for place, material in every:
         yield from _plain(material, place, KINDS[material.model].adaptive(material, every[0][1], run.adapt))
-    for number, condition in enumerate(settings.conditions):
-        if isinstance(condition, Acceleration | Absorb):
-            kind = str(condition.__struct_config__.tag)
-            yield Impossible(f"$.conditions[{number}]", kind, f"a load, a displacement or a velocity{why}")
+    yield from _of_kinds(settings, (Acceleration, Absorb, Spring, Pin), f"a load, a displacement or a velocity{why}")
     if run.adapt == "split" and not run.split.merge < run.split.threshold:
         less = f"less than the threshold, {run.split.threshold:g}{why}"
         yield Impossible("$.run.split.merge", f"{run.split.merge:g}", less)

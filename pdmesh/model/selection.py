@@ -17,12 +17,15 @@ from pdmesh.model.document import (
     GridError,
     InitialVelocity,
     Load,
+    Pin,
     Selection,
     Settings,
     Source,
+    Spring,
     Timed,
     Velocity,
 )
+from pdmesh.model.ground_supports import wrong_spring
 from pdmesh.model.monitors import contradiction
 
 if TYPE_CHECKING:
@@ -146,6 +149,12 @@ def _check_components(condition: AnyCondition, dimension: int, place: str) -> No
         extent = "surface" if dimension == 2 else "length"
         if getattr(condition, extent) is not None:
             raise GridError(f"{place}.{extent}: found one, expected none in {WHOLES[dimension]}")
+    elif isinstance(condition, Spring):
+        wrong = wrong_spring(condition, dimension)
+        if wrong is not None:
+            raise GridError(f"{place}{wrong}")
+    elif isinstance(condition, Pin) and dimension == 3:
+        raise GridError(f"{place}: found a pin, expected none in {WHOLES[3]}")
     elif dimension == 2 and getattr(condition, "z", None):
         raise GridError(f"{place}.z: found one, expected none in {WHOLES[2]}")
 

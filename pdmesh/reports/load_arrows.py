@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
+from matplotlib.markers import MarkerStyle
+from matplotlib.path import Path
 from numpy.typing import NDArray
 
-from pdmesh.model.document import AnyCondition, Displacement, Load
+from pdmesh.model.document import AnyCondition, Displacement, Load, Pin, Spring
 from pdmesh.model.kd_trees import tree_of
 from pdmesh.model.node_grid import Grid
 from pdmesh.model.resultants import nodal_forces
@@ -16,6 +18,7 @@ LENGTH = 0.08  # of the larger side of the plate: the longest arrow
 HEAD = 0.3  # of the longest arrow: the length of a head
 MOST = 12  # arrows or marks of a condition
 HELD = {(True, True): "^", (False, True): "o", (True, False): ">"}  # marks, by whether x and y are held
+COIL = Path([(0, 0), (0, -2), (-3, -3), (3, -5), (-3, -7), (3, -9), (0, -10), (0, -12), (-4, -12), (4, -12)])
 PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""))
 
 
@@ -26,6 +29,14 @@ def symbols(axes: Axes, condition: AnyCondition, grid: Grid, rows: NDArray[np.in
     if isinstance(condition, Displacement):
         mark = HELD[condition.x is not None, condition.y is not None]
         axes.plot(*at.T, mark, color=colour, markersize=6, markeredgecolor="white", markeredgewidth=0.5, zorder=6)
+    if isinstance(condition, Spring):
+        outward = grid.position[rows].mean(axis=0) - (grid.position.min(axis=0) + grid.position.max(axis=0)) / 2
+        quarters = round(float(np.degrees(np.arctan2(outward[1], outward[0]))) / 90) + 1
+        coil = MarkerStyle(COIL, fillstyle="none").rotated(deg=90 * quarters)
+        axes.plot(*at[::2].T, linestyle="", marker=coil, color=colour, markersize=14, zorder=6)
+    if isinstance(condition, Pin):
+        x, y = np.array(condition.centre) * 1e3
+        axes.plot(x, y, marker="$\\odot$", color=colour, markersize=12, zorder=6)
     if not isinstance(condition, Load):
         return
     force = nodal_forces(condition, grid, rows)[np.searchsorted(rows, some)]

@@ -22,8 +22,10 @@ from pdmesh.model.document import (
     Region,
     RigidBody,
     Run,
+    Spring,
 )
 from pdmesh.model.document import Solid as Dissolving
+from pdmesh.model.ground_supports import wrong_spring
 from pdmesh.model.medium import Medium
 from pdmesh.model.rigid_bodies import contradiction
 from pdmesh.scene import actions
@@ -292,6 +294,29 @@ class Body(DiffusionConditions[Where]):
         """
         values = {"x": x, "y": y, "z": z}
         return self._with(Displacement, values, where, rows, name, profile=profile, breakable=breakable)
+
+    def spring(
+        self,
+        where: Where,
+        stiffness: tuple[float, float, float] | None = None,
+        body_stiffness: tuple[float, float, float] | None = None,
+        rows: int = 1,
+        breakable: bool = False,
+        name: str = "",
+    ) -> Body:
+        """The body with springs to the ground, an elastic bed: a `stiffness` along x, y and z of a side or a sheet
+        (traction over displacement, N/m^3), or a `body_stiffness` (body force over displacement, N/m^4) of a solid.
+
+        Other arguments are those of `load`.
+        """
+        values = {"stiffness": stiffness, "body_stiffness": body_stiffness}
+        body = self._with(Spring, values, where, rows, name, breakable=breakable)
+        action = body.conditions[-1].action
+        assert isinstance(action, Spring)
+        wrong = wrong_spring(action, 3)
+        if wrong is not None:
+            raise SceneError(f"spring '{action.name}'{wrong}")
+        return body
 
     def move(
         self,

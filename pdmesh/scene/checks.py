@@ -10,7 +10,20 @@ import numpy as np
 import shapely
 
 from pdmesh.model.contact import REST
-from pdmesh.model.document import LARGEST, MOST, Absorb, Condition, Load, Material, OfDiffusion, Run, Settings
+from pdmesh.model.document import (
+    LARGEST,
+    MOST,
+    Absorb,
+    Condition,
+    Load,
+    Material,
+    OfDiffusion,
+    Pin,
+    Run,
+    Settings,
+    Spring,
+)
+from pdmesh.model.ground_supports import wrong_spring
 from pdmesh.model.medium import Medium, contradiction
 from pdmesh.model.rigid_bodies import contradiction as contradiction_of_rigid
 from pdmesh.model.selection import LOADS, given_of
@@ -227,21 +240,7 @@ def _condition(condition: PlacedCondition, scene: Plate) -> None:
     rows = condition.place.rows
     if not isinstance(rows, int) or not 1 <= rows <= MOST_ROWS:
         raise SceneError(f"{place}: rows: found {rows!r:.40}, expected a whole number of 1 to {MOST_ROWS}")
-    if isinstance(action, Load):
-        given = given_of(action)
-        if len(given) != 1:
-            found = " and ".join(given) or "none"
-            raise SceneError(f"{place}: found {found}, expected one of {', '.join(LOADS)}")
-        if action.traction is not None and not isinstance(condition.place.shape, Curve):
-            what = "on a surface" if isinstance(condition.place.shape, Surface) else "at a point"
-            raise SceneError(f"{place}: found a traction {what}, expected a force or a body force there, or a curve")
-        values = [value for vector in given.values() for value in vector]
-    elif isinstance(action, Absorb | OfDiffusion):
-        values = [value for value in msgspec.to_builtins(action).values() if isinstance(value, float | int)]
-    else:
-        if action.x is None and action.y is None:
-            raise SceneError(f"{place}: found no component, expected x, y or both")
-        values = [value for value in (action.x, action.y) if value is not None]
+    values = _numbers_of(condition, place)
     values += [value for point in getattr(action, "profile", ()) for value in point]
     if not (np.abs(values) <= MOST).all():
         raise SceneError(f"{place}: found {values}, expected finite numbers of at most {MOST:g}")
@@ -249,3 +248,41 @@ def _condition(condition: PlacedCondition, scene: Plate) -> None:
         raise SceneError(f"{place}: breakable: found {action.breakable!r}, expected True or False")
     if condition.place.shape.distance(scene.everything) > rows * scene.spacing:
         raise SceneError(f"{place}: found away from the plate, expected in it or along its edge")
+
+
+def _numbers_of(condition: PlacedCondition, place: str) -> list[float]:
+    """The values of a condition. Raises SceneError for some that contradict each other."""
+    action = condition.action
+    if isinstance(action, Load):
+        return _of_load(condition, action, place)
+    if isinstance(action, Spring):
+        return [*_stiffness(condition, action, place)]
+    if isinstance(action, Pin):
+        return [*action.centre]
+    if isinstance(action, Absorb | OfDiffusion):
+        return [value for value in msgspec.to_builtins(action).values() if isinstance(value, float | int)]
+    if action.x is None and action.y is None:
+        raise SceneError(f"{place}: found no component, expected x, y or both")
+    return [value for value in (action.x, action.y) if value is not None]
+
+
+def _of_load(condition: PlacedCondition, load: Load, place: str) -> list[float]:
+    """The values of a load. Raises SceneError for none or several, or a traction that is not along a curve."""
+    given = given_of(load)
+    if len(given) != 1:
+        found = " and ".join(given) or "none"
+        raise SceneError(f"{place}: found {found}, expected one of {', '.join(LOADS)}")
+    if load.traction is not None and not isinstance(condition.place.shape, Curve):
+        what = "on a surface" if isinstance(condition.place.shape, Surface) else "at a point"
+        raise SceneError(f"{place}: found a traction {what}, expected a force or a body force there, or a curve")
+    return [value for vector in given.values() for value in vector]
+
+
+def _stiffness(condition: PlacedCondition, spring: Spring, place: str) -> tuple[float, ...]:
+    """The stiffness of a spring support along each axis."""
+    wrong = wrong_spring(spring, 2)
+    if wrong is not None:
+        raise SceneError(f"{place}{wrong}")
+    if spring.stiffness is not None and not isinstance(condition.place.shape, Curve):
+        raise SceneError(f"{place}: found a stiffness that is not along a curve, expected a body_stiffness there")
+    return spring.stiffness or spring.body_stiffness or ()

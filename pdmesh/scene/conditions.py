@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from pdmesh.model.document import AnyCondition, Concentration, Load, MediumRegion, Point, Region
+from pdmesh.model.document import AnyCondition, Concentration, Load, MediumRegion, Point, Region, Spring
 from pdmesh.scene.shapes import Circle, Curve, Points, SceneError, Surface, near, polyline
 
 MOST_SPACINGS = 32
@@ -62,6 +62,8 @@ class PlacedCondition:
             raise SceneError(f"{describe(self.action)}: found no node within {self.place.rows} rows, expected some")
         found: dict[str, object] = {"nodes": tuple((rows + 1).tolist())}
         if isinstance(self.action, Load) and self.action.traction is not None:
+            found |= {"rows": self.place.rows, "length": float(self.place.shape.length)}
+        if isinstance(self.action, Spring) and self.action.stiffness is not None:
             found |= {"rows": self.place.rows, "length": float(self.place.shape.length)}
         if isinstance(self.action, Concentration) and isinstance(self.place.shape, Curve):
             at = shapely.points(position[rows])

@@ -32,10 +32,12 @@ from pdmesh.model.document import (
     Load,
     LoadCell,
     Material,
+    Pin,
     Point,
     Region,
     RigidBody,
     Solid,
+    Spring,
 )
 from pdmesh.scene import actions, checks
 from pdmesh.scene.conditions import MaterialRegion, Place, PlacedCondition, PlacedRegion, Profile, name_of
@@ -191,6 +193,34 @@ class Scene(Plate, DiffusionConditions[Where]):
     def pin(self, x: float, y: float, name: str = "") -> Scene:
         """The scene with a pin: the node nearest to (x, y), m, does not move, and the plate turns about it."""
         return self.fix(shapely.Point(x, y), name=name)
+
+    def pin_hole(self, where: Where, rows: int = 1, name: str = "", breakable: bool = False) -> Scene:
+        """The scene with a pin in a hole, "hole nearest X,Y" or its edge: the edge moves as a rigid ring that turns
+        freely about its centre, which stays."""
+        name = name or name_of(where, "pin")
+        edge = self._place(where, f"pin '{name}'")
+        if not isinstance(edge, Curve) or not shapely.is_closed(edge := shapely.line_merge(edge)):
+            raise SceneError(f"pin '{name}': found no closed edge, expected that of a hole, 'hole nearest X,Y'")
+        centre = shapely.Polygon(edge).centroid
+        values = {"centre": (centre.x, centre.y), "breakable": breakable}
+        return self._with(Pin, values, edge, rows, name)
+
+    def spring(
+        self,
+        where: Where,
+        stiffness: Point | None = None,
+        body_stiffness: Point | None = None,
+        rows: int = 1,
+        name: str = "",
+        breakable: bool = False,
+    ) -> Scene:
+        """The scene with springs to the ground, an elastic bed: a `stiffness` along x and y of an edge (traction over
+        displacement, N/m^3), or a `body_stiffness` (body force over displacement, N/m^4) of a shape.
+
+        Other arguments are those of `load`.
+        """
+        values = {"stiffness": stiffness, "body_stiffness": body_stiffness, "breakable": breakable}
+        return self._with(Spring, values, where, rows, name)
 
     def roller(self, x: float, y: float, along: Literal["x", "y"] = "x", name: str = "") -> Scene:
         """The scene with a roller: the node nearest to (x, y), m, moves along one axis alone."""

@@ -17,6 +17,7 @@ from pdsolve.operators.device.families import FamiliesOnDevice
 from pdsolve.operators.device.plane import PlaneOnDevice
 from pdsolve.operators.device.runtime import Session
 from pdsolve.operators.device.space import SpaceOnDevice
+from pdsolve.operators.ground_supports import support_bound
 from pdsolve.operators.protocol import Operator
 from pdsolve.operators.simd_lattice import state_based
 from pdsolve.operators.simd_lattice.layout import blocks_of
@@ -156,12 +157,14 @@ def surveyed(model: Model, options: Options, scheme: Scheme) -> tuple[NDArray[np
     them."""
     tiles = _tiled(model, options, scheme, False)
     if tiles is not None:
-        return tiles.counted.bonds, tiles.stiffest + touch_bound(model, tiles.counted.area), True
+        area = tiles.counted.area
+        return tiles.counted.bonds, tiles.stiffest + touch_bound(model, area) + support_bound(model, area), True
     filling = scheme.fill(model)
     survey = BondStatistics(filling, scheme.symmetric)
     for _ in survey.parts():
         pass
-    return survey.count, survey.stiffness_bound + touch_bound(model, filling.area), model.grid.dimension == 2
+    added = touch_bound(model, filling.area) + support_bound(model, filling.area)
+    return survey.count, survey.stiffness_bound + added, model.grid.dimension == 2
 
 
 def _tiled(model: Model, options: Options, scheme: Scheme, lasting: bool) -> Tiled | None:

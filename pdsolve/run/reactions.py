@@ -8,13 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model import selection
-from pdmesh.model.document import RigidBody, Selection
+from pdmesh.model.document import Pin, RigidBody, Selection, Spring
 from pdmesh.model.neighbours import lengths
 from pdsolve.conditions import Driving, factor_now
+from pdsolve.operators.ground_supports import supports_of
 from pdsolve.run.system import System
 from pdsolve.state import State
 
 RIGID = str(RigidBody.__struct_config__.tag)
+GROUND = tuple(str(kind.__struct_config__.tag) for kind in (Spring, Pin))
 
 
 class Grip(NamedTuple):
@@ -67,11 +69,13 @@ def reactions(grips: tuple[Grip, ...], system: System, state: State, step: int, 
     The force of a rigid body is that on what it touches.
     """
     pulls, pushes = _forces(system, state, len(grips))
-    found, at = [], system.load_time(step)
+    found, at, supports = [], system.load_time(step), supports_of(system.operator)
     for profile, grip in enumerate(grips):
         force = (pulls[profile] + float(factor_now(system.drive.profiles, profile, at)) * pushes[profile]).tolist()
         if grip.kind == RIGID and system.contact is not None:
             force = (-system.contact.rigid.force_of(grip.rows, len(force))).tolist()
+        if grip.kind in GROUND and supports is not None:
+            force = supports.forces_of(grip.rows, system.area, state).tolist()
         mean = state.value[grip.rows, : len(force)].astype(float).mean(axis=0).tolist()
         plane = *force[:2], *mean[:2]
         found.append(Reaction(step, time, grip.number, grip.kind, *plane, *force[2:], *mean[2:]))

@@ -38,6 +38,7 @@ from pdsolve.model import Model, ModelError, counted
 from pdsolve.numerics.thread_team import cores, crew
 from pdsolve.operators.bond_list import BondList
 from pdsolve.operators.contact.operator import PenaltyContact
+from pdsolve.operators.ground_supports import bonded, supported
 from pdsolve.operators.protocol import Operator
 from pdsolve.operators.simd_lattice.operator import SimdLattice
 from pdsolve.operators.softening_shear import softening_of
@@ -100,7 +101,7 @@ class System:
     @property
     def kernel(self) -> str:
         """The kernel that sums the forces of bonds, by name."""
-        return self.operator.name if self.contact is None else self.contact.bonded.name
+        return bonded(self.operator).name
 
     @property
     def device(self) -> str:
@@ -229,17 +230,17 @@ def _swelling(model: Model, options: Options, scheme: Scheme) -> Prepared:
     else:
         system, state = system_of(model.moving_part(), options, scheme)
     content = _diffusing(model.diffusing_part(system.time_step), Options(threads=options.threads))
-    transport, cycle = content.system.transport, 1
-    assert isinstance(system.operator, BondList | SimdLattice)
+    transport, marches, cycle = content.system.transport, content.system.stepper, 1
+    bonds = bonded(system.operator)
+    assert isinstance(bonds, BondList | SimdLattice)
     assert transport is not None
-    marches = content.system.stepper
     if not rests:
         cycle = cycle_of(model.settings.run, system.time_step, transport.bound)
         marches = Euler(transport.operator, transport.drive, cycle * system.time_step)
     assert model.settings.medium is not None
     share = model.settings.medium.broken
-    broken = None if share == 1 else BrokenBonds(transport, system.operator, share)
-    stepper = Swelling((marches, content.state), system.stepper, system.operator, model, cycle, broken)
+    broken = None if share == 1 else BrokenBonds(transport, bonds, share)
+    stepper = Swelling((marches, content.state), system.stepper, bonds, model, cycle, broken)
     if not rests:  # the first half step goes with what the strains of time 0 pull
         pull = forces(system.operator, state) / system.model.rho[:, None]
         state.second[:] += np.where(held(system.drive), 0.0, pull)
@@ -331,13 +332,13 @@ def _growth(model: Model, operator: Operator, filling: Filling, driven: Drive, s
 def system_of(model: Model, options: Options, scheme: Scheme) -> Prepared:
     """A model's system and its state at time 0, with the bonds of this scheme. Raises ModelError."""
     filling = _filling(model, scheme)
-    operator, filled = operator_of(model, options, scheme, filling, model.settings.run.cracks == "particles")
-    operator, touching = touched(model, filled.area, operator)
+    bonds, filled = operator_of(model, options, scheme, filling, model.settings.run.cracks == "particles")
+    operator, touching = touched(model, filled.area, supported(model, filled.area, bonds))
     bound = stable(operator.stiffness_bound(), model.rho)
     found = assembled(model, options, scheme, operator, filled, (step_of(model, bound), bound))
     if touching is not None:
         touching.rigid.start(found.state, found.system.drive, found.system.time_step)
-    growth = _growth(model, operator, filling, found.system.drive, found.system.time_step)
+    growth = _growth(model, bonds, filling, found.system.drive, found.system.time_step)
     return found._replace(system=replace(found.system, growth=growth, contact=touching))
 
 
@@ -361,14 +362,8 @@ def assembled(
     if not driven.varies:
         driven = driven._replace(before=driven.force)
     velocity, nodes = initial_velocity(model, width), len(model.grid)
-    state = State(
-        value=np.zeros((nodes, width), dtype=kind),
-        rate=np.zeros((nodes, width), dtype=kind),
-        second=initial_acceleration(driven, rho),
-        dissipated=np.zeros(nodes),
-        work=np.zeros(nodes),
-        damped=np.zeros(nodes),
-    )
+    motion = np.zeros((2, nodes, width), dtype=kind)
+    state = State(*motion, initial_acceleration(driven, rho), *np.zeros((3, nodes)))
     state, damped = operator.place(state), damping(model)
     _set_off(state, velocity, damped, driven)
     stepper, driven = stepper_of(operator, state, driven, rho, step, damped)
@@ -420,12 +415,12 @@ def at_rest(model: Model, options: Options, scheme: Scheme, breaks: bool = True)
     no_fail = StaticBreakage(whole)
     filling = whole if of_families else no_fail.filling()
     options = options._replace(kernel="listed") if of_families else options
-    operator, filled = operator_of(model, options, scheme, filling, lasting=not of_families)
-    bonded, area, nodes = operator, filling.area, len(model.grid)
-    operator, contact = touched_at_rest(model, area, bonded)
+    bonds, filled = operator_of(model, options, scheme, filling, lasting=not of_families)
+    area = filling.area
+    operator, contact = touched_at_rest(model, area, supported(model, area, bonds))
     driven = drive(model, area, scheme.exact_load, np.float64)
     driven.force[:] = driven.before[:] = driven.held_force[:] = 0  # nothing acts before the first load step
-    state = operator.place(State(*np.zeros((3, *driven.force.shape)), *np.zeros((3, nodes))))
+    state = operator.place(State(*np.zeros((3, *driven.force.shape)), *np.zeros((3, len(area)))))
     method: Method
     if static.method == "relaxation":
         method = Relaxation(operator, static.tolerance, static.iterations)
@@ -435,14 +430,14 @@ def at_rest(model: Model, options: Options, scheme: Scheme, breaks: bool = True)
     if contact is not None:
         method = Touching(method, operator, contact)
     breakable = no_fail.breakable() if breaks and law.pair is not None else None
-    breaking = FamilyBonds(bonded) if of_families and isinstance(bonded, BondList) else breakable
-    remember = {"remember": bonded.remember} if isinstance(bonded, BondList) else {}
-    growth = _growth(model, operator, filling, driven, None) if grows else None
+    breaking = FamilyBonds(bonds) if of_families and isinstance(bonds, BondList) else breakable
+    remember = {"remember": bonds.remember} if isinstance(bonds, BondList) else {}
+    growth = _growth(model, bonds, filling, driven, None) if grows else None
     fatigue, look = model.settings.run.fatigue, growth.look if growth else None
     stepper = LoadSteps(model, operator, driven, area, method, breaking, None if fatigue else look, **remember)
     step, bound = float(model.settings.run.time_step or 0.0), stable(operator.stiffness_bound(), model.rho)
-    found = System(model, options, scheme, operator, stepper, driven, *filled, step, bound, 0.0, growth=growth)
-    found = replace(found, contact=contact)
+    found = System(model, options, scheme, operator, stepper, driven, *filled, step, bound, 0.0)
+    found = replace(found, growth=growth, contact=contact)
     if fatigue is not None and (breaks or grows):
         found = replace(found, stepper=repeating(model, operator, stepper, breakable, *filled[1:], growth))
     return Prepared(found, state)

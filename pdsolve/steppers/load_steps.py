@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from pdsolve.bonds.static_breakage import Breaking
 from pdsolve.conditions import DISPLACEMENT, Drive, factors_at, put_loads
 from pdsolve.model import Model, ModelError, ModelWarning
+from pdsolve.operators.ground_supports import grounded
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import Broken, State
 from pdsolve.steppers.equilibrium import Asked, Method, Settled, Tell, UnsettledError, forces, norm
@@ -75,6 +76,7 @@ class LoadSteps:
         self.method, self._breaking, self._dt = method, breaking, model.settings.run.time_step or 0.0
         self.held = np.zeros(drive.force.shape, dtype=bool)
         self.held[drive.holds.node, drive.holds.axis] = True
+        self._supported = self.held | grounded(model, drive.force.shape[1])
         self.rested: list[Rested] = []
         self._remember, self._grow = remember, grow
         self._contact = method.contact if isinstance(method, Touching) else None
@@ -291,12 +293,12 @@ class LoadSteps:
         """Check for unsupported bodies. Raises ModelError at the start, UnsettledError later."""
         model, nodes = self._model, len(self._area)
         left = np.delete(self._bonds, np.searchsorted(self._bonds, broken.source * nodes + broken.target))
-        found = loose(model.grid.position, model.grid.ids, np.divmod(left, nodes), self.held)
+        found = loose(model.grid.position, model.grid.ids, np.divmod(left, nodes), self._supported)
         if not found.said:
             return
         if self._contact is not None:
             alone = found.nodes
-            found = loose(model.grid.position, model.grid.ids, self._joined(np.divmod(left, nodes)), self.held)
+            found = loose(model.grid.position, model.grid.ids, self._joined(np.divmod(left, nodes)), self._supported)
             self.method.hold_softly(alone)  # which touch holds once it presses, in all directions but along a face
             if not found.said:
                 return

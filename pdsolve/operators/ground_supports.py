@@ -1,0 +1,199 @@
+"""Springs to the ground and pins in holes as an operator: forces that grow with displacements, without bonds.
+
+    k    (s, d)   N/m^4, stiffness of a sprung node along each axis over its volume
+    r    (p, 2)   m, arms of a pin's nodes about its centre; J r is r turned by a right angle
+    phi           rad, the turn of a pin's ring that costs the least energy: sum(V J r . u) / sum(V r . r)
+
+A pin's nodes are tied to their ring by springs of `TIED` E / delta^2 (N/m^4), so that it takes no moment about its
+centre; its translation under a force F is that of springs, about F delta / (2 pi R TIED E) for a hole of radius R.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.document import Pin, Spring
+from pdsolve.model import Model
+from pdsolve.operators.protocol import Kept, Operator
+from pdsolve.operators.together import Together
+from pdsolve.state import Broken, State, Unknown
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
+Array = NDArray[np.float64]
+
+TIED = 4.0  # E / delta^2: a pin's springs, stiff beside a plate and soft enough to leave the time step nearly as it is
+
+
+class Ring(NamedTuple):
+    """The nodes of a pin."""
+
+    rows: NDArray[np.int64]  # (p,)
+    k: Array  # (p,) N/m^4
+    turn: Array  # (p, 2) m, J r
+    weight: Array  # (p, 2) 1/m: phi is the sum of weight times u
+
+
+class GroundSupports:
+    """The spring supports and pins of n nodes; see `Operator`."""
+
+    name = "supports"
+    symmetric = True
+
+    def __init__(self, model: Model, volume: Array, unknowns: tuple[Unknown, ...]) -> None:
+        """`volume` (n,), m^d."""
+        d, self._nodes, self.unknowns = model.grid.dimension, len(volume), unknowns
+        self._d, self._width = d, sum(unknown.width for unknown in unknowns)
+        self._k, self._rings = np.zeros((self._nodes, d)), list[Ring]()
+        for condition in model.settings.conditions:
+            if isinstance(condition, Spring):
+                rows = model.selected(condition)
+                self._k[rows] += _resistance(condition, model, volume, rows)
+            elif isinstance(condition, Pin):
+                self._rings.append(_ring(condition, model, volume))
+        self._rows = np.flatnonzero(self._k.any(axis=1))
+
+    def place(self, state: State) -> State:
+        """The state itself: its arrays are those of all nodes."""
+        return state
+
+    def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
+        """Add the force densities, N/m^3, to `out` (n, w)."""
+        u = state.value
+        out[self._rows, : self._d] -= self._k[self._rows] * u[self._rows, : self._d]
+        for ring in self._rings:
+            out[ring.rows, :2] -= ring.k[:, None] * _slip(ring, u)
+
+    def energies(self, state: State) -> tuple[Array, Array]:
+        """Energy densities (n,), J/m^3: stored in springs; nothing is dissipated."""
+        u, held = state.value, np.zeros(self._nodes)
+        held[self._rows] = (self._k[self._rows] * u[self._rows, : self._d].astype(float) ** 2).sum(axis=1) / 2
+        for ring in self._rings:
+            held[ring.rows] += ring.k * (_slip(ring, u) ** 2).sum(axis=1) / 2
+        return held, np.zeros(self._nodes)
+
+    def forces_of(self, rows: NDArray[np.int64], volume: Array, state: State) -> Array:
+        """The force (d,), N/m or N, of all supports on these nodes."""
+        out = np.zeros((self._nodes, self._width))
+        self.add(state, out, 0, 0.0)
+        return np.asarray(volume[rows] @ out[rows, : self._d])
+
+    def fields(self, state: State) -> dict[str, Array]:
+        """Empty: supports store no fields."""
+        return {}
+
+    def stiffness_bound(self) -> Array:
+        """Half the largest stiffness (n,) along an axis, N/m^4: springs to the ground have one end that moves."""
+        bound = self._k.max(axis=1) / 2
+        for ring in self._rings:
+            bound[ring.rows] += ring.k / 2
+        return np.asarray(bound)
+
+    def tangent(self, state: State) -> csr_array:
+        """Minus the derivative of the force densities by the values, (n w, n w), N/m^4."""
+        from scipy.sparse import coo_array
+
+        w, d = self._width, self._d
+        at = (w * self._rows[:, None] + np.arange(d)).ravel()
+        rows, columns, values = [at], [at], [self._k[self._rows].ravel()]
+        for ring in self._rings:
+            ends = (w * ring.rows[:, None] + np.arange(2)).ravel()
+            turned = np.outer(ring.turn.ravel(), ring.weight.ravel())
+            stiff = np.repeat(ring.k, 2)[:, None] * (np.eye(len(ends)) - turned)
+            rows.append(np.repeat(ends, len(ends)))
+            columns.append(np.tile(ends, len(ends)))
+            values.append(stiff.ravel())
+        ends_of = np.concatenate(rows), np.concatenate(columns)
+        size = w * self._nodes
+        found: csr_array = coo_array((np.concatenate(values), ends_of), shape=(size, size)).tocsr()
+        return found
+
+    def bonds(
+        self, first: int = 0, last: int | None = None, start: bool = False
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """No bonds: source and target rows (0,)."""
+        return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
+
+    def broken(self, after: int = 0) -> Broken:
+        """No broken bonds."""
+        return Broken(*np.zeros((3, 0), dtype=np.int64))
+
+    def keep(self) -> Kept:
+        """Nothing: supports have no history."""
+        return {}
+
+    def back(self, kept: Kept, broken: Broken) -> None:
+        """Nothing to restore."""
+
+    def bytes(self) -> int:
+        """Memory of all arrays, bytes."""
+        return self._k.nbytes + sum(array.nbytes for ring in self._rings for array in ring)
+
+
+def supported(model: Model, volume: Array, bonds: Operator) -> Operator:
+    """The operator of a model's bonds with its spring supports and pins; the bonds come last. `volume` (n,), m^d."""
+    if not any(isinstance(condition, Spring | Pin) for condition in model.settings.conditions):
+        return bonds
+    return Together(GroundSupports(model, volume, bonds.unknowns), bonds)
+
+
+def support_bound(model: Model, volume: Array) -> Array:
+    """What supports add to the bound (n,) of each node's stiffness, N/m^4."""
+    return GroundSupports(model, volume, (Unknown("u", model.grid.dimension, 2),)).stiffness_bound()
+
+
+def supports_of(operator: Operator) -> GroundSupports | None:
+    """The supports in an operator, if there are any."""
+    parts = operator.parts if isinstance(operator, Together) else (operator,)
+    each = (supports_of(part) if isinstance(part, Together) else part for part in parts)
+    return next((part for part in each if isinstance(part, GroundSupports)), None)
+
+
+def bonded(operator: Operator) -> Operator:
+    """The operator of bonds in one to which supports or contact may be added."""
+    while isinstance(operator, Together):
+        operator = operator.parts[-1]
+    return operator
+
+
+def grounded(model: Model, width: int) -> NDArray[np.bool_]:
+    """Mask (n, width) of components that supports resist; of a pin those of one node, as its ring turns."""
+    found = np.zeros((len(model.grid), width), dtype=bool)
+    for condition in model.settings.conditions:
+        if isinstance(condition, Spring):
+            along = condition.stiffness or condition.body_stiffness or ()
+            rows = model.selected(condition)
+            found[np.ix_(rows, np.flatnonzero(along))] = True
+        elif isinstance(condition, Pin):
+            found[model.selected(condition)[0], :2] = True
+    return found
+
+
+def _resistance(spring: Spring, model: Model, volume: Array, rows: NDArray[np.int64]) -> Array:
+    """Stiffness (k, d), N/m^4, of a spring support at its nodes."""
+    if spring.body_stiffness is not None:
+        return np.tile(np.array(spring.body_stiffness), (len(rows), 1))
+    extent = spring.length or spring.surface
+    per = np.full(len(rows), extent / volume[rows].sum()) if extent else 1 / (spring.rows * model.grid.delta[rows])
+    assert spring.stiffness is not None
+    return np.asarray(per[:, None] * np.array(spring.stiffness))
+
+
+def _ring(pin: Pin, model: Model, volume: Array) -> Ring:
+    rows = model.selected(pin)
+    E = np.array([material.E for material in model.materials])[model.material_of[rows]]
+    arm = model.grid.position[rows] - np.array(pin.centre)
+    turn = np.column_stack([-arm[:, 1], arm[:, 0]])
+    k = np.full(len(rows), TIED * float((E / model.grid.delta[rows] ** 2).min()))
+    moment = volume[rows] @ (arm**2).sum(axis=1)
+    return Ring(rows, k, turn, volume[rows, None] * turn / moment)
+
+
+def _slip(ring: Ring, u: NDArray[Any]) -> Array:
+    """Displacements (p, 2) of a pin's nodes beside the ring that turns with them, m."""
+    moved = u[ring.rows, :2].astype(float)
+    return np.asarray(moved - float((ring.weight * moved).sum()) * ring.turn)
