@@ -37,6 +37,7 @@ FEWEST = 12.0  # spacings in the horizon with which collocation need not be aske
 # Measured in the plate of docs/collocation.md
 LOSSY = "with fewer the seam is damped, which took 64 % of the work from a struck plate with 4"
 USUAL = Material(E=1.0, rho=1.0, G0=1.0)
+MOVING = (Velocity, Acceleration, InitialVelocity, Absorb, RigidBody)
 LEAST = 1e-100  # products of a few smaller ones are 0
 
 
@@ -250,8 +251,7 @@ def _at_rest(settings: Settings, every: Places) -> Iterator[Impossible]:
             "false, as the method is relaxation: it has no way to tell a slow motion from one that nothing holds",
         )
     yield from _in_steps(settings, every)
-    moving = (Velocity, Acceleration, InitialVelocity, Absorb, RigidBody)
-    yield from _of_kinds(settings, moving, f"load or displacement, {why}")
+    yield from _of_kinds(settings, MOVING, f"load or displacement, {why}")
     for place, material in every:
         yield from _quoted(material, place, KINDS[material.model].at_rest(material, run.cracks == "bonds"))
 
@@ -319,11 +319,10 @@ def _of_lines(fatigue: Fatigue) -> Iterator[Impossible]:
 
 def _along_path(settings: Settings) -> Iterator[Impossible]:
     """Settings with which bonds that soften are not followed."""
-    static = settings.run.static
     yield from _of_kinds(settings, (Spring, Pin), "a load or a displacement, as bonds soften at rest")
-    if static.method != "newton":
-        yield Impossible("$.run.static.method", static.method, "newton, as bonds soften")
-    if static.floating:
+    if settings.run.static.method != "newton":
+        yield Impossible("$.run.static.method", settings.run.static.method, "newton, as bonds soften")
+    if settings.run.static.floating:
         yield Impossible("$.run.static.floating", "true", "false, as bonds soften")
 
 

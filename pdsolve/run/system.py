@@ -362,8 +362,8 @@ def assembled(
     if not driven.varies:
         driven = driven._replace(before=driven.force)
     velocity, nodes = initial_velocity(model, width), len(model.grid)
-    motion = np.zeros((2, nodes, width), dtype=kind)
-    state = State(*motion, initial_acceleration(driven, rho), *np.zeros((3, nodes)))
+    u, v = np.zeros((2, nodes, width), dtype=kind)
+    state = State(u, v, initial_acceleration(driven, rho), *np.zeros((3, nodes)))
     state, damped = operator.place(state), damping(model)
     _set_off(state, velocity, damped, driven)
     stepper, driven = stepper_of(operator, state, driven, rho, step, damped)
