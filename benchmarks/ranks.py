@@ -4,6 +4,9 @@ A square plate of brittle bonds on one lattice marches on all ranks of mpiexec, 
 in turns; the least time of a step counts, as the machine may be busy. The exchange of ghosts is measured by itself, all
 ranks having waited for each other. What follows for more ranks than are here is computed from that and from a network
 of LATENCY and BANDWIDTH, and is marked so.
+
+`--step` takes steps on the ranks alone, or in one process on one thread, and prints their least time as JSON, for
+`benchmarks.rank_curves`.
 """
 
 from __future__ import annotations
@@ -101,6 +104,14 @@ def measured(ranks: Team, nodes: int) -> dict[str, Any]:
     }
 
 
+def step_alone(ranks: Team | None, nodes: int) -> dict[str, float]:
+    """The least time of a step of a plate of about so many nodes, and of an exchange, s."""
+    prepared = prepare(plate(nodes), Options(team=ranks, threads=1))
+    step = min(marched(prepared, 1 + turn * STEPS) for turn in range(2 * REPEATS))
+    swap = 0.0 if ranks is None else float(np.max(ranks.everywhere(exchanges, 200), axis=0).min())
+    return {"nodes": len(prepared.system.model.grid), "step": step, "exchange": swap}
+
+
 def computed(rate: float) -> dict[str, float]:
     """What 1e8 nodes in space take on RANKS ranks in cubes, where each updates `rate` bonds/s: nothing of it is
     measured."""
@@ -131,13 +142,19 @@ def main() -> int:
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--nodes", type=int, default=400_000)
     options.add_argument("-o", "--output", type=Path)
+    options.add_argument("--step", action="store_true")
     given, ranks = options.parse_args(), team()
     large_arrays_apart()
+    if ranks is not None and ranks.rank > 0:
+        return ranks.serve()
+    if given.step:
+        print(json.dumps(step_alone(ranks, given.nodes)), flush=True)
+        if ranks is not None:
+            ranks.end(0)
+        return 0
     if ranks is None:
         print("found one process, expected ranks: mpiexec -n 2 python -m benchmarks.ranks", file=sys.stderr)
         return 2
-    if ranks.rank > 0:
-        return ranks.serve()
     found = measured(ranks, given.nodes)
     found["computed"] = computed(found["bonds_per_second"] / ranks.size)
     print("\n".join(lines(found, found["bonds_per_second"] / ranks.size)))

@@ -30,10 +30,6 @@ class Slab(NamedTuple):
 
 def slabs_of(model: Model, ranks: int) -> list[Slab]:
     """The slabs of a model. Raises ModelError for fewer blocks of nodes than ranks."""
-    if model.grid.dimension == 3 and model.grid.lattice is None:
-        raise ModelError(
-            f"{model.name}: $.lattice: found nodes one by one, expected a box on one lattice on many ranks"
-        )
     nodes = len(model.grid)
     blocks = -(-nodes // LANES)
     if blocks < ranks:

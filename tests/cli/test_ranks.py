@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import os
+import shlex
 import shutil
 import signal
 import subprocess
@@ -89,6 +90,16 @@ def pulled(**material: object) -> Model:
     return plate(grid, material=glass, conditions=loads, run=Run(time_step=50e-9, steps=100, every=50, ledger=25))
 
 
+def shaped(**material: object) -> Model:
+    """A bar in space that is round and conical, listed node by node, with a crack across it, pulled at both ends."""
+    bar = pulled(**material)
+    x, y, z = (bar.grid.position - [4.5e-3, 4e-3, 0.0]).T
+    rows = np.flatnonzero(x**2 + y**2 < (5.3e-3 - 0.02 * z) ** 2)
+    names = "ids", "position", "delta", "border", "hole_id"
+    grid = Grid(**{name: getattr(bar.grid, name)[rows] for name in names}, cracks=bar.grid.cracks)
+    return Model(grid, bar.settings)
+
+
 def partly_jittered() -> Grid:
     """A grid whose first rows lie on a lattice, and whose last ones do not: only some windows could be in blocks."""
     grid = square_grid(20, 120)
@@ -113,6 +124,8 @@ CASES = {
     "a softening body": (pulled(law="bilinear", kr=2.0), 3),
     "cohesive": (torn(NOTCHED, material=COHESIVE), 3),
     "a cohesive body": (pulled(law="cohesive", f_t=50e6), 3),
+    "a body of any shape": (shaped(), 3),
+    "an ordinary body of any shape": (shaped(model="ordinary", nu=0.2), 2),
 }
 
 
@@ -253,6 +266,25 @@ def test_a_plate_of_fewer_blocks_than_ranks_is_refused(here: Path) -> None:
     code, said = ran(3, "plate.json")
     assert (code, len(said.splitlines())) == (2, 1), said
     assert mentions(said, "$.nodes", found=("96", "3 ranks"), expected=64)
+
+
+@pytest.mark.slow
+def test_the_job_of_slurm_in_the_guide_solves_and_goes_on(here: Path) -> None:
+    page = (TESTS.parent / "docs" / "how_to" / "clusters.md").read_text()
+    line = next(line for line in page.splitlines() if line.startswith("if [ -e plate.sqlite ]"))
+    for name, words in {
+        "mpiexec": [str(MPIEXEC), "-launcher", "fork", "-hosts", "localhost"],
+        "pdsolve": [sys.executable, "-m", "pdsolve"],
+    }.items():
+        (here / name).write_text(f'#!/bin/sh\nexec {shlex.join(words)} "$@"\n')
+        (here / name).chmod(0o755)
+    (here / "plate.json").write_text(torn(square_grid(20, 40)).to_json())
+    place = os.environ | {"PATH": f"{here}:{os.environ['PATH']}"}
+    for _ in range(2):  # it begins; it goes on
+        subprocess.run(["bash", "-c", line], cwd=here, env=place, check=True, timeout=100, stdout=subprocess.DEVNULL)
+        with Results.open(here / "plate.sqlite") as results:
+            assert results.meta()["status"] == "finished"
+            assert results.frames()[0][-1] == 60
 
 
 def own_lines(said: str) -> list[str]:
