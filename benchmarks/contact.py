@@ -14,8 +14,10 @@ from pdmesh import Material, Run, Scene, box, build
 from pdsolve.model import Model
 from pdsolve.run.system import Options, Prepared, prepare
 
-SIDE, STEPS, REPEATS = 256, 50, 8
-STRIPES = 6  # cracks across the plate, whose faces are in touch
+SIDE, STEPS, REPEATS = 256, 50, 4
+PLACES = 4  # times that each model is prepared: where its arrays lie in memory makes up to a tenth of its time
+STRIPES = 7  # cracks across the plate, whose faces are in touch
+NOISE = 1e-6  # m/s, of all velocities: numbers at rest are not computed with, tiny ones slowly
 
 
 def model(gap: float, cracks: int, contact: bool) -> Model:
@@ -39,14 +41,19 @@ def touching(prepared: Prepared) -> float:
 def main() -> None:
     """Measure and print the table."""
     for name, gap, cracks in (("apart", 0.1, 0), ("in touch along a side", 0.0, 0), ("and along cracks", 0.0, STRIPES)):
-        pair = [prepare(model(gap, cracks, contact), Options(threads=1)) for contact in (False, True)]
-        best = [np.inf, np.inf]
-        for repeat in range(REPEATS):
-            for number, prepared in enumerate(pair):
-                began = time.process_time()
-                prepared.march(1 + repeat * STEPS, 1 + (repeat + 1) * STEPS)
-                best[number] = min(best[number], (time.process_time() - began) / STEPS)
-        share, (without, of) = touching(pair[1]), best
+        best, share = [np.inf, np.inf], 0.0
+        for _ in range(PLACES):
+            pair = [prepare(model(gap, cracks, contact), Options(threads=1)) for contact in (False, True)]
+            for prepared in pair:
+                noise = np.random.default_rng(1).standard_normal(prepared.state.rate.shape)
+                prepared.state.rate[:] += NOISE * noise
+            for repeat in range(REPEATS):
+                for number, prepared in enumerate(pair):
+                    began = time.process_time()
+                    prepared.march(1 + repeat * STEPS, 1 + (repeat + 1) * STEPS)
+                    best[number] = min(best[number], (time.process_time() - began) / STEPS)
+            share = touching(pair[1])
+        without, of = best
         print(
             f"{name}: {share:.1%} of the nodes touch, {of * 1e3:.3f} ms a step, {of / without:.2f} times that without"
         )

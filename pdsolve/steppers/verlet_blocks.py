@@ -105,12 +105,11 @@ class VerletBlocks:
         nodes, course = len(state.value), self._course
         now = state._replace(value=self._operator.tracks.u[taken % 3][:, :nodes].T)
         free = contact.free_steps(now, step, self._dt)
-        course.push[:, self._rows] = 0
-        course.pushed[:] = False
+        rows = contact.rows if free == 0 else self._rows[:0]
+        _clear(course.push, course.pushed, self._rows, rows)
+        self._rows = rows
         if free == 0:
-            self._rows = contact.rows
-            course.pushed[contact.rows // LANES] = True
-            contact.add(now, course.push[:, :nodes].T, step, self._dt)
+            contact.push(now, course.push[:, :nodes].T, step, self._dt)
         return max(free, 1)
 
 
@@ -147,8 +146,8 @@ def advance_blocks(blocks, tracks, course, drive, dt, first, last, begin, end, t
         before, now, after = u[(taken + 2) % 3], u[taken % 3], u[(taken + 1) % 3]
         for turn in range(own, others):
             b, step, starts, ends = course.turns[turn], first + taken - 1, taken == 0, taken == steps
-            if not starts and not ends and course.plain[b] and not course.pushed[b]:
-                _sweep_plain(blocks, tracks, course.lightness, now, before, after, dt, step, b, s)
+            if not starts and not ends and course.plain[b]:
+                _sweep_plain(blocks, tracks, course, now, before, after, dt, step, b, s)
             else:
                 _sweep_block(blocks, tracks, course, drive, now, before, after, dt, step, starts, ends, b, s)
         meet(gate)
@@ -156,12 +155,26 @@ def advance_blocks(blocks, tracks, course, drive, dt, first, last, begin, end, t
         _copy(u, steps % 3)
 
 
+@cached_njit(error_model="numpy")
+def _clear(push, pushed, before, rows):  # type: ignore[no-untyped-def]
+    """Clear the forces of contact on the rows `before`, and set the mask of the blocks of `rows`."""
+    pushed[:] = False
+    for i in before:
+        push[0, i] = push[1, i] = 0.0
+    for i in rows:
+        pushed[i // LANES] = True
+
+
 @njit(forceinline=True, **INNER)
-def _sweep_plain(blocks, tracks, lightness, u, before, after, dt, step, b, s):  # type: ignore[no-untyped-def]
-    """End `step` for block b, on which only bonds act, and go on to the next one."""
-    whole, half = u.dtype.type(dt), u.dtype.type(dt / 2)
+def _sweep_plain(blocks, tracks, course, u, before, after, dt, step, b, s):  # type: ignore[no-untyped-def]
+    """End `step` for block b, on which only bonds and contact act, and go on to the next one."""
+    whole, half, lightness = u.dtype.type(dt), u.dtype.type(dt / 2), course.lightness
     for lane in range(0, LANES, across(s)):
         sum_lanes(blocks, tracks, u, before, step, b, lane, s)
+        if course.pushed[b]:
+            for k in range(across(s)):
+                s[k] += course.push[0, b * LANES + lane + k]
+                s[ROW + k] += course.push[1, b * LANES + lane + k]
         kick_and_drift(u, after, tracks.v, lightness, whole, half, b * LANES + lane, s)
 
 

@@ -80,7 +80,7 @@ class RestingContact(PenaltyContact):
         self._joined.follow(ALL)
         self._search(u)
         found = np.zeros((len(self._pairs.i), 1 + u.shape[1]))
-        geometry(self._joined.nodes, self._pairs, u, SKIN * self._finest if len(found) else 0.0, found)
+        geometry(self._pairs, u, SKIN * self._finest if len(found) else 0.0, found)
         self.seen, self._stiffness, self._normal = u.copy(), found[:, 0], found[:, 1:]
 
     def holding(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

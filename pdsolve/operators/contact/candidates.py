@@ -9,7 +9,7 @@ from pdmesh.model.kd_trees import tree_of
 from pdmesh.model.neighbours import lengths, row_chunks
 from pdmesh.model.node_grid import Bodies, Grid
 from pdsolve.model import Model
-from pdsolve.operators.contact.kernel import Nodes, surface_nodes
+from pdsolve.operators.contact.kernel import Faces, Nodes, learn_faces, surface_nodes
 from pdsolve.operators.protocol import Operator
 
 NEAREST = {2: 1.5, 3: 1.8}  # spacings: of the bonds that tell a normal, to 8 nodes of a plane and 26 of space
@@ -29,11 +29,13 @@ class Joined:
         self._key = source[once] * self._nodes + target[once]
         self.intact = np.ones(len(self._key), dtype=np.bool_)
         mean = (delta[source] + delta[target]) / 2
-        near = lengths(x[target] - x[source]) <= NEAREST[x.shape[1]] * mean
+        length = lengths(x[target] - x[source])
+        near = length <= NEAREST[x.shape[1]] * mean
         source, target = source[near], target[near]
         self._number = self._found(source, target)  # of each nearest bond among all
         start = np.searchsorted(source, np.arange(self._nodes + 1))
-        self.nodes = Nodes(x, volume, start, target.astype(np.int32), np.ones(len(source), dtype=np.bool_))
+        near_by, intact = target.astype(np.int32), np.ones(len(source), dtype=np.bool_)
+        self.nodes = Nodes(x, volume, start, near_by, 1 / length[near], intact)
         self.surface = np.zeros(self._nodes, dtype=np.bool_)
         surface_nodes(self.nodes, self.surface)
 
@@ -41,6 +43,19 @@ class Joined:
         """Numbers (k,) of the bonds between these rows (k,); those of no bond are arbitrary."""
         key = np.minimum(source, target) * self._nodes + np.maximum(source, target)
         return np.asarray(np.searchsorted(self._key, key).clip(max=max(len(self._key) - 1, 0)), dtype=np.int64)
+
+    def faces(self, rows: NDArray[np.int64]) -> Faces:
+        """Normals of these nodes (m,), in order, of the bonds that are intact now."""
+        nodes, begin = self.nodes, self.nodes.start[rows]
+        count = nodes.start[rows + 1] - begin
+        ends = np.concatenate([[0], np.cumsum(count)])
+        bonds = np.arange(ends[-1]) + np.repeat(begin - ends[:-1], count)
+        intact = nodes.intact[bonds]
+        start, bonds, m = np.concatenate([[0], np.cumsum(intact)])[ends], bonds[intact], len(rows)
+        near, inverse, known = nodes.near[bonds].astype(np.int64), nodes.inverse[bonds], np.zeros(m, dtype=np.bool_)
+        found = Faces(rows, start, near, inverse, np.zeros((m, 3)), np.zeros(m), np.zeros((m, 3)), known)
+        learn_faces(nodes, found)
+        return found
 
     def forget(self) -> None:
         """Ask for broken bonds anew the next time."""

@@ -1,12 +1,12 @@
 """Penalty forces of pairs of surface nodes with a normal field, and Coulomb friction: compiled loops.
 
-The normal N of a node is minus the sum of the unit vectors to its nearest nodes that bonds join to it: 0 inside a body,
-it points out of a face. The n of a pair is that of the flatter node or, of two alike, (N_i - N_j) / |N_i - N_j|, or the
-line between two loose nodes: at a corner N is that of neither face. With r from i to j, g = r . n, t = r - g n and the
-depth p = max(d - g, 0) its energy is k w(t) f p^2 / 2. The weights w of the nodes that a node meets add up to 1
-wherever it is over a flat face, so that nodes do not interlock: in the plane w = 1 - |t| / h. f is 0 for normals that
-point the same way, 1 where they face each other. d is the distance of touch or, for nodes that began nearer, what it
-was then. The force is the gradient of the energy at a constant n; it is equal and opposite.
+The normal N of a node is minus the sum of the vectors to its nearest nodes that bonds join to it, over their lengths in
+the reference: 0 inside a body, it points out of a face. The n of a pair is that of the flatter node or, of two alike,
+(N_i - N_j) / |N_i - N_j|, or the line between two loose nodes: at a corner N is that of neither face. With r from i to
+j, g = r . n, t = r - g n and the depth p = max(d - g, 0) its energy is k w(t) f p^2 / 2. The weights w of the nodes
+that a node meets add up to 1 over a flat face, so that nodes do not interlock: in the plane w = 1 - |t| / h. f is 0
+for normals that point the same way, 1 where they face each other. d is the distance of touch or, for nodes that began
+nearer, what it was then. The force is the gradient of the energy at a constant n; it is equal and opposite.
 
 Friction: a spring as stiff as that of the pair, which slips where it is longer than mu p.
 
@@ -42,7 +42,21 @@ class Nodes(NamedTuple):
     volume: NDArray[np.float64]  # (n,) m^d
     start: NDArray[np.int64]  # (n + 1,)
     near: NDArray[np.int32]  # (b,)
+    inverse: NDArray[np.float64]  # (b,) 1 over the length, 1/m
     intact: NDArray[np.bool_]  # (b,)
+
+
+class Faces(NamedTuple):
+    """Nodes of pairs, m of them, and the nearest nodes that bonds still join to them, b in all."""
+
+    rows: NDArray[np.int64]  # (m,)
+    start: NDArray[np.int64]  # (m + 1,)
+    near: NDArray[np.int64]  # (b,) rows
+    inverse: NDArray[np.float64]  # (b,) 1 over the reference length, 1/m
+    still: NDArray[np.float64]  # (m, 3) normals in the reference, z 0 in the plane
+    bent: NDArray[np.float64]  # (m,) how far from flat
+    now: NDArray[np.float64]  # (m, 3) normals now
+    known: NDArray[np.bool_]  # (m,) which of these are
 
 
 class PairList(NamedTuple):
@@ -53,50 +67,69 @@ class PairList(NamedTuple):
     k: NDArray[np.float64]  # (p,) N/m
     h: NDArray[np.float64]  # (p,) m
     touch: NDArray[np.float64]  # (p,) m
+    apart: NDArray[np.float64]  # (p, 3) from i to j in the reference, m, z 0 in the plane
     slip: NDArray[np.float64]  # (p, d) m
     drag: NDArray[np.float64]  # (p, d) N
-    rows: NDArray[np.int64]  # (m,) of the nodes of all pairs
-    first: NDArray[np.int64]  # (p,) number of i among them
+    first: NDArray[np.int64]  # (p,) number of i among the nodes of faces
     second: NDArray[np.int64]  # (p,) number of j
-    normals: NDArray[np.float64]  # (m, d + 2) their normals now, how far from flat they are, and whether that is known
+    faces: Faces
 
 
-@njit(**INNER)
-def _apart(nodes, u, i, j, moved):  # type: ignore[no-untyped-def]
-    """The way (x, y, z) from node i to node j, m; z is 0 in the plane."""
-    x, y, z = nodes.x[j, 0] - nodes.x[i, 0], nodes.x[j, 1] - nodes.x[i, 1], 0.0
-    space = nodes.x.shape[1] == 3
-    if space:
-        z = nodes.x[j, 2] - nodes.x[i, 2]
-    if moved:
-        x += np.float64(u[j, 0]) - np.float64(u[i, 0])
-        y += np.float64(u[j, 1]) - np.float64(u[i, 1])
-        if space:
-            z += np.float64(u[j, 2]) - np.float64(u[i, 2])
-    return x, y, z
+@njit(forceinline=True, **INNER)
+def _dot(a, b):  # type: ignore[no-untyped-def]
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@njit(**INNER)
-def normal(nodes, u, i, moved, found):  # type: ignore[no-untyped-def]
-    """Set `found` (d,) to the normal of node i, in the reference unless `moved`; returns how far it is from flat."""
-    x, y, z, count = 0.0, 0.0, 0.0, 0
+@njit(forceinline=True, **INNER)
+def _three(values, row):  # type: ignore[no-untyped-def]
+    return values[row, 0], values[row, 1], values[row, 2]
+
+
+@cached_njit(error_model="numpy")
+def learn_faces(nodes, faces):  # type: ignore[no-untyped-def]
+    """Set the normals of the reference, and how far nodes are from flat."""
+    d, vector = nodes.x.shape[1], np.zeros(3)
+    for m in range(len(faces.rows)):
+        faces.bent[m] = normal(nodes, faces.rows[m], vector)
+        for a in range(d):
+            faces.still[m, a] = vector[a]
+
+
+@njit(forceinline=True, **INNER)
+def normal(nodes, i, found):  # type: ignore[no-untyped-def]
+    """Set `found` (d,) to the normal of node i in the reference; returns how far it is from flat."""
+    d, count = nodes.x.shape[1], 0
+    for a in range(d):
+        found[a] = 0.0
     for b in range(nodes.start[i], nodes.start[i + 1]):
         if nodes.intact[b]:
-            along, across, up = _apart(nodes, u, i, nodes.near[b], moved)
-            square = along * along + across * across + up * up
-            inverse, count = 1.0 / np.sqrt(square) if square > 0 else 0.0, count + 1
-            x -= along * inverse
-            y -= across * inverse
-            z -= up * inverse
-    found[0], found[1] = x, y
-    if nodes.x.shape[1] == 3:
-        found[2] = z
-    return abs(count - (FLAT if nodes.x.shape[1] == 2 else FLAT_IN_SPACE))
+            j, count = nodes.near[b], count + 1
+            for a in range(d):
+                found[a] -= (nodes.x[j, a] - nodes.x[i, a]) * nodes.inverse[b]
+    return abs(count - (FLAT if d == 2 else FLAT_IN_SPACE))
 
 
-@njit(**INNER)
+@njit(forceinline=True, **INNER)
+def _normal_now(faces, u, m):  # type: ignore[no-untyped-def]
+    """The normal (x, y, z) of the m-th node of the faces, found once a step."""
+    if not faces.known[m]:
+        i, space = faces.rows[m], u.shape[1] == 3
+        x, y, z = _three(faces.still, m)
+        ux, uy, uz = np.float64(u[i, 0]), np.float64(u[i, 1]), np.float64(u[i, 2]) if space else 0.0
+        for b in range(faces.start[m], faces.start[m + 1]):
+            j, inverse = faces.near[b], faces.inverse[b]
+            x -= (np.float64(u[j, 0]) - ux) * inverse
+            y -= (np.float64(u[j, 1]) - uy) * inverse
+            if space:
+                z -= (np.float64(u[j, 2]) - uz) * inverse
+        faces.now[m, 0], faces.now[m, 1], faces.now[m, 2] = x, y, z
+        faces.known[m] = True
+    return _three(faces.now, m)
+
+
+@njit(forceinline=True, **INNER)
 def _between(r, first, second, bent, other):  # type: ignore[no-untyped-def]
-    """The normal (x, y, z) of a pair `r` apart with these normals, all (x, y, z), and how much they face.
+    """A vector (x, y, z) along the normal of a pair `r` apart with these normals, all (x, y, z), and its square.
 
     `bent` and `other` are how far the nodes are from flat.
     """
@@ -105,23 +138,25 @@ def _between(r, first, second, bent, other):  # type: ignore[no-untyped-def]
         x, y, z = first
     if other <= bent:
         x, y, z = x - second[0], y - second[1], z - second[2]
-    length, away, dot = x * x + y * y + z * z, _dot(r, r), _dot(first, second)
-    one, two, facing = _dot(first, first), _dot(second, second), 1.0
-    if one >= LOOSE * LOOSE and two >= LOOSE * LOOSE:
-        facing = min(max((ASKEW - dot / np.sqrt(one * two)) / (ASKEW - FACING), 0.0), 1.0)
-    if length < LOOSE * LOOSE:
-        root = np.sqrt(away)
-        return r[0] / root, r[1] / root, r[2] / root, facing
-    root = np.sqrt(length)
-    return x / root, y / root, z / root, facing
+    square = x * x + y * y + z * z
+    if square < LOOSE * LOOSE:
+        return r[0], r[1], r[2], _dot(r, r)
+    return x, y, z, square
 
 
-@njit(**INNER)
-def _dot(a, b):  # type: ignore[no-untyped-def]
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+@njit(forceinline=True, **INNER)
+def _facing(first, second):  # type: ignore[no-untyped-def]
+    """How much two normals face each other, 0 to 1."""
+    dot = _dot(first, second)
+    if dot <= 0.0:
+        return 1.0
+    one, two = _dot(first, first), _dot(second, second)
+    if one < LOOSE * LOOSE or two < LOOSE * LOOSE:
+        return 1.0
+    return min(max((ASKEW - dot / np.sqrt(one * two)) / (ASKEW - FACING), 0.0), 1.0)
 
 
-@njit(**INNER)
+@njit(forceinline=True, **INNER)
 def _weight(t, h, d):  # type: ignore[no-untyped-def]
     """Weight of a pair at a distance t along the face, and its derivative, 1/m."""
     if d == 2:
@@ -130,133 +165,104 @@ def _weight(t, h, d):  # type: ignore[no-untyped-def]
     return (IN_SPACE * q * q, -4.0 * IN_SPACE * q * t / (WIDE * h) ** 2) if q > 0 else (0.0, 0.0)
 
 
-@njit(**INNER)
-def _pressed(nodes, pairs, u, q, slack, vectors):  # type: ignore[no-untyped-def]
-    """Stiffness k w f, N/m, depth p, m, and pull along the face, N, of pair q; `vectors` (2, 3) become n and t / |t|.
+@njit(forceinline=True, **INNER)
+def _pressed(pairs, u, q, slack):  # type: ignore[no-untyped-def]
+    """Stiffness k w f, N/m, depth p, m, n, and pull along the face (x, y, z), N, of pair q.
 
     All are 0 where the nodes are farther apart than the distance of touch and the `slack`, m.
     """
-    d, touch, h = nodes.x.shape[1], pairs.touch[q], pairs.h[q]
-    r, reach = _apart(nodes, u, pairs.i[q], pairs.j[q], True), h * (1.0 if d == 2 else WIDE)
-    square = _dot(r, r)
-    if square >= reach * reach + (touch + slack) ** 2:
-        return 0.0, 0.0, 0.0
-    first, bent = _learned(nodes, pairs, u, pairs.first[q])
-    second, other = _learned(nodes, pairs, u, pairs.second[q])
-    x, y, z, facing = _between(r, first, second, bent, other)
-    gap = r[0] * x + r[1] * y + r[2] * z
-    if facing == 0.0 or gap >= touch + slack or gap <= 0.0:
-        return 0.0, 0.0, 0.0
+    nothing = (0.0, 0.0, 0.0)
+    d, i, j, far, h = u.shape[1], pairs.i[q], pairs.j[q], pairs.touch[q] + slack, pairs.h[q]
+    x, y, z = _three(pairs.apart, q)
+    x += np.float64(u[j, 0]) - np.float64(u[i, 0])
+    y += np.float64(u[j, 1]) - np.float64(u[i, 1])
+    if d == 3:
+        z += np.float64(u[j, 2]) - np.float64(u[i, 2])
+    r, square, reach = (x, y, z), x * x + y * y + z * z, h * (1.0 if d == 2 else WIDE)
+    if square >= reach * reach + far * far:
+        return 0.0, 0.0, nothing, nothing
+    one, two, faces = pairs.first[q], pairs.second[q], pairs.faces
+    first, second = _normal_now(faces, u, one), _normal_now(faces, u, two)
+    x, y, z, length = _between(r, first, second, faces.bent[one], faces.bent[two])
+    along = r[0] * x + r[1] * y + r[2] * z
+    if along <= 0.0 or along * along >= far * far * length or square * length - along * along >= reach * reach * length:
+        return 0.0, 0.0, nothing, nothing
+    facing, inverse = _facing(first, second), 1.0 / np.sqrt(length)
+    x, y, z, gap = x * inverse, y * inverse, z * inverse, along * inverse
     t = np.sqrt(max(square - gap * gap, 0.0))
     w, slope = _weight(t, h, d)
-    depth, far = touch - gap, t > ROUND_OFF * h
-    if w == 0.0 or depth <= -slack:
-        return 0.0, 0.0, 0.0
-    vectors[0, 0], vectors[0, 1], vectors[0, 2] = x, y, z
-    vectors[1, 0] = (r[0] - gap * x) / t if far else 0.0
-    vectors[1, 1] = (r[1] - gap * y) / t if far else 0.0
-    vectors[1, 2] = (r[2] - gap * z) / t if far else 0.0
-    return pairs.k[q] * w * facing, depth, pairs.k[q] * facing * slope / 2 * depth * depth
-
-
-@njit(**INNER)
-def _learned(nodes, pairs, u, number):  # type: ignore[no-untyped-def]
-    """The normal (x, y, z) of a node of the pairs, and how far from flat it is: found once a step."""
-    found, d = pairs.normals, nodes.x.shape[1]
-    if found[number, d + 1] == 0.0:
-        found[number, d] = normal(nodes, u, pairs.rows[number], True, found[number])
-        found[number, d + 1] = 1.0
-    z = found[number, 2] if d == 3 else 0.0
-    return (found[number, 0], found[number, 1], z), found[number, d]
+    if facing == 0.0 or w == 0.0:
+        return 0.0, 0.0, nothing, nothing
+    depth, k = pairs.touch[q] - gap, pairs.k[q] * facing
+    pull = k * slope / 2 * depth * depth / t if t > ROUND_OFF * h else 0.0
+    pull = (r[0] - gap * x) * pull, (r[1] - gap * y) * pull, (r[2] - gap * z) * pull
+    return k * w, depth, (x, y, z), pull
 
 
 @cached_njit(error_model="numpy")
-def nearer(nodes, pairs):  # type: ignore[no-untyped-def]
+def nearer(pairs):  # type: ignore[no-untyped-def]
     """Let pairs touch at the gap that they had in the reference, if it was less; never those that were back to back."""
-    nothing, d, ends = np.zeros((1, 3)), nodes.x.shape[1], np.zeros((2, 3))
+    d, faces = pairs.slip.shape[1], pairs.faces
     for q in range(len(pairs.i)):
-        reach = pairs.h[q] * (1.0 if d == 2 else WIDE)
-        near = reach * reach + pairs.touch[q] ** 2
-        gap = _gap_before(nodes, nothing, pairs.i[q], pairs.j[q], near, ends)
-        pairs.touch[q] = max(min(pairs.touch[q], gap), 0.0)
-
-
-@njit(**INNER)
-def _gap_before(nodes, u, i, j, near, ends):  # type: ignore[no-untyped-def]
-    """The gap between two nodes in the reference, m, of bonds as they are now; infinite farther than root `near`, m^2.
-
-    It is negative between nodes that are back to back. `ends` (2, 3), the third column 0 in the plane, is work space.
-    """
-    r = _apart(nodes, u, i, j, False)
-    if _dot(r, r) >= near:
-        return np.inf
-    bent, other = normal(nodes, u, i, False, ends[0]), normal(nodes, u, j, False, ends[1])
-    first, second = (ends[0, 0], ends[0, 1], ends[0, 2]), (ends[1, 0], ends[1, 1], ends[1, 2])
-    x, y, z, _ = _between(r, first, second, bent, other)
-    return r[0] * x + r[1] * y + r[2] * z
+        reach, r = pairs.h[q] * (1.0 if d == 2 else WIDE), _three(pairs.apart, q)
+        if _dot(r, r) < reach * reach + pairs.touch[q] ** 2:
+            one, two = pairs.first[q], pairs.second[q]
+            first, second = _three(faces.still, one), _three(faces.still, two)
+            x, y, z, length = _between(r, first, second, faces.bent[one], faces.bent[two])
+            gap = (r[0] * x + r[1] * y + r[2] * z) / np.sqrt(length)
+            pairs.touch[q] = max(min(pairs.touch[q], gap), 0.0)
 
 
 @cached_njit(error_model="numpy")
 def add_forces(nodes, pairs, u, v, mu, dt, out, spent):  # type: ignore[no-untyped-def]
     """Add the forces of all pairs; friction's springs go on by a step of `dt` s, where it is not 0."""
     d = nodes.x.shape[1]
-    vectors, force, along = np.empty((2, 3)), np.empty(3), np.empty(3)
-    pairs.normals[:, d + 1] = 0.0
+    pairs.faces.known[:] = False
     for q in range(len(pairs.i)):
         i, j = pairs.i[q], pairs.j[q]
-        stiffness, depth, pull = _pressed(nodes, pairs, u, q, 0.0, vectors)
-        if depth == 0.0 and mu == 0.0:
-            continue
-        n, way = vectors[0], vectors[1]
-        for a in range(d):
-            force[a] = stiffness * depth * n[a] - pull * way[a]
+        stiffness, depth, n, pull = _pressed(pairs, u, q, 0.0)
         if mu > 0.0:
-            _rub(pairs, v, mu, dt, q, stiffness, depth, n, along, spent)
-            for a in range(d):
-                force[a] += pairs.drag[q, a]
+            _rub(pairs, v, mu, dt, q, stiffness, depth, n, spent)
         if depth > 0.0:
+            push, one, two = stiffness * depth, 1.0 / nodes.volume[i], 1.0 / nodes.volume[j]
             for a in range(d):
-                out[i, a] -= force[a] / nodes.volume[i]
-                out[j, a] += force[a] / nodes.volume[j]
+                force = push * n[a] - pull[a] + (pairs.drag[q, a] if mu > 0.0 else 0.0)
+                out[i, a] -= force * one
+                out[j, a] += force * two
 
 
-@njit(**INNER)
-def _rub(pairs, v, mu, dt, q, stiffness, depth, n, along, spent):  # type: ignore[no-untyped-def]
+@njit(forceinline=True, **INNER)
+def _rub(pairs, v, mu, dt, q, stiffness, depth, n, spent):  # type: ignore[no-untyped-def]
     """Take friction's spring of pair q through a step, and book its work by the trapezoidal rule."""
-    i, j, d, across, length = pairs.i[q], pairs.j[q], v.shape[1], 0.0, 0.0
+    i, j, d, across, square, work = pairs.i[q], pairs.j[q], v.shape[1], 0.0, 0.0, 0.0
     for a in range(d):
-        along[a] = np.float64(v[j, a]) - np.float64(v[i, a])
-    work = 0.0
-    for a in range(d):
-        work += pairs.drag[q, a] * along[a] * dt / 2
-        pairs.slip[q, a] = pairs.slip[q, a] + dt * along[a] if depth > 0.0 else 0.0
+        along = np.float64(v[j, a]) - np.float64(v[i, a])
+        work += pairs.drag[q, a] * along * dt / 2
+        pairs.slip[q, a] = pairs.slip[q, a] + dt * along if depth > 0.0 else 0.0
         across += pairs.slip[q, a] * n[a]
-    if depth > 0.0:
-        for a in range(d):
-            pairs.slip[q, a] -= across * n[a]
-            length += pairs.slip[q, a] * pairs.slip[q, a]
-        length = np.sqrt(length)
-        if length > mu * depth:
-            for a in range(d):
-                pairs.slip[q, a] *= mu * depth / length
     for a in range(d):
-        pairs.drag[q, a] = -stiffness * pairs.slip[q, a] if depth > 0.0 else 0.0
-        work += pairs.drag[q, a] * along[a] * dt / 2
+        pairs.slip[q, a] -= across * n[a]
+        square += pairs.slip[q, a] * pairs.slip[q, a]
+    cut = mu * depth / np.sqrt(square) if square > (mu * depth) ** 2 else 1.0
+    for a in range(d):
+        pairs.slip[q, a] *= cut
+        pairs.drag[q, a] = -stiffness * pairs.slip[q, a]
+        work += pairs.drag[q, a] * (np.float64(v[j, a]) - np.float64(v[i, a])) * dt / 2
     spent[i] -= work / 2
     spent[j] -= work / 2
 
 
 @cached_njit(error_model="numpy")
-def pressed_pairs(nodes, pairs, u, held, rubbed, found):  # type: ignore[no-untyped-def]
+def pressed_pairs(pairs, u, held, rubbed, found):  # type: ignore[no-untyped-def]
     """Add the energies, J, of pairs to their nodes, and set `found` (p, 2 + d): stiffness, depth and normal."""
-    d, vectors = nodes.x.shape[1], np.empty((2, 3))
-    pairs.normals[:, d + 1] = 0.0
+    d = u.shape[1]
+    pairs.faces.known[:] = False
     for q in range(len(pairs.i)):
-        stiffness, depth, _ = _pressed(nodes, pairs, u, q, 0.0, vectors)
+        stiffness, depth, n, _ = _pressed(pairs, u, q, 0.0)
         found[q, 0], found[q, 1] = stiffness, depth
         normal_energy, spring = stiffness * depth * depth / 2, 0.0
         for a in range(d):
-            found[q, 2 + a] = vectors[0, a] if depth > 0.0 else 0.0
+            found[q, 2 + a] = n[a]
             spring += stiffness * pairs.slip[q, a] * pairs.slip[q, a] / 2
         for node in (pairs.i[q], pairs.j[q]):
             held[node] += (normal_energy + spring) / 2
@@ -264,22 +270,21 @@ def pressed_pairs(nodes, pairs, u, held, rubbed, found):  # type: ignore[no-unty
 
 
 @cached_njit(error_model="numpy")
-def geometry(nodes, pairs, u, slack, found):  # type: ignore[no-untyped-def]
+def geometry(pairs, u, slack, found):  # type: ignore[no-untyped-def]
     """Set `found` (p, 1 + d): stiffness, 0 of those farther apart than touch and `slack`, m, and normal of pairs."""
-    d, vectors = nodes.x.shape[1], np.empty((2, 3))
-    pairs.normals[:, d + 1] = 0.0
+    pairs.faces.known[:] = False
     for q in range(len(pairs.i)):
-        found[q, 0], _, _ = _pressed(nodes, pairs, u, q, slack, vectors)
-        for a in range(d):
-            found[q, 1 + a] = vectors[0, a] if found[q, 0] > 0.0 else 0.0
+        found[q, 0], _, n, _ = _pressed(pairs, u, q, slack)
+        for a in range(u.shape[1]):
+            found[q, 1 + a] = n[a]
 
 
 @cached_njit(error_model="numpy")
 def surface_nodes(nodes, found):  # type: ignore[no-untyped-def]
     """Set the mask `found` (n,) of nodes that lack bonds to one side, or nearly all."""
-    d, vector, nothing = nodes.x.shape[1], np.empty(3), np.zeros((1, 3))
+    d, vector = nodes.x.shape[1], np.empty(3)
     for i in range(len(nodes.x)):
-        normal(nodes, nothing, i, False, vector)
+        normal(nodes, i, vector)
         square, count = 0.0, 0
         for a in range(d):
             square += vector[a] * vector[a]

@@ -65,6 +65,10 @@ class PenaltyContact:
     def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
         """Add the force densities (n, w), N/m^3, to `out`; friction's springs go on by `dt` s."""
         self._follow(state, step)
+        self.push(state, out, step, dt)
+
+    def push(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
+        """Add the force densities as `add` does, of a state that `free_steps` has seen."""
         if len(self._pairs.i):
             add_forces(
                 self._joined.nodes, self._pairs, state.value, state.rate, self._settings.friction, dt, out, self._spent
@@ -90,7 +94,7 @@ class PenaltyContact:
     @property
     def rows(self) -> NDArray[np.int64]:
         """Rows (m,) of the nodes on which forces may act now, in order."""
-        return np.union1d(self._pairs.rows, self.rigid.rows) if len(self.rigid.rows) else self._pairs.rows
+        return np.union1d(self._pairs.faces.rows, self.rigid.rows) if len(self.rigid.rows) else self._pairs.faces.rows
 
     def _follow(self, state: State, step: int) -> None:
         """Bring the pairs up to date."""
@@ -112,7 +116,7 @@ class PenaltyContact:
         key, old = pairs.i * nodes + pairs.j, before.i * nodes + before.j
         _, here, there = np.intersect1d(key, old, assume_unique=True, return_indices=True)
         pairs.slip[here], pairs.drag[here] = before.slip[there], before.drag[there]
-        nearer(self._joined.nodes, pairs)
+        nearer(pairs)
         self._pairs = pairs
 
     def _listed(self, i: NDArray[np.int64], j: NDArray[np.int64]) -> PairList:
@@ -122,16 +126,16 @@ class PenaltyContact:
         wide = np.maximum(self._delta[i], self._delta[j])
         rows, ends = np.unique(np.concatenate([i, j]), return_inverse=True)
         first, second = ends.reshape(2, -1)
-        normals = np.zeros((len(rows), nothing.shape[1] + 2))
-        return PairList(
-            i, j, k, wide, self._settings.distance * mean, nothing, nothing.copy(), rows, first, second, normals
-        )
+        x, apart = self._joined.nodes.x, np.zeros((len(i), 3))
+        apart[:, : x.shape[1]] = x[j] - x[i]
+        touch, faces = self._settings.distance * mean, self._joined.faces(rows)
+        return PairList(i, j, k, wide, touch, apart, nothing, nothing.copy(), first, second, faces)
 
     def _pressed(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Energies (n,), J, of all springs and of those of friction; stiffness, depth, normal of pairs (p, 2 + d)."""
         pairs, nodes = self._pairs, len(self._volume)
         held, rubbed, found = np.zeros(nodes), np.zeros(nodes), np.zeros((len(pairs.i), 2 + pairs.slip.shape[1]))
-        pressed_pairs(self._joined.nodes, pairs, state.value, held, rubbed, found)
+        pressed_pairs(pairs, state.value, held, rubbed, found)
         return held, rubbed, found
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -214,7 +218,14 @@ class PenaltyContact:
 
     def bytes(self) -> int:
         """Memory of all arrays, bytes."""
-        arrays = (*self._joined.nodes, *self._pairs, self._joined.intact, self._bound, self._spent)
+        arrays = (
+            *self._joined.nodes,
+            *self._pairs[:-1],
+            *self._pairs.faces,
+            self._joined.intact,
+            self._bound,
+            self._spent,
+        )
         return sum(array.nbytes for array in arrays) + 8 * len(self._joined.intact)
 
 
