@@ -16,7 +16,7 @@ from benchmarks.pages import put_section
 from pdmesh.model.document import Collocation, Material, Run, Settings
 from pdmesh.model.material import DECLARED, switch_of
 from pdmesh.model.materials import KINDS
-from pdmesh.model.refused_settings import impossible
+from pdmesh.model.refused_settings import impossible, on_ranks
 
 PAGE = Path(__file__).parents[1] / "docs" / "guide" / "models.md"
 SOLID: dict[str, Any] = {"model": "correspondence", "nu": 0.2}
@@ -47,12 +47,14 @@ RUNS = {
 
 
 def refusals(material: Material) -> Iterator[str]:
-    """What is refused of a material in space, in the thesis mode and in each of the runs; "" where nothing is."""
+    """What is refused of a material in space, in each run, in the thesis mode and on ranks; "" where nothing is."""
     for dimension, run in ((3, Run()), *((2, run) for run in RUNS.values())):
         wrong = next(impossible(Settings(material=material, run=run), dimension), None)
         yield "" if wrong is None else f"`{wrong.place.removeprefix('$.')}`: {wrong.expected}"
     wrong_name = next(KINDS[material.model].one_sided(material), None)
     yield "" if wrong_name is None else f"`material.{wrong_name.name}`: {wrong_name.expected}"
+    wrong = next(on_ranks(Settings(material=material)), None)
+    yield "" if wrong is None else f"`{wrong.place.removeprefix('$.')}`: {wrong.expected}"
 
 
 def combinations() -> str:
@@ -63,8 +65,8 @@ def combinations() -> str:
         "A number after *no* refers to the list below, which has what the message expects instead. `make materials`"
         " writes this section and\nthe one above from the declarations of the materials (`pdmesh/model/materials`).",
         "",
-        "| | " + " | ".join(("space", *RUNS, "thesis mode")) + " |",
-        "|---|" + "---|" * (len(RUNS) + 2),
+        "| | " + " | ".join(("space", *RUNS, "thesis mode", "many ranks")) + " |",
+        "|---|" + "---|" * (len(RUNS) + 3),
     ]
     known: dict[str, int] = {}
     for name, changes in MATERIALS.items():

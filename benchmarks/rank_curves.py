@@ -1,9 +1,9 @@
 """Steps over ranks: python -m benchmarks.rank_curves [--ranks 1,2] [--nodes 400000] [--rounds 3].
 
 Strong: a plate of so many nodes on more and more ranks. Weak: half as many nodes a rank. What is measured is the least
-time of several rounds, taken in turns, as the machine may be busy. What more ranks take, each with a core and its
-memory of its own, is computed from the step of one process and the network of `benchmarks.ranks`, and is marked so.
-Writes ranks.json and ranks.png.
+of several rounds, taken in turns, of the processor time of a step and the time of its exchange (`benchmarks.ranks`).
+What more ranks take, each with a core and its memory of its own, is computed from the step of one process and the
+network of `benchmarks.ranks`, and is marked so. Writes ranks.json and ranks.png.
 """
 
 from __future__ import annotations
@@ -71,7 +71,8 @@ def drawn(found: dict[str, Any], path: Path) -> None:
         nodes = found["measured"][kind][0]["nodes"]
         axis.set(title=f"{kind}: {nodes} nodes" + (" a rank" if kind == "weak" else ""), xlabel="ranks")
         axis.set_xticks(COMPUTED, [str(ranks) for ranks in COMPUTED], minor=False)
-        axis.set(ylabel="ms a step", ylim=(None, axis.get_ylim()[1] * 1.5))
+        low, high = axis.get_ylim()
+        axis.set(ylabel="ms a step", ylim=(min(low, high / 10), high * 1.5))
         axis.minorticks_off()
         axis.grid(alpha=0.3)
         axis.legend(fontsize="small")

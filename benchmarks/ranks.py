@@ -5,8 +5,9 @@ in turns; the least time of a step counts, as the machine may be busy. The excha
 ranks having waited for each other. What follows for more ranks than are here is computed from that and from a network
 of LATENCY and BANDWIDTH, and is marked so.
 
-`--step` takes steps on the ranks alone, or in one process on one thread, and prints their least time as JSON, for
-`benchmarks.rank_curves`.
+`--step` takes steps on the ranks alone, or in one process on one thread, and prints as JSON, for
+`benchmarks.rank_curves`, the processor time of the rank that works longest, without that in which it waits for others,
+and the least time of an exchange: neither depends on what else the machine does.
 """
 
 from __future__ import annotations
@@ -20,12 +21,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pdmesh.model.document import Horizon, InitialVelocity, Lattice, Material, Run, Settings
 from pdmesh.model.node_grid import whole_lattice
 from pdsolve.model import Model
 from pdsolve.numerics.memory import large_arrays_apart
 from pdsolve.numerics.team import Team, team
+from pdsolve.ranks.part import march
 from pdsolve.run.system import Options, Prepared, prepare
 
 STEPS, REPEATS = 10, 12  # of a timed march, in turns
@@ -105,11 +108,36 @@ def measured(ranks: Team, nodes: int) -> dict[str, Any]:
 
 
 def step_alone(ranks: Team | None, nodes: int) -> dict[str, float]:
-    """The least time of a step of a plate of about so many nodes, and of an exchange, s."""
+    """The least time of a step of a plate of about so many nodes, and of an exchange in it, s."""
     prepared = prepare(plate(nodes), Options(team=ranks, threads=1))
-    step = min(marched(prepared, 1 + turn * STEPS) for turn in range(2 * REPEATS))
+    found, nodes = [], len(prepared.system.model.grid)
+    prepared.march(1, 2)
+    for first in range(2, 2 + 6 * REPEATS * STEPS, STEPS):
+        if ranks is not None:
+            found.append(max(ranks.everywhere(worked, first, first + STEPS)) / STEPS)
+            continue
+        began = time.process_time()
+        prepared.march(first, first + STEPS)
+        found.append((time.process_time() - began) / STEPS)
     swap = 0.0 if ranks is None else float(np.max(ranks.everywhere(exchanges, 200), axis=0).min())
-    return {"nodes": len(prepared.system.model.grid), "step": step, "exchange": swap}
+    return {"nodes": nodes, "step": min(found) + swap, "exchange": swap}
+
+
+def worked(ranks: Team, first: int, last: int) -> float:
+    """Processor time of the steps `first` to `last` - 1 of this rank without exchanges, s."""
+    ghosts, waited = ranks.part.ghosts, [0.0]
+    fill = ghosts.fill
+
+    def timed(values: NDArray[Any]) -> None:
+        began = time.process_time()
+        fill(values)
+        waited[0] += time.process_time() - began
+
+    ghosts.fill, began = timed, time.process_time()
+    march(ranks, first, last)
+    spent = time.process_time() - began
+    del ghosts.fill
+    return spent - waited[0]
 
 
 def computed(rate: float) -> dict[str, float]:

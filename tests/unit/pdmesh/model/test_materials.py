@@ -26,7 +26,7 @@ YES = [
     (name, where)
     for name, changes in MATERIALS.items()
     if name != "bond, your own law"
-    for where, said in zip(ON_PLATES, list(refusals(msgspec.structs.replace(GLASS, **changes)))[1:], strict=True)
+    for where, said in zip(ON_PLATES, list(refusals(msgspec.structs.replace(GLASS, **changes)))[1:-1], strict=True)
     if not said
 ]
 
