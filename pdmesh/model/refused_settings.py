@@ -119,7 +119,7 @@ def impossible(settings: Settings, dimension: int) -> Iterator[Impossible]:
     if settings.physics == "diffusion" and settings.medium is not None:
         yield from _diffusing(settings, settings.medium)
         if settings.run.device != "cpu":
-            yield Impossible("$.run.device", settings.run.device, "cpu of diffusion")
+            yield from _on_device(settings, [])
     if settings.physics == "diffusion" or settings.material is None:
         return
     every = [("$.material", settings.material)]
@@ -377,11 +377,13 @@ def _touching(settings: Settings, every: Places) -> Iterator[Impossible]:
 
 
 def _on_device(settings: Settings, every: Places) -> Iterator[Impossible]:
-    """Settings of mechanics that no device has."""
+    """Settings that no device has."""
     why = f"as run.device is {settings.run.device}"
     yield from _unusual(settings, {"solver": "explicit", "adapt": "none", "cracks": "bonds"}, f", {why}")
-    if settings.physics != "mechanics":
-        yield Impossible("$.physics", settings.physics, f"mechanics, {why}")
+    if settings.physics == "thermoelastic":
+        yield Impossible("$.physics", settings.physics, f"mechanics or diffusion, {why}")
+    if settings.medium is not None and settings.medium.dissolution == "kinetic":
+        yield Impossible("$.medium.dissolution", "kinetic", f"enthalpy, {why}")
     for place, material in every:
         if material.model not in ("bond", "ordinary"):
             yield Impossible(f"{place}.model", f"'{material.model}'", f"bond or ordinary, {why}")

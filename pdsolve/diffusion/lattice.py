@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from pdmesh.model.neighbours import ON_LATTICE, ROUND_OFF
 from pdsolve.diffusion.families import Families, Unlike, shape
 from pdsolve.diffusion.listed import BondList, ChangedBonds, compiled
+from pdsolve.numerics.fused import fused
 from pdsolve.numerics.thread_team import side_by_side
 
 if TYPE_CHECKING:
@@ -42,6 +43,18 @@ class Slots(NamedTuple):
 
     ahead: NDArray[np.int64]  # (s,) cells
     conductance: NDArray[np.float64]  # (s,) 1/(s m^d)
+
+
+class Tables(NamedTuple):
+    """What a lattice of n nodes is, for who sums it elsewhere."""
+
+    cells: int
+    cell: NDArray[np.int64]  # (n,)
+    ahead: NDArray[np.int64]  # (s,) cells
+    conductance: NDArray[np.float64]  # (s,) 1/(s m^d)
+    scale: NDArray[np.float64]  # (n,)
+    outflow: NDArray[np.float64]  # (n,) 1/s
+    change: BondList | None
 
 
 class Box(NamedTuple):
@@ -187,6 +200,11 @@ class OnLattice:
         if self._change is not None:
             self._change.rates(potential, out)
 
+    def tables(self) -> Tables:
+        """Its cells, slots, and bonds that differ."""
+        box, slots = self._box, self._slots
+        return Tables(box.size + ABREAST, box.cell, *slots, self._scale, self._outflow, self._change)
+
     def lacking(self, cell: float) -> NDArray[np.bool_]:
         """Mask (n,) of nodes whose total conductance differs from that of a full family of whole cells, m^d."""
         full = self._scale * self._slots.conductance.sum() * cell
@@ -223,7 +241,7 @@ def _put(cell, potential, volume, amount):  # type: ignore[no-untyped-def]
         amount[cell[i]] = potential[i] * volume[i]
 
 
-@compiled(fastmath={"reassoc", "contract", "nsz"})
+@compiled(fastmath={"nsz"})
 def _pull(runs, slots, of, out, first, last):  # type: ignore[no-untyped-def]
     amount, potential, total, scale, order = of
     ahead, g = slots
@@ -239,13 +257,15 @@ def _pull(runs, slots, of, out, first, last):  # type: ignore[no-untyped-def]
             b6, b7 = np.uint64(cell + ahead[k + 6]), np.uint64(cell + ahead[k + 7])
             g0, g1, g2, g3, g4, g5, g6, g7 = g[k], g[k + 1], g[k + 2], g[k + 3], g[k + 4], g[k + 5], g[k + 6], g[k + 7]
             for x in range(cells):
-                one = g0 * amount[b0 + x] + g1 * amount[b1 + x] + g2 * amount[b2 + x] + g3 * amount[b3 + x]
-                two = g4 * amount[b4 + x] + g5 * amount[b5 + x] + g6 * amount[b6 + x] + g7 * amount[b7 + x]
+                one = fused(g1, amount[b1 + x], g0 * amount[b0 + x])
+                one = fused(g3, amount[b3 + x], fused(g2, amount[b2 + x], one))
+                two = fused(g5, amount[b5 + x], g4 * amount[b4 + x])
+                two = fused(g7, amount[b7 + x], fused(g6, amount[b6 + x], two))
                 s[x] += one + two
         for k in range(eights, len(ahead), 2):
             b0, b1, g0, g1 = np.uint64(cell + ahead[k]), np.uint64(cell + ahead[k + 1]), g[k], g[k + 1]
             for x in range(cells):
-                s[x] += g0 * amount[b0 + x] + g1 * amount[b1 + x]
+                s[x] += fused(g1, amount[b1 + x], g0 * amount[b0 + x])
         for x in range(runs.cells[r]):
             i = order[runs.node[r] + x]
             out[i] += scale[i] * (s[x] - total[i] * potential[i])

@@ -9,11 +9,13 @@ from pdsolve.conditions import Drive
 from pdsolve.diffusion.system import Transport
 from pdsolve.model import Model
 from pdsolve.numerics.team import Team
+from pdsolve.operators.device.runtime import Session
 from pdsolve.operators.protocol import Operator
 from pdsolve.ranks.diffusing import EulerOnRanks
 from pdsolve.ranks.operator import AcrossRanks
 from pdsolve.run.operator_factory import in_blocks
 from pdsolve.state import State
+from pdsolve.steppers.euler_on_device import EulerOnDevice
 from pdsolve.steppers.protocol import Stepper
 from pdsolve.steppers.verlet import Verlet
 from pdsolve.steppers.verlet_blocks import VerletBlocks
@@ -40,8 +42,11 @@ def stepper_of(
     return Verlet(operator, drive, rho, dt, damping), drive
 
 
-def stepper_of_content(model: Model, transport: Transport, team: Team | None) -> Stepper:
+def stepper_of_content(model: Model, transport: Transport, state: State, team: Team | None) -> Stepper:
     """What takes the steps of a transport through a model, on the ranks of a team if there is one."""
+    device = model.settings.run.device
+    if device != "cpu":
+        return EulerOnDevice(transport.operator, state, transport.drive, transport.time_step, Session(device))
     if team is None:
         return transport.stepper
     return EulerOnRanks(model, team, transport.operator, transport.drive, transport.time_step)

@@ -85,8 +85,12 @@ def _on_device(
             f"{model.name}: $.run.device: found a law that is no straight line, expected cpu of such a law"
         )
     session, kind = Session(model.settings.run.device), np.dtype(options.precision).type
-    in_plane = model.grid.dimension == 2
-    blocks = blocks_of(law, survey.parts(), len(model.grid), kind, 1) if in_plane else None
+    if model.grid.dimension == 3:
+        raise ModelError(
+            f"{model.name}: $.run.device: found a body whose bonds are listed one by one, expected cpu, or equal cells"
+            " on one cubic lattice that is wider than a horizon, material.sight visibility, and one micromodulus"
+        )
+    blocks = blocks_of(law, survey.parts(), len(model.grid), kind, 1)
     if blocks is None:
         raise ModelError(f"{model.name}: $.run.device: found nodes on no lattice, expected cpu, or nodes on one")
     found = PlaneOnDevice(law, blocks, survey.stiffness_bound, scheme.symmetric, survey.softens, session)

@@ -24,8 +24,8 @@ from pdsolve.run.node_changes import Change
 from pdsolve.run.system import System
 from pdsolve.state import Broken, State
 from pdsolve.steppers.load_steps import Rested
+from pdsolve.steppers.on_device import fetch
 from pdsolve.steppers.stepped_rest import SteppedRest
-from pdsolve.steppers.verlet_on_device import fetch
 
 GAP = 64  # rows between born nodes whose bonds are asked for together
 KEPT = 1.0  # s between checkpoints in full precision, with frames

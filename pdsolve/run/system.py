@@ -55,13 +55,13 @@ from pdsolve.steppers.equilibrium import Method, forces
 from pdsolve.steppers.euler import Euler
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.newton import FACTORED_IN, Newton
+from pdsolve.steppers.on_device import OnDevice, fetch
 from pdsolve.steppers.path_steps import PathSteps
 from pdsolve.steppers.protocol import Stepper
 from pdsolve.steppers.relaxation import Relaxation
 from pdsolve.steppers.static_loads import follows_path, in_load_steps, in_steps_of_content
 from pdsolve.steppers.stepped_rest import SteppedRest, repeating
 from pdsolve.steppers.touching import Touching
-from pdsolve.steppers.verlet_on_device import OnDevice, fetch
 
 if TYPE_CHECKING:
     from pdsolve.crack_growth.growth import Growth
@@ -106,7 +106,7 @@ class System:
     @property
     def device(self) -> str:
         """What sums bonds: cpu, or the name of a device."""
-        return self.operator.session.about.name.strip() if isinstance(self.operator, OnDevice) else "cpu"
+        return self.stepper.session.about.name.strip() if isinstance(self.stepper, OnDevice) else "cpu"
 
     @property
     def hybrid(self) -> Moving | None:
@@ -206,7 +206,7 @@ def _diffusing(model: Model, options: Options) -> Prepared:
         options=options._replace(threads=found.threads),
         scheme=SCHEMES["conservative"],
         operator=operator,
-        stepper=stepper_of_content(model, found, options.team),
+        stepper=stepper_of_content(model, found, state, options.team),
         drive=found.drive,
         area=volume,
         family=operator.count + found.blocked,

@@ -18,7 +18,6 @@ from pdsolve.operators.device.source import preamble, text_of
 from pdsolve.operators.device.space import SpaceOnDevice
 from pdsolve.operators.simd_lattice.kernel import LANES
 from pdsolve.state import State
-from pdsolve.steppers.protocol import Stepper
 
 OnDevice = PlaneOnDevice | SpaceOnDevice | FamiliesOnDevice
 STARTS, ENDS = 1, 2  # phases of the kernel
@@ -50,14 +49,15 @@ class VerletOnDevice:
         self._operator, self._state, self._drive = of
         operator = of[0]
         self._dt = dt
-        self._session, self._ahead, self._last = operator.session, False, 0
+        self.session, self._ahead, self._last = operator.session, False, 0
         count, kind = operator.dimension * operator.room, rho.dtype
-        self._session.room_for((6 * kind.itemsize + 8) * count + (24 + 2 * kind.itemsize) * operator.room)
-        program = self._session.build(self._source(kind, bool(damping.any())))
+        self.session.expect_countable(count)
+        self.session.room_for((6 * kind.itemsize + 8) * count + (24 + 2 * kind.itemsize) * operator.room)
+        program = self.session.build(self._source(kind, bool(damping.any())))
         self._kernel = program.advance
         if isinstance(operator, FamiliesOnDevice):
             operator.take_passes(program)
-        put, none = self._session.put, np.zeros(count, dtype=kind)
+        put, none = self.session.put, np.zeros(count, dtype=kind)
         self._u, self._v, self._a = [put(none) for _ in range(3)], [put(none) for _ in range(2)], put(none)
         weight = np.concatenate([operator.spread(1 / rho, 1.0), operator.spread(rho, 1.0)])
         self._weight, self._damping = put(weight), put(operator.spread(damping))
@@ -72,7 +72,7 @@ class VerletOnDevice:
 
     def _place_conditions(self) -> None:
         """Put loads and holds on the device, by the nodes on which they act."""
-        drive, operator, put = self._drive, self._operator, self._session.put
+        drive, operator, put = self._drive, self._operator, self.session.put
         nodes = np.union1d(drive.loads.node, drive.holds.node)
         acts = np.full(operator.room, -1, dtype=np.int32)
         acts[operator.rows(nodes)] = np.arange(len(nodes))
@@ -100,7 +100,7 @@ class VerletOnDevice:
             phase = STARTS * (taken == 0) + ENDS * (taken == steps)
             self._step(first + taken - 1, phase, taken % AT_ONCE)
         self._u = [self._u[2], *self._u[:2]]  # the last sweep wrote no displacements
-        self._session.finish()
+        self.session.finish()
 
     def _step(self, step: int, phase: int, at: int) -> None:
         operator, drive = self._operator, self._drive
@@ -112,7 +112,7 @@ class VerletOnDevice:
         numbers = np.int32(len(drive.profiles.start) - 1), np.int32(drive.varies), np.float64(self._dt)
         last = (np.int32(each) for each in (operator.room, step, phase, at))
         arguments = [*operator.arguments, *motion, *acting, *numbers, *last]
-        self._session.launch(self._kernel, (operator.room, LANES), arguments)
+        self.session.launch(self._kernel, (operator.room, LANES), arguments)
         self._u, self._v = [now, after, before], self._v[::-1]
 
     def _sum_here(self, operator: FamiliesOnDevice, step: int) -> None:
@@ -127,19 +127,19 @@ class VerletOnDevice:
     def _read(self, buffer: Any, values: NDArray[Any]) -> None:
         """Enter a buffer in an array of the state."""
         wide = np.empty((*values.shape[1:], self._operator.room), dtype=values.dtype)
-        self._session.read(buffer, wide)
+        self.session.read(buffer, wide)
         self._operator.collected(wide, values)
 
     def _write_factors(self, step: int, steps: int) -> None:
         table = np.zeros((steps, 3, max(len(self._drive.profiles.start) - 1, 1)))
         factors_of(self._drive.profiles, step, self._dt, table)
-        self._session.write(self._factors, table)
+        self.session.write(self._factors, table)
 
     def _hand_over(self) -> None:
         """Give the state of the host to the device."""
-        operator, write, drive = self._operator, self._session.write, self._drive
+        operator, write, drive = self._operator, self.session.write, self._drive
         operator.hand_over()
-        self._session.finish()
+        self.session.finish()
         for buffer, values in self._mirrored():
             write(buffer, operator.spread(values))
         for buffer in (self._now, self._ago):
@@ -161,18 +161,12 @@ class VerletOnDevice:
         for buffer, values in self._mirrored():
             self._read(buffer, values)
         forces = np.empty(len(drive.held_force))
-        self._session.read(self._force, forces)
+        self.session.read(self._force, forces)
         drive.held_force[self._holds.order] = forces
         if drive.varies:
             put_loads(drive, self._last * self._dt)
         operator.fetch()
         self._ahead = False
-
-
-def fetch(stepper: Stepper) -> None:
-    """Bring the state of a system up to the steps taken, if a device takes them."""
-    if isinstance(stepper, VerletOnDevice):
-        stepper.fetch()
 
 
 def _sorted(entries: Entries, nodes: NDArray[np.int64]) -> _Acting:

@@ -57,14 +57,14 @@ inline void sum_bonds(FORCE_PARAMETERS, __global const REAL *before, __global co
   REAL here_x = u[i], here_y = u[m + i], fx = 0, fy = 0;
   int first = start[b], last = start[b + 1];
   for (int slot = first; slot < last; ++slot) {
-    __global const int *row = slots + 8 * slot;
+    __global const int *row = slots + 8L * slot;
     long place = (long)((slot - first) / 32) * m + i, own = 64L * slot + lane;
     uint bit = 1u << ((slot - first) % 32);
     REAL w = stiffness[64 * row[5] + lane], most = edge[64 * row[6] + lane];
     if ((w == 0 && isinf(most)) || (gone[place] & bit)) /* no bond; one of no stiffness breaks like any other */
       continue;
     int way = row[lane / 16];
-    int j = way < FAR ? i + way : ids[16 * (way - FAR) + lane % 16];
+    int j = way < FAR ? i + way : ids[16L * (way - FAR) + lane % 16];
     __global const REAL *v = vectors + 8 * row[4];
     REAL x = u[j] - here_x, y = u[m + j] - here_y;
     REAL along = fma(v[4], x, v[2]) * x;

@@ -22,6 +22,7 @@ from pdsolve.model import ModelError
 INSTALL = "pip install 'pdsuite[opencl]'"
 DOUBLE = "cl_khr_fp64"
 EXACT = "-cl-fp32-correctly-rounded-divide-sqrt"  # of single precision; double precision always is
+MOST = 2**31 - 1  # numbers of an array that kernels count in 32 bits
 SPARE = 0.9  # of a device's memory that a run may take
 
 
@@ -83,6 +84,14 @@ class Session:
                 f" {(self._taken + wanted) / 1e9:.3g} GB (fewer nodes, --precision float32, or --device cpu)"
             )
         self._taken += wanted
+
+    def expect_countable(self, numbers: int) -> None:
+        """Raise ModelError for an array of more numbers than kernels count."""
+        if numbers > MOST:
+            raise ModelError(
+                f"device: found nodes with {numbers} components, expected at most {MOST} on a device (fewer nodes, or"
+                " --device cpu)"
+            )
 
     def build(self, source: str) -> Any:
         """The program of an OpenCL C source. Raises ModelError for one that the device's compiler refuses."""

@@ -14,14 +14,14 @@ from pdsolve.operators.device.runtime import Session
 from pdsolve.operators.device.source import body_functions
 from pdsolve.operators.protocol import Kept
 from pdsolve.operators.simd_lattice.lanes import ROW
-from pdsolve.operators.space_lattice import layout
+from pdsolve.operators.space_lattice import families, layout
 from pdsolve.operators.space_lattice.kernel import Tiles, recall
 from pdsolve.operators.space_lattice.operator import SpaceLattice
 from pdsolve.operators.space_lattice.sites import Sites
 from pdsolve.state import Broken
 
 WORD, GROUP = 32, 64  # bits; work items
-FEWEST, EACH = 1 << 16, 16  # bonds that may break between two looks, and for each node
+FEWEST, EACH = 1 << 24, 32  # bonds that may break between two looks, and for each node; in small bodies all
 
 
 class SpaceOnDevice(SpaceLattice):
@@ -38,6 +38,7 @@ class SpaceOnDevice(SpaceLattice):
         self.session, self.dimension, self.fused, self.stale = session, 3, False, True
         self.room = -(-sites.size // GROUP) * GROUP
         self._words, self._most = -(-len(tiles.offsets) // WORD), max(FEWEST, EACH * len(stiffest))
+        self._most = min(self._most, int(families.counts(tiles.bits, sites).sum()))
         tables = (tiles.offsets, tiles.table, tiles.c, tiles.cells, tiles.kind, tiles.peak, tiles.limit)
         own = self.room * (4 * self._words + 4 + 2 + 8) + 12 * self._most
         self._remembers = bool(law.memory)
@@ -55,7 +56,7 @@ class SpaceOnDevice(SpaceLattice):
         tables = tiles.offsets, tiles.table, *wide, tiles.kind, node, *of_nodes, tiles.peak, tiles.limit
         self._tables = [put(table) for table in tables]
         self._intact = put(np.zeros((self._words, self.room), dtype=np.uint32))
-        self._breaks, self._used = put(np.zeros((self._most, 3), dtype=np.int32)), put(np.zeros(2, dtype=np.int32))
+        self._breaks, self._used = self.session.zeros(12 * self._most), put(np.zeros(2, dtype=np.int32))
         self.dissipated = put(np.zeros(self.room))
         self._memory, self._torn = (put(np.zeros(len(tiles.kind), dtype=np.int32)) for _ in range(2))
         self._worst = self.session.zeros(self._remembered() * len(tiles.kind))

@@ -276,6 +276,19 @@ def test_nodes_on_no_lattice_and_other_devices_are_refused() -> None:
         prepare(plate(grid, run=Run(device="opencl:999")), Options())
 
 
+def test_bodies_whose_bonds_are_listed_are_refused() -> None:
+    model = bar(run=Run(device="opencl"))
+    moved = model.grid.position + 1e-3 * np.random.default_rng(1).standard_normal(model.grid.position.shape)
+    scattered = dataclasses.replace(model, grid=dataclasses.replace(model.grid, position=moved))
+    with pytest.raises(ModelError, match=naming("$.run.device", found="listed", expected="cubic lattice")):
+        prepare(scattered, Options())
+
+
+def test_more_numbers_than_kernels_count_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(runtime, "MOST", 100)
+    assert mentions(refused(), found="128", expected="100")
+
+
 class Failing:
     """What stands for pyopencl and fails."""
 

@@ -1,0 +1,224 @@
+"""An OpenCL device beside the processor and its own roofline: python -m benchmarks.devices [-o FILE] [--chart PNG].
+
+Plates and a body of brittle bonds, none of which breaks, march on the device and on one thread of the processor in
+turns; the least time of a step counts. Where the device is the processor itself (PoCL) processor time counts, else that
+of the clock. The roofline is what the device reaches in two kernels of a few lines, a copy and sums of products, over
+what a bond takes: `taken` counts its operations and its bytes. A bond is summed from both of its ends.
+
+`--wide` also sums plates in a second form, 8 nodes a work item with their numbers in vectors (benchmarks/wide.cl).
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from pdmesh import Body, Box
+from pdmesh.drawing.solids import meshed
+from pdmesh.grid.building import build
+from pdmesh.model.document import Horizon, InitialVelocity, Lattice, Material, Run, Settings
+from pdmesh.model.node_grid import whole_lattice
+from pdsolve.model import Model, on_device
+from pdsolve.operators.device.plane import PlaneOnDevice
+from pdsolve.operators.device.runtime import Session
+from pdsolve.operators.device.source import preamble
+from pdsolve.operators.simd_lattice.pull import coefficients
+from pdsolve.options import Options
+from pdsolve.run.system import Prepared, prepare
+
+STEPS, ROUNDS = 10, 5
+SIDES = {"64k": (400, 160), "400k": (1000, 400)}
+CUBE = 48  # nodes along each axis of the body
+COPIED, CHAINS = 1 << 24, 2048  # numbers of the copy; products and sums of a work item
+EIGHT = 8
+SIMPLE = """
+__kernel void copied(__global const REAL *a, __global REAL *b) { b[get_global_id(0)] = a[get_global_id(0)]; }
+__kernel void summed(__global REAL *a) {
+  WIDE_REAL x = a[get_global_id(0)], s = x, t = -x, v = 2 * x, w = 3 * x;
+  for (int k = 0; k < CHAIN; ++k) {
+    s = fma(s, x, x);
+    t = fma(t, x, x);
+    v = fma(v, x, x);
+    w = fma(w, x, x);
+  }
+  s += t + v + w;
+  a[get_global_id(0)] = s.s0 + s.s1 + s.s2 + s.s3 + s.s4 + s.s5 + s.s6 + s.s7;
+}
+"""
+
+
+class Taken(NamedTuple):
+    """What a bond, seen from one end, takes of a device."""
+
+    operations: float
+    bytes: float
+
+
+def taken(dimension: int, precision: str, family: float) -> Taken:
+    """What the kernel counts for each bond of a node with so many, none of them long enough for a root.
+
+    Of d components: eta d; e 4 d - 1; the polynomial 2 a degree; w e g 2; xi + eta and the sums 3 d. A node moves its
+    displacement twice, its velocity twice, 1 / rho, its place among conditions and a word of bits for 32 bonds; its
+    neighbours' displacements are those that the nodes beside it have read.
+    """
+    size, degree = (8, 5) if precision == "float64" else (4, 2)
+    words = -(-family // 32)
+    moved = 4 * dimension * size + size + 4 + 4 * words
+    if dimension == 3:
+        moved += 8 * dimension + 4 + 1  # a row of nodes and whether it is held, accelerations twice
+    return Taken(dimension + 4 * dimension - 1 + 2 * degree + 2 + 3 * dimension, moved / family)
+
+
+def plate(columns: int, rows: int) -> Model:
+    """A plate that flies apart without breaking."""
+    lattice = Lattice(origin=(0.0, 0.0), spacing=1e-3, columns=columns, rows=rows)
+    half = (0.0, 0.0, columns * 1e-3, rows * 0.5e-3)
+    settings = Settings(
+        material=Material(E=65e9, rho=2235.0, G0=1e9),
+        horizon=Horizon(3.0),
+        conditions=(InitialVelocity(box=half, x=1.0, y=0.1),),
+        run=Run(steps=10, every=10),
+    )
+    return Model(whole_lattice(lattice, cracks=np.empty((0, 4))), settings)
+
+
+def cube() -> Model:
+    """A cube of so many nodes that is pulled."""
+    glass = Material(E=65e9, rho=2235.0, G0=1e9, plane="space", micromodulus="constant")
+    h = 1.0 / CUBE
+    found = build(meshed(Body(Box((0, 0, 0), (1.0, 1.0, 1.0)), h, glass).load("right", (1e4, 0, 0))))
+    return Model(found.grid, found.settings)
+
+
+def marched(prepared: Prepared, clock: Callable[[], float], first: int) -> float:
+    """Seconds of a step, of those from `first` on."""
+    began = clock()
+    prepared.march(first, first + STEPS)
+    return (clock() - began) / STEPS
+
+
+def roofline(session: Session, precision: str, clock: Callable[[], float]) -> tuple[float, float]:
+    """Bytes and operations a second that the device reaches."""
+    wide = "double8" if precision == "float64" else "float8"
+    source = f"{preamble(precision, 2)}\n#define WIDE_REAL {wide}\n#define CHAIN {CHAINS}\n{SIMPLE}"
+    program, kind = session.build(source), np.dtype(precision).type
+    a, b = session.put(np.full(COPIED, 1e-3, dtype=kind)), session.zeros(COPIED * np.dtype(precision).itemsize)
+    copied, summed, items = program.copied, program.summed, COPIED >> 8
+    moved = least(lambda: session.launch(copied, (COPIED, 64), [a, b]), session, clock)
+    added = least(lambda: session.launch(summed, (items, 64), [a]), session, clock)
+    return 2 * COPIED * np.dtype(precision).itemsize / moved, 8 * EIGHT * CHAINS * items / added
+
+
+def least(work: Callable[[], Any], session: Session, clock: Callable[[], float]) -> float:
+    """The least seconds of some work of a device."""
+    found = []
+    for _ in range(ROUNDS):
+        session.finish()
+        began = clock()
+        work()
+        session.finish()
+        found.append(clock() - began)
+    return min(found[1:])
+
+
+def wide(prepared: Prepared, precision: str, clock: Callable[[], float]) -> float:
+    """Seconds of the sums of a plate in the second form. Raises ValueError if its forces are others."""
+    operator = prepared.system.operator
+    assert isinstance(operator, PlaneOnDevice)
+    session, state = operator.session, prepared.state
+    text, kind = (Path(__file__).parent / "wide.cl").read_text(encoding="utf-8"), np.dtype(precision).type
+    factors = [f"(WIDE_REAL)({float(kind(factor)).hex()})" for factor in coefficients(precision)[0]]
+    value = factors[-1]
+    for factor in factors[-2::-1]:
+        value = f"fma({value}, e, {factor})"
+    summed = session.build(f"{preamble(precision, 2)}\n#define POLYNOMIAL(e) {value}\n{text}").summed
+    random = np.random.default_rng(1)
+    state.value[:] = 1e-9 * random.standard_normal(state.value.shape)
+    u, f = session.put(operator.spread(state.value)), session.put(np.zeros((2, operator.room), dtype=precision))
+    arguments = [*operator.arguments[:5], u, f, np.int32(operator.room)]
+    found = least(lambda: session.launch(summed, (operator.room // EIGHT, EIGHT), arguments), session, clock)
+    forces, expected = np.zeros((2, operator.room), dtype=precision), np.zeros(state.value.shape)
+    session.read(f, forces)
+    operator.add(state, expected, 0, 0.0)
+    if not np.array_equal(forces[:, : len(expected)].T.astype(float), expected):
+        raise ValueError(
+            f"benchmarks.devices: found other forces in vectors on {session.about.name}, expected the same"
+        )
+    return found
+
+
+def measured(name: str, device: str, vectors: bool) -> list[dict[str, Any]]:
+    """What a model takes on a device and on one thread, in both precisions."""
+    model, found = cube() if name == "body" else plate(*SIDES[name]), []
+    for precision in ("float64", "float32"):
+        here = prepare(model, Options("conservative", precision, threads=1))
+        there = prepare(on_device(model, device), Options("conservative", precision))
+        session = there.system.operator.session  # type: ignore[attr-defined]
+        clock = time.process_time if session.about.kind == "CPU" else time.perf_counter
+        times = [
+            (marched(here, time.process_time, 1 + STEPS * k), marched(there, clock, 1 + STEPS * k))
+            for k in range(ROUNDS + 1)
+        ]
+        own, other = (min(column) for column in zip(*times[1:], strict=True))  # the first compiles
+        bonds, nodes = float(here.system.bonds), len(model.grid)
+        bandwidth, operations = roofline(session, precision, clock)
+        each = taken(model.grid.dimension, precision, bonds / nodes)
+        row = {"model": name, "nodes": nodes, "precision": precision, "device": session.about.words}
+        row |= {"bonds": bonds, "processor": bonds / own, "on the device": bonds / other}
+        row |= {"bytes a second": bandwidth, "operations a second": operations, **each._asdict()}
+        row["roofline"] = min(bandwidth / each.bytes, operations / each.operations)
+        if vectors and name != "body":
+            row["in vectors"] = bonds / wide(there, precision, clock)
+        found.append(row)
+    return found
+
+
+def chart(rows: list[dict[str, Any]], path: Path) -> None:
+    """Bonds a second of the processor, the device, and the device's roofline."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8, 4), layout="constrained")
+    axes = figure.subplots()
+    names = [name for name in ("processor", "on the device", "in vectors", "roofline") if any(name in r for r in rows)]
+    for number, name in enumerate(names):
+        place = np.arange(len(rows)) + 0.8 * (number / len(names) - 0.4)
+        axes.bar(place, [row.get(name, np.nan) / 1e6 for row in rows], 0.8 / len(names), label=name)
+    axes.set_xticks(range(len(rows)), [f"{row['model']}\n{row['precision']}" for row in rows])
+    axes.set(yscale="log", ylabel="million bonds a second", title=rows[0]["device"])
+    axes.legend()
+    figure.savefig(path, dpi=120)
+
+
+def main() -> None:
+    """Print, and write, what was measured."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--device", default="opencl")
+    parser.add_argument("--models", nargs="+", choices=[*SIDES, "body"], default=[*SIDES, "body"])
+    parser.add_argument("--wide", action="store_true", help="the second form too")
+    parser.add_argument("--chart", type=Path)
+    parser.add_argument("-o", "--output", type=Path)
+    given = parser.parse_args()
+    rows = [row for name in given.models for row in measured(name, given.device, given.wide)]
+    for row in rows:
+        speeds = {name: value for name, value in row.items() if name in ("processor", "on the device", "in vectors")}
+        words = ", ".join(f"{name} {value / 1e6:.0f}" for name, value in speeds.items())
+        print(
+            f"{row['model']} ({row['nodes']} nodes, {row['precision']}): {words} M bonds/s; roofline"
+            f" {row['roofline'] / 1e6:.0f} ({row['bytes']:.1f} bytes and {row['operations']:.0f} operations a bond,"
+            f" {row['bytes a second'] / 1e9:.3g} GB/s, {row['operations a second'] / 1e9:.3g} Gflop/s)"
+        )
+    print(rows[0]["device"])
+    if given.output:
+        given.output.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+    if given.chart:
+        chart(rows, given.chart)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,126 @@
+"""Forward Euler of diffusion on a device, to the same bits as on the processor: contents stay there between records."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.conditions import Drive, Entries, factors_at, put_loads
+from pdsolve.diffusion.lattice import TOGETHER, OnLattice
+from pdsolve.diffusion.listed import BondList
+from pdsolve.diffusion.operator import Fick
+from pdsolve.model import ModelError
+from pdsolve.operators.device.runtime import Session
+from pdsolve.operators.device.source import preamble, text_of
+from pdsolve.operators.simd_lattice.kernel import LANES
+from pdsolve.state import State
+
+AT_ONCE = 256  # steps whose factors are computed together
+
+
+class EulerOnDevice:
+    """Takes steps on a device; the state on the host is that of the last `fetch`, and may be changed after it."""
+
+    def __init__(self, operator: Fick, state: State, drive: Drive, dt: float, session: Session) -> None:
+        """Steps of `dt`, s. Raises ModelError for nodes on no lattice, or a device with too little memory."""
+        self.session, self._drive, self._state, self._dt = session, drive, state, dt
+        lattice, more = operator.exchange, operator.change
+        if not isinstance(lattice, OnLattice):
+            raise ModelError("$.run.device: found nodes on no lattice, expected cpu, or nodes on one")
+        tables, nodes = lattice.tables(), len(operator.volume)
+        changes = [tables.change, more]
+        self._nodes, self._ahead, self._last = nodes, False, 0
+        self._size = -(-nodes // LANES) * LANES
+        lists = [_listed(each, nodes) for each in changes]
+        fixed: list[NDArray[Any]] = [
+            operator.volume,
+            tables.ahead.astype(np.int32),
+            tables.conductance,
+            tables.scale,
+            tables.outflow,
+        ]
+        fixed += [operator.outside, *lists[0], *lists[1]]
+        session.expect_countable(tables.cells)
+        session.room_for(sum(each.nbytes for each in fixed) + 8 * tables.cells + 60 * nodes)
+        defined = {"SLOTS": len(tables.ahead), "EIGHTS": len(tables.ahead) // TOGETHER * TOGETHER}
+        names = {"UNLIKE": changes[0] is not None, "MORE": changes[1] is not None, "VARIES": drive.varies}
+        names |= {"LOADS": len(drive.loads.node) > 0, "OPEN": bool(operator.outside.any())}
+        defined |= {name: 1 for name, there in names.items() if there}
+        least = operator.medium.C_sat
+        lines = [preamble("float64", 1), *(f"#define {name} {value}" for name, value in defined.items())]
+        lines += [] if least is None else [f"#define C_SAT {float(least).hex()}"]
+        program = session.build("\n".join([*lines, text_of("fick.cl")]))
+        self._put, self._advance = program.put, program.advance
+        self._cell, self._fixed = session.put(tables.cell.astype(np.int32)), [session.put(each) for each in fixed]
+        self._potential, self._amount = session.put(np.zeros(nodes)), session.zeros(8 * tables.cells)
+        self._h, self._rate, self._dissipated, self._work = (session.put(np.zeros(nodes)) for _ in range(4))
+        self._source = session.put(np.ascontiguousarray(drive.force[:, 0]))
+        self._acting = [*_entries(drive.loads, nodes, session), *_entries(drive.holds, nodes, session)]
+        self._profiles = max(len(drive.profiles.start) - 1, 1)
+        self._factors = session.put(np.zeros((AT_ONCE, 2, self._profiles)))
+
+    def march(self, state: State, first: int, last: int) -> None:
+        """Take the steps `first` to `last` - 1. Raises DeviceLostError."""
+        if last <= first:
+            return
+        if not self._ahead:
+            for buffer, values in self._mirrored():
+                self.session.write(buffer, values)
+        self._ahead, self._last = True, last - 1
+        sizes, nodes = (self._size, LANES), np.int32(self._nodes)
+        volume, *rest = self._fixed
+        for step in range(first, last):
+            at = (step - first) % AT_ONCE
+            if at == 0:
+                self._write_factors(step, min(AT_ONCE, last - step))
+            given = self._cell, volume, self._h, self._potential, self._amount, nodes
+            self.session.launch(self._put, sizes, given)
+            motion = self._h, self._rate, self._dissipated, self._work, self._source
+            numbers = np.int32(self._profiles), np.int32(at), np.float64(self._dt), nodes
+            bonds = self._cell, volume, self._potential, self._amount, *rest
+            self.session.launch(self._advance, sizes, [*bonds, *motion, *self._acting, self._factors, *numbers])
+        self.session.finish()
+
+    def fetch(self) -> None:
+        """Bring the state on the host up to the device's. Raises DeviceLostError."""
+        if not self._ahead:
+            return
+        for buffer, values in self._mirrored():
+            fresh = np.empty(len(values))
+            self.session.read(buffer, fresh)
+            values[:] = fresh
+        if self._drive.varies:
+            put_loads(self._drive, (self._last - 1) * self._dt)
+        self._ahead = False
+
+    def _mirrored(self) -> list[tuple[Any, NDArray[np.float64]]]:
+        """Buffers, and the arrays of the state that they are."""
+        state = self._state
+        motion = (self._h, state.value[:, 0]), (self._rate, state.rate[:, 0])
+        return [*motion, (self._dissipated, state.dissipated), (self._work, state.work)]
+
+    def _write_factors(self, step: int, steps: int) -> None:
+        table = np.zeros((steps, 2, self._profiles))
+        for k in range(steps):
+            for row, time in enumerate(((step + k - 1) * self._dt, (step + k) * self._dt)):
+                found = factors_at(self._drive.profiles, time)
+                table[k, row, : len(found)] = found
+        self.session.write(self._factors, table)
+
+
+def _listed(bonds: BondList | None, nodes: int) -> list[NDArray[Any]]:
+    """Starts, neighbours and conductances of changed bonds; none without any."""
+    if bonds is None:
+        return [np.zeros(nodes + 1, dtype=np.int64), np.zeros(1, dtype=np.uint32), np.zeros(1)]
+    found = bonds.bonds
+    return [found.start.astype(np.int64), found.neighbour.astype(np.uint32), found.conductance]
+
+
+def _entries(entries: Entries, nodes: int, session: Session) -> list[Any]:
+    """Entries by nodes on the device, those of a node in their order: first of each node, values, profiles."""
+    order = np.argsort(entries.node, kind="stable")
+    first = np.searchsorted(entries.node[order], np.arange(nodes + 1)).astype(np.int32)
+    columns = first, entries.value[order].astype(np.float64), entries.profile[order].astype(np.int32)
+    return [session.put(column) for column in columns]
