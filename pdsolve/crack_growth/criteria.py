@@ -3,7 +3,7 @@
     intensity  the largest hoop stress ahead from the stress intensities around the tip, cos^2(a / 2) (K1 cos(a / 2)
                - 3 K2 sin(a / 2)) at its angle a (F. Erdogan, G. C. Sih, J. Basic Eng. 85 (1963) 519-525), against the
                toughness, by default sqrt(E' G0). K1 and K2 are those of interaction integrals on a ring. If an edge or
-               another crack leaves no room for it: sqrt(E' J) of a smaller ring, straight ahead.
+               another crack leaves no room for it: sqrt(E' J) of a smaller ring, which says the angle too.
     stress     the largest principal value of the mean stress ahead, within 1.5 horizons, against the strength.
 
 The direction is that of the largest hoop stress, from the intensities or, for the stress criterion, from the nodes
@@ -58,11 +58,12 @@ def by_intensity(
 def by_release(
     at: Sampled, tip: NDArray[np.float64], way: NDArray[np.float64], ring: Ring, plate: Elastic, toughness: float
 ) -> Verdict:
-    """Decide by J alone, which a ring too narrow for intensities also gives, against a toughness, Pa m^0.5:
-    straight ahead."""
+    """Decide by J, which a ring too narrow for the size of intensities also gives, against a toughness, Pa m^0.5; the
+    angle is that of their ratio."""
     found = integrals(at, tip, way, ring, plate)
     released = float(np.sqrt(max(found.J, 0.0) * plate.effective))
-    return Verdict(released / toughness, (0.0,), released=released)
+    turn = float(np.radians(kink(found.K1, found.K2)))
+    return Verdict(released / toughness, (turn if np.isfinite(turn) else 0.0,), released=released)
 
 
 def by_stress(
