@@ -61,7 +61,7 @@ def drawn(found: dict[str, Any], path: Path) -> None:
     """The chart of both curves."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(8, 3.4))
+    figure = Figure(figsize=(8.6, 3.4), layout="constrained")
     for axis, kind in zip(figure.subplots(1, 2), ("strong", "weak"), strict=True):
         for rows, style, label in (
             (found["computed"][kind], "k--", "computed"),
