@@ -22,7 +22,7 @@ from PIL import Image
 from pdmesh import trust
 from pdpost.figures import colours, field_figure, slice_figure
 from pdpost.figures.raster import Box
-from pdpost.figures.sheets import border, box_of, grown, legend, mark, paint, seen, shape, sheet
+from pdpost.figures.sheets import border, box_of, grown, legend, mark, paint, painted_cells, seen, shape, sheet
 from pdpost.figures.style import EDGE, TORN, UNKNOWN, FigureError
 from pdpost.measures import fields
 from pdpost.reading.frame_steps import chosen
@@ -80,11 +80,14 @@ def frames(
     legend(on, *words, columns=1)
     for artist in edge:
         artist.remove()
+    before, painted = None, None
     for step in progress(steps):
         shot = field_figure.values_of(results, name, step, part)
         with matplotlib.rc_context({"savefig.dpi": dpi}):
             still = shape(results, step, scale, still)
-            cells = paint(on, still, shot.values * range_of.factor, mappable, shot.torn)
+            if scale or still.cells is not before:  # cells that do not move are laid out once
+                before, painted = still.cells, painted_cells(on, still)
+            cells = paint(on, still, shot.values * range_of.factor, mappable, shot.torn, painted)
             cells += border(on, still) + grown(on, still)
         on.axes.set_title(colours.title(results, name, part, step, scale))
         canvas.draw()

@@ -16,9 +16,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch, PathPatch
 from matplotlib.path import Path as Curve
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from pdmesh.model.crack_particles import arms, until
+from pdmesh.model.kd_trees import tree_of
 from pdpost.figures import raster
 from pdpost.figures.labels import prefixed
 from pdpost.figures.outlines import around, outlines
@@ -146,18 +146,29 @@ def on_axes(axes: Axes, box: Box) -> Sheet:
     return Sheet(figure, axes, box, factor)
 
 
+def painted_cells(on: Sheet, nodes: Shape) -> list[Curve]:
+    """The nodes' cells as curves on the sheet; none where they are not drawn one by one."""
+    return [] if nodes.cells is None else outlines(nodes.cells, nodes.position, nodes.turned, on.factor)
+
+
 def paint(
-    on: Sheet, nodes: Shape, values: NDArray[np.float64], colours: ScalarMappable, torn: NDArray[np.bool_] | None = None
+    on: Sheet,
+    nodes: Shape,
+    values: NDArray[np.float64],
+    colours: ScalarMappable,
+    torn: NDArray[np.bool_] | None = None,
+    painted: list[Curve] | None = None,
 ) -> list[Artist]:
     """Draw each node's cell, coloured by its value (n,) through `colours`.
 
-    Nodes without a value are dark grey, those marked in `torn` (n,) light grey.
+    Nodes without a value are dark grey, those marked in `torn` (n,) light grey. `painted` are the cells' curves, if
+    they are known.
     """
     torn = np.zeros(len(values), dtype=bool) if torn is None else torn
     values = np.where(torn, np.nan, values)
     if nodes.cells is None:
         return [_image(on, nodes, values, colours, torn)]
-    painted = outlines(nodes.cells, nodes.position, nodes.turned, on.factor)
+    painted = painted_cells(on, nodes) if painted is None else painted
     found: list[Artist] = [
         _cells(on, painted, array=np.ma.masked_invalid(values), cmap=colours.cmap, norm=colours.norm)
     ]
@@ -218,7 +229,7 @@ def border(on: Sheet, nodes: Shape) -> list[Artist]:
     zone = shapely.intersection(zone, nodes.plate.shape).segmentize(coarsest)
     rings = [shapely.get_coordinates(ring) for ring in shapely.get_rings(shapely.get_parts(zone))]
     if nodes.scale:
-        moved, nearest = nodes.position - nodes.reference, cKDTree(nodes.reference)
+        moved, nearest = nodes.position - nodes.reference, tree_of(nodes.reference)
         rings = [ring + moved[nearest.query(ring)[1]] for ring in rings]
     sides = np.concatenate([np.stack([ring[:-1], ring[1:]], axis=1) for ring in rings])
     sides = sides[np.hypot(*(sides[:, 1] - sides[:, 0]).T) < TORN_APART * coarsest]
@@ -303,7 +314,7 @@ def _filled(on: Sheet, nodes: Shape, values: NDArray[np.float64]) -> tuple[NDArr
     low, high = np.array(on.box[:2]), np.array(on.box[2:])
     middle = low + (np.column_stack([columns, rows]) + 0.5) / there.shape[::-1] * (high - low)
     bare = shapely.dwithin(nodes.plate.shape, shapely.points(middle), float((high - low)[0]) / there.shape[1])
-    _, nearest = cKDTree(nodes.position).query(middle[bare])
+    _, nearest = tree_of(nodes.position).query(middle[bare])
     mean[rows[bare], columns[bare]] = values[nearest]
     there[rows[bare], columns[bare]] = True
     return mean, there
