@@ -22,3 +22,8 @@ def put_section(page: Path, text: str) -> None:
 def sections(text: str) -> list[str]:
     """What is before the first heading of the second level, and each from one on."""
     return [part for part in re.split(r"^(?=## )", text, flags=re.MULTILINE) if part.strip()]
+
+
+def pictured(name: str) -> str:
+    """A picture on a page, called as its file is."""
+    return f"![{', '.join(Path(name).stem.replace('_', ' ').split('.'))}]({name})"

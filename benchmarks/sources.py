@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.pages import pictured
 from benchmarks.runs import GEOMETRIES
 from benchmarks.thesis import provenance, table
 from pdmesh.drawing.file_reading import build
@@ -199,7 +200,7 @@ def section(example: Example, folder: Path, cache: Path) -> str:
             name = f"{Path(example.scene).stem}.{step}.png"
             with styled({"savefig.dpi": 80}):
                 save(field_figure.field(results, example.field, step), folder / name)
-            pictures.append([f"{example.field} at {times[list(steps).index(step)]:.4g} s", f"![]({name})"])
+            pictures.append([f"{example.field} at {times[list(steps).index(step)]:.4g} s", pictured(name)])
     title = f"## {example.title} (`geometries/{example.scene}`)\n\n"
     return title + table(HEADER, rows) + "\n" + table(["", ""], pictures)
 

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from benchmarks.claims import CASES, Case, measured
+from benchmarks.pages import pictured
 from benchmarks.runs import built, first_steps, solved
 from pdmesh import VERSION
 from pdmesh.model.lattice_calibration import full_family
@@ -106,7 +107,7 @@ def _section(case: Case, folder: Path, cache: Path) -> tuple[str, list[str]]:
         rows.append([claim.what, claim.claimed, claim.accepted, f"{thesis:.4g}", verdict, f"{conservative:.4g}"])
     header = ["", "claimed", "accepted", "thesis mode", "accepted?", "conservative mode"]
     text = f"### {case.title}\n\n" + (table(header, rows) + "\n" if rows else "")
-    shown = [[f"step {step}", *(f"![]({name})" for at, _, name in pictures if at == step)] for step in case.pictures]
+    shown = [[f"step {step}", *(pictured(name) for at, _, name in pictures if at == step)] for step in case.pictures]
     return text + table(["", "thesis mode", "conservative mode"], shown), missed
 
 
@@ -175,7 +176,7 @@ def _waves(folder: Path, cache: Path) -> str:
             path = first_steps(_case(name), mode, cache, WAVE_STEPS)
             with Results.open(path) as results, styled({"savefig.dpi": 60}):
                 save(field_figure.field(results, "acceleration", step, largest=1e6), folder / picture)
-            row.append(f"![]({picture})")
+            row.append(pictured(picture))
         rows.append(row)
     header = ["", "two scales, thesis mode", "two scales, conservative mode", "one scale, thesis mode"]
     return "## Accelerations: the wave where spacings change (figures 36 and 37)\n\n" + table(header, rows)
@@ -198,7 +199,7 @@ def _histories(folder: Path, cache: Path) -> str:
             largest = max(np.abs(history[key]).max() for history in histories for key in ("ux", "uy"))
             off = np.abs(histories[0][mirrored] + histories[1][mirrored]).max()
             off = max(off, np.abs(histories[0][along] - histories[1][along]).max())
-            rows.append([f"{_case(name).title}, {mode} mode", f"{off / largest:.1e}", f"![]({picture})"])
+            rows.append([f"{_case(name).title}, {mode} mode", f"{off / largest:.1e}", pictured(picture)])
     return "## Displacements of two mirrored nodes at the tip (figures 34, 35, 68, 69)\n\n" + table(
         ["", "asymmetry over the largest displacement", ""], rows
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -39,6 +40,11 @@ def add(commands: Commands) -> None:
         action="store_true",
         help="write a square (in a body a cube) for each node instead of a point (not for .csv)",
     )
+    export.add_argument(
+        "--inline",
+        action="store_true",
+        help="write the numbers of a .xdmf into the file itself, as text, which meshio and other readers need",
+    )
     export.set_defaults(run=_export)
 
 
@@ -63,6 +69,7 @@ def _export(args: argparse.Namespace) -> int:
         ("--frame or --time", not one and (args.frame != -1 or args.time is not None), "all frames"),
         ("--every", one and args.every != 1, "one frame"),
         ("--squares", kind == ".csv" and args.squares, "points"),
+        ("--inline", kind != ".xdmf" and args.inline, "its numbers itself"),
     ):
         if wrong:
             raise commandline.UsageError(f"{word}: found with {kind}, which holds {holds}")
@@ -70,7 +77,7 @@ def _export(args: argparse.Namespace) -> int:
     if kind == ".pvd" and folder.exists() and not (folder.is_dir() and args.force):
         raise commandline.UsageError(f"{folder}: found something there already, expected none (--force writes into it)")
     numbers = xdmf.beside(path)
-    if kind == ".xdmf" and numbers.exists() and not args.force:
+    if kind == ".xdmf" and not args.inline and numbers.exists() and not args.force:
         raise commandline.UsageError(f"{numbers}: found a file there already, expected none (--force overwrites it)")
     with Results.open(args.results) as results:
         steps = [chosen_frame(results, args)[0]] if one else chosen(results, args.every)
@@ -80,7 +87,8 @@ def _export(args: argparse.Namespace) -> int:
         elif kind == ".csv":
             frame_files.table(results, steps[0], path, args.also)
         else:
-            writes = {".pvd": frame_files.pvd, ".xdmf": frame_files.xdmf, ".msh": frame_files.msh}
+            series = partial(frame_files.xdmf, inline=args.inline)
+            writes = {".pvd": frame_files.pvd, ".xdmf": series, ".msh": frame_files.msh}
             writes[kind](results, path, steps, args.also, args.squares, progress)
         count = len(results.nodes(steps[-1]).ids)
     commandline.report(_told(path, steps, count), [f"{path}: {count} nodes, {len(steps)} frames"], args)

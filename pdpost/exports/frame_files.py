@@ -103,8 +103,9 @@ def xdmf(
     also: Sequence[str] = (),
     squares: bool = False,
     progress: Progress = iter,
+    inline: bool = False,
 ) -> None:
-    """Write frames as XDMF, and their numbers in a .bin file of the same name."""
+    """Write frames as XDMF, and their numbers in a .bin file of the same name or, `inline`, in the file as text."""
     times = _times(results)
 
     def frames() -> Iterator[xdmf_file.Frame]:
@@ -117,7 +118,7 @@ def xdmf(
                 cloud = xdmf_file.Cloud(points, cells, _each(node_data(results, step), corners))
             yield xdmf_file.Frame(times[step], _each(point_data(results, step, also), corners), cloud)
 
-    xdmf_file.write(path, frames())
+    xdmf_file.write(path, frames(), inline)
 
 
 def msh(

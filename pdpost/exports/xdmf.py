@@ -1,11 +1,12 @@
 """XDMF: an XML file that describes the data, and the raw numbers in a .bin file beside it (xdmf.org, Model and Format).
 
-Constant data is written once; nodes are written again when they change.
+Constant data is written once; nodes are written again when they change. Programs that know no `Seek` into a .bin file,
+such as meshio, read numbers that are written as text into the XML file itself.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
@@ -40,32 +41,36 @@ class Frame(NamedTuple):
     cloud: Cloud | None  # None: as in the frame before
 
 
-def write(path: Path, frames: Iterable[Frame]) -> None:
-    """Write frames; the first must have a cloud."""
+def write(path: Path, frames: Iterable[Frame], inline: bool = False) -> None:
+    """Write frames; the first must have a cloud. `inline`: numbers as text in the file itself."""
     root = Element("Xdmf", Version="3.0")
     series = SubElement(
         SubElement(root, "Domain"), "Grid", Name="frames", GridType="Collection", CollectionType="Temporal"
     )
     numbers = beside(path)
-    with replacing(numbers) as part, part.open("wb") as file:
-        put = partial(_put, file, numbers.name)
-        for time, data, cloud in frames:
-            if cloud is not None:
-                kind, corners = cloud.cells
-                of_cells, of_points = (put(array) for array in (corners, cloud.points))
-                same = {name: put(array) for name, array in cloud.data.items()}
-            grid = SubElement(series, "Grid", Name=f"{time!r} s", GridType="Uniform")
-            SubElement(grid, "Time", Value=repr(time))
-            shape = SubElement(grid, "Topology", TopologyType=CELLS[kind], NumberOfElements=str(len(corners)))
-            shape.append(of_cells)
-            SubElement(grid, "Geometry", GeometryType="XYZ").append(of_points)
-            for name, item in {
-                **{name: put(array) for name, array in data.items()},
-                **same,
-            }.items():
-                rank = RANKS[int(item.attrib["Dimensions"].split()[1])]
-                SubElement(grid, "Attribute", Name=name, AttributeType=rank, Center="Node").append(item)
+    if inline:
+        _describe(series, frames, _spell)
+    else:
+        with replacing(numbers) as part, part.open("wb") as file:
+            _describe(series, frames, partial(_put, file, numbers.name))
     write_atomically(path, ElementTree.tostring(root, encoding="utf-8", xml_declaration=True))
+
+
+def _describe(series: Element, frames: Iterable[Frame], put: Callable[[NDArray[np.generic]], Element]) -> None:
+    """Append a grid for each frame; `put` stores an array and returns the element that refers to it."""
+    for time, data, cloud in frames:
+        if cloud is not None:
+            kind, corners = cloud.cells
+            of_cells, of_points = (put(array) for array in (corners, cloud.points))
+            same = {name: put(array) for name, array in cloud.data.items()}
+        grid = SubElement(series, "Grid", Name=f"{time!r} s", GridType="Uniform")
+        SubElement(grid, "Time", Value=repr(time))
+        shape = SubElement(grid, "Topology", TopologyType=CELLS[kind], NumberOfElements=str(len(corners)))
+        shape.append(of_cells)
+        SubElement(grid, "Geometry", GeometryType="XYZ").append(of_points)
+        for name, item in {**{name: put(array) for name, array in data.items()}, **same}.items():
+            rank = RANKS[int(item.attrib["Dimensions"].split()[1])]
+            SubElement(grid, "Attribute", Name=name, AttributeType=rank, Center="Node").append(item)
 
 
 def beside(path: Path) -> Path:
@@ -75,16 +80,21 @@ def beside(path: Path) -> Path:
 
 def _put(file: BinaryIO, name: str, array: NDArray[np.generic]) -> Element:
     """Append an array (n,) or (n, k) to the .bin file of that final name; returns the XML element that refers to it."""
-    table = array.reshape(len(array), -1)
-    item = Element(
-        "DataItem",
-        Dimensions=" ".join(map(str, table.shape)),
-        NumberType=KINDS[table.dtype.kind],
-        Precision=str(table.dtype.itemsize),
-        Format="Binary",
-        Endian="Little",
-        Seek=str(file.tell()),
-    )
+    item = _item(array, Format="Binary", Endian="Little", Seek=str(file.tell()))
     item.text = name
-    file.write(table.astype(table.dtype.newbyteorder("<")).tobytes())
+    file.write(array.astype(array.dtype.newbyteorder("<")).tobytes())
     return item
+
+
+def _spell(array: NDArray[np.generic]) -> Element:
+    """The XML element that holds an array (n,) or (n, k) as text, from which the same numbers are read."""
+    item, spelled = _item(array, Format="XML"), {"f4": "%.9g", "f8": "%.17g"}.get(array.dtype.str[1:], "%d")
+    item.text = " ".join([spelled % value for value in array.ravel().tolist()])
+    return item
+
+
+def _item(array: NDArray[np.generic], **more: str) -> Element:
+    """An XML element for an array (n,) or (n, k)."""
+    shape = " ".join(map(str, array.reshape(len(array), -1).shape))
+    kind, size = KINDS[array.dtype.kind], str(array.dtype.itemsize)
+    return Element("DataItem", Dimensions=shape, NumberType=kind, Precision=size, **more)

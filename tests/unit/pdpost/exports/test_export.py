@@ -97,6 +97,22 @@ def test_a_series_as_xdmf(small_results: Path, tmp_path: Path) -> None:
     assert (tmp_path / "a.bin").stat().st_size == each + 252 * (3 * 8 + 8 + 8 + 8 + 8)
 
 
+def test_a_series_as_text_is_read_by_meshio(small_results: Path, tmp_path: Path) -> None:
+    with Results.open(small_results) as results:
+        frame_files.xdmf(results, tmp_path / "a.xdmf", [0, 60], inline=True)
+        u, nodes = moved(results, 60), results.nodes()
+    assert [path.name for path in tmp_path.glob("a*")] == ["a.xdmf"]
+    with meshio.xdmf.TimeSeriesReader(tmp_path / "a.xdmf") as series:
+        points, cells = series.read_points_cells()
+        time, data, _ = series.read_data(1)
+    assert series.num_steps == 2
+    assert time == pytest.approx(3e-6)
+    assert np.array_equal(points[:, :2], nodes.position)
+    assert cells[0].type == "vertex"
+    assert np.array_equal(data["displacement"], u)
+    assert np.array_equal(data["node"].ravel(), nodes.ids)
+
+
 @pytest.mark.slow
 def test_a_series_is_about_as_large_as_its_pvd(solved: Callable[[str], Path], tmp_path: Path) -> None:
     """As text it was six times as large."""
