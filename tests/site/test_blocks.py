@@ -56,6 +56,7 @@ COARSE = {  # what stands on a page, and what is run in its place
     " --set 'Fixes/upper pin/Displacement y=0.15' --set 'Fixes/lower pin/Displacement y=-0.15'",
     "geometries/cracking_disc.py": "geometries/cracking_disc.py --set duration=5",
     "geometries/quenched_slab.py": "geometries/quenched_slab.py --set spacing=5e-4",
+    "geometries/drying_mud.py": "geometries/drying_mud.py --set spacing=4e-3",
     "geometries/screw.geo": "geometries/screw.geo --set Zones/near/Spacing=5e-4 --set Zones/far/Spacing=1e-3",
 }
 CI = ".ci/run types it"
