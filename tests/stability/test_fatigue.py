@@ -1,0 +1,87 @@
+"""Loads that repeat."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import msgspec
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from plates import shipped
+
+from pdmesh.model.document import Fatigue, Material, ParticleRules
+from pdpost.measures.fatigue import cycles
+from pdsolve.model import Model
+from pdsolve.run.simulation import Options, simulate
+
+WAY, SHORT, LONG = 8, 1, 4  # mm that the crack grows, and particles, mm
+YIELD = 355e6  # Pa, of structural steel S355
+
+
+def grown(particle: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Cycles (s,) and lengths from the load line (s,), m, of a compact-tension specimen whose crack begins at 27 mm."""
+    made = shipped("fatigue_compact_tension.py", [("crack", "0.027"), ("C", "1.2e-37"), ("m", "4")])
+    settings = msgspec.structs.replace(
+        made.settings,
+        material=Material(E=200e9, rho=7850, G0=1e9),
+        run=msgspec.structs.replace(
+            made.settings.run,
+            steps=WAY // particle,
+            particles=ParticleRules(spacing=float(particle)),
+            fatigue=Fatigue(C=1.2e-37, m=4.0),
+        ),
+    )
+    with simulate(Model(made.grid, settings), None, Options(threads=1)) as results:
+        place = np.asarray(results.particles().place)
+        return cycles(results), np.sort(place[:, 0])[-1 - WAY // particle :]
+
+
+@pytest.fixture(scope="module")
+def lived() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    return grown(SHORT)
+
+
+@pytest.mark.slow
+def test_particles_that_are_long(
+    failure: Callable[..., None], lived: tuple[NDArray[np.float64], NDArray[np.float64]]
+) -> None:
+    """Jumps of cycles that are too long.
+
+    Growth within a jump is extrapolated from the jump before. Where the crack accelerates from one particle to the
+    next, the extrapolation lags behind.
+    """
+    coarse, _ = grown(LONG)
+    ratio = float((coarse[-1] - coarse[-2]) / (lived[0][-1] - lived[0][-1 - LONG // SHORT]))
+    assert 1.1 < ratio < 1.6
+    failure(
+        fails=f"The last {LONG} mm of a compact-tension specimen, from {WAY - LONG + 27} to {WAY + 27} mm of 50, by K"
+        f" in one particle of {LONG} spacings: it takes {ratio:.2f} times as many cycles as in particles of one spacing.",
+        noticed="Not at all; `pdpost fatigue` shows points that leave the line at its upper end.",
+        cure="Particles of one spacing (`run.particles.spacing`): growth is within 3 % of the line that was given."
+        " Bonds that tire jump to the next break exactly.",
+    )
+
+
+@pytest.mark.slow
+def test_a_net_section_that_yields(
+    failure: Callable[..., None], lived: tuple[NDArray[np.float64], NDArray[np.float64]]
+) -> None:
+    """A net section that yields.
+
+    The body is elastic, and knows no yield stress. Its crack grows by K until nothing bears the largest loads.
+    """
+    N, a = lived
+    load, W = 0.5e6, 0.05
+    stress = load / (W - a) * (1 + 3 * (W + a) / (W - a))  # of a beam under tension and bending
+    first = int(np.argmax(stress > YIELD))
+    spent = float(N[first] / N[-1])
+    assert 0 < first < len(a) - 1
+    assert stress[-1] > 1.5 * YIELD
+    failure(
+        fails=f"The specimen's net section, as a beam's, is stressed by {stress[-1] * 1e-6:.0f} MPa at"
+        f" {a[-1] * 1e3:.0f} mm, and the crack grows on as if it were elastic.",
+        noticed="Not at all.",
+        cure=f"End the life where the net section yields: with 355 MPa at {a[first] * 1e3:.0f} mm, after {spent:.2f} of"
+        " these cycles. `run.fatigue.cycles` ends a run there.",
+    )
