@@ -56,7 +56,8 @@ def test_particles_that_are_long(
     assert 1.1 < ratio < 1.6
     failure(
         fails=f"The last {LONG} mm of a compact-tension specimen, from {WAY - LONG + 27} to {WAY + 27} mm of 50, by K"
-        f" in one particle of {LONG} spacings: it takes {ratio:.2f} times as many cycles as in particles of one spacing.",
+        f" in one particle of {LONG} spacings: it takes {ratio:.2f} times as many cycles as in particles of one"
+        " spacing.",
         noticed="Not at all; `pdpost fatigue` shows points that leave the line at its upper end.",
         cure="Particles of one spacing (`run.particles.spacing`): growth is within 3 % of the line that was given."
         " Bonds that tire jump to the next break exactly.",

@@ -12,13 +12,16 @@ import numpy as np
 import pytest
 from messages import naming
 from plates import plate, square_grid
+from whole import contents
 
-from pdmesh.model.document import Displacement, Gap, LoadCell, Material, Run, Static
+from pdmesh.model.document import Displacement, Gap, LoadCell, Material, Run, Static, write_file
+from pdmesh.model.node_grid import document_of
 from pdpost.measures.forces import chosen, reactions
 from pdpost.measures.gaps import Pulled, against, named_gap
+from pdsolve.__main__ import main as pdsolve
 from pdsolve.model import Model, ModelWarning
 from pdsolve.results import Results
-from pdsolve.run.simulation import Options, simulate
+from pdsolve.run.simulation import Options, resume, simulate
 from pdsolve.steppers.equilibrium import UnsettledError
 from pdsolve.steppers.path_control import Opening
 
@@ -63,6 +66,26 @@ def test_the_path_is_that_by_dissipation() -> None:
     assert steps.min() > 0
     work = cell.area
     assert work == pytest.approx(-opened.area, rel=1e-4)
+
+
+@pytest.mark.slow
+def test_a_path_by_an_opening_goes_on_to_the_same_bits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pdsolve.run.simulation.PATIENCE", 1.0)
+    whole, stopped = tmp_path / "whole.sqlite", tmp_path / "stopped.sqlite"
+    model = beam(Static(control="mouth", opening=2e-4, load_steps=16))
+    simulate(model, whole, Options(threads=1)).close()
+    with simulate(model, stopped, Options(threads=1), watch=lambda progress: progress.step == 6) as results:
+        assert results.meta()["status"] == "interrupted"
+        assert len(results.checkpoint()[1]["worst"]) > 0
+    resume(stopped, 1).close()
+    assert contents(stopped) == contents(whole)
+
+
+def test_an_opening_that_closes_ends_with_its_own_exit_code(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    model, path = beam(Static(control="top", opening=1e-4)), tmp_path / "beam.json"
+    write_file(document_of(model.grid, model.settings), path)
+    assert pdsolve([str(path), "-o", str(tmp_path / "beam.sqlite"), "-q"]) == 3
+    assert re.search(naming("path step 1", found="'top'", expected="grows"), capsys.readouterr().err)
 
 
 def test_an_opening_that_closes_is_refused_and_the_start_is_kept(tmp_path: Path) -> None:
