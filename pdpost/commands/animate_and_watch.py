@@ -83,6 +83,7 @@ def _animate(args: argparse.Namespace) -> int:
             "scale": chosen_scale(results, int(steps[-1]), args),
             "largest": args.largest,
             "window": args.window,
+            "hide": args.hide,
             "every": args.every,
             "dpi": animation.DPI if dpi == "figure" else float(dpi),
             "progress": counted(args, "drawing"),
@@ -121,7 +122,12 @@ def _watch(args: argparse.Namespace) -> int:
                 check_window(results, args)
                 field = field or usual(results, step)
                 path = path or chosen(field)
-                how: dict[str, Any] = {"scale": scale, "largest": args.largest, "window": args.window}
+                how: dict[str, Any] = {
+                    "scale": scale,
+                    "largest": args.largest,
+                    "window": args.window,
+                    "hide": args.hide,
+                }
                 figure = field_figure.field(results, field, step, part=args.component, **how)
             style.save(figure, path)
             drawn += 1

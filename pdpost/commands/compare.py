@@ -76,7 +76,7 @@ def _compare(args: argparse.Namespace) -> int:
             found.append({"results": str(file), "title": title, "step": step, "time": time})
         check_window(runs[0], args)
         scale = chosen_scale(runs[0], each[0].step, args)
-        how = {"part": part or None, "scale": scale, "largest": args.largest, "window": args.window}
+        how = {"part": part or None, "scale": scale, "largest": args.largest, "window": args.window, "hide": args.hide}
         style.save(frames_figure.panels(each, args.field, **how), path)
     result = {"output": str(path), "field": args.field, "component": part or None, "scale": scale, "runs": found}
     commandline.report(result, [f"{path}: {args.field} of {', '.join(titles)}"], args)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -88,7 +89,7 @@ def _export(args: argparse.Namespace) -> int:
             frame_files.table(results, steps[0], path, args.also)
         else:
             series = partial(frame_files.xdmf, inline=args.inline)
-            writes = {".pvd": frame_files.pvd, ".xdmf": series, ".msh": frame_files.msh}
+            writes: dict[str, Callable[..., None]] = {".pvd": frame_files.pvd, ".xdmf": series, ".msh": frame_files.msh}
             writes[kind](results, path, steps, args.also, args.squares, progress)
         count = len(results.nodes(steps[-1]).ids)
     commandline.report(_told(path, steps, count), [f"{path}: {count} nodes, {len(steps)} frames"], args)

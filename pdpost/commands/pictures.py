@@ -117,6 +117,7 @@ def _field(args: argparse.Namespace) -> int:
         part = fields.component(name, args.component, results.dimension)
         shown = field_figure.values_of(results, name, step, part)
         how: dict[str, Any] = {"part": part or None, "scale": scale, "largest": args.largest, "window": args.window}
+        how["hide"] = args.hide
         if args.clip is None:
             figure = field_figure.field(results, name, step, shown=shown, **how)
         else:
@@ -162,7 +163,7 @@ def _sheet(args: argparse.Namespace, name: str, part: str) -> int:
         steps = chosen_frames(results, args)
         check_window(results, args)
         scale = chosen_scale(results, steps[-1], args)
-        how: dict[str, Any] = {"scale": scale, "largest": args.largest, "window": args.window}
+        how: dict[str, Any] = {"scale": scale, "largest": args.largest, "window": args.window, "hide": args.hide}
         style.save(frames_figure.frames(results, name, steps, part=part or None, **how), path)
     result = {"output": str(path), "component": part or None, "steps": steps, "scale": scale}
     commandline.report(result, [f"{path}: {name} after steps {', '.join(map(str, steps))}"], args)

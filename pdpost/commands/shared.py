@@ -215,7 +215,14 @@ def plane(text: str) -> tuple[str, float]:
 
 
 def add_colours(command: argparse.ArgumentParser) -> None:
-    """Add --largest: the value, in SI units, at which the colours end."""
+    """Add --largest, the value, in SI units, at which the colours end, and --hide, of lines."""
+    command.add_argument(
+        "--hide",
+        type=_lines,
+        default=(),
+        metavar="NAMES",
+        help="lines that are left out: cracks, zone (the border of finer nodes), or cracks,zone",
+    )
     command.add_argument(
         "--largest",
         type=positive,
@@ -224,6 +231,13 @@ def add_colours(command: argparse.ArgumentParser) -> None:
         " otherwise the largest value, or the value that 99.5 %% of the nodes stay below if a few are far above it;"
         " for strain and stress, nodes that have lost more than 0.35 of their bonds do not count)",
     )
+
+
+def _lines(text: str) -> tuple[str, ...]:
+    names = tuple(text.split(","))
+    if not set(names) <= {"cracks", "zone"}:
+        raise argparse.ArgumentTypeError(f"found '{text}', expected cracks, zone or cracks,zone")
+    return names
 
 
 def positive(text: str) -> float:

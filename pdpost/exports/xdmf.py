@@ -97,4 +97,4 @@ def _item(array: NDArray[np.generic], **more: str) -> Element:
     """An XML element for an array (n,) or (n, k)."""
     shape = " ".join(map(str, array.reshape(len(array), -1).shape))
     kind, size = KINDS[array.dtype.kind], str(array.dtype.itemsize)
-    return Element("DataItem", Dimensions=shape, NumberType=kind, Precision=size, **more)
+    return Element("DataItem", {"Dimensions": shape, "NumberType": kind, "Precision": size, **more})

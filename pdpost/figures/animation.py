@@ -8,7 +8,7 @@ import os
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,7 @@ from PIL import Image
 from pdmesh import trust
 from pdpost.figures import colours, field_figure, slice_figure
 from pdpost.figures.raster import Box
-from pdpost.figures.sheets import border, box_of, grown, legend, mark, paint, painted_cells, seen, shape, sheet
+from pdpost.figures.sheets import border, box_of, grown, hidden, legend, mark, paint, painted_cells, seen, shape, sheet
 from pdpost.figures.style import EDGE, TORN, UNKNOWN, FigureError
 from pdpost.measures import fields
 from pdpost.reading.frame_steps import chosen
@@ -49,11 +49,12 @@ def frames(
     window: Box | None = None,
     dpi: float = DPI,
     progress: Progress = iter,
+    hide: Collection[str] = (),
 ) -> Iterator[Pixels]:
     """Pictures of the field `name`, one for every `every`-th frame of a run, all of one size and colour range.
 
-    `part`, `scale`, `largest` and `window` are those of `field_figure.field`. The colour range ends at the usual
-    largest value of all frames. A body in space is shown undeformed on three planes through its middle. Raises
+    `part`, `scale`, `largest`, `window` and `hide` are those of `field_figure.field`. The colour range ends at the
+    usual largest value of all frames. A body in space is shown undeformed on three planes through its middle. Raises
     FieldError, and ResultsError naming what is available.
     """
     part = fields.component(name, part, results.dimension)
@@ -61,13 +62,13 @@ def frames(
         yield from slice_figure.film(results, name, part, every, dpi, largest, progress)
         return
     steps = chosen(results, every)
-    still = shape(results, steps[0], 0.0)
+    still = hidden(shape(results, steps[0], 0.0), hide)
     box = window or box_of([shape(results, step, scale, still) for step in (steps if scale else steps[:1])])
     if largest is None and name != "damage":
         largest = max(_usual(results, name, step, part, box) for step in steps) or None
     shot = field_figure.values_of(results, name, steps[-1], part)  # where most is torn
     words = [(colour, words.split(":")[0]) for colour, words in field_figure.explained(shot)]
-    last = still._replace(grown=shape(results, steps[-1], 0.0).grown)
+    last = still._replace(grown=hidden(shape(results, steps[-1], 0.0), hide).grown)
     lines = bool(len(still.plate.cracks)) + bool(len(last.grown)) + still.plate.adapts
     on = sheet(box, room=LINE * (len(words) + lines))
     canvas = FigureCanvasAgg(on.figure)
@@ -84,7 +85,7 @@ def frames(
     for step in progress(steps):
         shot = field_figure.values_of(results, name, step, part)
         with matplotlib.rc_context({"savefig.dpi": dpi}):
-            still = shape(results, step, scale, still)
+            still = hidden(shape(results, step, scale, still), hide)
             if scale or still.cells is not before:  # cells that do not move are laid out once
                 before, painted = still.cells, painted_cells(on, still)
             cells = paint(on, still, shot.values * range_of.factor, mappable, shot.torn, painted)
@@ -108,6 +109,7 @@ def gif(
     window: Box | None = None,
     dpi: float = DPI,
     progress: Progress = iter,
+    hide: Collection[str] = (),
 ) -> bytes:
     """The `frames` of a run as a GIF that repeats, at `rate` frames a second.
 
@@ -115,7 +117,7 @@ def gif(
     """
     palette = _palette(name, fields.component(name, part, results.dimension))
     how: dict[str, Any] = {"part": part, "scale": scale, "largest": largest, "every": every, "window": window}
-    shots = frames(results, name, dpi=dpi, progress=progress, **how)
+    shots = frames(results, name, dpi=dpi, progress=progress, hide=hide, **how)
     pictures = [Image.fromarray(shot).quantize(palette=palette, dither=Image.Dither.NONE) for shot in shots]
     pause = max(round(1000 / rate), 20)  # ms; viewers do not go below
     pauses = [pause] * (len(pictures) - 1) + [pause + round(1000 * REST)]

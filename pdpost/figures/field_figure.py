@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +15,7 @@ from pdmesh.model.output_fields import CRACKED
 from pdpost.figures import slice_figure
 from pdpost.figures.colours import Colours, colours, mappable, title
 from pdpost.figures.raster import Box
-from pdpost.figures.sheets import Sheet, border, box_of, legend, mark, paint, seen, shape, sheet
+from pdpost.figures.sheets import Sheet, border, box_of, hidden, legend, mark, paint, seen, shape, sheet
 from pdpost.figures.style import TORN, UNKNOWN, narrow
 from pdpost.measures import fields
 from pdpost.reading.frame_steps import last_frame
@@ -38,13 +39,15 @@ def field(
     largest: float | None = None,
     window: Box | None = None,
     shown: Shown | None = None,
+    hide: Collection[str] = (),
 ) -> Figure:
     """The field `name` (default: damage, or the amount that diffuses) after `step` (default: the last frame).
 
     Each node is drawn as its Voronoi cell. `part` is the field's component, `scale` the factor on displacements (0:
     undeformed), `largest` the end of the colour range in SI units, `window` the part in view, m, `shown` the component
-    if the caller has it. A body in space is drawn whole and undeformed on three planes through its middle; each node
-    that a plane cuts is a square. Raises FieldError, and ResultsError naming what is available.
+    if the caller has it, `hide` the lines left out: cracks, zone. A body in space is drawn whole and undeformed on
+    three planes through its middle; each node that a plane cuts is a square. Raises FieldError, and ResultsError naming
+    what is available.
     """
     step = last_frame(results) if step is None else step
     name = name or fields.usual(results, step)
@@ -52,7 +55,7 @@ def field(
     shown = values_of(results, name, step, part) if shown is None else shown
     if results.dimension == 3:
         return slice_figure.sections(results, name, step, part, np.where(shown.torn, np.nan, shown.values), largest)
-    where = shape(results, step, scale)
+    where = hidden(shape(results, step, scale), hide)
     on = sheet(window or box_of([where]))
     range_of = colours(name, part, shown.values[~shown.torn & seen(where.position, on.box)], largest)
     paint(on, where, shown.values * range_of.factor, bar(on, range_of), shown.torn)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 import matplotlib
@@ -12,7 +12,7 @@ from matplotlib.patches import Patch
 
 from pdpost.figures import colours, field_figure
 from pdpost.figures.raster import Box
-from pdpost.figures.sheets import border, box_of, mark, on_axes, paint, seen, shape
+from pdpost.figures.sheets import border, box_of, hidden, mark, on_axes, paint, seen, shape
 from pdpost.figures.style import narrow
 from pdpost.measures import fields
 from pdpost.reading.time_text import time_text
@@ -39,11 +39,12 @@ def frames(
     scale: float = 0.0,
     largest: float | None = None,
     window: Box | None = None,
+    hide: Collection[str] = (),
 ) -> Figure:
     """The field `name` after each of `steps` of one run; see `panels`."""
     time_step = float(results.meta()["time_step"])
     shown = [Panel(results, step, time_text(step * time_step, micro="µs")) for step in steps]
-    return panels(shown, name, part=part, scale=scale, largest=largest, window=window)
+    return panels(shown, name, part=part, scale=scale, largest=largest, window=window, hide=hide)
 
 
 def panels(
@@ -54,6 +55,7 @@ def panels(
     scale: float = 0.0,
     largest: float | None = None,
     window: Box | None = None,
+    hide: Collection[str] = (),
 ) -> Figure:
     """The field `name` of frames, in rows and columns; other arguments are those of `field_figure.field`.
 
@@ -62,7 +64,7 @@ def panels(
     """
     part = fields.component(name, part)
     shots = [field_figure.values_of(one.results, name, one.step, part) for one in each]
-    shapes = [shape(one.results, one.step, scale) for one in each]
+    shapes = [hidden(shape(one.results, one.step, scale), hide) for one in each]
     box = window or box_of(shapes)
     known = [shot.values[~shot.torn & seen(where.position, box)] for shot, where in zip(shots, shapes, strict=True)]
     range_of = colours.colours(name, part, np.concatenate(known), largest)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -82,6 +83,14 @@ def shape(results: Results, step: int, scale: float, still: Shape | None = None)
         turned = np.eye(2) + scale * fitted(nodes, moved, intact(results, results.families(step), step))
         turned[~np.isfinite(turned).all(axis=(1, 2)) | (np.abs(turned).max(axis=(1, 2)) > 2)] = np.eye(2)
     return still._replace(position=nodes.position + scale * moved, turned=turned, scale=scale)
+
+
+def hidden(nodes: Shape, names: Collection[str]) -> Shape:
+    """The shape without lines of these `names`: cracks (drawn and grown), zone (the border of finer nodes)."""
+    drawn = nodes.plate._replace(adapts=nodes.plate.adapts and "zone" not in names)
+    if "cracks" not in names:
+        return nodes._replace(plate=drawn)
+    return nodes._replace(plate=drawn._replace(cracks=np.zeros((0, 4))), grown=np.zeros((0, 2, 2)))
 
 
 def displacement(results: Results, step: int) -> NDArray[np.float64]:

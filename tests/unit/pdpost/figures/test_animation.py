@@ -12,7 +12,7 @@ import pytest
 from messages import naming
 from PIL import Image
 
-from pdpost.figures import animation
+from pdpost.figures import animation, field_figure
 from pdpost.figures.style import FigureError
 from pdsolve.results import Results
 
@@ -48,8 +48,8 @@ def test_colours_are_the_same_in_all_frames(small_results: Path, monkeypatch: py
     monkeypatch.setattr(
         animation,
         "paint",
-        lambda on, where, values, colours, torn: (
-            drawn.append((values, colours.get_clim())) or paint(on, where, values, colours, torn)
+        lambda on, where, values, colours, torn, cells: (
+            drawn.append((values, colours.get_clim())) or paint(on, where, values, colours, torn, cells)
         ),
     )
     with Results.open(small_results) as results:
@@ -90,3 +90,13 @@ def test_what_ffmpeg_is_given_and_what_it_says(
     program.write_text("#!/bin/sh\necho no such codec >&2\nexit 3\n")
     with pytest.raises(FigureError, match=naming(found=("exit code 3", "no such codec"))):
         animation.mp4(shots)
+
+
+def test_lines_that_are_hidden_are_not_drawn(small_results: Path) -> None:
+    with Results.open(small_results) as results:
+        all_of, none_of = (field_figure.field(results, "damage", 60, hide=hide) for hide in ((), ("cracks",)))
+        (film, *_), (bare, *_) = (animation.frames(results, "damage", dpi=50, hide=hide) for hide in ((), ("cracks",)))
+    labels = [[line.get_label() for line in one.axes[0].collections] for one in (all_of, none_of)]
+    assert "pre-crack" in labels[0]
+    assert "pre-crack" not in labels[1]
+    assert film.tobytes() != bare.tobytes()
