@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Annulus
+from numpy.typing import NDArray
 
 from pdpost.figures.charts import WIDTH, look, plain
 from pdpost.figures.crack_figure import on_grey_plate
@@ -19,6 +20,7 @@ from pdpost.reading.time_text import time_text
 from pdsolve.results import Results
 
 SHOWN = 6  # tips with curves
+BETWEEN = 8  # parts of a curve between two frames
 
 
 def sif(results: Results, found: list[Series], spent: Release, window: Box | None = None) -> Figure:
@@ -67,9 +69,18 @@ def _curves(axes: Axes, shown: list[Series], names: tuple[str, ...], unit: str, 
             axes.fill_between(one.time * second, *sides, color=style["color"], alpha=0.2, lw=0)
             marker = "." if np.isfinite(one.value[name]).sum() < 3 else ""
             words = f"{name}, {one.front.name}"
-            axes.plot(one.time * second, one.value[name] * factor, lw=1.3, marker=marker, label=words, **style)
+            time, value = (one.time, one.value[name]) if name != "J" else _squares(one.time, one.value[name])
+            axes.plot(time * second, value * factor, lw=1.3, marker=marker, label=words, **style)
     axes.set(xlabel=f"time, {seconds}", ylabel=f"{label}, {scale}")
     plain(axes)
+
+
+def _squares(time: NDArray[np.float64], value: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Values with `BETWEEN` points between two, whose roots lie on a line: J under loads that grow in proportion."""
+    if len(time) < 3 or np.nanmin(value, initial=0.0) < 0:
+        return time, value
+    at = np.interp(np.arange((len(time) - 1) * BETWEEN + 1) / BETWEEN, np.arange(len(time)), time)
+    return at, np.interp(at, time, np.sqrt(value)) ** 2
 
 
 def _released(axes: Axes, shown: list[Series], spent: Release) -> None:

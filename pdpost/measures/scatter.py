@@ -51,10 +51,11 @@ def spreads(study: Read, measure: str, over: str | None) -> list[Spread]:
     Without a parameter, each group of equal runs is a series of its own.
     """
     others = [name for name in study.varied if name != over]
+    units = {name: column.unit for name, column in study.columns.items()}
     together: dict[tuple[str, Any], list[tuple[int, float]]] = {}
     for row in study.rows:
         found = row.values[measure]
-        at = (label(row, others), None if over is None else row.values[over])
+        at = (label(row, others, units), None if over is None else row.values[over])
         together.setdefault(at, []).append((row.number, np.nan if found is None else float(found)))
     series = list(dict.fromkeys(name for name, _ in together))
     ordered = sorted(together, key=lambda at: (series.index(at[0]), _rank(at[1])))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -41,9 +41,13 @@ def read(path: Path) -> Read:
     return Read(path, done, columns, varied, failed, len(rows) - len(done) - failed)
 
 
-def label(row: Row, names: Sequence[str]) -> str:
-    """A run's label: the values of these parameters, named by the last part of their names."""
-    return ", ".join(f"{short(name)} {value_of(row.values[name])}" for name in names)
+def label(row: Row, names: Sequence[str], units: Mapping[str, str] | None = None) -> str:
+    """A run's label: the values of these parameters, named by the last part of their names, with their `units`."""
+    values = {name: row.values[name] for name in names}
+    with_unit = {name: (units or {}).get(name, "") for name, value in values.items() if isinstance(value, int | float)}
+    return ", ".join(
+        f"{short(name)} {value_of(value)} {with_unit.get(name, '')}".rstrip() for name, value in values.items()
+    )
 
 
 def short(name: str) -> str:
