@@ -280,9 +280,16 @@ def _show_what_is_left(path: Path, args: argparse.Namespace) -> int:
     return commandline.OK
 
 
+def _taken_by(summary: dict[str, Any]) -> str:
+    """What took the steps of a run, in words."""
+    if summary["device"] != "cpu":
+        return str(summary["device"])
+    return f"{summary['threads']} thread{'s' if summary['threads'] > 1 else ''}"
+
+
 def _lines_of_masses(path: Path, summary: dict[str, Any]) -> list[str]:
     masses, share = summary["masses"], summary["dissolved_share"]
-    threads = f"{summary['threads']} thread{'s' if summary['threads'] > 1 else ''}"
+    threads = _taken_by(summary)
     lines = [
         f"{path}: {summary['nodes']} nodes, {summary['bonds']} bonds, {summary['steps']} steps of"
         f" {summary['method']} to {summary['time']:.4g} s",
@@ -321,9 +328,7 @@ def _lines(path: Path, summary: dict[str, Any]) -> list[str]:
         summary.get("load_steps") or summary.get("path_steps") or summary.get("fatigue_steps"),
     )
     what, until = _how_far(summary)
-    threads = f"{summary['threads']} thread{'s' if summary['threads'] > 1 else ''}"
-    if summary["device"] != "cpu":
-        threads = summary["device"]
+    threads = _taken_by(summary)
     how = f" {summary['bond_updates_per_second'] / 1e6:.0f} million bond updates a second"
     if rested:
         iterations, residual = sum(step["iterations"] for step in rested), max(step["residual"] for step in rested)

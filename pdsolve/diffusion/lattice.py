@@ -201,7 +201,7 @@ class OnLattice:
             self._change.rates(potential, out)
 
     def tables(self) -> Tables:
-        """Its cells, slots, and bonds that differ."""
+        """The cells and slots of the lattice, and what its few other bonds add."""
         box, slots = self._box, self._slots
         return Tables(box.size + ABREAST, box.cell, *slots, self._scale, self._outflow, self._change)
 

@@ -25,9 +25,11 @@ PLATES = (
     "plate_with_hole.geo",
     "v_notch.geo",
     "figure_18.geo",
-    "duran_metre.py",
+    "figure_19.py",
+    "strip.py",
 )
-BODIES = "penny.geo", "branching_block.py", "kalthoff_winkler_block.py"
+BODIES = "penny.geo", "branching_block.py", "kalthoff_winkler_block.py", "slanted_notch.py"
+TOUGH = ("slanted_notch.py",)  # of which nothing breaks so soon
 SHAKEN = 2e-5  # spacings, the displacement of nodes at random from which bonds of a hundredth of the toughness break
 
 
@@ -45,18 +47,20 @@ def test_a_scene(scene: str, precision: str) -> None:
         problem.march(1, 2)
         problem.march(2, 12)
     assert there.system.device != "cpu"
-    assert len(broken(here).step) > 0
+    assert (len(broken(here).step) > 0) == (scene not in TOUGH)
     assert all(map(np.array_equal, here.state, there.state))
     assert all(map(np.array_equal, broken(here), broken(there)))
 
 
-@pytest.mark.parametrize("scene", ["bar.py", "forked_crack.py", "kalthoff_winkler_projectile.py"])
+@pytest.mark.parametrize(
+    "scene", ["bar.py", "forked_crack.py", "kalthoff_winkler_projectile.py", "duran_metre.py", "expanding_ring.py"]
+)
 def test_what_a_scene_wants_more(scene: str) -> None:
-    """Correspondence, cracks of particles, contact: refused in one line."""
+    """Correspondence, cracks of particles, contact, fine zones, a lattice of other axes: refused in one line."""
     built = shipped(scene)
     with pytest.raises(ModelError) as caught:
         prepare(on_device(Model(built.grid, built.settings), "opencl"), Options())
-    assert "opencl" in str(caught.value)
+    assert "device" in str(caught.value)
     assert "\n" not in str(caught.value)
 
 

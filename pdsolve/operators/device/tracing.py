@@ -50,13 +50,6 @@ class Traced:
     def __init__(self, code: Code, text: str) -> None:
         self._code, self.text = code, text
 
-    def __neg__(self) -> Traced:
-        return self._code.write(f"-{self.text}")
-
-    def sqrt(self) -> Traced:
-        """The root, as NumPy asks for it."""
-        return self._code.write(f"sqrt({self.text})")
-
     def __bool__(self) -> bool:
         raise TypeError("found a choice between numbers of a device")
 

@@ -239,6 +239,27 @@ def test_ordinary_families(name: str, failure: str, precision: str) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::pdsolve.model.ModelWarning")
+@pytest.mark.parametrize("law", ["ordinary", "cohesive"])
+@pytest.mark.parametrize(("first", "then"), [("cpu", "opencl"), ("opencl", "cpu"), ("opencl", "opencl")])
+def test_broken_families_and_softened_bonds_go_on_elsewhere(
+    first: str, then: str, law: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    other = {"ordinary": msgspec.structs.replace(GLASS, model="ordinary", nu=0.2), "cohesive": MATERIALS["cohesive"]}
+    run = Run(time_step=40e-9, steps=90, every=30, ledger=10)
+    model = torn(GRIDS["two scales"], run=run, material=other[law])
+    monkeypatch.setattr("pdsolve.run.simulation.PATIENCE", 1.0)
+    stopped, whole = tmp_path / "stopped.sqlite", tmp_path / "whole.sqlite"
+    simulate(on_device(model, first), stopped, Options(threads=1), lambda progress: progress.step >= 60).close()
+    with Results.open(stopped) as results:
+        assert 0 < results.checkpoint()[0] < 90
+        assert len(results.breaks().step) > 0
+    resume(stopped, 1, device=then).close()
+    simulate(model, whole, Options(threads=1)).close()
+    alike(stopped, whole)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("precision", ["float64", "float32"])
 @pytest.mark.parametrize("how", BENT)
 def test_ordinary_bodies(how: str, precision: str) -> None:
