@@ -46,9 +46,10 @@ class BondList:
         self.symmetric, self._threads = symmetric, threads
         self._nodes, self._every = len(bonds.start) - 1, np.arange(len(bonds.start) - 1)
         self.unknowns: tuple[Unknown, ...] = law.unknowns(bonds.xi.shape[1])
-        self._stiffest = self._bound(law, model, exact)
+        columns = law.columns(model, exact)
+        self._stiffest = self._bound(law, columns, exact)
         self.law, self._bonds, self._model = law, bonds, model
-        self._take(law.columns(model, bonds), bonds)
+        self._take(columns if precision == "float64" else law.columns(model, bonds), bonds)
         self._failing = np.zeros(len(bonds.neighbour), dtype=np.bool_)
 
     def _take(self, columns: Any, bonds: Bonds) -> None:
@@ -56,9 +57,8 @@ class BondList:
         self.columns = columns
         self._list: AnyList = list_of(bonds)
 
-    def _bound(self, law: Law, model: Model, exact: Bonds) -> NDArray[np.float64]:
-        """Bound of each node's stiffness at rest, N/m^4, from bonds in double precision."""
-        columns = law.columns(model, exact)
+    def _bound(self, law: Law, columns: Any, exact: Bonds) -> NDArray[np.float64]:
+        """Bound of each node's stiffness at rest, N/m^4, from bonds in double precision and their columns."""
         if law.scale is None:
             return stiffness_bound(exact, columns.stiffness, self.symmetric)
         self.law = law
