@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import pkgutil
+import re
+from pathlib import Path
 from types import ModuleType
 
 import pytest
@@ -11,6 +13,7 @@ import pdmesh
 import pdpost
 import pdsolve
 
+PAGE = (Path(__file__).parents[2] / "docs" / "reference" / "python.md").read_text(encoding="utf-8")
 PACKAGES = {"pdmesh": pdmesh, "pdsolve": pdsolve, "pdpost": pdpost, "pdpost.figures": pdpost.figures}
 
 
@@ -33,3 +36,17 @@ def test_no_other_name_is_there(name: str) -> None:
         _ = PACKAGES[name].nothing
     with pytest.raises(ImportError, match="cannot import name 'nothing'"):
         exec(f"from {name} import nothing")
+
+
+@pytest.mark.parametrize("name", ["pdmesh", "pdsolve", "pdpost"])
+def test_the_page_has_every_public_name(name: str) -> None:
+    told = re.findall(r"^\.\. auto\w+:: \w+\.(\w+)$", PAGE, re.MULTILINE)
+    assert {public for public in PACKAGES[name].__all__ if public != "box"} <= set(told)
+
+
+def test_the_blocks_of_the_page_run_in_turn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {}
+    for block in re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL):
+        exec(compile(block, "page", "exec"), names)
+    assert {path.name for path in tmp_path.iterdir()} >= {"plate.json", "plate.sqlite", "damage.png", "study.toml"}
