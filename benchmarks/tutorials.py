@@ -28,6 +28,11 @@ PAGES = ROOT / "docs" / "tutorials"
 OURS, KNOWN = "#0072B2", "#D55E00"
 RAYLEIGH = 0.5755  # of sqrt(E / rho), at a Poisson's ratio of 1/3
 
+PAST_HOLES = (  # mm
+    *((8.20, 1.56), (9.71, 1.64), (11.16, 1.75), (12.63, 1.90), (14.08, 2.08), (15.58, 2.35), (16.53, 2.66)),
+    *((17.54, 3.08), (18.32, 3.50), (19.06, 4.05), (19.67, 4.55), (20.06, 5.11), (20.22, 5.62), (20.12, 6.46)),
+)
+
 Columns = dict[str, NDArray[np.float64]]
 
 
@@ -114,6 +119,23 @@ def specimen(axes: Axes, folder: Path) -> str:
     return f"the largest force is {force.max() / critical:.2f} of the handbook's"
 
 
+def holes(axes: Axes, folder: Path) -> str:
+    """D. Wagner, thesis, San Antonio (2018), figure 5.10, specimen 17-157, as M. Castillón digitised it."""
+    found = table(folder / "path.csv")
+    x, y = 1e3 * found["x, m"], 1e3 * found["y, m"]
+    tested = np.array(PAST_HOLES)
+    axes.plot(*tested.T, "o", color=KNOWN, label="test")
+    axes.plot(x, y, ".-", color=OURS, label="particles by K")
+    turn = np.radians(np.arange(361))
+    for at, up, radius in ((18.0, 10.0, 4.0), (30.0, 0.0, 2.0)):
+        axes.fill(at + radius * np.cos(turn), up + radius * np.sin(turn), color="0.9")
+    axes.set_aspect("equal")
+    fine = np.linspace(0, len(x) - 1, 50 * len(x))
+    path = np.column_stack([np.interp(fine, np.arange(len(x)), one) for one in (x, y)])
+    off = np.array([np.hypot(*(path - place).T).min() for place in tested])
+    return f"off by {off.max():.1f} mm at most, by {off[:-2].max():.1f} mm until 2 mm from the hole"
+
+
 def beam(axes: Axes, folder: Path) -> str:
     """P.-E. Petersson, TVBM-1006 (1981): independent programs have a largest load of 0.75 to 0.85 kN."""
     found = table(folder / "beam.csv")
@@ -170,6 +192,7 @@ TUTORIALS = {
     "kalthoff_and_winkler": Tutorial(steel, "x, mm", "y, mm"),
     "branching_in_glass": Tutorial(glass, "time, µs", "speed, m/s"),
     "compact_tension": Tutorial(specimen, "opening, mm", "force, kN per metre"),
+    "cracks_past_holes": Tutorial(holes, "x, mm", "y, mm"),
     "bending_of_concrete": Tutorial(beam, "deflection, mm", "load, kN"),
     "l_shaped_panel": Tutorial(panel, "lift, mm", "load, kN"),
     "block_of_rubber": Tutorial(rubber, "stretch, m", "force over E, per metre"),
