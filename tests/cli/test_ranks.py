@@ -294,7 +294,13 @@ def own_lines(said: str) -> list[str]:
 
 @pytest.mark.parametrize(
     ("how", "failing", "code"),
-    [("between", "1", 2), ("between", "012", 2), ("within", "0", 2), ("within", "12", 2), ("memory", "2", 1)],
+    [
+        ("between", "012", 2),
+        ("within", "12", 2),
+        ("memory", "2", 1),
+        pytest.param("between", "1", 2, marks=pytest.mark.slow),
+        pytest.param("within", "0", 2, marks=pytest.mark.slow),
+    ],
 )
 def test_an_error_on_a_rank_is_one_line_and_ends_all(how: str, failing: str, code: int) -> None:
     with started("-n", "3", sys.executable, "-m", "ranked", how, *failing) as child:
