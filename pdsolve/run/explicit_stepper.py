@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.conditions import Drive
+from pdsolve.diffusion.euler_on_device import EulerOnDevice
 from pdsolve.diffusion.system import Transport
 from pdsolve.model import Model
 from pdsolve.numerics.team import Team
@@ -15,7 +16,6 @@ from pdsolve.ranks.diffusing import EulerOnRanks
 from pdsolve.ranks.operator import AcrossRanks
 from pdsolve.run.operator_factory import in_blocks
 from pdsolve.state import State
-from pdsolve.steppers.euler_on_device import EulerOnDevice
 from pdsolve.steppers.protocol import Stepper
 from pdsolve.steppers.verlet import Verlet
 from pdsolve.steppers.verlet_blocks import VerletBlocks

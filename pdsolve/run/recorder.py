@@ -21,10 +21,10 @@ from pdsolve.run.accounts import Accounts, Together
 from pdsolve.run.measures import Asked, ask, fields
 from pdsolve.run.motion_accounts import MotionAccounts
 from pdsolve.run.node_changes import Change
+from pdsolve.run.on_device import fetch
 from pdsolve.run.system import System
 from pdsolve.state import Broken, State
 from pdsolve.steppers.load_steps import Rested
-from pdsolve.steppers.on_device import fetch
 from pdsolve.steppers.stepped_rest import SteppedRest
 
 GAP = 64  # rows between born nodes whose bonds are asked for together

@@ -45,6 +45,7 @@ from pdsolve.operators.softening_shear import softening_of
 from pdsolve.options import Options as Options
 from pdsolve.options import threads_of as threads_of
 from pdsolve.run.explicit_stepper import stepper_of, stepper_of_content
+from pdsolve.run.on_device import OnDevice, fetch
 from pdsolve.run.operator_factory import for_swelling, operator_of, touched, touched_at_rest
 from pdsolve.run.operator_factory import stable as stable
 from pdsolve.run.time_step import step_of as step_of
@@ -55,7 +56,6 @@ from pdsolve.steppers.equilibrium import Method, forces
 from pdsolve.steppers.euler import Euler
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.newton import FACTORED_IN, Newton
-from pdsolve.steppers.on_device import OnDevice, fetch
 from pdsolve.steppers.path_steps import PathSteps
 from pdsolve.steppers.protocol import Stepper
 from pdsolve.steppers.relaxation import Relaxation

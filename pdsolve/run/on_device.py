@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pdsolve.steppers.euler_on_device import EulerOnDevice
+from pdsolve.diffusion.euler_on_device import EulerOnDevice
 from pdsolve.steppers.protocol import Stepper
 from pdsolve.steppers.verlet_on_device import VerletOnDevice
 
