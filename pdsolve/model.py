@@ -144,7 +144,8 @@ class Model:
         if run.solver == "static":
             steps = msgspec.structs.replace(steps, solver="implicit", theta=run.theta)
         assert self.settings.medium is not None
-        medium = msgspec.structs.replace(self.settings.medium, broken=1.0)  # `Swelling` knows what breaks
+        # `Swelling` knows what breaks and what deforms
+        medium = msgspec.structs.replace(self.settings.medium, broken=1.0, heat_capacity=None)
         return self._part(physics="diffusion", medium=medium, material=None, regions=(), conditions=mine, run=steps)
 
     def _unstressed(self) -> Iterator[InitialConcentration]:

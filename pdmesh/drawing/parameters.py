@@ -67,6 +67,7 @@ FOLDERS = {
         "k diss",
         "Capped",
         "Broken",
+        "Deformation",
         "Surface correction",
     ),
     "Run": (
@@ -298,11 +299,11 @@ def either(parameters: Parameters, folder: str, *names: str) -> tuple[float, str
 def medium(parameters: Parameters) -> Medium | Heat | None:
     """The medium of diffusion, or of heat if its conductivity is given; None if no parameter is given."""
     if parameters.maybe("Medium/k") is not None or parameters.maybe("Medium/c") is not None:
-        others = sorted(parameters.below("Medium") - {"k", "c", "Broken"})
+        others = sorted(parameters.below("Medium") - {"k", "c", "Broken", "Deformation"})
         if others:
             raise SceneError(f"parameter '{PREFIX}Medium/{others[0]}': found one, expected none beside k and c")
         k, c = (parameters.number(f"Medium/{name}") for name in "kc")
-        return Heat(k, c, parameters.number("Medium/Broken", 1.0))
+        return Heat(k, c, parameters.number("Medium/Broken", 1.0), parameters.flag("Medium/Deformation", False))
     given: dict[str, Any] = {"D": parameters.maybe("Medium/D"), "k_diss": parameters.maybe("Medium/k diss")}
     given["broken"] = parameters.maybe("Medium/Broken")
     given |= {f"C_{end}": parameters.maybe(f"Medium/C {end}") for end in ("solid", "sat")}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Annotated, Literal
 
 import msgspec
@@ -25,6 +26,7 @@ class Medium(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defau
     k_diss: Positive = 1.0  # kinetic: of bonds from solid to liquid, over that from liquid to liquid
     surface_correction: bool = True  # of bonds near free surfaces, cracks and held layers; see the guide
     broken: Annotated[float, msgspec.Meta(ge=0, le=1)] = 1.0  # share of its conductance that a broken bond keeps
+    heat_capacity: Positive | None = None  # J/(m^3 K): stretching cools, compression heats; None: they do not
     capped: bool = True  # kinetic: nothing dissolves into liquid that holds C_sat
 
 
@@ -39,6 +41,14 @@ def contradiction(medium: Medium) -> tuple[str, str, str] | None:
     if medium.dissolution == "kinetic" and C_solid is None:
         return "C_solid", "none", "one, as the dissolution is kinetic"
     return None
+
+
+def of_motion(medium: Medium) -> Iterator[tuple[str, str, str]]:
+    """What only a body that moves too has: key, what was found, what was expected of diffusion alone."""
+    if medium.broken != 1:
+        yield "broken", f"{medium.broken:g}", "1 of diffusion, in which no bond breaks"
+    if medium.heat_capacity is not None:
+        yield "heat_capacity", f"{medium.heat_capacity:g}", "none of diffusion, in which nothing deforms"
 
 
 class MediumRegion(Selection, frozen=True, kw_only=True):

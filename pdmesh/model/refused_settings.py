@@ -29,7 +29,7 @@ from pdmesh.model.document import (
 from pdmesh.model.material import DECLARED, USUAL_LAW, Expansion, Material, missing, switch_of
 from pdmesh.model.materials import KINDS, Refusal, Refusals
 from pdmesh.model.materials.kind import softens
-from pdmesh.model.medium import Medium, contradiction
+from pdmesh.model.medium import Medium, contradiction, of_motion
 from pdmesh.model.output_fields import OF_CONTENT
 from pdmesh.model.output_fields import USUAL as USUAL_FIELDS
 
@@ -81,8 +81,7 @@ def _diffusing(settings: Settings, medium: Medium) -> Iterator[Impossible]:
     wrong = contradiction(medium)
     if wrong is not None:
         yield Impossible(f"$.medium.{wrong[0]}", *wrong[1:])
-    if medium.broken != 1:
-        yield Impossible("$.medium.broken", f"{medium.broken:g}", "1 of diffusion, in which no bond breaks")
+    yield from (Impossible(f"$.medium.{name}", *words) for name, *words in of_motion(medium))
     run, usual = settings.run, Run()
     for name in ("until", "start", "damping", "probes", "cracks"):
         found, expected = getattr(run, name), getattr(usual, name)

@@ -26,6 +26,7 @@ class Heat:
     k: float  # W/(m K)
     c: float  # J/(kg K)
     broken: float = 1.0  # share of its conductance that a broken bond keeps
+    deformation: bool = False  # whether stretching cools and compression heats
 
     def __post_init__(self) -> None:
         for name, value in (("k", self.k), ("c", self.c)):
@@ -49,7 +50,8 @@ def medium_of(medium: Medium | Heat | None, material: Material | None) -> Medium
     """The medium of the grid file: that of heat with D = k / (rho c). Raises SceneError without a density."""
     if not isinstance(medium, Heat):
         return medium
-    return Medium(D=medium.k / capacity(medium, material, "medium"), broken=medium.broken)
+    rho_c = capacity(medium, material, "medium")
+    return Medium(D=medium.k / rho_c, broken=medium.broken, heat_capacity=rho_c if medium.deformation else None)
 
 
 def physics_of(medium: Medium | Heat | None, material: Material | None, regions: Iterable[Region]) -> Physics:

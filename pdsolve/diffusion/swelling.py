@@ -1,11 +1,13 @@
 """Bodies that heat, or a solvent, swells: a content and a motion of the same nodes, one step of each after the other.
 
 The content h diffuses by itself (Fick's law: T with the thermal diffusivity, K). A free node is strained by alpha (h -
-T0), a bond by the mean of its ends, and stretches from there, whatever its law. What deformation makes of the content
-is left out. The content takes one step for a cycle of steps of the motion, in its middle, and goes to its end. At rest
-each step of the content is followed by a load step. What a change of strain adds to the energy of bonds is booked as
-work: the mean of that at the displacements before and after a step, as the forces of velocity Verlet are; at rest the
-same mean is exact for linear bonds.
+T0), a bond by the mean of its ends, and stretches from there, whatever its law. With a heat capacity rho c, deformation
+changes T by -T0 alpha / (rho c) times the change of the trace of stress (Lord Kelvin), which is minus the derivative of
+the energy of bonds by the strain of free nodes; `second` of the content's state keeps that. The content takes one step
+for a cycle of steps of the motion, in its middle, and goes to its end. At rest each step of the content is followed by
+a load step. What a change of strain adds to the energy of bonds is booked as work: the mean of that at the
+displacements before and after a step, as the forces of velocity Verlet are; at rest the same mean is exact for linear
+bonds.
 """
 
 from __future__ import annotations
@@ -25,6 +27,7 @@ from pdsolve.state import State
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.protocol import Stepper
 
+SMALL = 1e-5  # of strain: energies that far apart tell their derivative
 CYCLE = 20  # steps of the motion, at most, for one of the content: what heats as fast as waves go is that coarse
 
 
@@ -39,21 +42,47 @@ class Swelling:
         model: Model,
         cycle: int = 1,
         broken: BrokenBonds | None = None,
+        free: NDArray[np.bool_] | None = None,
     ) -> None:
         """`content` is its stepper, whose steps are `cycle` of the motion long, and its state.
 
         `model` has the materials, each with alpha and T0. `broken` bonds conduct less; None: all conduct alike.
+        `free` (n,) are the nodes whose content is not prescribed; None: all.
         """
-        self._broken = broken
+        self._broken, self._free = broken, np.ones(len(model.grid), dtype=np.bool_) if free is None else free
         self._content, self._h = content
         self.motion, self.cycle, self._bonds = motion, cycle, bonds
         self._alpha, self._T0 = coefficients(model)
+        assert model.settings.medium is not None
+        self._capacity = model.settings.medium.heat_capacity
         if not isinstance(motion, LoadSteps):  # which begin without strains, and with nothing held
             self.swell()
 
     def swell(self) -> None:
         """Strain the bonds by the contents of now."""
         self._bonds.swell(self._strain())
+
+    def begin(self, state: State) -> None:
+        """Let heat of deformation count from the stress of this state on."""
+        if self._capacity is not None:
+            self._h.second[:, 0] = self._slope(state)
+
+    def _slope(self, state: State) -> NDArray[np.float64]:
+        """The derivative (n,) of energies by the strain of free nodes, J/m^3: minus the trace of stress."""
+        strain = self._strain()
+        more, less = self._held(state, strain + SMALL), self._held(state, strain - SMALL)
+        self._bonds.swell(strain)
+        return (more - less) / (2 * SMALL)
+
+    def _deform(self, state: State) -> None:
+        """Heat the free nodes by the change of stress since this was done last; booked as supplied."""
+        if self._capacity is None:
+            return
+        before = self._h.second[:, 0].copy()
+        self.begin(state)
+        change = np.where(self._free, self._T0 * self._alpha / self._capacity * (self._h.second[:, 0] - before), 0.0)
+        self._h.value[:, 0] += change
+        self._h.work[:] += change
 
     def clamped(self, state: State) -> NDArray[np.float64]:
         """The energy densities (n,) that bonds would hold at no displacement, J/m^3: what heat can do at most."""
@@ -84,6 +113,8 @@ class Swelling:
         held = self._held(state, before) if held is None else held
         if self._broken is not None:
             self._broken.update(self._content)
+        if not (rests and step == 1):  # before which nothing is strained
+            self._deform(state)
         self._content.march(self._h, (step - 1) // self.cycle + 1, (step - 1) // self.cycle + 2)
         strain = self._strain()
         state.work[:] += (self._held(state, strain) - held) / 2

@@ -240,10 +240,13 @@ def _swelling(model: Model, options: Options, scheme: Scheme) -> Prepared:
     assert model.settings.medium is not None
     share = model.settings.medium.broken
     broken = None if share == 1 else BrokenBonds(transport, bonds, share)
-    stepper = Swelling((marches, content.state), system.stepper, bonds, model, cycle, broken)
+    if model.settings.medium.heat_capacity is not None:
+        content = content._replace(state=content.state._replace(second=np.zeros((len(model.grid), 1))))
+    stepper = Swelling((marches, content.state), system.stepper, bonds, model, cycle, broken, transport.free)
     if not rests:  # the first half step goes with what the strains of time 0 pull
         pull = forces(system.operator, state) / system.model.rho[:, None]
         state.second[:] += np.where(held(system.drive), 0.0, pull)
+        stepper.begin(state)
     energy = system.initial_energy + float(np.sum(system.area * system.operator.energies(state)[0]))
     return Prepared(replace(system, stepper=stepper, whole=model, beside=(content,), initial_energy=energy), state)
 
