@@ -366,10 +366,6 @@ def _touching(settings: Settings, every: Places) -> Iterator[Impossible]:
             yield Impossible(f"$.run.{name}", found, f"{expected or 'none'}{why}")
     if run.solver == "implicit":
         yield Impossible("$.run.solver", "implicit", f"explicit or static{why}")
-    if run.solver == "static":
-        for place, material in every:
-            if softens(material):
-                yield Impossible(f"{place}.law", f"'{material.law}'", f"one that does not soften, at rest{why}")
     for place, material in every:
         if material.model == "micropolar":
             yield Impossible(f"{place}.model", "'micropolar'", f"a model without rotations{why}")

@@ -42,6 +42,7 @@ class Response(NamedTuple):
     releases: Array  # (b,) derivative of the spent energy by the stretch, J/m
     spent: float  # J/m, by all bonds since they were made
     toward: Array = NONE  # (b, 2) with shear: derivative of the drive by both strains
+    value: Array = NONE  # (n, d) m, displacements of nodes, where bodies touch
 
 
 class Softened(NamedTuple):
@@ -55,6 +56,8 @@ class Softened(NamedTuple):
 
 class SofteningBonds:
     """The bonds of n nodes, each pair once, in the order of their nodes."""
+
+    symmetric = True  # the tangent
 
     def __init__(self, law: Law, whole: Assembly) -> None:
         """Bonds of a pair law that conserve momentum: area times stiffness is the same from both ends."""

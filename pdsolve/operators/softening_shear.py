@@ -22,6 +22,8 @@ from pdsolve.laws import law_of
 from pdsolve.laws.cohesive_micropolar import shear_of
 from pdsolve.laws.law import Law
 from pdsolve.model import Model
+from pdsolve.operators.contact.at_rest import RestingContact
+from pdsolve.operators.contact.touching_bonds import TouchingBonds
 from pdsolve.operators.softening_bonds import Response, SofteningBonds
 
 if TYPE_CHECKING:
@@ -100,7 +102,9 @@ class SofteningShear(SofteningBonds):
         return self._assembled(np.concatenate(blocks))
 
 
-def softening_of(model: Model, whole: Assembly) -> SofteningBonds:
-    """The softening bonds of a model, with shear if its law has it."""
+def softening_of(model: Model, whole: Assembly, contact: RestingContact | None = None) -> SofteningBonds:
+    """The softening bonds of a model, with shear if its law has it, or with what touches."""
     law = law_of(model)
-    return SofteningBonds(law, whole) if law.pair is not None else SofteningShear(law, whole, model)
+    if law.pair is None:
+        return SofteningShear(law, whole, model)
+    return SofteningBonds(law, whole) if contact is None else TouchingBonds(law, whole, contact)

@@ -392,8 +392,9 @@ def _along_path(model: Model, options: Options, scheme: Scheme) -> Prepared:
     if not scheme.symmetric:
         raise ModelError(f"mode: found {scheme.name}, expected conservative, as bonds soften at rest")
     filling = scheme.fill(model)
-    operator, filled = operator_of(model, options._replace(kernel="listed"), scheme, filling)
+    bonded, filled = operator_of(model, options._replace(kernel="listed"), scheme, filling)
     area, nodes = filling.area, len(model.grid)
+    operator, contact = touched_at_rest(model, area, bonded)
     width = sum(unknown.width for unknown in operator.unknowns)
     driven = widened(drive(model, area, scheme.exact_load, np.float64), width)
     if driven.force.size - len(driven.holds.node) > FACTORED_IN[2]:
@@ -401,9 +402,10 @@ def _along_path(model: Model, options: Options, scheme: Scheme) -> Prepared:
         raise ModelError(f"{model.name}: $.nodes: found {nodes}, expected at most {most}, as bonds soften at rest")
     driven.force[:] = driven.before[:] = driven.held_force[:] = 0
     state = operator.place(State(*np.zeros((3, *driven.force.shape)), *np.zeros((3, nodes))))
-    stepper = PathSteps(model, operator, driven, area, softening_of(model, filling.whole()))
+    bonds = softening_of(model, filling.whole(), contact)
+    stepper = PathSteps(model, bonded, driven, area, bonds, contact)
     step, bound = model.settings.run.time_step or 1.0, stable(operator.stiffness_bound(), model.rho)
-    found = System(model, options, scheme, operator, stepper, driven, *filled, step, bound, 0.0)
+    found = System(model, options, scheme, operator, stepper, driven, *filled, step, bound, 0.0, contact=contact)
     return Prepared(found, state)
 
 

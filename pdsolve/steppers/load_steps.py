@@ -24,8 +24,8 @@ from pdsolve.operators.ground_supports import grounded
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import Broken, State
 from pdsolve.steppers.equilibrium import Asked, Method, Settled, Tell, UnsettledError, forces, norm
-from pdsolve.steppers.rigid_body_modes import Loose, Pairs, loose, unbalanced
-from pdsolve.steppers.touching import Touching
+from pdsolve.steppers.rigid_body_modes import Loose, loose, unbalanced
+from pdsolve.steppers.touching import Touching, and_touching
 
 Array = NDArray[np.float64]
 
@@ -298,7 +298,8 @@ class LoadSteps:
             return
         if self._contact is not None:
             alone = found.nodes
-            found = loose(model.grid.position, model.grid.ids, self._joined(np.divmod(left, nodes)), self._supported)
+            joined = and_touching(np.divmod(left, nodes), self._contact)
+            found = loose(model.grid.position, model.grid.ids, joined, self._supported)
             self.method.hold_softly(alone)  # which touch holds once it presses, in all directions but along a face
             if not found.said:
                 return
@@ -310,12 +311,6 @@ class LoadSteps:
         self._loose = found
         self._balance(when)
         self.method.hold_softly(found.nodes)
-
-    def _joined(self, bonds: Pairs) -> Pairs:
-        """Bonds and pairs that touch."""
-        assert self._contact is not None
-        (source, target), (i, j) = bonds, self._contact.holding()
-        return np.concatenate([source, i, j]), np.concatenate([target, j, i])
 
     def _balance(self, when: str) -> None:
         """Check that loads on unsupported bodies balance. Raises UnsettledError."""

@@ -26,16 +26,17 @@ LEFT = 1e-6  # of the right side, which a solution may leave
 
 
 class Solver:
-    """Solves with symmetric matrices, which may be indefinite."""
+    """Solves with matrices that may be indefinite; they are `symmetric`, or not."""
 
-    def __init__(self) -> None:
+    def __init__(self, symmetric: bool = True) -> None:
         self._inverse: Callable[[Array], Array] | None = None
+        self._symmetric = symmetric
 
     def solve(self, matrix: csr_array, right: Array, anew: bool) -> Array:
         """The solution for one right side (k,); `anew` does not use old factors. Raises UnsettledError."""
         found = None if anew or self._inverse is None else self._by_old_factors(matrix, right)
         if found is None:
-            self._inverse = _factors(matrix)
+            self._inverse = _factors(matrix, self._symmetric)
             found = self._inverse(right)
         return found
 
@@ -61,11 +62,11 @@ class Solver:
         return bool(np.sqrt(left @ left) <= 2 * LEFT * size)
 
 
-def _factors(matrix: csr_array) -> Callable[[Array], Array]:
+def _factors(matrix: csr_array, symmetric: bool) -> Callable[[Array], Array]:
     """The function that solves with a matrix; SuperLU's warnings are left out. Raises UnsettledError."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
-            return factors(matrix)
+            return factors(matrix, symmetric)
         except RuntimeError:
             raise UnsettledError("found a singular tangent") from None

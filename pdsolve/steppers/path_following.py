@@ -64,7 +64,7 @@ class Follower:
     def __init__(self, bonds: SofteningBonds, drive: Proportional, tolerance: float, control: Control) -> None:
         self.bonds, self.drive, self._tolerance, self.control = bonds, drive, tolerance, control
         self._free = np.flatnonzero(~drive.held.ravel())
-        self.solver = Solver()
+        self.solver = Solver(bonds.symmetric)
         self.largest = 0.0  # N/m, norm of the forces from outside so far: the measure of residuals
 
     def settle(self, start: Array, factor: float, tell: Tell) -> tuple[Path, int, float]:
@@ -146,6 +146,11 @@ class Follower:
             f"found no equilibrium where {self.control.said} {more:.3g} {self.control.unit} more after {MOST}"
             f" iterations, a residual of {left:.2g}, expected {self._tolerance:g} of the external forces"
         )
+
+    def left(self, at: Path) -> float:
+        """What is left of the forces at a place, over the largest from outside so far."""
+        found, outside = self.bonds.respond(at.value), self.drive.at(at.factor)
+        return self._left(found, outside, self._rest(found, outside))
 
     def direction(self, found: Response) -> Array:
         """Derivative (n, d) of displacements by lambda, of bonds that are straight."""

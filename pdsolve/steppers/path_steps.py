@@ -20,6 +20,7 @@ from pdsolve.checkpoint_validation import entry
 from pdsolve.conditions import Drive, put_loads
 from pdsolve.errors import CheckpointError
 from pdsolve.model import Model, ModelError, ModelWarning
+from pdsolve.operators.contact.at_rest import RestingContact
 from pdsolve.operators.protocol import Operator
 from pdsolve.operators.softening_bonds import Response, SofteningBonds
 from pdsolve.state import Broken, State
@@ -29,6 +30,7 @@ from pdsolve.steppers.no_fail_bonds import held_crack
 from pdsolve.steppers.path_control import Control, Dissipation, Opening
 from pdsolve.steppers.path_following import FEW, FIRST, GROWTH, LEAST, NEAR, Follower, Path, Proportional
 from pdsolve.steppers.rigid_body_modes import loose
+from pdsolve.steppers.touching import and_touching, resting
 
 Array = NDArray[np.float64]
 
@@ -58,13 +60,26 @@ class PathSteps:
 
     said = "path following with factors"
 
-    def __init__(self, model: Model, operator: Operator, drive: Drive, area: Array, bonds: SofteningBonds) -> None:
-        """Profiles of the drive go from 0 to 1 s. Raises ModelError for a body without supports."""
+    def __init__(
+        self,
+        model: Model,
+        operator: Operator,
+        drive: Drive,
+        area: Array,
+        bonds: SofteningBonds,
+        contact: RestingContact | None = None,
+    ) -> None:
+        """Profiles of the drive go from 0 to 1 s; `operator` has the bonds. Raises ModelError for a body without
+        supports."""
         self._model, self._operator, self._drive, self._area, self._bonds = model, operator, drive, area, bonds
         held = np.zeros(drive.force.shape, dtype=bool)
         held[drive.holds.node, drive.holds.axis] = True
         d = model.grid.dimension
-        found = loose(model.grid.position, model.grid.ids, operator.bonds(start=True), held[:, :d])
+        joined = operator.bonds(start=True)
+        if contact is not None:
+            joined = and_touching(joined, contact)
+        self._contact = contact
+        found = loose(model.grid.position, model.grid.ids, joined, held[:, :d])
         if found.said:
             raise ModelError(f"{model.name}: $.conditions: found {found.said}, expected supports")
         self._held = held
@@ -129,6 +144,8 @@ class PathSteps:
         return f"load {self.rested[-1].pull / most:.0%} of its peak, spent {self._last.spent:.3g} J/m"
 
     def _take(self, state: State, step: int) -> None:
+        if self._contact is not None:
+            self._contact.begin(state)
         try:
             new, iterations, residual = self._first(state) if not self.rested else self._follow(step)
         except UnsettledError as error:
@@ -214,7 +231,9 @@ class PathSteps:
         return (self._opening - self._measure(start)) / opened * (near.factor - start.factor)
 
     def _settle(self, near: Path, factor: float) -> tuple[Path, int, float]:
-        return self._follower.settle(near.value, factor, self._tell(0))
+        return resting(
+            self._contact, lambda: self._follower.settle(near.value, factor, self._tell(0)), self._follower.left
+        )
 
     def _follow(self, step: int) -> tuple[Path, int, float]:
         """A step of dissipation, as large as it converges."""
@@ -227,7 +246,7 @@ class PathSteps:
                 ahead = last.value + share * (last.value - self._before.value)
                 guess = Path(ahead, last.factor + share * (last.factor - self._before.factor), 0.0)
             try:
-                new, count, residual = self._follower.follow(last, guess, self._more, self._tell(step), secants)
+                new, count, residual = self._found(step, guess, secants)
                 break
             except UnsettledError:
                 if self._more < LEAST * self._most:
@@ -248,6 +267,13 @@ class PathSteps:
             self.ended = True
         self.ended |= self._opened(new)
         return new, iterations + count, residual
+
+    def _found(self, step: int, guess: Path | None, secants: int) -> tuple[Path, int, float]:
+        """The next equilibrium, from a guess."""
+        follower, tell = self._follower, self._tell(step)
+        return resting(
+            self._contact, lambda: follower.follow(self._last, guess, self._more, tell, secants), follower.left
+        )
 
     def _look(self, step: int) -> None:
         """Report, once, loads past their largest; end the path where they are as good as gone."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,6 +11,10 @@ from pdsolve.operators.contact.at_rest import RestingContact
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
 from pdsolve.steppers.equilibrium import Asked, Method, Settled, Tell, UnsettledError, forces, left_over
+from pdsolve.steppers.path_following import Path
+from pdsolve.steppers.rigid_body_modes import Pairs
+
+Solved = tuple[Path, int, float]  # a place on a path, iterations and residual
 
 LOOKS = 10  # at one equilibrium
 STAYS = 1e-3  # residual of an equilibrium for normals and weights of that place: these are good then
@@ -30,7 +36,7 @@ class Touching:
         for _ in range(LOOKS):
             settled = self._method.settle(state, asked, tell)
             done += settled.iterations
-            if contact.moved(state) > FAR:
+            if contact.moved(state.value) > FAR:
                 state.value[:] = start
                 raise UnsettledError(f"found bodies in contact that move by more than {FAR:g} spacings")
             before = contact.seen
@@ -55,3 +61,33 @@ class Touching:
     def hold_softly(self, nodes: NDArray[np.bool_]) -> None:
         """Restrain these nodes (n,) by weak springs during the solution; see `Method`."""
         self._method.hold_softly(nodes)
+
+
+def and_touching(bonds: Pairs, contact: RestingContact) -> Pairs:
+    """Bonds, and pairs of nodes that touch."""
+    (source, target), (i, j) = bonds, contact.holding()
+    return np.concatenate([source, i, j]), np.concatenate([target, j, i])
+
+
+def resting(
+    contact: RestingContact | None, solve: Callable[[], Solved], left: Callable[[Path], float]
+) -> Solved:
+    """The place on a path that `solve` finds, its iterations and residual, with normals and weights that stay there.
+
+    `left` is the residual of a place. Raises UnsettledError.
+    """
+    new, count, residual = solve()
+    for _ in range(LOOKS if contact is not None else 0):
+        assert contact is not None
+        if contact.moved(new.value) > FAR:
+            raise UnsettledError(f"found bodies in contact that move by more than {FAR:g} spacings")
+        before = contact.seen
+        contact.see(new.value)
+        if left(new) < STAYS:
+            contact.see(before)
+            return new, count, residual
+        new, more, residual = solve()
+        count += more
+    if contact is not None:
+        raise UnsettledError(f"found no place in which bodies stay that touch, after {LOOKS} looks at their faces")
+    return new, count, residual

@@ -68,10 +68,10 @@ class RestingContact(PenaltyContact):
         self.see(self._at)
         self._pairs.drag[:] = -self._stiffness[:, None] * self._touch(state.value).slip
 
-    def moved(self, state: State) -> float:
+    def moved(self, value: NDArray[Any]) -> float:
         """The farthest that a surface node has come since the last look, over the finest spacing there."""
         rows = self._rows
-        way = state.value[rows].astype(np.float64) - self.seen[rows]
+        way = value[rows].astype(np.float64) - self.seen[rows]
         return float(np.sqrt((way**2).sum(axis=1).max(initial=0.0)) / self._finest) if len(rows) else 0.0
 
     def see(self, u: Array) -> None:
@@ -114,11 +114,16 @@ class RestingContact(PenaltyContact):
 
     def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
         """Add the force densities (n, d), N/m^3, to `out`."""
-        pairs, now = self._pairs, self._touch(state.value)
+        out += self.forces(state.value) / self._volume[:, None]
+
+    def forces(self, value: NDArray[Any]) -> Array:
+        """Forces (n, d), N/m, in space N, at displacements (n, d), m."""
+        pairs, now = self._pairs, self._touch(value)
         force = self._stiffness[:, None] * (now.depth[:, None] * self._normal - now.slip)
+        out = np.zeros(value.shape)
         for a in range(force.shape[1]):
-            pushed = np.bincount(pairs.j, force[:, a], len(out)) - np.bincount(pairs.i, force[:, a], len(out))
-            out[:, a] += pushed / self._volume
+            out[:, a] = np.bincount(pairs.j, force[:, a], len(out)) - np.bincount(pairs.i, force[:, a], len(out))
+        return out
 
     def energies(self, state: State) -> tuple[Array, Array]:
         """Energy densities (n,), J/m^3: stored in springs of touch and of friction; nothing is dissipated here."""
@@ -145,10 +150,18 @@ class RestingContact(PenaltyContact):
 
     def tangent(self, state: State) -> csr_array:
         """Minus the derivative of the force densities by the values, (n w, n w), N/m^4."""
+        from scipy.sparse import diags_array
+
+        lightness = diags_array(1 / np.repeat(self._volume, state.value.shape[1]))
+        found: csr_array = (lightness @ self.stiffness_matrix(state.value)).tocsr()
+        return found
+
+    def stiffness_matrix(self, value: NDArray[Any]) -> csr_array:
+        """Minus the derivative of the forces by the displacements, (n d, n d), N/m^2, in space N/m."""
         from scipy.sparse import coo_array
 
-        pairs, now, n = self._pairs, self._touch(state.value), self._normal
-        u = state.value.astype(np.float64)
+        pairs, now, n = self._pairs, self._touch(value), self._normal
+        u = value.astype(np.float64)
         some = np.flatnonzero((self._stiffness > 0) & (pairs.touch - self._gap(u) > -TOUCHES * pairs.touch))
         n, d, mu = n[some], n.shape[1], self._settings.friction
         nn = n[:, :, None] * n[:, None, :]
@@ -167,7 +180,7 @@ class RestingContact(PenaltyContact):
             for end, sign in ((one, 1.0), (other, -1.0)):
                 rows.append((d * one[some, None, None] + np.arange(d)[:, None] + np.zeros((d, d), int)).ravel())
                 columns.append((d * end[some, None, None] + np.arange(d) + np.zeros((d, d), int)).ravel())
-                values.append((sign * block / self._volume[one[some], None, None]).ravel())
+                values.append((sign * block).ravel())
         size, ends = d * len(self._volume), (np.concatenate(rows), np.concatenate(columns))
         found: csr_array = coo_array((np.concatenate(values), ends), shape=(size, size)).tocsr()
         return found
