@@ -334,7 +334,7 @@ def _lines(path: Path, summary: dict[str, Any]) -> list[str]:
         iterations, residual = sum(step["iterations"] for step in rested), max(step["residual"] for step in rested)
         how = f" {iterations} iterations of {summary['method']}, residual {residual:.1e} at most"
     unit = summary.get("energy_unit", "J/m")
-    damped = f" + damped {energy['damped']:.4g}" if energy["damped"] else ""
+    damped = "".join(f" + {name} {energy[name]:.4g}" for name in ("damped", "friction") if energy[name])
     lines = [
         f"{path}: {summary['nodes']} nodes, {summary['bonds']} bonds, {summary['steps']} {what} to"
         f" {until}, {summary['mode']} mode, {summary['precision']}",

@@ -206,6 +206,7 @@ def _balance(args: argparse.Namespace) -> int:
     worst = int(np.abs(books.error).argmax())
     known = np.isfinite(last["damped"])
     damped = f" + damped {last['damped']:.4g}" if known else " with what damping took"
+    damped += f" + friction {last['friction']:.4g}" if last["friction"] else ""
     lines = [
         f"at {time_text(last['time'])}, J{per}: put in {last['work']:.4g} = kinetic {last['kinetic']:.4g} + strain"
         f" {last['strain']:.4g} + dissipated {last['dissipated']:.4g}{damped} (balance {last['error']:+.1e})",
@@ -223,7 +224,7 @@ def _balance(args: argparse.Namespace) -> int:
     header = (
         "step",
         "time, s",
-        *(f"{name}, J{per}" for name in ("kinetic", "strain", "dissipated", "damped", "put in", "total")),
+        *(f"{name}, J{per}" for name in ("kinetic", "strain", "dissipated", "damped", "friction", "put in", "total")),
     )
     header = (*header, "error", f"momentum x, N s{per}", f"momentum y, N s{per}")
     return number_options.deliver(args, found, lines, header, zip(*books, strict=True), path)

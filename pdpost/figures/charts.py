@@ -70,7 +70,7 @@ def balance(books: Balance, per: str = "/m") -> Figure:
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.6, 1))
     second, seconds = scaled([books.time], "s")
     factor, unit = scaled([books.total, books.work], f"J{per}")
-    damped = ("damped",) if np.any(books.damped > 0) else ()
+    damped = (name for name in ("damped", "friction") if np.any(getattr(books, name) > 0))
     for number, name in enumerate(("kinetic", "strain", "dissipated", "total", *damped)):
         above.plot(books.time * second, getattr(books, name) * factor, lw=1.4, label=name, **look(number))
     above.plot(books.time * second, books.work * factor, color="black", ls=(0, (4, 3)), lw=1.2, label="put in")

@@ -144,6 +144,7 @@ def _conditions(nodes: Nodes, model: dict[str, Any]) -> str:
 def _balance(results: Results) -> list[str]:
     books, per = balance(results), per_thickness(results)
     names = ("work", "kinetic", "strain", "dissipated", *(("damped",) if np.isfinite(books.damped[-1]) else ()))
+    names = (*names, *(("friction",) if books.friction[-1] else ()))
     last = {name: f"{getattr(books, name)[-1]:.5g} J{per}" for name in names}
     last = {"put in" if name == "work" else name: value for name, value in last.items()}
     last["balance error"] = f"{books.error[-1]:+.2e} of the most put in"

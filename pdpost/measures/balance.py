@@ -23,8 +23,9 @@ class Balance(NamedTuple):
     strain: NDArray[np.float64]  # (t,) J/m
     dissipated: NDArray[np.float64]  # (t,) J/m, spent by bonds; of older files what is damped too
     damped: NDArray[np.float64]  # (t,) J/m, taken by damping, absorbing and numerical layers; NaN of older files
+    friction: NDArray[np.float64]  # (t,) J/m, turned into heat where faces rub
     work: NDArray[np.float64]  # (t,) J/m, done by loads and holds, what refining made, and what was there at the start
-    total: NDArray[np.float64]  # (t,) J/m, kinetic, strain, dissipated and damped
+    total: NDArray[np.float64]  # (t,) J/m, kinetic, strain, dissipated, damped and friction
     error: NDArray[np.float64]  # (t,) total - work, over the most that was ever put in
     momentum_x: NDArray[np.float64]  # (t,) N s/m
     momentum_y: NDArray[np.float64]  # (t,) N s/m
@@ -38,6 +39,11 @@ def per_thickness(results: Results) -> str:
 def damping(books: NDArray[np.void]) -> NDArray[np.float64]:
     """Energy (t,) taken by damping, J/m; NaN in older files, where it is part of the dissipated energy."""
     return np.asarray(books["damped"] if "damped" in (books.dtype.names or ()) else np.full(len(books), np.nan))
+
+
+def rubbing(books: NDArray[np.void]) -> NDArray[np.float64]:
+    """Heat (t,) of friction, J/m; 0 in files without it."""
+    return np.asarray(books["friction"] if "friction" in (books.dtype.names or ()) else np.zeros(len(books)))
 
 
 def put_in(books: NDArray[np.void], initial: float) -> float:
@@ -57,7 +63,7 @@ def remarks(results: Results) -> list[str]:
     """Sentences about energy that went elsewhere than into cracks, if it is a large share."""
     books, model = results.history(), read(results, _Solved)
     given = put_in(books, float(results.meta()["initial_energy"]))
-    damped = float(np.nan_to_num(damping(books))[-1])
+    damped = float(np.nan_to_num(damping(books))[-1] + rubbing(books)[-1])
     said = remark(model.run, model.conditions, model.contact, damped, given)
     return [] if said is None else [said]
 
@@ -69,8 +75,8 @@ def balance(results: Results) -> Balance:
         expect_mechanics(results)
         raise ResultsError(f"{results.name}: found an empty ledger, expected at least one entry")
     initial = float(results.meta()["initial_energy"])
-    damped = damping(books)
-    total = books["kinetic"] + books["strain"] + books["dissipated"] + np.nan_to_num(damped)
+    damped, friction = damping(books), rubbing(books)
+    total = books["kinetic"] + books["strain"] + books["dissipated"] + np.nan_to_num(damped) + friction
     given = books["work"] + initial
     if "refinement" in (books.dtype.names or ()):
         given = given + books["refinement"]
@@ -83,6 +89,7 @@ def balance(results: Results) -> Balance:
         books["strain"],
         books["dissipated"],
         damped,
+        friction,
         given,
         total,
         error,

@@ -27,7 +27,7 @@ UNITS: dict[str, str] = {
     **OF_FIELDS,
     **dict.fromkeys([f"{axis}{end}" for axis in "xyz" for end in ("", "0", "1", "2")], "m"),
     **dict.fromkeys(("delta", "displacement_x", "displacement_y", "displacement_z"), "m"),
-    **dict.fromkeys(("kinetic", "strain", "dissipated", "damped", "work", "refinement"), "J/m"),
+    **dict.fromkeys(("kinetic", "strain", "dissipated", "damped", "friction", "work", "refinement"), "J/m"),
     **dict.fromkeys(("momentum_x", "momentum_y", "momentum_z"), "N s/m"),
     **dict.fromkeys(("force_x", "force_y", "force_z"), "N/m"),
     **dict.fromkeys(("inside", "through", "supplied", "dissolved"), "mol"),
@@ -35,7 +35,7 @@ UNITS: dict[str, str] = {
     "area": "m^2",
 }
 OF_BODIES = {  # which are not per unit thickness
-    **dict.fromkeys(("kinetic", "strain", "dissipated", "damped", "work", "refinement"), "J"),
+    **dict.fromkeys(("kinetic", "strain", "dissipated", "damped", "friction", "work", "refinement"), "J"),
     **dict.fromkeys(("momentum_x", "momentum_y", "momentum_z"), "N s"),
     **dict.fromkeys(("force_x", "force_y", "force_z"), "N"),
     "area": "m^3",

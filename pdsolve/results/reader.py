@@ -328,8 +328,8 @@ class Results:
         """The ledger, one record a row.
 
         Its fields are step, time, kinetic, strain, dissipated, work, momentum_x, momentum_y, broken, refinement,
-        fine_share, clipped_stretch, momentum_z and damped. In files of schema 6 and older, damped energy is part of the
-        dissipated energy.
+        fine_share, clipped_stretch, momentum_z, damped and friction. In files of schema 6 and older, damped energy is
+        part of the dissipated energy.
         """
         return self._numbers("history", self._tables.all("history"))
 

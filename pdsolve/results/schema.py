@@ -102,7 +102,7 @@ TABLES = {  # name: columns
     "bond_break": "step INTEGER, node INTEGER, neighbour INTEGER",
     "history": """step INTEGER PRIMARY KEY, time REAL, kinetic REAL, strain REAL, dissipated REAL, work REAL,
     momentum_x REAL, momentum_y REAL, broken INTEGER, refinement REAL, fine_share REAL, clipped_stretch REAL,
-    momentum_z REAL, damped REAL""",
+    momentum_z REAL, damped REAL, friction REAL""",
     "mass": """step INTEGER PRIMARY KEY, time REAL, inside REAL, through REAL, supplied REAL, solid REAL,
     dissolved REAL, surface REAL -- of models of diffusion
     """,

@@ -45,14 +45,15 @@ class Ledger(NamedTuple):
     fine_share: float = 1.0  # of the plate
     clipped_stretch: float = 0.0  # the largest of clipped bonds so far, over that which softens or breaks one
     momentum_z: float = 0.0
-    damped: float = 0.0  # taken by damping, by layers that absorb, by numerical ones and by friction
+    damped: float = 0.0  # taken by damping, by layers that absorb and by numerical ones
+    friction: float = 0.0  # turned into heat where bodies and crack faces rub
 
     def balance(self, initial: float, most: float = 0.0) -> float:
         """Energy created since a start with `initial` energy (J/m), over the energy supplied; 0 if energy is conserved.
 
         The energy supplied is the largest of the work done, its maximum `most` so far, and the initial energy.
         """
-        there = self.kinetic + self.strain + self.dissipated + self.damped
+        there = self.kinetic + self.strain + self.dissipated + self.damped + self.friction
         missing = there - self.work - self.refinement - initial
         scale = self.put_in(initial, most)
         return missing / scale if scale else 0.0
@@ -82,7 +83,8 @@ def books(system: System, state: State, step: int, asked: Asked | None = None) -
             momentum_y=float(np.sum(rho * area * velocity[:, 1])),
             broken=system.broken_before + len(broken.step),
             momentum_z=float(np.sum(rho * area * velocity[:, 2])) if system.model.grid.dimension == 3 else 0.0,
-            damped=float(np.sum(area * state.damped)) + friction(system, state),
+            damped=float(np.sum(area * state.damped)),
+            friction=friction(system, state),
             **({} if system.zone_summary is None else system.zone_summary._asdict()),
         )
 

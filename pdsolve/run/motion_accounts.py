@@ -113,7 +113,7 @@ class MotionAccounts:
 
     def summary(self) -> dict[str, Any]:
         """Results of the run for its summary."""
-        names = "kinetic", "strain", "dissipated", "damped", "work"
+        names = "kinetic", "strain", "dissipated", "damped", "friction", "work"
         return {
             "broken_bonds": self.broken,
             "energy": {name: getattr(self.last, name) for name in names},
@@ -125,7 +125,7 @@ class MotionAccounts:
         """Issue warnings that follow from the final accounts."""
         system, last = self._system, self.last
         closing(system.model, self.balance, last.dissipated, system.scheme.symmetric)
-        advise_damped(system.model, last.damped, last.put_in(system.initial_energy, self._most))
+        advise_damped(system.model, last.damped + last.friction, last.put_in(system.initial_energy, self._most))
 
 
 def check_physics(system: System, state: State, books: Ledger, most: float) -> None:

@@ -69,9 +69,7 @@ def and_touching(bonds: Pairs, contact: RestingContact) -> Pairs:
     return np.concatenate([source, i, j]), np.concatenate([target, j, i])
 
 
-def resting(
-    contact: RestingContact | None, solve: Callable[[], Solved], left: Callable[[Path], float]
-) -> Solved:
+def resting(contact: RestingContact | None, solve: Callable[[], Solved], left: Callable[[Path], float]) -> Solved:
     """The place on a path that `solve` finds, its iterations and residual, with normals and weights that stay there.
 
     `left` is the residual of a place. Raises UnsettledError.

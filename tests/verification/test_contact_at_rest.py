@@ -118,7 +118,7 @@ def test_a_bar_is_pulled_through_a_grip() -> None:
     assert system.contact is not None
     heat = system.contact.friction(state)
     assert force[3, 0] == pytest.approx(2 * 0.3 * 1e-3, rel=0.02)  # .989
-    assert last.damped == heat > 0.5 * last.work
+    assert last.friction == heat > 0.5 * last.work
     assert abs(last.balance(0.0)) < 0.01  # .0085
 
 
@@ -131,7 +131,7 @@ def test_a_resumed_grip_has_the_same_bits(tmp_path: Path) -> None:
     with Results.open(path) as again:
         for name in ("ux", "uy", "energy"):
             assert np.array_equal(whole.field(name, 8), again.field(name, 8))
-        assert whole.history()["damped"][-1] == again.history()["damped"][-1] > 0
+        assert whole.history()["friction"][-1] == again.history()["friction"][-1] > 0
 
 
 def pressed_cubes(by: By) -> tuple[float, float]:

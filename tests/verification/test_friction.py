@@ -41,7 +41,7 @@ def test_a_block_slides(mu: float) -> None:
     way, heat, last = slid(mu, 0.3)
     assert way == pytest.approx(G * (np.sin(0.3) - mu * np.cos(0.3)) * last.time**2 / 2, rel=0.01)  # 2e-8, .004
     assert heat == pytest.approx(mu * G * np.cos(0.3) * 90 * H**2 * way, rel=0.05)  # .04: it rattles
-    assert last.damped == heat
+    assert last.friction == heat
     assert abs(last.balance(0.0)) < 5e-3  # 5e-7, .004
 
 
