@@ -45,6 +45,7 @@ SHOWN = {
     "figure_18.geo": Shown("stress --largest 4e7"),
     "figure_19.py": Shown("stress --largest 4e7"),
     "brazilian_disc.py": Shown("damage", "--set spacing=0.004"),
+    "brazilian_platens.py": Shown("damage --scale auto"),
     "cook_membrane.py": Shown("displacement --scale auto"),
     "double_cantilever.py": Shown("sif"),
     "hot_disc.py": Shown("stress"),

@@ -103,6 +103,22 @@ def test_a_brazilian_disc_splits_near_its_strength(spacing: str, peak: float) ->
 
 
 @pytest.mark.slow
+def test_a_brazilian_disc_splits_between_platens() -> None:
+    """2 F / (pi D t) over f_t; friction alone keeps the disc from rolling."""
+    with solved("brazilian_platens.py", ("spacing", "0.005")) as results:
+        force, books = (forces(results, name, 1) for name in ("lower", "upper")), results.history()
+        lower, upper = (2 * one / (np.pi * 0.1) / 3e6 for one in force)
+        assert upper.max() == pytest.approx(0.760, abs=0.005)
+        assert upper[-1] < 0.9 * upper.max()  # .78
+        assert lower == pytest.approx(upper, rel=1e-5)
+        created = books["strain"] + books["dissipated"] + books["friction"] - books["work"]
+        assert np.abs(created).max() < 3e-3 * books["work"].max()  # 2.2e-3
+        position, moved = results.nodes().position, results.field("ux", int(results.frames()[0][-1]))
+    right = np.abs(position[:, 1]) < 0.01
+    assert np.mean(np.sign(position[right, 0]) * moved[right]) > 0  # its halves part
+
+
+@pytest.mark.slow
 def test_a_crack_from_an_offset_notch_rises_to_the_load() -> None:
     with solved("offset_notch.py") as results:
         peak = forces(results, "middle", 1).max() * 0.0254

@@ -45,6 +45,7 @@ SHIPPED = {
     "double_cantilever.py": (8040, {1: 8040}, [1, 1, 1, 1]),
     "beam_on_rollers.py": (1240, {2: 1240}, [40, 40, 40]),
     "brazilian_disc.py": (1958, {2: 1958}, [5, 5, 1]),
+    "brazilian_platens.py": (1296, {2.5: 1296}, [4, 4]),
     "nooru_mohamed.py": (1671, {5: 1671}, [41, 20, 20, 41]),
     "offset_notch.py": (736, {5.08: 736}, [1, 1, 1]),
     "fatigue_compact_tension.py": (3780, {1: 63 * 60}, [8, 8, 2, 1]),

@@ -34,6 +34,7 @@ DIRECTIVES = {"{argparse}", "{eval-rst}", "{literalinclude}", "{toctree}"}
 COARSE = {  # what stands on a page, and what is run in its place
     "geometries/branching_plate.py": "geometries/branching_plate.py --set spacing=2e-3",
     "geometries/brazilian_disc.py": "geometries/brazilian_disc.py --set load_steps=10",
+    "geometries/brazilian_platens.py": "geometries/brazilian_platens.py --set spacing=5e-3",
     "geometries/nooru_mohamed.py": "geometries/nooru_mohamed.py --set spacing=0.01",
     "geometries/offset_notch.py": "geometries/offset_notch.py --set layers=9 --set load_steps=10",
     "geometries/l_panel.py": "geometries/l_panel.py --set spacing=0.025",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal
 
+import msgspec
 import numpy as np
 import pytest
 from messages import naming
@@ -132,6 +133,45 @@ def test_a_resumed_grip_has_the_same_bits(tmp_path: Path) -> None:
         for name in ("ux", "uy", "energy"):
             assert np.array_equal(whole.field(name, 8), again.field(name, 8))
         assert whole.history()["friction"][-1] == again.history()["friction"][-1] > 0
+
+
+SOFT = msgspec.structs.replace(UNIT, law="cohesive", f_t=1e-3, G0=0.01)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+def test_bodies_that_soften_rest_alike_before_they_do(friction: float) -> None:
+    """Path following and Newton's method, pressed to a strain of 2e-3, with bonds that soften at higher ones."""
+    grid, found = grid_of([cells(8, 4, 0, -4 * H), cells(8, 4, 0, 0)], H), []
+    y = grid.position[:, 1]
+    low, top = (tuple(grid.ids[rows].tolist()) for rows in (y < -3 * H, y > 3 * H))
+    for material in (UNIT, SOFT):
+        model = at_rest((Displacement(x=0.0, y=0.0, nodes=low),), grid, friction, "newton", 1)
+        press = Displacement(x=0.0, y=-0.016 * H, nodes=top, profile=GROWS)
+        settings = msgspec.structs.replace(
+            model.settings, material=material, conditions=(*model.settings.conditions, press)
+        )
+        system, state = prepared = prepare(Model(grid, settings), Options(threads=1))
+        prepared.march(1, 2)
+        pushed = reactions(grips(system), system, state, 1, 1.0)[0].force_y
+        found.append((pushed, *state.value[32:40, 1].tolist(), books(system, state, 1).balance(0.0)))
+    assert found[0][0] > 1e-4
+    assert found[1][:-1] == pytest.approx(found[0][:-1], rel=2e-4)  # 2e-5
+    assert abs(found[1][-1]) < 1e-3
+
+
+def test_the_tangent_of_softening_bonds_that_touch_is_the_slope_of_their_forces() -> None:
+    grid = grid_of([cells(5, 3, 0, -3 * H), cells(5, 3, 0.3 * H, -0.01 * H)], H)
+    model = at_rest((Displacement(x=0.0, y=0.0, box=(-1, -1, 1, -2 * H)),), grid, 0.3, "newton", 1)
+    hold = Displacement(x=0.0, y=-1e-4 * H, box=(-1.0, 2 * H, 1.0, 1.0), profile=GROWS)
+    settings = msgspec.structs.replace(model.settings, material=SOFT, conditions=(*model.settings.conditions, hold))
+    system, state = prepare(Model(grid, settings), Options(threads=1))
+    bonds = system.stepper._bonds  # type: ignore[attr-defined]
+    u = 1e-3 * H * np.random.default_rng(1).standard_normal(state.value.shape)
+    found, way = bonds.respond(u), 1e-9 * H * np.random.default_rng(2).standard_normal(u.shape)
+    ahead, back = (bonds.forces(bonds.respond(u + sign * way)) for sign in (1, -1))
+    assert system.contact is not None
+    assert system.contact.touching(state._replace(value=u)) == 7
+    assert bonds.tangent(found) @ way.ravel() == pytest.approx((back - ahead).ravel() / 2, rel=1e-4, abs=1e-18)
 
 
 def pressed_cubes(by: By) -> tuple[float, float]:
