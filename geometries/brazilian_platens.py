@@ -22,7 +22,7 @@ G0 = 100.0  # J/m^2
 
 concrete = Material(E=30e9, rho=2400, G0=G0, law="cohesive", f_t=3e6, shape="bilinear", micromodulus="constant")
 steel = Material(E=200e9, rho=7850, G0=1e5, law="cohesive", f_t=500e6, shape="bilinear", micromodulus="constant")
-radius, side = diameter / 2, 2 * spacing * round(strip / spacing / 2)  # m; columns of both lattices stand above each other
+radius, side = diameter / 2, 2 * spacing * round(strip / spacing / 2)  # m; lattices stand in line
 disc = Point(0, 0).buffer(radius, quad_segs=64)
 run = Run(solver="static", static=Static(load_steps=load_steps, control="width", opening=opening))
 
