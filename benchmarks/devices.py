@@ -190,8 +190,9 @@ def chart(rows: list[dict[str, Any]], path: Path) -> None:
         place = np.arange(len(rows)) + 0.8 * (number / len(names) - 0.4)
         axes.bar(place, [row.get(name, np.nan) / 1e6 for row in rows], 0.8 / len(names), label=name)
     axes.set_xticks(range(len(rows)), [f"{row['model']}\n{row['precision']}" for row in rows])
-    axes.set(yscale="log", ylabel="million bonds a second", title=rows[0]["device"])
-    axes.legend()
+    axes.set(yscale="log", ylabel="million bonds a second")
+    axes.set_title(rows[0]["device"].rpartition(":")[0], fontsize="small")
+    figure.legend(loc="outside lower center", ncols=len(names))
     figure.savefig(path, dpi=120)
 
 
