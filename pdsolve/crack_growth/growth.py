@@ -122,7 +122,7 @@ class Growth:
         if room >= LEAST * horizon:
             ring = Ring(BLURRED * horizon, min(RING * horizon, OUTER * room))
         elif what == ACTED_ON:
-            self._remark(f"room {tip.particle}", f"{self._too_small(tip, tips)}; it stays there")
+            self.remark(f"room {tip.particle}", f"{self._too_small(tip, tips)}; it stays there")
             return Verdict(0.0, ())
         elif self._ground.ahead(tip.place, self._way(tip), CLOSE * horizon, arms(self.particles)):
             return Verdict(1.0, (0.0,))
@@ -141,13 +141,13 @@ class Growth:
                 found = (
                     f"found a crack that would go on from {_at(tip.place)} after {rules.most} particles, expected no"
                 )
-                self._remark("most", f"step {step}: {found} more (run.particles.most); cracks stay as they are")
+                self.remark("most", f"step {step}: {found} more (run.particles.most); cracks stay as they are")
                 return
             toward = float(np.arctan2(way[1], way[0])) + angle
             place = self._ground.end(tip.place, toward, length, arms(self.particles))
             if self._folds(tip, place):
                 found = f"found a crack that turns back on itself at {_at(tip.place)}, expected a path"
-                self._remark(f"folds {tip.particle}", f"step {step}: {found}; it stays there")
+                self.remark(f"folds {tip.particle}", f"step {step}: {found}; it stays there")
                 return
             self.particles = grown(self.particles, place, tip.particle, step)
 
@@ -172,7 +172,7 @@ class Growth:
             found = f"found cracks that run on under the same load: after {began.particles} particles a tip feels"
             found += f" {share:.3g} of what lets it grow, at first {began.share:.3g}"
             expected = "expected growth that load steps can follow; their path from there on is not known at rest"
-            self._remark("runs", f"load step {step}: {found}, {expected}")
+            self.remark("runs", f"load step {step}: {found}, {expected}")
 
     def _cut(self, new: NDArray[np.float64], state: State, step: int) -> None:
         """Cut the bonds that cross new arms (k, 4)."""
@@ -272,7 +272,7 @@ class Growth:
         """Remarks to be read together with the crack paths."""
         return list(self._remarks.values())
 
-    def _remark(self, key: str, words: str) -> None:
+    def remark(self, key: str, words: str) -> None:
         """Add a remark, once."""
         if key not in self._remarks:
             self._remarks[key] = words

@@ -54,6 +54,9 @@ class Growing(Protocol):
     def back(self, kept: Mapping[str, NDArray[Any]], broken: Broken) -> None:
         """Restore a checkpoint with these broken bonds."""
 
+    def remark(self, key: str, words: str) -> None:
+        """Add a remark to be read together with the crack paths, once for a key."""
+
 
 class ParisSteps:
     """Takes steps of a particle of the tip that needs the fewest cycles."""
@@ -106,6 +109,7 @@ class ParisSteps:
         middle = rate * np.sqrt(
             np.clip(rate / np.where(before > 0, before, rate + (rate == 0)), 1 / STEEPEST, STEEPEST)
         )
+        self._look(step, rate, before)
         left = float(((length - gone)[rate > 0] / middle[rate > 0]).min())
         if self._cycles + left >= law.cycles:
             self._cycles = law.cycles
@@ -120,6 +124,13 @@ class ParisSteps:
         }
         chosen = [one for one, due in zip(judged, grows, strict=True) if due]
         return self._lengthen(state, step, chosen, rate[grows].tolist(), rest)
+
+    def _look(self, step: int, rate: NDArray[np.float64], before: NDArray[np.float64]) -> None:
+        """Remark on growth that outruns its extrapolation: up to `STEEPEST`, cycles are right to some 3 %."""
+        more = float(np.divide(rate, before, out=np.ones(len(rate)), where=before > 0).max())
+        if more > STEEPEST:
+            found = f"found growth {more:.3g} times as fast as in the step before, expected {STEEPEST:g} times at most"
+            self._growth.remark("outruns", f"step {step}: {found}, by shorter particles (run.particles.spacing)")
 
     def _lengthen(self, state: State, step: int, chosen: list[Any], rate: list[float], rest: Settled) -> Settled:
         """Let these tips grow and settle; their children remember their `rate`. Without rest, life ends before that."""

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import msgspec
 import numpy as np
 import pytest
+from failures import saying
 from numpy.typing import NDArray
 from plates import shipped
 
@@ -51,14 +52,17 @@ def test_particles_that_are_long(
     Growth within a jump is extrapolated from the jump before. Where the crack accelerates from one particle to the
     next, the extrapolation lags behind.
     """
-    coarse, _ = grown(LONG)
+    with saying() as lines:
+        coarse, _ = grown(LONG)
+    (said,) = lines
     ratio = float((coarse[-1] - coarse[-2]) / (lived[0][-1] - lived[0][-1 - LONG // SHORT]))
     assert 1.1 < ratio < 1.6
     failure(
         fails=f"The last {LONG} mm of a compact-tension specimen, from {WAY - LONG + 27} to {WAY + 27} mm of 50, by K"
         f" in one particle of {LONG} spacings: it takes {ratio:.2f} times as many cycles as in particles of one"
         " spacing.",
-        noticed="Not at all; `pdpost fatigue` shows points that leave the line at its upper end.",
+        noticed="By a warning where growth is more than twice as fast as in the step before.",
+        says=[said],
         cure="Particles of one spacing (`run.particles.spacing`): growth is within 3 % of the line that was given."
         " Bonds that tire jump to the next break exactly.",
     )
