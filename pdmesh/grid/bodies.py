@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import permutations
 from typing import Any, NamedTuple, TypeVar
 
 import msgspec
@@ -69,6 +70,7 @@ def build_body(body: Body) -> tuple[Grid, Settings, tuple[str, ...]]:
             every.append(_alone(replace(other.body, run=body.run), lists=True))
         except SceneError as error:
             raise SceneError(f"body '{other.name}': {error}") from None
+    _refuse_overlap([(REST, replace(body, bodies=())), *((other.name, other.body) for other in body.bodies)])
     grid = joined([one for one, _, _ in every], (REST, *(other.name for other in body.bodies)))
     settings, regions, conditions = every[0][1], [*every[0][1].regions], [*every[0][1].conditions]
     first = len(every[0][0])
@@ -86,6 +88,25 @@ def build_body(body: Body) -> tuple[Grid, Settings, tuple[str, ...]]:
         first += len(own)
     settings = msgspec.structs.replace(settings, regions=tuple(regions), conditions=tuple(conditions))
     return grid, settings, tuple(remark for _, _, remarks in every for remark in remarks)
+
+
+def _refuse_overlap(bodies: list[tuple[str, Body]]) -> None:
+    """Raise SceneError for two bodies of which one has nodes in the other."""
+    for (name, one), (other, second) in permutations(bodies, 2):
+        theirs, own = second.shell.triangles, one.shell.triangles
+        low, high = (np.stack([end(each, axis=(0, 1)) for each in (own, theirs)]) for end in (np.min, np.max))
+        if not (high.min(axis=0) - low.max(axis=0) > SLACK * one.spacing).all():
+            continue
+        place = f"body '{name if other == REST else other}'"
+        for level in place_nodes(one):
+            inner = level.position[level.within(second.shell, place)]
+            if len(inner):
+                deep = distances(inner, theirs, float(np.ptp(theirs, axis=(0, 1)).max())).max()
+                rest = other if name != REST and other == REST else name
+                raise SceneError(
+                    f"{place}: found it {deep + level.cubes.spacing / 2:.4g} m deep in body '{rest}', expected bodies"
+                    " that touch at most"
+                )
 
 
 def _further(some: S, first: int) -> S:

@@ -13,6 +13,7 @@ from pdmesh.grid.separate_bodies import build_scene, each_alone
 from pdmesh.model.document import ON_ONE_LATTICE, Document, Settings, write_file
 from pdmesh.model.monitors import contradiction
 from pdmesh.model.node_grid import Grid, document_of
+from pdmesh.model.rigid_bodies import without_bonds
 from pdmesh.scene import checks
 from pdmesh.scene.body import Body
 from pdmesh.scene.scene import Scene
@@ -52,6 +53,7 @@ def build(scene: Scene | Body) -> Built:
         raise SceneError(f"run.{wrong}")
     if isinstance(scene, Body):
         grid, settings, moved = build_body(scene)
+        without_bonds(grid, settings, scene.source or "scene")
         return Built(grid, settings, (*scene.notes, *moved))
     notes = (*scene.notes, *checks.remarks(scene))
     if scene.run.adapt in ON_ONE_LATTICE:
@@ -68,6 +70,7 @@ def build(scene: Scene | Body) -> Built:
     built = Built(grid, settings, notes, shifts)
     if grid.bodies is None:
         return looked_at(built)
+    without_bonds(grid, settings, scene.source or "scene")
     sound = (remark for alone in each_alone(grid, settings) for remark in soundness.remarks(*alone))
     return replace(built, notes=(*notes, *sound))
 

@@ -34,6 +34,15 @@ def prepared(body: Body) -> Prepared:
     return prepare(Model(built.grid, built.settings), Options(threads=1))
 
 
+def test_bodies_that_overlap_are_refused_with_their_depth() -> None:
+    block = Body(Box((0.9, 0.05, 0.05), (1.2, 0.25, 0.25)), 0.05, UNIT)
+    with pytest.raises(SceneError, match=naming("body 'block'", found=("0.1 m", "plate"))):
+        build(plate().body(block, "block"))
+    with pytest.raises(SceneError, match=naming("body 'speck'", found=("plate",))):
+        build(plate().body(Body(Box((0.42, 0.42, 0.12), (0.48, 0.48, 0.18)), 0.02, UNIT), "speck"))
+    assert len(build(plate().body(Box((1, 0, 0), (1.3, 1, 0.3)), "beside")).grid) == 390
+
+
 def test_bodies_have_nodes_materials_motions_and_conditions_of_their_own(tmp_path: Path) -> None:
     upper = Body(Box((0, 0, 0.3), (0.4, 0.4, 0.5)), 0.05, HEAVY).fix("top", 0.0, 0.0, None)
     whole = plate().fix("bottom").body(upper, "upper", velocity=(0.0, 0.0, -2.0)).contact(friction=0.1)

@@ -174,3 +174,10 @@ def test_one_word_is_held_as_a_list_of_it() -> None:
     body = Body(BLOCK, MM, STEEL).rigid(BLOCK, "b", mass=1.0, held="spin")
     assert body.bodies[0].rigid is not None
     assert body.bodies[0].rigid.held == ("spin",)
+
+
+def test_a_rigid_body_that_a_condition_holds_is_refused_where_it_is_built() -> None:
+    wall = scene().rigid(box(30 * MM, 0, 40 * MM, 10 * MM), "wall", mass=1.0)
+    assert build(wall).grid.bodies is not None
+    with pytest.raises(GridError, match=naming("$.conditions[", "rigid", "held")):
+        build(wall.fix(box(30 * MM, 0, 40 * MM, 10 * MM), x=0.0))
