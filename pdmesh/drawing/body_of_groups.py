@@ -11,9 +11,10 @@
                                                Box "x0 y0 z0 x1 y1 z1", or Face, words that pick one
                                                (`pdmesh.scene.faces`)
     Physical Volume("material:NAME")           Materials/NAME/ as in the plane: the values that differ
+    Physical Volume("body:NAME")               Bodies/NAME/ as in the plane, with Velocity z; Spin is "x y z", rad/s
 
-The body is the union of all zones. All other parameters are those of a plate (`pdmesh.drawing.plate_of_groups`), except
-those that only plates have.
+The body is the union of all zones; Contact/ is as in the plane. All other parameters are those of a plate
+(`pdmesh.drawing.plate_of_groups`), except those that only plates have.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from typing import Any
 
 from pdmesh.drawing import diffusion_conditions
 from pdmesh.drawing import parameters as named
+from pdmesh.drawing.bodies_beside import with_bodies
 from pdmesh.drawing.parameters import PREFIX, Parameters
 from pdmesh.drawing.solids import sheet_of, shell_of
 from pdmesh.scene.body import Body, Components, SolidZone, Where
@@ -44,11 +46,12 @@ KINDS = {  # kind: dimensions, folder of its parameters
     "begin": ((3,), "Begins"),
     "solid": ((3,), ""),
     "medium": ((3,), "Media"),
+    "body": ((3,), "Bodies"),
 }
 SHAPES = ("Point", "Curve", "Surface", "Volume")
 PICKED = ("Box", "Face")  # parameters that place a condition without a group
 ON_PLATES = ("/Edge", "/Node")
-OF_PLATES = ("Refine/", "Load cells/", "Absorbs/", "Bodies/", "Contact/", "Pins/", "Area rule", "Run/Adapt")
+OF_PLATES = ("Refine/", "Load cells/", "Absorbs/", "Pins/", "Area rule", "Run/Adapt")
 Placed = dict[str, tuple[Where, str]]  # by name: where, and the folder of its parameters
 
 
@@ -75,6 +78,7 @@ def body_of(found: Mapping[str, Any], values: Mapping[str, float | str], source:
         medium=named.medium(parameters),
         horizon=parameters.number("Horizon ratio", 3.0),
         run=named.run(parameters),
+        touching=named.contact(parameters),
         source=source,
         drawing=text,
         parameters=tuple(values.items()),
@@ -106,6 +110,8 @@ def body_of(found: Mapping[str, Any], values: Mapping[str, float | str], source:
         body = body.diffusivity(_shell(found, group, parameters), parameters.number(f"Media/{name}/D"), name)
     for name, group in groups["solid"].items():
         body = body.dissolve(_shell(found, group, parameters), name)
+    beside = {name: _shell(found, group, parameters) for name, group in groups["body"].items()}
+    body = with_bodies(body, beside, parameters)
     diffusing = {kind: [(name, *place) for name, place in places[kind].items()] for kind in diffusion_conditions.KINDS}
     return diffusion_conditions.diffusing(body, diffusing, parameters)
 

@@ -40,6 +40,7 @@ import shapely
 
 from pdmesh.drawing import diffusion_conditions
 from pdmesh.drawing import parameters as named
+from pdmesh.drawing.bodies_beside import with_bodies
 from pdmesh.drawing.parameters import PREFIX, Parameters
 from pdmesh.drawing.plate_places import Group, in_metres, lines_of, picked, places, point_of, surface_of
 from pdmesh.scene.plate import Refinement, Zone
@@ -120,7 +121,11 @@ def scene_of(groups: Iterable[Group], values: Mapping[str, float | str], source:
         parameters=tuple(values.items()),
     )
     scene = _with_monitors(scene, named_groups["gap"], parameters)
-    scene = _with_bodies(scene, named_groups["body"], parameters)
+    scene = with_bodies(
+        scene,
+        {name: surface_of(f"body '{name}'", group) for name, group in named_groups["body"].items()},
+        parameters,
+    )
     scene = _with_regions(_with_conditions(scene, named_groups, parameters), named_groups, parameters)
     return _with_diffusion(scene, named_groups, parameters)
 
@@ -286,35 +291,6 @@ def _rows(parameters: Parameters, folder: str) -> dict[str, Any]:
 
 def _filled(pair: tuple[float | None, float | None]) -> tuple[float, float] | None:
     return None if pair == (None, None) else (pair[0] or 0.0, pair[1] or 0.0)
-
-
-def _with_bodies(scene: Scene, groups: dict[str, Group], parameters: Parameters) -> Scene:
-    for name, group in groups.items():
-        folder, known = f"Bodies/{name}", parameters.below(f"Bodies/{name}")
-        rigid, own = parameters.flag(f"{folder}/Rigid", False), known - {"Spacing", "Velocity x", "Velocity y", "Rigid"}
-        wrong = sorted(own - set(named.RIGID) if rigid else own & set(named.RIGID))
-        if wrong:
-            what = "rigid" if rigid else "not rigid"
-            raise SceneError(
-                f"parameter '{PREFIX}{folder}/{wrong[0]}': found one, expected none of a body that is {what}"
-            )
-        shape, spacing = surface_of(f"body '{name}'", group), parameters.maybe_length(f"{folder}/Spacing")
-        velocity = _filled(parameters.pair(f"{folder}/Velocity")) or (0.0, 0.0)
-        if rigid:
-            scene = scene.rigid(
-                shape,
-                name,
-                parameters.maybe(f"{folder}/Mass"),
-                velocity,
-                parameters.number(f"{folder}/Spin", 0.0),
-                parameters.text(f"{folder}/Held").split(),
-                parameters.profile(f"{folder}/Profile"),
-                spacing,
-            )
-            continue
-        material = named.material(parameters, folder, scene.material) if own else None
-        scene = scene.body(shape, name, spacing, material, velocity)
-    return scene
 
 
 def _with_regions(scene: Scene, groups: dict[str, dict[str, Group]], parameters: Parameters) -> Scene:

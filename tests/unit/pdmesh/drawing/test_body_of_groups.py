@@ -10,7 +10,8 @@ from messages import naming
 from plates import GEOMETRIES
 
 from pdmesh.drawing.file_reading import build, read_scene
-from pdmesh.model.document import Displacement, Load
+from pdmesh.model.contact import Contact
+from pdmesh.model.document import Displacement, InitialVelocity, Load, RigidBody
 from pdmesh.scene.body import Body
 from pdmesh.scene.shapes import SceneError
 
@@ -77,8 +78,7 @@ def test_groups_are_zones_regions_cracks_and_conditions(tmp_path: Path) -> None:
         ('Surface("crack:disc") = {50}', 'Volume("crack:disc") = {2}', naming('Volume("crack:disc")')),
         ('"-1 -1 -1 401 401 50"', '"0 0 1 1"', "expected six numbers"),
         ("Loads/top/Traction z", "Refine/crack/Distance", naming(found=("body", "space"), expected="none")),
-        ("Loads/top/Traction z", "Contact/Friction", naming("Contact/Friction'", found=("body", "space"))),
-        ("Loads/top/Traction z", "Bodies/ram/Mass", naming("Bodies/ram/Mass'", found=("body", "space"))),
+        ("Loads/top/Traction z", "Bodies/ram/Mass", naming('Volume("body:ram")', "Bodies/ram")),
         ("{100, Name", "{-1, Name", "zone 'coarse': spacing"),
         ("250};", "-250};", "Gmsh says"),
         ("Disk(50) = {500, 500, 300, 250}", "Disk(50) = {500, 500, 3000, 250}", naming("crack 'disc'")),
@@ -110,3 +110,64 @@ def test_solids_of_a_step_file_are_a_body(tmp_path: Path) -> None:
     scene = read_scene(tmp_path / "rod.step", [("Zones/body/Spacing", "0.1"), ("Units", "m")])
     assert isinstance(scene, Body)
     assert scene.shell.volume == pytest.approx(np.pi * 0.09, rel=1e-9)
+
+
+BESIDE = """
+SetFactory("OpenCASCADE");
+DefineConstant[
+  h = {0.1, Name "Peridynamics/Zones/plate/Spacing"}
+  E = {1e9, Name "Peridynamics/Material/E"}
+  r = {1e3, Name "Peridynamics/Material/rho"}
+  G = {1e2, Name "Peridynamics/Material/G0"}
+  f = {0.3, Name "Peridynamics/Contact/Friction"}
+  s = {0.05, Name "Peridynamics/Bodies/block/Spacing"}
+  d = {3e3, Name "Peridynamics/Bodies/block/rho"}
+  v = {-2, Name "Peridynamics/Bodies/block/Velocity z"}
+  R = {1, Name "Peridynamics/Bodies/lid/Rigid"}
+  m = {5, Name "Peridynamics/Bodies/lid/Mass"}
+  w = {"0 0 1.5", Name "Peridynamics/Bodies/lid/Spin"}
+  c = {"x spin", Name "Peridynamics/Bodies/lid/Held"}
+];
+Box(1) = {0, 0, 0, 1, 1, 0.3};
+Box(2) = {0, 0, 0.3, 0.4, 0.4, 0.2};
+Box(3) = {0.6, 0.6, 0.3, 0.4, 0.4, 0.3};
+Physical Volume("zone:plate") = {1};
+Physical Volume("body:block") = {2};
+Physical Volume("body:lid") = {3};
+"""
+
+
+def test_volumes_are_bodies_beside_the_first_one(tmp_path: Path) -> None:
+    """Each with its spacing, velocity and material, or rigid with its mass and spin."""
+    built = build(drawing(tmp_path, BESIDE))
+    grid, settings = built.grid, built.settings
+    assert grid.bodies is not None
+    assert grid.bodies.names == ("plate", "block", "lid")
+    assert np.bincount(grid.bodies.number).tolist() == [300, 256, 48]
+    assert set(grid.delta[grid.bodies.number == 1]) == {0.05}
+    assert settings.contact == Contact(friction=0.3)
+    (heavy,) = settings.regions
+    assert (heavy.material.rho, heavy.material.E, len(heavy.nodes or ())) == (3e3, 1e9, 256)
+    moves, lid = settings.conditions
+    assert isinstance(moves, InitialVelocity)
+    assert (moves.x, moves.y, moves.z, moves.nodes) == (0, 0, -2, tuple(range(301, 557)))
+    assert isinstance(lid, RigidBody)
+    assert (lid.mass, lid.spin, lid.held) == (5, (0, 0, 1.5), ("x", "spin"))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('"0 0 1.5"', '"1.5"', naming("Bodies/lid/Spin'", found="1.5", expected="three")),
+        (
+            '{1, Name "Peridynamics/Bodies/lid/Rigid"}',
+            '{0, Name "Peridynamics/Bodies/lid/Rigid"}',
+            naming("Bodies/lid/Held'", expected="none"),
+        ),
+        ("Bodies/lid/Mass", "Bodies/lid/E", naming("Bodies/lid/E'", expected="none")),
+    ],
+)
+def test_what_no_body_beside_can_be_is_said(tmp_path: Path, old: str, new: str, said: str) -> None:
+    assert old in BESIDE
+    with pytest.raises(SceneError, match=said):
+        build(drawing(tmp_path, BESIDE.replace(old, new)))

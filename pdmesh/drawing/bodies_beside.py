@@ -1,0 +1,60 @@
+"""Bodies beside the first one in drawings of plates and of bodies in space: their groups, and their parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, TypeVar
+
+from pdmesh.drawing import parameters as named
+from pdmesh.drawing.parameters import PREFIX, Parameters
+from pdmesh.scene.body import Body
+from pdmesh.scene.scene import Scene
+from pdmesh.scene.shapes import SceneError
+
+S = TypeVar("S", Scene, Body)
+
+
+def with_bodies(scene: S, shapes: Mapping[str, Any], parameters: Parameters) -> S:
+    """The scene with these bodies beside it, by name. Raises SceneError naming the parameter."""
+    speeds = [f"Velocity {axis}" for axis in ("xyz" if isinstance(scene, Body) else "xy")]
+    for name, shape in shapes.items():
+        folder = f"Bodies/{name}"
+        rigid = parameters.flag(f"{folder}/Rigid", False)
+        own = parameters.below(folder) - {"Spacing", "Rigid", *speeds}
+        wrong = sorted(own - set(named.RIGID) if rigid else own & set(named.RIGID))
+        if wrong:
+            what = "rigid" if rigid else "not rigid"
+            raise SceneError(
+                f"parameter '{PREFIX}{folder}/{wrong[0]}': found one, expected none of a body that is {what}"
+            )
+        spacing = parameters.maybe_length(f"{folder}/Spacing")
+        velocity: Any = tuple(parameters.number(f"{folder}/{speed}", 0.0) for speed in speeds)
+        if rigid:
+            scene = scene.rigid(
+                shape,
+                name,
+                parameters.maybe(f"{folder}/Mass"),
+                velocity,
+                _spin(scene, parameters, f"{folder}/Spin"),
+                parameters.text(f"{folder}/Held").split(),
+                parameters.profile(f"{folder}/Profile"),
+                spacing,
+            )
+            continue
+        material = named.material(parameters, folder, scene.material) if own else None
+        scene = scene.body(shape, name, spacing, material, velocity)
+    return scene
+
+
+def _spin(scene: Scene | Body, parameters: Parameters, name: str) -> Any:
+    """Spin, rad/s; of a body in space about x, y and z."""
+    if isinstance(scene, Scene):
+        return parameters.number(name, 0.0)
+    text = parameters.text(name, "0 0 0")
+    try:
+        x, y, z = map(float, text.split())
+    except ValueError:
+        raise SceneError(
+            f"parameter '{PREFIX}{name}': found '{text}', expected three numbers 'x y z' in a body"
+        ) from None
+    return x, y, z
