@@ -36,6 +36,7 @@ SHOWN = {
     "beam_on_rollers.py": Shown("stress --component xx --scale auto"),
     "bending.py": Shown("stress --component xx --scale auto"),
     "bent_square.py": Shown("stress --scale 1"),
+    "colliding_fragments.py": Shown("damage"),
     "compact_tension.py": Shown("stress --scale auto"),
     "disc.geo": Shown("content --time 500"),
     "drop_weight.py": Shown("reaction --condition hammer"),

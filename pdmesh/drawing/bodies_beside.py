@@ -16,11 +16,10 @@ S = TypeVar("S", Scene, Body)
 
 def with_bodies(scene: S, shapes: Mapping[str, Any], parameters: Parameters) -> S:
     """The scene with these bodies beside it, by name. Raises SceneError naming the parameter."""
-    speeds = [f"Velocity {axis}" for axis in ("xyz" if isinstance(scene, Body) else "xy")]
     for name, shape in shapes.items():
         folder = f"Bodies/{name}"
         rigid = parameters.flag(f"{folder}/Rigid", False)
-        own = parameters.below(folder) - {"Spacing", "Rigid", *speeds}
+        own = parameters.below(folder) - {"Spacing", "Rigid", *_speeds(scene)}
         wrong = sorted(own - set(named.RIGID) if rigid else own & set(named.RIGID))
         if wrong:
             what = "rigid" if rigid else "not rigid"
@@ -28,7 +27,7 @@ def with_bodies(scene: S, shapes: Mapping[str, Any], parameters: Parameters) -> 
                 f"parameter '{PREFIX}{folder}/{wrong[0]}': found one, expected none of a body that is {what}"
             )
         spacing = parameters.maybe_length(f"{folder}/Spacing")
-        velocity: Any = tuple(parameters.number(f"{folder}/{speed}", 0.0) for speed in speeds)
+        velocity: Any = tuple(parameters.number(f"{folder}/{speed}", 0.0) for speed in _speeds(scene))
         if rigid:
             scene = scene.rigid(
                 shape,
@@ -44,6 +43,10 @@ def with_bodies(scene: S, shapes: Mapping[str, Any], parameters: Parameters) -> 
         material = named.material(parameters, folder, scene.material) if own else None
         scene = scene.body(shape, name, spacing, material, velocity)
     return scene
+
+
+def _speeds(scene: Scene | Body) -> list[str]:
+    return [f"Velocity {axis}" for axis in ("xyz" if isinstance(scene, Body) else "xy")]
 
 
 def _spin(scene: Scene | Body, parameters: Parameters, name: str) -> Any:

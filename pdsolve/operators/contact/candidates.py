@@ -12,6 +12,8 @@ from pdsolve.model import Model
 from pdsolve.operators.contact.kernel import Faces, Nodes, learn_faces, surface_nodes
 from pdsolve.operators.protocol import Operator
 
+EVERY, SOON = 25, 5  # steps after which broken bonds are asked for, where none had broken and where some had
+CORNER = {2: 3, 3: 7}  # nearest bonds of a node at one: nodes with fewer are loose, they have no normal
 NEAREST = {2: 1.5, 3: 1.8}  # spacings: of the bonds that tell a normal, to 8 nodes of a plane and 26 of space
 
 
@@ -19,7 +21,8 @@ class Joined:
     """The bonds of n nodes, as contact knows them: which join two nodes up to a step."""
 
     def __init__(self, model: Model, volume: NDArray[np.float64], operator: Operator) -> None:
-        self._operator, self._nodes, self._until, self._gone = operator, len(volume), 0, 0
+        self._operator, self._nodes, self._gone = operator, len(volume), 0
+        self.until, self.wait = 0, EVERY  # step before which broken bonds are known; steps until they are asked for
         ends = [operator.bonds(int(rows[0]), int(rows[-1]) + 1, start=True) for rows in row_chunks(len(volume))]
         source, target = (np.concatenate(column) for column in zip(*ends, strict=True))
         x, delta, self._bodies = model.grid.position, model.grid.delta, model.grid.bodies
@@ -51,6 +54,8 @@ class Joined:
         ends = np.concatenate([[0], np.cumsum(count)])
         bonds = np.arange(ends[-1]) + np.repeat(begin - ends[:-1], count)
         intact = nodes.intact[bonds]
+        kept = np.diff(np.concatenate([[0], np.cumsum(intact)])[ends])
+        intact &= np.repeat(kept >= CORNER[nodes.x.shape[1]], count)
         start, bonds, m = np.concatenate([[0], np.cumsum(intact)])[ends], bonds[intact], len(rows)
         near, inverse, known = nodes.near[bonds].astype(np.int64), nodes.inverse[bonds], np.zeros(m, dtype=np.bool_)
         found = Faces(rows, start, near, inverse, np.zeros((m, 3)), np.zeros(m), np.zeros((m, 3)), known)
@@ -59,15 +64,17 @@ class Joined:
 
     def forget(self) -> None:
         """Ask for broken bonds anew the next time."""
-        self._until = -1
+        self.wait = 0
 
-    def follow(self, until: int) -> bool:
-        """Learn which bonds broke before the step `until`; returns whether anything changed."""
-        if until == self._until:
+    def follow(self, step: int) -> bool:
+        """Learn which bonds broke before a step, if they are to be asked for now; returns whether anything changed."""
+        if 0 <= step - self.until < self.wait:
             return False
-        broken, self._until = self._operator.broken(), until
-        past = broken.step < until
-        if int(past.sum()) == self._gone:  # in a run that goes on
+        broken, self.until = self._operator.broken(), step
+        past = broken.step < step
+        changed = int(past.sum()) != self._gone
+        self.wait = SOON if changed else EVERY
+        if not changed:
             return False
         self._gone = int(past.sum())
         self.intact[:] = True

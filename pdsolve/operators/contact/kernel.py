@@ -91,8 +91,9 @@ def learn_faces(nodes, faces):  # type: ignore[no-untyped-def]
     d, vector = nodes.x.shape[1], np.zeros(3)
     for m in range(len(faces.rows)):
         faces.bent[m] = normal(nodes, faces.rows[m], vector)
-        for a in range(d):
-            faces.still[m, a] = vector[a]
+        if faces.start[m] < faces.start[m + 1]:
+            for a in range(d):
+                faces.still[m, a] = vector[a]
 
 
 @njit(forceinline=True, **INNER)
@@ -185,7 +186,10 @@ def _pressed(pairs, u, q, slack):  # type: ignore[no-untyped-def]
     first, second = _normal_now(faces, u, one), _normal_now(faces, u, two)
     x, y, z, length = _between(r, first, second, faces.bent[one], faces.bent[two])
     along = r[0] * x + r[1] * y + r[2] * z
-    if along <= 0.0 or along * along >= far * far * length or square * length - along * along >= reach * reach * length:
+    if along * along >= far * far * length or square * length - along * along >= reach * reach * length:
+        return 0.0, 0.0, nothing, nothing
+    if along <= 0.0:
+        pairs.touch[q] = 0.0
         return 0.0, 0.0, nothing, nothing
     facing, inverse = _facing(first, second), 1.0 / np.sqrt(length)
     x, y, z, gap = x * inverse, y * inverse, z * inverse, along * inverse
@@ -211,6 +215,26 @@ def nearer(pairs):  # type: ignore[no-untyped-def]
             x, y, z, length = _between(r, first, second, faces.bent[one], faces.bent[two])
             gap = (r[0] * x + r[1] * y + r[2] * z) / np.sqrt(length)
             pairs.touch[q] = max(min(pairs.touch[q], gap), 0.0)
+
+
+@cached_njit(error_model="numpy")
+def ease(pairs, u, held, lost):  # type: ignore[no-untyped-def]
+    """Let pairs touch nearer where they would hold more than the energies `held` (p,), J: none comes of nothing.
+
+    Nodes that were inside a body until its bonds broke are often nearer than the distance of touch. What a pair holds
+    less than before is added to what its nodes have `lost` (n,), J.
+    """
+    pairs.faces.known[:] = False
+    for q in range(len(pairs.i)):
+        stiffness, depth, _, _ = _pressed(pairs, u, q, 0.0)
+        now = stiffness * depth * depth / 2
+        if now > held[q]:
+            more = depth - np.sqrt(2.0 * held[q] / stiffness)
+            if more > ROUND_OFF * pairs.h[q]:
+                pairs.touch[q] -= more
+        elif held[q] - now > ROUND_OFF * held[q]:
+            lost[pairs.i[q]] += (held[q] - now) / 2
+            lost[pairs.j[q]] += (held[q] - now) / 2
 
 
 @cached_njit(error_model="numpy")

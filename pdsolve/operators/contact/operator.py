@@ -17,8 +17,8 @@ from pdmesh.model.material_constants import STIFFNESS
 from pdsolve.checkpoint_validation import entry
 from pdsolve.errors import CheckpointError
 from pdsolve.model import Model, ModelError
-from pdsolve.operators.contact.candidates import Joined, candidates
-from pdsolve.operators.contact.kernel import WIDE, PairList, add_forces, farthest, nearer, pressed_pairs
+from pdsolve.operators.contact.candidates import EVERY, Joined, candidates
+from pdsolve.operators.contact.kernel import WIDE, PairList, add_forces, ease, farthest, nearer, pressed_pairs
 from pdsolve.operators.contact.rigid_motion import RigidMotion
 from pdsolve.operators.protocol import Kept, Operator
 from pdsolve.state import Broken, State, Unknown
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
 SPACINGS = 3.0  # in the horizon whose micromodulus counts
 SKIN = 0.5  # spacings, of the finest surface nodes: pairs nearer than that and their reach are known
-EVERY = 25  # steps after which broken bonds are asked for
 TWO_FACES = 2.0  # that a node touches at most
 DEEP = 0.5  # of the distance of touch: nodes of two bodies that are nearer at the start overlap
 
@@ -47,7 +46,9 @@ class PenaltyContact:
         self._joined, self._delta, self._volume = Joined(model, volume, operator), grid.delta, volume
         self._cell, self._k = grid.delta**grid.dimension, pair_stiffness(model, self._settings)
         self._bound, self.rigid = touch_bound(model, volume), RigidMotion(model, volume)
-        self._spent, self._until = np.zeros(len(grid)), -1
+        self._spent, self._lost = np.zeros((2, len(grid)))  # J, on friction, and by springs whose faces broke
+        self._kept_until: int | None = None  # step before which broken bonds were known in a checkpoint
+        self._kept_wait = 0
         self._rows, self._before = np.zeros(0, dtype=np.int64), np.zeros((0, grid.dimension))
         self._pairs = self._listed(*np.zeros((2, 0), dtype=np.int64))
         self._search(np.zeros((len(grid), grid.dimension)))
@@ -88,7 +89,7 @@ class PenaltyContact:
             return 0 if len(self._pairs.i) else EVERY
         fastest = np.sqrt(farthest(state.rate, self._still, self._rows))
         left = SKIN * self._finest / 2 - np.sqrt(farthest(state.value, self._before, self._rows))
-        most = EVERY - step % EVERY
+        most = self._joined.until + self._joined.wait - step
         return most if 2 * fastest * dt * most <= left else 0
 
     @property
@@ -97,13 +98,37 @@ class PenaltyContact:
         return np.union1d(self._pairs.faces.rows, self.rigid.rows) if len(self.rigid.rows) else self._pairs.faces.rows
 
     def _follow(self, state: State, step: int) -> None:
-        """Bring the pairs up to date."""
-        changed, skin = self._joined.follow(step // EVERY * EVERY), SKIN * self._finest
+        """Bring the pairs up to date; none is pressed harder by that alone."""
+        self._relearn()
+        changed, skin = self._joined.follow(step), SKIN * self._finest
         if changed or farthest(state.value, self._before, self._rows) > (skin / 2) ** 2:
-            self._search(state.value)
+            held = self._pressed_energies(state)
+            here, there = self._search(state.value)
+            now = np.full(len(self._pairs.i), 0.0 if changed else np.nan)  # nan: came from afar
+            now[here] = held[there]
+            ease(self._pairs, state.value, now, self._lost)
 
-    def _search(self, u: NDArray[np.floating]) -> None:
-        """Find the pairs that may touch until a node has moved by half a skin, and how near they were at first."""
+    def _relearn(self) -> None:
+        """Bring the pairs of a checkpoint to the bonds that were intact then."""
+        if self._kept_until is not None:
+            self._joined.forget()
+            self._joined.follow(self._kept_until)
+            self._joined.wait = self._kept_wait
+            self._rows = np.flatnonzero(self._joined.surface)
+            self._still = np.zeros_like(self._before)
+            self._pairs = self._pairs._replace(faces=self._joined.faces(self._pairs.faces.rows))
+            self._kept_until = None
+
+    def _pressed_energies(self, state: State) -> NDArray[np.float64]:
+        """Energies (p,), J, of the springs of touch."""
+        found = self._pressed(state)[2]
+        return np.asarray(found[:, 0] * found[:, 1] ** 2 / 2)
+
+    def _search(self, u: NDArray[np.floating]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Find the pairs that may touch until a node has moved by half a skin, and how near they were at first.
+
+        Returns the numbers (q,) of those that there were before, now and then.
+        """
         self._rows = np.flatnonzero(self._joined.surface)
         delta = self._delta[self._rows]
         self._finest = float(delta.min(initial=np.inf))
@@ -118,6 +143,7 @@ class PenaltyContact:
         pairs.slip[here], pairs.drag[here] = before.slip[there], before.drag[there]
         nearer(pairs)
         self._pairs = pairs
+        return here, there
 
     def _listed(self, i: NDArray[np.int64], j: NDArray[np.int64]) -> PairList:
         """These pairs (p,), at rest."""
@@ -133,14 +159,15 @@ class PenaltyContact:
 
     def _pressed(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Energies (n,), J, of all springs and of those of friction; stiffness, depth, normal of pairs (p, 2 + d)."""
+        self._relearn()
         pairs, nodes = self._pairs, len(self._volume)
         held, rubbed, found = np.zeros(nodes), np.zeros(nodes), np.zeros((len(pairs.i), 2 + pairs.slip.shape[1]))
         pressed_pairs(pairs, state.value, held, rubbed, found)
         return held, rubbed, found
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Energy densities (n,), J/m^3: stored in springs of touch and of friction; nothing is dissipated here."""
-        return self._pressed(state)[0] / self._volume, np.zeros(len(self._volume))
+        """Energy densities (n,), J/m^3: stored in springs of touch and of friction, and lost where faces broke."""
+        return self._pressed(state)[0] / self._volume, self._lost / self._volume
 
     def touching(self, state: State) -> int:
         """Number of nodes that touch others."""
@@ -190,15 +217,19 @@ class PenaltyContact:
         return Broken(*np.zeros((3, 0), dtype=np.int64))
 
     def keep(self) -> Kept:
-        """Friction's springs for a checkpoint, by the rows of their nodes, and the heat booked so far."""
+        """The pairs and their springs for a checkpoint, where nodes were at the last search, and the heat booked."""
+        self._relearn()
         pairs = self._pairs
-        some = np.flatnonzero((pairs.slip != 0).any(axis=1) | (pairs.drag != 0).any(axis=1))
-        ends = {"slip_source": pairs.i[some], "slip_target": pairs.j[some]}
         return {
-            "slip": pairs.slip[some],
-            "drag": pairs.drag[some],
-            **ends,
+            "slip": pairs.slip.copy(),
+            "drag": pairs.drag.copy(),
+            "touch": pairs.touch.copy(),
+            "slip_source": pairs.i.copy(),
+            "slip_target": pairs.j.copy(),
+            "searched": self._before.copy(),
+            "followed": np.array([self._joined.until, self._joined.wait]),
             "rubbed": self._spent.copy(),
+            "lost": self._lost.copy(),
             **self.rigid.keep(),
         }
 
@@ -207,14 +238,17 @@ class PenaltyContact:
         nodes, d = len(self._volume), self.unknowns[0].width
         slip = entry(kept, "slip", (None, d), np.float64)
         drag = entry(kept, "drag", slip.shape, np.float64)
+        touch = entry(kept, "touch", (len(slip),), np.float64)
         ends = (entry(kept, f"slip_{end}", (len(slip),), np.int64, 0, nodes - 1) for end in ("source", "target"))
         i, j = ends
         if (np.diff(i * nodes + j) <= 0).any() or (i >= j).any():
             raise CheckpointError("found 'slip_source' and 'slip_target' out of order, expected pairs in order")
         self._spent[:] = entry(kept, "rubbed", (nodes,), np.float64)
+        self._lost[:] = entry(kept, "lost", (nodes,), np.float64)
+        self._before = entry(kept, "searched", (None, d), np.float64).copy()
+        self._kept_until, self._kept_wait = map(int, entry(kept, "followed", (2,), np.int64))
         self.rigid.back(kept)
-        self._pairs = self._listed(i, j)._replace(slip=slip.copy(), drag=drag.copy())
-        self._before = np.full_like(self._before, np.inf)  # the next step searches
+        self._pairs = self._listed(i, j)._replace(slip=slip.copy(), drag=drag.copy(), touch=touch.copy())
 
     def bytes(self) -> int:
         """Memory of all arrays, bytes."""
