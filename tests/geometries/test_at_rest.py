@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from pdpost.measures.gaps import against, named_gap
 from pdpost.measures.stress_intensities import follow
 from pdsolve.model import Model
 from pdsolve.results import Results
-from pdsolve.run.simulation import Options, simulate
+from pdsolve.run.simulation import Options, resume, simulate
 
 
 def solved(name: str, *words: tuple[str, str]) -> Results:
@@ -116,6 +117,21 @@ def test_a_brazilian_disc_splits_between_platens() -> None:
         position, moved = results.nodes().position, results.field("ux", int(results.frames()[0][-1]))
     right = np.abs(position[:, 1]) < 0.01
     assert np.mean(np.sign(position[right, 0]) * moved[right]) > 0  # its halves part
+
+
+@pytest.mark.slow
+def test_a_resumed_path_of_bodies_that_touch_has_the_same_bits(tmp_path: Path) -> None:
+    made = shipped("brazilian_platens.py", (("spacing", "0.005"), ("load_steps", "10")))
+    model, path = Model(made.grid, made.settings), tmp_path / "stopped.sqlite"
+    simulate(model, path, Options(threads=1), lambda progress: progress.step == 8).close()
+    resume(path, threads=2).close()
+    with simulate(model, None, Options(threads=1)) as whole, Results.open(path) as again:
+        last = int(whole.frames()[0][-1])
+        assert last > 9
+        for name in ("ux", "uy", "energy"):
+            assert np.array_equal(whole.field(name, last), again.field(name, last))
+        assert np.array_equal(whole.history(), again.history())
+        assert whole.history()["friction"][-1] != 0
 
 
 @pytest.mark.slow
