@@ -55,8 +55,12 @@ class _Motions:
 
     def of(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
         """Displacements (k, 2, 3) of these nodes in each rigid motion."""
-        turn = (self._position[rows] - self._middle) / self._size
-        motions = np.zeros((len(rows), 2, 3))
+        return self.at(self._position[rows])
+
+    def at(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Displacements (k, 2, 3) of places (k, 2), m, in each rigid motion."""
+        turn = (places - self._middle) / self._size
+        motions = np.zeros((len(places), 2, 3))
         motions[:, 0, 0] = motions[:, 1, 1] = 1.0
         motions[:, 0, 2], motions[:, 1, 2] = -turn[:, 1], turn[:, 0]
         return motions
@@ -67,8 +71,10 @@ def _free_motions(settings: Settings, motions: _Motions, inside: NDArray[np.bool
     resistance = np.zeros((3, 3))
     for condition in settings.conditions:
         for axis, held in enumerate(_held(condition)):
-            rows = rows_of(condition)[:1] if isinstance(condition, Pin) else rows_of(condition)
+            rows = rows_of(condition)
             way = motions.of(rows[inside[rows]])[:, axis]
+            if isinstance(condition, Pin):  # whose ring turns about its centre
+                way = motions.at(np.array([condition.centre]))[:, axis] * len(way)
             resistance += way.T @ way * held
     strength, ways = np.linalg.eigh(resistance)
     free = ways[:, strength <= NOTHING * max(strength.max(), NOTHING)]
@@ -76,7 +82,7 @@ def _free_motions(settings: Settings, motions: _Motions, inside: NDArray[np.bool
 
 
 def _held(condition: AnyCondition) -> tuple[bool, ...]:
-    """Whether a condition resists motions along x and y; a pin does at one of its nodes, as its ring turns."""
+    """Whether a condition resists motions along x and y; a pin does at its centre."""
     if isinstance(condition, Displacement | Velocity | Acceleration):
         return condition.x is not None, condition.y is not None
     if isinstance(condition, Spring):

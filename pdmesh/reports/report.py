@@ -193,7 +193,8 @@ def _step_line(result: dict[str, Any]) -> str:
     stable, step, steps = result["smallest_stable_step"], result["time_step"], result["steps"]
     if result["at_rest"]:
         return f"at rest: {step:.4g} s x {steps} load steps"
-    sure = "no material, so no stable step" if stable is None else f"surely stable step {stable:.4g} s"
+    why = "a model that pdsolve refuses" if result.get("material") else "no material"
+    sure = f"{why}, so no stable step" if stable is None else f"surely stable step {stable:.4g} s"
     return f"{sure}; run: {'steps' if step is None else f'{step:.4g} s x'} {steps}"
 
 
