@@ -37,6 +37,7 @@ MATERIALS = {
 }
 FAR = {"cohesive, two lines": 2e-6}  # m, of displacements that break bonds of laws that need more than the others
 EVERYWHERE = (-1.0, -1.0, 1.0, 1.0)
+precisions = pytest.mark.parametrize("precision", ["float64", pytest.param("float32", marks=pytest.mark.slow)])
 
 
 def two(model: Model, mode: str = "conservative", precision: str = "float64") -> tuple[Prepared, Prepared]:
@@ -60,14 +61,13 @@ def same(here: Prepared, there: Prepared) -> None:
     assert all(map(np.array_equal, *energies))
 
 
-@pytest.mark.parametrize("precision", ["float64", "float32"])
+@precisions
 @pytest.mark.parametrize(
     ("name", "law", "mode"),
     [(name, law, mode) for name in GRIDS for law in ("brittle", "bilinear") for mode in ("thesis", "conservative")]
-    + [("two scales", law, "conservative") for law in MATERIALS if "cohesive" in law]
     + [
         pytest.param(name, law, "conservative", marks=pytest.mark.slow)
-        for name in sorted(GRIDS.keys() - {"two scales"})
+        for name in GRIDS
         for law in MATERIALS
         if "cohesive" in law
     ],
@@ -106,7 +106,7 @@ DRIVEN = {
 }
 
 
-@pytest.mark.parametrize("precision", ["float64", "float32"])
+@precisions
 @pytest.mark.parametrize("how", DRIVEN)
 def test_conditions(how: str, precision: str) -> None:
     problems = two(torn(GRIDS["cracked"], **DRIVEN[how]), "conservative", precision)
@@ -171,7 +171,7 @@ BENT = {
 }
 
 
-@pytest.mark.parametrize("precision", ["float64", "float32"])
+@precisions
 @pytest.mark.parametrize("how", BENT)
 def test_bodies(how: str, precision: str) -> None:
     problems = two(bar(**BENT[how]), "conservative", precision)
@@ -182,7 +182,8 @@ def test_bodies(how: str, precision: str) -> None:
     same(*problems)
 
 
-@pytest.mark.parametrize("precision", ["float64", "float32"])
+@pytest.mark.slow
+@precisions
 @pytest.mark.parametrize(
     "law", [{"law": "bilinear", "kr": 2.0}, {"law": "cohesive", "f_t": 2e3}], ids=["bilinear", "cohesive"]
 )
@@ -213,7 +214,7 @@ FAMILIES = {
 }
 
 
-@pytest.mark.parametrize("precision", ["float64", "float32"])
+@precisions
 @pytest.mark.parametrize(
     ("name", "failure"),
     [("two scales", "by stretch")]
@@ -260,7 +261,7 @@ def test_broken_families_and_softened_bonds_go_on_elsewhere(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("precision", ["float64", "float32"])
+@precisions
 @pytest.mark.parametrize("how", BENT)
 def test_ordinary_bodies(how: str, precision: str) -> None:
     problems = two(bar({"model": "ordinary", "nu": 0.3}, **BENT[how]), "conservative", precision)
