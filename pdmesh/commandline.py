@@ -242,8 +242,15 @@ def run(
     """
     with _interrupts() as interrupts, _trust_warnings(name, quiet):
         try:
-            check_environment()
-            return command()
+            try:
+                check_environment()
+                return command()
+            except (UnprintedError, Interrupted):
+                raise
+            except Exception as error:
+                if interrupts:
+                    raise KeyboardInterrupt from error
+                code, message = said(error, exits)  # whose imports may be interrupted
         except UnprintedError as error:
             leave_stdout()
             if error.is_closed:
@@ -253,8 +260,6 @@ def run(
             code, message = _stopped(stop.number)
         except KeyboardInterrupt:
             code, message = _stopped(*interrupts[:1])
-        except Exception as error:
-            code, message = _stopped(*interrupts[:1]) if interrupts else said(error, exits)
     remark(f"{name}: {' '.join(message.split())}")
     return code
 

@@ -84,7 +84,7 @@ CHAINS: dict[str, tuple[Row, ...]] = {  # one process each: a row may import no 
     "pdpost figures": (
         Row("from pdpost import figures; figures.balance", DRAWS),
         Row("pdpost balance small.sqlite", DRAWS),
-        Row("from pdpost import figures; figures.field", CLIPS),
+        Row("from pdpost import figures; figures.field", DRAWS | {"shapely"}),
         Row("pdpost crack small.sqlite", CLIPS),
         Row("pdpost damage small.sqlite", CLIPS),
     ),
