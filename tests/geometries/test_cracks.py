@@ -98,18 +98,23 @@ def test_a_crack_that_starts_away_from_the_pre_crack() -> None:
 
 @pytest.mark.slow
 def test_kalthoff_and_winkler_with_the_projectile() -> None:
-    """On a grid of 2.5 mm; steeper on finer grids: 61 degrees on the 1 mm of the scene.
+    """On a grid of 2.5 mm, at three time steps; steeper on finer grids: 61 degrees on the 1 mm of the scene.
 
     Mirror images but for round-off in the sums of contact, which may move a break by a step.
     """
     built = shipped("kalthoff_winkler_projectile.py", [("spacing", "2.5e-3")])
-    with simulate(Model(built.grid, built.settings), None, Options(threads=1)) as results:
-        found, last = told(results), results.history()[-1]
-        velocity = results.field("vx", int(last["step"]))
-    assert [way.whole for way in found.directions] == pytest.approx([-54.7, 54.7], abs=1)
-    assert [branch.length for branch in found.branches[:2]] == pytest.approx([0.0698, 0.0698], abs=0.003)
     assert built.grid.bodies is not None
-    striker = built.grid.bodies.number == 1
-    assert velocity[striker].mean() == pytest.approx(-4.41, abs=0.2)  # it leaves: the plate is wider
-    given = 8000.0 / 2 * 0.1 * 0.05 * 33.0**2
-    assert abs(last["kinetic"] + last["strain"] + last["dissipated"] - given) < 0.02 * given  # .015
+    striker, given = built.grid.bodies.number == 1, 8000.0 / 2 * 0.1 * 0.05 * 33.0**2
+    ways, lengths = [], []
+    for share in (1.0, 0.97, 0.95):
+        run = msgspec.structs.replace(built.settings.run, time_step=share * 4.093e-7, steps=round(210 / share))
+        settings = msgspec.structs.replace(built.settings, run=run)
+        with simulate(Model(built.grid, settings), None, Options(threads=1)) as results:
+            found, last = told(results), results.history()[-1]
+            velocity = results.field("vx", int(last["step"]))
+        ways.append([way.whole for way in found.directions])
+        lengths += [branch.length for branch in found.branches[:2]]
+        assert velocity[striker].mean() == pytest.approx(-4.41, abs=0.1)  # it leaves: the plate is wider
+        assert abs(last["kinetic"] + last["strain"] + last["dissipated"] - given) < 0.02 * given  # .015
+    assert np.mean(ways, axis=0) == pytest.approx([-54.0, 55.0], abs=1.5)  # 53.7 to 57.1, as the step has it
+    assert np.mean(lengths) == pytest.approx(0.0745, abs=0.003)  # 0.071 to 0.077
