@@ -18,6 +18,7 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "(drawn.width < room)",
     ): "a figure that is exactly as wide as there is room is drawn once more, and as wide",
     ("pdsolve/__main__.py", "gc.disable()", "pass"): "garbage is collected while nothing is garbage: only slower",
+    ("pdsolve/__main__.py", "gc.enable()", "pass"): "cycles that a run leaves are no memory that anybody sees",
     ("pdsolve/operators/protocol.py", "def broken(self, after: int = 0) -> Broken:", "(1)"): "a protocol has no code",
     (
         "pdmesh/grid/cubic.py",

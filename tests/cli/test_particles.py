@@ -150,3 +150,8 @@ def test_drawings_say_it_too() -> None:
 def test_a_run_of_bonds_has_no_particles(small_results: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert pdpost(["notch", str(small_results)]) == 2
     assert mentions(capsys.readouterr().err, found="particles", expected="--cracks")
+
+
+def test_a_notch_has_no_settings(small_results: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert pdpost(["notch", str(small_results), "--set", "axes.grid=True"]) == 2
+    assert mentions(capsys.readouterr().err, "--set", "axes.grid", "notch")

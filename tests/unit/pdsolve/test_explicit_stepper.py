@@ -1,0 +1,17 @@
+"""What takes the steps of a content."""
+
+from __future__ import annotations
+
+from media import disc
+
+from pdsolve.run.explicit_stepper import stepper_of_content
+from pdsolve.run.system import Options, prepare
+from pdsolve.steppers.euler import Euler
+
+
+def test_a_content_on_the_processor_is_taken_there() -> None:
+    system, state = prepare(disc(0.25, 400), Options(threads=1))
+    assert system.transport is not None
+    taken = stepper_of_content(system.model, system.transport, state, None)
+    assert isinstance(taken, Euler)
+    assert taken is system.transport.stepper
