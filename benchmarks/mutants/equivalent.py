@@ -19,6 +19,16 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
     ): "a figure that is exactly as wide as there is room is drawn once more, and as wide",
     ("pdsolve/__main__.py", "gc.disable()", "pass"): "garbage is collected while nothing is garbage: only slower",
     ("pdsolve/__main__.py", "gc.enable()", "pass"): "cycles that a run leaves are no memory that anybody sees",
+    (
+        "pdsolve/schemes/separation_energy.py",
+        "crossing, opening = int((middle[source] & (upper[source] != upper[target])).sum()), FIRST",
+        "(upper[source] == upper[target])",
+    ): "all bonds are broken before the openings end: it only takes longer to see",
+    (
+        "pdsolve/crack_growth/growth.py",
+        "if radius >= least:",
+        "(radius > least)",
+    ): "room that is the least to the last bit",
     ("pdsolve/operators/protocol.py", "def broken(self, after: int = 0) -> Broken:", "(1)"): "a protocol has no code",
     (
         "pdmesh/grid/cubic.py",
