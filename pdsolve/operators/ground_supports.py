@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model.document import Pin, Spring
 from pdsolve.model import Model
+from pdsolve.operators.bondless import Bondless
 from pdsolve.operators.protocol import Kept, Operator
 from pdsolve.operators.together import Together
 from pdsolve.state import Broken, State, Unknown
@@ -38,7 +39,7 @@ class Ring(NamedTuple):
     weight: Array  # (p, 2) 1/m: phi is the sum of weight times u
 
 
-class GroundSupports:
+class GroundSupports(Bondless):
     """The spring supports and pins of n nodes; see `Operator`."""
 
     name = "supports"
@@ -56,10 +57,6 @@ class GroundSupports:
             elif isinstance(condition, Pin):
                 self._rings.append(_ring(condition, model, volume))
         self._rows = np.flatnonzero(self._k.any(axis=1))
-
-    def place(self, state: State) -> State:
-        """The state itself: its arrays are those of all nodes."""
-        return state
 
     def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
         """Add the force densities, N/m^3, to `out` (n, w)."""
@@ -81,10 +78,6 @@ class GroundSupports:
         out = np.zeros((self._nodes, self._width))
         self.add(state, out, 0, 0.0)
         return np.asarray(volume[rows] @ out[rows, : self._d])
-
-    def fields(self, state: State) -> dict[str, Array]:
-        """Empty: supports store no fields."""
-        return {}
 
     def stiffness_bound(self) -> Array:
         """Half the largest stiffness (n,) along an axis, N/m^4: springs to the ground have one end that moves."""
@@ -111,16 +104,6 @@ class GroundSupports:
         size = w * self._nodes
         found: csr_array = coo_array((np.concatenate(values), ends_of), shape=(size, size)).tocsr()
         return found
-
-    def bonds(
-        self, first: int = 0, last: int | None = None, start: bool = False
-    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """No bonds: source and target rows (0,)."""
-        return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
-
-    def broken(self, after: int = 0) -> Broken:
-        """No broken bonds."""
-        return Broken(*np.zeros((3, 0), dtype=np.int64))
 
     def keep(self) -> Kept:
         """Nothing: supports have no history."""

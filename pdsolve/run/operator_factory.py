@@ -162,13 +162,18 @@ def surveyed(model: Model, options: Options, scheme: Scheme) -> tuple[NDArray[np
     tiles = _tiled(model, options, scheme, False)
     if tiles is not None:
         area = tiles.counted.area
-        return tiles.counted.bonds, tiles.stiffest + touch_bound(model, area) + support_bound(model, area), True
+        return tiles.counted.bonds, tiles.stiffest + _bound_beside_bonds(model, area), True
     filling = scheme.fill(model)
     survey = BondStatistics(filling, scheme.symmetric)
     for _ in survey.parts():
         pass
-    added = touch_bound(model, filling.area) + support_bound(model, filling.area)
-    return survey.count, survey.stiffness_bound + added, model.grid.dimension == 2
+    bound = survey.stiffness_bound + _bound_beside_bonds(model, filling.area)
+    return survey.count, bound, model.grid.dimension == 2
+
+
+def _bound_beside_bonds(model: Model, volume: NDArray[np.float64]) -> NDArray[np.float64]:
+    """What contact and supports add to the bound (n,) of each node's stiffness, N/m^4."""
+    return touch_bound(model, volume) + support_bound(model, volume)
 
 
 def _tiled(model: Model, options: Options, scheme: Scheme, lasting: bool) -> Tiled | None:

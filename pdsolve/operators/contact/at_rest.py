@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from pdsolve.checkpoint_validation import entry
 from pdsolve.operators.contact.kernel import geometry
 from pdsolve.operators.contact.operator import SKIN, PenaltyContact
+from pdsolve.operators.contact.pair_matrix import pair_matrix
 from pdsolve.operators.protocol import Kept, Operator
 from pdsolve.state import Broken, State
 
@@ -148,18 +149,8 @@ class RestingContact(PenaltyContact):
         spent = np.sum(self._spent) - (drag / 2 * self._along(state.value)).sum()
         return float(spent - (self._stiffness * (now.slip**2).sum(axis=1) / 2).sum())
 
-    def tangent(self, state: State) -> csr_array:
-        """Minus the derivative of the force densities by the values, (n w, n w), N/m^4."""
-        from scipy.sparse import diags_array
-
-        lightness = diags_array(1 / np.repeat(self._volume, state.value.shape[1]))
-        found: csr_array = (lightness @ self.stiffness_matrix(state.value)).tocsr()
-        return found
-
     def stiffness_matrix(self, value: NDArray[Any]) -> csr_array:
         """Minus the derivative of the forces by the displacements, (n d, n d), N/m^2, in space N/m."""
-        from scipy.sparse import coo_array
-
         pairs, now, n = self._pairs, self._touch(value), self._normal
         u = value.astype(np.float64)
         some = np.flatnonzero((self._stiffness > 0) & (pairs.touch - self._gap(u) > -TOUCHES * pairs.touch))
@@ -175,15 +166,7 @@ class RestingContact(PenaltyContact):
             block += np.where(slides, cut[:, None, None] * (across - way[:, :, None] * way[:, None, :]), across)
             block -= np.where(slides, mu * way[:, :, None] * n[:, None, :], 0.0)
         block *= self._stiffness[some, None, None]
-        rows, columns, values = [], [], []
-        for one, other in ((pairs.i, pairs.j), (pairs.j, pairs.i)):
-            for end, sign in ((one, 1.0), (other, -1.0)):
-                rows.append((d * one[some, None, None] + np.arange(d)[:, None] + np.zeros((d, d), int)).ravel())
-                columns.append((d * end[some, None, None] + np.arange(d) + np.zeros((d, d), int)).ravel())
-                values.append((sign * block).ravel())
-        size, ends = d * len(self._volume), (np.concatenate(rows), np.concatenate(columns))
-        found: csr_array = coo_array((np.concatenate(values), ends), shape=(size, size)).tocsr()
-        return found
+        return pair_matrix(pairs.i[some], pairs.j[some], block, len(self._volume))
 
     def keep(self) -> Kept:
         """Friction's springs, and the displacements of the last equilibrium and of the last look, for a checkpoint."""

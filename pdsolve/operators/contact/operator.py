@@ -17,8 +17,10 @@ from pdmesh.model.material_constants import STIFFNESS
 from pdsolve.checkpoint_validation import entry
 from pdsolve.errors import CheckpointError
 from pdsolve.model import Model, ModelError
+from pdsolve.operators.bondless import Bondless
 from pdsolve.operators.contact.candidates import EVERY, Joined, candidates
 from pdsolve.operators.contact.kernel import WIDE, PairList, add_forces, ease, farthest, nearer, pressed_pairs
+from pdsolve.operators.contact.pair_matrix import pair_matrix
 from pdsolve.operators.contact.rigid_motion import RigidMotion
 from pdsolve.operators.protocol import Kept, Operator
 from pdsolve.state import Broken, State, Unknown
@@ -32,7 +34,7 @@ TWO_FACES = 2.0  # that a node touches at most
 DEEP = 0.5  # of the distance of touch: nodes of two bodies that are nearer at the start overlap
 
 
-class PenaltyContact:
+class PenaltyContact(Bondless):
     """Contact of n nodes that `joined` operators hold together; see `Operator`."""
 
     name = "contact"
@@ -58,10 +60,6 @@ class PenaltyContact:
     def stiffness(self) -> float:
         """The largest stiffness of two equal nodes in touch over the volumes of both, N/m^(2 d + 1)."""
         return float(self._k.max())
-
-    def place(self, state: State) -> State:
-        """The state itself: its arrays are those of all nodes."""
-        return state
 
     def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
         """Add the force densities (n, w), N/m^3, to `out`; friction's springs go on by `dt` s."""
@@ -121,7 +119,7 @@ class PenaltyContact:
 
     def _pressed_energies(self, state: State) -> NDArray[np.float64]:
         """Energies (p,), J, of the springs of touch."""
-        found = self._pressed(state)[2]
+        found = self._pressed(state.value)[2]
         return np.asarray(found[:, 0] * found[:, 1] ** 2 / 2)
 
     def _search(self, u: NDArray[np.floating]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -157,64 +155,49 @@ class PenaltyContact:
         touch, faces = self._settings.distance * mean, self._joined.faces(rows)
         return PairList(i, j, k, wide, touch, apart, nothing, nothing.copy(), first, second, faces)
 
-    def _pressed(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    def _pressed(self, value: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Energies (n,), J, of all springs and of those of friction; stiffness, depth, normal of pairs (p, 2 + d)."""
         self._relearn()
         pairs, nodes = self._pairs, len(self._volume)
         held, rubbed, found = np.zeros(nodes), np.zeros(nodes), np.zeros((len(pairs.i), 2 + pairs.slip.shape[1]))
-        pressed_pairs(pairs, state.value, held, rubbed, found)
+        pressed_pairs(pairs, value, held, rubbed, found)
         return held, rubbed, found
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Energy densities (n,), J/m^3: stored in springs of touch and of friction, and lost where faces broke."""
-        return self._pressed(state)[0] / self._volume, self._lost / self._volume
+        return self._pressed(state.value)[0] / self._volume, self._lost / self._volume
 
     def touching(self, state: State) -> int:
         """Number of nodes that touch others."""
-        some = self._pressed(state)[2][:, 1] > 0
+        some = self._pressed(state.value)[2][:, 1] > 0
         return len(np.unique(np.concatenate([self._pairs.i[some], self._pairs.j[some]])))
 
     def friction(self, state: State) -> float:
         """Energy that friction has turned into heat so far, J/m, of a body J."""
-        return float(np.sum(self._spent) - np.sum(self._pressed(state)[1]))
-
-    def fields(self, state: State) -> dict[str, NDArray[np.float64]]:
-        """Empty: contact stores no fields."""
-        return {}
+        return float(np.sum(self._spent) - np.sum(self._pressed(state.value)[1]))
 
     def stiffness_bound(self) -> NDArray[np.float64]:
         """A bound (n,) of each node's stiffness, N/m^4, in touch with two faces."""
         return self._bound
 
     def tangent(self, state: State) -> csr_array:
-        """Minus the derivative of the force densities by the values, (n w, n w), N/m^4, at constant normals and
-        weights."""
-        from scipy.sparse import coo_array
+        """Minus the derivative of the force densities by the values, (n w, n w), N/m^4."""
+        from scipy.sparse import diags_array
 
-        found, d, pairs = self._pressed(state)[2], self.unknowns[0].width, self._pairs
+        lightness = diags_array(1 / np.repeat(self._volume, state.value.shape[1]))
+        found: csr_array = (lightness @ self.stiffness_matrix(state.value)).tocsr()
+        return found
+
+    def stiffness_matrix(self, value: NDArray[Any]) -> csr_array:
+        """Minus the derivative of the forces by the displacements, (n d, n d), at constant normals and weights.
+
+        N/m^2, in space N/m.
+        """
+        found, pairs = self._pressed(value)[2], self._pairs
         some = np.flatnonzero(found[:, 1] > 0)
         n = found[some, 2:]
         block = found[some, 0, None, None] * n[:, :, None] * n[:, None, :]
-        rows, columns, values = [], [], []
-        for one, other in ((pairs.i, pairs.j), (pairs.j, pairs.i)):
-            for end, sign in ((one, 1.0), (other, -1.0)):
-                rows.append((d * one[some, None, None] + np.arange(d)[:, None] + np.zeros((d, d), int)).ravel())
-                columns.append((d * end[some, None, None] + np.arange(d) + np.zeros((d, d), int)).ravel())
-                values.append((sign * block / self._volume[one[some], None, None]).ravel())
-        size = d * len(self._volume)
-        ends = np.concatenate(rows), np.concatenate(columns)
-        found_there: csr_array = coo_array((np.concatenate(values), ends), shape=(size, size)).tocsr()
-        return found_there
-
-    def bonds(
-        self, first: int = 0, last: int | None = None, start: bool = False
-    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """No bonds: source and target rows (0,)."""
-        return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
-
-    def broken(self, after: int = 0) -> Broken:
-        """No broken bonds."""
-        return Broken(*np.zeros((3, 0), dtype=np.int64))
+        return pair_matrix(pairs.i[some], pairs.j[some], block, len(self._volume))
 
     def keep(self) -> Kept:
         """The pairs and their springs for a checkpoint, where nodes were at the last search, and the heat booked."""

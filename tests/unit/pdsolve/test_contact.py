@@ -103,7 +103,7 @@ def test_a_crack_closes_under_compression() -> None:
     assert gaping / whole < 0.6  # .57
     assert found / whole == pytest.approx(1.0, abs=0.03)  # .997
     assert system.contact is not None
-    pairs = system.contact._pressed(state)[2]
+    pairs = system.contact._pressed(state.value)[2]
     assert 0 < pairs[:, 1].max() < 0.05 / 40  # .002 of a spacing
     last = books(system, state, 1)
     assert abs(last.balance(0.0)) < 1e-5  # 3e-8

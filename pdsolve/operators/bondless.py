@@ -1,0 +1,32 @@
+"""What an operator without bonds answers: forces that stand beside those of bonds."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.state import Broken, State
+
+
+class Bondless:
+    """An operator that has forces and energies but no bonds; see `Operator`."""
+
+    def place(self, state: State) -> State:
+        """The state itself: its arrays are those of all nodes."""
+        return state
+
+    def fields(self, state: State) -> dict[str, NDArray[Any]]:
+        """Empty: what has no bonds stores no fields."""
+        return {}
+
+    def bonds(
+        self, first: int = 0, last: int | None = None, start: bool = False
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """No bonds: source and target rows (0,)."""
+        return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
+
+    def broken(self, after: int = 0) -> Broken:
+        """No broken bonds."""
+        return Broken(*np.zeros((3, 0), dtype=np.int64))
