@@ -125,6 +125,18 @@ def alike(found: Path, expected: Path) -> None:
         assert rows[name] == others[name], name
 
 
+def expect_the_same_elsewhere(model: Model, first: str, then: str, stop: int, folder: Path) -> None:
+    """Stop a run on one processor, with broken bonds, and go on with it on another: its file is that of a whole run."""
+    stopped, whole = folder / "stopped.sqlite", folder / "whole.sqlite"
+    simulate(on_device(model, first), stopped, Options(threads=1), lambda progress: progress.step >= stop).close()
+    with Results.open(stopped) as results:
+        assert 0 < results.checkpoint()[0] < 90
+        assert len(results.breaks().step) > 0
+    resume(stopped, 1, device=then).close()
+    simulate(model, whole, Options(threads=1)).close()
+    alike(stopped, whole)
+
+
 @pytest.mark.parametrize(("first", "then"), [("cpu", "opencl"), ("opencl", "cpu"), ("opencl", "opencl")])
 def test_an_interrupted_run_goes_on_elsewhere(
     first: str, then: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -133,19 +145,7 @@ def test_an_interrupted_run_goes_on_elsewhere(
     run = Run(time_step=40e-9, steps=90, every=30, ledger=10, probes=((3e-3, 3e-3),))
     model = torn(GRIDS["two scales"], run=run, material=MATERIALS["bilinear"])
     monkeypatch.setattr("pdsolve.run.simulation.PATIENCE", 1.0)
-    stopped, whole = tmp_path / "stopped.sqlite", tmp_path / "whole.sqlite"
-    simulate(on_device(model, first), stopped, Options(threads=1), lambda progress: progress.step >= 37).close()
-    with Results.open(stopped) as results:
-        assert 0 < results.checkpoint()[0] < 90
-        assert len(results.breaks().step) > 0
-    resume(stopped, 1, device=then).close()
-    simulate(model, whole, Options(threads=1)).close()
-    found, expected = contents(stopped), contents(whole)
-    assert {name: rows for name, rows in found.items() if name != "meta"} == {
-        name: rows
-        for name, rows in expected.items()
-        if name != "meta"  # whose model names its device
-    }
+    expect_the_same_elsewhere(model, first, then, 37, tmp_path)
 
 
 def bar(law: dict[str, Any] | None = None, **settings: Any) -> Model:
@@ -250,14 +250,7 @@ def test_broken_families_and_softened_bonds_go_on_elsewhere(
     run = Run(time_step=40e-9, steps=90, every=30, ledger=10)
     model = torn(GRIDS["two scales"], run=run, material=other[law])
     monkeypatch.setattr("pdsolve.run.simulation.PATIENCE", 1.0)
-    stopped, whole = tmp_path / "stopped.sqlite", tmp_path / "whole.sqlite"
-    simulate(on_device(model, first), stopped, Options(threads=1), lambda progress: progress.step >= 60).close()
-    with Results.open(stopped) as results:
-        assert 0 < results.checkpoint()[0] < 90
-        assert len(results.breaks().step) > 0
-    resume(stopped, 1, device=then).close()
-    simulate(model, whole, Options(threads=1)).close()
-    alike(stopped, whole)
+    expect_the_same_elsewhere(model, first, then, 60, tmp_path)
 
 
 @pytest.mark.slow
