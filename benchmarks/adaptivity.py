@@ -25,10 +25,11 @@ from benchmarks.runs import PLATES
 from pdmesh.drawing.additions import ADAPT
 from pdmesh.drawing.file_reading import build
 from pdsolve.model import Model, ModelWarning
+from pdsolve.options import Options
 from pdsolve.run.measures import books, damage
 from pdsolve.run.node_changes import zone_moved
+from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import changing
-from pdsolve.run.system import Options, prepare
 
 ROOT = Path(__file__).parent.parent
 GEOMETRIES = ROOT / "geometries"

@@ -30,9 +30,10 @@ from pdmesh.grid.building import build
 from pdmesh.model.document import Collocation
 from pdsolve.adaptivity.collocation.operator import CollocationOperator
 from pdsolve.model import Model, ModelWarning
+from pdsolve.options import Options
 from pdsolve.run.measures import books, damage
 from pdsolve.run.node_changes import zone_moved
-from pdsolve.run.system import Options, prepare
+from pdsolve.run.prepare import prepare
 
 PAGE = ROOT / "docs" / "collocation.md"
 HORIZON, DURATION, LOOKS = 6e-3, 87.5e-6, 35

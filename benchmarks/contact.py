@@ -12,7 +12,9 @@ import numpy as np
 
 from pdmesh import Material, Run, Scene, box, build
 from pdsolve.model import Model
-from pdsolve.run.system import Options, Prepared, prepare
+from pdsolve.options import Options
+from pdsolve.run.prepare import prepare
+from pdsolve.run.system import Prepared
 
 SIDE, STEPS, REPEATS = 256, 50, 4
 PLACES = 4  # times that each model is prepared: where its arrays lie in memory makes up to a tenth of its time

@@ -30,7 +30,8 @@ from pdsolve.operators.device.runtime import Session
 from pdsolve.operators.device.source import preamble
 from pdsolve.operators.simd_lattice.pull import coefficients
 from pdsolve.options import Options
-from pdsolve.run.system import Prepared, prepare
+from pdsolve.run.prepare import prepare
+from pdsolve.run.system import Prepared
 
 STEPS, ROUNDS = 10, 5
 SIDES = {"64k": (400, 160), "400k": (1000, 400)}

@@ -22,7 +22,8 @@ import numpy as np
 from benchmarks.pages import put_section
 from pdmesh.model.document import Horizon, Material, Settings
 from pdsolve.model import Model
-from pdsolve.run.system import Options, prepare
+from pdsolve.options import Options
+from pdsolve.run.prepare import prepare
 from pdsolve.state import State
 
 ROOT = Path(__file__).parent.parent

@@ -14,8 +14,8 @@ import msgspec
 from pdmesh.drawing.file_reading import build
 from pdmesh.model.document import Displacement
 from pdsolve.model import Model
+from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Options
-from pdsolve.run.system import prepare
 
 SCENE = Path(__file__).resolve().parent.parent / "geometries" / "quenched_slab.py"
 STEPS, ROUNDS = 60, 3

@@ -31,8 +31,9 @@ from pdmesh.grid.building import build
 from pdmesh.model.document import Collocation, InitialVelocity, Material, Run
 from pdsolve.errors import UnstableError
 from pdsolve.model import Model, ModelWarning
+from pdsolve.options import Options
 from pdsolve.run.measures import books
-from pdsolve.run.system import Options, prepare
+from pdsolve.run.prepare import prepare
 
 CHART = ROOT / "docs" / "adaptivity.png"
 EVERYWHERE = (-1.0, -1.0, 1.0, 1.0)  # m

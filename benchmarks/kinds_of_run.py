@@ -25,7 +25,7 @@ from pdmesh.model.document import (
 from pdmesh.model.medium import Medium
 from pdmesh.model.node_grid import Grid
 from pdsolve.model import Model
-from pdsolve.run.system import Options
+from pdsolve.options import Options
 
 H = 1e-3  # m: between nodes
 ALONE = Options(threads=1)

@@ -24,7 +24,9 @@ from benchmarks import textbook
 from benchmarks.speed import PLATES, ROUNDS, Variant, interleaved, square
 from pdmesh.model.document import Horizon, Material, Run, Settings
 from pdsolve.model import Model, ModelError
-from pdsolve.run.system import Options, Prepared, prepare
+from pdsolve.options import Options
+from pdsolve.run.prepare import prepare
+from pdsolve.run.system import Prepared
 
 SOLID = Material(E=65e9, rho=2235.0, G0=204.0, nu=0.3, influence="cubic spline", failure="none")
 MATERIALS = {

@@ -33,9 +33,10 @@ from pdmesh.model.document import Horizon, Material
 from pdmesh.reports.accuracy_estimate import changed, feature, proposal
 from pdpost.measures import tradeoff
 from pdsolve.model import Model
+from pdsolve.options import Options
 from pdsolve.results import Results
+from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import simulate
-from pdsolve.run.system import Options, prepare
 
 RATIOS = {"none": (3.0, 4.0), "hybrid": (4.0,)}
 FRAMES = 20

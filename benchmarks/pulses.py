@@ -29,8 +29,10 @@ from pdsolve.adaptivity.hybrid.lattice import AROUND, COARSE, FINE, FREE, VOID
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.adaptivity.quadtree.leaf_mapping import transfer_of
 from pdsolve.model import Model
+from pdsolve.options import Options
 from pdsolve.run.cell_splitting import Splitting
-from pdsolve.run.system import Options, Prepared, prepare
+from pdsolve.run.prepare import prepare
+from pdsolve.run.system import Prepared
 
 H, RATIO = 1e-3, 4  # m; horizon over spacing
 WIDTHS = (4, 8, 16)  # spacings: half, one and two times two horizons

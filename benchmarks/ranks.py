@@ -28,8 +28,10 @@ from pdmesh.model.node_grid import whole_lattice
 from pdsolve.model import Model
 from pdsolve.numerics.memory import large_arrays_apart
 from pdsolve.numerics.team import Team, team
+from pdsolve.options import Options
 from pdsolve.ranks.part import march
-from pdsolve.run.system import Options, Prepared, prepare
+from pdsolve.run.prepare import prepare
+from pdsolve.run.system import Prepared
 
 STEPS, REPEATS = 10, 12  # of a timed march, in turns
 LATENCY, BANDWIDTH = 2e-6, 10e9  # s, bytes/s: supposed of a network

@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 
 from benchmarks.claims import Case
 from benchmarks.runs import built
-from pdsolve.run.system import Options, Prepared, prepare
+from pdsolve.options import Options
+from pdsolve.run.prepare import prepare
+from pdsolve.run.system import Prepared
 
 BLOCK = 64  # nodes
 SCENES = ("kalthoff_winkler.geo", "figure_19.py")

@@ -27,7 +27,9 @@ from pdmesh.model.node_grid import whole_lattice
 from pdsolve.model import Model
 from pdsolve.numerics.memory import large_arrays_apart
 from pdsolve.numerics.thread_team import cores
-from pdsolve.run.system import Options, Prepared, prepare
+from pdsolve.options import Options
+from pdsolve.run.prepare import prepare
+from pdsolve.run.system import Prepared
 
 PAGE = Path(__file__).parent.parent / "docs" / "guide" / "speed.md"
 GLASS = Material(E=65e9, rho=2235.0, G0=204.0, micromodulus="constant", plane="space")

@@ -34,8 +34,10 @@ from benchmarks.runs import built
 from pdmesh.model.document import Horizon, Material, Run, Settings
 from pdmesh.model.node_grid import Grid
 from pdsolve.model import Model
+from pdsolve.options import Options
+from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Progress, simulate
-from pdsolve.run.system import Options, Prepared, prepare
+from pdsolve.run.system import Prepared
 
 LEAST = 4.0  # times the listed one, in the quick form
 SAMPLE = 0.05  # s of one measurement

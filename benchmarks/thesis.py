@@ -30,8 +30,9 @@ from pdpost.figures import field_figure
 from pdpost.figures.style import save, styled
 from pdsolve.laws import limits
 from pdsolve.laws.bond_limits import Sizes
+from pdsolve.options import Options
 from pdsolve.results import Results
-from pdsolve.run.system import Options, prepare
+from pdsolve.run.prepare import prepare
 
 MODES = ("thesis", "conservative")
 WAVE_STEPS = (10, 30, 50, 70, 90, 100)

@@ -9,7 +9,10 @@ import msgspec
 
 from pdmesh.model.document import Horizon
 from pdsolve.model import Model
-from pdsolve.run.system import Options, Prepared, prepare, system_of
+from pdsolve.options import Options
+from pdsolve.run.assembly import system_of
+from pdsolve.run.prepare import prepare
+from pdsolve.run.system import Prepared
 from pdsolve.schemes import SCHEMES, average_horizon
 from pdsolve.schemes.average_horizon import ALL, Corrections
 from pdsolve.schemes.scheme import Scheme

@@ -9,7 +9,8 @@ from scipy.sparse.linalg import LinearOperator, cg
 
 from pdmesh.model.document import Material
 from pdsolve.operators.protocol import Operator
-from pdsolve.run.system import Options, prepare
+from pdsolve.options import Options
+from pdsolve.run.prepare import prepare
 from pdsolve.state import State
 
 SMALL = 1e-7  # of displacements: what is left of what is not linear

@@ -10,7 +10,9 @@ from plates import plate, square_grid, two_scale_grid
 from pdmesh.model.document import Load, Run
 from pdmesh.model.node_grid import Grid
 from pdsolve.model import Model
-from pdsolve.run.system import Options, Prepared, prepare
+from pdsolve.options import Options
+from pdsolve.run.prepare import prepare
+from pdsolve.run.system import Prepared
 
 
 def cracked() -> Grid:

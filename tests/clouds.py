@@ -17,7 +17,8 @@ from pdsolve.conditions import Drive, drive
 from pdsolve.laws import LAWS, MODELS, breitzman_dayal, correspondence, higher_order_correspondence, wan
 from pdsolve.operators.bond_list import BondList
 from pdsolve.operators.protocol import Operator
-from pdsolve.run.system import Options, prepare
+from pdsolve.options import Options
+from pdsolve.run.prepare import prepare
 from pdsolve.state import State
 from pdsolve.steppers.verlet import Verlet
 

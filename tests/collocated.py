@@ -17,7 +17,9 @@ from pdsolve.adaptivity.collocation.engine import CollocationEngine
 from pdsolve.adaptivity.collocation.operator import CollocationOperator
 from pdsolve.adaptivity.collocation.zone import areas_of, renumbered
 from pdsolve.model import Model
-from pdsolve.run.system import Options, Prepared, prepare
+from pdsolve.options import Options
+from pdsolve.run.prepare import prepare
+from pdsolve.run.system import Prepared
 
 H = 1e-3  # m
 STEEL = Material(E=191e9, rho=8000.0, G0=42408.0, plane="strain", micromodulus="constant")

@@ -16,8 +16,10 @@ from pdmesh.model.material_constants import C11, C66
 from pdmesh.model.node_grid import whole_lattice
 from pdpost.measures.intensities_in_space import AlongFront, along_fronts
 from pdsolve.model import Model
+from pdsolve.options import Options
 from pdsolve.results import Families, Nodes
-from pdsolve.run.system import Options, Prepared, prepare
+from pdsolve.run.prepare import prepare
+from pdsolve.run.system import Prepared
 
 GLASS = Material(E=1.0, rho=1.0, G0=1e30, micromodulus="constant", plane="space")
 SMALL = 1e-6  # stress: displacements are linear

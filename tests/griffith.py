@@ -17,8 +17,9 @@ from pdmesh.model.gradients import Stiffness, green, hooke
 from pdmesh.model.material_constants import BONDS_NU
 from pdmesh.model.tip_fields import Elastic
 from pdpost.measures.strain import fitted
+from pdsolve.options import Options
 from pdsolve.results import Families, Nodes
-from pdsolve.run.system import Options, prepare
+from pdsolve.run.prepare import prepare
 
 
 class Lattice(NamedTuple):

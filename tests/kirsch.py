@@ -12,8 +12,10 @@ from plates import plate, square_grid
 
 from pdmesh.model.document import Material
 from pdpost.measures.strain import fitted
+from pdsolve.options import Options
 from pdsolve.results import Families, Nodes
-from pdsolve.run.system import Options, Prepared, prepare
+from pdsolve.run.prepare import prepare
+from pdsolve.run.system import Prepared
 
 
 class Found(NamedTuple):

@@ -11,7 +11,8 @@ from systems import bonds_of
 from pdmesh.model.node_grid import Grid
 from pdsolve.bonds.assembly import Assembly, Bonds, Filling, Part
 from pdsolve.model import Model
-from pdsolve.run.system import Prepared, system_of
+from pdsolve.run.assembly import system_of
+from pdsolve.run.system import Prepared
 
 Box = tuple[float, float, float, float]  # x0, y0, x1, y1, m; a side of infinite length is not joined
 

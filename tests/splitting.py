@@ -14,9 +14,12 @@ from pdmesh.model.document import Load, Run
 from pdmesh.model.node_grid import Grid
 from pdsolve.model import Model
 from pdsolve.operators.protocol import Kept
+from pdsolve.options import Options
+from pdsolve.run.assembly import system_of
 from pdsolve.run.node_changes import Change
+from pdsolve.run.prepare import prepare
 from pdsolve.run.recorder import restore
-from pdsolve.run.system import Options, Prepared, System, prepare, system_of
+from pdsolve.run.system import Prepared, System
 from pdsolve.state import State
 
 QUARTERS = np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]]) / 4  # of the spacing: where a node's parts are

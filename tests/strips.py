@@ -10,8 +10,9 @@ from plates import plate, square_grid
 
 from pdmesh.model.document import Displacement, Material, Run
 from pdmesh.model.material_constants import poisson
+from pdsolve.options import Options
 from pdsolve.run.measures import books
-from pdsolve.run.system import Options, prepare
+from pdsolve.run.prepare import prepare
 
 
 class Torn(NamedTuple):

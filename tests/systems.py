@@ -14,8 +14,9 @@ from scipy.sparse.linalg import eigsh
 
 from pdsolve.bonds.assembly import Bonds, in_precision
 from pdsolve.model import ModelWarning
+from pdsolve.run.assembly import system_of
 from pdsolve.run.recorder import checkpoint
-from pdsolve.run.system import Prepared, system_of
+from pdsolve.run.system import Prepared
 from pdsolve.state import Broken
 from pdsolve.steppers.equilibrium import Asked
 from pdsolve.steppers.newton import Newton

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from pdmesh.model.document import Contact, InitialVelocity, Material, Region, Run, Settings
 from pdmesh.model.node_grid import Bodies, Grid
 from pdsolve.model import Model
+from pdsolve.options import Options
 from pdsolve.run.measures import Ledger, books
-from pdsolve.run.system import Options, prepare
+from pdsolve.run.prepare import prepare
 
 USUAL = Run()
 UNIT = Material(E=1.0, rho=1.0, G0=1e9, micromodulus="constant")

@@ -12,9 +12,10 @@ from pdsolve.adaptivity.hybrid.space.operator import SpaceHybrid
 from pdsolve.adaptivity.hybrid.space.prepare import drive_of_nodes
 from pdsolve.errors import CheckpointError
 from pdsolve.operators.protocol import Kept
+from pdsolve.run.assembly import assembled
 from pdsolve.run.energy_steps import energy, pushed
 from pdsolve.run.node_changes import Change
-from pdsolve.run.system import Prepared, System, assembled
+from pdsolve.run.system import Prepared, System
 from pdsolve.state import State
 from pdsolve.steppers.equilibrium import forces
 

@@ -18,10 +18,12 @@ from pdsolve.checkpoint_validation import entry
 from pdsolve.conditions import put_loads
 from pdsolve.errors import CheckpointError, UnstableError
 from pdsolve.operators.protocol import Kept
+from pdsolve.run.assembly import assembled
 from pdsolve.run.energy_steps import energy as energy_of
 from pdsolve.run.energy_steps import pushed
 from pdsolve.run.node_changes import Change
-from pdsolve.run.system import Prepared, System, assembled, stable
+from pdsolve.run.operator_factory import stable
+from pdsolve.run.system import Prepared, System
 from pdsolve.state import State
 
 

@@ -19,9 +19,11 @@ from pdsolve.checks import advise
 from pdsolve.diffusion.swelling import Swelling
 from pdsolve.laws import law_of
 from pdsolve.model import Model, counted
-from pdsolve.run.operator_factory import surveyed
+from pdsolve.options import Options, threads_of
+from pdsolve.run.operator_factory import stable, surveyed
+from pdsolve.run.prepare import prepare, scheme_of
 from pdsolve.run.static_start import still
-from pdsolve.run.system import Options, prepare, scheme_of, stable, step_of, threads_of
+from pdsolve.run.time_step import step_of
 from pdsolve.steppers.newton import FACTORED
 from pdsolve.steppers.path_steps import PathSteps
 

@@ -23,15 +23,17 @@ from pdsolve.errors import CheckpointError, LateZoneError, UnstableError
 from pdsolve.model import Model, ModelError, ModelWarning, model_of, on_device
 from pdsolve.numerics.memory import give_back
 from pdsolve.numerics.team import Team
+from pdsolve.options import Options
 from pdsolve.results import Behind, Results, ResultsError, Writer, behind, gone_back, put_away, writing_to
 from pdsolve.run.body_zones import Refining
 from pdsolve.run.cell_splitting import Splitting
 from pdsolve.run.measures import bodies, pieces
 from pdsolve.run.node_changes import Adapt, zone_back, zone_moved
+from pdsolve.run.prepare import prepare
 from pdsolve.run.recorder import Past, Recorder, families, nodes, restore
 from pdsolve.run.static_start import started
 from pdsolve.run.summary import meta, summary
-from pdsolve.run.system import Options, System, prepare
+from pdsolve.run.system import System
 from pdsolve.state import State
 from pdsolve.steppers.equilibrium import UnsettledError
 from pdsolve.steppers.load_steps import Going

@@ -8,7 +8,9 @@ import msgspec
 import numpy as np
 
 from pdsolve.model import Model
-from pdsolve.run.system import Options, Prepared, at_rest
+from pdsolve.options import Options
+from pdsolve.run.at_rest import at_rest
+from pdsolve.run.system import Prepared
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.steppers.equilibrium import forces
 from pdsolve.steppers.load_steps import LoadSteps

@@ -15,8 +15,8 @@ from pdmesh.model.unused_settings import in_vain
 from pdmesh.scene.body import Body
 from pdmesh.scene.shapes import SceneError, UntrustedError
 from pdsolve.model import Model, ModelError, overlaid
+from pdsolve.options import Options
 from pdsolve.run.estimate import Plan, estimate_run
-from pdsolve.run.system import Options
 from pdsolve.study.description import Case, Study, StudyError
 from pdsolve.study.disturbed import disturbed
 

@@ -19,9 +19,10 @@ from whole import contents
 from pdmesh import commandline
 from pdsolve.__main__ import main
 from pdsolve.model import Model
+from pdsolve.options import Options
 from pdsolve.results import Results, Writer
+from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import simulate
-from pdsolve.run.system import Options, prepare
 from pdsolve.state import State
 from pdsolve.steppers.protocol import Stepper
 

@@ -19,10 +19,11 @@ from pdmesh import commandline
 from pdpost.__main__ import main as pdpost
 from pdsolve.__main__ import main
 from pdsolve.model import Model
+from pdsolve.options import Options
 from pdsolve.results import Results
 from pdsolve.results.writer_token import Token
+from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Progress, resume, simulate
-from pdsolve.run.system import Options, prepare
 from pdsolve.state import State
 from pdsolve.steppers.protocol import Stepper
 

@@ -33,8 +33,10 @@ from pdsolve.numerics.thread_team import cores
 from pdsolve.operators.bond_list import BondList
 from pdsolve.operators.protocol import Operator
 from pdsolve.operators.together import Together
+from pdsolve.options import Options
 from pdsolve.run.measures import books
-from pdsolve.run.system import Options, Prepared, prepare
+from pdsolve.run.prepare import prepare
+from pdsolve.run.system import Prepared
 from pdsolve.schemes import average_horizon
 from pdsolve.state import Broken, State
 from pdsolve.steppers.verlet import Verlet

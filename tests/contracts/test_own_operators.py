@@ -16,8 +16,10 @@ from pdmesh.model.document import InitialVelocity
 from pdsolve.conditions import drive_of, entries
 from pdsolve.operators.protocol import Kept
 from pdsolve.operators.together import Together
+from pdsolve.options import Options
 from pdsolve.run.measures import books, damage, pieces
-from pdsolve.run.system import Options, Prepared, prepare
+from pdsolve.run.prepare import prepare
+from pdsolve.run.system import Prepared
 from pdsolve.state import Broken, State, Unknown
 from pdsolve.steppers.euler import Euler
 from pdsolve.steppers.theta import Theta

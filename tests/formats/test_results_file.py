@@ -127,7 +127,8 @@ def test_the_ledger_and_the_model_are_inside(small_results: Path, small_plate: M
 
 
 def test_the_families_are_inside(small_results: Path, small_plate: Model) -> None:
-    from pdsolve.run.system import Options, prepare
+    from pdsolve.options import Options
+    from pdsolve.run.prepare import prepare
 
     with Results.open(small_results) as results:
         start, neighbour = results.families()

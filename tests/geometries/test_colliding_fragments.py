@@ -7,8 +7,9 @@ import pytest
 from plates import shipped
 
 from pdsolve.model import Model
+from pdsolve.options import Options
 from pdsolve.run.measures import books
-from pdsolve.run.system import Options, prepare
+from pdsolve.run.prepare import prepare
 
 
 @pytest.mark.slow

@@ -10,7 +10,7 @@ from plates import shipped
 
 from pdsolve import simulate
 from pdsolve.model import Model
-from pdsolve.run.system import Options
+from pdsolve.options import Options
 
 
 @pytest.mark.slow

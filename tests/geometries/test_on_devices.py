@@ -11,7 +11,7 @@ from systems import broken
 from benchmarks.compare import weakened
 from pdsolve.model import Model, ModelError, on_device
 from pdsolve.options import Options
-from pdsolve.run.system import prepare
+from pdsolve.run.prepare import prepare
 
 pytestmark = [needs_opencl, pytest.mark.slow]
 PLATES = (

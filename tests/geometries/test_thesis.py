@@ -12,8 +12,9 @@ from benchmarks.claims import CASES, Case, measured
 from benchmarks.runs import built, solved
 from pdmesh.model.output_fields import CRACKED
 from pdpost.measures.cracked_nodes import damage_at
+from pdsolve.options import Options
 from pdsolve.results import Results
-from pdsolve.run.system import Options, prepare
+from pdsolve.run.prepare import prepare
 
 pytest.importorskip("gmsh", exc_type=OSError)
 

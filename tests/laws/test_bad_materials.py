@@ -15,8 +15,9 @@ from plates import GLASS, plate, square_grid
 from pdmesh.model.document import Run, Velocity, write_file
 from pdmesh.model.node_grid import document_of
 from pdsolve.__main__ import main
+from pdsolve.options import Options
 from pdsolve.run.measures import books
-from pdsolve.run.system import Options, prepare
+from pdsolve.run.prepare import prepare
 
 FAMILY = ["material.model=correspondence", "material.nu=0.2"]
 COHESIVE = ["material.law=cohesive", "material.f_t=30e6"]

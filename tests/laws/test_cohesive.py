@@ -14,7 +14,8 @@ from pdsolve.bonds.assembly import Bonds
 from pdsolve.laws import law_of
 from pdsolve.laws.pair_laws import cohesive
 from pdsolve.operators.bond_list import BondList
-from pdsolve.run.system import Options, prepare
+from pdsolve.options import Options
+from pdsolve.run.prepare import prepare
 from pdsolve.schemes import average_horizon
 from pdsolve.schemes.separation_energy import cost, patch
 from pdsolve.state import State

@@ -18,9 +18,11 @@ from pdmesh.model.document import Displacement, Material, Region, Run, Static
 from pdsolve.laws import law_of
 from pdsolve.model import Model, ModelError
 from pdsolve.operators.softening_shear import SofteningShear
+from pdsolve.options import Options
 from pdsolve.run.measures import books
+from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import resume, simulate
-from pdsolve.run.system import Options, Prepared, prepare
+from pdsolve.run.system import Prepared
 from pdsolve.schemes import SCHEMES
 from pdsolve.schemes.separation_energy import cost, patch
 from pdsolve.steppers.path_steps import PathSteps

@@ -10,8 +10,10 @@ from plates import GLASS, plate, square_grid
 
 from pdmesh.model.document import InitialVelocity, Run
 from pdsolve.model import ModelError
+from pdsolve.options import Options
 from pdsolve.run.measures import books
-from pdsolve.run.system import Options, Prepared, prepare
+from pdsolve.run.prepare import prepare
+from pdsolve.run.system import Prepared
 
 BEAMS = msgspec.structs.replace(GLASS, model="micropolar", nu=0.2)
 

@@ -9,7 +9,8 @@ from plates import GLASS, plate, square_grid
 from systems import bonds_of
 
 from pdsolve.laws import ordinary
-from pdsolve.run.system import Options, prepare
+from pdsolve.options import Options
+from pdsolve.run.prepare import prepare
 
 
 def test_weights_do_not_depend_on_how_many_nodes_are_taken_at_once(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,8 +11,9 @@ from pdmesh.model.document import Displacement, Load, Material, Region, Run
 from pdsolve.laws import law_of, ordinary
 from pdsolve.laws.pair_laws import bilinear, brittle
 from pdsolve.model import Model, ModelError
+from pdsolve.options import Options
+from pdsolve.run.prepare import prepare
 from pdsolve.run.static_start import started
-from pdsolve.run.system import Options, prepare
 
 SOFT = msgspec.structs.replace(GLASS, law="bilinear", kr=2.0)
 STATE_BASED = msgspec.structs.replace(GLASS, model="ordinary", nu=0.2)

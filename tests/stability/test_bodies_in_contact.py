@@ -18,7 +18,9 @@ from pdmesh import Scene, box, build
 from pdmesh.model.contact import Contact
 from pdmesh.model.document import Run
 from pdsolve.model import Model
-from pdsolve.run.system import Options, Prepared, prepare
+from pdsolve.options import Options
+from pdsolve.run.prepare import prepare
+from pdsolve.run.system import Prepared
 
 H, V = 0.01, 0.02
 

@@ -14,8 +14,9 @@ from plates import plate, square_grid
 
 from pdmesh.model.document import Run, Velocity
 from pdsolve.model import Model
+from pdsolve.options import Options
 from pdsolve.run.measures import books
-from pdsolve.run.system import Options, prepare
+from pdsolve.run.prepare import prepare
 
 DELTA = 2.0**-10  # m: of a kind that sums without rounding
 

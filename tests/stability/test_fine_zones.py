@@ -17,7 +17,8 @@ from pdmesh.model.document import Horizon, Load, Run
 from pdmesh.model.node_grid import Grid
 from pdsolve.adaptivity.hybrid.lattice import COARSE, FINE
 from pdsolve.model import Model
-from pdsolve.run.system import Options, prepare
+from pdsolve.options import Options
+from pdsolve.run.prepare import prepare
 
 RAMP = ((0.0, 0.0), (2e-6, 1.0))
 

@@ -18,9 +18,11 @@ from pdmesh.grid.lattice import build_grid
 from pdmesh.model.document import Load, Material, Run
 from pdmesh.model.lattice_calibration import hu_beta, offsets
 from pdsolve.model import ModelError
+from pdsolve.options import Options
 from pdsolve.run.estimate import estimate_run
+from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import simulate
-from pdsolve.run.system import Options, Prepared, prepare
+from pdsolve.run.system import Prepared
 
 ONE = Options(threads=1)
 ON_A_ROW = 9 * 1e-3  # m, the height of nodes to the last bit; 9e-3 is another number

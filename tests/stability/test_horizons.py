@@ -11,7 +11,8 @@ from plates import GLASS, plate, square_grid
 from systems import bonds_of, stiffness
 
 from pdmesh.model.lattice_calibration import calibration, full_family, lattice_ratios
-from pdsolve.run.system import Options, prepare
+from pdsolve.options import Options
+from pdsolve.run.prepare import prepare
 
 CONSTANT = msgspec.structs.replace(GLASS, micromodulus="constant")
 SIDE = 31

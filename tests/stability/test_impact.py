@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from plates import STEEL, struck_plate
 
 from pdmesh.model.document import Material
+from pdsolve.options import Options
+from pdsolve.run.prepare import prepare
 from pdsolve.run.recorder import breaks
-from pdsolve.run.system import Options, prepare
 
 DURATION = 50e-6  # s
 NOTCH, MIDDLE = 75.5e-3, 100e-3  # m from an end of the plate

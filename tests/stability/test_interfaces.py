@@ -22,9 +22,11 @@ from systems import accelerate, at_step, bonds_of, broken, equilibrium, sources
 from pdmesh.model.document import Load, Material, Run
 from pdmesh.model.material_constants import critical_stretch
 from pdmesh.model.node_grid import Grid
+from pdsolve.options import Options
 from pdsolve.run.estimate import estimate_run
 from pdsolve.run.measures import damage
-from pdsolve.run.system import Options, Prepared, prepare
+from pdsolve.run.prepare import prepare
+from pdsolve.run.system import Prepared
 
 UNBREAKABLE = msgspec.structs.replace(GLASS, G0=1e12)
 SPEED = (1.125 * GLASS.E / GLASS.rho) ** 0.5  # of P waves, m/s

@@ -16,8 +16,9 @@ from pdmesh import Scene, box, build
 from pdmesh.model.document import Load, Material, Run
 from pdpost.measures.stress_intensities import follow
 from pdsolve.model import Model
+from pdsolve.options import Options
+from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import simulate
-from pdsolve.run.system import Options, prepare
 
 CONSTANT = Material(E=1.0, rho=1.0, G0=1e9, micromodulus="constant")
 WIDE = 40  # spacings of the width of the cracked plate

@@ -16,9 +16,11 @@ from systems import at_step, matrix
 
 from pdmesh.model.document import Region, Run
 from pdsolve.model import Model
+from pdsolve.options import Options
 from pdsolve.run.estimate import estimate_run
 from pdsolve.run.measures import books
-from pdsolve.run.system import Options, Prepared, prepare
+from pdsolve.run.prepare import prepare
+from pdsolve.run.system import Prepared
 
 UNBREAKABLE = msgspec.structs.replace(GLASS, G0=1e12)
 ROWS, MIDDLE = 40, 19.5e-3  # m: the materials meet half way between two rows

@@ -12,9 +12,11 @@ from plates import GLASS, plate, two_scale_grid
 from systems import matrix
 
 from pdmesh.model.document import InitialVelocity, Run
+from pdsolve.options import Options
 from pdsolve.run.measures import books
+from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import UnstableError, simulate
-from pdsolve.run.system import Options, Prepared, prepare
+from pdsolve.run.system import Prepared
 
 UNBREAKABLE = msgspec.structs.replace(GLASS, G0=1e12)
 PART = 10_000

@@ -13,9 +13,11 @@ from plates import plate, square_grid
 
 from pdmesh.model.document import InitialVelocity, Load, Run
 from pdsolve.model import Model
+from pdsolve.options import Options
 from pdsolve.run.measures import books, damage
+from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import simulate
-from pdsolve.run.system import Options, Prepared, prepare
+from pdsolve.run.system import Prepared
 
 COLUMNS, ROWS = 101, 42
 TIP = 50e-3  # m, where a column of nodes is

@@ -19,8 +19,9 @@ from pdmesh import Circle, Scene, SceneError, box
 from pdmesh.grid.lattice import build_grid
 from pdmesh.model.document import Load, Run
 from pdsolve.model import Model
+from pdsolve.options import Options
 from pdsolve.run.estimate import estimate_run
-from pdsolve.run.system import Options, prepare
+from pdsolve.run.prepare import prepare
 from pdsolve.state import Broken
 
 SIZES = (1e-9, 1e-3, 1e3)

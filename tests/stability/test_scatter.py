@@ -22,9 +22,10 @@ from pdpost.measures.cracked_nodes import cracked_since
 from pdpost.measures.directions import directions
 from pdpost.measures.tips import tips
 from pdsolve.model import Model
+from pdsolve.options import Options
 from pdsolve.results import Results
+from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import run
-from pdsolve.run.system import Options, prepare
 
 ONE = Options(threads=1)
 LENGTH, HEIGHT, TIP, DELTA = 100e-3, 40e-3, 50e-3, 0.5e-3  # m, of the Duran plate

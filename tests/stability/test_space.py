@@ -12,7 +12,8 @@ from systems import equilibrium
 
 from pdmesh import Body, Box, Material, SceneError, build
 from pdsolve.model import Model
-from pdsolve.run.system import Options, prepare
+from pdsolve.options import Options
+from pdsolve.run.prepare import prepare
 
 H, LONG, NU = 1e-3, 24, 0.25  # m between nodes; nodes along a bar
 GLASS = Material(E=65e9, rho=2235.0, G0=204.0, micromodulus="constant")

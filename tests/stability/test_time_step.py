@@ -18,8 +18,9 @@ from systems import true_limit
 
 from pdmesh.model.document import InitialVelocity, Material, Run
 from pdsolve.model import Model
+from pdsolve.options import Options
+from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import UnstableError, simulate
-from pdsolve.run.system import Options, prepare
 
 UNBREAKABLE = msgspec.structs.replace(GLASS, G0=1e12)
 ONE = Options(threads=1)

@@ -11,7 +11,9 @@ from systems import accelerate, at_step
 
 from pdmesh.model.document import Absorb
 from pdmesh.scene.scene import DEEP
-from pdsolve.run.system import Options, Prepared, prepare
+from pdsolve.options import Options
+from pdsolve.run.prepare import prepare
+from pdsolve.run.system import Prepared
 
 DELTA, RATIO = 1e-3, 4
 HORIZON = RATIO * DELTA

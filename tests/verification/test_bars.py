@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from plates import GLASS, plate, square_grid
 
 from pdmesh.model.document import Displacement, Load, Run
-from pdsolve.run.system import Options, prepare
+from pdsolve.options import Options
+from pdsolve.run.prepare import prepare
 
 UNIT = msgspec.structs.replace(GLASS, E=1.0, rho=1.0, model="correspondence", failure="none")
 SMALL = 1e-3  # sigma over E

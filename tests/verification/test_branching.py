@@ -16,8 +16,9 @@ import pytest
 from plates import GLASS, plate, square_grid
 
 from pdmesh.model.document import Load, Run
+from pdsolve.options import Options
 from pdsolve.run.measures import damage
-from pdsolve.run.system import Options, prepare
+from pdsolve.run.prepare import prepare
 
 CRACKED, SHAKEN = 0.35, 1e-8  # damage; m
 BRITTLE = msgspec.structs.replace(

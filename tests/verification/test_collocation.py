@@ -16,8 +16,9 @@ from pdsolve.adaptivity.collocation.zone import BETWEEN, COARSE, FINE, LARGEST
 from pdsolve.adaptivity.hybrid.springs import fine_springs
 from pdsolve.errors import UnstableError
 from pdsolve.operators.simd_lattice.lanes import ROW
+from pdsolve.options import Options
 from pdsolve.run.measures import books
-from pdsolve.run.system import Options, prepare
+from pdsolve.run.prepare import prepare
 
 RUN = Run(adapt="collocation", collocation=Collocation(damped=True), steps=10)
 

@@ -20,9 +20,10 @@ from pdsolve import Results
 from pdsolve.model import Model, ModelError
 from pdsolve.operators.contact.at_rest import RestingContact
 from pdsolve.run.measures import Ledger, books
+from pdsolve.run.prepare import prepare
 from pdsolve.run.reactions import grips, reactions
 from pdsolve.run.simulation import Options, resume, simulate
-from pdsolve.run.system import Prepared, prepare
+from pdsolve.run.system import Prepared
 
 Array = NDArray[np.float64]
 

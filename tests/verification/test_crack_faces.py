@@ -15,8 +15,11 @@ from systems import bonds_of, equilibrium, sources
 from pdmesh.model.node_grid import Grid
 from pdsolve.bonds.assembly import Filling, Part
 from pdsolve.model import Model
+from pdsolve.options import Options
+from pdsolve.run.assembly import system_of
+from pdsolve.run.prepare import prepare
 from pdsolve.run.recorder import breaks
-from pdsolve.run.system import Options, Prepared, prepare, system_of
+from pdsolve.run.system import Prepared
 from pdsolve.schemes import SCHEMES, average_horizon
 
 ONE = Options(threads=1)

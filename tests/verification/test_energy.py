@@ -21,8 +21,10 @@ from pdmesh.model.document import (
     Run,
     Velocity,
 )
+from pdsolve.options import Options
 from pdsolve.run.measures import books
-from pdsolve.run.system import Options, Prepared, prepare
+from pdsolve.run.prepare import prepare
+from pdsolve.run.system import Prepared
 
 COLUMNS, ROWS = 31, 20
 TOP, BOTTOM = (0.0, 8.4e-3, 30e-3, 1e-2), (0.0, -1e-2, 30e-3, -8.4e-3)

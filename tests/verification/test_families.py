@@ -17,7 +17,8 @@ import pdsolve.laws
 from benchmarks import ties
 from benchmarks.effective_length import LAWS, OVER, STRIP, length_of
 from pdmesh.model.document import Material
-from pdsolve.run.system import Options, prepare
+from pdsolve.options import Options
+from pdsolve.run.prepare import prepare
 
 UNIT = msgspec.structs.replace(GLASS, E=1.0, rho=1.0, model="ordinary", failure="none", nu=0.3)
 STRAIN = msgspec.structs.replace(UNIT, plane="strain")

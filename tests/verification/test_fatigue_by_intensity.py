@@ -20,8 +20,8 @@ from pdmesh.model.fatigue import Cycled
 from pdpost.measures.fatigue import Growth, growth, paris, settled_points
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.results import Results
+from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Options, resume, simulate
-from pdsolve.run.system import prepare
 from pdsolve.steppers.equilibrium import UnsettledError
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.paris_steps import ParisSteps

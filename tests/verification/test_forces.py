@@ -9,7 +9,9 @@ from plates import GLASS, plate, two_scale_grid
 from systems import broken, forces, worst
 
 from pdmesh.model.document import Run
-from pdsolve.run.system import Options, Prepared, prepare
+from pdsolve.options import Options
+from pdsolve.run.prepare import prepare
+from pdsolve.run.system import Prepared
 
 LAWS = {"brittle": {"law": "brittle"}, "bilinear": {"law": "bilinear", "kr": 3.0}}
 NODES = (0, 3, 57, 100, 110, 131)  # corner, edge, middle, both sides of the interface, the other corner

@@ -9,8 +9,9 @@ from touching import UNIT, grid_of
 from pdmesh.model.contact import Contact
 from pdmesh.model.document import Displacement, Load, Settings
 from pdsolve.model import Model
+from pdsolve.options import Options
 from pdsolve.run.measures import Ledger, books
-from pdsolve.run.system import Options, prepare
+from pdsolve.run.prepare import prepare
 
 H, G, DURATION = 0.02, 1e-5, 60.0  # m, m/s^2, s
 

@@ -13,7 +13,8 @@ from systems import by_row_sum
 from pdmesh.model.document import Displacement, Run, Static
 from pdsolve.laws.higher_order_correspondence import fit
 from pdsolve.model import Model
-from pdsolve.run.system import Options, prepare
+from pdsolve.options import Options
+from pdsolve.run.prepare import prepare
 from pdsolve.steppers.equilibrium import Asked
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.relaxation import Relaxation

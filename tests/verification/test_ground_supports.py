@@ -17,8 +17,8 @@ from pdmesh.model.document import AnyCondition, InitialVelocity, Load, Pin, Run,
 from pdsolve.model import Model, ModelError
 from pdsolve.operators.ground_supports import GroundSupports
 from pdsolve.results import Results
+from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Options, simulate
-from pdsolve.run.system import prepare
 from pdsolve.state import State, Unknown
 
 H = 1e-3

@@ -30,8 +30,8 @@ from pdsolve.diffusion.swelling import Swelling
 from pdsolve.model import Model, ModelError
 from pdsolve.results import Results
 from pdsolve.run.estimate import estimate_run
+from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Options, resume, simulate
-from pdsolve.run.system import prepare
 
 H, CELLS, ROWS = 1e-3, 40, 8  # m; nodes along and across
 STEEL = Material(E=200e9, rho=8000.0, G0=1e9, micromodulus="constant", alpha=1e-5, T0=300.0)

@@ -15,8 +15,8 @@ from pdmesh import Heat, Scene, box, build
 from pdmesh.model.document import Displacement, Horizon, Load, Material, Run, Settings
 from pdmesh.model.medium import Medium
 from pdsolve.model import Model, ModelError
+from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Options, resume, simulate
-from pdsolve.run.system import prepare
 
 H, E, ALPHA, T0, CAPACITY = 1e-3, 200e9, 1e-5, 300.0, 4e6  # m, Pa, 1/K, K, J/(m^3 K)
 STEEL = Material(E=E, rho=8000.0, G0=1e12, micromodulus="constant", alpha=ALPHA, T0=T0)

@@ -13,9 +13,11 @@ from pdsolve.adaptivity.hybrid.engine import Hybrid
 from pdsolve.adaptivity.hybrid.lattice import COARSE, FINE
 from pdsolve.model import Model
 from pdsolve.numerics.thread_team import cores
+from pdsolve.options import Options
 from pdsolve.run.measures import Ledger, books
 from pdsolve.run.node_changes import zone_moved
-from pdsolve.run.system import Options, Prepared, prepare
+from pdsolve.run.prepare import prepare
+from pdsolve.run.system import Prepared
 
 
 def pulled(adapt: str) -> Model:

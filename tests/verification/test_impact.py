@@ -16,7 +16,8 @@ from touching import bar, grid_of, moving, struck
 
 from pdmesh.model.contact import Contact
 from pdmesh.model.document import Displacement, Horizon, Material, RigidBody, Run
-from pdsolve.run.system import Options, prepare
+from pdsolve.options import Options
+from pdsolve.run.prepare import prepare
 
 N, V = 200, 1e-3  # nodes of a bar; m/s
 HELD = 3  # nodes that hold the end of a bar: all that reach into it

@@ -13,7 +13,9 @@ from systems import accelerate, at_step
 from benchmarks.pulses import sent_back
 from pdmesh.model.document import Collocation
 from pdsolve.model import ModelWarning
-from pdsolve.run.system import Options, Prepared, prepare
+from pdsolve.options import Options
+from pdsolve.run.prepare import prepare
+from pdsolve.run.system import Prepared
 
 SPEED = (1.125 * GLASS.E / GLASS.rho) ** 0.5  # of P waves, m/s
 RATIO = 4

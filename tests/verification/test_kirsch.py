@@ -12,7 +12,8 @@ from plates import GLASS, plate, square_grid
 from systems import equilibrium
 
 from pdmesh.model.document import Material
-from pdsolve.run.system import Options, prepare
+from pdsolve.options import Options
+from pdsolve.run.prepare import prepare
 
 UNIT = msgspec.structs.replace(GLASS, E=1.0, micromodulus="constant")
 CONICAL = msgspec.structs.replace(UNIT, micromodulus="conical")

@@ -9,7 +9,8 @@ from plates import GLASS, plate, square_grid
 from systems import bonds_of, stiffness
 
 from pdmesh.model.lattice_calibration import calibration, full_family, lattice_ratios
-from pdsolve.run.system import Options, prepare
+from pdsolve.options import Options
+from pdsolve.run.prepare import prepare
 
 # m, micromodulus: per cent of C11 and C66 too much, whole cells up to the horizon | Hu's beta, half a spacing beyond
 STIFFNESS = {

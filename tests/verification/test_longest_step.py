@@ -16,8 +16,9 @@ import pytest
 from plates import GLASS, plate, square_grid
 
 from pdmesh.model.document import Displacement, Load, Run
+from pdsolve.options import Options
 from pdsolve.run.measures import books
-from pdsolve.run.system import Options, prepare
+from pdsolve.run.prepare import prepare
 
 CONDITIONS = (
     Displacement(box=(-1.0, -1.0, 0.5e-3, 1.0), x=0.0, y=0.0),

@@ -17,7 +17,9 @@ from scipy.spatial.transform import Rotation
 
 from pdmesh.model.document import Displacement, Run
 from pdmesh.model.material_constants import lame
-from pdsolve.run.system import Options, at_rest, scheme_of
+from pdsolve.options import Options
+from pdsolve.run.at_rest import at_rest
+from pdsolve.run.prepare import scheme_of
 from pdsolve.steppers.equilibrium import Asked
 from pdsolve.steppers.newton import Newton
 from pdsolve.steppers.static_loads import in_load_steps

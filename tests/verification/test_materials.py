@@ -17,8 +17,9 @@ from pdsolve.laws import law_of, limits
 from pdsolve.laws.bond_limits import Sizes
 from pdsolve.laws.pair_laws import brittle
 from pdsolve.model import Model
+from pdsolve.options import Options
 from pdsolve.run.measures import books
-from pdsolve.run.system import Options, prepare
+from pdsolve.run.prepare import prepare
 from pdsolve.schemes import average_horizon
 
 SOFT = Material(E=20e9, rho=1200.0, G0=500.0, law="bilinear", kr=4.0)

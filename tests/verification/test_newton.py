@@ -14,8 +14,10 @@ from scipy.sparse import diags_array
 from pdmesh.model.document import Displacement, Load, Run, Static
 from pdsolve.conditions import put_loads
 from pdsolve.model import Model
+from pdsolve.options import Options
+from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import simulate
-from pdsolve.run.system import Options, Prepared, prepare
+from pdsolve.run.system import Prepared
 from pdsolve.steppers.equilibrium import Asked
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.newton import Newton

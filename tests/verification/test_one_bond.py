@@ -11,8 +11,10 @@ from plates import GLASS, plate, square_grid
 from systems import bonds_of, broken, forces, worst
 
 from pdmesh.model.document import Displacement, Material, Run
+from pdsolve.options import Options
 from pdsolve.run.measures import books
-from pdsolve.run.system import Options, Prepared, prepare
+from pdsolve.run.prepare import prepare
+from pdsolve.run.system import Prepared
 
 DELTA, STEP = 1e-3, 1e-8
 KR = 2.5

@@ -9,7 +9,9 @@ from numpy.typing import NDArray
 from plates import GLASS, interface_grid, plate, square_grid
 from systems import bonds_of, broken, matrix
 
-from pdsolve.run.system import Options, Prepared, prepare
+from pdsolve.options import Options
+from pdsolve.run.prepare import prepare
+from pdsolve.run.system import Prepared
 
 UNBREAKABLE = msgspec.structs.replace(GLASS, G0=1e12)
 STRAINS = {"xx": [[1.0, 0.0], [0.0, 0.0]], "yy": [[0.0, 0.0], [0.0, 1.0]], "xy": [[0.0, 0.5], [0.5, 0.0]]}

@@ -13,9 +13,10 @@ from whole import contents
 
 from pdmesh.model.document import Displacement, Run, Static
 from pdsolve.model import Model
+from pdsolve.options import Options
 from pdsolve.run.measures import books
+from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import resume, simulate
-from pdsolve.run.system import Options, prepare
 from pdsolve.steppers.static_loads import in_load_steps
 
 STEEL = msgspec.structs.replace(

@@ -19,7 +19,9 @@ from pdmesh.model.lattice_calibration import lattice_ratios
 from pdsolve.bonds.assembly import Filling, Part
 from pdsolve.conditions import put_loads
 from pdsolve.model import Model
-from pdsolve.run.system import Options, Prepared, at_rest
+from pdsolve.options import Options
+from pdsolve.run.at_rest import at_rest
+from pdsolve.run.system import Prepared
 from pdsolve.schemes import SCHEMES
 from pdsolve.schemes.average_horizon import Corrections, fill
 from pdsolve.schemes.scheme import Scheme

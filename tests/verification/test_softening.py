@@ -13,8 +13,9 @@ from plates import plate, square_grid
 from pdmesh.model.document import Material, Region, Run, Velocity
 from pdmesh.model.material_constants import dimension_of
 from pdmesh.model.node_grid import Grid
+from pdsolve.options import Options
 from pdsolve.run.measures import books
-from pdsolve.run.system import Options, prepare
+from pdsolve.run.prepare import prepare
 
 LENGTH, HEIGHT, F_T, WEAKER = 0.2, 0.1, 3e6, 0.99  # m, m, Pa; strength of the two columns in the middle, over f_t
 CONCRETE = Material(E=30e9, rho=2400.0, G0=100.0, law="cohesive", f_t=F_T, micromodulus="constant")

@@ -25,8 +25,8 @@ from pdsolve.numerics.thread_team import cores
 from pdsolve.operators.space_lattice.layout import table_of
 from pdsolve.results import Results
 from pdsolve.run.body_zones import zone_of
+from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Options, resume, simulate
-from pdsolve.run.system import prepare
 
 SMALL = 1e-7  # strain
 GLASS = Material(E=65e9, rho=2235, G0=204, micromodulus="constant")

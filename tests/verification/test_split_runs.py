@@ -16,8 +16,9 @@ from pdsolve.model import Model, read_model
 from pdsolve.results import Results
 from pdsolve.run.cell_splitting import Splitting, leaves
 from pdsolve.run.measures import Ledger, books
+from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Options, Progress, resume, simulate
-from pdsolve.run.system import System, prepare
+from pdsolve.run.system import System
 from pdsolve.state import State
 
 MODES = ("thesis", "conservative")

@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 from plates import GLASS, plate, square_grid
 
-from pdsolve.run.system import Options, Prepared, prepare
+from pdsolve.options import Options
+from pdsolve.run.prepare import prepare
+from pdsolve.run.system import Prepared
 
 SIDE = 21
 UNIT = msgspec.structs.replace(GLASS, E=1.0, rho=1.0, model="correspondence", failure="none", nu=0.2)

@@ -14,9 +14,11 @@ from systems import broken
 from pdmesh.model.document import Load, Material, Run
 from pdmesh.model.node_grid import Grid
 from pdsolve.model import Model
+from pdsolve.options import Options
 from pdsolve.run.measures import damage
+from pdsolve.run.prepare import prepare
 from pdsolve.run.recorder import breaks
-from pdsolve.run.system import Options, Prepared, prepare
+from pdsolve.run.system import Prepared
 
 MODES = ("thesis", "conservative")
 LAWS = {"brittle": GLASS, "bilinear": msgspec.structs.replace(GLASS, law="bilinear", kr=3.0)}

@@ -12,7 +12,8 @@ from systems import equilibrium
 
 from pdmesh.model.document import Load
 from pdmesh.model.lattice_calibration import calibration, lattice_ratios
-from pdsolve.run.system import Options, prepare
+from pdsolve.options import Options
+from pdsolve.run.prepare import prepare
 
 STRESS = 1.0
 

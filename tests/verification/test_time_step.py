@@ -14,7 +14,9 @@ from systems import accelerate, at_step, matrix, true_limit
 
 from pdmesh.model.lattice_calibration import calibration
 from pdmesh.reports.bonds_and_step import SURFACES, stable_step
-from pdsolve.run.system import Options, Prepared, prepare
+from pdsolve.options import Options
+from pdsolve.run.prepare import prepare
+from pdsolve.run.system import Prepared
 
 ONE = Options(threads=1)
 UNBREAKABLE = msgspec.structs.replace(GLASS, G0=1e12)

@@ -12,7 +12,9 @@ from systems import accelerate, at_step
 from pdmesh.model.document import Material
 from pdmesh.model.lattice_calibration import calibration, hu_beta, offsets
 from pdmesh.model.material_constants import micromodulus
-from pdsolve.run.system import Options, Prepared, prepare
+from pdsolve.options import Options
+from pdsolve.run.prepare import prepare
+from pdsolve.run.system import Prepared
 
 UNIT = Material(E=1.0, rho=1.0, G0=1.0)
 

@@ -16,9 +16,11 @@ from pdmesh.model.document import Displacement, InitialVelocity, RigidBody, Run,
 from pdmesh.model.node_grid import grid_of
 from pdsolve.model import Model
 from pdsolve.operators.contact.operator import pair_stiffness
+from pdsolve.options import Options
 from pdsolve.run.measures import books, damage
+from pdsolve.run.prepare import prepare
 from pdsolve.run.reactions import grips, reactions
-from pdsolve.run.system import Options, Prepared, prepare
+from pdsolve.run.system import Prepared
 
 UNIT = Material(E=1.0, rho=1.0, G0=1e9, plane="space")
 HEAVY = msgspec.structs.replace(UNIT, rho=3.0)

@@ -16,9 +16,11 @@ from pdmesh.model.document import Lattice, Region, Run
 from pdmesh.model.node_grid import Grid, whole_lattice
 from pdsolve.checks import advise, closing, nearest, refuse
 from pdsolve.model import Model, ModelError
+from pdsolve.options import Options
 from pdsolve.run.inversion_checks import MotionChecks
+from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import simulate
-from pdsolve.run.system import Options, Prepared, prepare
+from pdsolve.run.system import Prepared
 from pdsolve.state import Broken
 
 

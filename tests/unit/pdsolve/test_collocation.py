@@ -30,8 +30,8 @@ from pdsolve.__main__ import main as solve_command
 from pdsolve.adaptivity.collocation import operator as operator_module
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.results import Results
+from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Options, resume, simulate
-from pdsolve.run.system import prepare
 
 TESTS = Path(__file__).parents[2]
 RUN = Run(adapt="collocation", collocation=Collocation(damped=True), steps=10)

@@ -14,9 +14,11 @@ from systems import bonds_of
 from pdmesh.model.document import Absorb, Acceleration, AnyCondition, Displacement, InitialVelocity, Load, Run, Velocity
 from pdsolve.conditions import ABSORBED, apply_loads, damping, drive, put_loads, unbreakable
 from pdsolve.model import ModelError
+from pdsolve.options import Options
 from pdsolve.run.estimate import estimate_run as planned
 from pdsolve.run.measures import books
-from pdsolve.run.system import Options, Prepared, prepare
+from pdsolve.run.prepare import prepare
+from pdsolve.run.system import Prepared
 
 DT = 2e-8
 LEFT, RIGHT = (0.0, 0.0, 0.0, 5e-3), (9e-3, 0.0, 9e-3, 5e-3)

@@ -19,10 +19,12 @@ from pdmesh.model.document import Run
 from pdsolve import simulate
 from pdsolve.model import Model, ModelError, read_model
 from pdsolve.operators.contact.operator import pair_stiffness, touch_bound
+from pdsolve.options import Options
 from pdsolve.run.measures import books
+from pdsolve.run.prepare import prepare
 from pdsolve.run.reactions import grips, reactions
 from pdsolve.run.simulation import resume
-from pdsolve.run.system import Options, Prepared, prepare
+from pdsolve.run.system import Prepared
 from pdsolve.state import State
 
 H = 0.01

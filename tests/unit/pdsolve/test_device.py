@@ -25,8 +25,9 @@ from pdsolve.errors import DeviceLostError
 from pdsolve.model import Model, ModelError, on_device
 from pdsolve.operators.device import runtime, source
 from pdsolve.results import Results
+from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Options, resume, simulate
-from pdsolve.run.system import Prepared, prepare
+from pdsolve.run.system import Prepared
 
 pytestmark = needs_opencl
 MATERIALS = {

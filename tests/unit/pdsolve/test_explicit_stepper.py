@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from media import disc
 
+from pdsolve.options import Options
 from pdsolve.run.explicit_stepper import stepper_of_content
-from pdsolve.run.system import Options, prepare
+from pdsolve.run.prepare import prepare
 from pdsolve.steppers.euler import Euler
 
 

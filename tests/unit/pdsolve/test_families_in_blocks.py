@@ -14,8 +14,10 @@ from plates import GLASS, plate, square_grid
 from pdmesh.model.document import Material
 from pdsolve.laws.bond_arrays import Now
 from pdsolve.operators.simd_lattice.state_based import Families
+from pdsolve.options import Options
 from pdsolve.run.measures import books
-from pdsolve.run.system import Options, Prepared, prepare
+from pdsolve.run.prepare import prepare
+from pdsolve.run.system import Prepared
 
 SVK: dict[str, Any] = {"model": "correspondence", "solid": "svk"}
 LAWS: dict[str, dict[str, Any]] = {

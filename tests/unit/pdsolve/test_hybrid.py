@@ -37,9 +37,10 @@ from pdsolve.__main__ import main as solve_command
 from pdsolve.adaptivity.hybrid.coarse_cells import plate_of
 from pdsolve.adaptivity.hybrid.springs import coarse_springs, fine_springs, stretches
 from pdsolve.model import Model, ModelError
+from pdsolve.options import Options
 from pdsolve.run.measures import books
+from pdsolve.run.prepare import prepare, scheme_of
 from pdsolve.run.simulation import simulate
-from pdsolve.run.system import Options, prepare, scheme_of
 
 GEOMETRIES = Path(__file__).parents[3] / "geometries"
 HYBRID = Run(adapt="hybrid", steps=20)

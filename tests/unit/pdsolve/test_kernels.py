@@ -14,7 +14,9 @@ from pdsolve.bonds.assembly import Bonds, stiffness_bound
 from pdsolve.conditions import drive
 from pdsolve.laws.pair_laws import brittle
 from pdsolve.operators.bond_list import BondList
-from pdsolve.run.system import Options, Prepared, prepare
+from pdsolve.options import Options
+from pdsolve.run.prepare import prepare
+from pdsolve.run.system import Prepared
 from pdsolve.state import State
 from pdsolve.steppers.verlet import Verlet
 

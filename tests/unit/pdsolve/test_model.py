@@ -14,7 +14,8 @@ from pdmesh.model.document import GridError, Horizon, Load, Run, Settings, write
 from pdmesh.model.node_grid import document_of
 from pdsolve.conditions import drive
 from pdsolve.model import ModelError, model_of, read_model
-from pdsolve.run.system import Options, prepare
+from pdsolve.options import Options
+from pdsolve.run.prepare import prepare
 
 TOML = """
 material = {E = 65e9, rho = 2235, G0 = 204}

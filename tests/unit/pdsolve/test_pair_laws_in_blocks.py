@@ -64,7 +64,8 @@ from plates import GLASS, plate, square_grid
 
 from pdmesh.model.document import Run
 from pdsolve.laws import LAWS
-from pdsolve.run.system import Options, prepare
+from pdsolve.options import Options
+from pdsolve.run.prepare import prepare
 
 LAWS["curved"] = curved.LAW
 precision = sys.argv[1]

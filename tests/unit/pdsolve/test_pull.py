@@ -12,7 +12,8 @@ from plates import GLASS, plate, square_grid
 from systems import broken, forces
 
 from pdsolve.operators.simd_lattice.pull import NARROW, WIDE, coefficients
-from pdsolve.run.system import Options, prepare
+from pdsolve.options import Options
+from pdsolve.run.prepare import prepare
 
 
 @pytest.mark.parametrize("precision", ["float64", "float32"])

@@ -20,7 +20,8 @@ from pdmesh.scene.units import UNITS
 from pdsolve.__main__ import main as solve_command
 from pdsolve.adaptivity.quadtree.operator import tree_over
 from pdsolve.model import Model, ModelError
-from pdsolve.run.system import Options, scheme_of
+from pdsolve.options import Options
+from pdsolve.run.prepare import scheme_of
 
 
 def off_lattice() -> Grid:

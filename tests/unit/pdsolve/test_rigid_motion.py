@@ -17,10 +17,12 @@ from pdmesh import Scene, SceneError, box, build
 from pdmesh.model.document import Displacement, Load, RigidBody, Run, Velocity
 from pdsolve import Results, simulate
 from pdsolve.model import Model, ModelError
+from pdsolve.options import Options
 from pdsolve.run.measures import books
+from pdsolve.run.prepare import prepare
 from pdsolve.run.reactions import grips, reactions
 from pdsolve.run.simulation import resume
-from pdsolve.run.system import Options, Prepared, prepare
+from pdsolve.run.system import Prepared
 
 H, MASS, V = 0.01, 0.02, 1e-2
 

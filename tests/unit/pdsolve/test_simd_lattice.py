@@ -20,10 +20,12 @@ from pdsolve.operators.simd_lattice import layout
 from pdsolve.operators.simd_lattice.distinct import Distinct
 from pdsolve.operators.simd_lattice.kernel import Blocks
 from pdsolve.operators.simd_lattice.operator import SimdLattice
+from pdsolve.options import Options
 from pdsolve.run.measures import books
+from pdsolve.run.prepare import prepare
 from pdsolve.run.recorder import breaks, restore
 from pdsolve.run.simulation import simulate
-from pdsolve.run.system import Options, Prepared, prepare
+from pdsolve.run.system import Prepared
 
 SOFT = msgspec.structs.replace(GLASS, law="bilinear", kr=2.0)
 

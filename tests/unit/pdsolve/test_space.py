@@ -104,7 +104,7 @@ def test_a_bar_at_rest(model: str, nu: float, strain: float, ratio: float) -> No
 @pytest.mark.parametrize("model", ["bond", "correspondence"])
 def test_what_is_said_of_a_run_is_what_it_does(model: str) -> None:
     from pdsolve.run.estimate import estimate_run
-    from pdsolve.run.system import prepare
+    from pdsolve.run.prepare import prepare
 
     found = bar(Run(steps=20), 0.05)
     material = msgspec.structs.replace(RUBBER, model=model, nu=0.25, failure="stretch" if model == "bond" else "none")

@@ -16,8 +16,9 @@ from pdmesh.model.document import Displacement, Material
 from pdmesh.model.materials import KINDS
 from pdmesh.model.materials.solids import SOLIDS
 from pdsolve.model import ModelError
+from pdsolve.options import Options
+from pdsolve.run.prepare import prepare
 from pdsolve.run.static_start import started
-from pdsolve.run.system import Options, prepare
 
 SHARED = {"E", "rho", "G0", "nu", "alpha", "T0", "model", "micromodulus", "plane", "sight", "gamma", "failure"}
 CRACKED = dataclasses.replace(square_grid(60, 60, y0=-29.5e-3), cracks=np.array([[-1e-3, 0.0, 28e-3, 0.0]]))

@@ -19,7 +19,8 @@ from pdmesh.model.node_grid import grid_of
 from pdmesh.reports.report import info, info_lines
 from pdmesh.scene.solids import brick
 from pdsolve.model import Model
-from pdsolve.run.system import Options, prepare
+from pdsolve.options import Options
+from pdsolve.run.prepare import prepare
 
 STEEL, BRASS = Material(E=2e11, rho=7800.0, G0=1e4), Material(E=1e11, rho=8500.0, G0=1e4)
 MM = 1e-3

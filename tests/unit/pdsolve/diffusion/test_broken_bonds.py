@@ -16,8 +16,9 @@ from pdmesh import Heat, SceneError
 from pdmesh.model.document import Concentration, Displacement, Horizon, InitialConcentration, Material, Run, Settings
 from pdmesh.model.medium import Medium
 from pdsolve.model import Model, ModelError
+from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Options, resume, simulate
-from pdsolve.run.system import Prepared, prepare
+from pdsolve.run.system import Prepared
 from pdsolve.state import Broken
 
 H, CELLS = 1e-3, 14  # m

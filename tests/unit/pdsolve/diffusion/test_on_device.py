@@ -17,8 +17,8 @@ from pdmesh.model.document import Concentration, Exchange, MediumRegion, Run, So
 from pdmesh.model.medium import Medium
 from pdsolve.model import Model, ModelError, on_device
 from pdsolve.options import Options
+from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import resume, simulate
-from pdsolve.run.system import prepare
 
 pytestmark = needs_opencl
 

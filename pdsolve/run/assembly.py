@@ -1,0 +1,104 @@
+"""Bonds, operator and stepper of a model in motion, put together into its system."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.bonds.assembly import Counted, Filling
+from pdsolve.bonds.static_breakage import StaticBreakage
+from pdsolve.checks import refuse_fields
+from pdsolve.conditions import (
+    Drive,
+    damping,
+    drive,
+    initial_acceleration,
+    initial_velocity,
+    widened,
+)
+from pdsolve.model import Model
+from pdsolve.operators.ground_supports import supported
+from pdsolve.operators.protocol import Operator
+from pdsolve.options import Options
+from pdsolve.run.explicit_stepper import stepper_of
+from pdsolve.run.operator_factory import operator_of, stable, touched
+from pdsolve.run.system import Prepared, System
+from pdsolve.run.time_step import step_of
+from pdsolve.schemes.scheme import Scheme
+from pdsolve.state import State
+
+if TYPE_CHECKING:
+    from pdsolve.crack_growth.growth import Growth
+
+
+def system_of(model: Model, options: Options, scheme: Scheme) -> Prepared:
+    """A model's system and its state at time 0, with the bonds of this scheme. Raises ModelError."""
+    filling = bonds_of(model, scheme)
+    bonds, filled = operator_of(model, options, scheme, filling, model.settings.run.cracks == "particles")
+    operator, touching = touched(model, filled.area, supported(model, filled.area, bonds))
+    bound = stable(operator.stiffness_bound(), model.rho)
+    found = assembled(model, options, scheme, operator, filled, (step_of(model, bound), bound))
+    if touching is not None:
+        touching.rigid.start(found.state, found.system.drive, found.system.time_step)
+    growth = growth_of(model, bonds, filling, found.system.drive, found.system.time_step)
+    return found._replace(system=replace(found.system, growth=growth, contact=touching))
+
+
+def assembled(
+    model: Model,
+    options: Options,
+    scheme: Scheme,
+    operator: Operator,
+    filled: Counted,
+    steps: tuple[float, float],
+    driven: Drive | None = None,
+) -> Prepared:
+    """The system of a model with this operator, and its state.
+
+    `steps`, s, are the run's step and the surely stable one; `driven` are the conditions, if not those of the model.
+    """
+    kind, (step, bound) = np.dtype(options.precision).type, steps
+    rho = model.rho.astype(kind)
+    width = sum(unknown.width for unknown in operator.unknowns)
+    driven = widened(driven or drive(model, filled.area, scheme.exact_load, kind), width)
+    if not driven.varies:
+        driven = driven._replace(before=driven.force)
+    velocity, nodes = initial_velocity(model, width), len(model.grid)
+    u, v = np.zeros((2, nodes, width), dtype=kind)
+    state = State(u, v, initial_acceleration(driven, rho), *np.zeros((3, nodes)))
+    state, damped = operator.place(state), damping(model)
+    set_off(state, velocity, damped, driven)
+    stepper, driven = stepper_of(operator, state, driven, rho, step, damped)
+    energy = float(np.sum(model.rho / 2 * filled.area * (velocity**2).sum(axis=1))) if velocity.any() else 0.0
+    refuse_fields(model, operator, state)
+    system = System(model, options, scheme, operator, stepper, driven, *filled, step, bound, energy)
+    stepper.march(state, 1, 1)  # no step: compiles before the clock runs
+    return Prepared(system, state)
+
+
+def set_off(state: State, velocity: NDArray[np.float64], damped: NDArray[np.float64], driven: Drive) -> None:
+    """Set velocities (n, w), m/s, and the accelerations from damping (n,), 1/s, except of prescribed components."""
+    if velocity.any():
+        state.rate[:] = velocity
+    if damped.any():
+        slowed = damped[:, None] * velocity
+        slowed[driven.holds.node, driven.holds.axis] = 0.0
+        state.second[:] -= slowed
+
+
+def bonds_of(model: Model, scheme: Scheme) -> Filling:
+    """The bonds of a model; with cracks of particles, none breaks by itself."""
+    filling = scheme.fill(model)
+    return StaticBreakage(filling).filling() if model.settings.run.cracks == "particles" else filling
+
+
+def growth_of(model: Model, operator: Operator, filling: Filling, driven: Drive, step: float | None) -> Growth | None:
+    """The growth of cracks of particles, if there are any, in steps of `step` s; None: at rest. Raises ModelError."""
+    if model.settings.run.cracks == "bonds":
+        return None
+    from pdsolve.crack_growth.growth import Growth, every_of  # shapely takes long to import, and few runs need it
+
+    return Growth(model, operator, filling, driven, None if step is None else every_of(model, step))

@@ -1,0 +1,93 @@
+"""Models solved at rest: in load steps, or along their equilibrium path."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from pdsolve.bonds.static_breakage import FamilyBonds, StaticBreakage
+from pdsolve.conditions import (
+    drive,
+    widened,
+)
+from pdsolve.laws import law_of
+from pdsolve.model import Model, ModelError
+from pdsolve.operators.bond_list import BondList
+from pdsolve.operators.ground_supports import supported
+from pdsolve.operators.softening_shear import softening_of
+from pdsolve.options import Options
+from pdsolve.run.assembly import growth_of
+from pdsolve.run.operator_factory import operator_of, stable, touched_at_rest
+from pdsolve.run.system import Prepared, System
+from pdsolve.schemes.scheme import Scheme
+from pdsolve.state import State
+from pdsolve.steppers.equilibrium import Method
+from pdsolve.steppers.load_steps import LoadSteps
+from pdsolve.steppers.newton import FACTORED_IN, Newton
+from pdsolve.steppers.path_steps import PathSteps
+from pdsolve.steppers.relaxation import Relaxation
+from pdsolve.steppers.static_loads import follows_path
+from pdsolve.steppers.stepped_rest import repeating
+from pdsolve.steppers.touching import Touching
+
+
+def at_rest(model: Model, options: Options, scheme: Scheme, breaks: bool = True) -> Prepared:
+    """A model in load steps, to be solved at rest; `breaks`: whether its bonds break. Raises ModelError."""
+    grows = breaks and model.settings.run.cracks == "particles"
+    breaks = breaks and not grows
+    if breaks and follows_path(model):
+        return _along_path(model, options, scheme)
+    law, whole, static = law_of(model), scheme.fill(model), model.settings.run.static
+    of_families = breaks and law.pair is None and any(material.failure != "none" for material in model.materials)
+    no_fail = StaticBreakage(whole)
+    filling = whole if of_families else no_fail.filling()
+    options = options._replace(kernel="listed") if of_families else options
+    bonds, filled = operator_of(model, options, scheme, filling, lasting=not of_families)
+    area = filling.area
+    operator, contact = touched_at_rest(model, area, supported(model, area, bonds))
+    driven = drive(model, area, scheme.exact_load, np.float64)
+    driven.force[:] = driven.before[:] = driven.held_force[:] = 0  # nothing acts before the first load step
+    state = operator.place(State(*np.zeros((3, *driven.force.shape)), *np.zeros((3, len(area)))))
+    method: Method
+    if static.method == "relaxation":
+        method = Relaxation(operator, static.tolerance, static.iterations)
+    else:
+        free, most = driven.force.size - len(driven.holds.node), FACTORED_IN[model.grid.dimension]
+        method = Newton(operator, area, static.tolerance, static.iterations, free, most)
+    if contact is not None:
+        method = Touching(method, operator, contact)
+    breakable = no_fail.breakable() if breaks and law.pair is not None else None
+    breaking = FamilyBonds(bonds) if of_families and isinstance(bonds, BondList) else breakable
+    remember = {"remember": bonds.remember} if isinstance(bonds, BondList) else {}
+    growth = growth_of(model, bonds, filling, driven, None) if grows else None
+    fatigue, look = model.settings.run.fatigue, growth.look if growth else None
+    stepper = LoadSteps(model, operator, driven, area, method, breaking, None if fatigue else look, **remember)
+    step, bound = float(model.settings.run.time_step or 0.0), stable(operator.stiffness_bound(), model.rho)
+    found = System(model, options, scheme, operator, stepper, driven, *filled, step, bound, 0.0)
+    found = replace(found, growth=growth, contact=contact)
+    if fatigue is not None and (breaks or grows):
+        found = replace(found, stepper=repeating(model, operator, stepper, breakable, *filled[1:], growth))
+    return Prepared(found, state)
+
+
+def _along_path(model: Model, options: Options, scheme: Scheme) -> Prepared:
+    """A model whose bonds soften, to be followed along its equilibrium path. Raises ModelError."""
+    if not scheme.symmetric:
+        raise ModelError(f"mode: found {scheme.name}, expected conservative, as bonds soften at rest")
+    filling = scheme.fill(model)
+    bonded, filled = operator_of(model, options._replace(kernel="listed"), scheme, filling)
+    area, nodes = filling.area, len(model.grid)
+    operator, contact = touched_at_rest(model, area, bonded)
+    width = sum(unknown.width for unknown in operator.unknowns)
+    driven = widened(drive(model, area, scheme.exact_load, np.float64), width)
+    if driven.force.size - len(driven.holds.node) > FACTORED_IN[2]:
+        most = FACTORED_IN[2] // width
+        raise ModelError(f"{model.name}: $.nodes: found {nodes}, expected at most {most}, as bonds soften at rest")
+    driven.force[:] = driven.before[:] = driven.held_force[:] = 0
+    state = operator.place(State(*np.zeros((3, *driven.force.shape)), *np.zeros((3, nodes))))
+    bonds = softening_of(model, filling.whole(), contact)
+    stepper = PathSteps(model, bonded, driven, area, bonds, contact)
+    step, bound = model.settings.run.time_step or 1.0, stable(operator.stiffness_bound(), model.rho)
+    found = System(model, options, scheme, operator, stepper, driven, *filled, step, bound, 0.0, contact=contact)
+    return Prepared(found, state)

@@ -1,0 +1,196 @@
+"""A model made ready for its steps, whatever its physics and adaptivity."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.adaptivity.factory import moving_of
+from pdsolve.adaptivity.hybrid.outlook import decided
+from pdsolve.adaptivity.hybrid.space.prepare import body_of, drive_of_nodes
+from pdsolve.adaptivity.quadtree.incremental_bonds import filled
+from pdsolve.adaptivity.quadtree.operator import SURE, Leaves, tree_over
+from pdsolve.adaptivity.two_lattice_operator import FusedMarch
+from pdsolve.checks import refuse, refuse_on_ranks
+from pdsolve.conditions import (
+    damping,
+    held,
+    initial_velocity,
+    refuse_layers,
+)
+from pdsolve.diffusion import system as diffusion
+from pdsolve.diffusion.broken_bonds import BrokenBonds
+from pdsolve.diffusion.swelling import Swelling, cycle_of
+from pdsolve.model import Model, ModelError, counted
+from pdsolve.numerics.thread_team import cores, crew
+from pdsolve.operators.bond_list import BondList
+from pdsolve.operators.ground_supports import bonded
+from pdsolve.operators.simd_lattice.operator import SimdLattice
+from pdsolve.options import Options, threads_of
+from pdsolve.run.assembly import assembled, set_off, system_of
+from pdsolve.run.at_rest import at_rest
+from pdsolve.run.explicit_stepper import stepper_of_content
+from pdsolve.run.operator_factory import for_swelling, stable
+from pdsolve.run.system import Prepared, System
+from pdsolve.run.time_step import step_of
+from pdsolve.schemes import SCHEMES
+from pdsolve.schemes.scheme import Scheme
+from pdsolve.steppers.equilibrium import forces
+from pdsolve.steppers.euler import Euler
+from pdsolve.steppers.static_loads import in_load_steps, in_steps_of_content
+
+WORTH_HYBRID = 25_000  # nodes of a plate with a fine zone that moves, were they all there
+
+
+def prepare(model: Model, options: Options) -> Prepared:
+    """A model's bonds and conditions, and its state at time 0. Raises ModelError for an unsupported model."""
+    found = _prepared(decided(model, options), options)
+    system = found.system
+    whole = None if system.whole is None else counted(system.whole, system.time_step)
+    return found._replace(system=replace(system, model=counted(system.model, system.time_step), whole=whole))
+
+
+def _prepared(model: Model, options: Options) -> Prepared:
+    if options.team is not None:
+        refuse_on_ranks(model)
+    if model.diffuses:
+        return _diffusing(model, options)
+    scheme = scheme_of(model, options)
+    if model.swells:
+        return _swelling(model, options, scheme)
+    if model.settings.run.cracks == "particles" and model.materials[0].detour is not None:
+        options = options._replace(kernel="listed")  # blocks keep the weights that their bonds began with
+    if model.settings.run.adapt == "split":
+        return _split(model, options, scheme)
+    if model.settings.run.adapt != "none":
+        return (_moving if model.grid.dimension == 2 else _in_space)(model, options, scheme)
+    if model.settings.run.solver == "static":
+        return at_rest(in_load_steps(model, options.precision), options, scheme)
+    return system_of(model, options, scheme)
+
+
+def scheme_of(model: Model, options: Options) -> Scheme:
+    """The scheme that options name. Raises ModelError for an unsupported model or option."""
+    if options.mode not in SCHEMES:
+        raise ModelError(f"mode: found '{options.mode}', expected one of {', '.join(SCHEMES)}")
+    if options.precision not in ("float64", "float32"):
+        raise ModelError(f"precision: found '{options.precision}', expected float64 or float32")
+    if options.kernel not in (None, "blocks", "listed", "hybrid", "collocation"):
+        raise ModelError(f"kernel: found '{options.kernel}', expected blocks or listed")
+    if options.threads is not None and not 1 <= options.threads <= cores():
+        raise ModelError(f"threads: found {options.threads}, expected 1 to {cores()}")
+    scheme = SCHEMES[options.mode]
+    refuse(model, scheme.partial_cells)
+    if model.settings.run.cracks != "bonds" and not scheme.symmetric:
+        raise ModelError(f"{model.name}: mode: found {scheme.name}, expected conservative with cracks of particles")
+    refuse_layers(model)
+    return scheme
+
+
+def _diffusing(model: Model, options: Options) -> Prepared:
+    """A prepared model of diffusion. Raises ModelError for an unsupported one."""
+    diffusion.expect_usual(model, options)
+    found, state = diffusion.prepare(model, options.threads, options.kernel == "listed")
+    operator, volume = found.operator, found.operator.volume
+    system = System(
+        model=found.model,
+        options=options._replace(threads=found.threads),
+        scheme=SCHEMES["conservative"],
+        operator=operator,
+        stepper=stepper_of_content(model, found, state, options.team),
+        drive=found.drive,
+        area=volume,
+        family=operator.count + found.blocked,
+        count=operator.count,
+        time_step=found.time_step,
+        bound=found.bound,
+        initial_energy=0.0,
+        transport=found,
+    )
+    return Prepared(system, state)
+
+
+def _swelling(model: Model, options: Options, scheme: Scheme) -> Prepared:
+    """A model of a motion that a content swells. Raises ModelError for what cannot be solved so."""
+    if not scheme.symmetric:
+        raise ModelError(f"{model.name}: found {scheme.name}, expected mode conservative of bonds that swell")
+    options, rests = for_swelling(model, options), model.settings.run.solver == "static"
+    if rests:
+        model = in_steps_of_content(model, options.precision)
+        system, state = at_rest(model.moving_part(), options, scheme)
+    else:
+        system, state = system_of(model.moving_part(), options, scheme)
+    content = _diffusing(model.diffusing_part(system.time_step), Options(threads=options.threads))
+    transport, marches, cycle = content.system.transport, content.system.stepper, 1
+    bonds = bonded(system.operator)
+    assert isinstance(bonds, BondList | SimdLattice)
+    assert transport is not None
+    if not rests:
+        cycle = cycle_of(model.settings.run, system.time_step, transport.bound)
+        marches = Euler(transport.operator, transport.drive, cycle * system.time_step)
+    assert model.settings.medium is not None
+    share = model.settings.medium.broken
+    broken = None if share == 1 else BrokenBonds(transport, bonds, share)
+    if model.settings.medium.heat_capacity is not None:
+        content = content._replace(state=content.state._replace(second=np.zeros((len(model.grid), 1))))
+    stepper = Swelling((marches, content.state), system.stepper, bonds, model, cycle, broken, transport.free)
+    if not rests:  # the first half step goes with what the strains of time 0 pull
+        pull = forces(system.operator, state) / system.model.rho[:, None]
+        state.second[:] += np.where(held(system.drive), 0.0, pull)
+        stepper.begin(state)
+    energy = system.initial_energy + float(np.sum(system.area * system.operator.energies(state)[0]))
+    return Prepared(replace(system, stepper=stepper, whole=model, beside=(content,), initial_energy=energy), state)
+
+
+def _moving(model: Model, options: Options, scheme: Scheme) -> Prepared:
+    """A prepared model with a moving fine zone. Raises ModelError for an unsupported one."""
+    threads = options.threads or crew(len(model.grid), WORTH_HYBRID)
+    shown, bound = moving_of(model, options.mode, options.precision, step_of, threads)
+    state = shown.state()
+    system = System(
+        model=shown.model,
+        options=options._replace(threads=threads),
+        scheme=scheme,
+        operator=shown,
+        stepper=FusedMarch(shown),
+        drive=shown.hybrid.drive,
+        area=shown.area,
+        family=shown.counts[1],
+        count=shown.counts[0],
+        time_step=float(shown.hybrid.ground.dt),
+        bound=bound,
+        initial_energy=shown.books().kinetic,
+        whole=model,
+    )
+    return Prepared(system, state)
+
+
+def _split(model: Model, options: Options, scheme: Scheme) -> Prepared:
+    """A prepared model whose cells can split; none has yet. Raises ModelError for an unsupported one."""
+    tree = tree_over(model, scheme.name, options.precision, options.kernel)
+    cells = tree.roots()
+    now = tree.model_of(cells)
+    found, threads = filled(scheme.by_pairs(now)), threads_of(options, len(model.grid), False)
+    operator = Leaves(tree, cells, now, found, scheme.symmetric, threads)
+    bound = SURE[scheme.name] * stable(operator.stiffness_bound(), now.rho) / 2**tree.levels
+    rest = assembled(now, options, scheme, operator, found.assembly.counted, (step_of(model, bound), bound))
+    return _set_going(rest, tree.model, initial_velocity(model))  # of which `now` knows nothing
+
+
+def _in_space(model: Model, options: Options, scheme: Scheme) -> Prepared:
+    """A prepared body with a moving fine zone. Raises ModelError for an unsupported one."""
+    threads = threads_of(options, len(model.grid), True)
+    operator, options = body_of(model, options, threads), options._replace(threads=threads)
+    bound = stable(operator.stiffness_bound(), operator.model.rho)
+    steps, driven = (step_of(model, bound), bound), drive_of_nodes(operator, 0.0)
+    rest = assembled(operator.model, options, scheme, operator, operator.counted, steps, driven)
+    return _set_going(rest, model, initial_velocity(model)[operator.rows])
+
+
+def _set_going(rest: Prepared, whole: Model, velocity: NDArray[np.float64]) -> Prepared:
+    """The start of a run of the `whole` model whose current nodes have these velocities (n, d), m/s."""
+    set_off(rest.state, velocity, damping(rest.system.model), rest.system.drive)
+    energy = float(np.sum(rest.system.model.rho / 2 * rest.system.area * (velocity**2).sum(axis=1)))
+    return rest._replace(system=replace(rest.system, whole=whole, initial_energy=energy))
