@@ -19,7 +19,7 @@ class Completion(argparse.Action):
             parser.error("--completion: found no package shtab, expected it: pip install 'pdsuite[completion]'")
         for word, other in getattr(parser, "others", {}).items():
             _complete_word(parser, word, other())
-        _complete_files(parser, shtab)
+        _complete_files(parser, shtab, str(shell))
         say(shtab.complete(parser, shell=str(shell)))
         parser.exit()
 
@@ -33,12 +33,14 @@ def _complete_word(parser: argparse.ArgumentParser, word: str, other: argparse.A
             parser._add_action(action)
 
 
-def _complete_files(parser: argparse.ArgumentParser, shtab: Any) -> None:
+def _complete_files(parser: argparse.ArgumentParser, shtab: Any, shell: str) -> None:
     """Mark all path arguments of a parser and of its commands for completion with file names."""
     for action in parser._actions:
         if isinstance(action, argparse._SubParsersAction):
             for command in action.choices.values():
-                _complete_files(command, shtab)
+                _complete_files(command, shtab, shell)
+        elif action.type is Path and action.choices and shell == "zsh":  # offers the first choice alone
+            action.complete = {shell: f"{{_files; compadd {' '.join(action.choices)}}}"}  # type: ignore[attr-defined]
         elif action.type is Path and action.choices:
             action.choices = [*shtab.Required.FILE, *action.choices]
         elif action.type is Path:

@@ -5,8 +5,11 @@ from __future__ import annotations
 import json
 import os
 import re
+import select
+import shutil
 import subprocess
 import sys
+import time
 import tomllib
 from pathlib import Path
 
@@ -100,28 +103,73 @@ def test_a_shell_can_complete(program, shell: str, capsys: pytest.CaptureFixture
         assert word in printed.out
 
 
-def test_bash_completes_a_command_and_a_file(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+COMPLETED = (
+    ("pdpost cra", "crack"),
+    ("pdpost crack pla", "plate.sqlite"),
+    ("pdpost crack --al", "--along"),
+    ("pdsolve stu", "study"),
+    ("pdsolve pla", "plate.sqlite"),
+    ("pdsolve study --work", "--workers"),
+    ("pdsolve study pla", "plate.sqlite"),
+)
+
+
+@pytest.fixture
+def completions(request: pytest.FixtureRequest, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Scripts _pdpost and _pdsolve of a shell in a folder with one database."""
     pytest.importorskip("shtab")
-    with pytest.raises(SystemExit):
-        pdpost(["--completion", "bash"])
-    Path("pdpost.words").write_text(capsys.readouterr().out)
-    with pytest.raises(SystemExit):
-        pdsolve(["--completion", "bash"])
-    Path("pdsolve.words").write_text(capsys.readouterr().out)
+    for name, program in (("pdpost", pdpost), ("pdsolve", pdsolve)):
+        with pytest.raises(SystemExit):
+            program(["--completion", request.param])
+        Path(f"_{name}").write_text(capsys.readouterr().out)
     Path("plate.sqlite").touch()
-    for name, words, found in (
-        ("pdpost", ("cra",), "crack"),
-        ("pdpost", ("crack", "pla"), "plate.sqlite"),
-        ("pdpost", ("crack", "--al"), "--along"),
-        ("pdsolve", ("stu",), "study"),
-        ("pdsolve", ("pla",), "plate.sqlite"),
-        ("pdsolve", ("study", "--work"), "--workers"),
-        ("pdsolve", ("study", "pla"), "plate.sqlite"),
-    ):
-        line = f"COMP_WORDS=({name} {' '.join(words)}); COMP_CWORD={len(words)}"
-        script = f"source ./{name}.words; {line}; _shtab_{name} {name}; echo ${{COMPREPLY[@]}}"
+
+
+@pytest.mark.parametrize("completions", ["bash"], indirect=True)
+@pytest.mark.usefixtures("completions")
+def test_bash_completes_a_command_and_a_file() -> None:
+    for line, found in COMPLETED:
+        name, *words = line.split()
+        given = f"COMP_WORDS=({line}); COMP_CWORD={len(words)}"
+        script = f"source ./_{name}; {given}; _shtab_{name} {name}; echo ${{COMPREPLY[@]}}"
         ran = subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=True)
         assert ran.stdout.split() == [found]
+
+
+SHOW = """fpath=($PWD $fpath); autoload -Uz compinit; compinit -D -u; bindkey '^I' complete-word
+show() { print -r -- "<$BUFFER>"; BUFFER=; zle accept-line }; zle -N show; bindkey '^X' show; print rea""dy
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not shutil.which("zsh"), reason="without zsh")
+@pytest.mark.parametrize("completions", ["zsh"], indirect=True)
+@pytest.mark.usefixtures("completions")
+def test_zsh_completes_a_command_and_a_file() -> None:
+    terminal, end = os.openpty()
+    shell = subprocess.Popen(["zsh", "-f", "-i"], stdin=end, stdout=end, stderr=end, start_new_session=True)
+    os.close(end)
+    try:
+        os.write(terminal, SHOW.encode())
+        _until(terminal, b"ready\r")
+        for line, found in COMPLETED:
+            os.write(terminal, line.encode() + b"\t\x18")
+            shown = _until(terminal, b">\r").rpartition(b"<")[2]
+            assert shown.split()[-2].decode() == found, line
+    finally:
+        shell.kill()
+        shell.wait()
+        os.close(terminal)
+
+
+def _until(terminal: int, end: bytes) -> bytes:
+    """What a terminal prints up to `end`."""
+    said, limit = b"", time.monotonic() + 60
+    while end not in said:
+        assert time.monotonic() < limit, said
+        if select.select([terminal], [], [], 1)[0]:
+            said += os.read(terminal, 4096)
+    return said.partition(end)[0] + end
 
 
 def test_without_the_extra_completion_names_it(
