@@ -143,6 +143,7 @@ def _solve(args: argparse.Namespace, ranks: Team | None) -> int:
         from pdsolve.numerics.compile_time import compile_time_said
         from pdsolve.numerics.memory import large_arrays_apart
         from pdsolve.results import ResultsWarning, state_of
+        from pdsolve.run.after_path import name_of
         from pdsolve.run.simulation import Options, resume, simulate
 
     large_arrays_apart()
@@ -170,12 +171,14 @@ def _solve(args: argparse.Namespace, ranks: Team | None) -> int:
 
                 return _show_plan(estimate_run(model, options), args)
             path = commandline.output_path(args.output, args.model, ".sqlite", args.force)
+            if model.settings.run.after == "motion":
+                commandline.output_path(name_of(path), args.model, ".sqlite", args.force)
             if not args.force:
                 state_of(path)  # a log without its database is left alone
             with _says_how_to_go_on(path, args), compile_time_said(lambda words: commandline.note(words, args)):
                 results = simulate(model, path, options, watch, escaped(shlex.join(["pdsolve", *sys.argv[1:]])))
         with results:
-            meta, summary = results.meta(), results.summary()
+            path, meta, summary = Path(results.name), results.meta(), results.summary()
     lines = _lines(path, summary)
     if meta["status"] == "interrupted":
         lines.insert(0, f"interrupted; to go on: pdsolve --resume {path}")

@@ -33,8 +33,8 @@ from pdmesh.model.document import (
 )
 from pdmesh.model.document import read_document as parse_document
 from pdmesh.model.node_grid import Grid, document_of, grid_of
+from pdmesh.model.number_bounds import beyond
 from pdmesh.model.output_fields import OF_CONTENT
-from pdmesh.model.refused_settings import beyond
 from pdmesh.model.rigid_bodies import densities, without_bonds
 from pdmesh.model.suggestions import explained
 

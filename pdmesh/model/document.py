@@ -236,11 +236,11 @@ class Run(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults
     start: Literal["unloaded", "static"] = "unloaded"  # static: at rest under what acts at time 0
     damping: Annotated[float, msgspec.Meta(ge=0)] = 0.0  # 1/s: force against motion over mass and velocity
     static: Static = Static()
-    after: Literal["path", "stop"] = "path"  # static, of bonds that soften: what follows loads past their largest
+    after: Literal["path", "stop", "motion"] = "path"  # static, of bonds that soften: what follows the largest loads
     fatigue: Fatigue | None = None  # static: loads repeat and bonds tire; a step is some jumps of cycles
     collocation: Collocation = Collocation()
     hybrid: Hybrid = Hybrid()
-    duration: Positive | None = None  # s: in place of steps, as many as it takes
+    duration: Positive | None = None  # s: in place of steps, as many as it takes; static: of a motion `after`
     device: DeviceName = "cpu"  # what sums bonds: the processor, or an OpenCL device, the first or that of a number
 
 

@@ -23,7 +23,7 @@ from pdmesh.model.document import (
 )
 from pdmesh.model.node_arrays import Bodies as Bodies
 from pdmesh.model.node_arrays import Grid as Grid
-from pdmesh.model.refused_settings import LEAST
+from pdmesh.model.number_bounds import LEAST
 from pdmesh.model.whole_lattice import WholeLattice
 from pdmesh.model.whole_lattice import places as places
 

@@ -5,13 +5,12 @@ It covers settings alone. What depends on nodes, shapes or a solver's options is
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import msgspec
 
 from pdmesh.model.document import (
-    MOST,
     Absorb,
     Acceleration,
     Condition,
@@ -38,7 +37,6 @@ FEWEST = 12.0  # spacings in the horizon with which collocation need not be aske
 LOSSY = "with fewer the seam is damped, which took 64 % of the work from a struck plate with 4"
 USUAL = Material(E=1.0, rho=1.0, G0=1.0)
 MOVING = (Velocity, Acceleration, InitialVelocity, Absorb, RigidBody)
-LEAST = 1e-100  # products of a few smaller ones are 0
 
 
 class Impossible(NamedTuple):
@@ -323,6 +321,10 @@ def _along_path(settings: Settings) -> Iterator[Impossible]:
         yield Impossible("$.run.static.method", settings.run.static.method, "newton, as bonds soften")
     if settings.run.static.floating:
         yield Impossible("$.run.static.floating", "true", "false, as bonds soften")
+    if settings.run.after == "motion" and settings.run.duration is None:
+        yield Impossible("$.run.duration", "none", "seconds, as run.after is motion")
+    if settings.run.after == "motion" and settings.contact is not None:
+        yield Impossible("$.contact", "some", "none, as run.after is motion")
 
 
 def _adaptive(settings: Settings, every: Places) -> Iterator[Impossible]:
@@ -424,22 +426,3 @@ def _missing(material: Material) -> Refusals:
         if switch is not None and getattr(material, switch[0]) == switch[1]:
             for name, needed in missing(material, struct):
                 yield Refusal(name, f"{needed}, with {switch[0]} '{switch[1]}'")
-
-
-def beyond(value: object, place: str, leave_out: Collection[str] = ()) -> str | None:
-    """Place and value of the first number out of range (0 is allowed), with what was expected; None without one.
-
-    `leave_out` names fields of the outermost struct that are not checked.
-    """
-    if isinstance(value, float):
-        if value == 0 or LEAST <= abs(value) <= MOST:
-            return None
-        expected = f"a number from {-MOST:g} to {MOST:g}" if abs(value) > 1 or value != value else f"{LEAST:g} or more"
-        return f"{place}: found {value:g}, expected {expected}"
-    parts: Iterable[tuple[str, object]] = ()
-    if isinstance(value, msgspec.Struct):
-        names = (name for name in value.__struct_fields__ if name not in leave_out)
-        parts = ((f"{place}.{name}", getattr(value, name)) for name in names)
-    elif isinstance(value, tuple):
-        parts = ((f"{place}[{at}]", part) for at, part in enumerate(value) if not isinstance(part, int))
-    return next(filter(None, (beyond(part, at) for at, part in parts)), None)

@@ -66,13 +66,14 @@ TABLE = (
     Used(("run.fatigue",), (("run.solver", "static"),), "run.solver static (--static)"),
     Used(("run.static.load_steps", "run.after"), (("run.solver", "static"),), "run.solver static (--static)"),
     Used(("run.steps",), (("run.duration", None),), "one of the two"),
+    Used(("run.duration",), (*OF_TIME, ("run.after", "motion")), "run.static.load_steps, or run.after motion"),
     Used(
         ("run.steps", "run.every"),
         (*OF_TIME, ("run.fatigue", GIVEN)),
         "run.static.load_steps: a load step is a step and a frame",
     ),
     Used(
-        ("run.duration", "run.time_step", "run.ledger"),
+        ("run.time_step", "run.ledger"),
         OF_TIME,
         "run.static.load_steps: a load step is a step and a frame",
     ),

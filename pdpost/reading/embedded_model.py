@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from pdmesh.model.document import LARGEST, Crack, Run, Selection, Settings, Vector
-from pdmesh.model.refused_settings import beyond
+from pdmesh.model.number_bounds import beyond
 from pdsolve.results import Results, ResultsError
 
 T = TypeVar("T", bound=msgspec.Struct)

@@ -173,14 +173,18 @@ class Recorder:
     """Records of a run since it last wrote: accounts, broken bonds, births and deaths."""
 
     def __init__(self, system: System, state: State, past: Past | None, changes: bool) -> None:
-        """`past` is None for a new run; `changes`: whether nodes may be born and die."""
-        self.system, self.state, self.new = system, state, past is None
+        """`past` is None for a new run, and without results of one that begins after a step, with what broke before.
+
+        `changes`: whether nodes may be born and die.
+        """
+        self.system, self.state, self.new = system, state, past is None or past.results is None
         past = past or Past(0, 0.0, 0, 0, None, len(system.model.grid))
         self._past, self._began = past._replace(results=None), clock.perf_counter()
         self._changes, self._rows, self._count = changes, past.rows, past.ever
         self._updates, self._since = past.updates, past.step  # until the last change, or where a run goes on
         self._latest = past.latest  # likewise
-        self._breaks: list[Breaks] = []  # of clouds that are no more
+        # Of clouds that are no more, or of before the run began
+        self._breaks: list[Breaks] = [breaks(system, 0)] if self.new else []
         self._epochs: list[Epoch] = []
         self.written = self.step = past.step  # of the last frame; of the last entry
         self._kept = clock.perf_counter()

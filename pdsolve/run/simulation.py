@@ -25,6 +25,7 @@ from pdsolve.numerics.memory import give_back
 from pdsolve.numerics.team import Team
 from pdsolve.options import Options
 from pdsolve.results import Behind, Results, ResultsError, Writer, behind, gone_back, put_away, writing_to
+from pdsolve.run.after_path import motion_after, motion_follows, name_of
 from pdsolve.run.body_zones import Refining
 from pdsolve.run.cell_splitting import Splitting
 from pdsolve.run.measures import bodies, pieces
@@ -76,7 +77,8 @@ def simulate(
     UnstableError (frames so far are kept), ResultsError.
     """
     with writing_to(output):
-        return _simulate(model, output, options, watch, provenance, adapt)
+        found = _simulate(model, output, options, watch, provenance, adapt)
+    return _moved_on(found, output, options.threads, watch)
 
 
 def _simulate(
@@ -126,13 +128,33 @@ def _run(
     system: System, state: State, output: Path | None, watch: Watcher | None, provenance: str, adapt: Adapt | None
 ) -> Results:
     adapt = adapt or changing(system)
-    notes = Recorder(system, state, None, _changes(system, adapt))
+    return _begin(Recorder(system, state, None, _changes(system, adapt)), output, watch, provenance, adapt)
+
+
+def _begin(
+    notes: Recorder, output: Path | None, watch: Watcher | None, provenance: str, adapt: Adapt | None
+) -> Results:
+    """Solve a new run from the state of its records."""
+    system = notes.system
 
     def new() -> Writer:
         cracks = system.model.grid.cracks
         return Writer.create(output, nodes(system), partial(families, system), cracks, meta(notes, provenance))
 
     return _finish(notes, new, output, watch, adapt)
+
+
+def _moved_on(path: Results, output: Path | None, threads: int | None, watch: Watcher | None) -> Results:
+    """The results of the motion that follows a run; those of the run if none does."""
+    if not motion_follows(path):
+        return path
+    (system, state), step = motion_after(path, threads)
+    provenance = path.meta()["provenance"]
+    path.close()
+    target = None if output is None else name_of(output)
+    with writing_to(target):
+        past = Past(step, 0.0, 0, 0, None, len(system.model.grid))
+        return _begin(Recorder(system, state, past, False), target, watch, provenance, None)
 
 
 def changing(system: System) -> Adapt | None:
@@ -158,9 +180,26 @@ def resume(
     """Continue the run in the file `output` from its last checkpoint, bit by bit as without the stop.
 
     A run stopped before its first checkpoint starts again. `adapt` is the one it began with. A finished run is left
-    unchanged. The whole file is checked before. `team` are the ranks to go on with, as many as before or not; `device`
-    may be another one, None: the same. Raises ResultsError, ModelError, UnstableError.
+    unchanged, but a motion that is to follow it begins or continues. The whole file is checked before. `team` are the
+    ranks to go on with, as many as before or not; `device` may be another one, None: the same. Raises ResultsError,
+    ModelError, UnstableError.
     """
+    found = _resumed(output, threads, watch, adapt, team, device)
+    if motion_follows(found) and name_of(output).exists():
+        found.close()
+        return _resumed(name_of(output), threads, watch, adapt, team, device)
+    return _moved_on(found, output, threads, watch)
+
+
+def _resumed(
+    output: Path,
+    threads: int | None,
+    watch: Watcher | None,
+    adapt: Adapt | None,
+    team: Team | None,
+    device: str | None,
+) -> Results:
+    """The results of a run that is continued if it is not finished."""
     if not _is_finished(output):
         with writing_to(output):
             if not _is_finished(output):
@@ -256,8 +295,8 @@ def _finish(
     with behind(make, notes.new) as writer:
         try:
             if notes.new:
-                notes.take(0)
-                writer.write(partial(notes.frame, 0, whole=True, state=True))
+                notes.take(notes.step)
+                writer.write(partial(notes.frame, notes.step, whole=True, state=True))
             status = _march(notes, writer, watch, adapt)
         except BaseException as error:
             ends = {UnstableError: "unstable", UnsettledError: "unsettled", KeyboardInterrupt: "interrupted"}

@@ -103,7 +103,8 @@ def _rested(taken: LoadSteps | SteppedRest | None) -> dict[str, Any]:
             "ended": taken.why or None,
         }
     if isinstance(taken, PathSteps):
-        return {"method": taken.said, "path_steps": [stepped._asdict() for stepped in taken.rested]}
+        rows = [stepped._asdict() for stepped in taken.rested]
+        return {"method": taken.said, "path_steps": rows, "lost": taken.lost}
     if taken is None:
         return {}
     return {"method": taken.method.said, "load_steps": [rested._asdict() for rested in taken.rested]}

@@ -99,6 +99,7 @@ class PathSteps:
         self.watch: Callable[[Going], None] | None = None
         self._told = False  # of bonds that must not break where a crack would pass
         self.ended = False
+        self.lost: float | None = None  # the largest factor of dead loads, past which no equilibrium bears as much
         drive.force[:] = 0
 
     @property
@@ -285,14 +286,16 @@ class PathSteps:
             said = f"{self._model.name}: path step {step}: {held}"
             warnings.warn(said, ModelWarning, stacklevel=2)
         self.ended |= now < END * most
-        if self._driven[self._held].any() or now >= PASSED * most or min(pulls[pulls.index(most) : -1]) < PASSED * most:
+        if self._driven[self._held].any() or now >= PASSED * most:
             return
-        largest, stops = max(one.factor for one in self.rested), self._model.settings.run.after == "stop"
-        self.ended |= stops
+        self.lost, after = max(one.factor for one in self.rested), self._model.settings.run.after
+        self.ended |= after != "path"
+        if min(pulls[pulls.index(most) : -1]) < PASSED * most:
+            return
+        follows = {"path": "goes on at smaller loads", "stop": "ends here", "motion": "ends here, and a motion begins"}
         warnings.warn(
-            f"{self._model.name}: path step {step}: found loads past their largest, {largest:.4g} of those prescribed,"
-            " where a body under dead loads does not stay at rest; the path"
-            + (" ends here" if stops else " goes on at smaller loads"),
+            f"{self._model.name}: path step {step}: found loads past their largest, {self.lost:.4g} of those"
+            f" prescribed, where a body under dead loads does not stay at rest; the path {follows[after]}",
             ModelWarning,
             stacklevel=2,
         )

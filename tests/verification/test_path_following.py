@@ -20,6 +20,7 @@ from pdsolve.laws import law_of
 from pdsolve.model import Model, ModelWarning
 from pdsolve.operators.softening_bonds import SofteningBonds
 from pdsolve.results import Results
+from pdsolve.run.after_path import name_of
 from pdsolve.run.estimate import estimate_run
 from pdsolve.run.simulation import Options, resume, simulate
 from pdsolve.schemes import SCHEMES
@@ -111,11 +112,42 @@ def test_the_order_of_nodes_does_not_matter() -> None:
     assert np.abs(found[0] - found[1]).max() < 1e-9 * found[0].max()  # measured: 2e-13
 
 
+def under_dead_loads(after: str, duration: float | None = None) -> Model:
+    """A coarse notched beam under a dead load."""
+    model = beam(0.02, "load", 20)
+    run = msgspec.structs.replace(model.settings.run, after=after, duration=duration)
+    return dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, run=run))
+
+
+@pytest.mark.slow
+def test_a_body_moves_once_it_does_not_bear_its_dead_loads(tmp_path: Path) -> None:
+    """From rest, with all that the path spent in its ledger, to a beam that breaks; stopped and resumed at any time."""
+    model, path = under_dead_loads("motion", 0.02), tmp_path / "beam.sqlite"
+    with pytest.warns(ModelWarning, match="motion begins"):
+        ran = simulate(model, path, ONE)
+    with ran as results:
+        found, taken, whole = results.history(), results.breaks(), contents(name_of(path))
+        assert results.name == str(name_of(path))
+        assert abs(summary(results)["balance"]) < 1e-4  # measured: 1.2e-5
+    with Results.open(path) as results:
+        last, most = results.history()[-1], summary(results)["lost"]
+        assert most == pytest.approx(0.77, abs=0.01)
+    for name in ("strain", "dissipated"):
+        assert found[name][0] == pytest.approx(last[name], rel=1e-9)
+    assert (found["step"][0], found["kinetic"][0]) == (last["step"], 0)
+    assert found["kinetic"][-1] > found["strain"][-1]
+    assert taken.step.min() > last["step"]
+    name_of(path).unlink()
+    stops = iter([False] * 3 + [True])
+    resume(path, 1, lambda now: next(stops, True)).close()  # the motion begins, and is stopped
+    with Results.open(name_of(path)) as results:
+        assert results.meta()["status"] == "interrupted"
+    resume(path, 1).close()
+    assert contents(name_of(path)) == whole
+
+
 @pytest.mark.slow
 def test_a_path_under_dead_loads_may_end_past_the_largest() -> None:
-    model = beam(0.02, "load", 20)
-    run = msgspec.structs.replace(model.settings.run, after="stop")
-    model = dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, run=run))
-    with pytest.warns(ModelWarning, match="ends here"), simulate(model, None, ONE) as results:
+    with pytest.warns(ModelWarning, match="ends here"), simulate(under_dead_loads("stop"), None, ONE) as results:
         found = [one["pull"] for one in summary(results)["path_steps"]]
     assert 0.5 < abs(found[-1]) / max(map(abs, found)) < 0.98

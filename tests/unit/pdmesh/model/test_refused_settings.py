@@ -12,6 +12,7 @@ from messages import mentions, naming
 from plates import GEOMETRIES, plate, square_grid
 
 from pdmesh.__main__ import main as mesh_command
+from pdmesh.model.contact import Contact
 from pdmesh.model.document import (
     Absorb,
     Collocation,
@@ -53,6 +54,12 @@ def changed(**more: Any) -> Material:
     ("settings", "dimension", "said"),
     [
         (of(SOFT, Run(solver="static")), 3, naming("$.material.law", found="'bilinear'", expected="'brittle'")),
+        (of(SOFT, Run(solver="static", after="motion")), 2, naming("$.run.duration", found="none", expected="seconds")),
+        (
+            of(SOFT, Run(solver="static", after="motion", duration=1e-3), contact=Contact()),
+            2,
+            naming("$.contact", found="some", expected="none"),
+        ),
         (
             of(GLASS, Run(solver="static"), regions=(BEYOND,)),
             3,
