@@ -384,8 +384,6 @@ def _on_device(settings: Settings, every: Places) -> Iterator[Impossible]:
     for place, material in every:
         if material.model not in ("bond", "ordinary"):
             yield Impossible(f"{place}.model", f"'{material.model}'", f"bond or ordinary, {why}")
-        elif material.law == "cohesive" and material.shape == "exponential":
-            yield Impossible(f"{place}.shape", "'exponential'", f"linear or bilinear, {why}")
 
 
 def _of_particles(settings: Settings, every: Places) -> Iterator[Impossible]:

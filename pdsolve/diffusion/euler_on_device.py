@@ -7,17 +7,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.conditions import Drive, Entries, factors_at, put_loads
+from pdsolve.conditions import Drive, Entries, put_loads
 from pdsolve.diffusion.lattice import TOGETHER, OnLattice
 from pdsolve.diffusion.listed import BondList
 from pdsolve.diffusion.operator import Fick
 from pdsolve.model import ModelError
+from pdsolve.operators.device.factors import AT_ONCE, Factors
 from pdsolve.operators.device.runtime import Session
 from pdsolve.operators.device.source import preamble, text_of
 from pdsolve.operators.simd_lattice.kernel import LANES
 from pdsolve.state import State
-
-AT_ONCE = 256  # steps whose factors are computed together
 
 
 class EulerOnDevice:
@@ -43,7 +42,8 @@ class EulerOnDevice:
         ]
         fixed += [operator.outside, *lists[0], *lists[1]]
         session.expect_countable(tables.cells)
-        session.room_for(sum(each.nbytes for each in fixed) + 8 * tables.cells + 60 * nodes)
+        session.room_for(*(each.nbytes for each in fixed), 8 * tables.cells, *6 * [8 * nodes], 4 * nodes)
+        session.room_for(*(16 * len(each.node) + 4 * nodes + 4 for each in (drive.loads, drive.holds)))
         defined = {"SLOTS": len(tables.ahead), "EIGHTS": len(tables.ahead) // TOGETHER * TOGETHER}
         names = {"UNLIKE": changes[0] is not None, "MORE": changes[1] is not None, "VARIES": drive.varies}
         names |= {"LOADS": len(drive.loads.node) > 0, "OPEN": bool(operator.outside.any())}
@@ -58,8 +58,7 @@ class EulerOnDevice:
         self._h, self._rate, self._dissipated, self._work = (session.put(np.zeros(nodes)) for _ in range(4))
         self._source = session.put(np.ascontiguousarray(drive.force[:, 0]))
         self._acting = [*_entries(drive.loads, nodes, session), *_entries(drive.holds, nodes, session)]
-        self._profiles = max(len(drive.profiles.start) - 1, 1)
-        self._factors = session.put(np.zeros((AT_ONCE, 2, self._profiles)))
+        self._factors = Factors(session, drive.profiles, dt, ((-1, 0.0), (0, 0.0)))
 
     def march(self, state: State, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1. Raises DeviceLostError."""
@@ -74,13 +73,13 @@ class EulerOnDevice:
         for step in range(first, last):
             at = (step - first) % AT_ONCE
             if at == 0:
-                self._write_factors(step, min(AT_ONCE, last - step))
+                self._factors.write(step, min(AT_ONCE, last - step))
             given = self._cell, volume, self._h, self._potential, self._amount, nodes
             self.session.launch(self._put, sizes, given)
             motion = self._h, self._rate, self._dissipated, self._work, self._source
-            numbers = np.int32(self._profiles), np.int32(at), np.float64(self._dt), nodes
+            numbers = np.int32(self._factors.count), np.int32(at), np.float64(self._dt), nodes
             bonds = self._cell, volume, self._potential, self._amount, *rest
-            self.session.launch(self._advance, sizes, [*bonds, *motion, *self._acting, self._factors, *numbers])
+            self.session.launch(self._advance, sizes, [*bonds, *motion, *self._acting, self._factors.buffer, *numbers])
         self.session.finish()
 
     def fetch(self) -> None:
@@ -100,14 +99,6 @@ class EulerOnDevice:
         state = self._state
         motion = (self._h, state.value[:, 0]), (self._rate, state.rate[:, 0])
         return [*motion, (self._dissipated, state.dissipated), (self._work, state.work)]
-
-    def _write_factors(self, step: int, steps: int) -> None:
-        table = np.zeros((steps, 2, self._profiles))
-        for k in range(steps):
-            for row, time in enumerate(((step + k - 1) * self._dt, (step + k) * self._dt)):
-                found = factors_at(self._drive.profiles, time)
-                table[k, row, : len(found)] = found
-        self.session.write(self._factors, table)
 
 
 def _listed(bonds: BondList | None, nodes: int) -> list[NDArray[Any]]:

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.conditions import Drive, Entries, factor_at, put_loads
-from pdsolve.numerics.jit_cache import cached_njit
+from pdsolve.conditions import Drive, Entries, put_loads
+from pdsolve.operators.device.factors import AT_ONCE, Factors
 from pdsolve.operators.device.families import FamiliesOnDevice
 from pdsolve.operators.device.plane import PlaneOnDevice
 from pdsolve.operators.device.source import preamble, text_of
@@ -21,7 +21,6 @@ from pdsolve.state import State
 
 OnDevice = PlaneOnDevice | SpaceOnDevice | FamiliesOnDevice
 STARTS, ENDS = 1, 2  # phases of the kernel
-AT_ONCE = 256  # steps whose factors are computed together
 
 
 class _Acting(NamedTuple):
@@ -52,7 +51,7 @@ class VerletOnDevice:
         self.session, self._ahead, self._last = operator.session, False, 0
         count, kind = operator.dimension * operator.room, rho.dtype
         self.session.expect_countable(count)
-        self.session.room_for((6 * kind.itemsize + 8) * count + (24 + 2 * kind.itemsize) * operator.room)
+        self.session.room_for(*self._wanted(kind.itemsize))
         program = self.session.build(self._source(kind, bool(damping.any())))
         self._kernel = program.advance
         if isinstance(operator, FamiliesOnDevice):
@@ -63,6 +62,12 @@ class VerletOnDevice:
         self._weight, self._damping = put(weight), put(operator.spread(damping))
         self._work, self._damped = (put(np.zeros(operator.room)) for _ in range(2))
         self._place_conditions()
+
+    def _wanted(self, size: int) -> list[int]:
+        """Memory of the arrays of motion and conditions, bytes each; `size` is that of a number."""
+        room, drive = self._operator.room, self._drive
+        motion, nodal = 6 * [size * self._operator.dimension * room], [2 * size * room, *3 * [8 * room], 4 * room]
+        return [*motion, *nodal, *7 * [8 * len(drive.loads.node)], *7 * [8 * len(drive.holds.node)]]
 
     def _source(self, kind: Any, damped: bool) -> str:
         """The program of the run."""
@@ -83,7 +88,7 @@ class VerletOnDevice:
         self._hold = [put(self._holds.first), *_columns(drive.holds, self._holds, put)]
         self._hold.append(put(drive.holds.kind[self._holds.order].astype(np.int32)))
         self._speed, self._force = (put(each[self._holds.order]) for each in (drive.held_speed, drive.held_force))
-        self._factors = put(np.zeros((AT_ONCE, 3, max(len(drive.profiles.start) - 1, 1))))
+        self._factors = Factors(self.session, drive.profiles, self._dt, ((0, 0.0), (1, 0.0), (1, self._dt / 2)))
 
     def march(self, state: State, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1. Raises DeviceLostError."""
@@ -96,7 +101,7 @@ class VerletOnDevice:
             if taken % AT_ONCE == 0:
                 if taken > 0:
                     self._operator.fetch()  # there is room for so many breaks
-                self._write_factors(first + taken - 1, min(AT_ONCE, steps + 1 - taken))
+                self._factors.write(first + taken - 1, min(AT_ONCE, steps + 1 - taken))
             phase = STARTS * (taken == 0) + ENDS * (taken == steps)
             self._step(first + taken - 1, phase, taken % AT_ONCE)
         self._u = [self._u[2], *self._u[:2]]  # the last sweep wrote no displacements
@@ -108,10 +113,10 @@ class VerletOnDevice:
         if isinstance(operator, FamiliesOnDevice) and not phase & STARTS and operator.sum_families(now):
             self._sum_here(operator, step)
         motion = before, now, after, *self._v, self._a, self._weight, self._damping, self._work, self._damped
-        acting = self._acts, self._now, self._ago, *self._load, *self._hold, self._speed, self._force, self._factors
-        numbers = np.int32(len(drive.profiles.start) - 1), np.int32(drive.varies), np.float64(self._dt)
+        acting = self._acts, self._now, self._ago, *self._load, *self._hold, self._speed, self._force
+        numbers = np.int32(self._factors.count), np.int32(drive.varies), np.float64(self._dt)
         last = (np.int32(each) for each in (operator.room, step, phase, at))
-        arguments = [*operator.arguments, *motion, *acting, *numbers, *last]
+        arguments = [*operator.arguments, *motion, *acting, self._factors.buffer, *numbers, *last]
         self.session.launch(self._kernel, (operator.room, LANES), arguments)
         self._u, self._v = [now, after, before], self._v[::-1]
 
@@ -129,11 +134,6 @@ class VerletOnDevice:
         wide = np.empty((*values.shape[1:], self._operator.room), dtype=values.dtype)
         self.session.read(buffer, wide)
         self._operator.collected(wide, values)
-
-    def _write_factors(self, step: int, steps: int) -> None:
-        table = np.zeros((steps, 3, max(len(self._drive.profiles.start) - 1, 1)))
-        factors_of(self._drive.profiles, step, self._dt, table)
-        self.session.write(self._factors, table)
 
     def _hand_over(self) -> None:
         """Give the state of the host to the device."""
@@ -180,15 +180,3 @@ def _columns(entries: Entries, by_node: _Acting, put: Any) -> list[Any]:
     """Axes, values and profiles of entries on the device."""
     axis, value, profile = (column[by_node.order] for column in (entries.axis, entries.value, entries.profile))
     return [put(axis.astype(np.int32)), put(value), put(profile.astype(np.int32))]
-
-
-@cached_njit(error_model="numpy")
-def factors_of(profiles, first, dt, table):  # type: ignore[no-untyped-def]
-    """Factors (steps, 3, p) of profiles at the end of steps from `first` on, of the next ones, and half a step before
-    that."""
-    for k in range(len(table)):
-        step = first + k
-        for p in range(len(profiles.start) - 1):
-            table[k, 0, p] = factor_at(profiles, p, step * dt)
-            table[k, 1, p] = factor_at(profiles, p, (step + 1) * dt)
-            table[k, 2, p] = factor_at(profiles, p, (step + 1) * dt - dt / 2)

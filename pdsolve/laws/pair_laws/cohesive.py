@@ -31,8 +31,9 @@ from pdmesh.model.material import Material
 from pdsolve.laws.bond_limits import Limits, Sizes
 from pdsolve.laws.law import INNER, Function, Law, Pair, Softening
 from pdsolve.laws.pair import PairColumns, pair_law
+from pdsolve.numerics.exponential import exponential
 
-KINK, LEFT = 2 / 9, float(np.exp(-DECAYS))
+KINK, LEFT = 2 / 9, exponential(-DECAYS)
 LINEAR, BILINEAR, EXPONENTIAL = AREA["linear"], AREA["bilinear"], float(AREA["exponential"])
 
 
@@ -109,7 +110,7 @@ def total_bilinear(law, c, peak, limit):  # type: ignore[no-untyped-def]
 
 @register_jitable(**INNER)
 def decaying(t):  # type: ignore[no-untyped-def]
-    return (np.exp(-DECAYS * t) - LEFT) / (1 - LEFT)
+    return (exponential(-DECAYS * t) - LEFT) / (1 - LEFT)
 
 
 def secant_exponential(law, stretch, worst, peak, limit):  # type: ignore[no-untyped-def]
@@ -118,12 +119,12 @@ def secant_exponential(law, stretch, worst, peak, limit):  # type: ignore[no-unt
 
 def spent_exponential(law, c, worst, peak, limit):  # type: ignore[no-untyped-def]
     t = share(worst, peak, limit)
-    area = ((1 - np.exp(-DECAYS * t)) / DECAYS - LEFT * t) / (1 - LEFT)
+    area = ((1 - exponential(-DECAYS * t)) / DECAYS - LEFT * t) / (1 - LEFT)
     return dissipated(c, worst, peak, limit, decaying(t), area)
 
 
 def slope_exponential(law, worst, peak, limit):  # type: ignore[no-untyped-def]
-    return -peak / (limit - peak) * DECAYS * np.exp(-DECAYS * share(worst, peak, limit)) / (1 - LEFT)
+    return -peak / (limit - peak) * DECAYS * exponential(-DECAYS * share(worst, peak, limit)) / (1 - LEFT)
 
 
 def total_exponential(law, c, peak, limit):  # type: ignore[no-untyped-def]

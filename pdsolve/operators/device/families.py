@@ -47,7 +47,7 @@ class FamiliesOnDevice(Padded, Families):
         slots, put, forces = self.slots, session.put, 8 * self.dimension * self.room
         first = slots.start.astype(np.int32), slots.slots, slots.ids, slots.vectors, slots.kinds
         tables = *first, slots.rows, self._own, self._m
-        session.room_for(sum(table.nbytes for table in tables) + forces + 8 * self.room)
+        session.room_for(*(table.nbytes for table in tables), forces, 8 * self.room)
         self._rows, self._given = session.zeros(slots.rows.nbytes), session.zeros(forces)
         self._tables, self._constants = [put(table) for table in first], put(self._own)
         self._nodal, self._flags = put(self._m), put(np.zeros(2, dtype=np.int32))

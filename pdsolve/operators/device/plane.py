@@ -44,21 +44,27 @@ class PlaneOnDevice(Padded, SimdLattice):
         self._remembers = bool(self.tracks.worst.size)
         words = -(-int(np.diff(blocks.start).max(initial=1)) // WORD)
         self._bits = np.zeros((words, self.room), dtype=np.uint32)
-        session.room_for(self._wanted())
+        session.room_for(*self._wanted())
         self._make()
 
-    def _wanted(self) -> int:
-        """Memory of the bonds on the device, bytes."""
-        blocks, history = self.blocks, self.tracks.broken.nbytes + 3 * self.tracks.worst.nbytes
-        tables = (blocks.slots, blocks.ids, blocks.vectors, blocks.peak, blocks.limit)
-        return int(sum(table.nbytes for table in tables) + history + 2 * self._bits.nbytes + 8 * self.room)
+    def _wanted(self) -> list[int]:
+        """Memory of the arrays of bonds on the device, bytes each."""
+        blocks, tracks = self.blocks, self.tracks
+        arrays: list[NDArray[Any]] = [blocks.start, blocks.slots, blocks.ids, blocks.vectors, blocks.peak, blocks.limit]
+        arrays += [*self._shared(), tracks.broken, *[tracks.worst] * 3, *[self._bits] * 2, tracks.dissipated]
+        return [array.nbytes for array in arrays]
+
+    def _shared(self) -> list[NDArray[Any]]:
+        """Stiffness and edge of bonds before any broke."""
+        blocks = self.blocks
+        return [table[: len(table) - len(blocks.mask)] for table in (blocks.stiffness, blocks.edge)]
 
     def _make(self) -> None:
         """Copy the tables to the device, and make room for what changes."""
         blocks, slots, put = self.blocks, self.blocks.slots.copy(), self.session.put
         slots[:, PULL], slots[:, BOUND] = blocks.whole, slots[:, LIMITS]
-        shared = [table[: len(table) - len(blocks.mask)] for table in (blocks.stiffness, blocks.edge)]
-        first = blocks.start.astype(np.int32), slots, blocks.ids, blocks.vectors, *shared, blocks.peak, blocks.limit
+        own, most = blocks.peak, blocks.limit
+        first = blocks.start.astype(np.int32), slots, blocks.ids, blocks.vectors, *self._shared(), own, most
         self._tables = [put(table) for table in first]
         self._gone, self._soft = put(self._bits), put(self._bits)
         self._broken_in, self._torn = put(self.tracks.broken), put(np.zeros(len(blocks.start) - 1, dtype=np.int32))

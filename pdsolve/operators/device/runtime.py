@@ -35,6 +35,7 @@ class Found(NamedTuple):
     kind: str  # GPU, CPU or other
     double: bool  # whether it has float64
     memory: int  # bytes
+    largest: int  # array that it takes, bytes
     units: int  # compute units
 
     @property
@@ -75,15 +76,20 @@ class Session:
             self._queue = cl.CommandQueue(self._context)
         self._taken = 0
 
-    def room_for(self, wanted: int) -> None:
-        """Raise ModelError if the device has less memory than this, bytes."""
-        most = int(SPARE * self.about.memory)
-        if self._taken + wanted > most:
+    def room_for(self, *arrays: int) -> None:
+        """Raise ModelError if the device has less memory than these arrays take, bytes each, or takes none so large."""
+        if max(arrays) > self.about.largest:
             raise ModelError(
-                f"device: found {self.about.name} with {most / 1e9:.3g} GB to take, expected"
-                f" {(self._taken + wanted) / 1e9:.3g} GB (fewer nodes, --precision float32, or --device cpu)"
+                f"device: found {self.about.name}, which takes arrays of {self.about.largest / 1e9:.3g} GB at most,"
+                f" expected {max(arrays) / 1e9:.3g} GB (fewer nodes, --precision float32, or --device cpu)"
             )
-        self._taken += wanted
+        most, wanted = int(SPARE * self.about.memory), self._taken + sum(arrays)
+        if wanted > most:
+            raise ModelError(
+                f"device: found {self.about.name} with {most / 1e9:.3g} GB to take, expected {wanted / 1e9:.3g} GB"
+                " (fewer nodes, --precision float32, or --device cpu)"
+            )
+        self._taken = wanted
 
     def expect_countable(self, numbers: int) -> None:
         """Raise ModelError for an array of more numbers than kernels count."""
@@ -209,5 +215,6 @@ def _described(number: int, device: Any) -> Found:
         kind,
         DOUBLE in device.extensions.split(),
         int(device.global_mem_size),
+        int(device.max_mem_alloc_size),
         int(device.max_compute_units),
     )

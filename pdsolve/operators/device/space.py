@@ -40,10 +40,11 @@ class SpaceOnDevice(SpaceLattice):
         self._words, self._most = -(-len(tiles.offsets) // WORD), max(FEWEST, EACH * len(stiffest))
         self._most = min(self._most, int(families.counts(tiles.bits, sites).sum()))
         tables = (tiles.offsets, tiles.table, tiles.c, tiles.cells, tiles.kind, tiles.peak, tiles.limit)
-        own = self.room * (4 * self._words + 4 + 2 + 8) + 12 * self._most
         self._remembers = bool(law.memory)
-        own += self._remembered() * len(tiles.kind)
-        session.room_for(int(sum(table.nbytes for table in tables) + own))
+        own = [self.room * size for size in (4 * self._words, 4, 1, 1, 8)]
+        own += [4 * len(tiles.kind)] * 2
+        own += [12 * self._most, self._remembered() * len(tiles.kind)]
+        session.room_for(*(table.nbytes for table in tables), *own)
         self._make()
 
     def _make(self) -> None:

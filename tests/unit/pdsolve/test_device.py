@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from beside import GRIDS, torn
 from devices import needs_opencl
+from media import disc
 from messages import mentions, naming
 from plates import GLASS, plate, square_grid
 from systems import broken, kept
@@ -35,8 +36,9 @@ MATERIALS = {
     "bilinear": msgspec.structs.replace(GLASS, law="bilinear", kr=2.0),
     "cohesive": msgspec.structs.replace(GLASS, law="cohesive", f_t=8e7),
     "cohesive, two lines": msgspec.structs.replace(GLASS, law="cohesive", shape="bilinear", f_t=8e7),
+    "cohesive, exponential": msgspec.structs.replace(GLASS, law="cohesive", shape="exponential", f_t=8e7),
 }
-FAR = {"cohesive, two lines": 2e-6}  # m, of displacements that break bonds of laws that need more than the others
+FAR = {name: 2e-6 for name in MATERIALS if name.startswith("cohesive, ")}  # m, of displacements that break bonds
 EVERYWHERE = (-1.0, -1.0, 1.0, 1.0)
 precisions = pytest.mark.parametrize("precision", ["float64", pytest.param("float32", marks=pytest.mark.slow)])
 
@@ -183,10 +185,15 @@ def test_bodies(how: str, precision: str) -> None:
     same(*problems)
 
 
+EXPONENTIAL = {"law": "cohesive", "f_t": 2e3, "shape": "exponential"}
+
+
 @pytest.mark.slow
 @precisions
 @pytest.mark.parametrize(
-    "law", [{"law": "bilinear", "kr": 2.0}, {"law": "cohesive", "f_t": 2e3}], ids=["bilinear", "cohesive"]
+    "law",
+    [{"law": "bilinear", "kr": 2.0}, {"law": "cohesive", "f_t": 2e3}, EXPONENTIAL],
+    ids=["bilinear", "cohesive", "exponential"],
 )
 def test_bodies_that_soften(law: dict[str, Any], precision: str) -> None:
     problems = two(bar(law, **BENT["loads"]), "conservative", precision)
@@ -270,7 +277,6 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "fine zones": ({"run": Run(adapt="hybrid", device="opencl")}, "adapt"),
     "particles": ({"run": Run(cracks="particles", device="opencl")}, "cracks"),
     "families": ({"material": msgspec.structs.replace(GLASS, model="correspondence", nu=0.2)}, "model"),
-    "exponentials": ({"material": msgspec.structs.replace(MATERIALS["cohesive"], shape="exponential")}, "shape"),
 }
 
 
@@ -341,12 +347,61 @@ def test_without_a_runtime(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize(
-    ("changes", "word"), [({"double": False}, "float64"), ({"memory": 10_000}, "GB")], ids=["no float64", "memory"]
+    ("changes", "word"),
+    [({"double": False}, "float64"), ({"memory": 10_000}, "to take"), ({"largest": 1_000}, "arrays")],
+    ids=["no float64", "memory", "one array"],
 )
 def test_a_device_that_is_not_enough(changes: dict[str, Any], word: str, monkeypatch: pytest.MonkeyPatch) -> None:
     described = runtime._described
     monkeypatch.setattr(runtime, "_described", lambda *given: described(*given)._replace(**changes))
     assert mentions(refused(), word)
+
+
+LARGE = {
+    "bonds that soften": lambda: plate(GRIDS["two scales"], material=MATERIALS["bilinear"]),
+    "motions": lambda: torn(GRIDS["cracked"], **DRIVEN["motions"]),
+    "families": lambda: plate(GRIDS["cracked"], material=msgspec.structs.replace(GLASS, model="ordinary", nu=0.2)),
+    "a body": lambda: bar(**BENT["motions"]),
+    "diffusion": lambda: disc(0.25, 600),
+}
+
+
+@pytest.mark.parametrize("name", LARGE)
+def test_as_much_memory_is_asked_for_as_is_taken(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked, taken, largest = [], [], []
+    put, zeros, room_for = runtime.Session.put, runtime.Session.zeros, runtime.Session.room_for
+
+    def counted(session: runtime.Session, *arrays: int) -> None:
+        room_for(session, *arrays)
+        asked.append(sum(arrays))
+        largest.append(max(arrays))
+
+    def made(make: Any) -> Any:
+        def noted(session: runtime.Session, of: Any) -> Any:
+            buffer = make(session, of)
+            taken.append(buffer.size)
+            return buffer
+
+        return noted
+
+    monkeypatch.setattr(runtime.Session, "room_for", counted)
+    for each, make in (("put", put), ("zeros", zeros)):
+        monkeypatch.setattr(runtime.Session, each, made(make))
+    prepare(on_device(LARGE[name](), "opencl"), Options("conservative"))
+    assert sum(asked) == pytest.approx(sum(taken), rel=0.01)  # measured 0.005
+    assert max(largest) == pytest.approx(max(taken), rel=0.01)  # measured 0
+
+
+def test_arrays_of_a_device() -> None:
+    """What is written into a part of one is read from there, and gone once it is cleared."""
+    session, found = runtime.Session("opencl"), np.empty(3)
+    buffer = session.put(np.arange(5.0))
+    session.write(buffer, np.array([7.0, 8.0]), 16)
+    session.read(buffer, found, 8)
+    assert found.tolist() == [1.0, 7.0, 8.0]
+    session.clear(buffer)
+    session.read(buffer, found, 16)
+    assert found.tolist() == [0.0, 0.0, 0.0]
 
 
 def test_a_kernel_that_does_not_build(monkeypatch: pytest.MonkeyPatch) -> None:
