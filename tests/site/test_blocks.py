@@ -44,6 +44,7 @@ COARSE = {  # what stands on a page, and what is run in its place
     "geometries/forked_crack.py": "geometries/forked_crack.py --set spacing=1e-3",
     "--set Zones/fine/Spacing=5e-4 --set Zones/coarse/Spacing=1e-3": "--set Zones/fine/Spacing=2e-3",
     "geometries/kalthoff_winkler_steel.py": "geometries/kalthoff_winkler_steel.py --set spacing=2e-3",
+    "--set spacing=2.5e-4": "--set spacing=1e-3",
     "build holes.py": "build holes.py --set steps=2",
     "build hole.py": "build hole.py --set spacing=1e-3",
     "--set spacing=5e-4 --adapt hybrid": "--set spacing=1e-3 --adapt hybrid",
@@ -59,6 +60,7 @@ COARSE = {  # what stands on a page, and what is run in its place
     "geometries/cracking_disc.py": "geometries/cracking_disc.py --set duration=5",
     "geometries/quenched_slab.py": "geometries/quenched_slab.py --set spacing=5e-4",
     "geometries/drying_mud.py": "geometries/drying_mud.py --set spacing=4e-3",
+    "--set Zones/near/Spacing=1.25e-4 --set Zones/far/Spacing=2.5e-4": "--set 'Run/Duration=500'",
     "geometries/screw.geo": "geometries/screw.geo --set Zones/near/Spacing=5e-4 --set Zones/far/Spacing=1e-3",
 }
 CI = ".ci/run types it"

@@ -9,7 +9,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from benchmarks import tutorials
-from benchmarks.tutorials import PAGES, TUTORIALS
+from benchmarks.tutorials import DATA, PAGES, TUTORIALS, table
 
 
 def test_each_has_its_page_and_picture() -> None:
@@ -30,6 +30,28 @@ def test_commands_write_what_is_drawn(name: str) -> None:
 
 def drawn(name: str, folder: Path) -> str:
     return TUTORIALS[name].draw(Figure().add_subplot(), folder)
+
+
+def test_each_file_of_data_names_its_source_and_is_drawn() -> None:
+    page = (DATA / "README.md").read_text(encoding="utf-8")
+    drawn_by = Path(tutorials.__file__).read_text(encoding="utf-8")
+    files = list(DATA.glob("*.csv"))
+    assert len(files) == page.count(".csv`") == drawn_by.count(" DATA / ") + drawn_by.count("(DATA / ") > 10
+    for path in files:
+        assert path.read_text(encoding="utf-8").startswith("# ")
+        assert f"`{path.name}`" in page
+        assert f'"{path.name}"' in drawn_by
+
+
+def test_data_of_formulas_are_those_of_the_formulas() -> None:
+    x, stress = table(DATA / "kirsch_hole.csv").values()
+    assert stress == pytest.approx((2 + x**-2 + 3 * x**-4) / 2, abs=1e-6)
+    ratio, shape, opening = table(DATA / "compact_tension.csv").values()
+    assert (ratio[0], shape[0]) == pytest.approx((0.5, 9.6591), abs=1e-4)  # ASTM E399 has 9.66
+    slope = np.diff(opening) / np.diff(ratio)
+    assert slope == pytest.approx(2 * ((shape[1:] + shape[:-1]) / 2) ** 2, rel=0.02)  # G = P^2 dC / 2 da; 0.013 found
+    (length,) = table(DATA / "fragments_of_a_ring.csv").values()
+    assert length[0] ** 3 == pytest.approx(24, abs=1e-4)
 
 
 def test_an_exact_wave_is_off_by_nothing(tmp_path: Path) -> None:
