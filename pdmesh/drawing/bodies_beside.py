@@ -38,6 +38,7 @@ def with_bodies(scene: S, shapes: Mapping[str, Any], parameters: Parameters) -> 
                 parameters.text(f"{folder}/Held").split(),
                 parameters.profile(f"{folder}/Profile"),
                 spacing,
+                radius=parameters.maybe_length(f"{folder}/Radius"),
             )
             continue
         material = named.material(parameters, folder, scene.material) if own else None

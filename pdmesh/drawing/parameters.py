@@ -35,8 +35,8 @@ MOVE = tuple(f"{kind} {axis}" for kind in ("Velocity", "Acceleration", "Initial 
 MATERIAL = {  # parameters of a material: in the model, and in drawings
     name: declared.drawn or name[0].upper() + name[1:].replace("_", " ") for name, declared in DECLARED.items()
 }
-CONTACT = {"friction": "Friction", "stiffness": "Stiffness", "distance": "Distance"}  # in the model, and in drawings
-RIGID = ("Rigid", "Mass", "Spin", "Held", "Profile")
+CONTACT = {name: name.title() for name in ("friction", "stiffness", "distance", "restitution")}  # here, and in drawings
+RIGID = ("Rigid", "Mass", "Spin", "Held", "Profile", "Radius")
 FOLDERS = {
     f"Zones/{ANY}": ZONE,
     f"Loads/{ANY}": LOAD + SHARED,

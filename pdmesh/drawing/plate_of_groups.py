@@ -14,8 +14,8 @@
     Physical Curve or Surface("absorb:NAME")  Absorbs/NAME/Width (of a curve's layer: 12 horizons), Box
     Physical Surface("material:NAME")         Materials/NAME/ as below, what differs
     Physical Surface("body:NAME")             Bodies/NAME/Spacing (the coarsest zone's), Velocity x, y, and as Material
-                                              or, with Rigid 1, Mass, Spin, Held (of "x y spin"), Profile
-    -                                         Contact/Friction, Stiffness, Distance
+                                              or, with Rigid 1, Mass, Spin, Held (of "x y spin"), Profile, Radius
+    -                                         Contact/Friction, Stiffness, Distance, Restitution
     -                                         Material/E, rho, G0, Force law and so on (`parameters.MATERIAL`)
     -                                         Medium/D, or k and c of heat (pdmesh.drawing.diffusion_conditions)
     -                                         Load cells/NAME/Of "CONDITION, CONDITION", whose forces it sums

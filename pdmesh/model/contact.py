@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
 import msgspec
 
 from pdmesh.model.timed_selection import Amount, Id, Positive, Share, Timed
+
+Restitution = Annotated[float, msgspec.Meta(ge=0.1, le=1)]  # the stable step falls with it
 
 REST = "plate"  # the body of the nodes that no other has
 
@@ -24,6 +26,7 @@ class Contact(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defa
     stiffness: Positive = 15.0  # of a pair of nodes, in micromoduli over their horizon
     distance: Share = 1.0  # at which pairs begin to touch, in spacings
     friction: Amount = 0.0  # Coulomb's coefficient
+    restitution: Restitution = 1.0  # rebound over approach of bodies that contact alone deforms; 1: nothing is lost
 
 
 class RigidBody(Timed, frozen=True, kw_only=True, tag="rigid", tag_field="kind"):
@@ -38,6 +41,7 @@ class RigidBody(Timed, frozen=True, kw_only=True, tag="rigid", tag_field="kind")
     z: float = 0.0
     spin: float | tuple[float, float, float] = 0.0  # rad/s, anticlockwise; of a body in space about x, y, z
     held: tuple[Literal["x", "y", "z", "spin"], ...] = ()
+    radius: Positive | None = None  # m: its surface is a circle or sphere about its centre of mass; None: its nodes'
 
     def ways(self, dimension: int) -> tuple[str, ...]:
         """What it can have `held` in the plane (2) or in space (3)."""

@@ -13,6 +13,8 @@ from pdmesh.model.contact import RigidBody
 from pdmesh.model.document import Acceleration, Displacement, GridError, Settings, Velocity
 from pdmesh.model.node_grid import Grid
 
+OUTSIDE = 1e-6  # of a radius, by which a node may be outside of it
+
 
 def rigid_bodies(grid: Grid, settings: Settings) -> Iterator[tuple[RigidBody, NDArray[np.int64], int]]:
     """Each rigid body, the rows (k,) of its nodes, and its number among the conditions."""
@@ -39,6 +41,7 @@ def without_bonds(grid: Grid, settings: Settings, name: str) -> Grid:
         whole = len(grid) if grid.bodies is None else int(np.isin(grid.bodies.number, own).sum())
         if grid.bodies is None or len(own) != 1 or whole != len(rows) or own[0] in numbers:
             raise GridError(f"{name}: {place}: found {len(rows)} nodes, expected all those of one body")
+        _refuse_radius(body, grid, rows, f"{name}: {place}")
         _refuse_holds(settings, grid, rows, name, place)
         numbers.append(int(own[0]))
     assert grid.bodies is not None
@@ -58,6 +61,20 @@ def contradiction(body: RigidBody, dimension: int) -> str | None:
     if dimension == 3 and not isinstance(body.spin, tuple) and body.spin:
         return "spin: found one number, expected those about x, y and z in a body in space"
     return None
+
+
+def _refuse_radius(body: RigidBody, grid: Grid, rows: NDArray[np.int64], place: str) -> None:
+    """Raise GridError for a surface that is not about a spacing outside of the nodes of its body."""
+    if body.radius is None:
+        return
+    x, cell = grid.position[rows], grid.cells[rows]
+    far = float(np.sqrt(((x - cell @ x / cell.sum()) ** 2).sum(axis=1)).max())
+    wide = float(np.sqrt(grid.dimension) * grid.delta[rows].max())
+    if not far * (1 - OUTSIDE) <= body.radius <= far + wide:
+        raise GridError(
+            f"{place}.radius: found {body.radius:g} m, expected {far:.4g} to {far + wide:.4g} m, as its nodes are up to"
+            f" {far:.4g} m from their centre"
+        )
 
 
 def _refuse_holds(settings: Settings, grid: Grid, rows: NDArray[np.int64], name: str, place: str) -> None:

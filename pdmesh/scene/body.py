@@ -190,11 +190,13 @@ class Body(DiffusionConditions[Where]):
         held: str | Sequence[str] = (),
         profile: Profile = (),
         spacing: float | None = None,
+        *,
+        radius: float | None = None,
     ) -> Body:
         """The body with a rigid one beside it, of a `mass` (kg), which moves as one; `spin` (rad/s) is about x, y, z.
 
         Of "x", "y", "z" and "spin" those `held` keep what they have at time 0, times the `profile`. A body that is
-        wholly held needs no mass.
+        wholly held needs no mass. With a `radius` (m) its surface is a sphere about its centre, not that of its nodes.
         """
         x, y, z = actions.vector(velocity, 3, f"rigid '{name}': velocity")
         about = actions.vector(spin, 3, f"rigid '{name}': spin")
@@ -206,6 +208,7 @@ class Body(DiffusionConditions[Where]):
             "spin": about,
             "held": [held] if isinstance(held, str) else held,
             "profile": profile,
+            "radius": radius,
         }
         own = actions.action(RigidBody, name, {key: value for key, value in given.items() if value is not None})
         assert isinstance(own, RigidBody)
@@ -233,9 +236,11 @@ class Body(DiffusionConditions[Where]):
             )
         return replace(self, bodies=(*self.bodies, other), touching=self.touching or Contact())
 
-    def contact(self, friction: float = 0.0, stiffness: float = 15.0, distance: float = 1.0) -> Body:
+    def contact(
+        self, friction: float = 0.0, stiffness: float = 15.0, distance: float = 1.0, restitution: float = 1.0
+    ) -> Body:
         """The body that pushes what it touches, as faces of its cracks do; the settings are those of `Contact`."""
-        given = {"friction": friction, "stiffness": stiffness, "distance": distance}
+        given = {"friction": friction, "stiffness": stiffness, "distance": distance, "restitution": restitution}
         return replace(self, touching=actions.converted(given, Contact, "contact"))
 
     def crack(self, sheet: Sheet | Any, name: str = "") -> Body:

@@ -126,12 +126,15 @@ class Scene(Plate, DiffusionConditions[Where]):
         held: str | Sequence[str] = (),
         profile: Profile = (),
         spacing: float | None = None,
+        *,
+        radius: float | None = None,
     ) -> Scene:
         """The scene with a rigid body of a `mass` (kg per metre of thickness), which moves as one.
 
         `velocity` (m/s) and `spin` (rad/s, anticlockwise) are those at time 0. Of "x", "y" and "spin" those `held` keep
         theirs, times the `profile`. A body that is wholly held needs no mass. It pushes what touches it as one of the
-        plate's material would. `pdpost reaction` draws its force and the way of its centre of mass.
+        plate's material would; with a `radius` (m) along a circle about its centre, not the steps of its nodes.
+        `pdpost reaction` draws its force and the way of its centre of mass.
         """
         x, y = actions.vector(velocity, 2, f"rigid '{name}': velocity")
         given = {
@@ -141,6 +144,7 @@ class Scene(Plate, DiffusionConditions[Where]):
             "spin": spin,
             "held": [held] if isinstance(held, str) else held,
             "profile": profile,
+            "radius": radius,
         }
         own = actions.action(RigidBody, name, {key: value for key, value in given.items() if value is not None})
         assert isinstance(own, RigidBody)
@@ -148,9 +152,11 @@ class Scene(Plate, DiffusionConditions[Where]):
         other = BodyBeside(name, surface(shape, spacing, f"body '{name}'"), spacing, rigid=own)
         return replace(self, bodies=(*self.bodies, other), touching=self.touching or Contact())
 
-    def contact(self, friction: float = 0.0, stiffness: float = 15.0, distance: float = 1.0) -> Scene:
+    def contact(
+        self, friction: float = 0.0, stiffness: float = 15.0, distance: float = 1.0, restitution: float = 1.0
+    ) -> Scene:
         """The scene whose bodies, and faces of cracks, push each other apart; the settings are those of `Contact`."""
-        given = {"friction": friction, "stiffness": stiffness, "distance": distance}
+        given = {"friction": friction, "stiffness": stiffness, "distance": distance, "restitution": restitution}
         return replace(self, touching=actions.converted(given, Contact, "contact"))
 
     def load(

@@ -75,6 +75,13 @@ def test_a_block_above_a_gap_is_not_supported() -> None:
         prepare(stacked("newton", apart=0.2 * H), Options(threads=1))
 
 
+def test_restitution_at_rest_is_refused() -> None:
+    model = stacked("newton")
+    settings = msgspec.structs.replace(model.settings, contact=Contact(restitution=0.5))
+    with pytest.raises(ModelError, match=naming("$.contact.restitution", found="0.5", expected=1)):
+        prepare(Model(model.grid, settings), Options(threads=1))
+
+
 def pressed(crack: bool, contact: bool, by: By = "newton", friction: float = 0.0) -> tuple[float, float, float]:
     """Stiffness of a unit plate under a strain of .001, the depth of its crack's faces, and the balance."""
     side, strain = 40, 1e-3

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.checkpoint_validation import entry
+from pdsolve.model import Model, ModelError
 from pdsolve.operators.contact.kernel import geometry
 from pdsolve.operators.contact.operator import SKIN, PenaltyContact
 from pdsolve.operators.contact.pair_matrix import pair_matrix
@@ -26,8 +27,6 @@ from pdsolve.state import Broken, State
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
-
-    from pdsolve.model import Model
 
 Array = NDArray[np.float64]
 
@@ -50,6 +49,9 @@ class RestingContact(PenaltyContact):
     def __init__(self, model: Model, volume: Array, operator: Operator) -> None:
         """`volume` (n,), m^d; raises ModelError for bodies that overlap, or operators of more than displacements."""
         super().__init__(model, volume, operator)
+        if self._settings.restitution < 1:
+            found = f"{self._settings.restitution:g} at rest"
+            raise ModelError(f"{model.name}: $.contact.restitution: found {found}, expected 1: nothing bounces")
         self.symmetric = not self._settings.friction
         self._at = np.zeros((len(volume), model.grid.dimension))  # m, displacements of the last equilibrium
         self.seen = self._at.copy()  # m, those of normals and weights

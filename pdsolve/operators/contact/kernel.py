@@ -10,10 +10,15 @@ nearer, what it was then. The force is the gradient of the energy at a constant 
 
 Friction: a spring as stiff as that of the pair, which slips where it is longer than mu p.
 
+Restitution e below 1: the force is k w f p up to the largest depth P, and falls from there with the slope k w f / e^2;
+of the energy k w f P^2 / 2 the share e^2 comes back (O. R. Walton, R. L. Braun, J. Rheol. 30, 1986, 949-980).
+
     x, u   (n, d) places and displacements, m    k        (p,) stiffness of a pair, N/m
     h      (p,) reach of a pair's weight, m      touch    (p,) distance of touch, m
     slip   (p, d) of friction's spring, m        drag     (p, d) its force on j one step ago, N
     out    (n, d) force densities, N/m^3         spent    (n,) minus work of friction's springs, J
+    most   (p,) largest depth of this touch, m   short    (p,) what the force is less than k w f p, N
+    lost   (n,) minus work of what it is less, J
 """
 
 from __future__ import annotations
@@ -70,6 +75,8 @@ class PairList(NamedTuple):
     apart: NDArray[np.float64]  # (p, 3) from i to j in the reference, m, z 0 in the plane
     slip: NDArray[np.float64]  # (p, d) m
     drag: NDArray[np.float64]  # (p, d) N
+    most: NDArray[np.float64]  # (p,) m
+    short: NDArray[np.float64]  # (p,) N
     first: NDArray[np.int64]  # (p,) number of i among the nodes of faces
     second: NDArray[np.int64]  # (p,) number of j
     faces: Faces
@@ -232,27 +239,53 @@ def ease(pairs, u, held, lost):  # type: ignore[no-untyped-def]
             more = depth - np.sqrt(2.0 * held[q] / stiffness)
             if more > ROUND_OFF * pairs.h[q]:
                 pairs.touch[q] -= more
+                pairs.most[q] = max(pairs.most[q] - more, 0.0)
         elif held[q] - now > ROUND_OFF * held[q]:
             lost[pairs.i[q]] += (held[q] - now) / 2
             lost[pairs.j[q]] += (held[q] - now) / 2
 
 
 @cached_njit(error_model="numpy")
-def add_forces(nodes, pairs, u, v, mu, dt, out, spent):  # type: ignore[no-untyped-def]
-    """Add the forces of all pairs; friction's springs go on by a step of `dt` s, where it is not 0."""
+def add_forces(nodes, pairs, u, v, mu, e, dt, out, spent, lost):  # type: ignore[no-untyped-def]
+    """Add the forces of all pairs; friction's springs and depths go on by a step of `dt` s."""
     d = nodes.x.shape[1]
     pairs.faces.known[:] = False
     for q in range(len(pairs.i)):
         i, j = pairs.i[q], pairs.j[q]
         stiffness, depth, n, pull = _pressed(pairs, u, q, 0.0)
+        felt = _give(pairs, v, e, dt, q, stiffness, depth, n, lost) if e < 1.0 else depth
         if mu > 0.0:
-            _rub(pairs, v, mu, dt, q, stiffness, depth, n, spent)
+            _rub(pairs, v, mu, dt, q, stiffness, felt, n, spent)
         if depth > 0.0:
-            push, one, two = stiffness * depth, 1.0 / nodes.volume[i], 1.0 / nodes.volume[j]
+            push, one, two = stiffness * felt, 1.0 / nodes.volume[i], 1.0 / nodes.volume[j]
             for a in range(d):
                 force = push * n[a] - pull[a] + (pairs.drag[q, a] if mu > 0.0 else 0.0)
                 out[i, a] -= force * one
                 out[j, a] += force * two
+
+
+@njit(forceinline=True, **INNER)
+def _felt_depth(depth, most, e):  # type: ignore[no-untyped-def]
+    """The depth, m, whose force acts at a depth after the largest one so far."""
+    return min(depth, max(depth - (1.0 - e * e) * most, 0.0) / (e * e)) if depth > 0.0 else 0.0
+
+
+@njit(forceinline=True, **INNER)
+def _give(pairs, v, e, dt, q, stiffness, depth, n, lost):  # type: ignore[no-untyped-def]
+    """Take the largest depth of pair q through a step; returns the depth whose force acts, m.
+
+    What the force is less than the spring's is booked by the trapezoidal rule.
+    """
+    i, j, along = pairs.i[q], pairs.j[q], 0.0
+    for a in range(v.shape[1]):
+        along += (np.float64(v[j, a]) - np.float64(v[i, a])) * n[a]
+    pairs.most[q] = max(pairs.most[q], depth) if depth > 0.0 else 0.0
+    felt, before = _felt_depth(depth, pairs.most[q], e), pairs.short[q]
+    pairs.short[q] = stiffness * (depth - felt) if depth > 0.0 else 0.0
+    work = (before + pairs.short[q]) * along * dt / 2
+    lost[i] += work / 2
+    lost[j] += work / 2
+    return felt
 
 
 @njit(forceinline=True, **INNER)
@@ -301,6 +334,14 @@ def geometry(pairs, u, slack, found):  # type: ignore[no-untyped-def]
         found[q, 0], _, n, _ = _pressed(pairs, u, q, slack)
         for a in range(u.shape[1]):
             found[q, 1 + a] = n[a]
+
+
+@cached_njit(error_model="numpy")
+def facing_to(faces, u, towards, found):  # type: ignore[no-untyped-def]
+    """Set `found` (m,) to how much the normals of these nodes face vectors (m, 3), 0 to 1."""
+    faces.known[:] = False
+    for m in range(len(faces.rows)):
+        found[m] = _facing(_normal_now(faces, u, m), _three(towards, m))
 
 
 @cached_njit(error_model="numpy")

@@ -22,6 +22,7 @@ from pdsolve.operators.contact.candidates import EVERY, Joined, candidates
 from pdsolve.operators.contact.kernel import WIDE, PairList, add_forces, ease, farthest, nearer, pressed_pairs
 from pdsolve.operators.contact.pair_matrix import pair_matrix
 from pdsolve.operators.contact.rigid_motion import RigidMotion
+from pdsolve.operators.contact.round_bodies import RoundBodies
 from pdsolve.operators.protocol import Kept, Operator
 from pdsolve.state import Broken, State, Unknown
 
@@ -49,12 +50,15 @@ class PenaltyContact(Bondless):
         self._cell, self._k = grid.delta**grid.dimension, pair_stiffness(model, self._settings)
         self._bound, self.rigid = touch_bound(model, volume), RigidMotion(model, volume)
         self._spent, self._lost = np.zeros((2, len(grid)))  # J, on friction, and by springs whose faces broke
+        cell = self._k * self._cell**2
+        self.round = RoundBodies(model, volume, cell, self._joined, self.rigid)
         self._kept_until: int | None = None  # step before which broken bonds were known in a checkpoint
         self._kept_wait = 0
         self._rows, self._before = np.zeros(0, dtype=np.int64), np.zeros((0, grid.dimension))
         self._pairs = self._listed(*np.zeros((2, 0), dtype=np.int64))
         self._search(np.zeros((len(grid), grid.dimension)))
         _refuse_overlap(model, self._settings, self._pairs)
+        self.round.refuse_overlap(model)
 
     @property
     def stiffness(self) -> float:
@@ -69,10 +73,11 @@ class PenaltyContact(Bondless):
     def push(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
         """Add the force densities as `add` does, of a state that `free_steps` has seen."""
         if len(self._pairs.i):
-            add_forces(
-                self._joined.nodes, self._pairs, state.value, state.rate, self._settings.friction, dt, out, self._spent
-            )
+            mu, e = self._settings.friction, self._settings.restitution
+            books = out, self._spent, self._lost
+            add_forces(self._joined.nodes, self._pairs, state.value, state.rate, mu, e, dt, *books)
         if len(self.rigid.rows):
+            self.round.push(state, self._volume, dt, out, self._spent, self._lost)
             self.rigid.constrain(state, out, step, dt)
 
     def free_steps(self, state: State, step: int, dt: float) -> int:
@@ -93,7 +98,9 @@ class PenaltyContact(Bondless):
     @property
     def rows(self) -> NDArray[np.int64]:
         """Rows (m,) of the nodes on which forces may act now, in order."""
-        return np.union1d(self._pairs.faces.rows, self.rigid.rows) if len(self.rigid.rows) else self._pairs.faces.rows
+        if not len(self.rigid.rows):
+            return self._pairs.faces.rows
+        return np.union1d(np.union1d(self._pairs.faces.rows, self.rigid.rows), self.round.rows)
 
     def _follow(self, state: State, step: int) -> None:
         """Bring the pairs up to date; none is pressed harder by that alone."""
@@ -115,6 +122,7 @@ class PenaltyContact(Bondless):
             self._rows = np.flatnonzero(self._joined.surface)
             self._still = np.zeros_like(self._before)
             self._pairs = self._pairs._replace(faces=self._joined.faces(self._pairs.faces.rows))
+            self.round.learn()
             self._kept_until = None
 
     def _pressed_energies(self, state: State) -> NDArray[np.float64]:
@@ -134,11 +142,15 @@ class PenaltyContact(Bondless):
         reach = float(delta.max(initial=0.0)) * np.hypot(wide, self._settings.distance)
         self._before = u[self._rows].astype(np.float64)
         self._still = np.zeros_like(self._before)
-        before, pairs = self._pairs, self._listed(*candidates(self._joined, u, self._rows, reach + SKIN * self._finest))
+        i, j = candidates(self._joined, u, self._rows, reach + SKIN * self._finest)
+        by_nodes = self.round.own[i] == self.round.own[j]
+        before, pairs = self._pairs, self._listed(i[by_nodes], j[by_nodes])
+        self.round.search(u, self._rows, SKIN * self._finest, self._lost)
         nodes = len(self._volume)
         key, old = pairs.i * nodes + pairs.j, before.i * nodes + before.j
         _, here, there = np.intersect1d(key, old, assume_unique=True, return_indices=True)
-        pairs.slip[here], pairs.drag[here] = before.slip[there], before.drag[there]
+        for name in ("slip", "drag", "most", "short"):
+            getattr(pairs, name)[here] = getattr(before, name)[there]
         nearer(pairs)
         self._pairs = pairs
         return here, there
@@ -153,7 +165,8 @@ class PenaltyContact(Bondless):
         x, apart = self._joined.nodes.x, np.zeros((len(i), 3))
         apart[:, : x.shape[1]] = x[j] - x[i]
         touch, faces = self._settings.distance * mean, self._joined.faces(rows)
-        return PairList(i, j, k, wide, touch, apart, nothing, nothing.copy(), first, second, faces)
+        most, short = np.zeros((2, len(i)))
+        return PairList(i, j, k, wide, touch, apart, nothing, nothing.copy(), most, short, first, second, faces)
 
     def _pressed(self, value: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Energies (n,), J, of all springs and of those of friction; stiffness, depth, normal of pairs (p, 2 + d)."""
@@ -161,6 +174,7 @@ class PenaltyContact(Bondless):
         pairs, nodes = self._pairs, len(self._volume)
         held, rubbed, found = np.zeros(nodes), np.zeros(nodes), np.zeros((len(pairs.i), 2 + pairs.slip.shape[1]))
         pressed_pairs(pairs, value, held, rubbed, found)
+        self.round.store(value, held, rubbed)
         return held, rubbed, found
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -170,7 +184,8 @@ class PenaltyContact(Bondless):
     def touching(self, state: State) -> int:
         """Number of nodes that touch others."""
         some = self._pressed(state.value)[2][:, 1] > 0
-        return len(np.unique(np.concatenate([self._pairs.i[some], self._pairs.j[some]])))
+        ends = self._pairs.i[some], self._pairs.j[some], self.round.touching(state.value)
+        return len(np.unique(np.concatenate(ends)))
 
     def friction(self, state: State) -> float:
         """Energy that friction has turned into heat so far, J/m, of a body J."""
@@ -207,6 +222,8 @@ class PenaltyContact(Bondless):
             "slip": pairs.slip.copy(),
             "drag": pairs.drag.copy(),
             "touch": pairs.touch.copy(),
+            "most": pairs.most.copy(),
+            "short": pairs.short.copy(),
             "slip_source": pairs.i.copy(),
             "slip_target": pairs.j.copy(),
             "searched": self._before.copy(),
@@ -214,6 +231,7 @@ class PenaltyContact(Bondless):
             "rubbed": self._spent.copy(),
             "lost": self._lost.copy(),
             **self.rigid.keep(),
+            **self.round.keep(),
         }
 
     def back(self, kept: Kept, broken: Broken) -> None:
@@ -221,7 +239,7 @@ class PenaltyContact(Bondless):
         nodes, d = len(self._volume), self.unknowns[0].width
         slip = entry(kept, "slip", (None, d), np.float64)
         drag = entry(kept, "drag", slip.shape, np.float64)
-        touch = entry(kept, "touch", (len(slip),), np.float64)
+        touch, most, short = (entry(kept, name, (len(slip),), np.float64) for name in ("touch", "most", "short"))
         ends = (entry(kept, f"slip_{end}", (len(slip),), np.int64, 0, nodes - 1) for end in ("source", "target"))
         i, j = ends
         if (np.diff(i * nodes + j) <= 0).any() or (i >= j).any():
@@ -231,7 +249,10 @@ class PenaltyContact(Bondless):
         self._before = entry(kept, "searched", (None, d), np.float64).copy()
         self._kept_until, self._kept_wait = map(int, entry(kept, "followed", (2,), np.int64))
         self.rigid.back(kept)
-        self._pairs = self._listed(i, j)._replace(slip=slip.copy(), drag=drag.copy(), touch=touch.copy())
+        self.round.back(kept)
+        self._pairs = self._listed(i, j)._replace(
+            slip=slip.copy(), drag=drag.copy(), touch=touch.copy(), most=most.copy(), short=short.copy()
+        )
 
     def bytes(self) -> int:
         """Memory of all arrays, bytes."""
@@ -256,12 +277,14 @@ def pair_stiffness(model: Model, contact: Contact) -> NDArray[np.float64]:
 def touch_bound(model: Model, volume: NDArray[np.float64]) -> NDArray[np.float64]:
     """What contact adds to the bound (n,) of each node's stiffness, N/m^4; 0 without it.
 
-    A node touches two faces at most, of nodes like it or of the stiffest material. `volume` (n,), m^d.
+    A node touches two faces at most, of nodes like it or of the stiffest material; they push each other apart with
+    1 / e^2 times the stiffness that they meet with, for a restitution e. `volume` (n,), m^d.
     """
     if model.settings.contact is None:
         return np.zeros(len(volume))
     cell, k = model.grid.delta**model.grid.dimension, pair_stiffness(model, model.settings.contact)
     E = np.array([material.E for material in model.materials])[model.material_of]
+    k /= model.settings.contact.restitution**2
     return np.asarray(TWO_FACES * k * 2 / (1 + E / E.max()) * cell * cell / volume)
 
 

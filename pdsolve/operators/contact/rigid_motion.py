@@ -34,6 +34,8 @@ class Body(NamedTuple):
     cell: Array  # (k,) areas, m^2, in space volumes, m^3
     rho: Array  # (k,) kg/m^3
     arm: Array  # (k, 3) from the centre of mass at time 0, m
+    centre: Array  # (3,) of mass at time 0, m
+    radius: float | None  # m, of its surface about the centre; None: that of its nodes
     mass: float  # kg/m, in space kg
     compliance: Array  # (3, 3) inverse of the inertia, m/(kg m^2), in space 1/(kg m^2); 0 about axes without inertia
     inertia: Array  # (3, 3) kg m, in space kg m^2
@@ -62,17 +64,18 @@ class RigidMotion:
         """`volume` (n,), m^d."""
         numbers = [number for number, one in enumerate(model.settings.conditions) if isinstance(one, Driving)]
         found = rigid_bodies(model.grid, model.settings)
-        self._bodies = tuple(_body(model, volume, one, rows, numbers.index(number)) for one, rows, number in found)
-        count = len(self._bodies)
+        self.bodies = tuple(_body(model, volume, one, rows, numbers.index(number)) for one, rows, number in found)
+        count = len(self.bodies)
+        self.beside = np.zeros((count, 6))  # force and torque of contact now that no node of the body has
         self.motion = Motion(*(np.zeros((count, width)) for width in (3, 4, 3, 3, 3, 6)))
         self.motion.turn[:, 0] = 1.0
-        self.rows = np.sort(np.concatenate([np.zeros(0, dtype=np.int64), *(body.rows for body in self._bodies)]))
+        self.rows = np.sort(np.concatenate([np.zeros(0, dtype=np.int64), *(body.rows for body in self.bodies)]))
         self._drive: Drive | None = None
 
     def start(self, state: State, drive: Drive, dt: float) -> None:
         """Set the accelerations of time 0, after the velocities; `drive` are the conditions of the march."""
         self._drive, motion = drive, self.motion
-        for b, body in enumerate(self._bodies):
+        for b, body in enumerate(self.bodies):
             force, torque = self._loads(body, body.arm)
             factor, free = self._factor(body, dt / 2), ~body.held
             motion.velocity[b] = np.where(free, body.velocity + dt / 2 * force / body.mass, factor * body.velocity)
@@ -85,13 +88,14 @@ class RigidMotion:
         """Turn the force densities (n, d), N/m^3, of contact on all rigid nodes into those that keep them rigid."""
         assert self._drive is not None
         d, motion = state.value.shape[1], self.motion
-        for b, body in enumerate(self._bodies):
+        for b, body in enumerate(self.bodies):
             rows, arm = body.rows, body.arm @ _matrix(motion.turn[b]).T
             pushed = wide(out[rows].astype(np.float64)) * body.cell[:, None]
-            motion.force[b] = pushed.sum(axis=0)
+            motion.force[b] = pushed.sum(axis=0) + self.beside[b, :3]
             force, torque = self._loads(body, arm)
             force, torque = force + motion.force[b], torque + np.cross(arm, pushed).sum(axis=0)
-            before, spin, hold = motion.velocity[b].copy(), self._spin(b, body), motion.hold[b].copy()
+            torque += self.beside[b, 3:]
+            before, spin, hold = motion.velocity[b].copy(), self.spin(b), motion.hold[b].copy()
             factor, momentum = self._factor(body, (step + 0.5) * dt), motion.momentum[b].copy()
             held = factor * body.velocity
             motion.velocity[b] = np.where(body.held, held, before + dt / body.mass * force)
@@ -115,10 +119,10 @@ class RigidMotion:
         load = wide(self._drive.force[body.rows].astype(np.float64)) * body.cell[:, None]
         return load.sum(axis=0), np.cross(arm, load).sum(axis=0)
 
-    def _spin(self, b: int, body: Body) -> Array:
-        """Spin (3,) of its momentum and its rotation, rad/s."""
+    def spin(self, b: int) -> Array:
+        """Spin (3,) of the momentum and the rotation of body b, rad/s."""
         Q = _matrix(self.motion.turn[b])
-        return np.asarray(Q @ (body.compliance @ (Q.T @ self.motion.momentum[b])))
+        return np.asarray(Q @ (self.bodies[b].compliance @ (Q.T @ self.motion.momentum[b])))
 
     def _advance(self, b: int, body: Body, dt: float, time: float) -> Array:
         """Take a body to the next step; returns the displacements (k, 3) of its nodes there. `time` is half way."""
@@ -131,8 +135,8 @@ class RigidMotion:
             motion.momentum[b] = Q @ (body.inertia @ (Q.T @ spin))
         else:
             before = motion.turn[b].copy()
-            motion.turn[b] = _turned(before, dt / 2 * self._spin(b, body))
-            motion.turn[b] = _turned(before, dt * self._spin(b, body))
+            motion.turn[b] = _turned(before, dt / 2 * self.spin(b))
+            motion.turn[b] = _turned(before, dt * self.spin(b))
         return np.asarray(motion.way[b] + body.arm @ _matrix(motion.turn[b]).T - body.arm)
 
     def keep(self) -> Kept:
@@ -146,7 +150,7 @@ class RigidMotion:
 
     def force_of(self, rows: NDArray[np.int64], dimension: int) -> Array:
         """Force (d,) of contact on the body of these rows, N/m, in space N."""
-        number = next(b for b, body in enumerate(self._bodies) if body.rows[0] == rows[0])
+        number = next(b for b, body in enumerate(self.bodies) if body.rows[0] == rows[0])
         return np.asarray(self.motion.force[number, :dimension])
 
 
@@ -154,14 +158,14 @@ def _body(model: Model, volume: Array, body: RigidBody, rows: NDArray[np.int64],
     rho, cell = model.rho[rows], volume[rows]
     mass = rho * cell
     x = model.grid.position[rows]
-    arm = wide(x - mass @ x / mass.sum())
+    centre = mass @ x / mass.sum()
+    arm = wide(x - centre)
     inertia = np.eye(3) * (mass @ (arm**2).sum(axis=1)) - (mass[:, None] * arm).T @ arm
     spin, held = spin_of(body), np.array([way in body.held for way in "xyz"])
     velocity = np.array([body.x, body.y, body.z])
     compliance = np.linalg.pinv(inertia, rcond=NO_INERTIA, hermitian=True)
-    return Body(
-        rows, cell, rho, arm, float(mass.sum()), compliance, inertia, velocity, spin, held, "spin" in body.held, profile
-    )
+    of = rows, cell, rho, arm, wide(centre[None])[0], body.radius, float(mass.sum()), compliance, inertia
+    return Body(*of, velocity, spin, held, "spin" in body.held, profile)
 
 
 def _turned(turn: Array, way: Array) -> Array:

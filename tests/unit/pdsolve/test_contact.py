@@ -117,10 +117,11 @@ def two(run: Run, **more: Any) -> Model:
     return moving(grid_of(parts, H), (1e-2, 0.0), Contact(**more), run)
 
 
-@pytest.mark.parametrize("friction", [0.0, 0.4])
-def test_a_resumed_run_has_the_same_bits(friction: float, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("friction", "restitution"), [(0.0, 1.0), (0.4, 1.0), (0.1, 0.8)])
+def test_a_resumed_run_has_the_same_bits(friction: float, restitution: float, tmp_path: Path) -> None:
     run = Run(steps=120, every=10, ledger=10)
-    whole = simulate(two(run, friction=friction), options=Options(threads=1))
+    model = two(run, friction=friction, restitution=restitution)
+    whole = simulate(model, options=Options(threads=1))
     count = 0
 
     def stop(_: object) -> bool:
@@ -129,7 +130,7 @@ def test_a_resumed_run_has_the_same_bits(friction: float, tmp_path: Path) -> Non
         return count > 6
 
     path = tmp_path / "stopped.sqlite"
-    simulate(two(run, friction=friction), path, Options(threads=1), stop).close()
+    simulate(model, path, Options(threads=1), stop).close()
     resume(path, threads=2)
     from pdsolve import Results
 
@@ -142,6 +143,8 @@ def test_a_resumed_run_has_the_same_bits(friction: float, tmp_path: Path) -> Non
     ("assigned", "named"),
     [
         (("contact.friction", "-0.1"), "friction"),
+        (("contact.restitution", "0.05"), "restitution"),
+        (("contact.restitution", "1.1"), "restitution"),
         (("run.adapt", "hybrid"), "$.run.adapt"),
         (("run.cracks", "particles"), "$.run.cracks"),
         (("run.start", "static"), "$.run.start"),

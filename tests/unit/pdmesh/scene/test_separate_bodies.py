@@ -112,12 +112,13 @@ def test_a_drawing_has_bodies_in_groups() -> None:
         "Bodies/striker/rho": 8500.0,
         "Bodies/striker/Velocity x": -3.0,
         "Contact/Friction": 0.2,
+        "Contact/Restitution": 0.7,
     }
     found = scene_of(groups, {f"Peridynamics/{name}": value for name, value in values.items()}, "two.geo")
     (body,) = found.bodies
     assert (body.name, body.spacing, body.velocity) == ("striker", 0.5 * MM, (-3.0, 0.0))
     assert body.material == Material(E=2e11, rho=8500.0, G0=1e4)
-    assert found.touching == Contact(friction=0.2)
+    assert found.touching == Contact(friction=0.2, restitution=0.7)
 
 
 def drawn(**more: float | str) -> Scene:
@@ -132,12 +133,13 @@ def drawn(**more: float | str) -> Scene:
 
 
 def test_a_body_of_a_drawing_can_be_rigid() -> None:
-    built = build(drawn(Rigid=1.0, Mass=3.0, Velocity_y=-2.0, Spin=0.5, Held="x", Profile="ramp 1e-3"))
+    built = build(drawn(Rigid=1.0, Mass=3.0, Velocity_y=-2.0, Spin=0.5, Held="x", Profile="ramp 1e-3", Radius=3 * MM))
     (body,) = built.settings.conditions
     assert isinstance(body, RigidBody)
     assert body.nodes == tuple(range(201, 226))
     assert (body.name, body.mass, body.x, body.y, body.spin, body.held) == ("hammer", 3.0, 0.0, -2.0, 0.5, ("x",))
     assert body.profile == ((0.0, 0.0), (1e-3, 1.0))
+    assert body.radius == 3 * MM
     said = "\n".join(info_lines(info(built.document, "two")))
     assert "hammer" in said
 
