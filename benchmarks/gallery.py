@@ -1,7 +1,8 @@
 """The gallery of the site: every shipped scene, built, solved and drawn by the commands that stand below its picture.
 
 `python -m benchmarks.gallery` writes docs/gallery.md and its pictures; names of scenes solve those alone, and keep the
-other pictures. A scene that takes minutes is solved in a coarser form, as its commands say.
+other pictures. A scene that takes minutes is solved in a coarser form, as its commands say. What its picture shows, its
+equation, its source and what was measured stand in benchmarks/gallery_texts.md.
 """
 
 from __future__ import annotations
@@ -19,7 +20,13 @@ from PIL import Image
 
 ROOT = Path(__file__).parent.parent
 PAGE = ROOT / "docs" / "gallery.md"
+TEXTS = Path(__file__).parent / "gallery_texts.md"
 WIDE = 720  # pixels of a picture
+ACROSS = 3  # pictures in a row of the table
+FRONT = (  # of the table: unlike each other
+    *("kalthoff_winkler_steel", "figure_18", "duran_metre", "branching_block", "drying_mud", "compact_tension"),
+    *("hot_disc", "slanted_notch", "bent_square", "expanding_ring", "nooru_mohamed", "quenched_slab"),
+)
 
 
 class Shown(NamedTuple):
@@ -40,7 +47,7 @@ SHOWN = {
     "compact_tension.py": Shown("stress --scale auto"),
     "disc.geo": Shown("content --time 500"),
     "drop_weight.py": Shown("reaction --condition hammer"),
-    "duran_metre.py": Shown("damage", "--set spacing=2e-3"),
+    "duran_metre.py": Shown("damage --largest 0.5", "--set spacing=2e-3"),
     "fatigue_compact_tension.py": Shown("fatigue"),
     "expanding_ring.py": Shown("crack"),
     "figure_18.geo": Shown("stress --largest 4e7"),
@@ -50,7 +57,7 @@ SHOWN = {
     "cook_membrane.py": Shown("displacement --scale auto"),
     "double_cantilever.py": Shown("sif"),
     "hot_disc.py": Shown("stress"),
-    "kalthoff_winkler_steel.py": Shown("velocity", "--set spacing=1e-3"),
+    "kalthoff_winkler_steel.py": Shown("damage --largest 0.5", "--adapt hybrid --set spacing=5e-4"),
     "kalthoff_winkler_projectile.py": Shown("velocity"),
     "notched_beam.py": Shown("reaction --condition middle"),
     "nooru_mohamed.py": Shown("displacement --scale auto"),
@@ -109,19 +116,40 @@ def picture_of(scene: Path) -> Path:
     return ROOT / "docs" / "gallery" / f"{scene.stem}.png"
 
 
+def texts() -> dict[str, str]:
+    """What is said of each scene, by its name."""
+    parts = re.split(r"^## ", TEXTS.read_text(encoding="utf-8"), flags=re.MULTILINE)[1:]
+    return {name: text.strip() for name, _, text in (part.partition("\n") for part in parts)}
+
+
+def front(scenes: list[Path]) -> list[str]:
+    """A table of pictures, each of which leads to its scene."""
+    found = {scene.stem: f"[![{caption(scene)}](gallery/{scene.stem}.png)](#{scene.stem})" for scene in scenes}
+    shown = [found[name] for name in FRONT]
+    rows = [f"| {' | '.join(shown[at : at + ACROSS])} |" for at in range(0, len(shown), ACROSS)]
+    return [rows[0], "|---" * ACROSS + "|", *rows[1:], ""]
+
+
 def page(scenes: list[Path]) -> str:
     """The page, in Markdown."""
     lines = [
         "# Gallery",
         "",
-        "The scenes in `geometries/`, and what shows them. Written by `python -m benchmarks.gallery`.",
+        "The scenes in `geometries/`: what each shows, its equation, its source, what was measured beside it, and its",
+        "commands. Written by `python -m benchmarks.gallery`.",
         "",
+        *front(scenes),
     ]
+    said = texts()
     for scene in scenes:
-        what = caption(scene)
-        lines += [f"## {scene.stem}", "", what, "", f"![{what}](gallery/{scene.stem}.png)", ""]
+        lines += [f"## {scene.stem}", "", f"![{caption(scene)}](gallery/{scene.stem}.png)", "", said[scene.stem], ""]
         lines += ["```bash", *commands(scene), "```", ""]
     return "\n".join(lines)
+
+
+def shipped() -> list[Path]:
+    """All scenes, by their names."""
+    return sorted(path for path in (ROOT / "geometries").iterdir() if path.suffix in (".geo", ".py"))
 
 
 def main() -> None:
@@ -129,7 +157,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("scenes", nargs="*", help="names of scenes, such as duran50.geo (default: all)")
     asked = parser.parse_args().scenes
-    scenes = sorted(path for path in (ROOT / "geometries").iterdir() if path.suffix in (".geo", ".py"))
+    scenes = shipped()
     if unknown := sorted(set(asked) - {scene.name for scene in scenes}):
         parser.error(f"found {', '.join(unknown)}, expected some of {', '.join(scene.name for scene in scenes)}")
     for scene in scenes:

@@ -1,0 +1,40 @@
+"""The gallery: what is said of each scene, and the pictures above."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from benchmarks.gallery import FRONT, PAGE, page, picture_of, shipped, texts
+
+SHORT = "Acta|Appl|Basic|Comput|Div|Eng|Europhys|Fract|Int|Lett|Lond|Mater|Mech|Proc|Soc|Struct"
+
+
+def test_the_page_is_as_written() -> None:
+    assert PAGE.read_text(encoding="utf-8") == page(shipped())
+    assert {path.stem for path in picture_of(shipped()[0]).parent.glob("*.png")} == {path.stem for path in shipped()}
+
+
+def test_twelve_pictures_stand_above_of_which_one_is_a_fork_in_a_plate() -> None:
+    forks = {
+        "duran50",
+        "duran50_one_scale",
+        "duran_metre",
+        "soda_lime",
+        "soda_lime_one_scale",
+        "forked_crack",
+        "v_notch",
+    }
+    assert len(set(FRONT)) == 12
+    assert len({*forks, "branching_plate"} & set(FRONT)) == 1
+
+
+@pytest.mark.parametrize("name", [path.stem for path in shipped()])
+def test_a_scene_is_explained_in_five_sentences_with_an_equation_and_a_number(name: str) -> None:
+    text = texts()[name]
+    plain = re.sub(r"\$[^$]+\$", "x", re.sub(r"\]\([^)]*\)", "]", text))
+    plain = re.sub(rf"\b({SHORT}|[A-Z])\. ", r"\1 ", plain)
+    assert len(re.findall(r"\.(?: |$)", plain)) == 5
+    assert "$" in text
+    assert re.search(r"\d", plain)
