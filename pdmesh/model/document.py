@@ -40,6 +40,8 @@ from pdmesh.model.medium import Solid as Solid
 from pdmesh.model.medium import Source as Source
 from pdmesh.model.monitors import Gap as Gap
 from pdmesh.model.monitors import LoadCell as LoadCell
+from pdmesh.model.node_records import BEGIN, NodeColumns, NodeRecord, columns_of, taken_out, written
+from pdmesh.model.node_records import END as END_OF_NODES
 from pdmesh.model.output_fields import USUAL, Column
 from pdmesh.model.suggestions import explained
 from pdmesh.model.timed_selection import MOST_STEPS as MOST_STEPS
@@ -274,16 +276,6 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     run: Run = Run()
 
 
-class NodeRecord(msgspec.Struct, frozen=True, gc=False, forbid_unknown_fields=True):
-    """One node of the grid file, with the keys of the thesis."""
-
-    id: Id
-    border: Literal["true", "false"]
-    position: tuple[float, float, float]  # m
-    hole_id: Id
-    delta: tuple[float, float, float]  # m
-
-
 Many = Annotated[int, msgspec.Meta(ge=2, le=10**6)]
 
 
@@ -310,7 +302,7 @@ class Document(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """A whole file: the thesis's two keys, then the optional ones."""
 
     notch: tuple[Crack, ...]
-    nodes: tuple[NodeRecord, ...]
+    nodes: NodeColumns
     version: int = FORMAT_VERSION
     outline: tuple[tuple[Vector, ...], ...] = ()  # exterior rings of the plate, or triangles of a body's surface, m
     holes: tuple[tuple[Point, ...], ...] = ()  # rings; hole_id counts them from 0
@@ -323,20 +315,28 @@ class Document(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     digest: str = ""  # of the text before it; only files hold it
 
 
+class GridFile(Document, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A document as its text has it."""
+
+    nodes: tuple[NodeRecord, ...]  # type: ignore[assignment]
+
+
 def read_document(data: bytes | str, name: str) -> Document:
     """Parse and check the text of a file called `name` in messages. Raises GridError."""
     if not data or data.isspace():
         raise GridError(f"{name}: found nothing in it, expected a grid file")
     try:
-        document = msgspec.json.decode(data, type=Document)
-    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise GridError(f"{name}: {explained(error, Document, lambda: msgspec.json.decode(data))}") from None
-    if document.version not in (FORMAT_VERSION, SPACE_VERSION):
+        text = data.encode() if isinstance(data, str) else data
+        found = taken_out(text)
+        file = msgspec.json.decode(text if found is None else found[0], type=GridFile)
+    except (msgspec.DecodeError, UnicodeError, RecursionError) as error:
+        raise GridError(f"{name}: {explained(error, GridFile, lambda: msgspec.json.decode(data))}") from None
+    if file.version not in (FORMAT_VERSION, SPACE_VERSION):
         raise GridError(
-            f"{name}: $.version: found {document.version}, expected {FORMAT_VERSION}, or {SPACE_VERSION} of a body in"
-            " space"
+            f"{name}: $.version: found {file.version}, expected {FORMAT_VERSION}, or {SPACE_VERSION} of a body in space"
         )
-    return msgspec.structs.replace(document, digest="") if document.digest else document
+    parts = {field: getattr(file, field) for field in file.__struct_fields__}
+    return Document(**parts | {"digest": "", "nodes": columns_of(file.nodes) if found is None else found[1]})
 
 
 def read_file(path: Path) -> Document:
@@ -356,10 +356,9 @@ def encode(document: Document) -> bytes:
     usual = {"physics": "mechanics", "medium": None, "media": (), "contact": None, "bodies": ()}  # is left out
     given = {name: getattr(document, name) for name in document.__struct_fields__ if name not in ("nodes", "digest")}
     fields |= {name: value for name, value in given.items() if name not in usual or value != usual[name]}
-    nodes = msgspec.json.encode(document.nodes).replace(b"},{", b"},\n  {")  # no node has braces inside
     lines = [b"%s: %s" % (msgspec.json.encode(name), msgspec.json.encode(value)) for name, value in fields.items()]
-    head = b"{\n" + b",\n".join([*lines, b'"nodes": [\n  '])
-    return sealed(head, memoryview(nodes)[1:-1], b"\n]")
+    head = b"{\n" + b",\n".join([*lines, BEGIN])
+    return sealed(head, *written(document.nodes), END_OF_NODES)
 
 
 def write_file(document: Document, path: Path) -> None:
@@ -369,7 +368,7 @@ def write_file(document: Document, path: Path) -> None:
 
 def schema() -> dict[str, Any]:
     """The JSON Schema of the file."""
-    found: dict[str, Any] = msgspec.json.schema(Document)
+    found: dict[str, Any] = msgspec.json.schema(GridFile)
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "Peridynamic node grid"} | found
 
 
@@ -378,7 +377,7 @@ def settings_of(document: Document) -> Settings:
     return Settings(**{field: getattr(document, field) for field in Settings.__struct_fields__})
 
 
-def sealed(*head: bytes | memoryview) -> bytes:
+def sealed(*head: bytes) -> bytes:
     """A whole file: `head`, the text of an object up to its last value in parts, and the digest."""
     return b"".join([*head, START, _digest(*head), END])
 

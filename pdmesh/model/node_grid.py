@@ -17,12 +17,12 @@ from pdmesh.model.document import (
     Document,
     GridError,
     Lattice,
-    NodeRecord,
     Settings,
     Vector,
 )
 from pdmesh.model.node_arrays import Bodies as Bodies
 from pdmesh.model.node_arrays import Grid as Grid
+from pdmesh.model.node_records import NodeColumns, columns_of
 from pdmesh.model.number_bounds import LEAST
 from pdmesh.model.whole_lattice import WholeLattice
 from pdmesh.model.whole_lattice import places as places
@@ -36,14 +36,12 @@ def grid_of(document: Document, name: str) -> Grid:
     nodes = document.nodes
     if document.lattice is not None:
         return _grid_of_lattice(document, document.lattice, name)
-    if not nodes:
+    if not len(nodes):
         raise GridError(f"{name}: $.nodes: found none, expected at least one")
-    ids = np.array([node.id for node in nodes])
+    ids, position, delta = nodes.id, nodes.position, nodes.delta
     first, counts = np.unique(ids, return_counts=True)
     if counts.max() > 1:
         raise GridError(f"{name}: $.nodes: id {first[counts.argmax()]} found {counts.max()} times, expected once")
-    position = np.array([node.position for node in nodes])
-    delta = np.array([node.delta for node in nodes])
     d = 3 if document.version == SPACE_VERSION else 2
     try:
         bodies = bodies_of(document.bodies, ids)
@@ -59,8 +57,8 @@ def grid_of(document: Document, name: str) -> Grid:
         ids=ids,
         position=position[:, :d].copy(),
         delta=delta[:, 0].copy(),
-        border=np.array([node.border == "true" for node in nodes]),
-        hole_id=np.array([node.hole_id for node in nodes]),
+        border=nodes.border,
+        hole_id=nodes.hole_id,
         cracks=_cracks(document),
         outline=_rings(document.outline, d),
         holes=_rings(document.holes, d),
@@ -78,7 +76,7 @@ def _grid_of_lattice(document: Document, lattice: Lattice, name: str) -> Grid:
     if len(lattice.counts) != d or len(lattice.origin) != d:
         found = f"{len(lattice.origin)} numbers of its origin and layers {lattice.layers}"
         raise GridError(f"{name}: $.lattice: found {found}, expected {'3 and a number' if d == 3 else '2 and none'}")
-    if document.nodes or document.areas is not None or document.bodies:
+    if len(document.nodes) or document.areas is not None or document.bodies:
         raise GridError(f"{name}: $.lattice: found nodes, areas or bodies besides it, expected none")
     count = math.prod(lattice.counts)
     if count > MOST_NODES:
@@ -181,7 +179,7 @@ def document_of(grid: Grid, settings: Settings) -> Document:
     return Document(
         notch=tuple(map(tuple, cracks) if space else ((x0, y0, 0.0, x1, y1, 0.0) for x0, y0, x1, y1 in cracks)),
         version=SPACE_VERSION if space else FORMAT_VERSION,
-        nodes=() if grid.lattice is not None else _records(grid),
+        nodes=_columns(grid),
         lattice=grid.lattice,
         outline=tuple(tuple(map(tuple, ring.tolist())) for ring in grid.outline),
         holes=tuple(tuple(map(tuple, ring.tolist())) for ring in grid.holes),
@@ -194,19 +192,14 @@ def document_of(grid: Grid, settings: Settings) -> Document:
     )
 
 
-def _records(grid: Grid) -> tuple[NodeRecord, ...]:
-    """All nodes, one by one."""
-    columns = zip(
-        grid.ids.tolist(),
-        np.where(grid.border, "true", "false").tolist(),
-        grid.position.tolist(),
-        grid.hole_id.tolist(),
-        grid.delta.tolist(),
-        strict=True,
-    )
-    if grid.dimension == 3:
-        return tuple(NodeRecord(i, border, (x, y, z), hole, (d, d, d)) for i, border, (x, y, z), hole, d in columns)
-    return tuple(NodeRecord(i, border, (x, y, 0.0), hole, (d, d, 1.0)) for i, border, (x, y), hole, d in columns)
+def _columns(grid: Grid) -> NodeColumns:
+    """All nodes; those of a lattice that stands for them are none."""
+    if grid.lattice is not None:
+        return columns_of(())
+    n, d = grid.position.shape
+    position, delta = np.zeros((n, 3)), np.ones((n, 3))
+    position[:, :d], delta[:, :d] = grid.position, grid.delta[:, None]
+    return NodeColumns(grid.ids, grid.border, position, grid.hole_id, delta)
 
 
 def bodies_of(records: tuple[BodyNodes, ...], ids: NDArray[np.int64]) -> Bodies | None:

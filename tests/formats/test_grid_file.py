@@ -42,6 +42,7 @@ from pdmesh.model.document import (
     write_file,
 )
 from pdmesh.model.node_grid import document_of, grid_of
+from pdmesh.model.node_records import columns_of
 from pdmesh.reports.report import info
 from pdmesh.scene.solids import brick
 from pdsolve.model import read_model
@@ -130,7 +131,7 @@ def test_nodes_are_written_exactly_as_the_thesis_writes_them() -> None:
 def test_schema_names_every_key() -> None:
     found = schema()
     assert found["$schema"].startswith("https://json-schema.org/")
-    assert set(found["$defs"]["Document"]["properties"]) == set(PLAIN) | {
+    assert set(found["$defs"]["GridFile"]["properties"]) == set(PLAIN) | {
         "physics",
         "medium",
         "media",
@@ -164,7 +165,7 @@ def test_written_in_one_step(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_a_write_that_fails_leaves_nothing(tmp_path: Path) -> None:
-    document = Document(notch=(), nodes=(), parameters={"x": object()})  # type: ignore[dict-item]
+    document = Document(notch=(), nodes=columns_of(()), parameters={"x": object()})  # type: ignore[dict-item]
     (tmp_path / "grid.json").write_text("before")
     with pytest.raises(TypeError):
         write_file(document, tmp_path / "grid.json")

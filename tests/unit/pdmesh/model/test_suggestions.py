@@ -8,7 +8,7 @@ import msgspec
 import pytest
 from messages import naming
 
-from pdmesh.model.document import Document, Settings
+from pdmesh.model.document import GridFile, Settings
 from pdmesh.model.suggestions import explained
 
 
@@ -43,8 +43,8 @@ def test_an_unknown_word_is_followed_by_those_that_are_known(text: str, ending: 
 def test_a_value_of_no_certain_place() -> None:
     text = '{"notch": [], "nodes": [], "parameters": {"a": 1, "b": null}}'
     with pytest.raises(msgspec.ValidationError) as error:
-        msgspec.json.decode(text, type=Document)
-    assert explained(error.value, Document, lambda: msgspec.json.decode(text)).endswith("at `$.parameters[...]`")
+        msgspec.json.decode(text, type=GridFile)
+    assert explained(error.value, GridFile, lambda: msgspec.json.decode(text)).endswith("at `$.parameters[...]`")
 
 
 def test_a_word_deep_in_a_grid_file() -> None:
@@ -52,5 +52,5 @@ def test_a_word_deep_in_a_grid_file() -> None:
         '{"notch": [], "nodes": [{"id": 1, "border": "yes", "position": [0, 0, 0], "hole_id": -1, "delta": [1, 1, 1]}]}'
     )
     with pytest.raises(msgspec.ValidationError) as error:
-        msgspec.json.decode(text, type=Document)
-    assert explained(error.value, Document, dict).endswith("at `$.nodes[0].border`, expected false or true")
+        msgspec.json.decode(text, type=GridFile)
+    assert explained(error.value, GridFile, dict).endswith("at `$.nodes[0].border`, expected false or true")

@@ -6,7 +6,6 @@ import json
 from collections.abc import Callable
 from typing import Any
 
-import msgspec
 import pytest
 from plates import GLASS
 
@@ -16,7 +15,7 @@ from pdmesh.drawing.plate_of_groups import scene_of
 from pdmesh.drawing.plate_places import Group
 from pdmesh.grid import soundness
 from pdmesh.grid.lattice import build_grid
-from pdmesh.model.document import Document, encode, read_document
+from pdmesh.model.document import encode, read_document
 from pdmesh.model.node_grid import document_of
 
 NAN, INF, TINY = float("nan"), float("inf"), 5e-324
@@ -95,7 +94,7 @@ def outcome(make: Callable[[], Scene]) -> str:
     document = document_of(grid, settings)
     text = encode(document)
     assert len(grid) < 100_000
-    assert read_document(text, "model") == msgspec.convert(msgspec.to_builtins(document), Document)
+    assert encode(read_document(text, "model")) == text
     json.loads(text, parse_constant=pytest.fail)
     return ""
 

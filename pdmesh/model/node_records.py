@@ -1,0 +1,133 @@
+"""The nodes of a grid file: records in its text, columns in memory.
+
+Text is read and written some hundred records at a time, which stay in the processor's cache.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields
+from itertools import chain
+from struct import pack
+from typing import TYPE_CHECKING, Any, Literal
+
+import msgspec
+
+from pdmesh.model.timed_selection import Id
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+BEGIN, END, BETWEEN = b'"nodes": [\n  ', b"\n]", b",\n  "  # of the records in the text of a file
+READ, WRITTEN = 65_536, 256  # bytes; nodes
+
+
+class NodeRecord(msgspec.Struct, frozen=True, gc=False, forbid_unknown_fields=True):
+    """One node of the grid file, with the keys of the thesis."""
+
+    id: Id
+    border: Literal["true", "false"]
+    position: tuple[float, float, float]  # m
+    hole_id: Id
+    delta: tuple[float, float, float]  # m
+
+
+DECODER = msgspec.json.Decoder(list[NodeRecord])
+
+
+@dataclass(frozen=True, eq=False)
+class NodeColumns:
+    """The same of all nodes."""
+
+    id: NDArray[np.int64]  # (n,)
+    border: NDArray[np.bool_]  # (n,)
+    position: NDArray[np.float64]  # (n, 3) m
+    hole_id: NDArray[np.int64]  # (n,)
+    delta: NDArray[np.float64]  # (n, 3) m
+
+    def __len__(self) -> int:
+        return len(self.id)
+
+    def __eq__(self, other: object) -> bool:
+        import numpy as np
+
+        names = [field.name for field in fields(self)]
+        return isinstance(other, NodeColumns) and all(
+            np.array_equal(getattr(self, name), getattr(other, name)) for name in names
+        )
+
+    __hash__ = None  # type: ignore[assignment]
+
+
+def columns_of(records: Sequence[NodeRecord]) -> NodeColumns:
+    """The columns of records."""
+    import numpy as np
+
+    n = len(records)
+    position = chain.from_iterable([record.position for record in records])
+    delta = chain.from_iterable([record.delta for record in records])
+    return NodeColumns(  # packing takes half the time of numpy's own conversion
+        np.frombuffer(pack(f"{n}q", *[record.id for record in records]), np.int64),
+        np.array([record.border == "true" for record in records], bool),
+        np.frombuffer(pack(f"{3 * n}d", *position)).reshape(n, 3),
+        np.frombuffer(pack(f"{n}q", *[record.hole_id for record in records]), np.int64),
+        np.frombuffer(pack(f"{3 * n}d", *delta)).reshape(n, 3),
+    )
+
+
+def taken_out(text: bytes) -> tuple[bytes, NodeColumns] | None:
+    """The text of a file without its nodes, and these; None if its lines are not those of `written`, or wrong."""
+    import numpy as np
+
+    start, end = text.find(BEGIN) + len(BEGIN), text.rfind(END)
+    if start < len(BEGIN) or end <= start:
+        return None
+    try:
+        parts = [columns_of(DECODER.decode(b"[%b]" % part)) for part in _parts(text, start, end)]
+    except (msgspec.DecodeError, UnicodeDecodeError):
+        return None
+    names = [field.name for field in fields(NodeColumns)]
+    every = (np.concatenate([getattr(part, name) for part in parts]) for name in names)
+    return text[:start] + text[end:], NodeColumns(*every)
+
+
+def _parts(text: bytes, start: int, end: int) -> Iterator[bytes]:
+    """Some lines each of a text from `start` to `end`."""
+    while start < end:
+        found = text.find(BETWEEN, start + READ, end)
+        stop = end if found < 0 else found
+        yield text[start:stop]
+        start = stop + len(BETWEEN)
+
+
+def written(nodes: NodeColumns) -> Iterator[bytes]:
+    """The records, a line for each node, in pieces."""
+    for at in range(0, len(nodes), WRITTEN):
+        yield (BETWEEN if at else b"") + _lines(nodes, slice(at, at + WRITTEN))
+
+
+def _lines(nodes: NodeColumns, some: slice) -> bytes:
+    """Lines of some nodes; what is the same in all of them is put into words once."""
+    line, varying = b"{", list[list[bytes]]()
+    for before, column, after in (
+        (b'"id":', nodes.id, b""),
+        (b',"border":"', nodes.border, b'"'),
+        (b',"position":[', nodes.position, b"]"),
+        (b',"hole_id":', nodes.hole_id, b""),
+        (b',"delta":[', nodes.delta, b"]"),
+    ):
+        values = column[some]
+        same = bool((values == values[0]).all())
+        texts = _texts(values[:1] if same else values)
+        line += before + (texts[0] if same else b"%b") + after
+        if not same:
+            varying.append(texts)
+    count = len(nodes.id[some])
+    return BETWEEN.join([line + b"}"] * count) % tuple(chain.from_iterable(zip(*varying, strict=True)))
+
+
+def _texts(values: NDArray[Any]) -> list[bytes]:
+    """Each of the values (n,) or rows (n, 3) in words."""
+    text = msgspec.json.encode(values.tolist())
+    return text[1:-1].split(b",") if values.ndim == 1 else text[2:-2].split(b"],[")
