@@ -75,6 +75,47 @@ def test_a_penalty_that_is_too_stiff_for_the_step(failure: Callable[..., None], 
     )
 
 
+def shear(slope: float) -> float:
+    """Force along two parallel faces over the mean one across, the largest while one slides two spacings, no friction.
+
+    The faces have this slope to the rows of the nodes; the upper one is .05 of a spacing deep in the lower one.
+    """
+    x, y = (each.ravel() for each in np.meshgrid(H * (np.arange(48) + 0.5), H * (np.arange(40) + 0.5)))
+    above = y - slope * (x - 0.24) - 0.2
+    upper = (above > 0) & (above < 0.08) & (np.abs(x - 0.24) < 0.1)
+    grid = grid_of([np.column_stack([x, y])[some] for some in (above < 0, upper)], H)
+    system, state = prepare(moving(grid, (0.0, 0.0), Contact()), Options(threads=1))
+    assert system.contact is not None
+    own = grid.bodies.number == 1  # type: ignore[union-attr]
+    along = np.array([1.0, slope]) / np.hypot(1, slope)
+    across, found = np.array([-along[1], along[0]]), []
+    for way in np.linspace(0, 2, 21):
+        out = np.zeros_like(state.value)
+        state.value[own] = H * (way * along - 0.05 * across)
+        system.contact.add(state, out, 1, 1e-9)
+        found.append((out * system.area[:, None])[own].sum(axis=0) @ np.column_stack([along, across]))
+    drag, normal = np.abs(found).T
+    return float(drag.max() / normal.mean())
+
+
+def test_faces_that_interlock(failure: Callable[..., None]) -> None:
+    """Inclined faces that interlock.
+
+    A face that is inclined to the rows of nodes is a stair. Normals from the nodes around smooth its steps, but not
+    wholly: two such faces catch each other like teeth.
+    """
+    along, inclined = shear(0.0), shear(0.2)
+    assert along < 0.01
+    assert 0.3 < inclined < 3
+    failure(
+        fails=f"Two faces slide on each other without friction. Along a row of nodes the largest force along them is"
+        f" {along:.3f} of that across; where they rise by 1 in 5 it is {inclined:.1f} of it.",
+        noticed="Not at all: energy balances, and the force is equal and opposite.",
+        says=[],
+        cure="Draw bodies so that the faces that slide lie along x or y; a finer lattice has smaller teeth, not fewer.",
+    )
+
+
 def spun(shape: object, radius: float | None = None) -> float:
     """Spin, over that at the start, of a rigid body that hits a plate askew without friction."""
     scene = Scene(box(0, 0, 1, 0.1), H, UNIT)
