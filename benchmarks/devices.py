@@ -4,8 +4,6 @@ Plates and a body of brittle bonds, none of which breaks, march on the device an
 turns; the least time of a step counts. Where the device is the processor itself (PoCL) processor time counts, else that
 of the clock. The roofline is what the device reaches in two kernels of a few lines, a copy and sums of products, over
 what a bond takes: `taken` counts its operations and its bytes. A bond is summed from both of its ends.
-
-`--wide` also sums plates in a second form, 8 nodes a work item with their numbers in vectors (benchmarks/wide.cl).
 """
 
 from __future__ import annotations
@@ -25,10 +23,8 @@ from pdmesh.grid.building import build
 from pdmesh.model.document import Horizon, InitialVelocity, Lattice, Material, Run, Settings
 from pdmesh.model.node_grid import whole_lattice
 from pdsolve.model import Model, on_device
-from pdsolve.operators.device.plane import PlaneOnDevice
 from pdsolve.operators.device.runtime import Session
 from pdsolve.operators.device.source import preamble
-from pdsolve.operators.simd_lattice.pull import coefficients
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
 from pdsolve.run.system import Prepared
@@ -128,33 +124,7 @@ def least(work: Callable[[], Any], session: Session, clock: Callable[[], float])
     return min(found[1:])
 
 
-def wide(prepared: Prepared, precision: str, clock: Callable[[], float]) -> float:
-    """Seconds of the sums of a plate in the second form. Raises ValueError if its forces are others."""
-    operator = prepared.system.operator
-    assert isinstance(operator, PlaneOnDevice)
-    session, state = operator.session, prepared.state
-    text, kind = (Path(__file__).parent / "wide.cl").read_text(encoding="utf-8"), np.dtype(precision).type
-    factors = [f"(WIDE_REAL)({float(kind(factor)).hex()})" for factor in coefficients(precision)[0]]
-    value = factors[-1]
-    for factor in factors[-2::-1]:
-        value = f"fma({value}, e, {factor})"
-    summed = session.build(f"{preamble(precision, 2)}\n#define POLYNOMIAL(e) {value}\n{text}").summed
-    random = np.random.default_rng(1)
-    state.value[:] = 1e-9 * random.standard_normal(state.value.shape)
-    u, f = session.put(operator.spread(state.value)), session.put(np.zeros((2, operator.room), dtype=precision))
-    arguments = [*operator.arguments[:5], u, f, np.int32(operator.room)]
-    found = least(lambda: session.launch(summed, (operator.room // EIGHT, EIGHT), arguments), session, clock)
-    forces, expected = np.zeros((2, operator.room), dtype=precision), np.zeros(state.value.shape)
-    session.read(f, forces)
-    operator.add(state, expected, 0, 0.0)
-    if not np.array_equal(forces[:, : len(expected)].T.astype(float), expected):
-        raise ValueError(
-            f"benchmarks.devices: found other forces in vectors on {session.about.name}, expected the same"
-        )
-    return found
-
-
-def measured(name: str, device: str, vectors: bool) -> list[dict[str, Any]]:
+def measured(name: str, device: str) -> list[dict[str, Any]]:
     """What a model takes on a device and on one thread, in both precisions."""
     model, found = cube() if name == "body" else plate(*SIDES[name]), []
     for precision in ("float64", "float32"):
@@ -174,8 +144,6 @@ def measured(name: str, device: str, vectors: bool) -> list[dict[str, Any]]:
         row |= {"bonds": bonds, "processor": bonds / own, "on the device": bonds / other}
         row |= {"bytes a second": bandwidth, "operations a second": operations, **each._asdict()}
         row["roofline"] = min(bandwidth / each.bytes, operations / each.operations)
-        if vectors and name != "body":
-            row["in vectors"] = bonds / wide(there, precision, clock)
         found.append(row)
     return found
 
@@ -186,7 +154,7 @@ def chart(rows: list[dict[str, Any]], path: Path) -> None:
 
     figure = Figure(figsize=(8, 4), layout="constrained")
     axes = figure.subplots()
-    names = [name for name in ("processor", "on the device", "in vectors", "roofline") if any(name in r for r in rows)]
+    names = [name for name in ("processor", "on the device", "roofline") if any(name in r for r in rows)]
     for number, name in enumerate(names):
         place = np.arange(len(rows)) + 0.8 * (number / len(names) - 0.4)
         axes.bar(place, [row.get(name, np.nan) / 1e6 for row in rows], 0.8 / len(names), label=name)
@@ -202,13 +170,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--device", default="opencl")
     parser.add_argument("--models", nargs="+", choices=[*SIDES, "body"], default=[*SIDES, "body"])
-    parser.add_argument("--wide", action="store_true", help="the second form too")
     parser.add_argument("--chart", type=Path)
     parser.add_argument("-o", "--output", type=Path)
     given = parser.parse_args()
-    rows = [row for name in given.models for row in measured(name, given.device, given.wide)]
+    rows = [row for name in given.models for row in measured(name, given.device)]
     for row in rows:
-        speeds = {name: value for name, value in row.items() if name in ("processor", "on the device", "in vectors")}
+        speeds = {name: value for name, value in row.items() if name in ("processor", "on the device")}
         words = ", ".join(f"{name} {value / 1e6:.0f}" for name, value in speeds.items())
         print(
             f"{row['model']} ({row['nodes']} nodes, {row['precision']}): {words} M bonds/s; roofline"

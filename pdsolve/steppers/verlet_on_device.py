@@ -71,9 +71,10 @@ class VerletOnDevice:
 
     def _source(self, kind: Any, damped: bool) -> str:
         """The program of the run."""
-        own = ["#define DAMPED"] if damped else ["#define FUSED"] if self._operator.fused else []
-        parts = [preamble(kind.name, self._operator.dimension), *own, self._operator.source(), text_of("verlet.cl")]
-        return "\n".join(parts)
+        operator = self._operator
+        own = ["#define DAMPED"] if damped else ["#define FUSED"] if operator.fused else []
+        first = preamble(kind.name, operator.dimension, operator.together)
+        return "\n".join([first, *own, operator.source(), text_of("verlet.cl")])
 
     def _place_conditions(self) -> None:
         """Put loads and holds on the device, by the nodes on which they act."""
@@ -117,7 +118,7 @@ class VerletOnDevice:
         numbers = np.int32(self._factors.count), np.int32(drive.varies), np.float64(self._dt)
         last = (np.int32(each) for each in (operator.room, step, phase, at))
         arguments = [*operator.arguments, *motion, *acting, self._factors.buffer, *numbers, *last]
-        self.session.launch(self._kernel, (operator.room, LANES), arguments)
+        self.session.launch(self._kernel, (operator.room // operator.together, LANES // operator.together), arguments)
         self._u, self._v = [now, after, before], self._v[::-1]
 
     def _sum_here(self, operator: FamiliesOnDevice, step: int) -> None:

@@ -30,6 +30,8 @@ from pdsolve.state import Broken
 class FamiliesOnDevice(Padded, Families):
     """The families of n nodes whose steps a device takes; see `pdsolve.steppers.verlet_on_device`."""
 
+    together = 1  # nodes that a work item sums
+
     def __init__(
         self,
         law: Law,

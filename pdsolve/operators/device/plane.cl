@@ -25,9 +25,9 @@ are (fma), and nowhere else. Symbols as in `Blocks`; m nodes in whole blocks.
 /* 1 / (1 + e + sqrt(1 + e)) */
 inline REAL over_root(REAL e, REAL size) {
   if (size <= (REAL)NARROW)
-    return polynomial_narrow(e);
+    return POLYNOMIAL_NARROW(REAL, e);
   if (size <= (REAL)WIDE)
-    return polynomial_wide(e);
+    return POLYNOMIAL_WIDE(REAL, e);
   REAL q2 = (REAL)1 + e;
   return (REAL)1 / (q2 + sqrt(q2));
 }
@@ -110,3 +110,58 @@ inline void sum_bonds(FORCE_PARAMETERS, __global const REAL *before, __global co
   force[0] = fx;
   force[1] = fy;
 }
+
+#ifdef TOGETHER
+/* Force densities (DIM, 8) on the nodes from i on, in vectors; false where a bond of theirs is long, has softened or is
+   over its limit, and nodes are summed one by one. */
+inline bool sum_short(FORCE_PARAMETERS, __global const REAL *u, int m, int i, SUM *force) {
+  int b = i / 64, lane = i % 64, first = start[b], last = start[b + 1];
+  REALS here_x = vload8(0, u + i), here_y = vload8(0, u + m + i), fx = 0, fy = 0;
+  INTEGERS others = 0;
+  uint8 lost = 0;
+  uint some = 0;
+  for (int slot = first; slot < last; ++slot) {
+    int at = (slot - first) % 32;
+    if (at == 0) {
+      long place = (long)((slot - first) / 32) * m + i;
+#ifdef SOFTENS
+      uint8 softened = vload8(0, soft + place);
+      if (ANY_OF(softened))
+        return false;
+#endif
+      lost = vload8(0, gone + place);
+      some = ANY_OF(lost);
+    }
+    __global const int *row = slots + 8L * slot;
+    __global const REAL *v = vectors + 8 * row[4];
+    int way = row[lane / 16];
+    REALS w = vload8(0, stiffness + 64 * row[5] + lane), most = vload8(0, edge + 64 * row[6] + lane), x, y;
+    if (some >> at & 1) {
+      INTEGERS out = WIDENED(TO_INTEGER)((lost >> (uint)at & 1u) != 0u);
+      w = select(w, (REALS)0, out);
+      most = select(most, (REALS)INFINITY, out);
+    }
+    if (way < FAR) {
+      x = vload8(0, u + i + way);
+      y = vload8(0, u + m + i + way);
+    } else {
+      __global const int *j = ids + 16L * (way - FAR) + lane % 16;
+      x = (REALS)(u[j[0]], u[j[1]], u[j[2]], u[j[3]], u[j[4]], u[j[5]], u[j[6]], u[j[7]]);
+      y = (REALS)(u[m + j[0]], u[m + j[1]], u[m + j[2]], u[m + j[3]], u[m + j[4]], u[m + j[5]], u[m + j[6]], u[m + j[7]]);
+    }
+    x -= here_x;
+    y -= here_y;
+    REALS along = fma((REALS)v[4], x, (REALS)v[2]) * x;
+    REALS e = fma(fma((REALS)v[4], y, (REALS)v[3]), y, along);
+    e = select(e, (REALS)0, w == 0 && isinf(most));
+    others |= e > most || fabs(e) > (REALS)NARROW;
+    REALS pull = w * e;
+    pull *= POLYNOMIAL_NARROW(REALS, e);
+    fx = fma(pull, (REALS)v[0] + x, fx);
+    fy = fma(pull, (REALS)v[1] + y, fy);
+  }
+  vstore8(fx, 0, force);
+  vstore8(fy, 0, force + 8);
+  return !any(others);
+}
+#endif

@@ -11,7 +11,7 @@ from pdsolve.laws.calls import functions_of
 from pdsolve.laws.law import Law
 from pdsolve.operators.device.padded import Padded
 from pdsolve.operators.device.runtime import Session
-from pdsolve.operators.device.source import pair_functions
+from pdsolve.operators.device.source import pair_functions, together
 from pdsolve.operators.protocol import Kept
 from pdsolve.operators.simd_lattice import layout
 from pdsolve.operators.simd_lattice.kernel import LANES, LIMITS, Blocks
@@ -40,6 +40,7 @@ class PlaneOnDevice(Padded, SimdLattice):
         """Arguments are those of `SimdLattice`. Raises ModelError if the device has too little memory."""
         super().__init__(law, blocks, stiffest, symmetric, softens)
         self.session, self.dimension, self.fused, self.stale = session, 2, True, True
+        self.together = together(session.about.kind)
         self.room = self.tracks.v.shape[1]
         self._remembers = bool(self.tracks.worst.size)
         words = -(-int(np.diff(blocks.start).max(initial=1)) // WORD)

@@ -41,8 +41,26 @@ def body_functions(functions: Mapping[str, Function], numbers: Mapping[str, int 
     return "\n".join([law.source, *(f"#define {name} {value}" for name, value in defined.items()), text_of(file)])
 
 
-def preamble(precision: str, dimension: int) -> str:
-    """Types, constants and polynomials of a run; no product and sum is rounded once unless it is written so."""
+VECTORS = """
+#define JOINED(a, b) a##b
+#define WIDENED(a) JOINED(a, 8)
+#define REALS WIDENED(REAL)
+#define INTEGERS WIDENED(INTEGER)
+#define ANY_OF(a) ((a).s0 | (a).s1 | (a).s2 | (a).s3 | (a).s4 | (a).s5 | (a).s6 | (a).s7)
+#define ALL_OF(a) ((a).s0 & (a).s1 & (a).s2 & (a).s3 & (a).s4 & (a).s5 & (a).s6 & (a).s7)
+"""
+
+
+def together(kind: str) -> int:
+    """How many nodes a work item of a kind of device sums: in vectors by a processor; a GPU's is a lane of its own."""
+    return 8 if kind == "CPU" else 1
+
+
+def preamble(precision: str, dimension: int, nodes: int = 1) -> str:
+    """Types, constants and polynomials of numbers or vectors; no product and sum is rounded once unless written so.
+
+    `nodes` are those that a work item sums.
+    """
     kind = np.dtype(precision).type
     real = "double" if kind is np.float64 else "float"
     lines = [
@@ -50,14 +68,18 @@ def preamble(precision: str, dimension: int) -> str:
         "#pragma OPENCL FP_CONTRACT OFF",
         f"#define REAL {real}",
         f"#define DIM {dimension}",
+        f"#define INTEGER {'long' if real == 'double' else 'int'}",  # as wide
+        f"#define TO_INTEGER convert_{'long' if real == 'double' else 'int'}",
         f"#define FAR {FAR}",
         f"#define NARROW {NARROW.hex()}",
         f"#define WIDE {WIDE.hex()}",
     ]
-    for name, factors in zip(("narrow", "wide"), coefficients(precision), strict=True):
-        exact = [f"(REAL){float(kind(factor)).hex()}" for factor in factors]
+    if nodes > 1:
+        lines += [f"#define TOGETHER {nodes}", VECTORS]
+    for name, factors in zip(("NARROW", "WIDE"), coefficients(precision), strict=True):
+        exact = [f"(KIND)({float(kind(factor)).hex()})" for factor in factors]
         value = exact[-1]
         for factor in exact[-2::-1]:
             value = f"fma({value}, e, {factor})"
-        lines.append(f"inline REAL polynomial_{name}(REAL e) {{ return {value}; }}")
+        lines.append(f"#define POLYNOMIAL_{name}(KIND, e) {value}")
     return "\n".join(lines)

@@ -105,7 +105,7 @@ inline void sum_bonds(FORCE_PARAMETERS, __global const REAL *before, __global co
       REAL q2 = (REAL)1 + e;
       g = (REAL)1 / (q2 + sqrt(q2));
     } else {
-      g = polynomial_narrow(e);
+      g = POLYNOMIAL_NARROW(REAL, e);
     }
     REAL w = row[PULL];
     if (of != ALIKE) {
@@ -128,3 +128,63 @@ inline void sum_bonds(FORCE_PARAMETERS, __global const REAL *before, __global co
   for (int axis = 0; axis < 3; ++axis)
     force[axis] = (double)sums[axis];
 }
+
+#ifdef TOGETHER
+/* Force densities (DIM, 8) on the sites from i on, in vectors; false where there is no node, or a bond of theirs is long
+   or of a tile with softened ones, and sites are summed one by one. */
+inline bool sum_short(FORCE_PARAMETERS, __global const REAL *u, int m, int i, SUM *force) {
+  if (all(vload8(0, node + i) < 0))
+    return false;
+  int tile = (i - MARGIN) / 16, of = kind[tile];
+#ifdef SOFTENS
+  if (memory[tile])
+    return false;
+#endif
+  REALS here[3], corrected[3], sums[3];
+  for (int axis = 0; axis < 3; ++axis) {
+    here[axis] = vload8(0, u + (long)axis * m + i);
+    corrected[axis] = vload8(0, c + (long)axis * m + i);
+    sums[axis] = 0;
+  }
+  REALS half_modulus = vload8(0, cells + m + i);
+  INTEGERS others = 0;
+  uint8 there = 0;
+  uint every = 0;
+  for (int slot = 0; slot < COUNT; ++slot) {
+    int at = slot % 32, j = i + offsets[slot];
+    if (at == 0) {
+      there = vload8(0, intact + (long)(slot / 32) * m + i);
+      every = ALL_OF(there);
+    }
+    __global const REAL *row = table + 12 * slot;
+    REALS eta[3], e = 0;
+    for (int axis = 0; axis < 3; ++axis) {
+      eta[axis] = vload8(0, u + (long)axis * m + j) - here[axis];
+      e = fma(fma((REALS)row[INVERSE], eta[axis], (REALS)row[3 + axis]), eta[axis], e);
+    }
+    REALS w = row[PULL];
+    if (of != ALIKE) {
+      w = (REALS)row[SHARES] * (vload8(0, c + j) + corrected[0]);
+      for (int axis = 1; axis < 3; ++axis)
+        w = fma((REALS)row[SHARES + axis], vload8(0, c + (long)axis * m + j) + corrected[axis], w);
+      if (of >= GENERAL) {
+        w *= vload8(0, cells + j);
+        w *= vload8(0, cells + m + j) + half_modulus;
+      }
+    }
+    if (!(every >> at & 1)) {
+      INTEGERS out = WIDENED(TO_INTEGER)((there >> (uint)at & 1u) == 0u);
+      w = select(w, (REALS)0, out);
+      e = select(e, (REALS)0, out);
+    }
+    others |= fabs(e) > (REALS)NEAR;
+    REALS eg = e * POLYNOMIAL_NARROW(REALS, e), pull = w * eg;
+    for (int axis = 0; axis < 3; ++axis)
+      sums[axis] = fma(pull, (REALS)row[axis] + eta[axis], sums[axis]);
+  }
+  for (int axis = 0; axis < 3; ++axis)
+    for (int k = 0; k < 8; ++k)
+      force[8 * axis + k] = (double)((REAL *)&sums[axis])[k];
+  return !any(others);
+}
+#endif

@@ -11,7 +11,7 @@ from pdsolve.errors import UnstableError
 from pdsolve.laws.calls import functions_of
 from pdsolve.laws.law import Law
 from pdsolve.operators.device.runtime import Session
-from pdsolve.operators.device.source import body_functions
+from pdsolve.operators.device.source import body_functions, together
 from pdsolve.operators.protocol import Kept
 from pdsolve.operators.simd_lattice.lanes import ROW
 from pdsolve.operators.space_lattice import families, layout
@@ -37,6 +37,7 @@ class SpaceOnDevice(SpaceLattice):
         super().__init__(law, tiles, sites, stiffest, symmetric, 1)
         self.session, self.dimension, self.fused, self.stale = session, 3, False, True
         self.room = -(-sites.size // GROUP) * GROUP
+        self.together = together(session.about.kind)
         self._words, self._most = -(-len(tiles.offsets) // WORD), max(FEWEST, EACH * len(stiffest))
         self._most = min(self._most, int(families.counts(tiles.bits, sites).sum()))
         tables = (tiles.offsets, tiles.table, tiles.c, tiles.cells, tiles.kind, tiles.peak, tiles.limit)

@@ -25,6 +25,7 @@ from pdmesh.model.document import Absorb, Acceleration, Displacement, InitialVel
 from pdsolve.errors import DeviceLostError
 from pdsolve.model import Model, ModelError, on_device
 from pdsolve.operators.device import runtime, source
+from pdsolve.operators.device.plane import PlaneOnDevice
 from pdsolve.results import Results
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Options, resume, simulate
@@ -88,6 +89,30 @@ def test_steps_from_anywhere(name: str, mode: str, law: str, precision: str) -> 
     same(*problems)
 
 
+def test_a_node_a_work_item(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The form of GPUs, of which a work item is a lane: the same bits as in vectors."""
+    described = runtime._described
+    monkeypatch.setattr(runtime, "_described", lambda *given: described(*given)._replace(kind="GPU"))
+    problems = two(plate(GRIDS["two scales"], material=MATERIALS["bilinear"]))
+    for problem in problems:
+        problem.state.value[:] = 1e-6 * np.random.default_rng(3).standard_normal(problem.state.value.shape)
+        problem.march(1, 8)
+    assert 0 < len(broken(problems[0]).step) < 0.9 * problems[0].system.bonds
+    same(*problems)
+
+
+def test_short_bonds_are_summed_in_vectors(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without the form for one node, a plate moves as it should as long as its bonds are short."""
+    source_of = PlaneOnDevice.source
+    monkeypatch.setattr(PlaneOnDevice, "source", lambda of: source_of(of) + "\n#define sum_bonds(...) f[0] = f[1] = 0")
+    here, there = two(plate(GRIDS["two scales"]))
+    for size, alike in ((1e-9, True), (5e-6, False)):
+        for problem in (here, there):
+            problem.state.value[:] = size * np.random.default_rng(3).standard_normal(problem.state.value.shape)
+            problem.march(1, 3)
+        assert np.array_equal(here.state.rate, there.state.rate) == alike
+
+
 DRIVEN = {
     "loads that change": {},
     "damping": {"run": Run(time_step=40e-9, damping=3e5)},
@@ -133,7 +158,7 @@ def expect_the_same_elsewhere(model: Model, first: str, then: str, stop: int, fo
     stopped, whole = folder / "stopped.sqlite", folder / "whole.sqlite"
     simulate(on_device(model, first), stopped, Options(threads=1), lambda progress: progress.step >= stop).close()
     with Results.open(stopped) as results:
-        assert 0 < results.checkpoint()[0] < 90
+        assert 0 < results.checkpoint()[0] < model.settings.run.steps
         assert len(results.breaks().step) > 0
     resume(stopped, 1, device=then).close()
     simulate(model, whole, Options(threads=1)).close()
@@ -205,14 +230,11 @@ def test_bodies_that_soften(law: dict[str, Any], precision: str) -> None:
     same(*problems)
 
 
-def test_a_body_goes_on_elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(("first", "then"), [("cpu", "opencl"), ("opencl", "cpu")])
+def test_a_body_goes_on_elsewhere(first: str, then: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     model = bar(run=Run(time_step=1e-4, steps=120, every=40, ledger=20))
     monkeypatch.setattr("pdsolve.run.simulation.PATIENCE", 1.0)
-    stopped, whole = tmp_path / "stopped.sqlite", tmp_path / "whole.sqlite"
-    simulate(model, stopped, Options(threads=1), lambda progress: progress.step >= 90).close()
-    resume(stopped, 1, device="opencl").close()
-    simulate(model, whole, Options(threads=1)).close()
-    alike(stopped, whole)
+    expect_the_same_elsewhere(model, first, then, 90, tmp_path)
 
 
 FAMILIES = {

@@ -17,6 +17,7 @@ from pdmesh.model.document import Concentration, Exchange, MediumRegion, Run, So
 from pdmesh.model.medium import Medium
 from pdsolve.model import Model, ModelError, on_device
 from pdsolve.options import Options
+from pdsolve.results import Results
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import resume, simulate
 
@@ -62,11 +63,16 @@ def test_steps(name: str) -> None:
     assert there.system.device != "cpu"
 
 
-def test_an_interrupted_run_goes_on_elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(("first", "then"), [("cpu", "opencl"), ("opencl", "cpu")])
+def test_an_interrupted_run_goes_on_elsewhere(
+    first: str, then: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("pdsolve.run.simulation.PATIENCE", 1.0)
     given, stopped, whole = disc(0.25, 600, every=10), tmp_path / "stopped.sqlite", tmp_path / "whole.sqlite"
-    simulate(given, stopped, Options(threads=1), lambda progress: progress.step >= 150).close()
-    resume(stopped, 1, device="opencl").close()
+    simulate(on_device(given, first), stopped, Options(threads=1), lambda progress: progress.step >= 150).close()
+    with Results.open(stopped) as results:
+        assert 0 < results.checkpoint()[0] < 600
+    resume(stopped, 1, device=then).close()
     simulate(given, whole, Options(threads=1)).close()
     found, expected = contents(stopped), contents(whole)
     assert {name: rows for name, rows in found.items() if name != "meta"} == {
