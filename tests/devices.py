@@ -7,10 +7,18 @@ import os
 import shutil
 import tempfile
 from functools import cache
+from pathlib import Path
+from typing import Any
 
+import msgspec
 import pytest
+from whole import contents
 
-from pdsolve.model import ModelError
+from pdmesh import Body, Box
+from pdmesh.drawing.solids import meshed
+from pdmesh.grid.building import build
+from pdmesh.model.document import Material, Region
+from pdsolve.model import Model, ModelError
 from pdsolve.operators.device.runtime import devices
 
 os.environ["POCL_CACHE_DIR"] = fresh = tempfile.mkdtemp(prefix="pocl-")
@@ -27,3 +35,20 @@ def missing() -> str:
 
 
 needs_opencl = pytest.mark.skipif(bool(missing()), reason=missing() or "nothing")
+
+
+def bar(law: dict[str, Any] | None = None, **settings: Any) -> Model:
+    """A bar of two materials, bent and pulled until it breaks."""
+    brittle = Material(E=1e6, rho=1000.0, G0=3.0, micromodulus="constant", plane="space", **(law or {}))
+    body = Body(Box((0, 0, 0), (0.7, 0.5, 0.4)), 0.05, brittle).fix("left").load("right", (4e4, 0, 1e3))
+    found = build(meshed(body))
+    stiffer = Region(material=msgspec.structs.replace(brittle, E=2e6), box=(0.0, 0.0, 0.0, 0.35, 1.0, 1.0))
+    return Model(found.grid, msgspec.structs.replace(found.settings, regions=(stiffer,), **settings))
+
+
+def alike(found: Path, expected: Path) -> None:
+    """Expect files to have the same in all tables but that whose model names its device."""
+    rows, others = contents(found), contents(expected)
+    assert rows.keys() == others.keys()
+    for name in rows.keys() - {"meta"}:
+        assert rows[name] == others[name], name
