@@ -25,5 +25,8 @@ def sections(text: str) -> list[str]:
 
 
 def pictured(name: str) -> str:
-    """A picture on a page, called as its file is."""
-    return f"![{', '.join(Path(name).stem.replace('_', ' ').split('.'))}]({name})"
+    """A picture on a page, described by the parts of its file's name: what, scene, mode, step."""
+    words = Path(name).stem.replace("_", " ").split(".")
+    step = f" after step {words.pop()}" if words[-1].isdigit() else ""
+    mode = f" in {words.pop()} mode" if words[-1] in ("thesis", "conservative") else ""
+    return f"![{' of '.join(words)}{mode}{step}]({name})"

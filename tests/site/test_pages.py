@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-from pages import DOCS, blocks
+from pages import DOCS, EVERY, blocks, named
 from plates import ROOT
 
 from pdsolve.study.description import read_study
@@ -21,6 +22,27 @@ def test_a_study_that_is_shown_is_one(tmp_path: Path) -> None:
     assert len(read_study(tmp_path / "study.toml").cases()) == 2 * 2 * 5
 
 
+@pytest.mark.parametrize("page", EVERY, ids=named)
+def test_a_picture_is_described_in_words(page: Path) -> None:
+    for words, picture in re.findall(r"!\[([^\]]*)\]\(([^)]+)\)", page.read_text(encoding="utf-8")):
+        assert len(words.split()) >= 3, picture
+
+
+def test_formulas_are_drawn_without_a_script() -> None:
+    """Each of them is one that the site's own converter knows."""
+    math = pytest.importorskip("docutils.utils.math.latex2mathml")
+    markdown = pytest.importorskip("markdown_it").MarkdownIt()
+    markdown.use(pytest.importorskip("mdit_py_plugins.dollarmath").dollarmath_plugin)
+    count = 0
+    for page in DOCS.rglob("*.md"):
+        for token in markdown.parse(page.read_text(encoding="utf-8")):
+            for part in (token, *(token.children or ())):
+                if part.type.startswith("math"):
+                    assert math.tex2mathml(part.content, as_block=part.type == "math_block").startswith("<math"), page
+                    count += 1
+    assert count > 200
+
+
 @pytest.mark.slow
 def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
     """References that lead nowhere are warnings too."""
@@ -29,3 +51,8 @@ def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
     done = subprocess.run([sys.executable, *words], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "index.html").is_file()
+    for page in tmp_path.rglob("*.html"):
+        text = page.read_text(encoding="utf-8")
+        assert not re.search(r"<(script|img|iframe)[^>]*src=\"(https?:)?//", text), page
+        assert not re.search(r"<link[^>]*rel=\"(stylesheet|preload)\"[^>]*href=\"(https?:)?//", text), page
+        assert "\N{EN DASH}-" not in text, page  # an option whose dashes were made one
