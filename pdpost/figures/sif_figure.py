@@ -65,22 +65,29 @@ def _curves(axes: Axes, shown: list[Series], names: tuple[str, ...], unit: str, 
     for number, one in enumerate(shown):
         for name in names:
             style = look(number) | {"ls": "--" if name == "K2" else "-"}
-            sides = one.low[name] * factor, one.high[name] * factor
-            axes.fill_between(one.time * second, *sides, color=style["color"], alpha=0.2, lw=0)
-            marker = "." if np.isfinite(one.value[name]).sum() < 3 else ""
+            few = np.isfinite(one.value[name]).sum() < 3
             words = f"{name}, {one.front.name}"
-            time, value = (one.time, one.value[name]) if name != "J" else _squares(one.time, one.value[name])
-            axes.plot(time * second, value * factor, lw=1.3, marker=marker, label=words, **style)
+            sides = [one.low[name], one.high[name], one.value[name]]
+            time = one.time
+            if name == "J":
+                time, sides = _squares(one.time, sides)
+            low, high, value = (side * factor for side in sides)
+            axes.fill_between(time * second, low, high, color=style["color"], alpha=0.2, lw=0)
+            each = BETWEEN if len(time) > len(one.time) else 1  # points a frame
+            marked = {"marker": "." if few else "", "markevery": each}
+            axes.plot(time * second, value, lw=1.3, label=words, **marked, **style)
     axes.set(xlabel=f"time, {seconds}", ylabel=f"{label}, {scale}")
     plain(axes)
 
 
-def _squares(time: NDArray[np.float64], value: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Values with `BETWEEN` points between two, whose roots lie on a line: J under loads that grow in proportion."""
-    if len(time) < 3 or np.nanmin(value, initial=0.0) < 0:
-        return time, value
+def _squares(
+    time: NDArray[np.float64], curves: list[NDArray[np.float64]]
+) -> tuple[NDArray[np.float64], list[NDArray[np.float64]]]:
+    """Curves with `BETWEEN` parts between two times, whose roots lie on a line: J under loads that grow in proportion."""
+    if len(time) < 2 or min(float(np.nanmin(curve, initial=0.0)) for curve in curves) < 0:
+        return time, curves
     at = np.interp(np.arange((len(time) - 1) * BETWEEN + 1) / BETWEEN, np.arange(len(time)), time)
-    return at, np.interp(at, time, np.sqrt(value)) ** 2
+    return at, [np.interp(at, time, np.sqrt(curve)) ** 2 for curve in curves]
 
 
 def _released(axes: Axes, shown: list[Series], spent: Release) -> None:
