@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -74,7 +76,7 @@ def _curves(axes: Axes, shown: list[Series], names: tuple[str, ...], unit: str, 
             low, high, value = (side * factor for side in sides)
             axes.fill_between(time * second, low, high, color=style["color"], alpha=0.2, lw=0)
             each = BETWEEN if len(time) > len(one.time) else 1  # points a frame
-            marked = {"marker": "." if few else "", "markevery": each}
+            marked: dict[str, Any] = {"marker": "." if few else "", "markevery": each}
             axes.plot(time * second, value, lw=1.3, label=words, **marked, **style)
     axes.set(xlabel=f"time, {seconds}", ylabel=f"{label}, {scale}")
     plain(axes)
@@ -83,7 +85,7 @@ def _curves(axes: Axes, shown: list[Series], names: tuple[str, ...], unit: str, 
 def _squares(
     time: NDArray[np.float64], curves: list[NDArray[np.float64]]
 ) -> tuple[NDArray[np.float64], list[NDArray[np.float64]]]:
-    """Curves with `BETWEEN` parts between two times, whose roots lie on a line: J under loads that grow in proportion."""
+    """Curves with `BETWEEN` parts between two times, whose roots are linear: J under loads that grow in proportion."""
     if len(time) < 2 or min(float(np.nanmin(curve, initial=0.0)) for curve in curves) < 0:
         return time, curves
     at = np.interp(np.arange((len(time) - 1) * BETWEEN + 1) / BETWEEN, np.arange(len(time)), time)

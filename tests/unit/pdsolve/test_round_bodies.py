@@ -16,9 +16,10 @@ from pdmesh import Body, Box, GridError, Material, Scene, Sphere, box, build
 from pdmesh.model.document import Run
 from pdsolve import Results, simulate
 from pdsolve.model import Model, ModelError
+from pdsolve.options import Options
 from pdsolve.run.measures import Ledger, books
+from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import resume
-from pdsolve.run.system import Options, prepare
 
 H, R, MASS, V, SPIN = 0.01, 0.1, 0.03, 5e-3, 0.05
 WALL = ("x", "y", "spin")
