@@ -68,8 +68,12 @@ def _swelling(settings: Settings, every: list[tuple[str, Material]]) -> Iterator
         yield Impossible(
             "$.run.static.load_steps", f"{run.static.load_steps}", f"none, but run.time_step and steps, {why}"
         )
-    usual = {"adapt": "none", "cracks": "bonds", "start": "unloaded"}
-    for name, expected in usual.items():
+    if run.adapt not in ("none", "hybrid"):
+        yield Impossible("$.run.adapt", run.adapt, f"none or hybrid, {why}")
+    if run.adapt == "hybrid" and settings.medium is not None and settings.medium.heat_capacity is not None:
+        found = f"{settings.medium.heat_capacity:g}"
+        yield Impossible("$.medium.heat_capacity", found, f"none, as coarse nodes have no heat of deformation, {why}")
+    for name, expected in {"cracks": "bonds", "start": "unloaded"}.items():
         if getattr(run, name) != expected:
             yield Impossible(f"$.run.{name}", getattr(run, name), f"{expected}, {why}")
 

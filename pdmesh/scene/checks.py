@@ -76,7 +76,8 @@ def _numbers(scene: Plate) -> None:
     _ = scene.physics  # raises for half of what heat and mechanics together need
     if scene.medium is not None:
         passable(scene.medium)
-        if scene.run.adapt != "none":  # collocation wants each coarse cell parted into four, as bodies have them
+        # collocation wants each coarse cell parted into four, as bodies have them
+        if scene.run.adapt != "none" and scene.physics == "diffusion":
             raise SceneError(f"run.adapt: found {scene.run.adapt}, expected none in a plate of diffusion")
     if scene.units not in (None, "m"):
         raise SceneError(f"units: found {scene.units!r}, expected 'm', or none")

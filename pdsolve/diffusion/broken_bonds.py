@@ -6,20 +6,29 @@ Walls that prescribe a value keep all of theirs.
 
 from __future__ import annotations
 
+from typing import Protocol
+
 import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.diffusion.families import Families
 from pdsolve.diffusion.listed import ChangedBonds
 from pdsolve.diffusion.system import Transport
-from pdsolve.operators.protocol import Operator
+from pdsolve.state import Broken
 from pdsolve.steppers.theta import Theta
+
+
+class Breaking(Protocol):
+    """Bonds of n nodes that break."""
+
+    def broken(self, after: int = 0) -> Broken:
+        """The bonds broken after a step."""
 
 
 class BrokenBonds:
     """What the broken bonds of a motion, of the same n nodes, take from a transport."""
 
-    def __init__(self, transport: Transport, motion: Operator, share: float) -> None:
+    def __init__(self, transport: Transport, motion: Breaking, share: float) -> None:
         """`share`, from 0 to 1, of its conductance is what a bond keeps."""
         self._transport, self._motion, self._share = transport, motion, share
         self._families, self._known = Families(transport.model), 0

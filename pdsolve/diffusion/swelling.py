@@ -13,6 +13,7 @@ bonds.
 from __future__ import annotations
 
 import math
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,14 +22,20 @@ from pdmesh.model.document import Material, Run
 from pdmesh.model.material_constants import poisson
 from pdsolve.diffusion.broken_bonds import BrokenBonds
 from pdsolve.model import Model
-from pdsolve.operators.bond_list import BondList
-from pdsolve.operators.simd_lattice.operator import SimdLattice
+from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.protocol import Stepper
 
 SMALL = 1e-5  # of strain: energies that far apart tell their derivative
 CYCLE = 20  # steps of the motion, at most, for one of the content: what heats as fast as waves go is that coarse
+
+
+class Swollen(Operator, Protocol):
+    """Bonds of n nodes that stretch from what they are long at strains of free nodes."""
+
+    def swell(self, strain: NDArray[np.float64]) -> None:
+        """Let bonds stretch from there at these strains (n,)."""
 
 
 class Swelling:
@@ -38,7 +45,7 @@ class Swelling:
         self,
         content: tuple[Stepper, State],
         motion: Stepper,
-        bonds: BondList | SimdLattice,
+        bonds: Swollen,
         model: Model,
         cycle: int = 1,
         broken: BrokenBonds | None = None,

@@ -102,7 +102,7 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
     along_path = False
     paired &= not splits  # which is listed bond by bond
     prepared = still(model, options, scheme).system if settings.run.start == "static" else None
-    in_blocks = paired and model.grid.dimension == 2 and not model.swells
+    in_blocks = paired and model.grid.dimension == 2 and (moves or not model.swells)
     if prepared is not None and not moves:
         in_blocks |= paired and prepared.operator.name == "blocks"
         count, bound = prepared.count, prepared.bound

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from pdmesh.model.graphs import connected
 from pdmesh.model.output_fields import CRACKED, USUAL, usual
-from pdsolve.run.system import Prepared, System
+from pdsolve.run.swelling_zone import SwellingZone
+from pdsolve.run.system import System
 from pdsolve.state import Broken, State
 
 PIECE = 0.02  # of all nodes: smaller parts of a plate do not count as pieces
@@ -113,8 +114,10 @@ def fields(
     chosen, usual_ones = tuple(names), () if system.transport else usual(system.model.grid.dimension)
     own: dict[str, NDArray[np.float64]] = {}
     if chosen == USUAL or not set(chosen) <= set(usual_ones):
-        for one in (Prepared(system, state), *system.beside):
-            own |= one.system.operator.fields(one.state)
+        own |= system.operator.fields(state)
+        here = system.stepper.rows if isinstance(system.stepper, SwellingZone) else slice(None)
+        for one in system.beside:
+            own |= {name: values[here] for name, values in one.system.operator.fields(one.state).items()}
     if chosen == USUAL:
         chosen = (*usual_ones, *own)
     for name in chosen:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.adaptivity.factory import moving_of
+from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.adaptivity.hybrid.outlook import decided
 from pdsolve.adaptivity.hybrid.space.prepare import body_of, drive_of_nodes
 from pdsolve.adaptivity.quadtree.incremental_bonds import filled
@@ -33,6 +34,7 @@ from pdsolve.run.assembly import assembled, set_off, system_of
 from pdsolve.run.at_rest import at_rest
 from pdsolve.run.explicit_stepper import stepper_of_content
 from pdsolve.run.operator_factory import for_swelling, stable
+from pdsolve.run.swelling_zone import PlateBonds, SwellingZone
 from pdsolve.run.system import Prepared, System
 from pdsolve.run.time_step import step_of
 from pdsolve.schemes import SCHEMES
@@ -116,6 +118,8 @@ def _swelling(model: Model, options: Options, scheme: Scheme) -> Prepared:
     """A model of a motion that a content swells. Raises ModelError for what cannot be solved so."""
     if not scheme.symmetric:
         raise ModelError(f"{model.name}: found {scheme.name}, expected mode conservative of bonds that swell")
+    if model.settings.run.adapt == "hybrid":
+        return _swelling_zone(model, options, scheme)
     options, rests = for_swelling(model, options), model.settings.run.solver == "static"
     if rests:
         model = in_steps_of_content(model, options.precision)
@@ -142,6 +146,23 @@ def _swelling(model: Model, options: Options, scheme: Scheme) -> Prepared:
         stepper.begin(state)
     energy = system.initial_energy + float(np.sum(system.area * system.operator.energies(state)[0]))
     return Prepared(replace(system, stepper=stepper, whole=model, beside=(content,), initial_energy=energy), state)
+
+
+def _swelling_zone(model: Model, options: Options, scheme: Scheme) -> Prepared:
+    """A plate with a moving fine zone that a content swells. Raises ModelError for what cannot be solved so."""
+    system, _ = _moving(model, options, scheme)
+    operator, medium = system.operator, model.settings.medium
+    assert isinstance(operator, HybridOperator)
+    assert medium is not None
+    content = _diffusing(model.diffusing_part(system.time_step), Options(threads=system.options.threads))
+    transport = content.system.transport
+    assert transport is not None
+    cycle = cycle_of(model.settings.run, system.time_step, transport.bound)
+    marches = Euler(transport.operator, transport.drive, cycle * system.time_step)
+    broken = None if medium.broken == 1 else BrokenBonds(transport, PlateBonds(operator.hybrid), medium.broken)
+    stepper = SwellingZone((marches, content.state), operator, model, cycle, broken)
+    energy = system.initial_energy + operator.hybrid.stored()
+    return Prepared(replace(system, stepper=stepper, beside=(content,), initial_energy=energy), operator.state())
 
 
 def _moving(model: Model, options: Options, scheme: Scheme) -> Prepared:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from pdsolve.adaptivity.factory import Moving
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
+from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.adaptivity.hybrid.space.operator import SpaceHybrid
 from pdsolve.adaptivity.quadtree.operator import Leaves
 from pdsolve.adaptivity.two_lattice_operator import FusedMarch
@@ -25,6 +26,7 @@ from pdsolve.operators.protocol import Operator
 from pdsolve.operators.simd_lattice.operator import SimdLattice
 from pdsolve.options import Options, threads_of
 from pdsolve.run.on_device import OnDevice, fetch
+from pdsolve.run.swelling_zone import SwellingZone
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import State
 from pdsolve.steppers.load_steps import LoadSteps
@@ -119,11 +121,15 @@ class Prepared(NamedTuple):
 def moved(system: System, shown: Moving) -> System:
     """The system of changed nodes of the same plate."""
     count, family = shown.counts
+    stepper: Stepper = FusedMarch(shown)
+    if isinstance(system.stepper, SwellingZone):
+        assert isinstance(shown, HybridOperator)
+        stepper = system.stepper.on(shown)
     return replace(
         system,
         model=counted(shown.model, system.time_step),
         operator=shown,
-        stepper=FusedMarch(shown),
+        stepper=stepper,
         area=shown.area,
         family=family,
         count=count,

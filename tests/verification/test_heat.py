@@ -248,7 +248,12 @@ REFUSED = {
         naming("material.law", expected="brittle"),
     ),
     "implicit motion": ({"run": Run(solver="implicit")}, {}, naming("run.solver", found="implicit", expected="static")),
-    "a moving zone": ({"run": Run(adapt="hybrid")}, {}, naming("run.adapt", found="hybrid", expected="none")),
+    "cells that split": ({"run": Run(adapt="split")}, {}, naming("run.adapt", found="split", expected="hybrid")),
+    "heat of deformation with a moving zone": (
+        {"run": Run(adapt="hybrid"), "medium": Medium(D=1.0, heat_capacity=3.5e6)},
+        {},
+        naming("medium.heat_capacity", found="3.5e", expected="none"),
+    ),
     "no medium": ({"medium": None}, {}, naming("$.medium", found="none", expected="D")),
     "the thesis mode": ({}, {"mode": "thesis"}, naming(found="thesis", expected="conservative")),
     "blocks": ({"material": LAWS["ordinary"][0]}, {"kernel": "blocks"}, naming(found="blocks", expected="listed")),
@@ -269,4 +274,13 @@ def test_what_cannot_swell_is_refused_in_one_line(name: str) -> None:
             Model(base.grid, msgspec.structs.replace(base.settings, **settings)),  # type: ignore[arg-type]
             ONE._replace(**options),  # type: ignore[arg-type]
         )
+    assert "\n" not in str(refused.value)
+
+
+def test_a_moving_zone_in_space_is_refused_in_one_line() -> None:
+    base = bar(counts=(12, 6, 6))
+    settings = msgspec.structs.replace(base.settings, run=Run(adapt="hybrid"))
+    with pytest.raises(ModelError, match=naming("$.physics", found="thermoelastic", expected="mechanics")) as refused:
+        prepare(Model(base.grid, settings), ONE)
+    assert "space" in str(refused.value)
     assert "\n" not in str(refused.value)

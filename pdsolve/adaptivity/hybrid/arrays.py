@@ -79,6 +79,7 @@ class Nodes(NamedTuple):
     edge: NDArray[np.float64]  # (., k, 16) e up to which nothing happens to a bond, where bonds are varied
     touched: NDArray[np.bool_]  # (n / 16,) whether there are forces besides those of springs
     wide: NDArray[np.uint8]  # (n / 16,) how far stretches went; of coarse rows whether one was hot
+    shrink: NDArray[np.float64] | None  # (n,) minus half the strain of a free node, of idle ones too; None: none swells
 
 
 class Pieces(NamedTuple):
@@ -87,6 +88,7 @@ class Pieces(NamedTuple):
     owner: NDArray[np.int64]  # (p,)
     end: NDArray[np.int64]  # (p, 4) of both ends: fine node and -1, or two coarse nodes
     value: NDArray[np.float64]  # (p, 8) w of both ends, xi, 1 / |xi|^2, k, and 0 if it is to last
+    relief: NDArray[np.float64]  # (p, 2) added to the displacements between its ends, where nodes swell, m
 
 
 class Border(NamedTuple):
@@ -95,6 +97,7 @@ class Border(NamedTuple):
     node: NDArray[np.int64]
     end: NDArray[np.int64]  # (., 2)
     w: NDArray[np.float64]
+    off: NDArray[np.float64]  # (., 2) how far they are off the line between those, where nodes swell, m
 
 
 class Entries(NamedTuple):
@@ -143,7 +146,7 @@ class Zone(NamedTuple):
     asides: NDArray[np.int64]  # (8 threads,) how many, of each thread at a multiple of 8
 
 
-def nodes_of(places: int, springs: int, entries: int, varied: bool = False) -> Nodes:
+def nodes_of(places: int, springs: int, entries: int, varied: bool = False, swells: bool = False) -> Nodes:
     """Idle nodes, with room for `entries` rows of stiffnesses; untouched memory is not allocated."""
     rows = places // ROW
 
@@ -165,6 +168,7 @@ def nodes_of(places: int, springs: int, entries: int, varied: bool = False) -> N
         edge=zeros(entries if varied else 0, springs, ROW),
         touched=np.zeros(rows, dtype=np.bool_),
         wide=np.zeros(rows, dtype=np.uint8),
+        shrink=zeros(places) if swells else None,
     )
 
 
@@ -182,24 +186,31 @@ def _seldom_touched(*shape: int) -> NDArray[np.float64]:
 
 
 def zone_of(
-    at: Lattice, cells: NDArray[np.uint8], springs: int, rows: int, varied: bool = False, threads: int = 1
+    at: Lattice,
+    cells: NDArray[np.uint8],
+    springs: int,
+    rows: int,
+    varied: bool = False,
+    threads: int = 1,
+    swells: bool = False,
 ) -> Zone:
     """A plate with these cells (c,) and idle nodes, with room for `rows` rows of fine nodes."""
     piece = ROW * rows * springs // 4
     nothing = Entries(np.zeros((0, 4), np.int64), np.zeros((0, 4)), np.zeros((0, 2), np.int64), np.zeros(0))
 
     def pieces() -> Pieces:
-        return Pieces(np.zeros(piece, np.int64), np.zeros((piece, 4), np.int64), np.zeros((piece, 8)))
+        ends = np.zeros((piece, 4), np.int64)
+        return Pieces(np.zeros(piece, np.int64), ends, np.zeros((piece, 8)), np.zeros((piece, 2)))
 
     events, nodes = ROW * rows * springs, ROW * rows
     return Zone(
         cells=cells,
         bits=np.zeros(at.places, dtype=np.uint64),
-        fine=nodes_of(at.places, springs, rows, varied),
-        coarse=nodes_of(at.coarse_places, 8, at.coarse_places // ROW),
+        fine=nodes_of(at.places, springs, rows, varied, swells),
+        coarse=nodes_of(at.coarse_places, 8, at.coarse_places // ROW, swells=swells),
         pieces=pieces(),
         spare=pieces(),
-        border=Border(np.zeros(nodes, np.int64), np.zeros((nodes, 2), np.int64), np.zeros(nodes)),
+        border=Border(np.zeros(nodes, np.int64), np.zeros((nodes, 2), np.int64), np.zeros(nodes), np.zeros((nodes, 2))),
         breaks=Breaks(np.zeros(events, np.int32), np.zeros(events, np.int64), np.zeros(events, np.int32)),
         spent=np.zeros(at.places),
         stirred=np.zeros(at.places, dtype=np.bool_),

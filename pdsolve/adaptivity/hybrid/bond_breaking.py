@@ -10,7 +10,7 @@ from pdsolve.adaptivity.hybrid.clipped_bonds import own_entry, share_of, stretch
 from pdsolve.adaptivity.hybrid.energy import strain_e
 from pdsolve.adaptivity.hybrid.precracks import peak_and_limit
 from pdsolve.laws.pair_laws.bilinear import spent_share
-from pdsolve.operators.simd_lattice.kernel import INNER
+from pdsolve.operators.simd_lattice.kernel import INNER, displaced
 from pdsolve.operators.simd_lattice.lanes import ROW
 
 
@@ -65,7 +65,7 @@ def break_bonds(ground, zone, u, p0, count, step):  # type: ignore[no-untyped-de
             stiffness = fine.own[entry, k, lane] if entry >= 0 else ground.table[k, 5]
             if stiffness == 0 or ground.no_fail[p] or ground.no_fail[j]:
                 continue
-            eta_x, eta_y = u[0, j] - u[0, p], u[1, j] - u[1, p]
+            eta_x, eta_y = displaced(u, fine.shrink, ground.table[k, 0], ground.table[k, 1], p, j)
             e = strain_e(ground.table, k, eta_x, eta_y)
             peak, limit = peak_and_limit(ground, p, k)
             if e <= peak or (ground.varied and entry >= 0 and e <= fine.edge[entry, k, lane]):

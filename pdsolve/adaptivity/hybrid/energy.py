@@ -7,9 +7,8 @@ from numba import njit
 
 from pdsolve.adaptivity.hybrid.arrays import COARSE_ROWS, PIECES, ROWS
 from pdsolve.adaptivity.hybrid.lattice import FREE, IDLE
-from pdsolve.adaptivity.hybrid.nodes import border_end
 from pdsolve.numerics.jit_cache import cached_njit
-from pdsolve.operators.simd_lattice.kernel import INNER
+from pdsolve.operators.simd_lattice.kernel import INNER, displaced
 from pdsolve.operators.simd_lattice.lanes import ROW
 
 
@@ -30,7 +29,8 @@ def fine_held(ground, fine, u, p):  # type: ignore[no-untyped-def]
         if stiffness == 0:
             continue
         j = p + ground.ways[k]
-        e = strain_e(ground.table, k, u[0, j] - u[0, p], u[1, j] - u[1, p])
+        eta_x, eta_y = displaced(u, fine.shrink, ground.table[k, 0], ground.table[k, 1], p, j)
+        e = strain_e(ground.table, k, eta_x, eta_y)
         stretch = e / (np.sqrt(1 + e) + 1)
         held += stiffness / ground.table[k, 4] * stretch * stretch / 4
     return held
@@ -46,7 +46,8 @@ def coarse_held(ground, coarse, u, q):  # type: ignore[no-untyped-def]
         if stiffness == 0:
             continue
         j = q + ground.coarse_ways[k]
-        e = strain_e(ground.coarse_table, k, u[0, j] - u[0, q], u[1, j] - u[1, q])
+        eta_x, eta_y = displaced(u, coarse.shrink, ground.coarse_table[k, 0], ground.coarse_table[k, 1], q, j)
+        e = strain_e(ground.coarse_table, k, eta_x, eta_y)
         held += stiffness / ground.coarse_table[k, 4] * e * e / 16
     return held
 
@@ -65,8 +66,8 @@ def place_of(fine, coarse, pieces, n, which, axis):  # type: ignore[no-untyped-d
 def piece_held(pieces, fine, coarse, n):  # type: ignore[no-untyped-def]
     """Energy of a piece of a clipped bond, J/m."""
     value = pieces.value[n]
-    eta_x = place_of(fine, coarse, pieces, n, 1, 0) - place_of(fine, coarse, pieces, n, 0, 0)
-    eta_y = place_of(fine, coarse, pieces, n, 1, 1) - place_of(fine, coarse, pieces, n, 0, 1)
+    eta_x = place_of(fine, coarse, pieces, n, 1, 0) - place_of(fine, coarse, pieces, n, 0, 0) + pieces.relief[n, 0]
+    eta_y = place_of(fine, coarse, pieces, n, 1, 1) - place_of(fine, coarse, pieces, n, 0, 1) + pieces.relief[n, 1]
     e = value[4] * (2 * (value[2] * eta_x + value[3] * eta_y) + eta_x * eta_x + eta_y * eta_y)
     return value[5] / value[4] * e * e / 8
 
@@ -75,14 +76,6 @@ def piece_held(pieces, fine, coarse, n):  # type: ignore[no-untyped-def]
 def kinetic(nodes, p):  # type: ignore[no-untyped-def]
     """Kinetic energy of a node with a motion of its own, J/m."""
     return nodes.mass[p] / 2 * (nodes.v[0, p] ** 2 + nodes.v[1, p] ** 2)
-
-
-@njit(**INNER)
-def copy_border_node(at, edge_cut, kind, fine, coarse, p):  # type: ignore[no-untyped-def]
-    """Set a border node to the interpolation of its coarse nodes; (2, .) displacements or velocities."""
-    a, b, w = border_end(at, edge_cut, kind, p)
-    for axis in range(2):
-        fine[axis, p] = (1 - w) * coarse[axis, a] + w * coarse[axis, b]
 
 
 @njit(**INNER)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -31,6 +32,7 @@ from pdsolve.adaptivity.hybrid.coarse_cells import Plate, squares
 from pdsolve.adaptivity.hybrid.energy import held
 from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, BELOW_COARSE, COARSE, FINE, FREE, IDLE, LEFT
 from pdsolve.adaptivity.hybrid.march import CLIP, DONE, march
+from pdsolve.adaptivity.hybrid.swelling import relieve_all, restrict, stored
 from pdsolve.checkpoint_validation import entry, like
 from pdsolve.conditions import Drive
 from pdsolve.errors import CheckpointError, LateZoneError
@@ -139,6 +141,29 @@ class Hybrid:
 
         side_by_side(work, threads)
         return found
+
+    def swell(self, strain: NDArray[np.float64]) -> None:
+        """Let springs stretch from their lengths at these strains (n,) of all nodes of the grid, were they free."""
+        fine, coarse = self.zone.fine.shrink, self.zone.coarse.shrink
+        assert fine is not None
+        assert coarse is not None
+        fine[self._places] = strain
+        fine[self._places] /= -2
+        restrict(self.ground, fine, coarse)
+        relieve_all(self.ground, self.zone, self.now)
+
+    def stored(self) -> float:
+        """Strain energy of all springs, J/m."""
+        return float(stored(self.ground, self.zone, self.now))
+
+    def book(self, work: float) -> None:
+        """Book an energy, J/m, as work done on the plate."""
+        self.zone.total[WORK] += work
+
+    @cached_property
+    def _places(self) -> NDArray[np.int64]:
+        """Fine places (n,) of all nodes of the grid."""
+        return self.plate.place
 
     def broken(self) -> arrays.Breaks:
         """Bonds broken so far."""
@@ -276,4 +301,5 @@ class Hybrid:
 
     def bytes(self) -> int:
         """Memory of all arrays, bytes; untouched parts take none in practice."""
-        return sum(array.nbytes for part in (self.zone.fine, self.zone.coarse) for array in part)
+        lattices = self.zone.fine, self.zone.coarse
+        return sum(array.nbytes for part in lattices for array in part if array is not None)

@@ -41,7 +41,7 @@ from pdsolve.adaptivity.hybrid.simd_rows import (
 )
 from pdsolve.conditions import factor_at
 from pdsolve.numerics.thread_team import counted, meet, take, wait
-from pdsolve.operators.simd_lattice.kernel import INNER, across
+from pdsolve.operators.simd_lattice.kernel import INNER, across, displaced
 from pdsolve.operators.simd_lattice.lanes import ROW
 from pdsolve.operators.simd_lattice.vectors import kick_and_drift
 
@@ -56,10 +56,10 @@ COARSE_PART = 64
 def _clipped(zone, u, uc, f, fc):  # type: ignore[no-untyped-def]
     """Add the forces of clipped bonds; returns the largest e of those that could break."""
     pieces, largest = zone.pieces, 0.0
-    end, value = pieces.end, pieces.value
+    end, value, relief = pieces.end, pieces.value, pieces.relief
     for n in range(zone.number[PIECES]):
-        eta_x = place_of(u, uc, pieces, n, 1, 0) - place_of(u, uc, pieces, n, 0, 0)
-        eta_y = place_of(u, uc, pieces, n, 1, 1) - place_of(u, uc, pieces, n, 0, 1)
+        eta_x = place_of(u, uc, pieces, n, 1, 0) - place_of(u, uc, pieces, n, 0, 0) + relief[n, 0]
+        eta_y = place_of(u, uc, pieces, n, 1, 1) - place_of(u, uc, pieces, n, 0, 1) + relief[n, 1]
         x, y = value[n, 2], value[n, 3]
         e = value[n, 4] * (2 * (x * eta_x + y * eta_y) + eta_x * eta_x + eta_y * eta_y)
         largest = max(largest, e * value[n, 6])
@@ -89,7 +89,7 @@ def _sum_far(ground, fine, u, p0, count, s):  # type: ignore[no-untyped-def]
             if pull == 0:
                 continue
             j = p + ground.ways[k]
-            eta_x, eta_y = u[0, j] - u[0, p], u[1, j] - u[1, p]
+            eta_x, eta_y = displaced(u, fine.shrink, ground.table[k, 0], ground.table[k, 1], p, j)
             e = strain_e(ground.table, k, eta_x, eta_y)
             pull *= e / (1 + e + np.sqrt(1 + e))
             fx += pull * (ground.table[k, 0] + eta_x)
@@ -103,12 +103,12 @@ def _sum_narrow(ground, fine, u, entry, lane, p, s):  # type: ignore[no-untyped-
     table, ways, slots, least = ground.table, ground.ways, len(ground.ways), ground.least[0]
     at = entry * slots * ROW + lane
     if entry < 0:
-        return sum_whole(u, table, ways, fine.own, slots, at, p, least, s)
+        return sum_whole(u, table, ways, fine.own, fine.shrink, slots, at, p, least, s)
     if ground.varied:
-        return sum_edges(u, table, ways, fine.own, fine.edge, slots, at, p, 0.0, s)
+        return sum_edges(u, table, ways, fine.own, fine.edge, fine.shrink, slots, at, p, 0.0, s)
     if fine.masked[entry]:
-        return sum_masked(u, table, ways, fine.masks, slots, 2 * entry * slots, p, least, s)
-    return sum_own(u, table, ways, fine.own, slots, at, p, least, s)
+        return sum_masked(u, table, ways, fine.masks, fine.shrink, slots, 2 * entry * slots, p, least, s)
+    return sum_own(u, table, ways, fine.own, fine.shrink, slots, at, p, least, s)
 
 
 @njit(forceinline=True, **INNER)
@@ -117,12 +117,12 @@ def _sum_wide(ground, fine, u, entry, lane, p, s):  # type: ignore[no-untyped-de
     table, ways, slots, least = ground.table, ground.ways, len(ground.ways), ground.least[0]
     at = entry * slots * ROW + lane
     if entry < 0:
-        return sum_whole_wide(u, table, ways, fine.own, slots, at, p, least, s)
+        return sum_whole_wide(u, table, ways, fine.own, fine.shrink, slots, at, p, least, s)
     if ground.varied:
-        return sum_edges_wide(u, table, ways, fine.own, fine.edge, slots, at, p, 0.0, s)
+        return sum_edges_wide(u, table, ways, fine.own, fine.edge, fine.shrink, slots, at, p, 0.0, s)
     if fine.masked[entry]:
-        return sum_masked_wide(u, table, ways, fine.masks, slots, 2 * entry * slots, p, least, s)
-    return sum_own_wide(u, table, ways, fine.own, slots, at, p, least, s)
+        return sum_masked_wide(u, table, ways, fine.masks, fine.shrink, slots, 2 * entry * slots, p, least, s)
+    return sum_own_wide(u, table, ways, fine.own, fine.shrink, slots, at, p, least, s)
 
 
 @njit(**INNER)
@@ -149,7 +149,7 @@ def _sum_fine(ground, zone, now, step, thread, job):  # type: ignore[no-untyped-
             if found & 1:
                 fine.wide[row] = fine.wide[row] or not breaks
                 found = _sum_wide(ground, fine, u, fine.entry[row], p % ROW, p, s)
-            if found & 2 and not breaks:
+            if found & 2 and not breaks and step > 0:
                 aside[zone.asides[8 * thread]] = p
                 zone.asides[8 * thread] += 1
                 continue
@@ -228,9 +228,9 @@ def _sweep_coarse(ground, zone, now, ends, thread, stage):  # type: ignore[no-un
             for lane in range(0, ROW, wide):
                 q = row * ROW + lane
                 if entry >= 0:
-                    hot |= sum_green_own(u, table, ways, own, 8, entry * 8 * ROW + lane, q, limit, s)
+                    hot |= sum_green_own(u, table, ways, own, coarse.shrink, 8, entry * 8 * ROW + lane, q, limit, s)
                 else:
-                    hot |= sum_green(u, table, ways, own, 8, 0, q, limit, s)
+                    hot |= sum_green(u, table, ways, own, coarse.shrink, 8, 0, q, limit, s)
                 if touched:
                     add_forces(coarse.f, q, wide, s)
                 if touched or ends:
@@ -266,7 +266,7 @@ def follow(u, uc, border, count):  # type: ignore[no-untyped-def]
     for n in range(count):
         p, a, b, w = border.node[n], border.end[n, 0], border.end[n, 1], border.w[n]
         for axis in range(2):
-            u[axis, p] = (1 - w) * uc[axis, a] + w * uc[axis, b]
+            u[axis, p] = (1 - w) * uc[axis, a] + w * uc[axis, b] + border.off[n, axis]
 
 
 @njit(**INNER)

@@ -29,7 +29,7 @@ from pdsolve.adaptivity.hybrid.lattice import IDLE, coarse_column, coarse_row, f
 from pdsolve.adaptivity.hybrid.regrid import mark_dirty, mark_disc, refine
 from pdsolve.numerics.jit_cache import cached_njit
 from pdsolve.numerics.thread_team import meet
-from pdsolve.operators.simd_lattice.kernel import INNER
+from pdsolve.operators.simd_lattice.kernel import INNER, displaced
 from pdsolve.operators.simd_lattice.lanes import ROW
 
 DONE, ROOM, CLIP = 0, 1, 2  # how a march ends: at its last step; for want of room; as a clipped bond is over its limit
@@ -49,7 +49,7 @@ def _look_for_broken(ground, zone):  # type: ignore[no-untyped-def]
 @njit(**INNER)
 def _look_for_hot(ground, zone, now, count):  # type: ignore[no-untyped-def]
     """List the cells to refine near the nodes of a stretched coarse bond; returns their new `count`."""
-    at, coarse = ground.at, zone.coarse
+    at, coarse, table = ground.at, zone.coarse, ground.coarse_table
     u = coarse.u[now]
     for n in range(zone.number[COARSE_ROWS]):
         row = coarse.rows[n]
@@ -63,7 +63,8 @@ def _look_for_hot(ground, zone, now, count):  # type: ignore[no-untyped-def]
                 entry, j = coarse.entry[row], q + ground.coarse_ways[k]
                 if (entry >= 0 and coarse.own[entry, k, lane] == 0) or _lasts(ground, j):
                     continue
-                if strain_e(ground.coarse_table, k, u[0, j] - u[0, q], u[1, j] - u[1, q]) > _hot(ground, q):
+                eta_x, eta_y = displaced(u, coarse.shrink, table[k, 0], table[k, 1], q, j)
+                if strain_e(table, k, eta_x, eta_y) > _hot(ground, q):
                     x, y = 2 * coarse_column(at, q), 2 * coarse_row(at, q)
                     count = mark_disc(at, zone.cells, zone.new, count, x, y, AHEAD)
                     break

@@ -174,12 +174,19 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
             nodes.v[:, places[free]] = state.rate[rows[free]].T
         border, count = zone.border, zone.number[BORDERS]
         (a, b), w = border.end[:count].T, border.w[:count]
-        zone.fine.u[now][:, border.node[:count]] = (1 - w) * zone.coarse.u[now][:, a] + w * zone.coarse.u[now][:, b]
+        between = (1 - w) * zone.coarse.u[now][:, a] + w * zone.coarse.u[now][:, b]
+        zone.fine.u[now][:, border.node[:count]] = between + border.off[:count].T
+
+    def swell(self, strain: NDArray[np.float64]) -> None:
+        """Let springs stretch from their lengths at these strains (n,) of all nodes of the grid, were they free."""
+        self.hybrid.swell(strain)
 
     def sync(self, state: State) -> None:
         """Update a state from both lattices; work is known only to the ledger."""
         zone, now = self.hybrid.zone, self.hybrid.now
         self._gather(lambda nodes, at: nodes.u[now][:, at], state.value)
+        border, count = zone.border, zone.number[BORDERS]
+        state.value[self._row_of[border.node[:count]]] += border.off[:count]
         self._gather(lambda nodes, at: nodes.v[:, at], state.rate)
         state.second[:] = self.accelerations()
         holds = zone.holds.what[zone.holds.on[: zone.number[HOLDS], 1]]

@@ -31,6 +31,7 @@ def hybrid_of(
 
     Raises ModelError for a model that the method does not support.
     """
+    swells, model = model.swells, model.moving_part() if model.swells else model
     plate = plate_of(model, mode, precision)
     springs = tuple(fine_springs(each, model.settings.horizon.ratio, plate.h) for each in model.materials)
     found = irregular(plate, springs)
@@ -42,7 +43,7 @@ def hybrid_of(
     area = plate.area * plate.h**2
     driven = drive(model, area, True, np.float64)
     rows = ROOM + 6 * int(np.count_nonzero(cells == FINE))
-    zone = zone_of(plate.at, cells, len(ground.ways), rows, ground.varied, threads)._replace(
+    zone = zone_of(plate.at, cells, len(ground.ways), rows, ground.varied, threads, swells)._replace(
         bits=bits, loads=_loads(plate, driven, area), holds=_entries(plate, driven.holds, 1)
     )
     hybrid = Hybrid(plate, ground, zone, driven)

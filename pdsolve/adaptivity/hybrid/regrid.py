@@ -22,7 +22,7 @@ from pdsolve.adaptivity.hybrid.arrays import (
     STIRS,
 )
 from pdsolve.adaptivity.hybrid.clipped_bonds import put_pieces, set_row
-from pdsolve.adaptivity.hybrid.energy import copy_border_node, energy_of
+from pdsolve.adaptivity.hybrid.energy import energy_of
 from pdsolve.adaptivity.hybrid.forces import follow
 from pdsolve.adaptivity.hybrid.lattice import AROUND as RIM
 from pdsolve.adaptivity.hybrid.lattice import (
@@ -37,6 +37,7 @@ from pdsolve.adaptivity.hybrid.lattice import (
     fine_row,
 )
 from pdsolve.adaptivity.hybrid.nodes import border_end, coarse_cell_at, interpolate, set_coarse, set_fine
+from pdsolve.adaptivity.hybrid.swelling import off_line, relieve
 from pdsolve.operators.simd_lattice.kernel import INNER
 from pdsolve.operators.simd_lattice.lanes import ROW
 
@@ -139,6 +140,7 @@ def refine(ground, zone, now):  # type: ignore[no-untyped-def]
     _begin_new(ground, zone, new, dirty, now)
     _set_nodes(ground, zone, dirty, dirty_coarse, now)
     put_pieces(ground, zone, dirty)
+    relieve(ground, zone)
     for p in dirty:
         zone.mark[p] = True
     zone.total[REFINEMENT] += energy_of(ground, zone, now, dirty, dirty_coarse) - before
@@ -160,8 +162,11 @@ def _set_nodes(ground, zone, dirty, dirty_coarse, now):  # type: ignore[no-untyp
         set_coarse(ground, zone.cells, fine, coarse, q)
     for p in dirty:
         if fine.kind[p] == BORDER:
-            copy_border_node(ground.at, ground.edge_cut, coarse.kind, fine.u[now], coarse.u[now], p)
-            fine.v[0, p] = fine.v[1, p] = 0.0
+            a, b, w = border_end(ground.at, ground.edge_cut, coarse.kind, p)
+            off = off_line(ground, fine.shrink, a, b, w)
+            for axis in range(2):
+                fine.u[now, axis, p] = (1 - w) * coarse.u[now, axis, a] + w * coarse.u[now, axis, b] + off[axis]
+                fine.v[axis, p] = 0.0
     for p in dirty:
         if p // ROW != last:
             last = p // ROW
@@ -180,7 +185,11 @@ def _begin_new(ground, zone, new, dirty, now):  # type: ignore[no-untyped-def]
         if x < 0:
             continue
         interpolate(ground, coarse.kind, coarse.u[now], ix, iy, x, y, two)
-        fine.u[now, 0, p], fine.u[now, 1, p] = two[0], two[1]
+        off = 0.0, 0.0
+        if ix % 2 != iy % 2 and not ground.cut_cells[cell_place(at, x, y)]:
+            q = coarse_place(at, ix // 2, iy // 2)
+            off = off_line(ground, fine.shrink, q, q + (1 if ix % 2 else at.coarse_stride), 0.5)
+        fine.u[now, 0, p], fine.u[now, 1, p] = two[0] + off[0], two[1] + off[1]
         interpolate(ground, coarse.kind, coarse.v, ix, iy, x, y, two)
         fine.v[0, p], fine.v[1, p] = two[0], two[1]
     for c in new:
@@ -202,6 +211,7 @@ def _list_fine(ground, zone):  # type: ignore[no-untyped-def]
             a, b, w = border_end(ground.at, ground.edge_cut, coarse.kind, p)
             zone.border.node[borders], zone.border.w[borders] = p, w
             zone.border.end[borders, 0], zone.border.end[borders, 1] = a, b
+            zone.border.off[borders] = off_line(ground, fine.shrink, a, b, w)
             fine.touched[row] = coarse.touched[a // ROW] = coarse.touched[b // ROW] = True
             borders += 1
     zone.number[ROWS], zone.number[BORDERS] = rows, borders

@@ -6,6 +6,8 @@
              its own                                     masks    (., 2, k) a bit for each lane with a bond, and for
     limit    of e                                                 each with half a bond
     p        place of the first lane                     s        scratch: forces, x then y
+    shrink   (m,) minus half the strain of a free node:
+             a bond is relieved of that of both ends; or None
 
 Each returns 1 where |e| is beyond what it can do, so that its sums are wrong, plus 2 where an e is above the limit.
 """
@@ -35,8 +37,10 @@ class _Sum:
         self._table, self._ways, self._weights = (
             code.data(kind, value) for kind, value in zip(kinds[1:4], values[1:4], strict=True)
         )
-        self._slots, self._at, self._p, self._limit = values[4:8]
+        self._shrink = None if isinstance(kinds[4], types.NoneType) else code.data(kinds[4], values[4])
+        self._slots, self._at, self._p, self._limit = values[5:9]
         self._here = [code.load(component, self._p) for component in self._u]
+        self._own = [] if self._shrink is None else code.load(self._shrink, self._p)
 
     def run(self, reach: float | None, factors: tuple[float, ...], kept: Any) -> Any:
         """Emit the sum with the pull e g(e), g a polynomial valid up to |e| = `reach`; returns the results of
@@ -79,6 +83,9 @@ class _Sum:
         eta_x, eta_y = (
             code.sub(code.load(component, other), here) for component, here in zip(self._u, self._here, strict=True)
         )
+        if self._shrink is not None:
+            both = code.add(code.load(self._shrink, other), self._own)
+            eta_x, eta_y = code.fma(both, xi_x, eta_x), code.fma(both, xi_y, eta_y)
         along_x = code.mul(code.fma(inverse, eta_x, x2), eta_x)
         e = code.fma(code.fma(inverse, eta_y, y2), eta_y, along_x)
         if self._kind == MASKED:
@@ -121,7 +128,7 @@ def _generator(kind: int, which: int | None, varied: bool = False) -> Any:
         if varied:
             edges = code.data(kinds.pop(4), values.pop(4))
         loop = _Sum(code, kinds, values, kind, edges)
-        kept = code.data(kinds[8], values[8])
+        kept = code.data(kinds[9], values[9])
         if which is None:
             return loop.run(None, (0.5,), kept)
         return loop.run((NARROW, WIDE)[which], code.coefficients[which], kept)
@@ -130,63 +137,63 @@ def _generator(kind: int, which: int | None, varied: bool = False) -> Any:
 
 
 @intrinsic
-def sum_whole(typingctx, u, table, ways, weights, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
+def sum_whole(typingctx, u, table, ways, weights, shrink, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
     """Sum the forces on a row whose lanes have all springs of the table, for |e| up to NARROW."""
-    return _signature(u, table, ways, weights, s), _generator(WHOLE, 0)
+    return _signature(u, table, ways, weights, shrink, s), _generator(WHOLE, 0)
 
 
 @intrinsic
-def sum_whole_wide(typingctx, u, table, ways, weights, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
+def sum_whole_wide(typingctx, u, table, ways, weights, shrink, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
     """Sum the forces on a row whose lanes have all springs of the table, for |e| up to WIDE."""
-    return _signature(u, table, ways, weights, s), _generator(WHOLE, 1)
+    return _signature(u, table, ways, weights, shrink, s), _generator(WHOLE, 1)
 
 
 @intrinsic
-def sum_masked(typingctx, u, table, ways, masks, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
+def sum_masked(typingctx, u, table, ways, masks, shrink, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
     """Sum the forces on a row whose lanes have springs of the table, half springs, or none, for |e| up to NARROW."""
-    return _signature(u, table, ways, masks, s), _generator(MASKED, 0)
+    return _signature(u, table, ways, masks, shrink, s), _generator(MASKED, 0)
 
 
 @intrinsic
-def sum_masked_wide(typingctx, u, table, ways, masks, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
+def sum_masked_wide(typingctx, u, table, ways, masks, shrink, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
     """Sum the forces on a row whose lanes have springs of the table, half springs, or none, for |e| up to WIDE."""
-    return _signature(u, table, ways, masks, s), _generator(MASKED, 1)
+    return _signature(u, table, ways, masks, shrink, s), _generator(MASKED, 1)
 
 
 @intrinsic
-def sum_own(typingctx, u, table, ways, weights, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
+def sum_own(typingctx, u, table, ways, weights, shrink, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
     """Sum the forces on a row with its own stiffnesses, for |e| up to NARROW."""
-    return _signature(u, table, ways, weights, s), _generator(OWN, 0)
+    return _signature(u, table, ways, weights, shrink, s), _generator(OWN, 0)
 
 
 @intrinsic
-def sum_own_wide(typingctx, u, table, ways, weights, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
+def sum_own_wide(typingctx, u, table, ways, weights, shrink, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
     """Sum the forces on a row with its own stiffnesses, for |e| up to WIDE."""
-    return _signature(u, table, ways, weights, s), _generator(OWN, 1)
+    return _signature(u, table, ways, weights, shrink, s), _generator(OWN, 1)
 
 
 @intrinsic
-def sum_edges(typingctx, u, table, ways, weights, edges, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
+def sum_edges(typingctx, u, table, ways, weights, edges, shrink, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
     """Sum the forces on a row with its own stiffnesses and `edges` (., k, 16), for |e| up to NARROW.
 
     The result 2 means that an e exceeds the edge of its bond by more than `limit`.
     """
-    return _signature(u, table, ways, weights, edges, s), _generator(OWN, 0, True)
+    return _signature(u, table, ways, weights, edges, shrink, s), _generator(OWN, 0, True)
 
 
 @intrinsic
-def sum_edges_wide(typingctx, u, table, ways, weights, edges, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
+def sum_edges_wide(typingctx, u, table, ways, weights, edges, shrink, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
     """Sum the forces on a row with its own stiffnesses and `edges`, for |e| up to WIDE; see `sum_edges`."""
-    return _signature(u, table, ways, weights, edges, s), _generator(OWN, 1, True)
+    return _signature(u, table, ways, weights, edges, shrink, s), _generator(OWN, 1, True)
 
 
 @intrinsic
-def sum_green(typingctx, u, table, ways, weights, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
+def sum_green(typingctx, u, table, ways, weights, shrink, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
     """Sum the forces on a whole coarse row by Green's strain: force k e / 2 (xi + eta)."""
-    return _signature(u, table, ways, weights, s), _generator(WHOLE, None)
+    return _signature(u, table, ways, weights, shrink, s), _generator(WHOLE, None)
 
 
 @intrinsic
-def sum_green_own(typingctx, u, table, ways, weights, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
+def sum_green_own(typingctx, u, table, ways, weights, shrink, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
     """Sum the forces on a coarse row with its own stiffnesses by Green's strain: force k e / 2 (xi + eta)."""
-    return _signature(u, table, ways, weights, s), _generator(OWN, None)
+    return _signature(u, table, ways, weights, shrink, s), _generator(OWN, None)

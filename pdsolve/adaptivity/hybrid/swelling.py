@@ -1,0 +1,166 @@
+"""What swelling makes of the pieces of clipped bonds and of border nodes, and the energy that all springs hold.
+
+A free node is strained by its temperature or content; a spring, or a piece of one, by the mean of its ends, and is
+stretched from there. Fine nodes have strains where they are idle too, so that cells that become fine have theirs.
+
+Free bodies whose strain e is linear bend: u_,xx = (e_,x, -e_,y) and u_,yy = -u_,xx. Places between two coarse nodes are
+off the line between them by w (w - 1) / 2 times the square of their distance times that, so that such bodies are free
+of stress with any zone.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit, types
+from numba.extending import overload
+
+from pdsolve.adaptivity.hybrid.arrays import BORDERS, COARSE_ROWS, PIECES, ROWS
+from pdsolve.adaptivity.hybrid.energy import piece_held, strain_e
+from pdsolve.adaptivity.hybrid.forces import follow
+from pdsolve.adaptivity.hybrid.lattice import FREE, coarse_column, coarse_place, coarse_row, fine_place
+from pdsolve.numerics.jit_cache import cached_njit
+from pdsolve.operators.simd_lattice.kernel import INNER, displaced
+from pdsolve.operators.simd_lattice.lanes import ROW
+
+
+def relieve(ground: Any, zone: Any) -> None:
+    """Set what the strains of nodes add to the displacements between the ends of pieces, where nodes swell."""
+
+
+@overload(relieve, jit_options=INNER)
+def _relieve(ground, zone):  # type: ignore[no-untyped-def]
+    fine = zone.types[zone.fields.index("fine")]
+    if isinstance(fine.types[fine.fields.index("shrink")], types.NoneType):
+        return lambda ground, zone: None
+
+    def relieve_pieces(ground, zone):  # type: ignore[no-untyped-def]
+        fine, coarse, pieces = zone.fine.shrink, zone.coarse.shrink, zone.pieces
+        for n in range(zone.number[PIECES]):
+            both = _shrink_at(fine, coarse, pieces, n, 0) + _shrink_at(fine, coarse, pieces, n, 1)
+            x0, y0 = off_line(ground, fine, pieces.end[n, 0], pieces.end[n, 1], pieces.value[n, 0])
+            x1, y1 = off_line(ground, fine, pieces.end[n, 2], pieces.end[n, 3], pieces.value[n, 1])
+            pieces.relief[n, 0] = both * pieces.value[n, 2] + x1 - x0
+            pieces.relief[n, 1] = both * pieces.value[n, 3] + y1 - y0
+
+    return relieve_pieces
+
+
+def off_line(ground: Any, shrink: Any, a: Any, b: Any, w: Any) -> Any:
+    """How far a place at the share w from coarse node a to b is off the line between them, (x, y) in m.
+
+    `shrink` (n,) is that of fine nodes. A `b` below 0 is none.
+    """
+
+
+@overload(off_line, jit_options=INNER)
+def _off_line(ground, shrink, a, b, w):  # type: ignore[no-untyped-def]
+    if isinstance(shrink, types.NoneType):
+        return lambda ground, shrink, a, b, w: (0.0, 0.0)
+
+    def bent(ground, shrink, a, b, w):  # type: ignore[no-untyped-def]
+        if b < 0 or a == b:
+            return 0.0, 0.0
+        at, q = ground.at, min(a, b)
+        level = abs(b - a) == 1
+        along, across = (1, at.stride) if level else (at.stride, 1)
+        p = fine_place(at, 2 * coarse_column(at, q), 2 * coarse_row(at, q))
+        scale = -4 * ground.h * w * (w - 1)
+        on = scale * (shrink[p + 2 * along] - shrink[p]) / 2
+        aside = -scale * _slope(shrink, ground.mass, p + along, across)
+        return (on, aside) if level else (aside, on)
+
+    return bent
+
+
+@njit(**INNER)
+def _slope(values, mass, p, way):  # type: ignore[no-untyped-def]
+    """Difference of values from a place to the next: the smaller of both sides, 0 if they differ in sign.
+
+    So it is that of linear values, and no leap at a crack is one.
+    """
+    up, down = values[p + way] - values[p], values[p] - values[p - way]
+    if mass[p + way] == 0 or mass[p - way] == 0:
+        return (up if mass[p + way] > 0 else 0.0) + (down if mass[p - way] > 0 else 0.0)
+    if up * down <= 0:
+        return 0.0
+    return up if abs(up) < abs(down) else down
+
+
+@njit(forceinline=True, **INNER)
+def _shrink_at(fine, coarse, pieces, n, which):  # type: ignore[no-untyped-def]
+    """Minus half the strain at an end of a piece."""
+    a, b = pieces.end[n, 2 * which], pieces.end[n, 2 * which + 1]
+    if b < 0:
+        return fine[a]
+    w = pieces.value[n, which]
+    return (1 - w) * coarse[a] + w * coarse[b]
+
+
+@cached_njit(error_model="numpy")
+def relieve_all(ground, zone, now):  # type: ignore[no-untyped-def]
+    """See `relieve`; border nodes too."""
+    relieve(ground, zone)
+    border, count = zone.border, zone.number[BORDERS]
+    for n in range(count):
+        border.off[n] = off_line(ground, zone.fine.shrink, border.end[n, 0], border.end[n, 1], border.w[n])
+    follow(zone.fine.u[now], zone.coarse.u[now], border, count)
+
+
+@cached_njit(error_model="numpy")
+def restrict(ground, fine, coarse):  # type: ignore[no-untyped-def]
+    """Set values of coarse nodes to the mean of fine ones (n,) around them: 1/4, 1/2, 1/4 along each axis.
+
+    What a cell holds is so that of its fine nodes. Along an axis on which there is no node on one side, the middle one
+    alone counts, so that linear values stay exact.
+    """
+    at = ground.at
+    for y in range(at.ny // 2 + 1):
+        for x in range(at.nx // 2 + 1):
+            p = fine_place(at, 2 * x, 2 * y)
+            found = _mean(fine, ground.mass, p, 1)
+            if ground.mass[p + at.stride] > 0 and ground.mass[p - at.stride] > 0:
+                found = found / 2 + _mean(fine, ground.mass, p + at.stride, 1) / 4
+                found += _mean(fine, ground.mass, p - at.stride, 1) / 4
+            coarse[coarse_place(at, x, y)] = found
+
+
+@njit(**INNER)
+def _mean(values, mass, p, way):  # type: ignore[no-untyped-def]
+    """Mean of a value and the next ones on a line, if there are both."""
+    if mass[p + way] == 0 or mass[p - way] == 0:
+        return values[p]
+    return values[p] / 2 + (values[p - way] + values[p + way]) / 4
+
+
+@njit(**INNER)
+def _add_stored(nodes, table, ways, green, row, u, s):  # type: ignore[no-untyped-def]
+    """Add the energies of a row's springs, J/m, to its lanes s (16,); of coarse ones by Green's strain."""
+    entry, first = nodes.entry[row], row * ROW
+    for k in range(len(ways)):
+        x, y, inverse, whole = table[k, 0], table[k, 1], table[k, 4], table[k, 5]
+        for lane in range(ROW):
+            p = first + lane
+            eta_x, eta_y = displaced(u, nodes.shrink, x, y, p, p + ways[k])
+            e = strain_e(table, k, eta_x, eta_y)
+            stretch = e / 2 if green else e / (np.sqrt(max(1 + e, 0.0)) + 1)
+            stiffness = nodes.own[entry, k, lane] if entry >= 0 else whole
+            s[lane] += stiffness / inverse * stretch * stretch / 4
+
+
+@cached_njit(error_model="numpy")
+def stored(ground, zone, now):  # type: ignore[no-untyped-def]
+    """Strain energy of all springs and pieces, J/m."""
+    fine, coarse, found, s = zone.fine, zone.coarse, 0.0, np.zeros(ROW)
+    for row in fine.rows[: zone.number[ROWS]]:
+        _add_stored(fine, ground.table, ground.ways, False, row, fine.u[now], s)
+    found += s.sum()
+    for row in coarse.rows[: zone.number[COARSE_ROWS]]:
+        s[:] = 0
+        _add_stored(coarse, ground.coarse_table, ground.coarse_ways, True, row, coarse.u[now], s)
+        for lane in range(ROW):
+            found += s[lane] if coarse.kind[row * ROW + lane] == FREE else 0.0
+    for n in range(zone.number[PIECES]):
+        found += piece_held(zone.pieces, fine.u[now], coarse.u[now], n)
+    return found

@@ -1,0 +1,97 @@
+"""Plates with a fine zone that moves, which heat, or a solvent, swells.
+
+The content is that of all nodes of the fine lattice, conducted as without a zone, so that cells that become fine have
+theirs. Coarse nodes have that of the fine nodes they lie on.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.adaptivity.hybrid.engine import Hybrid
+from pdsolve.adaptivity.hybrid.operator import HybridOperator
+from pdsolve.adaptivity.two_lattice_operator import FusedMarch
+from pdsolve.diffusion.broken_bonds import BrokenBonds
+from pdsolve.diffusion.swelling import Swelling
+from pdsolve.model import Model
+from pdsolve.state import Broken, State
+from pdsolve.steppers.protocol import Stepper
+
+
+class PlateBonds:
+    """The broken bonds of a plate with a fine zone, by the rows of all nodes of its grid."""
+
+    def __init__(self, hybrid: Hybrid) -> None:
+        self._hybrid = hybrid
+
+    def broken(self, after: int = 0) -> Broken:
+        """The bonds broken after a step."""
+        (step, node, spring), plate = self._hybrid.broken(), self._hybrid.plate
+        new = step > after
+        node, other = node[new], node[new] + self._hybrid.ground.ways[spring[new]]
+        return Broken(step[new].astype(np.int64), plate.rows_at(node), plate.rows_at(other))
+
+
+class SwellingZone(Swelling):
+    """Steps of a content, of n nodes of the grid, and of a plate that it swells, whose state has the current nodes."""
+
+    def __init__(
+        self,
+        content: tuple[Stepper, State],
+        operator: HybridOperator,
+        model: Model,
+        cycle: int,
+        broken: BrokenBonds | None,
+    ) -> None:
+        """See `Swelling`; `model` is that of all nodes."""
+        self._operator = operator
+        super().__init__(content, FusedMarch(operator), operator, model, cycle, broken)
+        operator.hybrid.renew()
+
+    @property
+    def rows(self) -> NDArray[np.int64]:
+        """The rows (n,) in the grid of the current nodes."""
+        return self._operator.rows
+
+    def on(self, operator: HybridOperator) -> SwellingZone:
+        """The stepper of the same plate with other current nodes."""
+        self._operator = self._bonds = operator
+        return self
+
+    def clamped(self, state: State) -> NDArray[np.float64]:
+        """The energy densities (n,) of the current nodes at no displacement, J/m^3, inside of one material."""
+        hybrid, rows = self._operator.hybrid, self._operator.rows
+        ground, plate = hybrid.ground, hybrid.plate
+        density = (ground.springs / ground.table[:, 4]).sum(axis=1) / 4 / ground.h**2  # by material, at a stretch of 1
+        return np.asarray(density[plate.model.material_of[rows]] * self._strain()[rows] ** 2)
+
+    def march(self, state: State, first: int, last: int) -> None:
+        """Take the steps `first` to `last` - 1 of both; the state is updated as long as its nodes are the current ones.
+
+        Raises UnstableError.
+        """
+        hybrid, step = self._operator.hybrid, first
+        while step < last:
+            until = min(last, step + (self.cycle // 2 + 1 - step) % self.cycle)
+            hybrid.march(step, until)
+            if until < last:
+                self._heated(until)
+            step = until + 1
+        if self._operator.current:
+            self._operator.sync(state)
+
+    def _heated(self, step: int) -> None:
+        """Take a step of the content and the one of the motion after it."""
+        hybrid = self._operator.hybrid
+        if self._broken is not None:
+            self._broken.update(self._content)
+        before, held = self._strain(), hybrid.stored()
+        self._content.march(self._h, (step - 1) // self.cycle + 1, (step - 1) // self.cycle + 2)
+        hybrid.swell(self._strain())
+        hybrid.book((hybrid.stored() - held) / 2)
+        hybrid.march(step, step + 1)
+        after = hybrid.stored()
+        hybrid.swell(before)
+        hybrid.book((after - hybrid.stored()) / 2)
+        hybrid.swell(self._strain())
