@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model.medium import Medium
 from pdsolve.diffusion.families import dimension_of, lattice_diffusivity, moment
+from pdsolve.diffusion.flux import saturated
 from pdsolve.model import Model
 
 
@@ -24,7 +25,7 @@ def potential(medium: Medium, content: NDArray[np.float64]) -> NDArray[np.float6
     """Potential (n,), mol/m^3, whose differences drive the bonds."""
     if medium.C_sat is None or medium.dissolution == "kinetic":
         return content
-    return np.minimum(content, medium.C_sat)
+    return np.asarray(saturated(content, medium.C_sat))
 
 
 def solid_share(medium: Medium, content: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.conditions import Drive, Entries, put_loads
+from pdsolve.diffusion.flux import FUNCTIONS
 from pdsolve.diffusion.lattice import TOGETHER, OnLattice
 from pdsolve.diffusion.listed import BondList
 from pdsolve.diffusion.operator import Fick
@@ -15,6 +16,7 @@ from pdsolve.model import ModelError
 from pdsolve.operators.device.factors import AT_ONCE, Factors
 from pdsolve.operators.device.runtime import Session
 from pdsolve.operators.device.source import preamble, text_of
+from pdsolve.operators.device.translation import DOUBLE, Translation
 from pdsolve.operators.simd_lattice.kernel import LANES
 from pdsolve.state import State
 
@@ -48,9 +50,8 @@ class EulerOnDevice:
         names = {"UNLIKE": changes[0] is not None, "MORE": changes[1] is not None, "VARIES": drive.varies}
         names |= {"LOADS": len(drive.loads.node) > 0, "OPEN": bool(operator.outside.any())}
         defined |= {name: 1 for name, there in names.items() if there}
-        least = operator.medium.C_sat
-        lines = [preamble("float64", 1), *(f"#define {name} {value}" for name, value in defined.items())]
-        lines += [] if least is None else [f"#define C_SAT {float(least).hex()}"]
+        lines = [preamble("float64", 1), _law(operator.medium.C_sat)]
+        lines += [f"#define {name} {value}" for name, value in defined.items()]
         program = session.build("\n".join([*lines, text_of("fick.cl")]))
         self._put, self._advance = program.put, program.advance
         self._cell, self._fixed = session.put(tables.cell.astype(np.int32)), [session.put(each) for each in fixed]
@@ -99,6 +100,15 @@ class EulerOnDevice:
         state = self._state
         motion = (self._h, state.value[:, 0]), (self._rate, state.rate[:, 0])
         return [*motion, (self._dissipated, state.dissipated), (self._work, state.work)]
+
+
+def _law(C_sat: float | None) -> str:
+    """Fick's law in OpenCL C, of potentials up to C_sat, mol/m^3, if there is one."""
+    written, found = Translation(FUNCTIONS), []
+    for name, count in (("flux", 5), ("two", 4), ("four", 8), ("gained", 4)):
+        found.append(f"#define {name.upper()} {written.add(name, (DOUBLE,) * count)}")
+    least = "h" if C_sat is None else f"{written.add('saturated', (DOUBLE, DOUBLE))}(h, {float(C_sat).hex()})"
+    return "\n".join([written.source, *found, f"#define POTENTIAL(h) {least}"])
 
 
 def _listed(bonds: BondList | None, nodes: int) -> list[NDArray[Any]]:

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from pdmesh.model.neighbours import ON_LATTICE, ROUND_OFF
 from pdsolve.diffusion.families import Families, Unlike, shape
+from pdsolve.diffusion.flux import four, gained, two
 from pdsolve.diffusion.listed import BondList, ChangedBonds, compiled
-from pdsolve.numerics.fused import fused
 from pdsolve.numerics.thread_team import side_by_side
 
 if TYPE_CHECKING:
@@ -257,18 +257,16 @@ def _pull(runs, slots, of, out, first, last):  # type: ignore[no-untyped-def]
             b6, b7 = np.uint64(cell + ahead[k + 6]), np.uint64(cell + ahead[k + 7])
             g0, g1, g2, g3, g4, g5, g6, g7 = g[k], g[k + 1], g[k + 2], g[k + 3], g[k + 4], g[k + 5], g[k + 6], g[k + 7]
             for x in range(cells):
-                one = fused(g1, amount[b1 + x], g0 * amount[b0 + x])
-                one = fused(g3, amount[b3 + x], fused(g2, amount[b2 + x], one))
-                two = fused(g5, amount[b5 + x], g4 * amount[b4 + x])
-                two = fused(g7, amount[b7 + x], fused(g6, amount[b6 + x], two))
-                s[x] += one + two
+                one = four(g0, amount[b0 + x], g1, amount[b1 + x], g2, amount[b2 + x], g3, amount[b3 + x])
+                other = four(g4, amount[b4 + x], g5, amount[b5 + x], g6, amount[b6 + x], g7, amount[b7 + x])
+                s[x] += one + other
         for k in range(eights, len(ahead), 2):
             b0, b1, g0, g1 = np.uint64(cell + ahead[k]), np.uint64(cell + ahead[k + 1]), g[k], g[k + 1]
             for x in range(cells):
-                s[x] += fused(g1, amount[b1 + x], g0 * amount[b0 + x])
+                s[x] += two(g0, amount[b0 + x], g1, amount[b1 + x])
         for x in range(runs.cells[r]):
             i = order[runs.node[r] + x]
-            out[i] += scale[i] * (s[x] - total[i] * potential[i])
+            out[i] += gained(scale[i], s[x], total[i], potential[i])
 
 
 @compiled()

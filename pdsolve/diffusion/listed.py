@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.diffusion.families import Grouped
-from pdsolve.numerics.fused import fused
+from pdsolve.diffusion.flux import flux
 from pdsolve.numerics.jit_cache import cached_njit
 from pdsolve.numerics.thread_team import share
 
@@ -134,7 +134,7 @@ def _add(bonds, of, out, first, last):  # type: ignore[no-untyped-def]
         t = 0.0
         for k in range(bonds.start[i], bonds.start[i + 1]):
             j = bonds.neighbour[k]
-            t = fused(bonds.conductance[k] * volume[j], potential[j] - potential[i], t)
+            t = flux(bonds.conductance[k], volume[j], potential[i], potential[j], t)
         out[i] += t
 
 

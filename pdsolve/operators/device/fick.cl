@@ -8,20 +8,12 @@ A work item is a node, n of them; cells, slots and their order are those of the 
     factors   2 p of a step: of loads, at its beginning; of holds, at its end
 */
 
-inline double potential_of(double h) {
-#ifdef C_SAT
-  return fmin(h, C_SAT);
-#else
-  return h;
-#endif
-}
-
 __kernel void put(__global const int *cell, __global const double *volume, __global const double *h,
                   __global double *potential, __global double *amount, int n) {
   int i = get_global_id(0);
   if (i >= n)
     return;
-  potential[i] = potential_of(h[i]);
+  potential[i] = POTENTIAL(h[i]);
   amount[cell[i]] = potential[i] * volume[i];
 }
 
@@ -31,7 +23,7 @@ inline double changed(__global const long *start, __global const uint *neighbour
   double t = 0;
   for (long k = start[i]; k < start[i + 1]; ++k) {
     uint j = neighbour[k];
-    t = fma(c[k] * volume[j], potential[j] - potential[i], t);
+    t = FLUX(c[k], volume[j], potential[i], potential[j], t);
   }
   return t;
 }
@@ -54,18 +46,12 @@ __kernel void advance(__global const int *cell, __global const double *volume, _
   __global const double *a = amount + cell[i];
   double s = 0;
   int k = 0;
-  for (; k < EIGHTS; k += 8) {
-    double one = fma(g[k + 1], a[ahead[k + 1]], g[k] * a[ahead[k]]);
-    one = fma(g[k + 3], a[ahead[k + 3]], fma(g[k + 2], a[ahead[k + 2]], one));
-    double two = fma(g[k + 5], a[ahead[k + 5]], g[k + 4] * a[ahead[k + 4]]);
-    two = fma(g[k + 7], a[ahead[k + 7]], fma(g[k + 6], a[ahead[k + 6]], two));
-    double both = one + two;
-    s += both;
-  }
+#define OF(q) g[k + q], a[ahead[k + q]]
+  for (; k < EIGHTS; k += 8)
+    s += FOUR(OF(0), OF(1), OF(2), OF(3)) + FOUR(OF(4), OF(5), OF(6), OF(7));
   for (; k < SLOTS; k += 2)
-    s += fma(g[k + 1], a[ahead[k + 1]], g[k] * a[ahead[k]]);
-  double lost = outflow[i] * potential[i], gain = s - lost;
-  double out = scale[i] * gain;
+    s += TWO(OF(0), OF(1));
+  double out = GAINED(scale[i], s, outflow[i], potential[i]);
 #ifdef UNLIKE
   out += changed(start_of_unlike, unlike, of_unlike, volume, potential, i);
 #endif

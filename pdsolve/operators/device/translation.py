@@ -17,6 +17,7 @@ import numpy as np
 
 from pdsolve.laws.law import Function
 from pdsolve.model import ModelError
+from pdsolve.numerics.fused import fused
 
 DOUBLE, REAL = "double", "REAL"
 SIGNS = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/"}
@@ -142,7 +143,11 @@ class _Body:
             kind = DOUBLE if DOUBLE in kinds else REAL
             return f"{name}({', '.join(f'({kind}){one}' for one, _ in values)})", kind
         assert isinstance(node.func, ast.Name)
-        called, kind = self._whole.called(self._whole.named(node.func.id, self._function), kinds)
+        function = self._whole.named(node.func.id, self._function)
+        if function is fused:
+            kind = DOUBLE if DOUBLE in kinds else REAL
+            return f"fma({', '.join(f'({kind}){one}' for one, _ in values)})", kind
+        called, kind = self._whole.called(function, kinds)
         return f"{called}({text})", kind
 
     def _unknown(self, node: ast.AST | str) -> ModelError:
