@@ -180,6 +180,21 @@ def rubber(axes: Axes, folder: Path) -> str:
     return f"{off[-1]:.3f} of the finite elements' force at the end"
 
 
+def quench(axes: Axes, folder: Path) -> str:
+    """Temperature and stress across a quenched slab, over their series."""
+    stress, heat = table(folder / "stress.csv"), table(folder / "temperature.csv")
+    depth, temperature, exact = table(DATA / "quenched_slab.csv").values()
+    x, scale = stress["x, m"] / 5e-3, 70e9 * 9e-6 * 100
+    found, warm = stress["stress_yy, Pa"] / scale, (heat["concentration, mol/m³"] - 293) / 100
+    for known, ours, dots, label in ((temperature, warm, ".", "temperature"), (exact, found, "+", "stress")):
+        axes.plot(depth, known, color=KNOWN, label="series" if dots == "." else None)
+        axes.plot(x, ours, dots, color=OURS, label=label)
+    off = np.abs(warm - np.interp(x, depth, temperature)).max()
+    below = np.abs(found - np.interp(x, depth, exact))[x > 1 / 6].max()
+    at = found[0] / exact[0]
+    return f"temperature off by {off:.3f}, stress by {below:.3f}; {at:.3f} of the series' stress at the edge"
+
+
 def screw(axes: Axes, folder: Path) -> str:
     """The share of a screw that is dissolved, over finite volumes."""
     found, known = table(folder / "masses.csv"), table(DATA / "dissolving_screw.csv")
@@ -213,6 +228,7 @@ TUTORIALS = {
     "bending_of_concrete": Tutorial(beam, "deflection, mm", "load, kN"),
     "l_shaped_panel": Tutorial(panel, "lift, mm", "load, kN"),
     "block_of_rubber": Tutorial(rubber, "stretch, m", "force over E, per metre"),
+    "quenched_slab": Tutorial(quench, "depth over half of the thickness", "T over dT, stress over E alpha dT"),
     "corrosion": Tutorial(screw, "time, 1000 s", "share dissolved"),
     "body_in_space": Tutorial(ring, "fragment", "mass, g"),
 }

@@ -46,6 +46,7 @@ COARSE = {  # what stands on a page, and what is run in its place
     "geometries/kalthoff_winkler_steel.py": "geometries/kalthoff_winkler_steel.py --set spacing=2e-3",
     "--set spacing=2.5e-4": "--set spacing=1e-3",
     "build holes.py": "build holes.py --set steps=2",
+    "build quench.py": "build quench.py --set rows=5 --set steps=4",
     "build hole.py": "build hole.py --set spacing=1e-3",
     "--set spacing=5e-4 --adapt hybrid": "--set spacing=1e-3 --adapt hybrid",
     "geometries/inclined_crack.py": "geometries/inclined_crack.py --set fine=1e-3 --set coarse=4e-3 --set most=4",

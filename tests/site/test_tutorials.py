@@ -50,6 +50,9 @@ def test_data_of_formulas_are_those_of_the_formulas() -> None:
     assert (ratio[0], shape[0]) == pytest.approx((0.5, 9.6591), abs=1e-4)  # ASTM E399 has 9.66
     slope = np.diff(opening) / np.diff(ratio)
     assert slope == pytest.approx(2 * ((shape[1:] + shape[:-1]) / 2) ** 2, rel=0.02)  # G = P^2 dC / 2 da; 0.013 found
+    depth, T, stress = table(DATA / "quenched_slab.csv").values()
+    assert T + stress == pytest.approx(np.trapezoid(T, depth), abs=1e-4)
+    assert (T[1] - T[0]) / depth[1] == pytest.approx(10 * T[0], rel=0.01)  # Bi times that of the edge: 0.003 found
     (length,) = table(DATA / "fragments_of_a_ring.csv").values()
     assert length[0] ** 3 == pytest.approx(24, abs=1e-4)
 
