@@ -50,8 +50,8 @@ def test_a_cold_layer_thinner_than_a_horizon(failure: Callable[..., None]) -> No
     assert coarse < 0.6
     assert fine == pytest.approx(1.0, abs=0.02)
     failure(
-        fails="A slab is quenched at Bi = 100. Its surface is stretched most when the cold layer is less than a tenth of"
-        f" half the thickness. With 8 spacings in that half the largest stress is {coarse:.2f} of the exact one.",
+        fails="A slab is quenched at Bi = 100. Its surface is stretched most when the cold layer is less than a tenth"
+        f" of half the thickness. With 8 spacings in that half the largest stress is {coarse:.2f} of the exact one.",
         noticed="Not at all.",
         cure=f"More spacings: with 24 it is {fine:.3f}.",
     )
@@ -68,8 +68,8 @@ def test_steps_of_conduction_that_are_long(failure: Callable[..., None]) -> None
     assert long < 0.9
     assert short == pytest.approx(1.0, abs=0.05)
     failure(
-        fails="A slab is quenched at Bi = 10, in one step to twice the time at which its stress is largest: that stress is"
-        f" {long:.2f} of the exact one.",
+        fails="A slab is quenched at Bi = 10, in one step to twice the time at which its stress is largest: that stress"
+        f" is {long:.2f} of the exact one.",
         noticed="Not at all.",
         cure=f"Steps that are short beside that time: in 24 steps it is {short:.2f}.",
     )
