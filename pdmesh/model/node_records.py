@@ -38,7 +38,7 @@ DECODER = msgspec.json.Decoder(list[NodeRecord])
 
 @dataclass(frozen=True, eq=False)
 class NodeColumns:
-    """The same of all nodes."""
+    """The nodes of a grid file, n of them, in columns."""
 
     id: NDArray[np.int64]  # (n,)
     border: NDArray[np.bool_]  # (n,)

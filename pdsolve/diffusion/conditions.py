@@ -9,14 +9,23 @@ from numpy.typing import NDArray
 
 from pdmesh.model.document import Concentration, Exchange, InitialConcentration, Solid, Source, Timed
 from pdsolve.conditions import Drive, Entries, chosen, drive_of, entries, held, hold_values
-from pdsolve.diffusion.edge_fluxes import Cloud, beside_edge, is_coarse, over_cells
-from pdsolve.diffusion.families import extended
+from pdsolve.diffusion.edge_fluxes import Cloud, beside_edge, is_coarse, outward, over_cells, parts
+from pdsolve.diffusion.families import diffusivities, extended
 from pdsolve.diffusion.surfaces import Faces, Held, nothing
 from pdsolve.model import Model, ModelError
 
 ON_EDGE = 1e-3  # of a spacing
 
 Profile = tuple[tuple[float, float], ...]
+
+
+class Flux(NamedTuple):
+    """What goes through an edge of k nodes."""
+
+    condition: Source | Exchange
+    rows: NDArray[np.int64]  # (k,)
+    profile: int
+    walled: NDArray[np.bool_]  # (k,) nodes at which it is a prescribed value outside
 
 
 class BoundaryConditions(NamedTuple):
@@ -29,7 +38,7 @@ class BoundaryConditions(NamedTuple):
     exchange: NDArray[np.float64]  # (n,) 1/s: what goes out for each mol/m^3
     edges: Held
     at_edges: list[tuple[float, int]]  # what each held edge holds, mol/m^3, and its profile
-    fluxes: list[tuple[Source | Exchange, NDArray[np.int64], int]]  # through edges, their nodes and profiles
+    fluxes: list[Flux]
 
     def drive(self) -> Drive:
         """Sources and prescribed contents for a stepper."""
@@ -55,7 +64,7 @@ def boundary_conditions(model: Model, volume: NDArray[np.float64]) -> BoundaryCo
     supplied: list[Entries] = []
     at_edges: list[tuple[float, int]] = []
     edges = [nothing(len(extended(model)))]
-    fluxes: list[tuple[Source | Exchange, NDArray[np.int64], int]] = []
+    fluxes: list[Flux] = []
     for number, condition in enumerate(model.settings.conditions):
         if not isinstance(condition, Concentration | Source | Exchange):
             continue
@@ -74,7 +83,12 @@ def boundary_conditions(model: Model, volume: NDArray[np.float64]) -> BoundaryCo
         if isinstance(condition, Source) and condition.rate is not None:
             supplied.append(entries(rows, 0, condition.rate, profile))
         else:
-            fluxes.append((condition, rows, profile))
+            walled = np.zeros(len(rows), dtype=bool)
+            if isinstance(condition, Exchange) and _has_edges(model):
+                faces, walled = _outside(model, condition, rows, volume[rows], len(at_edges))
+                edges.append(faces)
+                at_edges.append((condition.value, profile))
+            fluxes.append(Flux(condition, rows, profile, walled))
     supplied = [chosen(each, free[each.node]) for each in supplied]
     together = Faces(*(np.concatenate(column) for column in zip(*edges[::-1], strict=True)))  # the last one holds
     return BoundaryConditions(profiles, held, supplied, free, exchange, Held(on_edge, together), at_edges, fluxes)
@@ -83,10 +97,13 @@ def boundary_conditions(model: Model, volume: NDArray[np.float64]) -> BoundaryCo
 def with_fluxes(done: BoundaryConditions, cloud: Cloud, corrected: bool) -> BoundaryConditions:
     """Conditions with the fluxes through edges; `corrected`: where they leave linear fields exact."""
     supplied, exchange = list(done.supplied), done.exchange.copy()
-    for condition, rows, profile in done.fluxes:
-        extent = _extent(condition)
-        coarse = isinstance(condition, Exchange) and is_coarse(cloud, rows, condition.coefficient)
-        found = beside_edge(cloud, rows, extent) if corrected and not coarse else over_cells(cloud, rows)
+    for condition, rows, profile, walled in done.fluxes:
+        extent, coarse = _extent(condition), ~walled
+        coarse &= isinstance(condition, Exchange) and is_coarse(
+            cloud.delta[rows], cloud.diffusivity[rows], condition.coefficient
+        )
+        spread = over_cells(cloud, rows, walled) if coarse.any() or not corrected else None
+        found = spread or beside_edge(cloud, rows, extent, walled)
         share = extent * found.share / cloud.volume[found.rows]
         if isinstance(condition, Source):
             rate = (condition.flux or 0.0) * share
@@ -123,6 +140,27 @@ def _edge(model: Model, number: int, condition: Concentration, edge: int) -> tup
     axes = extended(model)
     area = delta ** (len(axes) - 1)
     return rows[on], Faces(middle[:, axes], normal[:, axes], area, np.full(len(rows), edge)).chosen(first)
+
+
+def _outside(
+    model: Model, condition: Exchange, rows: NDArray[np.int64], volume: NDArray[np.float64], edge: int
+) -> tuple[Faces, NDArray[np.bool_]]:
+    """Faces D / coefficient outside the nodes (k,) at which spacings do not resolve the exchange; and which these are.
+
+    Only where an edge is free.
+    """
+    grid, D, axes = model.grid, diffusivities(model)[rows], extended(model)
+    delta, position = grid.delta, grid.position[:, axes]
+    coarse = is_coarse(delta[rows], D, condition.coefficient)
+    if not coarse.any():
+        return nothing(len(axes)), coarse
+    normal, free = outward(position, delta, 2 * delta, rows)
+    depth = parts(volume, delta[rows])[1] / _extent(condition)
+    way = depth - delta[rows] / 2 + D / condition.coefficient
+    middle = position[rows] + way[:, None] * normal
+    area = delta[rows] ** (len(axes) - 1)
+    walled = coarse & free
+    return Faces(middle, normal, area, np.full(len(rows), edge)).chosen(walled), walled
 
 
 def _extent(condition: Source | Exchange) -> float:

@@ -3,7 +3,8 @@ r"""Fluxes and exchange through edges, handed on to the nodes beside them so tha
 Nodes near a free edge lack bonds. In a linear field that rises by 1 in a metre along the inward normal n they gain
 R . n with R_i = V_i sum_j g_ij V_j (x_j - x_i), m^(d+1)/s. It is 0 inside a body and adds up to D A over an edge of the
 extent A. A flux that is shared out as R . n has the exact linear field for its equilibrium; one that acts on the outer
-row alone leaves that row off by about q h / D. Symbols:
+row alone leaves that row off by about q h / D. An exchange that changes a field within a spacing is a prescribed value
+instead, at a wall that is D / coefficient outside, where the slope at the edge leads (Robin's condition). Symbols:
 
     A   extent of the edge, m^(d-1)        z   depth of a node below the edge, m
     D   diffusivity, m^2/s                 w   share of a node in the flux
@@ -23,7 +24,8 @@ Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
 CLEAR = 0.2  # of D A, by which the sum of R . n may miss it at a free edge
-COARSE = 1.0  # exchange times spacing over D, beyond which a spacing does not resolve what it does
+COARSE = 0.5  # exchange times spacing over D, beyond which a spacing does not resolve what it does
+BESIDE = 0.5  # of a spacing: how near to the next cell's place a node is that makes an edge one inside a body
 
 
 class Cloud(NamedTuple):
@@ -41,28 +43,50 @@ class Spread(NamedTuple):
     """Shares of a flux."""
 
     rows: Rows  # (k,)
-    share: Array  # (k,) of the whole flux; they add up to 1
+    share: Array  # (k,) of the whole flux; they add up to 1, less what goes through walls
     resistance: Array  # (k,) s/m, between the edge and where the flux arrives
 
 
-def over_cells(cloud: Cloud, rows: Rows) -> Spread:
-    """Shares in proportion to the cells of these nodes."""
-    return Spread(rows, cloud.volume[rows] / cloud.volume[rows].sum(), np.zeros(len(rows)))
+def parts(volume: Array, delta: Array) -> tuple[Array, Array]:
+    """The part of an edge (k,) beside each of its cells, whose sum is 1, and their depths (k,) times its extent, m^d.
+
+    Cells of nested spacings are as deep as they are wide.
+    """
+    finer = delta.max() / delta
+    area = volume * finer
+    return area / area.sum(), area.sum() / finer
 
 
-def is_coarse(cloud: Cloud, rows: Rows, coefficient: float) -> bool:
-    """Whether an exchange of this coefficient, m/s, changes a field within a spacing."""
-    return bool((coefficient * cloud.delta[rows] > COARSE * cloud.diffusivity[rows]).any())
+def is_coarse(delta: Array, diffusivity: Array, coefficient: float) -> NDArray[np.bool_]:
+    """Whether an exchange of this coefficient, m/s, changes a field within a spacing, of each node (k,)."""
+    return np.asarray(coefficient * delta > COARSE * diffusivity)
 
 
-def beside_edge(cloud: Cloud, rows: Rows, extent: float) -> Spread:
-    """Shares of a flux through an edge of that extent, whose nodes `rows` are.
+def outward(position: Array, delta: Array, reach: Array, rows: Rows) -> tuple[Array, NDArray[np.bool_]]:
+    """Outward unit normals (k, d) of an edge at its nodes, and whether (k,) no node is beyond it."""
+    tree = tree_of(position)
+    gain = np.zeros(position.shape)
+    for row, near in zip(rows, tree.query_ball_point(position[rows], reach[rows]), strict=True):
+        gain[row] = position[near].mean(axis=0) - position[row]
+    normal = -_normals(position[rows], gain[rows], reach[rows])
+    distance, _ = tree.query(position[rows] + normal * delta[rows, None])
+    return normal, np.asarray(distance > BESIDE * delta[rows])
+
+
+def over_cells(cloud: Cloud, rows: Rows, walled: NDArray[np.bool_]) -> Spread:
+    """Shares in proportion to the parts of the edge beside these cells, but for those `walled` (k,)."""
+    part, _ = parts(cloud.volume[rows], cloud.delta[rows])
+    return Spread(rows[~walled], part[~walled], np.zeros(int((~walled).sum())))
+
+
+def beside_edge(cloud: Cloud, rows: Rows, extent: float, walled: NDArray[np.bool_]) -> Spread:
+    """Shares of a flux through an edge of that extent, whose nodes `rows` are, but for those `walled` (k,).
 
     Each of these hands the part of its own cell on to the nodes that it is the nearest to, or keeps it if that part of
     the edge is not free.
     """
-    volume, D = cloud.volume[rows], cloud.diffusivity[rows]
-    part, normal = volume / volume.sum(), _normals(cloud, rows)
+    D, normal = cloud.diffusivity[rows], _normals(cloud.position[rows], cloud.gain[rows], cloud.reach[rows])
+    part, depth = parts(cloud.volume[rows], cloud.delta[rows])
     reach = 2 * float(cloud.reach[rows].max())
     distance, owner = tree_of(cloud.position[rows]).query(cloud.position, distance_upper_bound=reach)
     near = np.flatnonzero(np.isfinite(distance))
@@ -71,12 +95,12 @@ def beside_edge(cloud: Cloud, rows: Rows, extent: float) -> Spread:
     w = (cloud.gain[near] * normal[owner]).sum(axis=1) * (way > -cloud.delta[near] / 2)
     whole = np.bincount(owner, w, len(rows))
     free = np.abs(whole - D * extent * part) < CLEAR * D * extent * part
-    hands = free[owner] & (w != 0)
+    hands = (free & ~walled)[owner] & (w != 0)
     near, owner, way = near[hands], owner[hands], way[hands]
     w = w[hands] / whole[owner]
-    z = volume.sum() / extent - cloud.delta[rows[owner]] / 2 + way
+    z = depth[owner] / extent - cloud.delta[rows[owner]] / 2 + way
     resistance = np.maximum(np.bincount(owner, w * z, len(rows)), 0.0) / D
-    kept = np.flatnonzero(~free)
+    kept = np.flatnonzero(~free & ~walled)
     return Spread(
         np.concatenate([near, rows[kept]]),
         np.concatenate([part[owner] * w, part[kept]]),
@@ -84,10 +108,9 @@ def beside_edge(cloud: Cloud, rows: Rows, extent: float) -> Spread:
     )
 
 
-def _normals(cloud: Cloud, rows: Rows) -> Array:
-    """Inward unit normals (k, d) of an edge at its nodes: across the line or plane through those around."""
-    x, own = cloud.position[rows], cloud.gain[rows]
-    around = tree_of(x).query_ball_point(x, cloud.reach[rows])
+def _normals(x: Array, own: Array, reach: Array) -> Array:
+    """Inward unit normals (k, d) of an edge at its nodes x: across the line or plane through those around, as `own`."""
+    around = tree_of(x).query_ball_point(x, reach)
     found = np.zeros(own.shape)
     for at, some in enumerate(around):
         _, axes = np.linalg.eigh(np.cov(x[some].T, bias=True).reshape(own.shape[1], -1))

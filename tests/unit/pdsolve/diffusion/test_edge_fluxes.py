@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 from pdmesh import Body, Box, Heat, Material, Medium, Run, Scene, box, build
 from pdmesh.scene.solids import Sheet
 from pdpost.measures import fields
-from pdsolve.diffusion.edge_fluxes import Cloud, beside_edge
+from pdsolve.diffusion.edge_fluxes import Cloud, beside_edge, outward, over_cells, parts
 from pdsolve.model import Model
 from pdsolve.results import Results
 from pdsolve.run.simulation import Options, simulate
@@ -63,13 +63,48 @@ def test_shares_of_what_is_inside_are_by_cells() -> None:
     """Nodes that lack nothing hand nothing on; the whole of a flux arrives."""
     x = np.column_stack([np.arange(20.0), np.zeros(20)])
     cloud = Cloud(x, np.full(20, 2.0), np.ones(20), np.full(20, 3.5), np.ones(20), np.zeros((20, 2)))
-    found = beside_edge(cloud, np.array([7, 8]), 1.0)
+    none = np.zeros(2, dtype=bool)
+    found = beside_edge(cloud, np.array([7, 8]), 1.0, none)
     assert (found.rows.tolist(), found.share.tolist()) == ([7, 8], [0.5, 0.5])
+    found = over_cells(cloud, np.array([7, 8]), ~none & [True, False])
+    assert (found.rows.tolist(), found.share.tolist()) == ([8], [0.5])
     gain = np.zeros((20, 2))
     gain[:3, 0] = 0.5, 0.7, -0.2
-    found = beside_edge(cloud._replace(gain=gain), np.array([0]), 1.0)
+    cloud = cloud._replace(gain=gain)
+    found = beside_edge(cloud, np.array([0]), 1.0, none[:1])
     assert found.rows.tolist() == [0, 1, 2]
     assert found.share == pytest.approx([0.5, 0.7, -0.2])
+    assert len(beside_edge(cloud, np.array([0]), 1.0, ~none[:1]).rows) == 0
+
+
+def test_cells_of_nested_spacings_have_the_edge_beside_them() -> None:
+    """Four cells of a half beside two whole ones: a third of the edge would be theirs by their areas."""
+    delta = np.array([0.5, 0.5, 0.5, 0.5, 1.0, 1.0])
+    part, depth = parts(delta**2, delta)
+    assert part == pytest.approx(delta / 4)
+    assert depth / 4 == pytest.approx(delta)
+
+
+def test_an_edge_is_free_where_nothing_is_beyond_it() -> None:
+    x = H * (np.column_stack([axis.ravel() for axis in np.meshgrid(np.arange(8), np.arange(8))]) + 0.5)
+    delta, last, inside = (
+        np.full(64, H),
+        np.flatnonzero(x[:, 0] > 7 * H),
+        np.flatnonzero(np.abs(x[:, 0] - 4.5 * H) < H / 4),
+    )
+    normal, free = outward(x, delta, 2 * delta, last)
+    assert normal == pytest.approx(np.tile([1.0, 0.0], (8, 1)))
+    assert free.all()
+    assert not outward(x, delta, 2 * delta, inside)[1].any()
+
+
+def test_fluxes_through_nested_spacings_are_linear() -> None:
+    """A quarter of the edge has nodes of half the spacing."""
+    scene = plate().supply("left", flux=2e-3).hold("right", 5.0).zone(box(0, 15 * H, 5 * H, 25 * H), H / 2)
+    with solved(scene) as results:
+        (x, y), c = results.nodes(0).position.T, results.field("c", 3)
+    off = np.abs(c - 5.0 - 2e-3 * (20 * H - x) / 1e-6)
+    assert off[np.abs(y - 20 * H) < 10 * H].max() < 0.05 * 40  # measured: .035; .13 where cells share by their areas
 
 
 def series(X: NDArray[np.float64], Fo: float, Bi: float) -> tuple[NDArray[np.float64], float]:
@@ -81,42 +116,60 @@ def series(X: NDArray[np.float64], Fo: float, Bi: float) -> tuple[NDArray[np.flo
     return np.cos(np.outer(X, roots)) @ fading, float((fading * np.sin(roots) / roots).sum())
 
 
+@pytest.mark.parametrize(("Bi", "spacings", "most"), [(100, 32, 0.01), (10, 16, 0.04), (1000, 32, 0.05)])
+def test_a_strong_exchange_is_a_value_prescribed_outside(Bi: float, spacings: int, most: float) -> None:
+    """Contents of half a slab within a horizon of its edge, where a spacing does not resolve the exchange."""
+    a, D = spacings * H, 1e-6
+    run = Run(solver="implicit", time_step=2.5e-4 * a**2 / D, steps=30, every=30, theta=0.6)
+    scene = (
+        Scene(box(0, 0, a, 12 * H), H, medium=Medium(D=D), horizon=3.0, run=run)
+        .begin(box(-1, -1, 1, 1), 1.0)
+        .exchange("left", coefficient=Bi * D / a, outside=0.0)
+    )
+    with solved(scene) as results:
+        (x, y), c = results.nodes(0).position.T, results.field("c", 30)
+    row = np.flatnonzero((np.abs(y - 6 * H) < H) & (x < 3.5 * H))
+    off = np.abs(c[row] - series((x[row] - a) / a, 7.5e-3, Bi)[0])
+    assert off.max() < most  # measured: .002, .022, .041; .258, .110, .279 where the outer row takes all
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("Bi", "Fo", "peak", "colder", "less", "free"),
-    [(1, 0.3, 0.208, 0.01, 0.02, 0.025), (10, 0.09, 0.594, 0.04, 0.03, 0.07)],
+    ("Bi", "Fo", "spacings", "steps", "peak"),
+    [(1, 0.25, 16, 16, 0.208), (10, 0.06, 18, 16, 0.594), (100, 0.0075, 32, 20, 0.850)],
 )
-def test_a_quenched_slab_is_as_cold_and_stretched_as_the_series_says(
-    Bi: float, Fo: float, peak: float, colder: float, less: float, free: float
+def test_a_quenched_slab_is_as_cold_and_stressed_as_the_series_says(
+    Bi: float, Fo: float, spacings: int, steps: int, peak: float
 ) -> None:
-    """The largest stress at the surface over E alpha dT is .208 and .594; 16 spacings in half of the thickness."""
-    a, D, long, steps = 16e-3, 1e-6, 8, 24
-    run = Run(solver="static", time_step=Fo * a**2 / D / steps, steps=steps, every=3, theta=0.5)
+    """Temperature and largest stress at the surface, over E alpha dT, within 2 %; half of the slab, in plane stress.
+
+    An edge is free across: it is stressed by E times the strain along it less that of heat.
+    """
+    a, D, long = spacings * H, 1e-6, 8
+    run = Run(solver="static", time_step=Fo * a**2 / D / steps, steps=steps, every=2, theta=0.6)
     glass = Material(E=70e9, rho=2500, G0=1e9, alpha=1e-5, T0=400.0)
-    half, up = H / 2, long * a / 2
+    point, up = H / 4, long * a / 2
     scene = (
-        Scene(box(0, 0, 2 * a, long * a), H, glass, 3.0, run, medium=Heat(k=2.0, c=800.0))
+        Scene(box(0, 0, a, long * a), H, glass, 3.0, run, medium=Heat(k=2.0, c=800.0))
         .initial_temperature(box(-1, -1, 1, 1), 400.0)
         .convection("left", h=2.0 * Bi / a, outside=300.0)
-        .convection("right", h=2.0 * Bi / a, outside=300.0)
-        .fix(box(a - half, up - half, a + half, up + half), name="middle")
-        .fix(box(a - half, up + a - half, a + half, up + a + half), y=None, name="turn")
+        .fix("right", y=None)
+        .fix(box(a - point, up - point, a + point, up + point), x=None, name="middle")
     )
     with solved(scene) as results:
         steps_, times = results.frames()
         x, y = results.nodes(0).position.T
-        row = np.flatnonzero(np.abs(y - up) < half)
-        stresses, pulled, exact = [], [], []
+        face = np.flatnonzero((x < H) & (np.abs(y - up) < 2 * H))
+        stressed, fitted, exact, off = [], [], [], []
         for step, time in zip(steps_[1:].tolist(), times[1:].tolist(), strict=True):
-            theta, mean = series((x[row] - a) / a, time * D / a**2, Bi)
-            c = (results.field("c", step)[row] - 300) / 100
-            if time > Fo * a**2 / D / 3:
-                assert np.abs(c - theta)[[0, -1]].max() < colder  # measured: .0054 and .037
-            stress = fields.components(results, "stress", step)["yy"][row] / (70e9 * 1e-5 * 100)
-            stresses.append(stress[x[row].argmin()])
-            strain = fields.components(results, "strain", step)["yy"][row] / (1e-5 * 100)
-            pulled.append((strain + 1 - c)[x[row].argmin()])  # by E times which an edge is stressed that is free across
-            exact.append(mean - theta[x[row].argmin()])
+            theta, mean = series((x[face] - a) / a, time * D / a**2, Bi)
+            c = (results.field("c", step)[face] - 300) / 100
+            strain = fields.components(results, "strain", step)["yy"][face] / (1e-5 * 100)
+            fitted.append(fields.components(results, "stress", step)["yy"][face].mean() / (70e9 * 1e-5 * 100))
+            stressed.append((strain + 1 - c).mean())
+            exact.append(mean - theta.mean())
+            off.append(np.abs(c - theta).max())
     assert max(exact) == pytest.approx(peak, abs=2e-3)
-    assert max(stresses) == pytest.approx(max(exact), rel=less)  # measured: .985 and 1.024
-    assert max(pulled) == pytest.approx(max(exact), rel=free)  # measured: 1.018 and 1.066
+    assert off[int(np.argmax(exact))] < 0.02  # of the difference; measured: .003, .008, .004
+    assert max(stressed) == pytest.approx(max(exact), rel=0.02)  # measured: 1.017, .993, .994
+    assert max(fitted) == pytest.approx(max(exact), rel=0.06)  # measured: .985, .964, .966, by both strains
