@@ -20,6 +20,7 @@ from pdsolve.results import Results
 
 TITLE, AROUND = 0.25, 0.9  # inches: above each picture; for axes and legend
 BAR = 0.9  # inches, of the bar of colours
+LABEL = 0.6  # inches, of numbers and words beside the first column
 
 
 class Panel(NamedTuple):
@@ -101,5 +102,5 @@ def _figure(box: Box, count: int) -> tuple[Figure, int]:
     flat = 0.7 if narrow() else 0.25
     most = 1 if aspect < flat else 2 if aspect < 1.2 or narrow() else 3
     columns = min(count, most)
-    tall = -(-count // columns) * ((whole - BAR) / columns * aspect + TITLE) + AROUND
+    tall = -(-count // columns) * ((whole - BAR - LABEL) / columns * aspect + TITLE) + AROUND
     return Figure(figsize=(whole, tall), layout="compressed"), columns

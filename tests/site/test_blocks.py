@@ -45,6 +45,7 @@ COARSE = {  # what stands on a page, and what is run in its place
     "--set Zones/fine/Spacing=5e-4 --set Zones/coarse/Spacing=1e-3": "--set Zones/fine/Spacing=2e-3",
     "geometries/kalthoff_winkler_steel.py": "geometries/kalthoff_winkler_steel.py --set spacing=2e-3",
     "--set spacing=2.5e-4": "--set spacing=1e-3",
+    "--adapt hybrid --set spacing=5e-4": "--adapt hybrid",
     "build holes.py": "build holes.py --set steps=2",
     "build quench.py": "build quench.py --set rows=5 --set steps=4",
     "build hole.py": "build hole.py --set spacing=1e-3",

@@ -20,6 +20,15 @@ def test_each_has_its_page_and_picture() -> None:
 
 
 @pytest.mark.parametrize("name", TUTORIALS)
+def test_a_page_has_its_parts(name: str) -> None:
+    text = (PAGES / f"{name}.md").read_text(encoding="utf-8")
+    parts = ["The drawing", "The commands", "What is off, and why", "What to try next"]
+    assert [line.removeprefix("## ") for line in text.splitlines() if line.startswith("## ")] == parts
+    assert f"]({name}.png)" in text
+    assert "?" in text.partition("## ")[0]
+
+
+@pytest.mark.parametrize("name", TUTORIALS)
 def test_commands_write_what_is_drawn(name: str) -> None:
     """Each page types a table, which its picture reads."""
     lines = tutorials.typed(PAGES / f"{name}.md")
