@@ -18,6 +18,7 @@ from pdmesh.model.contact import Contact
 from pdmesh.model.document import Run
 from pdsolve import simulate
 from pdsolve.model import Model, ModelError, read_model
+from pdsolve.operators.contact.kernel import ease
 from pdsolve.operators.contact.operator import pair_stiffness, touch_bound
 from pdsolve.options import Options
 from pdsolve.run.measures import books
@@ -82,6 +83,30 @@ def test_a_body_slides_along_a_row_without_interlocking(d: int, delta: float) ->
     assert normal > 0
     assert np.abs(forces[:, 0]).max() / normal < 0.01  # .003 in the plane, .004 in space
     assert np.ptp(forces[:, -1]) / normal < (0.005 if d == 2 else 0.05)
+
+
+def test_pairs_hold_no_more_than_they_are_allowed_and_what_they_hold_less_is_lost() -> None:
+    prepared = on_a_wall(2)
+    _, state = pressed(prepared, np.array([3.3 * H, -0.05 * H]))
+    contact = prepared.system.contact
+    assert contact is not None
+    pairs, before = contact._pairs, contact._pressed_energies(state)
+    pressing, lost, touch = before > 0, np.zeros(len(state.value)), contact._pairs.touch.copy()
+    assert 5 < pressing.sum() < len(before)
+    ease(pairs, state.value, 0.25 * before, lost)
+    eased = contact._pressed_energies(state)
+    assert eased == pytest.approx(0.25 * before, rel=1e-9)
+    depth = contact._pressed(state.value)[2][pressing, 1]
+    assert touch[pressing] - pairs.touch[pressing] == pytest.approx(depth, rel=1e-9)  # half of what it was
+    assert np.array_equal(touch[~pressing], pairs.touch[~pressing])
+    assert not lost.any()
+    touch = pairs.touch.copy()
+    ease(pairs, state.value, 3 * eased, lost)
+    assert np.array_equal(pairs.touch, touch)
+    assert lost.sum() == pytest.approx(2 * eased.sum(), rel=1e-12)
+    assert lost[pairs.i[np.argmax(eased)]] > 0.9 * eased.max() > 0
+    ease(pairs, state.value, np.zeros(len(before)), lost)
+    assert contact._pressed_energies(state).sum() < 1e-12 * before.sum()
 
 
 def closed(crack: bool, contact: bool, side: int = 40) -> tuple[float, Prepared]:
