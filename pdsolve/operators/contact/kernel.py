@@ -37,6 +37,7 @@ FACING, ASKEW = 0.3, 0.8  # cosine of two normals below which they face each oth
 FLAT, FLAT_IN_SPACE = 5, 17  # nearest nodes of one in a flat face: of 8 in the plane, of 26 in space
 WIDE = 2.0  # spacings: reach of a weight in space
 IN_SPACE = 0.75 / np.pi  # (1 - t^2 / 4 h^2)^2 summed over a square lattice of spacing h, inverted; to 1.5 %
+KINK = 1e-6  # of a spacing: nodes that near to where the weight has a kink do not pull along the face
 ROUND_OFF = 1e-12  # of a spacing
 
 
@@ -166,11 +167,12 @@ def _facing(first, second):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True, **INNER)
 def _weight(t, h, d):  # type: ignore[no-untyped-def]
-    """Weight of a pair at a distance t along the face, and its derivative, 1/m."""
+    """Weight of a pair at a distance t along the face, and its derivative over t, 1/m^2: 0 where it has a kink."""
     if d == 2:
-        return (1.0 - t / h, -1.0 / h) if t < h else (0.0, 0.0)
+        slope = -1.0 / (h * t) if KINK * h < t < (1.0 - KINK) * h else 0.0
+        return (1.0 - t / h, slope) if t < h else (0.0, 0.0)
     q = 1.0 - (t / (WIDE * h)) ** 2
-    return (IN_SPACE * q * q, -4.0 * IN_SPACE * q * t / (WIDE * h) ** 2) if q > 0 else (0.0, 0.0)
+    return (IN_SPACE * q * q, -4.0 * IN_SPACE * q / (WIDE * h) ** 2) if q > 0 else (0.0, 0.0)
 
 
 @njit(forceinline=True, **INNER)
@@ -200,14 +202,13 @@ def _pressed(pairs, u, q, slack):  # type: ignore[no-untyped-def]
         return 0.0, 0.0, nothing, nothing
     facing, inverse = _facing(first, second), 1.0 / np.sqrt(length)
     x, y, z, gap = x * inverse, y * inverse, z * inverse, along * inverse
-    t = np.sqrt(max(square - gap * gap, 0.0))
-    w, slope = _weight(t, h, d)
+    across = r[0] - gap * x, r[1] - gap * y, r[2] - gap * z
+    w, slope = _weight(np.sqrt(_dot(across, across)), h, d)
     if facing == 0.0 or w == 0.0:
         return 0.0, 0.0, nothing, nothing
     depth, k = pairs.touch[q] - gap, pairs.k[q] * facing
-    pull = k * slope / 2 * depth * depth / t if t > ROUND_OFF * h else 0.0
-    pull = (r[0] - gap * x) * pull, (r[1] - gap * y) * pull, (r[2] - gap * z) * pull
-    return k * w, depth, (x, y, z), pull
+    pull = k * slope / 2 * depth * depth
+    return k * w, depth, (x, y, z), (across[0] * pull, across[1] * pull, across[2] * pull)
 
 
 @cached_njit(error_model="numpy")

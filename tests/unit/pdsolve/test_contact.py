@@ -15,13 +15,13 @@ from touching import UNIT, bar, grid_of, moving
 
 from pdmesh import Scene, box, build, ramp
 from pdmesh.model.contact import Contact
-from pdmesh.model.document import Run
+from pdmesh.model.document import InitialVelocity, RigidBody, Run, Settings
 from pdsolve import simulate
 from pdsolve.model import Model, ModelError, read_model
 from pdsolve.operators.contact.kernel import ease
 from pdsolve.operators.contact.operator import pair_stiffness, touch_bound
 from pdsolve.options import Options
-from pdsolve.run.measures import books
+from pdsolve.run.measures import books, damage
 from pdsolve.run.prepare import prepare
 from pdsolve.run.reactions import grips, reactions
 from pdsolve.run.simulation import resume
@@ -162,6 +162,44 @@ def test_a_resumed_run_has_the_same_bits(friction: float, restitution: float, tm
     with Results.open(path) as again:
         for name in ("ux", "uy", "vx", "vy"):
             assert np.array_equal(whole.field(name, 120), again.field(name, 120))
+
+
+def test_nodes_that_meet_head_on_are_not_pulled_along_the_face() -> None:
+    """Opposite each other, and between two: where the weight has a kink round-off alone would tell the side."""
+    prepared, depth = on_a_wall(2), 0.05 * H
+    for shift in (2 * H, 2.5 * H):
+        forces = pressed(prepared, np.array([shift, -depth]))[0]
+        block = forces[-36:].reshape(6, 6, 2)
+        assert np.abs(block[:, 0, 0]).max() < 1e-12 * np.abs(block[1:-1, 0, 1]).max()
+        assert block[1:-1, 0, 1].min() > 0
+
+
+@pytest.mark.filterwarnings("ignore:.*breaking bonds:pdsolve.model.ModelWarning")
+@pytest.mark.parametrize(("G0", "rigid"), [(1e9, False), (1e9, True), (2e-5, False), (1e-4, True)])
+def test_a_mirror_image_stays_one(G0: float, rigid: bool) -> None:
+    """A block that hits a plate in its middle, with friction: forces of nodes in a row keep their line."""
+    h, v = 1 / 64, 0.1 if rigid else 0.05  # places are exact
+    plate, block = (
+        np.stack(np.meshgrid(x, y), -1).reshape(-1, 2) for x, y in (sides(12, 48, 0, h), sides(10, 10, -10, h))
+    )
+    grid = grid_of([plate, block], h)
+    own = tuple(grid.ids[len(plate) :].tolist())
+    moves = RigidBody(nodes=own, mass=0.1, x=v) if rigid else InitialVelocity(nodes=own, x=v, y=0.0)
+    material = msgspec.structs.replace(UNIT, G0=G0)
+    settings = Settings(material=material, conditions=(moves,), contact=Contact(friction=0.3, restitution=0.9))
+    system, state = prepared = prepare(Model(grid, settings), Options(threads=1))
+    prepared.march(1, 101)
+    x, y = np.round(grid.position / h * 2).astype(int).T
+    order, other, of = np.lexsort((y, x)), np.lexsort((-y, x)), damage(system)
+    assert (of.max() > 0.5) == (G0 < 1)
+    assert np.array_equal(of[order], of[other])
+    u = state.value[other] * [1, -1]
+    assert u == pytest.approx(state.value[order], rel=0, abs=1e-13 * np.abs(u).max())  # 2e-15 to 5e-15
+
+
+def sides(columns: int, rows: int, first: int, h: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Places of columns from `first` on, and of rows about y = 0."""
+    return h * (first + np.arange(columns) + 0.5), h * (np.arange(-rows // 2, rows // 2) + 0.5)
 
 
 @pytest.mark.parametrize(
