@@ -29,7 +29,7 @@ from pdsolve.model import Model
 from pdsolve.numerics.memory import large_arrays_apart
 from pdsolve.numerics.team import Team, team
 from pdsolve.options import Options
-from pdsolve.ranks.part import march
+from pdsolve.run.on_ranks import start
 from pdsolve.run.prepare import prepare
 from pdsolve.run.system import Prepared
 
@@ -66,6 +66,12 @@ def exchanges(ranks: Team, times: int) -> list[float]:
     return found
 
 
+def own_values(ranks: Team) -> NDArray[Any]:
+    """The displacements (k, 2) of this rank's own nodes, m."""
+    part = ranks.part
+    return np.ascontiguousarray(part.now.state.value[part.own])
+
+
 def peak(ranks: Team) -> float:
     """The largest memory that this process has had so far, MB."""
     import resource
@@ -83,15 +89,15 @@ def marched(prepared: Prepared, first: int) -> float:
 def measured(ranks: Team, nodes: int) -> dict[str, Any]:
     """What a plate of so many nodes takes, on all ranks and on as many threads."""
     model = plate(nodes)
-    many = prepare(model, Options(team=ranks))
+    many = start.prepare(model, Options(), ranks)
     memory = ranks.everywhere(peak)
     one = prepare(model, Options(threads=ranks.size))
     times: tuple[list[float], list[float]] = ([], [])
     for turn in range(REPEATS):
         for prepared, found in zip((many, one), times, strict=True):
             found.append(marched(prepared, 1 + turn * STEPS))
-    many.system.operator.energies(many.state)  # brings the state up to date
-    same = many.state.value.tobytes() == np.ascontiguousarray(one.state.value).tobytes()
+    found = ranks.everywhere(own_values)
+    same = np.concatenate(found).tobytes() == np.ascontiguousarray(one.state.value).tobytes()
     swaps = np.max(ranks.everywhere(exchanges, 200), axis=0)
     on_ranks, on_threads = min(times[0]), min(times[1])
     return {
@@ -111,7 +117,8 @@ def measured(ranks: Team, nodes: int) -> dict[str, Any]:
 
 def step_alone(ranks: Team | None, nodes: int) -> dict[str, float]:
     """The least time of a step of a plate of about so many nodes, and of an exchange in it, s."""
-    prepared = prepare(plate(nodes), Options(team=ranks, threads=1))
+    alone = Options(threads=1)
+    prepared = prepare(plate(nodes), alone) if ranks is None else start.prepare(plate(nodes), alone, ranks)
     found, nodes = [], len(prepared.system.model.grid)
     prepared.march(1, 2)
     for first in range(2, 2 + 6 * REPEATS * STEPS, STEPS):
@@ -136,34 +143,37 @@ def worked(ranks: Team, first: int, last: int) -> float:
         waited[0] += time.process_time() - began
 
     ghosts.fill, began = timed, time.process_time()
-    march(ranks, first, last)
+    start.march(ranks, first, last)
     spent = time.process_time() - began
     del ghosts.fill
     return spent - waited[0]
 
 
-def computed(rate: float) -> dict[str, float]:
-    """What 1e8 nodes in space take on RANKS ranks in cubes, where each updates `rate` bonds/s: nothing of it is
-    measured."""
-    side = CUBE / round(RANKS ** (1 / 3))
-    ghosts = (side + 2 * RATIO) ** 3 - side**3
-    step = side**3 * NEIGHBOURS[3] / rate
-    swap = 26 * LATENCY + ghosts * 3 * 8 / BANDWIDTH
+def computed(rate: float, slabs: bool = False) -> dict[str, float]:
+    """What 1e8 nodes in space take on RANKS ranks in cubes, or in slabs as they are cut now, where each updates `rate`
+    bonds/s: nothing of it is measured."""
+    own, side = CUBE**3 / RANKS, CUBE / round(RANKS ** (1 / 3))
+    ghosts = 2 * RATIO * CUBE**2 if slabs else (side + 2 * RATIO) ** 3 - side**3
+    step = own * NEIGHBOURS[3] / rate
+    swap = (2 if slabs else 26) * LATENCY + ghosts * 3 * 8 / BANDWIDTH
     return {"ghosts": ghosts, "step": step, "exchange": swap, "share": swap / (step + swap)}
 
 
 def lines(found: dict[str, Any], one: float) -> list[str]:
     """What to say of a measurement, and of what is computed from `one` rank's bonds/s."""
-    far = computed(one)
+    ways = (("cubes", computed(one)), ("slabs", computed(one, slabs=True)))
     return [
         f"{found['nodes']} nodes on {found['ranks']} ranks: {found['step_on_ranks'] * 1e3:.2f} ms a step, on as many"
         f" threads {found['step_on_threads'] * 1e3:.2f} ms ({found['speed_of_threads']:.2f} of their speed)",
         f"exchange {found['exchange'] * 1e6:.0f} us at least, {found['exchange_median'] * 1e6:.0f} us median,"
         f" {found['exchange_share']:.1%} of a step; the same bits: {found['same_bits']}",
         "memory at most, of each rank, MB: " + ", ".join(f"{one:.0f}" for one in found["memory"]),
-        f"computed, not measured: {CUBE}^3 nodes in space on {RANKS} ranks, {one / 1e6:.0f} M bonds/s each,"
-        f" {LATENCY:g} s and {BANDWIDTH:g} B/s: {far['step'] * 1e3:.0f} ms a step,"
-        f" exchange {far['exchange'] * 1e3:.2f} ms ({far['share']:.1%})",
+        *(
+            f"computed, not measured: {CUBE}^3 nodes in space on {RANKS} ranks in {how}, {one / 1e6:.0f} M bonds/s each"
+            f", {LATENCY:g} s and {BANDWIDTH:g} B/s: {far['step'] * 1e3:.0f} ms a step,"
+            f" exchange {far['exchange'] * 1e3:.2f} ms ({far['share']:.1%})"
+            for how, far in ways
+        ),
     ]
 
 
@@ -186,8 +196,9 @@ def main() -> int:
         print("found one process, expected ranks: mpiexec -n 2 python -m benchmarks.ranks", file=sys.stderr)
         return 2
     found = measured(ranks, given.nodes)
-    found["computed"] = computed(found["bonds_per_second"] / ranks.size)
-    print("\n".join(lines(found, found["bonds_per_second"] / ranks.size)))
+    rate = found["bonds_per_second"] / ranks.size
+    found["computed"] = {"cubes": computed(rate), "slabs": computed(rate, slabs=True)}
+    print("\n".join(lines(found, rate)))
     if given.output is not None:
         given.output.write_text(json.dumps(found, indent=2) + "\n", encoding="utf-8")
     ranks.end(0)

@@ -53,14 +53,7 @@ def parser() -> argparse.ArgumentParser:
         help="bonds: cracks are broken bonds; particles: cracks grow from their tips as crack particles, and cut bonds"
         " (run.cracks; default: bonds)",
     )
-    program.add_argument("--threads", type=int, metavar="N", help="number of threads (default: by the number of nodes)")
-    program.add_argument(
-        "--device",
-        action=_Device,
-        metavar="cpu|opencl[:N]|list",
-        help="what sums bonds: the processor or an OpenCL device (run.device; default: cpu); list: list them and end",
-    )
-    program.add_argument("--precision", choices=("float64", "float32"), help="number type (default: float64)")
+    _add_machine(program)
     program.add_argument("--every", metavar="N", help="steps between two frames (run.every)")
     program.add_argument(
         "--fields",
@@ -85,6 +78,26 @@ def parser() -> argparse.ArgumentParser:
     program.add_argument("--dry-run", action="store_true", help="estimate memory and time of the run, solve nothing")
     program.add_argument("--resume", action="store_true", help="continue a run from its last checkpoint")
     return program
+
+
+def _add_machine(program: argparse.ArgumentParser) -> None:
+    """Add the options of what computes, and in which numbers."""
+    program.add_argument("--threads", type=int, metavar="N", help="number of threads (default: by the number of nodes)")
+    program.add_argument(
+        "--device",
+        action=_Device,
+        metavar="cpu|opencl[:N]|list",
+        help="what sums bonds: the processor or an OpenCL device (run.device; default: cpu); list: list them and end",
+    )
+    program.add_argument(
+        "--one-file-up-to",
+        type=int,
+        dest="one_file",
+        metavar="NODES",
+        help="on many ranks: nodes up to which one database is written; of more, each rank writes one beside it"
+        " (default: 10 million)",
+    )
+    program.add_argument("--precision", choices=("float64", "float32"), help="number type (default: float64)")
 
 
 class _Device(argparse.Action):
@@ -162,6 +175,7 @@ def _solve(args: argparse.Namespace, ranks: Team | None) -> int:
                 results = resume(path, args.threads, watch, team=ranks, device=args.device)
         else:
             options = Options(args.mode or "conservative", args.precision or "float64", args.threads, None, ranks)
+            options = options if args.one_file is None else options._replace(one_file=args.one_file)
             model = read_model(args.model, args.settings, [*args.assignments, *_flags(args)])
             if args.float and "static" not in (model.settings.run.solver, model.settings.run.start):
                 raise commandline.UsageError("--float: found a run in time, expected --static or run.start static")

@@ -18,6 +18,7 @@ from pdmesh.model.document import MOST
 from pdmesh.model.kd_trees import tree_of
 from pdmesh.model.lattice_calibration import lattice_ratios
 from pdmesh.model.neighbours import ROUND_OFF, Neighbours, row_chunks
+from pdmesh.model.node_grid import Grid
 from pdmesh.model.output_fields import USUAL
 from pdmesh.model.refused_settings import impossible, on_ranks
 from pdmesh.model.triangulated_surface import distances
@@ -30,6 +31,7 @@ LEAST = 1e-30  # of a material's numbers, likewise
 SAME = 1e-6  # spacings: nodes this near are at one place but for round-off
 CLOSE = 0.1  # spacings: nodes this near make the stable step tiny
 JUMP = 2.5  # spacing of a node over that of the nearest: more than the 2 that zones are graded by
+AT_ONCE = 2**18  # nodes of which it is seen together whether a crack goes through them
 ON = 1e-6  # spacings: a crack this near a node passes through it
 AROUND_ONE = 1.5  # spacings: nearly every node has another this near
 LOST = 0.1  # of the energy put in: a symmetric operator that loses more is not being integrated
@@ -45,10 +47,6 @@ class Nearest(NamedTuple):
 def nearest(model: Model) -> Nearest:
     """The nearest other node of each node, and its distance, m."""
     position, delta = model.grid.position, model.grid.delta
-    if model.grid.lattice is not None:
-        row = np.arange(len(position)) - 1
-        row[:: model.grid.lattice.columns] += 2  # the first of a row has none before it
-        return Nearest(row, delta)
     found = Nearest(np.zeros(len(position), dtype=np.int64), np.full(len(position), np.inf))
     around = Neighbours(position, delta, AROUND_ONE * delta)
     for rows in row_chunks(len(position)):
@@ -107,11 +105,11 @@ def refuse_fields(model: Model, operator: Operator, state: State) -> None:
             raise ModelError(f"{model.name}: $.run.fields: found '{name}', expected one of {expected}")
 
 
-def advise(model: Model, bonds: NDArray[np.int64], partial_cells: bool, symmetric: bool) -> None:
+def advise(model: Model, unbonded: NDArray[np.int64], partial_cells: bool, symmetric: bool) -> None:
     """Warn of models that can be solved but are probably not intended.
 
-    `bonds` (n,) are the numbers of bonds, the other two arguments are as in `refuse` and `closing`. Raises ModelError
-    for coincident nodes.
+    `unbonded` (k,) are the rows of nodes without bonds, the other two arguments are as in `refuse` and `closing`.
+    Raises ModelError for coincident nodes.
     """
     stiffest, softest = (extreme(material.E for material in model.materials) for extreme in (max, min))
     if stiffest > softest and not symmetric:
@@ -120,11 +118,11 @@ def advise(model: Model, bonds: NDArray[np.int64], partial_cells: bool, symmetri
             f"$.regions: found E from {softest:g} to {stiffest:g} Pa, expected one E in the thesis mode: a bond has the"
             " constants of its own node there, and carries no stress from one material to the other",
         )
-    found = nearest(model)
     _digits(model)
-    _places(model, found)
-    through = _cracks(model)
-    _lonely(model, (bonds == 0) & ~through & ~model.grid.rigid)
+    if model.grid.lattice is None:
+        _places(model, nearest(model))
+    lonely = np.setdiff1d(unbonded, _cracks(model))
+    _lonely(model, lonely[~model.grid.rigid[lonely]] if model.grid.bodies is not None else lonely)
     _shapes(model)
     _probes(model)
     ratio = model.settings.horizon.ratio
@@ -170,13 +168,14 @@ def warn(model: Model, message: str) -> None:
 
 def named(model: Model, row: int) -> str:
     """A node in words."""
-    place = ", ".join(f"{value:.6g}" for value in model.grid.position[row])
-    return f"node {model.grid.ids[row]} at ({place}) m"
+    node = model.grid.part(np.array([row]))
+    place = ", ".join(f"{value:.6g}" for value in node.position[0])
+    return f"node {node.ids[0]} at ({place}) m"
 
 
 def _digits(model: Model) -> None:
     """Warn of plates so far from the origin that round-off decides who is within whose horizon."""
-    farthest, least = float(np.abs(model.grid.position).max()), float(model.horizons.min())
+    farthest, least = float(np.abs(_ends(model.grid)).max()), float(model.horizons.min())
     known = float(np.spacing(farthest))
     needed = ROUND_OFF * least / 4  # both ends of a bond, up and down
     if known > needed:
@@ -215,44 +214,59 @@ def _places(model: Model, found: Nearest) -> None:
         )
 
 
-def _cracks(model: Model) -> NDArray[np.bool_]:
-    """Mask (n,) of nodes on a pre-crack."""
+def _ends(grid: Grid) -> NDArray[np.float64]:
+    """The low and the high corner (2, d) of all nodes, m."""
+    if grid.lattice is not None:
+        return grid.part(np.array([0, len(grid) - 1])).position
+    return np.array([grid.position.min(axis=0), grid.position.max(axis=0)])
+
+
+def _cracks(model: Model) -> NDArray[np.int64]:
+    """Rows (k,) of nodes on a pre-crack."""
     grid = model.grid
-    hit = np.zeros(len(grid), dtype=bool)
+    corners = grid.cracks.reshape(-1, grid.dimension)
+    if not len(corners):
+        return np.zeros(0, dtype=np.int64)
+    reach = float(grid.delta.max())
+    near = grid.chosen(None, [*(corners.min(axis=0) - reach), *(corners.max(axis=0) + reach)])
+    some = np.split(near, range(AT_ONCE, len(near), AT_ONCE))
     if grid.dimension == 3:
-        return _faces(model)
-    segments = grid.cracks.reshape(-1, 2, 2)
-    if not len(segments):
-        return hit
+        return _faces(model, np.concatenate([_on_faces(grid, rows) for rows in some]))
     import shapely  # here, as a plate without cracks needs none
 
-    cracks, reach = shapely.multilinestrings(segments), ON * float(grid.delta.max())
+    segments = grid.cracks.reshape(-1, 2, 2)
+    cracks = shapely.multilinestrings(segments)
     shapely.prepare(cracks)
-    rows = np.flatnonzero(shapely.dwithin(cracks, shapely.points(grid.position), reach))
-    points, spacing = shapely.points(grid.position[rows]), grid.delta[rows]
+    beside = (rows[shapely.dwithin(cracks, shapely.points(grid.part(rows).position), ON * reach)] for rows in some)
+    rows = np.concatenate(list(beside))
+    part, hit = grid.part(rows), np.zeros(len(rows), dtype=bool)
+    points = shapely.points(part.position)
     for number, segment in enumerate(segments):
-        on = rows[shapely.distance(points, shapely.linestrings(segment)) < ON * spacing]
-        if len(on):
+        on = shapely.distance(points, shapely.linestrings(segment)) < ON * part.delta
+        if on.any():
             warn(
                 model,
-                f"$.notch[{number}]: found through {len(on)} nodes, the first {named(model, int(on[0]))}, expected"
-                " between nodes (pdmesh shifts its lattice); all bonds of such a node are cut, or those to one side by"
-                " round-off",
+                f"$.notch[{number}]: found through {on.sum()} nodes, the first {named(model, int(rows[on.argmax()]))},"
+                " expected between nodes (pdmesh shifts its lattice); all bonds of such a node are cut, or those to one"
+                " side by round-off",
             )
-        hit[on] = True
-    return hit
+        hit |= on
+    return np.asarray(rows[hit])
 
 
-def _faces(model: Model) -> NDArray[np.bool_]:
-    """Mask (n,) of nodes of a body on a pre-crack."""
-    grid, triangles = model.grid, model.grid.cracks.reshape(-1, 3, 3)
-    hit = np.zeros(len(grid), dtype=bool)
-    if len(triangles):
-        hit = distances(grid.position, triangles, ON * float(grid.delta.max())) < ON * grid.delta
-    if hit.any():
+def _on_faces(grid: Grid, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Those of some rows whose nodes are on a pre-crack in a body."""
+    part = grid.part(rows)
+    away = distances(part.position, grid.cracks.reshape(-1, 3, 3), ON * float(grid.delta.max()))
+    return rows[away < ON * part.delta]
+
+
+def _faces(model: Model, hit: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Warn of the rows (k,) of nodes on a pre-crack in a body, and return them."""
+    if len(hit):
         warn(
             model,
-            f"$.notch: found through {hit.sum()} nodes, the first {named(model, int(hit.argmax()))}, expected between"
+            f"$.notch: found through {len(hit)} nodes, the first {named(model, int(hit[0]))}, expected between"
             " nodes; all bonds of such a node are cut",
         )
     return hit
@@ -264,7 +278,7 @@ def _probes(model: Model) -> None:
     places = np.reshape(model.settings.run.probes, (-1, grid.dimension))
     if not len(places):
         return
-    away, row = tree_of(grid.position).query(places)
+    away, row = grid.nearest(places)
     for number in np.flatnonzero(away > grid.delta[row]).tolist():
         place = ", ".join(f"{value:g}" for value in places[number])
         warn(
@@ -274,20 +288,20 @@ def _probes(model: Model) -> None:
         )
 
 
-def _lonely(model: Model, lonely: NDArray[np.bool_]) -> None:
-    if lonely.any():
+def _lonely(model: Model, lonely: NDArray[np.int64]) -> None:
+    if len(lonely):
         warn(
             model,
-            f"$.nodes: found {lonely.sum()} without a bond, the first {named(model, int(lonely.argmax()))}, expected"
+            f"$.nodes: found {len(lonely)} without a bond, the first {named(model, int(lonely[0]))}, expected"
             " neighbours within the horizon, inside the plate; nothing holds such a node back",
         )
 
 
 def _shapes(model: Model) -> None:
     """Warn of plates that are only a few nodes wide."""
-    position, widest = model.grid.position, float(model.horizons.max())
-    extent = float(np.ptp(position, axis=0).max() + model.grid.delta.max())
-    if len(position) < 3:
+    grid, widest = model.grid, float(model.horizons.max())
+    extent = float(np.ptp(_ends(grid), axis=0).max() + grid.delta.max())
+    if len(grid) < 3:
         return
     if widest > extent / 2 * (1 + ROUND_OFF):
         warn(
@@ -295,14 +309,21 @@ def _shapes(model: Model) -> None:
             f"$.horizon: found {widest:g} m in a plate of {extent:g} m, expected less than half of it; every node is a"
             " surface node, and the plate too stiff",
         )
-    middle = position - position.mean(axis=0)
-    if np.sqrt(np.linalg.eigvalsh(middle.T @ middle)[0].clip(min=0)) < ON * extent:
+    if _is_flat(grid, extent):
         one, more = ("row", "rows") if model.grid.dimension == 2 else ("layer", "layers")
         warn(
             model,
-            f"$.nodes: found all {len(position)} in one {one}, expected several {more}; bonds along a {one} do not"
+            f"$.nodes: found all {len(grid)} in one {one}, expected several {more}; bonds along a {one} do not"
             " resist motion across it",
         )
+
+
+def _is_flat(grid: Grid, extent: float) -> bool:
+    """Whether all nodes are in one row of a plate, or in one layer of a body."""
+    if grid.lattice is not None:
+        return min(grid.lattice.counts) == 1
+    middle = grid.position - grid.position.mean(axis=0)
+    return bool(np.sqrt(np.linalg.eigvalsh(middle.T @ middle)[0].clip(min=0)) < ON * extent)
 
 
 def advise_damped(model: Model, damped: float, put_in: float) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -23,11 +23,13 @@ from pdmesh.model.document import (
 )
 from pdmesh.model.kd_trees import tree_of
 from pdmesh.model.material_constants import pressure_speed
+from pdmesh.model.node_arrays import Grid
 from pdmesh.model.rigid_bodies import rigid_velocities
 from pdmesh.model.selection import components
 from pdsolve.model import Model, ModelError
 
 DISPLACEMENT, VELOCITY, ACCELERATION = 0, 1, 2
+BESIDE = 1.5  # spacings: on a lattice, no node that is beside another is farther
 ABSORBED = 7.0  # damping where a layer ends, times its depth over the speed of P waves
 Driving = Load | Displacement | Velocity | Acceleration | RigidBody | Spring | Pin  # what acts throughout a run
 HELD = {Displacement: DISPLACEMENT, Velocity: VELOCITY, Acceleration: ACCELERATION}
@@ -99,40 +101,64 @@ def refuse_layers(model: Model) -> None:
             raise ModelError(f"{model.name}: $.conditions[{number}]: found all nodes, expected a layer along an edge")
 
 
-def damping(model: Model) -> NDArray[np.float64]:
-    """Damping coefficient (n,), 1/s: force over mass and velocity, from the run and from absorbing layers; 0 of rigid
-    bodies.
+def damping(model: Model, first: int = 0, last: int | None = None) -> NDArray[np.float64]:
+    """Damping coefficients, 1/s, of the rows `first` to `last` - 1: force over mass and velocity, from the run and from
+    absorbing layers; 0 of rigid bodies.
 
     In a layer of depth L it is K (c / L) (d / L), with the P wave speed c and the distance d of a node from those
     outside the layer. Of waves shorter than L, a share exp(-K / 2) returns from its end, and little from its beginning.
     Of several layers, the largest value counts.
     """
-    found = np.zeros(len(model.grid))
+    last = len(model.grid) if last is None else last
+    found = np.zeros(last - first)
     if model.settings.run.damping:
         found[:] = model.settings.run.damping
     for condition in model.settings.conditions:
         if isinstance(condition, Absorb):
             rows = model.selected(condition)
             speed = np.array([pressure_speed(material) for material in model.materials])[model.material_of[rows]]
-            rest = np.delete(model.grid.position, rows, axis=0)
-            depth = tree_of(rest).query(model.grid.position[rows])[0]
+            depth = _depths(model.grid, rows)
             whole = condition.depth or depth.max(initial=0.0)
             layer = ABSORBED * speed / whole * np.minimum(depth / whole, 1.0)
+            here = (rows >= first) & (rows < last)
+            rows, layer = rows[here] - first, layer[here]
             found[rows] = np.maximum(found[rows], model.settings.run.damping + layer)
     for condition in model.settings.conditions:
         if isinstance(condition, RigidBody):
-            found[model.selected(condition)] = 0.0
+            rows = model.selected(condition)
+            found[rows[(rows >= first) & (rows < last)] - first] = 0.0
     return found
 
 
-def drive(model: Model, areas: NDArray[np.float64], exact_total: bool, kind: type[np.floating]) -> Drive:
-    """Conditions of the model, with the body forces of time 0.
+def _depths(grid: Grid, rows: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Distance (k,) of the nodes `rows` (k,) from all others, m."""
+    position = grid.part(rows).position
+    if grid.lattice is None:
+        others = np.delete(grid.position, rows, axis=0)
+    else:  # the nearest one is beside a node of these rows
+        beside = BESIDE * grid.lattice.spacing
+        around = grid.chosen(None, [*(position.min(axis=0) - beside), *(position.max(axis=0) + beside)])
+        others = grid.part(np.setdiff1d(around, rows, assume_unique=True)).position
+    return np.asarray(tree_of(others).query(position)[0])
+
+
+def drive(
+    model: Model,
+    areas: NDArray[np.float64],
+    exact_total: bool,
+    kind: type[np.floating],
+    own: slice = slice(None),
+    total: Callable[[NDArray[np.float64]], float] = np.sum,
+) -> Drive:
+    """Conditions of the model, with the body forces of time 0; of a window, those of its `own` rows.
 
     A traction becomes traction / (rows delta) at each of its nodes, as in the thesis. With `exact_total`, and if the
     length of the loaded edge (or the area of the loaded face) is known, its nodes share traction times that in
-    proportion to their `areas` (n,), m^2, or volumes. A force is always shared so.
+    proportion to their `areas` (n,), m^2, or volumes, whose `total` is that of all windows. A force is always
+    shared so.
     """
     d, nodes = model.grid.dimension, len(model.grid)
+    begin, end, _ = own.indices(nodes)
     profiles: list[Sequence[tuple[float, float]]] = []
     loads: list[Entries] = []
     holds: list[Entries] = []
@@ -140,11 +166,12 @@ def drive(model: Model, areas: NDArray[np.float64], exact_total: bool, kind: typ
         if not isinstance(condition, Driving):
             continue
         rows, number = model.selected(condition), len(profiles)
+        rows = rows[(rows >= begin) & (rows < end)]
         profiles.append(() if isinstance(condition, Spring | Pin) else condition.profile)
         if isinstance(condition, RigidBody | Spring | Pin):  # operators have their forces
             continue
         if isinstance(condition, Load):
-            values = _body_force(condition, rows, model, areas, exact_total)
+            values = _body_force(condition, rows, model, (areas, total), exact_total)
             loads.append(entries(np.repeat(rows, d), np.tile(np.arange(d), len(rows)), values.ravel(), number))
             continue
         for axis, value in enumerate(components(condition, d)):
@@ -246,16 +273,21 @@ def initial_acceleration(drive: Drive, rho: NDArray[np.floating]) -> NDArray[np.
 
 
 def _body_force(
-    load: Load, rows: NDArray[np.int64], model: Model, areas: NDArray[np.float64], exact_total: bool
+    load: Load,
+    rows: NDArray[np.int64],
+    model: Model,
+    sizes: tuple[NDArray[np.float64], Callable[[NDArray[np.float64]], float]],
+    exact_total: bool,
 ) -> NDArray[np.float64]:
-    """Body force (rows, d), N/m^3, of a load at factor 1."""
+    """Body force (rows, d), N/m^3, of a load at factor 1; `sizes` are the nodes' areas and what adds them up."""
+    areas, total = sizes
     if load.body_force is not None:
         return np.tile(np.array(load.body_force), (len(rows), 1))
     if load.force is not None:
-        return np.tile(np.array(load.force) / areas[rows].sum(), (len(rows), 1))
+        return np.tile(np.array(load.force) / total(areas[rows]), (len(rows), 1))
     extent = load.length if model.grid.dimension == 2 else load.surface
     if exact_total and extent is not None:
-        spread = np.full(len(rows), extent / areas[rows].sum())
+        spread = np.full(len(rows), extent / total(areas[rows]))
     else:
         spread = 1 / (load.rows * model.grid.delta[rows])
     return np.asarray(spread[:, None] * np.array(load.traction))

@@ -20,6 +20,7 @@ class Options(NamedTuple):
     threads: int | None = None  # None: as many as there are and the nodes are worth
     kernel: str | None = None  # "blocks" or "listed"; None: blocks where nodes are a lattice and the law can
     team: Team | None = None  # the ranks of the run; None: it is one process
+    one_file: int = 10_000_000  # nodes up to which ranks write one database; each one of its own, if there are more
 
 
 def threads_of(options: Options, nodes: int, fast: bool) -> int:

@@ -10,8 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pdmesh.model.document import Lattice
+from pdmesh.model.kd_trees import tree_of
 from pdmesh.model.selection import selected
 from pdmesh.model.svg_picture import svg
+
+TIE = 1e-9  # relative difference of distances that are equal but for round-off
 
 
 class Bodies(NamedTuple):
@@ -90,6 +93,16 @@ class Grid:
     def chosen(self, ids: Sequence[int] | None, box: ArrayLike | None) -> NDArray[np.int64]:
         """The rows of the nodes with these ids or, without ids, of those in a box."""
         return np.flatnonzero(selected(self, ids, box))
+
+    def nearest(self, places: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """Distances (k,), m, and rows (k,) of the nodes nearest to `places` (k, d); of several the first."""
+        asked = np.reshape(np.asarray(places, dtype=float), (-1, self.dimension))
+        if not len(asked):
+            return np.zeros(0), np.zeros(0, dtype=np.int64)
+        tree = tree_of(self.position)
+        distance = tree.query(asked)[0]
+        near = tree.query_ball_point(asked, distance * (1 + TIE))
+        return distance, np.array([min(rows) for rows in near], dtype=np.int64)
 
     @property
     def dimension(self) -> int:

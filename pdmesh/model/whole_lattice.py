@@ -8,14 +8,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
+from itertools import product
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pdmesh.model.document import Lattice
-from pdmesh.model.node_arrays import Grid
+from pdmesh.model.node_arrays import TIE, Grid
 from pdmesh.model.selection import SLACK
 
 
@@ -44,7 +46,8 @@ class WholeLattice(Grid):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """How copies and other processes make it anew."""
-        return _made_anew, (dict(self.__dict__),)
+        usual = [name for name in ("delta", "hole_id") if not any(self.__dict__[name].strides)]
+        return _made_anew, ({name: values for name, values in self.__dict__.items() if name not in usual},)
 
     def _converted(self) -> tuple[str, ...]:
         return tuple(name for name in super()._converted() if name in self.__dict__)
@@ -100,20 +103,44 @@ class WholeLattice(Grid):
         return [places(first, self.lattice.spacing, np.arange(count)) for first, count in given]
 
     def part(self, rows: NDArray[np.int64]) -> Grid:
-        """The grid of the nodes in `rows`; of a rectangle no arrays of all nodes are made."""
-        if self.dimension == 3 or self._listed:
+        """The grid of the nodes in `rows`; no arrays of all nodes are made."""
+        if self._listed:
             return super().part(rows)
         at = np.unravel_index(rows, self.lattice.counts[::-1])[::-1]
         ends = [(one == 0) | (one == count - 1) for one, count in zip(at, self.lattice.counts, strict=True)]
+        cells = np.full(len(rows), self.lattice.spacing**self.dimension)
+        if self.dimension == 2:
+            cells = cells / np.where(ends[0], 2, 1) / np.where(ends[1], 2, 1)
         return Grid(
             ids=rows + 1,
             position=np.column_stack([along[one] for along, one in zip(self._lines(), at, strict=True)]),
             delta=self.delta[rows],
-            border=ends[0] | ends[1],
+            border=np.logical_or.reduce(ends),
             hole_id=self.hole_id[rows],
-            areas=self.lattice.spacing**2 / np.where(ends[0], 2, 1) / np.where(ends[1], 2, 1),
+            areas=cells,
             **self._shapes(),
         )
+
+    def window(self, first: int, last: int) -> Grid:
+        """The grid of the rows `first` to `last` - 1, as a list of nodes."""
+        return super().window(first, last) if self._listed else replace(self.part(np.arange(first, last)), lattice=None)
+
+    def nearest(self, places: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """Distances (k,), m, and rows (k,) of the nodes nearest to `places` (k, d)."""
+        if self._listed:
+            return super().nearest(places)
+        asked = np.reshape(np.asarray(places, dtype=float), (-1, self.dimension))
+        beside = []  # for each axis, the columns on either side of each place
+        for along, place in zip(self._lines(), asked.T, strict=True):
+            after = np.searchsorted(along, place)
+            beside.append(np.column_stack([after - 1, after]).clip(0, len(along) - 1))
+        corners = np.array(list(product((0, 1), repeat=self.dimension)))
+        at = [columns[:, corners[:, axis]] for axis, columns in enumerate(beside)]  # (k, corners) each
+        rows = np.ravel_multi_index(tuple(at[::-1]), self.lattice.counts[::-1])
+        apart = [along[one] - place[:, None] for along, one, place in zip(self._lines(), at, asked.T, strict=True)]
+        distance = np.sqrt(sum(one**2 for one in apart))
+        as_near = distance <= distance.min(axis=1, keepdims=True) * (1 + TIE)
+        return distance.min(axis=1), np.where(as_near, rows, len(self)).min(axis=1)
 
     def missing(self, ids: NDArray[np.int64]) -> NDArray[np.int64]:
         """The ids among these (k,) that no node has."""

@@ -18,6 +18,7 @@ MISSING = "found ranks but no MPI for Python, expected it: pip install 'pdsuite[
 
 
 ROOM = 1 << 29  # bytes of addresses: with less, OpenBLAS asks the system for more for ever
+OF_A_RANK = 3 << 28  # likewise, of a process that has loaded MPI
 Exits = Callable[[], dict[type[Exception], int]]  # the exit codes of expected errors
 
 
@@ -66,7 +67,7 @@ def expect_room(ranks: Team | None) -> None:
 
 
 def _expect_room(ranks: Team) -> None:
-    commandline.expect_memory(ROOM)
+    commandline.expect_memory(OF_A_RANK)
 
 
 def _served(ranks: Team, exits: Exits) -> int:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model.document import Lattice
 from pdmesh.model.neighbours import ROWS
+from pdmesh.model.node_grid import Grid
 from pdsolve.model import Model, ModelError
 from pdsolve.operators.simd_lattice.kernel import LANES
 
@@ -28,17 +29,18 @@ class Slab(NamedTuple):
     nodes: int  # of the whole grid
 
 
-def slabs_of(model: Model, ranks: int) -> list[Slab]:
-    """The slabs of a model. Raises ModelError for fewer blocks of nodes than ranks."""
+def slabs_of(model: Model, ranks: int, unit: int = LANES) -> list[Slab]:
+    """The slabs of a model, cut between so many rows. Raises ModelError for fewer of these units than ranks."""
     nodes = len(model.grid)
-    blocks = -(-nodes // LANES)
-    if blocks < ranks:
+    units = -(-nodes // unit)
+    if units < ranks:
         raise ModelError(
-            f"{model.name}: $.nodes: found {nodes} on {ranks} ranks, expected at least {LANES} a rank: fewer ranks"
+            f"{model.name}: $.nodes: found {nodes} on {ranks} ranks, expected at least {unit} a rank: fewer ranks"
         )
-    cuts = [min(LANES * (blocks * rank // ranks), nodes) for rank in range(ranks + 1)]
-    around = BESIDE * float((model.horizons + model.grid.delta).max())
-    return [_slab(model, first, last, around) for first, last in pairwise(cuts)]
+    cuts = [min(unit * (units * rank // ranks), nodes) for rank in range(ranks + 1)]
+    widest = float(model.grid.delta.max())
+    around = BESIDE * (model.settings.horizon.ratio * widest + widest)
+    return [_slab(model.grid, first, last, around) for first, last in pairwise(cuts)]
 
 
 def starts_of(slabs: list[Slab]) -> NDArray[np.int64]:
@@ -46,18 +48,15 @@ def starts_of(slabs: list[Slab]) -> NDArray[np.int64]:
     return np.array([*(slab.first for slab in slabs), slabs[-1].last], dtype=np.int64)
 
 
-def _slab(model: Model, first: int, last: int, around: float) -> Slab:
+def _slab(grid: Grid, first: int, last: int, around: float) -> Slab:
     """The slab of the rows `first` to `last` - 1, whose window has all nodes `around` its chunks, m."""
-    nodes, position = len(model.grid), model.grid.position
+    nodes = len(grid)
     chunks = first // ROWS * ROWS, min(-(-last // ROWS) * ROWS, nodes)
-    own = position[chunks[0] : chunks[1]]
-    low, high = own.min(axis=0) - around, own.max(axis=0) + around
-    near = np.ones(nodes, dtype=bool)
-    for axis in range(position.shape[1]):
-        near &= (position[:, axis] >= low[axis]) & (position[:, axis] <= high[axis])
-    begin, end = int(near.argmax()), nodes - int(near[::-1].argmax())
-    if model.grid.lattice is not None and model.grid.dimension == 3:
-        begin -= begin % _layers(model.grid.lattice)
+    own = grid.window(*chunks).position
+    near = grid.chosen(None, [*(own.min(axis=0) - around), *(own.max(axis=0) + around)])
+    begin, end = int(near[0]), int(near[-1]) + 1
+    if grid.lattice is not None and grid.dimension == 3:
+        begin -= begin % _layers(grid.lattice)
     else:
         begin = max(begin // LANES - 1, 0) * LANES
     return Slab(first, last, begin, min((-(-end // LANES) + 1) * LANES, nodes), chunks, nodes)

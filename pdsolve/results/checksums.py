@@ -31,6 +31,7 @@ RECORDS = {  # tables of many rows, which are arrays in memory
     "bond_break": np.dtype("<i8, <i8, <i8"),
 }
 AT_ONCE = 4096  # rows in memory
+POLYNOMIAL = 0xEDB88320  # of CRC-32, lowest bit first
 _packed = msgspec.msgpack.Encoder().encode
 
 
@@ -81,6 +82,42 @@ def _crc(key: Row, values: Row) -> int:
         data = memoryview(value if isinstance(value, bytes | memoryview) else _packed(value))
         crc = zlib.crc32(data, zlib.crc32(_packed(data.nbytes), crc))
     return crc
+
+
+def crc_of(key: Row, size: int, crc: int) -> int:
+    """The CRC of a row of one large value of `size` bytes, from the CRC of that."""
+    return crc_joined(zlib.crc32(_packed(size), zlib.crc32(_packed(key))), crc, size)
+
+
+def crc_joined(first: int, second: int, size: int) -> int:
+    """The CRC-32 of some bytes and `size` others, from those of both.
+
+    A CRC is linear over bits: that of the first bytes is put forward by as many zeros, by squaring the step of one bit.
+    """
+    step = [POLYNOMIAL, *(1 << bit for bit in range(31))]  # of one zero bit, as the images of all bits
+    for _ in range(3):
+        step = _twice(step)  # of a byte
+    while size:
+        if size & 1:
+            first = _image(step, first)
+        step, size = _twice(step), size >> 1
+    return first ^ second
+
+
+def _twice(step: list[int]) -> list[int]:
+    return [_image(step, image) for image in step]
+
+
+def _image(step: list[int], value: int) -> int:
+    """What becomes of a CRC under a linear map, given as the images of all bits."""
+    found = 0
+    for image in step:
+        if not value:
+            return found
+        if value & 1:
+            found ^= image
+        value >>= 1
+    return found
 
 
 def stored(value: Any) -> Any:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sqlite3
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model.crack_particles import Particles
 from pdmesh.model.output_fields import UNITS, USUAL
-from pdsolve.results import validation
+from pdsolve.results import pieces, validation
 from pdsolve.results.checksums import Row, select
 from pdsolve.results.errors import ResultsError, explained
 from pdsolve.results.family_reading import written_families
@@ -36,6 +36,8 @@ class Results:
         self.connection = connection
         self.name = name
         self._tables = Tables(connection, name, path)
+        self.pieces: tuple[pieces.Pieces, ...] = ()  # databases of ranks that this is the index of
+        self._others: list[Results] = []  # those, open
         self._lives: tuple[tuple[int | None, ...], Lives] | None = None  # with how many rows it was read from
         self._nodes: tuple[Lives, int, Nodes] | None = None  # of an epoch
         self._breaks: tuple[int | None, Breaks] | None = None  # with how many rows it was read from
@@ -47,16 +49,29 @@ class Results:
         if not path.is_file():
             raise ResultsError(f"{path}: found no such file, expected a database of results")
         with explained(path):
-            connection = read_only(path)
+            connection, results = read_only(path), None
             try:
                 connection.execute("PRAGMA trusted_schema = OFF")
                 connection.execute("PRAGMA cell_size_check = ON")
                 results = cls(connection, str(path), path.resolve())
                 results._tables.expect_ours()
+                results._open_pieces(path)
             except BaseException:
-                connection.close()
+                results.close() if results is not None else connection.close()
                 raise
         return results
+
+    def _open_pieces(self, path: Path) -> None:
+        """Open the databases of ranks that this is the index of, if it is one. Raises ResultsError."""
+        text = self._meta_rows(f"WHERE key = '{pieces.KEY}'").get(pieces.KEY)
+        if text is None:
+            return
+        self.pieces, sets = pieces.pieces_of(text, self.name), []
+        for one in self.pieces:
+            for file in one.files:
+                self._others.append(Results.open(pieces.beside(path, file)))
+            sets.append((one, [other._tables for other in self._others[len(self._others) - len(one.files) :]]))
+        self._tables = pieces.TablesInPieces(self._tables, sets)
 
     @property
     def version(self) -> int:
@@ -102,6 +117,8 @@ class Results:
 
     def close(self) -> None:
         """Close the database."""
+        for other in self._others:
+            other.close()
         self.connection.close()
 
     def meta(self) -> dict[str, Any]:
@@ -367,6 +384,29 @@ class Results:
             raise ResultsError(f"{self.name}: found no checkpoint, expected one to go on from")
         self._tables.expect("checkpoint", validation.wrong_checkpoint(rows))
         return rows[0][1], {name: np.frombuffer(data, dtype=kind).copy() for name, _, kind, *_, data in rows}
+
+    def entries(self, name: str) -> Iterator[NDArray[Any]]:
+        """An array of the last checkpoint, by its name, in consecutive parts; none if there is no such array."""
+        for row in self._tables.each("checkpoint", "WHERE name = ?", (name,)):
+            self._tables.expect("checkpoint", validation.wrong_checkpoint([row]))
+            yield np.frombuffer(row[-1], dtype=row[2])
+
+    def checkpoint_step(self) -> int:
+        """Step of the last checkpoint. Raises ResultsError if there is none."""
+        rows = self._tables.rows("SELECT step FROM checkpoint LIMIT 1")
+        if not rows:
+            raise ResultsError(f"{self.name}: found no checkpoint, expected one to go on from")
+        return int(rows[0][0])
+
+    def count(self, table: str) -> int | None:
+        """Number of rows written to a table; None if unknown."""
+        return self._tables.count(table)
+
+    def bonded(self, first: int, last: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Families of the rows `first` to `last` - 1 of the table `node`: bonds that count, and those gone at birth."""
+        rows = self._tables.each("node", 'WHERE "row" >= ? AND "row" < ?', (first, last))
+        family, cut = np.array([row[7:9] for row in rows], dtype=np.int64).reshape(-1, 2).T
+        return family, cut
 
     def _numbers(self, table: str, rows: Sequence[Row], leave_out: str = "") -> NDArray[np.void]:
         """Rows of a table as records of floats, named as its columns are."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -59,22 +59,45 @@ class Epoch(NamedTuple):
     bonds: int  # directed, after it
 
 
+class Column(NamedTuple):
+    """Values that are not in one place: they come in pieces, in order, once."""
+
+    dtype: np.dtype[Any]
+    length: int
+    crc: int  # CRC-32 of their bytes
+    pieces: Iterator[NDArray[Any]]
+
+
+class Births(NamedTuple):
+    """Nodes that are asked for some rows at a time, and their families."""
+
+    total: int  # nodes
+    dimension: int
+    bonds: int  # directed
+    nodes: Callable[[int, int], Nodes]  # of the rows from the first to the one before the last
+    families: Callable[[int, int], Families]
+    first: int = 0  # row of the first
+
+
 class Frame(NamedTuple):
     """The content of one transaction."""
 
     step: int
     time: float  # s
-    fields: Mapping[str, NDArray[np.floating]] | None  # (n,) each; None: a checkpoint between two frames
+    fields: Mapping[str, NDArray[np.floating] | Column] | None  # (n,) each; None: a checkpoint between two frames
     breaks: Breaks  # since the last transaction
     ledger: Sequence[tuple[float, ...]]  # rows of `history` since the last transaction
     probes: Sequence[tuple[float, ...]]  # rows of `probe` since the last transaction
-    checkpoint: Mapping[str, NDArray[np.floating]] | None  # None: the last one stays
+    checkpoint: Mapping[str, NDArray[Any] | Column] | None  # None: the last one stays
     reactions: Sequence[tuple[Any, ...]] = ()  # rows of `reaction` since the last transaction
     wall_time: float = 0.0  # s spent so far
     epochs: Sequence[Epoch] = ()  # since the last transaction
     rows: NDArray[np.int64] | None = None  # (n,) of the table `node` that the fields' nodes are; None: 0 to n - 1
     particles: Sequence[tuple[Any, ...]] = ()  # rows of `crack_particle` since the last transaction
     masses: Sequence[tuple[float, ...]] = ()  # rows of `mass` since the last transaction
+    first: int = 0  # of those rows, whole chunks before which are in other databases
+    keeps: int | None = None  # the step of an earlier checkpoint that stays; None: none does
+    ready: Callable[[], None] | None = None  # waits until it may be written
 
 
 TABLES = {  # name: columns

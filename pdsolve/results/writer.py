@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import glob
 import os
 import sqlite3
 import time
@@ -22,6 +23,7 @@ from pdsolve.results.checksums import (
     Checksum,
     Row,
     checked,
+    crc_of,
     records,
     select,
     select_schema,
@@ -30,8 +32,23 @@ from pdsolve.results.checksums import (
 )
 from pdsolve.results.errors import GoneError, ResultsError, ResultsWarning, WriteError, explained
 from pdsolve.results.lock import writing_to
+from pdsolve.results.pieces import KEY as KEY_OF_PIECES
+from pdsolve.results.pieces import Pieces, beside, written
 from pdsolve.results.reader import Results
-from pdsolve.results.schema import CHUNK, STEPPED, TABLES, Epoch, Families, Frame, Nodes, prefixes, statements, taken
+from pdsolve.results.schema import (
+    CHUNK,
+    STEPPED,
+    TABLES,
+    Births,
+    Column,
+    Epoch,
+    Families,
+    Frame,
+    Nodes,
+    prefixes,
+    statements,
+    taken,
+)
 from pdsolve.results.writer_token import KEY, Token
 
 PAGE, WAL_PAGES = 16384, 2048  # bytes; pages that are written before they are moved into the database proper
@@ -69,21 +86,27 @@ class Writer:
         `families(first, last)` returns those of the rows `first` to `last` - 1. Raises WriteError if it cannot be
         written, leaving nothing behind.
         """
+        return cls.begin(path, _births(nodes, families), cracks, meta)
+
+    @classmethod
+    def begin(cls, path: Path | None, births: Births, cracks: NDArray[np.float64], meta: Mapping[str, Any]) -> Writer:
+        """As `create`, of nodes that are asked for some rows at a time."""
         if path is not None:
-            remove(path)
+            remove(path, KEY_OF_PIECES not in meta)
         writer = cls(_connected(path), path)
         try:
             with writer._transaction(new=True) as connection:
                 if path is not None:
                     writer._token = Token.of(writer._place)
-                for statement in statements(nodes.position.shape[1]):
+                for statement in statements(births.dimension):
                     connection.execute(statement)
                 writer._checksums = dict.fromkeys(TABLES, Checksum())
                 writer._checksums["schema"] = Checksum().of("schema", connection.execute(select_schema()))
                 writer._insert("INSERT", "checksum", [(name, 0, 0) for name in writer._checksums])
                 writer._append("float32_prefix", prefixes())
-                writer._write_nodes(0, 0, nodes, families)
-                writer._append("epoch", [(0, len(nodes.ids), int((nodes.family - nodes.cut).sum()))])
+                if KEY_OF_PIECES not in meta:
+                    writer._write_nodes(births.first, 0, births)
+                writer._append("epoch", [(0, births.total, births.bonds)])
                 writer._append("crack" if cracks.shape[1] == 4 else "crack_face", cracks.tolist())
                 created = datetime.now(UTC).isoformat(timespec="seconds")
                 writer._tell({**meta, "created": created, **writer._running()})
@@ -93,22 +116,29 @@ class Writer:
         return writer
 
     @classmethod
-    def reopen(cls, path: Path) -> Writer:
+    def reopen(cls, path: Path, files: tuple[str, ...] = ()) -> Writer:
         """The database at `path`, to continue from its checkpoint; later steps are deleted.
+
+        Of one in pieces, `files` are those that ranks go on with.
 
         Raises ResultsError if it is not a database of results or has no checkpoint.
         """
         with Results.open(path) as results:
-            step, _ = results.checkpoint()
+            step, pieces = results.checkpoint_step(), results.pieces
+        for file in (file for one in pieces for file in one.files):
+            put_away(beside(path, file))
         writer = cls(_connected(path), path)
         with writer._transaction() as connection:
             later = {table: f"step > {step}" for table in STEPPED}
-            later |= {"node": f"birth > {step}", "family_chunk": "first >= (SELECT count(*) FROM node)"}
+            if not pieces:
+                later |= {"node": f"birth > {step}", "family_chunk": "first >= (SELECT count(*) FROM node)"}
             for table, where in later.items():
                 if connection.execute(f"DELETE FROM {table} WHERE {where}").rowcount:
                     writer._add_up(table)
             writer._token = Token.of(writer._place)
             writer._tell(writer._running())
+            if pieces:
+                writer._tell({KEY_OF_PIECES: written((*pieces, Pieces(step, files)))})
         return writer
 
     def _running(self) -> dict[str, str]:
@@ -121,13 +151,15 @@ class Writer:
 
     def write(self, frame: Frame) -> None:
         """Write a frame in one transaction. Raises WriteError, for instance on a full disk."""
+        if frame.ready is not None:
+            frame.ready()
         with self._transaction():
             for epoch in frame.epochs:
                 self._write_epoch(epoch)
             if frame.fields is not None:
                 self._append("frame", [(frame.step, frame.time, " ".join(frame.fields))])
                 for name, values in frame.fields.items():
-                    self._write_field(frame.step, name, values, frame.rows)
+                    self._write_field((frame.step, name, frame.first // CHUNK), values, frame.rows)
             self._append("bond_break", records("bond_break", frame.breaks))
             self._append("history", frame.ledger)
             self._append("mass", frame.masses)
@@ -135,7 +167,7 @@ class Writer:
             self._append("reaction", frame.reactions)
             self._append("crack_particle", frame.particles)
             if frame.checkpoint is not None:
-                self._write_checkpoint(frame.step, frame.checkpoint)
+                self._write_checkpoint(frame.step, frame.checkpoint, frame.keeps)
                 self._tell({"wall_time": frame.wall_time})
 
     def close(self, status: str) -> None:
@@ -253,16 +285,15 @@ class Writer:
         self._insert("INSERT OR REPLACE", "meta", rows)
         self._add_up("meta")
 
-    def _write_nodes(self, first: int, birth: int, nodes: Nodes, families: Callable[[int, int], Families]) -> None:
+    def _write_nodes(self, first: int, birth: int, births: Births) -> None:
         """Write nodes, from row `first` on, and their families in chunks."""
-        count = len(nodes.ids)
-        for at in range(0, count, CHUNK):
-            rows = np.arange(at, min(at + CHUNK, count))
-            own, row = taken(nodes, rows), first + rows
+        for at in range(0, births.total, CHUNK):
+            rows = np.arange(at, min(at + CHUNK, births.total))
+            own, row = births.nodes(at, at + len(rows)), first + rows
             flat = [np.zeros(len(row))] * (3 - own.position.shape[1])
             columns = (row, own.ids, *own.position.T, *flat, *own[2:], np.full(len(row), birth))
             self._append("node", records("node", columns))
-            start, neighbour = families(at, at + len(row))
+            start, neighbour = births.families(at, at + len(row))
             ahead = neighbour - np.repeat(row, np.diff(start))
             blobs = (zlib.compress(column.astype("<i4").tobytes(), 1) for column in (np.diff(start), ahead))
             self._append("family_chunk", [(first + at, *blobs)])
@@ -273,14 +304,22 @@ class Writer:
         def families(first: int, last: int) -> Families:
             return Families(start[first : last + 1] - start[first], neighbour[start[first] : start[last]])
 
-        self._write_nodes(epoch.first, epoch.step, epoch.born, families)
+        self._write_nodes(epoch.first, epoch.step, _births(epoch.born, families))
         self._append("node_death", records("node_death", [np.full_like(epoch.died, epoch.step), epoch.died]))
         self._append("epoch", [(epoch.step, epoch.nodes, epoch.bonds)])
 
     def _write_field(
-        self, step: int, name: str, values: NDArray[np.floating], rows: NDArray[np.int64] | None = None
+        self, key: tuple[int, str, int], values: NDArray[np.floating] | Column, rows: NDArray[np.int64] | None
     ) -> None:
-        """Write the values (n,) of the nodes `rows`, NaN for others in a chunk; chunks without values are left out."""
+        """Write the values (n,) of the nodes `rows`, NaN for others in a chunk; chunks without values are left out.
+
+        `key` is step, name and the number of the first chunk.
+        """
+        step, name, first = key
+        if isinstance(values, Column):
+            for chunk, part in enumerate(_in_chunks(values.pieces), first):
+                self._append("field_chunk", [(step, name, chunk, part.data)])
+            return
         data, chunks = values.astype("<f4"), np.arange(-(-len(values) // CHUNK))
         if rows is not None:
             data = np.full(self._checksums["node"].rows, np.nan, dtype="<f4")
@@ -288,14 +327,33 @@ class Writer:
             chunks = np.flatnonzero(np.bincount(rows // CHUNK))
         bits = data.data
         parts = ((chunk, bits[CHUNK * chunk : CHUNK * (chunk + 1)]) for chunk in chunks.tolist())
-        self._append("field_chunk", [(step, name, chunk, part) for chunk, part in parts])
+        self._append("field_chunk", [(step, name, first + chunk, part) for chunk, part in parts])
 
-    def _write_checkpoint(self, step: int, state: Mapping[str, NDArray[np.floating]]) -> None:
-        self.connection.execute("DELETE FROM checkpoint")
+    def _write_checkpoint(
+        self, step: int, state: Mapping[str, NDArray[Any] | Column], keeps: int | None = None
+    ) -> None:
+        self.connection.execute("DELETE FROM checkpoint WHERE ? IS NULL OR step < ?", (keeps, keeps))
         for name, array in state.items():  # one by one, as they are large
+            if isinstance(array, Column):
+                self._write_entry((name, step, array.dtype.str), array)
+                continue
             row = (name, step, array.dtype.str, np.ascontiguousarray(array).reshape(-1).view(np.uint8).data)
             self._insert("INSERT", "checkpoint", [with_crc("checkpoint", row)])
         self._add_up("checkpoint")
+
+    def _write_entry(self, key: Row, column: Column) -> None:
+        """Write a row of the checkpoint whose data come in pieces."""
+        size, at = column.dtype.itemsize * column.length, 0
+        crc = crc_of(key, size, column.crc)
+        insert = "INSERT INTO checkpoint VALUES (?, ?, ?, ?, zeroblob(?))"
+        row = self.connection.execute(insert, (*key, crc, size)).lastrowid
+        assert row is not None
+        with self.connection.blobopen("checkpoint", "data", row) as blob:
+            for piece in column.pieces:
+                blob.write(piece.tobytes())
+                at += piece.nbytes
+        if at != size:
+            raise RuntimeError(f"found {at} bytes of {key[0]}, expected {size}")
 
     def _alone(self) -> bool:
         """Merge SQLite's log; False if a reader prevents it.
@@ -312,6 +370,25 @@ class Writer:
             self.connection.execute("PRAGMA wal_checkpoint(PASSIVE)")
             return False
         return True
+
+
+def _births(nodes: Nodes, families: Callable[[int, int], Families]) -> Births:
+    """Nodes that are all there."""
+    bonds = int((nodes.family - nodes.cut).sum())
+    dimension = nodes.position.shape[1]
+    return Births(len(nodes.ids), dimension, bonds, lambda first, last: taken(nodes, np.arange(first, last)), families)
+
+
+def _in_chunks(pieces: Iterator[NDArray[Any]]) -> Iterator[NDArray[Any]]:
+    """The values of pieces, in chunks of CHUNK, of which the last may be shorter."""
+    rest = np.zeros(0, dtype="<f4")
+    for piece in pieces:
+        rest = np.concatenate([rest, piece])
+        whole = len(rest) // CHUNK * CHUNK
+        yield from rest[:whole].reshape(-1, CHUNK)
+        rest = rest[whole:]
+    if len(rest):
+        yield rest
 
 
 def _connected(path: Path | None) -> sqlite3.Connection:
@@ -342,8 +419,8 @@ def put_away(path: Path) -> None:
                 Writer(_connected(path), path).abandon("finished")
 
 
-def remove(path: Path) -> None:
-    """Delete a database, or the target of a link, with SQLite's files beside it.
+def remove(path: Path, of_ranks: bool = True) -> None:
+    """Delete a database, or the target of a link, with SQLite's files beside it, and those `of_ranks`.
 
     Raises WriteError if it cannot be deleted, or is no regular file.
     """
@@ -351,7 +428,11 @@ def remove(path: Path) -> None:
         found = irregular(path)
         if found is not None:
             raise WriteError(f"{path}: found {found}, expected a database or nothing")
+        place = Path(os.path.realpath(path))
+        pieces = list(place.parent.glob(f"{glob.escape(place.name)}.[0-9]*-[0-9]*"))
         for beside in ("", "-wal", "-shm", "-journal"):
-            Path(f"{os.path.realpath(path)}{beside}").unlink(missing_ok=True)
+            Path(f"{place}{beside}").unlink(missing_ok=True)
+        for piece in pieces if of_ranks else ():
+            piece.unlink(missing_ok=True)
     except OSError as error:
         raise WriteError(f"{path}: {error.strerror}") from None

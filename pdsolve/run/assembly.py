@@ -23,7 +23,7 @@ from pdsolve.model import Model
 from pdsolve.operators.ground_supports import supported
 from pdsolve.operators.protocol import Operator
 from pdsolve.options import Options
-from pdsolve.run.explicit_stepper import stepper_of
+from pdsolve.run.explicit_stepper import Beside, stepper_of
 from pdsolve.run.operator_factory import operator_of, stable, touched
 from pdsolve.run.system import Prepared, System
 from pdsolve.run.time_step import step_of
@@ -55,10 +55,12 @@ def assembled(
     filled: Counted,
     steps: tuple[float, float],
     driven: Drive | None = None,
+    beside: Beside | None = None,
 ) -> Prepared:
     """The system of a model with this operator, and its state.
 
-    `steps`, s, are the run's step and the surely stable one; `driven` are the conditions, if not those of the model.
+    `steps`, s, are the run's step and the surely stable one; `driven` are the conditions, if not those of the model;
+    `beside` is what a window has to do with other ranks.
     """
     kind, (step, bound) = np.dtype(options.precision).type, steps
     rho = model.rho.astype(kind)
@@ -69,9 +71,9 @@ def assembled(
     velocity, nodes = initial_velocity(model, width), len(model.grid)
     u, v = np.zeros((2, nodes, width), dtype=kind)
     state = State(u, v, initial_acceleration(driven, rho), *np.zeros((3, nodes)))
-    state, damped = operator.place(state), damping(model)
+    state, damped = operator.place(state), damping(model) if beside is None else beside.damping
     set_off(state, velocity, damped, driven)
-    stepper, driven = stepper_of(operator, state, driven, rho, step, damped)
+    stepper, driven = stepper_of(operator, state, driven, rho, step, damped, beside)
     energy = float(np.sum(model.rho / 2 * filled.area * (velocity**2).sum(axis=1))) if velocity.any() else 0.0
     refuse_fields(model, operator, state)
     system = System(model, options, scheme, operator, stepper, driven, *filled, step, bound, energy)

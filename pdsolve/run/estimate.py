@@ -124,7 +124,7 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
             settings = msgspec.structs.replace(settings, run=run)
             model = dataclasses.replace(model, settings=settings)
     settings = counted(model, step).settings
-    advise(model, count, scheme.partial_cells, scheme.symmetric)
+    advise(model, np.flatnonzero(count == 0), scheme.partial_cells, scheme.symmetric)
     options = options._replace(threads=1) if moves else options
     found = estimate_size(settings, options, len(model.grid), int(count.sum()), (step, bound), in_blocks)
     if splits:

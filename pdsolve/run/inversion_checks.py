@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import combinations
 from typing import NamedTuple
 
@@ -26,13 +26,26 @@ FLAT = 0.1  # of a spacing squared: neighbours that span less are in line with t
 FRACTION = 0.005  # of what breaks a bond: displacements must be known to that, as errors add up over steps
 
 
+class Extent(NamedTuple):
+    """The least and the largest displacement along each axis, m, and their number type."""
+
+    least: tuple[float, ...]
+    most: tuple[float, ...]
+    kind: str
+
+
+def extent_of(u: NDArray[np.floating]) -> Extent:
+    """The extent of displacements (n, d), m."""
+    return Extent(tuple(u.min(axis=0).tolist()), tuple(u.max(axis=0).tolist()), u.dtype.name)
+
+
 class MotionChecks:
     """Checks the motion of a run from time to time; gives each warning once."""
 
     def __init__(self, model: Model, bonds: Callable[[int, int], tuple[NDArray[np.int64], NDArray[np.int64]]]) -> None:
         """`bonds(first, last)` returns the rows of both ends of the initial bonds of sources `first` to `last` - 1."""
         self._model, self._said, self._vague = model, False, False
-        self._bonds = bonds
+        self._bonds, self._own = bonds, slice(None)
         self._triangles: _Triangles | None = None  # not asked for while displacements are small
         self._smallest = float(model.grid.delta.min())
         breaking, ratio = [np.inf], model.settings.horizon.ratio
@@ -53,23 +66,56 @@ class MotionChecks:
         `u` (n, d) are the displacements, m; `broken` are all broken bonds. For bodies in space, only the precision is
         checked.
         """
-        flat = self._model.grid.dimension == 2
-        if flat and not self._said and np.ptp(u, axis=0).max() >= self._smallest:
-            self._crushed(u, broken, step)
-        known = float(np.finfo(u.dtype).eps * np.abs(u).max(initial=0.0))
+        extent = extent_of(u)
+        if self.is_crushed(extent) and (words := self.crushed(u, broken)) is not None:
+            self.say_crushed(words, step)
+        self.say_vague(extent, step)
+
+    @property
+    def lengths(self) -> tuple[float, float]:
+        """The smallest spacing, and the lengthening that breaks or softens a bond, m."""
+        return self._smallest, self._breaking
+
+    def know(self, lengths: Sequence[tuple[float, float]], own: slice) -> None:
+        """Take these lengths of all ranks as known, and look at the triangles of `own` rows alone."""
+        self._smallest, self._breaking = (min(column) for column in zip(*lengths, strict=True))
+        self._own = own
+
+    def is_crushed(self, extent: Extent) -> bool:
+        """Whether triangles may be inverted."""
+        wide = max(most - least for least, most in zip(extent.least, extent.most, strict=True))
+        return self._model.grid.dimension == 2 and not self._said and wide >= self._smallest
+
+    def say_crushed(self, words: str, step: int) -> None:
+        """Warn, once, of an inverted triangle in `words`."""
+        self._said = True
+        warn(
+            self._model,
+            f"step {step}: found a triangle turned inside out with its bonds intact, {words}, expected less"
+            " compression; bonds do not keep nodes apart",
+        )
+
+    def say_vague(self, extent: Extent, step: int) -> None:
+        """Warn, once, of displacements too large for their precision."""
+        largest = max(abs(value) for value in (*extent.least, *extent.most))
+        known = float(np.finfo(extent.kind).eps * largest)
         if not self._vague and known > FRACTION * self._breaking:
             self._vague = True
             warn(
                 self._model,
-                f"step {step}: found displacements up to {np.abs(u).max():.3g} m, which {u.dtype} knows"
+                f"step {step}: found displacements up to {largest:.3g} m, which {extent.kind} knows"
                 f" to {known:.2g} m, expected {FRACTION * self._breaking:.2g} m or better: {self._breaking:.2g} m break"
                 " a bond",
             )
 
-    def _crushed(self, u: NDArray[np.floating], broken: Broken, step: int) -> None:
+    def crushed(self, u: NDArray[np.floating], broken: Broken) -> str | None:
+        """The nodes of an inverted triangle whose bonds are intact, in words; None if there is none."""
         position = self._model.grid.position
         if self._triangles is None:
-            self._triangles = _triangles(position, FLAT * self._smallest**2)
+            found = _triangles(position, FLAT * self._smallest**2)
+            low, high, _ = self._own.indices(len(position))
+            own = (found.row >= low) & (found.row < high)
+            self._triangles = _Triangles(found.row[own], found.one[own], found.other[own], found.twice[own])
         rows, one, other, before = self._triangles
         place = position + u
         now = _cross(place[one] - place[rows], place[other] - place[rows])
@@ -80,13 +126,8 @@ class MotionChecks:
         for end in (one, other):
             turned = turned[~np.isin(len(position) * rows[turned] + end[turned], gone, assume_unique=True)]
         if len(turned := self._bonded(turned)):
-            self._said = True
-            names = ", ".join(named(self._model, int(corner[turned[0]])) for corner in (rows, one, other))
-            warn(
-                self._model,
-                f"step {step}: found a triangle turned inside out with its bonds intact, {names}, expected less"
-                " compression; bonds do not keep nodes apart",
-            )
+            return ", ".join(named(self._model, int(corner[turned[0]])) for corner in (rows, one, other))
+        return None
 
     def _bonded(self, turned: NDArray[np.int64]) -> NDArray[np.int64]:
         """The triangles whose nodes were bonded at the start."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -71,23 +72,36 @@ def books(system: System, state: State, step: int, asked: Asked | None = None) -
     if system.hybrid is not None:
         sums, zone = system.hybrid.books()._asdict(), system.hybrid.zone_summary()._asdict()
         return Ledger(step, step * system.time_step, **sums, broken=len(broken.step), **zone)
-    area, rho, velocity = system.area, system.model.rho, state.rate.astype(np.float64, copy=False)
     with np.errstate(over="ignore", invalid="ignore"):  # of a run that becomes unstable
         return Ledger(
             step,
             step * system.time_step,
-            kinetic=float(np.sum(rho / 2 * area * (velocity**2).sum(axis=1))),
-            strain=float(np.sum(area * strain)),
-            dissipated=float(np.sum(area * (state.dissipated + softened))),
-            work=float(np.sum(area * state.work)),
-            momentum_x=float(np.sum(rho * area * velocity[:, 0])),
-            momentum_y=float(np.sum(rho * area * velocity[:, 1])),
             broken=system.broken_before + len(broken.step),
-            momentum_z=float(np.sum(rho * area * velocity[:, 2])) if system.model.grid.dimension == 3 else 0.0,
-            damped=float(np.sum(area * state.damped)),
             friction=friction(system, state),
+            **{name: float(np.sum(values())) for name, values in terms(system, state, strain, softened).items()},
             **({} if system.zone_summary is None else system.zone_summary._asdict()),
         )
+
+
+def terms(
+    system: System, state: State, strain: NDArray[np.float64], softened: NDArray[np.float64]
+) -> dict[str, Callable[[], NDArray[np.float64]]]:
+    """What makes the values (n,) of nodes that add up to an entry of the ledger, by its name; `strain` and `softened`
+    (n,) are J/m^3."""
+    area, rho, velocity = system.area, system.model.rho, state.rate.astype(np.float64, copy=False)
+
+    def momentum(axis: int) -> NDArray[np.float64]:
+        return np.asarray(rho * area * velocity[:, axis])
+
+    axes = range(system.model.grid.dimension)
+    return {
+        "kinetic": lambda: rho / 2 * area * (velocity**2).sum(axis=1),
+        "strain": lambda: area * strain,
+        "dissipated": lambda: area * (state.dissipated + softened),
+        "work": lambda: area * state.work,
+        "damped": lambda: area * state.damped,
+        **{f"momentum_{'xyz'[axis]}": partial(momentum, axis) for axis in axes},
+    }
 
 
 def friction(system: System, state: State) -> float:

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from pdmesh.model.kd_trees import tree_of
 from pdsolve.checks import advise_damped, closing
 from pdsolve.diffusion.swelling import Swelling
 from pdsolve.errors import UnstableError
@@ -26,6 +25,12 @@ class MotionAccounts:
 
     def __init__(self, system: System, state: State, step: int, asked: Asked, results: Results | None) -> None:
         """`results` are those of a resumed run after `step`, else None."""
+        self._start(system, step, results)
+        self._watch: MotionChecks | None = None
+        self._look_around()
+        self.last, self._clamped = books(system, state, step, asked), self._heat(state)
+
+    def _start(self, system: System, step: int, results: Results | None) -> None:
         self._system = system
         self._most = 0.0  # J/m, the largest work, given or taken
         if results is not None:
@@ -34,9 +39,6 @@ class MotionAccounts:
         self._ledgers: list[Ledger] = []
         self._probes: list[tuple[float, ...]] = []
         self._reactions: list[Reaction] = []
-        self._watch: MotionChecks | None = None
-        self._look_around()
-        self.last, self._clamped = books(system, state, step, asked), self._heat(state)
 
     def _heat(self, state: State) -> float:
         """What heat can do at most, J/m, against which little is round-off; 0 without it."""
@@ -52,9 +54,7 @@ class MotionAccounts:
         model, run = self._system.model, self._system.model.settings.run
         probes = [*run.probes, *(end for gap in run.gaps for end in gap.ends)]
         self._grips = grips(self._system)
-        self._probed = (
-            tree_of(model.grid.position).query(np.reshape(probes, (-1, model.grid.dimension)))[1] if probes else []
-        )
+        self._probed = model.grid.nearest(probes)[1].tolist() if probes else []
         watch = MotionChecks(model, partial(self._system.operator.bonds, start=True))
         self._watch = watch if self._watch is None else self._watch.moved_to(watch)
         self._looked = True
@@ -88,18 +88,24 @@ class MotionAccounts:
             self._look_around()
         system = self._system
         self.settle(state, step, asked)
-        check_physics(system, state, self.last, max(self._most, self._clamped))
+        finite = np.isfinite(state.value).all(axis=1)
+        if self._is_unstable(self.last, bool(finite.all())):
+            worst = int((~finite).argmax() if not finite.all() else np.abs(state.rate).sum(axis=1).argmax())
+            most, node = max(self._most, self._clamped), int(system.model.grid.ids[worst])
+            raise UnstableError(unstable_words(system, self.last, most, node))
         self._most = max(self._most, abs(self.last.work))
         assert self._watch is not None
         self._watch.look(state.value[:, : system.model.grid.dimension], asked.broken, step)
         self._ledgers.append(self.last)
-        u, v, a, d = state.value, state.rate, state.second, system.model.grid.dimension
         for row in dict.fromkeys(self._probed):
-            plane, space = ([field[row, axes].tolist() for field in (u, v, a)] for axes in (slice(2), slice(2, d)))
-            along = [value for values in space for value in values] or [0.0] * 3
-            values = [value for values in plane for value in values]
-            self._probes.append((step, self.last.time, int(system.model.grid.ids[row]), *values, *along))
+            node = int(system.model.grid.ids[row])
+            self._probes.append((step, self.last.time, node, *motion_of(state, row, system.model.grid.dimension)))
         self._reactions += reactions(self._grips, system, state, step, self.last.time)
+
+    def _is_unstable(self, books: Ledger, finite: bool) -> bool:
+        """Whether energy is created, or values are not `finite`."""
+        created = _created(self._system, books, max(self._most, self._clamped))
+        return not (finite and np.isfinite(books.kinetic + books.strain) and created <= RUNAWAY)
 
     def entered(self, frame: Frame) -> Frame:
         """The frame with the records since the last one."""
@@ -128,24 +134,31 @@ class MotionAccounts:
         advise_damped(system.model, last.damped + last.friction, last.put_in(system.initial_energy, self._most))
 
 
-def check_physics(system: System, state: State, books: Ledger, most: float) -> None:
-    """Raise UnstableError for values that are not finite, or for energy created.
+def motion_of(state: State, row: int, d: int) -> list[float]:
+    """What is recorded of the motion of a node in d dimensions: u, v, a in the plane, and then along z."""
+    fields = state.value, state.rate, state.second
+    plane, space = ([field[row, axes].tolist() for field in fields] for axes in (slice(2), slice(2, d)))
+    along = [value for values in space for value in values] or [0.0] * 3
+    return [*(value for values in plane for value in values), *along]
 
-    The message names step, time, node, energy and the stability bound; `most`, J/m, is the largest work so far.
+
+def unstable_words(system: System, books: Ledger, most: float, node: int) -> str:
+    """What is said of a run that is not stable: step, time, the id of a node, energy and the stability bound.
+
+    `most`, J/m, is the largest work so far.
     """
-    energy, u = books.kinetic + books.strain, state.value
-    finite = np.isfinite(u).all(axis=1)
-    given = max(abs(books.work), most) + system.initial_energy
-    ratio = energy / given if given else 0.0
-    if finite.all() and np.isfinite(energy) and ratio <= RUNAWAY:
-        return
-    worst = int((~finite).argmax() if not finite.all() else np.abs(state.rate).sum(axis=1).argmax())
-    raise UnstableError(
-        f"unstable at step {books.step}, {books.time:.4g} s, node {system.model.grid.ids[worst]}: energy is"
-        f" {ratio:.3g} times what was put in; the time step is {system.time_step:.4g} s,"
+    return (
+        f"unstable at step {books.step}, {books.time:.4g} s, node {node}: energy is"
+        f" {_created(system, books, most):.3g} times what was put in; the time step is {system.time_step:.4g} s,"
         f" surely stable up to {system.bound:.4g} s"
         f"{_suspect(system)}"
     )
+
+
+def _created(system: System, books: Ledger, most: float) -> float:
+    """The energy that is there over what was put in; 0 where nothing was."""
+    given = max(abs(books.work), most) + system.initial_energy
+    return (books.kinetic + books.strain) / given if given else 0.0
 
 
 def _suspect(system: System) -> str:

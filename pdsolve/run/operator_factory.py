@@ -25,7 +25,6 @@ from pdsolve.operators.simd_lattice.operator import SimdLattice
 from pdsolve.operators.space_lattice.operator import SpaceLattice
 from pdsolve.operators.together import Together
 from pdsolve.options import Options, threads_of
-from pdsolve.ranks.operator import AcrossRanks
 from pdsolve.schemes.cubic_springs import Tiled, tiled
 from pdsolve.schemes.scheme import Scheme
 
@@ -37,9 +36,6 @@ def operator_of(
 
     `lasting`: no bond breaks, as `filling` has it.
     """
-    if options.team is not None:
-        ranked = AcrossRanks(model, options, scheme, options.team, operator_of)
-        return ranked, ranked.counted
     law, kind, nodes = law_of(model), np.dtype(options.precision).type, len(model.grid)
     tiles = _tiled(model, options, scheme, lasting)
     if tiles is not None:

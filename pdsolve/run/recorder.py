@@ -5,6 +5,8 @@ from __future__ import annotations
 import dataclasses
 import time as clock
 from collections.abc import Mapping
+from functools import partial
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,10 +17,10 @@ from pdsolve.conditions import put_loads
 from pdsolve.diffusion.mass_accounts import MassAccounts
 from pdsolve.diffusion.swelling import Swelling
 from pdsolve.errors import CheckpointError
-from pdsolve.results import Breaks, Epoch, Families, Frame, Nodes, Results
+from pdsolve.results import Breaks, Epoch, Families, Frame, Nodes, Results, Writer
 from pdsolve.results.schema import taken
 from pdsolve.run.accounts import Accounts, Together
-from pdsolve.run.measures import Asked, ask, fields
+from pdsolve.run.measures import Asked, ask, bodies, fields, pieces
 from pdsolve.run.motion_accounts import MotionAccounts
 from pdsolve.run.node_changes import Change
 from pdsolve.run.on_device import fetch
@@ -188,8 +190,27 @@ class Recorder:
         self._epochs: list[Epoch] = []
         self.written = self.step = past.step  # of the last frame; of the last entry
         self._kept = clock.perf_counter()
-        self.now = ask(system, state)
-        self.accounts = _accounts(system, state, past, self.now)
+        self._begin(past)
+
+    def _begin(self, past: Past) -> None:
+        """Open the accounts of the state that the run begins with."""
+        self.now = ask(self.system, self.state)
+        self.accounts = _accounts(self.system, self.state, past, self.now)
+
+    def writer(self, output: Path | None, meta: Mapping[str, Any]) -> Writer:
+        """The writer of a new database."""
+        cracks = self.system.model.grid.cracks
+        return Writer.create(output, nodes(self.system), partial(families, self.system), cracks, meta)
+
+    def divide(self, output: Path | None) -> None:
+        """Begin other databases beside `output`, where one is not enough."""
+
+    def close(self) -> None:
+        """End the records."""
+
+    def is_split(self) -> bool:
+        """Whether there are more pieces than bodies."""
+        return pieces(self.system) > bodies(self.system)
 
     def wall(self) -> float:
         """Seconds spent on the run, including those before an interruption."""

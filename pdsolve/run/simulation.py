@@ -19,7 +19,7 @@ from pdsolve.adaptivity.hybrid.outlook import decided, widened
 from pdsolve.adaptivity.hybrid.space.operator import SpaceHybrid
 from pdsolve.adaptivity.quadtree.operator import Leaves
 from pdsolve.checks import advise, advise_unused
-from pdsolve.errors import CheckpointError, LateZoneError, UnstableError
+from pdsolve.errors import LateZoneError, UnstableError
 from pdsolve.model import Model, ModelError, ModelWarning, model_of, on_device
 from pdsolve.numerics.memory import give_back
 from pdsolve.numerics.team import Team
@@ -28,13 +28,16 @@ from pdsolve.results import Behind, Results, ResultsError, Writer, behind, gone_
 from pdsolve.run.after_path import motion_after, motion_follows, name_of
 from pdsolve.run.body_zones import Refining
 from pdsolve.run.cell_splitting import Splitting
-from pdsolve.run.measures import bodies, pieces
 from pdsolve.run.node_changes import Adapt, zone_back, zone_moved
+from pdsolve.run.on_ranks import resuming
+from pdsolve.run.on_ranks import start as on_ranks
+from pdsolve.run.on_ranks.recorder import RecorderOnRanks
+from pdsolve.run.pace import Pace
 from pdsolve.run.prepare import prepare
-from pdsolve.run.recorder import Past, Recorder, families, nodes, restore
+from pdsolve.run.recorder import Past, Recorder, restore
 from pdsolve.run.static_start import started
 from pdsolve.run.summary import meta, summary
-from pdsolve.run.system import System
+from pdsolve.run.system import Prepared, System
 from pdsolve.state import State
 from pdsolve.steppers.equilibrium import UnsettledError
 from pdsolve.steppers.load_steps import Going
@@ -57,9 +60,6 @@ class Progress(NamedTuple):
 
 
 Watcher = Callable[[Progress], bool]  # returns whether to stop
-
-PIECE = 0.25  # s that a piece is to take
-SLOW = 1e7  # updates a second, of bonds or links: as is supposed until it is measured
 
 
 def simulate(
@@ -103,12 +103,26 @@ def _solve(
     model: Model, output: Path | None, options: Options, watch: Watcher | None, provenance: str, adapt: Adapt | None
 ) -> Results:
     """Solve a model from its start. Raises LateZoneError besides."""
-    found = prepare(model, options)
+    found = _prepared(model, options)
     system, state = started(found) if model.settings.run.start == "static" else found
     advise_unused(model)
     if system.transport is None:
-        advise(system.model, system.count, system.scheme.partial_cells, system.scheme.symmetric)
+        advise(system.model, system.unbonded, system.scheme.partial_cells, system.scheme.symmetric)
     return _run(system, state, output, watch, provenance, adapt)
+
+
+def _prepared(model: Model, options: Options) -> Prepared:
+    """A model made ready, a motion on all ranks if there are many."""
+    if options.team is None or model.diffuses:
+        return prepare(model, options)
+    return on_ranks.prepare(model, options, options.team)
+
+
+def _recorder(system: System, state: State, past: Past | None, changes: bool) -> Recorder:
+    """The records of a run, of all ranks if there are many."""
+    if isinstance(system, on_ranks.OnRanks):
+        return RecorderOnRanks(system, state, past)
+    return Recorder(system, state, past, changes)
 
 
 def run(
@@ -128,20 +142,15 @@ def _run(
     system: System, state: State, output: Path | None, watch: Watcher | None, provenance: str, adapt: Adapt | None
 ) -> Results:
     adapt = adapt or changing(system)
-    return _begin(Recorder(system, state, None, _changes(system, adapt)), output, watch, provenance, adapt)
+    return _begin(_recorder(system, state, None, _changes(system, adapt)), output, watch, provenance, adapt)
 
 
 def _begin(
     notes: Recorder, output: Path | None, watch: Watcher | None, provenance: str, adapt: Adapt | None
 ) -> Results:
     """Solve a new run from the state of its records."""
-    system = notes.system
-
-    def new() -> Writer:
-        cracks = system.model.grid.cracks
-        return Writer.create(output, nodes(system), partial(families, system), cracks, meta(notes, provenance))
-
-    return _finish(notes, new, output, watch, adapt)
+    notes.divide(output)
+    return _finish(notes, lambda: notes.writer(output, meta(notes, provenance)), output, watch, adapt)
 
 
 def _moved_on(path: Results, output: Path | None, threads: int | None, watch: Watcher | None) -> Results:
@@ -247,6 +256,11 @@ def _resume(
         if not results.has_checkpoint():
             results.close()
             return _simulate(model, output, options, watch, meta["provenance"], adapt)
+        if team is not None and not model.diffuses:
+            ranked = resuming.gone_on(results, model, options, meta)
+            make = partial(Writer.reopen, output, ranked.go_on(output, results.pieces))
+            results.close()
+            return _finish(ranked, make, output, watch, adapt)
         known, (step, kept) = results.nodes(0), results.checkpoint()
         if not kept.keys() >= set(State._fields):
             raise ResultsError(
@@ -256,10 +270,7 @@ def _resume(
         adapt = adapt or changing(system)
         same = float(meta["time_step"]) == system.time_step and np.array_equal(known.family, system.family)
         if not same or not np.array_equal(known.cut, system.family - system.count):
-            raise ResultsError(
-                f"{output}: found a run by {meta['program']} with a step of {meta['time_step']:.6g} s, expected the"
-                f" bonds and the step of this version, {system.time_step:.6g} s; solve it anew"
-            )
+            raise resuming.of_other_bonds(output, meta, system)
         before = results.breaks().step
         before = before[before <= step]
         wall, latest = float(meta.get("wall_time", 0.0)), int(before.max(initial=0))
@@ -276,8 +287,7 @@ def _resume(
                 raise ResultsError(f"{output}: found other nodes than this version's at step {step}; solve it anew")
             past = past._replace(rows=rows, ever=int((lives.birth <= step).sum()))
         with gone_back(output):
-            if step > model.settings.run.steps:
-                raise CheckpointError(f"found step {step}, expected at most the run's {model.settings.run.steps}")
+            resuming.expect_within(step, model)
             restore(system, state, step, kept, results.breaks())
         broken = len(before) - len(system.operator.broken().step)
         energy = float(meta.get("initial_energy", 0.0))  # results of diffusion have none
@@ -346,13 +356,14 @@ def _march(notes: Recorder, writer: Behind, watch: Watcher | None, adapt: Adapt 
         if noted:
             _take(notes, looked, step)
             system, looked = notes.system, step
-            done = _is_enough(system, notes.latest, step)
+            done = _is_enough(notes, step)
         whole = step % run.every == 0 or step == run.steps or done
         if whole or interrupted or (noted and notes.is_old):
             writer.write(partial(notes.frame, step, whole, state=step == run.steps or done or interrupted))
     notes.settle(step)
     writer.done().tell({"summary": json.dumps(summary(notes, step, done))})
     notes.accounts.close()
+    notes.close()
     return "finished" if done or step == run.steps else "interrupted"
 
 
@@ -399,13 +410,14 @@ def _next(step: int, interval: int) -> int:
     return (step // interval + 1) * interval
 
 
-def _is_enough(system: System, latest: int, step: int) -> bool:
-    """Whether the model's stop criterion is met; `latest` is the step of the last broken bond."""
+def _is_enough(notes: Recorder, step: int) -> bool:
+    """Whether the model's stop criterion is met."""
+    system, latest = notes.system, notes.latest
     run = system.model.settings.run
     if isinstance(system.stepper, SteppedRest):
         return system.stepper.ended
     if run.until == "split":
-        return pieces(system) > bodies(system)
+        return notes.is_split()
     if run.until == "quiet":
         return latest > 0 and run.quiet is not None and (step - latest) * system.time_step >= run.quiet
     return False
@@ -423,23 +435,3 @@ __all__ = [
     "resume",
     "simulate",
 ]
-
-
-class Pace:
-    """Measures the duration of steps; results do not depend on it."""
-
-    def __init__(self, updates: int) -> None:
-        """`updates` is the number of bond or link updates of a step."""
-        self._each = updates / SLOW  # s of a step
-
-    def steps(self, least: int, most: int) -> int:
-        """Number of steps to take at once, from `least` to `most`."""
-        return max(least, min(most, int(PIECE / max(self._each, 1e-9))))
-
-    def took(self, steps: int, seconds: float) -> None:
-        """Record the duration of some steps."""
-        self._each = seconds / max(steps, 1)
-
-    def is_soon(self, steps: int) -> bool:
-        """Whether so many steps take at most as long as three batches."""
-        return steps * self._each < 3 * PIECE

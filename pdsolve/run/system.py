@@ -101,6 +101,16 @@ class System:
         return threads_of(self.options, len(self.model.grid), isinstance(self.operator, SimdLattice))
 
     @property
+    def is_in_pieces(self) -> bool:
+        """Whether each rank writes a database of its own, as there are so many nodes."""
+        return self.options.team is not None and len(self.model.grid) > self.options.one_file
+
+    @property
+    def unbonded(self) -> NDArray[np.int64]:
+        """Rows (k,) of the nodes without a bond at the start."""
+        return np.flatnonzero(self.count == 0)
+
+    @property
     def bonds(self) -> int:
         """Number of directed bonds at the start."""
         return int(self.count.sum())

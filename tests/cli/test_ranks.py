@@ -23,7 +23,7 @@ from messages import mentions
 from plates import GLASS, STEEL, interface_grid, plate, square_grid
 from whole import contents
 
-from pdmesh.model.document import Displacement, Lattice, Load, Run, Velocity
+from pdmesh.model.document import Absorb, Displacement, Lattice, Load, Run, Velocity
 from pdmesh.model.node_grid import Grid, whole_lattice
 from pdsolve.model import Model, read_model
 from pdsolve.results import Results, ResultsError
@@ -100,6 +100,14 @@ def shaped(**material: object) -> Model:
     return Model(grid, bar.settings)
 
 
+def absorbing() -> Model:
+    """A plate on a lattice torn apart, with a layer at one end that absorbs, which reaches into one rank alone."""
+    model = torn(whole_lattice(Lattice((0.0, 0.0), 1e-3, 20, 120), cracks=np.empty((0, 4))))
+    layer = Absorb(box=(17.5e-3, 0.112, 1.0, 1.0))
+    settings = msgspec.structs.replace(model.settings, conditions=(*model.settings.conditions, layer))
+    return Model(model.grid, settings)
+
+
 def partly_jittered() -> Grid:
     """A grid whose first rows lie on a lattice, and whose last ones do not: only some windows could be in blocks."""
     grid = square_grid(20, 120)
@@ -121,6 +129,8 @@ CASES = {
     "ordinary, two spacings": (torn(interface_grid(24, 12, 40), material=ORDINARY), 3),
     "half on a lattice": (torn(partly_jittered()), 3),
     "a body": (pulled(), 3),
+    "until it is split": (torn(NOTCHED, run=Run(time_step=50e-9, steps=600, every=20, until="split")), 3),
+    "a layer that absorbs": (absorbing(), 3),
     "a softening body": (pulled(law="bilinear", kr=2.0), 3),
     "cohesive": (torn(NOTCHED, material=COHESIVE), 3),
     "a cohesive body": (pulled(law="cohesive", f_t=50e6), 3),
@@ -142,7 +152,7 @@ def test_contents_are_those_of_one_process(here: Path, case: str) -> None:
     (here / "wet.json").write_text(model.to_json())
     with simulate(model, here / "one.sqlite") as one:
         assert one.masses()["dissolved"][-1] > 0.1
-    assert ran(count, "wet.json", "-o", "many.sqlite") == (0, "")
+    assert ran(count, "wet.json", "-o", "many.sqlite", "-q") == (0, "")
     expect_same(here / "one.sqlite", here / "many.sqlite")
 
 
@@ -232,6 +242,46 @@ def expect_same(known: Path, found: Path) -> None:
     for table, rows in one.items():
         if table not in ("meta", "checkpoint", "checksum"):
             assert other[table] == rows, table
+
+
+@pytest.mark.slow
+def test_a_file_a_rank_is_read_as_one_and_goes_on_after_a_kill_with_other_ranks(here: Path) -> None:
+    model = torn(square_grid(160, 160), run=Run(time_step=50e-9, steps=600, every=20, ledger=10, probes=((0.0, 0.0),)))
+    (here / "plate.json").write_text(model.to_json())
+    output = here / "many.sqlite"
+    with ranks(2, "plate.json", "-o", str(output), "-q", "--one-file-up-to", "20000") as child:
+        going(child, output)
+        os.kill(numbers_of(child.pid)[1], signal.SIGKILL)
+        assert child.wait(20) == signal.SIGKILL
+    assert ran(3, "--resume", str(output), "-q") == (0, "")
+    found = sorted(path.name for path in here.glob("many.sqlite*"))
+    assert found == ["many.sqlite", *(f"many.sqlite.{name}" for name in ("0-0", "0-1", "1-0", "1-1", "1-2"))]
+    with simulate(model, here / "one.sqlite") as one, Results.open(output) as many:
+        many.verify()
+        expect_same_read(one, many)
+    (here / "many.sqlite.1-1").unlink()
+    with pytest.raises(ResultsError) as missing:
+        Results.open(output)
+    assert mentions(missing, "many.sqlite", found="no many.sqlite.1-1", expected="files of all its ranks")
+
+
+def expect_same_read(one: Results, many: Results) -> None:
+    """All that can be read of two runs is the same, but for how they went."""
+    steps = one.frames()[0].tolist()
+    assert many.frames()[0].tolist() == steps
+    for step in steps:
+        assert many.stored(step) == one.stored(step)
+        for name in one.stored(step):
+            assert many.field(name, step).tobytes() == one.field(name, step).tobytes(), (name, step)
+    columns = [(*found.nodes(), *found.families(), *found.breaks()) for found in (one, many)]
+    for known, found in zip(*columns, strict=True):
+        assert found.tolist() == known.tolist()
+    for name in ("history", "probes", "reactions"):
+        assert getattr(many, name)().tolist() == getattr(one, name)().tolist()
+    (step, known), (last, kept) = one.checkpoint(), many.checkpoint()
+    assert (last, sorted(kept)) == (step, sorted(known))
+    for name, values in known.items():
+        assert kept[name].tobytes() == values.tobytes(), name
 
 
 REFUSED = {

@@ -34,7 +34,7 @@ def test_plates_that_are_plates_are_not_spoken_of(grid: object) -> None:
     model = plate(grid)  # type: ignore[arg-type]
     with saying() as lines:
         refuse(model, True)
-        advise(model, bonds(model), True, True)
+        advise(model, np.flatnonzero(bonds(model) == 0), True, True)
     assert lines == []
 
 
@@ -73,7 +73,7 @@ def test_a_crack_between_nodes_is_not_spoken_of_and_one_through_them_is() -> Non
     cracks = np.array([[0.0, 3.5e-3, 4e-3, 3.5e-3], [5e-3, 1e-3, 5e-3, 2.5e-3]])
     model = plate(dataclasses.replace(square_grid(9, 8), cracks=cracks))
     with saying() as lines:
-        advise(model, bonds(model), True, True)
+        advise(model, np.flatnonzero(bonds(model) == 0), True, True)
     assert len(lines) == 1
     assert mentions(lines[0], "$.notch[1]", found=("2 nodes", "node 15", "(0.005, 0.001) m"))
 

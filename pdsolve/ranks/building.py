@@ -1,0 +1,36 @@
+"""The bonds of a model, made by all ranks at once."""
+
+from __future__ import annotations
+
+import math
+
+from pdsolve.laws import law_of
+from pdsolve.model import Model
+from pdsolve.numerics.team import Team
+from pdsolve.operators.simd_lattice.kernel import LANES
+from pdsolve.options import Options
+from pdsolve.ranks import part
+from pdsolve.ranks.slabs import Slab, slabs_of, starts_of
+from pdsolve.results.schema import CHUNK
+
+
+def built(model: Model, options: Options, team: Team, make: part.Make) -> tuple[list[Slab], list[part.Built]]:
+    """The slabs of all ranks, which have their bonds then, and what they say of them.
+
+    `make` makes the operator of a window where bonds are not in blocks of the plane. Raises ModelError.
+    """
+    unit = LANES if len(model.grid) <= options.one_file else math.lcm(LANES, CHUNK)  # whole chunks in each file
+    slabs, plain = slabs_of(model, team.size, unit), options._replace(team=None)
+    starts = starts_of(slabs)
+    # a lattice is a few numbers, from which each rank makes the nodes of its window; other nodes are sent
+    each = [(slab, model if model.grid.lattice else model.window(slab.begin, slab.end)) for slab in slabs]
+    found: list[part.Built | None] = [None]
+    if law_of(model).pair is not None and model.grid.dimension == 2 and options.kernel != "listed":
+        found = team.everywhere(part.build, plain, starts, each=each)
+        plain = plain if found[0] is not None else plain._replace(kernel="listed")  # as one process has it
+    if found[0] is None:
+        found = team.everywhere(part.build_window, plain, make, starts, each=each)
+        if len({one.kernel for one in found if one is not None}) > 1:
+            plain = plain._replace(kernel="listed")  # some windows lie on a lattice, others do not
+            found = team.everywhere(part.build_window, plain, make, starts, each=each)
+    return slabs, [one for one in found if one is not None]

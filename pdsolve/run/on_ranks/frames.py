@@ -1,0 +1,186 @@
+"""Frames of all ranks: each records its rows and sends them in pieces, which rank 0 receives while it writes them.
+
+Messages of one rank arrive in the order in which they are sent, and rank 0 writes column by column, so that nothing
+says which piece a message is.
+"""
+
+from __future__ import annotations
+
+import time as clock
+import zlib
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh import VERSION
+from pdsolve.numerics.team import NAP, Team
+from pdsolve.ranks import part as parts
+from pdsolve.ranks.part import Part, broken
+from pdsolve.results import Families, Nodes, Writer
+from pdsolve.results.checksums import crc_joined
+from pdsolve.results.schema import Births, Column
+from pdsolve.run.measures import fields
+from pdsolve.run.on_ranks.notes import asked
+from pdsolve.run.on_ranks.rank_file import RankFile
+from pdsolve.run.on_ranks.start import Here
+from pdsolve.run.recorder import nodes as nodes_of
+
+FRAME = 8  # tag of messages
+PIECE = 1 << 20  # bytes of a message
+HELD = "held_force"
+Columns = list[NDArray[Any]]  # those of one name; several, each of some rows, where rows go by condition
+
+
+class Rows(NamedTuple):
+    """What a rank says of the frame that it sends: names of columns, and type, length and CRC of each piece of one."""
+
+    fields: dict[str, list[tuple[str, int, int]]]
+    checkpoint: dict[str, list[tuple[str, int, int]]]
+    breaks: NDArray[np.int64]  # (5, k) step, rows of both nodes in the whole grid, and their ids
+
+
+class Sending(NamedTuple):
+    """Messages on their way, and what they hold."""
+
+    requests: list[Any]
+    held: list[NDArray[Any]]
+
+
+def frame(team: Team, step: int, after: int, names: Sequence[str] | None, keeps: bool) -> Rows:
+    """Send the fields of these `names` after a step, and a checkpoint if it `keeps` one; breaks are those `after` a
+    step. Where this rank has a file of its own, that is where both go, but for what is of held components."""
+    part: Part = team.part
+    here: Here = part.now
+    own: dict[str, NDArray[Any]] = {}
+    if names is not None:
+        found = fields(here.system, here.state, names, asked(team, step) if here.step == step else None)
+        own = {name: values[part.own].astype("<f4") for name, values in found.items()}
+    sent = {name: [values] for name, values in own.items()}, _checkpoint(part) if keeps else {}
+    if here.file is not None:
+        kept = {name: pieces[0] for name, pieces in sent[1].items() if name != HELD}
+        here.file.put(step, step * here.system.time_step, own if names is not None else None, kept)
+        sent = {name: [] for name in own}, {HELD: sent[1][HELD]} if keeps else {}
+    _send(team, [piece for columns in sent for pieces in columns.values() for piece in pieces])
+    new, ids, begin = broken(part, after), part.model.grid.ids, part.slab.begin
+    breaks = np.array([new.step, new.source + begin, new.target + begin, ids[new.source], ids[new.target]])
+    told, kept_said = ({name: [_said(one) for one in pieces] for name, pieces in columns.items()} for columns in sent)
+    return Rows(told, kept_said, breaks)
+
+
+def _checkpoint(part: Part) -> dict[str, Columns]:
+    """A copy of what a resumed run needs of own nodes; of held components by condition and axis."""
+    here: Here = part.now
+    kept = dict(parts.keep(part))  # before the state, which it may bring up to date
+    own = {name: [values[part.own].copy()] for name, values in here.state._asdict().items()}
+    own[HELD] = [here.system.drive.held_force[rows] for rows in held_runs(here)]
+    return own | {name: [np.array(values)] for name, values in kept.items()}
+
+
+def held_runs(here: Here) -> list[NDArray[np.int64]]:
+    """The held components of each condition and axis, which are in the order of their rows."""
+    holds, d = here.system.drive.holds, here.system.model.grid.dimension
+    of = holds.profile * d + holds.axis
+    return [np.flatnonzero(of == number) for number in range(len(here.grips) * d)]
+
+
+def _said(values: NDArray[Any]) -> tuple[str, int, int]:
+    return values.dtype.str, values.size, zlib.crc32(_flat(values).data)
+
+
+def _flat(values: NDArray[Any]) -> NDArray[np.uint8]:
+    return np.ascontiguousarray(values).reshape(-1).view(np.uint8)
+
+
+def _send(team: Team, columns: Columns) -> None:
+    """Send columns to rank 0, when those before have arrived; rank 0 keeps its own."""
+    part: Part = team.part
+    if team.rank == 0:
+        part.sending = Sending([], columns)
+        return
+    from mpi4py import MPI
+
+    if part.sending is not None:
+        MPI.Request.Waitall(part.sending.requests)
+    flat = [_flat(values) for values in columns]
+    requests = [team.comm.Isend(one[at : at + PIECE], 0, FRAME) for one in flat for at in range(0, len(one), PIECE)]
+    part.sending = Sending(requests, flat)
+
+
+def received(
+    team: Team, own: Iterator[NDArray[Any]], said: Sequence[Mapping[str, list[tuple[str, int, int]]]]
+) -> dict[str, Column]:
+    """The columns that all ranks send, of which each says this; `own` are those of this rank."""
+    found = {}
+    for name in said[0]:
+        runs = range(len(said[0][name]))
+        order = [(rank, *one[name][run]) for run in runs for rank, one in enumerate(said)]
+        kind = np.dtype(order[0][1] if order else "<f4")
+        crc = 0
+        for _, _, length, after in order:
+            crc = crc_joined(crc, after, length * kind.itemsize)
+        found[name] = Column(kind, sum(length for *_, length, _ in order), crc, _pieces(team, own, order, kind))
+    return found
+
+
+def _pieces(
+    team: Team, own: Iterator[NDArray[Any]], order: list[tuple[int, str, int, int]], kind: np.dtype[Any]
+) -> Iterator[NDArray[Any]]:
+    """The values of a column as they arrive."""
+    for rank, _, length, _ in order:
+        if rank == 0:
+            yield next(own).reshape(-1)
+            continue
+        left = length * kind.itemsize
+        while left:
+            into = np.empty(min(left, PIECE), dtype=np.uint8)
+            request = team.comm.Irecv(into, rank, FRAME)
+            while not request.Test():
+                clock.sleep(NAP)
+            left -= len(into)
+            yield into.view(kind)
+
+
+def nodes(team: Team, first: int, last: int) -> tuple[NDArray[Any], ...]:
+    """Own nodes among the rows `first` to `last` - 1, in the format of results, and the targets of their bonds."""
+    part: Part = team.part
+    slab = part.slab
+    rows = slice(max(first, slab.first) - slab.begin, max(min(last, slab.last), max(first, slab.first)) - slab.begin)
+    return *(column[rows] for column in nodes_of(part.now.system)), parts.bonds(team, first, last)
+
+
+def births(team: Team, first: int, last: int) -> tuple[Nodes, Families]:
+    """The nodes of these rows and their families, from all ranks."""
+    *columns, target = (np.concatenate(column) for column in zip(*team.everywhere(nodes, first, last), strict=True))
+    found = Nodes(*columns)
+    return found, Families(np.concatenate([[0], np.cumsum(found.family - found.cut)]), target)
+
+
+def begin_file(team: Team, path: str) -> None:
+    """Give this rank a file of its own, for what is written from now on."""
+    part: Part = team.part
+    here: Here = part.now
+    slab, grid = part.slab, part.model.grid
+
+    def own(first: int, last: int) -> Nodes:
+        *columns, _ = nodes(team, slab.first + first, slab.first + last)
+        return Nodes(*columns)
+
+    def families(first: int, last: int) -> Families:
+        rows = np.arange(first, last) + slab.first - slab.begin
+        start = np.concatenate([[0], np.cumsum(part.counted.bonds[rows])])
+        return Families(start, parts.bonds(team, slab.first + first, slab.first + last))
+
+    bonds = int(part.counted.bonds[part.own].sum())
+    births = Births(slab.last - slab.first, grid.dimension, bonds, own, families, slab.first)
+    meta = {"program": f"pdsolve {VERSION}", "dimension": grid.dimension}
+    here.file = RankFile(team, lambda: Writer.begin(Path(path), births, grid.cracks, meta), slab.first)
+
+
+def end_file(team: Team) -> None:
+    """Close the file of this rank. Raises WriteError."""
+    here: Here = team.part.now
+    if here.file is not None:
+        here.file.close()

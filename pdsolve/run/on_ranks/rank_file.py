@@ -1,0 +1,76 @@
+"""The database of one rank, for results of very many nodes, written behind the march."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.numerics.team import Team
+from pdsolve.results import Breaks, Frame, ResultsError, Writer
+
+WRITTEN = 9  # tag of messages: that a frame is in the files of all ranks
+NOTHING = Breaks(*np.zeros((3, 0), dtype=np.int64))
+
+
+class RankFile:
+    """Writes what goes by own nodes; rank 0 is told of each frame that is written, or why it could not be.
+
+    A checkpoint stays until the one after the next is there, as the index may still have to learn of that.
+    """
+
+    def __init__(self, team: Team, make: Callable[[], Writer], first: int) -> None:
+        """`make` begins the database, on a thread of its own; `first` is the first own row."""
+        self._team, self._make, self._first = team, make, first
+        self._pool = ThreadPoolExecutor(1, "results")
+        self._pending: Future[None] | None = None
+        self._writer: Writer | None = None
+        self._kept = 0  # step of the last checkpoint
+
+    def put(
+        self,
+        step: int,
+        time: float,
+        fields: Mapping[str, NDArray[Any]] | None,
+        checkpoint: Mapping[str, NDArray[Any]],
+    ) -> None:
+        """Write a frame when the last one is written. Raises WriteError if that failed."""
+        self._wait()
+        kept = {f"{name}@{step}": values for name, values in checkpoint.items()} or None
+        frame = Frame(step, time, fields, NOTHING, (), (), kept, first=self._first, keeps=self._kept)
+        self._kept = step if kept else self._kept
+        self._pending = self._pool.submit(self._write, frame)
+
+    def close(self) -> None:
+        """Close the database after everything is written. Raises WriteError."""
+        self._wait()
+        self._pool.shutdown()
+        if self._writer is not None:
+            self._writer.close("finished")
+
+    def _wait(self) -> None:
+        if self._pending is not None:
+            self._pending.result()
+
+    def _write(self, frame: Frame) -> None:
+        error: ResultsError | None = None
+        try:
+            if self._writer is None:
+                self._writer = self._make()
+            self._writer.write(frame)
+        except ResultsError as found:
+            error = found
+            raise
+        finally:
+            self._team.comm.send(error, 0, WRITTEN)
+
+
+def expect_written(team: Team) -> None:
+    """Wait until all ranks have written a frame. Raises WriteError if one could not."""
+    errors = [team.received(rank, WRITTEN) for rank in range(team.size)]
+    for error in errors:
+        if error is not None:
+            raise error

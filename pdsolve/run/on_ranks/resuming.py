@@ -1,0 +1,188 @@
+"""A run that goes on, from a database, on any number of ranks."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Iterator, Mapping
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.node_grid import Grid
+from pdsolve.checkpoint_validation import entry, expect_broken, expect_found
+from pdsolve.conditions import put_loads
+from pdsolve.errors import CheckpointError
+from pdsolve.model import Model
+from pdsolve.numerics.team import Team
+from pdsolve.operators.protocol import Kept
+from pdsolve.options import Options
+from pdsolve.ranks import part as parts
+from pdsolve.ranks.part import Part
+from pdsolve.results import Breaks, Results, ResultsError, gone_back
+from pdsolve.run.on_ranks.frames import HELD, held_runs
+from pdsolve.run.on_ranks.recorder import BATCH, RecorderOnRanks
+from pdsolve.run.on_ranks.start import Here, OnRanks, prepare
+from pdsolve.run.recorder import Past
+from pdsolve.run.system import System
+from pdsolve.state import Broken, State
+
+
+def gone_on(results: Results, model: Model, options: Options, meta: Mapping[str, Any]) -> RecorderOnRanks:
+    """The records of a run that goes on on many ranks."""
+    options = options._replace(one_file=0 if results.pieces else len(model.grid))
+    assert options.team is not None
+    system, state = prepare(model, options, options.team)
+    step, output = results.checkpoint_step(), Path(results.name)
+    assert isinstance(system, OnRanks)
+    if float(meta["time_step"]) != system.time_step or not is_same(system, results):
+        raise of_other_bonds(output, meta, system)
+    before = results.breaks().step
+    latest = int(before[before <= step].max(initial=0))
+    wall, nodes = float(meta.get("wall_time", 0.0)), len(system.model.grid)
+    past = Past(step, wall, results.bond_updates(step), latest, None, nodes, results)
+    with gone_back(output):
+        expect_within(step, system.model)
+        restore(system, state, step, results)
+        system = dataclasses.replace(system, initial_energy=float(meta.get("initial_energy", 0.0)))
+        return RecorderOnRanks(system, state, past)
+
+
+def of_other_bonds(output: Path, meta: Mapping[str, Any], system: System) -> ResultsError:
+    """The error of a run whose bonds or step are not those of this version."""
+    return ResultsError(
+        f"{output}: found a run by {meta['program']} with a step of {meta['time_step']:.6g} s, expected the"
+        f" bonds and the step of this version, {system.time_step:.6g} s; solve it anew"
+    )
+
+
+def expect_within(step: int, model: Model) -> None:
+    """Raise CheckpointError for a step after the last one."""
+    if step > model.settings.run.steps:
+        raise CheckpointError(f"found step {step}, expected at most the run's {model.settings.run.steps}")
+
+
+def is_same(system: OnRanks, results: Results) -> bool:
+    """Whether the nodes of a database have the families of this system."""
+    assert system.team is not None
+    nodes = len(system.model.grid)
+    if results.count("node") != nodes:
+        return False
+    for first in range(0, nodes, BATCH):
+        last = min(first + BATCH, nodes)
+        if not all(system.team.everywhere(_is_same, first, last, *results.bonded(first, last))):
+            return False
+    return True
+
+
+def _is_same(team: Team, first: int, last: int, family: NDArray[np.int64], cut: NDArray[np.int64]) -> bool:
+    """Whether own nodes among these rows have these families."""
+    part: Part = team.part
+    begin, end = max(first, part.slab.first), min(last, part.slab.last)
+    if begin >= end:
+        return True
+    rows, there = slice(begin - part.slab.begin, end - part.slab.begin), slice(begin - first, end - first)
+    count = part.counted.family[rows] - part.counted.bonds[rows]
+    return bool((part.counted.family[rows] == family[there]).all() and (count == cut[there]).all())
+
+
+def restore(system: OnRanks, state: State, step: int, results: Results) -> None:
+    """Restore the state of all ranks after `step`. Raises CheckpointError."""
+    team, nodes = system.team, len(system.model.grid)
+    assert team is not None
+    for name, values in state._asdict().items():
+        _scatter(system, name, results.entries(name), values[:1])
+    counts = np.array(team.everywhere(_held)).T  # of each condition and axis, by rank
+    held = entry(_whole(results, [HELD]), HELD, (int(counts.sum()),), np.float64)
+    ends = np.concatenate([[0], np.cumsum(counts.ravel())])
+    runs = [held[first:last] for first, last in pairwise(ends)]
+    team.everywhere(_hold, each=[runs[rank :: team.size] for rank in range(team.size)])
+    broken = _broken(system.model.grid, results.breaks(), step)
+    of_bonds, of_nodes = (set().union(*names) for names in zip(*team.everywhere(_names), strict=True))
+    whole = _whole(results, of_nodes)
+    shared = [
+        {name: values.reshape(nodes, -1)[slab.begin : slab.end] for name, values in whole.items()}
+        for slab in system.slabs
+    ]
+    team.everywhere(_back, _whole(results, of_bonds), broken, step, each=shared)
+
+
+def _whole(results: Results, names: Iterable[str]) -> Kept:
+    """Arrays of the last checkpoint, as far as they are there."""
+    found = {name: list(results.entries(name)) for name in sorted(names)}
+    return {name: np.concatenate(parts) for name, parts in found.items() if parts}
+
+
+def _scatter(system: OnRanks, name: str, parts: Iterator[NDArray[Any]], row: NDArray[Any]) -> None:
+    """Give all ranks their rows of an array of the state, whose `row` (1, ...) is as long as one. Raises
+    CheckpointError."""
+    first, nodes, team = 0, len(system.model.grid), system.team
+    assert team is not None
+    for values in parts:
+        some = entry({name: values}, name, (None, *row.shape[1:]) if row.ndim > 1 else (None, 1), row.dtype)
+        last = first + len(some)
+        each = [
+            (max(slab.begin, first), some[max(slab.begin - first, 0) : max(slab.end - first, 0)])
+            for slab in system.slabs
+        ]
+        team.everywhere(_put, name, each=each)
+        first = last
+    if first != nodes:
+        raise CheckpointError(f"found '{name}' of {first} nodes, expected {nodes}")
+
+
+def _broken(grid: Grid, breaks: Breaks, step: int) -> Broken:
+    """The bonds broken until a step, by rows. Raises CheckpointError."""
+    before = breaks.step <= step
+    ends = [column[before] for column in breaks[1:]]
+    if grid.lattice is not None:
+        source, target = (end - 1 for end in ends)
+        expect_found(np.all([(end >= 1) & (end <= len(grid)) for end in ends], axis=0), *ends)
+    else:
+        order = np.argsort(grid.ids)
+        place = (np.searchsorted(grid.ids, end, sorter=order).clip(max=len(grid) - 1) for end in ends)
+        source, target = (order[at] for at in place)
+        expect_found((grid.ids[source] == ends[0]) & (grid.ids[target] == ends[1]), *ends)
+    broken = Broken(breaks.step[before], source, target)
+    expect_broken(broken, step, len(grid))
+    return broken
+
+
+def _put(team: Team, name: str, given: tuple[int, NDArray[Any]]) -> None:
+    """Take over some rows, from the first on, of an array of the state of a window."""
+    part: Part = team.part
+    first, values = given
+    there = getattr(part.now.state, name)
+    at = first - part.slab.begin
+    if len(values):
+        there[at : at + len(values)] = values.reshape(-1, *there.shape[1:])
+
+
+def _held(team: Team) -> list[int]:
+    """How many held components own nodes have, of each condition and axis."""
+    return [len(rows) for rows in held_runs(team.part.now)]
+
+
+def _hold(team: Team, runs: list[NDArray[np.float64]]) -> None:
+    """Take over the forces that hold own nodes, of each condition and axis."""
+    here: Here = team.part.now
+    for rows, values in zip(held_runs(here), runs, strict=True):
+        here.system.drive.held_force[rows] = values
+
+
+def _names(team: Team) -> tuple[list[str], list[str]]:
+    """The names of what this rank's operator keeps of bonds, and of nodes."""
+    kept = parts.keep(team.part)
+    of_bonds = [name for name in kept if parts.is_of_bonds(kept, name)]
+    return of_bonds, [name for name in kept if name not in of_bonds]
+
+
+def _back(team: Team, of_bonds: Kept, broken: Broken, step: int, of_nodes: Kept) -> None:
+    """Take over the history of bonds, and broken ones; then all is as after the step."""
+    part: Part = team.part
+    here: Here = part.now
+    parts.back(part, {**of_bonds, **of_nodes}, broken)
+    put_loads(here.system.drive, here.system.load_time(step))
+    here.step = -1  # nothing has been asked of this state

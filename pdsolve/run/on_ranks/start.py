@@ -1,0 +1,143 @@
+"""A motion made ready on all ranks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.document import Absorb
+from pdsolve.checks import refuse_on_ranks
+from pdsolve.conditions import Driving, damping, drive, initial_velocity
+from pdsolve.model import Model, counted
+from pdsolve.numerics.ordered_sums import Branches, branches, total
+from pdsolve.numerics.team import Team
+from pdsolve.options import Options
+from pdsolve.ranks.building import built
+from pdsolve.ranks.part import Part, added_up
+from pdsolve.ranks.slabs import Slab
+from pdsolve.run.assembly import assembled
+from pdsolve.run.explicit_stepper import Beside
+from pdsolve.run.inversion_checks import MotionChecks
+from pdsolve.run.measures import Asked, ask
+from pdsolve.run.on_ranks.rank_file import RankFile
+from pdsolve.run.operator_factory import operator_of, stable
+from pdsolve.run.prepare import scheme_of
+from pdsolve.run.reactions import Grip
+from pdsolve.run.system import Prepared, System
+from pdsolve.run.time_step import step_of
+from pdsolve.schemes import SCHEMES
+from pdsolve.state import State
+
+
+@dataclass(frozen=True)
+class OnRanks(System):
+    """The system of rank 0's window, with the model of all nodes and a stepper of all ranks."""
+
+    team: Team | None = None
+    slabs: tuple[Slab, ...] = ()
+    total: int = 0  # directed bonds of all ranks at the start
+    lonely: NDArray[np.int64] | None = None  # (k,) rows of nodes of all ranks without bonds
+
+    @property
+    def unbonded(self) -> NDArray[np.int64]:
+        """Rows (k,) of the nodes of all ranks without a bond at the start."""
+        assert self.lonely is not None
+        return self.lonely
+
+    @property
+    def bonds(self) -> int:
+        """Number of directed bonds of all ranks at the start."""
+        return self.total
+
+
+class Marching:
+    """The stepper of all ranks together."""
+
+    def __init__(self, team: Team) -> None:
+        self._team = team
+
+    def march(self, state: State, first: int, last: int) -> None:
+        """Take the steps `first` to `last` - 1 on all ranks; `state` is that of this rank."""
+        self._team.everywhere(march, first, last)
+
+
+class Here:
+    """What a rank marches: the system and the state of its window, and what has been asked of them."""
+
+    def __init__(self, part: Part, prepared: Prepared) -> None:
+        self.system, self.state = prepared
+        self.grips = tuple(
+            Grip(number, str(condition.__struct_config__.tag), _own(self.system.model.selected(condition), part.own))
+            for number, condition in enumerate(self.system.model.settings.conditions)
+            if isinstance(condition, Driving)
+        )
+        self.watch = MotionChecks(self.system.model, partial(self.system.operator.bonds, start=True))
+        self.asked: Asked = ask(self.system, self.state)
+        self.step = 0  # that this is of
+        self.file: RankFile | None = None  # of this rank alone
+        self.pieces = np.zeros(0, dtype=np.int64)  # (k,) of each own node, where it is asked for
+
+
+class Begun(NamedTuple):
+    """What a rank says of its start."""
+
+    kinetic: Branches  # energy, J/m
+    resting: bool  # whether no own node moves
+
+
+def prepare(model: Model, options: Options, team: Team) -> Prepared:
+    """A motion on all ranks of a team, and the state of rank 0's window. Raises ModelError."""
+    refuse_on_ranks(model)
+    scheme_of(model, options)
+    slabs, parts = built(model, options, team, operator_of)
+    largest = np.array([max(one.resistance for one in parts)])
+    bound = stable(largest, np.ones(1))
+    steps = step_of(model, bound), bound
+    layers = any(isinstance(condition, Absorb) for condition in model.settings.conditions)
+    listed = layers and model.grid.lattice is None
+    damped = [damping(model, slab.begin, slab.end) if listed else None for slab in slabs]
+    plain, whole = options._replace(team=None), None if model.grid.lattice is None else model
+    begun = team.everywhere(start, plain, steps, whole, each=damped)
+    rests = all(one.resting for one in begun)
+    energy = 0.0 if rests else total([one.kinetic for one in begun], len(model.grid))
+    here: Here = team.part.now
+    same = {field.name: getattr(here.system, field.name) for field in fields(System)}
+    same |= {"model": counted(model, steps[0]), "options": options, "stepper": Marching(team), "initial_energy": energy}
+    lonely, bonds = np.concatenate([one.lonely for one in parts]), sum(one.bonds for one in parts)
+    return Prepared(OnRanks(**same, team=team, slabs=tuple(slabs), total=bonds, lonely=lonely), here.state)
+
+
+def start(
+    team: Team,
+    options: Options,
+    steps: tuple[float, float],
+    whole: Model | None,
+    damped: NDArray[np.float64] | None,
+) -> Begun:
+    """Make the system of this rank's window; `damped` (m,), 1/s, is known of listed nodes with layers that absorb."""
+    part: Part = team.part
+    model, slab, counted_bonds = part.model, part.slab, part.counted
+    scheme, kind = SCHEMES[options.mode], np.dtype(options.precision).type
+    driven = drive(model, counted_bonds.area, scheme.exact_load, kind, part.own, partial(added_up, team))
+    if damped is None:
+        damped = damping(model) if whole is None else damping(whole, slab.begin, slab.end)
+    beside = Beside(part.ghosts, damped, any(team.comm.allgather(bool(damped.any()))))
+    prepared = assembled(model, options, scheme, part.operator, counted_bonds, steps, driven, beside)
+    part.now = Here(part, prepared)
+    velocity = initial_velocity(model, prepared.state.value.shape[1])
+    kinetic = (model.rho / 2 * counted_bonds.area * (velocity**2).sum(axis=1))[part.own]
+    return Begun(branches(kinetic, slab.first, slab.nodes), not velocity[part.own].any())
+
+
+def march(team: Team, first: int, last: int) -> None:
+    """Take the steps `first` to `last` - 1."""
+    here: Here = team.part.now
+    here.system.stepper.march(here.state, first, last)
+
+
+def _own(rows: NDArray[np.int64], own: slice) -> NDArray[np.int64]:
+    return np.asarray(rows[(rows >= own.start) & (rows < own.stop)])
