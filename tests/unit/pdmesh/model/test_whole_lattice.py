@@ -71,3 +71,20 @@ def test_copies_and_other_processes_have_the_same_nodes() -> None:
         assert type(again) is type(grid)
         assert np.array_equal(again.position, grid.position)
         assert again.lattice == grid.lattice
+
+
+@pytest.mark.parametrize("lattice", [PLANE, SPACE])
+def test_windows_and_nearest_nodes_are_those_of_the_arrays(lattice: Lattice) -> None:
+    listed, grid = grid_of(lattice), grid_of(lattice)
+    assert len(listed.ids) == len(listed.position)
+    ours, theirs = grid.window(20, 90), listed.window(20, 90)
+    for name in (*ARRAYS, "delta", "hole_id"):
+        assert np.array_equal(getattr(ours, name), getattr(theirs, name)), name
+    assert ours.lattice is None
+    numbers = np.random.default_rng(1)
+    apart = numbers.integers(-3, 4, (60, grid.dimension)) * lattice.spacing / 2  # many as near to several nodes
+    places = listed.position[numbers.integers(0, len(grid), 60)] + apart
+    places = np.vstack([places, places + numbers.uniform(-2, 2, places.shape) * lattice.spacing])
+    for known, found in zip(listed.nearest(places), grid.nearest(places), strict=True):
+        assert found.tolist() == pytest.approx(known.tolist(), rel=1e-12, abs=1e-15)
+    assert not ARRAYS & set(grid.__dict__)
