@@ -8,6 +8,8 @@ of LATENCY and BANDWIDTH, and is marked so.
 `--step` takes steps on the ranks alone, or in one process on one thread, and prints as JSON, for
 `benchmarks.rank_curves`, the processor time of the rank that works longest, without that in which it waits for others,
 and the least time of an exchange: neither depends on what else the machine does.
+
+`--memory` solves and writes ten steps and two frames on the ranks, and prints the largest memory of each, MB.
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ import argparse
 import json
 import math
 import sys
+import tempfile
 import time
 from pathlib import Path
 from typing import Any
@@ -31,6 +34,7 @@ from pdsolve.numerics.team import Team, team
 from pdsolve.options import Options
 from pdsolve.run.on_ranks import start
 from pdsolve.run.prepare import prepare
+from pdsolve.run.simulation import simulate
 from pdsolve.run.system import Prepared
 
 STEPS, REPEATS = 10, 12  # of a timed march, in turns
@@ -115,6 +119,14 @@ def measured(ranks: Team, nodes: int) -> dict[str, Any]:
     }
 
 
+def memory_of_a_run(ranks: Team, nodes: int) -> dict[str, Any]:
+    """The largest memory of each rank, MB, when a plate of about so many nodes has been solved and written."""
+    model = plate(nodes)
+    with tempfile.TemporaryDirectory() as folder:
+        simulate(model, Path(folder) / "plate.sqlite", Options(team=ranks)).close()
+    return {"nodes": len(model.grid), "memory": ranks.everywhere(peak)}
+
+
 def step_alone(ranks: Team | None, nodes: int) -> dict[str, float]:
     """The least time of a step of a plate of about so many nodes, and of an exchange in it, s."""
     alone = Options(threads=1)
@@ -183,6 +195,7 @@ def main() -> int:
     options.add_argument("--nodes", type=int, default=400_000)
     options.add_argument("-o", "--output", type=Path)
     options.add_argument("--step", action="store_true")
+    options.add_argument("--memory", action="store_true")
     given, ranks = options.parse_args(), team()
     large_arrays_apart()
     if ranks is not None and ranks.rank > 0:
@@ -195,6 +208,10 @@ def main() -> int:
     if ranks is None:
         print("found one process, expected ranks: mpiexec -n 2 python -m benchmarks.ranks", file=sys.stderr)
         return 2
+    if given.memory:
+        print(json.dumps(memory_of_a_run(ranks, given.nodes)), flush=True)
+        ranks.end(0)
+        return 0
     found = measured(ranks, given.nodes)
     rate = found["bonds_per_second"] / ranks.size
     found["computed"] = {"cubes": computed(rate), "slabs": computed(rate, slabs=True)}

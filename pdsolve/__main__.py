@@ -165,7 +165,7 @@ def _solve(args: argparse.Namespace, ranks: Team | None) -> int:
     with _names_the_signal(watching), watching as watch, shown:
         if args.resume:
             kept = ("output", "settings", "mode", "precision", "assignments", "every", "fields", "probe", "until")
-            given = [name for name in (*kept, "static", "float", "adapt", "cracks") if getattr(args, name)]
+            given = [name for name in (*kept, "static", "float", "adapt", "cracks", "one_file") if getattr(args, name)]
             if given:
                 raise commandline.UsageError(f"--resume: found {given[0]} given anew, expected a run to keep its own")
             path = args.model

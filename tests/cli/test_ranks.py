@@ -57,7 +57,7 @@ def started(*words: str) -> Iterator[subprocess.Popen[str]]:
 def ran(count: int, *words: str) -> tuple[int, str]:
     """The exit code of pdsolve on so many ranks, and what it says on stderr."""
     with ranks(count, *words) as child:
-        said = child.communicate(timeout=100)[1]
+        said = child.communicate(timeout=300)[1]
         return child.returncode, said
 
 
