@@ -255,7 +255,7 @@ def _cracks(model: Model) -> NDArray[np.int64]:
 
 
 def _on_faces(grid: Grid, rows: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Those of some rows whose nodes are on a pre-crack in a body."""
+    """Rows (k,) among these of nodes that are on a pre-crack in a body."""
     part = grid.part(rows)
     away = distances(part.position, grid.cracks.reshape(-1, 3, 3), ON * float(grid.delta.max()))
     return rows[away < ON * part.delta]

@@ -90,7 +90,10 @@ class Writer:
 
     @classmethod
     def begin(cls, path: Path | None, births: Births, cracks: NDArray[np.float64], meta: Mapping[str, Any]) -> Writer:
-        """As `create`, of nodes that are asked for some rows at a time."""
+        """A new database at `path` of nodes that are asked for some rows at a time; an existing one is replaced.
+
+        Raises WriteError if it cannot be written, leaving nothing behind.
+        """
         if path is not None:
             remove(path, KEY_OF_PIECES not in meta)
         writer = cls(_connected(path), path)
