@@ -82,6 +82,7 @@ def at(results: Results, step: int, scale: float = 0.0) -> str:
     """Time of a picture and its deformation scale, in the time unit of the run's last frame."""
     time_step = float(results.meta()["time_step"])
     _, times = results.frames()
-    factor, prefix = prefixed(float(times[-1]) if len(times) else step * time_step)
-    when = f"at {step * time_step * factor:.4g} {prefix}s (step {step})"
+    factor, prefix = prefixed(min(float(times[-1]) if len(times) else step * time_step, 1.0))  # no ks
+    time = step * time_step * factor
+    when = f"at {time:{'.4g' if time < 9999.5 else '.0f'}} {prefix}s (step {step})"
     return when if scale in (0.0, 1.0) else f"{when}, {scale:g} times the displacement"

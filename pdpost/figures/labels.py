@@ -36,5 +36,6 @@ def unit(name: str, largest: float) -> tuple[float, str]:
 def scaled(values: Iterable[np.ndarray], unit: str) -> tuple[float, str]:
     """A factor for values and their unit with its prefix, such as 1e3 and "mm"."""
     sizes = [float(np.abs(one[np.isfinite(one)]).max(initial=0.0)) for one in values]
-    factor, prefix = prefixed(max(sizes, default=0.0))
+    largest = max(sizes, default=0.0)
+    factor, prefix = prefixed(min(largest, 1.0) if unit == "s" else largest)  # thousands of seconds have no prefix
     return factor, prefix + unit

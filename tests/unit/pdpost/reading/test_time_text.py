@@ -8,6 +8,7 @@ import numpy as np
 from drawn import lattice, run
 
 from pdpost import figures
+from pdpost.figures.labels import scaled
 from pdpost.measures.crack_summary import crack, numbers, sentences
 from pdpost.measures.cracks import Event
 from pdpost.reading.time_text import time_text
@@ -45,3 +46,14 @@ def test_a_crack_of_load_steps_is_told_in_seconds() -> None:
     found = crack(run(lattice(), [(x, x, 0) for x in range(5, 15)], model=model))
     slow = replace(found, growth=replace(found.growth, first_break=Event(5, 2.5)))
     assert sentences(slow)[0] == "first break: step 5, 2.5 s"
+
+
+def test_no_time_is_a_power_of_ten() -> None:
+    found = [time_text(seconds) for seconds in (9.9994e-3, 9.9996e-3, 9999.4, 9999.6, 1_209_600)]
+    assert found == ["9999 us", "10 ms", "9999 s", "10000 s", "1209600 s"]
+
+
+def test_slow_runs_are_in_seconds() -> None:
+    assert scaled([np.array([0.0, 34e3])], "s") == (1.0, "s")
+    assert scaled([np.array([0.0, 4e-5])], "s") == (1e6, "µs")
+    assert scaled([np.array([34e3])], "m") == (1e-3, "km")
