@@ -112,7 +112,7 @@ class VerletOnDevice:
         operator, drive = self._operator, self._drive
         before, now, after = self._u
         if isinstance(operator, FamiliesOnDevice) and not phase & STARTS and operator.sum_families(now):
-            self._sum_here(operator, step)
+            self._fail(operator, step)
         motion = before, now, after, *self._v, self._a, self._weight, self._damping, self._work, self._damped
         acting = self._acts, self._now, self._ago, *self._load, *self._hold, self._speed, self._force
         numbers = np.int32(self._factors.count), np.int32(drive.varies), np.float64(self._dt)
@@ -121,14 +121,12 @@ class VerletOnDevice:
         self.session.launch(self._kernel, (operator.room // operator.together, LANES // operator.together), arguments)
         self._u, self._v = [now, after, before], self._v[::-1]
 
-    def _sum_here(self, operator: FamiliesOnDevice, step: int) -> None:
-        """Let the processor sum forces and break bonds, of a step that has drifted."""
+    def _fail(self, operator: FamiliesOnDevice, step: int) -> None:
+        """Let bonds of families fail in a step that has drifted."""
         state = self._state
         for buffer, values in ((self._u[1], state.value), (self._v[0], state.rate)):
             self._read(buffer, values)
-        out = np.zeros(state.value.shape)
-        operator.add(state, out, step, self._dt)
-        operator.give(out, state.dissipated)
+        operator.fail(self._u[1], state, step, self._dt)
 
     def _read(self, buffer: Any, values: NDArray[Any]) -> None:
         """Enter a buffer in an array of the state."""

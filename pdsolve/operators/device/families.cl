@@ -5,16 +5,17 @@ does with a bond is SAY, FINISH, EXCHANGE and NEARS, whose statements the host h
 `Slots`; m nodes in whole blocks; C numbers a bond, of which WIDTH are between the passes and SHOWN of them shown.
 
     own       (., m) constants of nodes for the first pass        nodal   (WIDTH, m)
-    given     (DIM, m) forces that the host has summed, N/m^3     flags   whether they count; whether a bond may fail
+    given     (DIM, m) forces of a step in which bonds failed, N/m^3
+    flags     whether those count; whether a bond may fail        near    (m,) whether one of the node's bonds may
 */
 
 #define FORCE_PARAMETERS                                                                                               \
   __global const int *start, __global const int *slots, __global const int *ids, __global const REAL *vectors,        \
       __global const REAL *kinds, __global const REAL *rows, __global const REAL *own, __global REAL *nodal,           \
-      __global const double *given, __global int *flags
+      __global double *given, __global int *flags, __global uchar *near
 #define SUM double
 #define ABSENT(i) false
-#define FORCE_ARGUMENTS start, slots, ids, vectors, kinds, rows, own, nodal, given, flags
+#define FORCE_ARGUMENTS start, slots, ids, vectors, kinds, rows, own, nodal, given, flags, near
 
 typedef struct {
   REAL xi[DIM], eta[DIM], length, stretch, elongation, inverse, q;
@@ -70,24 +71,20 @@ __kernel __attribute__((reqd_work_group_size(64, 1, 1))) void gather(FORCE_PARAM
   FINISH
 }
 
-/* Whether a bond may be over its limit */
+/* Which nodes have a bond that may be over its limit */
 __kernel __attribute__((reqd_work_group_size(64, 1, 1))) void watch(FORCE_PARAMETERS, __global const REAL *u, int m) {
   int i = get_global_id(0), j;
   REAL c[C];
   Bond bond;
+  near[i] = 0;
   for (int slot = start[i / 64]; slot < start[i / 64 + 1]; ++slot)
     if (bond_of(slots, ids, vectors, kinds, rows, u, m, i, slot, c, &j, &bond)) {
       NEARS
     }
 }
 
-inline void sum_bonds(FORCE_PARAMETERS, __global const REAL *before, __global const REAL *u, __global const REAL *rate,
-                      double dt, int m, int step, int i, SUM *force) {
-  if (flags[0]) {
-    for (int axis = 0; axis < DIM; ++axis)
-      force[axis] = given[axis * m + i];
-    return;
-  }
+/* Force density on node i, N/m^3, from the numbers of nodes between the passes */
+inline void exchanged(FORCE_PARAMETERS, __global const REAL *u, int m, int i, SUM *force) {
   int j;
   REAL f[DIM], c[C];
   Bond bond;
@@ -99,4 +96,21 @@ inline void sum_bonds(FORCE_PARAMETERS, __global const REAL *before, __global co
     }
   for (int axis = 0; axis < DIM; ++axis)
     force[axis] = (double)f[axis];
+}
+
+/* Forces of all nodes, for a step in which bonds fail */
+__kernel __attribute__((reqd_work_group_size(64, 1, 1))) void pull(FORCE_PARAMETERS, __global const REAL *u, int m) {
+  int i = get_global_id(0);
+  SUM force[DIM];
+  exchanged(FORCE_ARGUMENTS, u, m, i, force);
+  for (int axis = 0; axis < DIM; ++axis)
+    given[axis * m + i] = force[axis];
+}
+
+inline void sum_bonds(FORCE_PARAMETERS, __global const REAL *before, __global const REAL *u, __global const REAL *rate,
+                      double dt, int m, int step, int i, SUM *force) {
+  if (!flags[0])
+    exchanged(FORCE_ARGUMENTS, u, m, i, force);
+  for (int axis = 0; flags[0] && axis < DIM; ++axis)
+    force[axis] = given[axis * m + i];
 }

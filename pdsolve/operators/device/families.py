@@ -1,6 +1,6 @@
 """Families of nodes on a lattice on a device: two passes of a state-based law.
 
-Steps in which a bond may fail are summed by the processor.
+Where bonds may fail in a step, the processor looks at the nodes that the device names, and breaks them.
 """
 
 from __future__ import annotations
@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.bonds.assembly import Bonds
-from pdsolve.laws.bond_arrays import Bond
+from pdsolve.laws.bond_arrays import Bond, Now
 from pdsolve.laws.calls import functions_of
 from pdsolve.laws.law import Law
 from pdsolve.model import Model
+from pdsolve.operators import bond_list_loops as loops
 from pdsolve.operators.device.padded import Padded
 from pdsolve.operators.device.runtime import Session
 from pdsolve.operators.device.source import text_of
@@ -24,7 +25,7 @@ from pdsolve.operators.simd_lattice.kernel import LANES
 from pdsolve.operators.simd_lattice.layout import Placed, Tables
 from pdsolve.operators.simd_lattice.passes import SAFE
 from pdsolve.operators.simd_lattice.state_based import Families
-from pdsolve.state import Broken
+from pdsolve.state import Broken, State
 
 
 class FamiliesOnDevice(Padded, Families):
@@ -49,17 +50,17 @@ class FamiliesOnDevice(Padded, Families):
         slots, put, forces = self.slots, session.put, 8 * self.dimension * self.room
         first = slots.start.astype(np.int32), slots.slots, slots.ids, slots.vectors, slots.kinds
         tables = *first, slots.rows, self._own, self._m
-        session.room_for(*(table.nbytes for table in tables), forces, 8 * self.room)
+        session.room_for(*(table.nbytes for table in tables), forces, 9 * self.room)
         self._rows, self._given = session.zeros(slots.rows.nbytes), session.zeros(forces)
         self._tables, self._constants = [put(table) for table in first], put(self._own)
         self._nodal, self._flags = put(self._m), put(np.zeros(2, dtype=np.int32))
-        self.dissipated = put(np.zeros(self.room))
+        self.dissipated, self._named = put(np.zeros(self.room)), put(np.zeros(self.room, dtype=np.uint8))
         session.write(self._rows, slots.rows[: self._used])
 
     @property
     def arguments(self) -> list[Any]:
         """The buffers of `FORCE_PARAMETERS`, in order."""
-        return [*self._tables, self._rows, self._constants, self._nodal, self._given, self._flags]
+        return [*self._tables, self._rows, self._constants, self._nodal, self._given, self._flags, self._named]
 
     def source(self) -> str:
         """What the bonds are in OpenCL C. Raises ModelError for a law that no device computes to the same bits."""
@@ -81,7 +82,7 @@ class FamiliesOnDevice(Padded, Families):
         if self._tabled.watched:
             value, limit = code.call(said["nears"], law, *self._bond(code), *self._ends(code, shown))
             most = limit * (1.0 - SAFE)
-            lines.append(_macro("NEARS", code, [f"if ({value.text} > {most.text}) flags[1] = 1;"]))
+            lines.append(_macro("NEARS", code, [f"if ({value.text} > {most.text}) flags[1] = near[i] = 1;"]))
         else:
             lines.append("#define NEARS")
         return "\n".join([*lines, text_of("families.cl")])
@@ -104,28 +105,47 @@ class FamiliesOnDevice(Padded, Families):
         return here, there
 
     def take_passes(self, program: Any) -> None:
-        """Keep the kernels of the first pass."""
-        self._gather, self._watch = program.gather, program.watch
+        """Keep the kernels of the passes."""
+        self._gather, self._watch, self._exchange = program.gather, program.watch, program.pull
 
     def sum_families(self, u: Any) -> bool:
-        """Sum the first pass at these displacements; returns whether a bond may fail, and the processor is to sum."""
-        sizes, arguments = (self.room, LANES), [*self.arguments, u, np.int32(self.room)]
-        self.session.launch(self._gather, sizes, arguments)
+        """Sum the first pass at these displacements of the device; returns whether a bond may fail."""
+        self._launch(self._gather, u)
         if not self._tabled.watched:
             return False
         flags = np.zeros(2, dtype=np.int32)
         self.session.write(self._flags, flags)
-        self.session.launch(self._watch, sizes, arguments)
+        self._launch(self._watch, u)
         self.session.read(self._flags, flags)
         return bool(flags[1])
 
-    def give(self, forces: NDArray[np.float64], dissipated: NDArray[np.float64]) -> None:
-        """Let the next step have these force densities (n, d), N/m^3, of the processor's, and what its bonds lost."""
-        write = self.session.write
-        write(self._given, self.spread(forces))
-        write(self.dissipated, self.spread(dissipated))
-        write(self._flags, np.array([1, 0], dtype=np.int32))
+    def fail(self, u: Any, state: State, step: int, dt: float) -> None:
+        """Let the bonds that are over their limit fail; `state` is that of the device, with these displacements u."""
+        read, write, nodes = self.session.read, self.session.write, len(state.value)
+        now, near, torn = Now(state.value, state.rate, step, dt), np.zeros(self.room, np.uint8), np.zeros(nodes, bool)
+        read(self._named, near)
+        read(self._nodal, self._m)
+        between = self._m[:, :nodes].T
+        self._share(loops.fail_rows, now, between, near[:nodes] > 0, self._failing, torn)
+        if not torn.any():
+            return
+        before = self._pulled(u, nodes)
+        self._fail(now, between, np.flatnonzero(torn), state.dissipated)
         self._write_torn()
+        write(self._nodal, self._m)
+        state.dissipated[:] += dt / 2 * ((before - self._pulled(u, nodes)) * state.rate).sum(axis=1)
+        write(self.dissipated, self.spread(state.dissipated))
+        write(self._flags, np.array([1, 0], dtype=np.int32))
+
+    def _pulled(self, u: Any, nodes: int) -> NDArray[np.float64]:
+        """Force densities (n, d), N/m^3, from what nodes have between the passes; the next step has them."""
+        self._launch(self._exchange, u)
+        forces = np.empty((self.dimension, self.room))
+        self.session.read(self._given, forces)
+        return forces[:, :nodes].T
+
+    def _launch(self, kernel: Any, u: Any) -> None:
+        self.session.launch(kernel, (self.room, LANES), [*self.arguments, u, np.int32(self.room)])
 
     def _lose(self, bonds: NDArray[np.int64], rows: NDArray[np.int64]) -> None:
         super()._lose(bonds, rows)

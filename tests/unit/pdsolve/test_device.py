@@ -230,7 +230,7 @@ FAMILIES = {
     ],
 )
 def test_ordinary_families(name: str, failure: str, precision: str) -> None:
-    """Steps in which bonds fail are the processor's, those between them the device's."""
+    """Bonds that fail are the processor's business, sums the device's."""
     material = msgspec.structs.replace(GLASS, model="ordinary", nu=0.2, **FAMILIES[failure])
     problems = two(plate(GRIDS[name], material=material), "conservative", precision)
     for problem in problems:
