@@ -108,8 +108,6 @@ class Model:
                 if part not in PARTS[physics] and getattr(settings, name):
                     other = next(each for each, parts in PARTS.items() if parts == (part,))
                     raise ModelError(f"{self.name}: $.{name}: found some, expected none, or physics = '{other}'")
-        if physics == "mechanics" and settings.run.solver == "implicit":
-            raise ModelError(f"{self.name}: $.run.solver: found implicit, expected explicit or static of mechanics")
         kinds = tuple(kind for part in PARTS[physics] for kind in CONDITIONS[part])
         for number, condition in enumerate(settings.conditions):
             if not isinstance(condition, kinds):

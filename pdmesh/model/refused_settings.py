@@ -171,6 +171,8 @@ def _of_kinds(settings: Settings, kinds: tuple[type, ...], expected: str) -> Ite
 def _of_run(settings: Settings, every: Places) -> Iterator[Impossible]:
     """Settings that the way in which a model is solved does not support."""
     run = settings.run
+    if settings.physics == "mechanics" and run.solver == "implicit":
+        yield Impossible("$.run.solver", "implicit", "explicit or static of mechanics")
     if run.solver == "static":
         yield from _at_rest(settings, every)
     elif run.start == "static":

@@ -51,7 +51,7 @@ def info(document: Document, name: str, mode: str = DEFAULT_MODE) -> dict[str, A
     plate, at_hole = (plate_of(grid, name) if grid.dimension == 2 else None), grid.hole_id >= 0
     ratio = document.horizon.ratio
     bonds, cut = count(grid, ratio)
-    run = run_of(grid, settings_of(document), name, mode)
+    run, refused = _estimate(grid, settings_of(document), name, mode)
     low, high = grid.position.min(axis=0), grid.position.max(axis=0)
     result: dict[str, Any] = {
         "model": name,
@@ -68,6 +68,7 @@ def info(document: Document, name: str, mode: str = DEFAULT_MODE) -> dict[str, A
         "crack_segments": len(grid.cracks),
         "horizon_ratio": ratio,
         "at_rest": run is not None and run.at_rest,
+        "refused": refused,
         "time_step": run.time_step if run and run.at_rest else document.run.time_step,
         "steps": run.steps if run else document.run.steps,
         "area_rule": document.area_rule,
@@ -193,7 +194,7 @@ def _step_line(result: dict[str, Any]) -> str:
     stable, step, steps = result["smallest_stable_step"], result["time_step"], result["steps"]
     if result["at_rest"]:
         return f"at rest: {step:.4g} s x {steps} load steps"
-    why = "a model that pdsolve refuses" if result.get("material") else "no material"
+    why = f"refused by pdsolve ({result['refused']})" if result["refused"] else "no material"
     sure = f"{why}, so no stable step" if stable is None else f"surely stable step {stable:.4g} s"
     return f"{sure}; run: {'steps' if step is None else f'{step:.4g} s x'} {steps}"
 
@@ -240,19 +241,24 @@ def run_of(grid: Grid, settings: Settings, name: str, mode: str) -> Plan | None:
 
     Raises GridError for settings that no solver accepts, and if the mode excludes the model.
     """
+    return _estimate(grid, settings, name, mode)[0]
+
+
+def _estimate(grid: Grid, settings: Settings, name: str, mode: str) -> tuple[Plan | None, str | None]:
+    """The same, and why the solver would refuse a model with a material."""
     refuse(settings, grid.dimension, name)
     from pdsolve import Model, ModelError, Options, estimate_run
 
     if settings.material is None and settings.medium is None:
-        return None
+        return None, None
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the solver warns when it solves
         try:
-            return estimate_run(Model(grid, settings, name), Options(mode))
+            return estimate_run(Model(grid, settings, name), Options(mode)), None
         except ModelError as error:
             if mode != DEFAULT_MODE and run_of(grid, settings, name, DEFAULT_MODE) is not None:
                 raise GridError(str(error)) from None
-            return None
+            return None, str(error).removeprefix(f"{name}: ")
 
 
 def plan(scene: Scene | Body, mode: str = DEFAULT_MODE) -> dict[str, Any]:

@@ -153,7 +153,10 @@ def _plate(scene: Plate) -> None:
     x0, y0, x1, y1 = scene.shape.bounds
     width, height = x1 - x0, y1 - y0
     if scene.spacing > max(width, height):
-        raise SceneError(f"spacing: found {scene.spacing:g} m, expected less than the plate's {width:g} x {height:g} m")
+        unit = "" if scene.units == "m" else f" (the parameter Units: {SAY_UNIT})"
+        raise SceneError(
+            f"spacing: found {scene.spacing:g} m, expected less than the plate's {width:g} x {height:g} m{unit}"
+        )
     if max(width, height) > LARGEST_PLATE and scene.units != "m":
         raise SceneError(
             f"outline: found {width:g} x {height:g} m, expected metres, not millimetres, or the parameter Units:"

@@ -53,7 +53,8 @@ def loose(
         more = f", and {others} more" if others else ""
     else:
         own, what, more = swinging, f"{int(swinging.sum())} nodes that bonds hold in one direction only", ""
-    return Loose(found, f"{what} around {_place(position[own])} (node {ids[own][0]}) free to move{more}", part)
+    free = "turn" if missing.any() and held[own].any(axis=0).all() else "move"
+    return Loose(found, f"{what} around {_place(position[own])} (node {ids[own][0]}) free to {free}{more}", part)
 
 
 def _place(position: NDArray[np.float64]) -> str:

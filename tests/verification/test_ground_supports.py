@@ -153,7 +153,7 @@ def test_forces_are_the_slope_of_the_energy_and_give_the_tangent() -> None:
 def test_what_a_pin_or_a_bed_along_one_axis_leaves_free_is_said() -> None:
     settings = lever().settings
     alone = msgspec.structs.replace(settings, conditions=(settings.conditions[0], settings.conditions[2]))
-    with pytest.raises(ModelError, match=r"\$\.conditions: found the whole plate .* free to move"):
+    with pytest.raises(ModelError, match=r"\$\.conditions: found the whole plate .* free to turn"):
         prepare(Model(lever().grid, alone), Options(threads=1))
 
 

@@ -243,7 +243,7 @@ def halves(**static: Any) -> Model:
 @pytest.mark.filterwarnings("ignore:.*snap-back")
 def test_a_piece_that_is_cut_free_is_named_and_the_frames_before_are_kept(tmp_path: Path) -> None:
     path = tmp_path / "torn.sqlite"
-    with pytest.raises(UnsettledError, match=naming(re.compile(r"load step \d"), "broke", found="free to move")):
+    with pytest.raises(UnsettledError, match=naming(re.compile(r"load step \d"), "broke", found="free to turn")):
         simulate(halves(), path, Options(threads=1))
     with Results.open(path) as results:
         assert results.meta()["status"] == "unsettled"

@@ -33,6 +33,15 @@ def test_bonds_of_a_square_lattice(plate: Scene) -> None:
     assert each == [10, 17, 28]
 
 
+def test_why_a_model_is_refused_is_said_with_its_counts() -> None:
+    pulled = Scene(box(0, 0, 0.02, 0.01), 1e-3, GLASS, run=Run(solver="static")).load("top", traction=(0, 1e3))
+    found = info(document(pulled.pin(0.01, 0.0)), "x")
+    assert found["refused"].startswith(
+        "$.conditions: found the whole plate around (0.01, 0.005) m (node 1) free to turn"
+    )
+    assert any(found["refused"] in line for line in info_lines(found))
+
+
 def count_of(grid: Any, row: int) -> int:
     from pdmesh.reports.bonds_and_step import bonds
 
