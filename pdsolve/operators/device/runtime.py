@@ -6,6 +6,7 @@ pyopencl is an extra, and is imported by these functions alone.
 from __future__ import annotations
 
 import os
+import shutil
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -23,6 +24,7 @@ INSTALL = "pip install 'pdsuite[opencl]'"
 DOUBLE = "cl_khr_fp64"
 EXACT = "-cl-fp32-correctly-rounded-divide-sqrt"  # of single precision; double precision always is
 MOST = 2**31 - 1  # numbers of an array that kernels count in 32 bits
+POCL, LINKER = "Portable Computing Language", "ld"  # without which PoCL ends the process that builds a kernel
 SPARE = 0.9  # of a device's memory that a run may take
 
 
@@ -102,6 +104,11 @@ class Session:
     def build(self, source: str) -> Any:
         """The program of an OpenCL C source. Raises ModelError for one that the device's compiler refuses."""
         cl = _library()
+        if self.about.platform.strip() == POCL and shutil.which(LINKER) is None:
+            raise ModelError(
+                f"device: found {self.about.name} of PoCL without the linker {LINKER}, with which it builds kernels,"
+                f" expected {LINKER} on the PATH (on Debian and Ubuntu: apt-get install binutils)"
+            )
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # a compiler's remarks
             try:

@@ -166,6 +166,15 @@ def test_a_kernel_that_does_not_build(monkeypatch: pytest.MonkeyPatch) -> None:
     assert mentions(refused(), "compiler", expected="builds")
 
 
+def test_without_a_linker(monkeypatch: pytest.MonkeyPatch) -> None:
+    """PoCL's compiler would end the process."""
+    monkeypatch.setattr(
+        runtime, "_described", lambda *given, old=runtime._described: old(*given)._replace(platform=runtime.POCL)
+    )
+    monkeypatch.setenv("PATH", "")
+    assert mentions(refused(), "PoCL", expected="ld")
+
+
 def test_a_device_lost_in_mid_run_loses_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What was written stays, and the run goes on from there on the processor."""
     model = torn(GRIDS["cracked"], run=Run(time_step=40e-9, steps=60, every=20, ledger=10))
