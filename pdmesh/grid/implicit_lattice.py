@@ -27,6 +27,8 @@ def lattice_of(scene: Scene) -> Lattice | None:
     """The lattice of a scene whose file holds the lattice; None if the file lists the nodes."""
     if scene.run.adapt not in ON_ONE_LATTICE or scene.zones or scene.refinements or scene.regions:
         return None
+    if scene.medium is not None:  # which is conducted on all nodes
+        return None
     x0, y0, x1, y1 = scene.whole.bounds
     if shapely.symmetric_difference(scene.shape, shapely.box(x0, y0, x1, y1)).area > ON * scene.spacing**2:
         return None

@@ -86,12 +86,9 @@ class SwellingZone(Swelling):
         hybrid = self._operator.hybrid
         if self._broken is not None:
             self._broken.update(self._content)
-        before, held = self._strain(), hybrid.stored()
+        before, held = hybrid.strains(), hybrid.stored()
         self._content.march(self._h, (step - 1) // self.cycle + 1, (step - 1) // self.cycle + 2)
         hybrid.swell(self._strain())
         hybrid.book((hybrid.stored() - held) / 2)
         hybrid.march(step, step + 1)
-        after = hybrid.stored()
-        hybrid.swell(before)
-        hybrid.book((after - hybrid.stored()) / 2)
-        hybrid.swell(self._strain())
+        hybrid.book((hybrid.stored() - hybrid.stored_at(before)) / 2)

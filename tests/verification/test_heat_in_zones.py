@@ -77,6 +77,8 @@ def test_a_free_plate_that_is_hotter_everywhere_is_free_of_stress(plate: Prepare
     assert len(position) < 0.7 * len(whole_grid())
     middle = np.argmin(np.hypot(*(position - [0.75 * LONG, WIDE / 2]).T))
     assert energy[middle] == pytest.approx(E * (ALPHA * hotter) ** 2 / (1 - 1 / 3), rel=0.03)  # measured 1.7 %
+    total = float((plate.system.area * energy).sum())
+    assert plate.system.hybrid.hybrid.stored() == pytest.approx(total, rel=1e-11)  # type: ignore[union-attr]
     free = pulled(plate, hotter, ALPHA * hotter * position)
     assert np.abs(free).max() < 1e-12 * np.abs(held).max()  # measured 3e-15
 

@@ -51,6 +51,13 @@ class ZoneSummary(NamedTuple):
     clipped_stretch: float  # the largest of clipped bonds so far, over that which softens or breaks one
 
 
+class Strains(NamedTuple):
+    """Minus half the strains of free nodes, as `Nodes.shrink` has them."""
+
+    fine: NDArray[np.float64]
+    coarse: NDArray[np.float64]
+
+
 class Hybrid:
     """A plate in motion; nodes are numbered as on their lattices."""
 
@@ -147,14 +154,31 @@ class Hybrid:
         fine, coarse = self.zone.fine.shrink, self.zone.coarse.shrink
         assert fine is not None
         assert coarse is not None
-        fine[self._places] = strain
-        fine[self._places] /= -2
+        fine[self._places] = strain / -2
         restrict(self.ground, fine, coarse)
         relieve_all(self.ground, self.zone, self.now)
 
     def stored(self) -> float:
         """Strain energy of all springs, J/m."""
         return float(stored(self.ground, self.zone, self.now))
+
+    def strains(self) -> Strains:
+        """A copy of the strains that springs have."""
+        fine, coarse = self.zone.fine.shrink, self.zone.coarse.shrink
+        assert fine is not None
+        assert coarse is not None
+        return Strains(fine.copy(), coarse.copy())
+
+    def stored_at(self, strains: Strains) -> float:
+        """Strain energy, J/m, that all springs would have at these strains."""
+        now = self.zone
+        fine, coarse = now.fine._replace(shrink=strains.fine), now.coarse._replace(shrink=strains.coarse)
+        self.zone = now._replace(fine=fine, coarse=coarse)
+        relieve_all(self.ground, self.zone, self.now)
+        found = self.stored()
+        self.zone = now
+        relieve_all(self.ground, self.zone, self.now)
+        return found
 
     def book(self, work: float) -> None:
         """Book an energy, J/m, as work done on the plate."""

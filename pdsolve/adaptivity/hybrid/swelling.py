@@ -17,12 +17,14 @@ from numba import njit, types
 from numba.extending import overload
 
 from pdsolve.adaptivity.hybrid.arrays import BORDERS, COARSE_ROWS, PIECES, ROWS
-from pdsolve.adaptivity.hybrid.energy import piece_held, strain_e
+from pdsolve.adaptivity.hybrid.energy import piece_held
 from pdsolve.adaptivity.hybrid.forces import follow
 from pdsolve.adaptivity.hybrid.lattice import FREE, coarse_column, coarse_place, coarse_row, fine_place
+from pdsolve.adaptivity.hybrid.springs import INVERSE, STIFFNESS, X2, Y2, X, Y
 from pdsolve.numerics.jit_cache import cached_njit
-from pdsolve.operators.simd_lattice.kernel import INNER, displaced
+from pdsolve.operators.simd_lattice.kernel import INNER, ONE, PLANE, across
 from pdsolve.operators.simd_lattice.lanes import ROW
+from pdsolve.operators.simd_lattice.packed import beside, keep, same, unless_none
 
 
 def relieve(ground: Any, zone: Any) -> None:
@@ -135,30 +137,35 @@ def _mean(values, mass, p, way):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _add_stored(nodes, table, ways, green, row, u, s):  # type: ignore[no-untyped-def]
-    """Add the energies of a row's springs, J/m, to its lanes s (16,); of coarse ones by Green's strain."""
-    entry, first = nodes.entry[row], row * ROW
-    for k in range(len(ways)):
-        x, y, inverse, whole = table[k, 0], table[k, 1], table[k, 4], table[k, 5]
-        for lane in range(ROW):
-            p = first + lane
-            eta_x, eta_y = displaced(u, nodes.shrink, x, y, p, p + ways[k])
-            e = strain_e(table, k, eta_x, eta_y)
-            stretch = e / 2 if green else e / (np.sqrt(max(1 + e, 0.0)) + 1)
-            stiffness = nodes.own[entry, k, lane] if entry >= 0 else whole
-            s[lane] += stiffness / inverse * stretch * stretch / 4
+def _store(nodes, table, ways, green, row, u, s):  # type: ignore[no-untyped-def]
+    """Set s to half the energies of the springs of a row's lanes, J/m; of coarse ones by Green's strain."""
+    entry, slots, none = nodes.entry[row], len(ways), same(u, 0.0)
+    for lane in range(0, ROW, across(s)):
+        p, held = np.int64(row * ROW + lane), none
+        here, own = beside(u, PLANE, p), beside(nodes.shrink, ONE, p)[0]
+        for k in range(slots):
+            there, both = beside(u, PLANE, p + ways[k]), beside(nodes.shrink, ONE, p + ways[k])[0] + own
+            x, y = there[0] - here[0] + both * table[k, X], there[1] - here[1] + both * table[k, Y]
+            e = (table[k, INVERSE] * x + table[k, X2]) * x + (table[k, INVERSE] * y + table[k, Y2]) * y
+            w = same(u, table[k, STIFFNESS])
+            if entry >= 0:
+                w = beside(nodes.own, ONE, np.int64((entry * slots + k) * ROW + lane))[0]
+                e = unless_none(w, e, none)
+            stretch = e * 0.5 if green else e / (np.sqrt(1.0 + e) + 1.0)
+            held = held + w * (0.25 / table[k, INVERSE]) * stretch * stretch
+        keep((held,), s, lane)
 
 
 @cached_njit(error_model="numpy")
 def stored(ground, zone, now):  # type: ignore[no-untyped-def]
     """Strain energy of all springs and pieces, J/m."""
-    fine, coarse, found, s = zone.fine, zone.coarse, 0.0, np.zeros(ROW)
+    fine, coarse, found, s = zone.fine, zone.coarse, 0.0, zone.s[0]
     for row in fine.rows[: zone.number[ROWS]]:
-        _add_stored(fine, ground.table, ground.ways, False, row, fine.u[now], s)
-    found += s.sum()
+        _store(fine, ground.table, ground.ways, False, row, fine.u[now], s)
+        for lane in range(ROW):
+            found += s[lane]
     for row in coarse.rows[: zone.number[COARSE_ROWS]]:
-        s[:] = 0
-        _add_stored(coarse, ground.coarse_table, ground.coarse_ways, True, row, coarse.u[now], s)
+        _store(coarse, ground.coarse_table, ground.coarse_ways, True, row, coarse.u[now], s)
         for lane in range(ROW):
             found += s[lane] if coarse.kind[row * ROW + lane] == FREE else 0.0
     for n in range(zone.number[PIECES]):

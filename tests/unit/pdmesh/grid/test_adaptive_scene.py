@@ -7,9 +7,10 @@ import pytest
 from messages import naming
 from shapely import LineString, Point
 
-from pdmesh import Material, Scene, SceneError, box
+from pdmesh import Material, Medium, Scene, SceneError, box
 from pdmesh.grid.adaptive_scene import nested
 from pdmesh.grid.building import build
+from pdmesh.grid.implicit_lattice import lattice_of
 
 GLASS = Material(E=72e9, rho=2440, G0=135)
 H = 1e-3
@@ -51,3 +52,10 @@ def test_a_crack_that_meets_nodes_everywhere_is_refused(monkeypatch: pytest.Monk
     monkeypatch.setattr("pdmesh.grid.adaptive_scene.CLEARANCE", 0.6)
     with pytest.raises(SceneError, match=naming(found=("node", "0.001 m"))):
         nested(plate().crack([(0, 0.01), (0.01, 0.01)], "notch"))
+
+
+def test_a_large_plate_that_conducts_lists_its_nodes() -> None:
+    """So its file has the medium, its physics and its conditions; one of mechanics alone holds the lattice."""
+    heats = Material(E=70e9, rho=2500.0, G0=8.0, alpha=9e-6, T0=293.0)
+    assert lattice_of(Scene(box(0, 0, 0.3, 0.2), H, GLASS).adapt()) is not None
+    assert lattice_of(Scene(box(0, 0, 0.3, 0.2), H, heats, medium=Medium(D=1e-6)).adapt()) is None
