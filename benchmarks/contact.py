@@ -18,7 +18,7 @@ from pdsolve.run.system import Prepared
 
 SIDE, STEPS, REPEATS = 256, 50, 4
 PLACES = 4  # times that each model is prepared: where its arrays lie in memory makes up to a tenth of its time
-STRIPES = 7  # cracks across the plate, whose faces are in touch
+STRIPES = 6  # cracks across the plate, whose faces are in touch
 NOISE = 1e-6  # m/s, of all velocities: numbers at rest are not computed with, tiny ones slowly
 
 

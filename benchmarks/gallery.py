@@ -38,6 +38,7 @@ class Shown(NamedTuple):
 
 
 SHOWN = {
+    "ball_through_glass.py": Shown("slice --field damage --plane z=-0.0035"),
     "bar.py": Shown("displacement --component x"),
     "branching_block.py": Shown("crack"),
     "beam_on_rollers.py": Shown("stress --component xx --scale auto"),

@@ -15,6 +15,7 @@ from pdsolve.run.simulation import Options, simulate
 
 GEOMETRIES = Path(__file__).parent.parent / "geometries"
 BODIES = (
+    "ball_through_glass.py",
     "branching_block.py",
     "expanding_ring.py",
     "kalthoff_winkler_block.py",

@@ -64,6 +64,7 @@ SHIPPED = {
     "screw.geo": (21_624, {0.25: 4992, 0.5: 16_632}, [800, 10_048]),
     "branching_block.py": (20_480, {0.5: 40 * 16 * 32}, [640, 640]),
     "slanted_notch.py": (31_200, {1: 104 * 12 * 25}, [12, 12, 12]),
+    "ball_through_glass.py": (14_952, {1: 14_952}, [552]),
     "expanding_ring.py": (3984, {0.5: 3984}, 4 * QUARTER),
     "kalthoff_winkler_block.py": (78_750, {1.333333333: 75 * 150 * 7}, [38 * 7]),
 }
@@ -72,6 +73,7 @@ BODIES = {
     "screw.geo": 4 / 3 * np.pi * 0.008**3,
     "branching_block.py": 0.02 * 0.008 * 0.016,
     "slanted_notch.py": 0.104 * 0.012 * 0.025,
+    "ball_through_glass.py": 0.06**2 * 4e-3 + 4 / 3 * np.pi * 5e-3**3,
     "expanding_ring.py": np.pi * (0.021**2 - 0.019**2) * 0.002,
     "kalthoff_winkler_block.py": 0.1 * 0.2 * 7 * 0.1 / 75,
 }  # m^3

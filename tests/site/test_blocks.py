@@ -32,6 +32,7 @@ PROGRAMS: dict[str, Callable[[list[str]], int]] = {"pdmesh": pdmesh, "pdsolve": 
 LANGUAGES = {"bash", "python", "toml", "diff", "c++", "text"}
 DIRECTIVES = {"{argparse}", "{eval-rst}", "{literalinclude}", "{toctree}"}
 COARSE = {  # what stands on a page, and what is run in its place
+    "geometries/ball_through_glass.py": "geometries/ball_through_glass.py --set side=0.04 --set duration=1e-5",
     "geometries/branching_plate.py": "geometries/branching_plate.py --set spacing=2e-3",
     "geometries/brazilian_disc.py": "geometries/brazilian_disc.py --set load_steps=10",
     "geometries/brazilian_platens.py": "geometries/brazilian_platens.py --set spacing=5e-3",

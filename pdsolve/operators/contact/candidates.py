@@ -20,10 +20,10 @@ NEAREST = {2: 1.5, 3: 1.8}  # spacings: of the bonds that tell a normal, to 8 no
 class Joined:
     """The bonds of n nodes, as contact knows them: which join two nodes up to a step."""
 
-    def __init__(self, model: Model, volume: NDArray[np.float64], operator: Operator) -> None:
-        self._operator, self._nodes, self._gone = operator, len(volume), 0
+    def __init__(self, model: Model, operator: Operator) -> None:
+        self._operator, self._nodes, self._gone = operator, len(model.grid), 0
         self.until, self.wait = 0, EVERY  # step before which broken bonds are known; steps until they are asked for
-        ends = [operator.bonds(int(rows[0]), int(rows[-1]) + 1, start=True) for rows in row_chunks(len(volume))]
+        ends = [operator.bonds(int(rows[0]), int(rows[-1]) + 1, start=True) for rows in row_chunks(self._nodes)]
         source, target = (np.concatenate(column) for column in zip(*ends, strict=True))
         x, delta, self._bodies = model.grid.position, model.grid.delta, model.grid.bodies
         if self._bodies is not None and self._bodies.rigid:
@@ -38,7 +38,7 @@ class Joined:
         self._number = self._found(source, target)  # of each nearest bond among all
         start = np.searchsorted(source, np.arange(self._nodes + 1))
         near_by, intact = target.astype(np.int32), np.ones(len(source), dtype=np.bool_)
-        self.nodes = Nodes(x, volume, start, near_by, 1 / length[near], intact)
+        self.nodes = Nodes(x, start, near_by, 1 / length[near], intact)
         self.surface = np.zeros(self._nodes, dtype=np.bool_)
         surface_nodes(self.nodes, self.surface)
 

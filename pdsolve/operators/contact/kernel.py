@@ -45,7 +45,6 @@ class Nodes(NamedTuple):
     """Nodes and the nearest nodes that bonds join to them."""
 
     x: NDArray[np.float64]  # (n, d) m
-    volume: NDArray[np.float64]  # (n,) m^d
     start: NDArray[np.int64]  # (n + 1,)
     near: NDArray[np.int32]  # (b,)
     inverse: NDArray[np.float64]  # (b,) 1 over the length, 1/m
@@ -247,10 +246,16 @@ def ease(pairs, u, held, lost):  # type: ignore[no-untyped-def]
 
 
 @cached_njit(error_model="numpy")
-def add_forces(nodes, pairs, u, v, mu, e, dt, out, spent, lost):  # type: ignore[no-untyped-def]
-    """Add the forces of all pairs; friction's springs and depths go on by a step of `dt` s."""
-    d = nodes.x.shape[1]
+def add_forces(pairs, each, u, v, mu, e, dt, out, spent, lost):  # type: ignore[no-untyped-def]
+    """Add the forces of all pairs; friction's springs and depths go on by a step of `dt` s.
+
+    `each` (n,) is 1 over the volume of a node, 1/m^d.
+    """
+    d = u.shape[1]
     pairs.faces.known[:] = False
+    if mu == 0.0 and e == 1.0:
+        _push_alone(pairs, each, u, out)
+        return
     for q in range(len(pairs.i)):
         i, j = pairs.i[q], pairs.j[q]
         stiffness, depth, n, pull = _pressed(pairs, u, q, 0.0)
@@ -258,9 +263,25 @@ def add_forces(nodes, pairs, u, v, mu, e, dt, out, spent, lost):  # type: ignore
         if mu > 0.0:
             _rub(pairs, v, mu, dt, q, stiffness, felt, n, spent)
         if depth > 0.0:
-            push, one, two = stiffness * felt, 1.0 / nodes.volume[i], 1.0 / nodes.volume[j]
+            push, one, two = stiffness * felt, each[i], each[j]
             for a in range(d):
                 force = push * n[a] - pull[a] + (pairs.drag[q, a] if mu > 0.0 else 0.0)
+                out[i, a] -= force * one
+                out[j, a] += force * two
+
+
+@njit(**INNER)
+def _push_alone(pairs, each, u, out):  # type: ignore[no-untyped-def]
+    """The forces of `add_forces` without friction and restitution."""
+    for m in range(len(pairs.faces.rows)):
+        _normal_now(pairs.faces, u, m)
+    for q in range(len(pairs.i)):
+        stiffness, depth, n, pull = _pressed(pairs, u, q, 0.0)
+        if depth > 0.0:
+            i, j = pairs.i[q], pairs.j[q]
+            push, one, two = stiffness * depth, each[i], each[j]
+            for a in range(u.shape[1]):
+                force = push * n[a] - pull[a]
                 out[i, a] -= force * one
                 out[j, a] += force * two
 

@@ -46,7 +46,8 @@ class PenaltyContact(Bondless):
         assert model.settings.contact is not None
         grid, self._settings, self.bonded = model.grid, model.settings.contact, operator
         self.unknowns: tuple[Unknown, ...] = (Unknown("u", grid.dimension, 2),)
-        self._joined, self._delta, self._volume = Joined(model, volume, operator), grid.delta, volume
+        self._joined, self._delta, self._volume = Joined(model, operator), grid.delta, volume
+        self._each = 1 / volume  # 1/m^d
         self._cell, self._k = grid.delta**grid.dimension, pair_stiffness(model, self._settings)
         self._bound, self.rigid = touch_bound(model, volume), RigidMotion(model, volume)
         self._spent, self._lost = np.zeros((2, len(grid)))  # J, on friction, and by springs whose faces broke
@@ -75,7 +76,7 @@ class PenaltyContact(Bondless):
         if len(self._pairs.i):
             mu, e = self._settings.friction, self._settings.restitution
             books = out, self._spent, self._lost
-            add_forces(self._joined.nodes, self._pairs, state.value, state.rate, mu, e, dt, *books)
+            add_forces(self._pairs, self._each, state.value, state.rate, mu, e, dt, *books)
         if len(self.rigid.rows):
             self.round.push(state, self._volume, dt, out, self._spent, self._lost)
             self.rigid.constrain(state, out, step, dt)
@@ -262,6 +263,7 @@ class PenaltyContact(Bondless):
             *self._pairs.faces,
             self._joined.intact,
             self._bound,
+            self._each,
             self._spent,
         )
         return sum(array.nbytes for array in arrays) + 8 * len(self._joined.intact)
