@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import sqlite3
+from contextlib import closing
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -67,6 +69,10 @@ def test_a_run_that_is_stopped_goes_on(alone: Team, tmp_path: Path, one_file: in
     with simulate(torn(), tmp_path / "rank", options, stops) as results:
         assert results.meta()["status"] == "interrupted"
         assert bool(results.pieces) == (one_file < 252)
+        step = results.checkpoint_step()
+    for file in tmp_path.glob("rank.0-0"):  # the index may have had to be read with the checkpoint before
+        with closing(sqlite3.connect(file)) as connection:
+            assert connection.execute("SELECT DISTINCT step FROM checkpoint").fetchall() == [(0,), (step,)]
     with resume(tmp_path / "rank", team=alone) as results, simulate(torn(), tmp_path / "one") as one:
         assert results.meta()["status"] == "finished"
         results.verify()
