@@ -89,19 +89,20 @@ class Growth:
         tips = self.tips()
         return [(tip, self.judge(tip, tips, state)) for tip in tips]
 
-    def lengthen(self, chosen: list[tuple[Tip, Verdict]], state: State, step: int) -> int:
-        """Let these tips grow by a particle each and cut the bonds; returns the number of new particles."""
+    def lengthen(self, chosen: list[tuple[Tip, Verdict]], state: State, step: int, share: float = 1.0) -> int:
+        """Let these tips grow by a particle each, of that share of its length, and cut the bonds; returns the number of
+        new particles."""
         before = len(self.particles.place)
         for tip, verdict in chosen:
-            self._grow(tip, verdict, step)
+            self._grow(tip, verdict, step, share)
         new = len(self.particles.place) - before
         if new:
             self._cut(arms(self.particles)[-new:], state, step)
         return new
 
-    def length(self, tip: Tip) -> float:
-        """The length, m, by which a tip grows at once."""
-        return self.rules.spacing * float(self._model.grid.delta[self._near.nearest(tip.place)])
+    def length(self, tip: Tip, share: float = 1.0) -> float:
+        """The length, m, by which a tip grows at once, or a share of it; a spacing at least."""
+        return max(share * self.rules.spacing, 1.0) * float(self._model.grid.delta[self._near.nearest(tip.place)])
 
     def toughness(self, tip: Tip) -> float:
         """What the stress intensity of a tip must reach, Pa m^0.5."""
@@ -133,9 +134,9 @@ class Growth:
             return by_intensity(sampled, tip.place, self._way(tip), ring, plate, toughness)
         return by_release(sampled, tip.place, self._way(tip), ring, plate, toughness)
 
-    def _grow(self, tip: Tip, verdict: Verdict, step: int) -> None:
+    def _grow(self, tip: Tip, verdict: Verdict, step: int, share: float) -> None:
         """Add particles ahead of a tip."""
-        rules, way, length = self.rules, self._way(tip), self.length(tip)
+        rules, way, length = self.rules, self._way(tip), self.length(tip, share)
         for angle in verdict.angles:
             if rules.most is not None and len(self.particles.place) - self._first >= rules.most:
                 found = (

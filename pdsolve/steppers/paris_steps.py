@@ -3,17 +3,20 @@ J. Basic Engng 85 (1963) 528-533), and turn by the largest hoop stress. K is its
 stress along the crack (T) changes intensities of interaction integrals by some percent on a lattice, and J by none.
 
 The body rests under the largest loads of the cycle. Every tip has grown a part of its next particle; a step goes to the
-cycle in which the first tip has grown all of it. Symbols:
+cycle in which the first tip has grown all of it. A step after which a tip grows more than `STEEPEST` times as fast is
+taken back and begins anew with particles of half the length, down to a spacing: up to that its cycles are right to some
+3 %. Later particles are as short. Of the first step the mean of both its ends counts. Symbols:
 
     dK    range of K: (1 - R) K with a load ratio R of 0 or more; below 0 the crack is closed, and dK = K
-    r     growth of a tip, m a cycle; within a step that of its middle, r sqrt(r / r of the step before)
+    r     growth of a tip, m a cycle; within a step that of its middle, r sqrt(r / r of the step before)^(l / l before)
+    l     length of a particle, m
     gone  of the next particle, m
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +31,7 @@ from pdsolve.steppers.equilibrium import Settled, UnsettledError
 from pdsolve.steppers.load_steps import Going, LoadSteps, Rested
 
 ALIKE = 1e-6  # of a particle: tips this near to the end of theirs grow together
-STEEPEST = 2.0  # of r to that of the step before, in the middle of a step
+STEEPEST = 2.0  # of r to that of the step before
 
 
 class Growing(Protocol):
@@ -39,11 +42,12 @@ class Growing(Protocol):
     def judged(self, state: State) -> list[tuple[Any, Any]]:
         """All tips, and what is decided about them in a state."""
 
-    def lengthen(self, chosen: list[tuple[Any, Any]], state: State, step: int) -> int:
-        """Let these tips grow by a particle each and cut the bonds; returns the number of new particles."""
+    def lengthen(self, chosen: list[tuple[Any, Any]], state: State, step: int, share: float) -> int:
+        """Let these tips grow by a particle each, of that share of its length, and cut the bonds; returns the number of
+        new particles."""
 
-    def length(self, tip: Any) -> float:
-        """The length, m, by which a tip grows at once."""
+    def length(self, tip: Any, share: float = 1.0) -> float:
+        """The length, m, by which a tip grows at once, or a share of it; a spacing at least."""
 
     def toughness(self, tip: Any) -> float:
         """What the stress intensity of a tip must reach, Pa m^0.5."""
@@ -58,6 +62,24 @@ class Growing(Protocol):
         """Add a remark to be read together with the crack paths, once for a key."""
 
 
+class _Known(NamedTuple):
+    """What a tip remembers."""
+
+    gone: float  # m
+    rate: float  # r of the step before
+    length: float  # m, of the particle before
+
+
+class _Kept(NamedTuple):
+    """What is there before a step."""
+
+    values: list[NDArray[Any]]
+    broken: Broken
+    cracks: dict[str, NDArray[Any]]
+    tips: dict[int, _Known]
+    cycles: float
+
+
 class ParisSteps:
     """Takes steps of a particle of the tip that needs the fewest cycles."""
 
@@ -66,7 +88,8 @@ class ParisSteps:
     def __init__(self, law: Fatigue, operator: Operator, motion: LoadSteps, growth: Growing) -> None:
         self._law, self._operator, self._motion, self._growth = law, operator, motion, growth
         self._cycles = 0.0
-        self._tips: dict[int, tuple[float, float]] = {}  # by their particle: gone, m, and r of the step before
+        self._tips: dict[int, _Known] = {}  # by their particle
+        self._share = 1.0  # of the length of particles
         self.said = f"a particle a step, {motion.method.said}"
         self.rested: list[Cycled] = []
         self.ended, self.why = False, ""
@@ -96,71 +119,108 @@ class ParisSteps:
         """Let tips grow until the first has grown a particle, and settle; returns how."""
         law, growth, rest = self._law, self._growth, Settled(0, self._motion.rested[-1].residual)
         judged = growth.judged(state)
-        whole = [verdict.share * growth.toughness(tip) for tip, verdict in judged]  # of tips that go straight on
-        K = np.array([v.released if np.isfinite(v.released) else k for (_, v), k in zip(judged, whole, strict=True)])
         if any(verdict.share >= 1 and np.isfinite(verdict.K1) for _, verdict in judged):
-            return self._end("K of the largest loads reached the toughness", rest)
-        rate = rates(law, K)
+            self._end("K of the largest loads reached the toughness")
+            return rest
+        rate = rates(law, self._intensities(judged))
         if not rate.any():
-            return self._end("no crack grows: the range of K is not above its threshold", rest)
-        known = [self._tips.get(tip.particle, (0.0, r)) for (tip, _), r in zip(judged, rate.tolist(), strict=True)]
-        gone, before = np.array(known).T
-        length = np.array([growth.length(tip) for tip, _ in judged])
-        middle = rate * np.sqrt(
-            np.clip(rate / np.where(before > 0, before, rate + (rate == 0)), 1 / STEEPEST, STEEPEST)
-        )
-        self._look(step, rate, before)
-        left = float(((length - gone)[rate > 0] / middle[rate > 0]).min())
+            self._end("no crack grows: the range of K is not above its threshold")
+            return rest
+        before = self._kept(state)
+        while True:
+            settled = self._grown(state, step, judged, rate)
+            if settled is None:
+                return rest
+            steepest = self._steepest(state)
+            shorter = [growth.length(tip, self._share / 2) < growth.length(tip, self._share) for tip, _ in judged]
+            if steepest <= STEEPEST or not any(shorter):
+                break
+            self._take_back(state, before)
+            self._share /= 2
+        if not before.tips:  # no step before the first says how growth changes: the mean of both ends does
+            self._cycles = before.cycles + (self._cycles - before.cycles) * mean_cycles(steepest)
+        if steepest > STEEPEST:
+            found = (
+                f"found growth {steepest:.3g} times as fast as before this step, expected {STEEPEST:g} times at most"
+            )
+            growth.remark("outruns", f"step {step}: {found}, of particles as short as the spacing")
+        return settled
+
+    def _grown(self, state: State, step: int, judged: list[Any], rate: NDArray[np.float64]) -> Settled | None:
+        """Let tips of these rates (k,) grow until the first has grown a particle, and settle; None where life ends."""
+        law, growth = self._law, self._growth
+        length = np.array([growth.length(tip, self._share) for tip, _ in judged])
+        first = zip(judged, rate.tolist(), length.tolist(), strict=True)
+        known = [self._tips.get(tip.particle, _Known(0.0, r, way)) for (tip, _), r, way in first]
+        gone, before, last = np.array(known).T
+        steep = np.clip(rate / np.where(before > 0, before, rate + (rate == 0)), 1 / STEEPEST, STEEPEST)
+        middle = rate * np.sqrt(steep) ** (length / last)
+        left = max(float(((length - gone)[rate > 0] / middle[rate > 0]).min()), 0.0)
         if self._cycles + left >= law.cycles:
             self._cycles = law.cycles
-            return self._end("its cycles are over", rest)
+            self._end("its cycles are over")
+            return None
         self._cycles += left
         gone = gone + left * middle
         grows = gone > (1 - ALIKE) * length
-        self._tips = {
-            tip.particle: (part, r)
-            for (tip, _), part, r, due in zip(judged, gone.tolist(), rate.tolist(), grows.tolist(), strict=True)
-            if not due
-        }
+        rows = zip(judged, gone.tolist(), rate.tolist(), length.tolist(), grows.tolist(), strict=True)
+        self._tips = {tip.particle: _Known(part, r, way) for (tip, _), part, r, way, due in rows if not due}
         chosen = [one for one, due in zip(judged, grows, strict=True) if due]
-        return self._lengthen(state, step, chosen, rate[grows].tolist(), rest)
+        return self._lengthen(state, step, chosen, rate[grows].tolist())
 
-    def _look(self, step: int, rate: NDArray[np.float64], before: NDArray[np.float64]) -> None:
-        """Remark on growth that outruns its extrapolation: up to `STEEPEST`, cycles are right to some 3 %."""
-        more = float(np.divide(rate, before, out=np.ones(len(rate)), where=before > 0).max())
-        if more > STEEPEST:
-            found = f"found growth {more:.3g} times as fast as in the step before, expected {STEEPEST:g} times at most"
-            self._growth.remark("outruns", f"step {step}: {found}, by shorter particles (run.particles.spacing)")
+    def _steepest(self, state: State) -> float:
+        """Growth of the tips over what it was in the step before, the largest."""
+        judged = self._growth.judged(state)
+        rate = rates(self._law, self._intensities(judged)).tolist()
+        before = [self._tips[tip.particle].rate if tip.particle in self._tips else 0.0 for tip, _ in judged]
+        return max((now / then for now, then in zip(rate, before, strict=True) if then > 0), default=1.0)
 
-    def _lengthen(self, state: State, step: int, chosen: list[Any], rate: list[float], rest: Settled) -> Settled:
+    def _intensities(self, judged: list[Any]) -> NDArray[np.float64]:
+        """K (k,) of the largest loads; tips that go straight on to what is ahead have no J."""
+        whole = [verdict.share * self._growth.toughness(tip) for tip, verdict in judged]
+        return np.array([v.released if np.isfinite(v.released) else k for (_, v), k in zip(judged, whole, strict=True)])
+
+    def _lengthen(self, state: State, step: int, chosen: list[Any], rate: list[float]) -> Settled | None:
         """Let these tips grow and settle; their children remember their `rate`. Without rest, life ends before that."""
-        growth, operator = self._growth, self._operator
-        values, broken, cracks = [part.copy() for part in state], operator.broken(), growth.keep()
-        if not growth.lengthen(chosen, state, step):
-            return self._end("no crack goes on", rest)
+        growth, before = self._growth, self._kept(state)
+        if not growth.lengthen(chosen, state, step, self._share):
+            self._end("no crack goes on")
+            return None
         parent = growth.particles.parent.tolist()
-        of = {tip.particle: r for (tip, _), r in zip(chosen, rate, strict=True)}
-        self._tips |= {number: (0.0, of[above]) for number, above in enumerate(parent) if above in of}
+        of = {
+            tip.particle: _Known(0.0, r, growth.length(tip, self._share))
+            for (tip, _), r in zip(chosen, rate, strict=True)
+        }
+        self._tips |= {number: of[above] for number, above in enumerate(parent) if above in of}
         try:
             return self._motion.settle_broken(state, step)
         except UnsettledError:
-            for part, value in zip(state, values, strict=True):
-                part[:] = value
-            operator.back(operator.keep(), broken)
-            growth.back(cracks, broken)
-            return self._end("what was left could not bear the largest loads", rest)
+            self._take_back(state, before)
+            self._end("what was left could not bear the largest loads")
+            return None
 
-    def _end(self, why: str, rest: Settled) -> Settled:
+    def _kept(self, state: State) -> _Kept:
+        values = [part.copy() for part in state]
+        return _Kept(values, self._operator.broken(), self._growth.keep(), dict(self._tips), self._cycles)
+
+    def _take_back(self, state: State, before: _Kept) -> None:
+        for part, value in zip(state, before.values, strict=True):
+            part[:] = value
+        self._operator.back(self._operator.keep(), before.broken)
+        self._growth.back(before.cracks, before.broken)
+        self._motion.method.forget()
+        self._tips, self._cycles = dict(before.tips), before.cycles
+
+    def _end(self, why: str) -> None:
         self.ended, self.why = True, why
-        return rest
 
     def keep(self) -> dict[str, NDArray[Any]]:
         """Growth of tips and steps so far, for a checkpoint."""
         return {
             "cycled": np.array(self.rested, dtype=float).reshape(-1, len(Cycled._fields)),
             "rested": self._motion.keep(),
-            "paris_tips": np.array([(n, *known) for n, known in self._tips.items()], dtype=float).reshape(-1, 3),
-            "paris_cycles": np.array([self._cycles]),
+            "paris_tips": np.array([(n, *known) for n, known in self._tips.items()], dtype=float).reshape(-1, 4),
+            "paris_cycles": np.array([self._cycles, self._share]),
         }
 
     def back(self, kept: Mapping[str, NDArray[Any]], step: int) -> None:
@@ -169,15 +229,20 @@ class ParisSteps:
         if not np.array_equal(rows[:, 0], np.arange(1, step + 1)):
             raise CheckpointError(f"found steps of cycles that are not 1 to {step}, expected those until there")
         self.rested = [Cycled(int(s), int(i), r, c, int(b)) for s, i, r, c, b in rows.tolist()]
-        tips = entry(kept, "paris_tips", (None, 3), float)
-        self._tips = {int(number): (gone, rate) for number, gone, rate in tips.tolist()}
-        (self._cycles,) = entry(kept, "paris_cycles", (1,), float).tolist()
+        tips = entry(kept, "paris_tips", (None, 4), float)
+        self._tips = {int(number): _Known(*known) for number, *known in tips.tolist()}
+        self._cycles, self._share = entry(kept, "paris_cycles", (2,), float).tolist()
         if step:
             self._motion.back(entry(kept, "rested", (1, len(Rested._fields)), float), self._operator.broken())
 
     def words(self) -> str:
         """The cycles so far, for a progress display."""
         return f"{self._cycles:.4g} cycles"
+
+
+def mean_cycles(steepest: float) -> float:
+    """Cycles of a length over those at its first rate, where the rate grows to `steepest` times that geometrically."""
+    return 1.0 if abs(steepest - 1) < ALIKE else float(np.log(steepest) / (steepest - 1))
 
 
 def rates(law: Fatigue, K: NDArray[np.float64]) -> NDArray[np.float64]:

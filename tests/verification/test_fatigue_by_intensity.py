@@ -18,13 +18,13 @@ from pdmesh import Circle, Fatigue, Material, Run, Scene, box, build
 from pdmesh.model.document import ParticleRules
 from pdmesh.model.fatigue import Cycled
 from pdpost.measures.fatigue import Growth, growth, paris, settled_points
-from pdsolve.model import Model, ModelError, ModelWarning
+from pdsolve.model import Model, ModelError
 from pdsolve.results import Results
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Options, resume, simulate
 from pdsolve.steppers.equilibrium import UnsettledError
 from pdsolve.steppers.load_steps import LoadSteps
-from pdsolve.steppers.paris_steps import ParisSteps
+from pdsolve.steppers.paris_steps import ParisSteps, mean_cycles
 
 ONE = Options(threads=1)
 LINE = {"C": 1.2e-37, "m": 4.0}
@@ -59,7 +59,7 @@ def compact_tension() -> Model:
     """A wide specimen, in which dK grows to the tenfold under the same loads."""
     h, W, arm, traction = 1e-3, 0.08, 0.022, 1.25e8
     scene = (
-        Scene(box(-0.25 * W, -0.45 * W, W, 0.45 * W), h, STRONG, 3.0, by_twos(26))
+        Scene(box(-0.25 * W, -0.45 * W, W, 0.45 * W), h, STRONG, 3.0, by_twos(29))
         .crack([(-0.25 * W, 0), (0.016, 0)])
         .load([(-2e-3, arm), (2e-3, arm)], (0, traction), name="upper")
         .load([(-2e-3, -arm), (2e-3, -arm)], (0, -traction), name="lower")
@@ -97,19 +97,17 @@ def solvable(scene: Scene) -> Model:
 @pytest.mark.slow
 def test_the_line_of_one_specimen_predicts_the_growth_of_another() -> None:
     """By J, over a decade of dK; stress along the crack is tension in the first and compression in the second."""
-    with pytest.warns(ModelWarning, match=naming("step 25", found="growth", expected="run.particles.spacing")):
-        first = grown(compact_tension())
-    second = grown(centre_crack())
+    first, second = grown(compact_tension()), grown(centre_crack())
     line = paris(first)
     assert line is not None
     assert first[0].dK[-1] > 10 * first[0].dK[0]  # measured: 10.8
-    assert line.m == pytest.approx(4.0, rel=0.02)  # measured: 3.970
+    assert line.m == pytest.approx(4.0, rel=0.02)  # measured: 3.995; 3.970 where jumps are not halved at the end
     rate, dK = settled_points(first, line.m)
-    assert rate[:-2] == pytest.approx(LINE["C"] * dK[:-2] ** 4, rel=0.02)  # measured: .983 to 1.004
+    assert rate == pytest.approx(LINE["C"] * dK**4, rel=0.02)  # measured: .985 to 1.004; .91 at the end without
     assert len(second) == 2
     rate, dK = settled_points(second, line.m)
     assert len(rate) == 10
-    assert rate == pytest.approx(line.at(dK), rel=0.05)  # measured: 1.024 to 1.035; .991 to 1.016 by single spacings
+    assert rate == pytest.approx(line.at(dK), rel=0.05)  # measured: 1.003 to 1.022 of what was given
 
 
 def test_below_the_threshold_nothing_grows_and_cycles_end_where_they_are_told_to() -> None:
@@ -166,6 +164,25 @@ def test_what_breaks_in_two_keeps_the_last_state_that_rested(monkeypatch: pytest
     assert np.array_equal(state.value, value)
     assert all(np.array_equal(column, before[name]) for name, column in cracks.keep().items())
     assert np.array_equal(prepared.system.operator.broken().target, broken.target)
+
+
+@pytest.mark.slow
+def test_a_jump_after_which_growth_is_too_fast_is_taken_back_and_halved(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Down to particles of one spacing, as if these had been asked for."""
+    taken, asked = (prepare(specimen(1, ParticleRules(spacing=by), **LINE), ONE) for by in (4.0, 1.0))
+    for each, accepted in ((taken, 0.25), (asked, 1.0)):
+        monkeypatch.setattr(ParisSteps, "_steepest", lambda self, _, most=accepted: 1.0 if self._share <= most else 3.0)
+        each.system.stepper.march(each.state, 1, 2)
+    halved, whole = (each.system.growth.particles for each in (taken, asked))  # type: ignore[union-attr]
+    assert np.array_equal(halved.place, whole.place)
+    assert np.array_equal(taken.state.value, asked.state.value)
+    assert taken.system.stepper.rested[-1].cycles == asked.system.stepper.rested[-1].cycles  # type: ignore[union-attr]
+
+
+def test_the_first_jump_counts_the_mean_of_its_ends() -> None:
+    """Of growth that doubles geometrically, ln 2 of the cycles at its first rate."""
+    assert mean_cycles(2.0) == pytest.approx(np.log(2))
+    assert mean_cycles(1.0) == 1.0
 
 
 TESTED = {  # height of the crack and places on its path, mm: D. Wagner (2018), specimens 17-157 and 17-159
