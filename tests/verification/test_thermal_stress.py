@@ -83,6 +83,7 @@ def test_a_disc_with_a_hot_middle() -> None:
     built = build(scene)
     with simulate(Model(built.grid, built.settings), None, Options(threads=1)) as results:
         nodes, stress, T = results.nodes(1), components(results, "stress", 1), results.field("c", 1)
+        u = np.column_stack([results.field(name, 1).astype(float) for name in ("ux", "uy")])
     r = np.hypot(*nodes.position.T)
     share = nodes.area[T > T0 + DT / 2].sum() / nodes.area.sum()  # of the disc that is hot
     assert share == pytest.approx((HEATED / RADIUS) ** 2, rel=0.1)
@@ -90,6 +91,10 @@ def test_a_disc_with_a_hot_middle() -> None:
     rim = stress["largest"][r > RADIUS - 2e-3].mean()
     assert middle == pytest.approx(-scale * (1 - share) / 2, rel=0.03)  # measured 1.2 % more
     assert rim == pytest.approx(scale * share, rel=0.1)  # measured 5.0 % more, in rows of steps
+    outer, size = r > RADIUS - 2e-3, nodes.area.sum() / np.pi
+    exact = ALPHA * DT * share / 2 * ((1 + NU["stress"]) * size / r[outer] ** 2 + 1 - NU["stress"])
+    hoop = (u * nodes.position).sum(axis=1)[outer] / r[outer] ** 2  # E times it is the tension of a free cold rim
+    assert (hoop / exact).mean() == pytest.approx(1, rel=0.02)  # measured .985
 
 
 @pytest.mark.slow
