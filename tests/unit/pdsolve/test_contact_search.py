@@ -53,6 +53,6 @@ def test_pairs_are_of_both_blocks_and_near(contact: PenaltyContact) -> None:
 
 
 def test_the_farthest_way_is_that_since_the_last_look() -> None:
-    u = np.array([[0.0, 0.0], [3.0, 4.0], [9.0, 9.0]])
-    before = np.array([[1.0, 0.0], [0.0, 0.0]])
+    u = np.array([[0.0, 0.0], [3.0, 5.0], [9.0, 9.0]])
+    before = np.array([[1.0, 0.0], [0.0, 1.0]])
     assert farthest(u, before, np.array([0, 1])) == 25.0
