@@ -245,7 +245,7 @@ def run_of(grid: Grid, settings: Settings, name: str, mode: str) -> Plan | None:
 
 
 def _estimate(grid: Grid, settings: Settings, name: str, mode: str) -> tuple[Plan | None, str | None]:
-    """The same, and why the solver would refuse a model with a material."""
+    """Cost of a run, and why the solver would refuse a model with a material; None for what is not so."""
     refuse(settings, grid.dimension, name)
     from pdsolve import Model, ModelError, Options, estimate_run
 
