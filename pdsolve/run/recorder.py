@@ -197,10 +197,9 @@ class Recorder:
         self.now = ask(self.system, self.state)
         self.accounts = _accounts(self.system, self.state, past, self.now)
 
-    def writer(self, output: Path | None, meta: Mapping[str, Any]) -> Writer:
-        """The writer of a new database."""
-        cracks = self.system.model.grid.cracks
-        return Writer.create(output, nodes(self.system), partial(families, self.system), cracks, meta)
+    def writer(self, system: System, output: Path | None, meta: Mapping[str, Any]) -> Writer:
+        """The writer of a new database, of a run that begins with this system."""
+        return Writer.create(output, nodes(system), partial(families, system), system.model.grid.cracks, meta)
 
     def divide(self, output: Path | None) -> None:
         """Begin other databases beside `output`, where one is not enough."""

@@ -150,7 +150,12 @@ def _begin(
 ) -> Results:
     """Solve a new run from the state of its records."""
     notes.divide(output)
-    return _finish(notes, lambda: notes.writer(output, meta(notes, provenance)), output, watch, adapt)
+    system = notes.system  # whose nodes may have changed when the writer is made
+
+    def new() -> Writer:
+        return notes.writer(system, output, meta(notes, provenance))
+
+    return _finish(notes, new, output, watch, adapt)
 
 
 def _moved_on(path: Results, output: Path | None, threads: int | None, watch: Watcher | None) -> Results:

@@ -19,6 +19,7 @@ from pdsolve.run.on_ranks.notes import AccountsOnRanks
 from pdsolve.run.on_ranks.rank_file import expect_written
 from pdsolve.run.on_ranks.start import OnRanks
 from pdsolve.run.recorder import KEPT, Past, Recorder
+from pdsolve.run.system import System
 from pdsolve.state import State
 
 BATCH = 64 * CHUNK  # nodes that are asked for together
@@ -85,9 +86,9 @@ class RecorderOnRanks(Recorder):
             )
         )
 
-    def writer(self, output: Path | None, meta: Mapping[str, Any]) -> Writer:
-        """The writer of a new database."""
-        team, system = self._team, self.system
+    def writer(self, system: System, output: Path | None, meta: Mapping[str, Any]) -> Writer:
+        """The writer of a new database, of a run that begins with this system."""
+        team = self._team
         assert isinstance(system, OnRanks)
         grid = system.model.grid
 
