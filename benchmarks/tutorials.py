@@ -185,7 +185,7 @@ def quench(axes: Axes, folder: Path) -> str:
     stress, heat = table(folder / "stress.csv"), table(folder / "temperature.csv")
     depth, temperature, exact = table(DATA / "quenched_slab.csv").values()
     x, scale = stress["x, m"] / 5e-3, 70e9 * 9e-6 * 100
-    found, warm = stress["stress_yy, Pa"] / scale, (heat["concentration, mol/m³"] - 293) / 100
+    found, warm = stress["stress_yy, Pa"] / scale, (heat["temperature, K"] - 293) / 100
     for known, ours, dots, label in ((temperature, warm, ".", "temperature"), (exact, found, "+", "stress")):
         axes.plot(depth, known, color=KNOWN, label="series" if dots == "." else None)
         axes.plot(x, ours, dots, color=OURS, label=label)

@@ -51,6 +51,7 @@ COMMANDS: dict[str, list[str]] = {  # the words behind a command
     "content": ["-o", "out.png"],
     "concentration": ["-o", "out.png"],
     "solid": ["-o", "out.png"],
+    "temperature": ["-o", "out.png"],
     "nodes": ["-o", "out.png"],
     "slice": ["-o", "out.png"],
     "strain": ["-o", "out.png"],

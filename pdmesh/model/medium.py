@@ -11,7 +11,7 @@ from pdmesh.model.timed_selection import Amount, Positive, Selection, Timed, Vec
 
 
 class Medium(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
-    """The liquid in which a solid may dissolve, or any medium of diffusion.
+    """The liquid in which a solid may dissolve, or any medium of diffusion or of heat.
 
     A solid of `C_solid` dissolves into liquid below `C_sat`. With ``enthalpy``, the rate is that at which diffusion
     carries dissolved material away. With ``kinetic``, bonds between solid and liquid have their own stiffness,
@@ -28,6 +28,7 @@ class Medium(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defau
     broken: Annotated[float, msgspec.Meta(ge=0, le=1)] = 1.0  # share of its conductance that a broken bond keeps
     heat_capacity: Positive | None = None  # J/(m^3 K): stretching cools, compression heats; None: they do not
     capped: bool = True  # kinetic: nothing dissolves into liquid that holds C_sat
+    carries: Literal["substance", "heat"] = "substance"  # heat: contents are temperatures, K
 
 
 def contradiction(medium: Medium) -> tuple[str, str, str] | None:
@@ -38,6 +39,8 @@ def contradiction(medium: Medium) -> tuple[str, str, str] | None:
         return missing, "none", "one, as there is the other of C_solid and C_sat"
     if C_solid is not None and C_sat is not None and not C_sat < C_solid:
         return "C_sat", f"{C_sat:g} mol/m^3", f"less than C_solid, {C_solid:g} mol/m^3"
+    if medium.carries == "heat" and C_solid is not None:
+        return "carries", "heat", "substance, as there is a solid"
     if medium.dissolution == "kinetic" and C_solid is None:
         return "C_solid", "none", "one, as the dissolution is kinetic"
     return None

@@ -6,11 +6,11 @@ from typing import Literal, NamedTuple, get_args
 
 Usual = Literal["ux", "uy", "vx", "vy", "ax", "ay", "energy", "damage"]  # of every model
 Along = Literal["uz", "vz", "az"]  # of every model in space
-Own = Literal["sxx", "syy", "sxy", "szz", "sxz", "syz", "plastic", "rotation", "J", "c", "h", "solid"]  # of some
+Own = Literal["sxx", "syy", "sxy", "szz", "sxz", "syz", "plastic", "rotation", "J", "c", "h", "solid", "T"]  # of some
 Column = Usual | Along | Own
 USUAL: tuple[Column, ...] = get_args(Usual)
 ALONG: tuple[Column, ...] = get_args(Along)
-OF_CONTENT: tuple[Column, ...] = ("c", "h", "solid")  # of what diffuses
+OF_CONTENT: tuple[Column, ...] = ("c", "h", "solid", "T")  # of what diffuses
 
 CRACKED = 0.35  # damage above which a node belongs to a crack
 
@@ -40,6 +40,7 @@ FIELDS = {
     "concentration": Field("mol/m^3", ("c",)),  # of what is dissolved
     "content": Field("mol/m^3", ("h",)),  # the same, with what is solid
     "solid": Field("1", ("solid",)),  # share of the node
+    "temperature": Field("K", ("T",)),
 }
 IN_SPACE: dict[str, tuple[Column, ...]] = {  # columns that fields have besides in bodies
     "displacement": ("uz",),

@@ -51,7 +51,8 @@ def medium_of(medium: Medium | Heat | None, material: Material | None) -> Medium
     if not isinstance(medium, Heat):
         return medium
     rho_c = capacity(medium, material, "medium")
-    return Medium(D=medium.k / rho_c, broken=medium.broken, heat_capacity=rho_c if medium.deformation else None)
+    own = rho_c if medium.deformation else None
+    return Medium(D=medium.k / rho_c, broken=medium.broken, heat_capacity=own, carries="heat")
 
 
 def physics_of(medium: Medium | Heat | None, material: Material | None, regions: Iterable[Region]) -> Physics:

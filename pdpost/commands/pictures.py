@@ -57,6 +57,7 @@ FIELDS = {  # as fields.FIELDS, which is not imported for --help
     "concentration": "draw the concentration of the dissolved substance, in models of diffusion",
     "content": "draw the content: dissolved and solid together",
     "solid": "draw the solid share of each node",
+    "temperature": "draw the temperature, in models of heat",
 }
 PARTS = {
     **dict.fromkeys(("displacement", "velocity", "acceleration"), "magnitude (default), x, y, of a body z"),

@@ -20,7 +20,7 @@ from pdpost.reading.stored_fields import diffuses
 from pdsolve.results import Nodes, Results
 
 VECTORS = {"displacement": "u", "velocity": "v", "acceleration": "a"}
-SCALARS = {name: name for name in ("energy", "solid")} | {"concentration": "c", "content": "h"}
+SCALARS = {name: name for name in ("energy", "solid")} | {"concentration": "c", "content": "h", "temperature": "T"}
 SQUARE = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])  # of a node
 CUBE = np.vstack([np.column_stack([SQUARE, np.full(4, height)]) for height in (-0.5, 0.5)])
 SUFFIXES = (".vtu", ".pvd", ".xdmf", ".msh", ".csv")

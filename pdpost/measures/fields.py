@@ -68,6 +68,7 @@ FIELDS = {
         _stored("concentration", "Concentration"),
         _stored("content", "Content, the solid counted"),
         _stored("solid", "Share that is solid"),
+        _stored("temperature", "Temperature"),
     )
 }
 

@@ -100,15 +100,18 @@ def stiffness(results: Results, step: int) -> Stiffness:
 def thermal(results: Results, step: int) -> NDArray[np.float64]:
     """The strain (n,) of free nodes at `step`, alpha (T - T0); 0 in a model of mechanics alone.
 
-    Raises ResultsError if the frame does not hold the temperature (or the concentration), c.
+    Raises ResultsError if the frame holds neither the temperature, T, nor the concentration, c.
     """
     if physics_of(results) != "thermoelastic":
         return np.zeros(len(results.rows(step)))
-    if "c" not in results.stored(step):
-        raise ResultsError(f"{results.name}: found no field 'c' at step {step}, expected one (pdsolve --fields +c)")
+    content = next((name for name in ("T", "c") if name in results.stored(step)), None)
+    if content is None:
+        raise ResultsError(
+            f"{results.name}: found no field 'T' or 'c' at step {step}, expected one (pdsolve --fields +T, or +c)"
+        )
     which, materials = _materials(results, step)
     alpha, T0 = (np.array(each)[which] for each in zip(*((m.alpha, m.T0) for m in materials), strict=True))
-    return np.asarray(alpha * (results.field("c", step).astype(float) - T0))
+    return np.asarray(alpha * (results.field(content, step).astype(float) - T0))
 
 
 def _materials(results: Results, step: int) -> tuple[NDArray[np.int64], tuple[Material, ...]]:

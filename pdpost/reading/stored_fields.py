@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from pdmesh.model.output_fields import of_dimension
 from pdsolve.results import Results, ResultsError
 
-OF_DIFFUSION = ("concentration", "content", "solid")
+OF_DIFFUSION = ("concentration", "content", "solid", "temperature")
 
 
 def scalar(results: Results, name: str, step: int) -> NDArray[np.float64]:

@@ -140,8 +140,10 @@ class Fick:
         return np.zeros(len(self.volume)), np.zeros(len(self.volume))
 
     def fields(self, state: State) -> dict[str, NDArray[np.float64]]:
-        """Concentration and content, mol/m^3, and solid share, (n,) each."""
+        """Concentration and content, mol/m^3, and solid share, or temperature, K, (n,) each."""
         content = state.value[:, 0]
+        if self.medium.carries == "heat":
+            return {"T": content}
         return {"c": potential(self.medium, content), "h": content, "solid": self.share(state)}
 
     def stiffness_bound(self) -> NDArray[np.float64]:

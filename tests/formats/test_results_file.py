@@ -70,6 +70,7 @@ def test_plain_sql_sees_the_numbers(small_results: Path) -> None:
         "c",
         "h",
         "solid",
+        "T",
     ]
     connection.close()
 

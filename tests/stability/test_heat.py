@@ -31,10 +31,10 @@ def largest(rows: int, Bi: int, *, steps: int, last: float) -> float:
     built = build(scene)
     with simulate(Model(built.grid, built.settings), None, Options(threads=1)) as results:
         x, y = results.nodes(0).position.T
-        edge = (x < h) & (np.abs(y - long / 2) < 2 * h)
+        edge = (x < h / 2) & (np.abs(y - long / 2) < 2 * h)
         stress = []
         for step in range(1, steps + 1):
-            c = (results.field("c", step)[edge] - COLD) / (HOT - COLD)
+            c = (results.field("T", step)[edge] - COLD) / (HOT - COLD)
             strain = fields.components(results, "strain", step)["yy"][edge] / (9e-6 * (HOT - COLD))
             stress.append(float((strain + 1 - c).mean()))
     return max(stress) / LARGEST[Bi]

@@ -78,7 +78,7 @@ def test_a_bar_that_is_pulled_at_rest_is_colder(tmp_path: Path) -> None:
 
 def test_scenes_say_whether_deformation_heats() -> None:
     scene = Scene(box(0, 0, 0.02, 0.01), 1e-3, STEEL, medium=Heat(k=50.0, c=500.0, deformation=True))
-    assert build(scene).settings.medium == Medium(D=1.25e-5, heat_capacity=4e6)
+    assert build(scene).settings.medium == Medium(D=1.25e-5, heat_capacity=4e6, carries="heat")
 
 
 def test_diffusion_alone_deforms_nothing() -> None:

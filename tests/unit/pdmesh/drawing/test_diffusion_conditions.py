@@ -54,7 +54,7 @@ def settings(values: dict[str, float | str | None]) -> Settings:
 
 def test_a_drawing_has_both_kinds_of_conditions() -> None:
     found = settings({})
-    assert (found.physics, found.medium) == ("thermoelastic", Medium(D=5e-7))
+    assert (found.physics, found.medium) == ("thermoelastic", Medium(D=5e-7, carries="heat"))
     assert found.material is not None
     assert (found.material.alpha, found.material.T0) == (9e-6, 300.0)
     by_name = {condition.name: condition for condition in found.conditions}
@@ -71,8 +71,8 @@ def test_a_drawing_has_both_kinds_of_conditions() -> None:
     assert isinstance(warm, InitialConcentration)
     assert warm.value == 320.0
     assert isinstance(foot, Displacement)
-    assert settings({"Medium/Broken": 0.2}).medium == Medium(D=5e-7, broken=0.2)
-    assert settings({"Medium/Deformation": 1.0}).medium == Medium(D=5e-7, heat_capacity=2e6)
+    assert settings({"Medium/Broken": 0.2}).medium == Medium(D=5e-7, broken=0.2, carries="heat")
+    assert settings({"Medium/Deformation": 1.0}).medium == Medium(D=5e-7, heat_capacity=2e6, carries="heat")
     of_D: dict[str, float | str | None] = {"Medium/k": None, "Medium/c": None, "Medium/D": 1e-7, "Medium/Broken": 0.3}
     gone: dict[str, float | str | None] = {"Exchanges/right/h": None, "Exchanges/right/Coefficient": 1.0}
     gone |= {"Supplies/top/Heat flux": None, "Supplies/top/Flux": 1.0}

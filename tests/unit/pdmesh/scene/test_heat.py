@@ -36,7 +36,7 @@ def test_watts_become_rates_of_temperature() -> None:
     """Heat in watts is divided by rho c = 2e6 J/(m^3 K)."""
     _, settings, _ = build_grid(plate())
     assert settings.physics == "thermoelastic"
-    assert settings.medium == Medium(D=5e-7)
+    assert settings.medium == Medium(D=5e-7, carries="heat")
     held, cooled, flux, rate, began, fixed = settings.conditions
     assert isinstance(held, Concentration)
     assert (held.value, held.profile, len(held.nodes or ())) == (350.0, ((0.0, 1.0), (1.0, 2.0)), 11)
@@ -75,7 +75,7 @@ def test_a_body_takes_heat_through_its_sheets() -> None:
     )
     settings = build(meshed(body)).settings
     held, cooled, flux, began, _ = settings.conditions
-    assert (settings.physics, settings.medium) == ("thermoelastic", Medium(D=5e-7))
+    assert (settings.physics, settings.medium) == ("thermoelastic", Medium(D=5e-7, carries="heat"))
     assert isinstance(held, Concentration)
     assert held.value == 350.0
     assert isinstance(cooled, Exchange)
