@@ -31,7 +31,7 @@ DEFAULT = Options()
 
 # Peak of the whole process, bytes: at least, half of it libraries' files, of which systems map more or less; and for
 # each node
-MEMORY = {"thesis": (196e6, 1350.0), "conservative": (181e6, 1300.0)}
+MEMORY = {"thesis": (196e6, 1030.0), "conservative": (181e6, 1030.0)}
 IN_SPACE = 1700.0  # bytes for each node of a body in tiles whose file lists it
 LATTICE = {"float64": 480.0, "float32": 385.0}  # bytes for each node of a box in space whose file holds a lattice
 LISTED = 130.0  # bytes for each bond of a law that is no pair's

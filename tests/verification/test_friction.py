@@ -23,12 +23,15 @@ def cells(columns: int, rows: int, x: float, y: float) -> np.ndarray:
 
 
 def slid(mu: float, angle: float) -> tuple[float, float, Ledger]:
-    """How far a block of 15 x 6 nodes has come along a held one, m, the heat, J/m, and the ledger."""
+    """How far a block of 15 x 6 nodes has come along a held one, m, the heat, J/m, and the ledger.
+
+    It falls onto the held one, and would rattle there without a loss: friction makes 6 % less heat then.
+    """
     grid = grid_of([cells(60, 4, 0, -4 * H), cells(15, 6, 0.2, 0)], H)
     below, block = tuple(grid.ids[:240].tolist()), tuple(grid.ids[240:].tolist())
     pull = Load(body_force=(G * np.sin(angle), -G * np.cos(angle)), nodes=block)
     conditions = (Displacement(x=0.0, y=0.0, nodes=below), pull)
-    settings = Settings(material=UNIT, conditions=conditions, contact=Contact(friction=mu))
+    settings = Settings(material=UNIT, conditions=conditions, contact=Contact(friction=mu, restitution=0.5))
     system, state = prepared = prepare(Model(grid, settings), Options(threads=1))
     steps = int(DURATION / system.time_step)
     prepared.march(1, steps + 1)
@@ -40,13 +43,13 @@ def slid(mu: float, angle: float) -> tuple[float, float, Ledger]:
 @pytest.mark.parametrize("mu", [0.0, 0.2])
 def test_a_block_slides(mu: float) -> None:
     way, heat, last = slid(mu, 0.3)
-    assert way == pytest.approx(G * (np.sin(0.3) - mu * np.cos(0.3)) * last.time**2 / 2, rel=0.01)  # 2e-8, .004
-    assert heat == pytest.approx(mu * G * np.cos(0.3) * 90 * H**2 * way, rel=0.05)  # .04: it rattles
+    assert way == pytest.approx(G * (np.sin(0.3) - mu * np.cos(0.3)) * last.time**2 / 2, rel=0.01)  # 3e-9, .003
+    assert heat == pytest.approx(mu * G * np.cos(0.3) * 90 * H**2 * way, rel=0.03)  # .019
     assert last.friction == heat
-    assert abs(last.balance(0.0)) < 5e-3  # 5e-7, .004
+    assert abs(last.balance(0.0)) < 1e-3  # 8e-8, 2e-4
 
 
 @pytest.mark.slow
 def test_a_block_sticks() -> None:
     way, _, _ = slid(0.2, 0.1)
-    assert way < 1e-4 * H  # 6e-5 H; without friction .1
+    assert way < 1e-4 * H  # 2e-5 H; without friction .1
