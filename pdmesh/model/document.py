@@ -63,6 +63,7 @@ SLACK = 1e-9  # of a step: round-off
 MOST_LEVELS = 6  # how often a cell can be split
 
 START, END = b',\n"digest": "', b'"\n}\n'  # around the hexadecimal digits
+LARGE = 4_000_000  # bytes of a file whose digest is computed beside its reading
 KEY = b'"digest"'  # in a file that another program has written anew
 
 # hybrid: peridynamics where bonds may break, a compact lattice elsewhere; auto: hybrid or none, as costs less;
@@ -345,8 +346,16 @@ def read_file(path: Path) -> Document:
         data = read_bytes(path)
     except OSError as error:
         raise GridError(f"{path}: cannot be read: {error.strerror}") from None
-    document = read_document(data, str(path))
-    compare(data, str(path))
+    if len(data) < LARGE:
+        document = read_document(data, str(path))
+        _compare(str(path), _matches(data))
+        return document
+    from concurrent.futures import ThreadPoolExecutor  # here, as few files are so large
+
+    with ThreadPoolExecutor(1) as pool:  # the digest leaves Python to what reads
+        matches = pool.submit(_matches, data)
+        document = read_document(data, str(path))
+    _compare(str(path), matches.result())
     return document
 
 
@@ -382,15 +391,20 @@ def sealed(*head: bytes) -> bytes:
     return b"".join([*head, START, _digest(*head), END])
 
 
-def compare(data: bytes, name: str) -> None:
-    """Warn with GridWarning if the text of the file called `name` does not match its digest.
+def _matches(data: bytes) -> bool:
+    """Whether the text of a file matches its digest.
 
     Converted line ends are accepted. A file without a digest passes, as other programs write none.
     """
     if b"\r" in data:
         data = data.replace(b"\r\n", b"\n")
     at = data.rfind(START)
-    if (data[at + len(START) :] == _digest(memoryview(data)[:at]) + END) if at >= 0 else KEY not in data:
+    return (data[at + len(START) :] == _digest(memoryview(data)[:at]) + END) if at >= 0 else KEY not in data
+
+
+def _compare(name: str, matches: bool) -> None:
+    """Warn with GridWarning of a file called `name` whose text does not match its digest."""
+    if matches:
         return
     warnings.warn(
         f"{name}: $.digest: found one that does not match the file, expected that of its content: the file was"

@@ -54,6 +54,7 @@ def test_a_plane_through_a_body(screw: Path, tmp_path: Path, capsys: pytest.Capt
     assert path.stat().st_size > 5000
 
 
+@pytest.mark.slow
 def test_how_a_body_looks(screw: Path, tmp_path: Path) -> None:
     pytest.importorskip("pyvista")
     path = tmp_path / "look.png"

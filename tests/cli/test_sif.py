@@ -59,6 +59,7 @@ def test_intensities_of_an_edge_crack(pulled: Path, case: Case, capsys: pytest.C
     assert tip["dD_da"] == [None] * 3
 
 
+@pytest.mark.slow
 def test_what_K_says_of_J_is_remarked_outside_its_band(
     pulled: Path, here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

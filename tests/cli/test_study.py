@@ -346,6 +346,7 @@ def test_the_axis_and_the_measures_suit_what_varies(
     assert "branching" not in names or names[-1] == "branching" or len(rows) < 3
 
 
+@pytest.mark.slow
 def test_paths_and_tradeoff_take_it(solved: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert pdpost(["crack", "study.sqlite", "--json", "-o", "paths.png"]) == 0
     found = json.loads(capsys.readouterr().out)

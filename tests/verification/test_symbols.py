@@ -64,6 +64,7 @@ def test_controls(
         assert eigenvalues(problem, 1, 0) == pytest.approx(stripes, abs=tight)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("control", ["silling", "wan", "breitzman-dayal"])
 def test_uniform_strain_meets_nothing_inside(control: str) -> None:
     """And holds the energy of Hooke's plate, whatever Poisson's ratio."""

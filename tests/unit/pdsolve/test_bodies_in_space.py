@@ -88,6 +88,7 @@ def test_equal_blocks_in_space_change_velocities() -> None:
     assert np.abs(momentum - [-1e-3 * 0.09, 0, 0]).max() < 1e-13 * 1e-3 * 0.09
 
 
+@pytest.mark.slow
 def test_a_rigid_ball_bounces_from_a_plate() -> None:
     ball = plate().rigid(Sphere((0.5, 0.5, 0.5), 0.2), "ball", 0.05, (0.0, 0.0, -1e-3), (0.0, 0.1, 0.0), spacing=0.05)
     (system, state), steps, pushed = prepared(ball), 120, 0.0
@@ -133,6 +134,7 @@ def struck() -> Prepared:
     return prepared(target.rigid(Sphere((0, 0, 2e-3), 2e-3), "ball", 1e-4, (0.0, 0.0, -100.0), held=("spin",)))
 
 
+@pytest.mark.slow
 def test_contact_of_a_ball_on_a_plate_has_the_constants_of_lammps() -> None:
     """c = 18 K / (pi delta^4) with K = 14.9 GPa and delta = 1.5 mm; contact 15 c / delta."""
     model = struck().system.model
@@ -141,6 +143,7 @@ def test_contact_of_a_ball_on_a_plate_has_the_constants_of_lammps() -> None:
     assert pair_stiffness(model, model.settings.contact) == pytest.approx(15 * c / 1.5e-3, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_a_ball_breaks_a_plate_into_mirror_symmetric_quarters() -> None:
     system, state = both = struck()
     both.march(1, 81)

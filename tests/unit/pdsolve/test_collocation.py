@@ -40,6 +40,7 @@ SEAM = naming("damped seam", re.compile(r"\b\d+ %"))  # what it took, of what wa
 REGION = Region(box=(0.0, 0.0, 0.01, 0.01), material=msgspec.structs.replace(PLATE.materials[0], E=2e11))
 
 
+@pytest.mark.slow
 def test_bonds_of_the_start_stay_as_they_are_while_others_march(monkeypatch: pytest.MonkeyPatch) -> None:
     """A writer asks for them in a thread of its own: here bonds break amid the answer."""
     problem = prepare(torn("collocation"), Options(threads=1))

@@ -118,6 +118,7 @@ def test_a_crack_at_rest_grows_by_its_intensities(tmp_path: Path) -> None:
     assert contents(path) == contents(whole)
 
 
+@pytest.mark.slow
 def test_a_crack_by_intensities_reaches_the_edge(tmp_path: Path) -> None:
     """Between two grips that part slowly it goes straight through, by a smaller ring and by J where an edge is near,
     and the plate is in two."""
