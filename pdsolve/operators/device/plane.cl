@@ -112,42 +112,42 @@ inline void sum_bonds(FORCE_PARAMETERS, __global const REAL *before, __global co
 }
 
 #ifdef TOGETHER
-/* Force densities (DIM, 8) on the nodes from i on, in vectors; false where a bond of theirs is long, has softened or is
-   over its limit, and nodes are summed one by one. */
+/* Force densities (DIM, TOGETHER) on the nodes from i on, in vectors; false where a bond of theirs is long, has softened
+   or is over its limit, and nodes are summed one by one. */
 inline bool sum_short(FORCE_PARAMETERS, __global const REAL *u, int m, int i, SUM *force) {
   int b = i / 64, lane = i % 64, first = start[b], last = start[b + 1];
-  REALS here_x = vload8(0, u + i), here_y = vload8(0, u + m + i), fx = 0, fy = 0;
+  REALS here_x = LOAD(u + i), here_y = LOAD(u + m + i), fx = 0, fy = 0;
   INTEGERS others = 0;
-  uint8 lost = 0;
+  BITS lost = 0;
   uint some = 0;
   for (int slot = first; slot < last; ++slot) {
     int at = (slot - first) % 32;
     if (at == 0) {
       long place = (long)((slot - first) / 32) * m + i;
 #ifdef SOFTENS
-      uint8 softened = vload8(0, soft + place);
+      BITS softened = LOAD(soft + place);
       if (ANY_OF(softened))
         return false;
 #endif
-      lost = vload8(0, gone + place);
+      lost = LOAD(gone + place);
       some = ANY_OF(lost);
     }
     __global const int *row = slots + 8L * slot;
     __global const REAL *v = vectors + 8 * row[4];
     int way = row[lane / 16];
-    REALS w = vload8(0, stiffness + 64 * row[5] + lane), most = vload8(0, edge + 64 * row[6] + lane), x, y;
+    REALS w = LOAD(stiffness + 64 * row[5] + lane), most = LOAD(edge + 64 * row[6] + lane), x, y;
     if (some >> at & 1) {
       INTEGERS out = WIDENED(TO_INTEGER)((lost >> (uint)at & 1u) != 0u);
       w = select(w, (REALS)0, out);
       most = select(most, (REALS)INFINITY, out);
     }
     if (way < FAR) {
-      x = vload8(0, u + i + way);
-      y = vload8(0, u + m + i + way);
+      x = LOAD(u + i + way);
+      y = LOAD(u + m + i + way);
     } else {
       __global const int *j = ids + 16L * (way - FAR) + lane % 16;
-      x = (REALS)(u[j[0]], u[j[1]], u[j[2]], u[j[3]], u[j[4]], u[j[5]], u[j[6]], u[j[7]]);
-      y = (REALS)(u[m + j[0]], u[m + j[1]], u[m + j[2]], u[m + j[3]], u[m + j[4]], u[m + j[5]], u[m + j[6]], u[m + j[7]]);
+      x = GATHER(u, j);
+      y = GATHER(u + m, j);
     }
     x -= here_x;
     y -= here_y;
@@ -160,8 +160,8 @@ inline bool sum_short(FORCE_PARAMETERS, __global const REAL *u, int m, int i, SU
     fx = fma(pull, (REALS)v[0] + x, fx);
     fy = fma(pull, (REALS)v[1] + y, fy);
   }
-  vstore8(fx, 0, force);
-  vstore8(fy, 0, force + 8);
+  WIDENED(vstore)(fx, 0, force);
+  WIDENED(vstore)(fy, 0, force + TOGETHER);
   return !any(others);
 }
 #endif

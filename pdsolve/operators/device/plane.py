@@ -40,7 +40,7 @@ class PlaneOnDevice(Padded, SimdLattice):
         """Arguments are those of `SimdLattice`. Raises ModelError if the device has too little memory."""
         super().__init__(law, blocks, stiffest, symmetric, softens)
         self.session, self.dimension, self.fused, self.stale = session, 2, True, True
-        self.together = together(session.about.kind)
+        self.together = together(session.about.kind, blocks.vectors.dtype)
         self.room = self.tracks.v.shape[1]
         self._remembers = bool(self.tracks.worst.size)
         words = -(-int(np.diff(blocks.start).max(initial=1)) // WORD)

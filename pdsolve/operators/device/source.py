@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from importlib import resources
+from typing import Any
 
 import numpy as np
 
@@ -41,19 +42,32 @@ def body_functions(functions: Mapping[str, Function], numbers: Mapping[str, int 
     return "\n".join([law.source, *(f"#define {name} {value}" for name, value in defined.items()), text_of(file)])
 
 
-VECTORS = """
-#define JOINED(a, b) a##b
-#define WIDENED(a) JOINED(a, 8)
-#define REALS WIDENED(REAL)
-#define INTEGERS WIDENED(INTEGER)
-#define ANY_OF(a) ((a).s0 | (a).s1 | (a).s2 | (a).s3 | (a).s4 | (a).s5 | (a).s6 | (a).s7)
-#define ALL_OF(a) ((a).s0 & (a).s1 & (a).s2 & (a).s3 & (a).s4 & (a).s5 & (a).s6 & (a).s7)
-"""
+def together(kind: str, precision: np.dtype[Any]) -> int:
+    """How many nodes a work item of a kind of device sums: a processor in vectors of 32 bytes, a GPU one a lane.
+
+    PoCL 3.0 does not compile vectors of 64 bytes where the processor has registers for them.
+    """
+    return 32 // precision.itemsize if kind == "CPU" else 1
 
 
-def together(kind: str) -> int:
-    """How many nodes a work item of a kind of device sums: in vectors by a processor; a GPU's is a lane of its own."""
-    return 8 if kind == "CPU" else 1
+def vectors(nodes: int) -> list[str]:
+    """Types and functions of vectors with a number for each of the nodes that a work item sums."""
+
+    def each(number: str, joined: str) -> str:
+        return joined.join(number.format(k) for k in range(nodes))
+
+    return [
+        f"#define TOGETHER {nodes}",
+        "#define JOINED(a, b) a##b",
+        f"#define WIDENED(a) JOINED(a, {nodes})",
+        "#define REALS WIDENED(REAL)",
+        "#define INTEGERS WIDENED(INTEGER)",
+        "#define BITS WIDENED(uint)",
+        "#define LOAD(from) WIDENED(vload)(0, from)",
+        f"#define GATHER(from, at) (REALS)({each('(from)[(at)[{}]]', ', ')})",
+        f"#define ANY_OF(a) ({each('(a).s{}', ' | ')})",
+        f"#define ALL_OF(a) ({each('(a).s{}', ' & ')})",
+    ]
 
 
 def preamble(precision: str, dimension: int, nodes: int = 1) -> str:
@@ -75,7 +89,7 @@ def preamble(precision: str, dimension: int, nodes: int = 1) -> str:
         f"#define WIDE {WIDE.hex()}",
     ]
     if nodes > 1:
-        lines += [f"#define TOGETHER {nodes}", VECTORS]
+        lines += vectors(nodes)
     for name, factors in zip(("NARROW", "WIDE"), coefficients(precision), strict=True):
         exact = [f"(KIND)({float(kind(factor)).hex()})" for factor in factors]
         value = exact[-1]

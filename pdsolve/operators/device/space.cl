@@ -130,10 +130,10 @@ inline void sum_bonds(FORCE_PARAMETERS, __global const REAL *before, __global co
 }
 
 #ifdef TOGETHER
-/* Force densities (DIM, 8) on the sites from i on, in vectors; false where there is no node, or a bond of theirs is long
-   or of a tile with softened ones, and sites are summed one by one. */
+/* Force densities (DIM, TOGETHER) on the sites from i on, in vectors; false where there is no node, or a bond of theirs
+   is long or of a tile with softened ones, and sites are summed one by one. */
 inline bool sum_short(FORCE_PARAMETERS, __global const REAL *u, int m, int i, SUM *force) {
-  if (all(vload8(0, node + i) < 0))
+  if (all(LOAD(node + i) < 0))
     return false;
   int tile = (i - MARGIN) / 16, of = kind[tile];
 #ifdef SOFTENS
@@ -142,34 +142,34 @@ inline bool sum_short(FORCE_PARAMETERS, __global const REAL *u, int m, int i, SU
 #endif
   REALS here[3], corrected[3], sums[3];
   for (int axis = 0; axis < 3; ++axis) {
-    here[axis] = vload8(0, u + (long)axis * m + i);
-    corrected[axis] = vload8(0, c + (long)axis * m + i);
+    here[axis] = LOAD(u + (long)axis * m + i);
+    corrected[axis] = LOAD(c + (long)axis * m + i);
     sums[axis] = 0;
   }
-  REALS half_modulus = vload8(0, cells + m + i);
+  REALS half_modulus = LOAD(cells + m + i);
   INTEGERS others = 0;
-  uint8 there = 0;
+  BITS there = 0;
   uint every = 0;
   for (int slot = 0; slot < COUNT; ++slot) {
     int at = slot % 32, j = i + offsets[slot];
     if (at == 0) {
-      there = vload8(0, intact + (long)(slot / 32) * m + i);
+      there = LOAD(intact + (long)(slot / 32) * m + i);
       every = ALL_OF(there);
     }
     __global const REAL *row = table + 12 * slot;
     REALS eta[3], e = 0;
     for (int axis = 0; axis < 3; ++axis) {
-      eta[axis] = vload8(0, u + (long)axis * m + j) - here[axis];
+      eta[axis] = LOAD(u + (long)axis * m + j) - here[axis];
       e = fma(fma((REALS)row[INVERSE], eta[axis], (REALS)row[3 + axis]), eta[axis], e);
     }
     REALS w = row[PULL];
     if (of != ALIKE) {
-      w = (REALS)row[SHARES] * (vload8(0, c + j) + corrected[0]);
+      w = (REALS)row[SHARES] * (LOAD(c + j) + corrected[0]);
       for (int axis = 1; axis < 3; ++axis)
-        w = fma((REALS)row[SHARES + axis], vload8(0, c + (long)axis * m + j) + corrected[axis], w);
+        w = fma((REALS)row[SHARES + axis], LOAD(c + (long)axis * m + j) + corrected[axis], w);
       if (of >= GENERAL) {
-        w *= vload8(0, cells + j);
-        w *= vload8(0, cells + m + j) + half_modulus;
+        w *= LOAD(cells + j);
+        w *= LOAD(cells + m + j) + half_modulus;
       }
     }
     if (!(every >> at & 1)) {
@@ -183,8 +183,8 @@ inline bool sum_short(FORCE_PARAMETERS, __global const REAL *u, int m, int i, SU
       sums[axis] = fma(pull, (REALS)row[axis] + eta[axis], sums[axis]);
   }
   for (int axis = 0; axis < 3; ++axis)
-    for (int k = 0; k < 8; ++k)
-      force[8 * axis + k] = (double)((REAL *)&sums[axis])[k];
+    for (int k = 0; k < TOGETHER; ++k)
+      force[TOGETHER * axis + k] = (double)((REAL *)&sums[axis])[k];
   return !any(others);
 }
 #endif

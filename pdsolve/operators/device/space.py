@@ -37,7 +37,7 @@ class SpaceOnDevice(SpaceLattice):
         super().__init__(law, tiles, sites, stiffest, symmetric, 1)
         self.session, self.dimension, self.fused, self.stale = session, 3, False, True
         self.room = -(-sites.size // GROUP) * GROUP
-        self.together = together(session.about.kind)
+        self.together = together(session.about.kind, tiles.table.dtype)
         self._words, self._most = -(-len(tiles.offsets) // WORD), max(FEWEST, EACH * len(stiffest))
         self._most = min(self._most, int(families.counts(tiles.bits, sites).sum()))
         tables = (tiles.offsets, tiles.table, tiles.c, tiles.cells, tiles.kind, tiles.peak, tiles.limit)
