@@ -29,21 +29,21 @@ def nothing(law: Any, xi: tuple[Any, ...], none: Any) -> tuple[Any, ...]:
     return tuple(_bound[type(law)]["nothing"](law, xi, none))
 
 
-def say(law: Any, bond: Bond, c: tuple[Any, ...], sums: tuple[Any, ...]) -> tuple[Any, ...]:
+def accumulate(law: Any, bond: Bond, c: tuple[Any, ...], sums: tuple[Any, ...]) -> tuple[Any, ...]:
     """The sums plus the contribution of a bond with the numbers c."""
-    return tuple(_bound[type(law)]["say"](law, bond, c, sums))
+    return tuple(_bound[type(law)]["accumulate"](law, bond, c, sums))
 
 
-def shows(law: Any, xi: tuple[Any, ...], m: NDArray[Any], i: Any) -> tuple[Any, ...]:
+def nodal_numbers(law: Any, xi: tuple[Any, ...], m: NDArray[Any], i: Any) -> tuple[Any, ...]:
     """The numbers of node i that its neighbours need."""
-    return tuple(_bound[type(law)]["shows"](law, xi, m, i))
+    return tuple(_bound[type(law)]["nodal_numbers"](law, xi, m, i))
 
 
-def exchange(
+def bond_force(
     law: Any, bond: Bond, c: tuple[Any, ...], here: tuple[Any, ...], there: tuple[Any, ...]
 ) -> tuple[Any, ...]:
     """Force density of a bond with the numbers c on its node, N/m^3, from the numbers of both ends."""
-    return tuple(_bound[type(law)]["exchange"](law, bond, c, here, there))
+    return tuple(_bound[type(law)]["bond_force"](law, bond, c, here, there))
 
 
 def finish(law: Any, sums: tuple[Any, ...], own: tuple[Any, ...]) -> tuple[Any, ...]:
@@ -390,17 +390,17 @@ def _bind_sums(kind: type, said: dict[str, Function]) -> None:
     def _nothing(law, xi, none):  # type: ignore[no-untyped-def]
         return _chosen(law, kind, said["nothing"])
 
-    @overload(say, jit_options=INLINE)
-    def _say(law, bond, c, sums):  # type: ignore[no-untyped-def]
-        return _chosen(law, kind, said["say"])
+    @overload(accumulate, jit_options=INLINE)
+    def _accumulate(law, bond, c, sums):  # type: ignore[no-untyped-def]
+        return _chosen(law, kind, said["accumulate"])
 
-    @overload(shows, jit_options=INLINE)
-    def _shows(law, xi, m, i):  # type: ignore[no-untyped-def]
-        return _chosen(law, kind, said["shows"])
+    @overload(nodal_numbers, jit_options=INLINE)
+    def _nodal_numbers(law, xi, m, i):  # type: ignore[no-untyped-def]
+        return _chosen(law, kind, said["nodal_numbers"])
 
-    @overload(exchange, jit_options=INLINE)
-    def _exchange(law, bond, c, here, there):  # type: ignore[no-untyped-def]
-        return _chosen(law, kind, said["exchange"])
+    @overload(bond_force, jit_options=INLINE)
+    def _bond_force(law, bond, c, here, there):  # type: ignore[no-untyped-def]
+        return _chosen(law, kind, said["bond_force"])
 
 
 def _bind_lanes(kind: type, said: dict[str, Function]) -> None:

@@ -20,7 +20,7 @@ from pdsolve.diffusion.swelling import Swelling
 from pdsolve.laws import law_of
 from pdsolve.model import Model, counted
 from pdsolve.options import Options, threads_of
-from pdsolve.run.operator_factory import stable, surveyed
+from pdsolve.run.operator_factory import bond_counts, stable
 from pdsolve.run.prepare import prepare, scheme_of
 from pdsolve.run.static_start import still
 from pdsolve.run.time_step import step_of
@@ -108,8 +108,8 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
         count, bound = prepared.count, prepared.bound
         step = step_of(model, bound)
     elif paired and not (moves or model.swells) and settings.run.solver != "static":
-        count, stiffest, in_blocks = surveyed(model, options, scheme)
-        bound = stable(stiffest, model.rho)
+        count, stiffness_bound, in_blocks = bond_counts(model, options, scheme)
+        bound = stable(stiffness_bound, model.rho)
         step = step_of(model, bound)
     else:
         system = prepare(model, options).system

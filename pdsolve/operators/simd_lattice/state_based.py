@@ -80,7 +80,7 @@ class Families(BondList):
         own = law.lanes.standing(self.columns, self._every)
         idle = np.repeat(own[:, :1], room - self._nodes, axis=1)  # as good as any, and no 0 over 0
         self._own = aligned(np.hstack([own, idle]).astype(kind))
-        self._likes = (0,) * len(self._tabled.columns), (0,) * self._tabled.shown, (0,) * len(own), (0,) * d
+        self._likes = (0,) * len(self._tabled.columns), (0,) * self._tabled.nodal_count, (0,) * len(own), (0,) * d
         self._by_lanes = law.lanes.by_lanes(self.columns)
         self._ready = True
 
