@@ -142,6 +142,13 @@ def for_swelling(model: Model, options: Options) -> Options:
     return options if fast else options._replace(kernel="listed")
 
 
+def bonded(operator: Operator) -> Operator:
+    """The operator of bonds in one to which supports or contact may be added."""
+    while isinstance(operator, Together):
+        operator = operator.parts[-1]
+    return operator
+
+
 def in_blocks(operator: Operator) -> tuple[SimdLattice | None, PenaltyContact | None]:
     """The blocks of an operator, if they are all there is of it but for contact; and that."""
     if isinstance(operator, Together):

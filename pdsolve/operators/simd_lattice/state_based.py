@@ -17,9 +17,8 @@ from pdsolve.operators import bond_list_loops as loops
 from pdsolve.operators.bond_list import BondList
 from pdsolve.operators.protocol import Kept
 from pdsolve.operators.simd_lattice import layout
-from pdsolve.operators.simd_lattice.distinct import Distinct
 from pdsolve.operators.simd_lattice.kernel import LANES
-from pdsolve.operators.simd_lattice.layout import SAME_STIFFNESS, Placed, aligned
+from pdsolve.operators.simd_lattice.layout import SAME_STIFFNESS, Distinct, Placed, aligned
 from pdsolve.operators.simd_lattice.passes import KIND, Slots, exchange_blocks, gather_blocks, watch_blocks
 from pdsolve.state import Broken, State
 
