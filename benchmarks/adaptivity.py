@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from benchmarks import pages, split
 from benchmarks.runs import PLATES
 from pdmesh.drawing.additions import ADAPT
-from pdmesh.drawing.file_reading import build
+from pdmesh.drawing.file_reading import build_file
 from pdsolve.model import Model, ModelWarning
 from pdsolve.options import Options
 from pdsolve.run.measures import books, damage
@@ -97,7 +97,7 @@ class Found(NamedTuple):
 
 def model(file: str, assignments: tuple[tuple[str, str], ...] = ()) -> Model:
     """A shipped scene, as it is built for a fine zone that moves."""
-    built = build(GEOMETRIES / file, [(ADAPT, "hybrid"), *assignments], trust=True)
+    built = build_file(GEOMETRIES / file, [(ADAPT, "hybrid"), *assignments], trust=True)
     return Model(built.grid, built.settings, file)
 
 

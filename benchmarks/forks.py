@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 
 from benchmarks.pages import put_section
-from pdmesh.drawing.file_reading import build
+from pdmesh.drawing.file_reading import build_file
 from pdmesh.model.crack_particles import polylines
 from pdpost.measures.tips import forks, tips
 from pdsolve.model import Model
@@ -52,7 +52,7 @@ class Forked(NamedTuple):
 
 def forked(spacing: float, time_step: float) -> Forked:
     """A run of the plate."""
-    made = build(ROOT / "geometries" / "forked_crack.py", [("spacing", f"{spacing:g}")], trust=True)
+    made = build_file(ROOT / "geometries" / "forked_crack.py", [("spacing", f"{spacing:g}")], trust=True)
     steps = round(LASTS / time_step)
     run = msgspec.structs.replace(made.settings.run, time_step=time_step, steps=steps, every=steps)
     settings = msgspec.structs.replace(made.settings, run=run)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import msgspec
 
-from pdmesh.drawing.file_reading import build
+from pdmesh.drawing.file_reading import build_file
 from pdmesh.model.document import Displacement
 from pdsolve.model import Model
 from pdsolve.run.prepare import prepare
@@ -23,7 +23,7 @@ STEPS, ROUNDS = 60, 3
 
 def main() -> None:
     """Measure and print."""
-    built = build(SCENE, [("hot", "1")], trust=True)
+    built = build_file(SCENE, [("hot", "1")], trust=True)
     settings = built.settings
     assert settings.material is not None
     cold = msgspec.structs.replace(

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from pdmesh.drawing.file_reading import build
+from pdmesh.drawing.file_reading import build_file
 from pdsolve.model import Model
 from pdsolve.results import Results
 from pdsolve.run.simulation import Options, simulate
@@ -44,7 +44,7 @@ def main() -> None:
 
 def one(hot: float, repetition: int) -> dict[str, Any]:
     """Solve one run and measure its cracks."""
-    built = build(SCENE, [("hot", f"{hot:g}")], trust=True)
+    built = build_file(SCENE, [("hot", f"{hot:g}")], trust=True)
     model = disturbed(Model(built.grid, built.settings), Repeat(noise=NOISE), repetition, 0.0)
     with simulate(model, None, Options(threads=1)) as results:
         depths = cracks(results)

@@ -60,7 +60,8 @@ def followed(model: Model) -> list[str]:
         sys.setprofile(None)
         threading.setprofile(None)
     ours = {Path(file) for file in files}
-    return sorted(str(path.relative_to(ROOT)) for path in ours if path.is_relative_to(ROOT) and path.suffix == ".py")
+    names = (str(path.relative_to(ROOT)) for path in ours if path.is_relative_to(ROOT) and path.suffix == ".py")
+    return sorted(name for name in names if name.startswith(PACKAGES))
 
 
 def main() -> None:
@@ -71,7 +72,7 @@ def main() -> None:
         total += count
         print(f"{package}: {count} lines in {files} files, the longest of {longest}")
     print(f"together: {total} lines")
-    found = [file for file in followed(small_plate()) if file.startswith(PACKAGES)]
+    found = followed(small_plate())
     print(f"{len(found)} files from `simulate` to the first step:", *found, sep="\n  ")
 
 

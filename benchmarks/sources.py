@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from benchmarks.pages import pictured
 from benchmarks.runs import GEOMETRIES
 from benchmarks.thesis import provenance, table
-from pdmesh.drawing.file_reading import build
+from pdmesh.drawing.file_reading import build_file
 from pdpost.figures import field_figure
 from pdpost.figures.style import save, styled
 from pdpost.measures.cracks import growth
@@ -185,7 +185,7 @@ def solved(example: Example, cache: Path) -> Path:
     """The results of an example, solved unless they are there already."""
     path = cache / f"{Path(example.scene).stem}.sqlite"
     if not path.exists():
-        made = build(GEOMETRIES / example.scene, trust=True)
+        made = build_file(GEOMETRIES / example.scene, trust=True)
         simulate(Model(made.grid, made.settings), path, Options(threads=1)).close()
     return path
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from shapely import box
 
     from pdmesh.drawing.building import build
-    from pdmesh.drawing.file_reading import read_scene
+    from pdmesh.drawing.file_reading import build_file, file_parameters, read_scene
     from pdmesh.drawing.geo import read_outline
     from pdmesh.model.document import Fatigue, Gap, GridError, LoadCell, Material, ParticleRules, Run, Static
     from pdmesh.model.medium import Medium
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from pdmesh.scene.conditions import ramp
     from pdmesh.scene.heat import Heat
     from pdmesh.scene.scene import Scene
-    from pdmesh.scene.shapes import Circle, SceneError
+    from pdmesh.scene.shapes import Circle, SceneError, UntrustedError
     from pdmesh.scene.solids import Box, Cylinder, Sphere
 else:
     __getattr__, __dir__ = lazily(
@@ -44,8 +44,11 @@ else:
             "Sphere": "pdmesh.scene.solids",
             "Fatigue": "pdmesh.model.document",
             "Static": "pdmesh.model.document",
+            "UntrustedError": "pdmesh.scene.shapes",
             "box": "shapely",
             "build": "pdmesh.drawing.building",
+            "build_file": "pdmesh.drawing.file_reading",
+            "file_parameters": "pdmesh.drawing.file_reading",
             "ramp": "pdmesh.scene.conditions",
             "read_outline": "pdmesh.drawing.geo",
             "read_scene": "pdmesh.drawing.file_reading",
@@ -70,8 +73,11 @@ __all__ = [
     "SceneError",
     "Sphere",
     "Static",
+    "UntrustedError",
     "box",
     "build",
+    "build_file",
+    "file_parameters",
     "ramp",
     "read_outline",
     "read_scene",

@@ -115,14 +115,14 @@ def _assigned(args: argparse.Namespace) -> list[tuple[str, str]]:
 
 
 def _build(args: argparse.Namespace) -> int:
-    from pdmesh.drawing.file_reading import build
+    from pdmesh.drawing.file_reading import build_file
     from pdmesh.model import unused_settings
     from pdmesh.model.document import write_file
     from pdmesh.model.refused_settings import refuse
     from pdmesh.reports.report import nodes_by_spacing
 
     path = commandline.output_path(args.output, args.drawing, ".json", args.force)
-    built = build(args.drawing, _assigned(args), args.refine, args.trust, args.cracks)
+    built = build_file(args.drawing, _assigned(args), args.refine, args.trust, args.cracks)
     grid, settings = built.grid, built.settings
     refuse(settings, grid.dimension, str(args.drawing))
     write_file(built.document, path)
@@ -153,13 +153,13 @@ def _build(args: argparse.Namespace) -> int:
 
 def _document(args: argparse.Namespace) -> Document:
     """The model in a .json file, or the model that any other file would be built into."""
-    from pdmesh.drawing.file_reading import build
+    from pdmesh.drawing.file_reading import build_file
     from pdmesh.model.document import read_file
 
     changed = _assigned(args) or args.refine or args.cracks
     if args.drawing.suffix.lower() == ".json" and not changed:
         return read_file(args.drawing)
-    return build(args.drawing, _assigned(args), args.refine, args.trust, args.cracks).document
+    return build_file(args.drawing, _assigned(args), args.refine, args.trust, args.cracks).document
 
 
 def _info(args: argparse.Namespace) -> int:
@@ -219,9 +219,9 @@ def _plan(args: argparse.Namespace) -> int:
 
 
 def _params(args: argparse.Namespace) -> int:
-    from pdmesh.drawing.file_reading import parameters
+    from pdmesh.drawing.file_reading import file_parameters
 
-    found = parameters(args.drawing, _assigned(args), args.trust)
+    found = file_parameters(args.drawing, _assigned(args), args.trust)
     result = {entry.name: {"value": entry.value, "unit": entry.unit, "meaning": entry.meaning} for entry in found}
     name, value = (max((len(f"{getattr(entry, key)}") for entry in found), default=0) for key in ("name", "value"))
     lines = [

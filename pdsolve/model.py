@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model import selection
 from pdmesh.model.consistency import examine
+from pdmesh.model.contact import RigidBody
 from pdmesh.model.document import (
     LARGEST,
     SPACE_VERSION,
@@ -23,9 +24,11 @@ from pdmesh.model.document import (
     Material,
     OfDiffusion,
     OfMechanics,
+    Pin,
     Run,
     Selection,
     Settings,
+    Spring,
     encode,
     in_steps,
     read_file,
@@ -82,7 +85,8 @@ class Model:
             self._check_places()
         try:
             selection.check(self.settings, self.grid, self.name)
-            object.__setattr__(self, "grid", without_bonds(self.grid, self.settings, self.name))
+            if self.has_rigid_bodies:
+                object.__setattr__(self, "grid", without_bonds(self.grid, self.settings, self.name))
         except GridError as error:
             raise ModelError(str(error)) from None
         if not self.diffuses:
@@ -202,10 +206,20 @@ class Model:
         return numbers
 
     @property
+    def has_rigid_bodies(self) -> bool:
+        """Whether a body of the model is rigid."""
+        return any(isinstance(condition, RigidBody) for condition in self.settings.conditions)
+
+    @property
+    def has_supports(self) -> bool:
+        """Whether springs to the ground or pins hold the model."""
+        return any(isinstance(condition, Spring | Pin) for condition in self.settings.conditions)
+
+    @property
     def rho(self) -> NDArray[np.float64]:
         """Each node's density (n,), kg/m^3; that of a rigid body's is its mass over its cells."""
         rho = np.array([material.rho for material in self.materials])[self.material_of]
-        return densities(self.grid, self.settings, rho)
+        return densities(self.grid, self.settings, rho) if self.has_rigid_bodies else rho
 
     @property
     def horizons(self) -> NDArray[np.float64]:

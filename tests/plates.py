@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pdmesh.drawing.file_reading import build
+from pdmesh.drawing.file_reading import build_file
 from pdmesh.grid.building import Built
 from pdmesh.model.document import Displacement, Horizon, Material, Settings, Velocity
 from pdmesh.model.node_grid import Grid
@@ -39,7 +39,7 @@ $EndElements
 
 def shipped(name: str, assignments: Sequence[tuple[str, str]] = ()) -> Built:
     """A scene of `geometries`, built: a program is trusted, a drawing is read behind walls."""
-    return build(GEOMETRIES / name, assignments, trust=name.endswith(".py"))
+    return build_file(GEOMETRIES / name, assignments, trust=name.endswith(".py"))
 
 
 def square_grid(columns: int, rows: int, delta: float = 1e-3, x0: float = 0.0, y0: float = 0.0) -> Grid:

@@ -20,10 +20,10 @@ from pdsolve.adaptivity.hybrid.lattice import COARSE, FINE, FREE, VOID, coarse_p
 from pdsolve.adaptivity.hybrid.prepare import hybrid_of
 from pdsolve.model import Model, ModelWarning
 from pdsolve.options import Options
+from pdsolve.run.assembly import step_of
 from pdsolve.run.measures import Ledger, books
 from pdsolve.run.node_changes import zone_moved
 from pdsolve.run.prepare import prepare
-from pdsolve.run.time_step import step_of
 
 H = 1e-3  # m
 _fine = getattr(fine_place, "py_func", fine_place)

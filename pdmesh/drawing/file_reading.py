@@ -49,7 +49,7 @@ def read_scene(
         raise SceneError(f"{path}: {error}") from None
 
 
-def build(
+def build_file(
     path: Path,
     assignments: Sequence[tuple[str, str]] = (),
     refine: Sequence[str] = (),
@@ -75,7 +75,7 @@ def build(
         raise SceneError(f"{path}: {error}") from None
 
 
-def parameters(path: Path, assignments: Sequence[tuple[str, str]] = (), trust: bool = False) -> list[Parameter]:
+def file_parameters(path: Path, assignments: Sequence[tuple[str, str]] = (), trust: bool = False) -> list[Parameter]:
     """The parameters of a drawing, a script or a model. Raises SceneError or GridError."""
     suffix = path.suffix.lower()
     if suffix == ".json":

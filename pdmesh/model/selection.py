@@ -100,9 +100,11 @@ def check(settings: Settings, grid: Grid, name: str) -> None:
     for number, gap in enumerate(settings.run.gaps):
         for end in gap.ends:
             _check_length(end, grid.dimension, f"{name}: $.run.gaps[{number}].ends")
-    wrong = contradiction(settings.run, [condition.name for condition in settings.conditions])
-    if wrong is not None:
-        raise GridError(f"{name}: $.run.{wrong}")
+    run = settings.run
+    if run.gaps or run.load_cells or run.static.control is not None or run.static.opening is not None:
+        wrong = contradiction(run, [condition.name for condition in settings.conditions])
+        if wrong is not None:
+            raise GridError(f"{name}: $.run.{wrong}")
 
 
 def _check_selection(selection: Selection, grid: Grid, place: str) -> None:

@@ -199,7 +199,7 @@ class BondStatistics:
         self._filling, self._symmetric = filling, symmetric
         self._counts: list[NDArray[np.int64]] = []
         self._families: list[NDArray[np.int64]] = []
-        self._stiffest: list[NDArray[np.float64]] = []
+        self._stiffness_bound: list[NDArray[np.float64]] = []
         self.softens = False
 
     def parts(self) -> Iterator[Part]:
@@ -213,7 +213,7 @@ class BondStatistics:
         bonds = part.bonds
         self._counts.append(np.diff(bonds.start))
         self._families.append(part.family)
-        self._stiffest.append(stiffness_bound(bonds, bonds.stiffness, self._symmetric))
+        self._stiffness_bound.append(stiffness_bound(bonds, bonds.stiffness, self._symmetric))
         self.softens |= bool((bonds.peak < bonds.limit).any())
 
     def counted(self, area: NDArray[np.float64]) -> Counted:
@@ -233,4 +233,4 @@ class BondStatistics:
     @property
     def stiffness_bound(self) -> NDArray[np.float64]:
         """A bound (n,) of the stiffness of each node under linear bonds, N/m^4."""
-        return np.concatenate(self._stiffest)
+        return np.concatenate(self._stiffness_bound)

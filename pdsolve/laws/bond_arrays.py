@@ -79,7 +79,7 @@ class Tabled(NamedTuple):
 
     columns: tuple[NDArray[np.floating], ...]  # (b,) each, those of `numbers` and what `nears` wants more
     alike: tuple[int, ...]  # columns of one number here are quantities of one kind: bonds have each other's
-    shown: int  # how many numbers a node shows
+    nodal_count: int  # how many `nodal_numbers` a node has
     watched: bool  # whether `nears` has to be looked at
 
 

@@ -5,13 +5,14 @@ Calls from Python, without compilation, are dispatched by the same types.
 
 from __future__ import annotations
 
+from inspect import Parameter, Signature, signature
 from typing import Any
 
 from numba.extending import overload
 from numpy.typing import NDArray
 
 from pdsolve.laws.bond_arrays import INLINE, INNER, Bond, Now
-from pdsolve.laws.law import Again, Failure, Function, Law, NodeMemory, Pair, Passes, Softening, Sums
+from pdsolve.laws.law import Again, Failure, Function, Law, NodeMemory, Pair, Passes, Softening
 
 
 def gather(law: Any, bond: Bond, now: Now, i: int, j: int, k: int, m: NDArray[Any]) -> None:
@@ -29,21 +30,21 @@ def nothing(law: Any, xi: tuple[Any, ...], none: Any) -> tuple[Any, ...]:
     return tuple(_bound[type(law)]["nothing"](law, xi, none))
 
 
-def say(law: Any, bond: Bond, c: tuple[Any, ...], sums: tuple[Any, ...]) -> tuple[Any, ...]:
+def accumulate(law: Any, bond: Bond, c: tuple[Any, ...], sums: tuple[Any, ...]) -> tuple[Any, ...]:
     """The sums plus the contribution of a bond with the numbers c."""
-    return tuple(_bound[type(law)]["say"](law, bond, c, sums))
+    return tuple(_bound[type(law)]["accumulate"](law, bond, c, sums))
 
 
-def shows(law: Any, xi: tuple[Any, ...], m: NDArray[Any], i: Any) -> tuple[Any, ...]:
+def nodal_numbers(law: Any, xi: tuple[Any, ...], m: NDArray[Any], i: Any) -> tuple[Any, ...]:
     """The numbers of node i that its neighbours need."""
-    return tuple(_bound[type(law)]["shows"](law, xi, m, i))
+    return tuple(_bound[type(law)]["nodal_numbers"](law, xi, m, i))
 
 
-def exchange(
+def bond_force(
     law: Any, bond: Bond, c: tuple[Any, ...], here: tuple[Any, ...], there: tuple[Any, ...]
 ) -> tuple[Any, ...]:
     """Force density of a bond with the numbers c on its node, N/m^3, from the numbers of both ends."""
-    return tuple(_bound[type(law)]["exchange"](law, bond, c, here, there))
+    return tuple(_bound[type(law)]["bond_force"](law, bond, c, here, there))
 
 
 def finish(law: Any, sums: tuple[Any, ...], own: tuple[Any, ...]) -> tuple[Any, ...]:
@@ -200,14 +201,10 @@ def bind(law: Law) -> None:
     said = _bound[kind] = _functions(law)
     if law.pair is not None:
         _pairs[kind] = law.pair
-    _bind_bonds(kind, said)
-    _bind_families(kind, said)
-    if law.pair is not None or law.curve is not None:
-        _bind_pair(kind, said)
-    if isinstance(law.passes, Sums):
-        _bind_sums(kind, said)
-        if law.lanes is not None:
-            _bind_lanes(kind, said)
+    for options, functions in _DISPATCHED:
+        for function in functions:
+            if function.__name__ in said:
+                _overload(function, options, kind, said[function.__name__])
 
 
 def _functions(law: Law) -> dict[str, Function]:
@@ -295,121 +292,19 @@ def _released_softly(law, c, stretch, before, peak, limit):  # type: ignore[no-u
     return c * (stretch * before)
 
 
-def _chosen(found: Any, kind: type, function: Function) -> Function | None:
-    return function if getattr(found, "instance_class", None) is kind else None
+_DISPATCHED = (  # each by the type of the law, with options of compilation
+    (INLINE, (gather, pull, gather_again, fails, secant, numbers, nothing, accumulate, nodal_numbers, bond_force)),
+    (INLINE, (finish, nears)),
+    (INNER, (close, age, energy, close_again, alert, remember, hold, held, spent, total, slope, released)),
+)
 
 
-def _bind_bonds(kind: type, said: dict[str, Function]) -> None:
-    """Bind functions that every law may have."""
+def _overload(function: Function, options: dict[str, Any], kind: type, own: Function) -> None:
+    """Let compiled calls of `function` with columns of this kind be calls of the law's own function."""
 
-    @overload(gather, jit_options=INLINE)
-    def _gather(law, bond, now, i, j, k, m):  # type: ignore[no-untyped-def]
-        return _chosen(law, kind, said["gather"])
+    def chosen(law: Any, *_: Any) -> Function | None:
+        return own if getattr(law, "instance_class", None) is kind else None
 
-    @overload(close, jit_options=INNER)
-    def _close(law, i, m):  # type: ignore[no-untyped-def]
-        return _chosen(law, kind, said["close"])
-
-    @overload(age, jit_options=INNER)
-    def _age(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
-        return _chosen(law, kind, said["age"])
-
-    @overload(pull, jit_options=INLINE)
-    def _pull(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
-        return _chosen(law, kind, said["pull"])
-
-    @overload(energy, jit_options=INNER)
-    def _energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
-        return _chosen(law, kind, said["energy"])
-
-
-def _bind_families(kind: type, said: dict[str, Function]) -> None:
-    """Bind functions of laws with a first pass."""
-
-    @overload(gather_again, jit_options=INLINE)
-    def _gather_again(law, bond, now, i, j, k, m, more):  # type: ignore[no-untyped-def]
-        return _chosen(law, kind, said["gather_again"])
-
-    @overload(close_again, jit_options=INNER)
-    def _close_again(law, i, m, more):  # type: ignore[no-untyped-def]
-        return _chosen(law, kind, said["close_again"])
-
-    @overload(alert, jit_options=INNER)
-    def _alert(law, i, m):  # type: ignore[no-untyped-def]
-        return _chosen(law, kind, said["alert"])
-
-    @overload(fails, jit_options=INLINE)
-    def _fails(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
-        return _chosen(law, kind, said["fails"])
-
-    @overload(remember, jit_options=INNER)
-    def _remember(law, now, i, m):  # type: ignore[no-untyped-def]
-        return _chosen(law, kind, said["remember"])
-
-    @overload(hold, jit_options=INNER)
-    def _hold(law, i, m):  # type: ignore[no-untyped-def]
-        return _chosen(law, kind, said["hold"])
-
-
-def _bind_pair(kind: type, said: dict[str, Function]) -> None:
-    """Bind functions of pair laws."""
-
-    @overload(secant, jit_options=INLINE)
-    def _secant(law, stretch, worst, peak, limit):  # type: ignore[no-untyped-def]
-        return _chosen(law, kind, said["secant"])
-
-    @overload(held, jit_options=INNER)
-    def _held(law, c, stretch, worst, peak, limit):  # type: ignore[no-untyped-def]
-        return _chosen(law, kind, said["held"])
-
-    @overload(spent, jit_options=INNER)
-    def _spent(law, c, worst, peak, limit):  # type: ignore[no-untyped-def]
-        return _chosen(law, kind, said["spent"])
-
-    @overload(total, jit_options=INNER)
-    def _total(law, c, peak, limit):  # type: ignore[no-untyped-def]
-        return _chosen(law, kind, said["total"])
-
-    @overload(slope, jit_options=INNER)
-    def _slope(law, worst, peak, limit):  # type: ignore[no-untyped-def]
-        return _chosen(law, kind, said["slope"])
-
-    @overload(released, jit_options=INNER)
-    def _released(law, c, stretch, before, peak, limit):  # type: ignore[no-untyped-def]
-        return _chosen(law, kind, said["released"])
-
-
-def _bind_sums(kind: type, said: dict[str, Function]) -> None:
-    """Bind functions of laws whose passes are sums."""
-
-    @overload(numbers, jit_options=INLINE)
-    def _numbers(law, i, j, k):  # type: ignore[no-untyped-def]
-        return _chosen(law, kind, said["numbers"])
-
-    @overload(nothing, jit_options=INLINE)
-    def _nothing(law, xi, none):  # type: ignore[no-untyped-def]
-        return _chosen(law, kind, said["nothing"])
-
-    @overload(say, jit_options=INLINE)
-    def _say(law, bond, c, sums):  # type: ignore[no-untyped-def]
-        return _chosen(law, kind, said["say"])
-
-    @overload(shows, jit_options=INLINE)
-    def _shows(law, xi, m, i):  # type: ignore[no-untyped-def]
-        return _chosen(law, kind, said["shows"])
-
-    @overload(exchange, jit_options=INLINE)
-    def _exchange(law, bond, c, here, there):  # type: ignore[no-untyped-def]
-        return _chosen(law, kind, said["exchange"])
-
-
-def _bind_lanes(kind: type, said: dict[str, Function]) -> None:
-    """Bind functions of laws that are summed in blocks."""
-
-    @overload(finish, jit_options=INLINE)
-    def _finish(law, sums, own):  # type: ignore[no-untyped-def]
-        return _chosen(law, kind, said["finish"])
-
-    @overload(nears, jit_options=INLINE)
-    def _nears(law, bond, c, here, there):  # type: ignore[no-untyped-def]
-        return _chosen(law, kind, said["nears"])
+    parameters = signature(function).parameters.values()  # which numba expects `own` to have
+    chosen.__signature__ = Signature([one.replace(annotation=Parameter.empty) for one in parameters])  # type: ignore[attr-defined]
+    overload(function, jit_options=options)(chosen)

@@ -29,9 +29,9 @@ from numpy.typing import NDArray
 
 from pdsolve.bonds.assembly import Bonds
 from pdsolve.laws.bond_arrays import AnyList, Tabled, left, list_of, shapes
-from pdsolve.laws.calls import exchange as force_of
+from pdsolve.laws.calls import bond_force as force_of
+from pdsolve.laws.calls import nodal_numbers as nodal_numbers_of
 from pdsolve.laws.calls import numbers as numbers_of
-from pdsolve.laws.calls import shows as shown_of
 from pdsolve.laws.largest_principal_stress import principal
 from pdsolve.laws.law import INLINE, INNER, Failure, Lanes, Law, NodeMemory, Sums
 from pdsolve.laws.materials.solid import (
@@ -154,7 +154,7 @@ def nothing(law, xi, none):  # type: ignore[no-untyped-def]
     return blank_square(xi, none)
 
 
-def say(law, bond, c, sums):  # type: ignore[no-untyped-def]
+def accumulate(law, bond, c, sums):  # type: ignore[no-untyped-def]
     return with_dyad(sums, c[0], bond.eta, bond.xi)
 
 
@@ -209,15 +209,15 @@ def lifted(m, i, at, d):  # type: ignore[no-untyped-def]
 def tabled(law: Columns, bonds: Bonds) -> Tabled:
     """Data of bonds (b,) for the block kernels."""
     own = np.repeat(np.arange(len(law.control)), np.diff(bonds.start))
-    return watched(law, (law.weight, law.control[own] + law.control[bonds.neighbour]), shown=4)
+    return watched(law, (law.weight, law.control[own] + law.control[bonds.neighbour]), nodal_count=4)
 
 
-def watched(law: Columns, columns: tuple[NDArray[np.floating], ...], shown: int) -> Tabled:
+def watched(law: Columns, columns: tuple[NDArray[np.floating], ...], nodal_count: int) -> Tabled:
     """These columns, with the limits for failure of single bonds."""
     if law.failure in (NEVER, STRESS):
-        return Tabled(columns, tuple(range(len(columns))), shown, False)
+        return Tabled(columns, tuple(range(len(columns))), nodal_count, False)
     limit = law.limit if law.failure == STRETCH else 2 * law.weight * law.limit
-    return Tabled((*columns, limit), tuple(range(len(columns) + 1)), shown, True)
+    return Tabled((*columns, limit), tuple(range(len(columns) + 1)), nodal_count, True)
 
 
 def nears(law, bond, c, here, there):  # type: ignore[no-untyped-def]
@@ -265,11 +265,11 @@ def closed(law, sums, own):  # type: ignore[no-untyped-def]
     return H, elastic(law.solid.kind[0], h, own[4], own[5], law.solid.plane_stress)
 
 
-def shows(law, xi, m, i):  # type: ignore[no-untyped-def]
+def nodal_numbers(law, xi, m, i):  # type: ignore[no-untyped-def]
     return square(m, i, 0, xi)
 
 
-def exchange(law, bond, c, here, there):  # type: ignore[no-untyped-def]
+def bond_force(law, bond, c, here, there):  # type: ignore[no-untyped-def]
     return mapped(c[0], summed(here, there), bond.xi, c[1], bond.eta)
 
 
@@ -301,7 +301,8 @@ def failing(law, bond, m, i, j, k, at):  # type: ignore[no-untyped-def]
     if law.failure == STRETCH:
         return bond.stretch > law.limit[k]
     c = numbers_of(law, i, j, k)
-    f, along = force_of(law, bond, c, shown_of(law, bond.xi, m, i), shown_of(law, bond.xi, m, j)), bond.stretch * 0
+    here, there = nodal_numbers_of(law, bond.xi, m, i), nodal_numbers_of(law, bond.xi, m, j)
+    f, along = force_of(law, bond, c, here, there), bond.stretch * 0
     for a in range(len(bond.xi)):
         along += f[a] * (bond.xi[a] + bond.eta[a])
     return along * bond.stretch / bond.q > 2 * law.weight[k] * law.limit[k]
@@ -337,7 +338,7 @@ def deviation(bond, m, i, at, a):  # type: ignore[no-untyped-def]
 LAW = Law(
     Columns=Columns,
     columns=columns,
-    passes=Sums(numbers, nothing, say, close, shows, exchange),
+    passes=Sums(numbers, nothing, accumulate, close, nodal_numbers, bond_force),
     energy=energy,
     width=rows,
     scale=scale,

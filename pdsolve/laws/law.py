@@ -1,4 +1,4 @@
-"""What a law may say of one bond or one node: a frozen structure of plain functions, each file of a law makes one.
+"""A law as plain functions of one bond or one node, in a frozen structure; each file of a law makes one.
 
 The functions see one bond or one node and never a loop. `pdsolve.laws.calls.bind` binds those that are compiled to the
 type of the law's columns, so that one compiled loop serves every law and a second process finds it compiled. The loops
@@ -86,10 +86,10 @@ class Sums:
 
     numbers: Function  # (law, i, j, k) what the columns have of bond k
     nothing: Function  # (law, xi, none) what a node's sums begin with; `none` is the 0 they are made of
-    say: Function  # (law, bond, c, sums) those sums and what a bond with the numbers c says more
-    close: Function  # (law, i, m) turns the sums in m[i] into what `shows` reads
-    shows: Function  # (law, xi, m, i) what neighbours see of node i
-    exchange: Function  # (law, bond, c, here, there) the force density on a bond's node, from what both ends show
+    accumulate: Function  # (law, bond, c, sums) those sums plus the contribution of a bond with the numbers c
+    close: Function  # (law, i, m) turns the sums in m[i] into what `nodal_numbers` reads
+    nodal_numbers: Function  # (law, xi, m, i) what the bonds of node i, from both their ends, need of it
+    bond_force: Function  # (law, bond, c, here, there) N/m^3 on a bond's node, from the nodal numbers of both ends
 
 
 @dataclass(frozen=True)

@@ -35,8 +35,8 @@ from numpy.typing import NDArray
 from pdmesh.model.material_constants import bulk_modulus
 from pdsolve.bonds.assembly import Bonds, find
 from pdsolve.laws.bond_arrays import Tabled
+from pdsolve.laws.calls import nodal_numbers as nodal_numbers_of
 from pdsolve.laws.calls import numbers as numbers_of
-from pdsolve.laws.calls import shows as shown_of
 from pdsolve.laws.law import INLINE, Failure, Lanes, Law, Sums
 from pdsolve.laws.small_tensors import along
 from pdsolve.model import Model
@@ -202,7 +202,7 @@ def nothing(law, xi, none):  # type: ignore[no-untyped-def]
     return none, none, none
 
 
-def say(law, bond, c, sums):  # type: ignore[no-untyped-def]
+def accumulate(law, bond, c, sums):  # type: ignore[no-untyped-def]
     e, moment = bond.elongation, c[0] * bond.length
     return sums[0] + c[2] * e, sums[1] + moment * e, sums[2] + moment * bond.length
 
@@ -221,9 +221,9 @@ def tabled(law: Columns, bonds: Bonds) -> Tabled:
     """Data of bonds (b,) for the block kernels."""
     columns = law.shearing, law.shearing_back, law.dilating, law.dilating_back
     if law.failure == NEVER:
-        return Tabled(columns, (0, 0, 1, 1), shown=2, watched=False)
+        return Tabled(columns, (0, 0, 1, 1), nodal_count=2, watched=False)
     limit = law.limit if law.failure == STRETCH else 2 * law.weight * law.limit
-    return Tabled((*columns, limit), (0, 0, 1, 1, 2), shown=2, watched=True)
+    return Tabled((*columns, limit), (0, 0, 1, 1, 2), nodal_count=2, watched=True)
 
 
 def standing(law: Columns, rows: NDArray[np.int64]) -> NDArray[np.floating]:
@@ -247,11 +247,11 @@ def nears(law, bond, c, here, there):  # type: ignore[no-untyped-def]
     return found, c[len(c) - 1]
 
 
-def shows(law, xi, m, i):  # type: ignore[no-untyped-def]
+def nodal_numbers(law, xi, m, i):  # type: ignore[no-untyped-def]
     return m[i, 0], m[i, 1]
 
 
-def exchange(law, bond, c, here, there):  # type: ignore[no-untyped-def]
+def bond_force(law, bond, c, here, there):  # type: ignore[no-untyped-def]
     force = both(law, bond, c, here, there) * bond.inverse
     return along(force, bond.xi, bond.eta)
 
@@ -275,7 +275,7 @@ def fails(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
     if law.failure == STRETCH:
         return bond.stretch > law.limit[k]
     c = numbers_of(law, i, j, k)
-    t = both(law, bond, c, shown_of(law, bond.xi, m, i), shown_of(law, bond.xi, m, j))
+    t = both(law, bond, c, nodal_numbers_of(law, bond.xi, m, i), nodal_numbers_of(law, bond.xi, m, j))
     return t * bond.elongation > 2 * law.weight[k] * law.limit[k]
 
 
@@ -291,7 +291,7 @@ def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
 LAW = Law(
     Columns=Columns,
     columns=columns,
-    passes=Sums(numbers, nothing, say, close, shows, exchange),
+    passes=Sums(numbers, nothing, accumulate, close, nodal_numbers, bond_force),
     energy=energy,
     width=rows,
     scale=scale,

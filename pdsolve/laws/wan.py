@@ -83,7 +83,7 @@ def nothing(law, xi, none):  # type: ignore[no-untyped-def]
     return blank_square(xi, none) + blank_symmetric(xi, none)
 
 
-def say(law, bond, c, sums):  # type: ignore[no-untyped-def]
+def accumulate(law, bond, c, sums):  # type: ignore[no-untyped-def]
     A, B = with_square(sums, c[0], bond.eta)
     return with_dyad(A, c[0], bond.eta, bond.xi) + B
 
@@ -168,7 +168,7 @@ def _turned_in_the_plane(sums, H, P, Z):  # type: ignore[no-untyped-def]
 
 def tabled(law: Columns, bonds: Bonds) -> Tabled:
     """Data of bonds (b,) for the block kernels."""
-    return correspondence.watched(law, (law.weight,), shown=8)
+    return correspondence.watched(law, (law.weight,), nodal_count=8)
 
 
 def standing(law: Columns, rows: NDArray[np.int64]) -> NDArray[np.floating]:
@@ -201,11 +201,11 @@ def nears(law, bond, c, here, there):  # type: ignore[no-untyped-def]
     return looked_at(law, bond, c, here, there)
 
 
-def shows(law, xi, m, i):  # type: ignore[no-untyped-def]
+def nodal_numbers(law, xi, m, i):  # type: ignore[no-untyped-def]
     return squares(m, i, xi)
 
 
-def exchange(law, bond, c, here, there):  # type: ignore[no-untyped-def]
+def bond_force(law, bond, c, here, there):  # type: ignore[no-untyped-def]
     A, Z = halves(here)
     B, Y = halves(there)
     return mapped_both(c[0], summed(A, B), bond.xi, summed(Z, Y), bond.eta)
@@ -241,7 +241,7 @@ def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
 LAW = Law(
     Columns=Columns,
     columns=columns,
-    passes=Sums(numbers, nothing, say, close, shows, exchange),
+    passes=Sums(numbers, nothing, accumulate, close, nodal_numbers, bond_force),
     energy=energy,
     width=rows,
     scale=scale,

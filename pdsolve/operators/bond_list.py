@@ -41,13 +41,13 @@ class BondList:
         """The model's law for bonds in double precision, to be summed in this `precision`."""
         bind(law)
         sums = isinstance(law.passes, Sums)
-        self._loops = (loops.say_rows, loops.exchange_rows) if sums else (loops.gather_rows, loops.pull_rows)
+        self._loops = (loops.accumulate_rows, loops.bond_force_rows) if sums else (loops.gather_rows, loops.pull_rows)
         bonds = in_precision(exact, precision)
         self.symmetric, self._threads = symmetric, threads
         self._nodes, self._every = len(bonds.start) - 1, np.arange(len(bonds.start) - 1)
         self.unknowns: tuple[Unknown, ...] = law.unknowns(bonds.xi.shape[1])
         columns = law.columns(model, exact)
-        self._stiffest = self._bound(law, columns, exact)
+        self._stiffness_bound = self._bound(law, columns, exact)
         self.law, self._bonds, self._model = law, bonds, model
         self._take(columns if precision == "float64" else law.columns(model, bonds), bonds)
         self._failing = np.zeros(len(bonds.neighbour), dtype=np.bool_)
@@ -169,7 +169,7 @@ class BondList:
 
     def stiffness_bound(self) -> NDArray[np.float64]:
         """A bound (n,) of each node's stiffness, N/m^4; see `Operator`."""
-        return self._stiffest
+        return self._stiffness_bound
 
     def tangent(self, state: State) -> csr_array:
         """The tangent (n w, n w), N/m^4: minus the derivative of the force densities by the values."""

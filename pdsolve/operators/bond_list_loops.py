@@ -11,22 +11,22 @@ import numpy as np
 
 from pdsolve.laws.bond_arrays import deformed
 from pdsolve.laws.calls import (
+    accumulate,
     age,
     alert,
+    bond_force,
     close,
     close_again,
     energy,
-    exchange,
     fails,
     gather,
     gather_again,
     hold,
+    nodal_numbers,
     nothing,
     numbers,
     pull,
     remember,
-    say,
-    shows,
 )
 from pdsolve.laws.small_tensors import blank, summed
 from pdsolve.numerics.jit_cache import cached_njit
@@ -47,7 +47,7 @@ def gather_rows(bonds, law, now, m, rows, first, last):  # type: ignore[no-untyp
 
 
 @cached_njit(**KERNEL)
-def say_rows(bonds, law, now, m, rows, first, last):  # type: ignore[no-untyped-def]
+def accumulate_rows(bonds, law, now, m, rows, first, last):  # type: ignore[no-untyped-def]
     """Compute some rows of m, for a law whose passes are tuples."""
     start, neighbour, value, broken, none = bonds.start, bonds.neighbour, now.value, law.broken, m.dtype.type(0) * 1.0
     like = blank(bonds.xi, none)
@@ -59,7 +59,7 @@ def say_rows(bonds, law, now, m, rows, first, last):  # type: ignore[no-untyped-
             k = np.uint64(place)
             if broken[k] == 0:
                 j = np.uint64(neighbour[k])
-                sums = say(law, deformed(bonds, value, i, j, k), numbers(law, i, j, k), sums)
+                sums = accumulate(law, deformed(bonds, value, i, j, k), numbers(law, i, j, k), sums)
         for a in range(len(sums)):
             m[row, a] = sums[a]
         close(law, row, m)
@@ -73,19 +73,19 @@ def close_rows(bonds, law, m, first, last):  # type: ignore[no-untyped-def]
 
 
 @cached_njit(**KERNEL)
-def exchange_rows(bonds, law, now, m, out, first, last):  # type: ignore[no-untyped-def]
+def bond_force_rows(bonds, law, now, m, out, first, last):  # type: ignore[no-untyped-def]
     """Add the forces of bonds to the rows of `out`, for a law whose passes are tuples."""
     start, neighbour, value, broken, none = bonds.start, bonds.neighbour, now.value, law.broken, m.dtype.type(0) * 1.0
     like = blank(bonds.xi, none)
     for row in range(first, last):
         i = np.uint64(row)
-        f, here = like, shows(law, like, m, i)
+        f, here = like, nodal_numbers(law, like, m, i)
         for place in range(start[i], start[i + 1]):
             k = np.uint64(place)
             if broken[k] == 0:
                 j = np.uint64(neighbour[k])
-                bond, there = deformed(bonds, value, i, j, k), shows(law, like, m, j)
-                f = summed(f, exchange(law, bond, numbers(law, i, j, k), here, there))
+                bond, there = deformed(bonds, value, i, j, k), nodal_numbers(law, like, m, j)
+                f = summed(f, bond_force(law, bond, numbers(law, i, j, k), here, there))
         for a in range(len(f)):
             out[i, a] += f[a]
 

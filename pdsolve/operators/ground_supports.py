@@ -119,8 +119,6 @@ class GroundSupports(Bondless):
 
 def supported(model: Model, volume: Array, bonds: Operator) -> Operator:
     """The operator of a model's bonds with its spring supports and pins; the bonds come last. `volume` (n,), m^d."""
-    if not any(isinstance(condition, Spring | Pin) for condition in model.settings.conditions):
-        return bonds
     return Together(GroundSupports(model, volume, bonds.unknowns), bonds)
 
 
@@ -134,13 +132,6 @@ def supports_of(operator: Operator) -> GroundSupports | None:
     parts = operator.parts if isinstance(operator, Together) else (operator,)
     each = (supports_of(part) if isinstance(part, Together) else part for part in parts)
     return next((part for part in each if isinstance(part, GroundSupports)), None)
-
-
-def bonded(operator: Operator) -> Operator:
-    """The operator of bonds in one to which supports or contact may be added."""
-    while isinstance(operator, Together):
-        operator = operator.parts[-1]
-    return operator
 
 
 def grounded(model: Model, width: int) -> NDArray[np.bool_]:

@@ -31,7 +31,7 @@ from pdsolve.ranks.slabs import Slab
 class Seen(NamedTuple):
     """What is seen of the bonds of own nodes while they are made."""
 
-    survey: BondStatistics
+    statistics: BondStatistics
     reached: list[NDArray[np.int32]]  # rows of the whole grid that bonds go to, of each part
 
 
@@ -76,7 +76,7 @@ def _numbered(filling: Filling, slab: Slab, tables: Tables, seen: Seen) -> list[
             return None
         begin, end = max(first, slab.first), min(last, slab.last)
         own = rows_of(part, begin, end)
-        seen.survey.look(own)
+        seen.statistics.look(own)
         seen.reached.append(np.unique(own.bonds.neighbour))
         if (begin, end) != (first, last):
             slots = slots_of(own.bonds, own.first, room, tables)

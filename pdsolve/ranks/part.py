@@ -58,12 +58,13 @@ def build(team: Team, options: Options, starts: NDArray[np.int64], given: tuple[
     seen = Seen(BondStatistics(filling, scheme.symmetric), [])
     scratch = Scratch(np.dtype(options.precision).type, options.threads or 1)
     blocks = blocks_of(team, law, filling, slab, seen, scratch)
-    softens = any(team.comm.allgather(seen.survey.softens))
+    softens = any(team.comm.allgather(seen.statistics.softens))
     if blocks is None:
         return None
-    survey = seen.survey
-    stiffest, family, count = (_padded(one, slab) for one in (survey.stiffness_bound, survey.family, survey.count))
-    operator = SimdLattice(law, blocks, stiffest, scheme.symmetric, softens)
+    statistics = seen.statistics
+    arrays = statistics.stiffness_bound, statistics.family, statistics.count
+    bound, family, count = (_padded(one, slab) for one in arrays)
+    operator = SimdLattice(law, blocks, bound, scheme.symmetric, softens)
     reached = np.unique(np.concatenate(seen.reached)).astype(np.int64)
     return _taken(team, starts, Bonded(slab, model, operator, Counted(filling.area, family, count)), reached)
 

@@ -70,14 +70,11 @@ def _named(handle: int) -> str:
 
 
 @contextmanager
-def writing_to(path: Path | None) -> Iterator[None]:
-    """A context that keeps other runs from writing to the database at `path`; None is one in memory.
+def writing_to(path: Path) -> Iterator[None]:
+    """A context that keeps other runs from writing to the database at `path`.
 
     Raises BusyError if another run writes to it, WriteError if the folder cannot be written.
     """
-    if path is None:
-        yield
-        return
     place = _place(path)
     handle = _locked(path, place)
     try:

@@ -1,9 +1,10 @@
-"""Bonds, operator and stepper of a model in motion, put together into its system."""
+"""Operator, time step and stepper of a model, put together into its system."""
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,26 +20,46 @@ from pdsolve.conditions import (
     initial_velocity,
     widened,
 )
-from pdsolve.model import Model
+from pdsolve.diffusion.euler_on_device import EulerOnDevice
+from pdsolve.diffusion.system import Transport
+from pdsolve.model import Model, ModelError, ModelWarning
+from pdsolve.numerics.team import Team
+from pdsolve.operators.device.runtime import Session
 from pdsolve.operators.ground_supports import supported
 from pdsolve.operators.protocol import Operator
 from pdsolve.options import Options
-from pdsolve.run.explicit_stepper import Beside, stepper_of
-from pdsolve.run.operator_factory import operator_of, stable, touched
+from pdsolve.ranks.diffusing import EulerOnRanks
+from pdsolve.run.operator_factory import in_blocks, operator_of, stable, touched
 from pdsolve.run.system import Prepared, System
-from pdsolve.run.time_step import step_of
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import State
+from pdsolve.steppers.ghosts import Ghosts
+from pdsolve.steppers.protocol import Stepper
+from pdsolve.steppers.verlet import Verlet
+from pdsolve.steppers.verlet_blocks import VerletBlocks
+from pdsolve.steppers.verlet_on_device import OnDevice, VerletOnDevice
 
 if TYPE_CHECKING:
     from pdsolve.crack_growth.growth import Growth
+
+
+STILL = 2.0  # damping times a step: more would turn velocities round within it
+
+
+class Beside(NamedTuple):
+    """What a window of a model has to do with other ranks."""
+
+    ghosts: Ghosts
+    damping: NDArray[np.float64]  # (n,) 1/s, of layers that may reach beyond the window
+    damps: bool  # whether a node of any rank is damped
 
 
 def system_of(model: Model, options: Options, scheme: Scheme) -> Prepared:
     """A model's system and its state at time 0, with the bonds of this scheme. Raises ModelError."""
     filling = bonds_of(model, scheme)
     bonds, filled = operator_of(model, options, scheme, filling, model.settings.run.cracks == "particles")
-    operator, touching = touched(model, filled.area, supported(model, filled.area, bonds))
+    held = supported(model, filled.area, bonds) if model.has_supports else bonds
+    operator, touching = touched(model, filled.area, held)
     bound = stable(operator.stiffness_bound(), model.rho)
     found = assembled(model, options, scheme, operator, filled, (step_of(model, bound), bound))
     if touching is not None:
@@ -79,6 +100,58 @@ def assembled(
     system = System(model, options, scheme, operator, stepper, driven, *filled, step, bound, energy)
     stepper.march(state, 1, 1)  # no step: compiles before the clock runs
     return Prepared(system, state)
+
+
+def step_of(model: Model, bound: float) -> float:
+    """The time step of a run, s; warns of one above the surely stable `bound`. Raises ModelError."""
+    step, damped = float(model.settings.run.time_step or bound), model.settings.run.damping
+    if not np.isfinite(step):
+        raise ModelError(f"{model.name}: $.run.time_step: found none, expected one for a model without bonds")
+    if damped * step > STILL:
+        raise ModelError(
+            f"{model.name}: $.run.damping: found {damped:g} 1/s, which stops all motion within a step of {step:.3g} s,"
+            f" expected at most {STILL / step:.3g}"
+        )
+    if step > bound:
+        warnings.warn(
+            f"{model.name}: the time step {step:.4g} s is above the bound that is surely stable, {bound:.4g} s",
+            ModelWarning,
+            stacklevel=3,
+        )
+    return step
+
+
+def stepper_of(
+    operator: Operator,
+    state: State,
+    drive: Drive,
+    rho: NDArray[np.floating],
+    dt: float,
+    damping: NDArray[np.float64],
+    beside: Beside | None = None,
+) -> tuple[Stepper, Drive]:
+    """What takes steps of `dt`, s, of a placed state, and its conditions; `rho` (n,), kg/m^3, `damping` (n,), 1/s.
+
+    `beside` is what a window has to do with other ranks.
+    """
+    ghosts, damps = (None, bool(damping.any())) if beside is None else (beside.ghosts, beside.damps)
+    if isinstance(operator, OnDevice):
+        return VerletOnDevice((operator, state, drive), rho, dt, damping), drive
+    blocks, touching = in_blocks(operator)
+    if blocks and not damps:
+        fused = VerletBlocks(blocks, drive, rho, dt, touching, ghosts)
+        return fused, fused.drive
+    return Verlet(operator, drive, rho, dt, damping, ghosts), drive
+
+
+def stepper_of_content(model: Model, transport: Transport, state: State, team: Team | None) -> Stepper:
+    """What takes the steps of a transport through a model, on the ranks of a team if there is one."""
+    device = model.settings.run.device
+    if device != "cpu":
+        return EulerOnDevice(transport.operator, state, transport.drive, transport.time_step, Session(device))
+    if team is None:
+        return transport.stepper
+    return EulerOnRanks(model, team, transport.operator, transport.drive, transport.time_step)
 
 
 def set_off(state: State, velocity: NDArray[np.float64], damped: NDArray[np.float64], driven: Drive) -> None:

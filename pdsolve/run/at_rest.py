@@ -43,9 +43,10 @@ def at_rest(model: Model, options: Options, scheme: Scheme, breaks: bool = True)
     no_fail = StaticBreakage(whole)
     filling = whole if of_families else no_fail.filling()
     options = options._replace(kernel="listed") if of_families else options
-    bonds, filled = operator_of(model, options, scheme, filling, lasting=not of_families)
+    bonds, filled = operator_of(model, options, scheme, filling, unbreakable=not of_families)
     area = filling.area
-    operator, contact = touched_at_rest(model, area, supported(model, area, bonds))
+    held = supported(model, area, bonds) if model.has_supports else bonds
+    operator, contact = touched_at_rest(model, area, held)
     driven = drive(model, area, scheme.exact_load, np.float64)
     driven.force[:] = driven.before[:] = driven.held_force[:] = 0  # nothing acts before the first load step
     state = operator.place(State(*np.zeros((3, *driven.force.shape)), *np.zeros((3, len(area)))))

@@ -20,10 +20,10 @@ from pdsolve.diffusion.swelling import Swelling
 from pdsolve.laws import law_of
 from pdsolve.model import Model, counted
 from pdsolve.options import Options, threads_of
-from pdsolve.run.operator_factory import stable, surveyed
+from pdsolve.run.assembly import step_of
+from pdsolve.run.operator_factory import bond_counts, stable
 from pdsolve.run.prepare import prepare, scheme_of
 from pdsolve.run.static_start import still
-from pdsolve.run.time_step import step_of
 from pdsolve.steppers.newton import FACTORED
 from pdsolve.steppers.path_steps import PathSteps
 
@@ -93,7 +93,7 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
     """Cost of solving the model; with a moving fine zone, that of its initial state. Raises ModelError."""
     if model.diffuses:
         return _diffusing(model, options)
-    model = decided(model, options)
+    model = decided(model, options) if model.settings.run.adapt == "auto" else model
     scheme, settings = scheme_of(model, options), model.settings
     paired, splits = law_of(model).pair is not None, settings.run.adapt == "split"
     moves = settings.run.adapt in ON_ONE_LATTICE
@@ -108,8 +108,8 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
         count, bound = prepared.count, prepared.bound
         step = step_of(model, bound)
     elif paired and not (moves or model.swells) and settings.run.solver != "static":
-        count, stiffest, in_blocks = surveyed(model, options, scheme)
-        bound = stable(stiffest, model.rho)
+        count, stiffness_bound, in_blocks = bond_counts(model, options, scheme)
+        bound = stable(stiffness_bound, model.rho)
         step = step_of(model, bound)
     else:
         system = prepare(model, options).system

@@ -30,33 +30,32 @@ from pdsolve.schemes.scheme import Scheme
 
 
 def operator_of(
-    model: Model, options: Options, scheme: Scheme, filling: Filling, lasting: bool = False
+    model: Model, options: Options, scheme: Scheme, filling: Filling, unbreakable: bool = False
 ) -> tuple[Operator, Counted]:
     """The operator of the bonds: in blocks if possible and not excluded by options; and what is counted of the bonds.
 
-    `lasting`: no bond breaks, as `filling` has it.
+    `unbreakable`: no bond breaks, as `filling` has it.
     """
     law, kind, nodes = law_of(model), np.dtype(options.precision).type, len(model.grid)
-    tiles = _tiled(model, options, scheme, lasting)
+    tiles = _tiled(model, options, scheme, unbreakable)
     if tiles is not None:
+        parts = tiles.tiles, tiles.sites, tiles.stiffness_bound
         if model.settings.run.device != "cpu":
-            session, parts = Session(model.settings.run.device), (tiles.tiles, tiles.sites, tiles.stiffest)
-            return SpaceOnDevice(law, *parts, scheme.symmetric, session), tiles.counted
-        threads = threads_of(options, nodes, True)
-        return SpaceLattice(law, tiles.tiles, tiles.sites, tiles.stiffest, scheme.symmetric, threads), tiles.counted
+            return SpaceOnDevice(law, *parts, scheme.symmetric, Session(model.settings.run.device)), tiles.counted
+        return SpaceLattice(law, *parts, scheme.symmetric, threads_of(options, nodes, True)), tiles.counted
     blocked = not numba.config.DISABLE_JIT and model.grid.dimension == 2  # blocks are compiled code, of the plane
-    survey = BondStatistics(filling, scheme.symmetric)
+    statistics = BondStatistics(filling, scheme.symmetric)
     if model.settings.run.device != "cpu":
-        return _on_device(model, options, scheme, filling, law, survey)
+        return _on_device(model, options, scheme, filling, law, statistics)
     if law.pair is not None and options.kernel != "listed" and blocked:
-        blocks = blocks_of(law, survey.parts(), nodes, kind, threads_of(options, nodes, True))
+        blocks = blocks_of(law, statistics.parts(), nodes, kind, threads_of(options, nodes, True))
         if blocks is not None:
-            found = SimdLattice(law, blocks, survey.stiffness_bound, scheme.symmetric, survey.softens)
-            return found, survey.counted(filling.area)
-        survey = BondStatistics(filling, scheme.symmetric)
+            found = SimdLattice(law, blocks, statistics.stiffness_bound, scheme.symmetric, statistics.softens)
+            return found, statistics.counted(filling.area)
+        statistics = BondStatistics(filling, scheme.symmetric)
     threads = threads_of(options, nodes, False)
-    bonds = listed(survey.parts(), filling.area).bonds
-    counted = survey.counted(filling.area)
+    bonds = listed(statistics.parts(), filling.area).bonds
+    counted = statistics.counted(filling.area)
     compiled = not numba.config.DISABLE_JIT and options.kernel != "listed"
     where = state_based.placed(law, bonds) if compiled else None
     if where is not None:
@@ -71,11 +70,11 @@ def operator_of(
 
 
 def _on_device(
-    model: Model, options: Options, scheme: Scheme, filling: Filling, law: Law, survey: BondStatistics
+    model: Model, options: Options, scheme: Scheme, filling: Filling, law: Law, statistics: BondStatistics
 ) -> tuple[Operator, Counted]:
     """The operator of bonds that are in no tiles on a device. Raises ModelError."""
     if law.lanes is not None:
-        return _families_on_device(model, options, scheme, filling, law, survey)
+        return _families_on_device(model, options, scheme, filling, law, statistics)
     if law.pair is None or law.pair.held is not None:
         raise ModelError(
             f"{model.name}: $.run.device: found a law that is no straight line, expected cpu of such a law"
@@ -86,23 +85,23 @@ def _on_device(
             f"{model.name}: $.run.device: found a body whose bonds are listed one by one, expected cpu, or equal cells"
             " on one cubic lattice that is wider than a horizon, material.sight visibility, and one micromodulus"
         )
-    blocks = blocks_of(law, survey.parts(), len(model.grid), kind, 1)
+    blocks = blocks_of(law, statistics.parts(), len(model.grid), kind, 1)
     if blocks is None:
         raise ModelError(f"{model.name}: $.run.device: found nodes on no lattice, expected cpu, or nodes on one")
-    found = PlaneOnDevice(law, blocks, survey.stiffness_bound, scheme.symmetric, survey.softens, session)
-    return found, survey.counted(filling.area)
+    found = PlaneOnDevice(law, blocks, statistics.stiffness_bound, scheme.symmetric, statistics.softens, session)
+    return found, statistics.counted(filling.area)
 
 
 def _families_on_device(
-    model: Model, options: Options, scheme: Scheme, filling: Filling, law: Law, survey: BondStatistics
+    model: Model, options: Options, scheme: Scheme, filling: Filling, law: Law, statistics: BondStatistics
 ) -> tuple[Operator, Counted]:
     """The operator of families on a device. Raises ModelError."""
-    bonds = listed(survey.parts(), filling.area).bonds
+    bonds = listed(statistics.parts(), filling.area).bonds
     where = state_based.placed(law, bonds)
     if where is None:
         raise ModelError(f"{model.name}: $.run.device: found nodes on no lattice, expected cpu, or nodes on one")
     of = law, model, bonds, scheme.symmetric, options.precision, where
-    return FamiliesOnDevice(*of, Session(model.settings.run.device)), survey.counted(filling.area)
+    return FamiliesOnDevice(*of, Session(model.settings.run.device)), statistics.counted(filling.area)
 
 
 def touched(model: Model, volume: NDArray[np.float64], bonds: Operator) -> tuple[Operator, PenaltyContact | None]:
@@ -143,6 +142,13 @@ def for_swelling(model: Model, options: Options) -> Options:
     return options if fast else options._replace(kernel="listed")
 
 
+def bonded(operator: Operator) -> Operator:
+    """The operator of bonds in one to which supports or contact may be added."""
+    while isinstance(operator, Together):
+        operator = operator.parts[-1]
+    return operator
+
+
 def in_blocks(operator: Operator) -> tuple[SimdLattice | None, PenaltyContact | None]:
     """The blocks of an operator, if they are all there is of it but for contact; and that."""
     if isinstance(operator, Together):
@@ -152,19 +158,19 @@ def in_blocks(operator: Operator) -> tuple[SimdLattice | None, PenaltyContact | 
     return (operator if isinstance(operator, SimdLattice) else None), None
 
 
-def surveyed(model: Model, options: Options, scheme: Scheme) -> tuple[NDArray[np.int64], NDArray[np.float64], bool]:
+def bond_counts(model: Model, options: Options, scheme: Scheme) -> tuple[NDArray[np.int64], NDArray[np.float64], bool]:
     """Number (n,) of the bonds of a pair law, the bound (n,) of their stiffness, N/m^4, and whether blocks can have
     them."""
     tiles = _tiled(model, options, scheme, False)
     if tiles is not None:
         area = tiles.counted.area
-        return tiles.counted.bonds, tiles.stiffest + _bound_beside_bonds(model, area), True
+        return tiles.counted.bonds, tiles.stiffness_bound + _bound_beside_bonds(model, area), True
     filling = scheme.fill(model)
-    survey = BondStatistics(filling, scheme.symmetric)
-    for _ in survey.parts():
+    statistics = BondStatistics(filling, scheme.symmetric)
+    for _ in statistics.parts():
         pass
-    bound = survey.stiffness_bound + _bound_beside_bonds(model, filling.area)
-    return survey.count, bound, model.grid.dimension == 2
+    bound = statistics.stiffness_bound + _bound_beside_bonds(model, filling.area)
+    return statistics.count, bound, model.grid.dimension == 2
 
 
 def _bound_beside_bonds(model: Model, volume: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -172,11 +178,11 @@ def _bound_beside_bonds(model: Model, volume: NDArray[np.float64]) -> NDArray[np
     return touch_bound(model, volume) + support_bound(model, volume)
 
 
-def _tiled(model: Model, options: Options, scheme: Scheme, lasting: bool) -> Tiled | None:
+def _tiled(model: Model, options: Options, scheme: Scheme, unbreakable: bool) -> Tiled | None:
     """The bonds of a body in tiles, where they can be and options do not exclude it."""
     if model.grid.dimension == 2 or options.kernel == "listed" or numba.config.DISABLE_JIT or not scheme.symmetric:
         return None
-    return tiled(model, np.dtype(options.precision).type, lasting)
+    return tiled(model, np.dtype(options.precision).type, unbreakable)
 
 
 def stable(resistance: NDArray[np.float64], rho: NDArray[np.float64]) -> float:

@@ -27,16 +27,13 @@ from pdsolve.diffusion.swelling import Swelling, cycle_of
 from pdsolve.model import Model, ModelError, counted
 from pdsolve.numerics.thread_team import cores, crew
 from pdsolve.operators.bond_list import BondList
-from pdsolve.operators.ground_supports import bonded
 from pdsolve.operators.simd_lattice.operator import SimdLattice
 from pdsolve.options import Options, threads_of
-from pdsolve.run.assembly import assembled, set_off, system_of
+from pdsolve.run.assembly import assembled, set_off, step_of, stepper_of_content, system_of
 from pdsolve.run.at_rest import at_rest
-from pdsolve.run.explicit_stepper import stepper_of_content
-from pdsolve.run.operator_factory import for_swelling, stable
+from pdsolve.run.operator_factory import bonded, for_swelling, stable
 from pdsolve.run.swelling_zone import PlateBonds, SwellingZone
 from pdsolve.run.system import Prepared, System
-from pdsolve.run.time_step import step_of
 from pdsolve.schemes import SCHEMES
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.steppers.equilibrium import forces
@@ -48,7 +45,7 @@ WORTH_HYBRID = 25_000  # nodes of a plate with a fine zone that moves, were they
 
 def prepare(model: Model, options: Options) -> Prepared:
     """A model's bonds and conditions, and its state at time 0. Raises ModelError for an unsupported model."""
-    found = _prepared(decided(model, options), options)
+    found = _prepared(decided(model, options) if model.settings.run.adapt == "auto" else model, options)
     system = found.system
     whole = None if system.whole is None else counted(system.whole, system.time_step)
     return found._replace(system=replace(system, model=counted(system.model, system.time_step), whole=whole))

@@ -69,7 +69,8 @@ def reactions(grips: tuple[Grip, ...], system: System, state: State, step: int, 
     The force of a rigid body is that on what it touches.
     """
     pulls, pushes = _forces(system, state, len(grips))
-    found, at, supports = [], system.load_time(step), supports_of(system.operator)
+    found, at = [], system.load_time(step)
+    supports = supports_of(system.operator) if any(grip.kind in GROUND for grip in grips) else None
     for profile, grip in enumerate(grips):
         force = (pulls[profile] + float(factor_now(system.drive.profiles, profile, at)) * pushes[profile]).tolist()
         if grip.kind == RIGID and system.contact is not None:

@@ -23,7 +23,6 @@ from pdsolve.run.accounts import Accounts, Together
 from pdsolve.run.measures import Asked, ask, bodies, fields, pieces
 from pdsolve.run.motion_accounts import MotionAccounts
 from pdsolve.run.node_changes import Change
-from pdsolve.run.on_device import fetch
 from pdsolve.run.system import System
 from pdsolve.state import Broken, State
 from pdsolve.steppers.load_steps import Rested
@@ -264,7 +263,7 @@ class Recorder:
 
     def _asked(self, step: int) -> Asked:
         """What the operator says of the state after this step, asked once."""
-        fetch(self.system.stepper)
+        self.system.fetch()
         if step != self.step:
             self.now, self.step = ask(self.system, self.state), step
         return self.now
@@ -275,7 +274,7 @@ class Recorder:
         `whole` adds the fields, after a recorded step; `state` adds a checkpoint now, otherwise only when it is due.
         """
         system = self.system
-        fetch(system.stepper)
+        system.fetch()
         state |= clock.perf_counter() - self._kept > KEPT
         if state:
             self._kept = clock.perf_counter()

@@ -7,6 +7,7 @@ import json
 import time as clock
 import warnings
 from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -20,7 +21,7 @@ from pdsolve.adaptivity.hybrid.space.operator import SpaceHybrid
 from pdsolve.adaptivity.quadtree.operator import Leaves
 from pdsolve.checks import advise, advise_unused
 from pdsolve.errors import LateZoneError, UnstableError
-from pdsolve.model import Model, ModelError, ModelWarning, model_of, on_device
+from pdsolve.model import Model, ModelWarning, model_of, on_device
 from pdsolve.numerics.memory import give_back
 from pdsolve.numerics.team import Team
 from pdsolve.options import Options
@@ -32,7 +33,6 @@ from pdsolve.run.node_changes import Adapt, zone_back, zone_moved
 from pdsolve.run.on_ranks import resuming
 from pdsolve.run.on_ranks import start as on_ranks
 from pdsolve.run.on_ranks.recorder import RecorderOnRanks
-from pdsolve.run.pace import Pace
 from pdsolve.run.prepare import prepare
 from pdsolve.run.recorder import Past, Recorder, restore
 from pdsolve.run.static_start import started
@@ -44,6 +44,8 @@ from pdsolve.steppers.load_steps import Going
 from pdsolve.steppers.stepped_rest import SteppedRest
 
 PATIENCE = 5e7  # bond updates between two looks at the watcher, some 20 ms; fewer where they take longer
+PIECE = 0.25  # s that a piece is to take
+SLOW = 1e7  # updates a second, of bonds or links: as is supposed until it is measured
 DEFAULT = Options()
 
 
@@ -62,6 +64,18 @@ class Progress(NamedTuple):
 Watcher = Callable[[Progress], bool]  # returns whether to stop
 
 
+class Request(NamedTuple):
+    """What is asked of a run, besides its model; see `simulate`. What it is continued on; see `resume`."""
+
+    output: Path | None
+    watch: Watcher | None
+    provenance: str = ""
+    adapt: Adapt | None = None
+    threads: int | None = None
+    team: Team | None = None
+    device: str | None = None
+
+
 def simulate(
     model: Model,
     output: Path | None = None,
@@ -76,18 +90,22 @@ def simulate(
     run; `adapt` may change the nodes during the run. No other run may be writing to that file. Raises ModelError,
     UnstableError (frames so far are kept), ResultsError.
     """
-    with writing_to(output):
-        found = _simulate(model, output, options, watch, provenance, adapt)
+    with _alone(output):
+        found = _simulate(model, options, Request(output, watch, provenance, adapt))
     return _moved_on(found, output, options.threads, watch)
 
 
-def _simulate(
-    model: Model, output: Path | None, options: Options, watch: Watcher | None, provenance: str, adapt: Adapt | None
-) -> Results:
-    model = decided(model, options)
+def _alone(output: Path | None) -> AbstractContextManager[None]:
+    """Keeps other runs from writing to the results, which are in memory if None."""
+    return nullcontext() if output is None else writing_to(output)
+
+
+def _simulate(model: Model, options: Options, request: Request) -> Results:
+    if model.settings.run.adapt == "auto":
+        model = decided(model, options)
     while True:
         try:
-            return _solve(model, output, options, watch, provenance, adapt)
+            return _solve(model, options, request)
         except LateZoneError as late:
             model = _anew(model, late)
 
@@ -99,16 +117,14 @@ def _anew(model: Model, late: LateZoneError) -> Model:
     return wider
 
 
-def _solve(
-    model: Model, output: Path | None, options: Options, watch: Watcher | None, provenance: str, adapt: Adapt | None
-) -> Results:
+def _solve(model: Model, options: Options, request: Request) -> Results:
     """Solve a model from its start. Raises LateZoneError besides."""
     found = _prepared(model, options)
     system, state = started(found) if model.settings.run.start == "static" else found
     advise_unused(model)
     if system.transport is None:
         advise(system.model, system.unbonded, system.scheme.partial_cells, system.scheme.symmetric)
-    return _run(system, state, output, watch, provenance, adapt)
+    return _run(system, state, request)
 
 
 def _prepared(model: Model, options: Options) -> Prepared:
@@ -134,28 +150,24 @@ def run(
     adapt: Adapt | None = None,
 ) -> Results:
     """Solve a prepared model; arguments are those of `simulate`. Raises UnstableError, ResultsError."""
-    with writing_to(output):
-        return _run(system, state, output, watch, provenance, adapt)
+    with _alone(output):
+        return _run(system, state, Request(output, watch, provenance, adapt))
 
 
-def _run(
-    system: System, state: State, output: Path | None, watch: Watcher | None, provenance: str, adapt: Adapt | None
-) -> Results:
-    adapt = adapt or changing(system)
-    return _begin(_recorder(system, state, None, _changes(system, adapt)), output, watch, provenance, adapt)
+def _run(system: System, state: State, request: Request) -> Results:
+    request = request._replace(adapt=request.adapt or changing(system))
+    return _begin(_recorder(system, state, None, _changes(system, request.adapt)), request)
 
 
-def _begin(
-    notes: Recorder, output: Path | None, watch: Watcher | None, provenance: str, adapt: Adapt | None
-) -> Results:
+def _begin(notes: Recorder, request: Request) -> Results:
     """Solve a new run from the state of its records."""
-    notes.divide(output)
+    notes.divide(request.output)
     system = notes.system  # whose nodes may have changed when the writer is made
 
     def new() -> Writer:
-        return notes.writer(system, output, meta(notes, provenance))
+        return notes.writer(system, request.output, meta(notes, request.provenance))
 
-    return _finish(notes, new, output, watch, adapt)
+    return _finish(notes, new, request)
 
 
 def _moved_on(path: Results, output: Path | None, threads: int | None, watch: Watcher | None) -> Results:
@@ -166,9 +178,9 @@ def _moved_on(path: Results, output: Path | None, threads: int | None, watch: Wa
     provenance = path.meta()["provenance"]
     path.close()
     target = None if output is None else name_of(output)
-    with writing_to(target):
+    with _alone(target):
         past = Past(step, 0.0, 0, 0, None, len(system.model.grid))
-        return _begin(Recorder(system, state, past, False), target, watch, provenance, None)
+        return _begin(Recorder(system, state, past, False), Request(target, watch, provenance))
 
 
 def changing(system: System) -> Adapt | None:
@@ -198,29 +210,23 @@ def resume(
     ranks to go on with, as many as before or not; `device` may be another one, None: the same. Raises ResultsError,
     ModelError, UnstableError.
     """
-    found = _resumed(output, threads, watch, adapt, team, device)
+    request = Request(output, watch, "", adapt, threads, team, device)
+    found = _resumed(output, request)
     if motion_follows(found) and name_of(output).exists():
         found.close()
-        return _resumed(name_of(output), threads, watch, adapt, team, device)
+        return _resumed(name_of(output), request)
     return _moved_on(found, output, threads, watch)
 
 
-def _resumed(
-    output: Path,
-    threads: int | None,
-    watch: Watcher | None,
-    adapt: Adapt | None,
-    team: Team | None,
-    device: str | None,
-) -> Results:
+def _resumed(output: Path, request: Request) -> Results:
     """The results of a run that is continued if it is not finished."""
     if not _is_finished(output):
         with writing_to(output):
             if not _is_finished(output):
                 try:
-                    return _resume(output, threads, watch, adapt, team, device)
+                    return _resume(output, request)
                 except LateZoneError as late:
-                    return _resume_anew(output, late, threads, watch, adapt)
+                    return _resume_anew(output, request, late)
     put_away(output)
     return Results.open(output)
 
@@ -236,43 +242,36 @@ def options_of(model: Model, meta: Mapping[str, Any], threads: int | None) -> Op
     return Options(meta["mode"], meta["precision"], threads, None if model.diffuses and kernel != "listed" else kernel)
 
 
-def _resume_anew(
-    output: Path, late: LateZoneError, threads: int | None, watch: Watcher | None, adapt: Adapt | None
-) -> Results:
+def _resume_anew(output: Path, request: Request, late: LateZoneError) -> Results:
     """Solve a run whose fine cells came too late from its start, as it would have been without the stop."""
     with Results.open(output) as results:
         model, meta = model_of(results.model(), str(output)), results.meta()
-    return _simulate(_anew(model, late), output, options_of(model, meta, threads), watch, meta["provenance"], adapt)
+    request = request._replace(output=output, provenance=meta["provenance"])
+    return _simulate(_anew(model, late), options_of(model, meta, request.threads), request)
 
 
-def _resume(
-    output: Path,
-    threads: int | None,
-    watch: Watcher | None,
-    adapt: Adapt | None,
-    team: Team | None,
-    device: str | None,
-) -> Results:
+def _resume(output: Path, request: Request) -> Results:
     with Results.open(output) as results:
         results.verify()
         model, meta = model_of(results.model(), str(output)), results.meta()
-        model = model if device is None else on_device(model, device)
-        options = options_of(model, meta, threads)._replace(team=team)
+        model = model if request.device is None else on_device(model, request.device)
+        options = options_of(model, meta, request.threads)._replace(team=request.team)
+        request = request._replace(output=output, provenance=meta["provenance"])
         if not results.has_checkpoint():
             results.close()
-            return _simulate(model, output, options, watch, meta["provenance"], adapt)
-        if team is not None and not model.diffuses:
+            return _simulate(model, options, request)
+        if request.team is not None and not model.diffuses:
             ranked = resuming.gone_on(results, model, options, meta)
             make = partial(Writer.reopen, output, ranked.go_on(output, results.pieces))
             results.close()
-            return _finish(ranked, make, output, watch, adapt)
+            return _finish(ranked, make, request)
         known, (step, kept) = results.nodes(0), results.checkpoint()
         if not kept.keys() >= set(State._fields):
             raise ResultsError(
                 f"{output}: found a checkpoint by {meta['program']}, expected this version's; solve it anew"
             )
         system, state = prepare(model, options)
-        adapt = adapt or changing(system)
+        adapt = request.adapt or changing(system)
         same = float(meta["time_step"]) == system.time_step and np.array_equal(known.family, system.family)
         if not same or not np.array_equal(known.cut, system.family - system.count):
             raise resuming.of_other_bonds(output, meta, system)
@@ -299,12 +298,10 @@ def _resume(
         system = dataclasses.replace(system, broken_before=broken, initial_energy=energy)
         with gone_back(output):
             notes = Recorder(system, state, past, _changes(system, adapt))
-    return _finish(notes, partial(Writer.reopen, output), output, watch, adapt)
+    return _finish(notes, partial(Writer.reopen, output), request._replace(adapt=adapt))
 
 
-def _finish(
-    notes: Recorder, make: Callable[[], Writer], output: Path | None, watch: Watcher | None, adapt: Adapt | None
-) -> Results:
+def _finish(notes: Recorder, make: Callable[[], Writer], request: Request) -> Results:
     """March to the end from the state of the records; `make` creates the writer, of a new file for a new run."""
     give_back()
     with behind(make, notes.new) as writer:
@@ -312,14 +309,34 @@ def _finish(
             if notes.new:
                 notes.take(notes.step)
                 writer.write(partial(notes.frame, notes.step, whole=True, state=True))
-            status = _march(notes, writer, watch, adapt)
+            status = _march(notes, writer, request.watch, request.adapt)
         except BaseException as error:
             ends = {UnstableError: "unstable", UnsettledError: "unsettled", KeyboardInterrupt: "interrupted"}
             writer.abandon(ends.get(type(error), "failed"))
             raise
         last = writer.done()
         last.close(status)
-    return Results(last.connection, "results in memory") if output is None else Results.open(output)
+    return Results(last.connection, "results in memory") if request.output is None else Results.open(request.output)
+
+
+class Pace:
+    """Measures the duration of steps; results do not depend on it."""
+
+    def __init__(self, updates: int) -> None:
+        """`updates` is the number of bond or link updates of a step."""
+        self._each = updates / SLOW  # s of a step
+
+    def steps(self, least: int, most: int) -> int:
+        """Number of steps to take at once, from `least` to `most`."""
+        return max(least, min(most, int(PIECE / max(self._each, 1e-9))))
+
+    def took(self, steps: int, seconds: float) -> None:
+        """Record the duration of some steps."""
+        self._each = seconds / max(steps, 1)
+
+    def is_soon(self, steps: int) -> bool:
+        """Whether so many steps take at most as long as three batches."""
+        return steps * self._each < 3 * PIECE
 
 
 def _march(notes: Recorder, writer: Behind, watch: Watcher | None, adapt: Adapt | None) -> str:
@@ -428,15 +445,4 @@ def _is_enough(notes: Recorder, step: int) -> bool:
     return False
 
 
-__all__ = [
-    "ModelError",
-    "Options",
-    "Progress",
-    "ResultsError",
-    "System",
-    "UnsettledError",
-    "UnstableError",
-    "prepare",
-    "resume",
-    "simulate",
-]
+__all__ = ["Options", "Progress", "UnsettledError", "UnstableError", "prepare", "resume", "simulate"]

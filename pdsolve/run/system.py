@@ -17,24 +17,27 @@ from pdsolve.adaptivity.two_lattice_operator import FusedMarch
 from pdsolve.conditions import (
     Drive,
 )
+from pdsolve.diffusion.euler_on_device import EulerOnDevice
 from pdsolve.diffusion.swelling import Swelling
 from pdsolve.diffusion.system import Transport
 from pdsolve.model import Model, counted
 from pdsolve.operators.contact.operator import PenaltyContact
-from pdsolve.operators.ground_supports import bonded
 from pdsolve.operators.protocol import Operator
 from pdsolve.operators.simd_lattice.operator import SimdLattice
 from pdsolve.options import Options, threads_of
-from pdsolve.run.on_device import OnDevice, fetch
+from pdsolve.run.operator_factory import bonded
 from pdsolve.run.swelling_zone import SwellingZone
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import State
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.protocol import Stepper
 from pdsolve.steppers.stepped_rest import SteppedRest
+from pdsolve.steppers.verlet_on_device import VerletOnDevice
 
 if TYPE_CHECKING:
     from pdsolve.crack_growth.growth import Growth
+
+OnDevice = VerletOnDevice | EulerOnDevice  # what takes steps on a device, of a motion or of a content
 
 
 @dataclass(frozen=True)
@@ -91,6 +94,11 @@ class System:
         """Summary of finer nodes that come and go; None without any."""
         return self.operator.zone_summary() if isinstance(self.operator, Moving | Leaves | SpaceHybrid) else None
 
+    def fetch(self) -> None:
+        """Bring the state up to the steps taken, if a device takes them."""
+        if isinstance(self.stepper, OnDevice):
+            self.stepper.fetch()
+
     def load_time(self, step: int) -> float:
         """Time of the profiles of conditions after `step`, s."""
         return self.stepper.factor if isinstance(self.stepper, SteppedRest) else step * self.time_step
@@ -125,7 +133,7 @@ class Prepared(NamedTuple):
     def march(self, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1, in place."""
         self.system.stepper.march(self.state, first, last)
-        fetch(self.system.stepper)
+        self.system.fetch()
 
 
 def moved(system: System, shown: Moving) -> System:

@@ -35,11 +35,11 @@ class Tiled(NamedTuple):
     tiles: Tiles
     sites: Sites
     counted: Counted
-    stiffest: NDArray[np.float64]  # (n,) a bound of each node's stiffness, N/m^4; see `stiffness_bound`
+    stiffness_bound: NDArray[np.float64]  # (n,) N/m^4, see `pdsolve.operators.protocol`
 
 
-def tiled(model: Model, kind: type[np.floating], lasting: bool = False) -> Tiled | None:
-    """The bonds of a body in precision `kind`; None where tiles cannot be. Bonds that are `lasting` do not break."""
+def tiled(model: Model, kind: type[np.floating], unbreakable: bool = False) -> Tiled | None:
+    """The bonds of a body in precision `kind`; None where tiles cannot be."""
     law = law_of(model)
     if law.pair is None or law.pair.held is not None:
         return None
@@ -49,7 +49,7 @@ def tiled(model: Model, kind: type[np.floating], lasting: bool = False) -> Tiled
     if sites is None:
         return None
     rule = Rule(model)
-    found = _springs(model, rule, sites, lasting)
+    found = _springs(model, rule, sites, unbreakable)
     if found is None:
         return None
     sites, springs = found
@@ -61,12 +61,12 @@ def tiled(model: Model, kind: type[np.floating], lasting: bool = False) -> Tiled
     tiles = layout.tiles_of(law, sites, bits, springs)
     _correct(tiles, sites, rule)
     layout.sort(tiles)
-    stiffest = _bound(tiles, sites)
+    stiffness_bound = _bound(tiles, sites)
     family = count + cut if cut.any() else count
-    return Tiled(layout.in_precision(tiles, kind), sites, Counted(rule.area, family, count), stiffest)
+    return Tiled(layout.in_precision(tiles, kind), sites, Counted(rule.area, family, count), stiffness_bound)
 
 
-def _springs(model: Model, rule: Rule, sites: Sites, lasting: bool) -> tuple[Sites, Springs] | None:
+def _springs(model: Model, rule: Rule, sites: Sites, unbreakable: bool) -> tuple[Sites, Springs] | None:
     """The bonds' constants, and the sites with those offsets alone that have bonds; None where materials'
     stiffness falls differently with distance."""
     number = model.material_of
@@ -91,7 +91,7 @@ def _springs(model: Model, rule: Rule, sites: Sites, lasting: bool) -> tuple[Sit
         return None
     if (np.abs(ratio - half[:, None] - half) > SAME * ratio).any():
         return None
-    if lasting:
+    if unbreakable:
         peak[:] = limit[:] = np.inf
     material = np.searchsorted(which, number)
     of_nodes = rule.area / h**3, half[material], rule.held, material.astype(np.uint8)

@@ -99,8 +99,7 @@ def _report(path: Path, rows: list[Row], args: argparse.Namespace) -> int:
 
 
 def _exits() -> dict[type[Exception], int]:
-    from pdmesh.model.document import GridError
-    from pdmesh.scene.shapes import SceneError
+    from pdmesh import GridError, SceneError
     from pdsolve.model import ModelError
     from pdsolve.results import ResultsError, WriteError
     from pdsolve.study.description import StudyError

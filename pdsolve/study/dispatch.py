@@ -9,9 +9,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from pdmesh import VERSION
-from pdmesh.drawing import file_reading
-from pdmesh.scene.shapes import SceneError
+from pdmesh import VERSION, SceneError, file_parameters
 from pdsolve.numerics.thread_team import cores
 from pdsolve.results import holder, remove, writing_to
 from pdsolve.study.cluster import solved_by
@@ -121,7 +119,7 @@ def _described(study: Study, trust: bool) -> dict[str, tuple[str, str]]:
     if study.drawing.suffix.lower() not in NAMED:
         return {}
     try:
-        found = file_reading.parameters(study.drawing, (), trust)
+        found = file_parameters(study.drawing, (), trust)
     except SceneError:
         return {}
     return {entry.name.removeprefix("Peridynamics/"): (entry.unit, entry.meaning) for entry in found}

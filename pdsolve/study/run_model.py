@@ -7,13 +7,11 @@ import warnings
 from pathlib import Path
 from typing import Any
 
-from pdmesh.drawing import file_reading
+from pdmesh import Body, SceneError, UntrustedError, build_file, file_parameters, read_scene
 from pdmesh.file_kinds import MESHES
 from pdmesh.model.document import SPACE_VERSION, GridError, Material, Medium, Settings, read_file, settings_of
 from pdmesh.model.node_grid import Grid, grid_of
 from pdmesh.model.unused_settings import in_vain
-from pdmesh.scene.body import Body
-from pdmesh.scene.shapes import SceneError, UntrustedError
 from pdsolve.model import Model, ModelError, overlaid
 from pdsolve.options import Options
 from pdsolve.run.estimate import Plan, estimate_run
@@ -75,7 +73,7 @@ def check(study: Study, trust: bool = False) -> int:
     for case in {tuple(case.values): case for case in cases}.values():
         try:
             if case.drawing and study.drawing.suffix.lower() in NAMED:
-                file_reading.parameters(study.drawing, case.assignments("drawing"), trust)
+                file_parameters(study.drawing, case.assignments("drawing"), trust)
             overlaid(ANY, Path("model"), None, case.assignments("model"))
         except UntrustedError as error:
             raise StudyError(f"{study.path}: $.drawing: {error}") from None
@@ -99,7 +97,7 @@ def _dimension(drawing: Path, case: Case, trust: bool) -> int:
         document = read_file(drawing)
         dimension, diffuses = 3 if document.version == SPACE_VERSION else 2, document.physics == "diffusion"
     else:
-        scene = file_reading.read_scene(drawing, case.assignments("drawing"), trust=trust)
+        scene = read_scene(drawing, case.assignments("drawing"), trust=trust)
         dimension, diffuses = 3 if isinstance(scene, Body) else 2, scene.medium is not None
     if diffuses:
         raise StudyError(
@@ -113,5 +111,5 @@ def _built(drawing: Path, case: Case, trust: bool) -> tuple[Grid, Settings]:
     if drawing.suffix.lower() == ".json" and not case.drawing:
         document = read_file(drawing)
         return grid_of(document, str(drawing)), settings_of(document)
-    built = file_reading.build(drawing, case.assignments("drawing"), trust=trust)
+    built = build_file(drawing, case.assignments("drawing"), trust=trust)
     return built.grid, built.settings

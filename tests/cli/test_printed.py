@@ -18,7 +18,7 @@ from pdmesh.__main__ import main as pdmesh
 from pdpost.__main__ import main as pdpost
 from pdsolve.__main__ import main as pdsolve
 from pdsolve.model import Model, ModelError
-from pdsolve.run.time_step import step_of
+from pdsolve.run.assembly import step_of
 
 NODE = {"id": 1, "border": "true", "position": [0, 0, 0], "hole_id": -1, "delta": [1, 1, 1]}
 GRID = {"notch": [], "nodes": [NODE], "material": {"E": 1.0, "rho": 1.0, "G0": 1.0}}

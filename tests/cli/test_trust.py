@@ -124,9 +124,9 @@ def test_a_model_that_was_built_runs_nothing(scene: Path) -> None:
 @pytest.mark.parametrize(
     "read",
     [
-        file_reading.build,
+        file_reading.build_file,
         file_reading.read_scene,
-        file_reading.parameters,
+        file_reading.file_parameters,
         read_script,
         script_parameters,
     ],

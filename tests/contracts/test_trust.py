@@ -56,7 +56,11 @@ def defaults(module: ModuleType) -> Iterator[tuple[str, object]]:
 @pytest.mark.filterwarnings("ignore")
 def test_nothing_is_trusted_by_default() -> None:
     found = {name: default for module in modules() for name, default in defaults(module)}
-    known = {"pdmesh.drawing.file_reading.build", "pdmesh.drawing.script.read_script", "pdsolve.study.dispatch.Crew"}
+    known = {
+        "pdmesh.drawing.file_reading.build_file",
+        "pdmesh.drawing.script.read_script",
+        "pdsolve.study.dispatch.Crew",
+    }
     assert known <= found.keys()
     assert {name for name, default in found.items() if default not in (False, inspect.Parameter.empty)} == set()
 

@@ -10,7 +10,7 @@ import pytest
 from pages import GUIDE
 from plates import GEOMETRIES, shipped
 
-from pdmesh.drawing.file_reading import Built, build
+from pdmesh.drawing.file_reading import Built, build_file
 from pdmesh.model.document import Displacement, Load, Velocity
 from pdmesh.model.visibility import plate_of
 
@@ -183,7 +183,7 @@ def test_the_scene_of_the_guide_builds(tmp_path: Path) -> None:
     code = next(block for block in GUIDE["drawings"].split("```python\n")[1:] if "scene = (" in block).split("```")[0]
     path = tmp_path / "plate.py"
     path.write_text(code, encoding="utf-8")
-    grid = build(path, trust=True).grid
+    grid = build_file(path, trust=True).grid
     assert np.unique(grid.delta).tolist() == [5e-4, 1e-3]
     assert len(grid.holes) == 1
     assert len(grid.cracks) == 2

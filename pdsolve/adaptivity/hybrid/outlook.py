@@ -45,9 +45,7 @@ class Outlook(NamedTuple):
 
 
 def decided(model: Model, options: Options) -> Model:
-    """The model with run.adapt hybrid or none where it is auto; a warning says which and why."""
-    if model.settings.run.adapt != "auto":
-        return model
+    """The model with run.adapt hybrid or none in place of auto; a warning says which and why."""
     how, why = _choice(model, options)
     named = "peridynamics near cracks alone (hybrid)" if how == "hybrid" else "fine nodes everywhere (none)"
     warnings.warn(f"{model.name}: $.run.adapt: auto takes {named}: {why}", ModelWarning, stacklevel=3)

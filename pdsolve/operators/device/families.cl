@@ -1,8 +1,8 @@
 /* Two passes over families on lattices: pdsolve/operators/simd_lattice/passes in OpenCL C.
 
 A work item is a node, a work group a block of 64. Each product and each sum is rounded, as on the processor. What a law
-does with a bond is SAY, FINISH, EXCHANGE and NEARS, whose statements the host has written from the law. Symbols as in
-`Slots`; m nodes in whole blocks; C numbers a bond, of which WIDTH are between the passes and SHOWN of them shown.
+does with a bond is ACCUMULATE, FINISH, BOND_FORCE and NEARS, whose statements the host has written from the law.
+Symbols as in `Slots`; m nodes in whole blocks; C numbers a bond; WIDTH numbers of a node between the passes.
 
     own       (., m) constants of nodes for the first pass        nodal   (WIDTH, m)
     given     (DIM, m) forces of a step in which bonds failed, N/m^3
@@ -66,7 +66,7 @@ __kernel __attribute__((reqd_work_group_size(64, 1, 1))) void gather(FORCE_PARAM
     s[k] = 0;
   for (int slot = start[i / 64]; slot < start[i / 64 + 1]; ++slot)
     if (bond_of(slots, ids, vectors, kinds, rows, u, m, i, slot, c, &j, &bond)) {
-      SAY
+      ACCUMULATE
     }
   FINISH
 }
@@ -92,7 +92,7 @@ inline void exchanged(FORCE_PARAMETERS, __global const REAL *u, int m, int i, SU
     f[axis] = 0;
   for (int slot = start[i / 64]; slot < start[i / 64 + 1]; ++slot)
     if (bond_of(slots, ids, vectors, kinds, rows, u, m, i, slot, c, &j, &bond)) {
-      EXCHANGE
+      BOND_FORCE
     }
   for (int axis = 0; axis < DIM; ++axis)
     force[axis] = (double)f[axis];

@@ -45,7 +45,7 @@ class FamiliesOnDevice(Padded, Families):
     ) -> None:
         """Arguments are those of `Families`. Raises ModelError if the device has too little memory."""
         super().__init__(law, model, exact, symmetric, precision, 1, placed)
-        self.session, self.dimension, self.fused, self.stale = session, len(self._u), False, True
+        self.session, self.dimension, self.fused, self.needs_upload = session, len(self._u), False, True
         self.room, self._fresh = self._u.shape[1], [np.zeros(0, dtype=np.int64)]
         slots, put, forces = self.slots, session.put, 8 * self.dimension * self.room
         first = slots.start.astype(np.int32), slots.slots, slots.ids, slots.vectors, slots.kinds
@@ -65,22 +65,22 @@ class FamiliesOnDevice(Padded, Families):
     def source(self) -> str:
         """What the bonds are in OpenCL C. Raises ModelError for a law that no device computes to the same bits."""
         said, law, wide = functions_of(self.law), self.columns, len(self._m)
-        sums, (shown, count) = self._sums(), (self._tabled.shown, len(self._tabled.columns))
+        sums, (nodal_count, count) = self._sums(), (self._tabled.nodal_count, len(self._tabled.columns))
         lines = [f"#define C {count}", f"#define FIELDS {self.slots.vectors.shape[1]}", f"#define SUMS {sums}"]
         lines.append(f"#define WIDTH {wide}")
         code = Code("a")
-        found = code.call(said["say"], law, *self._bond(code), tuple(code.named(f"s[{k}]") for k in range(sums)))
-        lines.append(_macro("SAY", code, [f"s[{k}] = {one.text};" for k, one in enumerate(found)]))
+        found = code.call(said["accumulate"], law, *self._bond(code), tuple(code.named(f"s[{k}]") for k in range(sums)))
+        lines.append(_macro("ACCUMULATE", code, [f"s[{k}] = {one.text};" for k, one in enumerate(found)]))
         code = Code("b")
         constants = tuple(code.named(f"own[{k} * m + i]") for k in range(len(self._own)))
         found = code.call(said["finish"], law, tuple(code.named(f"s[{k}]") for k in range(sums)), constants)
         lines.append(_macro("FINISH", code, [f"nodal[{k} * m + i] = {one.text};" for k, one in enumerate(found)]))
         code = Code("c")
-        found = code.call(said["exchange"], law, *self._bond(code), *self._ends(code, shown))
-        lines.append(_macro("EXCHANGE", code, [f"f[{k}] = f[{k}] + {one.text};" for k, one in enumerate(found)]))
+        found = code.call(said["bond_force"], law, *self._bond(code), *self._ends(code, nodal_count))
+        lines.append(_macro("BOND_FORCE", code, [f"f[{k}] = f[{k}] + {one.text};" for k, one in enumerate(found)]))
         code = Code("d")
         if self._tabled.watched:
-            value, limit = code.call(said["nears"], law, *self._bond(code), *self._ends(code, shown))
+            value, limit = code.call(said["nears"], law, *self._bond(code), *self._ends(code, nodal_count))
             most = limit * (1.0 - SAFE)
             lines.append(_macro("NEARS", code, [f"if ({value.text} > {most.text}) flags[1] = near[i] = 1;"]))
         else:
@@ -99,14 +99,14 @@ class FamiliesOnDevice(Padded, Families):
         numbers = tuple(code.named(f"c[{k}]") for k in range(len(self._tabled.columns)))
         return Bond(xi, eta, *rest), numbers
 
-    def _ends(self, code: Code, shown: int) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
-        """What a node and its neighbour show, in C."""
-        here, there = (tuple(code.named(f"nodal[{k} * m + {end}]") for k in range(shown)) for end in "ij")
+    def _ends(self, code: Code, nodal_count: int) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+        """The nodal numbers of a node and its neighbour in C."""
+        here, there = (tuple(code.named(f"nodal[{k} * m + {end}]") for k in range(nodal_count)) for end in "ij")
         return here, there
 
     def take_passes(self, program: Any) -> None:
         """Keep the kernels of the passes."""
-        self._gather, self._watch, self._exchange = program.gather, program.watch, program.pull
+        self._gather, self._watch, self._last_pass = program.gather, program.watch, program.pull
 
     def sum_families(self, u: Any) -> bool:
         """Sum the first pass at these displacements of the device; returns whether a bond may fail."""
@@ -139,7 +139,7 @@ class FamiliesOnDevice(Padded, Families):
 
     def _pulled(self, u: Any, nodes: int) -> NDArray[np.float64]:
         """Force densities (n, d), N/m^3, from what nodes have between the passes; the next step has them."""
-        self._launch(self._exchange, u)
+        self._launch(self._last_pass, u)
         forces = np.empty((self.dimension, self.room))
         self.session.read(self._given, forces)
         return forces[:, :nodes].T
@@ -164,14 +164,14 @@ class FamiliesOnDevice(Padded, Families):
     def back(self, kept: Kept, broken: Broken) -> None:
         """Restore the history of bonds and the broken bonds of a checkpoint."""
         super().back(kept, broken)
-        self.stale = True
+        self.needs_upload = True
 
     def hand_over(self) -> None:
         """Give the history of bonds to the device, if it is another than the device's."""
-        if self.stale:
+        if self.needs_upload:
             self.session.write(self._tables[1], self.slots.slots)
             self._write_torn()
-            self.stale = False
+            self.needs_upload = False
 
     def fetch(self) -> None:
         """Nothing: what bonds remember is the processor's."""

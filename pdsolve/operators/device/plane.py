@@ -32,14 +32,14 @@ class PlaneOnDevice(Padded, SimdLattice):
         self,
         law: Law,
         blocks: Blocks,
-        stiffest: NDArray[np.float64],
+        bound: NDArray[np.float64],
         symmetric: bool,
         softens: bool,
         session: Session,
     ) -> None:
         """Arguments are those of `SimdLattice`. Raises ModelError if the device has too little memory."""
-        super().__init__(law, blocks, stiffest, symmetric, softens)
-        self.session, self.dimension, self.fused, self.stale = session, 2, True, True
+        super().__init__(law, blocks, bound, symmetric, softens)
+        self.session, self.dimension, self.fused, self.needs_upload = session, 2, True, True
         self.together = together(session.about.kind, blocks.vectors.dtype)
         self.room = self.tracks.v.shape[1]
         self._remembers = bool(self.tracks.worst.size)
@@ -85,11 +85,11 @@ class PlaneOnDevice(Padded, SimdLattice):
     def back(self, kept: Kept, broken: Broken) -> None:
         """Restore the history of bonds and the broken bonds of a checkpoint."""
         super().back(kept, broken)
-        self.stale = True
+        self.needs_upload = True
 
     def hand_over(self) -> None:
         """Give the history of bonds to the device, if it is another than the device's."""
-        if not self.stale:
+        if not self.needs_upload:
             return
         write, worst = self.session.write, self.tracks.worst
         write(self._gone, self._bits_of(self.tracks.broken != 0))
@@ -101,7 +101,7 @@ class PlaneOnDevice(Padded, SimdLattice):
             write(self._worst, worst)
             write(self._edge, self.blocks.edge[rows[:, BOUND]])
             write(self._pull, self.blocks.stiffness[rows[:, PULL]])
-        self.stale = False
+        self.needs_upload = False
 
     def fetch(self) -> None:
         """Bring the history of bonds up to the device's, where bonds have broken or softened."""

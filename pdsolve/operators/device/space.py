@@ -31,14 +31,14 @@ class SpaceOnDevice(SpaceLattice):
     """
 
     def __init__(
-        self, law: Law, tiles: Tiles, sites: Sites, stiffest: NDArray[np.float64], symmetric: bool, session: Session
+        self, law: Law, tiles: Tiles, sites: Sites, bound: NDArray[np.float64], symmetric: bool, session: Session
     ) -> None:
         """Arguments are those of `SpaceLattice`. Raises ModelError if the device has too little memory."""
-        super().__init__(law, tiles, sites, stiffest, symmetric, 1)
-        self.session, self.dimension, self.fused, self.stale = session, 3, False, True
+        super().__init__(law, tiles, sites, bound, symmetric, 1)
+        self.session, self.dimension, self.fused, self.needs_upload = session, 3, False, True
         self.room = -(-sites.size // GROUP) * GROUP
         self.together = together(session.about.kind, tiles.table.dtype)
-        self._words, self._most = -(-len(tiles.offsets) // WORD), max(FEWEST, EACH * len(stiffest))
+        self._words, self._most = -(-len(tiles.offsets) // WORD), max(FEWEST, EACH * len(bound))
         self._most = min(self._most, int(families.counts(tiles.bits, sites).sum()))
         tables = (tiles.offsets, tiles.table, tiles.c, tiles.cells, tiles.kind, tiles.peak, tiles.limit)
         self._remembers = bool(law.memory)
@@ -104,11 +104,11 @@ class SpaceOnDevice(SpaceLattice):
     def back(self, kept: Kept, broken: Broken) -> None:
         """Restore the history of bonds and the broken bonds of a checkpoint."""
         super().back(kept, broken)
-        self.stale = True
+        self.needs_upload = True
 
     def hand_over(self) -> None:
         """Give the history of bonds to the device, if it is another than the device's."""
-        if not self.stale:
+        if not self.needs_upload:
             return
         found = np.zeros((self._words, self.room), dtype=np.uint32)
         of_tiles = slice(self.tiles.margin, self.tiles.margin + ROW * len(self.tiles.bits))
@@ -119,7 +119,7 @@ class SpaceOnDevice(SpaceLattice):
         self.session.write(self._intact, found)
         if self._remembers:
             self._hand_over_memory()
-        self.stale = False
+        self.needs_upload = False
 
     def _hand_over_memory(self) -> None:
         """Give what softened bonds remember to the device."""

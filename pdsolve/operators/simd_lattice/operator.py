@@ -28,15 +28,14 @@ class SimdLattice:
     name = "blocks"
     unknowns: tuple[Unknown, ...] = (Unknown("u", 2, 2),)
 
-    def __init__(self, law: Law, blocks: Blocks, stiffest: NDArray[np.float64], symmetric: bool, softens: bool) -> None:
-        """`stiffest` (n,), N/m^4, bounds the stiffness of nodes; `softens`: whether any bond has its peak below its
-        limit."""
+    def __init__(self, law: Law, blocks: Blocks, bound: NDArray[np.float64], symmetric: bool, softens: bool) -> None:
+        """`bound` (n,), N/m^4, of the stiffness of nodes; `softens`: whether any bond has its peak below its limit."""
         bind(law)
         assert law.pair is not None
         self._law, self._pair = law, law.pair
         remembers = law.pair.softening is not None and (softens or law.pair.held is not None)
         self.blocks, self.symmetric = blocks, symmetric
-        self._stiffest, self._whole = stiffest, blocks.mask.copy()
+        self._stiffness_bound, self._whole = bound, blocks.mask.copy()
         none = np.zeros(0, dtype=np.int64)
         self._looked_at, self._broken = self._whole, Broken(none, none, none)  # what is known to be broken
         room, lanes = LANES * (len(blocks.start) - 1), (len(blocks.mask), LANES)
@@ -53,7 +52,7 @@ class SimdLattice:
 
     def place(self, state: State) -> State:
         """The state in this operator's own array layout."""
-        nodes, tracks = len(self._stiffest), self.tracks
+        nodes, tracks = len(self._stiffness_bound), self.tracks
         u, v, a = (array[:, :nodes].T for array in (tracks.u[0], tracks.v, tracks.a))
         own = State(u, v, a, tracks.dissipated[:nodes], tracks.work[:nodes], state.damped)
         for values, here in zip(state, own, strict=True):
@@ -82,7 +81,7 @@ class SimdLattice:
         self.place(state)
         held, spent = np.zeros_like(self.tracks.work), np.zeros_like(self.tracks.work)
         energy_densities(self.blocks, self.tracks.worst, self.tracks.u[0], self.tracks.shrink, held, spent)
-        return held[: len(self._stiffest)], spent[: len(self._stiffest)]
+        return held[: len(self._stiffness_bound)], spent[: len(self._stiffness_bound)]
 
     def fields(self, state: State) -> dict[str, NDArray[np.float64]]:
         """Empty: a pair law stores no fields besides displacements."""
@@ -90,7 +89,7 @@ class SimdLattice:
 
     def stiffness_bound(self) -> NDArray[np.float64]:
         """A bound (n,) of each node's stiffness, N/m^4; see `Operator`."""
-        return self._stiffest
+        return self._stiffness_bound
 
     def tangent(self, state: State) -> csr_array:
         """The tangent (n w, n w), N/m^4: minus the derivative of the force densities by the values."""
@@ -111,7 +110,7 @@ class SimdLattice:
         from pdsolve.operators.tangent import of_pairs
 
         source, target = self._ends(numbers)
-        order, nodes = np.argsort(source, kind="stable"), len(self._stiffest)
+        order, nodes = np.argsort(source, kind="stable"), len(self._stiffness_bound)
         numbers, source, target = numbers[order], source[order], target[order]
         (slot, lane), (xi, stiffness) = np.divmod(numbers, LANES), layout.springs(self.blocks, numbers)
         row = self.blocks.slots[slot, LIMITS]
@@ -128,7 +127,7 @@ class SimdLattice:
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Source and target rows (k,) of the intact bonds of nodes `first` to `last` - 1, or of those at the
         `start`."""
-        last = len(self._stiffest) if last is None else last
+        last = len(self._stiffness_bound) if last is None else last
         slots = self.blocks.start[[first // LANES, -(-last // LANES)]]
         mask = self._whole if start else self.blocks.mask
         source, target = self._ends(layout.there(mask[slots[0] : slots[1]], int(slots[0])))
@@ -169,7 +168,7 @@ class SimdLattice:
 
     def _softened(self, kept: Kept) -> tuple[NDArray[np.int64], NDArray[Any], NDArray[Any]]:
         """Softened bonds (k,) of a checkpoint, their largest stretches and edges (k,)."""
-        nodes, rows = len(self._stiffest) - 1, (None,) if self.tracks.worst.size else (0,)
+        nodes, rows = len(self._stiffness_bound) - 1, (None,) if self.tracks.worst.size else (0,)
         values = entry(kept, "worst", rows, self.tracks.worst.dtype)
         edges = entry(kept, "worst_edge", values.shape, self.blocks.edge.dtype, high=np.inf)
         source, target = (entry(kept, f"worst_{end}", values.shape, np.int64, 0, nodes) for end in ("source", "target"))

@@ -16,7 +16,7 @@ from numba.extending import overload
 from numpy.typing import NDArray
 
 from pdsolve.laws.bond_arrays import Bond
-from pdsolve.laws.calls import exchange, finish, nears, nothing, say
+from pdsolve.laws.calls import accumulate, bond_force, finish, nears, nothing
 from pdsolve.laws.small_tensors import blank, summed
 from pdsolve.numerics.jit_cache import cached_njit
 from pdsolve.operators.simd_lattice.kernel import INNER, LANES, across
@@ -35,7 +35,7 @@ from pdsolve.operators.simd_lattice.vectors import FAR, VECTOR
 
 KIND = VECTOR + 1  # of a slot: row of `kinds`, or -1 less a row of `rows`
 SAFE = 1e-6  # nearer to its limit than this share, a bond is looked at by itself
-COLUMNS, SHOWN, OWN, VECTORS = range(4)  # of `likes`: tuples as long as a bond's numbers, what a node shows, what
+COLUMNS, NODAL, OWN, VECTORS = range(4)  # of `likes`: tuples as long as a bond's numbers, nodal numbers, what
 # `finish` wants of it, and a vector
 
 
@@ -112,7 +112,7 @@ def gather_blocks(slots, law, u, own, m, likes, by_lanes, first, last):  # type:
             here, sums = beside(u, likes[VECTORS], at), nothing(law, likes[VECTORS], none)
             for slot in range(slots.start[b], slots.start[b + 1]):
                 c = _numbers(slots, slot, likes[COLUMNS], lane)
-                sums = say(law, _bond(slots, slot, c, u, here, at, lane), c, sums)
+                sums = accumulate(law, _bond(slots, slot, c, u, here, at, lane), c, sums)
             if by_lanes:
                 keep(finish(law, sums, beside(own, likes[OWN], at)), m, at)
             else:
@@ -126,12 +126,12 @@ def exchange_blocks(slots, law, u, m, f, likes, first, last):  # type: ignore[no
     for b in range(first, last):
         for lane in range(0, LANES, across(u)):
             at = b * LANES + lane
-            here, shown = beside(u, likes[VECTORS], at), beside(m, likes[SHOWN], at)
+            here, nodal = beside(u, likes[VECTORS], at), beside(m, likes[NODAL], at)
             pull = blank(likes[VECTORS], none)
             for slot in range(slots.start[b], slots.start[b + 1]):
                 c = _numbers(slots, slot, likes[COLUMNS], lane)
-                there = _there(slots, slot, m, likes[SHOWN], at, lane)
-                pull = summed(pull, exchange(law, _bond(slots, slot, c, u, here, at, lane), c, shown, there))
+                there = _there(slots, slot, m, likes[NODAL], at, lane)
+                pull = summed(pull, bond_force(law, _bond(slots, slot, c, u, here, at, lane), c, nodal, there))
             keep(pull, f, at)
 
 
@@ -141,11 +141,11 @@ def watch_blocks(slots, law, u, m, near, likes, first, last):  # type: ignore[no
     for b in range(first, last):
         for lane in range(0, LANES, across(u)):
             at = b * LANES + lane
-            here, shown = beside(u, likes[VECTORS], at), beside(m, likes[SHOWN], at)
+            here, nodal = beside(u, likes[VECTORS], at), beside(m, likes[NODAL], at)
             for slot in range(slots.start[b], slots.start[b + 1]):
                 c = _numbers(slots, slot, likes[COLUMNS], lane)
-                there = _there(slots, slot, m, likes[SHOWN], at, lane)
-                found, limit = nears(law, _bond(slots, slot, c, u, here, at, lane), c, shown, there)
+                there = _there(slots, slot, m, likes[NODAL], at, lane)
+                found, limit = nears(law, _bond(slots, slot, c, u, here, at, lane), c, nodal, there)
                 if which_above(found, limit * (1.0 - SAFE)) != 0:
                     for k in range(across(u)):
                         near[at + k] = True

@@ -17,9 +17,8 @@ from pdsolve.operators import bond_list_loops as loops
 from pdsolve.operators.bond_list import BondList
 from pdsolve.operators.protocol import Kept
 from pdsolve.operators.simd_lattice import layout
-from pdsolve.operators.simd_lattice.distinct import Distinct
 from pdsolve.operators.simd_lattice.kernel import LANES
-from pdsolve.operators.simd_lattice.layout import SAME_STIFFNESS, Placed, aligned
+from pdsolve.operators.simd_lattice.layout import SAME_STIFFNESS, Distinct, Placed, aligned
 from pdsolve.operators.simd_lattice.passes import KIND, Slots, exchange_blocks, gather_blocks, watch_blocks
 from pdsolve.state import Broken, State
 
@@ -80,7 +79,7 @@ class Families(BondList):
         own = law.lanes.standing(self.columns, self._every)
         idle = np.repeat(own[:, :1], room - self._nodes, axis=1)  # as good as any, and no 0 over 0
         self._own = aligned(np.hstack([own, idle]).astype(kind))
-        self._likes = (0,) * len(self._tabled.columns), (0,) * self._tabled.shown, (0,) * len(own), (0,) * d
+        self._likes = (0,) * len(self._tabled.columns), (0,) * self._tabled.nodal_count, (0,) * len(own), (0,) * d
         self._by_lanes = law.lanes.by_lanes(self.columns)
         self._ready = True
 

@@ -34,12 +34,12 @@ class SpaceLattice:
     unknowns: tuple[Unknown, ...] = (Unknown("u", 3, 2),)
 
     def __init__(
-        self, law: Law, tiles: Tiles, sites: Sites, stiffest: NDArray[np.float64], symmetric: bool, threads: int
+        self, law: Law, tiles: Tiles, sites: Sites, bound: NDArray[np.float64], symmetric: bool, threads: int
     ) -> None:
-        """`stiffest` (n,), N/m^4, bounds the stiffness of nodes."""
+        """`bound` (n,), N/m^4, of the stiffness of nodes."""
         bind(law)
         self._law, self.tiles, self.symmetric = law, tiles, symmetric
-        self._sites, self._stiffest, self._threads = sites, stiffest, threads
+        self._sites, self._stiffness_bound, self._threads = sites, bound, threads
         self._u = aligned(np.zeros((3, tiles.cells.shape[1]), dtype=tiles.cells.dtype))
         self._broken = Broken(*(np.zeros(0, dtype=np.int64) for _ in Broken._fields))
         self._new: list[Broken] = []
@@ -84,7 +84,7 @@ class SpaceLattice:
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """The energy densities (n,), J/m^3, that nodes hold, and that softening has spent so far."""
         self._place(state.value)
-        held, spent = np.zeros((2, len(self._stiffest)))
+        held, spent = np.zeros((2, len(self._stiffness_bound)))
         tiles, u = self.tiles, self._u
         share(lambda first, last: hold_tiles(tiles, u, held, spent, first, last), len(tiles.kind), self._threads)
         return held, spent
@@ -95,13 +95,13 @@ class SpaceLattice:
 
     def stiffness_bound(self) -> NDArray[np.float64]:
         """A bound (n,) of the stiffness that resists each node's motion, N/m^4; see `Operator`."""
-        return self._stiffest
+        return self._stiffness_bound
 
     def tangent(self, state: State) -> csr_array:
         """The tangent (n w, n w), N/m^4: minus the derivative of the force densities by the values."""
         from pdsolve.operators.tangent import of_springs  # SciPy takes as long to import as numba, and few runs ask
 
-        source, target, slot = layout.intact(self._sites, self.tiles.bits, np.arange(len(self._stiffest)))
+        source, target, slot = layout.intact(self._sites, self.tiles.bits, np.arange(len(self._stiffness_bound)))
         xi, pull = layout.springs(self.tiles, self._sites, source, target, slot)
         eta = state.value[target].astype(np.float64) - state.value[source]
         e = ((2 * xi + eta) * eta).sum(axis=1) / (xi**2).sum(axis=1)
@@ -113,7 +113,7 @@ class SpaceLattice:
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Rows (k,) of source and target of the intact bonds of the nodes `first` to `last` - 1, or of those at the
         `start`."""
-        last = len(self._stiffest) if last is None else last
+        last = len(self._stiffness_bound) if last is None else last
         bits, tile = self._whole(first, last) if start else (self.tiles.bits, 0)
         found = [
             layout.intact(self._sites, bits, np.arange(begin, min(begin + ROWS, last)), tile)
@@ -148,7 +148,7 @@ class SpaceLattice:
 
     def back(self, kept: Kept, broken: Broken) -> None:
         """Restore the history of bonds and the broken bonds of a checkpoint."""
-        bits, _ = self._whole(0, len(self._stiffest))
+        bits, _ = self._whole(0, len(self._stiffness_bound))
         layout.cleared(self._sites, broken.source, broken.target, bits)
         if self._law.memory:
             self._recall(kept, bits)
@@ -158,7 +158,7 @@ class SpaceLattice:
     def _recall(self, kept: Kept, bits: NDArray[np.uint16]) -> None:
         """Restore what the bonds in the bits (t, k) remember."""
         worst = entry(kept, "worst", (None,), np.float64)
-        nodes = len(self._stiffest) - 1
+        nodes = len(self._stiffness_bound) - 1
         source, target = (entry(kept, f"worst_{end}", worst.shape, np.int64, 0, nodes) for end in ("source", "target"))
         layout.cleared(self._sites, source, target, bits.copy())  # raises for what is no bond
         tile, slot, bit = layout.placed(self._sites, source, target)
@@ -167,13 +167,13 @@ class SpaceLattice:
 
     def bytes(self) -> int:
         """The memory of all arrays, bytes."""
-        arrays = (*self.tiles, self._sites.site, self._sites.ways, self._u, self._stiffest, *self.broken())
+        arrays = (*self.tiles, self._sites.site, self._sites.ways, self._u, self._stiffness_bound, *self.broken())
         return sum(getattr(array, "nbytes", 0) for array in arrays)
 
     def _whole(self, first: int, last: int) -> tuple[NDArray[np.uint16], int]:
         """The bits (s, k) at the start of s tiles, which have the rows `first` to `last` - 1, and the first tile."""
         low, high = 0, len(self.tiles.bits)
-        if 0 < last - first < len(self._stiffest):
+        if 0 < last - first < len(self._stiffness_bound):
             own = (self._sites.site[first:last] - self._sites.margin) // ROW
             low, high = int(own.min()), int(own.max()) + 1
         with self._breaking:
@@ -184,5 +184,5 @@ class SpaceLattice:
         return bits, low
 
     def _place(self, value: NDArray[Any]) -> None:
-        nodes = len(self._stiffest)
+        nodes = len(self._stiffness_bound)
         share(lambda first, last: place_rows(self._sites.site, value, self._u, first, last), nodes, self._threads)

@@ -23,7 +23,7 @@ from pdsolve.results import Families, Nodes, Writer
 from pdsolve.results.checksums import crc_joined
 from pdsolve.results.schema import Births, Column
 from pdsolve.run.measures import fields
-from pdsolve.run.on_ranks.notes import asked
+from pdsolve.run.on_ranks.accounts import asked
 from pdsolve.run.on_ranks.rank_file import RankFile
 from pdsolve.run.on_ranks.start import Here
 from pdsolve.run.recorder import nodes as nodes_of

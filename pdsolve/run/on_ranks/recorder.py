@@ -15,7 +15,7 @@ from pdsolve.results import Breaks, Families, Frame, Nodes, Writer, pieces, remo
 from pdsolve.results.schema import CHUNK, Births, taken
 from pdsolve.run.measures import bodies
 from pdsolve.run.on_ranks import frames, split
-from pdsolve.run.on_ranks.notes import AccountsOnRanks
+from pdsolve.run.on_ranks.accounts import AccountsOnRanks
 from pdsolve.run.on_ranks.rank_file import expect_written
 from pdsolve.run.on_ranks.start import OnRanks
 from pdsolve.run.recorder import KEPT, Past, Recorder

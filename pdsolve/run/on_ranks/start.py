@@ -19,8 +19,7 @@ from pdsolve.options import Options
 from pdsolve.ranks.building import built
 from pdsolve.ranks.part import Part, added_up
 from pdsolve.ranks.slabs import Slab
-from pdsolve.run.assembly import assembled
-from pdsolve.run.explicit_stepper import Beside
+from pdsolve.run.assembly import Beside, assembled, step_of
 from pdsolve.run.inversion_checks import MotionChecks
 from pdsolve.run.measures import Asked, ask
 from pdsolve.run.on_ranks.rank_file import RankFile
@@ -28,7 +27,6 @@ from pdsolve.run.operator_factory import operator_of, stable
 from pdsolve.run.prepare import scheme_of
 from pdsolve.run.reactions import Grip
 from pdsolve.run.system import Prepared, System
-from pdsolve.run.time_step import step_of
 from pdsolve.schemes import SCHEMES
 from pdsolve.state import State
 

@@ -81,7 +81,7 @@ def test_tiles_have_the_bonds_of_the_list(name: str) -> None:
     assert np.abs(stiffness / bonds.stiffness - 1).max() < 1e-12
     for one, other in zip(found.counted, listed.counted, strict=True):
         assert np.array_equal(one, other)
-    assert np.abs(found.stiffest / stiffness_bound(bonds, bonds.stiffness, True) - 1).max() < 1e-12
+    assert np.abs(found.stiffness_bound / stiffness_bound(bonds, bonds.stiffness, True) - 1).max() < 1e-12
     tiles = found.tiles
     held, number = tiles.held[source] | tiles.held[target], model.material_of
     pair = number[source] * len(model.materials) + number[target]

@@ -17,8 +17,8 @@ from systems import bonds_of, broken, kept, worst
 from pdmesh.model.document import Acceleration, Displacement, Run, Velocity
 from pdsolve.model import ModelError
 from pdsolve.operators.simd_lattice import layout
-from pdsolve.operators.simd_lattice.distinct import Distinct
 from pdsolve.operators.simd_lattice.kernel import Blocks
+from pdsolve.operators.simd_lattice.layout import Distinct
 from pdsolve.operators.simd_lattice.operator import SimdLattice
 from pdsolve.options import Options
 from pdsolve.run.measures import books

@@ -28,7 +28,7 @@ class Whole(NamedTuple):
     sites: Sites
     springs_at: Sites  # of coarse nodes
     cut: NDArray[np.int64]  # (n,) bonds of each fine node that pre-cracks cut
-    stiffest: float  # N/m^4, of all nodes of any zone; see `Operator.stiffness_bound`
+    stiffness_bound: float  # N/m^4, of all nodes of any zone; see `Operator.stiffness_bound`
     solid: int  # cells that are not void
     driven: Drive | None = None  # conditions on all fine nodes
     kappa: float = Hybrid().kappa  # see `pdmesh.model.document.Hybrid`

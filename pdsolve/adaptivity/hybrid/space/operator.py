@@ -242,7 +242,7 @@ class SpaceHybrid:
 
     def stiffness_bound(self) -> NDArray[np.float64]:
         """A bound (n,) of the stiffness that resists each node's motion, N/m^4; see `Operator`."""
-        return np.full(len(self.sites), self.whole.stiffest)
+        return np.full(len(self.sites), self.whole.stiffness_bound)
 
     def tangent(self, state: State) -> csr_array:
         """Minus the derivative (3 n, 3 n), N/m^4, of the force densities by the values; see `Operator`."""

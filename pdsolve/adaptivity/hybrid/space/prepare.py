@@ -48,9 +48,9 @@ def body_of(model: Model, options: Options, threads: int) -> SpaceHybrid:
     volume = tiles.cells[VOLUME][made.sites.margin :][:count].reshape(shape)
     cracks = (model.grid.cracks.reshape(-1, 3, 3) - first) / h
     cells = cells_at_start(box, volume, tiles.node[:count].reshape(shape) >= 0, whole.fine.reach, cracks)
-    stiffest = float((made.stiffest / model.rho).max() * model.rho.max()) / SEAM
+    stiffness_bound = float((made.stiffness_bound / model.rho).max() * model.rho.max()) / SEAM
     driven = drive(model, model.grid.cells, True, np.float64)
-    whole = whole._replace(stiffest=stiffest, solid=int(np.count_nonzero(cells != VOID)), driven=driven)
+    whole = whole._replace(stiffness_bound=stiffness_bound, solid=int(np.count_nonzero(cells != VOID)), driven=driven)
     whole = whole._replace(kappa=model.settings.run.hybrid.kappa)
     return operator_on(law, whole, cells, tau_of(law, tiles.table, h), threads)
 

@@ -20,7 +20,7 @@ pytest.importorskip("gmsh", exc_type=(ImportError, OSError))
 
 from pdmesh import SceneError
 from pdmesh.drawing import geo
-from pdmesh.drawing.file_reading import build
+from pdmesh.drawing.file_reading import build_file
 from pdmesh.model.document import GridError
 
 WORDS = (b"-1", b"0", b"99999999", b"nan", b"1e999", b"x", b"", b"3.5", b"-7", b"\xff\xfe", b"1e-320")
@@ -112,7 +112,7 @@ def others(folder: Path) -> Iterator[Path]:
 
     (folder / "plate.py").write_bytes(SCENE)
     (folder / "drawn.geo").write_text(BUILT_IN)
-    write_file(build(folder / "drawn.geo").document, folder / "plate.json")
+    write_file(build_file(folder / "drawn.geo").document, folder / "plate.json")
     yield folder / "plate.py"
     yield folder / "plate.json"
 
@@ -159,14 +159,14 @@ def check(kind: str, seed: int, count: int, folder: Path, monkeypatch: pytest.Mo
     made = {path: path.read_bytes() for path in KINDS[kind][0](folder)}
     refused = 0
     for path in made:  # without hurry: what is sound is read to its end
-        build(path, SPACINGS.get(path.suffix, []), trust=path.suffix == ".py")
+        build_file(path, SPACINGS.get(path.suffix, []), trust=path.suffix == ".py")
     monkeypatch.setattr(geo, "CAD_SECONDS", 2.0)  # a BREP file with a line less may keep OpenCASCADE busy for ever
     for _ in range(count):
         original = chance.choice(list(made))
         path = folder / f"damaged{original.suffix}"
         path.write_bytes(damaged(made[original], chance))
         try:
-            build(path, SPACINGS.get(path.suffix, []), trust=path.suffix == ".py")
+            build_file(path, SPACINGS.get(path.suffix, []), trust=path.suffix == ".py")
         except (SceneError, GridError) as error:
             refused += 1
             message = " ".join(str(error).split())

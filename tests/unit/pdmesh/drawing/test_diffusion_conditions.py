@@ -8,7 +8,7 @@ import pytest
 from messages import naming
 
 from pdmesh import SceneError
-from pdmesh.drawing.file_reading import build
+from pdmesh.drawing.file_reading import build_file
 from pdmesh.drawing.plate_of_groups import scene_of
 from pdmesh.drawing.plate_places import Group
 from pdmesh.model.document import Concentration, Displacement, Exchange, InitialConcentration, Settings, Source
@@ -137,7 +137,7 @@ Physical Surface("exchange:end") = {2};
 def test_a_drawing_in_space_has_them_too(tmp_path: Path) -> None:
     path = tmp_path / "block.geo"
     path.write_text(BLOCK)
-    found = build(path).settings
+    found = build_file(path).settings
     began, cooled = found.conditions
     assert found.physics == "thermoelastic"
     assert isinstance(began, InitialConcentration)

@@ -17,7 +17,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from pdmesh import Circle, Scene, SceneError, box
-from pdmesh.drawing.file_reading import build
+from pdmesh.drawing.file_reading import build_file
 from pdmesh.grid import soundness
 from pdmesh.grid.lattice import build_grid
 from pdmesh.grid.ligaments import Ligament, ligaments
@@ -190,7 +190,7 @@ def test_pieces_of_a_mesh_are_those_of_all_bonds(grading: float, tmp_path: Path)
         tmp_path / "m.vtu",
         meshio.Mesh(np.column_stack([x.ravel(), y.ravel(), 0 * x.ravel()]), {"triangle": np.concatenate(halves)}),
     )
-    built = build(tmp_path / "m.vtu", cracks=["0,0.0201,0.04,0.0201"])
+    built = build_file(tmp_path / "m.vtu", cracks=["0,0.0201,0.04,0.0201"])
     assert same(pieces(built.grid, 3.0), brute(built.grid, 3.0))
     assert any(mentions(note, "cracks", "plate", "pieces") for note in built.notes)
 
@@ -209,7 +209,7 @@ def two_blocks(neck: float) -> meshio.Mesh:
 
 def test_a_bare_mesh_of_two_blocks_and_a_neck(tmp_path: Path) -> None:
     meshio.write(tmp_path / "m.vtu", two_blocks(0.6))
-    (note,) = build(tmp_path / "m.vtu").notes
+    (note,) = build_file(tmp_path / "m.vtu").notes
     assert mentions(note, "warning", found=("0.0006 m", re.compile(r"\(0\.005")))
     crooked = two_blocks(0.1)
     crooked.points[50:, 1] += [0.5e-3] * 4  # in the middle of no cell's side
@@ -218,7 +218,7 @@ def test_a_bare_mesh_of_two_blocks_and_a_neck(tmp_path: Path) -> None:
         SceneError,
         match=naming("plate", "m.vtu", found=("16 nodes", "0.0001 m", re.compile(r"\(0\.004\d+, 0\.003\) m"))),
     ):
-        build(tmp_path / "m.vtu")
+        build_file(tmp_path / "m.vtu")
 
 
 def test_cells_that_overlap_are_refused(tmp_path: Path) -> None:
@@ -229,7 +229,7 @@ def test_cells_that_overlap_are_refused(tmp_path: Path) -> None:
         SceneError,
         match=naming("cells", "m.vtu", found=("3.26e-05", "3.23e-05"), expected=("cells", "overlap")),
     ):
-        build(tmp_path / "m.vtu")
+        build_file(tmp_path / "m.vtu")
 
 
 # ---- ligaments

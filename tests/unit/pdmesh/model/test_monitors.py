@@ -11,7 +11,7 @@ from messages import naming
 from plates import GLASS
 
 from pdmesh import Gap, LoadCell, Run, Scene, SceneError, Static, box, build
-from pdmesh.drawing.file_reading import build as build_file
+from pdmesh.drawing.file_reading import build_file
 from pdmesh.model.document import Displacement
 from pdsolve.model import GridError, ModelError, read_model
 

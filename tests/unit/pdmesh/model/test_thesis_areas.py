@@ -7,7 +7,7 @@ import pytest
 import shapely
 from plates import GEOMETRIES, square_grid, two_scale_grid
 
-from pdmesh.drawing.file_reading import build
+from pdmesh.drawing.file_reading import build_file
 from pdmesh.grid.cell_areas import cell_areas
 from pdmesh.model.thesis_areas import thesis_areas
 
@@ -35,7 +35,7 @@ def test_equation_19_at_an_interface(ratio: int) -> None:
 
 def test_an_interface_with_a_gap_of_one_fine_spacing_is_a_tenth_short() -> None:
     """Nodes on the diagonals are the nearest on both sides: a coarse node's left and right are fine ones."""
-    grid = build(GEOMETRIES / "kalthoff_winkler.geo").grid
+    grid = build_file(GEOMETRIES / "kalthoff_winkler.geo").grid
     areas = thesis_areas(grid.position, grid.delta, 3 * grid.delta)
     x, y = np.round(grid.position.T * 1e3, 6)
     for height in (46, 47):  # (2 + 1)/2 * 1 and (2 + 1)/2

@@ -65,8 +65,8 @@ def test_python_and_gmsh_draw_the_same_grid() -> None:
 def test_python_scenes_need_no_gmsh() -> None:
     script = (
         "import sys, pathlib; sys.modules['gmsh'] = None\n"
-        "from pdmesh.drawing.file_reading import build\n"
-        f"print(len(build(pathlib.Path({str(GEOMETRIES / 'duran50_one_scale.py')!r}), trust=True).grid))"
+        "from pdmesh.drawing.file_reading import build_file\n"
+        f"print(len(build_file(pathlib.Path({str(GEOMETRIES / 'duran50_one_scale.py')!r}), trust=True).grid))"
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert done.stdout == "4242\n"

@@ -104,7 +104,7 @@ def test_a_slanting_crack_from_the_edge_is_not_along_it() -> None:
 def test_an_arc_of_gmsh(tmp_path: Path) -> None:
     """A crack drawn from the middle of an arc, where the grid has a chord."""
     pytest.importorskip("gmsh", exc_type=OSError)
-    from pdmesh.drawing.file_reading import build
+    from pdmesh.drawing.file_reading import build_file
 
     path = tmp_path / "disc.geo"
     path.write_text(
@@ -112,7 +112,7 @@ def test_an_arc_of_gmsh(tmp_path: Path) -> None:
         Point(10) = {3*Cos(0.37), 3*Sin(0.37), 0}; Line(9) = {9, 10};
         Physical Surface("zone:disc") = {1}; Physical Curve("crack:ray") = {9};\n"""
     )
-    built = build(path, [("Units", "mm"), ("Zones/disc/Spacing", "0.5")])
+    built = build_file(path, [("Units", "mm"), ("Zones/disc/Spacing", "0.5")])
     assert any(mentions(note, "crack 'ray'", "end") for note in built.notes)
     ((x, y, _, _),) = built.grid.cracks
     assert np.hypot(x, y) == pytest.approx(0.01, abs=0.01 * 0.5e-3)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from media import disc
 
 from pdsolve.options import Options
-from pdsolve.run.explicit_stepper import stepper_of_content
+from pdsolve.run.assembly import stepper_of_content
 from pdsolve.run.prepare import prepare
 from pdsolve.steppers.euler import Euler
 
