@@ -396,6 +396,13 @@ def test_a_rank_that_may_use_too_little_memory_ends_all_with_one_line(here: Path
     assert not (here / "plate.sqlite").exists()
 
 
+@pytest.mark.parametrize(("how", "said"), [("pass", 1), ("one.dismiss()", 0), ("launch._silence(one.place)", 0)])
+def test_a_witness_speaks_unless_all_is_said(how: str, said: int) -> None:
+    words = f"from pdsolve.ranks import launch; one = launch.Witness(); {how}; import os; os._exit(0)"
+    done = subprocess.run([sys.executable, "-c", words], capture_output=True, text=True, check=True)
+    assert len(own_lines(done.stderr)) == said, done.stderr
+
+
 def test_words_that_are_wrong_are_told_once(here: Path) -> None:
     code, said = ran(3, "plate.json", "--nothing")
     assert code == 2
