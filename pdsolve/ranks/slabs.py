@@ -62,12 +62,15 @@ def costs_of(model: Model, unit: int) -> NDArray[np.float64]:
     units = -(-nodes // unit)
     if grid.lattice is not None:
         return np.minimum(unit, nodes - unit * np.arange(units)).astype(float)
-    around = Neighbours(grid.position, grid.delta, model.horizons, mutual=True)
+    horizons = model.horizons
+    around = Neighbours(grid.position, grid.delta, horizons, mutual=True)
     number = np.arange(-(-nodes // SAMPLED))
     rows = np.minimum(SAMPLED * number + (SAMPLED * (number * GOLDEN % 1)).astype(np.int64), nodes - 1)
     bonds = np.zeros(units)
     for some in np.array_split(rows, -(-len(rows) // ROWS)):
-        bonds += np.bincount(around.pairs(some).source // unit, minlength=units)
+        pairs = around.pairs(some)
+        near = pairs.length <= (horizons[pairs.source] + horizons[pairs.target]) / 2  # as most modes bond
+        bonds += np.bincount(pairs.source[near] // unit, minlength=units)
     return bonds * SAMPLED
 
 

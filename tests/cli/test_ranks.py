@@ -116,6 +116,31 @@ def partly_jittered() -> Grid:
     return dataclasses.replace(grid, position=grid.position + off)
 
 
+def two_cubes() -> Grid:
+    """Nodes in space of two spacings: 16 x 16 x 12 fine ones below 8 x 8 x 20 coarse ones."""
+    fine = whole_lattice(Lattice((0.0, 0.0, 0.0), 1e-3, 16, 16, 12), cracks=np.empty((0, 9)))
+    coarse = whole_lattice(Lattice((0.5e-3, 0.5e-3, 12.5e-3), 2e-3, 8, 8, 20), cracks=np.empty((0, 9)))
+    nodes = len(fine) + len(coarse)
+    return Grid(
+        ids=np.arange(1, nodes + 1),
+        position=np.vstack([fine.position, coarse.position]),
+        delta=np.repeat([1e-3, 2e-3], [len(fine), len(coarse)]),
+        border=np.zeros(nodes, dtype=bool),
+        hole_id=np.full(nodes, -1),
+        cracks=np.empty((0, 9)),
+    )
+
+
+def pulled_cubes() -> Model:
+    """A body of two spacings, pulled at both ends in 80 steps."""
+    ends = (
+        Load(box=(-1.0, -1.0, -1.0, 1.0, 1.0, 1e-3), body_force=(0.0, 0.0, -4e11)),
+        Load(box=(-1.0, -1.0, 49e-3, 1.0, 1.0, 1.0), body_force=(0.0, 0.0, 4e11)),
+    )
+    glass = msgspec.structs.replace(GLASS, plane="space")
+    return plate(two_cubes(), material=glass, conditions=ends, run=Run(time_step=50e-9, steps=80, every=40, ledger=20))
+
+
 ORDINARY = msgspec.structs.replace(GLASS, model="ordinary", nu=0.2)
 COHESIVE = msgspec.structs.replace(GLASS, law="cohesive", f_t=50e6)
 NOTCHED = dataclasses.replace(square_grid(21, 12, y0=-5.5e-3), cracks=np.array([[-1.0, 0.0, 8e-3, 0.0]]))
@@ -135,6 +160,7 @@ CASES = {
     "cohesive": (torn(NOTCHED, material=COHESIVE), 3),
     "a cohesive body": (pulled(law="cohesive", f_t=50e6), 3),
     "a body of any shape": (shaped(), 3),
+    **{f"a body of two spacings on {count} ranks": (pulled_cubes(), count) for count in (2, 3, 5)},
     "an ordinary body of any shape": (shaped(model="ordinary", nu=0.2), 2),
 }
 
