@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.document import Lattice
-from pdmesh.model.neighbours import ROWS, Neighbours
+from pdmesh.model.neighbours import ROUND_OFF, ROWS, Neighbours
 from pdmesh.model.node_grid import Grid
 from pdsolve.model import Model, ModelError
 from pdsolve.operators.simd_lattice.kernel import LANES
@@ -69,7 +69,8 @@ def costs_of(model: Model, unit: int) -> NDArray[np.float64]:
     bonds = np.zeros(units)
     for some in np.array_split(rows, -(-len(rows) // ROWS)):
         pairs = around.pairs(some)
-        near = pairs.length <= (horizons[pairs.source] + horizons[pairs.target]) / 2  # as most modes bond
+        # those at the very end of a horizon are in it or not by round-off
+        near = pairs.length < (1 - ROUND_OFF) * (horizons[pairs.source] + horizons[pairs.target]) / 2
         bonds += np.bincount(pairs.source[near] // unit, minlength=units)
     return bonds * SAMPLED
 

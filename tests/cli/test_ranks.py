@@ -20,7 +20,7 @@ import msgspec
 import numpy as np
 import pytest
 from messages import mentions
-from plates import GLASS, STEEL, interface_grid, plate, square_grid
+from plates import GLASS, STEEL, interface_grid, plate, square_grid, two_cubes
 from whole import contents
 
 from pdmesh.model.document import Absorb, Contact, Displacement, Lattice, Load, RigidBody, Run, Velocity
@@ -114,21 +114,6 @@ def partly_jittered() -> Grid:
     off = np.random.default_rng(1).uniform(-2e-4, 2e-4, grid.position.shape)
     off[: 20 * 80] = 0
     return dataclasses.replace(grid, position=grid.position + off)
-
-
-def two_cubes() -> Grid:
-    """Nodes in space of two spacings: 16 x 16 x 12 fine ones below 8 x 8 x 20 coarse ones."""
-    fine = whole_lattice(Lattice((0.0, 0.0, 0.0), 1e-3, 16, 16, 12), cracks=np.empty((0, 9)))
-    coarse = whole_lattice(Lattice((0.5e-3, 0.5e-3, 12.5e-3), 2e-3, 8, 8, 20), cracks=np.empty((0, 9)))
-    nodes = len(fine) + len(coarse)
-    return Grid(
-        ids=np.arange(1, nodes + 1),
-        position=np.vstack([fine.position, coarse.position]),
-        delta=np.repeat([1e-3, 2e-3], [len(fine), len(coarse)]),
-        border=np.zeros(nodes, dtype=bool),
-        hole_id=np.full(nodes, -1),
-        cracks=np.empty((0, 9)),
-    )
 
 
 def pulled_cubes() -> Model:
