@@ -49,8 +49,10 @@ def test_the_bonds_of_some_nodes_are_summed_alone(name: str) -> None:
     grid, kind = KINDS[name]
     whole, part = (prepare(plate(grid, material=SPACE), Options(threads=1)) for _ in range(2))
     own = slice(128, 192)
-    assert isinstance(part.system.operator, kind)
-    part.system.operator.only(own.start, own.stop)
+    operator = part.system.operator
+    assert isinstance(operator, kind)
+    assert isinstance(operator, BondList | SpaceLattice)
+    operator.only(own.start, own.stop)
     u = np.random.default_rng(1).uniform(-1e-6, 1e-6, whole.state.value.shape)
     found = []
     for one in (whole, part):
