@@ -9,7 +9,12 @@ of LATENCY and BANDWIDTH, and is marked so.
 `benchmarks.rank_curves`, the processor time of the rank that works longest, without that in which it waits for others,
 and the least time of an exchange: neither depends on what else the machine does.
 
-`--memory` solves and writes ten steps and two frames on the ranks, and prints the largest memory of each, MB.
+`--cuts` counts by geometry, without a run, what the rank with most of a cube of CUBE^3 nodes has to do with others, if
+the cube is cut into slabs, as it is, and if it is bisected across its longest axis again and again; and measures the
+messages of one step of both, of 64 parts, between two ranks.
+
+`--memory` solves and writes ten steps and two frames on the ranks, or in one process, and prints the largest memory of
+each, MB; with `--fick`, of a content that spreads in the plate.
 """
 
 from __future__ import annotations
@@ -20,18 +25,21 @@ import math
 import sys
 import tempfile
 import time
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.document import Horizon, InitialVelocity, Lattice, Material, Run, Settings
+from pdmesh.model.document import Concentration, Horizon, InitialVelocity, Lattice, Material, Run, Settings
+from pdmesh.model.medium import Medium
 from pdmesh.model.node_grid import whole_lattice
 from pdsolve.model import Model
 from pdsolve.numerics.memory import large_arrays_apart
 from pdsolve.numerics.team import Team, team
 from pdsolve.options import Options
+from pdsolve.ranks.slabs import BESIDE
 from pdsolve.run.on_ranks import start
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import simulate
@@ -43,6 +51,10 @@ RATIO = 3.0
 NEIGHBOURS = {2: 28, 3: 122}  # of a node, horizon 3 spacings
 CUBE = 464  # nodes along each axis of the body that is computed, 1e8 of them
 RANKS = 64
+PARTS = (2, 4, 8, 16, 32, 64)
+REACH = int(RATIO)  # layers of ghosts whose motion is asked for
+AROUND = BESIDE * (REACH + 1)  # layers whose bonds are made beside own ones
+Box = tuple[tuple[int, int], ...]  # first node along each axis, and the one after the last
 
 
 def plate(nodes: int) -> Model:
@@ -54,6 +66,20 @@ def plate(nodes: int) -> Model:
         material=Material(E=65e9, rho=2235.0, G0=1e9),
         horizon=Horizon(RATIO),
         conditions=(InitialVelocity(box=half, x=1.0, y=0.1),),
+        run=Run(steps=10, every=10),
+    )
+    return Model(whole_lattice(lattice, cracks=np.empty((0, 4))), settings)
+
+
+def spreading(nodes: int) -> Model:
+    """A square plate of about so many nodes, which a content enters from below."""
+    side = math.isqrt(nodes)
+    lattice = Lattice(origin=(0.0, 0.0), spacing=1e-3, columns=side, rows=side)
+    settings = Settings(
+        physics="diffusion",
+        medium=Medium(D=1.0),
+        horizon=Horizon(RATIO),
+        conditions=(Concentration(box=(0.0, 0.0, side * 1e-3, 2.5e-3), value=1.0),),
         run=Run(steps=10, every=10),
     )
     return Model(whole_lattice(lattice, cracks=np.empty((0, 4))), settings)
@@ -76,7 +102,7 @@ def own_values(ranks: Team) -> NDArray[Any]:
     return np.ascontiguousarray(part.now.state.value[part.own])
 
 
-def peak(ranks: Team) -> float:
+def peak(ranks: Team | None) -> float:
     """The largest memory that this process has had so far, MB."""
     import resource
 
@@ -119,12 +145,11 @@ def measured(ranks: Team, nodes: int) -> dict[str, Any]:
     }
 
 
-def memory_of_a_run(ranks: Team, nodes: int) -> dict[str, Any]:
-    """The largest memory of each rank, MB, when a plate of about so many nodes has been solved and written."""
-    model = plate(nodes)
+def memory_of_a_run(ranks: Team | None, model: Model) -> dict[str, Any]:
+    """The largest memory of each rank, or of this process, MB, when a model has been solved and written."""
     with tempfile.TemporaryDirectory() as folder:
         simulate(model, Path(folder) / "plate.sqlite", Options(team=ranks)).close()
-    return {"nodes": len(model.grid), "memory": ranks.everywhere(peak)}
+    return {"nodes": len(model.grid), "memory": [peak(None)] if ranks is None else ranks.everywhere(peak)}
 
 
 def step_alone(ranks: Team | None, nodes: int) -> dict[str, float]:
@@ -171,6 +196,76 @@ def computed(rate: float, slabs: bool = False) -> dict[str, float]:
     return {"ghosts": ghosts, "step": step, "exchange": swap, "share": swap / (step + swap)}
 
 
+def slabs(parts: int) -> list[Box]:
+    """A cube in layers."""
+    cuts = [CUBE * part // parts for part in range(parts + 1)]
+    return [((0, CUBE), (0, CUBE), ends) for ends in pairwise(cuts)]
+
+
+def bisected(parts: int) -> list[Box]:
+    """A cube halved across its longest axis, and its halves again, into a power of 2 of parts."""
+    boxes: list[Box] = [((0, CUBE),) * 3]
+    while len(boxes) < parts:
+        halves: list[Box] = []
+        for box in boxes:
+            axis = max(range(3), key=lambda axis: box[axis][1] - box[axis][0])
+            low, high = box[axis]
+            for ends in ((low, (low + high) // 2), ((low + high) // 2, high)):
+                halves.append((*box[:axis], ends, *box[axis + 1 :]))
+        boxes = halves
+    return boxes
+
+
+def beside(box: Box, layers: int) -> int:
+    """Nodes of a cube so many layers beside a box or fewer."""
+    grown = math.prod(min(high + layers, CUBE) - max(low - layers, 0) for low, high in box)
+    return grown - math.prod(high - low for low, high in box)
+
+
+def messages(own: Box, boxes: list[Box]) -> list[int]:
+    """Bytes of each message that a part gets in a step: the nodes of one other part within REACH."""
+    found = []
+    for other in boxes:
+        both = [
+            min(high + REACH, last) - max(low - REACH, first)
+            for (low, high), (first, last) in zip(own, other, strict=True)
+        ]
+        if other != own and min(both) > 0:
+            found.append(math.prod(both) * 3 * 8)
+    return found
+
+
+def swapped(ranks: Team, sizes: list[int], times: int) -> list[float]:
+    """Seconds in which this rank and another one send each other messages of these sizes, begun together."""
+    other, found = 1 - ranks.rank, []
+    sent, into = ([np.ones(size // 8) for size in sizes] for _ in range(2))
+    for _ in range(times):
+        ranks.comm.Barrier()
+        began = time.perf_counter()
+        waits = [ranks.comm.Irecv(values, other, number) for number, values in enumerate(into)]
+        waits += [ranks.comm.Isend(values, other, number) for number, values in enumerate(sent)]
+        for wait in waits:
+            wait.Wait()
+        found.append(time.perf_counter() - began)
+    return found
+
+
+def cuts(ranks: Team) -> list[dict[str, Any]]:
+    """What slabs and bisected boxes have beside them, of the part with most; the messages of RANKS are measured."""
+    rows: list[dict[str, Any]] = []
+    for how, parted in (("slabs", slabs), ("bisected", bisected)):
+        for parts in PARTS:
+            boxes = parted(parts)
+            most = max(boxes, key=lambda box: beside(box, REACH))
+            sizes = messages(most, boxes)
+            row = {"how": how, "parts": parts, "own": CUBE**3 // parts, "messages": len(sizes), "bytes": sum(sizes)}
+            row |= {"ghosts": beside(most, REACH), "window": max(beside(box, AROUND) for box in boxes)}
+            if parts == RANKS and ranks.size == 2:
+                row["measured"] = float(np.max(ranks.everywhere(swapped, sizes, 40), axis=0).min())
+            rows.append(row)
+    return rows
+
+
 def lines(found: dict[str, Any], one: float) -> list[str]:
     """What to say of a measurement, and of what is computed from `one` rank's bonds/s."""
     ways = (("cubes", computed(one)), ("slabs", computed(one, slabs=True)))
@@ -189,6 +284,14 @@ def lines(found: dict[str, Any], one: float) -> list[str]:
     ]
 
 
+def told(rows: list[dict[str, Any]], ranks: Team | None) -> int:
+    """Print rows as JSON and end all ranks; returns the exit code."""
+    print("\n".join(map(json.dumps, rows)), flush=True)
+    if ranks is not None:
+        ranks.end(0)
+    return 0
+
+
 def main() -> int:
     """Measure on all ranks of mpiexec; rank 0 tells."""
     options = argparse.ArgumentParser(description=__doc__)
@@ -196,22 +299,21 @@ def main() -> int:
     options.add_argument("-o", "--output", type=Path)
     options.add_argument("--step", action="store_true")
     options.add_argument("--memory", action="store_true")
+    options.add_argument("--fick", action="store_true")
+    options.add_argument("--cuts", action="store_true")
     given, ranks = options.parse_args(), team()
     large_arrays_apart()
     if ranks is not None and ranks.rank > 0:
         return ranks.serve()
     if given.step:
-        print(json.dumps(step_alone(ranks, given.nodes)), flush=True)
-        if ranks is not None:
-            ranks.end(0)
-        return 0
+        return told([step_alone(ranks, given.nodes)], ranks)
+    if given.memory:
+        return told([memory_of_a_run(ranks, (spreading if given.fick else plate)(given.nodes))], ranks)
     if ranks is None:
         print("found one process, expected ranks: mpiexec -n 2 python -m benchmarks.ranks", file=sys.stderr)
         return 2
-    if given.memory:
-        print(json.dumps(memory_of_a_run(ranks, given.nodes)), flush=True)
-        ranks.end(0)
-        return 0
+    if given.cuts:
+        return told(cuts(ranks), ranks)
     found = measured(ranks, given.nodes)
     rate = found["bonds_per_second"] / ranks.size
     found["computed"] = {"cubes": computed(rate), "slabs": computed(rate, slabs=True)}

@@ -195,7 +195,11 @@ def _solve(args: argparse.Namespace, ranks: Team | None) -> int:
             path, meta, summary = Path(results.name), results.meta(), results.summary()
     lines = _lines(path, summary)
     if meta["status"] == "interrupted":
-        lines.insert(0, f"interrupted; to go on: pdsolve --resume {path}")
+        words = f"interrupted; to go on: pdsolve --resume {path}"
+        if ranks is None:
+            lines.insert(0, words)
+        else:  # beside what the launcher says on stdout
+            commandline.note(f"pdsolve: {words}", args)
     commandline.report({"output": str(path), "status": meta["status"], **summary}, lines, args)
     stopped = commandline.BY_SIGNAL + (watching.signal or signal.SIGINT)
     return commandline.OK if meta["status"] == "finished" else stopped

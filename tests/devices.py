@@ -6,6 +6,7 @@ import atexit
 import os
 import shutil
 import tempfile
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from pdmesh.drawing.solids import meshed
 from pdmesh.grid.building import build
 from pdmesh.model.document import Material, Region
 from pdsolve.model import Model, ModelError
+from pdsolve.operators.device import runtime
 from pdsolve.operators.device.runtime import devices
 
 os.environ["POCL_CACHE_DIR"] = fresh = tempfile.mkdtemp(prefix="pocl-")
@@ -35,6 +37,27 @@ def missing() -> str:
 
 
 needs_opencl = pytest.mark.skipif(bool(missing()), reason=missing() or "nothing")
+
+
+class Failing:
+    """What stands for pyopencl and fails."""
+
+    def __init__(self, instead: dict[str, Any]) -> None:
+        self._library, self._instead = runtime._library(), instead
+
+    def __getattr__(self, name: str) -> Any:
+        return self._instead.get(name) or getattr(self._library, name)
+
+
+def without_runtime() -> Callable[[], Failing]:
+    """What stands for `runtime._library` on a machine with pyopencl and without a runtime."""
+    library = runtime._library()
+
+    def none() -> list[Any]:
+        raise library.LogicError("clGetPlatformIDs failed: PLATFORM_NOT_FOUND_KHR")
+
+    failing = Failing({"get_platforms": none})
+    return lambda: failing
 
 
 def bar(law: dict[str, Any] | None = None, **settings: Any) -> Model:

@@ -10,8 +10,8 @@ import numpy as np
 
 from pdmesh.drawing.file_reading import build_file
 from pdmesh.grid.building import Built
-from pdmesh.model.document import Displacement, Horizon, Material, Settings, Velocity
-from pdmesh.model.node_grid import Grid
+from pdmesh.model.document import Displacement, Horizon, Lattice, Material, Settings, Velocity
+from pdmesh.model.node_grid import Grid, whole_lattice
 from pdsolve.model import Model
 
 ROOT = Path(__file__).parent.parent
@@ -100,6 +100,21 @@ def interface_grid(
         border=np.zeros(nodes, dtype=bool),
         hole_id=np.full(nodes, -1),
         cracks=np.empty((0, 4)),
+    )
+
+
+def two_cubes(wide: int = 8) -> Grid:
+    """Nodes in space of two spacings: 16 x 16 x 12 fine ones below 8 x 8 x 20 coarse ones; or so `wide` ones."""
+    fine = whole_lattice(Lattice((0.0, 0.0, 0.0), 1e-3, 2 * wide, 2 * wide, 12), cracks=np.empty((0, 9)))
+    coarse = whole_lattice(Lattice((0.5e-3, 0.5e-3, 12.5e-3), 2e-3, wide, wide, 20), cracks=np.empty((0, 9)))
+    nodes = len(fine) + len(coarse)
+    return Grid(
+        ids=np.arange(1, nodes + 1),
+        position=np.vstack([fine.position, coarse.position]),
+        delta=np.repeat([1e-3, 2e-3], [len(fine), len(coarse)]),
+        border=np.zeros(nodes, dtype=bool),
+        hole_id=np.full(nodes, -1),
+        cracks=np.empty((0, 9)),
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -45,6 +46,7 @@ class BondList:
         bonds = in_precision(exact, precision)
         self.symmetric, self._threads = symmetric, threads
         self._nodes, self._every = len(bonds.start) - 1, np.arange(len(bonds.start) - 1)
+        self._summed = 0, self._nodes  # rows, of a law without a first pass
         self.unknowns: tuple[Unknown, ...] = law.unknowns(bonds.xi.shape[1])
         columns = law.columns(model, exact)
         self._stiffness_bound = self._bound(law, columns, exact)
@@ -73,12 +75,19 @@ class BondList:
 
         return resistance(pulls, law.scale(columns, exact), exact, width)
 
+    def only(self, first: int, last: int) -> None:
+        """Sum and break the bonds of the nodes `first` to `last` - 1 alone, of a law without a first pass."""
+        assert self.law.width is None
+        self._summed, self._every = (first, last), np.arange(first, last)
+
     def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
         """Add the force densities (n, w), N/m^3, to `out`; bonds over their limit break in this `step`, `dt` s long."""
         now = Now(state.value, state.rate, step, dt)
         between = self._between(now)
         if not between.shape[1]:
-            self._share(loops.add_rows, now, between, out, state.dissipated)
+            begin, end = self._summed
+            add = partial(loops.add_rows, self._list, self.columns, now, between, out, state.dissipated)
+            share(lambda first, last: add(begin + first, begin + last), end - begin, self._threads)
             return
         torn = self._torn(now, between) if step > 0 else None
         if torn is not None:
@@ -153,7 +162,7 @@ class BondList:
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Energy densities (n,), J/m^3: stored, and dissipated by softening so far."""
-        now, held, spent = Now(state.value, state.rate, 0, 0.0), np.empty(self._nodes), np.empty(self._nodes)
+        now, (held, spent) = Now(state.value, state.rate, 0, 0.0), np.zeros((2, self._nodes))
         self._share_some(loops.energy_rows, self._every, now, self._between(now), held, spent)
         return held, spent
 

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import os
+import platform
 import signal
+import subprocess
 import sys
 import traceback
 import warnings
 from collections.abc import Callable
+from contextlib import suppress
 
 from pdmesh import commandline
 from pdmesh.commandline import BAD_INPUT, FAILURE
 from pdmesh.printing import remark
-from pdsolve.numerics.team import Team, is_first, is_one_of_many, team
+from pdsolve.numerics.team import NUMBERS, Team, is_first, is_one_of_many, team
 
 MISSING = "found ranks but no MPI for Python, expected it: pip install 'pdsuite[mpi]'"
 
@@ -20,6 +23,8 @@ MISSING = "found ranks but no MPI for Python, expected it: pip install 'pdsuite[
 ROOM = 1 << 29  # bytes of addresses: with less, OpenBLAS asks the system for more for ever
 OF_A_RANK = 3 << 28  # likewise, of a process that has loaded MPI
 Exits = Callable[[], dict[type[Exception], int]]  # the exit codes of expected errors
+KILLED = "pdsolve: found a rank killed, expected it to go on (too little memory?); --resume goes on from the checkpoint"
+WITNESS = "import sys; sys.stdin.read() or print(sys.argv[1], file=sys.stderr)"
 
 
 def together(command: Callable[[Team | None], int], exits: Exits) -> int:
@@ -35,8 +40,10 @@ def together(command: Callable[[Team | None], int], exits: Exits) -> int:
         return BAD_INPUT
     if ranks is None:
         return command(None)
-    if ranks.rank > 0:
-        return _served(ranks, exits)
+    witness = Witness() if ranks.rank == 0 else None
+    place = ranks.comm.bcast(None if witness is None else witness.place)
+    if witness is None:
+        return _served(ranks, exits, place)
     try:
         code = command(ranks)
     except SystemExit as end:
@@ -45,8 +52,34 @@ def together(command: Callable[[Team | None], int], exits: Exits) -> int:
         traceback.print_exc()
         code = FAILURE
     sys.stdout.flush()
+    witness.dismiss()
     ranks.end(code)
     return code
+
+
+class Witness:
+    """A process that says KILLED if this one ends without dismissing it: a launcher that finds a rank killed kills all
+    others too, which can say nothing then."""
+
+    def __init__(self) -> None:
+        command = [sys.executable, "-S", "-E", "-c", WITNESS, KILLED]
+        of_no_rank = {name: value for name, value in os.environ.items() if name not in NUMBERS}
+        self._process = subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, env=of_no_rank, start_new_session=True
+        )
+        self.place = platform.node(), self._process.pid
+
+    def dismiss(self) -> None:
+        """Let the witness end in silence."""
+        with suppress(BrokenPipeError):
+            self._process.communicate(b"all is said")
+
+
+def _silence(place: tuple[str, int]) -> None:
+    """End the witness, if it is on this machine: what went wrong is said."""
+    if place[0] == platform.node():
+        with suppress(OSError):
+            os.kill(place[1], signal.SIGTERM)
 
 
 def alone(name: str, command: Callable[[], int]) -> int:
@@ -70,8 +103,11 @@ def _expect_room(ranks: Team) -> None:
     commandline.expect_memory(OF_A_RANK)
 
 
-def _served(ranks: Team, exits: Exits) -> int:
-    """Serve rank 0, which is the one that hears signals; an error that rank 0 does not hear of ends all ranks."""
+def _served(ranks: Team, exits: Exits, witness: tuple[str, int]) -> int:
+    """Serve rank 0, which is the one that hears signals; an error that rank 0 does not hear of ends all ranks.
+
+    `witness` is the place of rank 0's.
+    """
     for number in commandline.STOPS:
         signal.signal(number, signal.SIG_IGN)
     warnings.simplefilter("ignore")  # rank 0 has the whole model to warn of
@@ -81,6 +117,7 @@ def _served(ranks: Team, exits: Exits) -> int:
         code, said = _said(error, exits)
         remark(f"pdsolve: rank {ranks.rank}: {' '.join(said.split())}")
         sys.stderr.flush()
+        _silence(witness)
         ranks.comm.Abort(code)
         os._exit(code)
 

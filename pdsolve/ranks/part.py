@@ -16,8 +16,10 @@ from pdsolve.laws import law_of
 from pdsolve.model import Model
 from pdsolve.numerics.ordered_sums import branches, total
 from pdsolve.numerics.team import Team
+from pdsolve.operators.bond_list import BondList
 from pdsolve.operators.protocol import Kept, Operator
 from pdsolve.operators.simd_lattice.operator import SimdLattice
+from pdsolve.operators.space_lattice.operator import SpaceLattice
 from pdsolve.options import Options
 from pdsolve.ranks.blocks import Scratch, Seen, blocks_of
 from pdsolve.ranks.ghost_exchange import GhostExchange
@@ -72,11 +74,19 @@ def build(team: Team, options: Options, starts: NDArray[np.int64], given: tuple[
 def build_window(
     team: Team, options: Options, make: Make, starts: NDArray[np.int64], given: tuple[Slab, Model]
 ) -> Built:
-    """Make the bonds of a whole window; those of ghosts are there to know what own nodes' bonds ask of them."""
+    """Make the bonds of a whole window; those of ghosts are there to know what own nodes' bonds ask of them.
+
+    Those of a law without a first pass ask for no more than the motion of their ends.
+    """
     slab, model = given[0], window(*given)
     scheme = SCHEMES[options.mode]
     operator, counted = make(model, options._replace(threads=options.threads or 1), scheme, scheme.fill(model))
-    return _taken(team, starts, Bonded(slab, model, operator, counted), np.arange(slab.begin, slab.end))
+    reached = np.arange(slab.begin, slab.end)
+    if isinstance(operator, BondList | SpaceLattice) and law_of(model).width is None:
+        own = slab.first - slab.begin, slab.last - slab.begin
+        operator.only(*own)
+        reached = np.unique(operator.bonds(*own)[1]) + slab.begin
+    return _taken(team, starts, Bonded(slab, model, operator, counted), reached)
 
 
 def window(slab: Slab, model: Model) -> Model:

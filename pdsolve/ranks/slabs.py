@@ -10,12 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.document import Lattice
-from pdmesh.model.neighbours import ROWS
+from pdmesh.model.neighbours import ROUND_OFF, ROWS, Neighbours
 from pdmesh.model.node_grid import Grid
 from pdsolve.model import Model, ModelError
 from pdsolve.operators.simd_lattice.kernel import LANES
 
 BESIDE = 2  # reaches: corrections of a bond depend on the families of both its ends
+
+SAMPLED = 8  # rows for one whose bonds are counted
+GOLDEN = (math.sqrt(5) - 1) / 2  # whose multiples fall into step with no line of nodes
 
 
 class Slab(NamedTuple):
@@ -30,17 +33,46 @@ class Slab(NamedTuple):
 
 
 def slabs_of(model: Model, ranks: int, unit: int = LANES) -> list[Slab]:
-    """The slabs of a model, cut between so many rows. Raises ModelError for fewer of these units than ranks."""
+    """The slabs of a model, of about as many bonds each, cut between so many rows. Raises ModelError for fewer of these
+    units than ranks."""
     nodes = len(model.grid)
     units = -(-nodes // unit)
     if units < ranks:
         raise ModelError(
             f"{model.name}: $.nodes: found {nodes} on {ranks} ranks, expected at least {unit} a rank: fewer ranks"
         )
-    cuts = [min(unit * (units * rank // ranks), nodes) for rank in range(ranks + 1)]
+    cuts = [min(unit * at, nodes) for at in cuts_of(costs_of(model, unit), ranks)]
     widest = float(model.grid.delta.max())
     around = BESIDE * (model.settings.horizon.ratio * widest + widest)
     return [_slab(model.grid, first, last, around) for first, last in pairwise(cuts)]
+
+
+def cuts_of(costs: NDArray[np.float64], ranks: int) -> list[int]:
+    """Where (ranks + 1) consecutive units of these costs (k,) are cut, one unit at least a rank."""
+    behind, cuts = np.concatenate([[0.0], np.cumsum(costs)]), [0]
+    for rank in range(1, ranks):
+        nearest = int(np.abs(behind - behind[-1] * rank / ranks).argmin())
+        cuts.append(min(max(nearest, cuts[-1] + 1), len(costs) - (ranks - rank)))
+    return [*cuts, len(costs)]
+
+
+def costs_of(model: Model, unit: int) -> NDArray[np.float64]:
+    """About how many bonds (k,) so many rows each have, from one row in SAMPLED; on one lattice, how many rows."""
+    grid, nodes = model.grid, len(model.grid)
+    units = -(-nodes // unit)
+    if grid.lattice is not None:
+        return np.minimum(unit, nodes - unit * np.arange(units)).astype(float)
+    horizons = model.horizons
+    around = Neighbours(grid.position, grid.delta, horizons, mutual=True)
+    number = np.arange(-(-nodes // SAMPLED))
+    rows = np.minimum(SAMPLED * number + (SAMPLED * (number * GOLDEN % 1)).astype(np.int64), nodes - 1)
+    bonds = np.zeros(units)
+    for some in np.array_split(rows, -(-len(rows) // ROWS)):
+        pairs = around.pairs(some)
+        # those at the very end of a horizon are in it or not by round-off
+        near = pairs.length < (1 - ROUND_OFF) * (horizons[pairs.source] + horizons[pairs.target]) / 2
+        bonds += np.bincount(pairs.source[near] // unit, minlength=units)
+    return bonds * SAMPLED
 
 
 def starts_of(slabs: list[Slab]) -> NDArray[np.int64]:

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 from beside import GRIDS, torn
-from devices import needs_opencl
+from devices import needs_opencl, without_runtime
 
 from pdmesh.model.document import Run
 from pdsolve.__main__ import main
-from pdsolve.operators.device import runtime
+from pdsolve.operators.device import runtime, source
 from pdsolve.results import Results
 
 pytestmark = needs_opencl
@@ -42,6 +44,57 @@ def test_no_such_device(found: str, plate: str, capsys: pytest.CaptureFixture[st
     (line,) = capsys.readouterr().err.splitlines()
     assert found in line
     assert not Path("plate.sqlite").exists()
+
+
+def _described(**changes: Any) -> Callable[[pytest.MonkeyPatch], None]:
+    """Let all devices be described with these changes."""
+    old = runtime._described
+    return lambda patched: patched.setattr(runtime, "_described", lambda *given: old(*given)._replace(**changes))
+
+
+def _no_package(patched: pytest.MonkeyPatch) -> None:
+    patched.setattr(runtime, "_library", runtime._library.__wrapped__)  # looked for anew
+    patched.setitem(sys.modules, "pyopencl", None)
+
+
+FAILING: dict[str, tuple[Callable[[pytest.MonkeyPatch], None], str]] = {
+    "no package": (_no_package, "pyopencl"),
+    "no runtime": (lambda patched: patched.setattr(runtime, "_library", without_runtime()), "no OpenCL runtime"),
+    "no float64": (_described(double=False), "float64"),
+    "too little memory": (_described(memory=10_000), "to take"),
+    "an array too large": (_described(largest=1_000), "arrays"),
+    "a kernel that does not build": (
+        lambda patched: patched.setattr(source, "text_of", lambda name: "no kernel"),
+        "compiler",
+    ),
+}
+
+
+@pytest.mark.parametrize("precision", ["float64", "float32"])
+@pytest.mark.parametrize("case", FAILING)
+def test_a_device_that_cannot_is_told_of_in_one_line(
+    case: str, precision: str, plate: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fail, word = FAILING[case]
+    fail(monkeypatch)
+    assert main([plate, "--device", "opencl", "--precision", precision, "-q"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("pdsolve: device: found ")
+    assert word in line
+    assert not Path("plate.sqlite").exists()
+
+
+@pytest.mark.parametrize("case", ["no package", "no runtime"])
+def test_without_devices_none_are_listed(
+    case: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fail, word = FAILING[case]
+    fail(monkeypatch)
+    with pytest.raises(SystemExit) as ended:
+        main(["--device", "list"])
+    assert ended.value.code == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert word in line
 
 
 def test_a_device_that_is_lost(plate: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

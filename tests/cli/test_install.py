@@ -14,6 +14,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
+from devices import needs_opencl
 from messages import mentions
 from plates import GEOMETRIES, MESH, ROOT
 
@@ -77,6 +78,34 @@ def test_the_doctor_says_what_is_missing_and_how_to_get_it(
         "ok       b: 1",
         "missing: a",
     ]
+
+
+@needs_opencl
+def test_the_doctor_knows_opencl_devices() -> None:
+    found = doctor._devices()
+    assert (found.good, found.needed) == (True, False)
+    for word in ("opencl:0", "float64", "GB"):
+        assert word in found.found
+
+
+BROKEN = {
+    "no package": ("raise ModuleNotFoundError(\"No module named 'pyopencl'\", name='pyopencl')", "pip install"),
+    "a library": ("raise OSError('libOpenCL.so.1: cannot open shared object file')", "libOpenCL.so.1"),
+    "a driver that crashes": ("import os; os.kill(os.getpid(), 11)", "-11"),
+}
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+@pytest.mark.parametrize("how", BROKEN)
+def test_the_doctor_says_why_there_are_no_devices(here: Path, how: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    program, word = BROKEN[how]
+    Path("blocked").mkdir()
+    Path("blocked/pyopencl.py").write_text(program)
+    monkeypatch.setenv("PYTHONPATH", str(here / "blocked"))
+    found = doctor._devices()
+    assert (found.good, found.needed) == (False, False)
+    assert word in found.found
+    assert "--device opencl" in doctor.lines([found])[0]
 
 
 def test_a_library_that_cannot_be_loaded_is_told_from_one_that_is_not_there(

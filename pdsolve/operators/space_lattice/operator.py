@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from threading import RLock
 from typing import TYPE_CHECKING, Any
 
@@ -40,6 +41,7 @@ class SpaceLattice:
         bind(law)
         self._law, self.tiles, self.symmetric = law, tiles, symmetric
         self._sites, self._stiffness_bound, self._threads = sites, bound, threads
+        self._summed = 0, len(tiles.kind)  # tiles
         self._u = aligned(np.zeros((3, tiles.cells.shape[1]), dtype=tiles.cells.dtype))
         self._broken = Broken(*(np.zeros(0, dtype=np.int64) for _ in Broken._fields))
         self._new: list[Broken] = []
@@ -48,6 +50,12 @@ class SpaceLattice:
     def place(self, state: State) -> State:
         """The state itself: its arrays are those of all nodes."""
         return state
+
+    def only(self, first: int, last: int) -> None:
+        """Sum and break the bonds of the nodes `first` to `last` - 1 alone, and of those in their tiles."""
+        here = (self.tiles.node >= first) & (self.tiles.node < last)
+        tiles = np.flatnonzero(here.reshape(-1, ROW).any(axis=1))
+        self._summed = int(tiles[0]), int(tiles[-1]) + 1
 
     def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
         """Add the force densities (n, w), N/m^3, to `out`; bonds over their limit break in this `step`, `dt` s long."""
@@ -72,7 +80,7 @@ class SpaceLattice:
                     waiting.append(first)
                     first += 1
 
-        share(work, len(self.tiles.kind), self._threads)
+        self._share(work)
         if waiting:
             self.tiles = layout.extended(self.tiles, np.array(sorted(waiting)))
             for tile in sorted(waiting):
@@ -86,7 +94,7 @@ class SpaceLattice:
         self._place(state.value)
         held, spent = np.zeros((2, len(self._stiffness_bound)))
         tiles, u = self.tiles, self._u
-        share(lambda first, last: hold_tiles(tiles, u, held, spent, first, last), len(tiles.kind), self._threads)
+        self._share(lambda first, last: hold_tiles(tiles, u, held, spent, first, last))
         return held, spent
 
     def fields(self, state: State) -> dict[str, NDArray[np.float64]]:
@@ -186,3 +194,7 @@ class SpaceLattice:
     def _place(self, value: NDArray[Any]) -> None:
         nodes = len(self._stiffness_bound)
         share(lambda first, last: place_rows(self._sites.site, value, self._u, first, last), nodes, self._threads)
+
+    def _share(self, work: Callable[[int, int], None]) -> None:
+        begin, end = self._summed
+        share(lambda first, last: work(begin + first, begin + last), end - begin, self._threads)

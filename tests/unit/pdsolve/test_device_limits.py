@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 import pytest
 from beside import GRIDS, torn
-from devices import alike, bar, needs_opencl
+from devices import alike, bar, needs_opencl, without_runtime
 from media import disc
 from messages import mentions, naming
 from plates import GLASS, plate, square_grid
@@ -66,16 +66,6 @@ def test_more_numbers_than_kernels_count_are_refused(monkeypatch: pytest.MonkeyP
     assert mentions(refused(), found="128", expected="100")
 
 
-class Failing:
-    """What stands for pyopencl and fails."""
-
-    def __init__(self, instead: dict[str, Any]) -> None:
-        self._library, self._instead = runtime._library(), instead
-
-    def __getattr__(self, name: str) -> Any:
-        return self._instead.get(name) or getattr(self._library, name)
-
-
 def refused() -> str:
     """What is said where a plate is prepared for the device."""
     with pytest.raises(ModelError) as caught:
@@ -91,13 +81,7 @@ def test_without_the_package(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_without_a_runtime(monkeypatch: pytest.MonkeyPatch) -> None:
-    library = runtime._library()
-
-    def none() -> list[Any]:
-        raise library.LogicError("clGetPlatformIDs failed: PLATFORM_NOT_FOUND_KHR")
-
-    failing = Failing({"get_platforms": none})
-    monkeypatch.setattr(runtime, "_library", lambda: failing)
+    monkeypatch.setattr(runtime, "_library", without_runtime())
     assert mentions(refused(), found="no OpenCL runtime", expected="driver")
 
 
