@@ -70,9 +70,8 @@ def _swelling(settings: Settings, every: list[tuple[str, Material]]) -> Iterator
         )
     if run.adapt not in ("none", "hybrid"):
         yield Impossible("$.run.adapt", run.adapt, f"none or hybrid, {why}")
-    if run.adapt == "hybrid" and settings.medium is not None and settings.medium.heat_capacity is not None:
-        found = f"{settings.medium.heat_capacity:g}"
-        yield Impossible("$.medium.heat_capacity", found, f"none, as coarse nodes have no heat of deformation, {why}")
+    if run.adapt == "hybrid" and settings.medium is not None and settings.medium.deformation:
+        yield Impossible("$.medium.deformation", "true", f"false, as coarse nodes have no heat of deformation, {why}")
     for name, expected in {"cracks": "bonds", "start": "unloaded"}.items():
         if getattr(run, name) != expected:
             yield Impossible(f"$.run.{name}", getattr(run, name), f"{expected}, {why}")

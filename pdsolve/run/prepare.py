@@ -137,7 +137,7 @@ def _swelling(model: Model, options: Options, scheme: Scheme) -> Prepared:
     assert model.settings.medium is not None
     share = model.settings.medium.broken
     broken = None if share == 1 else BrokenBonds(transport, bonds, share)
-    if model.settings.medium.heat_capacity is not None:
+    if model.settings.medium.deformation:
         content = content._replace(state=content.state._replace(second=np.zeros((len(model.grid), 1))))
     stepper = Swelling((marches, content.state), system.stepper, bonds, model, cycle, broken, transport.free)
     if not rests:  # the first half step goes with what the strains of time 0 pull

@@ -250,9 +250,9 @@ REFUSED = {
     "implicit motion": ({"run": Run(solver="implicit")}, {}, naming("run.solver", found="implicit", expected="static")),
     "cells that split": ({"run": Run(adapt="split")}, {}, naming("run.adapt", found="split", expected="hybrid")),
     "heat of deformation with a moving zone": (
-        {"run": Run(adapt="hybrid"), "medium": Medium(D=1.0, heat_capacity=3.5e6)},
+        {"run": Run(adapt="hybrid"), "medium": Medium(D=1.0, heat_capacity=3.5e6, deformation=True, carries="heat")},
         {},
-        naming("medium.heat_capacity", found="3.5e", expected="none"),
+        naming("medium.deformation", found="true", expected="false"),
     ),
     "no medium": ({"medium": None}, {}, naming("$.medium", found="none", expected="D")),
     "the thesis mode": ({}, {"mode": "thesis"}, naming(found="thesis", expected="conservative")),

@@ -72,7 +72,7 @@ def test_a_drawing_has_both_kinds_of_conditions() -> None:
     assert warm.value == 320.0
     assert isinstance(foot, Displacement)
     assert settings({"Medium/Broken": 0.2}).medium == Medium(D=5e-7, broken=0.2, carries="heat")
-    assert settings({"Medium/Deformation": 1.0}).medium == Medium(D=5e-7, heat_capacity=2e6, carries="heat")
+    assert settings({"Medium/Deformation": 1.0}).medium == Medium(D=5e-7, heat_capacity=2e6, deformation=True, carries="heat")
     of_D: dict[str, float | str | None] = {"Medium/k": None, "Medium/c": None, "Medium/D": 1e-7, "Medium/Broken": 0.3}
     gone: dict[str, float | str | None] = {"Exchanges/right/h": None, "Exchanges/right/Coefficient": 1.0}
     gone |= {"Supplies/top/Heat flux": None, "Supplies/top/Flux": 1.0}
