@@ -108,7 +108,7 @@ def _diffusing(medium: Medium, **run: Any) -> tuple[Model, Options]:
 
 
 def _quenched(cold: float = 260.0, **run: Any) -> tuple[Model, Options]:
-    """A held plate of 300 K whose left edge is quenched to `cold`, K, so that its bonds break while heat goes through it."""
+    """A held plate of 300 K whose left edge is quenched to `cold`, K: bonds break while heat goes through it."""
     grid = lattice(24, 16)
     edge, held = _rows(grid, grid.position[:, 0] < H), _rows(grid, np.abs(grid.position[:, 1] - 8 * H) > 7 * H)
     settings = Settings(

@@ -370,9 +370,7 @@ def _lines(path: Path, summary: dict[str, Any]) -> list[str]:
     ]
     heat = summary.get("diffusion")
     if heat is not None:
-        lines.append(
-            f"content, {_amounts(heat)}, {heat['method']}"
-        )
+        lines.append(f"content, {_amounts(heat)}, {heat['method']}")
     fine = summary.get("hybrid")
     if fine is not None:
         coarse = "pairs of coarse nodes" if summary["kernel"] == "collocation" else "clipped bonds"

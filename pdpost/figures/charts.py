@@ -89,7 +89,7 @@ def balance(books: Balance, per: str = "/m") -> Figure:
 
 
 def masses(books: Masses, unit: str = "mol") -> Figure:
-    """Amounts of a substance or of heat in this unit over time and, where a solid dissolves, the share of it that is left."""
+    """Amounts of a substance or heat in this unit over time and, where a solid dissolves, the share that is left."""
     dissolves = bool(np.isfinite(books.left).any())
     figure = Figure(figsize=(WIDTH, 5.0 if dissolves else 3.2), layout="constrained")
     panels = figure.subplots(1 + dissolves, 1, sharex=True, squeeze=False)[:, 0]

@@ -117,7 +117,8 @@ def _diffusing(model: Model, options: Options) -> Prepared:
 def _swelling(model: Model, options: Options, scheme: Scheme) -> Prepared:
     """A model of a motion that a content swells. Raises ModelError for what cannot be solved so."""
     if not scheme.symmetric:
-        raise ModelError(f"{model.name}: found {scheme.name}, expected mode conservative of bonds that swell")
+        expected = "conservative, as $.physics is thermoelastic"
+        raise ModelError(f"{model.name}: mode: found {scheme.name}, expected {expected}")
     if model.settings.run.adapt == "hybrid":
         return _swelling_zone(model, options, scheme)
     options, rests = for_swelling(model, options), model.settings.run.solver == "static"

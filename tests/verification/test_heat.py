@@ -255,7 +255,7 @@ REFUSED = {
         naming("medium.deformation", found="true", expected="false"),
     ),
     "no medium": ({"medium": None}, {}, naming("$.medium", found="none", expected="D")),
-    "the thesis mode": ({}, {"mode": "thesis"}, naming(found="thesis", expected="conservative")),
+    "the thesis mode": ({}, {"mode": "thesis"}, naming("mode", found="thesis", expected=("conservative", "$.physics"))),
     "blocks": ({"material": LAWS["ordinary"][0]}, {"kernel": "blocks"}, naming(found="blocks", expected="listed")),
     "blocks at rest": (
         {"run": Run(solver="static", time_step=1.0, steps=1)},
