@@ -70,7 +70,6 @@ def info(document: Document, name: str, mode: str = DEFAULT_MODE) -> dict[str, A
         **_extent(grid, plate),
         "crack_segments": len(grid.cracks),
         "horizon_ratio": ratio,
-        "at_rest": run is not None and run.at_rest,
         "refused": refused,
         "time_step": run.time_step if run and run.at_rest else document.run.time_step,
         "steps": run.steps if run else document.run.steps,
@@ -126,7 +125,8 @@ def info_lines(result: dict[str, Any]) -> list[str]:
     ]
     if result["memory_bytes"] is not None:
         memory, seconds = result["memory_bytes"] / 1e6, result["solve_seconds"]
-        lines.append(f"about {memory:.3g} MB of memory and {seconds:.3g} s to solve")
+        rests = ", if nothing breaks: each break is another rest" if result["at_rest"] else ""
+        lines.append(f"about {memory:.3g} MB of memory and {seconds:.3g} s to solve{rests}")
     if result["most_nodes"] is not None:
         lines.append(_start_line(result["most_nodes"]))
     if result["physics"] != "mechanics":
@@ -182,6 +182,8 @@ def plan_lines(result: dict[str, Any]) -> list[str]:
         (key.replace("_", " "), _quantity(own[key], unit), _quantity(flat[key], unit)) for key, unit in units.items()
     ]
     lines = [f"{label:22}{here:>14}{there:>14}" for label, here, there in rows]
+    if own["at_rest"]:
+        lines.append("time is that to solve if nothing breaks: each break is another rest")
     return lines + ([_start_line(own["most_nodes"])] if own["most_nodes"] else [])
 
 
@@ -350,6 +352,7 @@ def _run(counted: int, run: Plan | None) -> dict[str, Any]:
     """Cost of a run; without a plan, the bonds are those within a horizon."""
     return {
         "bonds": counted if run is None else run.bonds,
+        "at_rest": run is not None and run.at_rest,
         "smallest_stable_step": None if run is None else run.stable_time_step,
         "time_step": None if run is None else run.time_step,
         "steps": None if run is None else run.steps,

@@ -131,10 +131,8 @@ def lived(
     broke = first is not None and stretch is not None and stretch > 0
     given = model.run.fatigue or Fatigue()
     name = Path(results.name).stem
-    error = said.get("cycles_error")
-    return Life(
-        name, float(N[-1]), error, first if broke else None, stretch if broke else None, given, found, paris(found)
-    )
+    broken = (first, stretch) if broke else (None, None)
+    return Life(name, float(N[-1]), said.get("cycles_error"), *broken, given, found, paris(found))
 
 
 def cycles(results: Results) -> Array:
