@@ -140,6 +140,7 @@ class ParisSteps:
                 break
             self._take_back(state, before)
             self._share /= 2
+        ahead = max(ahead, 1 / STEEPEST)  # of a tip that is stopped, as middles have it
         cycles, mean = self._cycles - before.cycles, self._at_first * mean_cycles(ahead)
         if not before.tips:  # no step before the first says how growth changes: the mean of both ends does
             cycles, mean = mean, self._at_first / float(np.sqrt(ahead))
