@@ -13,6 +13,7 @@ from pdmesh.model.document import (
     Collocation,
     Concentration,
     Displacement,
+    Fatigue,
     Horizon,
     Load,
     Material,
@@ -75,16 +76,20 @@ def _of(material: dict[str, Any], mode: Options = ALONE, **more: Any) -> tuple[M
     return _torn(material=Material(**{"E": 72e9, "rho": 2440.0, "G0": 3.8} | material), **more), mode
 
 
-def _at_rest(**run: Any) -> tuple[Model, Options]:
+def _at_rest(
+    apart: float = 2e-6,
+    profile: tuple[tuple[float, float], ...] = ((0.0, 0.0), (8.0, 1.0)),
+    counts: tuple[int, int] = (24, 16),
+    **run: Any,
+) -> tuple[Model, Options]:
     """A plate stretched between its edges in load steps."""
-    high = 16 * H
+    high = H * counts[1]
     held = (
-        Displacement(box=_box(2, high - H, high), x=0.0, y=2e-6, profile=((0.0, 0.0), (8.0, 1.0))),
+        Displacement(box=_box(2, high - H, high), x=0.0, y=apart, profile=profile),
         Displacement(box=_box(2, 0.0, H), x=0.0, y=0.0),
     )
-    return _torn(conditions=held, run={"time_step": None, "steps": 8, "every": 1, "ledger": 1} | run), Options(
-        threads=1
-    )
+    run = {"time_step": None, "steps": 8, "every": 1, "ledger": 1} | run
+    return _torn(counts, conditions=held, run=run), Options(threads=1)
 
 
 def _diffusing(medium: Medium, **run: Any) -> tuple[Model, Options]:
@@ -100,6 +105,30 @@ def _diffusing(medium: Medium, **run: Any) -> tuple[Model, Options]:
         run=Run(**{"steps": 40, "every": 5, "time_step": 1e-8} | run),
     )  # fmt: skip
     return Model(grid, settings), ALONE
+
+
+def _quenched(cold: float = 260.0, **run: Any) -> tuple[Model, Options]:
+    """A held plate of 300 K whose left edge is quenched to `cold`, K: bonds break while heat goes through it."""
+    grid = lattice(24, 16)
+    edge, held = _rows(grid, grid.position[:, 0] < H), _rows(grid, np.abs(grid.position[:, 1] - 8 * H) > 7 * H)
+    settings = Settings(
+        physics="thermoelastic",
+        material=Material(E=72e9, rho=2440.0, G0=3.8, alpha=1e-5, T0=300.0),
+        medium=Medium(D=0.5, carries="heat", heat_capacity=2e6, deformation=True),
+        horizon=Horizon(3.0),
+        conditions=(
+            Concentration(nodes=edge, value=cold),
+            Displacement(nodes=held, x=0.0, y=0.0),
+        ),
+        run=Run(**{"steps": 40, "every": 5, "ledger": 5} | run),
+    )
+    return Model(grid, settings), ALONE
+
+
+def _tiring(fatigue: Fatigue, counts: tuple[int, int], **run: Any) -> tuple[Model, Options]:
+    """A cracked plate whose edges are moved apart again and again."""
+    run = {"solver": "static", "steps": 4, "ledger": None, "fatigue": fatigue} | run
+    return _at_rest(1e-6, (), counts, **run)
 
 
 def _rows(grid: Grid, which: NDArray[np.bool_]) -> tuple[int, ...]:
@@ -133,6 +162,10 @@ KINDS: dict[str, Callable[[], tuple[Model, Options]]] = {
     "split": partial(_of, {}, run={"adapt": "split"}),
     "particles": partial(_of, {}, run={"cracks": "particles", "particles": STRESS}),
     "at rest": partial(_at_rest, solver="static", static=Static(load_steps=8)),
+    "heat": _quenched,
+    "heat at rest": partial(_quenched, solver="static", time_step=1e-7, steps=4, every=1, ledger=1),
+    "fatigue": partial(_tiring, Fatigue(A=1e9, m=3.0, A1=1e8, m1=4.0), (16, 12)),
+    "fatigue by K": partial(_tiring, Fatigue(C=1e-30, m=3.0), (40, 30), cracks="particles", particles=ParticleRules()),
     "body": partial(_of, {}, counts=(10, 10, 6)),
     "body, ordinary": partial(_of, {"model": "ordinary", "nu": 0.22}, counts=(10, 10, 6)),
     "diffusion": partial(_diffusing, Medium(D=1.0)),

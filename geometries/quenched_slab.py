@@ -19,10 +19,11 @@ mass, damping = 1.6e5, 1e3  # -, 1/s
 rho, k, c = 3980.0, 31.0, 880.0  # kg/m^3, W/(m K), J/(kg K)
 
 alumina = Material(E=370e9, rho=rho * mass, G0=42.47, micromodulus="constant", alpha=7.5e-6, T0=room + hot)
+medium = Medium(D=k / (rho * c), carries="heat", heat_capacity=rho * c)
 run = Run(duration=duration, every=2000, damping=damping)
 
 scene = (
-    Scene(box(0, 0, length, half), spacing, alumina, horizon, run, medium=Medium(D=k / (rho * c)))
+    Scene(box(0, 0, length, half), spacing, alumina, horizon, run, medium=medium)
     .initial_temperature(box(-1, -1, 1, 1), room + hot)
     .exchange("bottom", coefficient=h / (rho * c), outside=room)
     .exchange("left", coefficient=h / (rho * c), outside=room)

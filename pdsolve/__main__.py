@@ -316,8 +316,7 @@ def _lines_of_masses(path: Path, summary: dict[str, Any]) -> list[str]:
         f" {summary['method']} to {summary['time']:.4g} s",
         f"wall time {summary['wall_time']:.2f} s on {threads},"
         f" {summary['bond_updates_per_second'] / 1e6:.0f} million bond updates a second ({summary['kernel']})",
-        f"mol: inside {masses['inside']:.6g}, gone out {masses['through']:.6g}, supplied {masses['supplied']:.6g}"
-        f" (balance {summary['balance']:+.1e})",
+        _amounts(summary),
     ]
     if share is not None:
         lines.append(
@@ -325,6 +324,15 @@ def _lines_of_masses(path: Path, summary: dict[str, Any]) -> list[str]:
             f" its surface {masses['surface']:.6g}"
         )
     return lines
+
+
+def _amounts(summary: dict[str, Any]) -> str:
+    """Where a substance or heat is, and where it has gone."""
+    found = summary["amounts"]
+    return (
+        f"{found['unit']}: inside {found['inside']:.6g}, gone out {found['through']:.6g}, supplied"
+        f" {found['supplied']:.6g} (balance {summary['balance']:+.1e})"
+    )
 
 
 def _how_far(summary: dict[str, Any]) -> tuple[str, str]:
@@ -366,10 +374,7 @@ def _lines(path: Path, summary: dict[str, Any]) -> list[str]:
     ]
     heat = summary.get("diffusion")
     if heat is not None:
-        lines.append(
-            f"content: inside {heat['masses']['inside']:.6g}, gone out {heat['masses']['through']:.6g}, supplied"
-            f" {heat['masses']['supplied']:.6g} (balance {heat['balance']:+.1e}), {heat['method']}"
-        )
+        lines.append(f"content, {_amounts(heat)}, {heat['method']}")
     fine = summary.get("hybrid")
     if fine is not None:
         coarse = "pairs of coarse nodes" if summary["kernel"] == "collocation" else "clipped bonds"

@@ -147,7 +147,7 @@ class Model:
             steps = msgspec.structs.replace(steps, solver="implicit", theta=run.theta)
         assert self.settings.medium is not None
         # `Swelling` knows what breaks and what deforms
-        medium = msgspec.structs.replace(self.settings.medium, broken=1.0, heat_capacity=None)
+        medium = msgspec.structs.replace(self.settings.medium, broken=1.0, deformation=False)
         return self._part(physics="diffusion", medium=medium, material=None, regions=(), conditions=mine, run=steps)
 
     def _unstressed(self) -> Iterator[InitialConcentration]:

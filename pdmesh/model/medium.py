@@ -26,7 +26,8 @@ class Medium(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defau
     k_diss: Positive = 1.0  # kinetic: of bonds from solid to liquid, over that from liquid to liquid
     surface_correction: bool = True  # of bonds near free surfaces, cracks and held layers; see the guide
     broken: Annotated[float, msgspec.Meta(ge=0, le=1)] = 1.0  # share of its conductance that a broken bond keeps
-    heat_capacity: Positive | None = None  # J/(m^3 K): stretching cools, compression heats; None: they do not
+    heat_capacity: Positive | None = None  # J/(m^3 K), of heat; None: not known, and amounts are in K m^d
+    deformation: bool = False  # whether stretching cools and compression heats
     capped: bool = True  # kinetic: nothing dissolves into liquid that holds C_sat
     carries: Literal["substance", "heat"] = "substance"  # heat: contents are temperatures, K
 
@@ -41,6 +42,10 @@ def contradiction(medium: Medium) -> tuple[str, str, str] | None:
         return "C_sat", f"{C_sat:g} mol/m^3", f"less than C_solid, {C_solid:g} mol/m^3"
     if medium.carries == "heat" and C_solid is not None:
         return "carries", "heat", "substance, as there is a solid"
+    if medium.carries == "substance" and medium.heat_capacity is not None:
+        return "heat_capacity", f"{medium.heat_capacity:g}", "none, as the medium carries a substance"
+    if medium.deformation and medium.heat_capacity is None:
+        return "heat_capacity", "none", "a number, as deformation heats"
     if medium.dissolution == "kinetic" and C_solid is None:
         return "C_solid", "none", "one, as the dissolution is kinetic"
     return None
@@ -50,8 +55,17 @@ def of_motion(medium: Medium) -> Iterator[tuple[str, str, str]]:
     """What only a body that moves too has: key, what was found, what was expected of diffusion alone."""
     if medium.broken != 1:
         yield "broken", f"{medium.broken:g}", "1 of diffusion, in which no bond breaks"
-    if medium.heat_capacity is not None:
-        yield "heat_capacity", f"{medium.heat_capacity:g}", "none of diffusion, in which nothing deforms"
+    if medium.deformation:
+        yield "deformation", "true", "false of diffusion, in which nothing deforms"
+
+
+def amount_of(medium: Medium, dimension: int) -> tuple[float, str]:
+    """What sums of contents times volumes become amounts by, and their unit; of a plate, energy per thickness."""
+    if medium.carries == "substance":
+        return 1.0, "mol"
+    if medium.heat_capacity is None:
+        return 1.0, f"K m^{dimension}"
+    return medium.heat_capacity, "J/m" if dimension == 2 else "J"
 
 
 class MediumRegion(Selection, frozen=True, kw_only=True):

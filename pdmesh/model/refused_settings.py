@@ -64,18 +64,27 @@ def _swelling(settings: Settings, every: list[tuple[str, Material]]) -> Iterator
     run = settings.run
     if run.solver == "implicit":
         yield Impossible("$.run.solver", run.solver, f"explicit or static, {why}")
-    if run.solver == "static" and run.static.load_steps is not None:
-        yield Impossible(
-            "$.run.static.load_steps", f"{run.static.load_steps}", f"none, but run.time_step and steps, {why}"
-        )
+    if run.solver == "static":
+        yield from _swelling_at_rest(run, every, why)
     if run.adapt not in ("none", "hybrid"):
         yield Impossible("$.run.adapt", run.adapt, f"none or hybrid, {why}")
-    if run.adapt == "hybrid" and settings.medium is not None and settings.medium.heat_capacity is not None:
-        found = f"{settings.medium.heat_capacity:g}"
-        yield Impossible("$.medium.heat_capacity", found, f"none, as coarse nodes have no heat of deformation, {why}")
+    if run.adapt == "hybrid" and settings.medium is not None and settings.medium.deformation:
+        yield Impossible("$.medium.deformation", "true", f"false, as coarse nodes have no heat of deformation, {why}")
     for name, expected in {"cracks": "bonds", "start": "unloaded"}.items():
         if getattr(run, name) != expected:
             yield Impossible(f"$.run.{name}", getattr(run, name), f"{expected}, {why}")
+
+
+def _swelling_at_rest(run: Run, every: Places, why: str) -> Iterator[Impossible]:
+    """What rest after each step of a content does not take."""
+    if run.static.load_steps is not None:
+        expected = f"none, but run.time_step and steps, {why}"
+        yield Impossible("$.run.static.load_steps", f"{run.static.load_steps}", expected)
+    if run.time_step is None:
+        yield Impossible("$.run.time_step", "none", f"one, after each of which there is rest, {why}")
+    for place, material in every:
+        if softens(material):
+            yield Impossible(f"{place}.law", material.law, f"{USUAL_LAW} at rest, {why}")
 
 
 def _diffusing(settings: Settings, medium: Medium) -> Iterator[Impossible]:

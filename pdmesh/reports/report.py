@@ -39,6 +39,9 @@ HEAT = {
     "source": "heat source",
     "exchange": "convection",
 }  # kinds of conditions as they are called where heat stretches what moves
+IN_MOL = {"value": "mol/m^3", "rate": "mol/(m^3 s)", "flux": "mol/(m^2 s)", "coefficient": "m/s"}
+IN_KELVIN = {"value": "K", "rate": "K/s", "flux": "K m/s", "coefficient": "m/s"}
+IN_WATTS = {"value": "K", "rate": "W/m^3", "flux": "W/m^2", "coefficient": "W/(m^2 K)"}
 NOTHING = 1e-9  # of the largest force, and of that times the size of the grid: round-off
 SAMPLE = 20_000  # nodes whose bonds stand for those of a larger grid
 
@@ -67,7 +70,6 @@ def info(document: Document, name: str, mode: str = DEFAULT_MODE) -> dict[str, A
         **_extent(grid, plate),
         "crack_segments": len(grid.cracks),
         "horizon_ratio": ratio,
-        "at_rest": run is not None and run.at_rest,
         "refused": refused,
         "time_step": run.time_step if run and run.at_rest else document.run.time_step,
         "steps": run.steps if run else document.run.steps,
@@ -123,7 +125,8 @@ def info_lines(result: dict[str, Any]) -> list[str]:
     ]
     if result["memory_bytes"] is not None:
         memory, seconds = result["memory_bytes"] / 1e6, result["solve_seconds"]
-        lines.append(f"about {memory:.3g} MB of memory and {seconds:.3g} s to solve")
+        rests = ", if nothing breaks: each break is another rest" if result["at_rest"] else ""
+        lines.append(f"about {memory:.3g} MB of memory and {seconds:.3g} s to solve{rests}")
     if result["most_nodes"] is not None:
         lines.append(_start_line(result["most_nodes"]))
     if result["physics"] != "mechanics":
@@ -139,10 +142,10 @@ def info_lines(result: dict[str, Any]) -> list[str]:
         lines.append("medium: " + _words(result["medium"]))
     for kind, regions in (("medium", result["media"]), ("material", [*map(_telling, result["regions"])])):
         lines += [f"{kind} '{called(each['name'], at, 'region')}': {_words(each)}" for at, each in enumerate(regions)]
-    words = HEAT if result["physics"] == "thermoelastic" else {}
+    words = HEAT if result["physics"] == "thermoelastic" or result["medium"].get("carries") == "heat" else {}
     lines += [
         f"{words.get(entry['kind'], entry['kind'])} '{called(entry.get('name'), number)}': "
-        + ", ".join(filter(None, (f"{entry['nodes']} nodes", _words(_asked(entry)))))
+        + ", ".join(filter(None, (f"{entry['nodes']} nodes", _words(_asked(entry, result["medium"])))))
         for number, entry in enumerate(result["conditions"])
     ]
     return [*lines, *_sums(result["loads"], box)]
@@ -179,6 +182,8 @@ def plan_lines(result: dict[str, Any]) -> list[str]:
         (key.replace("_", " "), _quantity(own[key], unit), _quantity(flat[key], unit)) for key, unit in units.items()
     ]
     lines = [f"{label:22}{here:>14}{there:>14}" for label, here, there in rows]
+    if own["at_rest"]:
+        lines.append("time is that to solve if nothing breaks: each break is another rest")
     return lines + ([_start_line(own["most_nodes"])] if own["most_nodes"] else [])
 
 
@@ -207,9 +212,18 @@ def _words(fields: dict[str, Any]) -> str:
     )
 
 
-def _asked(entry: dict[str, Any]) -> dict[str, Any]:
-    """The prescribed values of a condition."""
-    return {key: value for key, value in entry.items() if key not in ("kind", "name", "nodes", "box", "edge")}
+def _asked(entry: dict[str, Any], medium: dict[str, Any]) -> dict[str, Any]:
+    """The prescribed values of a condition; those on a content with units, of heat in watts where the medium says how
+    much a volume holds."""
+    asked = {key: value for key, value in entry.items() if key not in ("kind", "name", "nodes", "box", "edge")}
+    if entry["kind"] not in HEAT:
+        return asked
+    units, capacity = IN_MOL, 1.0
+    if medium.get("carries") == "heat":
+        units, capacity = (IN_KELVIN, 1.0) if medium["heat_capacity"] is None else (IN_WATTS, medium["heat_capacity"])
+    factors = {"value": 1.0}
+    texts = {key: f"{factors.get(key, capacity) * asked[key]:g} {unit}" for key, unit in units.items() if key in asked}
+    return asked | texts
 
 
 def _by_spacing(spacings: Any, counts: Any) -> dict[str, int]:
@@ -338,6 +352,7 @@ def _run(counted: int, run: Plan | None) -> dict[str, Any]:
     """Cost of a run; without a plan, the bonds are those within a horizon."""
     return {
         "bonds": counted if run is None else run.bonds,
+        "at_rest": run is not None and run.at_rest,
         "smallest_stable_step": None if run is None else run.stable_time_step,
         "time_step": None if run is None else run.time_step,
         "steps": None if run is None else run.steps,

@@ -90,10 +90,22 @@ class DiffusionConditions(Generic[W]):
         return self.supply(where, flux, rate, rows, profile, name)
 
     def convection(
-        self, where: W, h: float, outside: float, rows: int = 1, profile: Profile = (), name: str = ""
+        self,
+        where: W,
+        h: float | None = None,
+        outside: float | None = None,
+        rows: int = 1,
+        profile: Profile = (),
+        name: str = "",
     ) -> Self:
-        """With a heat flux in of h (W/(m^2 K)) times (`outside` - T), K."""
-        rho_c = capacity(self.medium, self.material, f"exchange '{name or self._named(where, 'exchange')}'")
+        """With a heat flux in of h (W/(m^2 K)) times (`outside` - T), K. Raises SceneError without both."""
+        name = name or self._named(where, "exchange")
+        for word, value, unit in (("h", h, "W/(m^2 K)"), ("outside", outside, "K")):
+            if value is None:
+                raise SceneError(f"exchange '{name}': {word}: found none, expected a number, {unit}")
+        assert h is not None
+        assert outside is not None
+        rho_c = capacity(self.medium, self.material, f"exchange '{name}'")
         return self.exchange(where, h / rho_c, outside, rows, profile, name)
 
     def _with(

@@ -51,8 +51,13 @@ def medium_of(medium: Medium | Heat | None, material: Material | None) -> Medium
     if not isinstance(medium, Heat):
         return medium
     rho_c = capacity(medium, material, "medium")
-    own = rho_c if medium.deformation else None
-    return Medium(D=medium.k / rho_c, broken=medium.broken, heat_capacity=own, carries="heat")
+    return Medium(
+        D=medium.k / rho_c,
+        broken=medium.broken,
+        heat_capacity=rho_c,
+        deformation=medium.deformation,
+        carries="heat",
+    )
 
 
 def physics_of(medium: Medium | Heat | None, material: Material | None, regions: Iterable[Region]) -> Physics:

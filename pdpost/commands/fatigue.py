@@ -62,6 +62,7 @@ def _told(one: Life) -> dict[str, Any]:
     return {
         "name": one.name,
         "cycles": one.cycles,
+        "cycles_error": one.error,
         "first_break": one.first,
         "first_range": one.range,
         "line": None if one.line is None else one.line._asdict(),
@@ -70,7 +71,9 @@ def _told(one: Life) -> dict[str, Any]:
 
 
 def _lines(one: Life) -> list[str]:
-    lines = [f"{one.cycles:.6g} cycles in all"]
+    wrong = one.error / one.cycles if one.error and one.cycles else None
+    off = "" if wrong is None else f", by the length of jumps wrong by {wrong:.1%} at most"
+    lines = [f"{one.cycles:.6g} cycles in all{off}"]
     if one.first is not None:
         lines.append(f"first bonds broke after {one.first:.6g} cycles, stretched by a range of {one.range:.4g}")
     lines += [

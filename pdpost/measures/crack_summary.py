@@ -133,9 +133,10 @@ def sentences(found: Summary) -> list[str]:
     """The summary for a reader, a line each."""
     axis, sign = ("x", DIRECTIONS[found.along][0]) if DIRECTIONS[found.along][0] else ("y", DIRECTIONS[found.along][1])
     events = {name: getattr(found.growth, name) for name in ("first_break", "start", "branching", "split")}
+    step, far = ("load step", "as far as ") if found.at_rest else ("step", "")  # within which breaks have no order
     lines = [
-        f"{name.replace('_', ' ')}: step {event.step}, {time_text(event.time)}"
-        + ("" if event.along is None else f", {axis} = {sign * event.along * 1e3:.4g} mm")
+        f"{name.replace('_', ' ')}: {step} {event.step}, {time_text(event.time)}"
+        + ("" if event.along is None else f", {far}{axis} = {sign * event.along * 1e3:.4g} mm")
         for name, event in events.items()
         if event is not None
     ]

@@ -67,6 +67,7 @@ class Life(NamedTuple):
 
     name: str
     cycles: float  # in all
+    error: float | None  # cycles that the length of jumps is wrong by at most; None: jumps go from break to break
     first: float | None  # cycles until its first bonds broke; None: none did, or the crack is one of particles
     range: float | None  # of the stretch of these bonds
     given: Fatigue
@@ -130,7 +131,8 @@ def lived(
     broke = first is not None and stretch is not None and stretch > 0
     given = model.run.fatigue or Fatigue()
     name = Path(results.name).stem
-    return Life(name, float(N[-1]), first if broke else None, stretch if broke else None, given, found, paris(found))
+    broken = (first, stretch) if broke else (None, None)
+    return Life(name, float(N[-1]), said.get("cycles_error"), *broken, given, found, paris(found))
 
 
 def cycles(results: Results) -> Array:

@@ -1,28 +1,50 @@
-"""Amounts of a diffusing substance over time: inside, passed through the boundary, supplied."""
+"""Amounts of a substance that diffuses, or of heat, over time: inside, passed through the boundary, supplied."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.model.medium import Medium, amount_of
+from pdpost.reading.embedded_model import read
 from pdsolve.results import Results, ResultsError
+
+AMOUNTS = ("inside", "through", "supplied")
 
 
 class Masses(NamedTuple):
-    """Mass balance of a diffusion run at t times; for a plate, per unit thickness."""
+    """Balance of a diffusion run at t times; for a plate, per unit thickness.
+
+    Amounts are in mol; of heat in K m^d in the database, and in what `amounts` says.
+    """
 
     step: NDArray[np.int64]  # (t,)
     time: NDArray[np.float64]  # (t,) s
-    inside: NDArray[np.float64]  # (t,) mol in nodes that are not held, what is solid counted
-    through: NDArray[np.float64]  # (t,) mol gone out through held nodes
-    supplied: NDArray[np.float64]  # (t,) mol
+    inside: NDArray[np.float64]  # (t,) in nodes that are not held, what is solid counted
+    through: NDArray[np.float64]  # (t,) gone out through held nodes
+    supplied: NDArray[np.float64]  # (t,)
     solid: NDArray[np.float64]  # (t,) m^d
     dissolved: NDArray[np.float64]  # (t,) mol that was solid
     surface: NDArray[np.float64]  # (t,) m^(d - 1) of what is solid
     left: NDArray[np.float64]  # (t,) of the solid there was; NaN without any
     error: NDArray[np.float64]  # (t,) of the balance, over what there was or was supplied
+
+
+class _Model(msgspec.Struct):
+    """The key of the grid file that says what amounts are of."""
+
+    medium: Medium | None = None
+
+
+def amounts(results: Results) -> tuple[Masses, str]:
+    """The balance of a run, and the unit of its amounts: mol; of heat J or J/m, or K m^d where its heat capacity is not
+    known. Raises ResultsError for a run of mechanics."""
+    books, medium = masses(results), read(results, _Model).medium
+    factor, unit = (1.0, "mol") if medium is None else amount_of(medium, results.dimension)
+    return books._replace(**{name: factor * getattr(books, name) for name in AMOUNTS}), unit
 
 
 def masses(results: Results) -> Masses:

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import msgspec
+
+from pdmesh.model.medium import Medium
 from pdmesh.model.output_fields import UNITS as OF_FIELDS
+from pdpost.reading.embedded_model import read
 from pdsolve.results import Results
 
 SHOWN = {  # what is in it
@@ -14,7 +18,7 @@ SHOWN = {  # what is in it
     "epoch": "the steps at which nodes are born and die, and how many there are then",
     "frame": "when the fields were written",
     "history": "the ledger, per unit thickness",
-    "mass": "of diffusion: what there is of a substance and where it has gone",
+    "mass": "of diffusion: what there is of a substance, or of heat over its capacity, and where it has gone",
     "reaction": "what each condition, counted from 0, does to the plate, per unit thickness",
     "probe": "the nodes at the probes, as often as the ledger",
     "bond_break": "every broken bond; one of both its nodes is there twice",
@@ -42,6 +46,12 @@ OF_BODIES = {  # which are not per unit thickness
 }
 
 
+class _Model(msgspec.Struct):
+    """The key of the grid file that says what amounts are of."""
+
+    medium: Medium | None = None
+
+
 class Table(NamedTuple):
     """A table or view and its columns."""
 
@@ -59,7 +69,10 @@ class Query(NamedTuple):
 
 def tables(results: Results) -> list[Table]:
     """The tables for users, the most useful first."""
-    found, units_of = [], UNITS | (OF_BODIES if results.dimension == 3 else {})
+    medium = read(results, _Model).medium
+    heats = medium is not None and medium.carries == "heat"
+    content = dict.fromkeys(("inside", "through", "supplied"), f"K m^{results.dimension}") if heats else {}
+    found, units_of = [], UNITS | (OF_BODIES if results.dimension == 3 else {}) | content
     for name, about in SHOWN.items():
         columns = [row[1] for row in results.connection.execute(f"PRAGMA table_info({name})")]
         units = tuple((column, units_of.get(column, "").removesuffix("1")) for column in columns)

@@ -6,11 +6,14 @@ from typing import Any
 
 import numpy as np
 
+from pdmesh.model.medium import amount_of
 from pdsolve.diffusion.masses import Masses, masses
 from pdsolve.diffusion.system import Transport
 from pdsolve.errors import CheckpointError, UnstableError
 from pdsolve.results import Frame, Results
 from pdsolve.state import State
+
+AMOUNTS = ("inside", "through", "supplied")
 
 
 class MassAccounts:
@@ -69,12 +72,14 @@ class MassAccounts:
 
     def summary(self) -> dict[str, Any]:
         """Results of the run for its summary."""
-        start = self._start
+        start, transport = self._start, self._transport
+        factor, unit = amount_of(transport.operator.medium, transport.model.grid.dimension)
         return {
             "physics": "diffusion",
             "bonds": int(self._transport.operator.count.sum()),
             "method": self._transport.stepper.name,
             "masses": self.last._asdict(),
+            "amounts": {name: factor * getattr(self.last, name) for name in AMOUNTS} | {"unit": unit},
             "dissolved_share": 1 - self.last.solid / start.solid if start.solid else None,
             "balance": self.balance,
         }

@@ -60,8 +60,9 @@ class Swelling:
         self._content, self._h = content
         self.motion, self.cycle, self._bonds = motion, cycle, bonds
         self._alpha, self._T0 = coefficients(model)
-        assert model.settings.medium is not None
-        self._capacity = model.settings.medium.heat_capacity
+        medium = model.settings.medium
+        assert medium is not None
+        self._capacity = medium.heat_capacity if medium.deformation else None
         if not isinstance(motion, LoadSteps):  # which begin without strains, and with nothing held
             self.swell()
 

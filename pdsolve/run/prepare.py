@@ -114,7 +114,8 @@ def _diffusing(model: Model, options: Options) -> Prepared:
 def _swelling(model: Model, options: Options, scheme: Scheme) -> Prepared:
     """A model of a motion that a content swells. Raises ModelError for what cannot be solved so."""
     if not scheme.symmetric:
-        raise ModelError(f"{model.name}: found {scheme.name}, expected mode conservative of bonds that swell")
+        expected = "conservative, as $.physics is thermoelastic"
+        raise ModelError(f"{model.name}: mode: found {scheme.name}, expected {expected}")
     if model.settings.run.adapt == "hybrid":
         return _swelling_zone(model, options, scheme)
     options, rests = for_swelling(model, options), model.settings.run.solver == "static"
@@ -134,7 +135,7 @@ def _swelling(model: Model, options: Options, scheme: Scheme) -> Prepared:
     assert model.settings.medium is not None
     share = model.settings.medium.broken
     broken = None if share == 1 else BrokenBonds(transport, bonds, share)
-    if model.settings.medium.heat_capacity is not None:
+    if model.settings.medium.deformation:
         content = content._replace(state=content.state._replace(second=np.zeros((len(model.grid), 1))))
     stepper = Swelling((marches, content.state), system.stepper, bonds, model, cycle, broken, transport.free)
     if not rests:  # the first half step goes with what the strains of time 0 pull

@@ -25,6 +25,7 @@ from pdsolve.steppers.equilibrium import Settled, UnsettledError
 from pdsolve.steppers.load_steps import Going, LoadSteps, Rested
 
 JUMPS = 10  # to a step
+NONE_BROKE = -1.0  # in a checkpoint: cycles until the first bonds broke, where none have
 
 
 class FatigueSteps:
@@ -77,11 +78,12 @@ class FatigueSteps:
 
     def keep(self) -> dict[str, NDArray[Any]]:
         """Lives and steps so far, for a checkpoint."""
+        first = self.first if np.isfinite(self.first) else NONE_BROKE
         return {
             "cycled": np.array(self.rested, dtype=float).reshape(-1, len(Cycled._fields)),
             "rested": self._motion.keep(),
             "fatigue_life": self._life,
-            "fatigue_numbers": np.array([self._cycles, self.first, self.range, *self._at]),
+            "fatigue_numbers": np.array([self._cycles, first, self.range, *self._at]),
         }
 
     def back(self, kept: Mapping[str, NDArray[Any]], step: int) -> None:
@@ -92,6 +94,7 @@ class FatigueSteps:
         self.rested = [Cycled(int(s), int(i), r, c, int(b)) for s, i, r, c, b in rows.tolist()]
         self._life[:] = entry(kept, "fatigue_life", self._life.shape, float)
         self._cycles, self.first, self.range, block, done = entry(kept, "fatigue_numbers", (5,), float).tolist()
+        self.first = np.inf if self.first == NONE_BROKE else self.first
         if not 0 <= block < max(len(self._law.blocks), 1):
             raise CheckpointError(f"found block {block:g} of the loading, expected one of {len(self._law.blocks)}")
         self._at = Place(int(block), done)

@@ -5,7 +5,8 @@ stress along the crack (T) changes intensities of interaction integrals by some 
 The body rests under the largest loads of the cycle. Every tip has grown a part of its next particle; a step goes to the
 cycle in which the first tip has grown all of it. A step after which a tip grows more than `STEEPEST` times as fast is
 taken back and begins anew with particles of half the length, down to a spacing: up to that its cycles are right to some
-3 %. Later particles are as short. Of the first step the mean of both its ends counts. Symbols:
+3 %. Later particles are as short. Of the first step the mean of both its ends counts. How far middles are from that
+mean is summed: the error of the cycles is less, as intensities grow faster than the geometric mean has it. Symbols:
 
     dK    range of K: (1 - R) K with a load ratio R of 0 or more; below 0 the crack is closed, and dK = K
     r     growth of a tip, m a cycle; within a step that of its middle, r sqrt(r / r of the step before)^(l / l before)
@@ -88,8 +89,10 @@ class ParisSteps:
     def __init__(self, law: Fatigue, operator: Operator, motion: LoadSteps, growth: Growing) -> None:
         self._law, self._operator, self._motion, self._growth = law, operator, motion, growth
         self._cycles = 0.0
+        self.error = 0.0  # cycles by the middles of steps and by the mean of both their ends: differences, summed
         self._tips: dict[int, _Known] = {}  # by their particle
         self._share = 1.0  # of the length of particles
+        self._at_first = 0.0  # cycles of this step if its tips grew on as at its beginning
         self.said = f"a particle a step, {motion.method.said}"
         self.rested: list[Cycled] = []
         self.ended, self.why = False, ""
@@ -131,14 +134,18 @@ class ParisSteps:
             settled = self._grown(state, step, judged, rate)
             if settled is None:
                 return rest
-            steepest = self._steepest(state)
+            steepest, ahead = self._steepest(state)
             shorter = [growth.length(tip, self._share / 2) < growth.length(tip, self._share) for tip, _ in judged]
             if steepest <= STEEPEST or not any(shorter):
                 break
             self._take_back(state, before)
             self._share /= 2
+        ahead = max(ahead, 1 / STEEPEST)  # of a tip that is stopped, as middles have it
+        cycles, mean = self._cycles - before.cycles, self._at_first * mean_cycles(ahead)
         if not before.tips:  # no step before the first says how growth changes: the mean of both ends does
-            self._cycles = before.cycles + (self._cycles - before.cycles) * mean_cycles(steepest)
+            cycles, mean = mean, self._at_first / float(np.sqrt(ahead))
+            self._cycles = before.cycles + cycles
+        self.error += abs(cycles - mean)
         if steepest > STEEPEST:
             found = (
                 f"found growth {steepest:.3g} times as fast as before this step, expected {STEEPEST:g} times at most"
@@ -155,7 +162,10 @@ class ParisSteps:
         gone, before, last = np.array(known).T
         steep = np.clip(rate / np.where(before > 0, before, rate + (rate == 0)), 1 / STEEPEST, STEEPEST)
         middle = rate * np.sqrt(steep) ** (length / last)
-        left = max(float(((length - gone)[rate > 0] / middle[rate > 0]).min()), 0.0)
+        took = np.divide(length - gone, middle, out=np.full(len(rate), np.inf), where=middle > 0)
+        soonest = int(took.argmin())
+        left = max(float(took[soonest]), 0.0)
+        self._at_first = left * float(middle[soonest] / rate[soonest])
         if self._cycles + left >= law.cycles:
             self._cycles = law.cycles
             self._end("its cycles are over")
@@ -168,12 +178,14 @@ class ParisSteps:
         chosen = [one for one, due in zip(judged, grows, strict=True) if due]
         return self._lengthen(state, step, chosen, rate[grows].tolist())
 
-    def _steepest(self, state: State) -> float:
-        """Growth of the tips over what it was in the step before, the largest."""
+    def _steepest(self, state: State) -> tuple[float, float]:
+        """Growth of the tips over what it was in the step before, the largest: of all, and of those that have grown."""
         judged = self._growth.judged(state)
         rate = rates(self._law, self._intensities(judged)).tolist()
-        before = [self._tips[tip.particle].rate if tip.particle in self._tips else 0.0 for tip, _ in judged]
-        return max((now / then for now, then in zip(rate, before, strict=True) if then > 0), default=1.0)
+        known = [self._tips.get(tip.particle) for tip, _ in judged]
+        more = [(now / was.rate, was.gone) for now, was in zip(rate, known, strict=True) if was and was.rate > 0]
+        grown = (each for each, gone in more if gone == 0)
+        return max((each for each, _ in more), default=1.0), max(grown, default=1.0)
 
     def _intensities(self, judged: list[Any]) -> NDArray[np.float64]:
         """K (k,) of the largest loads; tips that go straight on to what is ahead have no J."""
@@ -220,7 +232,7 @@ class ParisSteps:
             "cycled": np.array(self.rested, dtype=float).reshape(-1, len(Cycled._fields)),
             "rested": self._motion.keep(),
             "paris_tips": np.array([(n, *known) for n, known in self._tips.items()], dtype=float).reshape(-1, 4),
-            "paris_cycles": np.array([self._cycles, self._share]),
+            "paris_cycles": np.array([self._cycles, self._share, self.error]),
         }
 
     def back(self, kept: Mapping[str, NDArray[Any]], step: int) -> None:
@@ -231,7 +243,7 @@ class ParisSteps:
         self.rested = [Cycled(int(s), int(i), r, c, int(b)) for s, i, r, c, b in rows.tolist()]
         tips = entry(kept, "paris_tips", (None, 4), float)
         self._tips = {int(number): _Known(*known) for number, *known in tips.tolist()}
-        self._cycles, self._share = entry(kept, "paris_cycles", (2,), float).tolist()
+        self._cycles, self._share, self.error = entry(kept, "paris_cycles", (3,), float).tolist()
         if step:
             self._motion.back(entry(kept, "rested", (1, len(Rested._fields)), float), self._operator.broken())
 

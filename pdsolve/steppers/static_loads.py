@@ -83,10 +83,7 @@ def in_steps_of_content(model: Model, precision: str) -> Model:
     run = model.settings.run
     if precision != "float64":
         raise ModelError(f"precision: found {precision}, expected float64, as the solver is static")
-    if run.time_step is None:
-        raise ModelError(f"{model.name}: $.run.time_step: found none, expected one, after each of which there is rest")
-    if follows_path(model):
-        raise ModelError(f"{model.name}: $.material.law: found one that softens, expected brittle at rest with heat")
+    assert run.time_step is not None
     moves = msgspec.structs.replace(model.settings, run=msgspec.structs.replace(run, solver="explicit"))
     timed = counted(dataclasses.replace(model, settings=moves), run.time_step).settings
     rests = msgspec.structs.replace(timed, run=msgspec.structs.replace(timed.run, solver="static"))

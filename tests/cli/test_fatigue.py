@@ -65,7 +65,7 @@ def life(name: str, given: Fatigue, line: Line | None, first: float | None = Non
     dK = np.geomspace(10e6, 40e6, 5)
     rate = np.full(4, 2e-8)
     tip = Growth("branch 0", np.arange(5.0), np.arange(5.0) * 1e-3, dK, dK, rate, np.ones(4, dtype=bool))
-    return Life(name, 4.0, first, None if first is None else 1e-3, given, [tip], line)
+    return Life(name, 4.0, 0.1, first, None if first is None else 1e-3, given, [tip], line)
 
 
 def test_the_line_that_was_given_stands_beside_the_one_found() -> None:

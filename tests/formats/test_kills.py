@@ -33,3 +33,13 @@ def test_a_kill_at_every_call(tmp_path: Path, resumed: bool) -> None:
     assert [trial.call for trial in found] == list(range(len(found), 0, -1))
     assert len(found) > 100
     check(found, {"STOPPED", "FINISHED"} if resumed else {"NONE", "EMPTY", "UNBEGUN", "STOPPED", "FINISHED"})
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["heat", "heat at rest", "fatigue", "fatigue by K"])
+def test_a_kill_between_jumps_and_while_heat_goes_through(kind: str, tmp_path: Path) -> None:
+    """At calls all over a run, begun anew and resumed: what is in a checkpoint is enough for the same end."""
+    found = list(islice(trials([(kind, False), (kind, True)], tmp_path, 2), 16))
+    assert [trial for trial in found if trial.said] == []
+    assert {trial.resumed for trial in found} == {False, True}
+    assert "STOPPED" in {trial.state for trial in found}

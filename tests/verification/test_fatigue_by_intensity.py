@@ -171,12 +171,26 @@ def test_a_jump_after_which_growth_is_too_fast_is_taken_back_and_halved(monkeypa
     """Down to particles of one spacing, as if these had been asked for."""
     taken, asked = (prepare(specimen(1, ParticleRules(spacing=by), **LINE), ONE) for by in (4.0, 1.0))
     for each, accepted in ((taken, 0.25), (asked, 1.0)):
-        monkeypatch.setattr(ParisSteps, "_steepest", lambda self, _, most=accepted: 1.0 if self._share <= most else 3.0)
+        monkeypatch.setattr(
+            ParisSteps, "_steepest", lambda self, _, most=accepted: (1.0 if self._share <= most else 3.0, 1.0)
+        )
         each.system.stepper.march(each.state, 1, 2)
     halved, whole = (each.system.growth.particles for each in (taken, asked))  # type: ignore[union-attr]
     assert np.array_equal(halved.place, whole.place)
     assert np.array_equal(taken.state.value, asked.state.value)
     assert taken.system.stepper.rested[-1].cycles == asked.system.stepper.rested[-1].cycles  # type: ignore[union-attr]
+
+
+@pytest.mark.slow
+def test_the_cycles_of_jumps_say_what_they_are_wrong_by() -> None:
+    """More than particles of half the length change them; and less with these."""
+    cycles, error = [], []
+    for by, steps in ((2.0, 4), (1.0, 8)):
+        with simulate(specimen(steps, ParticleRules(spacing=by), **LINE), None, ONE) as results:
+            cycles.append(ended(results)[1])
+            error.append(json.loads(results.meta()["summary"])["cycles_error"])
+    assert abs(cycles[1] - cycles[0]) < error[0] < 0.02 * cycles[0]  # measured: 3590, 13 693 and 23 965
+    assert error[1] < error[0] / 2  # measured: .26
 
 
 def test_the_first_jump_counts_the_mean_of_its_ends() -> None:

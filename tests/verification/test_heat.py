@@ -85,7 +85,7 @@ EACH = [pytest.param(name, marks=() if name in SOON else pytest.mark.slow) for n
 
 @pytest.mark.parametrize("name", EACH)
 def test_a_free_body_that_swells_evenly_is_free_of_stress(name: str) -> None:
-    """At the displacements alpha dT x no law pulls: at most 1e-9 of what it pulls with where it is held instead."""
+    """At the displacements alpha dT x no law pulls: at most 1e-12 of what it pulls with where it is held instead."""
     material, counts = LAWS[name]
     system, state = prepare(heated(DT, material=material, counts=counts), ONE)
     d, held = len(counts), np.zeros(state.value.shape)
@@ -94,7 +94,8 @@ def test_a_free_body_that_swells_evenly_is_free_of_stress(name: str) -> None:
     free = np.zeros(state.value.shape)
     system.operator.add(state, free, 0, 0.0)
     assert np.abs(held).max() > 1e9
-    assert np.abs(free).max() < 1e-9 * np.abs(held).max()  # measured below 1e-10
+    # measured: 4.0e-15 of bonds, 1.7e-15 ordinary, 1.9e-15 correspondence, 2.7e-15 micropolar, 3e-16 in space
+    assert np.abs(free).max() < 1e-12 * np.abs(held).max()
     assert system.operator.energies(state)[0].max() < 1e-9
 
 
@@ -250,12 +251,12 @@ REFUSED = {
     "implicit motion": ({"run": Run(solver="implicit")}, {}, naming("run.solver", found="implicit", expected="static")),
     "cells that split": ({"run": Run(adapt="split")}, {}, naming("run.adapt", found="split", expected="hybrid")),
     "heat of deformation with a moving zone": (
-        {"run": Run(adapt="hybrid"), "medium": Medium(D=1.0, heat_capacity=3.5e6)},
+        {"run": Run(adapt="hybrid"), "medium": Medium(D=1.0, heat_capacity=3.5e6, deformation=True, carries="heat")},
         {},
-        naming("medium.heat_capacity", found="3.5e", expected="none"),
+        naming("medium.deformation", found="true", expected="false"),
     ),
     "no medium": ({"medium": None}, {}, naming("$.medium", found="none", expected="D")),
-    "the thesis mode": ({}, {"mode": "thesis"}, naming(found="thesis", expected="conservative")),
+    "the thesis mode": ({}, {"mode": "thesis"}, naming("mode", found="thesis", expected=("conservative", "$.physics"))),
     "blocks": ({"material": LAWS["ordinary"][0]}, {"kernel": "blocks"}, naming(found="blocks", expected="listed")),
     "blocks at rest": (
         {"run": Run(solver="static", time_step=1.0, steps=1)},

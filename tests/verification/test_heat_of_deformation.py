@@ -28,7 +28,8 @@ def body(*conditions: object, counts: tuple[int, ...], material: Material = STEE
     axes = np.meshgrid(*[H * (np.arange(count) + 0.5) for count in counts], indexing="ij")
     place = np.column_stack([axis.ravel(order="F") for axis in axes])
     settings = Settings(
-        physics="thermoelastic", material=material, medium=Medium(D=1e-12, heat_capacity=CAPACITY),
+        physics="thermoelastic", material=material,
+        medium=Medium(D=1e-12, heat_capacity=CAPACITY, deformation=True, carries="heat"),
         horizon=Horizon(3.0), conditions=conditions, run=Run(**run),  # type: ignore[arg-type]
     )  # fmt: skip
     return Model(grid(place, H), settings)
@@ -67,7 +68,7 @@ def test_a_bar_that_is_pulled_at_rest_is_colder(tmp_path: Path) -> None:
     run = {"solver": "static", "time_step": 1.0, "steps": 4, "every": 2}
     whole, path = tmp_path / "whole.sqlite", tmp_path / "stopped.sqlite"
     with simulate(model := body(load, *holds, counts=(cells, rows), **run), whole, ONE) as results:
-        T = results.field("c", 4).astype(float).reshape(rows, cells)[rows // 2, cells // 2]
+        T = results.field("T", 4).astype(float).reshape(rows, cells)[rows // 2, cells // 2]
         masses = results.summary()["diffusion"]["balance"]
     assert (T0 - T) * CAPACITY / (ALPHA * T0 * pull) == pytest.approx(1, rel=0.03)  # measured 1.7 % less
     assert abs(masses) < 1e-9
@@ -78,10 +79,10 @@ def test_a_bar_that_is_pulled_at_rest_is_colder(tmp_path: Path) -> None:
 
 def test_scenes_say_whether_deformation_heats() -> None:
     scene = Scene(box(0, 0, 0.02, 0.01), 1e-3, STEEL, medium=Heat(k=50.0, c=500.0, deformation=True))
-    assert build(scene).settings.medium == Medium(D=1.25e-5, heat_capacity=4e6, carries="heat")
+    assert build(scene).settings.medium == Medium(D=1.25e-5, heat_capacity=4e6, deformation=True, carries="heat")
 
 
 def test_diffusion_alone_deforms_nothing() -> None:
     settings = msgspec.structs.replace(body(counts=(8, 8)).settings, physics="diffusion", material=None)
-    with pytest.raises(ModelError, match=naming("medium.heat_capacity", found="4e", expected="none")):
+    with pytest.raises(ModelError, match=naming("medium.deformation", found="true", expected="false")):
         prepare(Model(body(counts=(8, 8)).grid, settings), ONE)

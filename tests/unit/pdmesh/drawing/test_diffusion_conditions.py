@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,8 @@ from pdmesh.drawing.plate_of_groups import scene_of
 from pdmesh.drawing.plate_places import Group
 from pdmesh.model.document import Concentration, Displacement, Exchange, InitialConcentration, Settings, Source
 from pdmesh.model.medium import Medium
+from pdsolve import read_study
+from pdsolve.study.run_model import model_of_run
 
 CORNERS = [[0, 0, 0], [0.02, 0, 0], [0.02, 0.01, 0], [0, 0.01, 0]]
 FACE = tuple([CORNERS[i], CORNERS[(i + 1) % 4]] for i in range(4))
@@ -43,6 +46,7 @@ VALUES: dict[str, float | str] = {
     "Begins/warm/Box": "0 0 0.005 0.01",
     "Fixes/foot/Box": "0 0 0.02 0.0015",
 }
+conducting = partial(Medium, D=5e-7, heat_capacity=2e6, carries="heat")
 
 
 def settings(values: dict[str, float | str | None]) -> Settings:
@@ -54,7 +58,7 @@ def settings(values: dict[str, float | str | None]) -> Settings:
 
 def test_a_drawing_has_both_kinds_of_conditions() -> None:
     found = settings({})
-    assert (found.physics, found.medium) == ("thermoelastic", Medium(D=5e-7, carries="heat"))
+    assert (found.physics, found.medium) == ("thermoelastic", conducting())
     assert found.material is not None
     assert (found.material.alpha, found.material.T0) == (9e-6, 300.0)
     by_name = {condition.name: condition for condition in found.conditions}
@@ -71,8 +75,8 @@ def test_a_drawing_has_both_kinds_of_conditions() -> None:
     assert isinstance(warm, InitialConcentration)
     assert warm.value == 320.0
     assert isinstance(foot, Displacement)
-    assert settings({"Medium/Broken": 0.2}).medium == Medium(D=5e-7, broken=0.2, carries="heat")
-    assert settings({"Medium/Deformation": 1.0}).medium == Medium(D=5e-7, heat_capacity=2e6, carries="heat")
+    assert settings({"Medium/Broken": 0.2}).medium == conducting(broken=0.2)
+    assert settings({"Medium/Deformation": 1.0}).medium == conducting(deformation=True)
     of_D: dict[str, float | str | None] = {"Medium/k": None, "Medium/c": None, "Medium/D": 1e-7, "Medium/Broken": 0.3}
     gone: dict[str, float | str | None] = {"Exchanges/right/h": None, "Exchanges/right/Coefficient": 1.0}
     gone |= {"Supplies/top/Heat flux": None, "Supplies/top/Flux": 1.0}
@@ -145,3 +149,33 @@ def test_a_drawing_in_space_has_them_too(tmp_path: Path) -> None:
     assert isinstance(cooled, Exchange)
     assert (cooled.coefficient, cooled.value) == (pytest.approx(5e-4), 280.0)
     assert cooled.surface == pytest.approx(1e-4)
+
+
+def test_what_heats_is_set_by_its_name(tmp_path: Path) -> None:
+    """h, the temperature outside and the one at the start, as `--set` and the axes of a study give them."""
+    path = tmp_path / "block.geo"
+    path.write_text(BLOCK)
+    given = {"Exchanges/end/h": "2000", "Exchanges/end/Outside": "290", "Begins/warm/Temperature": "400"}
+    began, cooled = build(path, list(given.items())).settings.conditions
+    assert isinstance(began, InitialConcentration)
+    assert began.value == 400.0
+    assert isinstance(cooled, Exchange)
+    assert (cooled.coefficient, cooled.value) == (pytest.approx(1e-3), 290.0)
+    assert build(path, [("Medium/c", "1600")]).settings.conditions[1].coefficient == pytest.approx(2.5e-4)  # type: ignore[union-attr]
+
+
+def test_a_study_varies_convection(tmp_path: Path) -> None:
+    """By its word in the drawing; the model of each run has h over rho c."""
+    (tmp_path / "block.geo").write_text(BLOCK)
+    text = (
+        'drawing = "block.geo"\n[vary.drawing]\n"Exchanges/end/h" = [1000, 2000]\n'
+        '"Exchanges/end/Outside" = [280, 290]\n'
+    )
+    (tmp_path / "study.toml").write_text(text)
+    study = read_study(tmp_path / "study.toml")
+    found = []
+    for case in study.cases():
+        cooled = model_of_run(study.drawing, case).settings.conditions[1]
+        assert isinstance(cooled, Exchange)
+        found.append((round(cooled.coefficient, 9), cooled.value))
+    assert found == [(5e-4, 280.0), (5e-4, 290.0), (1e-3, 280.0), (1e-3, 290.0)]

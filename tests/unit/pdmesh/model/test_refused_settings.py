@@ -42,6 +42,11 @@ def of(material: Material, run: Run, **more: Any) -> Settings:
     return Settings(material=material, run=run, **more)
 
 
+def heated(material: Material, run: Run) -> Settings:
+    swells = msgspec.structs.replace(material, alpha=1e-5, T0=300.0)
+    return of(swells, run, physics="thermoelastic", medium=Medium(D=1.0))
+
+
 def of_medium(run: Run) -> Settings:
     return Settings(physics="diffusion", medium=Medium(D=1.0), run=run)
 
@@ -120,6 +125,12 @@ def changed(**more: Any) -> Material:
             naming("$.material.model", found="'micropolar'"),
         ),
         (of(changed(nu=0.5), Run()), 2, re.escape("$.material.nu: found 0.5")),
+        (heated(GLASS, Run(solver="static")), 2, naming("$.run.time_step", found="none", expected="one")),
+        (
+            heated(SOFT, Run(solver="static", time_step=1.0)),
+            2,
+            naming("$.material.law", found="bilinear", expected="brittle"),
+        ),
     ],
 )
 def test_what_cannot_be_is_found(settings: Settings, dimension: int, said: str) -> None:
@@ -138,6 +149,8 @@ def test_what_cannot_be_is_found(settings: Settings, dimension: int, said: str) 
         of(SOFT, Run(solver="static")),
         of(changed(solid="j2", yield_stress=1e8), Run(solver="static")),
         of(GLASS, Run(adapt="split", damping=1.0)),
+        heated(SOFT, Run()),
+        heated(GLASS, Run(solver="static", time_step=1.0)),
     ],
 )
 def test_what_can_be_is_not(settings: Settings) -> None:

@@ -184,6 +184,9 @@ def test_a_plan_at_rest_has_the_same_load_steps_on_one_scale(plate: Scene) -> No
     run = Run(solver="static", static=Static(load_steps=7))
     found = plan(replace(plate.fix("bottom").fix("top", y=1e-5, profile=ramp(1)), run=run))
     assert (found["scene"]["steps"], found["one_scale"]["steps"]) == (7, 7)
+    assert found["scene"]["at_rest"]
+    assert "breaks" in plan_lines(found)[-1]
+    assert "breaks" not in "".join(plan_lines(plan(plate)))
 
 
 def test_a_one_scale_too_large_to_place_is_estimated(monkeypatch: pytest.MonkeyPatch, plate: Scene) -> None:

@@ -36,7 +36,7 @@ def test_watts_become_rates_of_temperature() -> None:
     """Heat in watts is divided by rho c = 2e6 J/(m^3 K)."""
     _, settings, _ = build_grid(plate())
     assert settings.physics == "thermoelastic"
-    assert settings.medium == Medium(D=5e-7, carries="heat")
+    assert settings.medium == Medium(D=5e-7, heat_capacity=2e6, carries="heat")
     held, cooled, flux, rate, began, fixed = settings.conditions
     assert isinstance(held, Concentration)
     assert (held.value, held.profile, len(held.nodes or ())) == (350.0, ((0.0, 1.0), (1.0, 2.0)), 11)
@@ -60,6 +60,17 @@ def test_info_says_what_there_is_in_the_words_of_heat() -> None:
         "temperature", "convection", "heat source", "heat source", "initial temperature", "displacement"
     ]  # fmt: skip
     assert not any("edge" in line for line in lines)
+    told = {line.split("':")[0]: line for line in lines if "'" in line}
+    assert "value = 350 K" in told["temperature 'left"]
+    assert "coefficient = 1000 W/(m^2 K)" in told["convection 'right"]
+    assert "flux = 10000 W/m^2" in told["heat source 'top"]
+    assert "rate = 4e+06 W/m^3" in told["heat source 'core"]
+
+
+@pytest.mark.parametrize(("medium", "unit"), [(Medium(D=5e-7, carries="heat"), "K/s"), (Medium(D=5e-7), "mol/(m^3 s)")])
+def test_info_says_rates_in_what_the_medium_knows(medium: Medium, unit: str) -> None:
+    found = build(Scene(PLATE, 1e-3, COLD, medium=medium).supply(PLATE, rate=2.0, name="core"))
+    assert any("'core'" in line and f"rate = 2 {unit}" in line for line in info_lines(info(found.document, "plate")))
 
 
 def test_a_body_takes_heat_through_its_sheets() -> None:
@@ -75,7 +86,7 @@ def test_a_body_takes_heat_through_its_sheets() -> None:
     )
     settings = build(meshed(body)).settings
     held, cooled, flux, began, _ = settings.conditions
-    assert (settings.physics, settings.medium) == ("thermoelastic", Medium(D=5e-7, carries="heat"))
+    assert (settings.physics, settings.medium) == ("thermoelastic", Medium(D=5e-7, heat_capacity=2e6, carries="heat"))
     assert isinstance(held, Concentration)
     assert held.value == 350.0
     assert isinstance(cooled, Exchange)
@@ -123,6 +134,14 @@ HALF = {
     "watts into a medium of which D alone is known": (
         lambda: Scene(PLATE, 1e-3, GLASS, medium=Medium(D=5e-7)).convection("left", 1.0, 300.0),
         naming("exchange 'left'", "medium", found="5e-07", expected=("k", "c")),
+    ),
+    "convection without h": (
+        lambda: plate().convection("left", outside=300.0),
+        naming("exchange 'left'", "h", found="none", expected="W"),
+    ),
+    "convection to nothing": (
+        lambda: plate().convection("left", 10.0),
+        naming("exchange 'left'", "outside", found="none", expected="K"),
     ),
     "no density": (lambda: build(Scene(PLATE, 1e-3, medium=HEAT)), naming("medium", "material", found="none")),
     "no conductivity": (lambda: Heat(k=0.0, c=800.0), naming("k", found="0.0")),
