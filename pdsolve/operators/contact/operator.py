@@ -140,10 +140,10 @@ class PenaltyContact(Bondless):
         delta = self._delta[self._rows]
         self._finest = float(delta.min(initial=np.inf))
         wide = 1.0 if u.shape[1] == 2 else WIDE
-        reach = float(delta.max(initial=0.0)) * np.hypot(wide, self._settings.distance)
+        skin = SKIN * self._finest if len(delta) else 0.0
         self._before = u[self._rows].astype(np.float64)
         self._still = np.zeros_like(self._before)
-        i, j = candidates(self._joined, u, self._rows, reach + SKIN * self._finest)
+        i, j = candidates(self._joined, u, self._rows, delta * np.hypot(wide, self._settings.distance) + skin)
         by_nodes = self.round.own[i] == self.round.own[j]
         before, pairs = self._pairs, self._listed(i[by_nodes], j[by_nodes])
         self.round.search(u, self._rows, SKIN * self._finest, self._lost)
