@@ -19,7 +19,7 @@ from pdsolve.errors import CheckpointError
 from pdsolve.model import Model, ModelError
 from pdsolve.operators.bondless import Bondless
 from pdsolve.operators.contact.candidates import EVERY, Joined, candidates
-from pdsolve.operators.contact.kernel import WIDE, PairList, add_forces, ease, farthest, nearer, pressed_pairs
+from pdsolve.operators.contact.kernel import WIDE, PairList, Pushes, add_forces, ease, farthest, nearer, pressed_pairs
 from pdsolve.operators.contact.pair_matrix import pair_matrix
 from pdsolve.operators.contact.rigid_motion import RigidMotion
 from pdsolve.operators.contact.round_bodies import RoundBodies
@@ -95,6 +95,12 @@ class PenaltyContact(Bondless):
         left = SKIN * self._finest / 2 - np.sqrt(farthest(state.value, self._before, self._rows))
         most = self._joined.until + self._joined.wait - step
         return most if 2 * fastest * dt * most <= left else 0
+
+    def pushes(self, step: int) -> tuple[Pushes, int]:
+        """The pairs that `free_steps` has seen, and for how many steps from this one on `push_anew` may push them."""
+        limit, alone = (SKIN * self._finest / 2) ** 2, self._settings.friction == 0 and self._settings.restitution == 1
+        lasts = self._joined.until + self._joined.wait - step if alone and not len(self.rigid.rows) else 1
+        return Pushes(self._pairs, self._each, self._rows, self._before, limit), lasts
 
     @property
     def rows(self) -> NDArray[np.int64]:
