@@ -313,6 +313,5 @@ def test_a_sphere_touches_a_block_as_hertz_has_it() -> None:
     half = np.sqrt(2.5 * (push * (grid.position[contact._pairs.i, :2] ** 2).sum(axis=1)).sum() / push.sum())
     modulus = 1 / (1 - 0.25**2)
     found = force[0, 2] / (4 / 3 * modulus * np.sqrt(radius) * d**1.5)
-    print("HERTZ", found, found / of_layer(np.sqrt(radius * d) / 78), half, force)
-    assert found / of_layer(np.sqrt(radius * d) / 78) == pytest.approx(1.0, abs=0.05)
-    assert half == pytest.approx(8, abs=1)
+    assert found / of_layer(np.sqrt(radius * d) / 78) == pytest.approx(1.0, abs=0.05)  # .992
+    assert half == pytest.approx(8, abs=1)  # 8.77: pairs that are soft spread the pressure
