@@ -142,7 +142,7 @@ def advance_blocks(blocks, tracks, course, drive, pushes, dt, first, last, begin
     """Take the steps `first` to `last` - 1; `tracks.u[0]` are the displacements before and after.
 
     A sequence of s steps has s + 1 sweeps, of which those from `begin` to `course.stop` - 1 are done. All threads call
-    this together, each with a share of the blocks, and `meet` once a step, twice with `pushes` (None: none that change).
+    this together, each with a share of the blocks, and `meet` once a step, twice with `pushes` (None: none change).
     """
     u, steps, count = tracks.u, last - first, len(course.turns)
     own, others, s = count * thread // gate.threads, count * (thread + 1) // gate.threads, blocks.scratch[thread]
