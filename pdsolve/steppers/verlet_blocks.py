@@ -90,7 +90,9 @@ class VerletBlocks:
         while taken < ends:
             some, pushes = ends - taken if self._ghosts is None else 1, None
             if self._contact is not None:
-                lasts, pushes = self._touched(self._contact, state, first + taken - 1, taken) if taken > 0 else (1, None)
+                lasts = 1
+                if taken > 0:
+                    lasts, pushes = self._touched(self._contact, state, first + taken - 1, taken)
                 some = min(some, lasts)
             taken = self._sweep(first, last, taken, taken + some, pushes)
             if self._ghosts is not None and taken < ends:
