@@ -24,7 +24,7 @@ from pdmesh.model.document import (
 from pdmesh.model.kd_trees import tree_of
 from pdmesh.model.material_constants import pressure_speed
 from pdmesh.model.node_arrays import Grid
-from pdmesh.model.rigid_bodies import rigid_velocities
+from pdmesh.model.rigid_bodies import first_velocities, rigid_velocities
 from pdmesh.model.selection import components
 from pdsolve.model import Model, ModelError
 
@@ -81,7 +81,9 @@ def initial_velocity(model: Model, width: int | None = None) -> NDArray[np.float
     velocity = np.zeros((len(model.grid), width or d))
     for condition in model.settings.conditions:
         if isinstance(condition, InitialVelocity):
-            velocity[model.selected(condition), :d] = components(condition, d)
+            rows = model.selected(condition)
+            mass = model.rho[rows] * model.grid.cells[rows]
+            velocity[rows, :d] = first_velocities(condition, model.grid.position[rows], mass)
         if isinstance(condition, RigidBody):
             rows = model.selected(condition)
             velocity[rows, :d] = rigid_velocities(condition, model.grid.position[rows], model.grid.cells[rows])

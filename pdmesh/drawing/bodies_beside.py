@@ -19,7 +19,7 @@ def with_bodies(scene: S, shapes: Mapping[str, Any], parameters: Parameters) -> 
     for name, shape in shapes.items():
         folder = f"Bodies/{name}"
         rigid = parameters.flag(f"{folder}/Rigid", False)
-        own = parameters.below(folder) - {"Spacing", "Rigid", *_speeds(scene)}
+        own = parameters.below(folder) - {"Spacing", "Rigid", "Spin", *_speeds(scene)}
         wrong = sorted(own - set(named.RIGID) if rigid else own & set(named.RIGID))
         if wrong:
             what = "rigid" if rigid else "not rigid"
@@ -28,13 +28,14 @@ def with_bodies(scene: S, shapes: Mapping[str, Any], parameters: Parameters) -> 
             )
         spacing = parameters.maybe_length(f"{folder}/Spacing")
         velocity: Any = tuple(parameters.number(f"{folder}/{speed}", 0.0) for speed in _speeds(scene))
+        spin = _spin(scene, parameters, f"{folder}/Spin")
         if rigid:
             scene = scene.rigid(
                 shape,
                 name,
                 parameters.maybe(f"{folder}/Mass"),
                 velocity,
-                _spin(scene, parameters, f"{folder}/Spin"),
+                spin,
                 parameters.text(f"{folder}/Held").split(),
                 parameters.profile(f"{folder}/Profile"),
                 spacing,
@@ -42,7 +43,7 @@ def with_bodies(scene: S, shapes: Mapping[str, Any], parameters: Parameters) -> 
             )
             continue
         material = named.material(parameters, folder, scene.material) if own else None
-        scene = scene.body(shape, name, spacing, material, velocity)
+        scene = scene.body(shape, name, spacing, material, velocity, spin)
     return scene
 
 

@@ -78,9 +78,10 @@ def build_body(body: Body) -> tuple[Grid, Settings, tuple[str, ...]]:
         nodes = tuple(range(first + 1, first + len(own) + 1))
         if other.body.material not in (None, body.material):
             regions.append(Region(name=other.name, material=in_space(other.body.material), nodes=nodes))
-        if any(other.velocity):
-            x, y, z = other.velocity
-            conditions.append(InitialVelocity(name=other.name, x=x, y=y, z=z, nodes=nodes))
+        if any((*other.velocity, *other.spin)):
+            (x, y, z), (about_x, about_y, about_z) = other.velocity, other.spin
+            spin = (about_x, about_y, about_z) if any(other.spin) else 0.0
+            conditions.append(InitialVelocity(name=other.name, x=x, y=y, z=z, spin=spin, nodes=nodes))
         if other.rigid is not None:
             conditions.append(msgspec.structs.replace(other.rigid, nodes=nodes))
         regions += [_further(each, first) for each in more.regions]

@@ -86,9 +86,9 @@ def _of_bodies(scene: Scene, grid: Grid) -> tuple[list[Region], list[InitialVelo
         nodes = tuple(grid.ids[grid.bodies.number == number].tolist())
         if body.material is not None:
             regions.append(Region(name=body.name, material=body.material, nodes=nodes))
-        if any(body.velocity):
+        if any(body.velocity) or body.spin:
             x, y = map(float, body.velocity)
-            moves.append(InitialVelocity(name=body.name, x=x, y=y, nodes=nodes))
+            moves.append(InitialVelocity(name=body.name, x=x, y=y, spin=float(body.spin), nodes=nodes))
         if body.rigid is not None:
             moves.append(msgspec.structs.replace(body.rigid, nodes=nodes))
     return regions, moves

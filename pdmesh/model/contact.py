@@ -8,6 +8,7 @@ import msgspec
 
 from pdmesh.model.timed_selection import Amount, Id, Positive, Share, Timed
 
+Spin = float | tuple[float, float, float]  # rad/s, anticlockwise; of a body in space about x, y, z
 Restitution = Annotated[float, msgspec.Meta(ge=0.1, le=1)]  # the stable step falls with it
 
 REST = "plate"  # the body of the nodes that no other has
@@ -39,10 +40,19 @@ class RigidBody(Timed, frozen=True, kw_only=True, tag="rigid", tag_field="kind")
     x: float = 0.0  # m/s, of the centre of mass at time 0
     y: float = 0.0
     z: float = 0.0
-    spin: float | tuple[float, float, float] = 0.0  # rad/s, anticlockwise; of a body in space about x, y, z
+    spin: Spin = 0.0
     held: tuple[Literal["x", "y", "z", "spin"], ...] = ()
     radius: Positive | None = None  # m: its surface is a circle or sphere about its centre of mass; None: its nodes'
 
     def ways(self, dimension: int) -> tuple[str, ...]:
         """What it can have `held` in the plane (2) or in space (3)."""
         return (*"xyz"[:dimension], "spin")
+
+
+def wrong_spin(spin: Spin, dimension: int) -> str | None:
+    """What is wrong with a spin in the plane (2) or in space (3): place, found and expected."""
+    if dimension == 2 and isinstance(spin, tuple):
+        return f"spin: found {len(spin)} numbers, expected one in a plate"
+    if dimension == 3 and not isinstance(spin, tuple) and spin:
+        return "spin: found one number, expected those about x, y and z in a body in space"
+    return None

@@ -26,6 +26,7 @@ from pdmesh.files import read_bytes, write_atomically
 from pdmesh.model.contact import BodyNodes as BodyNodes
 from pdmesh.model.contact import Contact as Contact
 from pdmesh.model.contact import RigidBody as RigidBody
+from pdmesh.model.contact import Spin
 from pdmesh.model.fatigue import Fatigue as Fatigue
 from pdmesh.model.ground_supports import Pin as Pin
 from pdmesh.model.ground_supports import Spring as Spring
@@ -140,11 +141,12 @@ class Acceleration(Condition, frozen=True, kw_only=True, tag="acceleration", tag
 
 
 class InitialVelocity(Selection, frozen=True, kw_only=True, tag="initial velocity", tag_field="kind"):
-    """Velocities at time 0, m/s; from then on the nodes are free."""
+    """Velocities at time 0, m/s; from then on the nodes are free. They turn about their centre of mass."""
 
     x: float = 0.0
     y: float = 0.0
     z: float = 0.0
+    spin: Spin = 0.0
 
 
 class Absorb(Selection, frozen=True, kw_only=True, tag="absorb", tag_field="kind"):

@@ -153,6 +153,7 @@ def on_ranks(settings: Settings) -> Iterator[Impossible]:
         yield Impossible("$.physics", settings.physics, f"mechanics or diffusion {why}")
     usual = {"solver": "explicit", "start": "unloaded", "adapt": "none", "cracks": "bonds", "device": "cpu"}
     yield from _unusual(settings, usual, f" {why}")
+    yield from _spinning(settings, f" {why}")
     for material in (settings.material, *(region.material for region in settings.regions)):
         if material is not None and material.model not in ("bond", "ordinary"):
             yield Impossible("$.material.model", f"'{material.model}'", f"'bond' or 'ordinary' {why}")
@@ -168,6 +169,13 @@ def _unusual(settings: Settings, usual: dict[str, str], why: str) -> Iterator[Im
     if settings.contact is not None:
         yield Impossible("$.contact", "some", f"none{why}")
     yield from _of_kinds(settings, (RigidBody, Spring, Pin), f"none{why}")
+
+
+def _spinning(settings: Settings, why: str) -> Iterator[Impossible]:
+    """Nodes that turn about a centre that is not known where they are not all of the model's."""
+    for number, condition in enumerate(settings.conditions):
+        if isinstance(condition, InitialVelocity) and condition.spin:
+            yield Impossible(f"$.conditions[{number}].spin", str(condition.spin), f"0{why}")
 
 
 def _of_kinds(settings: Settings, kinds: tuple[type, ...], expected: str) -> Iterator[Impossible]:
@@ -366,6 +374,7 @@ def _adaptive(settings: Settings, every: Places) -> Iterator[Impossible]:
     for place, material in every:
         yield from _plain(material, place, KINDS[material.model].adaptive(material, every[0][1], run.adapt))
     yield from _of_kinds(settings, (Acceleration, Absorb, Spring, Pin), f"a load, a displacement or a velocity{why}")
+    yield from _spinning(settings, why)
     if run.adapt == "split" and not run.split.merge < run.split.threshold:
         less = f"less than the threshold, {run.split.threshold:g}{why}"
         yield Impossible("$.run.split.merge", f"{run.split.merge:g}", less)

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model import selection
-from pdmesh.model.contact import RigidBody
-from pdmesh.model.document import Acceleration, Displacement, GridError, Settings, Velocity
+from pdmesh.model.contact import RigidBody, wrong_spin
+from pdmesh.model.document import Acceleration, Displacement, GridError, InitialVelocity, Settings, Velocity
 from pdmesh.model.node_grid import Grid
 
 OUTSIDE = 1e-6  # of a radius, by which a node may be outside of it
@@ -56,11 +56,7 @@ def contradiction(body: RigidBody, dimension: int) -> str | None:
         return f"mass: found none of a rigid body that is free, expected {unit}, or {', '.join(ways)} held"
     if not set(body.held) <= set(ways):
         return f"held: found z, expected {', '.join(ways)} in a plate"
-    if dimension == 2 and isinstance(body.spin, tuple):
-        return f"spin: found {len(body.spin)} numbers, expected one in a plate"
-    if dimension == 3 and not isinstance(body.spin, tuple) and body.spin:
-        return "spin: found one number, expected those about x, y and z in a body in space"
-    return None
+    return wrong_spin(body.spin, dimension)
 
 
 def _refuse_radius(body: RigidBody, grid: Grid, rows: NDArray[np.int64], place: str) -> None:
@@ -99,15 +95,25 @@ def densities(grid: Grid, settings: Settings, rho: NDArray[np.float64]) -> NDArr
 
 def rigid_velocities(body: RigidBody, x: NDArray[np.float64], mass: NDArray[np.float64]) -> NDArray[np.float64]:
     """Velocities (k, d), m/s, at time 0 of its nodes at x (k, d) with these masses (k,) in any unit."""
-    arm, factor = wide(x - mass @ x / mass.sum()), body.profile[0][1] if body.profile else 1.0
+    factor = body.profile[0][1] if body.profile else 1.0
     held = np.where([way in body.held for way in "xyz"], factor, 1.0)
     spin = spin_of(body) * (factor if "spin" in body.held else 1.0)
-    found = held * np.array([body.x, body.y, body.z]) + np.cross(spin, arm)
-    return np.asarray(found[:, : x.shape[1]])
+    return _turning(held * np.array([body.x, body.y, body.z]), spin, x, mass)
 
 
-def spin_of(body: RigidBody) -> NDArray[np.float64]:
-    """The spin of a rigid body as a vector (3,), rad/s."""
+def first_velocities(start: InitialVelocity, x: NDArray[np.float64], mass: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Velocities (k, d), m/s, at time 0 of nodes at x (k, d) that turn about the centre of these masses (k,)."""
+    return _turning(np.array([start.x, start.y, start.z]), spin_of(start), x, mass)
+
+
+def _turning(
+    velocity: NDArray[np.float64], spin: NDArray[np.float64], x: NDArray[np.float64], mass: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    return np.asarray((velocity + np.cross(spin, wide(x - mass @ x / mass.sum())))[:, : x.shape[1]])
+
+
+def spin_of(body: RigidBody | InitialVelocity) -> NDArray[np.float64]:
+    """The spin of a body as a vector (3,), rad/s."""
     return np.array(body.spin if isinstance(body.spin, tuple) else (0.0, 0.0, body.spin))
 
 

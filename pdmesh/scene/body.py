@@ -86,6 +86,7 @@ class SolidBeside:
     name: str
     body: Body  # its conditions and regions too; its run does not count
     velocity: tuple[float, ...] = (0.0, 0.0, 0.0)  # m/s, at time 0
+    spin: tuple[float, ...] = (0.0, 0.0, 0.0)  # rad/s, about x, y, z, at time 0
     rigid: RigidBody | None = None  # without nodes; None: it deforms
 
 
@@ -171,14 +172,18 @@ class Body(DiffusionConditions[Where]):
         spacing: float | None = None,
         material: Material | None = None,
         velocity: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        spin: tuple[float, float, float] = (0.0, 0.0, 0.0),
     ) -> Body:
         """The body with another one beside it, which no bond joins to it and which pushes what it touches.
 
         The other one is a solid with this `spacing` (m) and `material`, without them those of this body; or a `Body`,
-        as of a file of its own. `velocity` (m/s) is that at time 0.
+        as of a file of its own. `velocity` (m/s) and `spin` (rad/s, about x, y and z through its centre of mass) are
+        those at time 0.
         """
-        way = actions.vector(velocity, 3, f"body '{name}': velocity")
-        return self._beside(SolidBeside(name, self._like(other, name, spacing, material), way))
+        way, turn = (
+            actions.vector(each, 3, f"body '{name}': {word}") for word, each in (("velocity", velocity), ("spin", spin))
+        )
+        return self._beside(SolidBeside(name, self._like(other, name, spacing, material), way, turn))
 
     def rigid(
         self,

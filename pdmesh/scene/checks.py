@@ -215,6 +215,8 @@ def _bodies(scene: Plate) -> None:
             composed(body.material, place)
         if len(body.velocity) != 2 or not (np.abs(body.velocity) <= MOST).all():
             raise SceneError(f"{place}: velocity: found {body.velocity}, expected two finite numbers, m/s")
+        if not (np.ndim(body.spin) == 0 and np.abs(body.spin) <= MOST):
+            raise SceneError(f"{place}: spin: found {body.spin}, expected one finite number, rad/s")
         wrong = None if body.rigid is None else contradiction_of_rigid(body.rigid, 2)
         if wrong is not None:
             raise SceneError(f"{place}: {wrong}")

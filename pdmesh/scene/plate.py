@@ -54,6 +54,7 @@ class BodyBeside:
     spacing: float  # m
     material: Material | None = None  # None: the plate's
     velocity: tuple[float, float] = (0.0, 0.0)  # m/s, at time 0
+    spin: float = 0.0  # rad/s, at time 0
     rigid: RigidBody | None = None  # without nodes; None: it deforms
 
 

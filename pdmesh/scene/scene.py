@@ -106,14 +106,16 @@ class Scene(Plate, DiffusionConditions[Where]):
         spacing: float | None = None,
         material: Material | None = None,
         velocity: tuple[float, float] = (0.0, 0.0),
+        spin: float = 0.0,
     ) -> Scene:
         """The scene with another body, which no bond joins to the plate and which pushes what it touches.
 
-        It has a lattice of its own with this `spacing` (m), a material and a `velocity` (m/s) at time 0; without
-        `spacing` and `material` it has the plate's. All nodes are then half a spacing inside their body's outline.
+        It has a lattice of its own with this `spacing` (m), a material, and a `velocity` (m/s) and a `spin` (rad/s,
+        anticlockwise about its centre of mass) at time 0; without `spacing` and `material` it has the plate's. All
+        nodes are then half a spacing inside their body's outline.
         """
         spacing = self.spacing if spacing is None else spacing
-        other = BodyBeside(name, surface(shape, spacing, f"body '{name}'"), spacing, material, velocity)
+        other = BodyBeside(name, surface(shape, spacing, f"body '{name}'"), spacing, material, velocity, spin)
         return replace(self, bodies=(*self.bodies, other), touching=self.touching or Contact())
 
     def rigid(

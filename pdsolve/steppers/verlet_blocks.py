@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from pdsolve.conditions import Drive, apply_loads
 from pdsolve.numerics.jit_cache import cached_njit
 from pdsolve.numerics.thread_team import gate_of, meet, side_by_side
+from pdsolve.operators.contact.kernel import Pushes, push_anew
 from pdsolve.operators.contact.operator import PenaltyContact
 from pdsolve.operators.simd_lattice.kernel import FX, FY, INNER, LANES, across, sum_lanes
 from pdsolve.operators.simd_lattice.lanes import ROW
@@ -41,6 +42,7 @@ class Course(NamedTuple):
     turns: NDArray[np.int64]  # (own blocks,) the order in which blocks are shared out to threads
     push: NDArray[np.float64]  # (2, m) force density of contact now, N/m^3
     pushed: NDArray[np.bool_]  # (blocks,) whether contact may act on the block
+    stop: NDArray[np.int64]  # (1,) the sweep to go on with
 
 
 class VerletBlocks:
@@ -77,6 +79,7 @@ class VerletBlocks:
             turns=own[0] + _turns(own[1] - own[0], threads),
             push=np.zeros((2, LANES * count if contact is not None else 0)),
             pushed=np.zeros(count, dtype=np.bool_),
+            stop=np.zeros(1, dtype=np.int64),
         )
         nodes = len(rho)
         self.drive = drive._replace(force=self._course.force[:, :nodes].T, before=self._course.before[:, :nodes].T)
@@ -85,32 +88,39 @@ class VerletBlocks:
         """Take the steps `first` to `last` - 1, in place."""
         taken, ends = 0, last - first + 1 if last > first else 0
         while taken < ends:
-            some = ends - taken if self._ghosts is None else 1
+            some, pushes = ends - taken if self._ghosts is None else 1, None
             if self._contact is not None:
-                some = min(some, self._touched(self._contact, state, first + taken - 1, taken) if taken > 0 else 1)
-            self._sweep(first, last, taken, taken + some)
-            taken += some
+                lasts = 1
+                if taken > 0:
+                    lasts, pushes = self._touched(self._contact, state, first + taken - 1, taken)
+                some = min(some, lasts)
+            taken = self._sweep(first, last, taken, taken + some, pushes)
             if self._ghosts is not None and taken < ends:
                 self._ghosts.fill(self._operator.tracks.u[taken % 3])
 
-    def _sweep(self, first: int, last: int, begin: int, end: int) -> None:
-        """Sweep the blocks for `begin` to `end` - 1 of the steps `first` to `last` - 1."""
-        operator, gate = self._operator, gate_of(self._threads)
-        arguments = operator.blocks, operator.tracks, self._course, self.drive, self._dt, first, last, begin, end
+    def _sweep(self, first: int, last: int, begin: int, end: int, pushes: Pushes | None) -> int:
+        """Sweep the blocks for `begin` to `end` - 1 of the steps `first` to `last` - 1, less if pairs are to be found;
+        returns the sweep to go on with."""
+        operator, course, gate = self._operator, self._course, gate_of(self._threads)
+        course.stop[0] = end
+        arguments = operator.blocks, operator.tracks, course, self.drive, pushes, self._dt, first, last, begin, end
         side_by_side(lambda thread: advance_blocks(*arguments, thread, gate), self._threads)
+        return int(course.stop[0])
 
-    def _touched(self, contact: PenaltyContact, state: State, step: int, taken: int) -> int:
+    def _touched(self, contact: PenaltyContact, state: State, step: int, taken: int) -> tuple[int, Pushes | None]:
         """Set the forces of contact in a step, with the displacements of the sweep `taken`; returns for how many steps
-        they hold: more than one where nothing touches."""
+        they hold, or those of the pairs: None where nothing touches."""
         nodes, course = len(state.value), self._course
         now = state._replace(value=self._operator.tracks.u[taken % 3][:, :nodes].T)
         free = contact.free_steps(now, step, self._dt)
         rows = contact.rows if free == 0 else self._rows[:0]
         _clear(course.push, course.pushed, self._rows, rows)
         self._rows = rows
-        if free == 0:
-            contact.push(now, course.push[:, :nodes].T, step, self._dt)
-        return max(free, 1)
+        if free > 0:
+            return free, None
+        contact.push(now, course.push[:, :nodes].T, step, self._dt)
+        pushes, lasts = contact.pushes(step)
+        return lasts, pushes if lasts > 1 else None
 
 
 def _spread(values: NDArray[Any], count: int, idle: float = 0.0) -> NDArray[Any]:
@@ -130,15 +140,21 @@ def _turns(count: int, threads: int) -> NDArray[np.int64]:
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def advance_blocks(blocks, tracks, course, drive, dt, first, last, begin, end, thread, gate):  # type: ignore[no-untyped-def]
+def advance_blocks(blocks, tracks, course, drive, pushes, dt, first, last, begin, end, thread, gate):  # type: ignore[no-untyped-def]
     """Take the steps `first` to `last` - 1; `tracks.u[0]` are the displacements before and after.
 
-    A sequence of s steps has s + 1 sweeps, of which those from `begin` to `end` - 1 are done. All threads call this
-    together, each with a share of the blocks, and `meet` once a step.
+    A sequence of s steps has s + 1 sweeps, of which those from `begin` to `course.stop` - 1 are done. All threads call
+    this together, each with a share of the blocks, and `meet` once a step, twice with `pushes` (None: none change).
     """
     u, steps, count = tracks.u, last - first, len(course.turns)
     own, others, s = count * thread // gate.threads, count * (thread + 1) // gate.threads, blocks.scratch[thread]
     for taken in range(begin, end):
+        if pushes is not None and taken > begin:
+            if thread == 0 and not push_anew(pushes, u[taken % 3].T, course.push.T):
+                course.stop[0] = taken
+            meet(gate)
+            if course.stop[0] == taken:
+                return
         if taken > 0 and drive.varies:
             if thread == 0:
                 apply_loads(drive, (first + taken - 1) * dt)

@@ -246,3 +246,72 @@ def test_two_cylinders_touch_as_hertz_has_it() -> None:
     assert half == pytest.approx(8, abs=0.5)
     assert half == pytest.approx(np.sqrt(4 * force[0, 1] * radius / np.pi), rel=0.05)
     assert abs(last.balance(0.0)) < 0.01  # .004: one load step while the area of contact grows
+
+
+def cubes(side: float, z: tuple[float, float], d: float) -> Array:
+    """Nodes in the middles of cubes of side d in a box about the z axis."""
+    along, up = np.arange(d / 2 - side, side, d), np.arange(z[0] + d / 2, z[1], d)
+    return np.array(np.meshgrid(along, along, up, indexing="ij")).reshape(3, -1).T
+
+
+def sphere_on_block(radius: float, sides: tuple[float, ...]) -> Grid:
+    """A block of spacings 1, 2, 4, ... within these distances, and below three layers with a face of this radius; m."""
+    parts, delta = [], []
+    for level, side in enumerate(sides):
+        part, inner = cubes(side, (-side, 0), 2.0**level), sides[level - 1] if level else 0.0
+        part = part[(np.abs(part[:, :2]).max(axis=1) > inner) | (part[:, 2] < -inner)]
+        parts.append(part)
+        delta.append(np.full(len(part), 2.0**level))
+    struck = cubes(10, (0, 3), 1.0)
+    struck = struck[np.hypot(struck[:, 0], struck[:, 1]) < 9.5]
+    struck[:, 2] += (struck[:, :2] ** 2).sum(axis=1) / (2 * radius)
+    block, position = sum(map(len, parts)), np.concatenate([*parts, struck])
+    spacing, nodes = np.concatenate([*delta, np.ones(len(struck))]), len(position)
+    return Grid(
+        ids=np.arange(1, nodes + 1),
+        position=position,
+        delta=spacing,
+        border=position[:, 2] < 2 ** (len(sides) - 1) - sides[-1],
+        hole_id=np.full(nodes, -1),
+        cracks=np.zeros((0, 9)),
+        areas=spacing**3,
+        bodies=Bodies(np.repeat([0, 1], [block, nodes - block]), ("block", "sphere")),
+    )
+
+
+def of_layer(chi: float) -> float:
+    """Force on a layer that is bonded below, nu = 1/4, over that on a half-space, for the root of R d over its height.
+
+    E. K. Dimitriadis et al., Biophysical J. 82 (2002) 2798-2810, equation 12.
+    """
+    nu = 0.25
+    a = -(1.2876 - 1.4678 * nu + 1.3442 * nu**2) / (1 - nu)
+    b = (0.6387 - 1.0277 * nu + 1.5164 * nu**2) / (1 - nu)
+    third = 8 / np.pi**3 * (a**3 + 4 * np.pi**2 / 15 * b)
+    fourth = 16 * a / np.pi**4 * (a**3 + 3 * np.pi**2 / 5 * b)
+    return float(1 - 2 * a / np.pi * chi + 4 * a**2 / np.pi**2 * chi**2 - third * chi**3 + fourth * chi**4)
+
+
+@pytest.mark.slow
+def test_a_sphere_touches_a_block_as_hertz_has_it() -> None:
+    """F = 4/3 E* R^1/2 d^3/2; d is the approach since nodes are at the distance of touch, half-width 8, height 80.
+
+    Pairs are eight times as stiff as usual: at the usual stiffness their own depth is a quarter of d.
+    """
+    radius, d = 800.0, 0.08
+    grid = sphere_on_block(radius, (12, 20, 40, 80))
+    assert grid.bodies is not None
+    base, ball = (tuple(grid.ids[rows].tolist()) for rows in (grid.border, grid.bodies.number == 1))
+    press = Displacement(x=0.0, y=0.0, z=-d, nodes=ball, profile=GROWS)
+    run = Run(solver="static", static=Static(method="relaxation", load_steps=1, tolerance=1e-6))
+    conditions = Displacement(x=0.0, y=0.0, z=0.0, nodes=base), press
+    settings = Settings(material=UNIT, conditions=conditions, contact=Contact(stiffness=120), run=run)
+    (system, state), force, _ = taken(Model(grid, settings))
+    contact = system.contact
+    assert isinstance(contact, RestingContact)
+    push = contact._stiffness * contact._touch(state.value).depth
+    half = np.sqrt(2.5 * (push * (grid.position[contact._pairs.i, :2] ** 2).sum(axis=1)).sum() / push.sum())
+    modulus = 1 / (1 - 0.25**2)
+    found = force[0, 2] / (4 / 3 * modulus * np.sqrt(radius) * d**1.5)
+    assert found / of_layer(np.sqrt(radius * d) / 78) == pytest.approx(1.0, abs=0.05)  # .992
+    assert half == pytest.approx(8, abs=1)  # 8.77: pairs that are soft spread the pressure

@@ -109,12 +109,16 @@ def _and_rigid(
 
 
 def candidates(
-    joined: Joined, u: NDArray[np.floating], rows: NDArray[np.int64], reach: float
+    joined: Joined, u: NDArray[np.floating], rows: NDArray[np.int64], reach: NDArray[np.float64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Pairs (p,) of these rows (k,), in order, that are at most `reach` m apart now and that no bond joins."""
+    """Pairs (p,) of these rows (k,), in order, that no bond joins and that are at most as far apart now as one of the
+    two has its `reach` (k,), m."""
     place = joined.nodes.x[rows] + u[rows].astype(np.float64)
-    pairs = rows[tree_of(place).query_pairs(reach, output_type="ndarray")].reshape(-1, 2)
-    i, j = pairs.min(axis=1), pairs.max(axis=1)
+    one, two = tree_of(place).query_pairs(float(reach.max(initial=0.0)), output_type="ndarray").reshape(-1, 2).T
+    if len(reach) and reach.min() < reach.max():
+        near = lengths(place[two] - place[one]) <= np.maximum(reach[one], reach[two])
+        one, two = one[near], two[near]
+    i, j = np.minimum(rows[one], rows[two]), np.maximum(rows[one], rows[two])
     loose = ~joined.join(i, j)
     i, j = i[loose], j[loose]
     order = np.lexsort((j, i))

@@ -82,6 +82,16 @@ class PairList(NamedTuple):
     faces: Faces
 
 
+class Pushes(NamedTuple):
+    """Pairs without friction and restitution, and how far nodes may move before others are to be found."""
+
+    pairs: PairList
+    each: NDArray[np.float64]  # (n,) 1 over the volume of a node, 1/m^d
+    rows: NDArray[np.int64]  # (k,) of surface nodes
+    before: NDArray[np.float64]  # (k, d) m, where they were when pairs were found
+    limit: float  # m^2, square of the way
+
+
 @njit(forceinline=True, **INNER)
 def _dot(a, b):  # type: ignore[no-untyped-def]
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
@@ -271,6 +281,19 @@ def add_forces(pairs, each, u, v, mu, e, dt, out, spent, lost):  # type: ignore[
 
 
 @njit(**INNER)
+def push_anew(pushes, u, out):  # type: ignore[no-untyped-def]
+    """Set the forces of `add_forces` on the nodes of pairs; returns False where pairs are to be found anew."""
+    if _farthest(u, pushes.before, pushes.rows) > pushes.limit:
+        return False
+    for i in pushes.pairs.faces.rows:
+        for a in range(u.shape[1]):
+            out[i, a] = 0.0
+    pushes.pairs.faces.known[:] = False
+    _push_alone(pushes.pairs, pushes.each, u, out)
+    return True
+
+
+@njit(**INNER)
 def _push_alone(pairs, each, u, out):  # type: ignore[no-untyped-def]
     """The forces of `add_forces` without friction and restitution."""
     for m in range(len(pairs.faces.rows)):
@@ -383,6 +406,11 @@ def surface_nodes(nodes, found):  # type: ignore[no-untyped-def]
 @cached_njit(error_model="numpy")
 def farthest(u, before, rows):  # type: ignore[no-untyped-def]
     """The square of the largest way, m^2, of these rows (k,) since they were at `before` (k, d)."""
+    return _farthest(u, before, rows)
+
+
+@njit(**INNER)
+def _farthest(u, before, rows):  # type: ignore[no-untyped-def]
     most = 0.0
     for at in range(len(rows)):
         square = 0.0

@@ -19,7 +19,7 @@ from pdsolve.errors import CheckpointError
 from pdsolve.model import Model, ModelError
 from pdsolve.operators.bondless import Bondless
 from pdsolve.operators.contact.candidates import EVERY, Joined, candidates
-from pdsolve.operators.contact.kernel import WIDE, PairList, add_forces, ease, farthest, nearer, pressed_pairs
+from pdsolve.operators.contact.kernel import WIDE, PairList, Pushes, add_forces, ease, farthest, nearer, pressed_pairs
 from pdsolve.operators.contact.pair_matrix import pair_matrix
 from pdsolve.operators.contact.rigid_motion import RigidMotion
 from pdsolve.operators.contact.round_bodies import RoundBodies
@@ -96,6 +96,12 @@ class PenaltyContact(Bondless):
         most = self._joined.until + self._joined.wait - step
         return most if 2 * fastest * dt * most <= left else 0
 
+    def pushes(self, step: int) -> tuple[Pushes, int]:
+        """The pairs that `free_steps` has seen, and for how many steps from this one on `push_anew` may push them."""
+        limit, alone = (SKIN * self._finest / 2) ** 2, self._settings.friction == 0 and self._settings.restitution == 1
+        lasts = self._joined.until + self._joined.wait - step if alone and not len(self.rigid.rows) else 1
+        return Pushes(self._pairs, self._each, self._rows, self._before, limit), lasts
+
     @property
     def rows(self) -> NDArray[np.int64]:
         """Rows (m,) of the nodes on which forces may act now, in order."""
@@ -140,10 +146,10 @@ class PenaltyContact(Bondless):
         delta = self._delta[self._rows]
         self._finest = float(delta.min(initial=np.inf))
         wide = 1.0 if u.shape[1] == 2 else WIDE
-        reach = float(delta.max(initial=0.0)) * np.hypot(wide, self._settings.distance)
+        skin = SKIN * self._finest if len(delta) else 0.0
         self._before = u[self._rows].astype(np.float64)
         self._still = np.zeros_like(self._before)
-        i, j = candidates(self._joined, u, self._rows, reach + SKIN * self._finest)
+        i, j = candidates(self._joined, u, self._rows, delta * np.hypot(wide, self._settings.distance) + skin)
         by_nodes = self.round.own[i] == self.round.own[j]
         before, pairs = self._pairs, self._listed(i[by_nodes], j[by_nodes])
         self.round.search(u, self._rows, SKIN * self._finest, self._lost)

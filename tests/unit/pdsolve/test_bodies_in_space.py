@@ -11,6 +11,7 @@ from messages import naming
 from scipy.spatial.distance import pdist
 
 from pdmesh import Body, Box, Material, SceneError, Sphere, build
+from pdmesh.drawing.file_reading import read_scene
 from pdmesh.model.contact import Contact
 from pdmesh.model.document import Displacement, InitialVelocity, RigidBody, Run, read_document
 from pdmesh.model.node_grid import grid_of
@@ -45,9 +46,70 @@ def test_bodies_that_overlap_are_refused_with_their_depth() -> None:
     assert len(build(plate().body(Box((1, 0, 0), (1.3, 1, 0.3)), "beside")).grid) == 390
 
 
+TOGETHER = """
+SetFactory("OpenCASCADE");
+DefineConstant[
+  u = {"mm", Name "Peridynamics/Units"}
+  h = {50, Name "Peridynamics/Zones/plate/Spacing"}
+  E = {1, Name "Peridynamics/Material/E"}
+  r = {1, Name "Peridynamics/Material/rho"}
+  G = {1e9, Name "Peridynamics/Material/G0"}
+  v = {-1e-3, Name "Peridynamics/Bodies/upper/Velocity z"}
+];
+lower() = ShapeFromFile("lower.step");
+upper() = ShapeFromFile("upper.step");
+Physical Volume("zone:plate") = lower();
+Physical Volume("body:upper") = upper();
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("drawn", [False, True])
+def test_two_step_files_are_two_bodies_that_bounce(tmp_path: Path, drawn: bool) -> None:
+    """Each read as a scene, or both in one drawing; a block of 216 cubes on one of 600."""
+    gmsh = pytest.importorskip("gmsh", exc_type=OSError)
+    for name, block in (("lower", (0, 0, 0, 500, 500, 300)), ("upper", (100, 100, 300, 300, 300, 300))):
+        gmsh.initialize(interruptible=False)
+        try:
+            gmsh.option.setNumber("General.Terminal", 0)
+            gmsh.model.occ.addBox(*block)
+            gmsh.model.occ.synchronize()
+            gmsh.write(str(tmp_path / f"{name}.step"))
+        finally:
+            gmsh.finalize()
+    if drawn:
+        (tmp_path / "both.geo").write_text(TOGETHER, encoding="utf-8")
+        scene = read_scene(tmp_path / "both.geo", trust=True)
+    else:
+        given = [("Zones/body/Spacing", "50"), ("Units", "mm")]
+        given += [("Material/E", "1"), ("Material/rho", "1"), ("Material/G0", "1e9")]
+        scene, upper = (read_scene(tmp_path / f"{name}.step", given) for name in ("lower", "upper"))
+        assert isinstance(scene, Body)
+        assert isinstance(upper, Body)
+        scene = scene.body(upper, "upper", velocity=(0.0, 0.0, -1e-3))
+    built = build(scene)
+    of = built.grid.bodies
+    assert of is not None
+    assert (of.names, np.bincount(of.number).tolist()) == (("plate", "upper"), [600, 216])
+    system, state = motion = prepare(Model(built.grid, built.settings), Options(threads=1))
+    assert system.contact is not None
+    motion.march(1, 5)
+    assert system.contact.touching(state) >= 72  # 116: both faces of 6 x 6 nodes, and those beside
+    motion.march(5, 61)
+    assert system.contact.touching(state) == 0
+    low, up = (state.rate[of.number == number, 2].mean() for number in (0, 1))
+    assert up > 0 > low
+    assert 600 * low + 216 * up == pytest.approx(-0.216, rel=1e-12)
+
+
 def test_bodies_have_nodes_materials_motions_and_conditions_of_their_own(tmp_path: Path) -> None:
     upper = Body(Box((0, 0, 0.3), (0.4, 0.4, 0.5)), 0.05, HEAVY).fix("top", 0.0, 0.0, None)
-    whole = plate().fix("bottom").body(upper, "upper", velocity=(0.0, 0.0, -2.0)).contact(friction=0.1)
+    whole = (
+        plate()
+        .fix("bottom")
+        .body(upper, "upper", velocity=(0.0, 0.0, -2.0), spin=(0.0, 3.0, 0.0))
+        .contact(friction=0.1)
+    )
     built = build(whole.rigid(Box((0.6, 0.6, 0.3), (1, 1, 0.6)), "lid", 5.0, spin=(0, 0, 1.0)))
     grid = built.grid
     assert grid.bodies is not None
@@ -69,7 +131,9 @@ def test_bodies_have_nodes_materials_motions_and_conditions_of_their_own(tmp_pat
     source, target = system.operator.bonds()
     assert not (grid.bodies.number[source] != grid.bodies.number[target]).any()
     assert not (grid.bodies.number[source] == 2).any()
-    assert set(state.rate[grid.bodies.number == 1, 2]) == {-2.0}
+    x, _, z = (grid.position - [0.2, 0.2, 0.4])[grid.bodies.number == 1].T
+    turning = np.column_stack([3 * z, 0 * z, -2 - 3 * x])
+    assert state.rate[grid.bodies.number == 1] == pytest.approx(turning, abs=1e-12)
     built.write(tmp_path / "three.json")
     again = grid_of(read_document((tmp_path / "three.json").read_bytes(), "three"), "three")
     assert again.bodies is not None

@@ -42,14 +42,14 @@ def test_normals_point_out(contact: PenaltyContact) -> None:
 def test_pairs_are_of_both_blocks_and_near(contact: PenaltyContact) -> None:
     joined, x = contact._joined, contact._joined.nodes.x
     rows, still = np.flatnonzero(joined.surface), np.zeros((2 * ROWS * COLUMNS, 2))
-    i, j = candidates(joined, still, rows, 1.1 * H)
+    i, j = candidates(joined, still, rows, np.full(len(rows), 1.1 * H))
     assert len(i) == ROWS  # straight across
     assert ((i < ROWS * COLUMNS) & (j >= ROWS * COLUMNS)).all()
     assert x[j] - x[i] == pytest.approx(np.tile([H, 0.0], (ROWS, 1)))
-    i, _ = candidates(joined, still, rows, 1.5 * H)
+    i, _ = candidates(joined, still, rows, np.full(len(rows), 1.5 * H))
     assert len(i) == ROWS + 2 * (ROWS - 1)  # and at 45 degrees
     apart = np.where(np.arange(len(still))[:, None] < ROWS * COLUMNS, [-0.2 * H, 0.0], 0.0)
-    assert len(candidates(joined, apart, rows, 1.1 * H)[0]) == 0
+    assert len(candidates(joined, apart, rows, np.full(len(rows), 1.1 * H))[0]) == 0
 
 
 def test_the_farthest_way_is_that_since_the_last_look() -> None:

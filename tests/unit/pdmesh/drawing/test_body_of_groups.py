@@ -123,6 +123,7 @@ DefineConstant[
   s = {0.05, Name "Peridynamics/Bodies/block/Spacing"}
   d = {3e3, Name "Peridynamics/Bodies/block/rho"}
   v = {-2, Name "Peridynamics/Bodies/block/Velocity z"}
+  t = {"0 3 0", Name "Peridynamics/Bodies/block/Spin"}
   R = {1, Name "Peridynamics/Bodies/lid/Rigid"}
   m = {5, Name "Peridynamics/Bodies/lid/Mass"}
   w = {"0 0 1.5", Name "Peridynamics/Bodies/lid/Spin"}
@@ -150,7 +151,7 @@ def test_volumes_are_bodies_beside_the_first_one(tmp_path: Path) -> None:
     assert (heavy.material.rho, heavy.material.E, len(heavy.nodes or ())) == (3e3, 1e9, 256)
     moves, lid = settings.conditions
     assert isinstance(moves, InitialVelocity)
-    assert (moves.x, moves.y, moves.z, moves.nodes) == (0, 0, -2, tuple(range(301, 557)))
+    assert (moves.x, moves.y, moves.z, moves.spin, moves.nodes) == (0, 0, -2, (0, 3, 0), tuple(range(301, 557)))
     assert isinstance(lid, RigidBody)
     assert (lid.mass, lid.spin, lid.held) == (5, (0, 0, 1.5), ("x", "spin"))
 

@@ -6,19 +6,22 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from messages import naming
 
-from pdmesh import Body, GridError, Material, Scene, SceneError, box, build
+from pdmesh import Body, GridError, Material, Run, Scene, SceneError, box, build
 from pdmesh.drawing.plate_of_groups import scene_of
 from pdmesh.drawing.plate_places import Group
 from pdmesh.model.contact import Contact
-from pdmesh.model.document import InitialVelocity, RigidBody, read_document
+from pdmesh.model.document import InitialVelocity, Region, RigidBody, read_document
 from pdmesh.model.node_grid import grid_of
+from pdmesh.model.selection import check
 from pdmesh.reports.report import info, info_lines
 from pdmesh.scene.solids import brick
-from pdsolve.model import Model
+from pdsolve.checks import refuse_on_ranks
+from pdsolve.model import Model, ModelError
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
 
@@ -59,6 +62,52 @@ def test_no_bond_joins_two_bodies_and_each_has_its_material_and_velocity() -> No
     assert set(state.rate[striker, 0]) == {-3.0}
     assert set(state.rate[~striker, 0]) == {0.0}
     assert [type(each) for each in built.settings.conditions] == [InitialVelocity]
+
+
+SPIN = 200.0
+
+
+def test_a_body_that_spins_keeps_its_momentum_and_its_angular_momentum() -> None:
+    plate = Scene(box(0, 0, 9 * MM, 9 * MM), MM, STEEL, run=Run(steps=400))
+    built = build(plate.body(box(40 * MM, 0, 60 * MM, 11 * MM), "turns", None, BRASS, (0.1, 0.0), SPIN))
+    part = Region(box=(0.04, 0.0, 0.047, 0.011), material=STEEL)
+    model = Model(built.grid, msgspec.structs.replace(built.settings, regions=(*built.settings.regions, part)))
+    system, state = prepared = prepare(model, Options(threads=1))
+    assert built.grid.bodies is not None
+    own = built.grid.bodies.number == 1
+    mass, found = (model.rho * system.area)[own], []
+    for first, last in ((1, 1), (1, 401)):
+        prepared.march(first, last)
+        x, v = (built.grid.position + state.value)[own], state.rate[own]
+        mean = mass @ v / mass.sum()
+        arm, way = x - mass @ x / mass.sum(), v - mean
+        found.append([*mean, mass @ (arm[:, 0] * way[:, 1] - arm[:, 1] * way[:, 0]), mass @ (arm**2).sum(axis=1)])
+    (x_way, y_way, turns, inertia), last = found
+    assert (x_way, y_way, turns / inertia) == pytest.approx((0.1, 0.0, SPIN), rel=1e-12, abs=1e-12)
+    assert not state.value[~own].any()
+    assert last[:3] == pytest.approx(found[0][:3], rel=1e-11, abs=1e-13)
+    assert last[3] != inertia  # bonds hold it against its spin
+
+
+def prepared(model: Model) -> object:
+    return prepare(model, Options(threads=1))
+
+
+@pytest.mark.parametrize(("adapt", "refuse"), [("split", prepared), ("none", refuse_on_ranks)])
+def test_a_spin_is_refused_where_not_the_whole_body_is_known(adapt: str, refuse: Callable[[Model], object]) -> None:
+    built, start = build(Scene(box(0, 0, 9 * MM, 9 * MM), MM, STEEL)), InitialVelocity(box=(0, 0, 1, 1), spin=SPIN)
+    run = msgspec.structs.replace(built.settings.run, adapt=adapt)
+    model = Model(built.grid, msgspec.structs.replace(built.settings, conditions=(start,), run=run))
+    with pytest.raises(ModelError, match=naming("$.conditions[0].spin", found="200.0", expected="0")):
+        refuse(model)
+
+
+def test_a_spin_is_one_number_in_a_plate() -> None:
+    built, turns = build(Scene(box(0, 0, 9 * MM, 9 * MM), MM, STEEL)), InitialVelocity(nodes=(1,), spin=(0.0, 0.0, 1.0))
+    with pytest.raises(GridError, match=naming("$.conditions[0].spin", found="3 numbers", expected="one")):
+        check(msgspec.structs.replace(built.settings, conditions=(turns,)), built.grid, "plate")
+    with pytest.raises(SceneError, match=naming("body 'b': spin", found="nan")):
+        build(scene().body(box(0, 20 * MM, 9 * MM, 29 * MM), "b", spin=float("nan")))
 
 
 def test_the_file_carries_bodies_and_contact(tmp_path: Path) -> None:
@@ -111,12 +160,13 @@ def test_a_drawing_has_bodies_in_groups() -> None:
         "Bodies/striker/Spacing": 0.5 * MM,
         "Bodies/striker/rho": 8500.0,
         "Bodies/striker/Velocity x": -3.0,
+        "Bodies/striker/Spin": 7.0,
         "Contact/Friction": 0.2,
         "Contact/Restitution": 0.7,
     }
     found = scene_of(groups, {f"Peridynamics/{name}": value for name, value in values.items()}, "two.geo")
     (body,) = found.bodies
-    assert (body.name, body.spacing, body.velocity) == ("striker", 0.5 * MM, (-3.0, 0.0))
+    assert (body.name, body.spacing, body.velocity, body.spin) == ("striker", 0.5 * MM, (-3.0, 0.0), 7.0)
     assert body.material == Material(E=2e11, rho=8500.0, G0=1e4)
     assert found.touching == Contact(friction=0.2, restitution=0.7)
 
