@@ -312,12 +312,12 @@ def _lines_of_masses(path: Path, summary: dict[str, Any]) -> list[str]:
         f" {summary['method']} to {summary['time']:.4g} s",
         f"wall time {summary['wall_time']:.2f} s on {threads},"
         f" {summary['bond_updates_per_second'] / 1e6:.0f} million bond updates a second ({summary['kernel']})",
-        f"mol: inside {masses['inside']:.6g}, gone out {masses['through']:.6g}, supplied {masses['supplied']:.6g}"
-        f" (balance {summary['balance']:+.1e})",
+        f"{summary['unit']}: inside {masses['inside']:.6g}, gone out {masses['through']:.6g},"
+        f" supplied {masses['supplied']:.6g} (balance {summary['balance']:+.1e})",
     ]
     if share is not None:
         lines.append(
-            f"dissolved {share:.2%}, {masses['dissolved']:.6g} mol; solid left {masses['solid']:.6g},"
+            f"dissolved {share:.2%}, {masses['dissolved']:.6g} {summary['unit']}; solid left {masses['solid']:.6g},"
             f" its surface {masses['surface']:.6g}"
         )
     return lines
@@ -363,8 +363,9 @@ def _lines(path: Path, summary: dict[str, Any]) -> list[str]:
     heat = summary.get("diffusion")
     if heat is not None:
         lines.append(
-            f"content: inside {heat['masses']['inside']:.6g}, gone out {heat['masses']['through']:.6g}, supplied"
-            f" {heat['masses']['supplied']:.6g} (balance {heat['balance']:+.1e}), {heat['method']}"
+            f"content, {heat['unit']}: inside {heat['masses']['inside']:.6g},"
+            f" gone out {heat['masses']['through']:.6g}, supplied {heat['masses']['supplied']:.6g}"
+            f" (balance {heat['balance']:+.1e}), {heat['method']}"
         )
     fine = summary.get("hybrid")
     if fine is not None:

@@ -257,9 +257,9 @@ def _condition(condition: SolidCondition, body: Body, cloud: Cloud) -> AnyCondit
         found, surface = _along(str(where), condition.rows, body, cloud)
     rows = np.flatnonzero(found)
     if not len(rows):
-        reach = "in its solid" if isinstance(where, Shell) else f"within {condition.rows} rows"
-        nearest = "" if isinstance(where, str) else f" {_nearest(where.triangles, cloud)};"
-        raise SceneError(f"{place}: found no node {reach},{nearest} expected some")
+        within = "in its solid" if isinstance(where, Shell) else f"within {condition.rows} rows"
+        nearest = f" {_nearest(where.triangles, cloud)};" if isinstance(where, Shell | Sheet) else ""
+        raise SceneError(f"{place}: found no node {within},{nearest} expected some")
     changed: dict[str, object] = {"nodes": tuple((rows + 1).tolist())}
     if isinstance(action, Load) and action.traction is not None:
         changed |= {"rows": condition.rows, "surface": surface}

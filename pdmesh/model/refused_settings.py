@@ -64,10 +64,8 @@ def _swelling(settings: Settings, every: list[tuple[str, Material]]) -> Iterator
     run = settings.run
     if run.solver == "implicit":
         yield Impossible("$.run.solver", run.solver, f"explicit or static, {why}")
-    if run.solver == "static" and run.static.load_steps is not None:
-        yield Impossible(
-            "$.run.static.load_steps", f"{run.static.load_steps}", f"none, but run.time_step and steps, {why}"
-        )
+    if run.solver == "static":
+        yield from _rests_of_content(run, why)
     if run.adapt not in ("none", "hybrid"):
         yield Impossible("$.run.adapt", run.adapt, f"none or hybrid, {why}")
     if run.adapt == "hybrid" and settings.medium is not None and settings.medium.heat_capacity is not None:
@@ -76,6 +74,16 @@ def _swelling(settings: Settings, every: list[tuple[str, Material]]) -> Iterator
     for name, expected in {"cracks": "bonds", "start": "unloaded"}.items():
         if getattr(run, name) != expected:
             yield Impossible(f"$.run.{name}", getattr(run, name), f"{expected}, {why}")
+
+
+def _rests_of_content(run: Run, why: str) -> Iterator[Impossible]:
+    """What a run that comes to rest after each step of a content does not take, or lacks."""
+    if run.static.load_steps is not None:
+        yield Impossible(
+            "$.run.static.load_steps", f"{run.static.load_steps}", f"none, but run.time_step and steps, {why}"
+        )
+    if run.time_step is None:
+        yield Impossible("$.run.time_step", "none", "one, after each of which there is rest")
 
 
 def _diffusing(settings: Settings, medium: Medium) -> Iterator[Impossible]:

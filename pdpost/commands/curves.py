@@ -122,29 +122,30 @@ def _history(args: argparse.Namespace) -> int:
 
 def _masses(args: argparse.Namespace, results: Results, path: Path | None) -> int:
     """The history of a substance that diffuses."""
-    from pdpost.measures.masses import masses
+    from pdpost.measures.masses import masses, unit
     from pdpost.reading.time_text import time_text
 
     if args.places or args.components:
         raise commandline.UsageError("history: found a node or a component, expected none: masses are of the whole")
-    books = masses(results)
+    books, of = masses(results), unit(results)
     if path is not None:
         from pdpost.figures import charts, style
 
-        style.save(charts.masses(books), path)
+        style.save(charts.masses(books, of), path)
     last = {name: float(column[-1]) for name, column in books._asdict().items()}
     lines = [
-        f"at {time_text(last['time'])}, mol: inside {last['inside']:.6g}, gone out {last['through']:.6g}, supplied"
+        f"at {time_text(last['time'])}, {of}: inside {last['inside']:.6g}, gone out {last['through']:.6g}, supplied"
         f" {last['supplied']:.6g} (balance {last['error']:+.1e})"
     ]
     if last["left"] == last["left"]:
         lines.append(
             f"solid left {last['left']:.2%}, surface {last['surface'] / float(books.surface[0]):.2%} of that at the"
-            f" start, dissolved {last['dissolved']:.6g} mol"
+            f" start, dissolved {last['dissolved']:.6g} {of}"
         )
     found = {"units": results.meta()["units"], "last": last, **books._asdict()}
-    header = ("step", "time, s", "inside, mol", "gone out, mol", "supplied, mol", "solid", "dissolved, mol", "surface")
-    return number_options.deliver(args, found, lines, (*header, "share left", "error"), zip(*books, strict=True), path)
+    amounts = (f"inside, {of}", f"gone out, {of}", f"supplied, {of}", "solid", f"dissolved, {of}", "surface")
+    header = ("step", "time, s", *amounts, "share left", "error")
+    return number_options.deliver(args, found, lines, header, zip(*books, strict=True), path)
 
 
 def _usual(results: Results) -> list[Place]:

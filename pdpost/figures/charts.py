@@ -88,15 +88,15 @@ def balance(books: Balance, per: str = "/m") -> Figure:
     return figure
 
 
-def masses(books: Masses) -> Figure:
-    """Amounts of a substance over time and, where a solid dissolves, the share of it that is left."""
+def masses(books: Masses, of: str = "mol") -> Figure:
+    """Amounts over time, in the unit `of`, and where a solid dissolves the share of it that is left."""
     dissolves = bool(np.isfinite(books.left).any())
     figure = Figure(figsize=(WIDTH, 5.0 if dissolves else 3.2), layout="constrained")
     panels = figure.subplots(1 + dissolves, 1, sharex=True, squeeze=False)[:, 0]
     second, seconds = scaled([books.time], "s")
     names = {"inside": "inside", "through": "gone out", "supplied": "supplied", "dissolved": "dissolved so far"}
     shown = [name for name in names if np.any(getattr(books, name) != 0)]
-    factor, unit = scaled([getattr(books, name) for name in shown], "mol")
+    factor, unit = scaled([getattr(books, name) for name in shown], of) if of == "mol" else (1.0, of)
     for number, name in enumerate(shown):
         panels[-1].plot(books.time * second, getattr(books, name) * factor, lw=1.4, label=names[name], **look(number))
     panels[-1].set(xlabel=f"time, {seconds}", ylabel=f"amount, {unit}")

@@ -23,7 +23,7 @@ from pdpost.measures import crack_in_space, crack_summary
 from pdpost.measures.balance import balance, per_thickness, remarks
 from pdpost.measures.fields import usual
 from pdpost.measures.forces import reactions
-from pdpost.measures.masses import masses
+from pdpost.measures.masses import masses, unit
 from pdpost.reading.embedded_model import whole
 from pdpost.reading.frame_steps import frames
 from pdpost.reading.stored_fields import OF_DIFFUSION, diffuses
@@ -162,11 +162,11 @@ def _balance(results: Results) -> list[str]:
 
 def _masses(results: Results) -> list[str]:
     books, names = masses(results), {"inside": "inside", "through": "gone out", "supplied": "supplied"}
-    last = {word: f"{getattr(books, name)[-1]:.6g} mol" for name, word in names.items()}
+    last = {word: f"{getattr(books, name)[-1]:.6g} {unit(results)}" for name, word in names.items()}
     last["balance error"] = f"{books.error[-1]:+.1e} of what there was"
     if np.isfinite(books.left[-1]):
         last["solid left"] = f"{books.left[-1]:.2%}"
-    return [_table(last), _image(charts.masses(books), "amounts over time")]
+    return [_table(last), _image(charts.masses(books, unit(results)), "amounts over time")]
 
 
 def _crack(results: Results) -> list[str]:

@@ -25,6 +25,12 @@ class Masses(NamedTuple):
     error: NDArray[np.float64]  # (t,) of the balance, over what there was or was supplied
 
 
+def unit(results: Results) -> str:
+    """Of the amounts: mol, or of heat temperatures times areas or volumes."""
+    steps, _ = results.frames()
+    return f"K m^{results.dimension}" if len(steps) and "T" in results.stored(int(steps[0])) else "mol"
+
+
 def masses(results: Results) -> Masses:
     """The mass balance of a run. Raises ResultsError for a run of mechanics."""
     table = results.masses()

@@ -69,11 +69,13 @@ class MassAccounts:
 
     def summary(self) -> dict[str, Any]:
         """Results of the run for its summary."""
-        start = self._start
+        start, transport = self._start, self._transport
+        heat = transport.operator.medium.carries == "heat"
         return {
             "physics": "diffusion",
-            "bonds": int(self._transport.operator.count.sum()),
-            "method": self._transport.stepper.name,
+            "bonds": int(transport.operator.count.sum()),
+            "method": transport.stepper.name,
+            "unit": f"K m^{transport.model.grid.dimension}" if heat else "mol",
             "masses": self.last._asdict(),
             "dissolved_share": 1 - self.last.solid / start.solid if start.solid else None,
             "balance": self.balance,

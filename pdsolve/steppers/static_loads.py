@@ -83,13 +83,13 @@ def in_steps_of_content(model: Model, precision: str) -> Model:
     run = model.settings.run
     if precision != "float64":
         raise ModelError(f"precision: found {precision}, expected float64, as the solver is static")
-    if run.time_step is None:
-        raise ModelError(f"{model.name}: $.run.time_step: found none, expected one, after each of which there is rest")
+    assert run.time_step is not None  # `impossible` refuses it
     if follows_path(model):
         raise ModelError(f"{model.name}: $.material.law: found one that softens, expected brittle at rest with heat")
     moves = msgspec.structs.replace(model.settings, run=msgspec.structs.replace(run, solver="explicit"))
     timed = counted(dataclasses.replace(model, settings=moves), run.time_step).settings
-    rests = msgspec.structs.replace(timed, run=msgspec.structs.replace(timed.run, solver="static"))
+    every_step = msgspec.structs.replace(timed.run, solver="static", ledger=run.ledger or 1)  # a step may take minutes
+    rests = msgspec.structs.replace(timed, run=every_step)
     found = dataclasses.replace(model, settings=rests)
     steps = found.settings.run.steps
     _refuse_loads(found, [number * run.time_step for number in range(1, steps + 1)], needed=False)
