@@ -30,7 +30,7 @@ from pdsolve.run.simulation import simulate
 PAGE = Path(__file__).parent.parent / "docs/guide/speed.md"
 BODY = {"counts": (16, 16, 16), "ratio": 3.0, "run": {"adapt": "hybrid"}}
 MORE = {
-    "cohesive": partial(_of, {"law": "cohesive", "f_t": 3e7}),
+    "cohesive": partial(_of, {"law": "cohesive", "f_t": 1e7}),
     "correspondence, float32": partial(_of, KINDS["correspondence"].args[0], Options(precision="float32", threads=1)),  # type: ignore[attr-defined]
     "body, correspondence": partial(_of, {"model": "correspondence", "nu": 0.22}, counts=(10, 10, 6)),
     "body, hybrid": partial(_of, {}, ALONE, **BODY),
