@@ -138,9 +138,7 @@ def _build(args: argparse.Namespace) -> int:
     lines = [
         f"{path}: {len(grid)} nodes ({', '.join(f'{number} of {spacing} m' for spacing, number in counts.items())})"
     ]
-    for shift in built.shifts:
-        x, y = shift.offset
-        lines.append(f"lattice of {shift.spacing:g} m: shifted by ({x:g}, {y:g}) m, off the cracks")
+    lines += map(str, built.shifts)
     if settings.material is None and settings.medium is None:
         lines.append("no material: the solver will need one (--settings or --set material.E=...)")
     notes = [*built.notes, *(f"warning: {path}: {remark}" for remark in unused_settings.remarks(settings))]

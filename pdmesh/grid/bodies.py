@@ -228,8 +228,14 @@ def _nodes(solid: object, place: str, cloud: Cloud) -> tuple[int, ...]:
     assert isinstance(solid, Shell)
     rows = np.flatnonzero(cloud.within(solid, place))
     if not len(rows):
-        raise SceneError(f"{place}: found no node in its solid, expected some")
+        raise SceneError(f"{place}: found no node in its solid, {_nearest(solid.triangles, cloud)}; expected some")
     return tuple((rows + 1).tolist())
+
+
+def _nearest(triangles: NDArray[np.float64], cloud: Cloud) -> str:
+    """Where the node nearest to triangles (t, 3, 3) is, for a message."""
+    x, y, z = cloud.position[distances(cloud.position, triangles, np.inf).argmin()]
+    return f"the nearest is at ({x:g}, {y:g}, {z:g}) m"
 
 
 def _condition(condition: SolidCondition, body: Body, cloud: Cloud) -> AnyCondition:
@@ -252,7 +258,9 @@ def _condition(condition: SolidCondition, body: Body, cloud: Cloud) -> AnyCondit
         found, surface = _along(str(where), condition.rows, body, cloud)
     rows = np.flatnonzero(found)
     if not len(rows):
-        raise SceneError(f"{place}: found no node within {condition.rows} rows, expected some")
+        within = "in its solid" if isinstance(where, Shell) else f"within {condition.rows} rows"
+        nearest = f" {_nearest(where.triangles, cloud)};" if isinstance(where, Shell | Sheet) else ""
+        raise SceneError(f"{place}: found no node {within},{nearest} expected some")
     changed: dict[str, object] = {"nodes": tuple((rows + 1).tolist())}
     if isinstance(action, Load) and action.traction is not None:
         changed |= {"rows": condition.rows, "surface": surface}

@@ -8,7 +8,6 @@ from pathlib import Path
 from pdmesh.grid import implicit_lattice, soundness
 from pdmesh.grid.adaptive_scene import nested, undivided
 from pdmesh.grid.bodies import build_body
-from pdmesh.grid.lattice import Shift
 from pdmesh.grid.separate_bodies import build_scene, each_alone
 from pdmesh.model.document import ON_ONE_LATTICE, Document, Settings, write_file
 from pdmesh.model.monitors import contradiction
@@ -16,6 +15,7 @@ from pdmesh.model.node_grid import Grid, document_of
 from pdmesh.model.rigid_bodies import without_bonds
 from pdmesh.scene import checks
 from pdmesh.scene.body import Body
+from pdmesh.scene.conditions import Shift
 from pdmesh.scene.scene import Scene
 from pdmesh.scene.shapes import SceneError
 

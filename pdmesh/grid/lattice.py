@@ -27,7 +27,7 @@ from pdmesh.grid.zones import Level, levels
 from pdmesh.model.document import Horizon, Settings
 from pdmesh.model.kd_trees import tree_of
 from pdmesh.model.node_grid import Grid, places
-from pdmesh.scene.conditions import SLACK
+from pdmesh.scene.conditions import SLACK, Shift
 from pdmesh.scene.heat import medium_of
 from pdmesh.scene.scene import Scene
 from pdmesh.scene.shapes import SceneError, near
@@ -38,14 +38,6 @@ HALVES = ((0.0, 0.5), (0.5, 0.0), (0.5, 0.5))
 EIGHTHS = tuple((x, y) for x, y in itertools.product((0.0, 0.125, -0.125, 0.25, -0.25, 0.375, -0.375, 0.5), repeat=2))
 GAP = 0.75  # of a spacing: finer nodes nearer to a row of coarser ones are dropped
 INTERIOR = 2.5  # of a spacing: so far from a level's edge, no neighbour on the lattice is missing
-
-
-@dataclass(frozen=True)
-class Shift:
-    """A lattice that was moved so that no crack meets a node."""
-
-    spacing: float  # m
-    offset: tuple[float, float]  # m
 
 
 @dataclass(frozen=True)
@@ -66,7 +58,7 @@ def build_grid(scene: Scene) -> tuple[Grid, Settings, tuple[Shift, ...]]:
     nodes = place_nodes(scene)
     areas = cell_areas(nodes.position, scene.shape, nodes.delta, nodes.regular)
     grid = grid_of_nodes(scene, nodes.position, nodes.delta, areas)
-    return grid, settings_of(scene, nodes.position, nodes.delta), nodes.shifts
+    return grid, settings_of(scene, nodes.position, nodes.delta, nodes.shifts), nodes.shifts
 
 
 def place_nodes(scene: Scene, start: tuple[float, float] = (0.0, 0.0)) -> PlacedNodes:
@@ -178,16 +170,21 @@ def edges(
     return near(position, scene.shape.boundary, within), hole_id
 
 
-def settings_of(scene: Scene, position: NDArray[np.float64], delta: NDArray[np.float64]) -> Settings:
-    """Settings of a scene for nodes (n, 2) with spacings (n,), m; ids count from 1. Raises SceneError."""
+def settings_of(
+    scene: Scene, position: NDArray[np.float64], delta: NDArray[np.float64], shifts: tuple[Shift, ...] = ()
+) -> Settings:
+    """Settings of a scene for nodes (n, 2) with spacings (n,), m, on lattices with `shifts`; ids count from 1.
+
+    Raises SceneError.
+    """
     return Settings(
         material=scene.material,
         horizon=Horizon(ratio=float(scene.horizon)),
-        regions=tuple(region.on(position, delta) for region in scene.regions),
-        conditions=tuple(condition.on(position, delta) for condition in scene.conditions),
+        regions=tuple(region.on(position, delta, shifts) for region in scene.regions),
+        conditions=tuple(condition.on(position, delta, shifts) for condition in scene.conditions),
         physics=scene.physics,
         medium=medium_of(scene.medium, scene.material),
-        media=tuple(region.on(position, delta) for region in scene.media),
+        media=tuple(region.on(position, delta, shifts) for region in scene.media),
         area_rule=scene.area_rule,
         run=scene.run,
     )

@@ -9,10 +9,11 @@ import msgspec
 import numpy as np
 
 from pdmesh.grid.cell_areas import cell_areas
-from pdmesh.grid.lattice import Shift, build_grid, grid_of_nodes, place_nodes, settings_of
+from pdmesh.grid.lattice import build_grid, grid_of_nodes, place_nodes, settings_of
 from pdmesh.model.contact import REST
 from pdmesh.model.document import InitialVelocity, Region, RigidBody, Settings
 from pdmesh.model.node_grid import Bodies, Grid
+from pdmesh.scene.conditions import Shift
 from pdmesh.scene.plate import BodyBeside
 from pdmesh.scene.scene import Scene
 from pdmesh.scene.shapes import SceneError
@@ -38,7 +39,7 @@ def build_scene(scene: Scene) -> tuple[Grid, Settings, tuple[Shift, ...]]:
         grids.append(grid_of_nodes(one, nodes.position, nodes.delta, areas))
         shifts += nodes.shifts
     grid = joined(grids, (REST, *(body.name for body in scene.bodies)))
-    settings = settings_of(scene, grid.position, grid.delta)
+    settings = settings_of(scene, grid.position, grid.delta, tuple(shifts))
     regions, moves = _of_bodies(scene, grid)
     settings = msgspec.structs.replace(
         settings,

@@ -23,6 +23,18 @@ R = TypeVar("R", Region, MediumRegion)
 
 
 @dataclass(frozen=True)
+class Shift:
+    """A lattice that was moved so that no crack meets a node."""
+
+    spacing: float  # m
+    offset: tuple[float, float]  # m
+
+    def __str__(self) -> str:
+        x, y = self.offset
+        return f"lattice of {self.spacing:g} m: shifted by ({x:g}, {y:g}) m, off the cracks"
+
+
+@dataclass(frozen=True)
 class Place:
     """The place of a condition: rows of nodes along a curve, the nodes in a surface, or the one nearest to a point."""
 
@@ -55,11 +67,19 @@ class PlacedCondition:
     place: Place
     action: AnyCondition
 
-    def on(self, position: NDArray[np.float64], delta: NDArray[np.float64]) -> AnyCondition:
-        """The condition with its nodes' ids, which count from 1. Raises SceneError if it finds no node."""
+    def on(
+        self, position: NDArray[np.float64], delta: NDArray[np.float64], shifts: Sequence[Shift] = ()
+    ) -> AnyCondition:
+        """The condition with its nodes' ids, which count from 1. Raises SceneError if it finds no node, which says
+        where the nearest is and, by the lattices' `shifts`, what may have moved it."""
         rows = np.flatnonzero(self.place.nodes(position, delta))
         if not len(rows):
-            raise SceneError(f"{describe(self.action)}: found no node within {self.place.rows} rows, expected some")
+            reach = "in its shape" if isinstance(self.place.shape, Surface) else f"within {self.place.rows} rows"
+            nearest = _nearest(self.place.shape, position, shifts)
+            raise SceneError(
+                f"{describe(self.action)}: found no node {reach}, {nearest}; expected"
+                " some, or a point (scene.pin, shapely.Point, a physical point), which takes the node nearest to it"
+            )
         found: dict[str, object] = {"nodes": tuple((rows + 1).tolist())}
         if isinstance(self.action, Load) and self.action.traction is not None:
             found |= {"rows": self.place.rows, "length": float(self.place.shape.length)}
@@ -79,11 +99,12 @@ class PlacedRegion(Generic[R]):
     shape: Surface
     region: R
 
-    def on(self, position: NDArray[np.float64], delta: NDArray[np.float64]) -> R:
-        """The region with its nodes' ids. Raises SceneError if it finds no node."""
+    def on(self, position: NDArray[np.float64], delta: NDArray[np.float64], shifts: Sequence[Shift] = ()) -> R:
+        """The region with its nodes' ids. Raises SceneError if it finds no node, as conditions do."""
         rows = np.flatnonzero(Place(self.shape).nodes(position, delta))
         if not len(rows):
-            raise SceneError(f"{self.kind} '{self.region.name}': found no node in its surface, expected some")
+            where = _nearest(self.shape, position, shifts)
+            raise SceneError(f"{self.kind} '{self.region.name}': found no node in its surface, {where}; expected some")
         return msgspec.structs.replace(self.region, nodes=tuple((rows + 1).tolist()))
 
     @property
@@ -93,6 +114,12 @@ class PlacedRegion(Generic[R]):
 
 
 MaterialRegion = PlacedRegion[Region]
+
+
+def _nearest(shape: shapely.Geometry, position: NDArray[np.float64], shifts: Sequence[Shift]) -> str:
+    """Where the node nearest to a shape is, and how lattices were shifted, for a message."""
+    x, y = position[shapely.distance(shapely.points(position), shape).argmin()]
+    return ", ".join([f"the nearest is at ({x:g}, {y:g}) m", *map(str, shifts)])
 
 
 def describe(action: AnyCondition) -> str:

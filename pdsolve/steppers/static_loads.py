@@ -86,7 +86,8 @@ def in_steps_of_content(model: Model, precision: str) -> Model:
     assert run.time_step is not None
     moves = msgspec.structs.replace(model.settings, run=msgspec.structs.replace(run, solver="explicit"))
     timed = counted(dataclasses.replace(model, settings=moves), run.time_step).settings
-    rests = msgspec.structs.replace(timed, run=msgspec.structs.replace(timed.run, solver="static"))
+    every_step = msgspec.structs.replace(timed.run, solver="static", ledger=run.ledger or 1)  # a step may take minutes
+    rests = msgspec.structs.replace(timed, run=every_step)
     found = dataclasses.replace(model, settings=rests)
     steps = found.settings.run.steps
     _refuse_loads(found, [number * run.time_step for number in range(1, steps + 1)], needed=False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -10,11 +11,13 @@ import msgspec
 import pytest
 from plates import GLASS
 
-from pdmesh import Circle, Material, Run, Scene, SceneError, box, ramp
+from pdmesh import Body, Box, Circle, Material, Run, Scene, SceneError, box, ramp
 from pdmesh.drawing.parameters import NAMES
 from pdmesh.drawing.plate_of_groups import scene_of
 from pdmesh.drawing.plate_places import Group
+from pdmesh.drawing.solids import meshed
 from pdmesh.grid import soundness
+from pdmesh.grid.building import build
 from pdmesh.grid.lattice import build_grid
 from pdmesh.model.document import Settings, encode, read_document, settings_of
 from pdmesh.model.node_grid import document_of
@@ -188,3 +191,22 @@ def test_every_parameter_of_a_drawing(name: str, every: int) -> None:
         groups = [group for group in GROUPS if not (name.endswith("/Box") and kind.startswith(group.name[:3]))]
         message = outcome(lambda values=values, groups=groups: scene_of(groups, values, "test.geo"))
         assert "\n" not in message
+
+
+SMALL = box(-4e-4, -4e-4, 4e-4, 4e-4)
+BLOCK = Body(Box((0, 0, 0), (6e-3, 4e-3, 4e-3)), 1e-3, GLASS)
+
+
+@pytest.mark.parametrize(
+    ("scene", "said"),
+    [
+        (plate().crack([(0, 4e-3), (4e-3, 4e-3)]).fix(SMALL), ["(0, 0.0005) m", "shifted by (0, 0.0005) m", "pin"]),
+        (plate().fix(box(2.1e-3, 0, 2.4e-3, 1e-3)), ["(0.002, 0) m", "Point"]),
+        (plate().fix([(2.2e-3, 2.4e-3), (2.6e-3, 2.4e-3)]), ["(0.002, 0.002) m"]),
+        (plate().region(box(0.0112, 4e-3, 0.0118, 4.5e-3), GLASS), ["(0.011, 0.004) m"]),
+        (BLOCK.fix(Box((1e-3, 1e-3, 1.6e-3), (2e-3, 2e-3, 1.9e-3))), ["(0.0015, 0.0015, 0.0015) m"]),
+    ],
+)
+def test_a_place_without_nodes_says_where_the_nearest_is(scene: Scene | Body, said: list[str]) -> None:
+    with pytest.raises(SceneError, match=".*".join(map(re.escape, said))):
+        build(meshed(scene) if isinstance(scene, Body) else scene)
