@@ -31,7 +31,7 @@ from pdsolve.steppers.static_loads import follows_path
 from pdsolve.steppers.stepped_rest import repeating
 from pdsolve.steppers.touching import Touching
 
-MOST_ALONG_PATH = {2: FACTORED, 3: 12_000}  # free components by dimension: factors take FILLED of memory
+MOST_ALONG_PATH = {2: FACTORED, 3: 10_000}  # free components by dimension: factors of 5800 in space take 0.5 GB
 
 
 def at_rest(model: Model, options: Options, scheme: Scheme, breaks: bool = True) -> Prepared:
