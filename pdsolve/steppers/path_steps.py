@@ -81,7 +81,8 @@ class PathSteps:
         if contact is not None:
             joined = and_touching(joined, contact)
         self._contact = contact
-        found = loose(model.grid.position, model.grid.ids, joined, (held | grounded(model, held.shape[1]))[:, :d])
+        supported = held | grounded(model, drive.force.shape[1])
+        found = loose(model.grid.position, model.grid.ids, joined, supported[:, :d])
         if found.said:
             raise ModelError(f"{model.name}: $.conditions: found {found.said}, expected supports")
         self._held = held
