@@ -339,7 +339,6 @@ def _of_lines(fatigue: Fatigue) -> Iterator[Impossible]:
 
 def _along_path(settings: Settings) -> Iterator[Impossible]:
     """Settings with which bonds that soften are not followed."""
-    yield from _of_kinds(settings, (Spring, Pin), "a load or a displacement, as bonds soften at rest")
     if settings.run.static.method != "newton":
         yield Impossible("$.run.static.method", settings.run.static.method, "newton, as bonds soften")
     if settings.run.static.floating:

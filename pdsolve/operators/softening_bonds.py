@@ -42,7 +42,7 @@ class Response(NamedTuple):
     releases: Array  # (b,) derivative of the spent energy by the stretch, J/m
     spent: float  # J/m, by all bonds since they were made
     toward: Array = NONE  # (b, 2) with shear: derivative of the drive by both strains
-    value: Array = NONE  # (n, d) m, displacements of nodes, where bodies touch
+    value: Array = NONE  # (n, d) m, displacements of nodes, where they have forces beside those of bonds
 
 
 class Softened(NamedTuple):
@@ -75,6 +75,11 @@ class SofteningBonds:
         self.kappa = np.zeros(len(once))
         self._pair, self._softening, self._nodes = curve, curve.softening, nodes
         self._pattern: tuple[Index, Index, Index] | None = None
+        self._ground: csr_array | None = None
+
+    def stand_on(self, stiffness: csr_array) -> None:
+        """Add spring supports and pins of this stiffness (n w, n w), N/m^2: symmetric, on n nodes."""
+        self._ground = stiffness
 
     def remember(self, kept: Mapping[str, NDArray[Any]], broken: Broken) -> None:
         """Take the history of these bonds over from an operator."""
@@ -105,7 +110,15 @@ class SofteningBonds:
         releases = c * self.length * found.releases / 2
         spent, along = float(self.spent(found.kappa).sum()), y / now[:, None]
         return Response(
-            along, now, found.kappa, c * (found.omega * s), c * found.slope, c * found.omega, releases, spent
+            along,
+            now,
+            found.kappa,
+            c * (found.omega * s),
+            c * found.slope,
+            c * found.omega,
+            releases,
+            spent,
+            value=value.copy(),
         )
 
     def _soften(self, drive: Array) -> Softened:
@@ -143,8 +156,12 @@ class SofteningBonds:
         return found
 
     def forces(self, found: Response) -> Array:
-        """Forces (n, d) of bonds on nodes, N/m."""
-        return self._summed(found.force[:, None] * found.along)
+        """Forces (n, d) of bonds and of supports on nodes, N/m."""
+        return self._with_ground(found.value, self._summed(found.force[:, None] * found.along))
+
+    def _with_ground(self, value: Array, force: Array) -> Array:
+        """These forces (n, w) and those of supports at displacements (n, w), N/m."""
+        return force if self._ground is None else force - (self._ground @ value.ravel()).reshape(value.shape)
 
     def gradient(self, found: Response) -> Array:
         """Derivative (n, d) of the spent energy by the displacements, N/m."""
@@ -167,13 +184,15 @@ class SofteningBonds:
         return self._assembled(np.concatenate([block, block, -block, -block]))
 
     def _assembled(self, blocks: Array) -> csr_array:
-        """The matrix (n w, n w) of blocks (4 b, w, w): source-source, target-target, source-target, target-source."""
+        """The matrix (n w, n w) of supports and of blocks (4 b, w, w): source-source, target-target, source-target,
+        target-source."""
         from scipy.sparse import csr_array  # SciPy takes long to import, and few runs ask
 
         w = blocks.shape[1]
         indptr, indices, place = self._structure(w)
         data = np.bincount(place, blocks.ravel(), len(indices))
-        return csr_array((data, indices, indptr), (w * self._nodes, w * self._nodes))
+        found = csr_array((data, indices, indptr), (w * self._nodes, w * self._nodes))
+        return found if self._ground is None else (found + self._ground).tocsr()
 
     def _structure(self, d: int) -> tuple[Index, Index, Index]:
         """Row starts and columns of the tangent, and where each entry of each bond's four blocks belongs."""

@@ -72,11 +72,12 @@ class SofteningShear(SofteningBonds):
         force = np.column_stack([normal * s, c * found.omega * self.ratio * gamma])
         spent, releases = float(self.spent(found.kappa).sum()), c * self.length * found.releases / 2
         secant, slope = c * found.omega, c * found.slope
-        return Response(normal[:, None], self.length, found.kappa, force, slope, secant, releases, spent, toward)
+        drives = found.kappa, force, slope, secant, releases, spent
+        return Response(normal[:, None], self.length, *drives, toward, value.copy())
 
     def forces(self, found: Response) -> Array:
-        """Forces (n, 3) of bonds on nodes, N/m."""
-        return self._pushed(-self.length[:, None] * found.force)
+        """Forces (n, 3) of bonds and of supports on nodes, N/m."""
+        return self._with_ground(found.value, self._pushed(-self.length[:, None] * found.force))
 
     def gradient(self, found: Response) -> Array:
         """Derivative (n, 3) of the spent energy by the values, N/m."""

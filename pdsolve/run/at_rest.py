@@ -14,7 +14,7 @@ from pdsolve.conditions import (
 from pdsolve.laws import law_of
 from pdsolve.model import Model, ModelError
 from pdsolve.operators.bond_list import BondList
-from pdsolve.operators.ground_supports import supported
+from pdsolve.operators.ground_supports import supported, supports_of
 from pdsolve.operators.softening_shear import softening_of
 from pdsolve.options import Options
 from pdsolve.run.assembly import growth_of
@@ -24,12 +24,14 @@ from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import State
 from pdsolve.steppers.equilibrium import Method
 from pdsolve.steppers.load_steps import LoadSteps
-from pdsolve.steppers.newton import FACTORED_IN, Newton
+from pdsolve.steppers.newton import FACTORED, FACTORED_IN, Newton
 from pdsolve.steppers.path_steps import PathSteps
 from pdsolve.steppers.relaxation import Relaxation
 from pdsolve.steppers.static_loads import follows_path
 from pdsolve.steppers.stepped_rest import repeating
 from pdsolve.steppers.touching import Touching
+
+MOST_ALONG_PATH = {2: FACTORED, 3: 10_000}  # free components by dimension: factors of 5800 in space take 0.5 GB
 
 
 def at_rest(model: Model, options: Options, scheme: Scheme, breaks: bool = True) -> Prepared:
@@ -79,15 +81,18 @@ def _along_path(model: Model, options: Options, scheme: Scheme) -> Prepared:
     filling = scheme.fill(model)
     bonded, filled = operator_of(model, options._replace(kernel="listed"), scheme, filling)
     area, nodes = filling.area, len(model.grid)
-    operator, contact = touched_at_rest(model, area, bonded)
+    operator, contact = touched_at_rest(model, area, supported(model, area, bonded))
     width = sum(unknown.width for unknown in operator.unknowns)
     driven = widened(drive(model, area, scheme.exact_load, np.float64), width)
-    if driven.force.size - len(driven.holds.node) > FACTORED_IN[2]:
-        most = FACTORED_IN[2] // width
-        raise ModelError(f"{model.name}: $.nodes: found {nodes}, expected at most {most}, as bonds soften at rest")
+    if driven.force.size - len(driven.holds.node) > MOST_ALONG_PATH[model.grid.dimension]:
+        most = MOST_ALONG_PATH[model.grid.dimension] // width
+        why = "as the tangent of bonds that soften at rest is factored"
+        raise ModelError(f"{model.name}: $.nodes: found {nodes}, expected at most {most}, {why}")
     driven.force[:] = driven.before[:] = driven.held_force[:] = 0
     state = operator.place(State(*np.zeros((3, *driven.force.shape)), *np.zeros((3, nodes))))
-    bonds = softening_of(model, filling.whole(), contact)
+    bonds, ground = softening_of(model, filling.whole(), contact), supports_of(operator)
+    if ground is not None:
+        bonds.stand_on(np.repeat(area, width)[:, None] * ground.stiffness_matrix())
     stepper = PathSteps(model, bonded, driven, area, bonds, contact)
     step, bound = model.settings.run.time_step or 1.0, stable(operator.stiffness_bound(), model.rho)
     found = System(model, options, scheme, operator, stepper, driven, *filled, step, bound, 0.0, contact=contact)

@@ -7,6 +7,7 @@ that work = strain + spent checks the bookkeeping.
 
 from __future__ import annotations
 
+import time as clock
 import warnings
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -21,6 +22,7 @@ from pdsolve.conditions import Drive, put_loads
 from pdsolve.errors import CheckpointError
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.operators.contact.at_rest import RestingContact
+from pdsolve.operators.ground_supports import grounded
 from pdsolve.operators.protocol import Operator
 from pdsolve.operators.softening_bonds import Response, SofteningBonds
 from pdsolve.state import Broken, State
@@ -79,7 +81,8 @@ class PathSteps:
         if contact is not None:
             joined = and_touching(joined, contact)
         self._contact = contact
-        found = loose(model.grid.position, model.grid.ids, joined, held[:, :d])
+        supported = held | grounded(model, drive.force.shape[1])
+        found = loose(model.grid.position, model.grid.ids, joined, supported[:, :d])
         if found.said:
             raise ModelError(f"{model.name}: $.conditions: found {found.said}, expected supports")
         self._held = held
@@ -91,6 +94,8 @@ class PathSteps:
             bonds, Proportional(held, start, end - start), max(static.tolerance, COARSEST), control
         )
         self._most = _largest_step(model)
+        self._whole = self._most * (static.load_steps or CRACK_STEPS)  # of the control
+        self._began: tuple[float, float] | None = None  # s, and the share of the path that was done then
         self._opening = np.inf if static.opening is None else static.opening  # m, of the gap that controls, in the end
         self._more = FIRST * self._most
         self._last, self._before = Path(np.zeros(held.shape), 0.0, 0.0), Path(np.zeros(held.shape), 0.0, 0.0)
@@ -109,6 +114,7 @@ class PathSteps:
 
     def march(self, state: State, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1, in place, unless the path has ended. Raises UnsettledError."""
+        self._began = self._began or (clock.monotonic(), self._share())
         for step in range(first, last):
             if not self.ended:
                 self._take(state, step)
@@ -138,11 +144,23 @@ class PathSteps:
         self._bonds.remember(self._operator.keep(), self._operator.broken())
 
     def words(self) -> str:
-        """The load and the spent energy, for a progress display."""
+        """The load, the spent energy and the time that is left, for a progress display."""
         if not self.rested:
             return "elastic"
         most = max(abs(one.pull) for one in self.rested)
-        return f"load {self.rested[-1].pull / most:.0%} of its peak, spent {self._last.spent:.3g} J/m"
+        unit = Dissipation.unit if self._model.grid.dimension == 2 else "J"
+        said = f"load {self.rested[-1].pull / most:.0%} of its peak, spent {self._last.spent:.3g} {unit}"
+        began, before = self._began or (0.0, 1.0)
+        share = self._share()
+        if share <= before:
+            return said
+        left = (clock.monotonic() - began) * (1 - share) / (share - before)
+        return f"{said}, about {left:.0f} s left"
+
+    def _share(self) -> float:
+        """How much of the path is done: of the factor, or of the control until a crack is through, the larger."""
+        factor = max((one.factor for one in self.rested), default=0.0)
+        return min(max(factor, self._measure(self._last) / self._whole), 1.0)
 
     def _take(self, state: State, step: int) -> None:
         if self._contact is not None:

@@ -9,10 +9,12 @@ from numpy.typing import NDArray
 from plates import GLASS, plate, square_grid
 
 from pdmesh.model.cohesive_cracks import AREA, critical_opening, crossing, first_stretch, largest_horizon
-from pdmesh.model.document import Material, Run
+from pdmesh.model.document import Horizon, Material, Run, Settings
+from pdmesh.model.node_grid import Grid
 from pdsolve.bonds.assembly import Bonds
 from pdsolve.laws import law_of
 from pdsolve.laws.pair_laws import cohesive
+from pdsolve.model import Model
 from pdsolve.operators.bond_list import BondList
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
@@ -55,6 +57,27 @@ def test_halves_moved_apart_spend_G0(shape: str, profile: str, plane: str, m: fl
     model = patch(material, m)
     bonds = average_horizon.fill(model).whole().bonds
     assert cost(law_of(model), model, bonds) / G0 == pytest.approx(1, abs=1e-6)  # measured 1e-12
+
+
+@shapes
+@pytest.mark.parametrize("profile", ["constant", "conical"])
+def test_halves_moved_apart_in_space_spend_G0(shape: str, profile: str) -> None:
+    """The bonds of one column of a cubic lattice that cross a plane, over G0, where l_ch is 2.5 horizons."""
+    m, G0 = 3, 1e-12
+    given = {"shape": shape, "micromodulus": profile, "plane": "space", "G0": G0, "E": 1.0}
+    material = msgspec.structs.replace(CONCRETE, f_t=float(np.sqrt(G0 / (2.5 * m))), **given)
+    wide, high = np.arange(-2 * m, 2 * m + 1.0), np.arange(-3 * m - 1, 3 * m + 1) + 0.5
+    position = np.stack(np.meshgrid(wide, wide, high, indexing="ij"), axis=-1).reshape(-1, 3)
+    count = len(position)
+    nowhere = np.full(count, -1)
+    grid = Grid(np.arange(count), position, np.ones(count), nowhere >= 0, nowhere, np.zeros((0, 9)))
+    model = Model(grid, Settings(material=material, horizon=Horizon(m)))
+    whole = average_horizon.fill(model).whole().bonds
+    source, middle = np.repeat(np.arange(count), np.diff(whole.start)), (position[:, :2] == 0).all(axis=1)
+    column = middle[source] | middle[whole.neighbour]
+    start = np.searchsorted(source[column], np.arange(count + 1))
+    bonds = Bonds(start, *(part[column] for part in whole[1:]))
+    assert cost(law_of(model), model, bonds) / G0 == pytest.approx(1, abs=1e-6)  # measured 2e-9
 
 
 def one_bond(shape: str) -> tuple[BondList, State]:

@@ -171,10 +171,3 @@ def test_what_a_pin_or_a_bed_along_one_axis_leaves_free_is_said() -> None:
 def test_what_cannot_be_is_refused(bed: Spring, run: Run, said: str) -> None:
     with pytest.raises(ValueError, match=said):
         prepare(plate(square_grid(21, 11), conditions=(bed,), run=run), Options(threads=1))
-
-
-def test_bonds_that_soften_at_rest_refuse_a_bed() -> None:
-    soft = msgspec.structs.replace(GLASS, law="cohesive", f_t=3e6)
-    bed = Spring(box=BOTTOM, stiffness=(0.0, 1e9))
-    with pytest.raises(ValueError, match=r"\$\.conditions\[0\]: found spring"):
-        prepare(plate(square_grid(21, 11), conditions=(bed,), run=REST, material=soft), Options(threads=1))

@@ -85,7 +85,9 @@ def test_an_opening_that_closes_ends_with_its_own_exit_code(tmp_path: Path, caps
     model, path = beam(Static(control="top", opening=1e-4)), tmp_path / "beam.json"
     write_file(document_of(model.grid, model.settings), path)
     assert pdsolve([str(path), "-o", str(tmp_path / "beam.sqlite"), "-q"]) == 3
-    assert re.search(naming("path step 1", found="'top'", expected="grows"), capsys.readouterr().err)
+    said = capsys.readouterr().err
+    assert re.search(naming("path step 1", found="'top'", expected="grows"), said)
+    assert said.count("\n") == 1
 
 
 def test_an_opening_that_closes_is_refused_and_the_start_is_kept(tmp_path: Path) -> None:

@@ -16,18 +16,22 @@ from softened import PETERSSONS as CONCRETE
 from softened import beam
 from whole import contents
 
+from pdmesh.model.document import Spring
 from pdsolve.laws import law_of
 from pdsolve.model import Model, ModelWarning
 from pdsolve.operators.softening_bonds import SofteningBonds
 from pdsolve.results import Results
 from pdsolve.run.after_path import name_of
 from pdsolve.run.estimate import estimate_run
+from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Options, resume, simulate
 from pdsolve.schemes import SCHEMES
+from pdsolve.steppers.path_steps import PathSteps
 
 ONE = Options(threads=1)
 RAMP = ((0.0, 0.0), (1.0, 1.0))
 WIDTH = 0.05  # m
+BED, BED_LENGTH = 4e9, 0.02  # N/m^3, m
 
 
 def force(results: Results) -> NDArray[np.float64]:
@@ -99,16 +103,17 @@ def test_forces_tangent_and_dissipation_belong_together() -> None:
 
 
 @pytest.mark.slow
-def test_the_order_of_nodes_does_not_matter() -> None:
+def test_neither_the_order_of_nodes_nor_threads_matter() -> None:
     model = beam(0.02, load_steps=20)
     order = np.random.default_rng(3).permutation(len(model.grid))
     names = ("ids", "position", "delta", "border", "hole_id")
     grid = dataclasses.replace(model.grid, **{name: getattr(model.grid, name)[order] for name in names})
     found = []
-    for one in (model, Model(grid, model.settings)):
-        with simulate(one, None, ONE) as results:
+    for one, threads in ((model, 1), (Model(grid, model.settings), 1), (model, 2)):
+        with simulate(one, None, Options(threads=threads)) as results:
             found.append(force(results))
     assert len(found[0]) == len(found[1])
+    assert (found[2] == found[0]).all()
     assert np.abs(found[0] - found[1]).max() < 1e-9 * found[0].max()  # measured: 2e-13
 
 
@@ -151,3 +156,45 @@ def test_a_path_under_dead_loads_may_end_past_the_largest() -> None:
     with pytest.warns(ModelWarning, match="ends here"), simulate(under_dead_loads("stop"), None, ONE) as results:
         found = [one["pull"] for one in summary(results)["path_steps"]]
     assert 0.5 < abs(found[-1]) / max(map(abs, found)) < 0.98
+
+
+def on_beds(law: dict[str, Any]) -> Model:
+    """A notched beam on one node at its left and on a bed at its right, pushed down in its middle."""
+    model = beam(0.02)
+    material, (left, right, middle) = model.settings.material, model.settings.conditions
+    assert material is not None
+    bed = Spring(nodes=right.nodes, stiffness=(0.0, BED), length=BED_LENGTH)
+    settings = msgspec.structs.replace(
+        model.settings, conditions=(left, bed, middle), material=msgspec.structs.replace(material, **law)
+    )
+    return dataclasses.replace(model, settings=settings)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("law", [{}, {"model": "micropolar", "nu": 0.2}], ids=["springs", "shear"])
+def test_a_beam_on_an_elastic_bed_sinks_by_its_force_over_it(law: dict[str, Any]) -> None:
+    """Its share of the load is that of the arms, before and after the peak; the bed's energy is in the books."""
+    model = on_beds(law)
+    left, right, middle = (model.grid.position[model.selected(one), 0].mean() for one in model.settings.conditions)
+    with simulate(model, None, ONE) as results:
+        table, said = results.reactions(), summary(results)
+    bed, load = (table[table["condition"] == number] for number in (1, 2))
+    push, share = np.abs(load["force_y"]), (middle - left) / (right - left)
+    assert push[-1] < 0.1 * push.max()  # measured: 0.03 and 0.05
+    assert np.abs(bed["force_y"] - share * push).max() < 1e-4 * push.max()  # measured: 5e-6
+    assert np.abs(bed["displacement_y"] + bed["force_y"] / (BED * BED_LENGTH)).max() < 1e-12 * WIDTH
+    assert abs(said["balance"]) < 1e-3  # measured: 1.4e-4 and 2.3e-4
+
+
+def test_progress_says_how_long_a_path_still_takes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By the share of its crack, or of its loads."""
+    seconds = iter(range(0, 1000, 10))
+    monkeypatch.setattr("pdsolve.steppers.path_steps.clock.monotonic", lambda: next(seconds))
+    prepared = prepare(beam(0.02, load_steps=20), ONE)
+    stepper = prepared.system.stepper
+    assert isinstance(stepper, PathSteps)
+    assert stepper.words() == "elastic"
+    prepared.march(1, 5)
+    done = max(stepper.rested[-1].spent / (CONCRETE.G0 * 0.2), stepper.factor)
+    assert 0.01 < done < 0.3
+    assert f"about {10 * (1 - done) / done:.0f} s left" in stepper.words()

@@ -10,12 +10,13 @@ import pytest
 from numpy.typing import NDArray
 from plates import plate, square_grid
 
-from pdmesh.model.document import Material, Region, Run, Velocity
+from pdmesh.model.document import Displacement, Material, Region, Run, Static, Velocity
 from pdmesh.model.material_constants import dimension_of
 from pdmesh.model.node_grid import Grid
 from pdsolve.options import Options
 from pdsolve.run.measures import books
 from pdsolve.run.prepare import prepare
+from pdsolve.run.simulation import simulate
 
 LENGTH, HEIGHT, F_T, WEAKER = 0.2, 0.1, 3e6, 0.99  # m, m, Pa; strength of the two columns in the middle, over f_t
 CONCRETE = Material(E=30e9, rho=2400.0, G0=100.0, law="cohesive", f_t=F_T, micromodulus="constant")
@@ -97,3 +98,32 @@ def test_a_bar_in_plane_strain_peaks_at_its_strength(m: float) -> None:
 def test_a_bar_in_space_peaks_at_its_strength(shape: str) -> None:
     """The most that is off, as ten cells of a horizon of three are mostly surface."""
     assert pulled(0.01, 3.0, shape, "space").stress.max() == pytest.approx(1, abs=0.08)  # measured 0.985, 0.935
+
+
+def at_rest(h: float) -> float:
+    """The largest stress over f_t of a bar in space that is pulled apart at rest."""
+    grid = bar(h, 3)
+    material = msgspec.structs.replace(CONCRETE, shape="linear", plane="space")
+    near, far, end = -1.0, 0.6 * h, 1e-4  # m, m, m
+    conditions = (
+        Displacement(box=(near, near, near, far, 1.0, 1.0), x=0.0),
+        Displacement(box=(near, near, near, far, far, 1.0), y=0.0),
+        Displacement(box=(near, near, near, far, 1.0, far), z=0.0),
+        Displacement(box=(LENGTH - far, near, near, 1.0, 1.0, 1.0), x=end, profile=((0.0, 0.0), (1.0, 1.0))),
+    )
+    weak = msgspec.structs.replace(material, f_t=WEAKER * F_T)
+    middle = Region(box=(LENGTH / 2 - h, near, near, LENGTH / 2 + h, 1.0, 1.0), material=weak)
+    run = Run(solver="static", static=Static(load_steps=10))
+    model = plate(grid, 3, material=material, regions=(middle,), conditions=conditions, run=run)
+    with simulate(model, None, Options(threads=1)) as results:
+        table = results.reactions()
+        pull = np.abs(table["force_x"][table["condition"] == 3])
+    assert pull[-1] < 0.1 * pull.max()
+    return float(pull.max()) / HEIGHT**2 / F_T
+
+
+@pytest.mark.filterwarnings("ignore:.*which do not break:pdsolve.model.ModelWarning")  # it is pulled evenly
+@pytest.mark.parametrize("h", [0.02, pytest.param(0.01, marks=pytest.mark.slow)])
+def test_a_bar_in_space_at_rest_peaks_at_its_strength(h: float) -> None:
+    """As in motion."""
+    assert at_rest(h) == pytest.approx(1, abs=0.08)  # measured 0.994, 1.010

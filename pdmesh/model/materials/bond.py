@@ -18,10 +18,9 @@ def wrong(material: Material) -> Refusals:
 
 
 def at_rest(material: Material, breaks: bool) -> Refusals:
-    """Load steps follow bonds that break, path steps those of a plate that soften to nothing along a curve."""
-    followed = FOLLOWED if material.plane != "space" else FOLLOWED[:1]
-    if breaks and softens(material) and material.law not in followed:
-        yield Refusal("law", f"{' or '.join(map(repr, followed))}, as the solver is static")
+    """Load steps follow bonds that break, path steps those that soften to nothing along a curve."""
+    if breaks and softens(material) and material.law not in FOLLOWED:
+        yield Refusal("law", f"{' or '.join(map(repr, FOLLOWED))}, as the solver is static")
 
 
 def one_sided(material: Material) -> Refusals:

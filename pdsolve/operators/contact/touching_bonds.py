@@ -29,12 +29,8 @@ class TouchingBonds(SofteningBonds):
         super().__init__(law, whole)
         self._contact, self.symmetric = contact, contact.symmetric
 
-    def respond(self, value: Array) -> Response:
-        """The response at displacements (n, d), which it keeps for contact."""
-        return super().respond(value)._replace(value=value.copy())
-
     def forces(self, found: Response) -> Array:
-        """Forces (n, d) of bonds and of contact on nodes, N/m."""
+        """Forces (n, d) of bonds, of supports and of contact on nodes, N/m."""
         return super().forces(found) + self._contact.forces(found.value)
 
     def tangent(self, found: Response, secant: bool = False) -> csr_array:

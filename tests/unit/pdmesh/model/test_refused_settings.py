@@ -18,7 +18,6 @@ from pdmesh.model.document import (
     Collocation,
     Material,
     ParticleRules,
-    Region,
     Run,
     Settings,
     Static,
@@ -35,7 +34,6 @@ SOLID = msgspec.structs.replace(GLASS, model="correspondence", nu=0.2, failure="
 BOX = (0.0, 0.0, 1e-3, 1e-3)
 OWN = msgspec.structs.replace(GLASS, law="own")
 COLLOCATED = Run(adapt="collocation", collocation=Collocation(damped=True))
-BEYOND = Region(box=BOX, material=SOFT)
 
 
 def of(material: Material, run: Run, **more: Any) -> Settings:
@@ -58,17 +56,11 @@ def changed(**more: Any) -> Material:
 @pytest.mark.parametrize(
     ("settings", "dimension", "said"),
     [
-        (of(SOFT, Run(solver="static")), 3, naming("$.material.law", found="'bilinear'", expected="'brittle'")),
         (of(SOFT, Run(solver="static", after="motion")), 2, naming("$.run.duration", found="none", expected="seconds")),
         (
             of(SOFT, Run(solver="static", after="motion", duration=1e-3), contact=Contact()),
             2,
             naming("$.contact", found="some", expected="none"),
-        ),
-        (
-            of(GLASS, Run(solver="static"), regions=(BEYOND,)),
-            3,
-            naming("$.regions[0].material.law", found="'bilinear'"),
         ),
         (
             of(SOFT, Run(solver="static", static=Static(method="relaxation"))),
