@@ -85,28 +85,19 @@ def arranged(whole: Whole, zone: Zone, new: NDArray[np.int64]) -> Zone:
     arrangement.classify(box, fine.tiles.node, zone.cells, dirty, zone.kind, zone.above)
     zone = zone._replace(tiles=_copied(zone.tiles), springs=_copied(zone.springs))
     made = arrangement.pieces_of(2 * len(zone.pieces.owner) + ROOM * len(dirty))
-    scratch = np.zeros(arrangement.ENDS)
-    count = arrangement.arrange(fine, zone.cells, zone.tiles.bits, dirty, made, scratch)
+    count = arrangement.arrange(fine, zone.cells, zone.tiles.bits, dirty, made)
     if count > len(made.owner):
         made = arrangement.pieces_of(count)
-        arrangement.arrange(fine, zone.cells, zone.tiles.bits, dirty, made, scratch)
+        arrangement.arrange(fine, zone.cells, zone.tiles.bits, dirty, made)
     stale = np.zeros(len(zone.kind), dtype=bool)
     stale[dirty] = True
     kept = ~stale[zone.pieces.owner]
     old = zone.pieces
-    fresh = Pieces(made.owner[:count], made.kind[:count], made.site[:count], made.k[:count], made.breaks[:count])
-    both = Pieces(
-        np.concatenate([old.owner[kept], fresh.owner]),
-        np.concatenate([old.kind[kept], fresh.kind]),
-        np.concatenate([old.site[kept], fresh.site]),
-        np.concatenate([old.k[kept], fresh.k]),
-        np.concatenate([old.breaks[kept], fresh.breaks]),
-    )
+    both = Pieces(*(np.concatenate([own[kept], new_one[:count]]) for own, new_one in zip(old, made, strict=True)))
     order = np.argsort(both.owner, kind="stable")
     corners = np.unique((new[:, None] + np.array(list(np.ndindex(2, 2, 2)))).reshape(-1, 3), axis=0)
     coarse_springs.set_springs(box, zone.cells, whole.springs_at.ways, corners, zone.springs)
-    ordered = Pieces(both.owner[order], both.kind[order], both.site[order], both.k[order], both.breaks[order])
-    return zone._replace(pieces=ordered)
+    return zone._replace(pieces=Pieces(*(each[order] for each in both)))
 
 
 def begun(whole: Whole, cells: NDArray[np.uint8], springs: Tiles) -> Zone:
