@@ -62,7 +62,7 @@ def places(box: Box, sites: NDArray[np.signedinteger]) -> NDArray[np.int64]:
     return np.column_stack([sites % box.sx, sites // box.sx % box.sy, sites // (box.sx * box.sy)])
 
 
-def _near(box: Box, new: NDArray[np.int64], reach: int) -> NDArray[np.int64]:
+def near(box: Box, new: NDArray[np.int64], reach: int) -> NDArray[np.int64]:
     """The sites, in order, of fine nodes within `reach` spacings of cells (k, 3)."""
     marked = np.zeros((box.sz, box.sy, box.sx), dtype=bool)
     for x, y, z in (2 * new).tolist():
@@ -81,7 +81,7 @@ def arranged(whole: Whole, zone: Zone, new: NDArray[np.int64]) -> Zone:
     Bits and numbers are new arrays: results may still ask for bonds of before.
     """
     fine, box = whole.fine, whole.fine.box
-    dirty = _near(box, new, fine.reach)
+    dirty = near(box, new, fine.reach)
     arrangement.classify(box, fine.tiles.node, zone.cells, dirty, zone.kind, zone.above)
     zone = zone._replace(tiles=_copied(zone.tiles), springs=_copied(zone.springs))
     made = arrangement.pieces_of(2 * len(zone.pieces.owner) + ROOM * len(dirty))

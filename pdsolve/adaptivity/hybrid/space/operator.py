@@ -20,7 +20,7 @@ from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.adaptivity.hybrid.irregular_bonds import part_of
 from pdsolve.adaptivity.hybrid.space import arrangement, coarse_springs, pieces
 from pdsolve.adaptivity.hybrid.space.box import BORDER, COARSE, FINE, FREE
-from pdsolve.adaptivity.hybrid.space.layout import Whole, Zone, arranged, listed, places
+from pdsolve.adaptivity.hybrid.space.layout import Whole, Zone, arranged, listed, near, places
 from pdsolve.adaptivity.hybrid.space.zone import mark_balls
 from pdsolve.adaptivity.hybrid.springs import e_of
 from pdsolve.bonds.assembly import Counted
@@ -234,14 +234,27 @@ class SpaceHybrid:
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Strain energy densities (n,), J/m^3, and zeros: no bond softens."""
+        return self._held(state, [(0, len(self._zone.tiles.kind))]), np.zeros(len(self.sites))
+
+    def held_around(self, state: State, new: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Strain energy densities (n,), J/m^3, without fine bonds that are as they were before the cells `new` (k, 3)
+        became fine."""
+        tiles = near(self.whole.fine.box, new, self.whole.fine.reach) // ROW  # in order
+        first = np.flatnonzero(np.diff(tiles, prepend=-2) > 1)
+        last = np.append(tiles[first[1:] - 1], tiles[-1]) + 1
+        return self._held(state, list(zip(tiles[first].tolist(), last.tolist(), strict=True)))
+
+    def _held(self, state: State, some: list[tuple[int, int]]) -> NDArray[np.float64]:
+        """Strain energy densities (n,), J/m^3, with the fine bonds of these ranges of tiles alone."""
         self._place(state.value)
         zone, nodes, held = self._zone, len(self.sites), np.zeros(len(self.sites))
         own, nothing = np.zeros((2, len(self._density)))
-        hold_tiles(zone.tiles, zone.u, own, nothing, 0, len(zone.tiles.kind))
+        for first, last in some:
+            hold_tiles(zone.tiles, zone.u, own, nothing, first, last)
         coarse_springs.hold_springs(zone.springs, zone.u_coarse, held)
         pieces.hold_pieces(state.value, self._pieces, held)
         pieces.pass_on(own[nodes:, None], self._on, self._w, self._border_volume, held[:, None])
-        return held / self.volume + own[:nodes], np.zeros(nodes)
+        return held / self.volume + own[:nodes]
 
     def fields(self, state: State) -> dict[str, NDArray[np.float64]]:
         """Empty: bonds store no fields beside the displacements."""
