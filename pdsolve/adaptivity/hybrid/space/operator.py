@@ -113,7 +113,9 @@ class SpaceHybrid:
         ends, points = arrangement.ended(fine, self._zone.kind, found)
         u, force = np.zeros((2, len(points.count), 4))
         of_points = points.count, self._row[points.site], points.w
-        return pieces.PieceSprings(*of_points, ends, *arrangement.directed(fine, found), found.k, found.breaks, u, force)
+        return pieces.PieceSprings(
+            *of_points, ends, *arrangement.directed(fine, found), found.k, found.breaks, u, force
+        )
 
     def _above(self, sites: NDArray[np.int64]) -> NDArray[np.int64]:
         """The coarse sites at fine sites."""

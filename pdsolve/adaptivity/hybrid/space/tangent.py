@@ -1,7 +1,7 @@
 """Tangent of the forces on the nodes of a body with a fine zone: fine bonds, coarse springs, pieces of clipped bonds.
 
-All of them are springs between points: nodes, fine nodes on the border, and those at which pieces end, in this order. A point
-moves with nodes by weights, and passes its forces to them by the same weights.
+All of them are springs between points: nodes, fine nodes on the border, and those at which pieces end, in this order. A
+point moves with nodes by weights, and passes its forces to them by the same weights.
 """
 
 from __future__ import annotations
