@@ -66,7 +66,7 @@ def pieces_of(count: int) -> Pieces:
 class Points(NamedTuple):
     """The q places at which pieces end, in the order in which pieces name them: nodes, or places on the border."""
 
-    count: NDArray[np.int64]  # (q,) nodes that move it
+    number: NDArray[np.int64]  # (q,) nodes that move it
     site: NDArray[np.int32]  # (q, 4) their fine sites
     w: NDArray[np.float64]  # (q, 4) their weights
 
@@ -236,9 +236,9 @@ def carry_places(fine, kind, places, points):  # type: ignore[no-untyped-def]
         else:
             beyond = (x % cell / cell, y % cell / cell, z % cell / cell)
             _between(box, x // cell, y // cell, z // cell, beyond, sites, w)
-        points.count[n] = 0
+        points.number[n] = 0
         for m in range(ENDS):
-            points.count[n] += w[m] > 0
+            points.number[n] += w[m] > 0
 
 
 def ended(fine: Fine, kind: NDArray[np.uint8], pieces: Pieces) -> tuple[NDArray[np.int32], Points]:

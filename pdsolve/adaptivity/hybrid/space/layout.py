@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from pdsolve.operators.simd_lattice.layout import aligned
 from pdsolve.operators.space_lattice.kernel import Tiles
 from pdsolve.operators.space_lattice.sites import Sites
 
+Number = TypeVar("Number", bound=np.generic)
 ROOM = 16  # pieces of a node, about
 
 
@@ -93,11 +94,22 @@ def arranged(whole: Whole, zone: Zone, new: NDArray[np.int64]) -> Zone:
     stale[dirty] = True
     kept = ~stale[zone.pieces.owner]
     old = zone.pieces
-    both = Pieces(*(np.concatenate([own[kept], new_one[:count]]) for own, new_one in zip(old, made, strict=True)))
-    order = np.argsort(both.owner, kind="stable")
+    owner = np.concatenate([old.owner[kept], made.owner[:count]])
+    order = np.argsort(owner, kind="stable")
+
+    def both(ours: NDArray[Number], others: NDArray[Number]) -> NDArray[Number]:
+        return np.concatenate([ours[kept], others[:count]])[order]
+
+    ordered = Pieces(
+        owner[order],
+        both(old.kind, made.kind),
+        both(old.ends, made.ends),
+        both(old.k, made.k),
+        both(old.breaks, made.breaks),
+    )
     corners = np.unique((new[:, None] + np.array(list(np.ndindex(2, 2, 2)))).reshape(-1, 3), axis=0)
     coarse_springs.set_springs(box, zone.cells, whole.springs_at.ways, corners, zone.springs)
-    return zone._replace(pieces=Pieces(*(each[order] for each in both)))
+    return zone._replace(pieces=ordered)
 
 
 def begun(whole: Whole, cells: NDArray[np.uint8], springs: Tiles) -> Zone:

@@ -111,8 +111,8 @@ class SpaceHybrid:
         """The pieces between the nodes."""
         fine = self.whole.fine
         ends, points = arrangement.ended(fine, self._zone.kind, found)
-        u, force = np.zeros((2, len(points.count), 4))
-        of_points = points.count, self._row[points.site], points.w
+        u, force = np.zeros((2, len(points.number), 4))
+        of_points = points.number, self._row[points.site], points.w
         return pieces.PieceSprings(
             *of_points, ends, *arrangement.directed(fine, found), found.k, found.breaks, u, force
         )

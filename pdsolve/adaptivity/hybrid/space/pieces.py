@@ -21,7 +21,7 @@ from pdsolve.operators.simd_lattice.kernel import INNER
 class PieceSprings(NamedTuple):
     """The p pieces between q points, which move with nodes."""
 
-    count: NDArray[np.int64]  # (q,) nodes that move a point
+    number: NDArray[np.int64]  # (q,) nodes that move a point
     rows: NDArray[np.int32]  # (q, 4) these nodes
     w: NDArray[np.float64]  # (q, 4) their weights
     ends: NDArray[np.int32]  # (p, 2) points
@@ -45,8 +45,8 @@ def sum_pieces(value, pieces, force):  # type: ignore[no-untyped-def]
     for n in range(len(pieces.k)):
         i, j, row = np.int64(pieces.ends[n, 0]), np.int64(pieces.ends[n, 1]), np.int64(pieces.direction[n])
         largest = max(largest, pieces.breaks[n] * add_piece(u, sums, xi, i, j, row, pieces.k[n]))
-    for q in range(len(pieces.count)):
-        for m in range(pieces.count[q]):
+    for q in range(len(pieces.number)):
+        for m in range(pieces.number[q]):
             row, share = pieces.rows[q, m], pieces.w[q, m]
             for axis in range(3):
                 force[row, axis] += share * sums[q, axis]
@@ -56,9 +56,9 @@ def sum_pieces(value, pieces, force):  # type: ignore[no-untyped-def]
 @njit(**INNER)
 def _put_points(value, pieces):  # type: ignore[no-untyped-def]
     """Fill in the displacements of the points."""
-    for q in range(len(pieces.count)):
+    for q in range(len(pieces.number)):
         x = y = z = 0.0
-        for m in range(pieces.count[q]):
+        for m in range(pieces.number[q]):
             row, share = pieces.rows[q, m], pieces.w[q, m]
             x, y, z = x + share * value[row, 0], y + share * value[row, 1], z + share * value[row, 2]
         pieces.u[q, 0], pieces.u[q, 1], pieces.u[q, 2] = x, y, z
@@ -79,8 +79,8 @@ def hold_pieces(value, pieces, held):  # type: ignore[no-untyped-def]
         found = pieces.k[n] / row[3] * stretch * stretch / 4
         energy[i, 0] += found
         energy[j, 0] += found
-    for q in range(len(pieces.count)):
-        for m in range(pieces.count[q]):
+    for q in range(len(pieces.number)):
+        for m in range(pieces.number[q]):
             held[pieces.rows[q, m]] += pieces.w[q, m] * energy[q, 0]
 
 
