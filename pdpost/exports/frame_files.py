@@ -81,13 +81,12 @@ def pvd(
     also: Sequence[str] = (),
     squares: bool = False,
     progress: Progress = iter,
+    crack: Callable[[Path, Results, int], None] | None = None,
 ) -> None:
     """Write frames as VTU files in the folder `path` without its suffix, and `path` itself, which lists their times.
 
-    Of a body that may crack, the surface of its cracks is written beside each, as VTP, and listed as its second part.
+    `crack` writes the surface of the cracks after a step; it is listed as the second part of each frame.
     """
-    from pdpost.exports import surface_files
-
     folder = path.with_suffix("")
     folder.mkdir(exist_ok=True)
     times = _times(results)
@@ -96,9 +95,9 @@ def pvd(
         name = f"{folder.name}/{path.stem}_{step:08d}.vtu"
         vtu(results, step, path.parent / name, also, squares)
         names = [name]
-        if results.dimension == 3 and not diffuses(results):
+        if crack is not None:
             names.append(f"{folder.name}/{path.stem}_crack_{step:08d}.vtp")
-            surface_files.write_frame(path.parent / names[1], results, step)
+            crack(path.parent / names[1], results, step)
         for part, each in enumerate(names):
             lines.append(f'    <DataSet timestep="{times[step]!r}" part="{part}" file={quoteattr(each)}/>')
     head = '<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">\n  <Collection>'
