@@ -60,15 +60,8 @@ def frames(
     open by the plane `clip` (axis, m), with its cracks. Raises FieldError, and ResultsError naming what is available.
     """
     part = fields.component(name, part, results.dimension)
-    if clip is not None:
-        expect_body(results)
-        steps = chosen(results, every)
-        if largest is None and name != "damage":
-            largest = slice_figure.largest_of(results, name, part, steps)
-        yield from crack_render.film(results, name, part, progress(steps), clip, dpi, largest)
-        return
-    if results.dimension == 3:
-        yield from slice_figure.film(results, name, part, every, dpi, largest, progress)
+    if results.dimension == 3 or clip is not None:
+        yield from _in_space(results, name, part, clip, every, dpi, largest, progress)
         return
     steps = chosen(results, every)
     still = hidden(shape(results, steps[0], 0.0), hide)
@@ -104,6 +97,27 @@ def frames(
         yield np.asarray(canvas.buffer_rgba())[:, :, :3].copy()
         for artist in cells:
             artist.remove()
+
+
+def _in_space(
+    results: Results,
+    name: str,
+    part: str,
+    clip: tuple[str, float] | None,
+    every: int,
+    dpi: float,
+    largest: float | None,
+    progress: Progress,
+) -> Iterator[Pixels]:
+    """Pictures of a body: cut open by a plane, or on three of them."""
+    expect_body(results)
+    if clip is None:
+        yield from slice_figure.film(results, name, part, every, dpi, largest, progress)
+        return
+    steps = chosen(results, every)
+    if largest is None and name != "damage":
+        largest = slice_figure.largest_of(results, name, part, steps)
+    yield from crack_render.film(results, name, part, progress(steps), clip, dpi, largest)
 
 
 def gif(
