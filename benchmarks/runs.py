@@ -18,6 +18,7 @@ BODIES = (
     "ball_through_glass.py",
     "branching_block.py",
     "expanding_ring.py",
+    "inclined_penny.py",
     "kalthoff_winkler_block.py",
     "penny.geo",
     "screw.geo",

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from pdmesh import commandline
 from pdpost.commands.pictures import FIELDS
 from pdpost.commands.shared import (
+    add_clip,
     add_colours,
     add_every,
     add_results,
@@ -30,6 +31,7 @@ def add(commands: Commands) -> None:
     _add_field(animate, "the film, .gif or .mp4 (default: the results' name with the field's and .gif)")
     add_every(animate)
     animate.add_argument("--rate", type=positive, default=10.0, metavar="N", help="frames a second (default: 10)")
+    add_clip(animate)
     animate.set_defaults(run=_animate)
     watch = commands.add_parser("watch", help="redraw a field with each new frame of a run in progress")
     _add_field(watch, "the picture (default: the results' name with the field's and .png)")
@@ -84,6 +86,7 @@ def _animate(args: argparse.Namespace) -> int:
             "largest": args.largest,
             "window": args.window,
             "hide": args.hide,
+            "clip": args.clip,
             "every": args.every,
             "dpi": animation.DPI if dpi == "figure" else float(dpi),
             "progress": counted(args, "drawing"),

@@ -57,8 +57,9 @@ def _tensors(text: str) -> tuple[str, ...]:
 
 
 def _export(args: argparse.Namespace) -> int:
-    from pdpost.exports import frame_files, xdmf
+    from pdpost.exports import frame_files, surface_files, xdmf
     from pdpost.reading.frame_steps import chosen
+    from pdpost.reading.stored_fields import diffuses
     from pdsolve.results import Results
 
     if args.assignments:
@@ -89,7 +90,9 @@ def _export(args: argparse.Namespace) -> int:
             frame_files.table(results, steps[0], path, args.also)
         else:
             series = partial(frame_files.xdmf, inline=args.inline)
-            writes: dict[str, Callable[..., None]] = {".pvd": frame_files.pvd, ".xdmf": series, ".msh": frame_files.msh}
+            cracks = results.dimension == 3 and not diffuses(results)
+            parts = partial(frame_files.pvd, crack=surface_files.write_frame if cracks else None)
+            writes: dict[str, Callable[..., None]] = {".pvd": parts, ".xdmf": series, ".msh": frame_files.msh}
             writes[kind](results, path, steps, args.also, args.squares, progress)
         count = len(results.nodes(steps[-1]).ids)
     commandline.report(_told(path, steps, count), [f"{path}: {count} nodes, {len(steps)} frames"], args)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pdmesh import commandline
 from pdpost.commands.shared import (
+    add_clip,
     add_colours,
     add_csv,
     add_frame,
@@ -21,7 +22,6 @@ from pdpost.commands.shared import (
     chosen_frames,
     chosen_scale,
     numbers,
-    plane,
     write_csv,
 )
 
@@ -30,8 +30,10 @@ if TYPE_CHECKING:
 
     from pdpost.commands.shared import Commands
     from pdpost.exports.csv_columns import Columns
-    from pdpost.figures.field_figure import Shown
     from pdsolve.results import Results
+
+
+RENDER = "pdsuite[render]"  # the extra with PyVista
 
 
 class Drawn(NamedTuple):
@@ -73,12 +75,7 @@ def add(commands: Commands) -> None:
         if name in PARTS:
             picture.add_argument("--component", metavar="NAME", help=f"component to draw: {PARTS[name]}")
         add_colours(picture)
-        picture.add_argument(
-            "--clip",
-            type=plane,
-            metavar="AXIS=M",
-            help="of a body: cut away what is in front of a plane, and show the cracks (needs the extra render)",
-        )
+        add_clip(picture)
         picture.set_defaults(run=_field, component=None)
     nodes = _add_picture(commands, "nodes", "draw the deformed grid, a colour for each spacing", default="auto")
     nodes.set_defaults(run=_nodes)
@@ -119,10 +116,12 @@ def _field(args: argparse.Namespace) -> int:
         shown = field_figure.values_of(results, name, step, part)
         how: dict[str, Any] = {"part": part or None, "scale": scale, "largest": args.largest, "window": args.window}
         how["hide"] = args.hide
-        if args.clip is None:
-            figure = field_figure.field(results, name, step, shown=shown, **how)
+        if _cut_open(results, name, args):
+            from pdpost.figures import crack_render
+
+            figure = crack_render.frame_cut_open(results, name, part, step, args.clip, args.largest)
         else:
-            figure = _clipped(results, name, part, step, shown, args)
+            figure = field_figure.field(results, name, step, shown=shown, **how)
         unit = fields.FIELDS[name].unit
         time_text = {"component": part or None, **numbers(shown), "unit": unit}
         largest = time_text["largest"]
@@ -134,21 +133,20 @@ def _field(args: argparse.Namespace) -> int:
     return _drawn(args, show)
 
 
-def _clipped(results: Results, name: str, part: str, step: int, shown: Shown, args: argparse.Namespace) -> Figure:
-    """A body cut open, with the surface of its cracks."""
-    import numpy as np
+def _cut_open(results: Results, name: str, args: argparse.Namespace) -> bool:
+    """Whether a body is drawn cut open: where a plane is given, and damage wherever PyVista is."""
+    from importlib.util import find_spec
 
-    from pdpost.figures import colours, crack_render
-    from pdpost.measures.crack_faces import opened, surface
     from pdpost.measures.slices import expect_body
-    from pdpost.reading.stored_fields import diffuses
 
-    expect_body(results)
-    values = np.where(shown.torn, np.nan, shown.values)
-    cracks = None if diffuses(results) else surface(results, step, opened(results, step))
-    title = colours.title(results, name, part, step, 0.0)
-    how = colours.colours(name, part, values, args.largest)
-    return crack_render.cut_open(results.nodes(step), values, how, cracks, title, args.clip)
+    if args.clip is not None:
+        expect_body(results)
+    if args.clip is not None or results.dimension != 3 or name != "damage":
+        return args.clip is not None
+    there = find_spec("pyvista") is not None
+    if not there:
+        commandline.note(f"{args.results}: drawn on three planes; pip install '{RENDER}' draws it cut open", args)
+    return there
 
 
 def _sheet(args: argparse.Namespace, name: str, part: str) -> int:

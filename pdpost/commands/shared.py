@@ -251,6 +251,16 @@ def positive(text: str) -> float:
     return number
 
 
+def add_clip(command: argparse.ArgumentParser) -> None:
+    """Put --clip on a command."""
+    command.add_argument(
+        "--clip",
+        type=plane,
+        metavar="AXIS=M",
+        help="of a body: cut away what is in front of a plane, and show the cracks (needs the extra render)",
+    )
+
+
 def add_csv(command: argparse.ArgumentParser) -> None:
     """Add --csv: the file for the numbers behind the picture."""
     command.add_argument(

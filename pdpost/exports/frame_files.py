@@ -81,8 +81,12 @@ def pvd(
     also: Sequence[str] = (),
     squares: bool = False,
     progress: Progress = iter,
+    crack: Callable[[Path, Results, int], None] | None = None,
 ) -> None:
-    """Write frames as VTU files in the folder `path` without its suffix, and `path` itself, which lists their times."""
+    """Write frames as VTU files in the folder `path` without its suffix, and `path` itself, which lists their times.
+
+    `crack` writes the surface of the cracks after a step; it is listed as the second part of each frame.
+    """
     folder = path.with_suffix("")
     folder.mkdir(exist_ok=True)
     times = _times(results)
@@ -90,7 +94,12 @@ def pvd(
     for step in progress(steps):
         name = f"{folder.name}/{path.stem}_{step:08d}.vtu"
         vtu(results, step, path.parent / name, also, squares)
-        lines.append(f'    <DataSet timestep="{times[step]!r}" part="0" file={quoteattr(name)}/>')
+        names = [name]
+        if crack is not None:
+            names.append(f"{folder.name}/{path.stem}_crack_{step:08d}.vtp")
+            crack(path.parent / names[1], results, step)
+        for part, each in enumerate(names):
+            lines.append(f'    <DataSet timestep="{times[step]!r}" part="{part}" file={quoteattr(each)}/>')
     head = '<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">\n  <Collection>'
     text = "\n".join(['<?xml version="1.0"?>', head, *lines, "  </Collection>", "</VTKFile>", ""])
     write_atomically(path, text.encode())

@@ -10,7 +10,11 @@ from numpy.typing import NDArray
 
 from pdmesh.files import write_atomically
 from pdpost.exports.frame_files import ExportError
-from pdpost.measures.crack_faces import Surface
+from pdpost.measures.crack_faces import Surface, opened, surface
+from pdpost.measures.crack_fronts import speeds
+from pdpost.measures.waves import rayleigh_of
+from pdpost.reading.embedded_model import at_rest
+from pdsolve.results import Results
 
 SUFFIXES = (".vtp", ".stl")
 STL_HEADER = 80  # bytes
@@ -37,6 +41,14 @@ def write(path: Path, found: Surface, speed: NDArray[np.float64]) -> None:
     """Write a crack's surface: with opening times (s; -1 of pre-cracks) and the front's `speed` (f,), m/s, as VTP."""
     check_suffix(path)
     write_atomically(path, vtp(found, speed) if path.suffix.lower() == ".vtp" else stl(found))
+
+
+def write_frame(path: Path, results: Results, step: int) -> None:
+    """Write the surface of the cracks of a body after `step`."""
+    found = surface(results, step, opened(results, step))
+    rest = not len(found.faces) or at_rest(results)
+    speed = np.full(len(found.faces), np.nan) if rest else speeds(found)
+    write(path, found, np.where(speed > rayleigh_of(results), np.nan, speed))
 
 
 def vtp(found: Surface, speed: NDArray[np.float64]) -> bytes:

@@ -20,11 +20,12 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from pdmesh import trust
-from pdpost.figures import colours, field_figure, slice_figure
+from pdpost.figures import colours, crack_render, field_figure, slice_figure
 from pdpost.figures.raster import Box
 from pdpost.figures.sheets import border, box_of, grown, hidden, legend, mark, paint, painted_cells, seen, shape, sheet
 from pdpost.figures.style import EDGE, TORN, UNKNOWN, FigureError
 from pdpost.measures import fields
+from pdpost.measures.slices import expect_body
 from pdpost.reading.frame_steps import chosen
 from pdsolve.results import Results
 
@@ -50,16 +51,17 @@ def frames(
     dpi: float = DPI,
     progress: Progress = iter,
     hide: Collection[str] = (),
+    clip: tuple[str, float] | None = None,
 ) -> Iterator[Pixels]:
     """Pictures of the field `name`, one for every `every`-th frame of a run, all of one size and colour range.
 
     `part`, `scale`, `largest`, `window` and `hide` are those of `field_figure.field`. The colour range ends at the
-    usual largest value of all frames. A body in space is shown undeformed on three planes through its middle. Raises
-    FieldError, and ResultsError naming what is available.
+    usual largest value of all frames. A body in space is shown undeformed: on three planes through its middle, or cut
+    open by the plane `clip` (axis, m), with its cracks. Raises FieldError, and ResultsError naming what is available.
     """
     part = fields.component(name, part, results.dimension)
-    if results.dimension == 3:
-        yield from slice_figure.film(results, name, part, every, dpi, largest, progress)
+    if results.dimension == 3 or clip is not None:
+        yield from _in_space(results, name, part, clip, every, dpi, largest, progress)
         return
     steps = chosen(results, every)
     still = hidden(shape(results, steps[0], 0.0), hide)
@@ -97,6 +99,27 @@ def frames(
             artist.remove()
 
 
+def _in_space(
+    results: Results,
+    name: str,
+    part: str,
+    clip: tuple[str, float] | None,
+    every: int,
+    dpi: float,
+    largest: float | None,
+    progress: Progress,
+) -> Iterator[Pixels]:
+    """Pictures of a body: cut open by a plane, or on three of them."""
+    expect_body(results)
+    if clip is None:
+        yield from slice_figure.film(results, name, part, every, dpi, largest, progress)
+        return
+    steps = chosen(results, every)
+    if largest is None and name != "damage":
+        largest = slice_figure.largest_of(results, name, part, steps)
+    yield from crack_render.film(results, name, part, progress(steps), clip, dpi, largest)
+
+
 def gif(
     results: Results,
     name: str = "damage",
@@ -110,14 +133,17 @@ def gif(
     dpi: float = DPI,
     progress: Progress = iter,
     hide: Collection[str] = (),
+    clip: tuple[str, float] | None = None,
 ) -> bytes:
     """The `frames` of a run as a GIF that repeats, at `rate` frames a second.
 
     The same run gives the same bytes. Raises FieldError and ResultsError.
     """
-    palette = _palette(name, fields.component(name, part, results.dimension))
     how: dict[str, Any] = {"part": part, "scale": scale, "largest": largest, "every": every, "window": window}
-    shots = frames(results, name, dpi=dpi, progress=progress, hide=hide, **how)
+    shots = list(frames(results, name, dpi=dpi, progress=progress, hide=hide, clip=clip, **how))
+    palette = _palette(name, fields.component(name, part, results.dimension))
+    if clip is not None:  # shades, and the colours of cracks
+        palette = Image.fromarray(shots[-1]).quantize(256)
     pictures = [Image.fromarray(shot).quantize(palette=palette, dither=Image.Dither.NONE) for shot in shots]
     pause = max(round(1000 / rate), 20)  # ms; viewers do not go below
     pauses = [pause] * (len(pictures) - 1) + [pause + round(1000 * REST)]

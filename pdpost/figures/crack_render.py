@@ -2,75 +2,116 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from pdpost.figures.colours import Colours, mappable
+from pdpost.figures.colours import Colours, colours, mappable, title
 from pdpost.figures.opening_colours import CMAP, Opening, opening_colours
 from pdpost.figures.render import STONE, add_body, framed, image, needed_pyvista, plotter_of, taken
 from pdpost.figures.style import COLOURS, FigureError
-from pdpost.measures.crack_faces import Opened, Surface
+from pdpost.measures import slices
+from pdpost.measures.crack_faces import Opened, Surface, opened, surface
 from pdpost.measures.fragments_in_space import SMALLEST, connected_pieces
-from pdsolve.results import Nodes
+from pdpost.reading.stored_fields import diffuses
+from pdsolve.results import Nodes, Results
 
 CLEAR = 0.12  # opacity of the body around its cracks
 OLD = "#8a8a8a"  # colour of pre-cracks
 LIGHTING = {"ambient": 0.3, "diffuse": 0.7, "specular": 0.15}
 
 
-def cracks_in_body(nodes: Nodes, surface: Surface, title: str) -> Figure:
+def cracks_in_body(nodes: Nodes, cracks: Surface, written: str) -> Figure:
     """The surface of the cracks, coloured by when it opened, in the body as through glass. Raises FigureError."""
     pyvista = needed_pyvista()
     plotter = plotter_of(pyvista)
     for part in _solids(pyvista, nodes, np.ones(len(nodes.ids), dtype=bool)):
         plotter.add_mesh(part, color=STONE, opacity=CLEAR)
-    colours = _add_surface(pyvista, plotter, surface)
-    painted = colours.painted if surface.grown.any() else None
-    return framed(taken(plotter, nodes.position.mean(axis=0)), title, painted, colours.label, "max")
+    times = _add_surface(pyvista, plotter, cracks)
+    painted = times.painted if cracks.grown.any() else None
+    return framed(taken(plotter, nodes.position.mean(axis=0)), written, painted, times.label, "max")
 
 
 def cut_open(
     nodes: Nodes,
     values: NDArray[np.float64],
     shown: Colours,
-    surface: Surface | None,
-    title: str,
+    cracks: Surface | None,
+    written: str,
     plane: tuple[str, float],
+    whole: bool = False,
 ) -> Figure:
     """The body behind `plane` (axis, m) in the colours of `values` (n,), and the whole surface of its cracks.
 
-    Raises FigureError without PyVista.
+    `whole`: in a picture of a fixed size. Raises FigureError without PyVista.
     """
     pyvista = needed_pyvista()
     plotter = plotter_of(pyvista)
     add_body(pyvista, plotter, nodes, values, shown, None, plane)
-    if surface is not None:
-        _add_surface(pyvista, plotter, surface)
-    return framed(taken(plotter, nodes.position.mean(axis=0)), title, mappable(shown), shown.label, shown.beyond)
+    if cracks is not None:
+        _add_surface(pyvista, plotter, cracks)
+    seen = taken(plotter, (nodes.position.min(axis=0) + nodes.position.max(axis=0)) / 2, whole)
+    return framed(seen, written, mappable(shown), shown.label, shown.beyond)
 
 
-def _add_surface(pyvista: Any, plotter: Any, surface: Surface) -> Opening:
+def frame_cut_open(
+    results: Results,
+    name: str,
+    part: str,
+    step: int,
+    plane: tuple[str, float] | None = None,
+    largest: float | None = None,
+    whole: bool = False,
+) -> Figure:
+    """`cut_open` of the component `part` of a field after `step`, by a plane through the middle if none is given."""
+    values = slices.values(results, name, step, part or None)
+    plane = plane or ("y", float(slices.middle(results)[1]))
+    cracks = None if diffuses(results) else surface(results, step, opened(results, step))
+    shown = colours(name, part, values, largest)
+    return cut_open(results.nodes(step), values, shown, cracks, title(results, name, part, step, 0.0), plane, whole)
+
+
+def film(
+    results: Results,
+    name: str,
+    part: str,
+    steps: Iterable[int],
+    plane: tuple[str, float],
+    dpi: float,
+    largest: float | None,
+) -> Iterator[NDArray[np.uint8]]:
+    """Pictures (rows, columns, 3) of a body cut open after these steps, of one size. Raises FigureError."""
+    for step in steps:
+        figure = frame_cut_open(results, name, part, step, plane, largest, whole=True)
+        canvas = FigureCanvasAgg(figure)
+        figure.set_dpi(dpi)
+        canvas.draw()
+        yield np.asarray(canvas.buffer_rgba())[:, :, :3].copy()
+
+
+def _add_surface(pyvista: Any, plotter: Any, cracks: Surface) -> Opening:
     """Add the surface of cracks to a plotter; returns the colours of what opened."""
-    colours = opening_colours(surface)
+    times = opening_colours(cracks)
     for grown in (False, True):
-        some = surface.grown == grown
+        some = cracks.grown == grown
         if not some.any():
             continue
-        quads = np.column_stack([np.full(some.sum(), 4), surface.faces[some]])
-        mesh = pyvista.PolyData(surface.corners, quads.ravel())
+        quads = np.column_stack([np.full(some.sum(), 4), cracks.faces[some]])
+        mesh = pyvista.PolyData(cracks.corners, quads.ravel())
         if grown:
-            mesh.cell_data["opened"] = surface.time[some] * colours.factor
-            clim = colours.painted.get_clim()
+            mesh.cell_data["opened"] = cracks.time[some] * times.factor
+            clim = times.painted.get_clim()
             plotter.add_mesh(mesh, scalars="opened", cmap=CMAP, clim=clim, show_scalar_bar=False, **LIGHTING)
         else:
             plotter.add_mesh(mesh, color=OLD, **LIGHTING)
-    return colours
+    return times
 
 
-def fragments_apart(nodes: Nodes, found: Opened, by: float, title: str) -> Figure:
+def fragments_apart(nodes: Nodes, found: Opened, by: float, written: str) -> Figure:
     """The fragments of a body, each in a colour, moved from its middle by `by` times their distance from it.
 
     Raises FigureError.
@@ -86,7 +127,7 @@ def fragments_apart(nodes: Nodes, found: Opened, by: float, title: str) -> Figur
         way = by * (nodes.position[own].mean(axis=0) - middle)
         for part in _solids(pyvista, nodes, own):
             plotter.add_mesh(part.translate(way), color=COLOURS[number % len(COLOURS)], **LIGHTING)
-    return framed(taken(plotter, middle), title)
+    return framed(taken(plotter, middle), written)
 
 
 def _solids(pyvista: Any, nodes: Nodes, some: NDArray[np.bool_]) -> list[Any]:

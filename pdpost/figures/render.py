@@ -21,6 +21,7 @@ STONE, LIGHT = "#9aa5ad", "white"
 EYE = (-1.6, -2.6, 1.4)  # from where it is looked at, in sizes of the body
 SMOOTH = 20  # rounds that an isosurface is smoothed
 NEAR_LATTICE = 1e-6  # of a spacing
+SHADE, LIFT, RAYS = 0.06, 2e-3, 128  # of what is seen: how far corners shade each other, and from where on; samples
 
 
 def render(
@@ -94,12 +95,17 @@ def plotter_of(pyvista: Any) -> Any:
     return plotter
 
 
-def taken(plotter: Any, middle: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """The picture of a plotter, looking at `middle` (3,), m, without the white around it. Raises FigureError."""
+def taken(plotter: Any, middle: NDArray[np.float64], whole: bool = False) -> NDArray[np.uint8]:
+    """The picture of a plotter, looking at `middle` (3,), m, with ambient occlusion; the white around it is cut off
+    unless it is wanted `whole`. Raises FigureError."""
     plotter.camera_position = [tuple(middle + np.array(EYE)), tuple(middle), (0, 0, 1)]
     plotter.reset_camera()
+    size = float(plotter.length)
+    plotter.enable_ssao(radius=SHADE * size, bias=LIFT * size, kernel_size=RAYS)
     picture = np.asarray(plotter.screenshot(return_img=True))
     plotter.close()
+    if whole:
+        return picture
     drawn = np.any(picture < 255, axis=2)
     if not np.any(drawn):
         raise FigureError("render: found nothing to be seen, expected another level, plane or frame")

@@ -106,8 +106,7 @@ def film(
     """Pictures of `sections` for every `every`-th frame with one colour range, in the format of `animation.frames`."""
     steps = chosen(results, every)
     if largest is None and name != "damage":
-        each = (values(results, name, step, part or None) for step in steps)
-        largest = max(usual(one[np.isfinite(one)]) for one in each) or None
+        largest = largest_of(results, name, part, steps)
     extremes = np.array([0.0]) if largest is None else np.array([-largest, largest])
     drawn = Sections(results, name, part, colours(name, part, extremes, largest))
     canvas = FigureCanvasAgg(drawn.figure)
@@ -118,6 +117,12 @@ def film(
         yield np.asarray(canvas.buffer_rgba())[:, :, :3].copy()
         for artist in painted:
             artist.remove()
+
+
+def largest_of(results: Results, name: str, part: str, steps: list[int]) -> float | None:
+    """End of the colour range of all frames; None if there is nothing to show."""
+    each = (values(results, name, step, part or None) for step in steps)
+    return max(usual(one[np.isfinite(one)]) for one in each) or None
 
 
 def _paint(axes: Axes, found: Cut, range_of: Colours, painted: ScalarMappable, metre: float) -> PolyCollection:

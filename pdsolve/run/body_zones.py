@@ -31,11 +31,11 @@ class Refining:
         new = before.wanted(state, step - self.every)
         if not len(new):
             return None
-        held = energy(system, state, before.energies(state)[0])
+        held = energy(system, state, before.held_around(state, new))
         after = before.refined(new)
         fresh = _on(system, after, step)
         found = _moved(before, after, state, fresh)
-        made = energy(fresh, found, after.energies(found)[0]) - held + pushed(fresh, found)
+        made = energy(fresh, found, after.held_around(found, new)) - held + pushed(fresh, found)
         after.history = after.history._replace(made=after.history.made + made)
         return Change(fresh, found, _origin(system, fresh))
 

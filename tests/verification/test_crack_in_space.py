@@ -8,6 +8,7 @@ from __future__ import annotations
 import csv
 import json
 import sys
+import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 from typing import Any
 
@@ -114,7 +115,9 @@ def test_its_picture(block: Path, tmp_path: Path, capsys: pytest.CaptureFixture[
 
 
 @pytest.mark.parametrize(
-    "words", [["render", "--crack"], ["render", "--explode", "0.5"], ["damage", "--clip", "y=0"]], ids="-".join
+    "words",
+    [["render", "--crack"], ["render", "--explode", "0.5"], ["damage", "--clip", "y=0"], ["damage"]],
+    ids="-".join,
 )
 def test_it_is_rendered(block: Path, tmp_path: Path, words: list[str]) -> None:
     pytest.importorskip("pyvista")
@@ -145,3 +148,44 @@ def test_to_cut_a_body_open_takes_pyvista(
     assert pdpost(["damage", str(block), "--clip", "y=0", "-o", str(tmp_path / "open.png")]) == 2
     assert mentions(capsys.readouterr().err, found="PyVista", expected="pip install 'pdsuite[render]'")
     assert not (tmp_path / "open.png").exists()
+
+
+def test_without_pyvista_damage_is_drawn_on_planes(
+    block: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "pyvista", None)
+    assert pdpost(["damage", str(block), "-o", str(tmp_path / "planes.png")]) == 0
+    said = capsys.readouterr().err
+    assert "pip install 'pdsuite[render]'" in said
+    assert said.count("\n") == 1
+    assert (tmp_path / "planes.png").exists()
+
+
+def test_a_film_of_a_body_cut_open(block: Path, tmp_path: Path) -> None:
+    pytest.importorskip("pyvista")
+    path = tmp_path / "film.gif"
+    words = ["animate", str(block), "--clip", "y=0", "--every", "5", "--set", "savefig.dpi=50", "-q", "-o", str(path)]
+    assert pdpost(words) == 0
+    with Image.open(path) as film, Results.open(block) as results:
+        assert film.n_frames == len(results.frames()[0][::5])
+        first = np.asarray(film.convert("RGB")).astype(int)
+        film.seek(film.n_frames - 1)
+        assert (np.abs(np.asarray(film.convert("RGB")) - first).max(axis=2) > 60).mean() > 0.005
+
+
+def test_paraview_opens_frames_with_their_cracks(block: Path, tmp_path: Path) -> None:
+    """Each frame is two parts: its nodes, and the surface of the cracks then."""
+    path = tmp_path / "block.pvd"
+    assert pdpost(["export", str(block), "-q", "-o", str(path)]) == 0
+    parts = ElementTree.parse(path).findall(".//DataSet")
+    with Results.open(block) as results:
+        steps = results.frames()[0].tolist()
+    assert [each.get("part") for each in parts] == ["0", "1"] * len(steps)
+    faces = []
+    for each in parts[1::2]:
+        piece = ElementTree.parse(tmp_path / str(each.get("file"))).find(".//Piece")
+        assert piece is not None
+        faces.append(int(piece.get("NumberOfPolys", "-1")))
+    assert faces[0] > 0  # of the pre-crack
+    assert faces == sorted(faces)
+    assert faces[-1] > 2 * faces[0]

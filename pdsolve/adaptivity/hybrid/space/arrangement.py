@@ -51,25 +51,24 @@ class Pieces(NamedTuple):
     """The p pieces of clipped bonds, in the order of their owners."""
 
     owner: NDArray[np.int32]  # (p,) site of the bond's lower node
-    kind: NDArray[np.int32]  # (p,) alike for pieces with the same ends, seen from the owner
-    site: NDArray[np.int32]  # (p, 8) fine sites that move its two ends, four each
+    kind: NDArray[np.int32]  # (p,) alike for pieces with the same xi
+    ends: NDArray[np.int64]  # (p, 2) places of its ends; see `place_of`
     k: NDArray[np.float64]  # (p,) stiffness, N/m
     breaks: NDArray[np.float64]  # (p,) 0 if its bond never breaks, else 1
 
 
 def pieces_of(count: int) -> Pieces:
     """Room for so many pieces."""
-    ends, (k, breaks) = np.empty((count, 2 * ENDS), np.int32), np.empty((2, count))
-    return Pieces(np.empty(count, np.int32), np.empty(count, np.int32), ends, k, breaks)
+    k, breaks = np.empty((2, count))
+    return Pieces(np.empty(count, np.int32), np.empty(count, np.int32), np.empty((count, 2), np.int64), k, breaks)
 
 
-class Groups(NamedTuple):
-    """The g groups of pieces of one kind."""
+class Points(NamedTuple):
+    """The q places at which pieces end, in the order in which pieces name them: nodes, or places on the border."""
 
-    start: NDArray[np.int64]  # (g + 1,) of each one's pieces
-    ends: NDArray[np.int64]  # (g, 2) nodes that move each end
-    w: NDArray[np.float64]  # (g, 8) with these weights
-    xi: NDArray[np.float64]  # (g, 4) xi, m, 1 / |xi|^2
+    number: NDArray[np.int64]  # (q,) nodes that move it
+    site: NDArray[np.int32]  # (q, 4) their fine sites
+    w: NDArray[np.float64]  # (q, 4) their weights
 
 
 @cached_njit(error_model="numpy")
@@ -117,11 +116,11 @@ def _sides(box, cells, of, first, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @cached_njit(error_model="numpy")
-def arrange(fine, cells, bits, some, pieces, scratch):  # type: ignore[no-untyped-def]
+def arrange(fine, cells, bits, some, pieces):  # type: ignore[no-untyped-def]
     """Set the bits of the whole bonds of nodes at the sites `some`, which are in order, and list their pieces.
 
     Bonds are those of which a node is the lower end. Returns the number of pieces; those for which there is no room are
-    only counted. `scratch` is (4,).
+    only counted.
     """
     box, tiles, of, half, made = fine.box, fine.tiles, fine.divisions, len(fine.tiles.offsets) // 2, 0
     for site in some:
@@ -141,7 +140,7 @@ def arrange(fine, cells, bits, some, pieces, scratch):  # type: ignore[no-untype
                 sides, whole = _sides(box, cells, of, first, x, y, z)
             _set_bit(bits, site, site + tiles.offsets[slot], slot, whole == sides)
             if whole < sides:
-                made = _divide(fine, cells, (site, x, y, z), k, sides, pieces, made, scratch)
+                made = _divide(fine, cells, (site, x, y, z), k, sides, pieces, made)
     return made
 
 
@@ -158,7 +157,7 @@ def _set_bit(bits, site, other, slot, there):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _divide(fine, cells, own, k, sides, pieces, made, w):  # type: ignore[no-untyped-def]
+def _divide(fine, cells, own, k, sides, pieces, made):  # type: ignore[no-untyped-def]
     """List the pieces of a bond; returns how many there are then."""
     box, tiles, of, (site, x, y, z) = fine.box, fine.tiles, fine.divisions, own
     slot, first = len(tiles.offsets) // 2 + k, of.first[x % 2 + 2 * (y % 2) + 4 * (z % 2), k]
@@ -174,10 +173,9 @@ def _divide(fine, cells, own, k, sides, pieces, made, w):  # type: ignore[no-unt
             if part > begin:
                 if made < len(pieces.owner):
                     length = of.t[part - 1, 1] - of.t[begin, 0]
-                    pieces.owner[made], first_site, last_site = site, pieces.site[made, :ENDS], pieces.site[made, ENDS:]
-                    one = _set_end(box, cells, of, own, site, (begin, 0), first_site, w)
-                    other = _set_end(box, cells, of, own, site + tiles.offsets[slot], (part - 1, 1), last_site, w)
-                    pieces.kind[made] = ((begin * PARTS + part - 1 - begin) * 2 + one) * 2 + other
+                    pieces.owner[made], pieces.kind[made] = site, begin * PARTS + part - 1 - begin
+                    pieces.ends[made, 0] = _place_of(box, of, own, begin, 0)
+                    pieces.ends[made, 1] = _place_of(box, of, own, part - 1, 1)
                     pieces.k[made] = _stiffness(fine, site, slot) / (sides * length)
                     i, j = tiles.node[site], tiles.node[site + tiles.offsets[slot]]
                     pieces.breaks[made] = 0.0 if tiles.held[i] or tiles.held[j] else 1.0
@@ -196,66 +194,85 @@ def _stiffness(fine, site, slot):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _set_end(box, cells, of, own, node, end, sites, w):  # type: ignore[no-untyped-def]
-    """Fill the sites and weights (4,) of one end of a piece: `node`, or where the part of the bond `end` begins (., 0)
-    or ends (., 1). Returns whether it is a free node."""
-    (part, which), (_, x, y, z) = end, own
-    if of.whole[part, which]:
-        return carried(box, cells, node, sites, w)
-    at, beyond = of.corner[part, which], of.w[part, which]
-    _between(box, (x >> 1) + at[0], (y >> 1) + at[1], (z >> 1) + at[2], (beyond[0], beyond[1], beyond[2]), sites, w)
-    return False
+def _place_of(box, of, own, part, which):  # type: ignore[no-untyped-def]
+    """The place where a part of a node's bond begins, 0, or ends, 1: a number that counts h / unit, x fastest."""
+    at, (_, x, y, z), unit = of.at[part, which], own, of.unit
+    wide, high = unit * (box.sx + 1), unit * (box.sy + 1)
+    place = (unit * (z - z % 2) + at[2]) * high + unit * (y - y % 2) + at[1]
+    return place * wide + unit * (x - x % 2) + at[0]
 
 
 @cached_njit(error_model="numpy")
-def describe(fine, cells, pieces, order, groups):  # type: ignore[no-untyped-def]
-    """Fill in what the pieces of each group, in this `order` (p,), have in common."""
-    of, sites, half = fine.divisions, np.empty(ENDS, np.int32), len(fine.tiles.offsets) // 2
-    for g in range(len(groups.ends)):
-        n = order[groups.start[g]]
-        site, kind = np.int64(pieces.owner[n]), np.int64(pieces.kind[n]) // 4
-        begin, last = kind // PARTS, kind // PARTS + kind % PARTS
-        x, y, z = fine_at(fine.box, site)
-        place, k = x % 2 + 2 * (y % 2) + 4 * (z % 2), np.int64(0)
-        while of.first[place, k, SIDES] <= begin:
-            k += 1
-        own, row = (site, x, y, z), fine.tiles.table[half + k]
-        other = site + fine.tiles.offsets[half + k]
-        _set_end(fine.box, cells, of, own, site, (begin, 0), sites, groups.w[g, :ENDS])
-        _set_end(fine.box, cells, of, own, other, (last, 1), sites, groups.w[g, ENDS:])
-        length = of.t[last, 1] - of.t[begin, 0]
-        for axis in range(3):
-            groups.xi[g, axis] = length * row[axis]
-        groups.xi[g, 3] = row[INVERSE] / length**2
+def number_places(places, size, numbers, found):  # type: ignore[no-untyped-def]
+    """Number the distinct ones of the `places` (p, 2) as they come: the `numbers` (p, 2) and the places `found` (q,).
+
+    `size` is a power of two above 2 p. Returns q.
+    """
+    count, mask, key, number = 0, np.uint64(size - 1), np.full(size, -1, np.int64), np.empty(size, np.int32)
+    for n in range(len(places)):
         for end in range(2):
-            groups.ends[g, end] = 0
-            for m in range(ENDS):
-                groups.ends[g, end] += groups.w[g, ENDS * end + m] > 0
+            place = places[n, end]
+            at = (np.uint64(place) * np.uint64(0x9E3779B97F4A7C15)) >> np.uint64(20) & mask
+            while key[at] not in (-1, place):
+                at = (at + np.uint64(1)) & mask
+            if key[at] < 0:
+                key[at], number[at], found[count] = place, count, place
+                count += 1
+            numbers[n, end] = number[at]
+    return count
 
 
-def grouped(fine: Fine, cells: NDArray[np.uint8], pieces: Pieces) -> tuple[NDArray[np.int64], Groups]:
-    """The order (p,) of pieces by their kind, and their groups."""
-    order = np.argsort(pieces.kind, kind="stable")
-    kind = pieces.kind[order]
-    first = np.flatnonzero(np.diff(kind, prepend=-1))
-    start, count = np.append(first, len(kind)), len(first)
-    groups = Groups(start, np.zeros((count, 2), np.int64), np.zeros((count, 2 * ENDS)), np.zeros((count, 4)))
-    describe(fine, cells, pieces, order, groups)
-    return order, groups
+@cached_njit(error_model="numpy")
+def carry_places(fine, kind, places, points):  # type: ignore[no-untyped-def]
+    """Fill in what moves the `places` (q,)."""
+    box, unit = fine.box, fine.divisions.unit
+    wide, high, cell = unit * (box.sx + 1), unit * (box.sy + 1), 2 * unit
+    for n in range(len(places)):
+        x, y, z = places[n] % wide, places[n] // wide % high, places[n] // (wide * high)
+        sites, w = points.site[n], points.w[n]
+        node = fine_site(box, x // unit, y // unit, z // unit)
+        if x % unit == 0 and y % unit == 0 and z % unit == 0 and kind[node] == FREE:
+            _alone(node, sites, w)
+        else:
+            beyond = (x % cell / cell, y % cell / cell, z % cell / cell)
+            _between(box, x // cell, y // cell, z // cell, beyond, sites, w)
+        points.number[n] = 0
+        for m in range(ENDS):
+            points.number[n] += w[m] > 0
+
+
+def ended(fine: Fine, kind: NDArray[np.uint8], pieces: Pieces) -> tuple[NDArray[np.int32], Points]:
+    """The numbers (p, 2) of the points at which pieces end, and these points; `kind` is of fine nodes."""
+    count = len(pieces.owner)
+    numbers, found = np.zeros((count, 2), dtype=np.int32), np.zeros(2 * count, dtype=np.int64)
+    found = found[: number_places(pieces.ends, 1 << (2 * count).bit_length(), numbers, found)]
+    points = Points(
+        np.zeros(len(found), np.int64), np.zeros((len(found), ENDS), np.int32), np.zeros((len(found), ENDS))
+    )
+    carry_places(fine, kind, found, points)
+    return numbers, points
+
+
+def directed(fine: Fine, pieces: Pieces) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+    """The directions (p,) of pieces, and xi, m, and 1 / |xi|^2 of each direction (g, 4)."""
+    of, table, half = fine.divisions, fine.tiles.table, len(fine.tiles.offsets) // 2
+    number = np.zeros(PARTS * len(of.t), dtype=np.int32)
+    number[pieces.kind] = 1
+    there = np.flatnonzero(number)
+    number[there] = np.arange(len(there))
+    begin = there // PARTS
+    length = of.t[begin + there % PARTS, 1] - of.t[begin, 0]
+    bond = np.searchsorted(of.first[:, :, 0].ravel(), begin, side="right") - 1
+    row = table[half + bond % of.first.shape[1]].astype(np.float64)
+    return number[pieces.kind], np.column_stack([length[:, None] * row[:, :3], row[:, INVERSE] / length**2])
 
 
 @njit(**INNER)
-def carried(box, cells, node, sites, w):  # type: ignore[no-untyped-def]
-    """Fill the sites and weights (4,) by which a fine node moves; returns whether it is free."""
-    x, y, z = fine_at(box, node)
-    free = kind_of(box, cells, x, y, z) == FREE
-    if free:
-        for n in range(ENDS):
-            sites[n], w[n] = node, 0.0
-        w[0] = 1.0
-    else:
-        _between(box, x >> 1, y >> 1, z >> 1, (0.5 * (x % 2), 0.5 * (y % 2), 0.5 * (z % 2)), sites, w)
-    return free
+def _alone(node, sites, w):  # type: ignore[no-untyped-def]
+    """Fill the sites and weights (4,) of a node."""
+    for n in range(ENDS):
+        sites[n], w[n] = node, 0.0
+    w[0] = 1.0
 
 
 @njit(**INNER)
@@ -276,10 +293,11 @@ def _between(box, x, y, z, beyond, sites, w):  # type: ignore[no-untyped-def]
 
 
 @cached_njit(error_model="numpy")
-def carriers(box, cells, some, sites, w):  # type: ignore[no-untyped-def]
+def carriers(box, some, sites, w):  # type: ignore[no-untyped-def]
     """Fill the sites and weights (b, 4) by which fine nodes on the border, at the sites `some` (b,), move."""
     for n in range(len(some)):
-        carried(box, cells, some[n], sites[n], w[n])
+        x, y, z = fine_at(box, some[n])
+        _between(box, x >> 1, y >> 1, z >> 1, (0.5 * (x % 2), 0.5 * (y % 2), 0.5 * (z % 2)), sites[n], w[n])
 
 
 @cached_njit(error_model="numpy")
@@ -354,14 +372,15 @@ __all__ = [
     "BORDER",
     "ENDS",
     "Fine",
-    "Groups",
     "Pieces",
+    "Points",
     "arrange",
     "carriers",
     "classify",
     "count_bonds",
+    "directed",
+    "ended",
     "gather_volumes",
-    "grouped",
     "interpolate",
     "list_bonds",
     "pieces_of",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from pdsolve.operators.simd_lattice.layout import aligned
 from pdsolve.operators.space_lattice.kernel import Tiles
 from pdsolve.operators.space_lattice.sites import Sites
 
+Number = TypeVar("Number", bound=np.generic)
 ROOM = 16  # pieces of a node, about
 
 
@@ -62,7 +63,7 @@ def places(box: Box, sites: NDArray[np.signedinteger]) -> NDArray[np.int64]:
     return np.column_stack([sites % box.sx, sites // box.sx % box.sy, sites // (box.sx * box.sy)])
 
 
-def _near(box: Box, new: NDArray[np.int64], reach: int) -> NDArray[np.int64]:
+def near(box: Box, new: NDArray[np.int64], reach: int) -> NDArray[np.int64]:
     """The sites, in order, of fine nodes within `reach` spacings of cells (k, 3)."""
     marked = np.zeros((box.sz, box.sy, box.sx), dtype=bool)
     for x, y, z in (2 * new).tolist():
@@ -81,31 +82,33 @@ def arranged(whole: Whole, zone: Zone, new: NDArray[np.int64]) -> Zone:
     Bits and numbers are new arrays: results may still ask for bonds of before.
     """
     fine, box = whole.fine, whole.fine.box
-    dirty = _near(box, new, fine.reach)
+    dirty = near(box, new, fine.reach)
     arrangement.classify(box, fine.tiles.node, zone.cells, dirty, zone.kind, zone.above)
     zone = zone._replace(tiles=_copied(zone.tiles), springs=_copied(zone.springs))
     made = arrangement.pieces_of(2 * len(zone.pieces.owner) + ROOM * len(dirty))
-    scratch = np.zeros(arrangement.ENDS)
-    count = arrangement.arrange(fine, zone.cells, zone.tiles.bits, dirty, made, scratch)
+    count = arrangement.arrange(fine, zone.cells, zone.tiles.bits, dirty, made)
     if count > len(made.owner):
         made = arrangement.pieces_of(count)
-        arrangement.arrange(fine, zone.cells, zone.tiles.bits, dirty, made, scratch)
+        arrangement.arrange(fine, zone.cells, zone.tiles.bits, dirty, made)
     stale = np.zeros(len(zone.kind), dtype=bool)
     stale[dirty] = True
     kept = ~stale[zone.pieces.owner]
     old = zone.pieces
-    fresh = Pieces(made.owner[:count], made.kind[:count], made.site[:count], made.k[:count], made.breaks[:count])
-    both = Pieces(
-        np.concatenate([old.owner[kept], fresh.owner]),
-        np.concatenate([old.kind[kept], fresh.kind]),
-        np.concatenate([old.site[kept], fresh.site]),
-        np.concatenate([old.k[kept], fresh.k]),
-        np.concatenate([old.breaks[kept], fresh.breaks]),
+    owner = np.concatenate([old.owner[kept], made.owner[:count]])
+    order = np.argsort(owner, kind="stable")
+
+    def both(ours: NDArray[Number], others: NDArray[Number]) -> NDArray[Number]:
+        return np.concatenate([ours[kept], others[:count]])[order]
+
+    ordered = Pieces(
+        owner[order],
+        both(old.kind, made.kind),
+        both(old.ends, made.ends),
+        both(old.k, made.k),
+        both(old.breaks, made.breaks),
     )
-    order = np.argsort(both.owner, kind="stable")
     corners = np.unique((new[:, None] + np.array(list(np.ndindex(2, 2, 2)))).reshape(-1, 3), axis=0)
     coarse_springs.set_springs(box, zone.cells, whole.springs_at.ways, corners, zone.springs)
-    ordered = Pieces(both.owner[order], both.kind[order], both.site[order], both.k[order], both.breaks[order])
     return zone._replace(pieces=ordered)
 
 

@@ -20,7 +20,7 @@ from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.adaptivity.hybrid.irregular_bonds import part_of
 from pdsolve.adaptivity.hybrid.space import arrangement, coarse_springs, pieces
 from pdsolve.adaptivity.hybrid.space.box import BORDER, COARSE, FINE, FREE
-from pdsolve.adaptivity.hybrid.space.layout import Whole, Zone, arranged, listed, places
+from pdsolve.adaptivity.hybrid.space.layout import Whole, Zone, arranged, listed, near, places
 from pdsolve.adaptivity.hybrid.space.zone import mark_balls
 from pdsolve.adaptivity.hybrid.springs import e_of
 from pdsolve.bonds.assembly import Counted
@@ -59,7 +59,8 @@ class Linked(NamedTuple):
 
     volume: NDArray[np.float64]  # (n,) m^3
     border: Ends  # rows and weights of the nodes that move fine nodes on the border
-    ends: tuple[Ends, Ends]  # likewise of both ends of pieces
+    points: Ends  # likewise of the points at which pieces end
+    ends: NDArray[np.int32]  # (p, 2) points of pieces
     bonds: Bonds  # of fine nodes: tiles, sites of points, points, what densities are of, and whether shares count
     springs: Bonds
     xi: NDArray[np.float64]  # (p, 3) m, of pieces
@@ -90,10 +91,8 @@ class SpaceHybrid:
         self._border = np.flatnonzero(zone.kind == BORDER)
         nodes, border = len(self.sites), len(self._border)
         on, self._w = np.zeros((border, arrangement.ENDS), np.int64), np.zeros((border, arrangement.ENDS))
-        arrangement.carriers(fine.box, zone.cells, self._border, on, self._w)
-        order, self._groups = arrangement.grouped(fine, zone.cells, zone.pieces)
-        self._on, self._ends = self._row[on], self._row[zone.pieces.site[order]]
-        self._k, self._breaks = zone.pieces.k[order], zone.pieces.breaks[order]
+        arrangement.carriers(fine.box, self._border, on, self._w)
+        self._on, self._pieces = self._row[on], self._linked(zone.pieces)
         margin, volume = whole.sites.margin, fine.cube * fine.tiles.cells[VOLUME]
         self.volume = np.zeros(nodes)
         self.volume[self._free] = volume[margin + self.sites[self._free]]
@@ -107,6 +106,16 @@ class SpaceHybrid:
         self._known = Broken(*np.zeros((3, 0), dtype=np.int64))
         self._new: list[Broken] = []
         self._breaking = RLock()  # held while bits and broken bonds disagree: results ask for both during a march
+
+    def _linked(self, found: arrangement.Pieces) -> pieces.PieceSprings:
+        """The pieces between the nodes."""
+        fine = self.whole.fine
+        ends, points = arrangement.ended(fine, self._zone.kind, found)
+        u, force = np.zeros((2, len(points.number), 4))
+        of_points = points.number, self._row[points.site], points.w
+        return pieces.PieceSprings(
+            *of_points, ends, *arrangement.directed(fine, found), found.k, found.breaks, u, force
+        )
 
     def _above(self, sites: NDArray[np.int64]) -> NDArray[np.int64]:
         """The coarse sites at fine sites."""
@@ -167,7 +176,7 @@ class SpaceHybrid:
             sum_tiles(zone.springs, zone.u_coarse, *of_state, nothing, first, last)
 
         share(work, len(zone.springs.kind), self._threads)
-        largest = pieces.sum_pieces(state.value, self._ends, self._k, self._breaks, self._groups, force)
+        largest = pieces.sum_pieces(state.value, self._pieces, force)
         pieces.pass_on(density[nodes:], self._on, self._w, self._border_volume, force)
         out += density[:nodes] + force / self.volume[:, None]
         self.history = self.history._replace(largest=max(self.history.largest, largest))
@@ -227,14 +236,27 @@ class SpaceHybrid:
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Strain energy densities (n,), J/m^3, and zeros: no bond softens."""
+        return self._held(state, [(0, len(self._zone.tiles.kind))]), np.zeros(len(self.sites))
+
+    def held_around(self, state: State, new: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Strain energy densities (n,), J/m^3, without fine bonds that are as they were before the cells `new` (k, 3)
+        became fine."""
+        tiles = near(self.whole.fine.box, new, self.whole.fine.reach) // ROW  # in order
+        first = np.flatnonzero(np.diff(tiles, prepend=-2) > 1)
+        last = np.append(tiles[first[1:] - 1], tiles[-1]) + 1
+        return self._held(state, list(zip(tiles[first].tolist(), last.tolist(), strict=True)))
+
+    def _held(self, state: State, some: list[tuple[int, int]]) -> NDArray[np.float64]:
+        """Strain energy densities (n,), J/m^3, with the fine bonds of these ranges of tiles alone."""
         self._place(state.value)
         zone, nodes, held = self._zone, len(self.sites), np.zeros(len(self.sites))
         own, nothing = np.zeros((2, len(self._density)))
-        hold_tiles(zone.tiles, zone.u, own, nothing, 0, len(zone.tiles.kind))
+        for first, last in some:
+            hold_tiles(zone.tiles, zone.u, own, nothing, first, last)
         coarse_springs.hold_springs(zone.springs, zone.u_coarse, held)
-        pieces.hold_pieces(state.value, self._ends, self._k, self._groups, held)
+        pieces.hold_pieces(state.value, self._pieces, held)
         pieces.pass_on(own[nodes:, None], self._on, self._w, self._border_volume, held[:, None])
-        return held / self.volume + own[:nodes], np.zeros(nodes)
+        return held / self.volume + own[:nodes]
 
     def fields(self, state: State) -> dict[str, NDArray[np.float64]]:
         """Empty: bonds store no fields beside the displacements."""
@@ -255,18 +277,17 @@ class SpaceHybrid:
         at = whole.springs_at
         above = at._replace(site=np.full(nodes, at.margin, dtype=np.int32), node=zone.springs.node)
         above.site[self._coarse] = self._coarse_sites
-        half, (start, count) = arrangement.ENDS, (self._groups.start, len(self._k))
-        group = np.repeat(np.arange(len(start) - 1), np.diff(start)) if count else np.zeros(0, dtype=np.int64)
-        rows, w = self._ends, self._groups.w[group]
+        found = self._pieces
         free = np.append(self._free, nodes + np.arange(border))
         linked = Linked(
             self.volume,
             (self._on, self._w),
-            ((rows[:, :half], w[:, :half]), (rows[:, half:], w[:, half:])),
+            (found.rows, found.w),
+            found.ends,
             (zone.tiles, sites, free, np.append(self.volume, self._border_volume), False),
             (zone.springs, above, self._coarse, np.ones(nodes), True),
-            self._groups.xi[group, :3],
-            self._k,
+            found.xi[found.direction, :3],
+            found.k,
         )
         return tangent_of(linked, state.value)
 

@@ -1,71 +1,87 @@
-"""Forces and energies of clipped bonds, and of fine nodes on the border."""
+"""Forces and energies of clipped bonds, and of fine nodes on the border.
+
+Pieces are springs between points, which are numbered as the pieces name them, so that what a piece reads was read
+shortly before. A point is a node, or moves with up to four.
+"""
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.space.arrangement import ENDS
+from pdsolve.adaptivity.hybrid.space.piece_vectors import add_piece
 from pdsolve.numerics.jit_cache import cached_njit
 from pdsolve.operators.simd_lattice.kernel import INNER
 
 
-@njit(forceinline=True, **INNER)
-def _eta(value, rows, n, w, ends):  # type: ignore[no-untyped-def]
-    """The displacement of a piece's second end less that of its first, m; `ends` nodes move them by weights w (8,)."""
-    x = y = z = 0.0
-    for m in range(ENDS, ENDS + ends[1]):
-        row, share = rows[n, m], w[m]
-        x, y, z = x + share * value[row, 0], y + share * value[row, 1], z + share * value[row, 2]
-    for m in range(ends[0]):
-        row, share = rows[n, m], w[m]
-        x, y, z = x - share * value[row, 0], y - share * value[row, 1], z - share * value[row, 2]
-    return x, y, z
+class PieceSprings(NamedTuple):
+    """The p pieces between q points, which move with nodes."""
+
+    number: NDArray[np.int64]  # (q,) nodes that move a point
+    rows: NDArray[np.int32]  # (q, 4) these nodes
+    w: NDArray[np.float64]  # (q, 4) their weights
+    ends: NDArray[np.int32]  # (p, 2) points
+    direction: NDArray[np.int32]  # (p,) row of xi
+    xi: NDArray[np.float64]  # (g, 4) xi, m, 1 / |xi|^2
+    k: NDArray[np.float64]  # (p,) stiffness, N/m
+    breaks: NDArray[np.float64]  # (p,) 0 if its bond never breaks, else 1
+    u: NDArray[np.float64]  # (q, 4) room for the displacements of points; the last column is 0
+    force: NDArray[np.float64]  # (q, 4) room for their forces
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def sum_pieces(value, rows, k, breaks, groups, force):  # type: ignore[no-untyped-def]
-    """Add the forces of pieces (p,) on nodes, N, to `force` (n, 3), at displacements `value` (n, 3).
+def sum_pieces(value, pieces, force):  # type: ignore[no-untyped-def]
+    """Add the forces of `pieces` on nodes, N, to `force` (n, 3), at displacements `value` (n, 3).
 
-    `rows` (p, 8) are the nodes that move their ends. Returns the largest e of those that could break.
+    Returns the largest e of those that could break.
     """
-    largest = 0.0
-    for g in range(len(groups.ends)):
-        x, y, z, inverse = groups.xi[g]
-        w, ends = groups.w[g], (groups.ends[g, 0], groups.ends[g, 1])
-        for n in range(groups.start[g], groups.start[g + 1]):
-            ex, ey, ez = _eta(value, rows, n, w, ends)
-            e = inverse * (2 * (x * ex + y * ey + z * ez) + (ex * ex + ey * ey + ez * ez))
-            largest = max(largest, e * breaks[n])
-            pull = k[n] * e / (1 + e + np.sqrt(1 + e))
-            fx, fy, fz = pull * (x + ex), pull * (y + ey), pull * (z + ez)
-            for m in range(ends[0]):
-                _push(force, rows[n, m], w[m], fx, fy, fz)
-            for m in range(ENDS, ENDS + ends[1]):
-                _push(force, rows[n, m], -w[m], fx, fy, fz)
+    _put_points(value, pieces)
+    largest, (u, sums, xi) = 0.0, (pieces.u, pieces.force, pieces.xi)
+    sums[:] = 0
+    for n in range(len(pieces.k)):
+        i, j, row = np.int64(pieces.ends[n, 0]), np.int64(pieces.ends[n, 1]), np.int64(pieces.direction[n])
+        largest = max(largest, pieces.breaks[n] * add_piece(u, sums, xi, i, j, row, pieces.k[n]))
+    for q in range(len(pieces.number)):
+        for m in range(pieces.number[q]):
+            row, share = pieces.rows[q, m], pieces.w[q, m]
+            for axis in range(3):
+                force[row, axis] += share * sums[q, axis]
     return largest
 
 
-@njit(forceinline=True, **INNER)
-def _push(force, row, share, fx, fy, fz):  # type: ignore[no-untyped-def]
-    force[row, 0] += share * fx
-    force[row, 1] += share * fy
-    force[row, 2] += share * fz
+@njit(**INNER)
+def _put_points(value, pieces):  # type: ignore[no-untyped-def]
+    """Fill in the displacements of the points."""
+    for q in range(len(pieces.number)):
+        x = y = z = 0.0
+        for m in range(pieces.number[q]):
+            row, share = pieces.rows[q, m], pieces.w[q, m]
+            x, y, z = x + share * value[row, 0], y + share * value[row, 1], z + share * value[row, 2]
+        pieces.u[q, 0], pieces.u[q, 1], pieces.u[q, 2] = x, y, z
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def hold_pieces(value, rows, k, groups, held):  # type: ignore[no-untyped-def]
+def hold_pieces(value, pieces, held):  # type: ignore[no-untyped-def]
     """Add the energies of pieces, J, to `held` (n,), half to each end."""
-    for g in range(len(groups.ends)):
-        for n in range(groups.start[g], groups.start[g + 1]):
-            eta, e = _eta(value, rows, n, groups.w[g], (groups.ends[g, 0], groups.ends[g, 1])), 0.0
-            for axis in range(3):
-                e += groups.xi[g, 3] * eta[axis] * (2 * groups.xi[g, axis] + eta[axis])
-            stretch = e / (np.sqrt(1 + e) + 1)
-            energy = k[n] / groups.xi[g, 3] * stretch * stretch / 4
-            for end in range(2):
-                for m in range(ENDS * end, ENDS * end + groups.ends[g, end]):
-                    held[rows[n, m]] += groups.w[g, m] * energy
+    _put_points(value, pieces)
+    energy, u = pieces.force, pieces.u
+    energy[:] = 0
+    for n in range(len(pieces.k)):
+        i, j, row, e = pieces.ends[n, 0], pieces.ends[n, 1], pieces.xi[pieces.direction[n]], 0.0
+        for axis in range(3):
+            eta = u[j, axis] - u[i, axis]
+            e += row[3] * eta * (2 * row[axis] + eta)
+        stretch = e / (np.sqrt(1 + e) + 1)
+        found = pieces.k[n] / row[3] * stretch * stretch / 4
+        energy[i, 0] += found
+        energy[j, 0] += found
+    for q in range(len(pieces.number)):
+        for m in range(pieces.number[q]):
+            held[pieces.rows[q, m]] += pieces.w[q, m] * energy[q, 0]
 
 
 @cached_njit(nogil=True)

@@ -1,7 +1,7 @@
 """Tangent of the forces on the nodes of a body with a fine zone: fine bonds, coarse springs, pieces of clipped bonds.
 
-All of them are springs between points: nodes, fine nodes on the border, and ends of pieces, in this order. A point
-moves with nodes by weights, and passes its forces to them by the same weights.
+All of them are springs between points: nodes, fine nodes on the border, and those at which pieces end, in this order. A
+point moves with nodes by weights, and passes its forces to them by the same weights.
 """
 
 from __future__ import annotations
@@ -24,13 +24,12 @@ if TYPE_CHECKING:
 def tangent_of(linked: Linked, value: NDArray[np.float64]) -> csr_array:
     """Minus the derivative (3 n, 3 n), N/m^4, of the force densities (n, 3) at `value`."""
     nodes = len(value)
-    points = vstack([eye_array(nodes), *(_moved(rows, w, nodes) for rows, w in (linked.border, *linked.ends))]).tocsr()
+    points = vstack([eye_array(nodes), *(_moved(rows, w, nodes) for rows, w in (linked.border, linked.points))]).tocsr()
     u, last = points @ value, points.shape[0]
     found = csr_array((3 * last, 3 * last))
     for tiles, sites, rows, volume, share in (linked.bonds, linked.springs):
         found += _of_tiles(tiles, sites, rows, volume, u, share)
-    count = len(linked.stiffness)
-    one, other = last - 2 * count + np.arange(count), last - count + np.arange(count)
+    one, other = (last - len(linked.points[0]) + linked.ends.astype(np.int64)).T
     pull = linked.stiffness * np.sqrt((linked.xi**2).sum(axis=1))
     for first, second, sign in ((one, other, 1.0), (other, one, -1.0)):
         found += of_springs(first, second, sign * linked.xi, pull, u)
