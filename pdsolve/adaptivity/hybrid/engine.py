@@ -308,8 +308,7 @@ class Hybrid:
             nodes.wide[nodes.rows[:rows]] = entry(kept, f"{name}_wide", (int(rows),), np.uint8)
         zone.holds.value[:] = like(kept, "holds", zone.holds.value)
         zone.total[:] = like(kept, "total", zone.total)
-        for name, damped in (("fine", zone.fine.damped), ("coarse", zone.coarse.damped)):
-            _put_damped(kept, name, damped)
+        _put_damped(kept, zone)
 
     def _kept_breaks(self, kept: Kept) -> arrays.Breaks:
         """Broken bonds of a checkpoint, checked to exist at the start and to have broken once in each direction."""
@@ -348,9 +347,10 @@ class Hybrid:
         return sum(array.nbytes for part in lattices for array in part if array is not None)
 
 
-def _put_damped(kept: Kept, name: str, damped: NDArray[np.float64] | None) -> None:
-    """Restore the energies that damping has taken from the nodes of a lattice."""
-    if damped is not None:
-        slowed = entry(kept, f"{name}_slowed", (None,), np.int64, 0, len(damped) - 1)
-        damped[:] = 0.0
-        damped[slowed] = entry(kept, f"{name}_damped", slowed.shape, float)
+def _put_damped(kept: Kept, zone: Zone) -> None:
+    """Restore the energies that damping has taken from nodes."""
+    for name, damped in (("fine", zone.fine.damped), ("coarse", zone.coarse.damped)):
+        if damped is not None:
+            slowed = entry(kept, f"{name}_slowed", (None,), np.int64, 0, len(damped) - 1)
+            damped[:] = 0.0
+            damped[slowed] = entry(kept, f"{name}_damped", slowed.shape, float)
