@@ -269,16 +269,16 @@ displacement field is in equilibrium, at edges too, and momentum and energy are 
 
 **What it supports**: nodes on one lattice; horizons up to 6 spacings (5.5 with a constant micromodulus); the
 conservative mode in double precision; both laws; several materials with one micromodulus; holes, notches and any
-outline; pre-cracks without width in any direction; loads; held displacements and velocities; unbreakable regions.
+outline; pre-cracks without width in any direction; loads; held displacements and velocities; unbreakable regions;
+damping and layers that absorb, which take from coarse cells what they take from fine ones.
 Frames, histories and the pictures of `pdpost` contain the coarse nodes and the current fine nodes. In the results,
 nodes that appear or disappear do so in the first step after the preceding ledger entry or frame. `pdmesh build` lays
 nodes of the finest spacing everywhere. Where a crack would meet a node, it moves the crack by half a spacing at most,
 and says so.
 
 **What it refuses**, in one line: imported meshes and other nodes that are on no lattice, several spacings, the thesis
-mode, single precision, held accelerations, absorbing layers, damping, equilibrium (`--static`), and materials of
-different micromoduli. By default the number of threads follows from the number of nodes; the bits of the results do not
-depend on it.
+mode, single precision, held accelerations, equilibrium (`--static`), and materials of different micromoduli. By default
+the number of threads follows from the number of nodes; the bits of the results do not depend on it.
 
 **When not to use it**: where much of the plate is crushed or softens, because most of it then becomes fine; where 12 h
 around a tip, or the surroundings of holes, are most of the plate; with horizons of more than 4 spacings, for which the

@@ -322,7 +322,7 @@ WORDS = """**Which kind to choose.**
 
 - Choose `--adapt hybrid` where a family has few bonds, as in all shipped scenes. Its coarse lattice costs a few bonds a
   node, it conserves energy and momentum, edges need no bonds, and its seam reflects less than bonds of two sizes do.
-- Choose drawn zones where nodes are on no lattice, in the thesis mode, with absorbing layers or damping, or at rest.
+- Choose drawn zones where nodes are on no lattice, in the thesis mode, or at rest.
 - Choose `--adapt split` to compare with the thesis, or in the thesis mode if the path of the crack is unknown. It sums
   its bonds one by one, and lists them anew whenever cells change. That costs more than fine nodes everywhere in blocks.
 - Choose `--adapt collocation` to compare with its source, or if the horizon is a length of the material and spans many

@@ -254,6 +254,9 @@ def _hybrid_in_space(settings: Settings, every: Places) -> Iterator[Impossible]:
         yield Impossible("$.regions", f"{len(every)} materials", f"one{why}")
     if settings.material is not None and settings.material.law != USUAL_LAW:
         yield Impossible("$.material.law", settings.material.law, f"{USUAL_LAW}{why}")
+    if settings.run.damping:
+        yield Impossible("$.run.damping", f"{settings.run.damping:g}", f"0{why}")
+    yield from _of_kinds(settings, (Absorb,), f"a load, a displacement or a velocity{why}")
 
 
 def _at_rest(settings: Settings, every: Places) -> Iterator[Impossible]:
@@ -357,7 +360,7 @@ def _adaptive(settings: Settings, every: Places) -> Iterator[Impossible]:
         ("$.area_rule", settings.area_rule or "cells", "cells"),
         ("$.run.solver", run.solver, "explicit"),
         ("$.run.start", run.start, "unloaded"),
-        ("$.run.damping", f"{run.damping:g}", "0" if run.adapt != "split" else f"{run.damping:g}"),
+        ("$.run.damping", f"{run.damping:g}", "0" if run.adapt == "collocation" else f"{run.damping:g}"),
     ):
         if found != expected:
             yield Impossible(place, found, expected + why)
@@ -372,7 +375,8 @@ def _adaptive(settings: Settings, every: Places) -> Iterator[Impossible]:
         )
     for place, material in every:
         yield from _plain(material, place, KINDS[material.model].adaptive(material, every[0][1], run.adapt))
-    yield from _of_kinds(settings, (Acceleration, Absorb, Spring, Pin), f"a load, a displacement or a velocity{why}")
+    refused = (Acceleration, Spring, Pin) if run.adapt == "hybrid" else (Acceleration, Absorb, Spring, Pin)
+    yield from _of_kinds(settings, refused, f"a load, a displacement or a velocity{why}")
     yield from _spinning(settings, why)
     if run.adapt == "split" and not run.split.merge < run.split.threshold:
         less = f"less than the threshold, {run.split.threshold:g}{why}"

@@ -58,6 +58,7 @@ class LatticeConstants(NamedTuple):
     edge_cut: NDArray[np.float64]  # (2, q) where a pre-crack cuts the edge to the east, and to the north; 0: nowhere
     cut_cells: NDArray[np.bool_]  # (c,) cells that a pre-crack crosses
     cracks: NDArray[np.float64]  # (j, 4) segments in fine spacings
+    damping: NDArray[np.float64] | None  # (n,) 1/s, of fine places; None: nothing is damped
 
 
 class Nodes(NamedTuple):
@@ -80,6 +81,8 @@ class Nodes(NamedTuple):
     touched: NDArray[np.bool_]  # (n / 16,) whether there are forces besides those of springs
     wide: NDArray[np.uint8]  # (n / 16,) how far stretches went; of coarse rows whether one was hot
     shrink: NDArray[np.float64] | None  # (n,) minus half the strain of a free node, of idle ones too; None: none swells
+    damping: NDArray[np.float64] | None  # (2, n) 1/s, of each component, 0 of held ones; None: nothing is damped
+    damped: NDArray[np.float64] | None  # (n,) J/m, taken from a node by damping so far
 
 
 class Pieces(NamedTuple):
@@ -146,7 +149,9 @@ class Zone(NamedTuple):
     asides: NDArray[np.int64]  # (8 threads,) how many, of each thread at a multiple of 8
 
 
-def nodes_of(places: int, springs: int, entries: int, varied: bool = False, swells: bool = False) -> Nodes:
+def nodes_of(
+    places: int, springs: int, entries: int, varied: bool = False, swells: bool = False, damps: bool = False
+) -> Nodes:
     """Idle nodes, with room for `entries` rows of stiffnesses; untouched memory is not allocated."""
     rows = places // ROW
 
@@ -169,6 +174,8 @@ def nodes_of(places: int, springs: int, entries: int, varied: bool = False, swel
         touched=np.zeros(rows, dtype=np.bool_),
         wide=np.zeros(rows, dtype=np.uint8),
         shrink=zeros(places) if swells else None,
+        damping=zeros(2, places) if damps else None,
+        damped=zeros(places) if damps else None,
     )
 
 
@@ -193,6 +200,7 @@ def zone_of(
     varied: bool = False,
     threads: int = 1,
     swells: bool = False,
+    damps: bool = False,
 ) -> Zone:
     """A plate with these cells (c,) and idle nodes, with room for `rows` rows of fine nodes."""
     piece = ROW * rows * springs // 4
@@ -206,8 +214,8 @@ def zone_of(
     return Zone(
         cells=cells,
         bits=np.zeros(at.places, dtype=np.uint64),
-        fine=nodes_of(at.places, springs, rows, varied, swells),
-        coarse=nodes_of(at.coarse_places, 8, at.coarse_places // ROW, swells=swells),
+        fine=nodes_of(at.places, springs, rows, varied, swells, damps),
+        coarse=nodes_of(at.coarse_places, 8, at.coarse_places // ROW, swells=swells, damps=damps),
         pieces=pieces(),
         spare=pieces(),
         border=Border(np.zeros(nodes, np.int64), np.zeros((nodes, 2), np.int64), np.zeros(nodes), np.zeros((nodes, 2))),

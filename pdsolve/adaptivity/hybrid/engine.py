@@ -108,17 +108,25 @@ class Hybrid:
             self._march(first, last)
 
     def sum_forces(self, step: int, dt: float) -> None:
-        """Sum the forces at the current displacements, without loads; bonds over their limit break in this step.
+        """Sum the forces at the current displacements, of bonds alone; bonds over their limit break in this step.
 
         `dt` is the time since the last step, s, 0 at rest. Raises LateZoneError if a clipped bond exceeds its limit.
         """
         ground, number = self.ground, self.zone.number
-        acting = number[[LOADS, HOLDS]].copy()
+        acting, lattices = number[[LOADS, HOLDS]].copy(), (self.zone.fine, self.zone.coarse)
+        slowing = [nodes.damping for nodes in lattices]
         number[[LOADS, HOLDS]], self.ground = 0, ground._replace(dt=dt)
         try:
+            self._damp(None, None)
             self._march(step + 1, step + 1)
         finally:
             self.zone.number[[LOADS, HOLDS]], self.ground = acting, ground
+            self._damp(*slowing)
+
+    def _damp(self, fine: NDArray[np.float64] | None, coarse: NDArray[np.float64] | None) -> None:
+        """Damp the nodes so from now on; see `Nodes.damping`."""
+        zone = self.zone
+        self.zone = zone._replace(fine=zone.fine._replace(damping=fine), coarse=zone.coarse._replace(damping=coarse))
 
     def _march(self, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1; with `last` = `first`, only finish the previous step."""
@@ -227,6 +235,12 @@ class Hybrid:
         total = self.zone.total
         return float(total[DISSIPATED]), float(total[WORK]), float(total[REFINEMENT])
 
+    @property
+    def damped(self) -> float:
+        """Energy taken by damping so far, J/m."""
+        lattices = self.zone.fine, self.zone.coarse
+        return sum((float(nodes.damped.sum()) for nodes in lattices if nodes.damped is not None), 0.0)
+
     def keep(self) -> Kept:
         """Arrays for a checkpoint, from which a run continues bit by bit."""
         zone, broken = self.zone, self.zone.number[BREAKS]
@@ -240,6 +254,9 @@ class Hybrid:
             for field, values in (("u", nodes.u[self.now]), ("v", nodes.v), ("f", nodes.f)):
                 kept[f"{name}_{field}"] = np.where(there, values[:, places], 0.0)
             kept[f"{name}_wide"] = nodes.wide[nodes.rows[:rows]]
+            if nodes.damped is not None:
+                slowed = np.flatnonzero(nodes.damped)
+                kept |= {f"{name}_slowed": slowed, f"{name}_damped": nodes.damped[slowed]}
         if self.ground.varied:
             entries = zone.fine.entry[zone.fine.rows[: zone.number[ROWS]]]
             own = np.where(entries < 0, -2 - entries, entries)
@@ -291,6 +308,7 @@ class Hybrid:
             nodes.wide[nodes.rows[:rows]] = entry(kept, f"{name}_wide", (int(rows),), np.uint8)
         zone.holds.value[:] = like(kept, "holds", zone.holds.value)
         zone.total[:] = like(kept, "total", zone.total)
+        _put_damped(kept, zone)
 
     def _kept_breaks(self, kept: Kept) -> arrays.Breaks:
         """Broken bonds of a checkpoint, checked to exist at the start and to have broken once in each direction."""
@@ -327,3 +345,12 @@ class Hybrid:
         """Memory of all arrays, bytes; untouched parts take none in practice."""
         lattices = self.zone.fine, self.zone.coarse
         return sum(array.nbytes for part in lattices for array in part if array is not None)
+
+
+def _put_damped(kept: Kept, zone: Zone) -> None:
+    """Restore the energies that damping has taken from nodes."""
+    for name, damped in (("fine", zone.fine.damped), ("coarse", zone.coarse.damped)):
+        if damped is not None:
+            slowed = entry(kept, f"{name}_slowed", (None,), np.int64, 0, len(damped) - 1)
+            damped[:] = 0.0
+            damped[slowed] = entry(kept, f"{name}_damped", slowed.shape, float)

@@ -26,6 +26,7 @@ from pdsolve.adaptivity.hybrid.arrays import (
     WORK,
 )
 from pdsolve.adaptivity.hybrid.bond_breaking import break_bonds
+from pdsolve.adaptivity.hybrid.damping import slow, tally
 from pdsolve.adaptivity.hybrid.energy import place_of, strain_e
 from pdsolve.adaptivity.hybrid.simd_rows import (
     sum_edges,
@@ -191,8 +192,8 @@ def _put_aside(zone):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _move_fine(zone, now, dt, thread):  # type: ignore[no-untyped-def]
-    """Kick and drift all fine rows."""
+def _move_fine(zone, now, dt, lag, ends, thread):  # type: ignore[no-untyped-def]
+    """Kick and drift all fine rows; where a sequence `ends`, their damped forces are kept instead."""
     fine, s = zone.fine, zone.s[thread]
     wide, u, after, count = across(s), fine.u[now], fine.u[1 - now], zone.number[ROWS]
     while True:
@@ -203,11 +204,16 @@ def _move_fine(zone, now, dt, thread):  # type: ignore[no-untyped-def]
             for p in range(row * ROW, row * ROW + ROW, wide):
                 for k in range(wide):
                     s[k], s[ROW + k] = fine.f[0, p + k], fine.f[1, p + k]
-                kick_and_drift(u, after, fine.v, fine.light, dt, dt / 2, p, s)
+                slow(fine, p, wide, lag, s)
+                if ends:
+                    keep_forces(fine.f, p, wide, s)
+                else:
+                    tally(fine, p, wide, dt, s, True, True)
+                    kick_and_drift(u, after, fine.v, fine.light, dt, dt / 2, p, s)
 
 
 @njit(**INNER)
-def _sweep_coarse(ground, zone, now, ends, thread, stage):  # type: ignore[no-untyped-def]
+def _sweep_coarse(ground, zone, now, lag, ends, thread, stage):  # type: ignore[no-untyped-def]
     """Forces on coarse rows, followed by kick and drift unless a sequence `ends`; then forces are kept.
 
     The stage LOADED processes touched rows, an earlier stage the others until the first thread reaches LOADED. Notes
@@ -233,9 +239,11 @@ def _sweep_coarse(ground, zone, now, ends, thread, stage):  # type: ignore[no-un
                     hot |= sum_green(u, table, ways, own, coarse.shrink, 8, 0, q, limit, s)
                 if touched:
                     add_forces(coarse.f, q, wide, s)
+                slow(coarse, q, wide, lag, s)
                 if touched or ends:
                     keep_forces(coarse.f, q, wide, s)
                 if not ends:
+                    tally(coarse, q, wide, dt, s, True, True)
                     kick_and_drift(u, after, coarse.v, coarse.light, dt, dt / 2, q, s)
             coarse.wide[row] = hot > 0
 
@@ -302,9 +310,10 @@ def _act(ground, zone, profiles, now, step):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def forces(ground, zone, profiles, now, step, ends, thread, gate):  # type: ignore[no-untyped-def]
+def forces(ground, zone, profiles, now, step, lag, ends, thread, gate):  # type: ignore[no-untyped-def]
     """All forces at the displacements `now`, those of `step`; kick and drift unless the sequence `ends`.
 
+    Velocities are those of half of `lag`, s, ago.
     All threads call this together; the first thread calls `again` before each further call.
     """
     for stage in (ACTED, BROKE, LOADED, REST):
@@ -314,7 +323,7 @@ def forces(ground, zone, profiles, now, step, ends, thread, gate):  # type: igno
         elif thread == 0 and stage == BROKE:
             _put_aside(zone)
         else:
-            _sweep_coarse(ground, zone, now, ends, thread, stage)
+            _sweep_coarse(ground, zone, now, lag, ends, thread, stage)
             wait(zone.turns, STAGE, min(stage, BROKE), gate)
         if stage == ACTED or (thread == 0 and stage == BROKE):
             _sum_fine(ground, zone, now, step, thread, SUM if stage == ACTED else BROKEN)
@@ -324,8 +333,7 @@ def forces(ground, zone, profiles, now, step, ends, thread, gate):  # type: igno
             if thread == 0:
                 _pass_on(zone.fine.f, zone.coarse.f, zone.border, zone.number[BORDERS])
                 take(zone.turns, STAGE)
-            if not ends:
-                _move_fine(zone, now, ground.dt, thread)
+            _move_fine(zone, now, ground.dt, lag, ends, thread)
     meet(gate)
 
 

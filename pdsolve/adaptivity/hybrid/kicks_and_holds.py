@@ -8,6 +8,7 @@ from __future__ import annotations
 from numba import njit
 
 from pdsolve.adaptivity.hybrid.arrays import AXIS, COARSE_ROWS, FORCE, KIND, LAST, PROFILE, ROWS, SPEED, VALUE, WORK
+from pdsolve.adaptivity.hybrid.damping import tally
 from pdsolve.conditions import DISPLACEMENT, VELOCITY, factor_at
 from pdsolve.operators.simd_lattice.kernel import INNER
 from pdsolve.operators.simd_lattice.lanes import ROW
@@ -28,8 +29,20 @@ def _kick_and_drift(nodes, count, now, dt, drifts):  # type: ignore[no-untyped-d
 
 
 @njit(**INNER)
+def _tally_rows(nodes, count, dt, s, starts):  # type: ignore[no-untyped-def]
+    """Book what damping takes in the half of a step with which a sequence `starts`, or else ends; `s` is scratch."""
+    for n in range(count):
+        p = nodes.rows[n] * ROW
+        for k in range(ROW):
+            s[k], s[ROW + k] = nodes.f[0, p + k], nodes.f[1, p + k]
+        tally(nodes, p, ROW, dt, s, not starts, starts)
+
+
+@njit(**INNER)
 def drift(ground, zone, now, drifts):  # type: ignore[no-untyped-def]
     """Half a kick of all nodes, fine and coarse, and a drift if `drifts`."""
+    _tally_rows(zone.fine, zone.number[ROWS], ground.dt, zone.s[0], drifts)
+    _tally_rows(zone.coarse, zone.number[COARSE_ROWS], ground.dt, zone.s[0], drifts)
     _kick_and_drift(zone.fine, zone.number[ROWS], now, ground.dt, drifts)
     _kick_and_drift(zone.coarse, zone.number[COARSE_ROWS], now, ground.dt, drifts)
 

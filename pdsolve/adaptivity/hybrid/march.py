@@ -135,7 +135,7 @@ def march(ground, zone, profiles, now, first, last, drifted, thread, gate):  # t
                 meet(gate)
                 if zone.number[SHORT] != 0:
                     return ROOM, step, now
-            forces(ground, zone, profiles, now, step, ends, thread, gate)
+            forces(ground, zone, profiles, now, step, 0.0 if starts else ground.dt, ends, thread, gate)
             largest = zone.total[CLIPPED]
             meet(gate)
         if thread == 0:

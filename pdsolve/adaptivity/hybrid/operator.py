@@ -227,7 +227,7 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         """Energies, work and momentum at the state of the last call of `energies`."""
         kinetic, x, y = self.hybrid.motion().tolist()
         dissipated, work, _ = self.hybrid.spent
-        return Sums(kinetic, self._strain, dissipated, 0.0, work, x, y)
+        return Sums(kinetic, self._strain, dissipated, self.hybrid.damped, work, x, y)
 
     def zone_summary(self) -> ZoneSummary:
         """Summary of the fine zone."""

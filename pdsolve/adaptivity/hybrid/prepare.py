@@ -17,7 +17,7 @@ from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, FINE, LEFT
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.adaptivity.hybrid.precracks import begin_coarse, lengthened
 from pdsolve.adaptivity.hybrid.springs import Springs, coarse_springs, e_of, fine_springs, stretches
-from pdsolve.conditions import Drive, drive, initial_velocity, unbreakable
+from pdsolve.conditions import Drive, damping, drive, initial_velocity, unbreakable
 from pdsolve.model import Model
 from pdsolve.operators.simd_lattice.layout import aligned
 
@@ -43,7 +43,8 @@ def hybrid_of(
     area = plate.area * plate.h**2
     driven = drive(model, area, True, np.float64)
     rows = ROOM + 6 * int(np.count_nonzero(cells == FINE))
-    zone = zone_of(plate.at, cells, len(ground.ways), rows, ground.varied, threads, swells)._replace(
+    damps = ground.damping is not None
+    zone = zone_of(plate.at, cells, len(ground.ways), rows, ground.varied, threads, swells, damps)._replace(
         bits=bits, loads=_loads(plate, driven, area), holds=_entries(plate, driven.holds, 1)
     )
     hybrid = Hybrid(plate, ground, zone, driven)
@@ -96,7 +97,18 @@ def ground_of(plate: Plate, springs: tuple[Springs, ...], found: Irregular, dt: 
         edge_cut=np.zeros((2, at.coarse_places)),
         cut_cells=np.zeros(at.cells, dtype=np.bool_),
         cracks=lengthened(plate.cracks),
+        damping=_damping(plate),
     )
+
+
+def _damping(plate: Plate) -> NDArray[np.float64] | None:
+    """Damping (places,), 1/s, of fine places; None where nothing is damped."""
+    own = damping(plate.model)
+    if not own.any():
+        return None
+    found = np.zeros(plate.at.places)
+    found[plate.place] = own
+    return found
 
 
 def _cells(plate: Plate, springs: tuple[Springs, ...]) -> NDArray[np.float64]:

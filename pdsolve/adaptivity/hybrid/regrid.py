@@ -7,6 +7,7 @@ from numba import njit
 
 from pdsolve.adaptivity.hybrid.arrays import (
     AROUND,
+    AXIS,
     BORDERS,
     COARSE_ROWS,
     DIRTY,
@@ -22,6 +23,7 @@ from pdsolve.adaptivity.hybrid.arrays import (
     STIRS,
 )
 from pdsolve.adaptivity.hybrid.clipped_bonds import put_pieces, set_row
+from pdsolve.adaptivity.hybrid.damping import set_damping, undamp
 from pdsolve.adaptivity.hybrid.energy import energy_of
 from pdsolve.adaptivity.hybrid.forces import follow
 from pdsolve.adaptivity.hybrid.lattice import AROUND as RIM
@@ -31,7 +33,9 @@ from pdsolve.adaptivity.hybrid.lattice import (
     FINE,
     FREE,
     cell_place,
+    coarse_column,
     coarse_place,
+    coarse_row,
     fine_column,
     fine_place,
     fine_row,
@@ -158,8 +162,11 @@ def _set_nodes(ground, zone, dirty, dirty_coarse, now):  # type: ignore[no-untyp
     fine, coarse, last = zone.fine, zone.coarse, -1
     for p in dirty:
         set_fine(ground.at, ground.mass[p], zone.cells, fine, p)
+        set_damping(ground, fine, p, p)
     for q in dirty_coarse:
         set_coarse(ground, zone.cells, fine, coarse, q)
+        x, y = coarse_column(ground.at, q), coarse_row(ground.at, q)
+        set_damping(ground, coarse, q, fine_place(ground.at, 2 * x, 2 * y))
     for p in dirty:
         if fine.kind[p] == BORDER:
             a, b, w = border_end(ground.at, ground.edge_cut, coarse.kind, p)
@@ -295,10 +302,12 @@ def _place_holds(at, fine, coarse, holds):  # type: ignore[no-untyped-def]
         if fine.kind[p] == FREE:
             holds.on[count, 0], holds.on[count, 1] = p, n
             fine.touched[p // ROW] = True
+            undamp(fine, p, holds.what[n, AXIS])
             count += 1
         elif ix % 2 == 0 and iy % 2 == 0 and coarse.kind[coarse_place(at, ix // 2, iy // 2)] == FREE:
             q = coarse_place(at, ix // 2, iy // 2)
             holds.on[count, 0], holds.on[count, 1] = -1 - q, n
             coarse.touched[q // ROW] = True
+            undamp(coarse, q, holds.what[n, AXIS])
             count += 1
     return count

@@ -156,12 +156,12 @@ def test_what_heats_is_set_by_its_name(tmp_path: Path) -> None:
     path = tmp_path / "block.geo"
     path.write_text(BLOCK)
     given = {"Exchanges/end/h": "2000", "Exchanges/end/Outside": "290", "Begins/warm/Temperature": "400"}
-    began, cooled = build(path, list(given.items())).settings.conditions
+    began, cooled = build_file(path, list(given.items())).settings.conditions
     assert isinstance(began, InitialConcentration)
     assert began.value == 400.0
     assert isinstance(cooled, Exchange)
     assert (cooled.coefficient, cooled.value) == (pytest.approx(1e-3), 290.0)
-    assert build(path, [("Medium/c", "1600")]).settings.conditions[1].coefficient == pytest.approx(2.5e-4)  # type: ignore[union-attr]
+    assert build_file(path, [("Medium/c", "1600")]).settings.conditions[1].coefficient == pytest.approx(2.5e-4)  # type: ignore[union-attr]
 
 
 def test_a_study_varies_convection(tmp_path: Path) -> None:

@@ -1,0 +1,100 @@
+"""Damping of nodes: c m v against the motion, and the energy that it takes.
+
+Leapfrog has velocities half a step before. With the force F at the displacements, (F - c m v) / (1 + c dt / 2) is what
+moves a node then: the damping is that of the velocity at the step, as in `pdsolve.steppers.verlet`. The energy taken
+from one step to the next is the mean damping force of both times the displacement between them.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from numba import types
+from numba.extending import overload
+
+from pdsolve.adaptivity.hybrid.lattice import FREE
+from pdsolve.operators.simd_lattice.kernel import INNER
+from pdsolve.operators.simd_lattice.lanes import ROW
+
+
+def _damped(nodes: Any) -> bool:
+    """Whether these nodes, a type, are damped."""
+    return not isinstance(nodes.types[nodes.fields.index("damping")], types.NoneType)
+
+
+def slow(nodes: Any, p: Any, count: Any, lag: Any, s: Any) -> None:
+    """Turn the sums s of forces on nodes from p on into what moves them; velocities are half of `lag`, s, old."""
+
+
+@overload(slow, jit_options=INNER)
+def _slow(nodes, p, count, lag, s):  # type: ignore[no-untyped-def]
+    if not _damped(nodes):
+        return lambda nodes, p, count, lag, s: None
+
+    def slowed(nodes, p, count, lag, s):  # type: ignore[no-untyped-def]
+        for axis in range(2):
+            for k in range(count):
+                c, at = nodes.damping[axis, p + k], axis * ROW + k
+                s[at] = (s[at] - c * nodes.mass[p + k] * nodes.v[axis, p + k]) / (1 + c * lag / 2)
+
+    return slowed
+
+
+def tally(nodes: Any, p: Any, count: Any, dt: Any, s: Any, before: Any, after: Any) -> None:
+    """Book the energy taken in half a step `before` and `after` from nodes moved by s, from p on.
+
+    With `before`, velocities are those of half a step ago, else of now.
+    """
+
+
+@overload(tally, jit_options=INNER)
+def _tally(nodes, p, count, dt, s, before, after):  # type: ignore[no-untyped-def]
+    if not _damped(nodes):
+        return lambda nodes, p, count, dt, s, before, after: None
+
+    def booked(nodes, p, count, dt, s, before, after):  # type: ignore[no-untyped-def]
+        for at in range(p, p + count):
+            first, last, half = 0.0, 0.0, dt / 2 * nodes.mass[at]
+            for axis in range(2):
+                kick = dt / 2 * (s[axis * ROW + at - p] * nodes.light[at])
+                speed = nodes.v[axis, at]
+                middle = speed + kick if before else speed
+                pull = nodes.damping[axis, at] * middle
+                first += pull * speed
+                last += pull * (middle + kick)
+            if before:
+                nodes.damped[at] += half * first
+            if after:
+                nodes.damped[at] += half * last
+
+    return booked
+
+
+def set_damping(ground: Any, nodes: Any, p: Any, place: Any) -> None:
+    """Give node p the damping of a fine place, or none if it has no motion of its own."""
+
+
+@overload(set_damping, jit_options=INNER)
+def _set_damping(ground, nodes, p, place):  # type: ignore[no-untyped-def]
+    if not _damped(nodes):
+        return lambda ground, nodes, p, place: None
+
+    def put(ground, nodes, p, place):  # type: ignore[no-untyped-def]
+        nodes.damping[0, p] = nodes.damping[1, p] = ground.damping[place] if nodes.kind[p] == FREE else 0.0
+
+    return put
+
+
+def undamp(nodes: Any, p: Any, axis: Any) -> None:
+    """Take the damping from a held component."""
+
+
+@overload(undamp, jit_options=INNER)
+def _undamp(nodes, p, axis):  # type: ignore[no-untyped-def]
+    if not _damped(nodes):
+        return lambda nodes, p, axis: None
+
+    def let(nodes, p, axis):  # type: ignore[no-untyped-def]
+        nodes.damping[axis, p] = 0.0
+
+    return let
