@@ -6,18 +6,14 @@ It covers settings alone. What depends on nodes, shapes or a solver's options is
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple
 
 import msgspec
 
 from pdmesh.model.document import (
     Absorb,
     Acceleration,
-    Condition,
-    Fatigue,
     GridError,
     InitialVelocity,
-    ParticleRules,
     Pin,
     RigidBody,
     Run,
@@ -31,26 +27,14 @@ from pdmesh.model.materials.kind import softens
 from pdmesh.model.medium import Medium, contradiction, of_motion
 from pdmesh.model.output_fields import OF_CONTENT
 from pdmesh.model.output_fields import USUAL as USUAL_FIELDS
+from pdmesh.model.refusals import Impossible, Places
+from pdmesh.model.refused_fatigue import of_fatigue
 
 FEWEST = 12.0  # spacings in the horizon with which collocation need not be asked to damp its seam
 # Measured in the plate of docs/collocation.md
 LOSSY = "with fewer the seam is damped, which took 64 % of the work from a struck plate with 4"
 USUAL = Material(E=1.0, rho=1.0, G0=1.0)
 MOVING = (Velocity, Acceleration, InitialVelocity, Absorb, RigidBody)
-
-
-class Impossible(NamedTuple):
-    """A setting that is refused: its place, what was found, what was expected."""
-
-    place: str  # dotted, from $ on
-    found: str
-    expected: str
-
-    def __str__(self) -> str:
-        return f"{self.place}: found {self.found}, expected {self.expected}"
-
-
-Places = list[tuple[str, Material]]
 
 
 def _swelling(settings: Settings, every: list[tuple[str, Material]]) -> Iterator[Impossible]:
@@ -288,56 +272,7 @@ def _in_steps(settings: Settings, every: Places) -> Iterator[Impossible]:
         expected = "none, as no bond softens: of these alone a path is followed"
         yield Impossible("$.run.static.control", f"'{run.static.control}'", expected)
     if run.fatigue is not None:
-        yield from _of_fatigue(settings, run.fatigue, every)
-
-
-def _of_fatigue(settings: Settings, fatigue: Fatigue, every: Places) -> Iterator[Impossible]:
-    """Settings with which bonds do not tire."""
-    run, why = settings.run, "as loads repeat"
-    yield from _of_lines(fatigue) if run.cracks == "bonds" else _of_growth(fatigue, run.particles)
-    for name, found, usual in (
-        ("static.floating", str(run.static.floating).lower(), "false"),
-        ("static.load_steps", str(run.static.load_steps), "None"),
-    ):
-        if found != usual:
-            yield Impossible(f"$.run.{name}", found, f"{usual}, {why}")
-    for number, condition in enumerate(settings.conditions):
-        if isinstance(condition, Condition) and condition.profile:
-            place = f"$.conditions[{number}].profile"
-            yield Impossible(place, f"{len(condition.profile)} points", "none, as loads are the largest of a cycle")
-    if settings.physics != "mechanics":
-        yield Impossible("$.physics", settings.physics, f"mechanics, {why}")
-    for place, material in every:
-        if material.model != "bond" and run.cracks == "bonds":
-            yield Impossible(f"{place}.model", material.model, f"bond, {why}")
-        elif material.law != "brittle":
-            yield Impossible(f"{place}.law", material.law, f"brittle, {why}")
-
-
-def _of_growth(fatigue: Fatigue, rules: ParticleRules) -> Iterator[Impossible]:
-    """Settings with which cracks of particles do not grow by Paris's line."""
-    usual, words = Fatigue(), "with cracks that are particles"
-    for name in ("C", "m"):
-        if getattr(fatigue, name) is None:
-            yield Impossible(f"$.run.fatigue.{name}", "none", f"a number, {words}")
-    for name in ("A", "A1", "m1", "endurance", "threshold", "damaged", "blocks"):
-        if getattr(fatigue, name) != getattr(usual, name):
-            yield Impossible(f"$.run.fatigue.{name}", f"{getattr(fatigue, name)}", f"none {words}")
-    if rules.criterion != "intensity":
-        yield Impossible("$.run.particles.criterion", rules.criterion, "intensity, as cracks grow by it")
-
-
-def _of_lines(fatigue: Fatigue) -> Iterator[Impossible]:
-    """Halves of a line of growth or initiation, and what is of particles."""
-    for name in ("C", "threshold_K"):
-        if getattr(fatigue, name):
-            yield Impossible(f"$.run.fatigue.{name}", f"{getattr(fatigue, name):g}", "none, but A, as bonds tire")
-    if fatigue.A is None and fatigue.A1 is None:
-        yield Impossible("$.run.fatigue.A", "none", "a number, or A1")
-    for pair in (("A", "m"), ("A1", "m1")):
-        for name, other in (pair, pair[::-1]):
-            if getattr(fatigue, name) is None and getattr(fatigue, other) is not None:
-                yield Impossible(f"$.run.fatigue.{name}", "none", f"a number, with {other}")
+        yield from of_fatigue(settings, run.fatigue, every)
 
 
 def _along_path(settings: Settings) -> Iterator[Impossible]:
