@@ -16,7 +16,7 @@ from zones import rectangle
 
 from pdmesh import Scene, SceneError, box
 from pdmesh.__main__ import main as build_command
-from pdmesh.drawing.file_reading import build, read_scene
+from pdmesh.drawing.file_reading import build_file, read_scene
 from pdmesh.drawing.parameters import Parameters, run
 from pdmesh.model.document import (
     Acceleration,
@@ -152,7 +152,7 @@ def test_a_drawing_is_built_for_it(tmp_path: Path) -> None:
     mesh = tmp_path / "plate.msh"
     mesh.write_text("")
     with pytest.raises(SceneError, match=naming("--adapt", found="mesh", expected="drawing")):
-        build(mesh, [("--adapt", "hybrid")])
+        build_file(mesh, [("--adapt", "hybrid")])
 
 
 def test_the_command_says_how_much_is_fine(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -14,7 +14,7 @@ from plates import GEOMETRIES
 pytest.importorskip("gmsh", exc_type=OSError)
 
 from pdmesh import SceneError
-from pdmesh.drawing.file_reading import build, read_scene
+from pdmesh.drawing.file_reading import build_file, read_scene
 from pdmesh.model.document import read_file, write_file
 
 OUTLINE = """
@@ -51,7 +51,9 @@ def drawings(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize("suffix", ["step", "brep", "vtu"])
 def test_a_crack_in_millimetres(suffix: str, drawings: Path, tmp_path: Path) -> None:
     spacing = [] if suffix == "vtu" else [("Zones/plate/Spacing", "1")]
-    built = build(drawings / f"plate.{suffix}", [("Units", "mm"), *spacing], cracks=["0,10,5,10,8,12", "35,5.2,40,5.2"])
+    built = build_file(
+        drawings / f"plate.{suffix}", [("Units", "mm"), *spacing], cracks=["0,10,5,10,8,12", "35,5.2,40,5.2"]
+    )
     assert built.grid.cracks * 1e3 == pytest.approx(np.array([[0, 10, 5, 10], [5, 10, 8, 12], [35, 5.2, 40, 5.2]]))
     low, high = built.grid.position.min(axis=0), built.grid.position.max(axis=0)
     assert (low >= 0).all()
@@ -62,20 +64,20 @@ def test_a_crack_in_millimetres(suffix: str, drawings: Path, tmp_path: Path) -> 
         return
     path = tmp_path / "model.json"
     write_file(built.document, path)
-    again = build(path)
+    again = build_file(path)
     assert again.document == read_file(path)
-    more = build(path, cracks=["20,3.3,25,3.3"])
+    more = build_file(path, cracks=["20,3.3,25,3.3"])
     assert len(more.grid.cracks) == 4
 
 
 def test_cracks_of_drawings_and_scripts(drawings: Path, tmp_path: Path) -> None:
     for source in ("duran50.geo", "duran50_one_scale.py"):
-        built = build(GEOMETRIES / source, cracks=["0.08,0.0005,0.09,0.0005"], refine=["crack:2e-3"], trust=True)
+        built = build_file(GEOMETRIES / source, cracks=["0.08,0.0005,0.09,0.0005"], refine=["crack:2e-3"], trust=True)
         assert built.grid.cracks[-1] == pytest.approx((0.08, 0.0005, 0.09, 0.0005))
         path = tmp_path / "model.json"
         write_file(built.document, path)
-        assert build(path, trust=True).document == built.document
-    assert len(build(drawings / "outline.py", trust=True).grid.cracks) == 1
+        assert build_file(path, trust=True).document == built.document
+    assert len(build_file(drawings / "outline.py", trust=True).grid.cracks) == 1
 
 
 def test_refinements_are_in_the_unit_of_the_drawing(drawings: Path) -> None:
@@ -96,4 +98,4 @@ def test_words_that_are_no_crack(word: str) -> None:
 )
 def test_words_that_are_no_refinement(word: str) -> None:
     with pytest.raises(SceneError, match=naming("duran50.geo", re.compile("refine"))):
-        build(GEOMETRIES / "duran50.geo", refine=[word])
+        build_file(GEOMETRIES / "duran50.geo", refine=[word])

@@ -9,7 +9,7 @@ import pytest
 from messages import naming
 from plates import GEOMETRIES
 
-from pdmesh.drawing.file_reading import build, read_scene
+from pdmesh.drawing.file_reading import build_file, read_scene
 from pdmesh.model.contact import Contact
 from pdmesh.model.document import Displacement, InitialVelocity, Load, RigidBody
 from pdmesh.scene.body import Body
@@ -51,7 +51,7 @@ def drawing(folder: Path, text: str = BLOCK) -> Path:
 
 def test_groups_are_zones_regions_cracks_and_conditions(tmp_path: Path) -> None:
     """Overlapping zones are one body; lengths are in the drawing's unit."""
-    built = build(drawing(tmp_path))
+    built = build_file(drawing(tmp_path))
     grid, settings = built.grid, built.settings
     assert grid.dimension == 3
     assert grid.cells.sum() == pytest.approx(0.96, rel=1e-9)
@@ -87,14 +87,14 @@ def test_groups_are_zones_regions_cracks_and_conditions(tmp_path: Path) -> None:
 def test_what_makes_no_body_is_said(tmp_path: Path, old: str, new: str, said: str) -> None:
     assert old in BLOCK
     with pytest.raises(SceneError, match=said):
-        build(drawing(tmp_path, BLOCK.replace(old, new)))
+        build_file(drawing(tmp_path, BLOCK.replace(old, new)))
 
 
 def test_components_along_z_are_refused_in_plates(tmp_path: Path) -> None:
     text = (GEOMETRIES / "duran50.geo").read_text().replace("Loads/top/Traction y", "Loads/top/Traction z")
     assert "Traction z" in text
     with pytest.raises(SceneError, match=naming(expected=("none", "plate"))):
-        build(drawing(tmp_path, text))
+        build_file(drawing(tmp_path, text))
 
 
 def test_solids_of_a_step_file_are_a_body(tmp_path: Path) -> None:
@@ -140,7 +140,7 @@ Physical Volume("body:lid") = {3};
 
 def test_volumes_are_bodies_beside_the_first_one(tmp_path: Path) -> None:
     """Each with its spacing, velocity and material, or rigid with its mass and spin."""
-    built = build(drawing(tmp_path, BESIDE))
+    built = build_file(drawing(tmp_path, BESIDE))
     grid, settings = built.grid, built.settings
     assert grid.bodies is not None
     assert grid.bodies.names == ("plate", "block", "lid")
@@ -171,4 +171,4 @@ def test_volumes_are_bodies_beside_the_first_one(tmp_path: Path) -> None:
 def test_what_no_body_beside_can_be_is_said(tmp_path: Path, old: str, new: str, said: str) -> None:
     assert old in BESIDE
     with pytest.raises(SceneError, match=said):
-        build(drawing(tmp_path, BESIDE.replace(old, new)))
+        build_file(drawing(tmp_path, BESIDE.replace(old, new)))

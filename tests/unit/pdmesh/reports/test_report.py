@@ -11,7 +11,7 @@ import pytest
 from plates import GEOMETRIES, GLASS
 
 from pdmesh import Circle, Medium, Run, Scene, Static, box, ramp
-from pdmesh.drawing.file_reading import build, read_scene
+from pdmesh.drawing.file_reading import build_file, read_scene
 from pdmesh.grid.lattice import build_grid
 from pdmesh.model.document import Document, GridError, Load, Material
 from pdmesh.model.node_grid import document_of
@@ -83,7 +83,7 @@ def test_the_step_is_that_of_an_inner_node() -> None:
 
 
 def test_info_of_a_shipped_scene() -> None:
-    found = info(build(GEOMETRIES / "plate_with_hole.geo").document, "plate_with_hole.json")
+    found = info(build_file(GEOMETRIES / "plate_with_hole.geo").document, "plate_with_hole.json")
     assert found["nodes"] == 6288
     assert found["nodes_by_spacing"] == {"0.0005": 5166, "0.001": 1122}
     assert found["nodes_at_holes"] == {"0": 96}
