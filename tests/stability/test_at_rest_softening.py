@@ -5,16 +5,26 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from functools import cache
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
 import pytest
 from failures import saying
+from numpy.typing import NDArray
+from plates import plate, square_grid
+from scipy.sparse import csr_array, diags_array
+from scipy.sparse.linalg import LinearOperator, cg, gmres
 from softened import CONCRETE, bar, lean, load, spent, turned_beam
 
+from pdsolve.laws import law_of
 from pdsolve.model import Model, ModelWarning
+from pdsolve.operators.softening_bonds import SofteningBonds
 from pdsolve.results import Results
 from pdsolve.run.simulation import Options, simulate
+from pdsolve.schemes import SCHEMES
+from pdsolve.steppers.factors import factors, negative_pivots
+from pdsolve.steppers.newton import INNER, INNER_MOST
 
 ONE = Options(threads=1)
 
@@ -113,4 +123,108 @@ def test_paths_on_turned_lattices(failure: Callable[..., None]) -> None:
         f" straight up, and leans by degrees of {told}. Peaks over the first are {share}.",
         noticed="Not at all.",
         cure="A path counts as known within these angles. Solve again on another lattice, or on a finer one.",
+    )
+
+
+class Equations(NamedTuple):
+    """Linear equations of a strip that is drawn further, in its free components."""
+
+    tangent: csr_array  # (k, k) N/m^2
+    secant: csr_array  # (k, k) N/m^2
+    right: NDArray[np.float64]  # (k,) N/m^2
+
+    def left(self, found: NDArray[np.float64]) -> float:
+        """The residual of the tangent's solution (k,), over the right side."""
+        return float(np.linalg.norm(self.tangent @ found - self.right) / np.linalg.norm(self.right))
+
+
+class Gradients(NamedTuple):
+    """What conjugate gradients do."""
+
+    iterations: int
+    negative: int | None  # the first one with p^T A p < 0, counted from 1
+    left: float  # of the right side
+
+
+def drawn(cracked: bool) -> Equations:
+    """A strip of 0.4 x 0.06 m, l_ch 2.5 spacings, drawn along x to 2.5 s0; or only across a crack in its middle."""
+    h, columns, rows = 0.01, 40, 6
+    grid = square_grid(columns, rows, h, x0=h / 2 - columns * h / 2, y0=h / 2)
+    material = msgspec.structs.replace(CONCRETE, f_t=float(np.sqrt(CONCRETE.E * CONCRETE.G0 / (2.5 * h))))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ModelWarning)
+        model = plate(grid, 3, material=material)
+        bonds = SofteningBonds(law_of(model), SCHEMES["conservative"].fill(model).whole())
+    (x, y), s0 = grid.position.T, float(bonds.peak.min())
+    value = s0 * (np.column_stack([4.5 * h * (x > 0), 0 * y]) if cracked else 2.5 * np.column_stack([x, -y / 3]))
+    held, pull = np.zeros(value.shape, dtype=bool), np.zeros(value.shape)
+    held[np.abs(x) > columns * h / 2 - h, 0], held[0, 1], pull[x > columns * h / 2 - h, 0] = True, True, 1.0
+    free, found = np.flatnonzero(~held.ravel()), bonds.respond(value)
+    tangent, secant = (bonds.tangent(found, straight) for straight in (False, True))
+    right = -(tangent @ pull.ravel())[free]
+    return Equations(tangent[free][:, free], secant[free][:, free], right)
+
+
+def by_gradients(matrix: csr_array, right: NDArray[np.float64], light: NDArray[np.float64], rtol: float) -> Gradients:
+    """Conjugate gradients with the preconditioner `light` (k,), to `rtol` of the right side, as far as Newton's."""
+    curvature: list[float] = []
+
+    def product(p: NDArray[np.float64]) -> NDArray[np.float64]:
+        image = matrix @ p
+        curvature.append(float(p @ image))
+        return np.asarray(image)
+
+    operator = LinearOperator(matrix.shape, product, dtype=float)
+    found, _ = cg(operator, right, rtol=rtol, maxiter=INNER_MOST, M=diags_array(light))
+    left = float(np.linalg.norm(matrix @ found - right) / np.linalg.norm(right))
+    below = np.flatnonzero(np.array(curvature) < 0)
+    return Gradients(len(curvature), int(below[0]) + 1 if len(below) else None, left)
+
+
+def by_factors_of_secants(of: Equations) -> tuple[int, float]:
+    """Iterations of GMRES to 1e-10, preconditioned from the right by the secants' factors, and what they leave."""
+    inverse = factors(of.secant)
+    count: list[float] = []
+    nearly_one = LinearOperator(of.tangent.shape, lambda p: of.tangent @ inverse(p), dtype=float)
+    k, tell = len(of.right), {"callback": count.append, "callback_type": "pr_norm"}
+    found, _ = gmres(nearly_one, of.right, rtol=1e-10, restart=k, maxiter=1, **tell)
+    return len(count), of.left(inverse(found))
+
+
+def test_conjugate_gradients_on_a_tangent_that_is_not_positive(failure: Callable[..., None]) -> None:
+    """Negative tangents and iterative solvers.
+
+    Conjugate gradients go down to the least energy. The tangent of bonds past their peaks has negative eigenvalues,
+    so that there is none.
+    """
+    even, crack = drawn(False), drawn(True)
+    diagonal = even.tangent.diagonal()
+    elastic = by_gradients(even.secant, even.right, 1 / even.secant.diagonal(), 1e-10)
+    along = by_gradients(even.tangent, even.right, 1 / np.abs(diagonal), 1e-10)
+    stuck = by_gradients(even.tangent, even.right, 1 / np.where(diagonal > 0, diagonal, 1.0), INNER)
+    across = by_gradients(crack.tangent, crack.right, 1 / crack.tangent.diagonal(), 1e-10)
+    direct, kept = even.left(factors(even.tangent)(even.right)), by_factors_of_secants(even)
+    fine, (few, _) = crack.left(factors(crack.tangent)(crack.right)), by_factors_of_secants(crack)
+    k, ways, ways_across = len(diagonal), negative_pivots(even.tangent), negative_pivots(crack.tangent)
+    assert elastic.negative is None
+    assert elastic.iterations < k
+    assert ways == (np.linalg.eigvalsh(even.tangent.toarray()) < 0).sum() > 100  # measured 137
+    assert along.negative == 2
+    assert along.iterations > 3 * k  # measured 5.5 to 5.9 k, by round-off
+    assert stuck.left > 100 * INNER
+    assert across.negative is not None
+    assert max(direct, fine, kept[1]) < 1e-10  # measured 9e-14, 4e-15, 8e-11
+    assert few <= 16 < kept[0] < k  # measured 14, 193 to 195
+    failure(
+        fails=f"A strip of 40 x 6 nodes, drawn evenly to 2.5 times the stretch at which its bonds begin to soften:"
+        f" {ways} of the {k} eigenvalues of its tangent are negative. Conjugate gradients to 1e-10 take"
+        f" {elastic.iterations} iterations on its secants. On its tangent p^T A p is negative in iteration"
+        f" {along.negative}, and they take about {along.iterations / k:.0f} times as many iterations as there are"
+        f" unknowns. Scaled by the positive entries of the diagonal alone, they have not come to {INNER:g} after"
+        f" {stuck.iterations}. Where only bonds across a crack are past their peaks, {ways_across} are negative,"
+        f" p^T A p is so in iteration {across.negative}, and they arrive in {across.iterations}.",
+        noticed="By p^T A p, which SciPy does not look at. `pdsolve` factors the tangents of bonds that soften, and"
+        " refuses what is too large for it (exit code 2).",
+        cure=f"Factors, which leave {direct:.0e}. GMRES with the factors of the secants needs {kept[0]} iterations for"
+        f" the strip, {few} where there is a crack.",
     )
