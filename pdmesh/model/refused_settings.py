@@ -65,7 +65,7 @@ def _swelling_at_rest(run: Run, every: Places, why: str) -> Iterator[Impossible]
         expected = f"none, but run.time_step and steps, {why}"
         yield Impossible("$.run.static.load_steps", f"{run.static.load_steps}", expected)
     if run.time_step is None:
-        yield Impossible("$.run.time_step", "none", f"one, after each of which there is rest, {why}")
+        yield Impossible("$.run.time_step", "none", f"one, after which the body is brought to rest, {why}")
     for place, material in every:
         if softens(material):
             yield Impossible(f"{place}.law", material.law, f"{USUAL_LAW} at rest, {why}")

@@ -67,7 +67,7 @@ class Life(NamedTuple):
 
     name: str
     cycles: float  # in all
-    error: float | None  # cycles that the length of jumps is wrong by at most; None: jumps go from break to break
+    error: float | None  # cycles, estimated, from the length of jumps; None: jumps go from break to break
     first: float | None  # cycles until its first bonds broke; None: none did, or the crack is one of particles
     range: float | None  # of the stretch of these bonds
     given: Fatigue

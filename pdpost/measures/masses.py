@@ -18,7 +18,7 @@ AMOUNTS = ("inside", "through", "supplied")
 class Masses(NamedTuple):
     """Balance of a diffusion run at t times; for a plate, per unit thickness.
 
-    Amounts are in mol; of heat in K m^d in the database, and in what `amounts` says.
+    Amounts are in mol. Those of heat are in K m^d as `masses` reads them, and in the unit that `amounts` returns.
     """
 
     step: NDArray[np.int64]  # (t,)

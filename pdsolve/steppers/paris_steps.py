@@ -5,8 +5,9 @@ stress along the crack (T) changes intensities of interaction integrals by some 
 The body rests under the largest loads of the cycle. Every tip has grown a part of its next particle; a step goes to the
 cycle in which the first tip has grown all of it. A step after which a tip grows more than `STEEPEST` times as fast is
 taken back and begins anew with particles of half the length, down to a spacing: up to that its cycles are right to some
-3 %. Later particles are as short. Of the first step the mean of both its ends counts. How far middles are from that
-mean is summed: the error of the cycles is less, as intensities grow faster than the geometric mean has it. Symbols:
+3 %. Later particles are as short. Of the first step the mean of both its ends counts. The differences
+between that mean and the middles are summed: an estimate of the error of the cycles, which comes out larger than the
+error where intensities grow faster than geometrically. Symbols:
 
     dK    range of K: (1 - R) K with a load ratio R of 0 or more; below 0 the crack is closed, and dK = K
     r     growth of a tip, m a cycle; within a step that of its middle, r sqrt(r / r of the step before)^(l / l before)

@@ -64,8 +64,8 @@ def test_velocities_that_crush(failure: Callable[..., None], pdsolve: Callable[.
         "intact, "
         "and by one at the end if broken bonds seem to have returned energy.",
         says=said.err,
-        cure=f"None: with contact they end {touched.min():.1f} spacings apart, as it does not act between nodes that "
-        "intact bonds join. "
+        cure="None: contact does not act between nodes that intact bonds join, and with it the columns end "
+        f"{touched.min():.1f} spacings apart. "
         f"Use lower speeds: at 5 m/s, up to a shortening of {100 * shorter:.0f} "
         "%, there is no warning.",
     )
