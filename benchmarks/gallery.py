@@ -40,6 +40,7 @@ class Shown(NamedTuple):
 SHOWN = {
     "ball_through_glass.py": Shown("slice --field damage --plane z=-0.0035"),
     "bar.py": Shown("displacement --component x"),
+    "branched_fragments.py": Shown("damage"),
     "branching_block.py": Shown("crack"),
     "beam_on_rollers.py": Shown("stress --component xx --scale auto"),
     "bending.py": Shown("stress --component xx --scale auto"),
