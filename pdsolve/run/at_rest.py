@@ -81,7 +81,8 @@ def _along_path(model: Model, options: Options, scheme: Scheme) -> Prepared:
     filling = scheme.fill(model)
     bonded, filled = operator_of(model, options._replace(kernel="listed"), scheme, filling)
     area, nodes = filling.area, len(model.grid)
-    operator, contact = touched_at_rest(model, area, supported(model, area, bonded))
+    held = supported(model, area, bonded) if model.has_supports else bonded
+    operator, contact = touched_at_rest(model, area, held)
     width = sum(unknown.width for unknown in operator.unknowns)
     driven = widened(drive(model, area, scheme.exact_load, np.float64), width)
     if driven.force.size - len(driven.holds.node) > MOST_ALONG_PATH[model.grid.dimension]:
