@@ -82,8 +82,9 @@ def initial_velocity(model: Model, width: int | None = None) -> NDArray[np.float
     for condition in model.settings.conditions:
         if isinstance(condition, InitialVelocity):
             rows = model.selected(condition)
-            mass = model.rho[rows] * model.grid.cells[rows]
-            velocity[rows, :d] = first_velocities(condition, model.grid.position[rows], mass)
+            if len(rows):  # of a rank's window there may be none
+                mass = model.rho[rows] * model.grid.cells[rows]
+                velocity[rows, :d] = first_velocities(condition, model.grid.position[rows], mass)
         if isinstance(condition, RigidBody):
             rows = model.selected(condition)
             velocity[rows, :d] = rigid_velocities(condition, model.grid.position[rows], model.grid.cells[rows])

@@ -158,7 +158,7 @@ def _unusual(settings: Settings, usual: dict[str, str], why: str) -> Iterator[Im
 def _spinning(settings: Settings, why: str) -> Iterator[Impossible]:
     """Nodes that turn about a centre that is not known where they are not all of the model's."""
     for number, condition in enumerate(settings.conditions):
-        if isinstance(condition, InitialVelocity) and condition.spin:
+        if isinstance(condition, InitialVelocity) and condition.spin not in (0, (0, 0, 0)):
             yield Impossible(f"$.conditions[{number}].spin", str(condition.spin), f"0{why}")
 
 

@@ -1,8 +1,8 @@
 """Bodies that heat, or a solvent, swells: a content and a motion of the same nodes, one step of each after the other.
 
 The content h diffuses by itself (Fick's law: T with the thermal diffusivity, K). A free node is strained by alpha (h -
-T0), a bond by the mean of its ends, and stretches from there, whatever its law. With a heat capacity rho c, deformation
-changes T by -T0 alpha / (rho c) times the change of the trace of stress (Lord Kelvin), which is minus the derivative of
+T0), a bond by the mean of its ends, and stretches from there, whatever its law. With `medium.deformation`, T also
+changes by -T0 alpha / (rho c) times the change of the trace of stress (Lord Kelvin), which is minus the derivative of
 the energy of bonds by the strain of free nodes; `second` of the content's state keeps that. The content takes one step
 for a cycle of steps of the motion, in its middle, and goes to its end. At rest each step of the content is followed by
 a load step. What a change of strain adds to the energy of bonds is booked as work: the mean of that at the

@@ -7,7 +7,8 @@ A pair of nodes has one bond here. Symbols, of a bond of length xi:
     C       force at unit stretch, N/m     D       energy spent, J/m
 
 While kappa grows sigma follows the law's curve, whose slope is sigma'; below it sigma = omega s. The spent energy has
-the derivative dD / dkappa = C xi (sigma - sigma' kappa) / 2.
+the derivative dD / dkappa = C xi (sigma - sigma' kappa) / 2. Units are a plate's, by metre of thickness; in space
+forces are in N, energies in J and stiffnesses of nodes in N/m.
 """
 
 from __future__ import annotations

@@ -51,7 +51,7 @@ class Solver:
 
         inverse = self._inverse
         assert inverse is not None
-        nearly_one = LinearOperator(matrix.shape, lambda of: matrix @ inverse(of))
+        nearly_one = LinearOperator(matrix.shape, lambda of: matrix @ inverse(of), dtype=float)
         found, failed = gmres(nearly_one, right, rtol=LEFT, restart=INNER, maxiter=1)
         return None if failed else inverse(found)
 

@@ -8,6 +8,8 @@ M. A. Gutierrez, Int. J. Numer. Meth. Engng 77 (2009) 1290-1321). A monitored op
     u  displacements of free components       D  energy spent, or opening    R  residual forces, N/m
     K  consistent tangent, N/m^2              q  dD / du                     p  d(forces) / d(lambda) at fixed u
     K a = R,  K b = p,  d lambda = (dD - (D - D_n) - q a) / (q b),  du = a + d lambda b
+
+Units are a plate's, by metre of thickness; in space forces are in N, energies in J, stiffnesses in N/m.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 The first step is elastic, up to the first bond at its peak. Each further step spends a prescribed energy, less where it
 takes many iterations. The work of loads and holds follows from the trapezoidal rule, independently of the balance, so
-that work = strain + spent checks the bookkeeping.
+that work = strain + spent checks the bookkeeping. Units are a plate's, by metre of thickness; in space N and J.
 """
 
 from __future__ import annotations

@@ -43,6 +43,7 @@ def body_of(model: Model, options: Options, threads: int) -> SpaceHybrid:
     law, h = law_of(model), made.sites.spacing
     whole = whole_of(model, made.sites, made.tiles)._replace(cut=made.counted.family - made.counted.bonds)
     box, tiles = whole.fine.box, made.tiles
+    _expect_numbers(model, whole.fine)
     shape = box.sz, box.sy, box.sx
     count, first = int(np.prod(shape)), model.grid.position.min(axis=0)
     volume = tiles.cells[VOLUME][made.sites.margin :][:count].reshape(shape)
@@ -53,6 +54,13 @@ def body_of(model: Model, options: Options, threads: int) -> SpaceHybrid:
     whole = whole._replace(stiffness_bound=stiffness_bound, solid=int(np.count_nonzero(cells != VOID)), driven=driven)
     whole = whole._replace(kappa=model.settings.run.hybrid.kappa)
     return operator_on(law, whole, cells, tau_of(law, tiles.table, h), threads)
+
+
+def _expect_numbers(model: Model, fine: Fine) -> None:
+    """Raise ModelError where places at which pieces end are more than integers can count; see `Divisions.unit`."""
+    nodes = (int(fine.box.sx) + 1) * (int(fine.box.sy) + 1) * (int(fine.box.sz) + 1)
+    if nodes * fine.divisions.unit**3 >= 1 << 63:
+        raise refused(model, "$.horizon.ratio", f"{fine.reach} spacings", f"fewer in a lattice of {nodes} places")
 
 
 def operator_on(law: Law, whole: Whole, cells: NDArray[np.uint8], tau: float, threads: int = 1) -> SpaceHybrid:
