@@ -328,7 +328,7 @@ def _lines_of_masses(path: Path, summary: dict[str, Any]) -> list[str]:
 
 def _amounts(summary: dict[str, Any]) -> str:
     """Where a substance or heat is, and where it has gone."""
-    found = summary["amounts"]
+    found = summary.get("amounts") or summary["masses"] | {"unit": "mol"}  # files of earlier releases
     return (
         f"{found['unit']}: inside {found['inside']:.6g}, gone out {found['through']:.6g}, supplied"
         f" {found['supplied']:.6g} (balance {summary['balance']:+.1e})"
