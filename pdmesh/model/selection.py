@@ -156,8 +156,8 @@ def _check_components(condition: AnyCondition, dimension: int, place: str) -> No
         wrong = wrong_spring(condition, dimension)
         if wrong is not None:
             raise GridError(f"{place}{wrong}")
-    elif isinstance(condition, InitialVelocity) and wrong_spin(condition.spin, dimension) is not None:
-        raise GridError(f"{place}.{wrong_spin(condition.spin, dimension)}")
+    elif isinstance(condition, InitialVelocity) and (wrong := wrong_spin(condition.spin, dimension)) is not None:
+        raise GridError(f"{place}.{wrong}")
     elif isinstance(condition, Pin) and dimension == 3:
         raise GridError(f"{place}: found a pin, expected none in {WHOLES[3]}")
     elif dimension == 2 and getattr(condition, "z", None):

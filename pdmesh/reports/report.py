@@ -221,9 +221,8 @@ def _asked(entry: dict[str, Any], medium: dict[str, Any]) -> dict[str, Any]:
     units, capacity = IN_MOL, 1.0
     if medium.get("carries") == "heat":
         units, capacity = (IN_KELVIN, 1.0) if medium["heat_capacity"] is None else (IN_WATTS, medium["heat_capacity"])
-    factors = {"value": 1.0}
-    texts = {key: f"{factors.get(key, capacity) * asked[key]:g} {unit}" for key, unit in units.items() if key in asked}
-    return asked | texts
+    per = {key: 1.0 if key == "value" else capacity for key in units}
+    return asked | {key: f"{per[key] * asked[key]:g} {unit}" for key, unit in units.items() if key in asked}
 
 
 def _by_spacing(spacings: Any, counts: Any) -> dict[str, int]:

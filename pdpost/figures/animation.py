@@ -140,9 +140,11 @@ def gif(
     The same run gives the same bytes. Raises FieldError and ResultsError.
     """
     how: dict[str, Any] = {"part": part, "scale": scale, "largest": largest, "every": every, "window": window}
-    shots = list(frames(results, name, dpi=dpi, progress=progress, hide=hide, clip=clip, **how))
-    palette = _palette(name, fields.component(name, part, results.dimension))
-    if clip is not None:  # shades, and the colours of cracks
+    shots: Iterable[Pixels] = frames(results, name, dpi=dpi, progress=progress, hide=hide, clip=clip, **how)
+    if clip is None:
+        palette = _palette(name, fields.component(name, part, results.dimension))
+    else:  # shades, and the colours of cracks
+        shots = list(shots)
         palette = Image.fromarray(shots[-1]).quantize(256)
     pictures = [Image.fromarray(shot).quantize(palette=palette, dither=Image.Dither.NONE) for shot in shots]
     pause = max(round(1000 / rate), 20)  # ms; viewers do not go below

@@ -25,11 +25,10 @@ from pdsolve.diffusion.system import Transport
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.numerics.team import Team
 from pdsolve.operators.device.runtime import Session
-from pdsolve.operators.ground_supports import supported
 from pdsolve.operators.protocol import Operator
 from pdsolve.options import Options
 from pdsolve.ranks.diffusing import EulerOnRanks
-from pdsolve.run.operator_factory import in_blocks, operator_of, stable, touched
+from pdsolve.run.operator_factory import held_by_ground, in_blocks, operator_of, stable, touched
 from pdsolve.run.system import Prepared, System
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import State
@@ -58,8 +57,7 @@ def system_of(model: Model, options: Options, scheme: Scheme) -> Prepared:
     """A model's system and its state at time 0, with the bonds of this scheme. Raises ModelError."""
     filling = bonds_of(model, scheme)
     bonds, filled = operator_of(model, options, scheme, filling, model.settings.run.cracks == "particles")
-    held = supported(model, filled.area, bonds) if model.has_supports else bonds
-    operator, touching = touched(model, filled.area, held)
+    operator, touching = touched(model, filled.area, held_by_ground(model, filled.area, bonds))
     bound = stable(operator.stiffness_bound(), model.rho)
     found = assembled(model, options, scheme, operator, filled, (step_of(model, bound), bound))
     if touching is not None:

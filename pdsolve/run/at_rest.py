@@ -14,11 +14,11 @@ from pdsolve.conditions import (
 from pdsolve.laws import law_of
 from pdsolve.model import Model, ModelError
 from pdsolve.operators.bond_list import BondList
-from pdsolve.operators.ground_supports import supported, supports_of
+from pdsolve.operators.ground_supports import supports_of
 from pdsolve.operators.softening_shear import softening_of
 from pdsolve.options import Options
 from pdsolve.run.assembly import growth_of
-from pdsolve.run.operator_factory import operator_of, stable, touched_at_rest
+from pdsolve.run.operator_factory import held_by_ground, operator_of, stable, touched_at_rest
 from pdsolve.run.system import Prepared, System
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import State
@@ -47,8 +47,7 @@ def at_rest(model: Model, options: Options, scheme: Scheme, breaks: bool = True)
     options = options._replace(kernel="listed") if of_families else options
     bonds, filled = operator_of(model, options, scheme, filling, unbreakable=not of_families)
     area = filling.area
-    held = supported(model, area, bonds) if model.has_supports else bonds
-    operator, contact = touched_at_rest(model, area, held)
+    operator, contact = touched_at_rest(model, area, held_by_ground(model, area, bonds))
     driven = drive(model, area, scheme.exact_load, np.float64)
     driven.force[:] = driven.before[:] = driven.held_force[:] = 0  # nothing acts before the first load step
     state = operator.place(State(*np.zeros((3, *driven.force.shape)), *np.zeros((3, len(area)))))
@@ -81,8 +80,7 @@ def _along_path(model: Model, options: Options, scheme: Scheme) -> Prepared:
     filling = scheme.fill(model)
     bonded, filled = operator_of(model, options._replace(kernel="listed"), scheme, filling)
     area, nodes = filling.area, len(model.grid)
-    held = supported(model, area, bonded) if model.has_supports else bonded
-    operator, contact = touched_at_rest(model, area, held)
+    operator, contact = touched_at_rest(model, area, held_by_ground(model, area, bonded))
     width = sum(unknown.width for unknown in operator.unknowns)
     driven = widened(drive(model, area, scheme.exact_load, np.float64), width)
     if driven.force.size - len(driven.holds.node) > MOST_ALONG_PATH[model.grid.dimension]:

@@ -17,7 +17,7 @@ from pdsolve.operators.device.families import FamiliesOnDevice
 from pdsolve.operators.device.plane import PlaneOnDevice
 from pdsolve.operators.device.runtime import Session
 from pdsolve.operators.device.space import SpaceOnDevice
-from pdsolve.operators.ground_supports import support_bound
+from pdsolve.operators.ground_supports import support_bound, supported
 from pdsolve.operators.protocol import Operator
 from pdsolve.operators.simd_lattice import state_based
 from pdsolve.operators.simd_lattice.layout import blocks_of
@@ -102,6 +102,11 @@ def _families_on_device(
         raise ModelError(f"{model.name}: $.run.device: found nodes on no lattice, expected cpu, or nodes on one")
     of = law, model, bonds, scheme.symmetric, options.precision, where
     return FamiliesOnDevice(*of, Session(model.settings.run.device)), statistics.counted(filling.area)
+
+
+def held_by_ground(model: Model, volume: NDArray[np.float64], bonds: Operator) -> Operator:
+    """The operator of a model's bonds with its spring supports and pins, if it has any. `volume` (n,), m^d."""
+    return supported(model, volume, bonds) if model.has_supports else bonds
 
 
 def touched(model: Model, volume: NDArray[np.float64], bonds: Operator) -> tuple[Operator, PenaltyContact | None]:
