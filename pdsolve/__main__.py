@@ -152,8 +152,8 @@ def _solve(args: argparse.Namespace, ranks: Team | None) -> int:
     with _uncollected():
         _leave_out_blas()
         from pdmesh.model.document import GridWarning
+        from pdsolve.codegen.compile_time import compile_time_said
         from pdsolve.model import ModelWarning, read_model
-        from pdsolve.numerics.compile_time import compile_time_said
         from pdsolve.numerics.memory import large_arrays_apart
         from pdsolve.results import ResultsWarning, state_of
         from pdsolve.run.after_path import name_of

@@ -10,7 +10,7 @@ VARIABLE = "KERNELS_OF_MUTANTS"  # the folder they are in
 
 def pytest_configure() -> None:
     """Keep kernels in one folder, whatever the sources say and wherever they are."""
-    from pdsolve.numerics import jit_cache
+    from pdsolve.codegen import jit_cache
 
     tree, folder = Path(jit_cache.__file__).parent.parent, Path(os.environ[VARIABLE])
 

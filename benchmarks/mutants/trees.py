@@ -104,7 +104,7 @@ def run(
 
 def _begin(folder: Path, is_by_state: bool) -> None:
     """Begin a folder with the kernels that this checkout compiled, as `jit_cache` names their places or as `kept`."""
-    from pdsolve.numerics import jit_cache, kernel_sources  # slow
+    from pdsolve.codegen import jit_cache, kernel_sources  # slow
 
     for file in kernel_sources.with_kernels():
         own = jit_cache.folder_of(file)

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numba.extending import register_jitable
 
-from pdsolve.numerics.fused import fused
-from pdsolve.numerics.inner_functions import INNER
+from pdsolve.codegen.fused import fused
+from pdsolve.codegen.inner_functions import INNER
 
 INLINE = INNER | {"forceinline": True}
 

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.diffusion.families import Grouped
 from pdsolve.diffusion.flux import flux
-from pdsolve.numerics.jit_cache import cached_njit
 from pdsolve.numerics.thread_team import share
 
 if TYPE_CHECKING:

@@ -1,1 +1,1 @@
-"""Machine support of kernels: a cache of compiled code, and threads."""
+"""Machine support of kernels: threads, sums in a given order, memory."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from numba.extending import register_jitable
 
-from pdsolve.numerics.inner_functions import INNER
+from pdsolve.codegen.inner_functions import INNER
 
 
 @register_jitable(**INNER)

@@ -13,14 +13,14 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from itertools import pairwise
 from threading import Barrier
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numba
 import numpy as np
-from llvmlite import ir
-from numba import njit, types
-from numba.extending import intrinsic
+from numba import njit
 from numpy.typing import NDArray
+
+from pdsolve.codegen.atomics import call, counted, take
 
 LEAST = 1000  # rows: a smaller part is done before another thread has begun
 PATIENCE = 100_000  # looks at whether others have come, some 0.1 ms, before one sleeps
@@ -78,41 +78,7 @@ def wait(counts, at, goal, gate):  # type: ignore[no-untyped-def]
     while counted(counts, at) < goal:
         looks += 1
         if looks > PATIENCE:
-            _call(gate.idle, NAP)
-
-
-@intrinsic
-def take(typingctx: Any, counts: Any, at: Any) -> Any:
-    """Atomically increment an element; returns its previous value."""
-
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        data = context.make_array(counts)(context, builder, values[0]).data
-        return builder.atomic_rmw("add", builder.gep(data, [values[1]]), ir.IntType(64)(1), "seq_cst")
-
-    return types.int64(counts, types.int64), generate
-
-
-@intrinsic
-def counted(typingctx: Any, counts: Any, at: Any) -> Any:
-    """Atomically read an element."""
-
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        data = context.make_array(counts)(context, builder, values[0]).data
-        return builder.load_atomic(builder.gep(data, [values[1]]), "seq_cst", 8)
-
-    return types.int64(counts, types.int64), generate
-
-
-@intrinsic
-def _call(typingctx: Any, address: Any, number: Any) -> Any:
-    """Call a function of an integer, given its address."""
-
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        kind = ir.FunctionType(ir.IntType(32), (ir.IntType(32),))
-        word = builder.trunc(values[1], ir.IntType(32))
-        return builder.call(builder.inttoptr(values[0], kind.as_pointer()), [word])
-
-    return types.int32(types.int64, types.int64), generate
+            call(gate.idle, NAP)
 
 
 def side_by_side(work: Callable[[int], None], threads: int) -> None:

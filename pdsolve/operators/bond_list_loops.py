@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.laws.bond_arrays import deformed
 from pdsolve.laws.calls import (
     accumulate,
@@ -29,7 +30,6 @@ from pdsolve.laws.calls import (
     remember,
 )
 from pdsolve.laws.small_tensors import blank, summed
-from pdsolve.numerics.jit_cache import cached_njit
 
 KERNEL: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
 

@@ -14,9 +14,9 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array, eye_array
 
+from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.laws.bond_arrays import AnyList, Now, deformed
 from pdsolve.laws.calls import pull
-from pdsolve.numerics.jit_cache import cached_njit
 
 STEP = 1e-30  # m; its square is lost beside any length
 

@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.conditions import Drive, apply_loads, held
-from pdsolve.numerics.jit_cache import cached_njit
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
 from pdsolve.steppers.ghosts import Ghosts

@@ -13,16 +13,17 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from pdsolve.codegen.jit_cache import cached_njit
+from pdsolve.codegen.lanes import across
+from pdsolve.codegen.plane_slots import kick_and_drift
+from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import Drive, apply_loads
-from pdsolve.numerics.jit_cache import cached_njit
 from pdsolve.numerics.thread_team import gate_of, meet, side_by_side
 from pdsolve.operators.contact.kernel import Pushes, push_anew
 from pdsolve.operators.contact.operator import PenaltyContact
-from pdsolve.operators.simd_lattice.kernel import FX, FY, INNER, LANES, across, sum_lanes
-from pdsolve.operators.simd_lattice.lanes import ROW
+from pdsolve.operators.simd_lattice.kernel import FX, FY, INNER, LANES, sum_lanes
 from pdsolve.operators.simd_lattice.layout import aligned
 from pdsolve.operators.simd_lattice.operator import SimdLattice
-from pdsolve.operators.simd_lattice.vectors import kick_and_drift
 from pdsolve.state import State
 from pdsolve.steppers.ghosts import Ghosts
 from pdsolve.steppers.holds import hold_component, release_component

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from pdsolve.numerics import jit_cache
+from pdsolve.codegen import jit_cache
 from pdsolve.numerics.thread_team import cores
 from pdsolve.run.estimate import slower
 from pdsolve.study import run_model

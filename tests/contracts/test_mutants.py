@@ -92,8 +92,8 @@ def test_the_tests_of_each_folder_have_their_place_among_the_cheap_and_the_dear(
             "row_of(worst, lane, slot)",
             False,
         ),  # an overload returns it
-        ("pdsolve/numerics/jit_cache.py", "now - used >", "now + used >", True),
-        ("pdsolve/numerics/jit_cache.py", "KEPT, DAY, UNUSED = 8", "KEPT, DAY, UNUSED = 9", False),
+        ("pdsolve/codegen/jit_cache.py", "now - used >", "now + used >", True),
+        ("pdsolve/codegen/jit_cache.py", "KEPT, DAY, UNUSED = 8", "KEPT, DAY, UNUSED = 9", False),
     ],
 )
 def test_kernels_are_kept_where_what_is_broken_is_in_none(file: str, line: str, becomes: str, same: bool) -> None:

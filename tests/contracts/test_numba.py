@@ -41,3 +41,9 @@ def test_what_is_overridden_of_numba_is_there(name: str) -> None:
     module, _, kind = name.rpartition(".")
     found = getattr(import_module(module), kind)
     assert [method for method in METHODS[name] if not callable(getattr(found, method, None))] == []
+
+
+def test_one_room_knows_the_inside() -> None:
+    """Elsewhere only what numba documents is used: functions that stand for others in compiled code."""
+    elsewhere = {(place, module, name) for place, module, name in used() if not place.startswith("pdsolve/codegen/")}
+    assert {name for _, _, name in elsewhere} <= {"overload", "register_jitable"}, elsewhere

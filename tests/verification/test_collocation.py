@@ -14,8 +14,8 @@ from pdsolve.adaptivity.collocation.engine import CollocationEngine
 from pdsolve.adaptivity.collocation.layout import EDGE, KNOWN, WHOLE, dilated
 from pdsolve.adaptivity.collocation.zone import BETWEEN, COARSE, FINE, LARGEST
 from pdsolve.adaptivity.hybrid.springs import fine_springs
+from pdsolve.codegen.vector_code import ROW
 from pdsolve.errors import UnstableError
-from pdsolve.operators.simd_lattice.lanes import ROW
 from pdsolve.options import Options
 from pdsolve.run.measures import books
 from pdsolve.run.prepare import prepare

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from pdsolve.adaptivity.collocation.layout import LatticeConstants, edges
 from pdsolve.adaptivity.collocation.simd_rows import PLANE, corrected
-from pdsolve.numerics.jit_cache import cached_njit
-from pdsolve.operators.simd_lattice.kernel import INNER, across
-from pdsolve.operators.simd_lattice.lanes import ROW
-from pdsolve.operators.simd_lattice.packed import beside, keep
+from pdsolve.codegen.jit_cache import cached_njit
+from pdsolve.codegen.lanes import across, beside, keep
+from pdsolve.codegen.vector_code import ROW
+from pdsolve.operators.simd_lattice.kernel import INNER
 
 ROOM = 2**26  # bytes of stiffnesses that are kept, at most
 ALIKE = 4  # rows, at least, for which it is worth it

@@ -27,11 +27,11 @@ from pdsolve.adaptivity.collocation.zone import (
 )
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.checkpoint_validation import entry, like
+from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import Drive
 from pdsolve.errors import CheckpointError, UnstableError
 from pdsolve.numerics.thread_team import gate_of, side_by_side
 from pdsolve.operators.protocol import Kept
-from pdsolve.operators.simd_lattice.lanes import ROW
 
 
 class Manner(NamedTuple):

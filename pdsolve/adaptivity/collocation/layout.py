@@ -24,11 +24,11 @@ from pdmesh.model.visibility import Sight
 from pdsolve.adaptivity.hybrid.coarse_cells import clear, quarters
 from pdsolve.adaptivity.hybrid.precracks import lengthened, seen
 from pdsolve.adaptivity.hybrid.springs import Springs, e_of
+from pdsolve.codegen.jit_cache import cached_njit
+from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import unbreakable
 from pdsolve.model import Model, ModelError
 from pdsolve.numerics.dilation import in_square
-from pdsolve.numerics.jit_cache import cached_njit
-from pdsolve.operators.simd_lattice.lanes import ROW
 from pdsolve.operators.stencils import Stencil
 
 WHOLE, CUT, EDGE, KNOWN = range(4)  # rows: of full families, of those with cut bonds, of those at edges; the last ones

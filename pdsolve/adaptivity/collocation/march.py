@@ -21,11 +21,11 @@ from pdsolve.adaptivity.collocation.simd_rows import (
     stiffness,
 )
 from pdsolve.adaptivity.collocation.zone import BROKEN, COARSE, DISSIPATED, FINE, HOT, LARGEST
+from pdsolve.codegen.jit_cache import cached_njit
+from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import apply_loads
-from pdsolve.numerics.jit_cache import cached_njit
 from pdsolve.numerics.thread_team import meet
 from pdsolve.operators.simd_lattice.kernel import INNER
-from pdsolve.operators.simd_lattice.lanes import ROW
 from pdsolve.steppers.holds import hold_component, release_component
 
 DONE, SWITCH, ROOM = range(3)  # how a march ends: at its last step; as nodes are to be made fine; for want of room

@@ -19,8 +19,8 @@ from pdsolve.adaptivity.collocation.zone import COARSE, FINE, SWITCHES, Breaks
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.adaptivity.hybrid.irregular_bonds import part_of
 from pdsolve.adaptivity.two_lattice_operator import Sums, TwoLatticeOperator
+from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.model import Model
-from pdsolve.numerics.jit_cache import cached_njit
 from pdsolve.state import Broken, State
 
 if TYPE_CHECKING:

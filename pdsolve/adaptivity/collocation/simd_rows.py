@@ -1,43 +1,23 @@
 """Vector code for the forces of bonds on 16 consecutive fine nodes, held in registers; and bond breaking.
 
-The force of a bond is k e g(e) (xi + eta), as in `pdsolve.operators.simd_lattice.pull`. Lanes without a bond have zero
+The force of a bond is k e g(e) (xi + eta), as in `pdsolve.codegen.pull`. Lanes without a bond have zero
 stiffness.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from llvmlite import ir
-from numba import njit, types
-from numba.extending import intrinsic
+from numba import njit
 
 from pdsolve.adaptivity.collocation.layout import CUT, EDGE, KNOWN, WHOLE, do_cut, is_cut
-from pdsolve.numerics.jit_cache import cached_njit
-from pdsolve.operators.simd_lattice.kernel import INNER, across
-from pdsolve.operators.simd_lattice.lanes import ROW
-from pdsolve.operators.simd_lattice.packed import Lanes, beside, keep, larger, same, stacked, unless_none, which_above
-from pdsolve.operators.simd_lattice.pull import coefficients
+from pdsolve.codegen.jit_cache import cached_njit
+from pdsolve.codegen.lanes import across, beside, intact, keep, larger, same, stacked, unless_none, which_above
+from pdsolve.codegen.pull import coefficients
+from pdsolve.codegen.vector_code import ROW
+from pdsolve.operators.simd_lattice.kernel import INNER
 
 PLANE, ONE = (0, 0), (0,)
 G0, G1, G2, G3, G4, G5, G6, G7, G8, G9, G10 = coefficients("float64")[1]
-
-
-@intrinsic
-def intact(typingctx, cut, like, row, k, lane):  # type: ignore[no-untyped-def]
-    """1 in the lanes from `lane` on whose bond k is intact, 0 in the others; `cut` (., k) is that of a row."""
-    lanes = Lanes(like.dtype)
-
-    def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
-        view = context.make_array(cut)(context, builder, values[0])
-        at = builder.add(builder.mul(values[2], builder.extract_value(view.shape, 1)), values[3])
-        word = builder.load(builder.gep(view.data, [at]))
-        some = builder.lshr(word, builder.trunc(values[4], word.type))
-        bits = ir.IntType(lanes.count)
-        some = builder.trunc(some, bits) if lanes.count < 16 else some
-        which = builder.bitcast(builder.not_(some), ir.VectorType(ir.IntType(1), lanes.count))
-        return builder.uitofp(which, context.get_value_type(lanes))
-
-    return lanes(cut, like, types.int64, types.int64, types.int64), generate
 
 
 @njit(forceinline=True, **INNER)

@@ -10,7 +10,7 @@ from pdsolve.adaptivity.collocation.engine import CollocationEngine
 from pdsolve.adaptivity.collocation.layout import LatticeConstants, is_cut
 from pdsolve.adaptivity.collocation.simd_rows import stiffness
 from pdsolve.adaptivity.collocation.zone import COARSE, FINE
-from pdsolve.numerics.jit_cache import cached_njit
+from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.operators.tangent import of_springs
 
 

@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.adaptivity.collocation.layout import LatticeConstants, Layout, Plate, dilated, kinds_of
-from pdsolve.numerics.jit_cache import cached_njit
-from pdsolve.operators.simd_lattice.lanes import ROW
+from pdsolve.codegen.jit_cache import cached_njit
+from pdsolve.codegen.pull import WIDE
+from pdsolve.codegen.vector_code import ROW
 from pdsolve.operators.simd_lattice.layout import aligned
-from pdsolve.operators.simd_lattice.pull import WIDE
 from pdsolve.operators.stencils import ball
 
 NONE, FINE, COARSE, BETWEEN = range(4)  # places: without a node; active ones; those that are interpolated

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.lattice import Lattice
 from pdsolve.adaptivity.hybrid.springs import Stretches
-from pdsolve.operators.simd_lattice.lanes import ROW
+from pdsolve.codegen.vector_code import ROW
 
 EVERY = 8  # steps between two looks at what has broken and what is stretched
 AHEAD = 8  # h: cells this near to a node that has lost a bond become fine

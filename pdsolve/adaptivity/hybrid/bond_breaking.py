@@ -9,9 +9,9 @@ from pdsolve.adaptivity.hybrid.arrays import BREAKS, DISSIPATED, STIRS
 from pdsolve.adaptivity.hybrid.clipped_bonds import own_entry, share_of, stretch_of
 from pdsolve.adaptivity.hybrid.energy import strain_e
 from pdsolve.adaptivity.hybrid.precracks import peak_and_limit
+from pdsolve.codegen.vector_code import ROW
 from pdsolve.laws.pair_laws.bilinear import spent_share
 from pdsolve.operators.simd_lattice.kernel import INNER, displaced
-from pdsolve.operators.simd_lattice.lanes import ROW
 
 
 @njit(forceinline=True, **INNER)

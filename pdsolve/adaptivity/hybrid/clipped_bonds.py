@@ -24,9 +24,9 @@ from pdsolve.adaptivity.hybrid.lattice import (
 )
 from pdsolve.adaptivity.hybrid.nodes import end_on
 from pdsolve.adaptivity.hybrid.precracks import has_bond, peak_and_limit, stiffness
+from pdsolve.codegen.vector_code import ROW
 from pdsolve.laws.pair_laws.bilinear import intact_share
 from pdsolve.operators.simd_lattice.kernel import INNER
-from pdsolve.operators.simd_lattice.lanes import ROW
 
 
 @njit(**INNER)

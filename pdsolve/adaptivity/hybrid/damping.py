@@ -13,8 +13,8 @@ from numba import types
 from numba.extending import overload
 
 from pdsolve.adaptivity.hybrid.lattice import FREE
+from pdsolve.codegen.vector_code import ROW
 from pdsolve.operators.simd_lattice.kernel import INNER
-from pdsolve.operators.simd_lattice.lanes import ROW
 
 
 def _damped(nodes: Any) -> bool:

@@ -7,9 +7,9 @@ from numba import njit
 
 from pdsolve.adaptivity.hybrid.arrays import COARSE_ROWS, PIECES, ROWS
 from pdsolve.adaptivity.hybrid.lattice import FREE, IDLE
-from pdsolve.numerics.jit_cache import cached_njit
+from pdsolve.codegen.jit_cache import cached_njit
+from pdsolve.codegen.vector_code import ROW
 from pdsolve.operators.simd_lattice.kernel import INNER, displaced
-from pdsolve.operators.simd_lattice.lanes import ROW
 
 
 @njit(forceinline=True, **INNER)

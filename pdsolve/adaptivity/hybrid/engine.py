@@ -34,11 +34,11 @@ from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, BELOW_COARSE, COARS
 from pdsolve.adaptivity.hybrid.march import CLIP, DONE, march
 from pdsolve.adaptivity.hybrid.swelling import relieve_all, restrict, stored
 from pdsolve.checkpoint_validation import entry, like
+from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import Drive
 from pdsolve.errors import CheckpointError, LateZoneError
 from pdsolve.numerics.thread_team import gate_of, side_by_side
 from pdsolve.operators.protocol import Kept
-from pdsolve.operators.simd_lattice.lanes import ROW
 
 _stretch = getattr(stretch_of, "py_func", stretch_of)
 

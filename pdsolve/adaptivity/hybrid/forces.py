@@ -28,7 +28,9 @@ from pdsolve.adaptivity.hybrid.arrays import (
 from pdsolve.adaptivity.hybrid.bond_breaking import break_bonds
 from pdsolve.adaptivity.hybrid.damping import slow, tally
 from pdsolve.adaptivity.hybrid.energy import place_of, strain_e
-from pdsolve.adaptivity.hybrid.simd_rows import (
+from pdsolve.codegen.atomics import counted, take
+from pdsolve.codegen.lanes import across
+from pdsolve.codegen.lattice_rows import (
     sum_edges,
     sum_edges_wide,
     sum_green,
@@ -40,11 +42,11 @@ from pdsolve.adaptivity.hybrid.simd_rows import (
     sum_whole,
     sum_whole_wide,
 )
+from pdsolve.codegen.plane_slots import kick_and_drift
+from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import factor_at
-from pdsolve.numerics.thread_team import counted, meet, take, wait
-from pdsolve.operators.simd_lattice.kernel import INNER, across, displaced
-from pdsolve.operators.simd_lattice.lanes import ROW
-from pdsolve.operators.simd_lattice.vectors import kick_and_drift
+from pdsolve.numerics.thread_team import meet, wait
+from pdsolve.operators.simd_lattice.kernel import INNER, displaced
 
 # of `Zone.turns`: what is handed out, a part at a time, and how far the first thread is
 SUM, BROKEN, MOVE, PLAIN, TOUCHED, STAGE = range(0, 48, 8)

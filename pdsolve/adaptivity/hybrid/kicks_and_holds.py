@@ -9,9 +9,9 @@ from numba import njit
 
 from pdsolve.adaptivity.hybrid.arrays import AXIS, COARSE_ROWS, FORCE, KIND, LAST, PROFILE, ROWS, SPEED, VALUE, WORK
 from pdsolve.adaptivity.hybrid.damping import tally
+from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import DISPLACEMENT, VELOCITY, factor_at
 from pdsolve.operators.simd_lattice.kernel import INNER
-from pdsolve.operators.simd_lattice.lanes import ROW
 
 
 @njit(**INNER)

@@ -27,10 +27,10 @@ from pdsolve.adaptivity.hybrid.forces import again, forces
 from pdsolve.adaptivity.hybrid.kicks_and_holds import begin_holds, drift, end_holds, hold
 from pdsolve.adaptivity.hybrid.lattice import IDLE, coarse_column, coarse_row, fine_column, fine_place, fine_row
 from pdsolve.adaptivity.hybrid.regrid import mark_dirty, mark_disc, refine
-from pdsolve.numerics.jit_cache import cached_njit
+from pdsolve.codegen.jit_cache import cached_njit
+from pdsolve.codegen.vector_code import ROW
 from pdsolve.numerics.thread_team import meet
 from pdsolve.operators.simd_lattice.kernel import INNER, displaced
-from pdsolve.operators.simd_lattice.lanes import ROW
 
 DONE, ROOM, CLIP = 0, 1, 2  # how a march ends: at its last step; for want of room; as a clipped bond is over its limit
 SPARE = 64  # rows: room for so many more is always kept

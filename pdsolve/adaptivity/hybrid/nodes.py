@@ -19,8 +19,8 @@ from pdsolve.adaptivity.hybrid.lattice import (
     fine_row,
 )
 from pdsolve.adaptivity.hybrid.precracks import seen
+from pdsolve.codegen.vector_code import ROW
 from pdsolve.operators.simd_lattice.kernel import INNER
-from pdsolve.operators.simd_lattice.lanes import ROW
 
 
 @njit(**INNER)

@@ -30,8 +30,8 @@ from pdsolve.adaptivity.hybrid.engine import Hybrid, ZoneSummary
 from pdsolve.adaptivity.hybrid.irregular_bonds import part_of
 from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, BELOW_COARSE, COARSE, FREE, IDLE, LEFT
 from pdsolve.adaptivity.two_lattice_operator import Sums, TwoLatticeOperator
+from pdsolve.codegen.vector_code import ROW
 from pdsolve.model import Model
-from pdsolve.operators.simd_lattice.lanes import ROW
 from pdsolve.state import Broken, State
 
 if TYPE_CHECKING:

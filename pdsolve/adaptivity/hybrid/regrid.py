@@ -42,8 +42,8 @@ from pdsolve.adaptivity.hybrid.lattice import (
 )
 from pdsolve.adaptivity.hybrid.nodes import border_end, coarse_cell_at, interpolate, set_coarse, set_fine
 from pdsolve.adaptivity.hybrid.swelling import off_line, relieve
+from pdsolve.codegen.vector_code import ROW
 from pdsolve.operators.simd_lattice.kernel import INNER
-from pdsolve.operators.simd_lattice.lanes import ROW
 
 
 @njit(**INNER)

@@ -21,10 +21,10 @@ from pdsolve.adaptivity.hybrid.energy import piece_held
 from pdsolve.adaptivity.hybrid.forces import follow
 from pdsolve.adaptivity.hybrid.lattice import FREE, coarse_column, coarse_place, coarse_row, fine_place
 from pdsolve.adaptivity.hybrid.springs import INVERSE, STIFFNESS, X2, Y2, X, Y
-from pdsolve.numerics.jit_cache import cached_njit
-from pdsolve.operators.simd_lattice.kernel import INNER, ONE, PLANE, across
-from pdsolve.operators.simd_lattice.lanes import ROW
-from pdsolve.operators.simd_lattice.packed import beside, keep, same, unless_none
+from pdsolve.codegen.jit_cache import cached_njit
+from pdsolve.codegen.lanes import across, beside, keep, same, unless_none
+from pdsolve.codegen.vector_code import ROW
+from pdsolve.operators.simd_lattice.kernel import INNER, ONE, PLANE
 
 
 def relieve(ground: Any, zone: Any) -> None:

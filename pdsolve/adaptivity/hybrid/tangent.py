@@ -14,7 +14,7 @@ from scipy.sparse import coo_array, csr_array, diags_array, eye_array, kron, vst
 
 from pdsolve.adaptivity.hybrid.arrays import BORDERS, PIECES, Nodes
 from pdsolve.adaptivity.hybrid.engine import Hybrid
-from pdsolve.operators.simd_lattice.lanes import ROW
+from pdsolve.codegen.vector_code import ROW
 from pdsolve.operators.tangent import of_green_springs, of_springs
 
 XI, STIFFNESS = slice(2, 4), 5  # of `Pieces.value`

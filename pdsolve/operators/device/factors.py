@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.conditions import Profiles, factor_at
-from pdsolve.numerics.jit_cache import cached_njit
 from pdsolve.operators.device.runtime import Session
 
 AT_ONCE = 256  # steps

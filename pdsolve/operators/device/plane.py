@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pdsolve.codegen.plane_slots import BOUND, PULL
 from pdsolve.laws.calls import functions_of
 from pdsolve.laws.law import Law
 from pdsolve.operators.device.padded import Padded
@@ -16,7 +17,6 @@ from pdsolve.operators.protocol import Kept
 from pdsolve.operators.simd_lattice import layout
 from pdsolve.operators.simd_lattice.kernel import LANES, LIMITS, Blocks
 from pdsolve.operators.simd_lattice.operator import SimdLattice
-from pdsolve.operators.simd_lattice.vectors import BOUND, PULL
 from pdsolve.state import Broken
 
 WORD = 32  # bits

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from pdsolve.codegen.plane_slots import FAR
+from pdsolve.codegen.pull import NARROW, WIDE, coefficients
 from pdsolve.laws.law import Function
 from pdsolve.operators.device.translation import DOUBLE, REAL, Translation
-from pdsolve.operators.simd_lattice.pull import NARROW, WIDE, coefficients
-from pdsolve.operators.simd_lattice.vectors import FAR
 
 
 def text_of(name: str) -> str:

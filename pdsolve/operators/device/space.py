@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pdsolve.codegen.vector_code import ROW
 from pdsolve.errors import UnstableError
 from pdsolve.laws.calls import functions_of
 from pdsolve.laws.law import Law
 from pdsolve.operators.device.runtime import Session
 from pdsolve.operators.device.source import body_functions, together
 from pdsolve.operators.protocol import Kept
-from pdsolve.operators.simd_lattice.lanes import ROW
 from pdsolve.operators.space_lattice import families, layout
 from pdsolve.operators.space_lattice.kernel import Tiles, recall
 from pdsolve.operators.space_lattice.operator import SpaceLattice

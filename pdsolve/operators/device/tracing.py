@@ -2,7 +2,7 @@
 
 Such a function assigns, adds, subtracts, multiplies and divides numbers of a bond or a node, of the run's precision,
 and may ask what the law's constants are. Each result is rounded, as that of lanes is (see
-`pdsolve.operators.simd_lattice.packed`).
+`pdsolve.codegen.lanes`).
 """
 
 from __future__ import annotations

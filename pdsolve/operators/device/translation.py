@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
+from pdsolve.codegen.fused import fused
 from pdsolve.laws.law import Function
 from pdsolve.model import ModelError
-from pdsolve.numerics.fused import fused
 
 DOUBLE, REAL = "double", "REAL"
 SIGNS = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/"}

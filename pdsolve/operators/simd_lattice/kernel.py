@@ -29,13 +29,11 @@ from numba import njit, types
 from numba.extending import overload, register_jitable
 from numpy.typing import NDArray
 
-from pdsolve.laws.calls import held, pair_of, released, secant, spent
-from pdsolve.laws.law import Pair
-from pdsolve.numerics.inner_functions import INNER as INNER
-from pdsolve.numerics.jit_cache import cached_njit
-from pdsolve.operators.simd_lattice import lanes, vectors
-from pdsolve.operators.simd_lattice.lanes import ROW
-from pdsolve.operators.simd_lattice.packed import (
+from pdsolve.codegen import plane_slots
+from pdsolve.codegen.inner_functions import INNER as INNER
+from pdsolve.codegen.jit_cache import cached_njit
+from pdsolve.codegen.lanes import (
+    across,
     beside,
     keep,
     listed,
@@ -44,8 +42,7 @@ from pdsolve.operators.simd_lattice.packed import (
     where_above,
     which_above,
 )
-from pdsolve.operators.simd_lattice.pull import NARROW, coefficients, stretch_coefficients
-from pdsolve.operators.simd_lattice.vectors import (
+from pdsolve.codegen.plane_slots import (
     BOUND,
     FAR,
     PULL,
@@ -56,6 +53,10 @@ from pdsolve.operators.simd_lattice.vectors import (
     add_far_one_sided,
     add_slots,
 )
+from pdsolve.codegen.pull import NARROW, coefficients, stretch_coefficients
+from pdsolve.codegen.vector_code import ROW
+from pdsolve.laws.calls import held, pair_of, released, secant, spent
+from pdsolve.laws.law import Pair
 
 LANES = 4 * ROW
 PLANE, ONE = (0, 0), (0,)  # of as many rows
@@ -64,9 +65,8 @@ SQUARE = NARROW * NARROW
 LIMITS = 7  # of a slot: row of `peak` and `limit`
 
 # Where a thread's scratch has the sums of the whole block
-FX, FY, END = vectors.SCRATCH, vectors.SCRATCH + LANES, vectors.SCRATCH + 2 * LANES
-_E = vectors.E
-ACROSS = lanes.across(8)  # lanes summed at once in double precision; in single precision a row
+FX, FY, END = plane_slots.SCRATCH, plane_slots.SCRATCH + LANES, plane_slots.SCRATCH + 2 * LANES
+_E = plane_slots.E
 
 
 class Blocks(NamedTuple):
@@ -282,12 +282,6 @@ def _weaken(blocks, tracks, slot, b, lane, stretch, peak, limit):  # type: ignor
     _remember(blocks, tracks, slot, b, lane, stretch, peak, limit)
     share = secant(blocks.law, stretch, np.float64(tracks.worst[slot, lane]), peak, limit)
     blocks.stiffness[blocks.slots[slot, PULL], lane] = share * blocks.stiffness[blocks.whole[slot], lane]
-
-
-@njit(**INNER)
-def across(s):  # type: ignore[no-untyped-def]
-    """Number of lanes summed at once into this scratch."""
-    return ACROSS if s.itemsize == 8 else ROW
 
 
 @njit(**INNER)

@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 
 from pdmesh.model.neighbours import lengths
 from pdsolve.checkpoint_validation import expect_found
+from pdsolve.codegen.plane_slots import BOUND, FAR, FIELDS, PULL, VECTOR
+from pdsolve.codegen.pull import NARROW
+from pdsolve.codegen.vector_code import ROW
 from pdsolve.laws.law import Law
 from pdsolve.laws.pair import no_bonds
 from pdsolve.operators.simd_lattice.kernel import END, LANES, LIMITS, Blocks
-from pdsolve.operators.simd_lattice.lanes import ROW
-from pdsolve.operators.simd_lattice.pull import NARROW
-from pdsolve.operators.simd_lattice.vectors import BOUND, FAR, FIELDS, PULL, VECTOR
 
 SAME_PLACE = 1e-11  # of the longest: components of reference vectors this close are one
 SAME_STIFFNESS = 1e-13  # of the largest: stiffnesses this close are one

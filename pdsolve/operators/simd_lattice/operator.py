@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.checkpoint_validation import entry
+from pdsolve.codegen.plane_slots import BOUND
 from pdsolve.laws.bond_arrays import List, Now
 from pdsolve.laws.calls import bind
 from pdsolve.laws.law import Law
@@ -15,7 +16,6 @@ from pdsolve.operators.protocol import Kept
 from pdsolve.operators.simd_lattice import layout
 from pdsolve.operators.simd_lattice.kernel import LANES, LIMITS, Blocks, Tracks, energy_densities, sum_blocks
 from pdsolve.operators.simd_lattice.layout import aligned
-from pdsolve.operators.simd_lattice.vectors import BOUND
 from pdsolve.state import Broken, State, Unknown
 
 if TYPE_CHECKING:

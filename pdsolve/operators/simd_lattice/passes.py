@@ -15,13 +15,9 @@ from numba import njit
 from numba.extending import overload
 from numpy.typing import NDArray
 
-from pdsolve.laws.bond_arrays import Bond
-from pdsolve.laws.calls import accumulate, bond_force, finish, nears, nothing
-from pdsolve.laws.small_tensors import blank, summed
-from pdsolve.numerics.jit_cache import cached_njit
-from pdsolve.operators.simd_lattice.kernel import INNER, LANES, across
-from pdsolve.operators.simd_lattice.lanes import ROW
-from pdsolve.operators.simd_lattice.packed import (
+from pdsolve.codegen.jit_cache import cached_njit
+from pdsolve.codegen.lanes import (
+    across,
     beside,
     keep,
     listed,
@@ -31,7 +27,12 @@ from pdsolve.operators.simd_lattice.packed import (
     unless_none,
     which_above,
 )
-from pdsolve.operators.simd_lattice.vectors import FAR, VECTOR
+from pdsolve.codegen.plane_slots import FAR, VECTOR
+from pdsolve.codegen.vector_code import ROW
+from pdsolve.laws.bond_arrays import Bond
+from pdsolve.laws.calls import accumulate, bond_force, finish, nears, nothing
+from pdsolve.laws.small_tensors import blank, summed
+from pdsolve.operators.simd_lattice.kernel import INNER, LANES
 
 KIND = VECTOR + 1  # of a slot: row of `kinds`, or -1 less a row of `rows`
 SAFE = 1e-6  # nearer to its limit than this share, a bond is looked at by itself

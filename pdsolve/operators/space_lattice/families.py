@@ -9,9 +9,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pdsolve.numerics.jit_cache import cached_njit
+from pdsolve.codegen.jit_cache import cached_njit
+from pdsolve.codegen.vector_code import ROW
 from pdsolve.operators.simd_lattice.kernel import INNER
-from pdsolve.operators.simd_lattice.lanes import ROW
 from pdsolve.operators.space_lattice.kernel import ALIKE, CORRECTED, EMPTY, GENERAL, stiffness
 from pdsolve.operators.space_lattice.sites import Sites
 

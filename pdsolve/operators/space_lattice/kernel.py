@@ -23,12 +23,9 @@ from numba import njit
 from numba.extending import overload
 from numpy.typing import NDArray
 
-from pdsolve.laws.calls import held, pair_of, released, secant, spent
-from pdsolve.numerics.jit_cache import cached_njit
-from pdsolve.operators.simd_lattice import lanes
-from pdsolve.operators.simd_lattice.kernel import INNER
-from pdsolve.operators.simd_lattice.lanes import ROW
-from pdsolve.operators.space_lattice.vectors import (
+from pdsolve.codegen.jit_cache import cached_njit
+from pdsolve.codegen.lanes import across
+from pdsolve.codegen.space_slots import (
     INVERSE,
     PULL,
     SCRATCH,
@@ -46,11 +43,13 @@ from pdsolve.operators.space_lattice.vectors import (
     add_soft_general,
     add_soft_general_far,
 )
+from pdsolve.codegen.vector_code import ROW
+from pdsolve.laws.calls import held, pair_of, released, secant, spent
+from pdsolve.operators.simd_lattice.kernel import INNER
 
 # Tiles: without a node; what their bonds' stiffnesses are made of; and the same of tiles with a memory
 EMPTY, ALIKE, CORRECTED, GENERAL, SOFT_ALIKE, SOFT_CORRECTED, SOFT_GENERAL = range(7)
 SOFTENED = SOFT_ALIKE - ALIKE  # added to a tile's kind as it gets a memory
-ACROSS = lanes.across(8)  # lanes summed at once in double precision; in single precision a row
 VOLUME, MODULUS = 0, 1  # rows of `cells`
 
 
@@ -108,10 +107,10 @@ def sum_tiles(tiles, u, rate, dt, ages, out, dissipated, breaks, first, last):  
             continue
         if breaks.used[0] + ROW * count > len(breaks.ends):
             return t
-        for lane in range(0, ROW, _across(s)):
+        for lane in range(0, ROW, across(s)):
             if not _sum_lanes(tiles, u, rate, dt, ages, dissipated, breaks, near, t, lane, s):
                 return t
-            for k in range(_across(s)):
+            for k in range(across(s)):
                 for axis in range(3):
                     f[axis, lane + k] = s[ROW * axis + k]
         _write(tiles, t, f, out)
@@ -129,11 +128,6 @@ def _write(tiles, t, f, out):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _across(s):  # type: ignore[no-untyped-def]
-    return ACROSS if s.itemsize == 8 else ROW
-
-
-@njit(**INNER)
 def _sum_lanes(tiles, u, rate, dt, ages, dissipated, breaks, near, t, lane, s):  # type: ignore[no-untyped-def]
     """Force densities on some lanes of a tile, from `lane` on, at the beginning of s; False if it needs a memory."""
     for k in range(SCRATCH):
@@ -146,7 +140,7 @@ def _sum_lanes(tiles, u, rate, dt, ages, dissipated, breaks, near, t, lane, s): 
         slot = _add(kind, u, to, near, slot, count, at, s)
         if slot == count:
             return True
-        if ages and not _age_slot(tiles, u, rate, dt, dissipated, breaks, t, lane, slot, _across(s)):
+        if ages and not _age_slot(tiles, u, rate, dt, dissipated, breaks, t, lane, slot, across(s)):
             return False
         slot = _add_far(kind, u, to, near, slot, at, s)
 
@@ -184,11 +178,11 @@ def _add_far(kind, u, to, near, slot, at, s):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _age_slot(tiles, u, rate, dt, dissipated, breaks, t, lane, slot, across):  # type: ignore[no-untyped-def]
+def _age_slot(tiles, u, rate, dt, dissipated, breaks, t, lane, slot, count):  # type: ignore[no-untyped-def]
     """Take out the bonds of a slot that are over their limit, and book what they have spent; soften those over their
     peak. False if there is no memory for it."""
     row, offset, word = tiles.table[slot], tiles.offsets[slot], tiles.bits[t, slot]
-    for k in range(lane, lane + across):
+    for k in range(lane, lane + count):
         if not (word >> np.uint16(k)) & np.uint16(1):
             continue
         site = t * ROW + k

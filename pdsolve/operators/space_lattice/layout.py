@@ -8,15 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.checkpoint_validation import expect_found
+from pdsolve.codegen.pull import NARROW
+from pdsolve.codegen.space_slots import FIELDS, INVERSE, PULL, SHARES, X2
+from pdsolve.codegen.vector_code import ROW
 from pdsolve.laws.law import Law
 from pdsolve.laws.pair import no_bonds
-from pdsolve.operators.simd_lattice.lanes import ROW
 from pdsolve.operators.simd_lattice.layout import aligned
-from pdsolve.operators.simd_lattice.pull import NARROW
 from pdsolve.operators.space_lattice import families
 from pdsolve.operators.space_lattice.kernel import MODULUS, SOFTENED, VOLUME, Tiles
 from pdsolve.operators.space_lattice.sites import Sites
-from pdsolve.operators.space_lattice.vectors import FIELDS, INVERSE, PULL, SHARES, X2
 
 SAME = 1e-11  # relative: stiffnesses this close are one
 ROUNDED = 1e-5  # relative: what rounding does to e, and more

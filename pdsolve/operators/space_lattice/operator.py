@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.checkpoint_validation import entry
+from pdsolve.codegen.vector_code import ROW
 from pdsolve.laws.calls import bind
 from pdsolve.laws.law import Law
 from pdsolve.numerics.thread_team import share
 from pdsolve.operators.protocol import Kept
-from pdsolve.operators.simd_lattice.lanes import ROW
 from pdsolve.operators.simd_lattice.layout import aligned
 from pdsolve.operators.space_lattice import layout
 from pdsolve.operators.space_lattice.kernel import Breaks, Tiles, hold_tiles, place_rows, recall, sum_tiles

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model.lattice_calibration import offsets
 from pdmesh.model.node_grid import Grid
-from pdsolve.operators.simd_lattice.lanes import ROW
+from pdsolve.codegen.vector_code import ROW
 
 OFF_PLACE = 1e-6  # spacings: how far a node may be from its place in the lattice
 LEAST_FILLED = 0.25  # nodes over sites of the box around them; less is better listed

@@ -9,7 +9,7 @@ import numba
 import pytest
 from numba.extending import overload
 
-from pdsolve.numerics import compile_time
+from pdsolve.codegen import compile_time
 
 
 def _slowly() -> float:

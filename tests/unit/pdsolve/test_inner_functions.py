@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numba
 
-from pdsolve.numerics.inner_functions import INNER
+from pdsolve.codegen.inner_functions import INNER
 
 
 @numba.njit(**INNER)

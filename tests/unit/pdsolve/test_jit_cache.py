@@ -15,7 +15,7 @@ import sys, time
 import numpy as np
 from numba import njit
 from numba.core import event
-from pdsolve.numerics.jit_cache import _Entries, cached_njit
+from pdsolve.codegen.jit_cache import _Entries, cached_njit
 
 count = 0
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from pdsolve.numerics import kernel_sources
+from pdsolve.codegen import kernel_sources
 
 KERNELS = sorted(kernel_sources.name_of(Path(file)) for file in kernel_sources.with_kernels())
 

@@ -11,7 +11,7 @@ import pytest
 from plates import GLASS, plate, square_grid
 from systems import broken, forces
 
-from pdsolve.operators.simd_lattice.pull import NARROW, WIDE, coefficients
+from pdsolve.codegen.pull import NARROW, WIDE, coefficients
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
 

@@ -9,7 +9,6 @@ are a second lattice under the same kernel. The remaining parts of clipped bonds
     arrangement       kinds of nodes, bits and pieces that follow from the cells
     coarse_springs    constants of the springs, and the lattice of those that there are
     pieces            forces and energies of clipped bonds and of nodes on the border
-    piece_vectors     the innermost loop of these forces as vector code
     zone              which cells are fine at the start, and which become fine
     operator          the operator of the current nodes
     prepare           prepares a model

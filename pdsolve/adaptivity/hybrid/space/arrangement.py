@@ -27,11 +27,11 @@ from pdsolve.adaptivity.hybrid.space.box import (
     touches,
 )
 from pdsolve.adaptivity.hybrid.space.divisions import SIDES, Divisions
-from pdsolve.numerics.jit_cache import cached_njit
+from pdsolve.codegen.jit_cache import cached_njit
+from pdsolve.codegen.space_slots import INVERSE
+from pdsolve.codegen.vector_code import ROW
 from pdsolve.operators.simd_lattice.kernel import INNER
-from pdsolve.operators.simd_lattice.lanes import ROW
 from pdsolve.operators.space_lattice.kernel import VOLUME, Tiles, stiffness
-from pdsolve.operators.space_lattice.vectors import INVERSE
 
 PARTS = 8  # of a bond, more than there are
 ENDS = 4  # coarse nodes that an end moves with, at most

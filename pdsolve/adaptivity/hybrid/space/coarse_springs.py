@@ -18,16 +18,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.space.box import COARSE, Box, cell_place, coarse_site, fine_site
+from pdsolve.codegen.jit_cache import cached_njit
+from pdsolve.codegen.pull import NARROW
+from pdsolve.codegen.space_slots import INVERSE, PULL
+from pdsolve.codegen.vector_code import ROW
 from pdsolve.laws.law import Law
 from pdsolve.laws.pair import no_bonds
-from pdsolve.numerics.jit_cache import cached_njit
-from pdsolve.operators.simd_lattice.lanes import ROW
 from pdsolve.operators.simd_lattice.layout import aligned
-from pdsolve.operators.simd_lattice.pull import NARROW
 from pdsolve.operators.space_lattice.kernel import ALIKE, EMPTY, MODULUS, SOFT_GENERAL, VOLUME, Tiles
 from pdsolve.operators.space_lattice.layout import table_of
 from pdsolve.operators.space_lattice.sites import Sites
-from pdsolve.operators.space_lattice.vectors import INVERSE, PULL
 
 
 class Elastic(NamedTuple):

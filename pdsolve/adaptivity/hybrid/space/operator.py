@@ -25,11 +25,11 @@ from pdsolve.adaptivity.hybrid.space.zone import mark_balls
 from pdsolve.adaptivity.hybrid.springs import e_of
 from pdsolve.bonds.assembly import Counted
 from pdsolve.checkpoint_validation import entry, like
+from pdsolve.codegen.vector_code import ROW
 from pdsolve.errors import CheckpointError, LateZoneError
 from pdsolve.model import Model
 from pdsolve.numerics.thread_team import share
 from pdsolve.operators.protocol import Kept
-from pdsolve.operators.simd_lattice.lanes import ROW
 from pdsolve.operators.space_lattice import layout
 from pdsolve.operators.space_lattice.kernel import EMPTY, VOLUME, Breaks, Tiles, hold_tiles, sum_tiles
 from pdsolve.operators.space_lattice.operator import ROOM

@@ -13,8 +13,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.space.arrangement import ENDS
-from pdsolve.adaptivity.hybrid.space.piece_vectors import add_piece
-from pdsolve.numerics.jit_cache import cached_njit
+from pdsolve.codegen.clipped_pieces import add_piece
+from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.operators.simd_lattice.kernel import INNER
 
 

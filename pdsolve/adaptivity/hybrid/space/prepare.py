@@ -13,16 +13,16 @@ from pdsolve.adaptivity.hybrid.space.divisions import divisions
 from pdsolve.adaptivity.hybrid.space.layout import Whole, begun
 from pdsolve.adaptivity.hybrid.space.operator import NOTHING, SpaceHybrid
 from pdsolve.adaptivity.hybrid.space.zone import cells_at_start
+from pdsolve.codegen.space_slots import INVERSE, PULL
+from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import Drive, Entries, drive, drive_of, put_loads
 from pdsolve.laws import law_of
 from pdsolve.laws.calls import bind
 from pdsolve.laws.law import Law
 from pdsolve.model import Model
-from pdsolve.operators.simd_lattice.lanes import ROW
 from pdsolve.operators.space_lattice import families, layout
 from pdsolve.operators.space_lattice.kernel import VOLUME, Tiles
 from pdsolve.operators.space_lattice.sites import Sites
-from pdsolve.operators.space_lattice.vectors import INVERSE, PULL
 from pdsolve.options import Options
 from pdsolve.schemes.cubic_springs import tiled
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pdmesh.model.triangulated_surface import distances
 from pdsolve.adaptivity.hybrid.arrays import RING, TIPS
 from pdsolve.adaptivity.hybrid.space.box import COARSE, FINE, VOID, Box, cell_place
-from pdsolve.numerics.jit_cache import cached_njit
+from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.operators.simd_lattice.kernel import INNER
 
 SAME = 1e-6  # of a cell: volumes this near are the same

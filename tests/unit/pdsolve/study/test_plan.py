@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from plates import GEOMETRIES
 
-from pdsolve.numerics import jit_cache
+from pdsolve.codegen import jit_cache
 from pdsolve.run import estimate
 from pdsolve.study import plan
 

@@ -20,8 +20,8 @@ import numpy as np
 from numba import types
 from numba.extending import intrinsic
 
-from pdsolve.operators.simd_lattice.lanes import INT, ROW, Code
-from pdsolve.operators.simd_lattice.pull import NARROW, WIDE
+from pdsolve.codegen.pull import NARROW, WIDE
+from pdsolve.codegen.vector_code import INT, ROW, Code
 
 FIELDS = 8  # of a slot
 VECTOR, PULL, BOUND = 4, 5, 6  # behind the bases of its four rows

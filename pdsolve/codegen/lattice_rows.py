@@ -20,8 +20,8 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from pdsolve.operators.simd_lattice.lanes import INT, ROW, Code
-from pdsolve.operators.simd_lattice.pull import NARROW, WIDE
+from pdsolve.codegen.pull import NARROW, WIDE
+from pdsolve.codegen.vector_code import INT, ROW, Code
 
 FY = ROW  # where the sums along y begin in s
 WHOLE, MASKED, OWN = range(3)  # rows: all lanes have all springs; those of the table, half of them, or none; others

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from llvmlite import ir
-from numba.core import cgutils
 from numba.extending import intrinsic, overload
 
-from pdsolve.numerics.inner_functions import INNER
+from pdsolve.codegen.inner_functions import INNER
+from pdsolve.codegen.vector_code import call
 
 
 def fused(a: Any, b: Any, c: Any) -> Any:
@@ -19,11 +18,7 @@ def fused(a: Any, b: Any, c: Any) -> Any:
 @intrinsic
 def _fused(typingctx, a, b, c):  # type: ignore[no-untyped-def]
     def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
-        kind = ir.DoubleType()
-        function = cgutils.get_or_insert_function(
-            builder.module, ir.FunctionType(kind, (kind, kind, kind)), "llvm.fmuladd.f64"
-        )
-        return builder.call(function, values)
+        return call(builder, "fmuladd", *values)
 
     return a(a, b, c), generate
 

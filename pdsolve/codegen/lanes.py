@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba import types
+from numba import njit, types
 from numba.core import cgutils
 from numba.core.datamodel import PrimitiveModel
 from numba.core.datamodel.registry import register_default
@@ -20,16 +20,18 @@ from numba.core.imputils import lower_builtin
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, overload
 
-from pdsolve.operators.simd_lattice.lanes import INT, across
+from pdsolve.codegen.inner_functions import INNER
+from pdsolve.codegen.vector_code import INT, ROW, call, lanes_at_once, repeat
 
 _ID = ir.IntType(32)
+_DOUBLES = lanes_at_once(8)
 
 
 class Lanes(types.Type):
     """Several numbers of one type, side by side."""
 
     def __init__(self, kind: Any) -> None:
-        self.kind, self.count = kind, across(kind.bitwidth // 8)
+        self.kind, self.count = kind, lanes_at_once(kind.bitwidth // 8)
         super().__init__(name=f"Lanes({kind}, {self.count})")
 
 
@@ -44,13 +46,6 @@ class _Model(PrimitiveModel):
 
 def _vector(context: Any, lanes: Lanes) -> Any:
     return context.get_value_type(lanes)
-
-
-def _same(builder: Any, vector: Any, scalar: Any) -> Any:
-    """A number in all lanes."""
-    nothing = ir.Constant(vector, ir.Undefined)
-    one = builder.insert_element(nothing, scalar, _ID(0))
-    return builder.shuffle_vector(one, nothing, ir.Constant(ir.VectorType(_ID, vector.count), [0] * vector.count))
 
 
 def _infer(function: Any) -> None:
@@ -70,7 +65,7 @@ def _lower(function: Any, instruction: str) -> None:
     def both(context, builder, signature, values):  # type: ignore[no-untyped-def]
         vector = _vector(context, signature.return_type)
         wide = [
-            value if isinstance(kind, Lanes) else _same(builder, vector, value)
+            value if isinstance(kind, Lanes) else repeat(builder, vector, value)
             for kind, value in zip(signature.args, values, strict=True)
         ]
         return getattr(builder, instruction)(*wide)
@@ -106,10 +101,7 @@ def root(typingctx, lanes):  # type: ignore[no-untyped-def]
     """The square root of each lane."""
 
     def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
-        vector = _vector(context, lanes)
-        name = f"llvm.sqrt.v{lanes.count}f{lanes.kind.bitwidth}"
-        function = cgutils.get_or_insert_function(builder.module, ir.FunctionType(vector, (vector,)), name)
-        return builder.call(function, values)
+        return call(builder, "sqrt", *values)
 
     return lanes(lanes), generate
 
@@ -126,7 +118,7 @@ def same(typingctx, array, number):  # type: ignore[no-untyped-def]
 
     def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
         one = context.cast(builder, values[1], number, array.dtype)
-        return _same(builder, _vector(context, lanes), one)
+        return repeat(builder, _vector(context, lanes), one)
 
     return lanes(array, number), generate
 
@@ -254,7 +246,7 @@ def repeated(typingctx, array, like, row):  # type: ignore[no-untyped-def]
         made = context.make_array(array)(context, builder, values[0])
         begin = builder.mul(values[2], builder.extract_value(made.shape, 1))
         numbers = [builder.load(builder.gep(made.data, [builder.add(begin, INT(c))])) for c in range(len(like))]
-        return context.make_tuple(builder, found, [_same(builder, vector, number) for number in numbers])
+        return context.make_tuple(builder, found, [repeat(builder, vector, number) for number in numbers])
 
     return found(array, like, types.int64), generate
 
@@ -279,3 +271,27 @@ def stacked(typingctx, array, like, row, lane):  # type: ignore[no-untyped-def]
         return context.make_tuple(builder, found, made_of)
 
     return found(array, like, types.int64, types.int64), generate
+
+
+@intrinsic
+def intact(typingctx, cut, like, row, k, lane):  # type: ignore[no-untyped-def]
+    """1 in the lanes from `lane` on whose bond k is intact, 0 in the others; `cut` (., k) is that of a row."""
+    lanes = Lanes(like.dtype)
+
+    def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
+        view = context.make_array(cut)(context, builder, values[0])
+        at = builder.add(builder.mul(values[2], builder.extract_value(view.shape, 1)), values[3])
+        word = builder.load(builder.gep(view.data, [at]))
+        some = builder.lshr(word, builder.trunc(values[4], word.type))
+        bits = ir.IntType(lanes.count)
+        some = builder.trunc(some, bits) if lanes.count < 16 else some
+        which = builder.bitcast(builder.not_(some), ir.VectorType(ir.IntType(1), lanes.count))
+        return builder.uitofp(which, context.get_value_type(lanes))
+
+    return lanes(cut, like, types.int64, types.int64, types.int64), generate
+
+
+@njit(**INNER)
+def across(s):  # type: ignore[no-untyped-def]
+    """Number of lanes summed at once into this scratch."""
+    return _DOUBLES if s.itemsize == 8 else ROW

@@ -17,7 +17,7 @@ from typing import Any
 from numba import types
 from numba.extending import intrinsic
 
-from pdsolve.operators.simd_lattice.lanes import INT, ROW, Code
+from pdsolve.codegen.vector_code import INT, ROW, Code
 
 FIELDS = 12  # of an offset
 SCRATCH = 3 * ROW

@@ -11,7 +11,7 @@ from llvmlite import binding, ir
 from numba import types
 from numba.core import cgutils
 
-from pdsolve.operators.simd_lattice.pull import coefficients
+from pdsolve.codegen.pull import coefficients
 
 ROW = 16  # lanes whose neighbours are looked for together
 
@@ -26,9 +26,27 @@ def has_wide_vectors() -> bool:
     return "+avx512f" in features
 
 
-def across(bytes_each: int) -> int:
+def lanes_at_once(bytes_each: int) -> int:
     """Number of lanes summed at once, such that their data stay in registers."""
     return ROW if has_wide_vectors() or bytes_each == 4 else ROW // 2
+
+
+def call(builder: ir.IRBuilder, name: str, *values: Any) -> Any:
+    """Call LLVM's function `name` of numbers or vectors of one type."""
+    kind = values[0].type
+    element, count = (kind.element, f"v{kind.count}") if isinstance(kind, ir.VectorType) else (kind, "")
+    suffix = f"{count}f{32 if isinstance(element, ir.FloatType) else 64}"
+    function = cgutils.get_or_insert_function(
+        builder.module, ir.FunctionType(kind, (kind,) * len(values)), f"llvm.{name}.{suffix}"
+    )
+    return builder.call(function, values)
+
+
+def repeat(builder: ir.IRBuilder, vector: Any, scalar: Any) -> Any:
+    """A number in all lanes of a vector of this type."""
+    nothing = ir.Constant(vector, ir.Undefined)
+    one = builder.insert_element(nothing, scalar, _ID(0))
+    return builder.shuffle_vector(one, nothing, ir.Constant(ir.VectorType(_ID, vector.count), [0] * vector.count))
 
 
 class Code:
@@ -39,7 +57,7 @@ class Code:
         self.builder, self._context = builder, context
         self.size, self.element = (4, ir.FloatType()) if single else (8, ir.DoubleType())
         self._round = np.float32 if single else np.float64
-        self.count = across(self.size)
+        self.count = lanes_at_once(self.size)
         self.width = min(self.count, (64 if has_wide_vectors() else 32) // self.size)
         self.vector = ir.VectorType(self.element, self.width)
         self.coefficients = coefficients("float32" if single else "float64")
@@ -99,11 +117,7 @@ class Code:
         if isinstance(scalar, float):
             value = ir.Constant(self.vector, [float(self._round(scalar))] * self.width)
         else:
-            nothing = ir.Constant(self.vector, ir.Undefined)
-            one = self.builder.insert_element(nothing, scalar, _ID(0))
-            value = self.builder.shuffle_vector(
-                one, nothing, ir.Constant(ir.VectorType(_ID, self.width), [0] * self.width)
-            )
+            value = repeat(self.builder, self.vector, scalar)
         return [value] * (self.count // self.width)
 
     def each(self, function: Callable[..., Any], *values: list[Any]) -> list[Any]:
@@ -143,10 +157,7 @@ class Code:
         return self._call("maxnum", a, b)
 
     def _call(self, name: str, *values: list[Any]) -> list[Any]:
-        kind = ir.FunctionType(self.vector, (self.vector,) * len(values))
-        name = f"llvm.{name}.v{self.width}f{8 * self.size}"
-        function = cgutils.get_or_insert_function(self.builder.module, kind, name)
-        return self.each(lambda *vectors: self.builder.call(function, vectors), *values)
+        return self.each(lambda *vectors: call(self.builder, name, *vectors), *values)
 
     def above(self, a: list[Any], b: list[Any]) -> list[Any]:
         """Whether a > b, or either is NaN."""

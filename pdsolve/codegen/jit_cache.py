@@ -32,7 +32,7 @@ from numba.core.caching import (
 )
 
 from pdmesh import trust
-from pdsolve.numerics import kernel_sources
+from pdsolve.codegen import kernel_sources
 
 KEPT, DAY, UNUSED = 8, 86_400.0, 60 * 86_400.0  # states of the sources; s
 LIBRARIES = (sys.version, numba.__version__, llvmlite.__version__, np.__version__)

@@ -11,11 +11,10 @@ from typing import Any
 
 from llvmlite import ir
 from numba import types
-from numba.core import cgutils
 from numba.extending import intrinsic
 
-from pdsolve.operators.simd_lattice.lanes import INT
-from pdsolve.operators.simd_lattice.pull import NARROW, coefficients
+from pdsolve.codegen.pull import NARROW, coefficients
+from pdsolve.codegen.vector_code import INT, call, repeat
 
 ACROSS = 4
 _DOUBLE, _ID = ir.DoubleType(), ir.IntType(32)
@@ -32,14 +31,14 @@ def add_piece(typingctx, u, force, xi, i, j, row, k):  # type: ignore[no-untyped
         first, second, way, stiffness = values[3:]
         eta = builder.fsub(*(_load(builder, _at(builder, where, point)) for point in (second, first)))
         reference = _load(builder, _at(builder, ways, way))
-        along = builder.fmul(_fma(builder, ir.Constant(_VECTOR, [2.0] * ACROSS), reference, eta), eta)
+        along = builder.fmul(call(builder, "fmuladd", ir.Constant(_VECTOR, [2.0] * ACROSS), reference, eta), eta)
         x, y, z, inverse = (
             *(builder.extract_element(along, _ID(axis)) for axis in range(3)),
             builder.extract_element(reference, _ID(3)),
         )
         e = builder.fmul(inverse, builder.fadd(builder.fadd(x, y), z))
         pull = builder.fmul(stiffness, builder.fmul(e, _shortened(builder, e)))
-        on = builder.fmul(_same(builder, pull), builder.fadd(reference, eta))
+        on = builder.fmul(repeat(builder, _VECTOR, pull), builder.fadd(reference, eta))
         for point, sign in ((first, builder.fadd), (second, builder.fsub)):
             place = _at(builder, forces, point)
             builder.store(sign(_load(builder, place), on), place).align = 8
@@ -51,17 +50,17 @@ def add_piece(typingctx, u, force, xi, i, j, row, k):  # type: ignore[no-untyped
 
 def _shortened(builder: ir.IRBuilder, e: Any) -> Any:
     """1 / (1 + e + sqrt(1 + e)), by a polynomial where that holds."""
-    near = builder.fcmp_ordered("<", _call(builder, "fabs", e), _DOUBLE(NARROW))
+    near = builder.fcmp_ordered("<", call(builder, "fabs", e), _DOUBLE(NARROW))
     with builder.if_else(near, likely=True) as (then, otherwise):
         with then:
             factors = coefficients("float64")[0]
             inner = _DOUBLE(factors[-1])
             for factor in factors[-2::-1]:
-                inner = _fma(builder, inner, e, _DOUBLE(factor))
+                inner = call(builder, "fmuladd", inner, e, _DOUBLE(factor))
             from_inner = builder.block
         with otherwise:
             q2 = builder.fadd(_DOUBLE(1.0), e)
-            outer = builder.fdiv(_DOUBLE(1.0), builder.fadd(q2, _call(builder, "sqrt", q2)))
+            outer = builder.fdiv(_DOUBLE(1.0), builder.fadd(q2, call(builder, "sqrt", q2)))
             from_outer = builder.block
     found = builder.phi(_DOUBLE)
     found.add_incoming(inner, from_inner)
@@ -78,20 +77,3 @@ def _load(builder: ir.IRBuilder, place: Any) -> Any:
     value = builder.load(place)
     value.align = 8
     return value
-
-
-def _same(builder: ir.IRBuilder, scalar: Any) -> Any:
-    nothing = ir.Constant(_VECTOR, ir.Undefined)
-    one = builder.insert_element(nothing, scalar, _ID(0))
-    return builder.shuffle_vector(one, nothing, ir.Constant(ir.VectorType(_ID, ACROSS), [0] * ACROSS))
-
-
-def _fma(builder: ir.IRBuilder, a: Any, b: Any, c: Any) -> Any:
-    return _call(builder, "fmuladd", a, b, c)
-
-
-def _call(builder: ir.IRBuilder, name: str, *values: Any) -> Any:
-    kind = values[0].type
-    suffix = f"v{ACROSS}f64" if kind == _VECTOR else "f64"
-    signature = ir.FunctionType(kind, (kind,) * len(values))
-    return builder.call(cgutils.get_or_insert_function(builder.module, signature, f"llvm.{name}.{suffix}"), values)

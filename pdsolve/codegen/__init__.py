@@ -1,0 +1,16 @@
+"""All that knows numba's inside: vector code written in LLVM, and how kernels are compiled and stored.
+
+vector_code       values of a few lanes in registers, and their instructions
+lanes             lanes as a number type of compiled functions
+plane_slots       the innermost loop over bonds of blocks in the plane
+space_slots       the innermost loop over bonds of tiles in space
+lattice_rows      the innermost loop over bonds and springs of rows of 16 nodes
+clipped_pieces    the forces of clipped bonds in space
+pull              polynomials for the force of a bond
+fused             a product and a sum in one rounding
+atomics           counters that threads share
+inner_functions   functions that only compiled code calls
+jit_cache         kernels stored on disk
+kernel_sources    what a stored kernel was compiled from
+compile_time      how long kernels are compiled in a command
+"""
