@@ -7,8 +7,11 @@
     Physical Surface or Volume("fix:NAME")     Fixes/NAME/Components (xyz), Displacement x, y, z; *
     Physical Surface or Volume("move:NAME")    Moves/NAME/Velocity, Acceleration or Initial velocity x, y, z; *
     Physical Surface or Volume("spring:NAME")  Springs/NAME/Stiffness x, y, z of a face, or Body stiffness x, y, z
+    Physical Point("fix:NAME" or "load:NAME")  the same of the one node nearest to it, for loads Force x, y, z
+    Physical Point("gap:NAME")                 - (two points, between which the opening is monitored)
+    -                                          Load cells/NAME/Of "CONDITION, CONDITION", whose forces it sums
     * of each condition                        Rows (1), Profile (constant), Breakable (0); without a group
-                                               Box "x0 y0 z0 x1 y1 z1", or Face, words that pick one
+                                               Box "x0 y0 z0 x1 y1 z1", Node "x,y,z" or Face, words that pick one
                                                (`pdmesh.scene.faces`)
     Physical Volume("material:NAME")           Materials/NAME/ as in the plane: the values that differ
     Physical Volume("body:NAME")               Bodies/NAME/ as in the plane, with Velocity z; Spin is "x y z", rad/s
@@ -22,12 +25,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from pdmesh.drawing import diffusion_conditions
+import numpy as np
+import shapely
+
+from pdmesh.drawing import diffusion_conditions, mechanical_conditions
 from pdmesh.drawing import parameters as named
 from pdmesh.drawing.bodies_beside import with_bodies
 from pdmesh.drawing.parameters import PREFIX, Parameters
 from pdmesh.drawing.solids import sheet_of, shell_of
-from pdmesh.scene.body import Body, Components, SolidZone, Where
+from pdmesh.scene.body import Body, SolidZone, Where
+from pdmesh.scene.edges import point_in
 from pdmesh.scene.faces import face
 from pdmesh.scene.shapes import SceneError, checked_spacing
 from pdmesh.scene.solids import Sheet, Shell, brick
@@ -35,8 +42,9 @@ from pdmesh.scene.solids import Sheet, Shell, brick
 KINDS = {  # kind: dimensions, folder of its parameters
     "zone": ((3,), "Zones"),
     "crack": ((2,), ""),
-    "load": ((2, 3), "Loads"),
-    "fix": ((2, 3), "Fixes"),
+    "load": ((2, 3, 0), "Loads"),
+    "fix": ((2, 3, 0), "Fixes"),
+    "gap": ((0,), ""),
     "move": ((2, 3), "Moves"),
     "spring": ((2, 3), "Springs"),
     "material": ((3,), "Materials"),
@@ -49,10 +57,10 @@ KINDS = {  # kind: dimensions, folder of its parameters
     "body": ((3,), "Bodies"),
 }
 SHAPES = ("Point", "Curve", "Surface", "Volume")
-PICKED = ("Box", "Face")  # parameters that place a condition without a group
-ON_PLATES = ("/Edge", "/Node")
-OF_PLATES = ("Refine/", "Load cells/", "Absorbs/", "Pins/", "Area rule", "Run/Adapt")
-Placed = dict[str, tuple[Where, str]]  # by name: where, and the folder of its parameters
+PICKED = ("Box", "Face", "Node")  # parameters that place a condition without a group
+ON_PLATES = ("/Edge",)
+OF_PLATES = ("Refine/", "Absorbs/", "Pins/", "Area rule", "Run/Adapt")
+Placed = list[tuple[str, Where, str]]  # name, where, and the folder of its parameters
 
 
 def body_of(found: Mapping[str, Any], values: Mapping[str, float | str], source: str, text: str = "") -> Body:
@@ -95,12 +103,10 @@ def body_of(found: Mapping[str, Any], values: Mapping[str, float | str], source:
     )
     for name, group in groups["crack"].items():
         body = body.crack(_sheet(found, group, parameters), name)
-    kinds = ("load", "fix", "move", "spring", *diffusion_conditions.KINDS)
+    kinds = (*mechanical_conditions.KINDS, *diffusion_conditions.KINDS)
     places = {kind: _places(found, groups[kind], parameters, kind) for kind in kinds}
-    body = _moved(
-        _fixed(_loaded(body, places["load"], parameters), places["fix"], parameters), places["move"], parameters
-    )
-    body = _sprung(body, places["spring"], parameters)
+    body = mechanical_conditions.acted_on(body, places, parameters)
+    body = mechanical_conditions.monitored(body, _gaps(groups["gap"], parameters), parameters)
     for name, group in groups["material"].items():
         material = named.material(parameters, f"Materials/{name}", body.material)
         if material is None:
@@ -112,8 +118,7 @@ def body_of(found: Mapping[str, Any], values: Mapping[str, float | str], source:
         body = body.dissolve(_shell(found, group, parameters), name)
     beside = {name: _shell(found, group, parameters) for name, group in groups["body"].items()}
     body = with_bodies(body, beside, parameters)
-    diffusing = {kind: [(name, *place) for name, place in places[kind].items()] for kind in diffusion_conditions.KINDS}
-    return diffusion_conditions.diffusing(body, diffusing, parameters)
+    return diffusion_conditions.diffusing(body, places, parameters)
 
 
 def _sorted_out(found: Mapping[str, Any], parameters: Parameters) -> dict[str, dict[str, Any]]:
@@ -154,22 +159,41 @@ def _sheet(found: Mapping[str, Any], group: Mapping[str, Any], parameters: Param
     return Sheet(parameters.unit.metres(sheet_of(found, group).triangles))
 
 
+def _points(group: Mapping[str, Any], parameters: Parameters) -> list[tuple[float, ...]]:
+    """The points of a group, m."""
+    return [tuple(parameters.unit.metres(np.array(curve[0], dtype=float)).tolist()) for curve in group["curves"]]
+
+
+def _gaps(groups: Mapping[str, Any], parameters: Parameters) -> dict[str, list[tuple[float, ...]]]:
+    return {name: _points(group, parameters) for name, group in groups.items()}
+
+
+def _where(found: Mapping[str, Any], group: Mapping[str, Any], parameters: Parameters) -> Where:
+    """The place of a group. Raises SceneError for several points."""
+    if group["dimension"]:
+        shape = _shell if group["dimension"] == 3 else _sheet
+        return shape(found, group, parameters)
+    points = _points(group, parameters)
+    if len(points) != 1:
+        raise SceneError(f'group "{group["name"]}": found {len(points)} points, expected one: a support at one node')
+    return shapely.Point(points[0])
+
+
 def _places(found: Mapping[str, Any], groups: Mapping[str, Any], parameters: Parameters, kind: str) -> Placed:
-    """Places of the conditions of a kind, by name, with their parameter folders."""
+    """Names, places and parameter folders of the conditions of a kind."""
     top = KINDS[kind][1]
-    places: Placed = {}
+    places: Placed = []
     for name, group in groups.items():
         for word in _picked(parameters, f"{top}/{name}"):
             raise SceneError(
                 f"parameter '{PREFIX}{top}/{name}/{word}': found a group '{kind}:{name}' too, expected one of them"
             )
-        where = _shell(found, group, parameters) if group["dimension"] == 3 else _sheet(found, group, parameters)
-        places[name] = where, f"{top}/{name}"
+        places.append((name, _where(found, group, parameters), f"{top}/{name}"))
     for name in sorted(parameters.below(top) - set(groups)):
         word, *others = _picked(parameters, f"{top}/{name}")
         if others:
-            raise SceneError(f"parameter '{PREFIX}{top}/{name}/Face': found a Box too, expected one of them")
-        places[name] = _placed(found, parameters, f"{top}/{name}/{word}"), f"{top}/{name}"
+            raise SceneError(f"parameter '{PREFIX}{top}/{name}/{others[0]}': found a {word} too, expected one of them")
+        places.append((name, _placed(found, parameters, f"{top}/{name}/{word}"), f"{top}/{name}"))
     return places
 
 
@@ -181,6 +205,8 @@ def _picked(parameters: Parameters, folder: str) -> list[str]:
 def _placed(found: Mapping[str, Any], parameters: Parameters, name: str) -> Where:
     if name.endswith("/Box"):
         return _box(parameters, name)
+    if name.endswith("/Node"):
+        return shapely.Point(point_in(parameters.text(name), 3, f"parameter '{PREFIX}{name}'", parameters.unit))
     whole = next(group for group in found["groups"] if group["name"] == "body")
     return face(_shell(found, whole, parameters), parameters.text(name), f"parameter '{PREFIX}{name}'", parameters.unit)
 
@@ -196,72 +222,3 @@ def _box(parameters: Parameters, name: str) -> Shell:
     if not (x0 < x1 and y0 < y1 and z0 < z1):
         raise SceneError(f"parameter '{place}': found '{text}', expected x0 < x1, y0 < y1 and z0 < z1")
     return brick((x0, y0, z0), (x1, y1, z1))
-
-
-def _shared(parameters: Parameters, folder: str) -> dict[str, Any]:
-    return {
-        "rows": parameters.whole(f"{folder}/Rows", 1),
-        "profile": parameters.profile(f"{folder}/Profile"),
-        "breakable": parameters.flag(f"{folder}/Breakable", False),
-    }
-
-
-def _three(parameters: Parameters, name: str) -> Components | None:
-    """The components NAME x, NAME y, NAME z; None if none is given."""
-    x, y, z = (parameters.maybe(f"{name} {axis}") for axis in "xyz")
-    return None if x is y is z is None else (x, y, z)
-
-
-def _loaded(body: Body, places: Placed, parameters: Parameters) -> Body:
-    for name, (where, folder) in places.items():
-        given: dict[str, Any] = {
-            word: tuple(value or 0.0 for value in three)
-            for word, key in (("traction", "Traction"), ("body_force", "Body force"), ("force", "Force"))
-            if (three := _three(parameters, f"{folder}/{key}")) is not None
-        }
-        if len(given) != 1:
-            raise SceneError(
-                f"load '{name}': found {len(given)} of traction, body force and force, expected one of them"
-            )
-        body = body.load(where, name=name, **given, **_shared(parameters, folder))
-    return body
-
-
-def _fixed(body: Body, places: Placed, parameters: Parameters) -> Body:
-    every = ("xyz", "xy", "xz", "yz", "x", "y", "z")
-    for name, (where, folder) in places.items():
-        held = parameters.text(f"{folder}/Components", "xyz", of=every)
-        values: dict[str, float | None] = {}
-        for axis in "xyz":
-            value = parameters.maybe_length(f"{folder}/Displacement {axis}")
-            if value and axis not in held:
-                raise SceneError(
-                    f"parameter '{PREFIX}{folder}/Displacement {axis}': found one, expected none of a component that is"
-                    f" not held (Components '{held}')"
-                )
-            values[axis] = (value or 0.0) if axis in held else None
-        body = body.fix(where, values["x"], values["y"], values["z"], name=name, **_shared(parameters, folder))
-    return body
-
-
-def _moved(body: Body, places: Placed, parameters: Parameters) -> Body:
-    for name, (where, folder) in places.items():
-        moves: dict[str, Any] = {
-            key.lower().replace(" ", "_"): three
-            for key in ("Velocity", "Acceleration", "Initial velocity")
-            if (three := _three(parameters, f"{folder}/{key}")) is not None
-        }
-        body = body.move(where, name=name, **moves, **_shared(parameters, folder))
-    return body
-
-
-def _sprung(body: Body, places: Placed, parameters: Parameters) -> Body:
-    for name, (where, folder) in places.items():
-        given: dict[str, Any] = {
-            word: tuple(value or 0.0 for value in three)
-            for word, key in (("stiffness", "Stiffness"), ("body_stiffness", "Body stiffness"))
-            if (three := _three(parameters, f"{folder}/{key}")) is not None
-        }
-        shared = {key: value for key, value in _shared(parameters, folder).items() if key != "profile"}
-        body = body.spring(where, name=name, **given, **shared)
-    return body

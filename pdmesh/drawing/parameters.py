@@ -203,10 +203,6 @@ class Parameters:
         """A length in metres. Raises SceneError if it is not given."""
         return float(self.unit.metres(self.number(name)))
 
-    def pair(self, name: str) -> tuple[float | None, float | None]:
-        """The components ``NAME x`` and ``NAME y``; None for one that is not given."""
-        return self.maybe(f"{name} x"), self.maybe(f"{name} y")
-
     def whole(self, name: str, default: int) -> int:
         """A whole number."""
         value = self.number(name, float(default))

@@ -38,7 +38,7 @@ from typing import Any
 import numpy as np
 import shapely
 
-from pdmesh.drawing import diffusion_conditions
+from pdmesh.drawing import diffusion_conditions, mechanical_conditions
 from pdmesh.drawing import parameters as named
 from pdmesh.drawing.bodies_beside import with_bodies
 from pdmesh.drawing.parameters import PREFIX, Parameters
@@ -120,7 +120,6 @@ def scene_of(groups: Iterable[Group], values: Mapping[str, float | str], source:
         drawing=text,
         parameters=tuple(values.items()),
     )
-    scene = _with_monitors(scene, named_groups["gap"], parameters)
     scene = with_bodies(
         scene,
         {name: surface_of(f"body '{name}'", group) for name, group in named_groups["body"].items()},
@@ -209,59 +208,15 @@ def _curves_of(group: Group) -> list[Any]:
 
 
 def _with_conditions(scene: Scene, groups: dict[str, dict[str, Group]], parameters: Parameters) -> Scene:
-    for name, where, folder in places(scene, groups["load"], parameters, "load", "Loads"):
-        given = {key: _filled(parameters.pair(f"{folder}/{key}")) for key in ("Traction", "Body force", "Force")}
-        if not any(given.values()):
-            raise SceneError(
-                f"parameter '{PREFIX}{folder}/Traction x': found none, expected a number (or Traction y, or of Body"
-                " force or Force)"
-            )
-        values = {key.lower().replace(" ", "_"): vector for key, vector in given.items()}
-        scene = scene.load(where, name=name, **values, **_shared(parameters, folder))  # type: ignore[arg-type]
-    for name, where, folder in places(scene, groups["fix"], parameters, "fix", "Fixes"):
-        x, y = (parameters.maybe_length(f"{folder}/Displacement {axis}") for axis in "xy")
-        held = parameters.text(f"{folder}/Components", "xy", of=("xy", "x", "y"))
-        for axis, value in (("x", x), ("y", y)):
-            if value and axis not in held:
-                raise SceneError(
-                    f"parameter '{PREFIX}{folder}/Displacement {axis}': found one, expected none of a component that is"
-                    f" not held (Components '{held}')"
-                )
-        x, y = (x or 0.0) if "x" in held else None, (y or 0.0) if "y" in held else None
-        scene = scene.fix(where, x, y, name=name, **_shared(parameters, folder))
-    for name, where, folder in places(scene, groups["move"], parameters, "move", "Moves"):
-        moves: dict[str, Any] = {
-            key.lower().replace(" ", "_"): pair
-            for key in ("Velocity", "Acceleration", "Initial velocity")
-            if (pair := parameters.pair(f"{folder}/{key}")) != (None, None)
-        }
-        scene = scene.move(where, name=name, **moves, **_shared(parameters, folder))
-    scene = _with_ground(scene, groups, parameters)
+    kinds = mechanical_conditions.KINDS
+    placed = {kind: places(scene, groups[kind], parameters, kind, str(GROUPS[kind][1])) for kind in kinds}
+    scene = mechanical_conditions.acted_on(scene, placed, parameters)
+    for name, where, folder in places(scene, groups["pin"], parameters, "pin", "Pins"):
+        scene = scene.pin_hole(where, name=name, **mechanical_conditions.rows(parameters, folder))
     for name, where, folder in places(scene, groups["absorb"], parameters, "absorb", "Absorbs"):
         scene = scene.absorb(where, parameters.maybe_length(f"{folder}/Width"), name)
-    return scene
-
-
-def _with_ground(scene: Scene, groups: dict[str, dict[str, Group]], parameters: Parameters) -> Scene:
-    """The scene with spring supports and pins in holes."""
-    for name, where, folder in places(scene, groups["spring"], parameters, "spring", "Springs"):
-        given = {key: _filled(parameters.pair(f"{folder}/{key}")) for key in ("Stiffness", "Body stiffness")}
-        stiff = {key.lower().replace(" ", "_"): pair for key, pair in given.items()}
-        scene = scene.spring(where, name=name, **stiff, **_rows(parameters, folder))  # type: ignore[arg-type]
-    for name, where, folder in places(scene, groups["pin"], parameters, "pin", "Pins"):
-        scene = scene.pin_hole(where, name=name, **_rows(parameters, folder))
-    return scene
-
-
-def _with_monitors(scene: Scene, gaps: Mapping[str, Group], parameters: Parameters) -> Scene:
-    for name, group in gaps.items():
-        if len(group.curves) != 2:
-            raise SceneError(f"gap '{name}': found {len(group.curves)} points, expected two")
-        scene = scene.gap(name, *(point_of(curve) for curve in group.curves))
-    for name in sorted(parameters.below("Load cells")):
-        words = parameters.text(f"Load cells/{name}/Of").split(",")
-        scene = scene.load_cell(name, *filter(None, map(str.strip, words)))
-    return scene
+    gaps = {name: [point_of(curve) for curve in group.curves] for name, group in groups["gap"].items()}
+    return mechanical_conditions.monitored(scene, gaps, parameters)
 
 
 def _with_diffusion(scene: Scene, groups: dict[str, dict[str, Group]], parameters: Parameters) -> Scene:
@@ -274,23 +229,6 @@ def _with_diffusion(scene: Scene, groups: dict[str, dict[str, Group]], parameter
         kind: places(scene, groups[kind], parameters, kind, str(GROUPS[kind][1])) for kind in diffusion_conditions.KINDS
     }
     return diffusion_conditions.diffusing(scene, found, parameters)
-
-
-def _shared(parameters: Parameters, folder: str) -> dict[str, Any]:
-    """Rows, profile and breakable of a condition, from its parameters."""
-    return {**_rows(parameters, folder), "profile": parameters.profile(f"{folder}/Profile")}
-
-
-def _rows(parameters: Parameters, folder: str) -> dict[str, Any]:
-    """Rows and breakable of a condition without a profile."""
-    return {
-        "rows": parameters.whole(f"{folder}/Rows", 1),
-        "breakable": parameters.flag(f"{folder}/Breakable", False),
-    }
-
-
-def _filled(pair: tuple[float | None, float | None]) -> tuple[float, float] | None:
-    return None if pair == (None, None) else (pair[0] or 0.0, pair[1] or 0.0)
 
 
 def _with_regions(scene: Scene, groups: dict[str, dict[str, Group]], parameters: Parameters) -> Scene:

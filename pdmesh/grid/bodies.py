@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import permutations
 from typing import Any, NamedTuple, TypeVar
 
 import msgspec
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from pdmesh.grid.cubic import Cubic, place_nodes
@@ -30,7 +32,7 @@ from pdmesh.model.document import (
 )
 from pdmesh.model.node_grid import Grid, whole_lattice
 from pdmesh.model.triangulated_surface import distances
-from pdmesh.scene.body import Body, CrackFace, SolidCondition
+from pdmesh.scene.body import Body, CrackFace, SolidCondition, Where
 from pdmesh.scene.conditions import describe
 from pdmesh.scene.faces import SIDES, face
 from pdmesh.scene.heat import medium_of
@@ -42,6 +44,7 @@ S = TypeVar("S", bound=Selection)
 MANY = 100_000  # nodes of a box, whose file holds a lattice in place of them
 SLACK = 1e-6  # of a spacing: what still counts as on a side
 CLEARANCE = 1e-3  # of a spacing: a crack nearer to a node than this meets it
+FAR = 2.0  # spacings: a point farther from all nodes is beside the body
 MOVED = 1 / 32  # of a spacing: how far from all nodes a crack is that was moved
 
 
@@ -125,6 +128,9 @@ def _alone(body: Body, lists: bool = False) -> tuple[Grid, Settings, tuple[str, 
     counts = [len(level.at) for level in levels]
     delta = np.repeat([level.cubes.spacing for level in levels], counts)
     cloud = Cloud(levels, np.concatenate([level.position for level in levels]), delta)
+    for gap in body.run.gaps:
+        for end in gap.ends:
+            _at(end, f"gap '{gap.name}'", cloud)
     cleared = [_clear_of_nodes(crack, cloud) for crack in body.cracks]
     settings = Settings(
         material=None if body.material is None else in_space(body.material),
@@ -242,20 +248,7 @@ def _condition(condition: SolidCondition, body: Body, cloud: Cloud) -> AnyCondit
     action, where, place = condition.action, condition.where, describe(condition.action)
     if isinstance(where, str):
         where = face(body.shell, where, place)
-    surface: float | None = None
-    if isinstance(where, Shell):
-        if isinstance(action, Load) and action.traction is not None:
-            raise SceneError(
-                f"{place}: found a traction in a solid, expected a force or a body force there, or a side or a sheet"
-            )
-        if isinstance(action, Spring) and action.stiffness is not None:
-            raise SceneError(f"{place}: found a stiffness in a solid, expected a body_stiffness, or a side or a sheet")
-        found = cloud.within(where, place)
-    elif isinstance(where, Sheet):
-        reach = condition.rows * cloud.delta * (1 - SLACK)
-        found, surface = distances(cloud.position, where.triangles, float(reach.max())) < reach, where.area
-    else:
-        found, surface = _along(str(where), condition.rows, body, cloud)
+    found, surface = _found(where, condition, body, cloud)
     rows = np.flatnonzero(found)
     if not len(rows):
         within = "in its solid" if isinstance(where, Shell) else f"within {condition.rows} rows"
@@ -272,6 +265,40 @@ def _condition(condition: SolidCondition, body: Body, cloud: Cloud) -> AnyCondit
         way[:, axis] = float(body.shell.bounds[(end + 1) // 2, axis]) - cloud.position[rows, axis]
         changed["edge"] = tuple(map(tuple, way.tolist()))
     return msgspec.structs.replace(action, **changed)
+
+
+def _found(where: Where, condition: SolidCondition, body: Body, cloud: Cloud) -> tuple[NDArray[np.bool_], float | None]:
+    """The nodes (n,) of a place, and its area, m^2, if it is a flat side or a sheet. Raises SceneError."""
+    action, place = condition.action, describe(condition.action)
+    if isinstance(where, Sheet):
+        reach = condition.rows * cloud.delta * (1 - SLACK)
+        return distances(cloud.position, where.triangles, float(reach.max())) < reach, where.area
+    if isinstance(where, str):
+        return _along(where, condition.rows, body, cloud)
+    what = "at a point" if isinstance(where, shapely.Point) else "in a solid"
+    if isinstance(action, Load) and action.traction is not None:
+        raise SceneError(
+            f"{place}: found a traction {what}, expected a force or a body force there, or a side or a sheet"
+        )
+    if isinstance(action, Spring) and action.stiffness is not None:
+        raise SceneError(f"{place}: found a stiffness {what}, expected a body_stiffness, or a side or a sheet")
+    if isinstance(where, shapely.Point):
+        return _at(where.coords[0], place, cloud), None
+    assert isinstance(where, Shell)
+    return cloud.within(where, place), None
+
+
+def _at(point: Sequence[float], place: str, cloud: Cloud) -> NDArray[np.bool_]:
+    """The node (n,) nearest to a point. Raises SceneError, beginning with `place`, for a point away from all nodes."""
+    away = np.linalg.norm(cloud.position - point, axis=1)
+    nearest = int(away.argmin())
+    if away[nearest] > FAR * cloud.delta[nearest]:
+        x, y, z = cloud.position[nearest]
+        raise SceneError(
+            f"{place}: found ({', '.join(f'{value:g}' for value in point)}) m away from the body, the nearest"
+            f" node is at ({x:g}, {y:g}, {z:g}) m; expected in it"
+        )
+    return np.asarray(np.arange(len(away)) == nearest)
 
 
 def _along(side: str, rows: int, body: Body, cloud: Cloud) -> tuple[NDArray[np.bool_], float | None]:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Generic, TypeAlias, TypeVar
+from typing import Any, ClassVar, Generic, TypeAlias, TypeVar
 
-import msgspec
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from pdmesh.model.contact import REST
@@ -15,7 +15,6 @@ from pdmesh.model.document import (
     Adapt,
     AnyCondition,
     Contact,
-    Displacement,
     Load,
     Material,
     MediumRegion,
@@ -34,14 +33,14 @@ from pdmesh.scene.conditions import Profile
 from pdmesh.scene.diffusion_conditions import DiffusionConditions
 from pdmesh.scene.faces import SIDES, parsed
 from pdmesh.scene.heat import Heat, Physics, physics_of
+from pdmesh.scene.mechanical_conditions import MechanicalConditions
 from pdmesh.scene.shapes import SceneError, checked_spacing
 from pdmesh.scene.solids import Sheet, Shell, Solid, checked, name_of
 
 DEFAULT_RUN = Run()
 ROUND_OFF = 1e-6  # of a halving
-Where: TypeAlias = str | Solid | Sheet
+Where: TypeAlias = str | Solid | Sheet | shapely.Point
 R = TypeVar("R", Region, MediumRegion)
-Components: TypeAlias = tuple[float | None, float | None, float | None]
 
 
 @dataclass(frozen=True)
@@ -91,12 +90,14 @@ class SolidBeside:
 
 
 @dataclass(frozen=True)
-class Body(DiffusionConditions[Where]):
+class Body(MechanicalConditions[Where], DiffusionConditions[Where]):
     """Description of a body in space; lengths in metres. Each method returns a body with an addition.
 
     Nodes are the centres of cubes `spacing` wide that fill the bounding box of the solid; those with their centre in it
     stay. With `adapt`, the first nodes lie on the faces of that box, and all are as fine as the finest.
     """
+
+    AXES: ClassVar[str] = "xyz"
 
     solid: Solid
     spacing: float  # m, of the coarsest nodes
@@ -156,7 +157,7 @@ class Body(DiffusionConditions[Where]):
 
     def adapt(self, how: Adapt = "hybrid") -> Body:
         """The body with an adaptive method: "none" or "auto", or "hybrid", peridynamics only where bonds may break."""
-        return replace(self, run=msgspec.structs.replace(self.run, adapt=how))
+        return self._run(adapt=how)
 
     def zone(self, solid: Solid, spacing: float, name: str = "", grown: bool = True) -> Body:
         """The body with nodes of this `spacing` (m) in a solid; if `grown`, also around it within the coarser
@@ -203,20 +204,8 @@ class Body(DiffusionConditions[Where]):
         Of "x", "y", "z" and "spin" those `held` keep what they have at time 0, times the `profile`. A body that is
         wholly held needs no mass. With a `radius` (m) its surface is a sphere about its centre, not that of its nodes.
         """
-        x, y, z = actions.vector(velocity, 3, f"rigid '{name}': velocity")
         about = actions.vector(spin, 3, f"rigid '{name}': spin")
-        given = {
-            "mass": mass,
-            "x": x,
-            "y": y,
-            "z": z,
-            "spin": about,
-            "held": [held] if isinstance(held, str) else held,
-            "profile": profile,
-            "radius": radius,
-        }
-        own = actions.action(RigidBody, name, {key: value for key, value in given.items() if value is not None})
-        assert isinstance(own, RigidBody)
+        own = self._rigid(name, velocity, held, mass=mass, spin=about, profile=profile, radius=radius)
         wrong = contradiction(own, 3)
         if wrong is not None:
             raise SceneError(f"rigid '{name}': {wrong}")
@@ -241,13 +230,6 @@ class Body(DiffusionConditions[Where]):
             )
         return replace(self, bodies=(*self.bodies, other), touching=self.touching or Contact())
 
-    def contact(
-        self, friction: float = 0.0, stiffness: float = 15.0, distance: float = 1.0, restitution: float = 1.0
-    ) -> Body:
-        """The body that pushes what it touches, as faces of its cracks do; the settings are those of `Contact`."""
-        given = {"friction": friction, "stiffness": stiffness, "distance": distance, "restitution": restitution}
-        return replace(self, touching=actions.converted(given, Contact, "contact"))
-
     def crack(self, sheet: Sheet | Any, name: str = "") -> Body:
         """The body with a crack: a `Sheet`, or triangles (t, 3, 3), m."""
         name = name or f"{len(self.cracks) + 1}"
@@ -260,33 +242,6 @@ class Body(DiffusionConditions[Where]):
         part = SolidRegion(checked(solid, f"material '{name}'"), Region(name=name, material=material))
         return replace(self, regions=(*self.regions, part))
 
-    def load(
-        self,
-        where: Where,
-        traction: tuple[float, float, float] | None = None,
-        body_force: tuple[float, float, float] | None = None,
-        rows: int = 1,
-        profile: Profile = (),
-        breakable: bool = False,
-        name: str = "",
-        force: tuple[float, float, float] | None = None,
-    ) -> Body:
-        """The body with a `traction` (Pa) over `rows` of nodes along a side or a sheet, a `body_force` (N/m^3) or a
-        total `force` (N).
-
-        The latter two act there or in a solid. Sides are left, right (along x), front, back (y), bottom, top (z); other
-        words pick a face (`pdmesh.scene.faces`).
-        """
-        given = {"traction": traction, "body_force": body_force, "force": force}
-        place = f"load '{name or name_of(where)}'"
-        values: dict[str, Any] = {
-            key: actions.vector(vector, 3, f"{place}: {key}") for key, vector in given.items() if vector is not None
-        }
-        if len(values) != 1:
-            raise SceneError(f"{place}: found {' and '.join(values) or 'none'}, expected one of {', '.join(given)}")
-        values["rows"] = rows
-        return self._with(Load, values, where, rows, name, profile=profile, breakable=breakable)
-
     def fix(
         self,
         where: Where,
@@ -295,54 +250,22 @@ class Body(DiffusionConditions[Where]):
         z: float | None = 0.0,
         rows: int = 1,
         profile: Profile = (),
-        breakable: bool = False,
         name: str = "",
+        breakable: bool = False,
     ) -> Body:
         """The body with prescribed displacements, m; None leaves a component free.
 
         Other arguments are those of `load`.
         """
-        values = {"x": x, "y": y, "z": z}
-        return self._with(Displacement, values, where, rows, name, profile=profile, breakable=breakable)
+        return self._fixed(where, (x, y, z), rows, profile, name, breakable)
 
-    def spring(
-        self,
-        where: Where,
-        stiffness: tuple[float, float, float] | None = None,
-        body_stiffness: tuple[float, float, float] | None = None,
-        rows: int = 1,
-        breakable: bool = False,
-        name: str = "",
-    ) -> Body:
-        """The body with springs to the ground, an elastic bed: a `stiffness` along x, y and z of a side or a sheet
-        (traction over displacement, N/m^3), or a `body_stiffness` (body force over displacement, N/m^4) of a solid.
+    def pin(self, x: float, y: float, z: float, name: str = "") -> Body:
+        """The body with a pin: the node nearest to (x, y, z), m, does not move."""
+        return self.fix(self._point((x, y, z)), name=name)
 
-        Other arguments are those of `load`.
-        """
-        values = {"stiffness": stiffness, "body_stiffness": body_stiffness}
-        body = self._with(Spring, values, where, rows, name, breakable=breakable)
-        action = body.conditions[-1].action
-        assert isinstance(action, Spring)
-        wrong = wrong_spring(action, 3)
-        if wrong is not None:
-            raise SceneError(f"spring '{action.name}'{wrong}")
-        return body
-
-    def move(
-        self,
-        where: Where,
-        velocity: Components | None = None,
-        acceleration: Components | None = None,
-        initial_velocity: Components | None = None,
-        rows: int = 1,
-        profile: Profile = (),
-        breakable: bool = False,
-        name: str = "",
-    ) -> Body:
-        """The body with a prescribed velocity (m/s), acceleration (m/s^2), or velocity at time 0 (m/s)."""
-        moves, name = (velocity, acceleration, initial_velocity), name or name_of(where)
-        kind, values = actions.motion(name, "xyz", *moves, profile=profile, breakable=breakable)
-        return self._with(kind, values, where, rows, name)
+    def roller(self, x: float, y: float, z: float, along: str = "x", name: str = "") -> Body:
+        """The body with a roller: the node nearest to (x, y, z), m, moves along one or two axes ("x", "xy") alone."""
+        return self._rolling((x, y, z), along, name)
 
     def dissolve(self, solid: Solid, name: str = "") -> Body:
         """The body with a dissolving solid."""
@@ -369,8 +292,14 @@ class Body(DiffusionConditions[Where]):
         place = f"{kind.__struct_config__.tag} '{name}'"
         if isinstance(where, str) and where not in SIDES:
             parsed(where, place)
+        more |= {"rows": rows} if kind in (Load, Spring) else {}
         action = actions.action(kind, name, values | more)
-        if not isinstance(where, str | Sheet):
+        wrong = wrong_spring(action, 3) if isinstance(action, Spring) else None
+        if wrong is not None:
+            raise SceneError(f"{place}{wrong}")
+        if isinstance(where, shapely.Point):
+            actions.vector(where.coords[0], 3, place)
+        elif not isinstance(where, str | Sheet):
             checked(where, place)
         condition = SolidCondition(where, rows, action)
         return replace(self, conditions=(*self.conditions, condition))

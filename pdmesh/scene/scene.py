@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal, TypeAlias
+from typing import Any, ClassVar, Literal, TypeAlias
 
 import msgspec
 import shapely
@@ -27,21 +27,15 @@ from pdmesh.model.document import (
     Adapt,
     AnyCondition,
     Contact,
-    Displacement,
-    Gap,
-    Load,
-    LoadCell,
     Material,
     Pin,
-    Point,
     Region,
-    RigidBody,
     Solid,
-    Spring,
 )
 from pdmesh.scene import actions, checks
 from pdmesh.scene.conditions import MaterialRegion, Place, PlacedCondition, PlacedRegion, Profile, name_of
 from pdmesh.scene.diffusion_conditions import DiffusionConditions
+from pdmesh.scene.mechanical_conditions import MechanicalConditions
 from pdmesh.scene.plate import BodyBeside, Plate, Refinement, Zone
 from pdmesh.scene.shapes import Circle, Curve, Points, SceneError, Shape, Surface, coordinates, polyline, surface
 from pdmesh.scene.slits import Crack
@@ -49,12 +43,13 @@ from pdmesh.scene.slits import Crack
 DEEP = 12.0  # horizons: of a layer that absorbs
 
 Where: TypeAlias = str | Curve | Surface | Circle | shapely.Point | Points
-Components: TypeAlias = tuple[float | None, float | None]
 
 
 @dataclass(frozen=True)
-class Scene(Plate, DiffusionConditions[Where]):
+class Scene(Plate, MechanicalConditions[Where], DiffusionConditions[Where]):
     """A description of a plate. Raises SceneError for parts that contradict each other."""
+
+    AXES: ClassVar[str] = "xy"
 
     def __post_init__(self) -> None:
         checks.check(self)
@@ -138,49 +133,10 @@ class Scene(Plate, DiffusionConditions[Where]):
         plate's material would; with a `radius` (m) along a circle about its centre, not the steps of its nodes.
         `pdpost reaction` draws its force and the way of its centre of mass.
         """
-        x, y = actions.vector(velocity, 2, f"rigid '{name}': velocity")
-        given = {
-            "mass": mass,
-            "x": x,
-            "y": y,
-            "spin": spin,
-            "held": [held] if isinstance(held, str) else held,
-            "profile": profile,
-            "radius": radius,
-        }
-        own = actions.action(RigidBody, name, {key: value for key, value in given.items() if value is not None})
-        assert isinstance(own, RigidBody)
+        own = self._rigid(name, velocity, held, mass=mass, spin=spin, profile=profile, radius=radius)
         spacing = self.spacing if spacing is None else spacing
         other = BodyBeside(name, surface(shape, spacing, f"body '{name}'"), spacing, rigid=own)
         return replace(self, bodies=(*self.bodies, other), touching=self.touching or Contact())
-
-    def contact(
-        self, friction: float = 0.0, stiffness: float = 15.0, distance: float = 1.0, restitution: float = 1.0
-    ) -> Scene:
-        """The scene whose bodies, and faces of cracks, push each other apart; the settings are those of `Contact`."""
-        given = {"friction": friction, "stiffness": stiffness, "distance": distance, "restitution": restitution}
-        return replace(self, touching=actions.converted(given, Contact, "contact"))
-
-    def load(
-        self,
-        where: Where,
-        traction: Point | None = None,
-        body_force: Point | None = None,
-        rows: int = 1,
-        profile: Profile = (),
-        name: str = "",
-        breakable: bool = False,
-        force: Point | None = None,
-    ) -> Scene:
-        """The scene with a traction (Pa) on a curve, or a body force (N/m^3) or a total `force` (N per metre of
-        thickness) there, in a surface or at a `shapely.Point`, which stands for the one node nearest to it.
-
-        `where` is "left", "right", "bottom" or "top", other words that pick an edge (`pdmesh.scene.edges`), points of
-        a curve, or a shape. A curve stands for its `rows` nearest rows of nodes. `profile` holds points (time in s,
-        factor).
-        """
-        values = {"traction": traction, "body_force": body_force, "force": force}
-        return self._with(Load, values, where, rows, name, profile=profile, breakable=breakable)
 
     def fix(
         self,
@@ -194,13 +150,13 @@ class Scene(Plate, DiffusionConditions[Where]):
     ) -> Scene:
         """The scene with prescribed displacements (m); None leaves a component free.
 
-        A `shapely.Point` stands for the one node nearest to it. Other arguments are those of `load`.
+        Other arguments are those of `load`.
         """
-        return self._with(Displacement, {"x": x, "y": y}, where, rows, name, profile=profile, breakable=breakable)
+        return self._fixed(where, (x, y), rows, profile, name, breakable)
 
     def pin(self, x: float, y: float, name: str = "") -> Scene:
         """The scene with a pin: the node nearest to (x, y), m, does not move, and the plate turns about it."""
-        return self.fix(shapely.Point(x, y), name=name)
+        return self.fix(self._point((x, y)), name=name)
 
     def pin_hole(self, where: Where, rows: int = 1, name: str = "", breakable: bool = False) -> Scene:
         """The scene with a pin in a hole, "hole nearest X,Y" or its edge: the edge moves as a rigid ring that turns
@@ -213,58 +169,9 @@ class Scene(Plate, DiffusionConditions[Where]):
         values = {"centre": (centre.x, centre.y), "breakable": breakable}
         return self._with(Pin, values, edge, rows, name)
 
-    def spring(
-        self,
-        where: Where,
-        stiffness: Point | None = None,
-        body_stiffness: Point | None = None,
-        rows: int = 1,
-        name: str = "",
-        breakable: bool = False,
-    ) -> Scene:
-        """The scene with springs to the ground, an elastic bed: a `stiffness` along x and y of an edge (traction over
-        displacement, N/m^3), or a `body_stiffness` (body force over displacement, N/m^4) of a shape.
-
-        Other arguments are those of `load`.
-        """
-        values = {"stiffness": stiffness, "body_stiffness": body_stiffness, "breakable": breakable}
-        return self._with(Spring, values, where, rows, name)
-
     def roller(self, x: float, y: float, along: Literal["x", "y"] = "x", name: str = "") -> Scene:
         """The scene with a roller: the node nearest to (x, y), m, moves along one axis alone."""
-        if along not in ("x", "y"):
-            raise SceneError(f"roller '{name}': along: found {along!r:.40}, expected x or y")
-        held_x, held_y = (None, 0.0) if along == "x" else (0.0, None)
-        return self.fix(shapely.Point(x, y), held_x, held_y, name=name)
-
-    def gap(self, name: str, one: Point, other: Point) -> Scene:
-        """The scene with a monitored opening between the nodes nearest to two places, m."""
-        ends = tuple(map(tuple, coordinates([one, other], 2, f"gap '{name}'").tolist()))
-        return replace(self, run=msgspec.structs.replace(self.run, gaps=(*self.run.gaps, Gap(name, ends))))  # type: ignore[arg-type]
-
-    def load_cell(self, name: str, *conditions: str) -> Scene:
-        """The scene with a load cell: the sum of the forces of conditions of these names."""
-        cells = (*self.run.load_cells, LoadCell(name, conditions))
-        return replace(self, run=msgspec.structs.replace(self.run, load_cells=cells))
-
-    def move(
-        self,
-        where: Where,
-        velocity: Components | None = None,
-        acceleration: Components | None = None,
-        initial_velocity: Components | None = None,
-        rows: int = 1,
-        profile: Profile = (),
-        name: str = "",
-        breakable: bool = False,
-    ) -> Scene:
-        """The scene with one of: a prescribed velocity (m/s), acceleration (m/s^2), or velocity at time 0 (m/s).
-
-        None leaves a component free. Other arguments are those of `load`; an initial velocity has no profile.
-        """
-        moves, name = (velocity, acceleration, initial_velocity), name or name_of(where, "move")
-        kind, values = actions.motion(name, "xy", *moves, profile=profile, breakable=breakable)
-        return self._with(kind, values, where, rows, name)
+        return self._rolling((x, y), along, name)
 
     def absorb(self, where: Where, width: float | None = None, name: str = "") -> Scene:
         """The scene with an absorbing layer, `width` (m) deep from a curve, or all of a shape.
@@ -327,10 +234,10 @@ class Scene(Plate, DiffusionConditions[Where]):
         "hybrid" and "collocation" solve peridynamics only where bonds may break, "split" divides cells of high energy;
         `damped` is that of `run.collocation`.
         """
-        run = self.run
+        more = {}
         if damped is not None:
-            run = msgspec.structs.replace(run, collocation=msgspec.structs.replace(run.collocation, damped=damped))
-        return replace(self, run=msgspec.structs.replace(run, adapt=how))
+            more["collocation"] = msgspec.structs.replace(self.run.collocation, damped=damped)
+        return self._run(adapt=how, **more)
 
     def one_scale(self) -> Scene:
         """The scene with the finest spacing everywhere."""

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from pdmesh.model.document import LARGEST
@@ -122,6 +123,8 @@ def name_of(where: object) -> str:
         case Sheet(triangles) | Shell(triangles):
             corners = triangles.reshape(-1, 3)
             ends = (corners.min(axis=0), corners.max(axis=0)) if len(corners) else ()
+        case shapely.Point():
+            return f"node at ({', '.join(f'{value:g}' for value in where.coords[0])}) m"
     what = "solid" if isinstance(where, Shell | Joined) else type(where).__name__.lower()
     try:
         middle = np.mean(ends, axis=0) if ends else ()

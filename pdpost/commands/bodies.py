@@ -67,7 +67,7 @@ def _slice(args: argparse.Namespace) -> int:
     from pdpost.exports import csv_columns
     from pdpost.figures import slice_figure, style
     from pdpost.measures import fields, slices
-    from pdpost.reading.time_text import time_text
+    from pdpost.reading.embedded_model import moment
     from pdsolve.results import Results
 
     path = commandline.output_path(args.output, args.results, ".slice.png", args.force)
@@ -81,7 +81,7 @@ def _slice(args: argparse.Namespace) -> int:
         shown = slices.values(results, name, step, part or None)
         found = slices.cut(results, shown, step, *args.plane)
         style.save(slice_figure.plane(results, found, name, part, step, args.largest), path)
-        nodes = results.nodes(step)
+        nodes, when = results.nodes(step), moment(results, step)
         x, y, z = nodes.position[found.rows].T
         table = {"node": nodes.ids[found.rows], "x": x, "y": y, "z": z, name: found.values}
         if args.csv is not None:
@@ -89,7 +89,7 @@ def _slice(args: argparse.Namespace) -> int:
     if args.csv != "-":
         smallest, largest = float(found.values.min()), float(found.values.max())
         result = {"output": str(path), "step": step, "time": time, "field": name, "nodes": len(found.rows)}
-        line = f"{path}: {name} at {time_text(time)}, {len(found.rows)} nodes, {smallest:.4g} to {largest:.4g}"
+        line = f"{path}: {name} at {when}, {len(found.rows)} nodes, {smallest:.4g} to {largest:.4g}"
         commandline.report({**result, "smallest": smallest, "largest": largest}, [line], args)
     return commandline.OK
 
@@ -97,7 +97,7 @@ def _slice(args: argparse.Namespace) -> int:
 def _render(args: argparse.Namespace) -> int:
     from pdpost.figures import colours, render, style
     from pdpost.measures import fields, slices
-    from pdpost.reading.time_text import time_text
+    from pdpost.reading.embedded_model import moment
     from pdsolve.results import Results
 
     path = commandline.output_path(args.output, args.results, ".render.png", args.force)
@@ -106,9 +106,10 @@ def _render(args: argparse.Namespace) -> int:
     with style.styled(dict(args.assignments)), Results.open(args.results) as results:
         slices.expect_body(results)
         step, time = chosen_frame(results, args)
+        when = moment(results, step)
         if args.crack or args.explode is not None:
             style.save(_cracked(results, step, args.explode), path)
-            commandline.report({"output": str(path), "step": step, "time": time}, [f"{path}: {time_text(time)}"], args)
+            commandline.report({"output": str(path), "step": step, "time": time}, [f"{path}: {when}"], args)
             return commandline.OK
         name = args.field or fields.usual(results, step)
         part = fields.component(name, args.component, results.dimension)
@@ -120,7 +121,7 @@ def _render(args: argparse.Namespace) -> int:
             title = f"{title} {colours.at(results, step)}"
         style.save(render.render(results.nodes(step), values, shown, title, args.level, args.plane), path)
     commandline.report(
-        {"output": str(path), "step": step, "time": time, "field": name}, [f"{path}: {name} at {time_text(time)}"], args
+        {"output": str(path), "step": step, "time": time, "field": name}, [f"{path}: {name} at {when}"], args
     )
     return commandline.OK
 

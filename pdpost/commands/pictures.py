@@ -40,7 +40,7 @@ class Drawn(NamedTuple):
     """A picture and the line printed about it."""
 
     figure: Figure
-    time_text: dict[str, Any]  # for --json
+    reported: dict[str, Any]  # for --json
     words: str  # for a reader
     table: Callable[[], Columns]  # for --csv
 
@@ -123,12 +123,12 @@ def _field(args: argparse.Namespace) -> int:
         else:
             figure = field_figure.field(results, name, step, shown=shown, **how)
         unit = fields.FIELDS[name].unit
-        time_text = {"component": part or None, **numbers(shown), "unit": unit}
-        largest = time_text["largest"]
+        reported = {"component": part or None, **numbers(shown), "unit": unit}
+        largest = reported["largest"]
         words = "nothing known" if largest is None else f"up to {largest:.4g} {unit}".rstrip()
-        if time_text["torn"]:
-            words += f", {time_text['torn']} torn nodes left out"
-        return Drawn(figure, time_text, words, lambda: csv_columns.of_field(results, name, step))
+        if reported["torn"]:
+            words += f", {reported['torn']} torn nodes left out"
+        return Drawn(figure, reported, words, lambda: csv_columns.of_field(results, name, step))
 
     return _drawn(args, show)
 
@@ -178,10 +178,10 @@ def _nodes(args: argparse.Namespace) -> int:
     def show(results: Results, step: int, scale: float) -> Drawn:
         spacings, counts = np.unique(results.nodes(step).delta.round(12), return_counts=True)
         pairs = zip(spacings.tolist(), counts.tolist(), strict=True)
-        time_text = {"levels": [{"spacing": spacing, "nodes": count} for spacing, count in pairs]}
+        reported = {"levels": [{"spacing": spacing, "nodes": count} for spacing, count in pairs]}
         words = f"{counts.sum()} nodes, {len(counts)} spacing{'s' * (len(counts) > 1)}"
         figure = level_figure.nodes(results, step, scale=scale, window=args.window)
-        return Drawn(figure, time_text, words, lambda: csv_columns.of_frame(results, step))
+        return Drawn(figure, reported, words, lambda: csv_columns.of_frame(results, step))
 
     return _drawn(args, show)
 
@@ -195,10 +195,10 @@ def _bonds(args: argparse.Namespace) -> int:
     def show(results: Results, step: int, scale: float) -> Drawn:
         expect_mechanics(results)
         found = pairs(results, step)
-        time_text = {"intact": int((~found.broken).sum()), "broken": int(found.broken.sum())}
-        words = f"{time_text['intact']} bonds intact, {time_text['broken']} broken"
+        reported = {"intact": int((~found.broken).sum()), "broken": int(found.broken.sum())}
+        words = f"{reported['intact']} bonds intact, {reported['broken']} broken"
         figure = bond_figure.bonds(results, step, scale=scale, window=args.window, found=found)
-        return Drawn(figure, time_text, words, lambda: csv_columns.of_bonds(results, step, found))
+        return Drawn(figure, reported, words, lambda: csv_columns.of_bonds(results, step, found))
 
     return _drawn(args, show)
 
@@ -207,7 +207,7 @@ def _drawn(args: argparse.Namespace, show: Callable[[Results, int, float], Drawn
     """Draw the frame asked for and print what it shows; returns the exit code."""
     from pdpost.exports import csv_columns
     from pdpost.figures import style
-    from pdpost.reading.time_text import time_text
+    from pdpost.reading.embedded_model import moment
     from pdsolve.results import Results
 
     path = commandline.output_path(args.output, args.results, f".{args.picture}.png", args.force)
@@ -217,11 +217,11 @@ def _drawn(args: argparse.Namespace, show: Callable[[Results, int, float], Drawn
         step, time = chosen_frame(results, args)
         check_window(results, args)
         scale = chosen_scale(results, step, args)
-        shown = show(results, step, scale)
+        shown, when = show(results, step, scale), moment(results, step)
         style.save(shown.figure, path)
         if args.csv is not None:
             write_csv(args, csv_columns.csv(shown.table()))
     if args.csv != "-":
-        result = {"output": str(path), "step": step, "time": time, "scale": scale, **shown.time_text}
-        commandline.report(result, [f"{path}: {args.picture} at {time_text(time)}, {shown.words}"], args)
+        result = {"output": str(path), "step": step, "time": time, "scale": scale, **shown.reported}
+        commandline.report(result, [f"{path}: {args.picture} at {when}, {shown.words}"], args)
     return commandline.OK

@@ -152,7 +152,7 @@ def openings(found: list[Pulled], per: str = "/m") -> Figure:
         axes.fill_between(x, y, color=style["color"], alpha=0.08, lw=0)
         axes.plot(x[one.peak], y[one.peak], "o", ms=4, color=style["color"])
         said = f"{y[one.peak]:.4g} {newtons} at {x[one.peak]:.3g} {metres}"
-        axes.annotate(said, (x[one.peak], y[one.peak]), (6, 0), textcoords="offset points", va="center", fontsize=8)
+        axes.annotate(said, (x[one.peak], y[one.peak]), (6, 4), textcoords="offset points", va="bottom", fontsize=8)
     axes.set(xlabel=f"opening, {metres}", ylabel=f"force on the {'plate' if per else 'body'}, {newtons}")
     figure.legend(loc="outside upper center", ncols=3, frameon=False)
     return figure

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pdpost.figures.labels import prefixed, unit
 from pdpost.figures.style import UNKNOWN, narrow
 from pdpost.measures import fields
+from pdpost.reading.embedded_model import counts_load_steps, moment
 from pdsolve.results import Results
 
 USUAL = 99.5  # per cent of the nodes; colours end there where the others reach more than twice as far
@@ -85,4 +86,6 @@ def at(results: Results, step: int, scale: float = 0.0) -> str:
     factor, prefix = prefixed(min(float(times[-1]) if len(times) else step * time_step, 1.0))  # no ks
     time = step * time_step * factor
     when = f"at {time:{'.4g' if time < 9999.5 else '.0f'}} {prefix}s (step {step})"
+    if counts_load_steps(results):
+        when = f"at {moment(results, step)}"
     return when if scale in (0.0, 1.0) else f"{when}, {scale:g} times the displacement"

@@ -15,7 +15,7 @@ from pdpost.figures.raster import Box
 from pdpost.figures.sheets import border, box_of, hidden, mark, on_axes, paint, seen, shape
 from pdpost.figures.style import narrow
 from pdpost.measures import fields
-from pdpost.reading.time_text import time_text
+from pdpost.reading.embedded_model import moment
 from pdsolve.results import Results
 
 TITLE, AROUND = 0.25, 0.9  # inches: above each picture; for axes and legend
@@ -43,8 +43,7 @@ def frames(
     hide: Collection[str] = (),
 ) -> Figure:
     """The field `name` after each of `steps` of one run; see `panels`."""
-    time_step = float(results.meta()["time_step"])
-    shown = [Panel(results, step, time_text(step * time_step, micro="µs")) for step in steps]
+    shown = [Panel(results, step, moment(results, step, "µs")) for step in steps]
     return panels(shown, name, part=part, scale=scale, largest=largest, window=window, hide=hide)
 
 

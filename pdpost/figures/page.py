@@ -24,10 +24,9 @@ from pdpost.measures.balance import balance, per_thickness, remarks
 from pdpost.measures.fields import usual
 from pdpost.measures.forces import reactions
 from pdpost.measures.masses import amounts
-from pdpost.reading.embedded_model import whole
+from pdpost.reading.embedded_model import moment, whole
 from pdpost.reading.frame_steps import frames
 from pdpost.reading.stored_fields import OF_DIFFUSION, diffuses
-from pdpost.reading.time_text import time_text
 from pdsolve.results import DamagedError, Nodes, Results, ResultsError
 
 DPI = 110
@@ -62,14 +61,14 @@ PROVENANCE = {
 
 def report(results: Results, name: str) -> str:
     """The page, titled `name`; equal results give equal text. Raises ResultsError if there is no frame yet."""
-    steps, times = frames(results)
+    steps, _ = frames(results)
     model, meta, nodes = whole(results), results.meta(), results.nodes(0)
     shown, moves, flat = usual(results, int(steps[0])), not diffuses(results), results.dimension == 2
     drawn = [_image(scene(results, model), "the plate, its grid and its conditions")] if flat else []
     sections = [
         *([("Crack", _crack(results) if flat else _crack_in_space(results))] if moves else []),
         ("Animation", [_picture(_film(results, shown), "gif", f"{shown} over time")]),
-        (f"Fields at {time_text(float(times[-1]), micro='µs')}", _fields(results, int(steps[-1]))),
+        (f"Fields at {moment(results, int(steps[-1]), 'µs')}", _fields(results, int(steps[-1]))),
         ("Balance", _balance(results) if moves else _masses(results)),
         ("Scene", [*drawn, _conditions(nodes, model)]),
         ("Grid", [_table(_grid(results, nodes))]),
@@ -136,8 +135,8 @@ def _conditions(nodes: Nodes, model: dict[str, Any]) -> str:
         what = {key: value for key, value in condition.items() if key not in ("kind", "name", "nodes")}
         name = called(condition.get("name"), number)
         count = int(acted_on(nodes, condition).sum())
-        time_text = ", ".join(f"{key} {_text(value)}" for key, value in what.items())
-        rows.append((name, f"{condition['kind']} of {count} nodes: {time_text}"))
+        words = ", ".join(f"{key} {_text(value)}" for key, value in what.items())
+        rows.append((name, f"{condition['kind']} of {count} nodes: {words}"))
     return _table(rows)
 
 
@@ -171,15 +170,15 @@ def _masses(results: Results) -> list[str]:
 
 def _crack(results: Results) -> list[str]:
     found = crack_summary.crack(results)
-    time_text = "".join(f"<li>{escape(spelled(sentence))}</li>" for sentence in crack_summary.sentences(found))
-    return [f"<ul>{time_text}</ul>", _image(crack_figure.crack(results, found), "path, length and speed of the crack")]
+    items = "".join(f"<li>{escape(spelled(sentence))}</li>" for sentence in crack_summary.sentences(found))
+    return [f"<ul>{items}</ul>", _image(crack_figure.crack(results, found), "path, length and speed of the crack")]
 
 
 def _crack_in_space(results: Results) -> list[str]:
     found = crack_in_space.crack_in_space(results)
-    time_text = "".join(f"<li>{escape(spelled(sentence))}</li>" for sentence in crack_in_space.sentences(found))
+    items = "".join(f"<li>{escape(spelled(sentence))}</li>" for sentence in crack_in_space.sentences(found))
     drawn = crack_surface_figure.crack_surface(results, found)
-    return [f"<ul>{time_text}</ul>", _image(drawn, "surface of the crack, its area and its cost")]
+    return [f"<ul>{items}</ul>", _image(drawn, "surface of the crack, its area and its cost")]
 
 
 def _fields(results: Results, step: int) -> list[str]:

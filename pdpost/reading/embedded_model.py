@@ -10,6 +10,7 @@ import numpy as np
 
 from pdmesh.model.document import LARGEST, Crack, Run, Selection, Settings, Vector
 from pdmesh.model.number_bounds import beyond
+from pdpost.reading.time_text import time_text
 from pdsolve.results import Results, ResultsError
 
 T = TypeVar("T", bound=msgspec.Struct)
@@ -119,3 +120,15 @@ def run_of(results: Results) -> Run:
 def at_rest(results: Results) -> bool:
     """Whether the model was solved at rest, so that times are those of load steps. Raises ResultsError."""
     return run_of(results).solver == "static"
+
+
+def counts_load_steps(results: Results) -> bool:
+    """Whether the times of a run are the numbers of its load steps. Raises ResultsError."""
+    return float(results.meta()["time_step"]) == 1 and at_rest(results)
+
+
+def moment(results: Results, step: int, micro: str = "us") -> str:
+    """When a step is, in words: its time, or its number in a run that counts load steps."""
+    if counts_load_steps(results):
+        return f"load step {step}"
+    return time_text(step * float(results.meta()["time_step"]), micro=micro)

@@ -13,8 +13,9 @@ LEAST = 1e-6  # of the size of a drawing: finer chords are not made
 def spatial_groups(gmsh: Any, tolerance: float) -> dict[str, Any]:
     """Named groups of a body: points, and for each group the corner numbers of its triangles.
 
-    For volumes these are the triangles of their surfaces. `tolerance` is the largest deviation of a triangle from its
-    surface. The group ``body`` is the union of the zones. Volumes are exact where Open CASCADE computes them, else 0.
+    For volumes these are the triangles of their surfaces; groups of points have them as curves. `tolerance` is the
+    largest deviation of a triangle from its surface. The group ``body`` is the union of the zones. Volumes are exact
+    where Open CASCADE computes them, else 0.
     """
     physical = [
         (
@@ -29,17 +30,16 @@ def spatial_groups(gmsh: Any, tolerance: float) -> dict[str, Any]:
     _triangulate(gmsh, tolerance)
     tags, places, _ = gmsh.model.mesh.getNodes()
     number = {int(tag): at for at, tag in enumerate(tags)}
-    groups = [(name, dimension, entities) for name, dimension, entities in physical if dimension >= 2]
-    groups.append(("body", 3, whole))
+    groups = [*physical, ("body", 3, whole)]
     return {
         "points": places.tolist(),
         "groups": [
             {
                 "name": name,
                 "dimension": dimension,
-                "curves": [],
+                "curves": [[gmsh.model.getValue(0, tag, []).tolist()] for tag in entities] if dimension == 0 else [],
                 "surfaces": [],
-                "triangles": _triangles(gmsh, _faces(gmsh, dimension, entities), number),
+                "triangles": _triangles(gmsh, _faces(gmsh, dimension, entities), number) if dimension >= 2 else [],
                 "volume": _volume(gmsh, entities) if dimension == 3 else 0.0,
             }
             for name, dimension, entities in groups

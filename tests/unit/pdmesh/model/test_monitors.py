@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ import shapely
 from messages import naming
 from plates import GLASS
 
-from pdmesh import Gap, LoadCell, Run, Scene, SceneError, Static, box, build
+from pdmesh import Body, Box, Gap, LoadCell, Run, Scene, SceneError, Static, box, build
 from pdmesh.drawing.file_reading import build_file
 from pdmesh.model.document import Displacement
 from pdsolve.model import GridError, ModelError, read_model
@@ -111,4 +112,78 @@ def test_points_of_a_drawing(tmp_path: Path) -> None:
     assert [(len(c.nodes or ()), c.x, c.y) for c in held] == [(1, 0, 0), (1, None, 0)]
     path.write_text(DRAWING % "3")
     with pytest.raises(SceneError, match=naming("gap 'mouth'", found="1 points", expected="two")):
+        build_file(path)
+
+
+BLOCK = Body(Box((0, 0, 0), (0.04, 0.02, 0.01)), 2e-3, GLASS)
+
+
+def test_supports_and_monitors_of_a_body() -> None:
+    """Nodes are the middles of cubes of 2 mm."""
+    body = (
+        BLOCK.pin(0, 0, 0, "left").roller(0.04, 0, 0, "xy", "right").load(shapely.Point(0.02, 0.02, 0), force=(0, 1, 0))
+    )
+    built = build(body.gap("mouth", (0.01, 0, 0), (0.03, 0, 0)).load_cell("supports", "left", "right"))
+    left, right, load = built.settings.conditions
+    assert isinstance(left, Displacement)
+    assert isinstance(right, Displacement)
+    assert [(one.name, one.x, one.y, one.z) for one in (left, right)] == [("left", 0, 0, 0), ("right", None, None, 0)]
+    places = [built.grid.position[np.array(one.nodes) - 1] for one in (left, right, load)]
+    np.testing.assert_allclose(places, [[[1e-3] * 3], [[0.039, 1e-3, 1e-3]], [[0.019, 0.019, 1e-3]]], atol=1e-12)
+    assert built.settings.run.gaps == (Gap("mouth", ((0.01, 0, 0), (0.03, 0, 0))),)
+    assert built.settings.run.load_cells == (LoadCell("supports", ("left", "right")),)
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda: BLOCK.roller(0, 0, 0, "xyz", "a"), naming("roller 'a'", found="xyz", expected="one or two")),
+        (lambda: build(BLOCK.pin(1, 1, 1, "far")), naming("displacement 'far'", found="away", expected="in it")),
+        (lambda: build(BLOCK.load(shapely.Point(0, 0, 0), (1, 0, 0))), naming("load", found="at a point")),
+        (lambda: BLOCK.fix(shapely.Point(0, 0)), naming("displacement", found="(0.0, 0.0)", expected="3")),
+        (lambda: BLOCK.gap("a", (0, 0), (1, 1)), naming("gap 'a'", found="(0, 0)", expected="3")),
+        (lambda: build(BLOCK.gap("a", (0, 0, 0), (1, 1, 1))), naming("gap 'a'", found="(1, 1, 1)")),
+        (lambda: build(BLOCK.load_cell("c", "lift")), naming("load_cells[0].of", found="'lift'")),
+    ],
+)
+def test_bad_supports_and_monitors_of_a_body(make: Callable[[], object], said: str) -> None:
+    with pytest.raises(SceneError, match=said):
+        make()
+
+
+DRAWN = """
+SetFactory("OpenCASCADE");
+Box(1) = {0, 0, 0, 0.04, 0.02, 0.01};
+Point(101) = {0.01, 0, 0};
+Point(102) = {0.03, 0, 0};
+Physical Volume("zone:all") = {1};
+Physical Point("gap:mouth") = {101, 102};
+Physical Point("fix:pin") = {101};
+DefineConstant[
+  spacing = {2e-3, Name "Peridynamics/Zones/all/Spacing"}
+  right = {"0.04,0,0", Name "Peridynamics/Fixes/right/Node"}
+  held = {"yz", Name "Peridynamics/Fixes/right/Components"}
+  cell = {"pin, right", Name "Peridynamics/Load cells/supports/Of"}
+];
+"""
+
+
+def test_supports_and_monitors_of_a_body_that_is_drawn(tmp_path: Path) -> None:
+    path = tmp_path / "block.geo"
+    path.write_text(DRAWN, encoding="utf-8")
+    settings = build_file(path).settings
+    pin, right = settings.conditions
+    assert isinstance(pin, Displacement)
+    assert isinstance(right, Displacement)
+    assert [(one.name, one.x, one.y, one.z, len(one.nodes or ())) for one in (pin, right)] == [
+        ("pin", 0, 0, 0, 1),
+        ("right", None, 0, 0, 1),
+    ]
+    assert settings.run.gaps == (Gap("mouth", ((0.01, 0, 0), (0.03, 0, 0))),)
+    assert settings.run.load_cells == (LoadCell("supports", ("pin", "right")),)
+    path.write_text(DRAWN.replace("{101, 102}", "{101}"), encoding="utf-8")
+    with pytest.raises(SceneError, match=naming("gap 'mouth'", found="1 points", expected="two")):
+        build_file(path)
+    path.write_text(DRAWN + 'Physical Curve("crack:a") = {1};\n', encoding="utf-8")
+    with pytest.raises(SceneError, match=naming("crack:a", expected='Surface "crack:NAME"')):
         build_file(path)

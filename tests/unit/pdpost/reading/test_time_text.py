@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
+import pytest
 from drawn import lattice, run
+from plates import GLASS
 
+from pdmesh import Run, Scene, Static, box, build
 from pdpost import figures
+from pdpost.figures.colours import title
 from pdpost.figures.labels import scaled
 from pdpost.measures.crack_summary import crack, numbers, sentences
 from pdpost.measures.cracks import Event
+from pdpost.reading.embedded_model import moment
 from pdpost.reading.time_text import time_text
+from pdsolve.__main__ import main as pdsolve
+from pdsolve.results import Results
 
 
 def test_the_unit_is_that_of_the_time() -> None:
@@ -57,3 +65,14 @@ def test_slow_runs_are_in_seconds() -> None:
     assert scaled([np.array([0.0, 34e3])], "s") == (1.0, "s")
     assert scaled([np.array([0.0, 4e-5])], "s") == (1e6, "µs")
     assert scaled([np.array([34e3])], "m") == (1e-3, "km")
+
+
+def test_a_run_at_rest_counts_load_steps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "beam.json"
+    scene = Scene(box(0, 0, 0.02, 0.01), 1e-3, GLASS, 3, Run(solver="static", static=Static(load_steps=2)))
+    build(scene.fix("left").load("right", traction=(1e3, 0), profile=((0, 0), (2, 1)))).write(path)
+    assert pdsolve([str(path), "--quiet", "--threads", "1"]) == 0
+    with Results.open("beam.sqlite") as results:
+        assert moment(results, 2) == "load step 2"
+        assert title(results, "damage", "", 2, 5.0) == "Damage at load step 2, 5 times the displacement"

@@ -1,0 +1,169 @@
+"""Loads, supports, motions, contact and monitors, which plates and bodies share."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, ClassVar, Generic, Self, TypeVar
+
+import msgspec
+import numpy as np
+import shapely
+
+from pdmesh.model.document import (
+    AnyCondition,
+    Contact,
+    Displacement,
+    Gap,
+    Load,
+    LoadCell,
+    RigidBody,
+    Run,
+    Spring,
+)
+from pdmesh.scene import actions
+from pdmesh.scene.conditions import Profile
+from pdmesh.scene.shapes import SceneError
+
+W = TypeVar("W")  # where a condition may be: sides, and curves and surfaces of a plate or solids and sheets of a body
+Vector = Sequence[float]  # along each axis
+Components = Sequence[float | None]  # likewise; None leaves one free
+
+
+class MechanicalConditions(Generic[W]):
+    """What `pdmesh.Scene` and `pdmesh.Body` add to themselves. Vectors have a number for each of `AXES`.
+
+    `where` is a side, other words that pick an edge or a face (`pdmesh.scene.edges`, `faces`), a shape or a solid, a
+    curve or a sheet, or a `shapely.Point`, which stands for the one node nearest to it. A curve, a sheet or a side
+    stands for its `rows` nearest rows of nodes. `profile` holds points (time in s, factor). Bonds of the nodes of a
+    condition do not break unless `breakable`.
+    """
+
+    AXES: ClassVar[str]
+    run: Run
+    touching: Contact | None
+
+    def contact(
+        self, friction: float = 0.0, stiffness: float = 15.0, distance: float = 1.0, restitution: float = 1.0
+    ) -> Self:
+        """With bodies, and faces of cracks, that push each other apart; the settings are those of `Contact`."""
+        given = {"friction": friction, "stiffness": stiffness, "distance": distance, "restitution": restitution}
+        return self._changed(touching=actions.converted(given, Contact, "contact"))
+
+    def load(
+        self,
+        where: W,
+        traction: Vector | None = None,
+        body_force: Vector | None = None,
+        rows: int = 1,
+        profile: Profile = (),
+        name: str = "",
+        breakable: bool = False,
+        force: Vector | None = None,
+    ) -> Self:
+        """With a traction (Pa) on a curve, a sheet or a side; or a body force (N/m^3) or a total `force` (N, in a
+        plate per metre of thickness) there or in a shape or a solid."""
+        values = {"traction": traction, "body_force": body_force, "force": force}
+        return self._acting(Load, values, where, rows, name, profile=profile, breakable=breakable)
+
+    def spring(
+        self,
+        where: W,
+        stiffness: Vector | None = None,
+        body_stiffness: Vector | None = None,
+        rows: int = 1,
+        name: str = "",
+        breakable: bool = False,
+    ) -> Self:
+        """With springs to the ground, an elastic bed: a `stiffness` along each axis of an edge, a side or a sheet
+        (traction over displacement, N/m^3), or a `body_stiffness` (body force over displacement, N/m^4) of a shape or a
+        solid."""
+        values = {"stiffness": stiffness, "body_stiffness": body_stiffness}
+        return self._acting(Spring, values, where, rows, name, breakable=breakable)
+
+    def move(
+        self,
+        where: W,
+        velocity: Components | None = None,
+        acceleration: Components | None = None,
+        initial_velocity: Components | None = None,
+        rows: int = 1,
+        profile: Profile = (),
+        name: str = "",
+        breakable: bool = False,
+    ) -> Self:
+        """With one of: a prescribed velocity (m/s), acceleration (m/s^2), or velocity at time 0 (m/s), which has no
+        profile. None leaves a component free."""
+        moves, name = (velocity, acceleration, initial_velocity), name or self._named(where, "move")
+        kind, values = actions.motion(name, self.AXES, *moves, profile=profile, breakable=breakable)
+        return self._with(kind, values, where, rows, name)
+
+    def gap(self, name: str, one: Vector, other: Vector) -> Self:
+        """With a monitored opening between the nodes nearest to two places, m."""
+        ends = tuple(actions.vector(end, len(self.AXES), f"gap '{name}'") for end in (one, other))
+        return self._run(gaps=(*self.run.gaps, Gap(name, ends)))  # type: ignore[arg-type]
+
+    def load_cell(self, name: str, *conditions: str) -> Self:
+        """With a load cell: the sum of the forces of conditions of these names."""
+        return self._run(load_cells=(*self.run.load_cells, LoadCell(name, conditions)))
+
+    def _fixed(
+        self,
+        where: W,
+        values: Sequence[float | None],
+        rows: int = 1,
+        profile: Profile = (),
+        name: str = "",
+        breakable: bool = False,
+    ) -> Self:
+        along = dict(zip(self.AXES, values, strict=True))
+        return self._with(Displacement, along, where, rows, name, profile=profile, breakable=breakable)
+
+    def _rolling(self, place: Vector, along: str, name: str) -> Self:
+        """With the node nearest to a place, m, free along these axes alone."""
+        free = set(along) if isinstance(along, str) else set()
+        if not free < set(self.AXES) or len(free) != len(along):
+            expected = "x or y" if len(self.AXES) == 2 else "one or two of x, y and z"
+            raise SceneError(f"roller '{name}': along: found {along!r:.40}, expected {expected}")
+        return self._fixed(self._point(place), [None if axis in free else 0.0 for axis in self.AXES], name=name)
+
+    def _rigid(self, name: str, velocity: Vector, held: str | Sequence[str], **given: Any) -> RigidBody:
+        """The motion of a rigid body called `name`."""
+        along = dict(zip(self.AXES, actions.vector(velocity, len(self.AXES), f"rigid '{name}': velocity"), strict=True))
+        given |= along | {"held": [held] if isinstance(held, str) else held}
+        own = actions.action(RigidBody, name, {key: value for key, value in given.items() if value is not None})
+        assert isinstance(own, RigidBody)
+        return own
+
+    def _acting(
+        self, kind: type[AnyCondition], values: dict[str, Vector | None], where: W, rows: int, name: str, **more: Any
+    ) -> Self:
+        """With the one of some vectors that is given."""
+        name = name or self._named(where, str(kind.__struct_config__.tag))
+        place = f"{kind.__struct_config__.tag} '{name}'"
+        found = {
+            key: actions.vector(vector, len(self.AXES), f"{place}: {key}")
+            for key, vector in values.items()
+            if vector is not None
+        }
+        if len(found) != 1:
+            raise SceneError(f"{place}: found {' and '.join(found) or 'none'}, expected one of {', '.join(values)}")
+        return self._with(kind, dict(found), where, rows, name, **more)
+
+    def _run(self, **changed: Any) -> Self:
+        return self._changed(run=msgspec.structs.replace(self.run, **changed))
+
+    def _changed(self, **changed: Any) -> Self:
+        return replace(self, **changed)  # type: ignore[type-var]
+
+    def _point(self, place: Vector) -> Any:
+        return shapely.Point(np.asarray(place, dtype=float))
+
+    def _with(
+        self, kind: type[AnyCondition], values: dict[str, Any], where: W, rows: int, name: str, **more: Any
+    ) -> Self:
+        raise NotImplementedError
+
+    def _named(self, where: W, kind: str) -> str:
+        """Default name of a condition."""
+        raise NotImplementedError
