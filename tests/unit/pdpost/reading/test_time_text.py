@@ -73,6 +73,6 @@ def test_a_run_at_rest_counts_load_steps(tmp_path: Path, monkeypatch: pytest.Mon
     scene = Scene(box(0, 0, 0.02, 0.01), 1e-3, GLASS, 3, Run(solver="static", static=Static(load_steps=2)))
     build(scene.fix("left").load("right", traction=(1e3, 0), profile=((0, 0), (2, 1)))).write(path)
     assert pdsolve([str(path), "--quiet", "--threads", "1"]) == 0
-    with Results.open("beam.sqlite") as results:
+    with Results.open(tmp_path / "beam.sqlite") as results:
         assert moment(results, 2) == "load step 2"
         assert title(results, "damage", "", 2, 5.0) == "Damage at load step 2, 5 times the displacement"
