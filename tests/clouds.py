@@ -102,6 +102,8 @@ SLOW = [
     if case.law in LONG
     or (case.law in VARIANTS and (case.dimension, case.precision) != (2, "float64"))
     or (case.law == "ordinary" and (case.single or case.dimension == 3))
+    or (case.law != "brittle" and case.single)
+    or (case.law == "correspondence" and case.operator == "blocks")
 ]
 
 

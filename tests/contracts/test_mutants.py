@@ -60,6 +60,7 @@ def test_what_a_line_may_become(text: str, becomes: set[str]) -> None:
     assert all(ast.parse(one.applied(text)) for one in found)
 
 
+@pytest.mark.slow
 def test_a_method_is_tested_by_who_knows_it() -> None:
     assert "tests/unit/pdsolve/test_lock.py" in likely(ROOT, "pdsolve/results/lock.py", "writing_to")
     assert likely(ROOT, "pdpost/measures/tips.py", "")[0] == "tests/unit/pdpost/measures/test_tips.py"

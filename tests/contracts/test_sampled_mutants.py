@@ -111,6 +111,7 @@ def test_a_statement_is_its_own_lines_alone() -> None:
     assert found["caller"].said["kernel"] == {caller[line["return kernel(a)"]]}
 
 
+@pytest.mark.slow
 def test_what_was_recorded_is_of_tests_and_functions_that_are_there() -> None:
     """Half of them at least: else it is time for `python -m benchmarks.mutants --record`."""
     known = executed.executed()

@@ -35,7 +35,7 @@ EVERY: dict[str, dict[str, object]] = {
 } | {f"cohesive-{shape}": {"law": "cohesive", "shape": shape} for shape in AREA}
 every = pytest.mark.parametrize("law", EVERY)
 LENGTH = 30.0  # spacings, the characteristic length of cohesive bonds
-shapes = pytest.mark.parametrize("precision", ["float64", "float32"])
+shapes = pytest.mark.parametrize("precision", ["float64", pytest.param("float32", marks=pytest.mark.slow)])
 
 
 def of(law: str, G0: float) -> Material:
@@ -126,7 +126,8 @@ def stiffer(folder: Path, times: int) -> Law:
     return law
 
 
-@pytest.mark.parametrize("precision", ["float64", pytest.param("float32", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("precision", ["float64", "float32"])
 def test_laws_of_the_same_columns_are_two(precision: str, tmp_path: Path) -> None:
     """In one process, whichever ran before."""
     model, pulls = plate(square_grid(4, 4), material=of("brittle-1", 1.0)), []

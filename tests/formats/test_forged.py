@@ -175,6 +175,7 @@ def test_every_command_is_run() -> None:
     assert set(COMMANDS) == set(actions or ())
 
 
+@pytest.mark.slow
 def test_forged_results(whole: Path) -> None:
     """Some files, some commands for each, so that all have their turns."""
     assert apart("forged_runs", whole, 1, 18, 1) == []

@@ -146,6 +146,7 @@ def test_bonds_and_steps_that_do_not_agree_are_named(
     assert said.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_forged_checkpoints(halves: Path) -> None:
     """One of each kind, in turn."""
     assert apart("forged_stops", halves, 1, len(SOON), module="forged_checkpoints") == []

@@ -15,6 +15,7 @@ SOON = ("bonds", "particles", "at rest", "dissolution")  # seconds to compile
 SLOW = (*SOON, "bilinear", "split", "ordinary", "hybrid", "collocation", "body", "diffusion")
 
 
+@pytest.mark.slow
 def test_forged_models(tmp_path: Path) -> None:
     """Those that are sound are solved first."""
     models(tmp_path, {name: KINDS[name]()[0] for name in SOON})

@@ -37,7 +37,7 @@ def balance(results: Results) -> float:
     ("words", "exact", "off"),
     [
         ((), 23.96, 0.0064),
-        ((("nu", "0.4999"), ("plane", "strain")), 18.50, -0.0088),
+        pytest.param((("nu", "0.4999"), ("plane", "strain")), 18.50, -0.0088, marks=pytest.mark.slow),
     ],
 )
 def test_cooks_membrane(words: Sequence[tuple[str, str]], exact: float, off: float) -> None:

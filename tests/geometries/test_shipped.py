@@ -91,7 +91,13 @@ def test_no_shipped_scene_is_left_out() -> None:
     assert {path.name for path in GEOMETRIES.iterdir() if path.suffix in (".geo", ".py")} == set(SHIPPED)
 
 
-@pytest.mark.parametrize("name", SHIPPED)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=pytest.mark.slow if name in ("screw.geo", "expanding_ring.py") else ())
+        for name in SHIPPED
+    ],
+)
 def test_counts(name: str) -> None:
     """Cells tile the plate, or fill the body, and there is nothing to warn of."""
     nodes, by_spacing, on_conditions = SHIPPED[name]

@@ -38,7 +38,9 @@ def made(shape: str = "linear") -> Prepared:
     return prepare(plate(square_grid(11, 9, 0.01), 3, material=material, run=Run(time_step=1e-6)), Options(threads=1))
 
 
-@shapes
+@pytest.mark.parametrize(
+    "shape", [pytest.param(one, marks=pytest.mark.slow if one != "linear" else ()) for one in AREA]
+)
 def test_forces_and_moments_are_minus_the_slope_of_energy_and_the_tangent_theirs(shape: str) -> None:
     """Some bonds softened, some gone; along a random way of all unknowns, unloading."""
     system, state = made(shape)

@@ -191,6 +191,7 @@ def by_factors_of_secants(of: Equations) -> tuple[int, float]:
     return len(count), of.left(inverse(found))
 
 
+@pytest.mark.slow
 def test_conjugate_gradients_on_a_tangent_that_is_not_positive(failure: Callable[..., None]) -> None:
     """Negative tangents and iterative solvers.
 

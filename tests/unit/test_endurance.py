@@ -47,6 +47,7 @@ def test_what_falls_is_in_the_exit_code_and_in_the_page(
         assert row in endurance.PAGE.read_text()
 
 
+@pytest.mark.slow
 def test_parts_are_tried_in_processes_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
     """What such a process says is read; one that dies is a part that fell."""
     monkeypatch.setattr(endurance, "LANES", (["nodes in another order"], ["none such"]))

@@ -66,7 +66,7 @@ def sound(engine: CollocationEngine) -> np.ndarray:
     ("ratio", "error"),
     [
         pytest.param(4, 0.125, marks=pytest.mark.slow),
-        (6, 0.0625),
+        pytest.param(6, 0.0625, marks=pytest.mark.slow),
         pytest.param(8, 0.037, marks=pytest.mark.slow),
         (12, 0.017),
     ],

@@ -76,6 +76,7 @@ def test_a_smooth_bar_lives_as_long_as_woehlers_line_says() -> None:
     assert np.log2(lives[0] / lives[1]) == pytest.approx(6.0, abs=1e-3)  # measured: 6.00004
 
 
+@pytest.mark.slow
 def test_what_a_cycle_leaves_out_costs_no_life() -> None:
     whole = life(1e-3, A1=1e12, m1=6.0)
     assert life(1e-3, A1=1e12, m1=6.0, ratio=0.5) == pytest.approx(2**6 * whole, rel=1e-9)

@@ -110,6 +110,7 @@ def test_the_line_of_one_specimen_predicts_the_growth_of_another() -> None:
     assert rate == pytest.approx(line.at(dK), rel=0.05)  # measured: 1.003 to 1.022 of what was given
 
 
+@pytest.mark.slow
 def test_below_the_threshold_nothing_grows_and_cycles_end_where_they_are_told_to() -> None:
     with simulate(specimen(3, threshold_K=20e6, **LINE), None, ONE) as results:
         assert len(results.breaks().step) == 0
@@ -144,6 +145,7 @@ def test_a_run_that_goes_on_is_the_same_to_the_last_bit(tmp_path: Path, monkeypa
     assert (np.diff(cycles) > 0).all()
 
 
+@pytest.mark.slow
 def test_what_breaks_in_two_keeps_the_last_state_that_rested(monkeypatch: pytest.MonkeyPatch) -> None:
     """The last particle is taken back with the bonds that it cut."""
     prepared = prepare(specimen(3, **LINE), ONE)

@@ -58,6 +58,7 @@ def test_a_stretched_body_is_colder(counts: tuple[int, ...], kernel: str | None,
     assert (T - T0) / colder == pytest.approx(1, rel=0.025)  # measured 2.1, 2.1, 2.1 and 1.5 % more
 
 
+@pytest.mark.slow
 def test_a_bar_that_is_pulled_at_rest_is_colder(tmp_path: Path) -> None:
     """By alpha T0 stress / (rho c), which a stop in the middle does not change; a step later than it is pulled."""
     cells, rows, pull = 60, 16, 100e6

@@ -105,6 +105,7 @@ def test_a_brittle_plate_has_no_control() -> None:
         simulate(Model(model.grid, msgspec.structs.replace(model.settings, material=brittle)), None, Options(threads=1))
 
 
+@pytest.mark.slow
 def test_a_crack_that_arrives_at_what_does_not_break_is_told() -> None:
     """One line, with the name of the load."""
     model = beam(Static(control="mouth", opening=4e-4, load_steps=20))

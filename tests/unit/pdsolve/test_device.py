@@ -174,7 +174,9 @@ BENT = {
 
 
 @precisions
-@pytest.mark.parametrize("how", BENT)
+@pytest.mark.parametrize(
+    "how", ["loads", *(pytest.param(how, marks=pytest.mark.slow) for how in BENT if how != "loads")]
+)
 def test_bodies(how: str, precision: str) -> None:
     problems = two(bar(**BENT[how]), "conservative", precision)
     for problem in problems:

@@ -111,6 +111,7 @@ def test_the_crack_is_the_same_however_nodes_are_numbered(grown: Path) -> None:
     assert other == pytest.approx(work, rel=1e-7)
 
 
+@pytest.mark.slow
 def test_the_crack_is_the_same_by_relaxation(grown: Path) -> None:
     model = cantilever(Static(load_steps=6, method="relaxation"))
     with Results.open(grown) as results, simulate(model, None, Options(threads=1)) as others:
