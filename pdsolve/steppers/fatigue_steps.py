@@ -7,13 +7,13 @@ from one break to the next: a jump goes there at once.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.fatigue import Cycled, Fatigue
+from pdmesh.model.fatigue import Fatigue
 from pdsolve.bonds.fatigue_life import LEFT, Place, jump
 from pdsolve.bonds.static_breakage import Breakable
 from pdsolve.checkpoint_validation import entry
@@ -21,17 +21,16 @@ from pdsolve.errors import CheckpointError
 from pdsolve.model import Model, ModelError
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
+from pdsolve.steppers.cycle_steps import CycleSteps
 from pdsolve.steppers.equilibrium import Settled, UnsettledError
-from pdsolve.steppers.load_steps import Going, LoadSteps, Rested
+from pdsolve.steppers.load_steps import LoadSteps
 
 JUMPS = 10  # to a step
 NONE_BROKE = -1.0  # in a checkpoint: cycles until the first bonds broke, where none have
 
 
-class FatigueSteps:
+class FatigueSteps(CycleSteps):
     """Takes steps of jumps with load steps whose bonds may break."""
-
-    factor = 1.0  # of the loads: the largest of a cycle
 
     def __init__(
         self,
@@ -43,67 +42,35 @@ class FatigueSteps:
         count: NDArray[np.int64],
     ) -> None:
         """`family` and `count` (n,) are bonds of nodes, with and without those that cracks cut at the start."""
-        self._law, self._operator, self._motion, self._breakable = law, operator, motion, breakable
+        super().__init__(law, operator, motion, "jumps of cycles")
+        self._breakable = breakable
         self._family, self._cut = family, family - count
         self._life = np.ones(len(breakable.source))
-        self._at, self._cycles = Place(0, 0.0), 0.0
+        self._at = Place(0, 0.0)
         self.first, self.range = np.inf, 0.0  # cycles until the first bonds broke, and their range of stretch
-        self.said = f"jumps of cycles, {motion.method.said}"
-        self.rested: list[Cycled] = []
-        self.ended, self.why = False, ""
 
-    @property
-    def watch(self) -> Callable[[Going], None] | None:
-        """Called with the progress of an equilibrium."""
-        return self._motion.watch
-
-    @watch.setter
-    def watch(self, watch: Callable[[Going], None] | None) -> None:
-        self._motion.watch = watch
-
-    def march(self, state: State, first: int, last: int) -> None:
-        """Take the steps `first` to `last` - 1, in place, unless life has ended. Raises UnsettledError."""
-        for step in range(first, last):
-            if self.ended:
-                return
-            if step == 1:
-                self._motion.march(state, 1, 2)
-            self._motion.method.forget()
-            settled = Settled(0, self._motion.rested[-1].residual)
-            for _ in range(JUMPS):
-                if not self.ended:
-                    settled = self._jump(state, step, settled)
-            broken = len(self._operator.broken().step)
-            self.rested.append(Cycled(step, settled.iterations, settled.residual, self._cycles, broken))
+    def _step(self, state: State, step: int, before: Settled) -> Settled:
+        settled = before
+        for _ in range(JUMPS):
+            if not self.ended:
+                settled = self._jump(state, step, settled)
+        return settled
 
     def keep(self) -> dict[str, NDArray[Any]]:
         """Lives and steps so far, for a checkpoint."""
         first = self.first if np.isfinite(self.first) else NONE_BROKE
-        return {
-            "cycled": np.array(self.rested, dtype=float).reshape(-1, len(Cycled._fields)),
-            "rested": self._motion.keep(),
-            "fatigue_life": self._life,
-            "fatigue_numbers": np.array([self._cycles, first, self.range, *self._at]),
-        }
+        numbers = np.array([self._cycles, first, self.range, *self._at])
+        return super().keep() | {"fatigue_life": self._life, "fatigue_numbers": numbers}
 
     def back(self, kept: Mapping[str, NDArray[Any]], step: int) -> None:
         """Restore a checkpoint after `step`. Raises CheckpointError."""
-        rows = entry(kept, "cycled", (step, len(Cycled._fields)), float)
-        if not np.array_equal(rows[:, 0], np.arange(1, step + 1)):
-            raise CheckpointError(f"found steps of cycles that are not 1 to {step}, expected those until there")
-        self.rested = [Cycled(int(s), int(i), r, c, int(b)) for s, i, r, c, b in rows.tolist()]
+        super().back(kept, step)
         self._life[:] = entry(kept, "fatigue_life", self._life.shape, float)
         self._cycles, self.first, self.range, block, done = entry(kept, "fatigue_numbers", (5,), float).tolist()
         self.first = np.inf if self.first == NONE_BROKE else self.first
         if not 0 <= block < max(len(self._law.blocks), 1):
             raise CheckpointError(f"found block {block:g} of the loading, expected one of {len(self._law.blocks)}")
         self._at = Place(int(block), done)
-        if step:
-            self._motion.back(entry(kept, "rested", (1, len(Rested._fields)), float), self._operator.broken())
-
-    def words(self) -> str:
-        """The cycles so far, for a progress display."""
-        return f"{self._cycles:.4g} cycles"
 
     def _jump(self, state: State, step: int, before: Settled) -> Settled:
         """Let bonds tire until the next ones break, and settle without these. Returns iterations in all."""
@@ -114,7 +81,7 @@ class FatigueSteps:
         self._cycles = min(self._cycles + cycles, law.cycles)
         which = np.flatnonzero(bonds.intact & (self._life <= LEFT))
         if not len(which):
-            self.ended, self.why = True, "its cycles are over" if eps.any() else "no bond tires"
+            self._end("its cycles are over" if eps.any() else "no bond tires")
             return before
         if np.isinf(self.first):
             self.first, self.range = self._cycles, float(eps[which].max())
@@ -129,7 +96,7 @@ class FatigueSteps:
                 part[:] = value
             bonds.intact[:] = intact
             self._operator.back(self._operator.keep(), broken)
-            self.ended, self.why = True, "what was left could not bear the largest loads"
+            self._end("what was left could not bear the largest loads")
             return before
 
     def _grows(self) -> NDArray[np.bool_]:

@@ -17,20 +17,20 @@ error where intensities grow faster than geometrically. Symbols:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.crack_particles import Particles
-from pdmesh.model.fatigue import Cycled, Fatigue
+from pdmesh.model.fatigue import Fatigue
 from pdsolve.checkpoint_validation import entry
-from pdsolve.errors import CheckpointError
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import Broken, State
+from pdsolve.steppers.cycle_steps import CycleSteps
 from pdsolve.steppers.equilibrium import Settled, UnsettledError
-from pdsolve.steppers.load_steps import Going, LoadSteps, Rested
+from pdsolve.steppers.load_steps import LoadSteps
 
 ALIKE = 1e-6  # of a particle: tips this near to the end of theirs grow together
 STEEPEST = 2.0  # of r to that of the step before
@@ -82,46 +82,20 @@ class _Kept(NamedTuple):
     cycles: float
 
 
-class ParisSteps:
+class ParisSteps(CycleSteps):
     """Takes steps of a particle of the tip that needs the fewest cycles."""
 
-    factor = 1.0  # of the loads: the largest of a cycle
-
     def __init__(self, law: Fatigue, operator: Operator, motion: LoadSteps, growth: Growing) -> None:
-        self._law, self._operator, self._motion, self._growth = law, operator, motion, growth
-        self._cycles = 0.0
+        super().__init__(law, operator, motion, "a particle a step")
+        self._growth = growth
         self.error = 0.0  # cycles by the middles of steps and by the mean of both their ends: differences, summed
         self._tips: dict[int, _Known] = {}  # by their particle
         self._share = 1.0  # of the length of particles
         self._at_first = 0.0  # cycles of this step if its tips grew on as at its beginning
-        self.said = f"a particle a step, {motion.method.said}"
-        self.rested: list[Cycled] = []
-        self.ended, self.why = False, ""
 
-    @property
-    def watch(self) -> Callable[[Going], None] | None:
-        """Called with the progress of an equilibrium."""
-        return self._motion.watch
-
-    @watch.setter
-    def watch(self, watch: Callable[[Going], None] | None) -> None:
-        self._motion.watch = watch
-
-    def march(self, state: State, first: int, last: int) -> None:
-        """Take the steps `first` to `last` - 1, in place, unless life has ended. Raises UnsettledError."""
-        for step in range(first, last):
-            if self.ended:
-                return
-            if step == 1:
-                self._motion.march(state, 1, 2)
-            self._motion.method.forget()
-            settled = self._step(state, step)
-            broken = len(self._operator.broken().step)
-            self.rested.append(Cycled(step, settled.iterations, settled.residual, self._cycles, broken))
-
-    def _step(self, state: State, step: int) -> Settled:
+    def _step(self, state: State, step: int, rest: Settled) -> Settled:
         """Let tips grow until the first has grown a particle, and settle; returns how."""
-        law, growth, rest = self._law, self._growth, Settled(0, self._motion.rested[-1].residual)
+        law, growth = self._law, self._growth
         judged = growth.judged(state)
         if any(verdict.share >= 1 and np.isfinite(verdict.K1) for _, verdict in judged):
             self._end("K of the largest loads reached the toughness")
@@ -224,33 +198,18 @@ class ParisSteps:
         self._motion.method.forget()
         self._tips, self._cycles = dict(before.tips), before.cycles
 
-    def _end(self, why: str) -> None:
-        self.ended, self.why = True, why
-
     def keep(self) -> dict[str, NDArray[Any]]:
         """Growth of tips and steps so far, for a checkpoint."""
-        return {
-            "cycled": np.array(self.rested, dtype=float).reshape(-1, len(Cycled._fields)),
-            "rested": self._motion.keep(),
-            "paris_tips": np.array([(n, *known) for n, known in self._tips.items()], dtype=float).reshape(-1, 4),
-            "paris_cycles": np.array([self._cycles, self._share, self.error]),
-        }
+        tips = np.array([(n, *known) for n, known in self._tips.items()], dtype=float).reshape(-1, 4)
+        numbers = np.array([self._cycles, self._share, self.error])
+        return super().keep() | {"paris_tips": tips, "paris_cycles": numbers}
 
     def back(self, kept: Mapping[str, NDArray[Any]], step: int) -> None:
         """Restore a checkpoint after `step`. Raises CheckpointError."""
-        rows = entry(kept, "cycled", (step, len(Cycled._fields)), float)
-        if not np.array_equal(rows[:, 0], np.arange(1, step + 1)):
-            raise CheckpointError(f"found steps of cycles that are not 1 to {step}, expected those until there")
-        self.rested = [Cycled(int(s), int(i), r, c, int(b)) for s, i, r, c, b in rows.tolist()]
+        super().back(kept, step)
         tips = entry(kept, "paris_tips", (None, 4), float)
         self._tips = {int(number): _Known(*known) for number, *known in tips.tolist()}
         self._cycles, self._share, self.error = entry(kept, "paris_cycles", (3,), float).tolist()
-        if step:
-            self._motion.back(entry(kept, "rested", (1, len(Rested._fields)), float), self._operator.broken())
-
-    def words(self) -> str:
-        """The cycles so far, for a progress display."""
-        return f"{self._cycles:.4g} cycles"
 
 
 def mean_cycles(steepest: float) -> float:
