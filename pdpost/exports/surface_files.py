@@ -11,9 +11,7 @@ from numpy.typing import NDArray
 from pdmesh.files import write_atomically
 from pdpost.exports.frame_files import ExportError
 from pdpost.measures.crack_faces import Surface, opened, surface
-from pdpost.measures.crack_fronts import speeds
-from pdpost.measures.waves import rayleigh_of
-from pdpost.reading.embedded_model import at_rest
+from pdpost.measures.crack_in_space import front_speeds
 from pdsolve.results import Results
 
 SUFFIXES = (".vtp", ".stl")
@@ -46,9 +44,7 @@ def write(path: Path, found: Surface, speed: NDArray[np.float64]) -> None:
 def write_frame(path: Path, results: Results, step: int) -> None:
     """Write the surface of the cracks of a body after `step`."""
     found = surface(results, step, opened(results, step))
-    rest = not len(found.faces) or at_rest(results)
-    speed = np.full(len(found.faces), np.nan) if rest else speeds(found)
-    write(path, found, np.where(speed > rayleigh_of(results), np.nan, speed))
+    write(path, found, front_speeds(results, found))
 
 
 def vtp(found: Surface, speed: NDArray[np.float64]) -> bytes:

@@ -66,8 +66,6 @@ def crack_in_space(results: Results, step: int | None = None, threshold: float =
     found = opened(results, step, threshold)
     cracks = surface(results, step, found)
     books = results.history()
-    limit, rest = rayleigh_of(results), at_rest(results)
-    speed = np.full(len(cracks.faces), np.nan) if rest else speeds(cracks)
     last = step * float(results.meta()["time_step"])
     return SummaryInSpace(
         step=step,
@@ -78,12 +76,20 @@ def crack_in_space(results: Results, step: int | None = None, threshold: float =
         dissipated=np.interp(times, books["time"], books["dissipated"]),
         front_length=np.array([sum(map(length, fronts(cracks, time))) for time in times]),
         fronts=fronts(cracks, last),
-        speed=np.where(speed > limit, np.nan, speed),
+        speed=front_speeds(results, cracks),
         junctions=int((np.bincount(cracks.sides.ravel(), minlength=len(cracks.edges)) > 2).sum()),
         fragments=fragments(results, step, found),
-        rayleigh_speed=limit,
+        rayleigh_speed=rayleigh_of(results),
         G0=read(results, _Solid).material.G0,
     )
+
+
+def front_speeds(results: Results, cracks: Surface) -> NDArray[np.float64]:
+    """Speed of the front over each face (f,), m/s; NaN at rest and where it is not known."""
+    if not len(cracks.faces) or at_rest(results):
+        return np.full(len(cracks.faces), np.nan)
+    speed = speeds(cracks)
+    return np.where(speed > rayleigh_of(results), np.nan, speed)
 
 
 def _speeds(found: SummaryInSpace) -> NDArray[np.float64] | None:
