@@ -4,7 +4,7 @@
 # make package   build wheel and source, install the wheel into an empty environment, use it there
 # make pythons   the same with every Python from 3.11 to 3.14 that is found
 # make check   lint, types, import contracts, limits of files and functions
-# make slow    the verification that takes minutes, and five minutes of mutants
+# make slow    the verification that takes minutes, and two minutes of mutants
 # make thesis  every scene of the thesis in both modes, on one page
 # make sources the same, and a page for each of the other sources
 # make failures  where methods fail, measured anew on one page
@@ -54,7 +54,7 @@ test: $(VENV)/test.done gmsh-libraries
 
 slow: $(VENV)/test.done gmsh-libraries
 	$(BIN)/python -m pytest $(TWO) -m "slow and not endurance"
-	$(BIN)/python -m benchmarks.mutants --sample-only --minutes 5
+	$(BIN)/python -m benchmarks.mutants --sample-only --minutes 2
 
 thesis: $(VENV)/install.done gmsh-libraries
 	$(BIN)/python -m benchmarks.thesis
