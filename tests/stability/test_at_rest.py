@@ -84,7 +84,8 @@ def test_a_crack_that_jumps(failure: Callable[..., None], pdsolve: Callable[...,
     failure(
         fails="An edge crack, a quarter of the width long, in a plate four times as long as wide: it cuts the plate "
         "within"
-        f" one load step and releases {ratio:.1f} times G0 times its length.",
+        f" one load step. The energy lost by bonds and by the plate on its way to rest is {ratio:.1f} times G0 times"
+        " the length of the new crack.",
         noticed="By one warning: the crack grew far at a smaller load than that of the step before.",
         says=[said.removeprefix("pdsolve: warning: ")],
         cure="None at rest: a jump dissipates the work of the load. A run in time that starts at rest (`run.start`)"
@@ -115,11 +116,12 @@ def test_a_crack_that_costs_more_than_its_fracture_energy(failure: Callable[...,
     assert 1.5 < ratio < 2.1
     failure(
         fails=f"A double cantilever at m = 3: in four load steps its crack grows by {(late - early) * 1e3:.0f} mm, and"
-        f" {ratio:.2f} times G0 is spent.",
+        f" {ratio:.2f} times G0 is lost per area of new crack.",
         noticed="Only by the balance of energy, which shows what is spent.",
         cure="A larger m: the scene `compact_tension`, m = 4, spends 1.4 times G0. Its load is closer, too: 0.99 of the"
         " handbook's where the crack starts, 1.09 at most. Bonds that soften, with a characteristic length of four"
-        " spacings, are not trapped: in a strip their crack runs at 1.00 G_f, and its drive ripples by 1.7 %.",
+        " spacings, are free of this lattice trapping. In a strip their crack grows at an energy release rate of 1.00"
+        " G_f, which varies by 1.7 % on the way.",
     )
 
 

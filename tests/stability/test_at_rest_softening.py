@@ -63,7 +63,7 @@ def test_a_body_that_softens_everywhere(failure: Callable[..., None]) -> None:
         f" {everywhere:.2f}. A notched beam that still carries {tail:.0%} of its peak has spent"
         f" {beam.crossing / ligament:.2f} G_f in bonds that cross its crack, {beam.elsewhere / ligament:.2f} elsewhere,"
         f" and {beam.left / ligament:.2f} is left in those that have not opened yet, near its upper edge.",
-        noticed="Not at all: the books of energy balance.",
+        noticed="Not at all: work, stored and dissipated energy balance.",
         cure="Count bonds that cross the crack, per length of it, or take a notch. Bonds that cross a line through"
         f" the bar can spend {(pulled.crossing + pulled.left) / G_f:.3f} G_f.",
     )
@@ -120,9 +120,10 @@ def test_paths_on_turned_lattices(failure: Callable[..., None]) -> None:
     share = "; ".join(f"{value / peaks[0]:.3f} at {turn:.0f}" for turn, value in zip(found, peaks, strict=True))
     failure(
         fails="A notched beam, 15 spacings high, on lattices turned by 0, 15, 30 and 45 degrees. Its crack should rise"
-        f" straight up, and leans by degrees of {told}. Peaks over the first are {share}.",
+        f" straight up. Its lean towards +x is, in degrees: {told}. Peak loads, over that of the first lattice,"
+        f" are {share}.",
         noticed="Not at all.",
-        cure="A path counts as known within these angles. Solve again on another lattice, or on a finer one.",
+        cure="The direction of a path is known only to such an angle. Solve again on another or a finer lattice.",
     )
 
 
@@ -196,7 +197,7 @@ def test_conjugate_gradients_on_a_tangent_that_is_not_positive(failure: Callable
     """Negative tangents and iterative solvers.
 
     Conjugate gradients go down to the least energy. The tangent of bonds past their peaks has negative eigenvalues,
-    so that there is none.
+    so the energy has no minimum.
     """
     even, crack = drawn(False), drawn(True)
     diagonal = even.tangent.diagonal()
@@ -221,11 +222,14 @@ def test_conjugate_gradients_on_a_tangent_that_is_not_positive(failure: Callable
         f" {ways} of the {k} eigenvalues of its tangent are negative. Conjugate gradients to 1e-10 take"
         f" {elastic.iterations} iterations on its secants. On its tangent p^T A p is negative in iteration"
         f" {along.negative}, and they take about {along.iterations / k:.0f} times as many iterations as there are"
-        f" unknowns. Scaled by the positive entries of the diagonal alone, they have not come to {INNER:g} after"
-        f" {stuck.iterations}. Where only bonds across a crack are past their peaks, {ways_across} are negative,"
-        f" p^T A p is so in iteration {across.negative}, and they arrive in {across.iterations}.",
+        f" unknowns. Preconditioned by the positive entries of the diagonal alone, they leave more than {INNER:g} after"
+        f" {stuck.iterations} iterations. Where only bonds across a crack are past their peaks, {ways_across}"
+        f" eigenvalues are negative,"
+        f" p^T A p is negative in iteration {across.negative}, and conjugate gradients converge in"
+        f" {across.iterations}.",
         noticed="By p^T A p, which SciPy does not look at. `pdsolve` factors the tangents of bonds that soften, and"
         " refuses what is too large for it (exit code 2).",
-        cure=f"Factors, which leave {direct:.0e}. GMRES with the factors of the secants needs {kept[0]} iterations for"
+        cure=f"Direct factorization, which leaves a residual of {direct:.0e} of the right side. GMRES, preconditioned"
+        f" by the factors of the secants, needs {kept[0]} iterations for"
         f" the strip, {few} where there is a crack.",
     )

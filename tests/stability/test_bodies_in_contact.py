@@ -49,11 +49,11 @@ def test_a_penalty_that_is_too_soft(failure: Callable[..., None]) -> None:
     assert soft < 0.3
     assert usual > 0.9
     failure(
-        fails=f"A bar hits one like it at 0.02 c with `contact.stiffness` 0.01: it goes through, and the other one has"
-        f" {soft:.2f} of its speed afterwards.",
+        fails=f"A bar hits an equal bar at 0.02 sqrt(E / rho), `contact.stiffness` 0.01. It passes through, and"
+        f" the struck bar then has {soft:.2f} of the speed of the impact.",
         noticed="Not at all: energy balances.",
         says=[],
-        cure=f"The stiffness of 15: the other one takes over {usual:.2f} of the speed.",
+        cure=f"The default stiffness of 15: the struck bar then has {usual:.2f} of the speed of the impact.",
     )
 
 
@@ -71,7 +71,7 @@ def test_a_penalty_that_is_too_stiff_for_the_step(failure: Callable[..., None], 
         f" {steps[0] / steps[1]:.1f} times shorter.",
         noticed="By an error before the run (exit code 2).",
         says=said.err,
-        cure="No time step in the model: the solver finds one.",
+        cure="Leave the time step out of the model. The solver then chooses a stable one.",
     )
 
 
@@ -108,8 +108,8 @@ def test_faces_that_interlock(failure: Callable[..., None]) -> None:
     assert along < 0.01
     assert 0.3 < inclined < 3
     failure(
-        fails=f"Two faces slide on each other without friction. Along a row of nodes the largest force along them is"
-        f" {along:.3f} of that across; where they rise by 1 in 5 it is {inclined:.1f} of it.",
+        fails=f"Two faces slide on each other without friction. Along a row of nodes the largest tangential force is"
+        f" {along:.3f} of the mean normal force. On faces that rise by 1 in 5 it is {inclined:.1f} of it.",
         noticed="Not at all: energy balances, and the force is equal and opposite.",
         says=[],
         cure="Draw bodies so that the faces that slide lie along x or y; a finer lattice has smaller teeth, not fewer.",
@@ -144,8 +144,9 @@ def test_a_round_body_on_a_lattice(failure: Callable[..., None]) -> None:
     assert kept < 0.6
     assert np.isfinite(kept)
     failure(
-        fails=f"A rigid disc of ten spacings that turns hits a plate without friction and keeps {kept:.2f} of its spin,"
-        " in place of all.",
+        fails=f"A spinning rigid disc of radius ten spacings hits a plate without friction. It keeps {kept:.2f} of"
+        " its spin,"
+        " and should keep all of it.",
         noticed="Not at all: momentum and energy balance.",
         says=[],
         cure=f"The `radius` of a rigid body, whose surface is a circle then: it keeps {by_radius:.2f}. A body that"

@@ -62,13 +62,14 @@ def test_particles_that_are_long(
     assert 1.1 < ratio < 1.6
     assert 0.95 < among < 1.05
     failure(
-        fails=f"The last {LONG} mm of a compact-tension specimen, from {WAY - LONG + 27} to {WAY + 27} mm of 50, by K"
+        fails=f"A crack in a compact-tension specimen 50 mm wide grows from {WAY - LONG + 27} to {WAY + 27} mm by K,"
         f" in one particle of {LONG} spacings: it would take {ratio:.2f} times as many cycles as in particles of one"
         " spacing.",
         noticed="By growth that is more than twice as fast after a jump as before it. The jump is taken back.",
         cure=f"None is needed: particles are halved, and the life until {end[-1] * 1e3:.0f} mm is {among:.2f} of that"
-        " by particles of one spacing. A warning says where these are too long, too. Bonds that tire jump to the next"
-        " break exactly.",
+        " by particles of one spacing. A warning says where even these are too long. Runs whose bonds tire do not have"
+        " this error: each of their jumps ends at the next"
+        " broken bond.",
     )
 
 
@@ -88,9 +89,10 @@ def test_a_net_section_that_yields(
     assert 0 < first < len(a) - 1
     assert stress[-1] > 1.5 * YIELD
     failure(
-        fails=f"The specimen's net section, as a beam's, is stressed by {stress[-1] * 1e-6:.0f} MPa at"
+        fails=f"By beam theory the stress in the specimen's net section is {stress[-1] * 1e-6:.0f} MPa at a crack of"
         f" {a[-1] * 1e3:.0f} mm, and the crack grows on as if it were elastic.",
         noticed="Not at all.",
-        cure=f"End the life where the net section yields: with 355 MPa at {a[first] * 1e3:.0f} mm, after {spent:.2f} of"
-        " these cycles. `run.fatigue.cycles` ends a run there.",
+        cure=f"Count cycles only until the net section yields. With a yield stress of 355 MPa this is at"
+        f" {a[first] * 1e3:.0f} mm, after {spent:.2f} of"
+        f" the cycles to {a[-1] * 1e3:.0f} mm. `run.fatigue.cycles` ends a run there.",
     )

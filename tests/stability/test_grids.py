@@ -104,8 +104,8 @@ def test_a_crack_through_nodes(failure: Callable[..., None]) -> None:
     assert [shift.offset for shift in shifts] == [(0.0, 0.5e-3)]
     assert warned(plate(built, run=settings.run)) == []
     failure(
-        fails=f"Bonds worth {through:.2f} G0 are cut along a row of nodes, {between:.2f} G0 between two rows, and "
-        "every node on the crack is left without a bond.",
+        fails=f"A crack along a row of nodes cuts bonds that would take {through:.2f} G0 per area "
+        f"to break; between two rows it is {between:.2f} G0. Every node on the crack is left without a bond.",
         noticed="By a warning before the run that names the crack and its first node, also where it misses nodes by "
         "less than 1e-6 of a spacing.",
         says=says,
@@ -139,7 +139,7 @@ def test_nodes_at_one_place(failure: Callable[..., None]) -> None:
     failure(
         fails=f"Nodes 1e-12 m apart on a grid of 1 mm: the stable step is {steps[1e-12]:.2g} s instead of "
         f"{steps[1e-3]:.2g} "
-        "s. At the same place there is none.",
+        "s. For two nodes at the same place no step is stable.",
         noticed="By an error that names both nodes (exit code 2), also where they differ by round-off; below a tenth "
         "of a "
         "spacing by a warning.",
@@ -197,11 +197,10 @@ def test_one_row(failure: Callable[..., None]) -> None:
     found = {rows: modulus(24, rows, 3) for rows in (1, 2, 4, 8)}
     assert found == pytest.approx({1: 1.163, 2: 1.183, 4: 1.118, 8: 1.082}, abs=0.001)
     failure(
-        fails=f"A row of 12 nodes has {loose[0]} motions that nothing resists; its Young's modulus is {found[1]:.2f} "
-        "E.",
+        fails=f"A row of 12 nodes has {loose[0]} zero-energy modes. Its Young's modulus is {found[1]:.2f} E.",
         noticed="By a warning before the run.",
         says=says,
-        cure=f"Two rows have the {loose[1]} rigid motions and no other. The modulus needs more rows: {found[2]:.2f}, "
+        cure=f"Two rows have only the {loose[1]} rigid-body modes. The modulus needs more rows: {found[2]:.2f}, "
         f"{found[4]:.2f} and {found[8]:.2f} E with 2, 4 and 8 of them at m = 3.",
     )
 

@@ -74,7 +74,8 @@ def test_the_far_edge_of_a_struck_plate(failure: Callable[..., None]) -> None:
     failure(
         fails="Kalthoff and Winkler's plate of 1 mm as in the thesis, its ends clamped: "
         + ", ".join(
-            f"{one.bonds} bonds break {name}, from {1e6 * one.first:.1f} us on" for name, one in clamped.items()
+            f"{one.bonds} bonds (each counted from both ends) break {name}, from {1e6 * one.first:.1f} us on"
+            for name, one in clamped.items()
         )
         + ".",
         noticed=f"Not at all. The pulse has crossed the plate at {1e6 * 0.1 / speed:.1f} us. Reflected by an end it "

@@ -110,8 +110,9 @@ def test_softening_divides_the_load(failure: Callable[..., None], pdsolve: Calla
     failure(
         fails=f"Thesis mode, m = {RATIO}, tension on 1, 4 and 8 rows: {lost[1]:.2f}, "
         f"{lost[4]:.2f} and {lost[8]:.2f} of traction times width reach the middle of the plate. Stress intensities "
-        "are off "
-        f"by this and by the lattice. With m = 3 and a constant micromodulus {passed[1]:.3f} of the load of one row "
+        "are wrong "
+        "by these factors and by the stiffness of the lattice. With m = 3 and a constant micromodulus "
+        f"{passed[1]:.3f} of the load of one row "
         "and "
         f"{passed[8]:.3f} of that of eight arrive, the lattice is {stiffness():.3f} as stiff as the material, and K1 "
         "of an "
@@ -120,7 +121,7 @@ def test_softening_divides_the_load(failure: Callable[..., None], pdsolve: Calla
         "thesis "
         "mode is there to reproduce this, and [Modes](guide/modes.md) says so.",
         says=thesis.out[2:],
-        cure="The conservative mode corrects surfaces by a factor of the bond, equal for both ends, and gives the "
-        f"rows traction times length: {kept[1]:.3f}, {kept[4]:.3f}, {kept[8]:.3f}. The balance of the same run is "
+        cure="The conservative mode corrects surfaces by one factor per bond, equal for both of its ends. The share of "
+        f"the load that arrives is {kept[1]:.3f}, {kept[4]:.3f}, {kept[8]:.3f}. The balance of the same run is "
         f"then {balance(conservative):+.1g}.",
     )

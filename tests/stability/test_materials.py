@@ -97,7 +97,7 @@ def test_two_materials_in_the_thesis_mode(failure: Callable[..., None]) -> None:
     assert says["conservative"] == []
     failure(
         fails="Two layers in series, one ten times softer: the thesis mode stretches both alike (ratio "
-        f"{thesis.strains:.2f}). With a contrast of 1:1e6 random motion has {energy['thesis']:.0e} times its first "
+        f"{thesis.strains:.2f}). With a contrast of 1:1e6 random motion has {energy['thesis']:.0e} times its initial "
         "energy "
         "after 2e4 steps.",
         noticed="By a warning before the run.",

@@ -118,5 +118,5 @@ def test_momentum_from_nowhere(failure: Callable[..., None]) -> None:
         noticed="By the ledger that every run writes (`history` in the database). There is no warning, as the thesis "
         "mode is "
         "there to reproduce this.",
-        cure="Symmetric bonds: below 1e-14.",
+        cure="Symmetric bonds (conservative mode): momentum is off by less than 1e-14 of that sum.",
     )

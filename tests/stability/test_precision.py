@@ -65,7 +65,7 @@ def test_float32_and_mirrors(failure: Callable[..., None]) -> None:
     assert found["float32"][1][1] > 20  # measured 664
     failure(
         fails=f"The Duran plate in float32, pulled at 13 GN/m^3: its halves agree to {found['float32'][0][0]:.0e} of "
-        f"the displacement at step 800, and to {found['float32'][1][0]:.2f} at step 1800, in fragments; "
+        f"the largest displacement at step 800, and to {found['float32'][1][0]:.2f} of it at step 1800, in fragments; "
         f"{found['float32'][1][1]} of {COLUMNS * ROWS} nodes differ in damage from their mirror image.",
         noticed="Not at all; each half is a crack that noise could have made. `meta` in the database gives the "
         "precision.",
@@ -99,7 +99,7 @@ def test_the_tip_of_a_crack(failure: Callable[..., None], monkeypatch: pytest.Mo
         fails=f"Bonds compared with the crack to the last digit: {nodes} nodes at the tip of the Duran crack have more "
         f"bonds cut than their mirror image; after 1800 steps the halves differ by {halves:.1f} of the displacement, "
         "in float64.",
-        noticed="Nothing to notice: a crack is extended by 1e-6 of a spacing at both ends.",
+        noticed="Does not occur in the program: it extends a crack by 1e-6 of a spacing at both ends.",
         cure=f"With that, {cut[TIP]} directed bonds are cut whether the crack ends 1e-12 m before, at or behind the "
         "line between two nodes, and mirror images stay equal to the end (see above).",
     )
@@ -152,7 +152,7 @@ def test_fragments_that_fly(failure: Callable[..., None]) -> None:
         assert results.summary()["broken_bonds"] == 0
     assert silent == []
     failure(
-        fails="A spinning fragment in float32, 1.1 m and 18 turns in 1e5 steps: round-off breaks the first bond at "
+        fails="A fragment in float32 flies 1.1 m and turns 18 times in 1e5 steps. Round-off breaks the first bond at "
         "step "
         f"{first}, and {broken} of {flying.system.bonds} directed bonds until the end.",
         noticed="By a warning, before the first bond breaks: as soon as the round-off of displacements exceeds 0.5 % "

@@ -77,7 +77,7 @@ def test_from_nanometres_to_kilometres(failure: Callable[..., None]) -> None:
     failure(
         fails=f"A slack of 1e-9 m at the horizon: nodes 1e-9 m apart have {wrong[1e-9][-1]} neighbours at m = 3, "
         f"others {wrong[1e-3][0]}.",
-        noticed="Nothing to notice: every tolerance in the solver is relative to a spacing or a horizon.",
+        noticed="Does not occur in the program: each of its tolerances is relative to a spacing or a horizon.",
         cure="The same plate with spacings of 1e-9, 1e-3 and 1e3 m breaks the same bonds in the same steps; "
         "displacements over the spacing agree to better than 1e-12.",
     )

@@ -113,7 +113,8 @@ def forks(outcomes: Iterable[Outcome]) -> str:
     places = [f"{place:.0f}" for place in found if np.isfinite(place)]
     never = len(found) - len(places)
     where = f"at {', '.join(places)} mm" if places else ""
-    return " and ".join(part for part in (where, f"not at all in {never}" if never else "") if part)
+    none = f"not at all in {never} of {len(found)} runs" if never else ""
+    return " and ".join(part for part in (where, none) if part)
 
 
 def trusted(outcomes: list[Outcome]) -> str:
@@ -154,7 +155,8 @@ def test_a_notch_moved_by_a_few_micrometres(failure: Callable[..., None]) -> Non
         f"notch on the axis it forks {axis}; moved across by {100 * 14e-6 / DELTA:.1f} % of a spacing, {little}; by "
         f"{100 * 100e-6 / DELTA:.0f} %, {more}; by {100 * 200e-6 / DELTA:.0f} %, {most}.",
         noticed="Not at all: each run is a valid one.",
-        cure=f"Over all {len(every)} runs these can be trusted: {trusted(every)}. Whether, where and when it forks is "
+        cure=f"All {len(every)} runs agree on these (middle of the range +- half of it): {trusted(every)}. Whether, "
+        "where and when it forks is "
         "a distribution. Solve several times, with the notch moved by fractions of a spacing or with other time "
         "steps, and "
         "report how many forked.",

@@ -58,9 +58,10 @@ def test_thin_bodies_bend(failure: Callable[..., None]) -> None:
     thin, thick = table[3], table[9]
     failure(
         fails=f"Bars of 3, 4, 6 and 9 nodes through their thickness, m = 3, resist bending with "
-        f"{', '.join(f'{bent:.2f}' for _, bent in table.values())} of their stiffness. Pulled, the thinnest has "
+        f"{', '.join(f'{bent:.2f}' for _, bent in table.values())} of the continuum's stiffness. Pulled, the thinnest "
+        "has "
         f"{thin[0]:.2f} of it, the others {table[4][0]:.2f}: their surfaces are corrected.",
-        noticed="Two nodes are refused. Nothing is said from three on.",
+        noticed="By an error for fewer than three nodes through the thickness. Not at all from three on.",
         says=[str(refused.value)],
         cure=f"Nine nodes through what bends: {thick[1]:.2f}. Four are enough for what is only pulled. A plate "
         "that stays flat is solved in the plane.",
@@ -84,6 +85,7 @@ def test_fronts_near_free_sides(failure: Callable[..., None]) -> None:
         fails=f"A crack through blocks 4, 8 and 16 nodes wide costs {', '.join(f'{one:.3f}' for one in cost.values())} "
         "of G0.",
         noticed="Not at all.",
-        cure="From 8 nodes on, what is missing goes as one over the width: without sides a crack costs "
+        cure="From 8 nodes on, the missing share falls as one over the width. Extrapolated to a block without sides, a "
+        "crack costs "
         f"{far:.3f} of G0.",
     )

@@ -76,8 +76,9 @@ def test_2_per_cent_above_the_limit(failure: Callable[..., None]) -> None:
         "earlier "
         "frames are kept.",
         says=[warned[0], message],
-        cure=f"At 0.98 of the limit {STEPS} steps keep the energy to {below:.1g} of it. The program's own step is its "
-        f"bound, here the limit over {ratio:.2f}, which keeps it to {usual:.1g}, without a warning.",
+        cure=f"At 0.98 of the limit the energy changes by {below:.1g} of its initial value at most, over {STEPS}"
+        " steps. The program's own step is its "
+        f"bound, here the limit over {ratio:.2f}. There the energy changes by {usual:.1g}, without a warning.",
     )
 
 
