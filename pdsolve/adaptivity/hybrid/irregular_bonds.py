@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model import selection
 from pdmesh.model.neighbours import ROWS
-from pdsolve.adaptivity.hybrid.coarse_cells import Plate, quarters
+from pdsolve.adaptivity.hybrid.coarse_cells import Plate, quarters, strips
 from pdsolve.adaptivity.hybrid.lattice import BELOW, LEFT
 from pdsolve.adaptivity.hybrid.springs import Springs, e_of
 from pdsolve.bonds.assembly import Paired, Part, stiffness_bound
@@ -40,9 +40,8 @@ class Irregular(NamedTuple):
 def irregular(plate: Plate, springs: tuple[Springs, ...]) -> Irregular:
     """Bonds of all nodes near irregular places; `springs` holds those of each material."""
     reach = int(np.abs(springs[0].dx).max())
-    odd = _odd(plate, reach)
-    places = np.flatnonzero(plate.there & in_square(odd, 3 * reach).ravel())
-    rows, asked = plate.rows_at(places), in_square(odd, 2 * reach).ravel()[places]
+    places, asked = _near(plate, reach)
+    rows = plate.rows_at(places)
     order = np.argsort(rows)
     some, wanted = rows[order], asked[order]
     shape = (len(some[wanted]), len(springs[0].dx))
@@ -53,25 +52,42 @@ def irregular(plate: Plate, springs: tuple[Springs, ...]) -> Irregular:
     return found
 
 
-def _odd(plate: Plate, reach: int) -> NDArray[np.bool_]:
-    """Mask (rows, columns) of places without a node or a whole cell, at an interface, or next to a pre-crack."""
+def _near(plate: Plate, reach: int) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Places (k,) of the nodes within three of a family's reaches of an irregular place, and which are within two."""
+    stride, rows = plate.at.stride, plate.at.places // plate.at.stride
+    places, asked = [], []
+    for low, high in strips(rows, stride):
+        first = max(low - 3 * reach, 0)
+        odd, here = _odd(plate, reach, first, min(high + 3 * reach, rows)), np.s_[low - first : high - first]
+        near = np.flatnonzero(plate.there_in(low, high) & in_square(odd, 3 * reach)[here])
+        places.append(near + low * stride)
+        asked.append(in_square(odd, 2 * reach)[here].ravel()[near])
+    return np.concatenate(places), np.concatenate(asked)
+
+
+def _odd(plate: Plate, reach: int, low: int, high: int) -> NDArray[np.bool_]:
+    """Mask of places in rows `low` to `high` - 1 without a node or a whole cell, at an interface, or next to a
+    pre-crack."""
     at = plate.at
-    away = plate.areas()
-    away -= 1
-    odd = np.abs(away, out=away).reshape(-1, at.stride) > ROUND_OFF
-    del away
+    first, last = max(low - 1, 0), min(high + 1, at.places // at.stride)
+    odd = np.abs(plate.areas_in(first, last) - 1) > ROUND_OFF
     odd |= quarters(~odd) < 4
-    field = plate.materials().reshape(odd.shape)
-    for axis in (0, 1) if plate.model.settings.regions else ():
-        other = np.diff(field, axis=axis) != 0
-        odd |= np.pad(other, [(0, int(a == axis)) for a in (0, 1)])
-    near = np.zeros(at.places, dtype=bool)
+    if plate.model.settings.regions:
+        field = plate.materials_in(first, last)
+        for axis in (0, 1):
+            other = np.diff(field, axis=axis) != 0
+            odd |= np.pad(other, [(0, int(a == axis)) for a in (0, 1)])
+    odd = odd[low - first : high - first]
+    around = reach + 1
+    near = np.zeros((high - low + 2 * around, at.stride), dtype=bool)
     for x0, y0, x1, y1 in plate.cracks:
         share = np.linspace(0, 1, 2 + int(4 * np.hypot(x1 - x0, y1 - y0)))
         x, y = np.round(x0 + share * (x1 - x0)).astype(int), np.round(y0 + share * (y1 - y0)).astype(int)
-        inside = (x >= 0) & (x <= at.nx) & (y >= 0) & (y <= at.ny)
-        near[(y[inside] + BELOW) * at.stride + LEFT + x[inside]] = True
-    odd |= in_square(near.reshape(odd.shape), reach + 1)
+        row = y + BELOW - low + around
+        inside = (x >= 0) & (x <= at.nx) & (y >= 0) & (y <= at.ny) & (row >= 0) & (row < len(near))
+        near[row[inside], LEFT + x[inside]] = True
+    if near.any():
+        odd |= in_square(near, around)[around:-around]
     return odd
 
 

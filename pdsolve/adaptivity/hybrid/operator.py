@@ -29,6 +29,7 @@ from pdsolve.adaptivity.hybrid.arrays import (
 from pdsolve.adaptivity.hybrid.engine import Hybrid, ZoneSummary
 from pdsolve.adaptivity.hybrid.irregular_bonds import part_of
 from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, BELOW_COARSE, COARSE, FREE, IDLE, LEFT
+from pdsolve.adaptivity.hybrid.node_rows import of_nodes
 from pdsolve.adaptivity.two_lattice_operator import Sums, TwoLatticeOperator
 from pdsolve.model import Model
 from pdsolve.operators.simd_lattice.lanes import ROW
@@ -55,13 +56,17 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         places = np.sort(np.concatenate([fine, self._on]), kind="stable")  # two runs in order
         self.places = places[np.diff(places, prepend=-1) > 0]
         self.rows = plate.rows_at(self.places)
-        self._row_of = np.full(plate.at.places, -1, dtype=np.int32)
-        self._row_of[self.places] = np.arange(len(self.places))
         self._fine, self._coarse = fine, coarse
-        self._at_fine, self._at_coarse = (self._row_of[one].astype(np.int64) for one in (fine, self._on))
+        self._at_fine = self._rows_of(fine)
+        alone = fine[_absent(fine, self._on)]
+        self._at_coarse = np.arange(len(self._on)) + np.searchsorted(alone, self._on)
         self._bonds = self._fine_bonds()
         self._springs = self._coarse_springs()
         self.cells = np.count_nonzero(zone.cells == COARSE)
+
+    def _rows_of(self, places: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Rows of the current nodes at fine places."""
+        return np.searchsorted(self.places, places)
 
     def _fine_bonds(self) -> NDArray[np.bool_]:
         """Mask (k, family) of past and present bonds of fine nodes to nodes that exist."""
@@ -102,7 +107,8 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
     def area(self) -> NDArray[np.float64]:
         """Areas (n,), m^2: for a fine node its share of fine cells, for a coarse node its share of coarse cells."""
         plate, zone = self.hybrid.plate, self.hybrid.zone
-        part = zone.fine.mass[self._fine] / self.hybrid.ground.mass[self._fine]
+        nodes = self.hybrid.ground.nodes
+        part = zone.fine.mass[self._fine] / of_nodes(nodes, nodes.mass, self._fine)
         whole = plate.areas_of(plate.rows_at(self._fine)) * plate.h**2
         found = np.zeros(len(self.places))
         found[self._at_fine] = part * whole
@@ -115,11 +121,11 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
     @cached_property
     def counts(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Bonds (n,) of each node at the start, and their number including those cut by pre-cracks."""
-        count = np.zeros(len(self.places), dtype=np.int64)
+        count, nodes = np.zeros(len(self.places), dtype=np.int64), self.hybrid.ground.nodes
         count[self._at_fine] += self._bonds.sum(axis=1)
         count[self._at_coarse] += self._springs.sum(axis=1)
         family = count.copy()
-        family[self._at_fine] += self._cut[self.hybrid.ground.own[self._fine]]
+        family[self._at_fine] += self._cut[of_nodes(nodes, nodes.own, self._fine)]
         alone = np.setdiff1d(self._at_coarse, self._at_fine, assume_unique=True)
         family[alone] = np.maximum(family[alone], self._whole(alone))
         return count, family
@@ -159,7 +165,7 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         out[self._at_fine] = of(zone.fine, self._fine).T
         w = border.w[:count, None]
         first, second = (of(zone.coarse, border.end[:count, side]).T for side in (0, 1))
-        out[self._row_of[border.node[:count]]] = (1 - w) * first + w * second
+        out[self._rows_of(border.node[:count])] = (1 - w) * first + w * second
         out[self._at_coarse] = of(zone.coarse, self._coarse).T
 
     def _put(self, state: State) -> None:
@@ -186,11 +192,11 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         zone, now = self.hybrid.zone, self.hybrid.now
         self._gather(lambda nodes, at: nodes.u[now][:, at], state.value)
         border, count = zone.border, zone.number[BORDERS]
-        state.value[self._row_of[border.node[:count]]] += border.off[:count]
+        state.value[self._rows_of(border.node[:count])] += border.off[:count]
         self._gather(lambda nodes, at: nodes.v[:, at], state.rate)
         state.second[:] = self.accelerations()
         holds = zone.holds.what[zone.holds.on[: zone.number[HOLDS], 1]]
-        state.second[self._row_of[holds[:, PLACE]], holds[:, AXIS]] = 0.0
+        state.second[self._rows_of(holds[:, PLACE]), holds[:, AXIS]] = 0.0
         state.dissipated[:] = self.spent()
 
     def accelerations(self) -> NDArray[np.float64]:
@@ -210,8 +216,14 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         zone, light = self.hybrid.zone, np.zeros(len(self.places))
         light[self._at_fine] = zone.fine.light[self._fine]  # 0 of those on the border
         light[self._at_coarse] = zone.coarse.light[self._coarse]
-        points = points_of(self.hybrid, self._row_of, self._fine, self._coarse, self._on)
+        points = points_of(self.hybrid, self._row_of(), self._fine, self._coarse, self._on)
         return tangent_of(self.hybrid, points, state.value, self.model.rho, light)
+
+    def _row_of(self) -> NDArray[np.int32]:
+        """The row of the current node at each fine place, -1 without one."""
+        found = np.full(self.hybrid.plate.at.places, -1, dtype=np.int32)
+        found[self.places] = np.arange(len(self.places))
+        return found
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Strain energy densities (n,), J/m^3, and zeros for softening, which is part of the state."""
@@ -258,15 +270,15 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         fine, target = self._fine[own[node]], self._fine[own[node]] + ground.ways[k]
         if not start:
             owner = np.where(k < half, fine, target)
-            intact = zone.bits[owner] >> (k % half).astype(np.uint64) & np.uint64(1) != 0
+            bits = of_nodes(ground.nodes, ground.nodes.bits, owner) & ~zone.lost[owner]
+            intact = bits >> (k % half).astype(np.uint64) & np.uint64(1) != 0
             fine, target = fine[intact], target[intact]
         some = np.flatnonzero((self._at_coarse >= first) & (self._at_coarse < last))
         node, k = np.nonzero(self._springs[some])
         coarse = self._coarse[some[node]]
-        ends = (self._row_of[self.hybrid.beneath(one)] for one in (coarse, coarse + ground.coarse_ways[k]))
+        ends = (self._rows_of(self.hybrid.beneath(one)) for one in (coarse, coarse + ground.coarse_ways[k]))
         source, target = (
-            np.concatenate([self._row_of[one], other], dtype=np.int64)
-            for one, other in zip((fine, target), ends, strict=True)
+            np.concatenate([self._rows_of(one), other]) for one, other in zip((fine, target), ends, strict=True)
         )
         order = np.lexsort((target, source))
         return source[order], target[order]
@@ -275,8 +287,13 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         """Bonds broken after a step: step, source row and target row of each."""
         step, node, spring = self.hybrid.broken()
         new = np.flatnonzero(step > after)
-        source, target = (
-            self._row_of[ends].astype(np.int64)
-            for ends in (node[new], node[new] + self.hybrid.ground.ways[spring[new]])
-        )
+        source, target = (self._rows_of(ends) for ends in (node[new], node[new] + self.hybrid.ground.ways[spring[new]]))
         return Broken(step[new].astype(np.int64), source, target)
+
+
+def _absent(some: NDArray[np.int64], others: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Mask (k,) of `some` numbers (k,) that are not among `others`, which are in order."""
+    at = np.searchsorted(others, some)
+    return np.asarray(
+        others[np.minimum(at, len(others) - 1)] != some if len(others) else np.ones(len(some), dtype=bool)
+    )

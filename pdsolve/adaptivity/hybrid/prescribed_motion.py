@@ -51,5 +51,5 @@ def _mean(values: NDArray[np.float64], plate: Plate, place: NDArray[np.int64]) -
     for sign_y in (-1, 1):
         for sign_x in (-1, 1):
             other = place + sign_y * odd_y * at.stride + sign_x * odd_x
-            found += values[plate.rows_at(np.where(plate.there[other], other, place))] / 4
+            found += values[plate.rows_at(np.where(plate.has(other), other, place))] / 4
     return found
