@@ -82,7 +82,9 @@ def _until(step: int, broken: Broken) -> Broken:
 def checkpoint(system: System, state: State) -> dict[str, NDArray[Any]]:
     """A copy of everything a resumed run needs to continue bit by bit, except the broken bonds."""
     of_bonds = dict(system.operator.keep())  # before the state, which it may bring up to date
-    here = {**state._asdict(), "held_force": system.drive.held_force}
+    here = {"held_force": system.drive.held_force}
+    if system.hybrid is None:  # whose operator has the state
+        here |= state._asdict()
     if system.load_steps is not None:
         here["rested"] = system.load_steps.keep()
     if isinstance(system.stepper, SteppedRest):
@@ -113,7 +115,7 @@ def cloud(system: System) -> dict[str, NDArray[Any]]:
 
 def restore(system: System, state: State, step: int, kept: Mapping[str, NDArray[Any]], broken: Breaks) -> None:
     """Restore the state after `step` with the bonds `broken` until then. Raises CheckpointError."""
-    for name, values in state._asdict().items():
+    for name, values in state._asdict().items() if system.hybrid is None else ():  # which has gone back with it
         values[:] = like(kept, name, values)
     system.drive.held_force[:] = like(kept, "held_force", system.drive.held_force)
     nodes = len(system.family)
@@ -228,6 +230,10 @@ class Recorder:
         """Step of the last broken bond known at the last record; 0 without any."""
         return int(self.now.broken.step.max(initial=self._latest))
 
+    def let_go(self) -> None:
+        """Forget the state of nodes that have become others, before the state of these is made."""
+        self.state = State(*np.zeros((3, 0, 2)), *np.zeros((3, 0)))
+
     def follow(self, step: int, change: Change) -> None:
         """Continue with the nodes changed after `step`, and record births and deaths."""
         before, (system, self.state, origin) = self.system, change
@@ -279,7 +285,10 @@ class Recorder:
         if state:
             self._kept = clock.perf_counter()
         asked = self.now if self.step == step else None
-        found = fields(system, self.state, system.asked.settings.run.fields, asked) if whole else {}
+        found = {}
+        if whole:
+            names = system.asked.settings.run.fields
+            found = {name: of.astype("<f4") for name, of in fields(system, self.state, names, asked).items()}
         kept = checkpoint(system, self.state) if state else None
         if kept is not None and self._changes:
             kept |= cloud(system)
@@ -287,7 +296,7 @@ class Recorder:
         frame = Frame(
             step=step,
             time=step * system.time_step,
-            fields={name: values.astype("<f4") for name, values in found.items()} if whole else None,
+            fields=found if whole else None,
             breaks=Breaks(*map(np.concatenate, zip(*broken, strict=True))),
             ledger=(),
             probes=(),

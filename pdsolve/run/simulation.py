@@ -266,11 +266,11 @@ def _resume(output: Path, request: Request) -> Results:
             results.close()
             return _finish(ranked, make, request)
         known, (step, kept) = results.nodes(0), results.checkpoint()
-        if not kept.keys() >= set(State._fields):
+        system, state = prepare(model, options)
+        if system.hybrid is None and not kept.keys() >= set(State._fields):
             raise ResultsError(
                 f"{output}: found a checkpoint by {meta['program']}, expected this version's; solve it anew"
             )
-        system, state = prepare(model, options)
         adapt = request.adapt or changing(system)
         same = float(meta["time_step"]) == system.time_step and np.array_equal(known.family, system.family)
         if not same or not np.array_equal(known.cut, system.family - system.count):
@@ -369,7 +369,7 @@ def _march(notes: Recorder, writer: Behind, watch: Watcher | None, adapt: Adapt 
         chunk = pace.steps(EVERY if system.hybrid else 1, int(PATIENCE / max(system.bonds, 1)))
         ends = (step + chunk, looks, _next(step, run.every), _next(step, run.ledger or run.every), run.steps)
         began = clock.perf_counter()
-        system.stepper.march(notes.state, step + 1, min(ends) + 1)
+        system.go_on(notes.state, step + 1, min(ends) + 1)
         pace.took(min(ends) - step, clock.perf_counter() - began)
         step = min(ends)
         writer.look()
@@ -422,7 +422,10 @@ def _grown(notes: Recorder, step: int, last: int) -> int:
 
 def _take(notes: Recorder, before: int, step: int) -> None:
     """Record this step, and the motion of a fine zone since the step `before`."""
-    change = zone_moved(notes.system) if notes.system.hybrid is not None else None
+    hybrid = notes.system.hybrid
+    if hybrid is not None and not hybrid.current:
+        notes.let_go()
+    change = zone_moved(notes.system) if hybrid is not None else None
     if change is not None:
         notes.follow(before, change)
     notes.take(step)

@@ -50,7 +50,8 @@ class LatticeConstants(NamedTuple):
     bounds: NDArray[np.float64]  # (materials, 3) e of peak and limit, and of a coarse bond that makes cells fine
     least: NDArray[np.float64]  # (3,) the least of each
     own_springs: NDArray[np.float64]  # (., k)
-    own_peak: NDArray[np.float64]  # (., k) e
+    own_kind: NDArray[np.int32]  # (.,) row in `own_peak` and `own_limit`
+    own_peak: NDArray[np.float64]  # (j, k) e
     own_limit: NDArray[np.float64]
     cell: NDArray[np.float64]  # (3, m) k1 and k2 of a coarse cell, N/m^2, and a quarter of its mass, kg/m
     mix: NDArray[np.int32]  # (c,) which of these each cell has

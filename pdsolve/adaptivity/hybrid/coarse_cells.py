@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -21,7 +22,7 @@ OFF = 1e-6  # spacings: nodes this far from the lattice are not on it
 CLEARANCE = 1e-3  # spacings: a pre-crack this near to a node passes through it
 LARGEST = 6.0  # horizon over spacing: half of a family has a bit of 64 for each bond, families half a spacing wider too
 SAME = 1e-6  # of a cell: areas this near are the same
-STRIP = 2**20  # fine places that are looked at together
+STRIP = 2**16  # fine places that are looked at together
 
 
 class Listed(NamedTuple):
@@ -124,9 +125,21 @@ class Plate(NamedTuple):
         return found
 
 
-def strips(rows: int, stride: int) -> Iterator[tuple[int, int]]:
-    """Some of so many rows of `stride` places at a time: the first of them, and the one after the last."""
-    high = max(16, STRIP // stride)
+@dataclass(frozen=True)
+class CellAreas:
+    """Areas of the cells of a plate's nodes, m^2, computed for those that are asked for."""
+
+    plate: Plate
+
+    def __getitem__(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Areas (k,) of rows (k,) of the grid."""
+        return self.plate.areas_of(rows) * self.plate.h**2
+
+
+def strips(rows: int, stride: int, places: int = STRIP) -> Iterator[tuple[int, int]]:
+    """Some of so many rows of `stride` places at a time, about so many `places`: the first, and the one after the
+    last."""
+    high = max(2, places // stride)
     return ((low, min(low + high, rows)) for low in range(0, rows, high))
 
 
@@ -262,7 +275,8 @@ def _in_plate(plate: Plate) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     good[:] = True
     for low, high in strips(len(some), at.stride):  # of cells
         first = BELOW + 2 * low - 1
-        there, areas = (of(first, first + 2 * (high - low) + 3) for of in (plate.there_in, plate.areas_in))
+        last = first + 2 * (high - low) + 3
+        there, areas = plate.there_in(first, last), plate.areas_in(first, last)
         around, whole = quarters(there), squares(there)
         odd = (np.abs(areas - around / np.float32(4)) > SAME) | there & (around == 3)  # where an edge turns inwards
         for y in range(3):

@@ -67,12 +67,13 @@ class Hybrid:
         self.plate, self.ground, self.zone, self.drive, self.now = plate, ground, zone, drive, 0
         self._squares = squares_in_cells(plate)
 
-    def start(self, velocity: NDArray[np.float64]) -> None:
-        """Number the zone, set the velocities (n, 2), m/s, of all nodes, and compute the forces."""
+    def start(self, velocity: NDArray[np.float64] | None) -> None:
+        """Number the zone, set the velocities (n, 2), m/s, of all nodes, None: 0, and compute the forces."""
         self.number()
-        for nodes, beneath in ((self.zone.fine, None), (self.zone.coarse, self.beneath)):
-            own = np.flatnonzero(nodes.kind == FREE)
-            nodes.v[:, own] = velocity[self.plate.rows_at(own if beneath is None else beneath(own))].T
+        if velocity is not None:
+            for nodes, beneath in ((self.zone.fine, None), (self.zone.coarse, self.beneath)):
+                own = np.flatnonzero(nodes.kind == FREE)
+                nodes.v[:, own] = velocity[self.plate.rows_at(own if beneath is None else beneath(own))].T
         self.renew()
 
     def renew(self) -> None:
@@ -93,6 +94,7 @@ class Hybrid:
         zone.number[NEW] = len(cells)
         self.renew()
         self.zone.total[:] = 0.0
+        self.zone = self.zone._replace(around=arrays.reserved(len(zone.around), of=np.int64))  # all coarse nodes were
 
     def beneath(self, coarse: NDArray[np.int64]) -> NDArray[np.int64]:
         """Fine places (k,) that coarse nodes lie on."""
@@ -223,8 +225,14 @@ class Hybrid:
         zone, found = self.zone, np.zeros(3)
         for nodes, rows in ((zone.fine, zone.number[ROWS]), (zone.coarse, zone.number[arrays.COARSE_ROWS])):
             own = self.active(nodes, rows)
-            mass, v = nodes.mass[own], nodes.v[:, own]
-            found += [float((mass / 2 * (v**2).sum(axis=0)).sum()), *(mass * v).sum(axis=1).tolist()]
+            mass, x, y = nodes.mass[own], nodes.v[0, own], nodes.v[1, own]
+            del own
+            found[1:] += (mass * x).sum(), (mass * y).sum()
+            x *= x
+            y *= y
+            x += y
+            mass /= 2
+            found[0] += (mass * x).sum()
         return found
 
     @property
@@ -247,10 +255,12 @@ class Hybrid:
             ("fine", zone.fine, zone.number[ROWS]),
             ("coarse", zone.coarse, zone.number[arrays.COARSE_ROWS]),
         ):
-            places = (nodes.rows[:rows, None] * ROW + np.arange(ROW)).ravel()
-            there = nodes.kind[places] != IDLE
+            own = nodes.rows[:rows]
+            idle = nodes.kind.reshape(-1, ROW)[own] == IDLE
             for field, values in (("u", nodes.u[self.now]), ("v", nodes.v), ("f", nodes.f)):
-                kept[f"{name}_{field}"] = np.where(there, values[:, places], 0.0)
+                found = values.reshape(2, -1, ROW)[:, own]
+                found[:, idle] = 0.0
+                kept[f"{name}_{field}"] = found.reshape(2, -1)
             kept[f"{name}_wide"] = nodes.wide[nodes.rows[:rows]]
             if nodes.damped is not None:
                 slowed = np.flatnonzero(nodes.damped)

@@ -23,6 +23,7 @@ from pdsolve.numerics.dilation import in_square
 from pdsolve.schemes.average_horizon import Rule
 
 KEPT = 8  # parts whose pairs are held in memory; those of others are looked for twice
+WIDE = 2**20  # places that are looked at together, with those around them
 ROUND_OFF = 1e-12  # relative: stiffnesses this near to those of a full lattice are those
 
 
@@ -31,7 +32,8 @@ class Irregular(NamedTuple):
 
     node: NDArray[np.int64]  # (s,) rows of the grid
     springs: NDArray[np.float64]  # (s, k) stiffness, N/m^2; 0 without a bond
-    peak: NDArray[np.float64]  # (s, k) e
+    kind: NDArray[np.int32]  # (s,) which of the limits a node's bonds have
+    peak: NDArray[np.float64]  # (j, k) e, of j different nodes
     limit: NDArray[np.float64]
     family: NDArray[np.int64]  # (s,) bonds that count in damage
     stiffness_bound: NDArray[np.float64]  # (s,) as in `Operator`
@@ -45,18 +47,20 @@ def irregular(plate: Plate, springs: tuple[Springs, ...]) -> Irregular:
     order = np.argsort(rows)
     some, wanted = rows[order], asked[order]
     shape = (len(some[wanted]), len(springs[0].dx))
-    springs_, peak, limit = np.zeros((3, *shape))
-    found = Irregular(some[wanted], springs_, peak, limit, np.zeros(shape[0], np.int64), np.zeros(shape[0]))
-    if len(found.node):
-        _fill(plate, _parts(part_of(plate.model, some), np.flatnonzero(wanted)), some, wanted, springs, found)
-    return found
+    nothing, count = np.zeros((0, shape[1])), shape[0]
+    numbers, family = np.zeros(count, np.int32), np.zeros(count, np.int64)
+    found = Irregular(some[wanted], np.zeros(shape), numbers, nothing, nothing, family, np.zeros(count))
+    if not count:
+        return found
+    limits = _fill(plate, _parts(part_of(plate.model, some), np.flatnonzero(wanted)), some, wanted, springs, found)
+    return found._replace(peak=limits[:, 0].copy(), limit=limits[:, 1].copy())
 
 
 def _near(plate: Plate, reach: int) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     """Places (k,) of the nodes within three of a family's reaches of an irregular place, and which are within two."""
     stride, rows = plate.at.stride, plate.at.places // plate.at.stride
     places, asked = [], []
-    for low, high in strips(rows, stride):
+    for low, high in strips(rows, stride, WIDE):
         first = max(low - 3 * reach, 0)
         odd, here = _odd(plate, reach, first, min(high + 3 * reach, rows)), np.s_[low - first : high - first]
         near = np.flatnonzero(plate.there_in(low, high) & in_square(odd, 3 * reach)[here])
@@ -124,14 +128,15 @@ def _fill(
     wanted: NDArray[np.bool_],
     springs: tuple[Springs, ...],
     found: Irregular,
-) -> None:
+) -> NDArray[np.float64]:
     """Store in `found` the bonds that a scheme makes of part of the plate; `some` are its rows, `wanted` those
-    needed."""
+    needed. Returns their different peaks and limits (j, 2, k)."""
     reach = int(np.abs(springs[0].dx).max()) + 1
     number = np.full((2 * reach + 1, 2 * reach + 1), -1)
     number[springs[0].dy + reach, springs[0].dx + reach] = np.arange(len(springs[0].dx))
     slot, full = np.cumsum(wanted) - 1, np.array([one.table[:, 5] for one in springs])
     material, area = plate.model.material_of, plate.areas_of(some) * plate.h**2
+    known: dict[bytes, int] = {}
     for own, part in parts:
         bonds = part.bonds
         source, xi = np.repeat(own, np.diff(bonds.start)), bonds.xi
@@ -140,6 +145,9 @@ def _fill(
         stiffness = bonds.stiffness * area[source] / np.hypot(*xi.T)
         usual = full[material[row], k]
         found.springs[at, k] = np.where(np.abs(stiffness - usual) < ROUND_OFF * usual, usual, stiffness)
-        found.peak[at, k], found.limit[at, k] = e_of(bonds.peak), e_of(bonds.limit)
+        limits = np.zeros((len(own), 2, full.shape[1]))
+        limits[at - slot[own[0]], 0, k], limits[at - slot[own[0]], 1, k] = e_of(bonds.peak), e_of(bonds.limit)
+        found.kind[slot[own]] = [known.setdefault(one.tobytes(), len(known)) for one in limits]
         found.family[slot[own]] = part.family[own - part.first]
         found.stiffness_bound[slot[own]] = stiffness_bound(bonds, bonds.stiffness, True)
+    return np.frombuffer(b"".join(known)).reshape(-1, 2, full.shape[1])

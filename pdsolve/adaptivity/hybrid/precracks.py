@@ -109,7 +109,8 @@ def peak_and_limit(ground, p, k):  # type: ignore[no-untyped-def]
     """The e beyond which a bond softens, and the e at which it breaks."""
     row = of_node(ground.nodes, ground.nodes.own, p)
     if row >= 0:
-        return ground.own_peak[row, k], ground.own_limit[row, k]
+        kind = ground.own_kind[row]
+        return ground.own_peak[kind, k], ground.own_limit[kind, k]
     material = of_node(ground.nodes, ground.nodes.material, p)
     return ground.bounds[material, 0], ground.bounds[material, 1]
 

@@ -8,10 +8,11 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.model.document import InitialVelocity, Velocity
 from pdsolve import conditions
 from pdsolve.adaptivity.hybrid.alike_rows import node_rows
 from pdsolve.adaptivity.hybrid.arrays import VALUE, Entries, LatticeConstants, zone_of
-from pdsolve.adaptivity.hybrid.coarse_cells import Plate, cells_of, plate_of
+from pdsolve.adaptivity.hybrid.coarse_cells import CellAreas, Plate, cells_of, plate_of
 from pdsolve.adaptivity.hybrid.engine import Hybrid
 from pdsolve.adaptivity.hybrid.irregular_bonds import Irregular, irregular
 from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, FINE, LEFT
@@ -20,6 +21,7 @@ from pdsolve.adaptivity.hybrid.precracks import begin_coarse, lengthened
 from pdsolve.adaptivity.hybrid.springs import Springs, coarse_springs, e_of, fine_springs, stretches
 from pdsolve.conditions import Drive, drive, initial_velocity
 from pdsolve.model import Model
+from pdsolve.numerics.memory import give_back
 from pdsolve.operators.simd_lattice.layout import aligned
 
 ROOM = 64  # rows of fine nodes beyond those of the start, at least
@@ -36,12 +38,13 @@ def hybrid_of(
     plate = plate_of(model, mode, precision)
     springs = tuple(fine_springs(each, model.settings.horizon.ratio, plate.h) for each in model.materials)
     found = irregular(plate, springs)
+    give_back()
     bound = float(np.sqrt(2 / max(_resistance(plate, springs, found))))
     ground = ground_of(plate, springs, found, step_of(model, bound))
     begin_coarse(ground)
     cut = np.append(found.family - np.count_nonzero(found.springs, axis=1), 0)
     cells = cells_of(plate, ground.reach)
-    area = plate.area * plate.h**2
+    area = CellAreas(plate)
     driven = drive(model, area, True, np.float64)
     rows = ROOM + 6 * int(np.count_nonzero(cells == FINE))
     damps = ground.nodes.damping is not None
@@ -49,7 +52,8 @@ def hybrid_of(
         loads=_loads(plate, driven, area), holds=_entries(plate, driven.holds, 1)
     )
     hybrid = Hybrid(plate, ground, zone, driven)
-    hybrid.start(initial_velocity(model))
+    starts = any(isinstance(one, InitialVelocity | Velocity) for one in model.settings.conditions)
+    hybrid.start(initial_velocity(model) if starts else None)
     return HybridOperator(hybrid, cut), bound
 
 
@@ -81,6 +85,7 @@ def ground_of(plate: Plate, springs: tuple[Springs, ...], found: Irregular, dt: 
         bounds=bounds,
         least=bounds.min(axis=0),
         own_springs=found.springs,
+        own_kind=found.kind,
         own_peak=found.peak,
         own_limit=found.limit,
         cell=cell,
@@ -127,7 +132,7 @@ def _resistance(plate: Plate, springs: tuple[Springs, ...], found: Irregular) ->
     return np.concatenate([inside, found.stiffness_bound / rho[own]])
 
 
-def _loads(plate: Plate, driven: Drive, area: NDArray[np.float64]) -> Entries:
+def _loads(plate: Plate, driven: Drive, area: CellAreas) -> Entries:
     found = _entries(plate, driven.loads, 4)
     found.value[:, VALUE] *= area[driven.loads.node]
     some = found.value[:, VALUE] != 0
