@@ -152,23 +152,16 @@ class FusedMarch:
 
     def __init__(self, operator: TwoLatticeOperator[Any]) -> None:
         self._operator = operator
-        self._behind: State | None = None  # that steps were taken from
 
     def march(self, state: State, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1; the state is updated as long as the nodes are those of the operator.
 
         Raises UnstableError.
         """
-        self.go_on(state, first, last)
-        self.fetch()
+        self.go_on(first, last)
+        if self._operator.current:
+            self._operator.sync(state)
 
-    def go_on(self, state: State, first: int, last: int) -> None:
-        """Take the steps `first` to `last` - 1; the state is updated when it is fetched. Raises UnstableError."""
+    def go_on(self, first: int, last: int) -> None:
+        """Take the steps `first` to `last` - 1, after which the operator has the state. Raises UnstableError."""
         self._operator.hybrid.march(first, last)
-        self._behind = state
-
-    def fetch(self) -> None:
-        """Update the state of the last steps, as long as the nodes are those of the operator."""
-        if self._behind is not None and self._operator.current:
-            self._operator.sync(self._behind)
-        self._behind = None

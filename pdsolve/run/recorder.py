@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pdsolve.adaptivity.two_lattice_operator import FusedMarch
 from pdsolve.checkpoint_validation import entry, expect_broken, expect_found, like
 from pdsolve.conditions import put_loads
 from pdsolve.diffusion.mass_accounts import MassAccounts
@@ -230,9 +231,23 @@ class Recorder:
         """Step of the last broken bond known at the last record; 0 without any."""
         return int(self.now.broken.step.max(initial=self._latest))
 
+    def march(self, first: int, last: int) -> None:
+        """Take the steps `first` to `last` - 1; with a moving fine zone there is no state before it is asked for."""
+        if isinstance(self.system.stepper, FusedMarch):
+            self.let_go()
+            self.system.stepper.go_on(first, last)
+        else:
+            self.system.stepper.march(self.state, first, last)
+
     def let_go(self) -> None:
-        """Forget the state of nodes that have become others, before the state of these is made."""
+        """Forget the state, which the operator of a moving fine zone has."""
         self.state = State(*np.zeros((3, 0, 2)), *np.zeros((3, 0)))
+
+    def _fetch(self) -> None:
+        """Bring the state up to the steps taken."""
+        self.system.fetch()
+        if self.system.hybrid is not None and not len(self.state.value):
+            self.state = self.system.hybrid.state()
 
     def follow(self, step: int, change: Change) -> None:
         """Continue with the nodes changed after `step`, and record births and deaths."""
@@ -261,15 +276,17 @@ class Recorder:
 
     def settle(self, step: int) -> None:
         """Bring the accounts to this step."""
-        self.accounts.settle(self.state, step, self._asked(step))
+        asked = self._asked(step)
+        self.accounts.settle(self.state, step, asked)
 
     def take(self, step: int) -> None:
         """Record this step in the accounts. Raises UnstableError."""
-        self.accounts.take(self.state, step, self._asked(step))
+        asked = self._asked(step)
+        self.accounts.take(self.state, step, asked)
 
     def _asked(self, step: int) -> Asked:
         """What the operator says of the state after this step, asked once."""
-        self.system.fetch()
+        self._fetch()
         if step != self.step:
             self.now, self.step = ask(self.system, self.state), step
         return self.now
@@ -280,7 +297,7 @@ class Recorder:
         `whole` adds the fields, after a recorded step; `state` adds a checkpoint now, otherwise only when it is due.
         """
         system = self.system
-        system.fetch()
+        self._fetch()
         state |= clock.perf_counter() - self._kept > KEPT
         if state:
             self._kept = clock.perf_counter()
@@ -289,6 +306,8 @@ class Recorder:
         if whole:
             names = system.asked.settings.run.fields
             found = {name: of.astype("<f4") for name, of in fields(system, self.state, names, asked).items()}
+        if isinstance(system.stepper, FusedMarch):
+            self.let_go()
         kept = checkpoint(system, self.state) if state else None
         if kept is not None and self._changes:
             kept |= cloud(system)

@@ -119,12 +119,18 @@ def _anew(model: Model, late: LateZoneError) -> Model:
 
 def _solve(model: Model, options: Options, request: Request) -> Results:
     """Solve a model from its start. Raises LateZoneError besides."""
+    notes, request = _noted(model, options, request)
+    return _begin(notes, request)
+
+
+def _noted(model: Model, options: Options, request: Request) -> tuple[Recorder, Request]:
+    """The records of a run that begins, which alone keep its system and its state."""
     found = _prepared(model, options)
     system, state = started(found) if model.settings.run.start == "static" else found
     advise_unused(model)
     if system.transport is None:
         advise(system.model, system.unbonded, system.scheme.partial_cells, system.scheme.symmetric)
-    return _run(system, state, request)
+    return _records(system, state, request)
 
 
 def _prepared(model: Model, options: Options) -> Prepared:
@@ -151,21 +157,23 @@ def run(
 ) -> Results:
     """Solve a prepared model; arguments are those of `simulate`. Raises UnstableError, ResultsError."""
     with _alone(output):
-        return _run(system, state, Request(output, watch, provenance, adapt))
+        return _begin(*_records(system, state, Request(output, watch, provenance, adapt)))
 
 
-def _run(system: System, state: State, request: Request) -> Results:
+def _records(system: System, state: State, request: Request) -> tuple[Recorder, Request]:
     request = request._replace(adapt=request.adapt or changing(system))
-    return _begin(_recorder(system, state, None, _changes(system, request.adapt)), request)
+    return _recorder(system, state, None, _changes(system, request.adapt)), request
 
 
 def _begin(notes: Recorder, request: Request) -> Results:
     """Solve a new run from the state of its records."""
     notes.divide(request.output)
-    system = notes.system  # whose nodes may have changed when the writer is made
+    start = [notes.system]  # whose nodes may have changed when the writer is made
 
     def new() -> Writer:
-        return notes.writer(system, request.output, meta(notes, request.provenance))
+        made = notes.writer(start[0], request.output, meta(notes, request.provenance))
+        start.clear()
+        return made
 
     return _finish(notes, new, request)
 
@@ -369,7 +377,7 @@ def _march(notes: Recorder, writer: Behind, watch: Watcher | None, adapt: Adapt 
         chunk = pace.steps(EVERY if system.hybrid else 1, int(PATIENCE / max(system.bonds, 1)))
         ends = (step + chunk, looks, _next(step, run.every), _next(step, run.ledger or run.every), run.steps)
         began = clock.perf_counter()
-        system.go_on(notes.state, step + 1, min(ends) + 1)
+        notes.march(step + 1, min(ends) + 1)
         pace.took(min(ends) - step, clock.perf_counter() - began)
         step = min(ends)
         writer.look()

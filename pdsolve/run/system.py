@@ -94,13 +94,9 @@ class System:
         """Summary of finer nodes that come and go; None without any."""
         return self.operator.zone_summary() if isinstance(self.operator, Moving | Leaves | SpaceHybrid) else None
 
-    def go_on(self, state: State, first: int, last: int) -> None:
-        """Take the steps `first` to `last` - 1; the state is that after them once it is fetched."""
-        (self.stepper.go_on if isinstance(self.stepper, FusedMarch) else self.stepper.march)(state, first, last)
-
     def fetch(self) -> None:
-        """Bring the state up to the steps taken, if a device or a moving fine zone takes them."""
-        if isinstance(self.stepper, OnDevice | FusedMarch):
+        """Bring the state up to the steps taken, if a device takes them."""
+        if isinstance(self.stepper, OnDevice):
             self.stepper.fetch()
 
     def load_time(self, step: int) -> float:
