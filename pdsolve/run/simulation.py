@@ -372,9 +372,8 @@ def _march(notes: Recorder, writer: Behind, watch: Watcher | None, adapt: Adapt 
             change = adapt.epoch(notes.system, notes.state, step) if step % adapt.every == 0 else None
             if change is not None:
                 notes.follow(step, change)
-        system = notes.system
         looks = min(looks, _grown(notes, step, run.steps))
-        chunk = pace.steps(EVERY if system.hybrid else 1, int(PATIENCE / max(system.bonds, 1)))
+        chunk = pace.steps(EVERY if notes.system.hybrid else 1, int(PATIENCE / max(notes.system.bonds, 1)))
         ends = (step + chunk, looks, _next(step, run.every), _next(step, run.ledger or run.every), run.steps)
         began = clock.perf_counter()
         notes.march(step + 1, min(ends) + 1)
@@ -382,10 +381,10 @@ def _march(notes: Recorder, writer: Behind, watch: Watcher | None, adapt: Adapt 
         step = min(ends)
         writer.look()
         noted = step in ends[2:]
-        interrupted = asked() and (noted or _can_stop(system, step, pace.is_soon(min(ends[2:]) - step)))
+        interrupted = asked() and (noted or _can_stop(notes.system, step, pace.is_soon(min(ends[2:]) - step)))
         if noted:
             _take(notes, looked, step)
-            system, looked = notes.system, step
+            looked = step
             done = _is_enough(notes, step)
         whole = step % run.every == 0 or step == run.steps or done
         if whole or interrupted or (noted and notes.is_old):
@@ -430,10 +429,7 @@ def _grown(notes: Recorder, step: int, last: int) -> int:
 
 def _take(notes: Recorder, before: int, step: int) -> None:
     """Record this step, and the motion of a fine zone since the step `before`."""
-    hybrid = notes.system.hybrid
-    if hybrid is not None and not hybrid.current:
-        notes.let_go()
-    change = zone_moved(notes.system) if hybrid is not None else None
+    change = zone_moved(notes.system, state=False) if notes.system.hybrid is not None else None
     if change is not None:
         notes.follow(before, change)
     notes.take(step)

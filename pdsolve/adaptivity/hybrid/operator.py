@@ -33,6 +33,7 @@ from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, BELOW_COARSE, COARS
 from pdsolve.adaptivity.hybrid.node_rows import of_nodes
 from pdsolve.adaptivity.two_lattice_operator import Sums, TwoLatticeOperator
 from pdsolve.model import Model
+from pdsolve.operators.protocol import Kept
 from pdsolve.operators.simd_lattice.lanes import ROW
 from pdsolve.state import Broken, State
 
@@ -42,6 +43,8 @@ if TYPE_CHECKING:
 
 TOGETHER = 2**16  # coarse nodes that are read together
 BITS = np.array([bits.bit_count() for bits in range(256)], dtype=np.int16)  # set in a byte
+
+NOTHING = Broken(*np.zeros((3, 0), dtype=np.int64))
 
 
 class HybridOperator(TwoLatticeOperator[Hybrid]):
@@ -53,6 +56,7 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
     def __init__(self, hybrid: Hybrid, cut: NDArray[np.int64]) -> None:
         """`cut` is the number of bonds that pre-cracks cut, of irregular nodes and, last, of others."""
         self.hybrid, self._cut, self._strain = hybrid, cut, 0.0
+        self._broken = NOTHING  # bonds whose rows are known
         zone = hybrid.zone
         own, coarse = zone.fine, hybrid.active(zone.coarse, zone.number[COARSE_ROWS])
         places = (own.rows[: zone.number[ROWS], None] * ROW + np.arange(ROW)).ravel()
@@ -184,6 +188,11 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
     def changed(self) -> HybridOperator | None:
         """The operator on the current nodes if they have changed, else None."""
         return None if self.current else HybridOperator(self.hybrid, self._cut)
+
+    def back(self, kept: Kept, broken: Broken) -> None:
+        """Restore a checkpoint; see `TwoLatticeOperator`."""
+        self._broken = NOTHING
+        super().back(kept, broken)
 
     def _gather(self, of: Callable[[Nodes, NDArray[np.int64]], NDArray[np.float64]], out: NDArray[np.float64]) -> None:
         """Gather nodal values of both lattices in out (n, 2); `of` returns (2, k) values of a lattice's nodes at
@@ -318,9 +327,15 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
     def broken(self, after: int = 0) -> Broken:
         """Bonds broken after a step: step, source row and target row of each."""
         step, node, spring = self.hybrid.broken()
-        new = np.flatnonzero(step > after)
-        source, target = (self._rows_of(ends) for ends in (node[new], node[new] + self.hybrid.ground.ways[spring[new]]))
-        return Broken(step[new].astype(np.int64), source, target)
+        known = self._broken  # more have broken since, if any
+        node, spring = node[len(known.step) :], spring[len(known.step) :]
+        more = step[len(known.step) :].astype(np.int64), self._rows_of(node)
+        other = self._rows_of(node + self.hybrid.ground.ways[spring])
+        if len(node):
+            known = Broken(*map(np.concatenate, zip(known, (*more, other), strict=True)))
+            self._broken = known
+        new = known.step > after
+        return Broken(*(column[new] for column in known))
 
 
 def _absent(some: NDArray[np.int64], others: NDArray[np.int64]) -> NDArray[np.bool_]:
