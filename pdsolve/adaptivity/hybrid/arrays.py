@@ -235,21 +235,23 @@ def zone_of(
 
 def grown(zone: Zone) -> Zone:
     """The zone in arrays with room for twice as many entries."""
+    fine, number = zone.fine, zone.number
 
-    def twice(array: Any) -> NDArray[Any]:
+    def twice(array: Any, used: int) -> NDArray[Any]:
         more = reserved(2 * len(array), *array.shape[1:], of=array.dtype)
-        more[: len(array)] = array
+        more[:used] = array[:used]
         return more
 
+    rows = int(number[ENTRIES]) + 1  # the next one may have been begun
     return zone._replace(
-        fine=zone.fine._replace(
-            own=twice(zone.fine.own),
-            edge=twice(zone.fine.edge),
-            masks=twice(zone.fine.masks),
-            masked=twice(zone.fine.masked),
+        fine=fine._replace(
+            own=twice(fine.own, rows),
+            edge=twice(fine.edge, rows),
+            masks=twice(fine.masks, rows),
+            masked=twice(fine.masked, rows),
         ),
-        pieces=Pieces(*map(twice, zone.pieces)),
-        spare=Pieces(*map(twice, zone.spare)),
-        border=Border(*map(twice, zone.border)),
-        breaks=Breaks(*map(twice, zone.breaks)),
+        pieces=Pieces(*(twice(array, number[PIECES]) for array in zone.pieces)),
+        spare=Pieces(*(twice(array, 0) for array in zone.spare)),
+        border=Border(*(twice(array, number[BORDERS]) for array in zone.border)),
+        breaks=Breaks(*(twice(array, number[BREAKS]) for array in zone.breaks)),
     )
