@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numba import njit
@@ -145,9 +145,16 @@ def _depths(grid: Grid, rows: NDArray[np.int64]) -> NDArray[np.float64]:
     return np.asarray(tree_of(others).query(position)[0])
 
 
+class Areas(Protocol):
+    """Areas of the cells of nodes, m^2, or volumes, by their rows in the grid."""
+
+    def __getitem__(self, rows: NDArray[np.int64], /) -> NDArray[np.float64]:
+        """Areas (k,) of these rows (k,)."""
+
+
 def drive(
     model: Model,
-    areas: NDArray[np.float64],
+    areas: Areas,
     exact_total: bool,
     kind: type[np.floating],
     own: slice = slice(None),
@@ -256,7 +263,7 @@ def hold_values(drive: Drive, value: NDArray[np.float64], time: float) -> None:
 
 def put_loads(drive: Drive, time: float) -> None:
     """Apply the body forces of `time`, s, once, without compiling `apply_loads`."""
-    drive.force[:] = 0
+    drive.force[drive.loads.node, drive.loads.axis] = 0
     _add_loads(drive, time, drive.force)
 
 
@@ -279,7 +286,7 @@ def _body_force(
     load: Load,
     rows: NDArray[np.int64],
     model: Model,
-    sizes: tuple[NDArray[np.float64], Callable[[NDArray[np.float64]], float]],
+    sizes: tuple[Areas, Callable[[NDArray[np.float64]], float]],
     exact_total: bool,
 ) -> NDArray[np.float64]:
     """Body force (rows, d), N/m^3, of a load at factor 1; `sizes` are the nodes' areas and what adds them up."""

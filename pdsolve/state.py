@@ -31,6 +31,11 @@ class State(NamedTuple):
     damped: NDArray[np.float64]  # (n,) taken from the node's motion by damping so far, J/m^3
 
 
+def nothing(width: int) -> State:
+    """The state of no nodes, with so many components."""
+    return State(*np.zeros((3, 0, width)), *np.zeros((3, 0)))
+
+
 class Broken(NamedTuple):
     """Broken bonds, k of them; a bond in the families of both its nodes appears twice."""
 

@@ -116,7 +116,7 @@ class WholeLattice(Grid):
             position=np.column_stack([along[one] for along, one in zip(self._lines(), at, strict=True)]),
             delta=self.delta[rows],
             border=np.logical_or.reduce(ends),
-            hole_id=self.hole_id[rows],
+            hole_id=np.broadcast_to(np.int64(-1), len(rows)) if not any(self.hole_id.strides) else self.hole_id[rows],
             areas=cells,
             **self._shapes(),
         )

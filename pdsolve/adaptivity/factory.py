@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
-from pdsolve.adaptivity.collocation.operator import CollocationOperator
-from pdsolve.adaptivity.collocation.prepare import collocation_of
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.adaptivity.hybrid.prepare import hybrid_of
 from pdsolve.model import Model
 
-Moving = HybridOperator | CollocationOperator
+if TYPE_CHECKING:
+    from pdsolve.adaptivity.collocation.operator import CollocationOperator
+
+    Moving = HybridOperator | CollocationOperator
 
 
 def moving_of(
@@ -21,5 +23,7 @@ def moving_of(
     Raises ModelError for a model that the method does not support.
     """
     if model.settings.run.adapt == "collocation":
+        from pdsolve.adaptivity.collocation.prepare import collocation_of  # few runs need it
+
         return collocation_of(model, mode, precision, step_of, threads)
     return hybrid_of(model, mode, precision, step_of, threads)

@@ -158,6 +158,10 @@ class FusedMarch:
 
         Raises UnstableError.
         """
-        self._operator.hybrid.march(first, last)
+        self.go_on(first, last)
         if self._operator.current:
             self._operator.sync(state)
+
+    def go_on(self, first: int, last: int) -> None:
+        """Take the steps `first` to `last` - 1, after which the operator has the state. Raises UnstableError."""
+        self._operator.hybrid.march(first, last)

@@ -20,6 +20,7 @@ from pdsolve.state import Broken
 
 AROUND = 4  # nodes next to a node, of which two and the node are a triangle to look at
 TOGETHER = 1000  # nodes whose bonds are asked for at once
+PART = 2**16  # nodes or triangles that are looked at together
 LINES = 2  # of a lattice: nodes on it may be that far from those beside them
 ON_LATTICE = 1e-6  # spacings: nodes this near to a lattice are on it
 FLAT = 0.1  # of a spacing squared: neighbours that span less are in line with the node
@@ -117,14 +118,14 @@ class MotionChecks:
             own = (found.row >= low) & (found.row < high)
             self._triangles = _Triangles(found.row[own], found.one[own], found.other[own], found.twice[own])
         rows, one, other, before = self._triangles
-        place = position + u
-        now = _cross(place[one] - place[rows], place[other] - place[rows])
-        turned = np.flatnonzero(before * now <= 0)
+        turned = np.flatnonzero(before * _twice(lambda some: position[some] + u[some], rows, one, other) <= 0)
         near = np.zeros(len(position), dtype=bool)
         near[rows[turned]] = True
         gone = (len(position) * broken.source + broken.target)[near[broken.source]]
         for end in (one, other):
-            turned = turned[~np.isin(len(position) * rows[turned] + end[turned], gone, assume_unique=True)]
+            turned = turned[
+                ~np.isin(len(position) * rows[turned].astype(np.int64) + end[turned], gone, assume_unique=True)
+            ]
         if len(turned := self._bonded(turned)):
             return ", ".join(named(self._model, int(corner[turned[0]])) for corner in (rows, one, other))
         return None
@@ -138,7 +139,8 @@ class MotionChecks:
             here = np.flatnonzero(rows[turned] // TOGETHER == part)
             source, target = self._bonds(part * TOGETHER, min((part + 1) * TOGETHER, nodes))
             keys, some = nodes * source + target, turned[here]
-            bonded = [np.isin(nodes * rows[some] + end[some], keys, assume_unique=True) for end in (one, other)]
+            own = nodes * rows[some].astype(np.int64)
+            bonded = [np.isin(own + end[some], keys, assume_unique=True) for end in (one, other)]
             kept[here] = bonded[0] & bonded[1]
         before[turned[~kept]] = np.nan
         return np.asarray(turned[kept])
@@ -147,9 +149,9 @@ class MotionChecks:
 class _Triangles(NamedTuple):
     """For each node, a triangle with two of its nearest nodes not in line with it; t of them."""
 
-    row: NDArray[np.int64]  # (t,)
-    one: NDArray[np.int64]  # (t,)
-    other: NDArray[np.int64]  # (t,)
+    row: NDArray[np.integer]  # (t,)
+    one: NDArray[np.integer]  # (t,)
+    other: NDArray[np.integer]  # (t,)
     twice: NDArray[np.float64]  # (t,) twice its area, m^2, with the sign of its sense
 
 
@@ -158,45 +160,72 @@ def _triangles(position: NDArray[np.float64], flat: float) -> _Triangles:
     arms = _arms(position)
     if arms is not None:
         one, other = arms
-        twice = _cross(position[one] - position, position[other] - position)
+        twice = _twice(position.__getitem__, np.arange(len(position), dtype=np.int32), one, other)
     else:
         near = tree_of(position).query(position, min(AROUND + 1, len(position)))[1][:, 1:]
-        one, other = np.zeros((2, len(position)), dtype=np.int64)
+        one, other = np.zeros((2, len(position)), dtype=np.int32)
         twice = np.zeros(len(position))
         for first, second in combinations(near.T, 2):
             here = _cross(position[first] - position, position[second] - position)
             larger = np.abs(here) > np.abs(twice) * (1 + ROUND_OFF)
             one[larger], other[larger], twice[larger] = first[larger], second[larger], here[larger]
-    rows = np.flatnonzero(np.abs(twice) >= flat)
+    rows = np.flatnonzero(np.abs(twice) >= flat).astype(np.int32)
     return _Triangles(rows, one[rows], other[rows], twice[rows])
 
 
-def _arms(position: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.int64]] | None:
-    """Nodes (n,) beside each one along x and along y, itself where there are none; None off a square lattice.
+def _twice(
+    place: Callable[[NDArray[np.integer]], NDArray[np.floating]],
+    rows: NDArray[np.integer],
+    one: NDArray[np.integer],
+    other: NDArray[np.integer],
+) -> NDArray[np.float64]:
+    """Twice the areas (t,) of triangles, m^2; `place` returns where rows (k,) are (k, 2), m."""
+    found = np.zeros(len(rows))
+    for first in range(0, len(rows), PART):
+        some = slice(first, first + PART)
+        here = place(rows[some])
+        found[some] = _cross(place(one[some]) - here, place(other[some]) - here)
+    return found
 
-    Nodes are row by row on a lattice, of which some may be missing; the nearest one within `LINES` spacings counts.
-    """
-    low, nodes = position.min(axis=0), np.arange(len(position))
+
+def _keys(position: NDArray[np.float64]) -> tuple[NDArray[np.int64], int] | None:
+    """Numbers (n,) of nodes on a square lattice, row by row, and the step from a row to the next; None off one."""
+    low = position.min(axis=0)
     along = np.diff(position[:, 0])
     spacing = float(along[along > 0].min(initial=np.inf))
     if not np.isfinite(spacing):
         return None
-    place = (position - low) / spacing
-    column, row = np.rint(place).astype(np.int64).T
-    if np.abs(place - np.column_stack([column, row])).max() > ON_LATTICE:
+    stride = int(np.rint((position[:, 0].max() - low[0]) / spacing)) + LINES + 1
+    key = np.zeros(len(position), dtype=np.int64)
+    for first in range(0, len(position), PART):
+        place = (position[first : first + PART] - low) / spacing
+        whole = np.rint(place)
+        if np.abs(place - whole).max() > ON_LATTICE:
+            return None
+        key[first : first + PART] = whole[:, 1].astype(np.int64) * stride + whole[:, 0].astype(np.int64)
+    return None if (np.diff(key) <= 0).any() else (key, stride)
+
+
+def _arms(position: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArray[np.int32]] | None:
+    """Nodes (n,) beside each one along x and along y, itself where there are none; None off a square lattice.
+
+    Nodes are row by row on a lattice, of which some may be missing; the nearest one within `LINES` spacings counts.
+    """
+    keys = _keys(position)
+    if keys is None:
         return None
-    stride = int(column.max()) + LINES + 1
-    key = row * stride + column
-    if (np.diff(key) <= 0).any():
-        return None
-    found = []
-    for step in (1, stride):
-        arm = nodes.copy()
-        for far in (way * lines * step for lines in range(1, LINES + 1) for way in (1, -1)):
-            left = np.flatnonzero(arm == nodes)
-            at = np.minimum(np.searchsorted(key, key[left] + far), len(key) - 1)
-            arm[left] = np.where(key[at] == key[left] + far, at, left)
-        found.append(arm)
+    key, stride = keys
+    found = np.zeros((2, len(key)), dtype=np.int32)
+    for step, arms in zip((1, stride), found, strict=True):
+        for first in range(0, len(key), PART):
+            nodes = np.arange(first, min(first + PART, len(key)))
+            arm = nodes.copy()
+            for far in (way * lines * step for lines in range(1, LINES + 1) for way in (1, -1)):
+                left = nodes[arm == nodes]
+                wanted = key[left] + far
+                at = np.minimum(np.searchsorted(key, wanted), len(key) - 1)
+                arm[left - first] = np.where(key[at] == wanted, at, left)
+            arms[first : first + PART] = arm
     return found[0], found[1]
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pdsolve.operators.protocol import Kept
 from pdsolve.run.system import Prepared, System, moved
-from pdsolve.state import State
+from pdsolve.state import State, nothing
 
 
 class Change(NamedTuple):
@@ -39,15 +39,18 @@ class Adapt(Protocol):
         """
 
 
-def zone_moved(system: System) -> Change | None:
-    """The nodes of a moving fine zone if they have changed since the last call; else None."""
+def zone_moved(system: System, state: bool = True) -> Change | None:
+    """The nodes of a moving fine zone if they have changed since the last call; else None.
+
+    Without `state`, that of the change is of no nodes.
+    """
     assert system.hybrid is not None
     before, shown = system.hybrid, system.hybrid.changed()
     if shown is None:
         return None
     row = np.minimum(np.searchsorted(before.places, shown.places), len(before.places) - 1)
     same = (before.places[row] == shown.places) & (before.signature[row] == shown.signature)
-    return Change(moved(system, shown), shown.state(), np.where(same, row, -1))
+    return Change(moved(system, shown), shown.state() if state else nothing(2), np.where(same, row, -1))
 
 
 def zone_back(system: System, kept: Kept) -> Prepared:

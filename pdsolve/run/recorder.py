@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pdsolve.adaptivity.two_lattice_operator import FusedMarch
 from pdsolve.checkpoint_validation import entry, expect_broken, expect_found, like
 from pdsolve.conditions import put_loads
 from pdsolve.diffusion.mass_accounts import MassAccounts
@@ -24,7 +25,7 @@ from pdsolve.run.measures import Asked, ask, bodies, fields, pieces
 from pdsolve.run.motion_accounts import MotionAccounts
 from pdsolve.run.node_changes import Change
 from pdsolve.run.system import System
-from pdsolve.state import Broken, State
+from pdsolve.state import Broken, State, nothing
 from pdsolve.steppers.load_steps import Rested
 from pdsolve.steppers.stepped_rest import SteppedRest
 
@@ -82,7 +83,9 @@ def _until(step: int, broken: Broken) -> Broken:
 def checkpoint(system: System, state: State) -> dict[str, NDArray[Any]]:
     """A copy of everything a resumed run needs to continue bit by bit, except the broken bonds."""
     of_bonds = dict(system.operator.keep())  # before the state, which it may bring up to date
-    here = {**state._asdict(), "held_force": system.drive.held_force}
+    here = {"held_force": system.drive.held_force}
+    if system.hybrid is None:  # whose operator has the state
+        here |= state._asdict()
     if system.load_steps is not None:
         here["rested"] = system.load_steps.keep()
     if isinstance(system.stepper, SteppedRest):
@@ -113,7 +116,7 @@ def cloud(system: System) -> dict[str, NDArray[Any]]:
 
 def restore(system: System, state: State, step: int, kept: Mapping[str, NDArray[Any]], broken: Breaks) -> None:
     """Restore the state after `step` with the bonds `broken` until then. Raises CheckpointError."""
-    for name, values in state._asdict().items():
+    for name, values in state._asdict().items() if system.hybrid is None else ():  # which has gone back with it
         values[:] = like(kept, name, values)
     system.drive.held_force[:] = like(kept, "held_force", system.drive.held_force)
     nodes = len(system.family)
@@ -228,6 +231,24 @@ class Recorder:
         """Step of the last broken bond known at the last record; 0 without any."""
         return int(self.now.broken.step.max(initial=self._latest))
 
+    def march(self, first: int, last: int) -> None:
+        """Take the steps `first` to `last` - 1; with a moving fine zone there is no state before it is asked for."""
+        if isinstance(self.system.stepper, FusedMarch):
+            self.let_go()
+            self.system.stepper.go_on(first, last)
+        else:
+            self.system.stepper.march(self.state, first, last)
+
+    def let_go(self) -> None:
+        """Forget the state, which the operator of a moving fine zone has."""
+        self.state = nothing(2)
+
+    def _fetch(self) -> None:
+        """Bring the state up to the steps taken."""
+        self.system.fetch()
+        if self.system.hybrid is not None and not len(self.state.value):
+            self.state = self.system.hybrid.state()
+
     def follow(self, step: int, change: Change) -> None:
         """Continue with the nodes changed after `step`, and record births and deaths."""
         before, (system, self.state, origin) = self.system, change
@@ -255,15 +276,17 @@ class Recorder:
 
     def settle(self, step: int) -> None:
         """Bring the accounts to this step."""
-        self.accounts.settle(self.state, step, self._asked(step))
+        asked = self._asked(step)
+        self.accounts.settle(self.state, step, asked)
 
     def take(self, step: int) -> None:
         """Record this step in the accounts. Raises UnstableError."""
-        self.accounts.take(self.state, step, self._asked(step))
+        asked = self._asked(step)
+        self.accounts.take(self.state, step, asked)
 
     def _asked(self, step: int) -> Asked:
         """What the operator says of the state after this step, asked once."""
-        self.system.fetch()
+        self._fetch()
         if step != self.step:
             self.now, self.step = ask(self.system, self.state), step
         return self.now
@@ -274,12 +297,17 @@ class Recorder:
         `whole` adds the fields, after a recorded step; `state` adds a checkpoint now, otherwise only when it is due.
         """
         system = self.system
-        system.fetch()
+        self._fetch()
         state |= clock.perf_counter() - self._kept > KEPT
         if state:
             self._kept = clock.perf_counter()
         asked = self.now if self.step == step else None
-        found = fields(system, self.state, system.asked.settings.run.fields, asked) if whole else {}
+        found = {}
+        if whole:
+            names = system.asked.settings.run.fields
+            found = {name: of.astype("<f4") for name, of in fields(system, self.state, names, asked).items()}
+        if isinstance(system.stepper, FusedMarch):
+            self.let_go()
         kept = checkpoint(system, self.state) if state else None
         if kept is not None and self._changes:
             kept |= cloud(system)
@@ -287,7 +315,7 @@ class Recorder:
         frame = Frame(
             step=step,
             time=step * system.time_step,
-            fields={name: values.astype("<f4") for name, values in found.items()} if whole else None,
+            fields=found if whole else None,
             breaks=Breaks(*map(np.concatenate, zip(*broken, strict=True))),
             ledger=(),
             probes=(),

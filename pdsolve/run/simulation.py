@@ -119,12 +119,18 @@ def _anew(model: Model, late: LateZoneError) -> Model:
 
 def _solve(model: Model, options: Options, request: Request) -> Results:
     """Solve a model from its start. Raises LateZoneError besides."""
+    notes, request = _noted(model, options, request)
+    return _begin(notes, request)
+
+
+def _noted(model: Model, options: Options, request: Request) -> tuple[Recorder, Request]:
+    """The records of a run that begins, which alone keep its system and its state."""
     found = _prepared(model, options)
     system, state = started(found) if model.settings.run.start == "static" else found
     advise_unused(model)
     if system.transport is None:
         advise(system.model, system.unbonded, system.scheme.partial_cells, system.scheme.symmetric)
-    return _run(system, state, request)
+    return _records(system, state, request)
 
 
 def _prepared(model: Model, options: Options) -> Prepared:
@@ -151,21 +157,23 @@ def run(
 ) -> Results:
     """Solve a prepared model; arguments are those of `simulate`. Raises UnstableError, ResultsError."""
     with _alone(output):
-        return _run(system, state, Request(output, watch, provenance, adapt))
+        return _begin(*_records(system, state, Request(output, watch, provenance, adapt)))
 
 
-def _run(system: System, state: State, request: Request) -> Results:
+def _records(system: System, state: State, request: Request) -> tuple[Recorder, Request]:
     request = request._replace(adapt=request.adapt or changing(system))
-    return _begin(_recorder(system, state, None, _changes(system, request.adapt)), request)
+    return _recorder(system, state, None, _changes(system, request.adapt)), request
 
 
 def _begin(notes: Recorder, request: Request) -> Results:
     """Solve a new run from the state of its records."""
     notes.divide(request.output)
-    system = notes.system  # whose nodes may have changed when the writer is made
+    start = [notes.system]  # whose nodes may have changed when the writer is made
 
     def new() -> Writer:
-        return notes.writer(system, request.output, meta(notes, request.provenance))
+        made = notes.writer(start[0], request.output, meta(notes, request.provenance))
+        start.clear()
+        return made
 
     return _finish(notes, new, request)
 
@@ -266,11 +274,11 @@ def _resume(output: Path, request: Request) -> Results:
             results.close()
             return _finish(ranked, make, request)
         known, (step, kept) = results.nodes(0), results.checkpoint()
-        if not kept.keys() >= set(State._fields):
+        system, state = prepare(model, options)
+        if system.hybrid is None and not kept.keys() >= set(State._fields):
             raise ResultsError(
                 f"{output}: found a checkpoint by {meta['program']}, expected this version's; solve it anew"
             )
-        system, state = prepare(model, options)
         adapt = request.adapt or changing(system)
         same = float(meta["time_step"]) == system.time_step and np.array_equal(known.family, system.family)
         if not same or not np.array_equal(known.cut, system.family - system.count):
@@ -364,20 +372,19 @@ def _march(notes: Recorder, writer: Behind, watch: Watcher | None, adapt: Adapt 
             change = adapt.epoch(notes.system, notes.state, step) if step % adapt.every == 0 else None
             if change is not None:
                 notes.follow(step, change)
-        system = notes.system
         looks = min(looks, _grown(notes, step, run.steps))
-        chunk = pace.steps(EVERY if system.hybrid else 1, int(PATIENCE / max(system.bonds, 1)))
+        chunk = pace.steps(EVERY if notes.system.hybrid else 1, int(PATIENCE / max(notes.system.bonds, 1)))
         ends = (step + chunk, looks, _next(step, run.every), _next(step, run.ledger or run.every), run.steps)
         began = clock.perf_counter()
-        system.stepper.march(notes.state, step + 1, min(ends) + 1)
+        notes.march(step + 1, min(ends) + 1)
         pace.took(min(ends) - step, clock.perf_counter() - began)
         step = min(ends)
         writer.look()
         noted = step in ends[2:]
-        interrupted = asked() and (noted or _can_stop(system, step, pace.is_soon(min(ends[2:]) - step)))
+        interrupted = asked() and (noted or _can_stop(notes.system, step, pace.is_soon(min(ends[2:]) - step)))
         if noted:
             _take(notes, looked, step)
-            system, looked = notes.system, step
+            looked = step
             done = _is_enough(notes, step)
         whole = step % run.every == 0 or step == run.steps or done
         if whole or interrupted or (noted and notes.is_old):
@@ -422,7 +429,7 @@ def _grown(notes: Recorder, step: int, last: int) -> int:
 
 def _take(notes: Recorder, before: int, step: int) -> None:
     """Record this step, and the motion of a fine zone since the step `before`."""
-    change = zone_moved(notes.system) if notes.system.hybrid is not None else None
+    change = zone_moved(notes.system, state=False) if notes.system.hybrid is not None else None
     if change is not None:
         notes.follow(before, change)
     notes.take(step)

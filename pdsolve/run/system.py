@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.adaptivity.factory import Moving
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.adaptivity.hybrid.space.operator import SpaceHybrid
 from pdsolve.adaptivity.quadtree.operator import Leaves
-from pdsolve.adaptivity.two_lattice_operator import FusedMarch
+from pdsolve.adaptivity.two_lattice_operator import FusedMarch, TwoLatticeOperator
 from pdsolve.conditions import (
     Drive,
 )
@@ -35,6 +34,7 @@ from pdsolve.steppers.stepped_rest import SteppedRest
 from pdsolve.steppers.verlet_on_device import VerletOnDevice
 
 if TYPE_CHECKING:
+    from pdsolve.adaptivity.factory import Moving
     from pdsolve.crack_growth.growth import Growth
 
 OnDevice = VerletOnDevice | EulerOnDevice  # what takes steps on a device, of a motion or of a content
@@ -81,7 +81,7 @@ class System:
     @property
     def hybrid(self) -> Moving | None:
         """The operator if it has a moving fine zone and its own energy ledger; otherwise None."""
-        return self.operator if isinstance(self.operator, Moving) else None
+        return cast("Moving", self.operator) if isinstance(self.operator, TwoLatticeOperator) else None
 
     @property
     def load_steps(self) -> LoadSteps | None:
@@ -92,7 +92,9 @@ class System:
     @property
     def zone_summary(self) -> ZoneSummary | None:
         """Summary of finer nodes that come and go; None without any."""
-        return self.operator.zone_summary() if isinstance(self.operator, Moving | Leaves | SpaceHybrid) else None
+        if self.hybrid is not None:
+            return self.hybrid.zone_summary()
+        return self.operator.zone_summary() if isinstance(self.operator, Leaves | SpaceHybrid) else None
 
     def fetch(self) -> None:
         """Bring the state up to the steps taken, if a device takes them."""

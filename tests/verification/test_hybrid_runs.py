@@ -90,9 +90,9 @@ def test_a_struck_plate_breaks_as_the_uniform_one() -> None:
         for step in range(1, 171, 10):
             problem.march(step, step + 10)
             if adapt == "hybrid":
-                bits = hybrid(problem).zone.bits.copy()
-                assert seen is None or not (bits & ~seen).any()
-                seen = bits
+                lost = hybrid(problem).zone.lost.copy()
+                assert seen is None or not (seen & ~lost).any()
+                seen = lost
         system, state = followed(problem)
         found[adapt], broken = books(system, state, 170), system.operator.broken()
         first[adapt] = int(broken.step.min())

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import mmap
+import sys
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.lattice import Lattice
+from pdsolve.adaptivity.hybrid.node_rows import NodeRows
 from pdsolve.adaptivity.hybrid.springs import Stretches
 from pdsolve.codegen.vector_code import ROW
 
@@ -43,22 +45,20 @@ class LatticeConstants(NamedTuple):
     reach: int  # h, of the family along an axis
     varied: bool  # whether bonds soften, or differ in what breaks them: then `fine.edge` says when to look at them
     dt: float  # s
-    mass: NDArray[np.float64]  # (n,) of the cells of fine nodes, kg/m; 0 where there is none
-    material: NDArray[np.uint8]  # (n,)
+    nodes: NodeRows  # constants of fine nodes
     springs: NDArray[np.float64]  # (materials, k) stiffness of a bond in a full lattice
     bounds: NDArray[np.float64]  # (materials, 3) e of peak and limit, and of a coarse bond that makes cells fine
     least: NDArray[np.float64]  # (3,) the least of each
-    own: NDArray[np.int32]  # (n,) row in `own_springs` of a node that is not like those of a full lattice; -1: it is
     own_springs: NDArray[np.float64]  # (., k)
-    own_peak: NDArray[np.float64]  # (., k) e
+    own_kind: NDArray[np.int32]  # (.,) row in `own_peak` and `own_limit`
+    own_peak: NDArray[np.float64]  # (j, k) e
     own_limit: NDArray[np.float64]
-    cell: NDArray[np.float64]  # (3, c) k1 and k2 of a coarse cell, N/m^2, and a quarter of its mass, kg/m
-    no_fail: NDArray[np.bool_]  # (n,) nodes whose bonds do not break
+    cell: NDArray[np.float64]  # (3, m) k1 and k2 of a coarse cell, N/m^2, and a quarter of its mass, kg/m
+    mix: NDArray[np.int32]  # (c,) which of these each cell has
     coarse_bits: NDArray[np.uint8]  # (q,) coarse bonds that no pre-crack cuts, of the first four springs: inverted
     edge_cut: NDArray[np.float64]  # (2, q) where a pre-crack cuts the edge to the east, and to the north; 0: nowhere
     cut_cells: NDArray[np.bool_]  # (c,) cells that a pre-crack crosses
     cracks: NDArray[np.float64]  # (j, 4) segments in fine spacings
-    damping: NDArray[np.float64] | None  # (n,) 1/s, of fine places; None: nothing is damped
 
 
 class Nodes(NamedTuple):
@@ -125,7 +125,7 @@ class Zone(NamedTuple):
     """The variable arrays of a hybrid plate: cells, bonds, nodes, loads and books."""
 
     cells: NDArray[np.uint8]  # (c,)
-    bits: NDArray[np.uint64]  # (n,) intact bonds, of the first half of the family; of idle nodes too. Never set again
+    lost: NDArray[np.uint64]  # (n,) bonds that have broken, of the first half of the family. Never cleared
     fine: Nodes
     coarse: Nodes
     pieces: Pieces
@@ -152,44 +152,39 @@ class Zone(NamedTuple):
 def nodes_of(
     places: int, springs: int, entries: int, varied: bool = False, swells: bool = False, damps: bool = False
 ) -> Nodes:
-    """Idle nodes, with room for `entries` rows of stiffnesses; untouched memory is not allocated."""
+    """Idle nodes, with room for `entries` rows of stiffnesses, in memory that is taken as it is written."""
     rows = places // ROW
-
-    def zeros(*shape: int) -> NDArray[np.float64]:
-        return _aligned_zeros(shape)
-
+    zeros = reserved
     return Nodes(
         u=zeros(2, 2, places),
         v=zeros(2, places),
         f=zeros(2, places),
         mass=zeros(places),
         light=zeros(places),
-        kind=np.zeros(places, dtype=np.uint8),
-        rows=np.zeros(rows, dtype=np.int64),
+        kind=zeros(places, of=np.uint8),
+        rows=zeros(rows, of=np.int64),
         entry=np.full(rows, -1, dtype=np.int32),
-        own=_seldom_touched(entries, springs, ROW),
-        masks=np.zeros((entries, 2, springs), dtype=np.uint16),
-        masked=np.zeros(entries, dtype=np.bool_),
+        own=zeros(entries, springs, ROW),
+        masks=zeros(entries, 2, springs, of=np.uint16),
+        masked=zeros(entries, of=np.bool_),
         edge=zeros(entries if varied else 0, springs, ROW),
-        touched=np.zeros(rows, dtype=np.bool_),
-        wide=np.zeros(rows, dtype=np.uint8),
+        touched=zeros(rows, of=np.bool_),
+        wide=zeros(rows, of=np.uint8),
         shrink=zeros(places) if swells else None,
         damping=zeros(2, places) if damps else None,
         damped=zeros(places) if damps else None,
     )
 
 
-def _aligned_zeros(shape: tuple[int, ...]) -> NDArray[np.float64]:
-    """Zeros aligned to 64 bytes."""
-    wanted = 8 * int(np.prod(shape))
-    room = np.zeros(wanted + 64, dtype=np.uint8)
-    first = -room.ctypes.data % 64
-    return room[first : first + wanted].view(np.float64).reshape(shape)
+def reserved(*shape: int, of: Any = np.float64) -> NDArray[Any]:
+    """Zeros aligned to 64 bytes in small pages, which are taken as they are written.
 
-
-def _seldom_touched(*shape: int) -> NDArray[np.float64]:
-    """Zeros aligned to 64 bytes in small pages: NumPy asks for large ones, all of which the edges of a plate touch."""
-    return np.frombuffer(mmap.mmap(-1, max(8 * int(np.prod(shape)), 1)), count=int(np.prod(shape))).reshape(shape)
+    NumPy asks for large pages, all of which the edges of a plate touch.
+    """
+    count, size = int(np.prod(shape)), np.dtype(of).itemsize
+    private = {} if sys.platform == "win32" else {"flags": mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS}
+    pages = mmap.mmap(-1, max(count * size, 1), **private)
+    return np.frombuffer(pages, of, count).reshape(shape)
 
 
 def zone_of(
@@ -213,54 +208,50 @@ def zone_of(
     events, nodes = ROW * rows * springs, ROW * rows
     return Zone(
         cells=cells,
-        bits=np.zeros(at.places, dtype=np.uint64),
+        lost=reserved(at.places, of=np.uint64),
         fine=nodes_of(at.places, springs, rows, varied, swells, damps),
         coarse=nodes_of(at.coarse_places, 8, at.coarse_places // ROW, swells=swells, damps=damps),
         pieces=pieces(),
         spare=pieces(),
         border=Border(np.zeros(nodes, np.int64), np.zeros((nodes, 2), np.int64), np.zeros(nodes), np.zeros((nodes, 2))),
         breaks=Breaks(np.zeros(events, np.int32), np.zeros(events, np.int64), np.zeros(events, np.int32)),
-        spent=np.zeros(at.places),
-        stirred=np.zeros(at.places, dtype=np.bool_),
-        stirs=np.zeros(at.places, dtype=np.int64),
+        spent=reserved(at.places),
+        stirred=reserved(at.places, of=np.bool_),
+        stirs=reserved(at.places, of=np.int64),
         loads=nothing,
         holds=nothing,
-        mark=np.zeros(at.places, dtype=np.bool_),
-        new=np.zeros(at.cells, dtype=np.int64),
-        dirty=np.zeros(at.places, dtype=np.int64),
-        around=np.zeros(at.coarse_places, dtype=np.int64),
+        mark=reserved(at.places, of=np.bool_),
+        new=reserved(at.cells, of=np.int64),
+        dirty=reserved(at.places, of=np.int64),
+        around=reserved(at.coarse_places, of=np.int64),
         number=np.zeros(15, dtype=np.int64),
         total=np.zeros(5),
-        s=_aligned_zeros((threads, 3 * ROW)),
+        s=reserved(threads, 3 * ROW),
         turns=np.zeros(48, dtype=np.int64),
-        aside=np.zeros((threads, 2 * at.places // ROW), dtype=np.int64),
+        aside=reserved(threads, 2 * at.places // ROW, of=np.int64),
         asides=np.zeros(8 * threads, dtype=np.int64),
     )
 
 
 def grown(zone: Zone) -> Zone:
     """The zone in arrays with room for twice as many entries."""
+    fine, number = zone.fine, zone.number
 
-    def twice(array: Any) -> NDArray[Any]:
-        more = np.zeros((2 * len(array), *array.shape[1:]), dtype=array.dtype)
-        more[: len(array)] = array
+    def twice(array: Any, used: int) -> NDArray[Any]:
+        more = reserved(2 * len(array), *array.shape[1:], of=array.dtype)
+        more[:used] = array[:used]
         return more
 
+    rows = int(number[ENTRIES]) + 1  # the next one may have been begun
     return zone._replace(
-        fine=zone.fine._replace(
-            own=_aligned_twice(zone.fine.own),
-            edge=_aligned_twice(zone.fine.edge),
-            masks=twice(zone.fine.masks),
-            masked=twice(zone.fine.masked),
+        fine=fine._replace(
+            own=twice(fine.own, rows),
+            edge=twice(fine.edge, rows),
+            masks=twice(fine.masks, rows),
+            masked=twice(fine.masked, rows),
         ),
-        pieces=Pieces(*map(twice, zone.pieces)),
-        spare=Pieces(*map(twice, zone.spare)),
-        border=Border(*map(twice, zone.border)),
-        breaks=Breaks(*map(twice, zone.breaks)),
+        pieces=Pieces(*(twice(array, number[PIECES]) for array in zone.pieces)),
+        spare=Pieces(*(twice(array, 0) for array in zone.spare)),
+        border=Border(*(twice(array, number[BORDERS]) for array in zone.border)),
+        breaks=Breaks(*(twice(array, number[BREAKS]) for array in zone.breaks)),
     )
-
-
-def _aligned_twice(array: NDArray[np.float64]) -> NDArray[np.float64]:
-    more = _aligned_zeros((2 * len(array), *array.shape[1:]))
-    more[: len(array)] = array
-    return more

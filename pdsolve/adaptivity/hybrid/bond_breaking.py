@@ -8,7 +8,7 @@ from numba import njit
 from pdsolve.adaptivity.hybrid.arrays import BREAKS, DISSIPATED, STIRS
 from pdsolve.adaptivity.hybrid.clipped_bonds import own_entry, share_of, stretch_of
 from pdsolve.adaptivity.hybrid.energy import strain_e
-from pdsolve.adaptivity.hybrid.precracks import peak_and_limit
+from pdsolve.adaptivity.hybrid.precracks import lasts, peak_and_limit
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.laws.pair_laws.bilinear import spent_share
 from pdsolve.operators.simd_lattice.kernel import INNER, displaced
@@ -63,7 +63,7 @@ def break_bonds(ground, zone, u, p0, count, step):  # type: ignore[no-untyped-de
         for k in range(2 * half):
             entry, j, lane = fine.entry[row], p + ground.ways[k], p % ROW
             stiffness = fine.own[entry, k, lane] if entry >= 0 else ground.table[k, 5]
-            if stiffness == 0 or ground.no_fail[p] or ground.no_fail[j]:
+            if stiffness == 0 or lasts(ground, p) or lasts(ground, j):
                 continue
             eta_x, eta_y = displaced(u, fine.shrink, ground.table[k, 0], ground.table[k, 1], p, j)
             e = strain_e(ground.table, k, eta_x, eta_y)
@@ -81,7 +81,7 @@ def break_bonds(ground, zone, u, p0, count, step):  # type: ignore[no-untyped-de
             fine.own[entry, k, lane] = 0.0
             fine.masks[entry, 0, k] &= ~(1 << lane)
             if k < half:
-                zone.bits[p] &= ~(np.uint64(1) << np.uint64(k))
+                zone.lost[p] |= np.uint64(1) << np.uint64(k)
             if peak == limit:
                 eta_x -= ground.dt * (fine.v[0, j] - fine.v[0, p])
                 eta_y -= ground.dt * (fine.v[1, j] - fine.v[1, p])

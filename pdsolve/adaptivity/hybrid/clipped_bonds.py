@@ -23,7 +23,7 @@ from pdsolve.adaptivity.hybrid.lattice import (
     fine_row,
 )
 from pdsolve.adaptivity.hybrid.nodes import end_on
-from pdsolve.adaptivity.hybrid.precracks import has_bond, peak_and_limit, stiffness
+from pdsolve.adaptivity.hybrid.precracks import has_bond, lasts, peak_and_limit, stiffness
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.laws.pair_laws.bilinear import intact_share
 from pdsolve.operators.simd_lattice.kernel import INNER
@@ -89,7 +89,7 @@ def set_row(ground, zone, row):  # type: ignore[no-untyped-def]
     for lane in range(ROW):
         p = row * ROW + lane
         if zone.mark[p]:
-            _set_lane(ground, zone.cells, zone.bits, fine.kind, p, own, lane)
+            _set_lane(ground, zone.cells, zone.lost, fine.kind, p, own, lane)
             if ground.varied and zone.stirred[p]:
                 _soften(ground, p, own, fine.edge[entry], lane)
     masks, alike = fine.masks[entry], not ground.varied
@@ -113,8 +113,7 @@ def _begin_edges(ground, edge, row):  # type: ignore[no-untyped-def]
         for lane in range(ROW):
             p = row * ROW + lane
             j = p + ground.ways[k]
-            lasts = ground.no_fail[p] or ground.no_fail[j]
-            edge[k, lane] = np.inf if lasts else peak_and_limit(ground, p, k)[0]
+            edge[k, lane] = np.inf if lasts(ground, p) or lasts(ground, j) else peak_and_limit(ground, p, k)[0]
 
 
 @njit(**INNER)
@@ -150,14 +149,14 @@ def is_active(kind, row):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _set_lane(ground, cells, bits, kind, p, own, lane):  # type: ignore[no-untyped-def]
+def _set_lane(ground, cells, lost, kind, p, own, lane):  # type: ignore[no-untyped-def]
     at, half = ground.at, len(ground.dx) // 2
     ix, iy = fine_column(at, p), fine_row(at, p)
     active = kind[p] != IDLE
     deep = kind[p] == FREE and surrounded(ground, cells, ix, iy, FINE)
     for k in range(2 * half):
         own[k, lane] = 0.0
-        if active and has_bond(bits, ground.ways, half, p, k):
+        if active and has_bond(ground, lost, p, k):
             part = 1.0 if deep else whole_part(ground, cells, ix, iy, k)
             own[k, lane] = stiffness(ground, p, k) * part
 
@@ -175,7 +174,7 @@ def own_entry(entries, number, row):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def add_pieces(ground, cells, bits, kind, p, pieces, count):  # type: ignore[no-untyped-def]
+def add_pieces(ground, cells, lost, kind, p, pieces, count):  # type: ignore[no-untyped-def]
     """Append the pieces of the bonds that a fine node owns; returns the new number of pieces."""
     at, cut, half = ground.at, ground.cut, len(ground.dx) // 2
     ix, iy = fine_column(at, p), fine_row(at, p)
@@ -183,7 +182,7 @@ def add_pieces(ground, cells, bits, kind, p, pieces, count):  # type: ignore[no-
         return count
     x, y, place = ix >> 1, iy >> 1, ix % 2 + 2 * (iy % 2)
     for k in range(half):
-        if not has_bond(bits, ground.ways, half, p, k):
+        if not has_bond(ground, lost, p, k):
             continue
         first = cut.first[place, k]
         sides = _counts(at, cells, cut, x, y, first, 0) + _counts(at, cells, cut, x, y, first, 1)
@@ -207,7 +206,7 @@ def add_pieces(ground, cells, bits, kind, p, pieces, count):  # type: ignore[no-
                 value[2], value[3] = length * ground.table[k, 0], length * ground.table[k, 1]
                 value[4] = ground.table[k, 4] / length**2
                 value[5] = stiffness(ground, p, k) / (sides * length)
-                value[6] = 0.0 if ground.no_fail[p] or ground.no_fail[p + ground.ways[k]] else 1.0
+                value[6] = 0.0 if lasts(ground, p) or lasts(ground, p + ground.ways[k]) else 1.0
                 count += 1
     return count
 
@@ -247,7 +246,7 @@ def put_pieces(ground, zone, dirty):  # type: ignore[no-untyped-def]
     old, new, count = zone.pieces, zone.spare, zone.number[PIECES]
     kept = pieces = count - count  # a plain 0 would be compiled for once more
     for p in dirty:
-        pieces = add_pieces(ground, zone.cells, zone.bits, zone.coarse.kind, p, new, pieces)
+        pieces = add_pieces(ground, zone.cells, zone.lost, zone.coarse.kind, p, new, pieces)
         zone.mark[p] = True
     for n in range(count):
         if not zone.mark[old.owner[n]]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +22,7 @@ OFF = 1e-6  # spacings: nodes this far from the lattice are not on it
 CLEARANCE = 1e-3  # spacings: a pre-crack this near to a node passes through it
 LARGEST = 6.0  # horizon over spacing: half of a family has a bit of 64 for each bond, families half a spacing wider too
 SAME = 1e-6  # of a cell: areas this near are the same
+STRIP = 2**16  # fine places that are looked at together
 
 
 class Listed(NamedTuple):
@@ -37,7 +40,6 @@ class Plate(NamedTuple):
     at: Lattice
     h: float  # m
     origin: NDArray[np.float64]  # (2,) lower left corner, m
-    there: NDArray[np.bool_]  # (places,) whether there is a node
     cracks: NDArray[np.float64]  # (k, 4) in spacings from the corner
     first: tuple[int, int]  # column and row of the first node
     counts: tuple[int, int]  # columns and rows of nodes
@@ -83,23 +85,62 @@ class Plate(NamedTuple):
             return self.listed.area
         return np.multiply.outer(_halves(self.counts[1]), _halves(self.counts[0])).ravel()
 
-    def areas(self) -> NDArray[np.float64]:
-        """Areas (places,) of the cells of nodes over h^2, 0 without a node; a new array."""
-        found = np.zeros(self.at.places)
+    def has(self, places: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Mask (k,) of the fine places with a node."""
         if self.listed is not None:
-            found[self.listed.place] = self.listed.area
-            return found
+            return np.asarray(self.listed.row[places] >= 0)
+        y, x = np.divmod(places, self.at.stride)
+        y, x = y - BELOW - self.first[1], x - LEFT - self.first[0]
+        return np.asarray((y >= 0) & (y < self.counts[1]) & (x >= 0) & (x < self.counts[0]))
+
+    def rows_in(self, low: int, high: int) -> NDArray[np.int64]:
+        """Rows (high - low, stride) of the grid at the fine places of rows `low` to `high` - 1, -1 without a node."""
+        places = np.arange(low * self.at.stride, high * self.at.stride)
+        return np.where(self.has(places), self.rows_at(places), -1).reshape(-1, self.at.stride)
+
+    def there_in(self, low: int, high: int) -> NDArray[np.bool_]:
+        """Whether there are nodes at these places, as in `rows_in`."""
+        if self.listed is not None:
+            return self.listed.row.reshape(-1, self.at.stride)[low:high] >= 0
         (x, y), (nx, ny) = self.first, self.counts
-        inside = np.s_[BELOW + y : BELOW + y + ny, LEFT + x : LEFT + x + nx]
-        np.multiply(_halves(ny)[:, None], _halves(nx), out=found.reshape(-1, self.at.stride)[inside])
+        row, column = np.arange(low, high) - BELOW - y, np.arange(self.at.stride) - LEFT - x
+        return np.asarray(np.logical_and.outer((row >= 0) & (row < ny), (column >= 0) & (column < nx)))
+
+    def areas_in(self, low: int, high: int) -> NDArray[np.float64]:
+        """Areas of the cells of nodes at these places over h^2, 0 without a node, as in `rows_in`."""
+        if self.listed is not None:
+            rows = self.listed.row.reshape(-1, self.at.stride)[low:high]
+            return np.where(rows >= 0, self.listed.area[rows], 0.0)
+        (x, y), (nx, ny) = self.first, self.counts
+        along, across = np.zeros(self.at.stride), np.zeros(self.at.places // self.at.stride)
+        along[LEFT + x : LEFT + x + nx], across[BELOW + y : BELOW + y + ny] = _halves(nx), _halves(ny)
+        return np.asarray(np.multiply.outer(across[low:high], along))
+
+    def materials_in(self, low: int, high: int) -> NDArray[np.uint8]:
+        """Numbers of the materials of nodes at these places, 0 without one, as in `rows_in`."""
+        found = np.zeros((high - low, self.at.stride), dtype=np.uint8)
+        if self.model.settings.regions:
+            rows = self.rows_in(low, high)
+            found[rows >= 0] = self.model.material_of[rows[rows >= 0]]
         return found
 
-    def materials(self) -> NDArray[np.uint8]:
-        """Number (places,) of the material of each node, 0 without one; without regions it is not touched."""
-        found = np.zeros(self.at.places, dtype=np.uint8)
-        if self.model.settings.regions:
-            found[self.place] = self.model.material_of
-        return found
+
+@dataclass(frozen=True)
+class CellAreas:
+    """Areas of the cells of a plate's nodes, m^2, computed for those that are asked for."""
+
+    plate: Plate
+
+    def __getitem__(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Areas (k,) of rows (k,) of the grid."""
+        return self.plate.areas_of(rows) * self.plate.h**2
+
+
+def strips(rows: int, stride: int, places: int = STRIP) -> Iterator[tuple[int, int]]:
+    """Some of so many rows of `stride` places at a time, about so many `places`: the first, and the one after the
+    last."""
+    high = max(2, places // stride)
+    return ((low, min(low + high, rows)) for low in range(0, rows, high))
 
 
 def _halves(count: int) -> NDArray[np.float64]:
@@ -153,9 +194,7 @@ def _rectangle(model: Model, lattice: Nodes) -> Plate:
     at = lattice_of(nx, ny)
     cracks = (model.grid.cracks - np.tile(origin, 2)) / h
     clear(model, cracks, nx, ny)
-    there = np.zeros((at.places // at.stride, at.stride), dtype=np.bool_)
-    there[BELOW + y : BELOW + y + lattice.rows, LEFT + x : LEFT + x + lattice.columns] = True
-    return Plate(model, at, h, origin, there.ravel(), cracks, (x, y), (lattice.columns, lattice.rows), None)
+    return Plate(model, at, h, origin, cracks, (x, y), (lattice.columns, lattice.rows), None)
 
 
 def _on_lattice(model: Model, h: float, origin: NDArray[np.float64]) -> Plate:
@@ -172,7 +211,7 @@ def _on_lattice(model: Model, h: float, origin: NDArray[np.float64]) -> Plate:
     rows = np.full(at.places, -1, dtype=np.int32)
     rows[place] = np.arange(len(place))
     listed = Listed(place, rows, _areas(model, at, h, place, rows))
-    return Plate(model, at, h, origin, rows >= 0, cracks, (0, 0), (nx + 1, ny + 1), listed)
+    return Plate(model, at, h, origin, cracks, (0, 0), (nx + 1, ny + 1), listed)
 
 
 def _areas(
@@ -207,39 +246,58 @@ def cells_of(plate: Plate, reach: int) -> NDArray[np.uint8]:
 
     An edge along a line between cells cuts none, except at re-entrant corners.
     """
-    at, there = plate.at, plate.there.reshape(-1, plate.at.stride)
-    around, whole = quarters(there), squares(there)
-    away = plate.areas().reshape(there.shape)
-    away -= around / np.float32(4)
-    odd = np.abs(away, out=away) > SAME
-    del away
-    odd |= there & (around == 3)  # where an edge turns inwards
-    some = np.zeros((at.ny // 2, at.nx // 2), dtype=bool)
-    good = np.ones_like(some)
-    for y in range(3):
-        for x in range(3):
-            here = np.s_[BELOW + y : BELOW + y + at.ny - 1 : 2, LEFT + x : LEFT + x + at.nx - 1 : 2]
-            some |= odd[here] & there[here]
-            good &= ~odd[here]
-            if x < 2 and y < 2:
-                some |= whole[here]
-                good &= whole[here]
-    cells = np.where(some, FINE, VOID).astype(np.uint8)
+    at = plate.at
+    some, good = _in_plate(plate)
+    cells = np.where(some, np.uint8(FINE), np.uint8(VOID))
     cells[good] = COARSE
-    if (some & ~good).any():
-        cells[in_disc(some & ~good, (reach + RING + 1) / 2) & good] = FINE
-        cells[in_disc(some & ~good, (reach + 2) / 2) & ~some & ~good] = EMPTY
+    cut = some & ~good
+    if cut.any():
+        cells[in_disc(cut, (reach + RING + 1) / 2) & good] = FINE
+        cells[in_disc(cut, (reach + 2) / 2) & ~some & ~good] = EMPTY
     cells = np.pad(cells, AROUND, constant_values=VOID)
     node_y, node_x = np.divmod(between(plate), at.stride)
     for below, left in ((0, 0), (0, 1), (1, 0), (1, 1)):
         corner = AROUND + (node_y - BELOW - below) // 2, AROUND + (node_x - LEFT - left) // 2
         cells[corner] = np.where(cells[corner] == COARSE, FINE, cells[corner])
-    cells = cells[AROUND:-AROUND, AROUND:-AROUND]
-    rows, columns = np.indices(cells.shape)
     for tip_x, tip_y in tips_of(plate).tolist():
-        near = np.hypot(*(np.maximum(np.abs(np.array([tip_x - 2 * columns - 1, tip_y - 2 * rows - 1])) - 1, 0))) < TIPS
-        cells[near & (cells == COARSE)] = FINE
-    return np.pad(cells, AROUND, constant_values=VOID).ravel()
+        low_x, low_y = (max(int(tip) // 2 - TIPS, 0) + AROUND for tip in (tip_x, tip_y))
+        here = cells[low_y:-AROUND, low_x:-AROUND][: 2 * TIPS, : 2 * TIPS]
+        y, x = np.indices(here.shape) + np.array([low_y - AROUND, low_x - AROUND])[:, None, None]
+        away_x, away_y = (np.maximum(np.abs(tip - 2 * one - 1) - 1, 0) for tip, one in ((tip_x, x), (tip_y, y)))
+        here[(np.hypot(away_x, away_y) < TIPS) & (here == COARSE)] = FINE
+    return cells.ravel()
+
+
+def _in_plate(plate: Plate) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Masks (rows, columns) of the cells with some of the plate, and of those that are whole."""
+    at = plate.at
+    some, good = np.zeros((2, at.ny // 2, at.nx // 2), dtype=bool)
+    good[:] = True
+    for low, high in strips(len(some), at.stride):  # of cells
+        first = BELOW + 2 * low - 1
+        last = first + 2 * (high - low) + 3
+        there, areas = plate.there_in(first, last), plate.areas_in(first, last)
+        around, whole = quarters(there), squares(there)
+        odd = (np.abs(areas - around / np.float32(4)) > SAME) | there & (around == 3)  # where an edge turns inwards
+        for y in range(3):
+            for x in range(3):
+                here = np.s_[1 + y : y + 2 * (high - low) : 2, LEFT + x : LEFT + x + at.nx - 1 : 2]
+                some[low:high] |= odd[here] & there[here]
+                good[low:high] &= ~odd[here]
+                if x < 2 and y < 2:
+                    some[low:high] |= whole[here]
+                    good[low:high] &= whole[here]
+    return some, good
+
+
+def squares_in_cells(plate: Plate) -> NDArray[np.uint8]:
+    """Number (c,) of squares with a node at all four corners, in each cell."""
+    at = plate.at
+    found = np.zeros((at.ny // 2, at.nx // 2), dtype=np.uint8)
+    for low, high in strips(len(found), at.stride):
+        whole = squares(plate.there_in(BELOW + 2 * low, BELOW + 2 * high + 1))[:-1, LEFT : LEFT + at.nx]
+        found[low:high] = whole.reshape(high - low, 2, at.nx // 2, 2).sum(axis=(1, 3))
+    return np.pad(found, AROUND).ravel()
 
 
 def tips_of(plate: Plate) -> NDArray[np.float64]:

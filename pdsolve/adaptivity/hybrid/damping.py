@@ -13,6 +13,7 @@ from numba import types
 from numba.extending import overload
 
 from pdsolve.adaptivity.hybrid.lattice import FREE
+from pdsolve.adaptivity.hybrid.node_rows import of_node
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.operators.simd_lattice.kernel import INNER
 
@@ -80,7 +81,9 @@ def _set_damping(ground, nodes, p, place):  # type: ignore[no-untyped-def]
         return lambda ground, nodes, p, place: None
 
     def put(ground, nodes, p, place):  # type: ignore[no-untyped-def]
-        nodes.damping[0, p] = nodes.damping[1, p] = ground.damping[place] if nodes.kind[p] == FREE else 0.0
+        nodes.damping[0, p] = nodes.damping[1, p] = (
+            of_node(ground.nodes, ground.nodes.damping, place) if nodes.kind[p] == FREE else 0.0
+        )
 
     return put
 

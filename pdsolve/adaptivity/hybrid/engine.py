@@ -28,10 +28,11 @@ from pdsolve.adaptivity.hybrid.arrays import (
     Zone,
 )
 from pdsolve.adaptivity.hybrid.clipped_bonds import stretch_of
-from pdsolve.adaptivity.hybrid.coarse_cells import Plate, squares
+from pdsolve.adaptivity.hybrid.coarse_cells import Plate, squares_in_cells
 from pdsolve.adaptivity.hybrid.energy import held
-from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, BELOW_COARSE, COARSE, FINE, FREE, IDLE, LEFT
+from pdsolve.adaptivity.hybrid.lattice import BELOW, BELOW_COARSE, COARSE, FINE, FREE, IDLE, LEFT
 from pdsolve.adaptivity.hybrid.march import CLIP, DONE, march
+from pdsolve.adaptivity.hybrid.node_rows import of_nodes
 from pdsolve.adaptivity.hybrid.swelling import relieve_all, restrict, stored
 from pdsolve.checkpoint_validation import entry, like
 from pdsolve.codegen.vector_code import ROW
@@ -62,19 +63,17 @@ class Hybrid:
     """A plate in motion; nodes are numbered as on their lattices."""
 
     def __init__(self, plate: Plate, ground: LatticeConstants, zone: Zone, drive: Drive) -> None:
-        """Bits and cells of `zone` are those of the start."""
+        """Cells of `zone` are those of the start."""
         self.plate, self.ground, self.zone, self.drive, self.now = plate, ground, zone, drive, 0
-        at, there = plate.at, squares(plate.there.reshape(-1, plate.at.stride))
-        inside = there[BELOW : BELOW + at.ny, LEFT : LEFT + at.nx].reshape(at.ny // 2, 2, at.nx // 2, 2)
-        self._solid = np.pad(inside.mean(axis=(1, 3)), AROUND).ravel()
-        self._whole = self._solid.sum()
+        self._squares = squares_in_cells(plate)
 
-    def start(self, velocity: NDArray[np.float64]) -> None:
-        """Number the zone, set the velocities (n, 2), m/s, of all nodes, and compute the forces."""
+    def start(self, velocity: NDArray[np.float64] | None) -> None:
+        """Number the zone, set the velocities (n, 2), m/s, of all nodes, None: 0, and compute the forces."""
         self.number()
-        for nodes, beneath in ((self.zone.fine, None), (self.zone.coarse, self.beneath)):
-            own = np.flatnonzero(nodes.kind == FREE)
-            nodes.v[:, own] = velocity[self.plate.rows_at(own if beneath is None else beneath(own))].T
+        if velocity is not None:
+            for nodes, beneath in ((self.zone.fine, None), (self.zone.coarse, self.beneath)):
+                own = np.flatnonzero(nodes.kind == FREE)
+                nodes.v[:, own] = velocity[self.plate.rows_at(own if beneath is None else beneath(own))].T
         self.renew()
 
     def renew(self) -> None:
@@ -85,16 +84,17 @@ class Hybrid:
         """Derive all nodes from the cells, whatever they were before."""
         zone = self.zone
         zone.fine.own[: zone.number[ENTRIES]] = 0
-        for nodes in (zone.fine, zone.coarse):
+        for nodes, rows in ((zone.fine, zone.number[ROWS]), (zone.coarse, zone.number[arrays.COARSE_ROWS])):
             nodes.entry[:] = -1
-            nodes.kind[:] = IDLE
-        zone.stirred[:] = False
+            nodes.kind.reshape(-1, ROW)[nodes.rows[:rows]] = IDLE
+        zone.stirred[zone.stirs[: zone.number[STIRS]]] = False
         zone.number[:] = 0
         cells = np.flatnonzero(zone.cells == FINE)
         zone.new[: len(cells)] = cells
         zone.number[NEW] = len(cells)
         self.renew()
         self.zone.total[:] = 0.0
+        self.zone = self.zone._replace(around=arrays.reserved(len(zone.around), of=np.int64))  # all coarse nodes were
 
     def beneath(self, coarse: NDArray[np.int64]) -> NDArray[np.int64]:
         """Fine places (k,) that coarse nodes lie on."""
@@ -205,7 +205,7 @@ class Hybrid:
     def zone_summary(self) -> ZoneSummary:
         """Summary of the fine zone for the run's report."""
         zone = self.zone
-        fine = self._solid[np.flatnonzero(zone.cells == FINE)].sum() / self._whole
+        fine = self._squares[zone.cells == FINE].sum() / self._squares.sum()
         largest, limit = _stretch(zone.total[LARGEST]), _stretch(self.ground.least[0])
         return ZoneSummary(float(zone.total[REFINEMENT]), float(fine), float(largest / limit))
 
@@ -225,8 +225,14 @@ class Hybrid:
         zone, found = self.zone, np.zeros(3)
         for nodes, rows in ((zone.fine, zone.number[ROWS]), (zone.coarse, zone.number[arrays.COARSE_ROWS])):
             own = self.active(nodes, rows)
-            mass, v = nodes.mass[own], nodes.v[:, own]
-            found += [float((mass / 2 * (v**2).sum(axis=0)).sum()), *(mass * v).sum(axis=1).tolist()]
+            mass, x, y = nodes.mass[own], nodes.v[0, own], nodes.v[1, own]
+            del own
+            found[1:] += (mass * x).sum(), (mass * y).sum()
+            x *= x
+            y *= y
+            x += y
+            mass /= 2
+            found[0] += (mass * x).sum()
         return found
 
     @property
@@ -249,10 +255,12 @@ class Hybrid:
             ("fine", zone.fine, zone.number[ROWS]),
             ("coarse", zone.coarse, zone.number[arrays.COARSE_ROWS]),
         ):
-            places = (nodes.rows[:rows, None] * ROW + np.arange(ROW)).ravel()
-            there = nodes.kind[places] != IDLE
+            own = nodes.rows[:rows]
+            idle = nodes.kind.reshape(-1, ROW)[own] == IDLE
             for field, values in (("u", nodes.u[self.now]), ("v", nodes.v), ("f", nodes.f)):
-                kept[f"{name}_{field}"] = np.where(there, values[:, places], 0.0)
+                found = values.reshape(2, -1, ROW)[:, own]
+                found[:, idle] = 0.0
+                kept[f"{name}_{field}"] = found.reshape(2, -1)
             kept[f"{name}_wide"] = nodes.wide[nodes.rows[:rows]]
             if nodes.damped is not None:
                 slowed = np.flatnonzero(nodes.damped)
@@ -269,10 +277,10 @@ class Hybrid:
 
     def _put_bits(self, node: NDArray[np.int64], spring: NDArray[np.integer]) -> None:
         """Mark exactly these bonds as broken, besides those missing at the start."""
-        bits, (_, before, before_spring) = self.zone.bits, self.broken()
+        lost, (_, before, before_spring) = self.zone.lost, self.broken()
         for k in range(len(self.ground.ways) // 2):
-            bits[before[before_spring == k]] |= np.uint64(1) << np.uint64(k)
-            bits[node[spring == k]] &= ~(np.uint64(1) << np.uint64(k))
+            lost[before[before_spring == k]] &= ~(np.uint64(1) << np.uint64(k))
+            lost[node[spring == k]] |= np.uint64(1) << np.uint64(k)
 
     def back(self, kept: Kept) -> None:
         """Restore a checkpoint. Raises CheckpointError."""
@@ -282,8 +290,9 @@ class Hybrid:
         node = breaks.node
         self._put_bits(node, breaks.spring)
         for nodes in (zone.fine, zone.coarse):
+            rows = nodes.rows[: zone.number[ROWS if nodes is zone.fine else arrays.COARSE_ROWS]]
             for array in nodes[:3]:
-                array[:] = 0
+                array.reshape(-1, array.shape[-1] // ROW, ROW)[:, rows] = 0
         zone.cells[:], self.now = cells, 0
         while len(self.zone.breaks.step) < len(node):
             self.zone = arrays.grown(self.zone)
@@ -312,15 +321,16 @@ class Hybrid:
 
     def _kept_breaks(self, kept: Kept) -> arrays.Breaks:
         """Broken bonds of a checkpoint, checked to exist at the start and to have broken once in each direction."""
-        ground, bits, plate = self.ground, self.zone.bits, self.plate
+        ground, plate = self.ground, self.plate
         step = entry(kept, "break_step", (None,), np.int32, 1)
         node = entry(kept, "break_node", step.shape, np.int64, 0, plate.at.places - 1)
         spring = entry(kept, "break_spring", step.shape, np.int32, 0, len(ground.ways) - 1)
         other, half = node + ground.ways[spring], len(ground.ways) // 2
         inside = (other >= 0) & (other < plate.at.places)
-        inside &= plate.there[node] & plate.there[other.clip(0, plate.at.places - 1)]
+        inside &= plate.has(node) & plate.has(other.clip(0, plate.at.places - 1))
         owner = np.where(spring < half, node, other.clip(0, plate.at.places - 1))
-        whole = bits[owner] >> (spring % half).astype(np.uint64) & np.uint64(1) != 0
+        bits = of_nodes(ground.nodes, ground.nodes.bits, owner) & ~self.zone.lost[owner]
+        whole = bits >> (spring % half).astype(np.uint64) & np.uint64(1) != 0
         if not (inside & whole).all() or len(np.unique(node * 2 * half + spring)) < len(node):
             raise CheckpointError("found a broken bond that the plate does not have, or twice, expected its own, once")
         return arrays.Breaks(step, node, spring)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model import selection
 from pdmesh.model.neighbours import ROWS
-from pdsolve.adaptivity.hybrid.coarse_cells import Plate, quarters
+from pdsolve.adaptivity.hybrid.coarse_cells import Plate, quarters, strips
 from pdsolve.adaptivity.hybrid.lattice import BELOW, LEFT
 from pdsolve.adaptivity.hybrid.springs import Springs, e_of
 from pdsolve.bonds.assembly import Paired, Part, stiffness_bound
@@ -23,6 +23,7 @@ from pdsolve.numerics.dilation import in_square
 from pdsolve.schemes.average_horizon import Rule
 
 KEPT = 8  # parts whose pairs are held in memory; those of others are looked for twice
+WIDE = 2**20  # places that are looked at together, with those around them
 ROUND_OFF = 1e-12  # relative: stiffnesses this near to those of a full lattice are those
 
 
@@ -31,7 +32,8 @@ class Irregular(NamedTuple):
 
     node: NDArray[np.int64]  # (s,) rows of the grid
     springs: NDArray[np.float64]  # (s, k) stiffness, N/m^2; 0 without a bond
-    peak: NDArray[np.float64]  # (s, k) e
+    kind: NDArray[np.int32]  # (s,) which of the limits a node's bonds have
+    peak: NDArray[np.float64]  # (j, k) e, of j different nodes
     limit: NDArray[np.float64]
     family: NDArray[np.int64]  # (s,) bonds that count in damage
     stiffness_bound: NDArray[np.float64]  # (s,) as in `Operator`
@@ -40,38 +42,56 @@ class Irregular(NamedTuple):
 def irregular(plate: Plate, springs: tuple[Springs, ...]) -> Irregular:
     """Bonds of all nodes near irregular places; `springs` holds those of each material."""
     reach = int(np.abs(springs[0].dx).max())
-    odd = _odd(plate, reach)
-    places = np.flatnonzero(plate.there & in_square(odd, 3 * reach).ravel())
-    rows, asked = plate.rows_at(places), in_square(odd, 2 * reach).ravel()[places]
+    places, asked = _near(plate, reach)
+    rows = plate.rows_at(places)
     order = np.argsort(rows)
     some, wanted = rows[order], asked[order]
     shape = (len(some[wanted]), len(springs[0].dx))
-    springs_, peak, limit = np.zeros((3, *shape))
-    found = Irregular(some[wanted], springs_, peak, limit, np.zeros(shape[0], np.int64), np.zeros(shape[0]))
-    if len(found.node):
-        _fill(plate, _parts(part_of(plate.model, some), np.flatnonzero(wanted)), some, wanted, springs, found)
-    return found
+    nothing, count = np.zeros((0, shape[1])), shape[0]
+    numbers, family = np.zeros(count, np.int32), np.zeros(count, np.int64)
+    found = Irregular(some[wanted], np.zeros(shape), numbers, nothing, nothing, family, np.zeros(count))
+    if not count:
+        return found
+    limits = _fill(plate, _parts(part_of(plate.model, some), np.flatnonzero(wanted)), some, wanted, springs, found)
+    return found._replace(peak=limits[:, 0].copy(), limit=limits[:, 1].copy())
 
 
-def _odd(plate: Plate, reach: int) -> NDArray[np.bool_]:
-    """Mask (rows, columns) of places without a node or a whole cell, at an interface, or next to a pre-crack."""
+def _near(plate: Plate, reach: int) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Places (k,) of the nodes within three of a family's reaches of an irregular place, and which are within two."""
+    stride, rows = plate.at.stride, plate.at.places // plate.at.stride
+    places, asked = [], []
+    for low, high in strips(rows, stride, WIDE):
+        first = max(low - 3 * reach, 0)
+        odd, here = _odd(plate, reach, first, min(high + 3 * reach, rows)), np.s_[low - first : high - first]
+        near = np.flatnonzero(plate.there_in(low, high) & in_square(odd, 3 * reach)[here])
+        places.append(near + low * stride)
+        asked.append(in_square(odd, 2 * reach)[here].ravel()[near])
+    return np.concatenate(places), np.concatenate(asked)
+
+
+def _odd(plate: Plate, reach: int, low: int, high: int) -> NDArray[np.bool_]:
+    """Mask of places in rows `low` to `high` - 1 without a node or a whole cell, at an interface, or next to a
+    pre-crack."""
     at = plate.at
-    away = plate.areas()
-    away -= 1
-    odd = np.abs(away, out=away).reshape(-1, at.stride) > ROUND_OFF
-    del away
+    first, last = max(low - 1, 0), min(high + 1, at.places // at.stride)
+    odd = np.abs(plate.areas_in(first, last) - 1) > ROUND_OFF
     odd |= quarters(~odd) < 4
-    field = plate.materials().reshape(odd.shape)
-    for axis in (0, 1) if plate.model.settings.regions else ():
-        other = np.diff(field, axis=axis) != 0
-        odd |= np.pad(other, [(0, int(a == axis)) for a in (0, 1)])
-    near = np.zeros(at.places, dtype=bool)
+    if plate.model.settings.regions:
+        field = plate.materials_in(first, last)
+        for axis in (0, 1):
+            other = np.diff(field, axis=axis) != 0
+            odd |= np.pad(other, [(0, int(a == axis)) for a in (0, 1)])
+    odd = odd[low - first : high - first]
+    around = reach + 1
+    near = np.zeros((high - low + 2 * around, at.stride), dtype=bool)
     for x0, y0, x1, y1 in plate.cracks:
         share = np.linspace(0, 1, 2 + int(4 * np.hypot(x1 - x0, y1 - y0)))
         x, y = np.round(x0 + share * (x1 - x0)).astype(int), np.round(y0 + share * (y1 - y0)).astype(int)
-        inside = (x >= 0) & (x <= at.nx) & (y >= 0) & (y <= at.ny)
-        near[(y[inside] + BELOW) * at.stride + LEFT + x[inside]] = True
-    odd |= in_square(near.reshape(odd.shape), reach + 1)
+        row = y + BELOW - low + around
+        inside = (x >= 0) & (x <= at.nx) & (y >= 0) & (y <= at.ny) & (row >= 0) & (row < len(near))
+        near[row[inside], LEFT + x[inside]] = True
+    if near.any():
+        odd |= in_square(near, around)[around:-around]
     return odd
 
 
@@ -108,14 +128,15 @@ def _fill(
     wanted: NDArray[np.bool_],
     springs: tuple[Springs, ...],
     found: Irregular,
-) -> None:
+) -> NDArray[np.float64]:
     """Store in `found` the bonds that a scheme makes of part of the plate; `some` are its rows, `wanted` those
-    needed."""
+    needed. Returns their different peaks and limits (j, 2, k)."""
     reach = int(np.abs(springs[0].dx).max()) + 1
     number = np.full((2 * reach + 1, 2 * reach + 1), -1)
     number[springs[0].dy + reach, springs[0].dx + reach] = np.arange(len(springs[0].dx))
     slot, full = np.cumsum(wanted) - 1, np.array([one.table[:, 5] for one in springs])
     material, area = plate.model.material_of, plate.areas_of(some) * plate.h**2
+    known: dict[bytes, int] = {}
     for own, part in parts:
         bonds = part.bonds
         source, xi = np.repeat(own, np.diff(bonds.start)), bonds.xi
@@ -124,6 +145,9 @@ def _fill(
         stiffness = bonds.stiffness * area[source] / np.hypot(*xi.T)
         usual = full[material[row], k]
         found.springs[at, k] = np.where(np.abs(stiffness - usual) < ROUND_OFF * usual, usual, stiffness)
-        found.peak[at, k], found.limit[at, k] = e_of(bonds.peak), e_of(bonds.limit)
+        limits = np.zeros((len(own), 2, full.shape[1]))
+        limits[at - slot[own[0]], 0, k], limits[at - slot[own[0]], 1, k] = e_of(bonds.peak), e_of(bonds.limit)
+        found.kind[slot[own]] = [known.setdefault(one.tobytes(), len(known)) for one in limits]
         found.family[slot[own]] = part.family[own - part.first]
         found.stiffness_bound[slot[own]] = stiffness_bound(bonds, bonds.stiffness, True)
+    return np.frombuffer(b"".join(known)).reshape(-1, 2, full.shape[1])

@@ -26,6 +26,8 @@ from pdsolve.adaptivity.hybrid.energy import strain_e
 from pdsolve.adaptivity.hybrid.forces import again, forces
 from pdsolve.adaptivity.hybrid.kicks_and_holds import begin_holds, drift, end_holds, hold
 from pdsolve.adaptivity.hybrid.lattice import IDLE, coarse_column, coarse_row, fine_column, fine_place, fine_row
+from pdsolve.adaptivity.hybrid.node_rows import of_node
+from pdsolve.adaptivity.hybrid.precracks import lasts
 from pdsolve.adaptivity.hybrid.regrid import mark_dirty, mark_disc, refine
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
@@ -75,13 +77,13 @@ def _look_for_hot(ground, zone, now, count):  # type: ignore[no-untyped-def]
 def _hot(ground, q):  # type: ignore[no-untyped-def]
     """The e of a coarse bond at which the cells beside it are refined."""
     p = fine_place(ground.at, 2 * coarse_column(ground.at, q), 2 * coarse_row(ground.at, q))
-    return ground.bounds[ground.material[p], 2]
+    return ground.bounds[of_node(ground.nodes, ground.nodes.material, p), 2]
 
 
 @njit(**INNER)
 def _lasts(ground, q):  # type: ignore[no-untyped-def]
     """Whether the bonds of a coarse node are unbreakable."""
-    return ground.no_fail[fine_place(ground.at, 2 * coarse_column(ground.at, q), 2 * coarse_row(ground.at, q))]
+    return lasts(ground, fine_place(ground.at, 2 * coarse_column(ground.at, q), 2 * coarse_row(ground.at, q)))
 
 
 @njit(**INNER)

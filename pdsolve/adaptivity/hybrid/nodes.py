@@ -100,7 +100,7 @@ def set_coarse(ground, cells, fine, coarse, q):  # type: ignore[no-untyped-def]
     for sy in (-1, 0):
         for sx in (-1, 0):
             c = cell_place(at, x + sx, y + sy)
-            mass += ground.cell[2, c] * (cells[c] == COARSE)
+            mass += ground.cell[2, ground.mix[c]] * (cells[c] == COARSE)
     coarse.kind[q] = FREE if mass > 0 else IDLE
     for k in range(8):
         stiffness = spring_of(ground, cells, q, x, y, k)
@@ -138,10 +138,10 @@ def spring_of(ground, cells, q, x, y, k):  # type: ignore[no-untyped-def]
     x0, y0 = x + min(dx, 0), y + min(dy, 0)
     c = cell_place(at, x0, y0)
     if dx != 0 and dy != 0:
-        return ground.cell[1, c] if cells[c] == COARSE else 0.0
+        return ground.cell[1, ground.mix[c]] if cells[c] == COARSE else 0.0
     other = c - at.cell_stride if dy == 0 else c - 1
-    found = 0.5 * ground.cell[0, c] if cells[c] == COARSE else 0.0
-    return found + (0.5 * ground.cell[0, other] if cells[other] == COARSE else 0.0)
+    found = 0.5 * ground.cell[0, ground.mix[c]] if cells[c] == COARSE else 0.0
+    return found + (0.5 * ground.cell[0, ground.mix[other]] if cells[other] == COARSE else 0.0)
 
 
 @njit(**INNER)

@@ -7,9 +7,9 @@ coarse lattice, without pieces of clipped bonds, which never break.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,19 +23,28 @@ from pdsolve.adaptivity.hybrid.arrays import (
     PLACE,
     PROFILE,
     ROWS,
+    STIRS,
     VALUE,
     Nodes,
 )
 from pdsolve.adaptivity.hybrid.engine import Hybrid, ZoneSummary
 from pdsolve.adaptivity.hybrid.irregular_bonds import part_of
 from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, BELOW_COARSE, COARSE, FREE, IDLE, LEFT
+from pdsolve.adaptivity.hybrid.node_rows import of_nodes
 from pdsolve.adaptivity.two_lattice_operator import Sums, TwoLatticeOperator
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.model import Model
+from pdsolve.operators.protocol import Kept
 from pdsolve.state import Broken, State
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
+
+
+TOGETHER = 2**16  # coarse nodes that are read together
+BITS = np.array([bits.bit_count() for bits in range(256)], dtype=np.int16)  # set in a byte
+
+NOTHING = Broken(*np.zeros((3, 0), dtype=np.int64))
 
 
 class HybridOperator(TwoLatticeOperator[Hybrid]):
@@ -47,21 +56,45 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
     def __init__(self, hybrid: Hybrid, cut: NDArray[np.int64]) -> None:
         """`cut` is the number of bonds that pre-cracks cut, of irregular nodes and, last, of others."""
         self.hybrid, self._cut, self._strain = hybrid, cut, 0.0
-        plate, zone = hybrid.plate, hybrid.zone
+        self._broken = NOTHING  # bonds whose rows are known
+        zone = hybrid.zone
         own, coarse = zone.fine, hybrid.active(zone.coarse, zone.number[COARSE_ROWS])
         places = (own.rows[: zone.number[ROWS], None] * ROW + np.arange(ROW)).ravel()
         fine = places[own.kind[places] != IDLE]
-        self._on = hybrid.beneath(coarse)  # fine places that coarse nodes lie on
-        places = np.sort(np.concatenate([fine, self._on]), kind="stable")  # two runs in order
-        self.places = places[np.diff(places, prepend=-1) > 0]
-        self.rows = plate.rows_at(self.places)
-        self._row_of = np.full(plate.at.places, -1, dtype=np.int32)
-        self._row_of[self.places] = np.arange(len(self.places))
-        self._fine, self._coarse = fine, coarse
-        self._at_fine, self._at_coarse = (self._row_of[one].astype(np.int64) for one in (fine, self._on))
+        on = hybrid.beneath(coarse)
+        alone = fine[_absent(fine, on)]
+        self._fine, self._coarse = fine, coarse.astype(np.int32)
+        self._at_coarse = np.searchsorted(alone, on).astype(np.int32)
+        self._at_coarse += np.arange(len(on), dtype=np.int32)
+        self.places = np.concatenate([on, alone])
+        self.places.sort(kind="stable")  # two runs in order
+        self._at_fine = self._rows_of(fine)
         self._bonds = self._fine_bonds()
-        self._springs = self._coarse_springs()
+        self._springs = np.packbits(self._coarse_springs(), axis=1)  # (k, 1)
         self.cells = np.count_nonzero(zone.cells == COARSE)
+
+    @property
+    def rows(self) -> NDArray[np.int64]:
+        """Rows (n,) of the grid."""
+        return self.hybrid.plate.rows_at(self.places)
+
+    def _rows_of(self, places: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Rows of the current nodes at fine places."""
+        if not places.size:
+            return np.zeros(places.shape, dtype=np.int64)
+        first, last = np.searchsorted(self.places, [places.min(), places.max() + 1])
+        return np.asarray(first + np.searchsorted(self.places[first:last], places))
+
+    def _parts(self) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
+        """Rows and places of the coarse nodes, some at a time."""
+        for first in range(0, len(self._coarse), TOGETHER):
+            some = slice(first, first + TOGETHER)
+            yield self._at_coarse[some].astype(np.int64), self._coarse[some].astype(np.int64)
+
+    def _lattices(self) -> Iterator[tuple[Nodes, NDArray[np.int64], NDArray[np.int64]]]:
+        """Nodes of both lattices, and rows and places of some of them."""
+        yield self.hybrid.zone.fine, self._at_fine, self._fine
+        yield from ((self.hybrid.zone.coarse, *part) for part in self._parts())
 
     def _fine_bonds(self) -> NDArray[np.bool_]:
         """Mask (k, family) of past and present bonds of fine nodes to nodes that exist."""
@@ -84,6 +117,7 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         fine = np.full(len(self.places), -1)
         fine[self._at_fine] = np.arange(len(self._fine))
         at = fine[self._at_coarse]
+        del fine
         for k, (dx, dy) in enumerate(zip(ground.coarse_dx, ground.coarse_dy, strict=True)):
             same = number.get((2 * int(dx), 2 * int(dy)))
             if same is not None:
@@ -102,29 +136,33 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
     def area(self) -> NDArray[np.float64]:
         """Areas (n,), m^2: for a fine node its share of fine cells, for a coarse node its share of coarse cells."""
         plate, zone = self.hybrid.plate, self.hybrid.zone
-        part = zone.fine.mass[self._fine] / self.hybrid.ground.mass[self._fine]
+        nodes = self.hybrid.ground.nodes
+        part = zone.fine.mass[self._fine] / of_nodes(nodes, nodes.mass, self._fine)
         whole = plate.areas_of(plate.rows_at(self._fine)) * plate.h**2
         found = np.zeros(len(self.places))
         found[self._at_fine] = part * whole
-        y, x = np.divmod(self._coarse, plate.at.coarse_stride)
-        corner = (y - BELOW_COARSE + AROUND) * plate.at.cell_stride + AROUND + x - LEFT
-        around = sum((zone.cells[corner - dy * plate.at.cell_stride - dx] == COARSE) for dy in (0, 1) for dx in (0, 1))
-        found[self._at_coarse] += plate.h**2 * around
-        return np.asarray(found)
+        stride = plate.at.cell_stride
+        for rows, coarse in self._parts():
+            y, x = np.divmod(coarse, plate.at.coarse_stride)
+            corner = (y - BELOW_COARSE + AROUND) * stride + AROUND + x - LEFT
+            around = sum((zone.cells[corner - dy * stride - dx] == COARSE) for dy in (0, 1) for dx in (0, 1))
+            found[rows] += plate.h**2 * around
+        return found
 
     @cached_property
-    def counts(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def counts(self) -> tuple[NDArray[Any], NDArray[Any]]:
         """Bonds (n,) of each node at the start, and their number including those cut by pre-cracks."""
-        count = np.zeros(len(self.places), dtype=np.int64)
-        count[self._at_fine] += self._bonds.sum(axis=1)
-        count[self._at_coarse] += self._springs.sum(axis=1)
+        count, nodes = np.zeros(len(self.places), dtype=np.int16), self.hybrid.ground.nodes
+        count[self._at_fine] += self._bonds.sum(axis=1, dtype=np.int16)
+        count[self._at_coarse] += BITS[self._springs[:, 0]]
         family = count.copy()
-        family[self._at_fine] += self._cut[self.hybrid.ground.own[self._fine]]
-        alone = np.setdiff1d(self._at_coarse, self._at_fine, assume_unique=True)
-        family[alone] = np.maximum(family[alone], self._whole(alone))
+        family[self._at_fine] += self._cut[of_nodes(nodes, nodes.own, self._fine)].astype(np.int16)
+        for rows, _ in self._parts():
+            alone = rows[_absent(rows, self._at_fine)]
+            family[alone] = np.maximum(family[alone], self._whole(alone))
         return count, family
 
-    def _whole(self, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+    def _whole(self, rows: NDArray[np.int64]) -> NDArray[np.int16]:
         """Number of springs of coarse nodes, including those cut by pre-cracks."""
         plate, zone = self.hybrid.plate, self.hybrid.zone
         y, x = np.divmod(self.places[rows], plate.at.stride)
@@ -132,14 +170,14 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         south, west = plate.at.cell_stride, 1
         ne, nw, sw, se = (zone.cells[corner - away] == COARSE for away in (0, west, south + west, south))
         edges = [ne | se, ne | nw, nw | sw, sw | se]
-        return np.asarray(sum(one.astype(np.int64) for one in (ne, nw, sw, se, *edges)))
+        return np.asarray(sum(one.astype(np.int16) for one in (ne, nw, sw, se, *edges)))
 
     @property
-    def signature(self) -> NDArray[np.int64]:
+    def signature(self) -> NDArray[np.int16]:
         """Signature (n,) that changes if a node or its bonds change."""
-        found = np.zeros(len(self.places), dtype=np.int64)
-        found[self._at_fine] += 1 + self._bonds.sum(axis=1)
-        found[self._at_coarse] += 100 * (1 + self._springs.sum(axis=1))
+        found = np.zeros(len(self.places), dtype=np.int16)
+        found[self._at_fine] += 1 + self._bonds.sum(axis=1, dtype=np.int16)
+        found[self._at_coarse] += 200 * (1 + BITS[self._springs[:, 0]])
         return found
 
     @property
@@ -151,6 +189,11 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         """The operator on the current nodes if they have changed, else None."""
         return None if self.current else HybridOperator(self.hybrid, self._cut)
 
+    def back(self, kept: Kept, broken: Broken) -> None:
+        """Restore a checkpoint; see `TwoLatticeOperator`."""
+        self._broken = NOTHING
+        super().back(kept, broken)
+
     def _gather(self, of: Callable[[Nodes, NDArray[np.int64]], NDArray[np.float64]], out: NDArray[np.float64]) -> None:
         """Gather nodal values of both lattices in out (n, 2); `of` returns (2, k) values of a lattice's nodes at
         places (k,)."""
@@ -159,16 +202,14 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         out[self._at_fine] = of(zone.fine, self._fine).T
         w = border.w[:count, None]
         first, second = (of(zone.coarse, border.end[:count, side]).T for side in (0, 1))
-        out[self._row_of[border.node[:count]]] = (1 - w) * first + w * second
-        out[self._at_coarse] = of(zone.coarse, self._coarse).T
+        out[self._rows_of(border.node[:count])] = (1 - w) * first + w * second
+        for rows, coarse in self._parts():
+            out[rows] = of(zone.coarse, coarse).T
 
     def _put(self, state: State) -> None:
         """Set both lattices to the values and rates of a state; border nodes are interpolated."""
         zone, now = self.hybrid.zone, self.hybrid.now
-        for nodes, places, rows in (
-            (zone.fine, self._fine, self._at_fine),
-            (zone.coarse, self._coarse, self._at_coarse),
-        ):
+        for nodes, rows, places in self._lattices():
             free = nodes.kind[places] == FREE
             nodes.u[now][:, places[free]] = state.value[rows[free]].T
             nodes.v[:, places[free]] = state.rate[rows[free]].T
@@ -186,12 +227,15 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         zone, now = self.hybrid.zone, self.hybrid.now
         self._gather(lambda nodes, at: nodes.u[now][:, at], state.value)
         border, count = zone.border, zone.number[BORDERS]
-        state.value[self._row_of[border.node[:count]]] += border.off[:count]
+        state.value[self._rows_of(border.node[:count])] += border.off[:count]
         self._gather(lambda nodes, at: nodes.v[:, at], state.rate)
-        state.second[:] = self.accelerations()
+        self._gather(lambda nodes, at: nodes.f[:, at] * nodes.light[at], state.second)
         holds = zone.holds.what[zone.holds.on[: zone.number[HOLDS], 1]]
-        state.second[self._row_of[holds[:, PLACE]], holds[:, AXIS]] = 0.0
-        state.dissipated[:] = self.spent()
+        state.second[self._rows_of(holds[:, PLACE]), holds[:, AXIS]] = 0.0
+        stirred = zone.stirs[: zone.number[STIRS]]
+        rows = np.minimum(self._rows_of(stirred), len(self.places) - 1)
+        rows = rows[self.places[rows] == stirred]
+        state.dissipated[rows] = zone.spent[self.places[rows]] / self.area[rows]
 
     def accelerations(self) -> NDArray[np.float64]:
         """Accelerations (n, 2), m/s^2, from the most recent sum of forces."""
@@ -210,8 +254,15 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         zone, light = self.hybrid.zone, np.zeros(len(self.places))
         light[self._at_fine] = zone.fine.light[self._fine]  # 0 of those on the border
         light[self._at_coarse] = zone.coarse.light[self._coarse]
-        points = points_of(self.hybrid, self._row_of, self._fine, self._coarse, self._on)
+        coarse = self._coarse.astype(np.int64)
+        points = points_of(self.hybrid, self._row_of(), self._fine, coarse, self.hybrid.beneath(coarse))
         return tangent_of(self.hybrid, points, state.value, self.model.rho, light)
+
+    def _row_of(self) -> NDArray[np.int32]:
+        """The row of the current node at each fine place, -1 without one."""
+        found = np.full(self.hybrid.plate.at.places, -1, dtype=np.int32)
+        found[self.places] = np.arange(len(self.places))
+        return found
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Strain energy densities (n,), J/m^3, and zeros for softening, which is part of the state."""
@@ -219,9 +270,11 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         fine, coarse = self.hybrid.held()
         held = np.zeros(len(self.places))
         held[self._at_fine] = fine[self._fine]
-        held[self._at_coarse] += coarse[self._coarse]
+        for rows, places in self._parts():
+            held[rows] += coarse[places]
         self._strain = float(held.sum())
-        return held / self.area, np.zeros_like(held)
+        held /= self.area
+        return held, np.zeros_like(held)
 
     def books(self) -> Sums:
         """Energies, work and momentum at the state of the last call of `energies`."""
@@ -253,20 +306,20 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         `start`."""
         ground, zone, half = self.hybrid.ground, self.hybrid.zone, len(self.hybrid.ground.ways) // 2
         last = len(self.places) if last is None else last
-        own = np.flatnonzero((self._at_fine >= first) & (self._at_fine < last))
+        own, some = (slice(*np.searchsorted(rows, [first, last])) for rows in (self._at_fine, self._at_coarse))
         node, k = np.nonzero(self._bonds[own])
-        fine, target = self._fine[own[node]], self._fine[own[node]] + ground.ways[k]
+        fine = self._fine[own][node]
+        target = fine + ground.ways[k]
         if not start:
             owner = np.where(k < half, fine, target)
-            intact = zone.bits[owner] >> (k % half).astype(np.uint64) & np.uint64(1) != 0
+            bits = of_nodes(ground.nodes, ground.nodes.bits, owner) & ~zone.lost[owner]
+            intact = bits >> (k % half).astype(np.uint64) & np.uint64(1) != 0
             fine, target = fine[intact], target[intact]
-        some = np.flatnonzero((self._at_coarse >= first) & (self._at_coarse < last))
-        node, k = np.nonzero(self._springs[some])
-        coarse = self._coarse[some[node]]
-        ends = (self._row_of[self.hybrid.beneath(one)] for one in (coarse, coarse + ground.coarse_ways[k]))
+        node, k = np.nonzero(np.unpackbits(self._springs[some], axis=1))
+        coarse = self._coarse[some][node].astype(np.int64)
+        ends = (self._rows_of(self.hybrid.beneath(one)) for one in (coarse, coarse + ground.coarse_ways[k]))
         source, target = (
-            np.concatenate([self._row_of[one], other], dtype=np.int64)
-            for one, other in zip((fine, target), ends, strict=True)
+            np.concatenate([self._rows_of(one), other]) for one, other in zip((fine, target), ends, strict=True)
         )
         order = np.lexsort((target, source))
         return source[order], target[order]
@@ -274,9 +327,20 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
     def broken(self, after: int = 0) -> Broken:
         """Bonds broken after a step: step, source row and target row of each."""
         step, node, spring = self.hybrid.broken()
-        new = np.flatnonzero(step > after)
-        source, target = (
-            self._row_of[ends].astype(np.int64)
-            for ends in (node[new], node[new] + self.hybrid.ground.ways[spring[new]])
-        )
-        return Broken(step[new].astype(np.int64), source, target)
+        known = self._broken  # more have broken since, if any
+        node, spring = node[len(known.step) :], spring[len(known.step) :]
+        more = step[len(known.step) :].astype(np.int64), self._rows_of(node)
+        other = self._rows_of(node + self.hybrid.ground.ways[spring])
+        if len(node):
+            known = Broken(*map(np.concatenate, zip(known, (*more, other), strict=True)))
+            self._broken = known
+        new = known.step > after
+        return Broken(*(column[new] for column in known))
+
+
+def _absent(some: NDArray[np.int64], others: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Mask (k,) of `some` numbers (k,) that are not among `others`, which are in order."""
+    at = np.searchsorted(others, some)
+    return np.asarray(
+        others[np.minimum(at, len(others) - 1)] != some if len(others) else np.ones(len(some), dtype=bool)
+    )

@@ -7,6 +7,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.lattice import cell_place, coarse_place
+from pdsolve.adaptivity.hybrid.node_rows import of_node
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.operators.simd_lattice.kernel import INNER
 
@@ -86,24 +87,35 @@ def begin_coarse(ground):  # type: ignore[no-untyped-def]
 
 
 @njit(forceinline=True, **INNER)
-def has_bond(bits, ways, half, p, k):  # type: ignore[no-untyped-def]
+def has_bond(ground, lost, p, k):  # type: ignore[no-untyped-def]
     """Whether bond k of fine node p is intact."""
-    if k < half:
-        return (bits[p] >> np.uint64(k)) & np.uint64(1) != 0
-    return (bits[p + ways[k]] >> np.uint64(k - half)) & np.uint64(1) != 0
+    half = len(ground.ways) // 2
+    if k >= half:
+        p, k = p + ground.ways[k], k - half
+    return ((of_node(ground.nodes, ground.nodes.bits, p) & ~lost[p]) >> np.uint64(k)) & np.uint64(1) != 0
 
 
 @njit(forceinline=True, **INNER)
 def stiffness(ground, p, k):  # type: ignore[no-untyped-def]
     """Stiffness of the whole bond k of node p, including both cells' shares and the surface correction."""
-    row = ground.own[p]
-    return ground.own_springs[row, k] if row >= 0 else ground.springs[ground.material[p], k]
+    row = of_node(ground.nodes, ground.nodes.own, p)
+    if row >= 0:
+        return ground.own_springs[row, k]
+    return ground.springs[of_node(ground.nodes, ground.nodes.material, p), k]
 
 
 @njit(forceinline=True, **INNER)
 def peak_and_limit(ground, p, k):  # type: ignore[no-untyped-def]
     """The e beyond which a bond softens, and the e at which it breaks."""
-    row = ground.own[p]
+    row = of_node(ground.nodes, ground.nodes.own, p)
     if row >= 0:
-        return ground.own_peak[row, k], ground.own_limit[row, k]
-    return ground.bounds[ground.material[p], 0], ground.bounds[ground.material[p], 1]
+        kind = ground.own_kind[row]
+        return ground.own_peak[kind, k], ground.own_limit[kind, k]
+    material = of_node(ground.nodes, ground.nodes.material, p)
+    return ground.bounds[material, 0], ground.bounds[material, 1]
+
+
+@njit(forceinline=True, **INNER)
+def lasts(ground, p):  # type: ignore[no-untyped-def]
+    """Whether the bonds of fine node p do not break."""
+    return of_node(ground.nodes, ground.nodes.no_fail, p)

@@ -8,17 +8,20 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.model.document import InitialVelocity, Velocity
 from pdsolve import conditions
+from pdsolve.adaptivity.hybrid.alike_rows import node_rows
 from pdsolve.adaptivity.hybrid.arrays import VALUE, Entries, LatticeConstants, zone_of
-from pdsolve.adaptivity.hybrid.coarse_cells import Plate, cells_of, plate_of
+from pdsolve.adaptivity.hybrid.coarse_cells import CellAreas, Plate, cells_of, plate_of
 from pdsolve.adaptivity.hybrid.engine import Hybrid
 from pdsolve.adaptivity.hybrid.irregular_bonds import Irregular, irregular
 from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, FINE, LEFT
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.adaptivity.hybrid.precracks import begin_coarse, lengthened
 from pdsolve.adaptivity.hybrid.springs import Springs, coarse_springs, e_of, fine_springs, stretches
-from pdsolve.conditions import Drive, damping, drive, initial_velocity, unbreakable
+from pdsolve.conditions import Drive, drive, initial_velocity
 from pdsolve.model import Model
+from pdsolve.numerics.memory import give_back
 from pdsolve.operators.simd_lattice.layout import aligned
 
 ROOM = 64  # rows of fine nodes beyond those of the start, at least
@@ -35,20 +38,22 @@ def hybrid_of(
     plate = plate_of(model, mode, precision)
     springs = tuple(fine_springs(each, model.settings.horizon.ratio, plate.h) for each in model.materials)
     found = irregular(plate, springs)
+    give_back()
     bound = float(np.sqrt(2 / max(_resistance(plate, springs, found))))
     ground = ground_of(plate, springs, found, step_of(model, bound))
     begin_coarse(ground)
-    bits, cut = bits_of(plate, ground, found)
+    cut = np.append(found.family - np.count_nonzero(found.springs, axis=1), 0)
     cells = cells_of(plate, ground.reach)
-    area = plate.area * plate.h**2
+    area = CellAreas(plate)
     driven = drive(model, area, True, np.float64)
     rows = ROOM + 6 * int(np.count_nonzero(cells == FINE))
-    damps = ground.damping is not None
+    damps = ground.nodes.damping is not None
     zone = zone_of(plate.at, cells, len(ground.ways), rows, ground.varied, threads, swells, damps)._replace(
-        bits=bits, loads=_loads(plate, driven, area), holds=_entries(plate, driven.holds, 1)
+        loads=_loads(plate, driven, area), holds=_entries(plate, driven.holds, 1)
     )
     hybrid = Hybrid(plate, ground, zone, driven)
-    hybrid.start(initial_velocity(model))
+    starts = any(isinstance(one, InitialVelocity | Velocity) for one in model.settings.conditions)
+    hybrid.start(initial_velocity(model) if starts else None)
     return HybridOperator(hybrid, cut), bound
 
 
@@ -59,14 +64,7 @@ def ground_of(plate: Plate, springs: tuple[Springs, ...], found: Irregular, dt: 
     first = springs[0]
     coarse = coarse_springs(first, h)
     bounds = np.array([[e_of(one.peak), e_of(one.limit), e_of(kappa * one.peak)] for one in springs])
-    material, rho = plate.materials(), np.array([one.rho for one in model.materials])
-    mass = plate.areas()
-    mass *= rho[material] if len(rho) > 1 else rho[0]
-    mass *= h**2
-    own = np.full(at.places, -1, dtype=np.int32)
-    own[plate.places_of(found.node)] = np.arange(len(found.node))
-    no_fail = np.zeros(at.places, dtype=np.bool_)
-    no_fail[plate.places_of(np.flatnonzero(unbreakable(model)))] = True
+    cell, mix = _cells(plate, springs)
     return LatticeConstants(
         at=at,
         h=h,
@@ -82,62 +80,40 @@ def ground_of(plate: Plate, springs: tuple[Springs, ...], found: Irregular, dt: 
         reach=int(np.abs(first.dx).max()),
         varied=len(springs) > 1 or first.peak < first.limit,
         dt=dt,
-        mass=mass,
-        material=material,
+        nodes=node_rows(plate, found, len(first.dx) // 2),
         springs=np.array([one.table[:, 5] for one in springs]),
         bounds=bounds,
         least=bounds.min(axis=0),
-        own=own,
         own_springs=found.springs,
+        own_kind=found.kind,
         own_peak=found.peak,
         own_limit=found.limit,
-        cell=_cells(plate, springs),
-        no_fail=no_fail,
+        cell=cell,
+        mix=mix,
         coarse_bits=np.zeros(at.coarse_places, dtype=np.uint8),
         edge_cut=np.zeros((2, at.coarse_places)),
         cut_cells=np.zeros(at.cells, dtype=np.bool_),
         cracks=lengthened(plate.cracks),
-        damping=_damping(plate),
     )
 
 
-def _damping(plate: Plate) -> NDArray[np.float64] | None:
-    """Damping (places,), 1/s, of fine places; None where nothing is damped."""
-    own = damping(plate.model)
-    if not own.any():
-        return None
-    found = np.zeros(plate.at.places)
-    found[plate.place] = own
-    return found
+def _cells(plate: Plate, springs: tuple[Springs, ...]) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """k1, k2 and a quarter of the mass (3, m) of coarse cells, and which of these each cell (c,) has.
 
-
-def _cells(plate: Plate, springs: tuple[Springs, ...]) -> NDArray[np.float64]:
-    """k1, k2 and a quarter of the mass (3, c) of coarse cells: means of their nodes, weighted by area in the cell."""
-    at, rho = plate.at, np.array([material.rho for material in plate.model.materials])
+    They are means of the cell's nodes, weighted by their areas in it.
+    """
+    at, rho = plate.at, [material.rho for material in plate.model.materials]
     each = np.array([[one.c11 - one.c66, one.c66, plate.h**2 * dense] for one, dense in zip(springs, rho, strict=True)])
-    found = np.zeros((at.ny // 2, at.nx // 2, 3))
     if len(springs) == 1:
-        found[:] = each[0]
-    else:
-        field = plate.materials().reshape(-1, at.stride)
-        for (y, part_y), (x, part_x) in itertools.product(enumerate((0.25, 0.5, 0.25)), repeat=2):
-            here = np.s_[BELOW + y : BELOW + y + at.ny - 1 : 2, LEFT + x : LEFT + x + at.nx - 1 : 2]
-            found += part_x * part_y * each[field[here]]
-    around = ((AROUND, AROUND), (AROUND, AROUND), (0, 0))
-    return np.ascontiguousarray(np.pad(found, around).reshape(at.cells, 3).T)
-
-
-def bits_of(plate: Plate, ground: LatticeConstants, found: Irregular) -> tuple[NDArray[np.uint64], NDArray[np.int64]]:
-    """Initial bonds of all places, one bit for each in the first half of a family; and the number (s + 1,) cut
-    by pre-cracks of the s irregular nodes, and 0 of the others."""
-    half = len(ground.ways) // 2
-    bits = np.zeros(plate.at.places, dtype=np.uint64)
-    bits[plate.there] = np.uint64((1 << half) - 1)
-    own = np.zeros(len(found.node), dtype=np.uint64)
-    for k in range(half):
-        own |= np.where(found.springs[:, k] > 0, np.uint64(1) << np.uint64(k), np.uint64(0))
-    bits[plate.places_of(found.node)] = own
-    return bits, np.append(found.family - np.count_nonzero(found.springs, axis=1), 0)
+        return np.ascontiguousarray(each.T), np.zeros(at.cells, dtype=np.int32)
+    found = np.zeros((at.ny // 2, at.nx // 2, 3))
+    field = plate.materials_in(0, at.places // at.stride)
+    for (y, part_y), (x, part_x) in itertools.product(enumerate((0.25, 0.5, 0.25)), repeat=2):
+        here = np.s_[BELOW + y : BELOW + y + at.ny - 1 : 2, LEFT + x : LEFT + x + at.nx - 1 : 2]
+        found += part_x * part_y * each[field[here]]
+    cells, mix = np.unique(found.reshape(-1, 3), axis=0, return_inverse=True)
+    around = np.pad(mix.reshape(found.shape[:2]).astype(np.int32), AROUND)
+    return np.ascontiguousarray(cells.T), around.ravel()
 
 
 def _resistance(plate: Plate, springs: tuple[Springs, ...], found: Irregular) -> NDArray[np.float64]:
@@ -156,7 +132,7 @@ def _resistance(plate: Plate, springs: tuple[Springs, ...], found: Irregular) ->
     return np.concatenate([inside, found.stiffness_bound / rho[own]])
 
 
-def _loads(plate: Plate, driven: Drive, area: NDArray[np.float64]) -> Entries:
+def _loads(plate: Plate, driven: Drive, area: CellAreas) -> Entries:
     found = _entries(plate, driven.loads, 4)
     found.value[:, VALUE] *= area[driven.loads.node]
     some = found.value[:, VALUE] != 0

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,27 +31,34 @@ def between(plate: Plate) -> NDArray[np.int64]:
         if isinstance(condition, InitialVelocity):
             velocity[model.selected(condition)], given = components(condition, 2), True
         elif isinstance(condition, Displacement | Velocity):
-            held, rows = np.zeros((nodes, 1)), model.selected(condition)
-            held[rows] = 1.0
+            rows = model.selected(condition)
             place = plate.places_of(rows)
-            found.append(place[_mean(held, plate, place)[:, 0] < 1.0])
+            held = _mean(partial(_are_among, rows), plate, place)
+            found.append(place[held[:, 0] < 1.0])
     if given and velocity.any():
         place = plate.place
-        away = np.abs(_mean(velocity, plate, place) - velocity).max(axis=1)
+        away = np.abs(_mean(velocity.__getitem__, plate, place) - velocity).max(axis=1)
         found.append(place[away > SAME * np.abs(velocity).max()])
     return np.unique(np.concatenate(found))
 
 
-def _mean(values: NDArray[np.float64], plate: Plate, place: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Mean (k, j) of the values (n, j) of the coarse nodes that the nodes at these places (k,) lie between.
+def _are_among(some: NDArray[np.int64], rows: NDArray[np.int64]) -> NDArray[np.float64]:
+    """1 or 0 (k, 1): whether rows (k,) are among `some`."""
+    return np.isin(rows, some)[:, None].astype(float)
+
+
+def _mean(
+    values: Callable[[NDArray[np.int64]], NDArray[np.float64]], plate: Plate, place: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """Mean (k, j) of coarse nodes' `values` (k, j), by their rows, which the nodes at these places (k,) lie between.
 
     A node that is not there counts as one that moves likewise.
     """
-    at, found = plate.at, np.zeros((len(place), values.shape[1]))
+    at, found = plate.at, np.zeros(1)
     y, x = np.divmod(place, at.stride)
     odd_x, odd_y = (x - LEFT) % 2, (y - BELOW) % 2
     for sign_y in (-1, 1):
         for sign_x in (-1, 1):
             other = place + sign_y * odd_y * at.stride + sign_x * odd_x
-            found += values[plate.rows_at(np.where(plate.there[other], other, place))] / 4
+            found = found + values(plate.rows_at(np.where(plate.has(other), other, place))) / 4
     return found

@@ -40,6 +40,7 @@ from pdsolve.adaptivity.hybrid.lattice import (
     fine_place,
     fine_row,
 )
+from pdsolve.adaptivity.hybrid.node_rows import of_node
 from pdsolve.adaptivity.hybrid.nodes import border_end, coarse_cell_at, interpolate, set_coarse, set_fine
 from pdsolve.adaptivity.hybrid.swelling import off_line, relieve
 from pdsolve.codegen.vector_code import ROW
@@ -95,7 +96,7 @@ def mark_dirty(ground, zone):  # type: ignore[no-untyped-def]
         for p in range(fine_place(at, x0, iy), fine_place(at, x1, iy)):
             if zone.mark[p]:
                 zone.mark[p] = False
-                if ground.mass[p] > 0:
+                if of_node(ground.nodes, ground.nodes.mass, p) > 0:
                     zone.dirty[dirty] = p
                     rows += p // ROW != last
                     dirty, last = dirty + 1, p // ROW
@@ -161,7 +162,7 @@ def _set_nodes(ground, zone, dirty, dirty_coarse, now):  # type: ignore[no-untyp
     """Set kinds, masses and springs of these nodes."""
     fine, coarse, last = zone.fine, zone.coarse, -1
     for p in dirty:
-        set_fine(ground.at, ground.mass[p], zone.cells, fine, p)
+        set_fine(ground.at, of_node(ground.nodes, ground.nodes.mass, p), zone.cells, fine, p)
         set_damping(ground, fine, p, p)
     for q in dirty_coarse:
         set_coarse(ground, zone.cells, fine, coarse, q)

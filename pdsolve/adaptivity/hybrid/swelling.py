@@ -20,6 +20,7 @@ from pdsolve.adaptivity.hybrid.arrays import BORDERS, COARSE_ROWS, PIECES, ROWS
 from pdsolve.adaptivity.hybrid.energy import piece_held
 from pdsolve.adaptivity.hybrid.forces import follow
 from pdsolve.adaptivity.hybrid.lattice import FREE, coarse_column, coarse_place, coarse_row, fine_place
+from pdsolve.adaptivity.hybrid.node_rows import of_node
 from pdsolve.adaptivity.hybrid.springs import INVERSE, STIFFNESS, X2, Y2, X, Y
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.lanes import across, beside, keep, same, unless_none
@@ -70,21 +71,22 @@ def _off_line(ground, shrink, a, b, w):  # type: ignore[no-untyped-def]
         p = fine_place(at, 2 * coarse_column(at, q), 2 * coarse_row(at, q))
         scale = -4 * ground.h * w * (w - 1)
         on = scale * (shrink[p + 2 * along] - shrink[p]) / 2
-        aside = -scale * _slope(shrink, ground.mass, p + along, across)
+        aside = -scale * _slope(shrink, ground.nodes, p + along, across)
         return (on, aside) if level else (aside, on)
 
     return bent
 
 
 @njit(**INNER)
-def _slope(values, mass, p, way):  # type: ignore[no-untyped-def]
+def _slope(values, nodes, p, way):  # type: ignore[no-untyped-def]
     """Difference of values from a place to the next: the smaller of both sides, 0 if they differ in sign.
 
     So it is that of linear values, and no leap at a crack is one.
     """
     up, down = values[p + way] - values[p], values[p] - values[p - way]
-    if mass[p + way] == 0 or mass[p - way] == 0:
-        return (up if mass[p + way] > 0 else 0.0) + (down if mass[p - way] > 0 else 0.0)
+    ahead, behind = of_node(nodes, nodes.mass, p + way) > 0, of_node(nodes, nodes.mass, p - way) > 0
+    if not (ahead and behind):
+        return (up if ahead else 0.0) + (down if behind else 0.0)
     if up * down <= 0:
         return 0.0
     return up if abs(up) < abs(down) else down
@@ -117,21 +119,21 @@ def restrict(ground, fine, coarse):  # type: ignore[no-untyped-def]
     What a cell holds is so that of its fine nodes. Along an axis on which there is no node on one side, the middle one
     alone counts, so that linear values stay exact.
     """
-    at = ground.at
+    at, nodes = ground.at, ground.nodes
     for y in range(at.ny // 2 + 1):
         for x in range(at.nx // 2 + 1):
             p = fine_place(at, 2 * x, 2 * y)
-            found = _mean(fine, ground.mass, p, 1)
-            if ground.mass[p + at.stride] > 0 and ground.mass[p - at.stride] > 0:
-                found = found / 2 + _mean(fine, ground.mass, p + at.stride, 1) / 4
-                found += _mean(fine, ground.mass, p - at.stride, 1) / 4
+            found = _mean(fine, nodes, p, 1)
+            if of_node(nodes, nodes.mass, p + at.stride) > 0 and of_node(nodes, nodes.mass, p - at.stride) > 0:
+                found = found / 2 + _mean(fine, nodes, p + at.stride, 1) / 4
+                found += _mean(fine, nodes, p - at.stride, 1) / 4
             coarse[coarse_place(at, x, y)] = found
 
 
 @njit(**INNER)
-def _mean(values, mass, p, way):  # type: ignore[no-untyped-def]
+def _mean(values, nodes, p, way):  # type: ignore[no-untyped-def]
     """Mean of a value and the next ones on a line, if there are both."""
-    if mass[p + way] == 0 or mass[p - way] == 0:
+    if of_node(nodes, nodes.mass, p + way) == 0 or of_node(nodes, nodes.mass, p - way) == 0:
         return values[p]
     return values[p] / 2 + (values[p - way] + values[p + way]) / 4
 

@@ -1,0 +1,97 @@
+"""Finds the different rows of 16 fine nodes of a plate, strip by strip, without arrays of all nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.document import Absorb
+from pdsolve.adaptivity.hybrid.coarse_cells import Plate, strips
+from pdsolve.adaptivity.hybrid.irregular_bonds import Irregular
+from pdsolve.adaptivity.hybrid.node_rows import NodeRows
+from pdsolve.codegen.vector_code import ROW
+from pdsolve.conditions import damping, unbreakable
+from pdsolve.model import Model
+
+USUAL, EMPTY = 0, 1  # entries of the first two rows
+
+
+class _Fields(NamedTuple):
+    """Constants of nodes, as in `NodeRows`."""
+
+    mass: NDArray[np.float64]
+    material: NDArray[np.uint8]
+    own: NDArray[np.int32]
+    no_fail: NDArray[np.bool_]
+    bits: NDArray[np.uint64]
+    damping: NDArray[np.float64]
+
+
+def node_rows(plate: Plate, found: Irregular, half: int) -> NodeRows:
+    """The rows of a plate with these irregular nodes, where half a family has `half` bonds."""
+    usual, slowed = _usual(plate, half), _slowed(plate.model)
+    columns: list[list[NDArray[Any]]] = [[np.tile(one, (2, ROW))] for one in usual]
+    for column, nothing in zip(columns, (0, 0, -1, False, 0, 0), strict=True):
+        column[0][EMPTY] = nothing
+    entries, count = [], 2
+    for fields in _strips(plate, found, half, slowed):
+        same = np.logical_and.reduce([values == one for values, one in zip(fields, usual, strict=True)])
+        entry = np.where(same.reshape(-1, ROW).all(axis=1), USUAL, -1).astype(np.int32)
+        entry[(fields.mass == 0).reshape(-1, ROW).all(axis=1)] = EMPTY
+        new = np.flatnonzero(entry < 0)
+        entry[new], count = count + np.arange(len(new)), count + len(new)
+        entries.append(entry)
+        for column, values in zip(columns, fields, strict=True):
+            column.append(values.reshape(-1, ROW)[new])
+    kept = _Fields(*(np.concatenate(column) for column in columns))
+    return NodeRows(np.concatenate(entries), *kept[:5], None if slowed is None else kept.damping)
+
+
+def _usual(plate: Plate, half: int) -> _Fields:
+    """What a node deep in a plate has, () each."""
+    run, dense = plate.model.settings.run, plate.model.materials[0].rho
+    usual = dense * plate.h**2, 0, -1, False, (1 << half) - 1, run.damping
+    kinds = np.float64, np.uint8, np.int32, np.bool_, np.uint64, np.float64
+    return _Fields(*(np.array(value, dtype=kind) for value, kind in zip(usual, kinds, strict=True)))
+
+
+def _slowed(model: Model) -> NDArray[np.float64] | None:
+    """Damping (n,) of all nodes of the grid, 1/s; None where nothing is damped."""
+    if not model.settings.run.damping and not any(isinstance(one, Absorb) for one in model.settings.conditions):
+        return None
+    found = damping(model)
+    return found if found.any() else None
+
+
+def _strips(plate: Plate, found: Irregular, half: int, slowed: NDArray[np.float64] | None) -> Iterator[_Fields]:
+    """The constants of all places, strip by strip; `slowed` (n,) is the damping of all nodes, 1/s."""
+    rho = np.array([one.rho for one in plate.model.materials])
+    lasts = unbreakable(plate.model)
+    place, bits = plate.places_of(found.node), _bits(found, half)
+    order = np.argsort(place)
+    for low, high in strips(plate.at.places // plate.at.stride, plate.at.stride):
+        rows, material = plate.rows_in(low, high).ravel(), plate.materials_in(low, high).ravel()
+        first, there = low * plate.at.stride, rows >= 0
+        mass = plate.areas_in(low, high).ravel() * rho[material] * plate.h**2
+        some = order[slice(*np.searchsorted(place, (first, first + len(rows)), sorter=order))]
+        fields = _Fields(
+            mass=mass,
+            material=material,
+            own=np.full(len(rows), -1, dtype=np.int32),
+            no_fail=there & lasts[rows],
+            bits=np.where(there, np.uint64((1 << half) - 1), np.uint64(0)),
+            damping=np.zeros(len(rows)) if slowed is None else np.where(there, slowed[rows], 0.0),
+        )
+        fields.own[place[some] - first], fields.bits[place[some] - first] = some, bits[some]
+        yield fields
+
+
+def _bits(found: Irregular, half: int) -> NDArray[np.uint64]:
+    """Bonds (s,) of irregular nodes at the start, a bit for each in the first half of a family."""
+    bits = np.zeros(len(found.node), dtype=np.uint64)
+    for k in range(half):
+        bits |= np.where(found.springs[:, k] > 0, np.uint64(1) << np.uint64(k), np.uint64(0))
+    return bits

@@ -1,0 +1,35 @@
+"""Constants of fine nodes, by rows of 16 places: most rows of a plate are alike and share one entry."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pdsolve.codegen.vector_code import ROW
+from pdsolve.operators.simd_lattice.kernel import INNER
+
+
+class NodeRows(NamedTuple):
+    """Constants of the fine nodes in r different rows of 16 places, the first deep in the plate, the second empty."""
+
+    entry: NDArray[np.int32]  # (n / 16,) of each row of fine places
+    mass: NDArray[np.float64]  # (r, 16) of the cells of nodes, kg/m; 0 where there is none
+    material: NDArray[np.uint8]  # (r, 16)
+    own: NDArray[np.int32]  # (r, 16) row in `own_springs` of a node that is not like those of a full lattice; -1: it is
+    no_fail: NDArray[np.bool_]  # (r, 16) nodes whose bonds do not break
+    bits: NDArray[np.uint64]  # (r, 16) bonds at the start, of the first half of the family
+    damping: NDArray[np.float64] | None  # (r, 16) 1/s; None: nothing is damped
+
+
+@njit(forceinline=True, **INNER)
+def of_node(rows, values, p):  # type: ignore[no-untyped-def]
+    """The value of the fine node at place p, of values (r, 16)."""
+    return values[rows.entry[p // ROW], p % ROW]
+
+
+def of_nodes(rows: NodeRows, values: NDArray[Any], places: NDArray[np.int64]) -> NDArray[Any]:
+    """Values (k,) of the fine nodes at places (k,), of values (r, 16)."""
+    return np.asarray(values[rows.entry[places // ROW], places % ROW])

@@ -1,0 +1,74 @@
+"""What a plate with a moving fine zone takes of memory for fine nodes that do not exist."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from plates import plate
+from zones import rectangle
+
+from pdmesh.model.document import Absorb, Lattice, Run
+from pdmesh.model.node_grid import whole_lattice
+from pdsolve.adaptivity.hybrid.node_rows import of_nodes
+from pdsolve.options import Options
+from pdsolve.run.prepare import prepare
+
+PROGRAM = """
+import sys
+import numpy as np
+from pathlib import Path
+from pdmesh.model.document import Horizon, Lattice, Load, Material, Run, Settings
+from pdmesh.model.node_grid import whole_lattice
+from pdsolve.model import Model
+from pdsolve.options import Options
+from pdsolve.run.prepare import prepare
+
+def resident(name):
+    return next(int(line.split()[1]) for line in Path("/proc/self/status").read_text().splitlines() if name in line)
+
+def prepared(columns, rows):
+    crack, ring = [[0, 60.5, 20, 60.5]], [[0, 0], [columns - 1, 0], [columns - 1, rows - 1], [0, rows - 1]]
+    lattice = Lattice((0.0, 0.0), 1.0, columns, rows)
+    grid = whole_lattice(lattice, cracks=np.array(crack, float), outline=(np.array(ring, float),))
+    load = Load(box=(0.0, rows - 1.0, columns - 1.0, rows - 1.0), traction=(0.0, 1.0), rows=1, length=columns - 1.0)
+    settings = Settings(
+        material=Material(E=65e9, rho=2235.0, G0=1e9),
+        horizon=Horizon(ratio=4.0),
+        conditions=(load,),
+        run=Run(adapt="hybrid", steps=1),
+    )
+    return prepare(Model(grid, settings, "plate"), Options(threads=1))
+
+prepared(301, 201)  # what is loaded once
+before = resident("VmRSS")
+kept = prepared(1601, 1201)
+print(1024 * (resident("VmHWM") - before) / (1601 * 1201))
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="the system counts memory differently")
+def test_preparing_takes_few_bytes_for_each_fine_node_that_is_not() -> None:
+    """Of 1.9 million nodes, all but some hundred in coarse cells; the coarse lattice has a quarter of them."""
+    found = subprocess.run([sys.executable, "-c", PROGRAM], capture_output=True, text=True, check=True)
+    assert float(found.stdout) < 115  # bytes; measured: 97 to 102, and 163 to 174 with arrays of constants of all nodes
+
+
+def test_rows_that_are_alike_have_the_constants_of_each_node() -> None:
+    """Masses, damping and bonds of all nodes, by one entry for most rows; the same if nodes are listed one by one."""
+    lattice, crack = Lattice((0.0, 0.0), 1e-3, 201, 101), 1e-3 * np.array([[0, 50.5, 60.5, 50.5]])
+    ring = 1e-3 * np.array([[0, 0], [200, 0], [200, 100], [0, 100]])
+    absorb = Absorb(box=(0.18, 0.0, 0.2, 0.1))
+    found = []
+    for grid in (whole_lattice(lattice, cracks=crack, outline=(ring,)), rectangle(200, 100, 1e-3, crack / 1e-3)):
+        model = plate(grid, 3.0, run=Run(adapt="hybrid", steps=1), conditions=(absorb,))
+        hybrid = prepare(model, Options(threads=1)).system.operator.hybrid  # type: ignore[attr-defined]
+        rows, place = hybrid.ground.nodes, hybrid.plate.place
+        found.append([of_nodes(rows, values, place) for values in rows[1:]])
+        assert len(rows.mass) < 0.4 * len(rows.entry)  # measured: 0.36, most of it of the layer that absorbs
+        assert of_nodes(rows, rows.mass, place) == pytest.approx(2235.0 * hybrid.plate.area * 1e-6, rel=1e-14)
+    for one, other in zip(*found, strict=True):
+        assert np.array_equal(one, other)
