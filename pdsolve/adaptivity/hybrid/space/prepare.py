@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.model.document import Hybrid
 from pdsolve.adaptivity.hybrid.coarse_cells import refused
 from pdsolve.adaptivity.hybrid.space import coarse_springs
 from pdsolve.adaptivity.hybrid.space.arrangement import Fine
 from pdsolve.adaptivity.hybrid.space.box import FINE, VOID, box_of
 from pdsolve.adaptivity.hybrid.space.divisions import divisions
 from pdsolve.adaptivity.hybrid.space.layout import Whole, begun
+from pdsolve.adaptivity.hybrid.space.materials import moduli, weakest, weakness
 from pdsolve.adaptivity.hybrid.space.operator import NOTHING, SpaceHybrid
 from pdsolve.adaptivity.hybrid.space.zone import cells_at_start
 from pdsolve.conditions import Drive, Entries, drive, drive_of, put_loads
@@ -49,10 +51,9 @@ def body_of(model: Model, options: Options, threads: int) -> SpaceHybrid:
     volume = tiles.cells[VOLUME][made.sites.margin :][:count].reshape(shape)
     cracks = (model.grid.cracks.reshape(-1, 3, 3) - first) / h
     cells = cells_at_start(box, volume, tiles.node[:count].reshape(shape) >= 0, whole.fine.reach, cracks)
-    stiffness_bound = float((made.stiffness_bound / model.rho).max() * model.rho.max()) / SEAM
+    resistance = float((made.stiffness_bound / model.rho).max()) / SEAM
     driven = drive(model, model.grid.cells, True, np.float64)
-    whole = whole._replace(stiffness_bound=stiffness_bound, solid=int(np.count_nonzero(cells != VOID)), driven=driven)
-    whole = whole._replace(kappa=model.settings.run.hybrid.kappa)
+    whole = whole._replace(resistance=resistance, solid=int(np.count_nonzero(cells != VOID)), driven=driven)
     return operator_on(law, whole, cells, tau_of(law, tiles.table, h), threads)
 
 
@@ -76,9 +77,10 @@ def whole_of(model: Model | None, sites: Sites, tiles: Tiles) -> Whole:
     """What does not change of a body with these bonds."""
     reach, half = int(np.abs(sites.ways).max()), len(sites.ways) // 2
     box = box_of(sites.sides, reach)
-    fine = Fine(box, tiles, divisions(sites.ways[half:]), reach, sites.spacing**3)
+    fine = Fine(box, tiles, divisions(sites.ways[half:]), reach, sites.spacing**3, weakness(tiles))
     at = coarse_springs.sites_of(box, sites.spacing)
-    return Whole(model, fine, sites, at, np.zeros(len(sites.site), dtype=np.int64), 0.0, 1)
+    hot = (Hybrid() if model is None else model.settings.run.hybrid).kappa * weakest(box, tiles)
+    return Whole(model, fine, sites, at, np.zeros(len(sites.site), dtype=np.int64), moduli(box, tiles), hot)
 
 
 def full_block(law: Law, table: NDArray[np.floating], h: float, side: int) -> Whole:
