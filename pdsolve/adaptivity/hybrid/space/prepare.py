@@ -14,6 +14,7 @@ from pdsolve.adaptivity.hybrid.space.divisions import divisions
 from pdsolve.adaptivity.hybrid.space.layout import Whole, begun
 from pdsolve.adaptivity.hybrid.space.materials import moduli, weakest, weakness
 from pdsolve.adaptivity.hybrid.space.operator import NOTHING, SpaceHybrid
+from pdsolve.adaptivity.hybrid.space.prescribed_motion import between
 from pdsolve.adaptivity.hybrid.space.zone import cells_at_start
 from pdsolve.conditions import Drive, Entries, drive, drive_of, put_loads
 from pdsolve.laws import law_of
@@ -50,7 +51,8 @@ def body_of(model: Model, options: Options, threads: int) -> SpaceHybrid:
     count, first = int(np.prod(shape)), model.grid.position.min(axis=0)
     volume = tiles.cells[VOLUME][made.sites.margin :][:count].reshape(shape)
     cracks = (model.grid.cracks.reshape(-1, 3, 3) - first) / h
-    cells = cells_at_start(box, volume, tiles.node[:count].reshape(shape) >= 0, whole.fine.reach, cracks)
+    moved = between(model, box, made.sites.site.astype(np.int64) - made.sites.margin, tiles.node)
+    cells = cells_at_start(box, volume, tiles.node[:count].reshape(shape) >= 0, whole.fine.reach, cracks, moved)
     resistance = float((made.stiffness_bound / model.rho).max()) / SEAM
     driven = drive(model, model.grid.cells, True, np.float64)
     whole = whole._replace(resistance=resistance, solid=int(np.count_nonzero(cells != VOID)), driven=driven)
