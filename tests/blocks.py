@@ -10,34 +10,21 @@ from numpy.typing import NDArray
 
 import pdmesh
 from pdmesh import Body, Box, Material, Run, ramp
-from pdmesh.model.lattice_calibration import offsets
-from pdmesh.model.material_constants import micromodulus
-from pdmesh.model.neighbours import lengths
 from pdsolve.adaptivity.hybrid.space.box import COARSE, FINE, VOID
 from pdsolve.adaptivity.hybrid.space.layout import Whole
 from pdsolve.adaptivity.hybrid.space.operator import SpaceHybrid
 from pdsolve.adaptivity.hybrid.space.prepare import full_block, operator_on
 from pdsolve.laws.pair_laws.brittle import LAW
 from pdsolve.model import Model
-from pdsolve.operators.space_lattice.layout import table_of
 
 SMALL = 1e-7  # strain
 GLASS = Material(E=65e9, rho=2235, G0=204, micromodulus="constant")
 LENGTH, WIDTH, HEIGHT, H = 0.024, 0.008, 0.02, 5e-4  # m
 
 
-def table(ratio: float, profile: str = "constant") -> NDArray[np.float64]:
-    """Bonds of a lattice of spacing 1 whose cells count in full; see `Tiles.table`."""
-    xi = offsets(ratio, 3)
-    xi = xi[np.lexsort(xi.T)]
-    material = msgspec.structs.replace(Material(E=1.0, rho=1.0, G0=1.0, micromodulus=profile), plane="space")
-    c = micromodulus(material, lengths(xi), np.full(len(xi), ratio))
-    return table_of(np.rint(xi[c > 1e-12]).astype(np.int64), 1.0, c[c > 1e-12])
-
-
 def blob(bonds: NDArray[np.float64], side: int, margin: int, tau: float) -> SpaceHybrid:
     """A block of `side` cells along each edge; half of those `margin` off its faces are fine, at random."""
-    return at_random(full_block(LAW, bonds, 1.0, side), margin, tau)
+    return at_random(full_block(LAW, bonds, 1.0, (side, side, side)), margin, tau)
 
 
 def at_random(whole: Whole, margin: int, tau: float) -> SpaceHybrid:

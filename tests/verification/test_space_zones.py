@@ -8,9 +8,10 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from blocks import GLASS, HEIGHT, LENGTH, SMALL, WIDTH, H, blob, block, place, table
+from blocks import GLASS, HEIGHT, LENGTH, SMALL, WIDTH, H, blob, block, place
 
 import pdmesh
+from benchmarks.pulses_in_space import bonds_of, sent_back
 from pdmesh import Body, Box, Cylinder, Run, ramp
 from pdmesh.drawing.solids import meshed
 from pdsolve.adaptivity.hybrid.space.coarse_springs import elastic_of
@@ -27,13 +28,13 @@ from pdsolve.run.simulation import Options, resume, simulate
 @pytest.mark.parametrize(("ratio", "tau"), [(2.0, 0.037124), (3.0, 0.038878)])  # of an independent script
 def test_body_diagonals_take_what_vertices_need(ratio: float, tau: float) -> None:
     """To the digits known."""
-    assert tau_of(LAW, table(ratio), 1.0) == pytest.approx(tau, abs=6e-7)
+    assert tau_of(LAW, bonds_of(ratio), 1.0) == pytest.approx(tau, abs=6e-7)
 
 
 @pytest.mark.parametrize(("ratio", "profile"), [(2.0, "constant"), (3.0, "constant"), (3.0, "conical")])
 def test_any_linear_field_is_in_equilibrium(ratio: float, profile: str) -> None:
     """A random gradient on a random blob, faces, edges and vertices: but for the outer layer; and not without tau."""
-    bonds, gradient = table(ratio, profile), np.random.default_rng(2).standard_normal((3, 3))
+    bonds, gradient = bonds_of(ratio, profile), np.random.default_rng(2).standard_normal((3, 3))
     for tau, least, most in ((tau_of(LAW, bonds, 1.0), 0.0, 1e-12), (0.0, 1e-2, 1.0)):  # measured 1.1e-13, 0.14
         operator = blob(bonds, 16, 4, tau)
         x = place(operator)
@@ -48,7 +49,7 @@ def test_any_linear_field_is_in_equilibrium(ratio: float, profile: str) -> None:
 @pytest.mark.parametrize("ratio", [2.0, 3.0])
 def test_the_sure_step_is_stable_with_a_seam(ratio: float) -> None:
     """2 / omega_max, by power iteration; measured 1.35 and 1.66 sqrt(rho / C11) against 1.13 and 1.60."""
-    bonds = table(ratio)
+    bonds = bonds_of(ratio)
     operator = blob(bonds, 10, 1, tau_of(LAW, bonds, 1.0))
     v, found = np.random.default_rng(0).standard_normal((len(operator.sites), 3)), 0.0
     for _ in range(120):
@@ -61,9 +62,16 @@ def test_the_sure_step_is_stable_with_a_seam(ratio: float) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(("shear", "known"), [(False, 0.026), (True, 0.025)], ids=["pressure", "shear"])
+def test_a_seam_sends_as_little_back_as_an_independent_script_found(shear: bool, known: float) -> None:
+    """Of pulses two horizons wide."""
+    assert sent_back(3.0, 6, shear) == pytest.approx(known, rel=0.2)  # measured 0.0268, 0.0270
+
+
+@pytest.mark.slow
 def test_free_vibration_does_not_grow() -> None:
     """Noise in a blob, small strains: the energy that leapfrog keeps, over 800 units of sqrt(rho / C11)."""
-    bonds = table(3.0)
+    bonds = bonds_of(3.0)
     operator = blob(bonds, 7, 1, tau_of(LAW, bonds, 1.0))
     dt, mass = 0.8 * 1.6 / np.sqrt(elastic_of(bonds).c11), operator.volume[:, None]
     v, u, energies = 1e-8 * np.random.default_rng(3).standard_normal((len(mass), 3)), np.zeros((len(mass), 3)), []

@@ -85,14 +85,14 @@ def whole_of(model: Model | None, sites: Sites, tiles: Tiles) -> Whole:
     return Whole(model, fine, sites, at, np.zeros(len(sites.site), dtype=np.int64), moduli(box, tiles), hot)
 
 
-def full_block(law: Law, table: NDArray[np.floating], h: float, side: int) -> Whole:
-    """A block of `side` cells along each edge, all of whose bonds are those of a full lattice; see `Tiles.table`."""
-    nodes = 2 * side + 1
-    ways, count, stride = np.rint(table[:, :3] / h).astype(np.int64), nodes**3, np.array([1, nodes, nodes**2])
+def full_block(law: Law, table: NDArray[np.floating], h: float, cells: tuple[int, int, int]) -> Whole:
+    """A block of so many cells along each axis, all of whose bonds are those of a full lattice; see `Tiles.table`."""
+    x, y, z = (2 * each + 1 for each in cells)
+    ways, count, stride = np.rint(table[:, :3] / h).astype(np.int64), x * y * z, np.array([1, x, x * y])
     node = np.full(-(-count // ROW) * ROW, -1, dtype=np.int32)
     node[:count] = np.arange(count)
     margin = -(-int(np.abs(ways @ stride).max()) // ROW) * ROW
-    sites = Sites((np.arange(count) + margin).astype(np.int32), node, (nodes, nodes, nodes), margin, h, ways)
+    sites = Sites((np.arange(count) + margin).astype(np.int32), node, (x, y, z), margin, h, ways)
     strength, never = table[:, PULL] / np.sqrt(table[:, INVERSE]), np.full((1, len(ways)), np.inf)
     alike = np.ones(count), np.full(count, 0.5), np.ones(count, np.bool_), np.zeros(count, np.uint8)
     springs = layout.Springs(strength, *alike, never, never)
@@ -103,7 +103,7 @@ def full_block(law: Law, table: NDArray[np.floating], h: float, side: int) -> Wh
 def tau_of(law: Law, table: NDArray[np.floating], h: float) -> float:
     """The force on the vertex of a fine cube in a sheared block of coarse cells without body diagonals, over
     C11 h^2 gamma."""
-    whole, half = full_block(law, table, h, CUBE), CUBE // 2
+    whole, half = full_block(law, table, h, (CUBE, CUBE, CUBE)), CUBE // 2
     cells, nodes = np.zeros((CUBE,) * 3, dtype=np.uint8), 2 * CUBE + 1
     cells[half:, half:, half:] = FINE
     cells = np.pad(cells, whole.fine.box.pad, constant_values=VOID)
