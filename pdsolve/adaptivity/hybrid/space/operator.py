@@ -343,12 +343,11 @@ class SpaceHybrid:
     def _settle(self) -> None:
         """Add the bonds that broke since the last call to the history."""
         if self._new or len(self._known.step) < len(self.history.step):
-            for step, source, target in self._new:
-                own = [self.history.step, self.history.source, self.history.target]
-                more = [step, self.sites[source], self.sites[target]]
-                found = [np.concatenate(each) for each in zip(own, more, strict=True)]
-                self.history = self.history._replace(step=found[0], source=found[1], target=found[2])
-            self._new = []
+            of = self.history
+            step = np.concatenate([of.step, *(new.step for new in self._new)])
+            source = np.concatenate([of.source, *(self.sites[new.source] for new in self._new)])
+            target = np.concatenate([of.target, *(self.sites[new.target] for new in self._new)])
+            self.history, self._new = of._replace(step=step, source=source, target=target), []
             ends = (self._row[each].astype(np.int64) for each in (self.history.source, self.history.target))
             self._known = Broken(self.history.step, *ends)
 
