@@ -65,6 +65,7 @@ SHOWN = {
     "nooru_mohamed.py": Shown("displacement --scale auto"),
     "offset_notch.py": Shown("reaction --gap mouth --condition middle"),
     "inclined_penny.py": Shown("crack"),
+    "lug.geo": Shown("crack"),
     "penny.geo": Shown("slice --field damage --plane y=0"),
     "cracking_disc.py": Shown("damage --largest 0.5"),
     "quenched_slab.py": Shown("damage --largest 0.5"),

@@ -20,6 +20,7 @@ BODIES = (
     "expanding_ring.py",
     "inclined_penny.py",
     "kalthoff_winkler_block.py",
+    "lug.geo",
     "penny.geo",
     "screw.geo",
     "slanted_notch.py",

@@ -234,10 +234,9 @@ def _hybrid_in_space(settings: Settings, every: Places) -> Iterator[Impossible]:
     why = ", as run.adapt is hybrid in a body in space"
     if settings.physics != "mechanics":
         yield Impossible("$.physics", settings.physics, f"mechanics{why}")
-    if settings.regions:
-        yield Impossible("$.regions", f"{len(every)} materials", f"one{why}")
-    if settings.material is not None and settings.material.law != USUAL_LAW:
-        yield Impossible("$.material.law", settings.material.law, f"{USUAL_LAW}{why}")
+    for place, material in every:
+        if material.law != USUAL_LAW:
+            yield Impossible(f"{place}.law", material.law, f"{USUAL_LAW}{why}")
     if settings.run.damping:
         yield Impossible("$.run.damping", f"{settings.run.damping:g}", f"0{why}")
     yield from _of_kinds(settings, (Absorb,), f"a load, a displacement or a velocity{why}")

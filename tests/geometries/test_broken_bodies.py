@@ -60,3 +60,18 @@ def test_an_inclined_penny_turns_across_the_pull() -> None:
     outer = np.abs(x) > 6e-3
     slope = np.polyfit(x[outer], z[outer], 1)[0]
     assert abs(np.degrees(np.arctan(slope))) < 15  # measured 12.0
+
+
+@pytest.mark.slow
+def test_a_lug_is_torn_off_behind_its_hole() -> None:
+    """The crack is between the hole, which begins at x = 26 mm, and 6 mm from there, across the lug."""
+    with solved("lug.geo") as results:
+        found = crack_in_space(results)
+        whole = float(masses(results, 0).sum())
+    surface = found.surface
+    place = surface.corners[surface.faces].mean(axis=1)
+    assert 0.02 < np.median(place[:, 0]) < 0.026  # measured 0.0221
+    assert np.ptp(place[:, 1]) > 0.018
+    assert surface.time[surface.grown].min() == pytest.approx(98e-6, rel=0.03)
+    assert len(found.fragments.pieces) == 2
+    assert found.fragments.pieces[0].mass == pytest.approx(0.614 * whole, rel=0.05)

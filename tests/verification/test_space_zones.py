@@ -8,67 +8,33 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from numpy.typing import NDArray
+from blocks import GLASS, HEIGHT, LENGTH, SMALL, WIDTH, H, blob, block, place
 
 import pdmesh
-from pdmesh import Body, Box, Cylinder, Material, Run, ramp
+from benchmarks.pulses_in_space import bonds_of, sent_back
+from pdmesh import Body, Box, Cylinder, Run, ramp
 from pdmesh.drawing.solids import meshed
-from pdmesh.model.lattice_calibration import offsets
-from pdmesh.model.material_constants import micromodulus
-from pdmesh.model.neighbours import lengths
-from pdsolve.adaptivity.hybrid.space.box import COARSE, FINE, VOID
 from pdsolve.adaptivity.hybrid.space.coarse_springs import elastic_of
-from pdsolve.adaptivity.hybrid.space.operator import SpaceHybrid
-from pdsolve.adaptivity.hybrid.space.prepare import SEAM, full_block, operator_on, tau_of
+from pdsolve.adaptivity.hybrid.space.prepare import SEAM, tau_of
 from pdsolve.laws.pair_laws.brittle import LAW
 from pdsolve.model import Model
 from pdsolve.numerics.thread_team import cores
-from pdsolve.operators.space_lattice.layout import table_of
 from pdsolve.results import Results
 from pdsolve.run.body_zones import zone_of
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Options, resume, simulate
 
-SMALL = 1e-7  # strain
-GLASS = Material(E=65e9, rho=2235, G0=204, micromodulus="constant")
-LENGTH, WIDTH, HEIGHT, H = 0.024, 0.008, 0.02, 5e-4  # m
-
-
-def table(ratio: float, profile: str = "constant") -> NDArray[np.float64]:
-    """Bonds of a lattice of spacing 1 whose cells count in full; see `Tiles.table`."""
-    xi = offsets(ratio, 3)
-    xi = xi[np.lexsort(xi.T)]
-    material = msgspec.structs.replace(Material(E=1.0, rho=1.0, G0=1.0, micromodulus=profile), plane="space")
-    c = micromodulus(material, lengths(xi), np.full(len(xi), ratio))
-    return table_of(np.rint(xi[c > 1e-12]).astype(np.int64), 1.0, c[c > 1e-12])
-
-
-def blob(bonds: NDArray[np.float64], side: int, margin: int, tau: float) -> SpaceHybrid:
-    """A block of `side` cells along each edge; half of those `margin` off its faces are fine, at random."""
-    whole, some = full_block(LAW, bonds, 1.0, side), np.random.default_rng(1)
-    cells = np.full((side,) * 3, COARSE, dtype=np.uint8)
-    inner = (slice(margin, side - margin),) * 3
-    cells[inner] = np.where(some.random((side - 2 * margin,) * 3) < 0.5, FINE, COARSE)
-    return operator_on(LAW, whole, np.pad(cells, whole.fine.box.pad, constant_values=VOID).ravel(), tau)
-
-
-def place(operator: SpaceHybrid) -> NDArray[np.float64]:
-    """Where nodes (n, 3) are, in spacings."""
-    box = operator.whole.fine.box
-    sites = operator.sites
-    return np.column_stack([sites % box.sx, sites // box.sx % box.sy, sites // (box.sx * box.sy)]).astype(float)
-
 
 @pytest.mark.parametrize(("ratio", "tau"), [(2.0, 0.037124), (3.0, 0.038878)])  # of an independent script
 def test_body_diagonals_take_what_vertices_need(ratio: float, tau: float) -> None:
     """To the digits known."""
-    assert tau_of(LAW, table(ratio), 1.0) == pytest.approx(tau, abs=6e-7)
+    assert tau_of(LAW, bonds_of(ratio), 1.0) == pytest.approx(tau, abs=6e-7)
 
 
 @pytest.mark.parametrize(("ratio", "profile"), [(2.0, "constant"), (3.0, "constant"), (3.0, "conical")])
 def test_any_linear_field_is_in_equilibrium(ratio: float, profile: str) -> None:
     """A random gradient on a random blob, faces, edges and vertices: but for the outer layer; and not without tau."""
-    bonds, gradient = table(ratio, profile), np.random.default_rng(2).standard_normal((3, 3))
+    bonds, gradient = bonds_of(ratio, profile), np.random.default_rng(2).standard_normal((3, 3))
     for tau, least, most in ((tau_of(LAW, bonds, 1.0), 0.0, 1e-12), (0.0, 1e-2, 1.0)):  # measured 1.1e-13, 0.14
         operator = blob(bonds, 16, 4, tau)
         x = place(operator)
@@ -83,7 +49,7 @@ def test_any_linear_field_is_in_equilibrium(ratio: float, profile: str) -> None:
 @pytest.mark.parametrize("ratio", [2.0, 3.0])
 def test_the_sure_step_is_stable_with_a_seam(ratio: float) -> None:
     """2 / omega_max, by power iteration; measured 1.35 and 1.66 sqrt(rho / C11) against 1.13 and 1.60."""
-    bonds = table(ratio)
+    bonds = bonds_of(ratio)
     operator = blob(bonds, 10, 1, tau_of(LAW, bonds, 1.0))
     v, found = np.random.default_rng(0).standard_normal((len(operator.sites), 3)), 0.0
     for _ in range(120):
@@ -96,9 +62,16 @@ def test_the_sure_step_is_stable_with_a_seam(ratio: float) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(("shear", "known"), [(False, 0.026), (True, 0.025)], ids=["pressure", "shear"])
+def test_a_seam_sends_as_little_back_as_an_independent_script_found(shear: bool, known: float) -> None:
+    """Of pulses two horizons wide."""
+    assert sent_back(3.0, 6, shear) == pytest.approx(known, rel=0.2)  # measured 0.0268, 0.0270
+
+
+@pytest.mark.slow
 def test_free_vibration_does_not_grow() -> None:
     """Noise in a blob, small strains: the energy that leapfrog keeps, over 800 units of sqrt(rho / C11)."""
-    bonds = table(3.0)
+    bonds = bonds_of(3.0)
     operator = blob(bonds, 7, 1, tau_of(LAW, bonds, 1.0))
     dt, mass = 0.8 * 1.6 / np.sqrt(elastic_of(bonds).c11), operator.volume[:, None]
     v, u, energies = 1e-8 * np.random.default_rng(3).standard_normal((len(mass), 3)), np.zeros((len(mass), 3)), []
@@ -111,26 +84,6 @@ def test_free_vibration_does_not_grow() -> None:
         u, v = u + dt * after, after
     assert np.ptp(energies) < 1e-6 * energies[0]  # measured 4e-9
     assert np.abs((mass * v).sum(axis=0) - momentum).max() < 1e-10 * np.abs(mass * v).sum()
-
-
-def block(adapt: str, steps: int = 168) -> Model:
-    """A block with a crack of two triangles from its left face, pulled apart by its upper and lower ones.
-
-    Its nodes lie on its faces, however it is solved.
-    """
-    x, y, z = LENGTH / 2, WIDTH / 2, HEIGHT / 2
-    corners = [(-1.1 * x, -1.1 * y), (-x / 3, -1.1 * y), (-x / 3, 1.1 * y), (-1.1 * x, 1.1 * y)]
-    flat = [(a, b, 0.52 * H) for a, b in corners]
-    run = Run(steps=steps, every=steps // 4, ledger=8, time_step=1.05e-7)
-    body = Body(Box((-x, -y, -z), (x, y, z)), H, GLASS, run=run).adapt("hybrid")
-    body = body.crack([[flat[0], flat[1], flat[2]], [flat[0], flat[2], flat[3]]])
-    for side, speed in (("top", 0.45), ("bottom", -0.45)):
-        body = body.move(side, velocity=(None, None, speed), rows=3, profile=ramp(2e-6))
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        built = pdmesh.build(body)
-    settings = msgspec.structs.replace(built.settings, run=msgspec.structs.replace(run, adapt=adapt))
-    return Model(built.grid, settings)
 
 
 @pytest.fixture(scope="module")

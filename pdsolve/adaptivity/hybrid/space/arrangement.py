@@ -31,7 +31,7 @@ from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.space_slots import INVERSE
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.operators.simd_lattice.kernel import INNER
-from pdsolve.operators.space_lattice.kernel import VOLUME, Tiles, stiffness
+from pdsolve.operators.space_lattice.kernel import VOLUME, Tiles, pair_number, stiffness
 
 PARTS = 8  # of a bond, more than there are
 ENDS = 4  # coarse nodes that an end moves with, at most
@@ -45,6 +45,7 @@ class Fine(NamedTuple):
     divisions: Divisions  # of the upper half of the offsets
     reach: int  # spacings, along an axis
     cube: float  # h^3, m^3
+    weakness: NDArray[np.float64]  # (p,) of pairs of materials: least e at which bonds break over theirs
 
 
 class Pieces(NamedTuple):
@@ -54,7 +55,7 @@ class Pieces(NamedTuple):
     kind: NDArray[np.int32]  # (p,) alike for pieces with the same xi
     ends: NDArray[np.int64]  # (p, 2) places of its ends; see `place_of`
     k: NDArray[np.float64]  # (p,) stiffness, N/m
-    breaks: NDArray[np.float64]  # (p,) 0 if its bond never breaks, else 1
+    breaks: NDArray[np.float64]  # (p,) least e at which bonds break over that of its own; 0 if it never breaks
 
 
 def pieces_of(count: int) -> Pieces:
@@ -178,7 +179,9 @@ def _divide(fine, cells, own, k, sides, pieces, made):  # type: ignore[no-untype
                     pieces.ends[made, 1] = _place_of(box, of, own, part - 1, 1)
                     pieces.k[made] = _stiffness(fine, site, slot) / (sides * length)
                     i, j = tiles.node[site], tiles.node[site + tiles.offsets[slot]]
-                    pieces.breaks[made] = 0.0 if tiles.held[i] or tiles.held[j] else 1.0
+                    pieces.breaks[made] = (
+                        0.0 if tiles.held[i] or tiles.held[j] else fine.weakness[pair_number(tiles, i, j)]
+                    )
                 made += 1
             part += 1
     return made
@@ -301,20 +304,20 @@ def carriers(box, some, sites, w):  # type: ignore[no-untyped-def]
 
 
 @cached_njit(error_model="numpy")
-def gather_volumes(fine, kind, some, volume):  # type: ignore[no-untyped-def]
-    """Fill the volumes (k,), m^3, of coarse nodes at the fine sites `some`: their shares of all fine nodes that are
-    not free."""
+def gather(fine, kind, some, own, found):  # type: ignore[no-untyped-def]
+    """Fill in what is `found` (k,) of coarse nodes at the fine sites `some`: their shares of what is the `own` (sites,)
+    of all fine nodes that are not free."""
     box, tiles = fine.box, fine.tiles
     for n in range(len(some)):
         x, y, z = fine_at(box, some[n])
-        volume[n] = 0.0
+        found[n] = 0.0
         for dz in range(max(z - 1, 0), min(z + 2, box.sz)):
             for dy in range(max(y - 1, 0), min(y + 2, box.sy)):
                 for dx in range(max(x - 1, 0), min(x + 2, box.sx)):
                     site = fine_site(box, dx, dy, dz)
                     if tiles.node[site] >= 0 and kind[site] != FREE:
                         share = 0.5 ** (abs(dx - x) + abs(dy - y) + abs(dz - z))
-                        volume[n] += share * fine.cube * tiles.cells[VOLUME, tiles.margin + site]
+                        found[n] += share * own[site]
 
 
 @cached_njit(error_model="numpy")
@@ -380,7 +383,7 @@ __all__ = [
     "count_bonds",
     "directed",
     "ended",
-    "gather_volumes",
+    "gather",
     "interpolate",
     "list_bonds",
     "pieces_of",

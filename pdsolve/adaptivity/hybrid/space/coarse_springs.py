@@ -99,19 +99,20 @@ def tiles_of(law: Law, sites: Sites, stiffness: NDArray[np.float64]) -> Tiles:
 
 
 @cached_njit(error_model="numpy")
-def set_springs(box, cells, way, some, tiles):  # type: ignore[no-untyped-def]
-    """Set the springs of the coarse nodes (k, 3) in `some`."""
+def set_springs(box, cells, modulus, way, some, tiles):  # type: ignore[no-untyped-def]
+    """Set the springs of the coarse nodes (k, 3) in `some`; `modulus` (c,) is that of cells."""
     for n in range(len(some)):
         x, y, z = some[n]
         site = coarse_site(box, x, y, z)
         tile, lane = site // ROW, site % ROW
         for slot in range(len(way)):
-            count = there = 0
+            count, there = 0, 0.0
             for sz in range(min(way[slot, 2], 0) - (way[slot, 2] == 0), 1 - (way[slot, 2] < 0)):
                 for sy in range(min(way[slot, 1], 0) - (way[slot, 1] == 0), 1 - (way[slot, 1] < 0)):
                     for sx in range(min(way[slot, 0], 0) - (way[slot, 0] == 0), 1 - (way[slot, 0] < 0)):
                         count += 1
-                        there += cells[cell_place(box, x + sx, y + sy, z + sz)] == COARSE
+                        cell = cell_place(box, x + sx, y + sy, z + sz)
+                        there += modulus[cell] if cells[cell] == COARSE else 0.0
             share, bit = there / count, np.uint16(1) << np.uint16(lane)
             tiles.share[tile, slot, lane] = share
             if share > 0:
@@ -128,7 +129,7 @@ def _kind(tiles, tile):  # type: ignore[no-untyped-def]
     for slot in range(len(tiles.offsets)):
         for lane in range(ROW):
             share = tiles.share[tile, slot, lane]
-            if 0 < share < 1:
+            if share not in (0, 1):
                 return SOFT_GENERAL
             if share > 0:
                 kind = ALIKE
@@ -162,8 +163,9 @@ def _stretch(tiles, u, site, slot):  # type: ignore[no-untyped-def]
 
 
 @cached_njit(error_model="numpy")
-def hot_nodes(box, tiles, lasts, u, limit, found):  # type: ignore[no-untyped-def]
-    """List the fine sites of coarse nodes with a spring stretched beyond `limit`; returns how many there are.
+def hot_nodes(box, tiles, lasts, u, hot, found):  # type: ignore[no-untyped-def]
+    """List the fine sites of coarse nodes with a spring stretched beyond what is `hot` (sites,) at one of its ends;
+    returns how many there are.
 
     `lasts` (n,) are the nodes whose bonds do not break.
     """
@@ -178,6 +180,7 @@ def hot_nodes(box, tiles, lasts, u, limit, found):  # type: ignore[no-untyped-de
                     continue
                 site = t * ROW + lane
                 other = site + tiles.offsets[slot]
+                limit = min(hot[site], hot[other])
                 if _stretch(tiles, u, site, slot) > limit and not (lasts[tiles.node[site]] or lasts[tiles.node[other]]):
                     for one in (site, other):
                         row, x = one // (box.cx + 1), one % (box.cx + 1)

@@ -7,7 +7,6 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.document import Hybrid
 from pdsolve.adaptivity.hybrid.space import arrangement, coarse_springs
 from pdsolve.adaptivity.hybrid.space.arrangement import Fine, Pieces
 from pdsolve.adaptivity.hybrid.space.box import FINE, Box
@@ -29,10 +28,11 @@ class Whole(NamedTuple):
     sites: Sites
     springs_at: Sites  # of coarse nodes
     cut: NDArray[np.int64]  # (n,) bonds of each fine node that pre-cracks cut
-    stiffness_bound: float  # N/m^4, of all nodes of any zone; see `Operator.stiffness_bound`
-    solid: int  # cells that are not void
+    modulus: NDArray[np.float64]  # (c,) stiffness of coarse cells over that of the first material
+    hot: NDArray[np.float64]  # (sites,) stretch of a coarse node's springs beyond which cells around it become fine
+    resistance: float = 0.0  # 1/s^2, of all nodes of any zone: `Operator.stiffness_bound` over density
+    solid: int = 1  # cells that are not void
     driven: Drive | None = None  # conditions on all fine nodes
-    kappa: float = Hybrid().kappa  # see `pdmesh.model.document.Hybrid`
 
 
 class Zone(NamedTuple):
@@ -108,7 +108,7 @@ def arranged(whole: Whole, zone: Zone, new: NDArray[np.int64]) -> Zone:
         both(old.breaks, made.breaks),
     )
     corners = np.unique((new[:, None] + np.array(list(np.ndindex(2, 2, 2)))).reshape(-1, 3), axis=0)
-    coarse_springs.set_springs(box, zone.cells, whole.springs_at.ways, corners, zone.springs)
+    coarse_springs.set_springs(box, zone.cells, whole.modulus, whole.springs_at.ways, corners, zone.springs)
     return zone._replace(pieces=ordered)
 
 
@@ -132,5 +132,5 @@ def begun(whole: Whole, cells: NDArray[np.uint8], springs: Tiles) -> Zone:
     every = np.argwhere(inner == FINE)[:, ::-1]
     corners = np.column_stack([each.ravel() for each in np.meshgrid(
         *(np.arange(side + 1) for side in (box.cx, box.cy, box.cz)), indexing="ij")])  # fmt: skip
-    coarse_springs.set_springs(box, cells, whole.springs_at.ways, corners, springs)
+    coarse_springs.set_springs(box, cells, whole.modulus, whole.springs_at.ways, corners, springs)
     return arranged(whole, zone, np.ascontiguousarray(every)) if len(every) else zone

@@ -21,6 +21,7 @@ from pdsolve.adaptivity.hybrid.irregular_bonds import part_of
 from pdsolve.adaptivity.hybrid.space import arrangement, coarse_springs, pieces
 from pdsolve.adaptivity.hybrid.space.box import BORDER, COARSE, FINE, FREE
 from pdsolve.adaptivity.hybrid.space.layout import Whole, Zone, arranged, listed, near, places
+from pdsolve.adaptivity.hybrid.space.materials import MeanDensities, masses
 from pdsolve.adaptivity.hybrid.space.zone import mark_balls
 from pdsolve.adaptivity.hybrid.springs import e_of
 from pdsolve.bonds.assembly import Counted
@@ -89,23 +90,26 @@ class SpaceHybrid:
         self._free = np.flatnonzero(zone.kind[self.sites] == FREE)
         self._coarse = np.flatnonzero(zone.above[self.sites])
         self._border = np.flatnonzero(zone.kind == BORDER)
-        nodes, border = len(self.sites), len(self._border)
+        nodes, border, margin = len(self.sites), len(self._border), whole.sites.margin
         on, self._w = np.zeros((border, arrangement.ENDS), np.int64), np.zeros((border, arrangement.ENDS))
         arrangement.carriers(fine.box, self._border, on, self._w)
         self._on, self._pieces = self._row[on], self._linked(zone.pieces)
-        margin, volume = whole.sites.margin, fine.cube * fine.tiles.cells[VOLUME]
-        self.volume = np.zeros(nodes)
-        self.volume[self._free] = volume[margin + self.sites[self._free]]
-        found = np.zeros(len(self._coarse))
-        arrangement.gather_volumes(fine, zone.kind, self.sites[self._coarse], found)
-        self.volume[self._coarse] = found
-        self._border_volume = volume[margin + self._border]
+        volume = fine.cube * fine.tiles.cells[VOLUME, margin : margin + count]
+        self.volume = self._gathered(volume)
+        self._border_volume = volume[self._border]
         self._zone = zone._replace(tiles=self._numbered(zone.tiles), springs=self._carried(zone.springs))
         self._coarse_sites = self.whole.springs_at.margin + self._above(self.sites[self._coarse])
         self._force, self._density = np.zeros((nodes, 3)), np.zeros((nodes + border, 3))
         self._known = Broken(*np.zeros((3, 0), dtype=np.int64))
         self._new: list[Broken] = []
         self._breaking = RLock()  # held while bits and broken bonds disagree: results ask for both during a march
+
+    def _gathered(self, own: NDArray[np.floating]) -> NDArray[np.float64]:
+        """What nodes (n,) have of what is the fine nodes' `own` (sites,)."""
+        found, coarse = own[self.sites].astype(np.float64), np.zeros(len(self._coarse))
+        arrangement.gather(self.whole.fine, self._zone.kind, self.sites[self._coarse], own, coarse)
+        found[self._coarse] = coarse
+        return found
 
     def _linked(self, found: arrangement.Pieces) -> pieces.PieceSprings:
         """The pieces between the nodes."""
@@ -130,9 +134,10 @@ class SpaceHybrid:
         tiles.node[self._border] = nodes + np.arange(len(self._border))
         there = (tiles.node.reshape(-1, ROW) >= 0).any(axis=1)
         tiles.kind[:] = np.where(there, whole.kind, EMPTY)
-        held = np.ones(nodes + len(self._border), dtype=np.bool_)
-        held[:nodes] = whole.held[self.rows]
-        return tiles._replace(held=held, material=np.zeros(len(held), dtype=np.uint8))
+        every = np.concatenate([self.rows, whole.node[self._border]])
+        held = whole.held[every]
+        held[nodes:] = True
+        return tiles._replace(held=held, material=whole.material[every])
 
     def _carried(self, springs: Tiles) -> Tiles:
         """The springs with the numbers of nodes."""
@@ -148,7 +153,11 @@ class SpaceHybrid:
         found = part_of(self.whole.model, self.rows)
         delta = found.grid.delta.copy()
         delta[self._coarse] *= 2
-        return dataclasses.replace(found, grid=dataclasses.replace(found.grid, delta=delta, areas=self.volume))
+        found = dataclasses.replace(found, grid=dataclasses.replace(found.grid, delta=delta, areas=self.volume))
+        if not found.settings.regions:
+            return found
+        mass = self._gathered(masses(self.whole.model, self.whole.sites, self.whole.fine))
+        return MeanDensities(found.grid, found.settings, found.name, mass / self.volume)
 
     def place(self, state: State) -> State:
         """The state itself: its arrays are those of all nodes."""
@@ -264,7 +273,7 @@ class SpaceHybrid:
 
     def stiffness_bound(self) -> NDArray[np.float64]:
         """A bound (n,) of the stiffness that resists each node's motion, N/m^4; see `Operator`."""
-        return np.full(len(self.sites), self.whole.stiffness_bound)
+        return self.whole.resistance * self.model.rho
 
     def tangent(self, state: State) -> csr_array:
         """Minus the derivative (3 n, 3 n), N/m^4, of the force densities by the values; see `Operator`."""
@@ -334,12 +343,11 @@ class SpaceHybrid:
     def _settle(self) -> None:
         """Add the bonds that broke since the last call to the history."""
         if self._new or len(self._known.step) < len(self.history.step):
-            for step, source, target in self._new:
-                own = [self.history.step, self.history.source, self.history.target]
-                more = [step, self.sites[source], self.sites[target]]
-                found = [np.concatenate(each) for each in zip(own, more, strict=True)]
-                self.history = self.history._replace(step=found[0], source=found[1], target=found[2])
-            self._new = []
+            of = self.history
+            step = np.concatenate([of.step, *(new.step for new in self._new)])
+            source = np.concatenate([of.source, *(self.sites[new.source] for new in self._new)])
+            target = np.concatenate([of.target, *(self.sites[new.target] for new in self._new)])
+            self.history, self._new = of._replace(step=step, source=source, target=target), []
             ends = (self._row[each].astype(np.int64) for each in (self.history.source, self.history.target))
             self._known = Broken(self.history.step, *ends)
 
@@ -358,8 +366,8 @@ class SpaceHybrid:
         zone, box, fine = self._zone, self.whole.fine.box, self.whole.fine
         sites = np.unique(self.sites[self.broken(since).source])
         found = np.zeros(26 * max(len(self._coarse), 1), dtype=np.int64)
-        held, limit = fine.tiles.held[self.rows], self.whole.kappa * float(fine.tiles.peak.min())
-        count = coarse_springs.hot_nodes(box, zone.springs, held, zone.u_coarse, limit, found)
+        held = fine.tiles.held[self.rows]
+        count = coarse_springs.hot_nodes(box, zone.springs, held, zone.u_coarse, self.whole.hot, found)
         sites = np.unique(np.concatenate([sites, found[:count]]))
         new = np.zeros((np.count_nonzero(zone.cells == COARSE), 3), dtype=np.int64)
         count = mark_balls(box, zone.cells, places(box, sites), AHEAD, new)

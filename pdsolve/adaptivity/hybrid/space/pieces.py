@@ -28,7 +28,7 @@ class PieceSprings(NamedTuple):
     direction: NDArray[np.int32]  # (p,) row of xi
     xi: NDArray[np.float64]  # (g, 4) xi, m, 1 / |xi|^2
     k: NDArray[np.float64]  # (p,) stiffness, N/m
-    breaks: NDArray[np.float64]  # (p,) 0 if its bond never breaks, else 1
+    breaks: NDArray[np.float64]  # (p,) least e at which bonds break over that of its own; 0 if it never breaks
     u: NDArray[np.float64]  # (q, 4) room for the displacements of points; the last column is 0
     force: NDArray[np.float64]  # (q, 4) room for their forces
 

@@ -5,13 +5,16 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.model.document import Hybrid
 from pdsolve.adaptivity.hybrid.coarse_cells import refused
 from pdsolve.adaptivity.hybrid.space import coarse_springs
 from pdsolve.adaptivity.hybrid.space.arrangement import Fine
 from pdsolve.adaptivity.hybrid.space.box import FINE, VOID, box_of
 from pdsolve.adaptivity.hybrid.space.divisions import divisions
 from pdsolve.adaptivity.hybrid.space.layout import Whole, begun
+from pdsolve.adaptivity.hybrid.space.materials import moduli, weakest, weakness
 from pdsolve.adaptivity.hybrid.space.operator import NOTHING, SpaceHybrid
+from pdsolve.adaptivity.hybrid.space.prescribed_motion import between
 from pdsolve.adaptivity.hybrid.space.zone import cells_at_start
 from pdsolve.codegen.space_slots import INVERSE, PULL
 from pdsolve.codegen.vector_code import ROW
@@ -48,11 +51,11 @@ def body_of(model: Model, options: Options, threads: int) -> SpaceHybrid:
     count, first = int(np.prod(shape)), model.grid.position.min(axis=0)
     volume = tiles.cells[VOLUME][made.sites.margin :][:count].reshape(shape)
     cracks = (model.grid.cracks.reshape(-1, 3, 3) - first) / h
-    cells = cells_at_start(box, volume, tiles.node[:count].reshape(shape) >= 0, whole.fine.reach, cracks)
-    stiffness_bound = float((made.stiffness_bound / model.rho).max() * model.rho.max()) / SEAM
+    moved = between(model, box, made.sites.site.astype(np.int64) - made.sites.margin, tiles.node)
+    cells = cells_at_start(box, volume, tiles.node[:count].reshape(shape) >= 0, whole.fine.reach, cracks, moved)
+    resistance = float((made.stiffness_bound / model.rho).max()) / SEAM
     driven = drive(model, model.grid.cells, True, np.float64)
-    whole = whole._replace(stiffness_bound=stiffness_bound, solid=int(np.count_nonzero(cells != VOID)), driven=driven)
-    whole = whole._replace(kappa=model.settings.run.hybrid.kappa)
+    whole = whole._replace(resistance=resistance, solid=int(np.count_nonzero(cells != VOID)), driven=driven)
     return operator_on(law, whole, cells, tau_of(law, tiles.table, h), threads)
 
 
@@ -76,19 +79,20 @@ def whole_of(model: Model | None, sites: Sites, tiles: Tiles) -> Whole:
     """What does not change of a body with these bonds."""
     reach, half = int(np.abs(sites.ways).max()), len(sites.ways) // 2
     box = box_of(sites.sides, reach)
-    fine = Fine(box, tiles, divisions(sites.ways[half:]), reach, sites.spacing**3)
+    fine = Fine(box, tiles, divisions(sites.ways[half:]), reach, sites.spacing**3, weakness(tiles))
     at = coarse_springs.sites_of(box, sites.spacing)
-    return Whole(model, fine, sites, at, np.zeros(len(sites.site), dtype=np.int64), 0.0, 1)
+    hot = (Hybrid() if model is None else model.settings.run.hybrid).kappa * weakest(box, tiles)
+    return Whole(model, fine, sites, at, np.zeros(len(sites.site), dtype=np.int64), moduli(box, tiles), hot)
 
 
-def full_block(law: Law, table: NDArray[np.floating], h: float, side: int) -> Whole:
-    """A block of `side` cells along each edge, all of whose bonds are those of a full lattice; see `Tiles.table`."""
-    nodes = 2 * side + 1
-    ways, count, stride = np.rint(table[:, :3] / h).astype(np.int64), nodes**3, np.array([1, nodes, nodes**2])
+def full_block(law: Law, table: NDArray[np.floating], h: float, cells: tuple[int, int, int]) -> Whole:
+    """A block of so many cells along each axis, all of whose bonds are those of a full lattice; see `Tiles.table`."""
+    x, y, z = (2 * each + 1 for each in cells)
+    ways, count, stride = np.rint(table[:, :3] / h).astype(np.int64), x * y * z, np.array([1, x, x * y])
     node = np.full(-(-count // ROW) * ROW, -1, dtype=np.int32)
     node[:count] = np.arange(count)
     margin = -(-int(np.abs(ways @ stride).max()) // ROW) * ROW
-    sites = Sites((np.arange(count) + margin).astype(np.int32), node, (nodes, nodes, nodes), margin, h, ways)
+    sites = Sites((np.arange(count) + margin).astype(np.int32), node, (x, y, z), margin, h, ways)
     strength, never = table[:, PULL] / np.sqrt(table[:, INVERSE]), np.full((1, len(ways)), np.inf)
     alike = np.ones(count), np.full(count, 0.5), np.ones(count, np.bool_), np.zeros(count, np.uint8)
     springs = layout.Springs(strength, *alike, never, never)
@@ -99,7 +103,7 @@ def full_block(law: Law, table: NDArray[np.floating], h: float, side: int) -> Wh
 def tau_of(law: Law, table: NDArray[np.floating], h: float) -> float:
     """The force on the vertex of a fine cube in a sheared block of coarse cells without body diagonals, over
     C11 h^2 gamma."""
-    whole, half = full_block(law, table, h, CUBE), CUBE // 2
+    whole, half = full_block(law, table, h, (CUBE, CUBE, CUBE)), CUBE // 2
     cells, nodes = np.zeros((CUBE,) * 3, dtype=np.uint8), 2 * CUBE + 1
     cells[half:, half:, half:] = FINE
     cells = np.pad(cells, whole.fine.box.pad, constant_values=VOID)

@@ -19,9 +19,15 @@ FLANKS = 8  # h: cells this near to the faces of a pre-crack are fine: none of t
 
 
 def cells_at_start(
-    box: Box, volume: NDArray[np.float64], there: NDArray[np.bool_], reach: int, cracks: NDArray[np.float64]
+    box: Box,
+    volume: NDArray[np.float64],
+    there: NDArray[np.bool_],
+    reach: int,
+    cracks: NDArray[np.float64],
+    moved: NDArray[np.int64],
 ) -> NDArray[np.uint8]:
-    """Initial cells (c,): fine around pre-cracks and where a surface cuts cells, coarse elsewhere.
+    """Initial cells (c,): fine around pre-cracks, where a surface cuts cells and beside the fine nodes `moved` (k, 3),
+    coarse elsewhere.
 
     `volume` and `there` (z, y, x) are of fine nodes: cells over h^3, and whether there is one. `cracks` (t, 3, 3) are
     triangles in spacings from the first node. A face along cells cuts none, except at re-entrant edges.
@@ -54,6 +60,9 @@ def cells_at_start(
         away = 2 * ndimage.distance_transform_edt(~(some & ~good)) - 1
         cells[(away <= reach + RING) & good] = FINE
     _around_cracks(cells, cracks)
+    for side in product((0, 1), repeat=3):
+        z, y, x = ((moved - side) // 2).clip(0, [box.cx - 1, box.cy - 1, box.cz - 1]).T[::-1]
+        cells[z, y, x] = np.where(cells[z, y, x] == COARSE, FINE, cells[z, y, x])
     return np.pad(cells, box.pad, constant_values=VOID).ravel()
 
 

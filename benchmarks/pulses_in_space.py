@@ -1,0 +1,121 @@
+"""What of a pulse comes back from the flat seam of a fine zone in space.
+
+`python -m benchmarks.pulses_in_space` writes a table to docs/guide/adaptivity.md. A pulse exp(-(x / w)^2) of pressure
+or shear runs upright to a seam through a lattice without ends across: of a column 8 cells thick, the middle cell alone
+moves by its forces, and all others as it does. Shares are those of the largest velocity before the seam when what comes
+back is where the pulse began.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.pages import put_section
+from pdmesh.model.document import Material
+from pdmesh.model.lattice_calibration import offsets
+from pdmesh.model.material_constants import micromodulus
+from pdmesh.model.neighbours import lengths
+from pdsolve.adaptivity.hybrid.space.box import COARSE, FINE, VOID
+from pdsolve.adaptivity.hybrid.space.coarse_springs import elastic_of
+from pdsolve.adaptivity.hybrid.space.layout import places
+from pdsolve.adaptivity.hybrid.space.operator import SpaceHybrid
+from pdsolve.adaptivity.hybrid.space.prepare import full_block, operator_on, tau_of
+from pdsolve.laws.pair_laws.brittle import LAW
+from pdsolve.operators.space_lattice.layout import table_of
+
+PAGE = Path(__file__).parent.parent / "docs" / "guide" / "adaptivity.md"
+WIDTHS = (1, 2, 4)  # horizons
+TEXT = """## What the seam of a body sends back
+
+Of the velocity of pulses exp(-(x / w)^2) that run upright to a flat seam, %, with m spacings of h in the horizon: the
+largest before the seam when what is sent back is where the pulse began, 80 h away. Narrow pulses have a tail without a
+seam too. `python -m benchmarks.pulses_in_space` writes this table.
+"""
+ACROSS = 8  # cells
+AWAY = 80  # spacings from the pulse to the seam; what is sent back, and how wide it is, depends on it
+STEP = 0.4  # h sqrt(rho / C11)
+HEIGHT = 1e-7  # spacings: small strains
+
+
+def bonds_of(ratio: float, profile: str = "constant") -> NDArray[np.float64]:
+    """Bonds of a lattice of spacing 1 whose cells count in full; see `Tiles.table`."""
+    xi = offsets(ratio, 3)
+    xi = xi[np.lexsort(xi.T)]
+    material = msgspec.structs.replace(Material(E=1.0, rho=1.0, G0=1.0, micromodulus=profile), plane="space")
+    c = micromodulus(material, lengths(xi), np.full(len(xi), ratio))
+    return table_of(np.rint(xi[c > 1e-12]).astype(np.int64), 1.0, c[c > 1e-12])
+
+
+def sent_back(ratio: float, width: int, shear: bool, backwards: bool = False, seam: bool = True) -> float:
+    """The share of a pulse of this width, spacings, that a seam sends back, of pressure or of `shear`.
+
+    It runs from fine to coarse cells, or `backwards`; without a `seam` all cells are those that it begins in.
+    """
+    bonds, cells = bonds_of(ratio), (3 * AWAY + 4 * width) // 2
+    operator = _column(bonds, cells, (AWAY + 4 * width) // 2, backwards, seam)
+    x, y, z = places(operator.whole.fine.box, operator.sites).T
+    alike = _alike(operator, x, y, z)
+    c11, c12 = elastic_of(bonds)
+    speed, axis, dt = float(np.sqrt(c12 if shear else c11)), 2 if shear else 0, STEP / float(np.sqrt(c11))
+    u, v, middle = np.zeros((len(x), 3)), np.zeros((len(x), 3)), 2 * cells - AWAY
+
+    def shape(at: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray(HEIGHT * np.exp(-((at / width) ** 2)))
+
+    u[:, axis] = shape(x - middle)
+    late = x - middle + speed * dt / 2  # velocities are those half a step before
+    v[:, axis] = speed * 2 * late / width**2 * shape(late)
+    sent, before = float(np.abs(v).max()), (x > middle - 3 * width) & (x < 2 * cells - 3 * ratio)
+    for _ in range(round(2 * AWAY / speed / dt)):
+        v += dt * (operator.forces(u) / operator.volume[:, None])[alike]
+        u += dt * v
+    return float(np.abs(v[before]).max()) / sent
+
+
+def _column(bonds: NDArray[np.float64], cells: int, more: int, backwards: bool, seam: bool) -> SpaceHybrid:
+    """A column along x, `cells` before its seam and some more behind it."""
+    whole = full_block(LAW, bonds, 1.0, (cells + more, ACROSS, ACROSS))
+    first, last = (COARSE, FINE) if backwards else (FINE, COARSE)
+    kinds = np.full((ACROSS, ACROSS, cells + more), first, dtype=np.uint8)
+    if seam:
+        kinds[:, :, cells:] = last
+    return operator_on(
+        LAW, whole, np.pad(kinds, whole.fine.box.pad, constant_values=VOID).ravel(), tau_of(LAW, bonds, 1.0)
+    )
+
+
+def _alike(
+    operator: SpaceHybrid, x: NDArray[np.int64], y: NDArray[np.int64], z: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """Rows (n,) of the nodes in the middle that move as all nodes do."""
+    box = operator.whole.fine.box
+    return np.searchsorted(operator.sites, ((ACROSS + z % 2) * box.sy + ACROSS + y % 2) * box.sx + x)
+
+
+def shown(share: float) -> str:
+    """A share in per cent."""
+    return f"{100 * share:.2g}" if share > 1e-4 else "< .01"
+
+
+def main() -> None:
+    """Measure and write the table."""
+    rows = []
+    for ratio, backwards, seam in ((3.0, False, True), (3.0, True, True), (2.0, False, True), (3.0, False, False)):
+        way = ("coarse to fine" if backwards else "fine to coarse") if seam else "no seam"
+        shares = [
+            shown(sent_back(ratio, int(ratio) * width, shear, backwards, seam))
+            for shear in (False, True)
+            for width in WIDTHS
+        ]
+        rows.append(f"| m = {ratio:g}, {way} | " + " | ".join(shares) + " |")
+        print(rows[-1], flush=True)
+    head = "| | " + " | ".join(f"{kind}, w = {width} m h" for kind in ("P", "S") for width in WIDTHS) + " |"
+    put_section(PAGE, "\n".join([TEXT, head, "|---" * (1 + 2 * len(WIDTHS)) + "|", *rows]))
+
+
+if __name__ == "__main__":
+    main()

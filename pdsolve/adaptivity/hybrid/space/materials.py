@@ -1,0 +1,80 @@
+"""Bodies of several materials of one micromodulus: what coarse cells are made of.
+
+A coarse cell has the mean stiffness of its fine nodes, a coarse node the mean density of those that it stands for, and
+springs make cells fine by the weakest material around them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.adaptivity.hybrid.space.arrangement import Fine
+from pdsolve.adaptivity.hybrid.space.box import Box
+from pdsolve.model import Model
+from pdsolve.operators.space_lattice.kernel import MODULUS, VOLUME, Tiles
+from pdsolve.operators.space_lattice.sites import Sites
+
+BESIDE = 2  # spacings from a coarse node to the farthest fine nodes of its cells
+
+
+@dataclass(frozen=True)
+class MeanDensities(Model):
+    """A model whose nodes have densities (n,), kg/m^3, beside those of materials."""
+
+    means: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def rho(self) -> NDArray[np.float64]:
+        """Each node's density (n,), kg/m^3."""
+        return self.means
+
+
+def masses(model: Model, sites: Sites, fine: Fine) -> NDArray[np.float64]:
+    """The mass (sites,), kg, of fine nodes."""
+    found = np.zeros(len(sites.node))
+    found[sites.site - sites.margin] = fine.cube * fine.tiles.cells[VOLUME, sites.site] * model.rho
+    return found
+
+
+def weakness(tiles: Tiles) -> NDArray[np.float64]:
+    """The least e at which bonds break over that (p,) of pairs of materials; 0 of those that never break."""
+    e = tiles.peak.min(axis=1) * (2 + tiles.peak.min(axis=1))
+    return np.asarray(np.divide(e.min(), e, out=np.zeros(len(e)), where=np.isfinite(e)))
+
+
+def moduli(box: Box, tiles: Tiles) -> NDArray[np.float64]:
+    """Stiffness (c,) of coarse cells over that of the first material."""
+    inside = tiles.cells[MODULUS, tiles.margin :][: box.sx * box.sy * box.sz]
+    found = (2.0 * inside.astype(np.float64)).reshape(box.sz, box.sy, box.sx)
+    for axis, cells in enumerate((box.cz, box.cy, box.cx)):
+        first, middle, last = (_every_second(found, axis, step, cells, 1.0) for step in range(3))
+        found = (first + 2 * middle + last) / 4
+    return np.pad(found, box.pad, constant_values=1.0).ravel()
+
+
+def weakest(box: Box, tiles: Tiles) -> NDArray[np.float64]:
+    """The least peak (sites,) of a bond's stretch in the cells around each coarse node; infinite without a node."""
+    nodes = tiles.node[: box.sx * box.sy * box.sz]
+    count = int(np.sqrt(len(tiles.peak)) + 0.5)
+    own = tiles.peak[:: count + 1].min(axis=1)  # a bond between two materials has one between theirs
+    found = np.where(nodes < 0, np.inf, own[tiles.material[nodes]]).reshape(box.sz, box.sy, box.sx)
+    for axis, cells in enumerate((box.cz, box.cy, box.cx)):
+        ends = (_every_second(found, axis, step, cells + 1, np.inf) for step in range(-BESIDE, BESIDE + 1))
+        found = np.minimum.reduce(list(ends))
+    return found.ravel()
+
+
+def _every_second(of: NDArray[np.float64], axis: int, first: int, count: int, outside: float) -> NDArray[np.float64]:
+    """So many of every second entry along an axis, from `first` on."""
+    at = first + 2 * np.arange(count)
+    inside = (at >= 0) & (at < of.shape[axis])
+    found = np.take(of, np.where(inside, at, 0), axis=axis)
+    shape = np.ones(of.ndim, dtype=int)
+    shape[axis] = count
+    return np.where(inside.reshape(shape), found, outside)
+
+
+__all__ = ["MeanDensities", "masses", "moduli", "weakest", "weakness"]

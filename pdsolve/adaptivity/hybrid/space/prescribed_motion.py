@@ -1,0 +1,53 @@
+"""Nodes whose prescribed motion coarse cells do not have."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.document import Displacement, InitialVelocity, Velocity
+from pdsolve.adaptivity.hybrid.space.box import Box
+from pdsolve.adaptivity.hybrid.space.layout import places
+from pdsolve.conditions import initial_velocity
+from pdsolve.model import Model
+
+SAME = 1e-9  # of the largest value: round-off
+
+
+def between(model: Model, box: Box, site: NDArray[np.int64], node: NDArray[np.int32]) -> NDArray[np.int64]:
+    """Fine nodes (k, 3) that would not move as prescribed if they hung between coarse nodes.
+
+    A held node may hang between held ones alone; initial velocities are to be linear between coarse nodes. `site` (n,)
+    is where the rows of the grid are, `node` (sites,) the row at each site or -1.
+    """
+    found = [np.zeros(0, dtype=np.int64)]
+    for condition in model.settings.conditions:
+        if isinstance(condition, Displacement | Velocity):
+            rows, held = model.selected(condition), np.zeros((len(site), 1))
+            held[rows] = 1.0
+            found.append(rows[_mean(held, rows, box, site, node)[:, 0] < 1.0])
+    if any(isinstance(condition, InitialVelocity) for condition in model.settings.conditions):
+        velocity, rows = initial_velocity(model), np.arange(len(site))
+        away = np.abs(_mean(velocity, rows, box, site, node) - velocity).max(axis=1)
+        found.append(rows[away > SAME * np.abs(velocity).max()])
+    return places(box, site[np.unique(np.concatenate(found))])
+
+
+def _mean(
+    values: NDArray[np.float64], rows: NDArray[np.int64], box: Box, site: NDArray[np.int64], node: NDArray[np.int32]
+) -> NDArray[np.float64]:
+    """Mean (k, j) of the values (n, j) of the coarse nodes that these rows (k,) lie between.
+
+    A node that is not there counts as one that moves likewise.
+    """
+    at, sides = places(box, site[rows]), np.array([box.sx, box.sy, box.sz])
+    found = np.zeros((len(rows), values.shape[1]))
+    for signs in product((-1, 1), repeat=3):
+        end = at + np.array(signs) * (at % 2)
+        inside = np.where(end < sides, end, at)
+        other = node[(inside[:, 2] * box.sy + inside[:, 1]) * box.sx + inside[:, 0]]
+        there = (end < sides).all(axis=1) & (other >= 0)
+        found += values[np.where(there, other, rows)] / 8
+    return found

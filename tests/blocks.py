@@ -1,0 +1,66 @@
+"""Bodies with a fine zone of any shape, and a cracked block, to ask questions of."""
+
+from __future__ import annotations
+
+import warnings
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+import pdmesh
+from pdmesh import Body, Box, Material, Run, ramp
+from pdsolve.adaptivity.hybrid.space.box import COARSE, FINE, VOID
+from pdsolve.adaptivity.hybrid.space.layout import Whole
+from pdsolve.adaptivity.hybrid.space.operator import SpaceHybrid
+from pdsolve.adaptivity.hybrid.space.prepare import full_block, operator_on
+from pdsolve.laws.pair_laws.brittle import LAW
+from pdsolve.model import Model
+
+SMALL = 1e-7  # strain
+GLASS = Material(E=65e9, rho=2235, G0=204, micromodulus="constant")
+LENGTH, WIDTH, HEIGHT, H = 0.024, 0.008, 0.02, 5e-4  # m
+
+
+def blob(bonds: NDArray[np.float64], side: int, margin: int, tau: float) -> SpaceHybrid:
+    """A block of `side` cells along each edge; half of those `margin` off its faces are fine, at random."""
+    return at_random(full_block(LAW, bonds, 1.0, (side, side, side)), margin, tau)
+
+
+def at_random(whole: Whole, margin: int, tau: float) -> SpaceHybrid:
+    """A body; half of its cells `margin` off the faces of its box are fine, at random."""
+    box, some = whole.fine.box, np.random.default_rng(1)
+    cells = np.full((box.cz, box.cy, box.cx), COARSE, dtype=np.uint8)
+    inner = cells[(slice(margin, -margin),) * 3]
+    inner[:] = np.where(some.random(inner.shape) < 0.5, FINE, COARSE)
+    return operator_on(LAW, whole, np.pad(cells, box.pad, constant_values=VOID).ravel(), tau)
+
+
+def place(operator: SpaceHybrid) -> NDArray[np.float64]:
+    """Where nodes (n, 3) are, in spacings."""
+    box = operator.whole.fine.box
+    sites = operator.sites
+    return np.column_stack([sites % box.sx, sites // box.sx % box.sy, sites // (box.sx * box.sy)]).astype(float)
+
+
+def block(adapt: str, steps: int = 168, other: Material | None = None) -> Model:
+    """A block with a crack of two triangles from its left face, pulled apart by its upper and lower ones; its right
+    half is of an `other` material, if there is one.
+
+    Its nodes lie on its faces, however it is solved.
+    """
+    x, y, z = LENGTH / 2, WIDTH / 2, HEIGHT / 2
+    corners = [(-1.1 * x, -1.1 * y), (-x / 3, -1.1 * y), (-x / 3, 1.1 * y), (-1.1 * x, 1.1 * y)]
+    flat = [(a, b, 0.52 * H) for a, b in corners]
+    run = Run(steps=steps, every=steps // 4, ledger=8, time_step=1.05e-7)
+    body = Body(Box((-x, -y, -z), (x, y, z)), H, GLASS, run=run).adapt("hybrid")
+    body = body.crack([[flat[0], flat[1], flat[2]], [flat[0], flat[2], flat[3]]])
+    if other is not None:
+        body = body.region(Box((0.0, -2 * y, -2 * z), (2 * x, 2 * y, 2 * z)), other, "other")
+    for side, speed in (("top", 0.45), ("bottom", -0.45)):
+        body = body.move(side, velocity=(None, None, speed), rows=3, profile=ramp(2e-6))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        built = pdmesh.build(body)
+    settings = msgspec.structs.replace(built.settings, run=msgspec.structs.replace(run, adapt=adapt))
+    return Model(built.grid, settings)

@@ -1,0 +1,98 @@
+"""Bodies of several materials with a fine zone: statics of random zones, masses, and runs beside the fine lattice."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pytest
+from blocks import GLASS, SMALL, H, at_random, block, place
+
+import pdmesh
+from pdmesh import Body, Box, Material, Run
+from pdsolve.adaptivity.hybrid.space.coarse_springs import elastic_of
+from pdsolve.adaptivity.hybrid.space.operator import SpaceHybrid
+from pdsolve.adaptivity.hybrid.space.prepare import tau_of
+from pdsolve.laws.pair_laws.brittle import LAW
+from pdsolve.model import Model
+from pdsolve.run.body_zones import zone_of
+from pdsolve.run.prepare import prepare
+from pdsolve.run.simulation import Options, simulate
+
+TOUGH = Material(E=65e9, rho=7800, G0=2e4, micromodulus="constant")
+HARD = Material(E=210e9, rho=7800, G0=2e4, micromodulus="constant")
+
+
+def halves(other: Material) -> SpaceHybrid:
+    """A block of glass whose right half is of another material, without corrections at its surfaces."""
+    x, y = 26 * H, 10 * H
+    body = Body(Box((-x, -y, -y), (x, y, y)), H, GLASS, run=Run(steps=1, time_step=1e-8)).adapt("hybrid")
+    body = body.region(Box((0, -2 * y, -2 * y), (2 * x, 2 * y, 2 * y)), other, "other")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        built = pdmesh.build(body)
+    whole = zone_of(prepare(Model(built.grid, built.settings), Options(threads=1)).system).whole
+    whole.fine.tiles.c[:, whole.sites.site] = 1
+    return at_random(whole, 2, tau_of(LAW, whole.fine.tiles.table, H))
+
+
+@pytest.mark.parametrize("other", [TOUGH, HARD], ids=["as stiff", "stiffer"])
+def test_any_linear_field_is_in_equilibrium_in_each_material(other: Material) -> None:
+    """Random gradient and zone: everywhere where materials are as stiff as each other, else off their interface."""
+    operator, gradient = halves(other), np.random.default_rng(2).standard_normal((3, 3))
+    x = place(operator)
+    u = SMALL * H * x @ gradient.T
+    c11 = elastic_of(operator.whole.fine.tiles.table).c11
+    force = (operator.forces(u) - operator.forces(-u)) / 2 / SMALL / H**2 / c11
+    inner = ((x > 7) & (x < [45, 13, 13])).all(axis=1)
+    if other is HARD:
+        assert np.abs(force[inner]).max() > 1e-3
+        inner &= np.abs(x[:, 0] - 26) > 4
+    assert np.count_nonzero(inner) > 100
+    assert np.abs(force[inner]).max() < 1e-12  # measured 1e-13, 4e-13
+    assert np.abs(force.sum(axis=0)).max() < 1e-9
+    model = operator.whole.model
+    assert model is not None
+    assert operator.model.rho @ operator.volume == pytest.approx(model.rho @ model.grid.cells, rel=1e-12)
+    assert operator.model.rho.min() == pytest.approx(GLASS.rho)
+    assert operator.model.rho.max() == pytest.approx(other.rho)
+
+
+def test_the_sure_step_is_stable_in_two_materials() -> None:
+    """2 / omega_max of a random zone, by power iteration, beside the step that its bound of stiffness gives."""
+    operator, found = halves(HARD), 0.0
+    bound, mass = operator.whole.resistance, (operator.model.rho * operator.volume)[:, None]
+    v = np.random.default_rng(0).standard_normal((len(operator.sites), 3))
+    for _ in range(80):
+        w = -operator.forces(SMALL * H * v) / SMALL / H / mass
+        found = float((v * w * mass).sum() / (v * v * mass).sum())
+        v = w / np.abs(w).max()
+    assert np.sqrt(2 / bound) < 0.95 * 2 / np.sqrt(found)  # measured 0.113 and 0.126 us
+
+
+@pytest.mark.parametrize("right", [False, True])
+def test_a_spring_makes_cells_fine_by_the_material_around_it(right: bool) -> None:
+    """Stretched by half of what breaks bonds of the strong material, many times what breaks those of the other."""
+    problem = prepare(block("hybrid", other=TOUGH), Options(threads=1))
+    operator, state = zone_of(problem.system), problem.state
+    peak = operator.whole.fine.tiles.peak
+    assert peak.min() < 0.2 * peak.max()
+    moved = (place(operator) == [34, 8, 20] if right else place(operator) == [8, 8, 34]).all(axis=1)
+    state.value[moved, 2] = 0.5 * 2 * H * peak.max()
+    assert bool(len(operator.wanted(state, 0))) != right
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("other", [TOUGH, HARD], ids=["as stiff", "stiffer"])
+def test_a_crack_runs_towards_another_material_as_on_the_fine_lattice(other: Material) -> None:
+    """First bond, work, energies and momentum beside the fine lattice everywhere."""
+    found = []
+    for adapt in ("hybrid", "none"):
+        with simulate(block(adapt, other=other), None, Options(threads=1)) as results:
+            found.append((results.history(), int(results.breaks().step.min()), results.summary()["balance"]))
+    (books, first, balance), (others, before, _) = found
+    assert abs(first - before) <= 1  # 95 in all
+    for name, most in (("work", 0.005), ("kinetic", 0.02), ("dissipated", 0.04)):  # 0.0006, 0.0034, 0.016
+        assert books[name][-1] == pytest.approx(others[name][-1], rel=most)
+    assert abs(balance) < 0.005  # 0.0009
+    assert 0.3 < books["fine_share"][0] < books["fine_share"][-1] < 0.5
