@@ -107,10 +107,10 @@ def chart(found: list[Row]) -> Figure:
         axes.semilogy([row.solves for row in same], [getattr(row, name) for row in same], "o", ms=5)
         for row in same:
             text = f"{row.load_steps} steps: {row.factors} factors, {row.seconds:.1f} s"
-            off, side = ((-7, -2), "right") if row is same[-1] else ((7, -2), "left")
+            off, side = ((-7, -2), "right") if row in (same[1], same[3]) else ((7, -2), "left")
             at = row.solves, getattr(row, name)
             axes.annotate(text, at, off, textcoords="offset points", ha=side, fontsize=8)
-        axes.set(xlabel="solves", ylabel=f"error of {said}", xlim=(220, 360))
+        axes.set(xlabel="solves", ylabel=f"error of {said}", xlim=(150, 460))
         plain(axes)
     return figure
 

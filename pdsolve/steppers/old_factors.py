@@ -60,7 +60,8 @@ class Solver:
         assert inverse is not None
         change = difference[there][:, there].toarray()
         whole, size = np.eye(len(there)) + self._columns[there] @ change, np.linalg.norm(right, axis=0)
-        found, left, most = np.zeros_like(right), right, np.inf
+        found: Array = np.zeros_like(right)
+        left, most = right, np.inf
         for _ in range(1 + REFINED):
             x = inverse(left)
             try:
