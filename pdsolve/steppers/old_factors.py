@@ -1,7 +1,9 @@
-"""Solutions of linear equations with the factors of an older matrix, as a preconditioner of GMRES.
+"""Solutions of linear equations with the factors of an older matrix and the changes since then.
 
-Y. Saad, M. H. Schultz, SIAM J. Sci. Stat. Comput. 7 (1986) 856-869. Factors are made anew where GMRES
-would take longer.
+A = B + E M E^T, where B has factors and E picks the p components whose entries have changed by more than `SLIGHT`. By
+Woodbury's identity A^-1 b = x - X M z with x = B^-1 b, X = B^-1 E and (I + E^T X M) z = E^T x: each component that
+changes costs one more column of X, once (W. W. Hager, SIAM Review 31 (1989) 221-239). Iterative refinement corrects
+what changed slightly. Factors are made anew where that would take longer.
 """
 
 from __future__ import annotations
@@ -21,39 +23,75 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-INNER = 16  # iterations of GMRES; factors take as long as 30
-LEFT = 1e-3  # of the right side, which a solution may leave
+SLIGHT = 5e-3  # of the largest entry of the diagonal: smaller changes are left to refinement
+CHANGED = 200  # components, at most
+AT_ONCE = 80  # components that change at once, at most: their columns take as long as factors
+REFINED = 4  # times, at most, each of which halves the residual at least
+BLOCK = 4  # right sides at once: for more BLAS takes threads, which cost more than they save
+LEFT = 1e-2  # of the right side, which a solution may leave
 
 
 class Solver:
     """Solves with matrices that may be indefinite; they are `symmetric`, or not."""
 
     def __init__(self, symmetric: bool = True) -> None:
-        self._inverse: Callable[[Array], Array] | None = None
         self._symmetric = symmetric
+        self._old: csr_array | None = None
+        self._inverse: Callable[[Array], Array] | None = None
+        self._changed = np.zeros(0, dtype=np.int64)  # (p,) components
+        self._columns = np.zeros((0, 0))  # (k, p) of the old matrix's inverse
 
     def solve(self, matrix: csr_array, right: Array, anew: bool) -> Array:
-        """The solution for one right side (k,); `anew` does not use old factors. Raises UnsettledError."""
-        found = None if anew or self._inverse is None else self._by_old_factors(matrix, right)
+        """The solutions for right sides (k,) or (k, r); `anew` does not use old factors. Raises UnsettledError."""
+        rights = right.reshape(len(right), -1)
+        found = None if anew or self._old is None else self._by_old_factors(matrix, rights)
         if found is None:
-            self._inverse = _factors(matrix, self._symmetric)
-            found = self._inverse(right)
-        return found
-
-    def solve_two(self, matrix: csr_array, first: Array, second: Array, anew: bool) -> tuple[Array, Array]:
-        """Solutions for two right sides (k,)."""
-        a = self.solve(matrix, first, anew)
-        return a, self.solve(matrix, second, False)
+            self._old, self._inverse = matrix, _factors(matrix, self._symmetric)
+            self._changed, self._columns = np.zeros(0, dtype=np.int64), np.zeros((len(right), 0))
+            found = self._inverse(rights)
+        return found.reshape(right.shape)
 
     def _by_old_factors(self, matrix: csr_array, right: Array) -> Array | None:
-        """The solution by GMRES preconditioned from the right, which has the true residual; None if it takes long."""
-        from scipy.sparse.linalg import LinearOperator, gmres
-
-        inverse = self._inverse
+        """The solutions; None if they take long."""
+        difference = matrix - self._old
+        if not self._learn(difference):
+            return None
+        there, inverse = self._changed, self._inverse
         assert inverse is not None
-        nearly_one = LinearOperator(matrix.shape, lambda of: matrix @ inverse(of), dtype=float)
-        found, failed = gmres(nearly_one, right, rtol=LEFT, restart=INNER, maxiter=1)
-        return None if failed else inverse(found)
+        change = difference[there][:, there].toarray()
+        whole, size = np.eye(len(there)) + self._columns[there] @ change, np.linalg.norm(right, axis=0)
+        found: Array = np.zeros_like(right)
+        left, most = right, np.inf
+        for _ in range(1 + REFINED):
+            x = inverse(left)
+            try:
+                found = found + x - self._columns @ (change @ np.linalg.solve(whole, x[there]))
+            except np.linalg.LinAlgError:
+                return None
+            left = right - matrix @ found
+            before, most = most, float((np.linalg.norm(left, axis=0) / np.where(size > 0, size, 1.0)).max())
+            if most <= LEFT:
+                return found
+            if not most < before / 2:
+                return None
+        return None
+
+    def _learn(self, difference: csr_array) -> bool:
+        """Add the columns of components that have changed; returns whether these are few."""
+        assert self._old is not None
+        assert self._inverse is not None
+        entries = difference.tocoo()
+        large = np.abs(entries.data) > SLIGHT * np.abs(self._old.diagonal()).max()
+        new = np.setdiff1d(np.union1d(entries.row[large], entries.col[large]), self._changed)
+        if len(new) > AT_ONCE or len(self._changed) + len(new) > CHANGED:
+            return False
+        if len(new):
+            one = np.zeros((len(self._columns), len(new)), order="F")
+            one[new, np.arange(len(new))] = 1.0
+            self._changed = np.concatenate([self._changed, new])
+            more = [self._inverse(one[:, k : k + BLOCK]) for k in range(0, len(new), BLOCK)]
+            self._columns = np.hstack([self._columns, *more])
+        return True
 
 
 def _factors(matrix: csr_array, symmetric: bool) -> Callable[[Array], Array]:

@@ -36,7 +36,10 @@ GROWTH = 1.4
 FIRST = 0.05  # of the largest step of dissipation: the first one
 LEAST = 1e-4  # of it: smaller ones are not tried
 NEAR = 0.01  # of a step of the control, by which it may be missed
+CONVERGING = 20  # iterations of one whose residual has been halved in each beyond MOST
 UNDECIDED = 2  # times that a bond has begun or ceased to load within a step: it gets a mean slope, lest it goes on so
+DECIDED = 3  # iterations without another turn, after which it gets its own slope again
+STEADY = 3  # bonds that turned in an iteration of secants, at most: tangents converge from there
 FAR = 0.5  # of the largest displacement: an iteration goes no further
 
 
@@ -58,6 +61,25 @@ class Proportional(NamedTuple):
     def at(self, factor: float) -> Array:
         """Forces, N/m, and places, m."""
         return self.start + factor * self.growth
+
+
+class Turns:
+    """How often bonds (b,) have begun or ceased to load within a step."""
+
+    def __init__(self, loads: NDArray[np.bool_]) -> None:
+        self._loads, self._times, self._since = loads, np.zeros(len(loads), dtype=int), np.zeros(len(loads), dtype=int)
+
+    def note(self, loads: NDArray[np.bool_], counts: bool) -> int:
+        """Take those that load in the next iteration, whose turns count or not; returns how many have turned."""
+        turned = loads != self._loads
+        self._times += turned & counts
+        self._since = np.where(turned, 0, self._since + 1)
+        self._loads = loads
+        return int(turned.sum())
+
+    def torn(self) -> NDArray[np.bool_]:
+        """Bonds that load, and turned often and lately."""
+        return np.asarray((self._times >= UNDECIDED) & (self._since < DECIDED) & self._loads)
 
 
 class Follower:
@@ -115,24 +137,25 @@ class Follower:
         value, factor, begin = guess.value.copy(), guess.factor, self.control.measure(last.value, last.spent)
         reach = FAR * max(float(np.abs(last.value).max()), float(np.abs(value).max()))
         found, left = self.bonds.respond(value), np.inf
-        loads, turns = found.releases > 0, np.zeros(len(found.releases), dtype=int)
-        for iteration in range(secants + MOST + 1):
+        turns = Turns(found.releases > 0)
+        for iteration in range(secants + CONVERGING + 1):
             at = self.drive.at(factor)
             rest = self._rest(found, at)
-            left, missed = self._left(found, at, rest), more - (self.control.measure(value, found.spent) - begin)
+            before, left = left, self._left(found, at, rest)
+            missed = more - (self.control.measure(value, found.spent) - begin)
             tell(iteration, left)
             if left < self._tolerance and abs(missed) < NEAR * more:
                 self.largest = max(self.largest, self._outside(found, at))
                 return Path(value, factor, found.spent), iteration, left
-            if not np.isfinite(left) or iteration == secants + MOST:
+            last_one = secants + (MOST if left > before / 2 else CONVERGING)
+            if not np.isfinite(left) or iteration >= last_one:
                 break
-            turns += (loads != (found.releases > 0)) & (iteration >= secants)
-            loads = found.releases > 0
-            torn = (turns >= UNDECIDED) & loads
-            mean = found._replace(slope=np.where(torn, (found.slope + found.secant) / 2, found.slope))
+            if turns.note(found.releases > 0, iteration >= secants) <= STEADY and iteration:
+                secants = min(secants, iteration)
+            mean = found._replace(slope=np.where(turns.torn(), (found.slope + found.secant) / 2, found.slope))
             matrix = self.bonds.tangent(mean, iteration < secants)
             inner, pushed = matrix[free][:, free], self._pushed(matrix)
-            a, b = self.solver.solve_two(inner, rest, pushed, iteration == 0)
+            a, b = self.solver.solve(inner, np.column_stack([rest, pushed]), iteration == 0).T
             q = self.control.gradient(value, found)
             free_q, held_q = q.ravel()[free], float((q * np.where(self.drive.held, self.drive.growth, 0.0)).sum())
             along = float(free_q @ b) + held_q
@@ -145,7 +168,7 @@ class Follower:
             value, factor = value + size * move, factor + size * turn
             found = self.bonds.respond(value)
         raise UnsettledError(
-            f"found no equilibrium where {self.control.said} {more:.3g} {self.control.unit} more after {MOST}"
+            f"found no equilibrium where {self.control.said} {more:.3g} {self.control.unit} more after {iteration}"
             f" iterations, a residual of {left:.2g}, expected {self._tolerance:g} of the external forces"
         )
 

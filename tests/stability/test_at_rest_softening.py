@@ -231,5 +231,6 @@ def test_conjugate_gradients_on_a_tangent_that_is_not_positive(failure: Callable
         " refuses what is too large for it (exit code 2).",
         cure=f"Direct factorization, which leaves a residual of {direct:.0e} of the right side. GMRES, preconditioned"
         f" by the factors of the secants, needs {kept[0]} iterations for"
-        f" the strip, {few} where there is a crack.",
+        f" the strip, {few} where there is a crack. Paths are followed with the factors at the beginning of a step, to"
+        " which Woodbury's identity adds what changes.",
     )

@@ -60,6 +60,15 @@ def test_a_notched_beam_peaks_as_is_known(h: float, off: float) -> None:
 
 
 @pytest.mark.slow
+def test_bonds_that_pass_the_end_of_a_notch_decide_on_the_peak() -> None:
+    """The known peak, 798 N, is between those with these bonds cut, as above, and whole."""
+    cut = beam(0.02)
+    shorter = dataclasses.replace(cut.grid, cracks=np.array([[0, -0.01, 0, 0.1 - 1e-5]]))
+    with simulate(Model(shorter, cut.settings), None, ONE) as results:
+        assert force(results).max() == pytest.approx(887, rel=0.01)  # measured: 886.6
+
+
+@pytest.mark.slow
 def test_dead_loads_are_followed_past_their_largest() -> None:
     """The same path as under a prescribed displacement, which falls to nothing."""
     with pytest.warns(ModelWarning, match="0.77"), simulate(beam(0.02, "load"), None, ONE) as results:

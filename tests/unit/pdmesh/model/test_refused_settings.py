@@ -91,6 +91,11 @@ def changed(**more: Any) -> Material:
             2,
             naming("$.material.model", found="correspondence", expected="bond"),
         ),
+        (
+            of(SOFT, Run(solver="static", adapt="hybrid")),
+            2,
+            naming("$.run.solver", found="static", expected=("explicit", "run.adapt is hybrid")),
+        ),
         (of_medium(Run(solver="static")), 2, naming("$.run.solver", found="static", expected="implicit")),
         (of_medium(Run(damping=1.0)), 3, naming("$.run.damping", found="1.0", expected="diffusion")),
         (of(SOFT, COLLOCATED), 2, naming("$.material.law", found="bilinear", expected="run.adapt")),
