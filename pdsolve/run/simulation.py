@@ -33,6 +33,7 @@ from pdsolve.run.node_changes import Adapt, zone_back, zone_moved
 from pdsolve.run.on_ranks import resuming
 from pdsolve.run.on_ranks import start as on_ranks
 from pdsolve.run.on_ranks.recorder import RecorderOnRanks
+from pdsolve.run.pace import Pace
 from pdsolve.run.prepare import prepare
 from pdsolve.run.recorder import Past, Recorder, restore
 from pdsolve.run.static_start import started
@@ -44,8 +45,7 @@ from pdsolve.steppers.load_steps import Going
 from pdsolve.steppers.stepped_rest import SteppedRest
 
 PATIENCE = 5e7  # bond updates between two looks at the watcher, some 20 ms; fewer where they take longer
-PIECE = 0.25  # s that a piece is to take
-SLOW = 1e7  # updates a second, of bonds or links: as is supposed until it is measured
+UNSURE = 1.2  # of the surely stable step: longer ones may make what they stretch
 DEFAULT = Options()
 
 
@@ -321,30 +321,20 @@ def _finish(notes: Recorder, make: Callable[[], Writer], request: Request) -> Re
         except BaseException as error:
             ends = {UnstableError: "unstable", UnsettledError: "unsettled", KeyboardInterrupt: "interrupted"}
             writer.abandon(ends.get(type(error), "failed"))
+            if isinstance(error, LateZoneError):
+                _expect_sure_step(error, notes.system)
             raise
         last = writer.done()
         last.close(status)
     return Results(last.connection, "results in memory") if request.output is None else Results.open(request.output)
 
 
-class Pace:
-    """Measures the duration of steps; results do not depend on it."""
-
-    def __init__(self, updates: int) -> None:
-        """`updates` is the number of bond or link updates of a step."""
-        self._each = updates / SLOW  # s of a step
-
-    def steps(self, least: int, most: int) -> int:
-        """Number of steps to take at once, from `least` to `most`."""
-        return max(least, min(most, int(PIECE / max(self._each, 1e-9))))
-
-    def took(self, steps: int, seconds: float) -> None:
-        """Record the duration of some steps."""
-        self._each = seconds / max(steps, 1)
-
-    def is_soon(self, steps: int) -> bool:
-        """Whether so many steps take at most as long as three batches."""
-        return steps * self._each < 3 * PIECE
+def _expect_sure_step(late: LateZoneError, system: System) -> None:
+    """Raise UnstableError where a clipped bond was stretched by steps that are too long, which no wider zone cures."""
+    if system.time_step > UNSURE * system.bound:
+        raise UnstableError(
+            f"{late}; the time step is {system.time_step:.3g} s, surely stable up to {system.bound:.3g} s"
+        ) from None
 
 
 def _march(notes: Recorder, writer: Behind, watch: Watcher | None, adapt: Adapt | None) -> str:

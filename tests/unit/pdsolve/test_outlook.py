@@ -18,6 +18,7 @@ from pdmesh.drawing.additions import ADAPT
 from pdmesh.model.document import Acceleration, Hybrid, Load, Run, Velocity
 from pdmesh.model.material import Material
 from pdsolve.adaptivity.hybrid.outlook import _strain, decided, outlook
+from pdsolve.errors import UnstableError
 from pdsolve.model import Model, ModelWarning
 from pdsolve.run.simulation import Options, prepare, resume, simulate
 
@@ -113,6 +114,20 @@ def test_fine_cells_that_come_too_late_come_earlier(tmp_path: Path) -> None:
     with resume(stopped) as results:
         assert results.meta()["status"] == "finished"
     assert contents(stopped) == contents(late)
+
+
+def test_no_wider_zone_cures_steps_that_are_too_long() -> None:
+    """Twice the surely stable step stretches what lies at the border; the run ends, and does not begin anew."""
+    model = stretched(3.0)
+    sure = prepare(model, Options(threads=1)).system.bound
+    run = msgspec.structs.replace(model.settings.run, time_step=2 * sure)
+    model = Model(model.grid, msgspec.structs.replace(model.settings, run=run))
+    with (
+        pytest.warns(ModelWarning) as found,
+        pytest.raises(UnstableError, match=naming("time step", f"{sure:.3g} s")),
+    ):
+        simulate(model)
+    assert not [each for each in found if mentions(each.message, "kappa") or mentions(each.message, "adapt none")]
 
 
 def test_in_the_end_all_nodes_are_fine() -> None:
