@@ -165,7 +165,7 @@ def test_numbering_does_not_matter(case: Case) -> None:
 def flying(case: Case, side: int, threads: int = 1) -> Cloud:
     """A cloud whose nodes start off at random, fast enough to break bonds soon."""
     made = cloud(case, side, threads=threads)
-    made.state.rate[:] = 4.0 * np.random.default_rng(4).standard_normal(made.position.shape)
+    made.state.rate[:] = 5.0 * np.random.default_rng(4).standard_normal(made.position.shape)
     return made
 
 
