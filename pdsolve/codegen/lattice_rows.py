@@ -111,11 +111,6 @@ class _Sum:
         ]
 
 
-def _signature(*arrays: Any) -> Any:
-    *before, s = arrays
-    return types.int64(*before, *(types.int64,) * 3, types.float64, s)
-
-
 def _generator(kind: int, which: int | None, varied: bool = False) -> Any:
     """A code generator for a row of this `kind`.
 
@@ -136,64 +131,37 @@ def _generator(kind: int, which: int | None, varied: bool = False) -> Any:
     return generate
 
 
-@intrinsic
-def sum_whole(typingctx, u, table, ways, weights, shrink, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
-    """Sum the forces on a row whose lanes have all springs of the table, for |e| up to NARROW."""
-    return _signature(u, table, ways, weights, shrink, s), _generator(WHOLE, 0)
+def _row(kind: int, which: int | None) -> Any:
+    """The loop over a row of this `kind` for one limit; see `_generator`."""
+
+    @intrinsic
+    def add(typingctx, u, table, ways, weights, shrink, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
+        numbers = (types.int64,) * 3
+        signature = types.int64(u, table, ways, weights, shrink, *numbers, types.float64, s)
+        return signature, _generator(kind, which)
+
+    return add
 
 
-@intrinsic
-def sum_whole_wide(typingctx, u, table, ways, weights, shrink, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
-    """Sum the forces on a row whose lanes have all springs of the table, for |e| up to WIDE."""
-    return _signature(u, table, ways, weights, shrink, s), _generator(WHOLE, 1)
+def _row_of_edges(which: int) -> Any:
+    """The loop over a row with its own stiffnesses and `edges` (., k, 16)."""
+
+    @intrinsic
+    def add(typingctx, u, table, ways, weights, edges, shrink, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
+        numbers = (types.int64,) * 3
+        signature = types.int64(u, table, ways, weights, edges, shrink, *numbers, types.float64, s)
+        return signature, _generator(OWN, which, True)
+
+    return add
 
 
-@intrinsic
-def sum_masked(typingctx, u, table, ways, masks, shrink, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
-    """Sum the forces on a row whose lanes have springs of the table, half springs, or none, for |e| up to NARROW."""
-    return _signature(u, table, ways, masks, shrink, s), _generator(MASKED, 0)
-
-
-@intrinsic
-def sum_masked_wide(typingctx, u, table, ways, masks, shrink, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
-    """Sum the forces on a row whose lanes have springs of the table, half springs, or none, for |e| up to WIDE."""
-    return _signature(u, table, ways, masks, shrink, s), _generator(MASKED, 1)
-
-
-@intrinsic
-def sum_own(typingctx, u, table, ways, weights, shrink, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
-    """Sum the forces on a row with its own stiffnesses, for |e| up to NARROW."""
-    return _signature(u, table, ways, weights, shrink, s), _generator(OWN, 0)
-
-
-@intrinsic
-def sum_own_wide(typingctx, u, table, ways, weights, shrink, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
-    """Sum the forces on a row with its own stiffnesses, for |e| up to WIDE."""
-    return _signature(u, table, ways, weights, shrink, s), _generator(OWN, 1)
-
-
-@intrinsic
-def sum_edges(typingctx, u, table, ways, weights, edges, shrink, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
-    """Sum the forces on a row with its own stiffnesses and `edges` (., k, 16), for |e| up to NARROW.
-
-    The result 2 means that an e exceeds the edge of its bond by more than `limit`.
-    """
-    return _signature(u, table, ways, weights, edges, shrink, s), _generator(OWN, 0, True)
-
-
-@intrinsic
-def sum_edges_wide(typingctx, u, table, ways, weights, edges, shrink, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
-    """Sum the forces on a row with its own stiffnesses and `edges`, for |e| up to WIDE; see `sum_edges`."""
-    return _signature(u, table, ways, weights, edges, shrink, s), _generator(OWN, 1, True)
-
-
-@intrinsic
-def sum_green(typingctx, u, table, ways, weights, shrink, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
-    """Sum the forces on a whole coarse row by Green's strain: force k e / 2 (xi + eta)."""
-    return _signature(u, table, ways, weights, shrink, s), _generator(WHOLE, None)
-
-
-@intrinsic
-def sum_green_own(typingctx, u, table, ways, weights, shrink, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
-    """Sum the forces on a coarse row with its own stiffnesses by Green's strain: force k e / 2 (xi + eta)."""
-    return _signature(u, table, ways, weights, shrink, s), _generator(OWN, None)
+# Sum the forces on a row whose lanes have all springs of the table, for |e| up to NARROW, and up to WIDE
+sum_whole, sum_whole_wide = _row(WHOLE, 0), _row(WHOLE, 1)
+# On a row whose lanes have springs of the table, half springs, or none; `weights` are masks
+sum_masked, sum_masked_wide = _row(MASKED, 0), _row(MASKED, 1)
+# On a row with its own stiffnesses
+sum_own, sum_own_wide = _row(OWN, 0), _row(OWN, 1)
+# Likewise; the result 2 means that an e exceeds the edge of its bond by more than `limit`
+sum_edges, sum_edges_wide = _row_of_edges(0), _row_of_edges(1)
+# On a coarse row by Green's strain, force k e / 2 (xi + eta): whole, and with its own stiffnesses
+sum_green, sum_green_own = _row(WHOLE, None), _row(OWN, None)
