@@ -5,7 +5,7 @@ own, as from the command line; prints wall and user time and the largest memory 
 
 Bars: 1.5 GB and 120 s on two cores. Measured: built in 0.4 GB and 1.2 s of user time; solved in 2.0 GB at its peak,
 1.2 GB before its first step and 183 s of user time of both threads, on a machine shared with others (wall 792 s). The
-peak is where nodes have changed: those before and after are there together. The coarse lattice takes the most.
+peak comes by the record in the middle, at which nodes have changed.
 """
 
 from __future__ import annotations
