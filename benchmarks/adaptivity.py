@@ -244,8 +244,9 @@ pre-cracks and interfaces have the same bonds as in a uniform run.
 places where the outline cuts cells or turns inwards, and around nodes with a prescribed motion that the coarse nodes
 beside them do not have. Every 8 steps more cells become fine: those within 8 h of a node
 with a bond that has broken or begun to soften, and those within 8 h of a coarse bond stretched to more than 0.7 of the
-stretch that breaks or softens it. Fine cells never become coarse again. A broken bond never heals: each bond of the
-whole plate has one bit, which is cleared once.
+stretch that breaks or softens it. Fine cells never become coarse again. A broken bond never heals: it has one bit,
+which is set once. Arrays of fine nodes are written only where cells become fine; what is constant of fine nodes is kept
+by different rows of 16.
 
 **The first bond.** Over 8 steps from 1 to 0.87 of the sure one, the first bond of Kalthoff and Winkler's steel breaks
 at

@@ -119,8 +119,7 @@ def _anew(model: Model, late: LateZoneError) -> Model:
 
 def _solve(model: Model, options: Options, request: Request) -> Results:
     """Solve a model from its start. Raises LateZoneError besides."""
-    notes, request = _noted(model, options, request)
-    return _begin(notes, request)
+    return _begin(*_noted(model, options, request))
 
 
 def _noted(model: Model, options: Options, request: Request) -> tuple[Recorder, Request]:
@@ -140,11 +139,12 @@ def _prepared(model: Model, options: Options) -> Prepared:
     return on_ranks.prepare(model, options, options.team)
 
 
-def _recorder(system: System, state: State, past: Past | None, changes: bool) -> Recorder:
-    """The records of a run, of all ranks if there are many."""
+def _records(system: System, state: State, request: Request) -> tuple[Recorder, Request]:
+    """The records of a run that begins, of all ranks if there are many."""
+    request = request._replace(adapt=request.adapt or changing(system))
     if isinstance(system, on_ranks.OnRanks):
-        return RecorderOnRanks(system, state, past)
-    return Recorder(system, state, past, changes)
+        return RecorderOnRanks(system, state, None), request
+    return Recorder(system, state, None, _changes(system, request.adapt)), request
 
 
 def run(
@@ -158,11 +158,6 @@ def run(
     """Solve a prepared model; arguments are those of `simulate`. Raises UnstableError, ResultsError."""
     with _alone(output):
         return _begin(*_records(system, state, Request(output, watch, provenance, adapt)))
-
-
-def _records(system: System, state: State, request: Request) -> tuple[Recorder, Request]:
-    request = request._replace(adapt=request.adapt or changing(system))
-    return _recorder(system, state, None, _changes(system, request.adapt)), request
 
 
 def _begin(notes: Recorder, request: Request) -> Results:
