@@ -16,6 +16,7 @@ from pdmesh.model.contact import Contact
 from pdmesh.model.document import (
     Absorb,
     Collocation,
+    Gap,
     Material,
     ParticleRules,
     Run,
@@ -31,6 +32,7 @@ from pdsolve.__main__ import main as solve_command
 GLASS = Material(E=65e9, rho=2235.0, G0=204.0)
 SOFT = msgspec.structs.replace(GLASS, law="bilinear", kr=2.0)
 SOLID = msgspec.structs.replace(GLASS, model="correspondence", nu=0.2, failure="none")
+GAP = Gap("gap", ((0.01, 0.0), (0.03, 0.0)))
 BOX = (0.0, 0.0, 1e-3, 1e-3)
 OWN = msgspec.structs.replace(GLASS, law="own")
 COLLOCATED = Run(adapt="collocation", collocation=Collocation(damped=True))
@@ -90,6 +92,18 @@ def changed(**more: Any) -> Material:
             of(SOLID, Run(adapt="hybrid")),
             2,
             naming("$.material.model", found="correspondence", expected="bond"),
+        ),
+        (
+            of(
+                GLASS, Run(solver="static", cracks="particles", gaps=(GAP,), static=Static(control="gap", opening=1e-4))
+            ),
+            2,
+            naming("$.run.static.control", found="'gap'", expected="no bond softens"),
+        ),
+        (
+            of(GLASS, Run(solver="static", gaps=(GAP,), static=Static(control="gap", opening=1e-4))),
+            2,
+            naming("$.run.static.control", found="'gap'", expected="no bond softens"),
         ),
         (
             of(SOFT, Run(solver="static", adapt="hybrid")),
