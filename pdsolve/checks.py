@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model import unused_settings
-from pdmesh.model.cohesive_cracks import COARSE, characteristic_length, largest_horizon
+from pdmesh.model.cohesive_softening import COARSE, characteristic_length, largest_horizon
 from pdmesh.model.damping import MUCH, remark
 from pdmesh.model.document import MOST
 from pdmesh.model.kd_trees import tree_of

@@ -135,7 +135,7 @@ MUTANTS = (
         "tests/laws/test_cohesive.py::test_the_fast_kernel_is_the_list",
     ),
     Mutant(
-        "pdmesh/model/cohesive_cracks.py",
+        "pdmesh/model/cohesive_softening.py",
         "material.G0 - held",
         "material.G0",
         "tests/laws/test_cohesive.py::test_halves_moved_apart_spend_G0",

@@ -12,8 +12,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from pdmesh.grid.bodies_beside import joined
 from pdmesh.grid.cubic import Cubic, place_nodes
-from pdmesh.grid.separate_bodies import joined
 from pdmesh.model.contact import REST
 from pdmesh.model.document import (
     ON_ONE_LATTICE,

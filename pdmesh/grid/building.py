@@ -8,7 +8,7 @@ from pathlib import Path
 from pdmesh.grid import implicit_lattice, soundness
 from pdmesh.grid.adaptive_scene import nested, undivided
 from pdmesh.grid.bodies import build_body
-from pdmesh.grid.separate_bodies import build_scene, each_alone
+from pdmesh.grid.bodies_beside import build_scene, each_alone
 from pdmesh.model.document import ON_ONE_LATTICE, Document, Settings, write_file
 from pdmesh.model.monitors import contradiction
 from pdmesh.model.node_grid import Grid, document_of

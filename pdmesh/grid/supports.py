@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.document import Acceleration, AnyCondition, Displacement, Load, Pin, Settings, Spring, Velocity
+from pdmesh.model.load_resultants import nodal_forces
 from pdmesh.model.node_grid import Grid
-from pdmesh.model.resultants import nodal_forces
 
 UNBALANCED = 0.05  # of the forces on a piece: what is less may come from nodes that are not quite on edges
 NOTHING = 1e-9  # of the largest: what does not resist a rigid motion at all

@@ -28,6 +28,8 @@ from pdmesh.model.contact import Contact as Contact
 from pdmesh.model.contact import RigidBody as RigidBody
 from pdmesh.model.contact import Spin
 from pdmesh.model.fatigue import Fatigue as Fatigue
+from pdmesh.model.grid_file_nodes import BEGIN, NodeColumns, NodeRecord, columns_of, taken_out, written
+from pdmesh.model.grid_file_nodes import END as END_OF_NODES
 from pdmesh.model.ground_supports import Pin as Pin
 from pdmesh.model.ground_supports import Spring as Spring
 from pdmesh.model.material import Material as Material
@@ -41,8 +43,6 @@ from pdmesh.model.medium import Solid as Solid
 from pdmesh.model.medium import Source as Source
 from pdmesh.model.monitors import Gap as Gap
 from pdmesh.model.monitors import LoadCell as LoadCell
-from pdmesh.model.node_records import BEGIN, NodeColumns, NodeRecord, columns_of, taken_out, written
-from pdmesh.model.node_records import END as END_OF_NODES
 from pdmesh.model.output_fields import USUAL, Column
 from pdmesh.model.suggestions import explained
 from pdmesh.model.timed_selection import MOST_STEPS as MOST_STEPS

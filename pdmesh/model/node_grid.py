@@ -20,9 +20,9 @@ from pdmesh.model.document import (
     Settings,
     Vector,
 )
+from pdmesh.model.grid_file_nodes import NodeColumns, columns_of
 from pdmesh.model.node_arrays import Bodies as Bodies
 from pdmesh.model.node_arrays import Grid as Grid
-from pdmesh.model.node_records import NodeColumns, columns_of
 from pdmesh.model.number_bounds import LEAST
 from pdmesh.model.whole_lattice import WholeLattice
 from pdmesh.model.whole_lattice import places as places

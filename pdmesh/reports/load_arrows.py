@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from pdmesh.model.document import AnyCondition, Displacement, Load, Pin, Spring
 from pdmesh.model.kd_trees import tree_of
+from pdmesh.model.load_resultants import nodal_forces
 from pdmesh.model.node_grid import Grid
-from pdmesh.model.resultants import nodal_forces
 
 LENGTH = 0.08  # of the larger side of the plate: the longest arrow
 HEAD = 0.3  # of the longest arrow: the length of a head

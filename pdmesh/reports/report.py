@@ -11,14 +11,14 @@ import numpy as np
 
 from pdmesh.grid.adaptive_scene import nested, undivided
 from pdmesh.grid.bodies import build_body
+from pdmesh.grid.bodies_beside import build_scene
 from pdmesh.grid.lattice import grid_of_nodes, place_nodes
-from pdmesh.grid.separate_bodies import build_scene
 from pdmesh.model import selection
 from pdmesh.model.consistency import examine
 from pdmesh.model.document import ON_ONE_LATTICE, Document, GridError, Material, Settings, settings_of
+from pdmesh.model.load_resultants import resultants
 from pdmesh.model.node_grid import Grid, grid_of
 from pdmesh.model.refused_settings import refuse
-from pdmesh.model.resultants import resultants
 from pdmesh.model.suggestions import called
 from pdmesh.model.triangulated_surface import volume
 from pdmesh.model.visibility import plate_of

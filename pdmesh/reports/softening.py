@@ -5,7 +5,7 @@ from __future__ import annotations
 import msgspec
 import numpy as np
 
-from pdmesh.model import cohesive_cracks
+from pdmesh.model import cohesive_softening
 from pdmesh.model.lattice_calibration import has_partial_cells, lattice_ratios
 from pdmesh.model.material import Material
 
@@ -22,13 +22,13 @@ def softening(material: Material | None, ratio: float, spacing: float, dimension
     if not lattice_ratios(ratio, material.micromodulus, material.plane, has_partial_cells(material)).c11 > 0:
         return {}
     if material.law == "bilinear" and material.kr > 1:
-        return {"f_t": cohesive_cracks.strength_of_peak(material, ratio, horizon)}
+        return {"f_t": cohesive_softening.strength_of_peak(material, ratio, horizon)}
     if material.law != "cohesive" or material.f_t is None:
         return {}
     return {
-        "l_ch": cohesive_cracks.characteristic_length(material),
+        "l_ch": cohesive_softening.characteristic_length(material),
         "horizon": horizon,
-        "largest_horizon": cohesive_cracks.largest_horizon(material, ratio),
-        "w_c": float(cohesive_cracks.critical_opening(material, ratio, np.array([horizon]))[0]),
-        "first_stretch": cohesive_cracks.first_stretch(material),
+        "largest_horizon": cohesive_softening.largest_horizon(material, ratio),
+        "w_c": float(cohesive_softening.critical_opening(material, ratio, np.array([horizon]))[0]),
+        "first_stretch": cohesive_softening.first_stretch(material),
     }

@@ -122,7 +122,7 @@ def _history(args: argparse.Namespace) -> int:
 
 def _masses(args: argparse.Namespace, results: Results, path: Path | None) -> int:
     """The history of a substance that diffuses, or of heat."""
-    from pdpost.measures.masses import amounts
+    from pdpost.measures.diffused_amounts import amounts
     from pdpost.reading.time_text import time_text
 
     if args.places or args.components:

@@ -14,10 +14,10 @@ from pdpost.figures.labels import scaled
 from pdpost.figures.style import COLOURS
 from pdpost.measures import fields
 from pdpost.measures.balance import Balance
+from pdpost.measures.diffused_amounts import Masses
 from pdpost.measures.forces import Reaction
 from pdpost.measures.gaps import Pulled
 from pdpost.measures.histories import History
-from pdpost.measures.masses import Masses
 
 if TYPE_CHECKING:
     from pdpost.measures.lines import Line  # which would import SciPy

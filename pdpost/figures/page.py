@@ -21,9 +21,9 @@ from pdpost.figures.scene_figure import acted_on, scene
 from pdpost.figures.style import written
 from pdpost.measures import crack_in_space, crack_summary
 from pdpost.measures.balance import balance, per_thickness, remarks
+from pdpost.measures.diffused_amounts import amounts
 from pdpost.measures.fields import usual
 from pdpost.measures.forces import reactions
-from pdpost.measures.masses import amounts
 from pdpost.reading.embedded_model import moment, whole
 from pdpost.reading.frame_steps import frames
 from pdpost.reading.stored_fields import OF_DIFFUSION, diffuses

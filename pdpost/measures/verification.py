@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdpost.measures.masses import masses
+from pdpost.measures.diffused_amounts import masses
 from pdpost.reading.embedded_model import run_of
 from pdpost.reading.frame_steps import frames
 from pdsolve.results import DamagedError, Results

@@ -27,7 +27,7 @@ from pdsolve.checkpoint_validation import entry
 from pdsolve.conditions import Drive, held, unbreakable
 from pdsolve.crack_growth.criteria import AHEAD, Verdict, by_intensity, by_release, by_stress
 from pdsolve.crack_growth.obstacles import ACTED_ON, Obstacles
-from pdsolve.crack_growth.tip_bonds import Round
+from pdsolve.crack_growth.tip_bond_weights import Round
 from pdsolve.crack_growth.tip_gradients import Surroundings
 from pdsolve.crack_growth.tips import Tip, tips_of
 from pdsolve.errors import CheckpointError

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model.graphs import connected
 from pdmesh.model.output_fields import CRACKED, USUAL, usual
-from pdsolve.run.swelling_zone import SwellingZone
+from pdsolve.run.swelling_with_fine_zone import SwellingZone
 from pdsolve.run.system import System
 from pdsolve.state import Broken, State
 

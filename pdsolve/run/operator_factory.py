@@ -25,7 +25,7 @@ from pdsolve.operators.simd_lattice.operator import SimdLattice
 from pdsolve.operators.space_lattice.operator import SpaceLattice
 from pdsolve.operators.together import Together
 from pdsolve.options import Options, threads_of
-from pdsolve.schemes.cubic_springs import Tiled, tiled
+from pdsolve.schemes.cubic_lattice_bonds import Tiled, tiled
 from pdsolve.schemes.scheme import Scheme
 
 

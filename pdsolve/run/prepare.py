@@ -32,7 +32,7 @@ from pdsolve.options import Options, threads_of
 from pdsolve.run.assembly import assembled, set_off, step_of, stepper_of_content, system_of
 from pdsolve.run.at_rest import at_rest
 from pdsolve.run.operator_factory import bonded, for_swelling, stable
-from pdsolve.run.swelling_zone import PlateBonds, SwellingZone
+from pdsolve.run.swelling_with_fine_zone import PlateBonds, SwellingZone
 from pdsolve.run.system import Prepared, System
 from pdsolve.schemes import SCHEMES
 from pdsolve.schemes.scheme import Scheme

@@ -25,7 +25,7 @@ from pdsolve.operators.protocol import Operator
 from pdsolve.operators.simd_lattice.operator import SimdLattice
 from pdsolve.options import Options, threads_of
 from pdsolve.run.operator_factory import bonded
-from pdsolve.run.swelling_zone import SwellingZone
+from pdsolve.run.swelling_with_fine_zone import SwellingZone
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import State
 from pdsolve.steppers.load_steps import LoadSteps

@@ -26,9 +26,9 @@ from pdsolve.operators.ground_supports import grounded
 from pdsolve.operators.protocol import Operator
 from pdsolve.operators.softening_bonds import Response, SofteningBonds
 from pdsolve.state import Broken, State
+from pdsolve.steppers.cracks_at_no_fail_bonds import held_crack
 from pdsolve.steppers.equilibrium import UnsettledError
 from pdsolve.steppers.load_steps import Going, held_at
-from pdsolve.steppers.no_fail_bonds import held_crack
 from pdsolve.steppers.path_control import Control, Dissipation, Opening
 from pdsolve.steppers.path_following import FEW, FIRST, GROWTH, LEAST, NEAR, Follower, Path, Proportional
 from pdsolve.steppers.rigid_body_modes import loose

@@ -84,7 +84,7 @@ def test_the_tests_of_each_folder_have_their_place_among_the_cheap_and_the_dear(
 @pytest.mark.parametrize(
     ("file", "line", "becomes", "same"),
     [
-        ("pdpost/measures/masses.py", "+ through", "- through", True),
+        ("pdpost/measures/diffused_amounts.py", "+ through", "- through", True),
         ("pdsolve/laws/pair.py", "* bond.stretch\n", "/ bond.stretch\n", False),  # compiled, and unmarked
         ("pdsolve/operators/bond_list_loops.py", "m[i] = 0", "m[i] = 1", False),
         (

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from plates import plate, square_grid
 
-from pdmesh.model.cohesive_cracks import AREA
+from pdmesh.model.cohesive_softening import AREA
 from pdmesh.model.document import Horizon, Material, Settings
 from pdmesh.model.node_grid import Grid
 from pdsolve.bonds.assembly import Bonds

@@ -41,8 +41,8 @@ from pdmesh.model.document import (
     schema,
     write_file,
 )
+from pdmesh.model.grid_file_nodes import columns_of
 from pdmesh.model.node_grid import document_of, grid_of
-from pdmesh.model.node_records import columns_of
 from pdmesh.reports.report import info
 from pdmesh.scene.solids import brick
 from pdsolve.model import read_model

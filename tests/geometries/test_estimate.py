@@ -14,8 +14,8 @@ from shapely import box
 
 from benchmarks.runs import PLATES
 from pdmesh import Scene
+from pdmesh.grid.bodies_beside import build_scene
 from pdmesh.grid.lattice import build_grid
-from pdmesh.grid.separate_bodies import build_scene
 from pdmesh.model.document import Run
 from pdmesh.model.node_grid import document_of
 from pdmesh.reports.report import info, plan

@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 from plates import GLASS, plate, square_grid
 
-from pdmesh.model.cohesive_cracks import AREA, critical_opening, crossing, first_stretch, largest_horizon
+from pdmesh.model.cohesive_softening import AREA, critical_opening, crossing, first_stretch, largest_horizon
 from pdmesh.model.document import Horizon, Material, Run, Settings
 from pdmesh.model.node_grid import Grid
 from pdsolve.bonds.assembly import Bonds

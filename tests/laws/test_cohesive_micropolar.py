@@ -13,7 +13,7 @@ from messages import naming
 from plates import plate, square_grid
 from whole import contents
 
-from pdmesh.model.cohesive_cracks import AREA
+from pdmesh.model.cohesive_softening import AREA
 from pdmesh.model.document import Displacement, Material, Region, Run, Static
 from pdsolve.laws import law_of
 from pdsolve.model import Model, ModelError

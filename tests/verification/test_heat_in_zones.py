@@ -22,7 +22,7 @@ from pdsolve.run.measures import books, fields
 from pdsolve.run.node_changes import zone_moved
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import resume, simulate
-from pdsolve.run.swelling_zone import PlateBonds, SwellingZone
+from pdsolve.run.swelling_with_fine_zone import PlateBonds, SwellingZone
 from pdsolve.run.system import Prepared
 
 pytestmark = pytest.mark.slow  # kernels of plates that swell take long to compile

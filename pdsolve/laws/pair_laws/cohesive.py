@@ -1,4 +1,4 @@
-r"""The cohesive law: a bond softens by its opening, as a crack does; see `pdmesh.model.cohesive_cracks`.
+r"""The cohesive law: a bond softens by its opening, as a crack does; see `pdmesh.model.cohesive_softening`.
 
     force / stiffness                 peak    s0, stretch at which the bond begins to soften
        s0 /\                          limit   s0 + w_c / |xi|, stretch at which it is gone
@@ -26,7 +26,7 @@ from __future__ import annotations
 import numpy as np
 from numba.extending import register_jitable
 
-from pdmesh.model.cohesive_cracks import AREA, DECAYS, critical_opening, first_stretch
+from pdmesh.model.cohesive_softening import AREA, DECAYS, critical_opening, first_stretch
 from pdmesh.model.material import Material
 from pdsolve.laws.bond_limits import Limits, Sizes
 from pdsolve.laws.law import INNER, Function, Law, Pair, Softening

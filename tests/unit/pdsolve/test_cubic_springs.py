@@ -16,7 +16,7 @@ from pdsolve.bonds.assembly import stiffness_bound
 from pdsolve.model import Model
 from pdsolve.operators.space_lattice import layout
 from pdsolve.schemes import average_horizon
-from pdsolve.schemes.cubic_springs import tiled
+from pdsolve.schemes.cubic_lattice_bonds import tiled
 
 GLASS = Material(E=65e9, rho=2235.0, G0=204.0, micromodulus="constant", plane="space")
 ALIKE = msgspec.structs.replace(GLASS, E=130e9, G0=408.0)  # twice as stiff; it breaks at the same stretch

@@ -27,7 +27,7 @@ from pdsolve.operators.space_lattice import families, layout
 from pdsolve.operators.space_lattice.kernel import VOLUME, Tiles
 from pdsolve.operators.space_lattice.sites import Sites
 from pdsolve.options import Options
-from pdsolve.schemes.cubic_springs import tiled
+from pdsolve.schemes.cubic_lattice_bonds import tiled
 
 SEAM = 0.9  # of the squared sure step of the fine lattice: what short, stiff pieces leave
 SHEAR = 1e-6  # of the block in which tau is found

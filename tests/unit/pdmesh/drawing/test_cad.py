@@ -14,8 +14,8 @@ pytest.importorskip("gmsh", exc_type=OSError)
 from pdmesh import SceneError
 from pdmesh.drawing.geo import read_cad, read_geo, read_outline
 from pdmesh.grid.lattice import build_grid
+from pdmesh.model.load_resultants import resultants
 from pdmesh.model.node_grid import document_of
-from pdmesh.model.resultants import resultants
 
 MERGING = """
 DefineConstant[

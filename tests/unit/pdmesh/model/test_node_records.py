@@ -11,7 +11,7 @@ import pytest
 from messages import naming
 
 from pdmesh.model.document import GridError, read_document
-from pdmesh.model.node_records import BEGIN, BETWEEN, END, NodeColumns, NodeRecord, columns_of, taken_out, written
+from pdmesh.model.grid_file_nodes import BEGIN, BETWEEN, END, NodeColumns, NodeRecord, columns_of, taken_out, written
 
 N = 1500  # nodes of several pieces, both read and written
 

@@ -7,8 +7,8 @@ from shapely import Point
 
 from pdmesh import Body, Material, Scene, box, build
 from pdmesh.grid.bodies import build_body
+from pdmesh.model.load_resultants import resultants
 from pdmesh.model.node_grid import document_of
-from pdmesh.model.resultants import resultants
 from pdmesh.scene.solids import brick
 
 STEEL = Material(E=2e11, rho=7800, G0=1e4)

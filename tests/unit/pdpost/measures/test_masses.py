@@ -12,7 +12,7 @@ from media import grid, row
 from pdmesh.model.document import Horizon, Run, Settings, Source
 from pdmesh.model.medium import Medium
 from pdpost.__main__ import main as pdpost
-from pdpost.measures.masses import Masses, amounts, masses
+from pdpost.measures.diffused_amounts import Masses, amounts, masses
 from pdpost.reading.tables import tables
 from pdsolve.model import Model
 from pdsolve.results import Results
