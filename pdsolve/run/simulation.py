@@ -16,7 +16,7 @@ import numpy as np
 
 from pdsolve.adaptivity.hybrid.arrays import EVERY
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
-from pdsolve.adaptivity.hybrid.outlook import decided, widened
+from pdsolve.adaptivity.hybrid.outlook import decided, expect_sure_step, widened
 from pdsolve.adaptivity.hybrid.space.operator import SpaceHybrid
 from pdsolve.adaptivity.quadtree.operator import Leaves
 from pdsolve.checks import advise, advise_unused
@@ -33,7 +33,6 @@ from pdsolve.run.node_changes import Adapt, zone_back, zone_moved
 from pdsolve.run.on_ranks import resuming
 from pdsolve.run.on_ranks import start as on_ranks
 from pdsolve.run.on_ranks.recorder import RecorderOnRanks
-from pdsolve.run.pace import Pace
 from pdsolve.run.prepare import prepare
 from pdsolve.run.recorder import Past, Recorder, restore
 from pdsolve.run.static_start import started
@@ -45,7 +44,8 @@ from pdsolve.steppers.load_steps import Going
 from pdsolve.steppers.stepped_rest import SteppedRest
 
 PATIENCE = 5e7  # bond updates between two looks at the watcher, some 20 ms; fewer where they take longer
-UNSURE = 1.2  # of the surely stable step: longer ones may make what they stretch
+PIECE = 0.25  # s that a piece is to take
+SLOW = 1e7  # updates a second, of bonds or links: as is supposed until it is measured
 DEFAULT = Options()
 
 
@@ -317,19 +317,31 @@ def _finish(notes: Recorder, make: Callable[[], Writer], request: Request) -> Re
             ends = {UnstableError: "unstable", UnsettledError: "unsettled", KeyboardInterrupt: "interrupted"}
             writer.abandon(ends.get(type(error), "failed"))
             if isinstance(error, LateZoneError):
-                _expect_sure_step(error, notes.system)
+                expect_sure_step(error, notes.system.time_step, notes.system.bound)
             raise
         last = writer.done()
         last.close(status)
     return Results(last.connection, "results in memory") if request.output is None else Results.open(request.output)
 
 
-def _expect_sure_step(late: LateZoneError, system: System) -> None:
-    """Raise UnstableError where a clipped bond was stretched by steps that are too long, which no wider zone cures."""
-    if system.time_step > UNSURE * system.bound:
-        raise UnstableError(
-            f"{late}; the time step is {system.time_step:.3g} s, surely stable up to {system.bound:.3g} s"
-        ) from None
+class Pace:
+    """Measures the duration of steps; results do not depend on it."""
+
+    def __init__(self, updates: int) -> None:
+        """`updates` is the number of bond or link updates of a step."""
+        self._each = updates / SLOW  # s of a step
+
+    def steps(self, least: int, most: int) -> int:
+        """Number of steps to take at once, from `least` to `most`."""
+        return max(least, min(most, int(PIECE / max(self._each, 1e-9))))
+
+    def took(self, steps: int, seconds: float) -> None:
+        """Record the duration of some steps."""
+        self._each = seconds / max(steps, 1)
+
+    def is_soon(self, steps: int) -> bool:
+        """Whether so many steps take at most as long as three batches."""
+        return steps * self._each < 3 * PIECE
 
 
 def _march(notes: Recorder, writer: Behind, watch: Watcher | None, adapt: Adapt | None) -> str:

@@ -44,7 +44,7 @@ def node_rows(plate: Plate, found: Irregular, half: int) -> NodeRows:
         new = np.flatnonzero(entry < 0)
         entry[new], count = count + np.arange(len(new)), count + len(new)
         entries.append(entry)
-        for column, values in zip(columns, fields, strict=True):
+        for column, values in zip(columns, tuple[NDArray[Any], ...](fields), strict=True):
             column.append(values.reshape(-1, ROW)[new])
     kept = _Fields(*(np.concatenate(column) for column in columns))
     return NodeRows(np.concatenate(entries), *kept[:5], None if slowed is None else kept.damping)

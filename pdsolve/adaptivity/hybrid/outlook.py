@@ -23,6 +23,7 @@ from pdmesh.model.selection import components, given_of
 from pdsolve.adaptivity.hybrid.coarse_cells import Plate, cells_of, plate_of, tips_of
 from pdsolve.adaptivity.hybrid.lattice import COARSE, FINE
 from pdsolve.adaptivity.hybrid.springs import fine_springs
+from pdsolve.errors import LateZoneError, UnstableError
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.options import Options
 
@@ -33,6 +34,7 @@ SPEED = 0.5  # of cracks, over c_R
 SWING = 2.0  # largest stress over that at rest of a load that begins at once, as its wave comes back
 DEAR = 0.85  # cost above which nodes are fine everywhere
 WIDER = (0.5,)  # values of run.hybrid.kappa to begin anew with, in turn, where fine cells come too late
+UNSURE = 1.2  # of the surely stable step: longer ones may make what they stretch
 
 
 class Outlook(NamedTuple):
@@ -133,3 +135,9 @@ def _running(plate: Plate, begins: bool) -> float:
     lasts = run.duration if run.duration is not None else run.steps * (run.time_step or 0.0)
     way = SPEED * rayleigh_speed(material.E, material.rho, material.plane) * lasts
     return max(len(tips_of(plate)), int(begins)) * min(way or side, side)
+
+
+def expect_sure_step(late: LateZoneError, step: float, bound: float) -> None:
+    """Raise UnstableError if the `step`, s, is longer than the surely stable one, `bound`: no wider zone cures that."""
+    if step > UNSURE * bound:
+        raise UnstableError(f"{late}; the time step is {step:.3g} s, surely stable up to {bound:.3g} s") from None
