@@ -44,8 +44,7 @@ from pdsolve.steppers.load_steps import Going
 from pdsolve.steppers.stepped_rest import SteppedRest
 
 PATIENCE = 5e7  # bond updates between two looks at the watcher, some 20 ms; fewer where they take longer
-PIECE = 0.25  # s that a piece is to take
-SLOW = 1e7  # updates a second, of bonds or links: as is supposed until it is measured
+PIECE, SLOW = 0.25, 1e7  # s that a piece is to take; bonds or links a second, as is supposed until it is measured
 DEFAULT = Options()
 
 
@@ -316,8 +315,7 @@ def _finish(notes: Recorder, make: Callable[[], Writer], request: Request) -> Re
         except BaseException as error:
             ends = {UnstableError: "unstable", UnsettledError: "unsettled", KeyboardInterrupt: "interrupted"}
             writer.abandon(ends.get(type(error), "failed"))
-            if isinstance(error, LateZoneError):
-                expect_sure_step(error, notes.system.time_step, notes.system.bound)
+            expect_sure_step(error, notes.system.time_step, notes.system.bound)
             raise
         last = writer.done()
         last.close(status)

@@ -137,7 +137,8 @@ def _running(plate: Plate, begins: bool) -> float:
     return max(len(tips_of(plate)), int(begins)) * min(way or side, side)
 
 
-def expect_sure_step(late: LateZoneError, step: float, bound: float) -> None:
-    """Raise UnstableError if the `step`, s, is longer than the surely stable one, `bound`: no wider zone cures that."""
-    if step > UNSURE * bound:
-        raise UnstableError(f"{late}; the time step is {step:.3g} s, surely stable up to {bound:.3g} s") from None
+def expect_sure_step(error: BaseException, step: float, bound: float) -> None:
+    """Raise UnstableError for a zone that was late in steps, s, longer than the `bound` of surely stable ones: no wider
+    zone cures that."""
+    if isinstance(error, LateZoneError) and step > UNSURE * bound:
+        raise UnstableError(f"{error}; the time step is {step:.3g} s, surely stable up to {bound:.3g} s") from None
