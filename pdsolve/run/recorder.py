@@ -148,7 +148,14 @@ def restore(system: System, state: State, step: int, kept: Mapping[str, NDArray[
         own = {name.removeprefix(start): values for name, values in kept.items() if name.startswith(start)}
         restore(*one, step, own, Breaks(*np.zeros((3, 0), dtype=np.int64)))
     if isinstance(system.stepper, Swelling):
-        system.stepper.swell()
+        _swell(system, system.stepper, state)
+
+
+def _swell(system: System, stepper: Swelling, state: State) -> None:
+    """Swell the bonds of a restored system; nodes at the border of a fine zone move with that."""
+    stepper.swell()
+    if system.hybrid is not None:
+        system.hybrid.sync(state)
 
 
 class Past(NamedTuple):

@@ -16,7 +16,7 @@ import numpy as np
 
 from pdsolve.adaptivity.hybrid.arrays import EVERY
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
-from pdsolve.adaptivity.hybrid.outlook import decided, expect_sure_step, widened
+from pdsolve.adaptivity.hybrid.outlook import decided, of_long_steps, widened
 from pdsolve.adaptivity.hybrid.space.operator import SpaceHybrid
 from pdsolve.adaptivity.quadtree.operator import Leaves
 from pdsolve.checks import advise, advise_unused
@@ -312,11 +312,11 @@ def _finish(notes: Recorder, make: Callable[[], Writer], request: Request) -> Re
                 notes.take(notes.step)
                 writer.write(partial(notes.frame, notes.step, whole=True, state=True))
             status = _march(notes, writer, request.watch, request.adapt)
-        except BaseException as error:
+        except BaseException as reason:
+            error = of_long_steps(reason, notes.system.time_step, notes.system.bound)
             ends = {UnstableError: "unstable", UnsettledError: "unsettled", KeyboardInterrupt: "interrupted"}
             writer.abandon(ends.get(type(error), "failed"))
-            expect_sure_step(error, notes.system.time_step, notes.system.bound)
-            raise
+            raise error from error.__cause__
         last = writer.done()
         last.close(status)
     return Results(last.connection, "results in memory") if request.output is None else Results.open(request.output)

@@ -1,4 +1,5 @@
-"""Finds the different rows of 16 fine nodes of a plate, strip by strip, without arrays of all nodes."""
+"""Finds the rows of 16 fine nodes of a plate that are neither usual nor empty, strip by strip, without arrays of all
+nodes. Each of them has an entry of its own, also where two are equal."""
 
 from __future__ import annotations
 

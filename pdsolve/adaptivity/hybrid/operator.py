@@ -235,6 +235,7 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         stirred = zone.stirs[: zone.number[STIRS]]
         rows = np.minimum(self._rows_of(stirred), len(self.places) - 1)
         rows = rows[self.places[rows] == stirred]
+        state.dissipated[:] = 0.0
         state.dissipated[rows] = zone.spent[self.places[rows]] / self.area[rows]
 
     def accelerations(self) -> NDArray[np.float64]:

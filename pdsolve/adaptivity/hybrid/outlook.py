@@ -137,8 +137,9 @@ def _running(plate: Plate, begins: bool) -> float:
     return max(len(tips_of(plate)), int(begins)) * min(way or side, side)
 
 
-def expect_sure_step(error: BaseException, step: float, bound: float) -> None:
-    """Raise UnstableError for a zone that was late in steps, s, longer than the `bound` of surely stable ones: no wider
-    zone cures that."""
-    if isinstance(error, LateZoneError) and step > UNSURE * bound:
-        raise UnstableError(f"{error}; the time step is {step:.3g} s, surely stable up to {bound:.3g} s") from None
+def of_long_steps(error: BaseException, step: float, bound: float) -> BaseException:
+    """The error; UnstableError for a zone that was late in steps, s, longer than the `bound` of surely stable ones, as
+    no wider zone cures that."""
+    if not isinstance(error, LateZoneError) or step <= UNSURE * bound:
+        return error
+    return UnstableError(f"{error}; the time step is {step:.3g} s, surely stable up to {bound:.3g} s")

@@ -20,6 +20,7 @@ from pdmesh.model.material import Material
 from pdsolve.adaptivity.hybrid.outlook import _strain, decided, outlook
 from pdsolve.errors import UnstableError
 from pdsolve.model import Model, ModelWarning
+from pdsolve.results import Results
 from pdsolve.run.simulation import Options, prepare, resume, simulate
 
 # Cost of the steps over that with fine nodes everywhere, as docs/adaptivity.md has it
@@ -116,7 +117,7 @@ def test_fine_cells_that_come_too_late_come_earlier(tmp_path: Path) -> None:
     assert contents(stopped) == contents(late)
 
 
-def test_no_wider_zone_cures_steps_that_are_too_long() -> None:
+def test_no_wider_zone_cures_steps_that_are_too_long(tmp_path: Path) -> None:
     """Twice the surely stable step stretches what lies at the border; the run ends, and does not begin anew."""
     model = stretched(3.0)
     sure = prepare(model, Options(threads=1)).system.bound
@@ -126,7 +127,9 @@ def test_no_wider_zone_cures_steps_that_are_too_long() -> None:
         pytest.warns(ModelWarning) as found,
         pytest.raises(UnstableError, match=naming("time step", f"{sure:.3g} s")),
     ):
-        simulate(model)
+        simulate(model, tmp_path / "long.sqlite")
+    with Results.open(tmp_path / "long.sqlite") as results:
+        assert results.meta()["status"] == "unstable"
     assert not [each for each in found if mentions(each.message, "kappa") or mentions(each.message, "adapt none")]
 
 
