@@ -11,8 +11,8 @@
     Physical Point("gap:NAME")                 - (two points, between which the opening is monitored)
     -                                          Load cells/NAME/Of "CONDITION, CONDITION", whose forces it sums
     * of each condition                        Rows (1), Profile (constant), Breakable (0); without a group
-                                               Box "x0 y0 z0 x1 y1 z1", Node "x,y,z" or Face, words that pick one
-                                               (`pdmesh.scene.faces`)
+                                               Box "x0 y0 z0 x1 y1 z1", Face, words that pick one, or
+                                               (`pdmesh.scene.faces`) Node "x,y,z" of loads and fixes
     Physical Volume("material:NAME")           Materials/NAME/ as in the plane: the values that differ
     Physical Volume("body:NAME")               Bodies/NAME/ as in the plane, with Velocity z; Spin is "x y z", rad/s
 
@@ -137,7 +137,8 @@ def _sorted_out(found: Mapping[str, Any], parameters: Parameters) -> dict[str, d
                 f'Physical {SHAPES[group["dimension"]]}("{group["name"]}"): expected, in a body, one of {forms}'
             )
         if name in groups[kind]:
-            raise SceneError(f'group "{group["name"]}": found as a surface and as a volume, expected one of them')
+            one, other = (SHAPES[each["dimension"]].lower() for each in (groups[kind][name], group))
+            raise SceneError(f'group "{group["name"]}": found as a {one} and as a {other}, expected one of them')
         groups[kind][name] = group
     for kind, (dimensions, folder) in KINDS.items():
         for name in sorted(parameters.below(folder) - set(groups[kind])) if folder else ():

@@ -39,8 +39,8 @@ def acted_on(scene: S, places: Mapping[str, Iterable[tuple[str, Any, str]]], par
         given = _filled(_given(parameters, folder, LOADS, scene.AXES))
         if not given:
             raise SceneError(
-                f"parameter '{PREFIX}{folder}/Traction x': found none, expected a number (or Traction y, or of Body"
-                " force or Force)"
+                f"parameter '{PREFIX}{folder}/Traction x': found none, expected a number (or Traction"
+                f" {' or '.join(scene.AXES[1:])}, or of Body force or Force)"
             )
         scene = scene.load(where, name=name, **given, **_shared(parameters, folder))
     for name, where, folder in places["fix"]:

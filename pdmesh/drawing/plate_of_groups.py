@@ -10,7 +10,7 @@
     Physical Curve or Surface("move:NAME")    Moves/NAME/Velocity, Acceleration or Initial velocity x, y; *
     Physical Curve or Surface("spring:NAME")  Springs/NAME/Stiffness x, y of an edge, Body stiffness x, y; Breakable
     Physical Curve("pin:NAME")                a hole's edge that turns about its centre: Pins/NAME/Breakable
-    * of each condition                       Rows (1), Profile (constant), Breakable (0), Box, Edge or Node
+    * of each condition                       Rows (1), Profile (constant), Breakable (0), Box, Edge; Node of load, fix
     Physical Curve or Surface("absorb:NAME")  Absorbs/NAME/Width (of a curve's layer: 12 horizons), Box
     Physical Surface("material:NAME")         Materials/NAME/ as below, what differs
     Physical Surface("body:NAME")             Bodies/NAME/Spacing (the coarsest zone's), Velocity x, y, and as Material
