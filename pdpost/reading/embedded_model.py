@@ -125,7 +125,7 @@ def at_rest(results: Results) -> bool:
 def counts_load_steps(results: Results) -> bool:
     """Whether the times of a run at rest are the numbers of its load steps, as along a path; heat and swelling have a
     step of their own. Raises ResultsError."""
-    return float(results.meta()["time_step"]) == 1 and at_rest(results) and run_of(results).time_step is None
+    return float(results.meta()["time_step"]) == 1 and at_rest(results) and physics_of(results) == "mechanics"
 
 
 def moment(results: Results, step: int, micro: str = "us") -> str:
