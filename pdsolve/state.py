@@ -31,9 +31,9 @@ class State(NamedTuple):
     damped: NDArray[np.float64]  # (n,) taken from the node's motion by damping so far, J/m^3
 
 
-def nothing(width: int) -> State:
-    """The state of no nodes, with so many components."""
-    return State(*np.zeros((3, 0, width)), *np.zeros((3, 0)))
+def zero_state(nodes: int, width: int) -> State:
+    """The state of so many nodes with so many components, all 0."""
+    return State(*np.zeros((3, nodes, width)), *np.zeros((3, nodes)))
 
 
 class Broken(NamedTuple):

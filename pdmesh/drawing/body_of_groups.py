@@ -106,7 +106,8 @@ def body_of(found: Mapping[str, Any], values: Mapping[str, float | str], source:
     kinds = (*mechanical_conditions.KINDS, *diffusion_conditions.KINDS)
     places = {kind: _places(found, groups[kind], parameters, kind) for kind in kinds}
     body = mechanical_conditions.acted_on(body, places, parameters)
-    body = mechanical_conditions.monitored(body, _gaps(groups["gap"], parameters), parameters)
+    gaps = {name: _points(group, parameters) for name, group in groups["gap"].items()}
+    body = mechanical_conditions.monitored(body, gaps, parameters)
     for name, group in groups["material"].items():
         material = named.material(parameters, f"Materials/{name}", body.material)
         if material is None:
@@ -163,10 +164,6 @@ def _sheet(found: Mapping[str, Any], group: Mapping[str, Any], parameters: Param
 def _points(group: Mapping[str, Any], parameters: Parameters) -> list[tuple[float, ...]]:
     """The points of a group, m."""
     return [tuple(parameters.unit.metres(np.array(curve[0], dtype=float)).tolist()) for curve in group["curves"]]
-
-
-def _gaps(groups: Mapping[str, Any], parameters: Parameters) -> dict[str, list[tuple[float, ...]]]:
-    return {name: _points(group, parameters) for name, group in groups.items()}
 
 
 def _where(found: Mapping[str, Any], group: Mapping[str, Any], parameters: Parameters) -> Where:

@@ -116,7 +116,7 @@ class WholeLattice(Grid):
             position=np.column_stack([along[one] for along, one in zip(self._lines(), at, strict=True)]),
             delta=self.delta[rows],
             border=np.logical_or.reduce(ends),
-            hole_id=np.broadcast_to(np.int64(-1), len(rows)) if not any(self.hole_id.strides) else self.hole_id[rows],
+            hole_id=_some(self.hole_id, rows),
             areas=cells,
             **self._shapes(),
         )
@@ -167,3 +167,8 @@ class WholeLattice(Grid):
 def _made_anew(fields: dict[str, Any]) -> WholeLattice:
     """The grid with these fields."""
     return WholeLattice(**fields)
+
+
+def _some(values: NDArray[Any], rows: NDArray[np.int64]) -> NDArray[Any]:
+    """The values (k,) of these rows (k,); a number that all have takes no memory."""
+    return values[rows] if any(values.strides) else np.broadcast_to(values[0], len(rows))

@@ -261,7 +261,7 @@ class Body(MechanicalConditions[Where], DiffusionConditions[Where]):
 
     def pin(self, x: float, y: float, z: float, name: str = "") -> Body:
         """The body with a pin: the node nearest to (x, y, z), m, does not move."""
-        return self.fix(self._point((x, y, z)), name=name)
+        return self.fix(shapely.Point(x, y, z), name=name)
 
     def roller(self, x: float, y: float, z: float, along: str = "x", name: str = "") -> Body:
         """The body with a roller: the node nearest to (x, y, z), m, moves along one or two axes ("x", "xy") alone."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import Any, Generic, Self, TypeVar
 
 import msgspec
 import numpy as np
@@ -20,6 +20,21 @@ SLACK = 1e-6  # of a spacing: what still counts as lying on an edge
 
 Profile = tuple[Point, ...]
 R = TypeVar("R", Region, MediumRegion)
+W = TypeVar("W")  # where a condition may be: sides, and curves and surfaces of a plate or solids and sheets of a body
+
+
+class Conditioned(Generic[W]):
+    """What conditions can be added to, as `pdmesh.Scene` and `pdmesh.Body` are."""
+
+    def _with(
+        self, kind: type[AnyCondition], values: dict[str, Any], where: W, rows: int, name: str, **more: Any
+    ) -> Self:
+        """With a condition of this kind and with these values; `more` are its profile and whether it is breakable."""
+        raise NotImplementedError
+
+    def _named(self, where: W, kind: str) -> str:
+        """Default name of a condition."""
+        raise NotImplementedError
 
 
 @dataclass(frozen=True)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any, Generic, Self, TypeVar
+from typing import Self
 
 from pdmesh.model.document import (
-    AnyCondition,
     Concentration,
     Exchange,
     InitialConcentration,
@@ -13,14 +12,12 @@ from pdmesh.model.document import (
     Source,
 )
 from pdmesh.model.medium import Medium
-from pdmesh.scene.conditions import Profile
+from pdmesh.scene.conditions import Conditioned, Profile, W
 from pdmesh.scene.heat import Heat, capacity
 from pdmesh.scene.shapes import SceneError
 
-W = TypeVar("W")  # where a condition may be: sides, and curves and surfaces of a plate or solids and sheets of a body
 
-
-class DiffusionConditions(Generic[W]):
+class DiffusionConditions(Conditioned[W]):
     """What `pdmesh.Scene` and `pdmesh.Body` add to themselves where something diffuses or is heated.
 
     `rows`, `profile` and `name` are those of `load`. A flux goes through a curve of a plate or a sheet of a body.
@@ -107,15 +104,6 @@ class DiffusionConditions(Generic[W]):
         assert outside is not None
         rho_c = capacity(self.medium, self.material, f"exchange '{name}'")
         return self.exchange(where, h / rho_c, outside, rows, profile, name)
-
-    def _with(
-        self, kind: type[AnyCondition], values: dict[str, Any], where: W, rows: int, name: str, **more: Any
-    ) -> Self:
-        raise NotImplementedError
-
-    def _named(self, where: W, kind: str) -> str:
-        """Default name of a condition."""
-        raise NotImplementedError
 
     def _size(self, where: W, place: str) -> dict[str, float]:
         """Length (m) or area (m^2) that a flux goes through, by the name that the condition has for it.

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, ClassVar, Generic, Self, TypeVar
+from typing import Any, ClassVar, Self
 
 import msgspec
-import numpy as np
 import shapely
 
 from pdmesh.model.document import (
@@ -22,15 +21,14 @@ from pdmesh.model.document import (
     Spring,
 )
 from pdmesh.scene import actions
-from pdmesh.scene.conditions import Profile
+from pdmesh.scene.conditions import Conditioned, Profile, W
 from pdmesh.scene.shapes import SceneError
 
-W = TypeVar("W")  # where a condition may be: sides, and curves and surfaces of a plate or solids and sheets of a body
 Vector = Sequence[float]  # along each axis
 Components = Sequence[float | None]  # likewise; None leaves one free
 
 
-class MechanicalConditions(Generic[W]):
+class MechanicalConditions(Conditioned[W]):
     """What `pdmesh.Scene` and `pdmesh.Body` add to themselves. Vectors have a number for each of `AXES`.
 
     `where` is a side, other words that pick an edge or a face (`pdmesh.scene.edges`, `faces`), a shape or a solid, a
@@ -125,7 +123,7 @@ class MechanicalConditions(Generic[W]):
         if not free < set(self.AXES) or len(free) != len(along):
             expected = "x or y" if len(self.AXES) == 2 else "one or two of x, y and z"
             raise SceneError(f"roller '{name}': along: found {along!r:.40}, expected {expected}")
-        return self._fixed(self._point(place), [None if axis in free else 0.0 for axis in self.AXES], name=name)
+        return self._fixed(shapely.Point(*place), [None if axis in free else 0.0 for axis in self.AXES], name=name)
 
     def _rigid(self, name: str, velocity: Vector, held: str | Sequence[str], **given: Any) -> RigidBody:
         """The motion of a rigid body called `name`."""
@@ -155,15 +153,3 @@ class MechanicalConditions(Generic[W]):
 
     def _changed(self, **changed: Any) -> Self:
         return replace(self, **changed)  # type: ignore[type-var]
-
-    def _point(self, place: Vector) -> Any:
-        return shapely.Point(np.asarray(place, dtype=float))
-
-    def _with(
-        self, kind: type[AnyCondition], values: dict[str, Any], where: W, rows: int, name: str, **more: Any
-    ) -> Self:
-        raise NotImplementedError
-
-    def _named(self, where: W, kind: str) -> str:
-        """Default name of a condition."""
-        raise NotImplementedError

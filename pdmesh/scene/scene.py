@@ -156,7 +156,7 @@ class Scene(Plate, MechanicalConditions[Where], DiffusionConditions[Where]):
 
     def pin(self, x: float, y: float, name: str = "") -> Scene:
         """The scene with a pin: the node nearest to (x, y), m, does not move, and the plate turns about it."""
-        return self.fix(self._point((x, y)), name=name)
+        return self.fix(shapely.Point(x, y), name=name)
 
     def pin_hole(self, where: Where, rows: int = 1, name: str = "", breakable: bool = False) -> Scene:
         """The scene with a pin in a hole, "hole nearest X,Y" or its edge: the edge moves as a rigid ring that turns

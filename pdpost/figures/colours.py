@@ -80,12 +80,15 @@ def title(results: Results, name: str, part: str, step: int, scale: float) -> st
 
 
 def at(results: Results, step: int, scale: float = 0.0) -> str:
-    """Time of a picture and its deformation scale, in the time unit of the run's last frame."""
+    """When a picture is, and its deformation scale."""
+    when = f"at {moment(results, step) if counts_load_steps(results) else _timed(results, step)}"
+    return when if scale in (0.0, 1.0) else f"{when}, {scale:g} times the displacement"
+
+
+def _timed(results: Results, step: int) -> str:
+    """Time of a step, in the time unit of the run's last frame, and the step."""
     time_step = float(results.meta()["time_step"])
     _, times = results.frames()
     factor, prefix = prefixed(min(float(times[-1]) if len(times) else step * time_step, 1.0))  # no ks
     time = step * time_step * factor
-    when = f"at {time:{'.4g' if time < 9999.5 else '.0f'}} {prefix}s (step {step})"
-    if counts_load_steps(results):
-        when = f"at {moment(results, step)}"
-    return when if scale in (0.0, 1.0) else f"{when}, {scale:g} times the displacement"
+    return f"{time:{'.4g' if time < 9999.5 else '.0f'}} {prefix}s (step {step})"

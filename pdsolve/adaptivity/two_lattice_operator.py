@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pdsolve.model import Model
 from pdsolve.operators.protocol import Kept
-from pdsolve.state import Broken, State, Unknown
+from pdsolve.state import Broken, State, Unknown, zero_state
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -107,8 +107,7 @@ class TwoLatticeOperator(ABC, Generic[N]):
 
     def state(self) -> State:
         """The state of the current nodes."""
-        nodes = len(self.places)
-        found = State(*np.zeros((3, nodes, 2)), *np.zeros((3, nodes)))
+        found = zero_state(len(self.places), 2)
         self.sync(found)
         return found
 
@@ -127,7 +126,7 @@ class TwoLatticeOperator(ABC, Generic[N]):
     def stiffness_bound(self) -> NDArray[np.float64]:
         """A bound (n,), N/m^4, from the row sums of the tangent at rest (Gershgorin's discs); see `Operator`."""
         nodes = len(self.places)
-        rows = abs(self.tangent(State(*np.zeros((3, nodes, 2)), *np.zeros((3, nodes))))).sum(axis=1)
+        rows = abs(self.tangent(zero_state(nodes, 2))).sum(axis=1)
         return np.asarray(rows.reshape(nodes, 2).max(axis=1) / 2, dtype=np.float64)
 
     def keep(self) -> Kept:

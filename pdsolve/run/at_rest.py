@@ -21,7 +21,7 @@ from pdsolve.run.assembly import growth_of
 from pdsolve.run.operator_factory import held_by_ground, operator_of, stable, touched_at_rest
 from pdsolve.run.system import Prepared, System
 from pdsolve.schemes.scheme import Scheme
-from pdsolve.state import State
+from pdsolve.state import zero_state
 from pdsolve.steppers.equilibrium import Method
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.newton import FACTORED, FACTORED_IN, Newton
@@ -50,7 +50,7 @@ def at_rest(model: Model, options: Options, scheme: Scheme, breaks: bool = True)
     operator, contact = touched_at_rest(model, area, held_by_ground(model, area, bonds))
     driven = drive(model, area, scheme.exact_load, np.float64)
     driven.force[:] = driven.before[:] = driven.held_force[:] = 0  # nothing acts before the first load step
-    state = operator.place(State(*np.zeros((3, *driven.force.shape)), *np.zeros((3, len(area)))))
+    state = operator.place(zero_state(*driven.force.shape))
     method: Method
     if static.method == "relaxation":
         method = Relaxation(operator, static.tolerance, static.iterations)
@@ -88,7 +88,7 @@ def _along_path(model: Model, options: Options, scheme: Scheme) -> Prepared:
         why = "as the tangent of bonds that soften at rest is factored"
         raise ModelError(f"{model.name}: $.nodes: found {nodes}, expected at most {most}, {why}")
     driven.force[:] = driven.before[:] = driven.held_force[:] = 0
-    state = operator.place(State(*np.zeros((3, *driven.force.shape)), *np.zeros((3, nodes))))
+    state = operator.place(zero_state(*driven.force.shape))
     bonds, ground = softening_of(model, filling.whole(), contact), supports_of(operator)
     if ground is not None:
         bonds.stand_on(np.repeat(area, width)[:, None] * ground.stiffness_matrix())

@@ -16,7 +16,7 @@ from pdsolve.run.assembly import assembled
 from pdsolve.run.energy_steps import energy, pushed
 from pdsolve.run.node_changes import Change
 from pdsolve.run.system import Prepared, System
-from pdsolve.state import State
+from pdsolve.state import State, zero_state
 from pdsolve.steppers.equilibrium import forces
 
 
@@ -45,8 +45,7 @@ class Refining:
         if not np.array_equal(after.model.grid.ids, kept["ids"]):
             raise CheckpointError("found ids of nodes that are not those of its cells, expected these")
         fresh = _on(system, after, 0)
-        nodes = len(after.sites)
-        return Prepared(fresh, State(*np.zeros((3, nodes, 3)), *np.zeros((3, nodes))))
+        return Prepared(fresh, zero_state(len(after.sites), 3))
 
 
 def zone_of(system: System) -> SpaceHybrid:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pdsolve.operators.protocol import Kept
 from pdsolve.run.system import Prepared, System, moved
-from pdsolve.state import State, nothing
+from pdsolve.state import State, zero_state
 
 
 class Change(NamedTuple):
@@ -50,7 +50,7 @@ def zone_moved(system: System, state: bool = True) -> Change | None:
         return None
     row = np.minimum(np.searchsorted(before.places, shown.places), len(before.places) - 1)
     same = (before.places[row] == shown.places) & (before.signature[row] == shown.signature)
-    return Change(moved(system, shown), shown.state() if state else nothing(2), np.where(same, row, -1))
+    return Change(moved(system, shown), shown.state() if state else zero_state(0, 2), np.where(same, row, -1))
 
 
 def zone_back(system: System, kept: Kept) -> Prepared:

@@ -25,7 +25,7 @@ from pdsolve.run.measures import Asked, ask, bodies, fields, pieces
 from pdsolve.run.motion_accounts import MotionAccounts
 from pdsolve.run.node_changes import Change
 from pdsolve.run.system import System
-from pdsolve.state import Broken, State, nothing
+from pdsolve.state import Broken, State, zero_state
 from pdsolve.steppers.load_steps import Rested
 from pdsolve.steppers.stepped_rest import SteppedRest
 
@@ -248,7 +248,7 @@ class Recorder:
 
     def let_go(self) -> None:
         """Forget the state, which the operator of a moving fine zone has."""
-        self.state = nothing(2)
+        self.state = zero_state(0, 2)
 
     def _fetch(self) -> None:
         """Bring the state up to the steps taken."""

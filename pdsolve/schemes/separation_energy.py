@@ -15,7 +15,7 @@ from pdsolve.bonds.assembly import Bonds
 from pdsolve.laws.law import Law
 from pdsolve.model import Model
 from pdsolve.operators.bond_list import BondList
-from pdsolve.state import State
+from pdsolve.state import zero_state
 
 GROWTH = 1.005  # of the opening, from look to look
 FIRST = 1e-7  # spacings
@@ -65,7 +65,7 @@ def cost(law: Law, model: Model, bonds: Bonds) -> float:
     operator = BondList(law, model, bonds, symmetric=True)
     position = model.grid.position
     count, width = len(position), sum(unknown.width for unknown in operator.unknowns)
-    state = State(*np.zeros((3, count, width)), *np.zeros((3, count)))
+    state = zero_state(count, width)
     across = position.shape[1] - 1  # the axis that the halves part along
     upper, middle = position[:, across] > 0, (position[:, :across] == 0).all(axis=1)
     source, target = operator.bonds()

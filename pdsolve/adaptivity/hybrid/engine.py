@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import cached_property
 from typing import NamedTuple
 
@@ -32,7 +33,7 @@ from pdsolve.adaptivity.hybrid.coarse_cells import Plate, squares_in_cells
 from pdsolve.adaptivity.hybrid.energy import held
 from pdsolve.adaptivity.hybrid.lattice import BELOW, BELOW_COARSE, COARSE, FINE, FREE, IDLE, LEFT
 from pdsolve.adaptivity.hybrid.march import CLIP, DONE, march
-from pdsolve.adaptivity.hybrid.node_rows import of_nodes
+from pdsolve.adaptivity.hybrid.node_rows import are_intact
 from pdsolve.adaptivity.hybrid.swelling import relieve_all, restrict, stored
 from pdsolve.checkpoint_validation import entry, like
 from pdsolve.codegen.vector_code import ROW
@@ -84,9 +85,9 @@ class Hybrid:
         """Derive all nodes from the cells, whatever they were before."""
         zone = self.zone
         zone.fine.own[: zone.number[ENTRIES]] = 0
-        for nodes, rows in ((zone.fine, zone.number[ROWS]), (zone.coarse, zone.number[arrays.COARSE_ROWS])):
+        for _, nodes, rows in self._lattices():
             nodes.entry[:] = -1
-            nodes.kind.reshape(-1, ROW)[nodes.rows[:rows]] = IDLE
+            nodes.kind.reshape(-1, ROW)[rows] = IDLE
         zone.stirred[zone.stirs[: zone.number[STIRS]]] = False
         zone.number[:] = 0
         cells = np.flatnonzero(zone.cells == FINE)
@@ -209,6 +210,12 @@ class Hybrid:
         largest, limit = _stretch(zone.total[LARGEST]), _stretch(self.ground.least[0])
         return ZoneSummary(float(zone.total[REFINEMENT]), float(fine), float(largest / limit))
 
+    def _lattices(self) -> Iterator[tuple[str, Nodes, NDArray[np.int64]]]:
+        """Name and nodes of both lattices, and their rows with a node that is not idle."""
+        zone = self.zone
+        yield "fine", zone.fine, zone.fine.rows[: zone.number[ROWS]]
+        yield "coarse", zone.coarse, zone.coarse.rows[: zone.number[arrays.COARSE_ROWS]]
+
     def active(self, nodes: Nodes, rows: int) -> NDArray[np.int64]:
         """Places of the free nodes of a lattice, from its first `rows` rows."""
         places = (nodes.rows[:rows, None] * ROW + np.arange(ROW)).ravel()
@@ -222,9 +229,9 @@ class Hybrid:
 
     def motion(self) -> NDArray[np.float64]:
         """Kinetic energy, J/m, and momentum, N s/m."""
-        zone, found = self.zone, np.zeros(3)
-        for nodes, rows in ((zone.fine, zone.number[ROWS]), (zone.coarse, zone.number[arrays.COARSE_ROWS])):
-            own = self.active(nodes, rows)
+        found = np.zeros(3)
+        for _, nodes, rows in self._lattices():
+            own = self.active(nodes, len(rows))
             mass, x, y = nodes.mass[own], nodes.v[0, own], nodes.v[1, own]
             del own
             found[1:] += (mass * x).sum(), (mass * y).sum()
@@ -251,17 +258,13 @@ class Hybrid:
         """Arrays for a checkpoint, from which a run continues bit by bit."""
         zone, broken = self.zone, self.zone.number[BREAKS]
         kept = {f"break_{name}": column[:broken].copy() for name, column in zone.breaks._asdict().items()}
-        for name, nodes, rows in (
-            ("fine", zone.fine, zone.number[ROWS]),
-            ("coarse", zone.coarse, zone.number[arrays.COARSE_ROWS]),
-        ):
-            own = nodes.rows[:rows]
-            idle = nodes.kind.reshape(-1, ROW)[own] == IDLE
+        for name, nodes, rows in self._lattices():
+            idle = nodes.kind.reshape(-1, ROW)[rows] == IDLE
             for field, values in (("u", nodes.u[self.now]), ("v", nodes.v), ("f", nodes.f)):
-                found = values.reshape(2, -1, ROW)[:, own]
+                found = values.reshape(2, -1, ROW)[:, rows]
                 found[:, idle] = 0.0
                 kept[f"{name}_{field}"] = found.reshape(2, -1)
-            kept[f"{name}_wide"] = nodes.wide[nodes.rows[:rows]]
+            kept[f"{name}_wide"] = nodes.wide[rows]
             if nodes.damped is not None:
                 slowed = np.flatnonzero(nodes.damped)
                 kept |= {f"{name}_slowed": slowed, f"{name}_damped": nodes.damped[slowed]}
@@ -289,8 +292,7 @@ class Hybrid:
             raise CheckpointError("found cells that are others than at the start, expected coarse ones to become fine")
         node = breaks.node
         self._put_bits(node, breaks.spring)
-        for nodes in (zone.fine, zone.coarse):
-            rows = nodes.rows[: zone.number[ROWS if nodes is zone.fine else arrays.COARSE_ROWS]]
+        for _, nodes, rows in self._lattices():
             for array in nodes[:3]:
                 array.reshape(-1, array.shape[-1] // ROW, ROW)[:, rows] = 0
         zone.cells[:], self.now = cells, 0
@@ -307,14 +309,11 @@ class Hybrid:
             for name, array in (("edge", zone.fine.edge), ("own", zone.fine.own)):
                 array[own] = entry(kept, name, (len(own), *array.shape[1:]), float, high=np.inf)
             zone.fine.entry[rows] = np.where(entry(kept, "usual", own.shape, np.bool_), -2 - own, own)
-        for name, nodes, rows in (
-            ("fine", zone.fine, zone.number[ROWS]),
-            ("coarse", zone.coarse, zone.number[arrays.COARSE_ROWS]),
-        ):
-            places = (nodes.rows[:rows, None] * ROW + np.arange(ROW)).ravel()
+        for name, nodes, rows in self._lattices():
+            places = (rows[:, None] * ROW + np.arange(ROW)).ravel()
             for field, values in (("u", nodes.u[0]), ("v", nodes.v), ("f", nodes.f)):
                 values[:, places] = entry(kept, f"{name}_{field}", (2, len(places)), float)
-            nodes.wide[nodes.rows[:rows]] = entry(kept, f"{name}_wide", (int(rows),), np.uint8)
+            nodes.wide[rows] = entry(kept, f"{name}_wide", rows.shape, np.uint8)
         zone.holds.value[:] = like(kept, "holds", zone.holds.value)
         zone.total[:] = like(kept, "total", zone.total)
         _put_damped(kept, zone)
@@ -329,8 +328,7 @@ class Hybrid:
         inside = (other >= 0) & (other < plate.at.places)
         inside &= plate.has(node) & plate.has(other.clip(0, plate.at.places - 1))
         owner = np.where(spring < half, node, other.clip(0, plate.at.places - 1))
-        bits = of_nodes(ground.nodes, ground.nodes.bits, owner) & ~self.zone.lost[owner]
-        whole = bits >> (spring % half).astype(np.uint64) & np.uint64(1) != 0
+        whole = are_intact(ground.nodes, self.zone.lost, owner, spring % half)
         if not (inside & whole).all() or len(np.unique(node * 2 * half + spring)) < len(node):
             raise CheckpointError("found a broken bond that the plate does not have, or twice, expected its own, once")
         return arrays.Breaks(step, node, spring)

@@ -30,7 +30,7 @@ from pdsolve.adaptivity.hybrid.arrays import (
 from pdsolve.adaptivity.hybrid.engine import Hybrid, ZoneSummary
 from pdsolve.adaptivity.hybrid.irregular_bonds import part_of
 from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, BELOW_COARSE, COARSE, FREE, IDLE, LEFT
-from pdsolve.adaptivity.hybrid.node_rows import of_nodes
+from pdsolve.adaptivity.hybrid.node_rows import are_intact, of_nodes
 from pdsolve.adaptivity.two_lattice_operator import Sums, TwoLatticeOperator
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.model import Model
@@ -229,7 +229,7 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         border, count = zone.border, zone.number[BORDERS]
         state.value[self._rows_of(border.node[:count])] += border.off[:count]
         self._gather(lambda nodes, at: nodes.v[:, at], state.rate)
-        self._gather(lambda nodes, at: nodes.f[:, at] * nodes.light[at], state.second)
+        self._accelerate(state.second)
         holds = zone.holds.what[zone.holds.on[: zone.number[HOLDS], 1]]
         state.second[self._rows_of(holds[:, PLACE]), holds[:, AXIS]] = 0.0
         stirred = zone.stirs[: zone.number[STIRS]]
@@ -241,8 +241,12 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
     def accelerations(self) -> NDArray[np.float64]:
         """Accelerations (n, 2), m/s^2, from the most recent sum of forces."""
         found = np.zeros((len(self.places), 2))
-        self._gather(lambda nodes, at: nodes.f[:, at] * nodes.light[at], found)
+        self._accelerate(found)
         return found
+
+    def _accelerate(self, out: NDArray[np.float64]) -> None:
+        """Gather accelerations, m/s^2, from the most recent sum of forces in out (n, 2)."""
+        self._gather(lambda nodes, at: nodes.f[:, at] * nodes.light[at], out)
 
     def spent(self) -> NDArray[np.float64]:
         """Energy density (n,), J/m^3, dissipated so far by the nodes' broken and softened bonds."""
@@ -313,8 +317,7 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         target = fine + ground.ways[k]
         if not start:
             owner = np.where(k < half, fine, target)
-            bits = of_nodes(ground.nodes, ground.nodes.bits, owner) & ~zone.lost[owner]
-            intact = bits >> (k % half).astype(np.uint64) & np.uint64(1) != 0
+            intact = are_intact(ground.nodes, zone.lost, owner, k % half)
             fine, target = fine[intact], target[intact]
         node, k = np.nonzero(np.unpackbits(self._springs[some], axis=1))
         coarse = self._coarse[some][node].astype(np.int64)
