@@ -23,7 +23,6 @@ import sys
 from collections import defaultdict
 from fractions import Fraction
 from functools import cached_property
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -31,9 +30,9 @@ import scipy.sparse as sparse
 from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
+from benchmarks.adaptivity import BORDER, PAGE
 from benchmarks.pages import put_section
 
-ROOT = Path(__file__).parent.parent
 M = 3  # horizon over spacing
 NEAR = 2  # spacings between a piece's end and the border sites that take its rest
 STEP = 0.3  # of the march
@@ -409,11 +408,12 @@ def section() -> str:
         cells = (law.name, f"{C[0, 1] / C[0, 0]:.2f}", f"{worst:.0e}", f"{min(r[0] for r in ranges):.3f}")
         cells += (f"{ranges[0][1]:.2f}", f"{max(r[1] for r in ranges[1:]):.2f}")
         rows.append((*cells, *(", ".join(f"{one:.2g}" for one in some) for some in back)))
-    return TEXT.format(table="".join(f"| {' | '.join(row)} |\n" for row in rows), shapes=", ".join(shapes()), m=M)
+    return TEXT.format(
+        table="".join(f"| {' | '.join(row)} |\n" for row in rows), shapes=", ".join(shapes()), m=M, title=BORDER
+    )
 
 
-TEXT = """
-## An exact border for laws with nodal fields
+TEXT = """{title}
 
 A hybrid solves bonds without shear. `python -m benchmarks.state_based_border` asks whether a fine zone of a linear
 peridynamic solid, or of bonds with shear and a rotation of each node, can lie in a lattice of its own elasticity as
@@ -440,7 +440,7 @@ sum over the pieces before forces are summed, the weights of corners by table, a
 
 def main() -> int:
     """Write the section."""
-    put_section(ROOT / "docs" / "adaptivity.md", section().strip("\n"))
+    put_section(PAGE, section())
     return 0
 
 

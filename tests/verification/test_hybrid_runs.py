@@ -134,7 +134,7 @@ def test_threads_do_not_show(law: str) -> None:
     for threads in (1, 2):
         problem = prepare(struck("hybrid", law=law), Options(threads=threads))
         problem.march(1, 101)
-        problem.march(101, 171)
+        problem.march(101, 151)
         found.append(hybrid(problem).keep())
     assert len(found[0]["break_step"]) > 100
     assert found[0].keys() == found[1].keys()

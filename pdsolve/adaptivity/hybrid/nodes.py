@@ -100,7 +100,8 @@ def set_coarse(ground, cells, fine, coarse, q):  # type: ignore[no-untyped-def]
     for sy in (-1, 0):
         for sx in (-1, 0):
             c = cell_place(at, x + sx, y + sy)
-            mass += ground.cell[2, ground.mix[c]] * (cells[c] == COARSE)
+            if cells[c] == COARSE:
+                mass += ground.cell[2, ground.mix[c]] * corner_part(ground, x + sx, y + sy, -sx, -sy)
     coarse.kind[q] = FREE if mass > 0 else IDLE
     for k in range(8):
         stiffness = spring_of(ground, cells, q, x, y, k)
@@ -139,9 +140,57 @@ def spring_of(ground, cells, q, x, y, k):  # type: ignore[no-untyped-def]
     c = cell_place(at, x0, y0)
     if dx != 0 and dy != 0:
         return ground.cell[1, ground.mix[c]] if cells[c] == COARSE else 0.0
-    other = c - at.cell_stride if dy == 0 else c - 1
-    found = 0.5 * ground.cell[0, ground.mix[c]] if cells[c] == COARSE else 0.0
-    return found + (0.5 * ground.cell[0, ground.mix[other]] if cells[other] == COARSE else 0.0)
+    along_y = 1 if dy != 0 else 0
+    first = _edge_of(ground, cells, x0, y0, along_y, 0)
+    return first + _edge_of(ground, cells, x0 - along_y, y0 - 1 + along_y, along_y, 1)
+
+
+@njit(**INNER)
+def _edge_of(ground, cells, x, y, along_y, second):  # type: ignore[no-untyped-def]
+    """Stiffness of the first or `second` of two edges of a cell that are parallel to an axis.
+
+    Of a cell that a pre-crack crosses between them, each is that of a free strip: k = w (C11 - C66^2 / C11) for the
+    width w over the cell's.
+    """
+    c = cell_place(ground.at, x, y)
+    if cells[c] != COARSE:
+        return 0.0
+    k1, k2 = ground.cell[0, ground.mix[c]], ground.cell[1, ground.mix[c]]
+    across = _crossed(ground, x, y, along_y)
+    if across == 0:
+        return 0.5 * k1
+    return (1 - across if second else across) * (k1 + k2 - k2 * k2 / (k1 + k2))
+
+
+@njit(**INNER)
+def _crossed(ground, x, y, along_y):  # type: ignore[no-untyped-def]
+    """Where, from the first of a cell's edges parallel to an axis to the second, a pre-crack crosses between them; 0:
+    nowhere."""
+    q = coarse_place(ground.at, x, y)
+    other = q + (ground.at.coarse_stride if along_y else 1)
+    one, two = ground.edge_cut[1 - along_y, q], ground.edge_cut[1 - along_y, other]
+    return (one + two) / 2 if one > 0 and two > 0 else 0.0
+
+
+@njit(**INNER)
+def corner_part(ground, x, y, right, above):  # type: ignore[no-untyped-def]
+    """Share of a corner in its cell's area, over a quarter: corners on a side of a pre-crack have the side's."""
+    if not ground.cut_cells[cell_place(ground.at, x, y)]:
+        return 1.0
+    for along_y, second in ((0, above), (1, right)):
+        across = _crossed(ground, x, y, along_y)
+        if across > 0:
+            return 2 * (1 - across if second else across)
+    q, stride = coarse_place(ground.at, x, y), ground.at.coarse_stride
+    low, high = ground.edge_cut[0, q], ground.edge_cut[0, q + stride]
+    left, far = ground.edge_cut[1, q], ground.edge_cut[1, q + 1]
+    for corner in range(4):
+        one, two = corner % 2, corner // 2
+        along, up = (high if two else low), (far if one else left)
+        if along > 0 and up > 0:
+            area = (1 - along if one else along) * (1 - up if two else up) / 2
+            return 4 * area if (one, two) == (right, above) else 4 * (1 - area) / 3
+    return 1.0
 
 
 @njit(**INNER)
