@@ -2,11 +2,13 @@
 
 u           (3, m) displacements of all sites, m           offsets  (k,) from a site to its neighbour's
 table       (k, FIELDS), see `Tiles`                       bits     (tiles, k) lanes whose bond is there
-c, cells    (3, m), (2, m) of nodes, see `Tiles`           near     |e| beyond which a slot is left alone
+c, cells    (3, m), (2, m) of nodes, see `Tiles`           limits   three of e, see below
 share       (r, k, 16) of tiles with a memory; row         the tile's
-floor       e above which the share counts
 lane        of the tile, the first of those summed; own    its site
 s           (SCRATCH,) a thread's scratch: sums of forces along x, y and z
+
+`limits` are: |e| beyond which the wide polynomial is taken; e above which the share counts; e beyond which a slot is
+left alone, as one whose bonds may break.
 """
 
 from __future__ import annotations
@@ -17,6 +19,7 @@ from typing import Any
 from numba import types
 from numba.extending import intrinsic
 
+from pdsolve.codegen.pull import WIDE
 from pdsolve.codegen.vector_code import INT, ROW, Code
 
 FIELDS = 12  # of an offset
@@ -32,14 +35,14 @@ class _Slots:
         """`values` are the arguments of a loop, of these `kinds`; bonds have so many numbers of nodes in them."""
         self._code, self._corrections = code, corrections
         self._share = code.data(kinds[6], values[6]) if softened else None
-        self._floor = values[8]
+        self._near, self._floor, self._edge = (code.builder.extract_value(values[7], n) for n in range(3))
         self._u = [_component(code, kinds[0], values[0], axis) for axis in range(3)]
         self._offsets, self._table, self._bits = (
             code.data(kind, array) for kind, array in zip(kinds[1:4], values[1:4], strict=True)
         )
         self._c = [_component(code, kinds[4], values[4], axis) for axis in range(3 if corrections else 0)]
         self._cells = [_component(code, kinds[5], values[5], row) for row in range(corrections - 3)]
-        self._tile, self._site, self._lane, row, count = values[11:16]
+        self._tile, self._site, self._lane, row, count = values[10:15]
         self._own_u = [code.load(component, self._site) for component in self._u]
         self._own_c = [code.load(component, self._site) for component in self._c]
         self._own_cells = [code.load(component, self._site) for component in self._cells]
@@ -63,6 +66,33 @@ class _Slots:
         builder = self._code.builder
         word = builder.load(builder.gep(self._bits, [builder.add(self._begin, slot)]))
         return builder.icmp_unsigned("==", word, word.type(0))
+
+    def factor(self, e: list[Any], leave: Any) -> list[Any]:
+        """g(e), lane by lane, so that a sum does not depend on how many lanes are beside each other.
+
+        Goes to the block `leave` where a lane is beyond the edge or WIDE; None: takes roots and divisions beyond WIDE.
+        """
+        code, builder = self._code, self._code.builder
+        blocks = (builder.function.append_basic_block(name) for name in ("far", "wider", "done"))
+        began, (far, wider, done) = builder.block, blocks
+        narrow, size, near = code.polynomial(code.coefficients[0], e), code.magnitude(e), code.same(self._near)
+        builder.cbranch(code.some(code.above(size, near)), far, done)
+        builder.position_at_end(far)
+        if leave is None:
+            builder.branch(wider)
+        else:
+            beyond = code.either(code.above(e, code.same(self._edge)), code.above(size, code.same(WIDE)))
+            builder.cbranch(code.some(beyond), leave, wider).set_weights(SELDOM)
+        builder.position_at_end(wider)
+        wide = code.polynomial(code.coefficients[1], e)
+        if leave is None:
+            q2 = code.add(code.same(1.0), e)
+            root = code.each(builder.fdiv, code.same(1.0), code.add(q2, code.root(q2)))
+            wide = code.choose(code.above(size, code.same(WIDE)), root, wide)
+        wide = code.choose(code.above(size, near), wide, narrow)
+        builder.branch(done)
+        builder.position_at_end(done)
+        return code.merge([(narrow, began), (wide, wider)])
 
     def stiffness(self, slot: Any, e: list[Any]) -> list[Any]:
         """Stiffness over length of bonds at e."""
@@ -97,26 +127,25 @@ def _component(code: Code, kind: Any, array: Any, number: int) -> Any:
 
 
 def _loop(corrections: int, exact: bool, softened: bool = False) -> Callable[..., Any]:
-    """The loop for bonds with so many numbers of nodes in them; `exact`: with a root and a division; `softened`: of
-    tiles with a memory."""
+    """The loop for bonds with so many numbers of nodes in them; `exact`: with a root and a division beyond WIDE;
+    `softened`: of tiles with a memory."""
 
     @intrinsic
     def add(  # type: ignore[no-untyped-def]
-        typingctx, u, offsets, table, bits, c, cells, share, near, floor, first, last, tile, own, lane, row, count, s
+        typingctx, u, offsets, table, bits, c, cells, share, limits, first, last, tile, own, lane, row, count, s
     ):
         def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
             code = Code(context, builder, u.dtype)
             slots, kept = _Slots(code, signature.args, values, corrections, softened), code.data(s, values[-1])
-            head, go_on, leave = (builder.function.append_basic_block(name) for name in ("head", "add", "leave"))
+            head, leave = (builder.function.append_basic_block(name) for name in ("head", "leave"))
             look, began = builder.function.append_basic_block("look"), builder.block
             before = [code.load(kept, INT(ROW * axis)) for axis in range(3)]
-            near = code.same(values[7])
             builder.branch(head)
             builder.position_at_end(head)
             slot = builder.phi(INT)
-            slot.add_incoming(values[9], began)
+            slot.add_incoming(values[8], began)
             sums = [code.merge([(total, began)]) for total in before]
-            builder.cbranch(builder.icmp_signed("<", slot, values[10]), look, leave)
+            builder.cbranch(builder.icmp_signed("<", slot, values[9]), look, leave)
             builder.position_at_end(look)
             some, skip = (builder.function.append_basic_block(name) for name in ("some", "skip"))
             builder.cbranch(slots.is_empty(slot), skip, some)
@@ -128,23 +157,13 @@ def _loop(corrections: int, exact: bool, softened: bool = False) -> Callable[...
             builder.branch(head)
             builder.position_at_end(some)
             xi, eta, e = slots.deformed(slot)
-            if exact:
-                builder.branch(go_on)
-            else:
-                beyond = code.some(code.above(code.magnitude(e), near))
-                builder.cbranch(beyond, leave, go_on).set_weights(SELDOM)
-            builder.position_at_end(go_on)
-            g = code.polynomial(code.coefficients[0], e)
-            if exact:  # lane by lane, so that a sum does not depend on how many lanes are beside each other
-                q2 = code.add(code.same(1.0), e)
-                root = code.each(builder.fdiv, code.same(1.0), code.add(q2, code.root(q2)))
-                g = code.choose(code.above(code.magnitude(e), near), root, g)
+            g = slots.factor(e, None if exact else leave)
             pull = code.mul(slots.stiffness(slot, e), code.mul(e, g))
             after = [code.fma(pull, code.add(x, y), total) for x, y, total in zip(xi, eta, sums, strict=True)]
-            slot.add_incoming(builder.add(slot, INT(1)), go_on)
+            slot.add_incoming(builder.add(slot, INT(1)), builder.block)
             for phis, totals in zip(sums, after, strict=True):
                 for phi, total in zip(phis, totals, strict=True):
-                    phi.add_incoming(total, go_on)
+                    phi.add_incoming(total, builder.block)
             builder.branch(head)
             builder.position_at_end(leave)
             for axis, total in enumerate(sums):
@@ -152,7 +171,7 @@ def _loop(corrections: int, exact: bool, softened: bool = False) -> Callable[...
             return slot
 
         numbers_of = (types.int64,) * 7
-        return types.int64(u, offsets, table, bits, c, cells, share, u.dtype, u.dtype, *numbers_of, s), generate
+        return types.int64(u, offsets, table, bits, c, cells, share, limits, *numbers_of, s), generate
 
     view: Callable[..., Any] = add
     return view

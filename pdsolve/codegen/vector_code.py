@@ -163,6 +163,10 @@ class Code:
         """Whether a > b, or either is NaN."""
         return self.each(lambda one, other: self.builder.fcmp_unordered(">", one, other), a, b)
 
+    def either(self, one: list[Any], other: list[Any]) -> list[Any]:
+        """Where one or the other is true."""
+        return self.each(self.builder.or_, one, other)
+
     def choose(self, which: list[Any], a: list[Any], b: list[Any]) -> list[Any]:
         """a where `which` is true, else b."""
         return self.each(self.builder.select, which, a, b)

@@ -103,7 +103,7 @@ inline void sum_bonds(FORCE_PARAMETERS, __global const REAL *before, __global co
       }
 #endif
       REAL q2 = (REAL)1 + e;
-      g = (REAL)1 / (q2 + sqrt(q2));
+      g = fabs(e) <= (REAL)WIDE ? POLYNOMIAL_WIDE(REAL, e) : (REAL)1 / (q2 + sqrt(q2));
     } else {
       g = POLYNOMIAL_NARROW(REAL, e);
     }

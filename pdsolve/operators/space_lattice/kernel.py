@@ -74,7 +74,8 @@ class Tiles(NamedTuple):
     worst: NDArray[np.float64]  # (r, k, 16) largest stretch above the peak, 0 if never there
     margin: int
     floor: float  # e above which softened bonds have what is left of their stiffness alone
-    near: float  # |e| up to which nothing happens to bonds and the polynomial holds
+    near: float  # |e| up to which nothing happens to bonds and the narrow polynomial holds
+    edge: float  # e up to which nothing happens to bonds
 
 
 class Breaks(NamedTuple):
@@ -101,14 +102,14 @@ def sum_tiles(tiles, u, rate, dt, ages, out, dissipated, breaks, first, last):  
     soften and that has no memory.
     """
     s, f, count = np.empty(SCRATCH, u.dtype), np.empty((3, ROW)), len(tiles.offsets)
-    near = u.dtype.type(tiles.near), u.dtype.type(tiles.floor)
+    limits = u.dtype.type(tiles.near), u.dtype.type(tiles.floor), u.dtype.type(tiles.edge)
     for t in range(first, last):
         if tiles.kind[t] == EMPTY:
             continue
         if breaks.used[0] + ROW * count > len(breaks.ends):
             return t
         for lane in range(0, ROW, across(s)):
-            if not _sum_lanes(tiles, u, rate, dt, ages, dissipated, breaks, near, t, lane, s):
+            if not _sum_lanes(tiles, u, rate, dt, ages, dissipated, breaks, limits, t, lane, s):
                 return t
             for k in range(across(s)):
                 for axis in range(3):
@@ -128,7 +129,7 @@ def _write(tiles, t, f, out):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _sum_lanes(tiles, u, rate, dt, ages, dissipated, breaks, near, t, lane, s):  # type: ignore[no-untyped-def]
+def _sum_lanes(tiles, u, rate, dt, ages, dissipated, breaks, limits, t, lane, s):  # type: ignore[no-untyped-def]
     """Force densities on some lanes of a tile, from `lane` on, at the beginning of s; False if it needs a memory."""
     for k in range(SCRATCH):
         s[k] = 0
@@ -137,44 +138,44 @@ def _sum_lanes(tiles, u, rate, dt, ages, dissipated, breaks, near, t, lane, s): 
     to = (tiles.offsets, tiles.table, tiles.bits, tiles.c, tiles.cells, tiles.share)
     while True:
         at = (t, own, lane, row, count)
-        slot = _add(kind, u, to, near, slot, count, at, s)
+        slot = _add(kind, u, to, limits, slot, count, at, s)
         if slot == count:
             return True
         if ages and not _age_slot(tiles, u, rate, dt, dissipated, breaks, t, lane, slot, across(s)):
             return False
-        slot = _add_far(kind, u, to, near, slot, at, s)
+        slot = _add_far(kind, u, to, limits, slot, at, s)
 
 
 @njit(**INNER)
-def _add(kind, u, to, near, slot, count, at, s):  # type: ignore[no-untyped-def]
+def _add(kind, u, to, limits, slot, count, at, s):  # type: ignore[no-untyped-def]
     """Add bonds from a slot on; returns the first that is left alone, or `count`."""
     if kind == ALIKE:
-        return add_alike(u, *to, *near, slot, count, *at, s)
+        return add_alike(u, *to, limits, slot, count, *at, s)
     if kind == CORRECTED:
-        return add_corrected(u, *to, *near, slot, count, *at, s)
+        return add_corrected(u, *to, limits, slot, count, *at, s)
     if kind == GENERAL:
-        return add_general(u, *to, *near, slot, count, *at, s)
+        return add_general(u, *to, limits, slot, count, *at, s)
     if kind == SOFT_ALIKE:
-        return add_soft_alike(u, *to, *near, slot, count, *at, s)
+        return add_soft_alike(u, *to, limits, slot, count, *at, s)
     if kind == SOFT_CORRECTED:
-        return add_soft_corrected(u, *to, *near, slot, count, *at, s)
-    return add_soft_general(u, *to, *near, slot, count, *at, s)
+        return add_soft_corrected(u, *to, limits, slot, count, *at, s)
+    return add_soft_general(u, *to, limits, slot, count, *at, s)
 
 
 @njit(**INNER)
-def _add_far(kind, u, to, near, slot, at, s):  # type: ignore[no-untyped-def]
+def _add_far(kind, u, to, limits, slot, at, s):  # type: ignore[no-untyped-def]
     """Add the bonds of one slot, however long; returns the next slot."""
     if kind == ALIKE:
-        return add_alike_far(u, *to, *near, slot, slot + 1, *at, s)
+        return add_alike_far(u, *to, limits, slot, slot + 1, *at, s)
     if kind == CORRECTED:
-        return add_corrected_far(u, *to, *near, slot, slot + 1, *at, s)
+        return add_corrected_far(u, *to, limits, slot, slot + 1, *at, s)
     if kind == GENERAL:
-        return add_general_far(u, *to, *near, slot, slot + 1, *at, s)
+        return add_general_far(u, *to, limits, slot, slot + 1, *at, s)
     if kind == SOFT_ALIKE:
-        return add_soft_alike_far(u, *to, *near, slot, slot + 1, *at, s)
+        return add_soft_alike_far(u, *to, limits, slot, slot + 1, *at, s)
     if kind == SOFT_CORRECTED:
-        return add_soft_corrected_far(u, *to, *near, slot, slot + 1, *at, s)
-    return add_soft_general_far(u, *to, *near, slot, slot + 1, *at, s)
+        return add_soft_corrected_far(u, *to, limits, slot, slot + 1, *at, s)
+    return add_soft_general_far(u, *to, limits, slot, slot + 1, *at, s)
 
 
 @njit(**INNER)

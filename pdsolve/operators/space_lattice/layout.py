@@ -39,7 +39,8 @@ def tiles_of(law: Law, sites: Sites, bits: NDArray[np.uint16], springs: Springs)
     c, cells = aligned(np.zeros((3, sites.size))), aligned(np.zeros((2, sites.size)))
     c[:, sites.site] = 1.0
     cells[VOLUME, sites.site], cells[MODULUS, sites.site] = springs.volume, springs.modulus
-    least, nothing = float(springs.peak.min()), np.zeros((0, len(sites.ways), ROW))
+    peak, nothing = float(springs.peak.min()), np.zeros((0, len(sites.ways), ROW))
+    edge = peak * (peak + 2) * (1 - ROUNDED)
     tiles = Tiles(
         law=no_bonds(law),
         offsets=sites.steps.astype(np.int32),
@@ -58,7 +59,8 @@ def tiles_of(law: Law, sites: Sites, bits: NDArray[np.uint16], springs: Springs)
         worst=nothing,
         margin=sites.margin,
         floor=0.0 if law.pair is not None and law.pair.elastic_in_compression else -np.inf,
-        near=min(least * (least + 2) * (1 - ROUNDED), NARROW),
+        near=min(edge, NARROW),
+        edge=edge,
     )
     sort(tiles)
     return tiles

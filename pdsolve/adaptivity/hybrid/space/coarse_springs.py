@@ -95,6 +95,7 @@ def tiles_of(law: Law, sites: Sites, stiffness: NDArray[np.float64]) -> Tiles:
         margin=sites.margin,
         floor=-np.inf,
         near=NARROW,
+        edge=np.inf,
     )
 
 
