@@ -48,7 +48,6 @@ TRIED = (
     "pdpost damage body.sqlite --frames 0,1",
     "pdpost line body.sqlite --from 0,0,0 --to 1,0,0",
     "pdpost nodes body.sqlite",
-    "pdpost notch body.sqlite",
     "pdpost strain body.sqlite",
 )
 

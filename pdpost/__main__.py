@@ -30,10 +30,10 @@ from pdpost.commands import (
     verify,
 )
 
-OF_PLATES = ("bonds", "compare", "fatigue", "nodes", "notch", "tradeoff")
+OF_PLATES = ("bonds", "compare", "fatigue", "nodes", "tradeoff")
 OF_BODIES = (
-    "damage and other fields, animate, slice, render, crack, sif, line, history, balance, reaction, report, export and"
-    " study"
+    "damage and other fields, animate, slice, render, crack, sif, line, history, balance, reaction, report, export,"
+    " notch and study"
 )
 
 

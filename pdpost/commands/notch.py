@@ -1,9 +1,10 @@
-"""Write a run's cracks of particles as pre-cracks of another run."""
+"""Write a run's cracks, of particles or of a body, as pre-cracks of another run."""
 
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pdmesh import commandline
 from pdpost.commands import number_options
@@ -11,6 +12,18 @@ from pdpost.commands.shared import add_csv, add_frame, add_results, check_csv, c
 
 if TYPE_CHECKING:
     from pdpost.commands.shared import Commands
+    from pdsolve.results import Results
+
+
+class _Found(NamedTuple):
+    """Cracks at a frame, as the notch of a grid file and for a reader."""
+
+    notch: tuple[tuple[float, ...], ...]  # of the grid file, m
+    written: str  # what the grid file holds
+    words: str
+    result: dict[str, Any]  # for JSON
+    header: tuple[str, ...]
+    rows: Iterable[tuple[Any, ...]]
 
 
 def add(commands: Commands) -> None:
@@ -18,8 +31,9 @@ def add(commands: Commands) -> None:
     notch = commands.add_parser(
         "notch",
         help="write the model of a run with its grown cracks as the notch, to solve it again",
-        description="Write the grid file of a run with --cracks particles, with its cracks at a frame as the notch. The"
-        " cracked plate can then be solved under other loads. --csv and --json give the cracks as polylines.",
+        description="Write the grid file of a run with --cracks particles, or of a body that cracked, with its cracks"
+        " at a frame as the notch. It can then be solved under other loads. --csv and --json give the cracks: polylines"
+        " in a plate, triangles in a body.",
     )
     add_results(notch)
     commandline.add_common_options(
@@ -35,9 +49,8 @@ def add(commands: Commands) -> None:
 def _notch(args: argparse.Namespace) -> int:
     import msgspec
 
-    from pdmesh.model.crack_particles import arms, polylines, until
     from pdmesh.model.document import read_document, write_file
-    from pdsolve.results import Results, ResultsError
+    from pdsolve.results import Results
 
     if args.assignments:
         raise commandline.UsageError(f"--set {args.assignments[0][0]}: found a setting, notch has none")
@@ -46,16 +59,53 @@ def _notch(args: argparse.Namespace) -> int:
     check_csv(args, path)
     with Results.open(args.results) as results:
         step, time = chosen_frame(results, args)
-        particles = until(results.particles(), step)
-        if not len(particles.place):
-            raise ResultsError(f"{args.results}: found no particles, expected a run with --cracks particles")
         document = read_document(results.model(), results.name)
-    segments, lines = arms(particles), polylines(particles)
+        found = (_triangles if results.dimension == 3 else _polylines)(results, step)
     if path is not None:
-        notch = tuple((x0, y0, 0.0, x1, y1, 0.0) for x0, y0, x1, y1 in segments.tolist())
-        write_file(msgspec.structs.replace(document, notch=notch), path)
-    rows = ((number, *place) for number, line in enumerate(lines) for place in line.tolist())
-    written = [] if path is None else [f"{path}: the grid file, with {len(segments)} segments of cracks"]
-    words = [*written, f"{len(lines)} polylines of {len(particles.place)} particles, at {time:.4g} s"]
-    result = {"output": None if path is None else str(path), "step": step, "time": time, "lines": lines}
-    return number_options.deliver(args, result, words, ("line", "x, m", "y, m"), rows, None)
+        write_file(msgspec.structs.replace(document, notch=found.notch), path)
+    written = [] if path is None else [f"{path}: the grid file, with {found.written}"]
+    result = {"output": None if path is None else str(path), "step": step, "time": time, **found.result}
+    words = [*written, f"{found.words}, at {time:.4g} s"]
+    return number_options.deliver(args, result, words, found.header, found.rows, None)
+
+
+def _polylines(results: Results, step: int) -> _Found:
+    """The cracks of particles of a plate. Raises ResultsError without any."""
+    from pdmesh.model.crack_particles import arms, polylines, until
+    from pdsolve.results import ResultsError
+
+    particles = until(results.particles(), step)
+    if not len(particles.place):
+        raise ResultsError(f"{results.name}: found no particles, expected a run with --cracks particles")
+    segments, lines = arms(particles), polylines(particles)
+    return _Found(
+        notch=tuple((x0, y0, 0.0, x1, y1, 0.0) for x0, y0, x1, y1 in segments.tolist()),
+        written=f"{len(segments)} segments of cracks",
+        words=f"{len(lines)} polylines of {len(particles.place)} particles",
+        result={"lines": lines},
+        header=("line", "x, m", "y, m"),
+        rows=((number, *place) for number, line in enumerate(lines) for place in line.tolist()),
+    )
+
+
+def _triangles(results: Results, step: int) -> _Found:
+    """The pre-cracks of a body, and what opened in its run. Raises ResultsError without any."""
+    import numpy as np
+
+    from pdpost.measures.crack_faces import grown_triangles, opened, surface
+    from pdsolve.results import ResultsError
+
+    cracks = surface(results, step, opened(results, step))
+    grown = grown_triangles(cracks)
+    triangles = np.concatenate([results.cracks(), grown])
+    if not len(triangles):
+        raise ResultsError(f"{results.name}: found no crack, expected a body in which neighbours parted")
+    area = float(cracks.area[cracks.grown].sum())
+    return _Found(
+        notch=tuple(map(tuple, triangles.tolist())),
+        written=f"{len(triangles)} triangles of cracks",
+        words=f"{len(grown)} triangles of {area * 1e6:.4g} mm^2 that opened",
+        result={"triangles": triangles, "area": area},
+        header=("triangle", "x, m", "y, m", "z, m"),
+        rows=((t, *place) for t, one in enumerate(triangles.reshape(-1, 3, 3).tolist()) for place in one),
+    )

@@ -24,8 +24,9 @@ from scipy.sparse import csr_array, diags_array
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
-from pdmesh.model.crack_surfaces import parted
+from pdmesh.model.neighbours import Pairs
 from pdmesh.model.output_fields import CRACKED
+from pdmesh.model.triangulated_surface import Screen
 from pdpost.measures.cracked_nodes import damage_at
 from pdpost.measures.lattice_neighbours import NEAR, neighbours
 from pdsolve.results import Nodes, Results
@@ -135,6 +136,12 @@ def surface(results: Results, step: int, found: Opened) -> Surface:
     return meshed(nodes, found.pairs[crack], time)
 
 
+def grown_triangles(cracks: Surface) -> NDArray[np.float64]:
+    """Two triangles (t, 9), m, for each face that opened during the run."""
+    corners = cracks.corners[cracks.faces[cracks.grown]]
+    return np.asarray(corners[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 9))
+
+
 def _cut(nodes: Nodes, pairs: NDArray[np.int64], triangles: NDArray[np.float64]) -> NDArray[np.int64]:
     """The pairs (rows of `pairs`) that the triangles (t, 3, 3) of pre-cracks part."""
     if not len(triangles):
@@ -143,7 +150,8 @@ def _cut(nodes: Nodes, pairs: NDArray[np.int64], triangles: NDArray[np.float64])
     reach = float(nodes.delta.max())
     low, high = triangles.min(axis=(0, 1)) - reach, triangles.max(axis=(0, 1)) + reach
     near = np.flatnonzero(((a >= low) & (a <= high)).all(axis=1))
-    return np.asarray(near[parted(a[near], b[near], triangles)])
+    some = Pairs(pairs[near, 0], pairs[near, 1], np.linalg.norm(b[near] - a[near], axis=1))
+    return np.asarray(near[Screen(triangles, nodes.position, nodes.delta).met(some)])
 
 
 def _in_the_middle(nodes: Nodes, found: Opened) -> NDArray[np.bool_]:

@@ -189,3 +189,33 @@ def test_paraview_opens_frames_with_their_cracks(block: Path, tmp_path: Path) ->
     assert faces[0] > 0  # of the pre-crack
     assert faces == sorted(faces)
     assert faces[-1] > 2 * faces[0]
+
+
+def test_what_opened_is_the_notch_of_another_run(
+    block: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The triangles have 1.035 of the ligament's area, and part the block into its two halves from the start."""
+    model, again = tmp_path / "next.json", tmp_path / "next.sqlite"
+    assert pdpost(["notch", str(block), "--json", "-o", str(model)]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said["area"] == pytest.approx(LIGAMENT, rel=0.05)  # measured 1.035
+    corners = np.array(json.loads(model.read_text())["notch"]).reshape(-1, 3, 3)
+    assert corners.reshape(-1, 9).tolist() == said["triangles"]
+    area = np.linalg.norm(np.cross(corners[2:, 1] - corners[2:, 0], corners[2:, 2] - corners[2:, 0]), axis=1).sum() / 2
+    assert area == pytest.approx(said["area"], rel=1e-12)  # without the two of the pre-crack, which come first
+    assert pdsolve([str(model), "--set", "run.steps=2", "-o", str(again), "--threads", "1", "-q"]) == 0
+    found = numbers(again, capsys)
+    assert found["area"] == 0
+    assert found["pre_crack_area"] == pytest.approx(16e-6 + LIGAMENT, rel=0.05)
+    pieces = found["fragments"]["pieces"]
+    assert [piece["mass"] for piece in pieces] == pytest.approx([HALF, HALF], rel=0.02)
+    assert pdpost(["notch", str(again), "-q", "-o", str(tmp_path / "same.json")]) == 0
+    assert json.loads((tmp_path / "same.json").read_text())["notch"] == said["triangles"]
+
+
+def test_before_anything_opened_the_notch_is_the_pre_crack(block: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert pdpost(["notch", str(block), "--frame", "0", "--csv", "-"]) == 0
+    head, *rows = csv.reader(capsys.readouterr().out.splitlines())
+    assert head == ["triangle", "x, m", "y, m", "z, m"]
+    with Results.open(block) as results:
+        assert np.array(rows, dtype=float)[:, 1:].reshape(-1, 9).tolist() == results.cracks().tolist()
