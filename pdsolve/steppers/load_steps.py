@@ -115,6 +115,34 @@ class LoadSteps:
         put_loads(self._drive, 0.0)
         return self._load(state, np.zeros(self._drive.force.shape), 0, 0.0)
 
+    def load(self, state: State, before: Array, step: int, time: float) -> Settled:
+        """Bring the plate from rest under the loads `before` (n, w) to rest under the conditions of `time`, s.
+
+        Books the work. Raises UnsettledError.
+        """
+        put_loads(self._drive, time)
+        self._balance("")
+        return self._load(state, before, step, time)
+
+    def rest_at(self, state: State, step: int, time: float) -> Settled:
+        """Bring the plate to rest under the conditions of `time`, s; books nothing. Raises UnsettledError."""
+        put_loads(self._drive, time)
+        self._balance("")
+        at = np.where(self.held, held_at(self._drive, time), 0.0)
+        asked = Asked(self._drive.force.astype(float), self.held, at, self._inner)
+        settled = self.method.settle(state, asked, self._tell(step, 0))
+        self._note(state)
+        return settled
+
+    def outside(self, state: State) -> Array:
+        """External force densities (n, w) as the plate rests: loads, and reactions of held components."""
+        return self._outside(state, self._drive.force.astype(float))
+
+    def expect_supports(self) -> None:
+        """Raise UnsettledError where broken bonds leave a body without supports."""
+        broken = self._operator.broken()
+        self._support(broken, f"after {len(broken.step)} directed bonds broke: ")
+
     def keep(self) -> Array:
         """Convergence data (k, 5) of the load steps so far, for a checkpoint."""
         return np.array(self.rested, dtype=float).reshape(-1, len(Rested._fields))
@@ -235,12 +263,11 @@ class LoadSteps:
 
     def settle_broken(self, state: State, step: int, iterations: int = 0) -> Settled:
         """Settle again after bonds broke. Raises UnsettledError."""
-        broken = self._operator.broken()
-        self._support(broken, f"after {len(broken.step)} directed bonds broke: ")
+        self.expect_supports()
         try:
             return self._settle(state, step, iterations)
         except UnsettledError as error:
-            raise UnsettledError(f"after {len(broken.step)} directed bonds broke: {error}") from None
+            raise UnsettledError(f"after {len(self._operator.broken().step)} directed bonds broke: {error}") from None
 
     def _let_grow(self, state: State, step: int, settled: Settled) -> tuple[Settled, int]:
         """Let cracks grow and settle until none grows; returns how it settled, and how often."""
