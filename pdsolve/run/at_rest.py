@@ -57,7 +57,8 @@ def at_rest(model: Model, options: Options, scheme: Scheme, breaks: bool = True)
         method = Relaxation(operator, static.tolerance, static.iterations)
     else:
         free, most = driven.force.size - len(driven.holds.node), FACTORED_IN[model.grid.dimension]
-        method = Newton(operator, area, static.tolerance, static.iterations, free, most)
+        pairs = law.pair is not None and contact is None
+        method = Newton(operator, area, static.tolerance, static.iterations, free, most, pairs)
     if contact is not None:
         method = Touching(method, operator, contact)
     breakable = no_fail.breakable() if breaks and law.pair is not None else None
