@@ -15,10 +15,13 @@ arm = 0.02  # m: height of an arm
 crack = 0.08  # m: from the loads to the tip
 length = 0.18  # m: from the loads to the far end
 opening = 2e-6  # m: of the loads in the end
+load_steps = 1  # of the loads, or of a growing crack
+cracks = "bonds"  # or "particles": at an opening of 4e-4 and more the crack grows, its length being the control
 
 glass = Material(E=72e9, rho=2500, G0=8.0)
 behind = arm  # m: what is behind the loads
-run = Run(solver="static", static=Static(load_steps=1))
+control = "crack" if cracks == "particles" else None
+run = Run(solver="static", static=Static(load_steps=load_steps, control=control), cracks=cracks)
 
 scene = (
     Scene(box(-behind, -arm, length, arm), spacing, glass, horizon, run)

@@ -341,7 +341,8 @@ def _how_far(summary: dict[str, Any]) -> tuple[str, str]:
         return "load steps", f"{summary['time']:.4g} s"
     if "path_steps" in summary:
         last, most = summary["path_steps"][-1], max(abs(step["pull"]) for step in summary["path_steps"])
-        return "path steps", f"{last['factor']:.4g} of the loads, {abs(last['pull']) / most:.1%} of their largest"
+        load = f"{last['factor']:.4g} of the loads, {abs(last['pull']) / most:.1%} of their largest"
+        return "path steps", f"{load}, {summary['ended']}" if summary.get("ended") else load
     if "fatigue_steps" in summary:
         ended = f", {summary['ended']}" if summary["ended"] else ""
         return "steps of jumps", f"{summary['fatigue_steps'][-1]['cycles']:.6g} cycles{ended}"

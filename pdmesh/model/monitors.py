@@ -13,6 +13,8 @@ from pdmesh.model.timed_selection import Vector
 if TYPE_CHECKING:
     from pdmesh.model.document import Run
 
+CRACK = "crack"  # a control: the length of cracks of particles
+
 
 class Gap(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """A monitored opening: how much longer the distance between the nodes nearest to two places has become."""
@@ -33,7 +35,7 @@ def contradiction(run: Run, conditions: Sequence[str]) -> str | None:
 
     The place below ``run``, what was found and expected.
     """
-    gaps, static = [gap.name for gap in run.gaps], run.static
+    gaps = [gap.name for gap in run.gaps]
     for key, names in (("gaps", gaps), ("load_cells", [cell.name for cell in run.load_cells])):
         for number, name in enumerate(names):
             if not name or Counter(names)[name] > 1:
@@ -46,6 +48,15 @@ def contradiction(run: Run, conditions: Sequence[str]) -> str | None:
         if missing or not cell.of:
             found, known = f"'{missing[0]}'" if missing else "none", ", ".join(filter(None, conditions)) or "a name"
             return f"load_cells[{number}].of: found {found}, expected names of conditions: {known}"
+    return _of_control(run, gaps)
+
+
+def _of_control(run: Run, gaps: list[str]) -> str | None:
+    """What is wrong with the control of a path."""
+    static = run.static
+    if run.cracks == "particles" and static.control == CRACK:
+        unused = "none, as the length of cracks is the control"
+        return None if static.opening is None else f"static.opening: found {static.opening:g}, expected {unused}"
     if static.control is not None and static.control not in gaps:
         return f"static.control: found '{static.control}', expected {', '.join(gaps) or 'a gap (run.gaps has none)'}"
     if (static.control is None) != (static.opening is None):

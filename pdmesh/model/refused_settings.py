@@ -25,6 +25,7 @@ from pdmesh.model.material import DECLARED, USUAL_LAW, Expansion, Material, miss
 from pdmesh.model.materials import KINDS, Refusal, Refusals
 from pdmesh.model.materials.kind import softens
 from pdmesh.model.medium import Medium, contradiction, of_motion
+from pdmesh.model.monitors import CRACK
 from pdmesh.model.output_fields import OF_CONTENT
 from pdmesh.model.output_fields import USUAL as USUAL_FIELDS
 from pdmesh.model.refusals import Impossible, Places
@@ -267,8 +268,10 @@ def _in_steps(settings: Settings, every: Places) -> Iterator[Impossible]:
     run = settings.run
     if run.cracks == "bonds" and any(softens(material) for _, material in every):
         yield from _along_path(settings)
+    elif run.cracks == "particles" and run.static.control == CRACK:
+        yield from _along_cracks(settings)
     elif run.static.control is not None:
-        expected = "none, as no bond softens: of these alone a path is followed"
+        expected = "none, as no bond softens: of these alone, and of cracks of particles, a path is followed"
         yield Impossible("$.run.static.control", f"'{run.static.control}'", expected)
     if run.fatigue is not None:
         yield from of_fatigue(settings, run.fatigue, every)
@@ -284,6 +287,17 @@ def _along_path(settings: Settings) -> Iterator[Impossible]:
         yield Impossible("$.run.duration", "none", "seconds, as run.after is motion")
     if settings.run.after == "motion" and settings.contact is not None:
         yield Impossible("$.contact", "some", "none, as run.after is motion")
+
+
+def _along_cracks(settings: Settings) -> Iterator[Impossible]:
+    """Settings with which cracks of particles are not followed, whose length is the control."""
+    run, words = settings.run, "as the length of cracks is the control"
+    if run.fatigue is not None:
+        yield Impossible("$.run.fatigue", "some", f"none, {words}")
+    if run.after == "motion":
+        yield Impossible("$.run.after", "motion", f"path or stop, {words}")
+    if settings.physics != "mechanics":
+        yield Impossible("$.physics", settings.physics, f"mechanics, {words}")
 
 
 def _adaptive(settings: Settings, every: Places) -> Iterator[Impossible]:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.bonds.assembly import Filling, Part
+from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.state import Broken, State
 
 if TYPE_CHECKING:
@@ -46,11 +47,9 @@ class Breakable(NamedTuple):
 
     def stretches(self, value: NDArray[np.float64]) -> NDArray[np.float64]:
         """Stretches (b,) at these displacements (n, d), without cancellation."""
-        eta = value[self.target] - value[self.source]
-        if self.strain.any():
-            eta -= ((self.strain[self.source] + self.strain[self.target]) / 2)[:, None] * self.xi
-        e = ((2 * self.xi + eta) * eta).sum(axis=1) / (self.xi**2).sum(axis=1)
-        return np.asarray(e / (np.sqrt(1 + e) + 1))
+        found = np.empty(len(self.source))
+        _stretch(self.source, self.target, self.xi, self.strain, np.ascontiguousarray(value, dtype=float), found)
+        return found
 
     def break_worst(self, operator: Operator, state: State, step: int) -> float:
         """Break the most overstretched."""
@@ -88,6 +87,22 @@ class Breakable(NamedTuple):
     def swell(self, strain: NDArray[np.float64]) -> None:
         """Keep the strains (n,)."""
         self.strain[:] = strain
+
+
+@cached_njit(error_model="numpy")
+def _stretch(source, target, xi, strain, value, out):  # type: ignore[no-untyped-def]
+    """Set `out` (b,) to the stretches of bonds; see `Breakable`."""
+    for k in range(len(source)):
+        i, j = source[k], target[k]
+        free = (strain[i] + strain[j]) / 2
+        more, square = 0.0, 0.0
+        for axis in range(xi.shape[1]):
+            x = xi[k, axis]
+            eta = value[j, axis] - value[i, axis] - free * x
+            more += (2 * x + eta) * eta
+            square += x * x
+        e = more / square
+        out[k] = e / (np.sqrt(1 + e) + 1)
 
 
 class FamilyBonds:

@@ -38,6 +38,7 @@ class Verdict(NamedTuple):
     K1: float = float("nan")  # Pa m^0.5
     K2: float = float("nan")
     released: float = float("nan")  # Pa m^0.5, intensity of the largest hoop stress if K1^2 + K2^2 were J E'
+    straight: bool = False  # on to what is ahead, without looking at intensities
 
 
 def by_intensity(

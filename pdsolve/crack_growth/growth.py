@@ -126,7 +126,7 @@ class Growth:
             self.remark(f"room {tip.particle}", f"{self._too_small(tip, tips)}; it stays there")
             return Verdict(0.0, ())
         elif self._ground.ahead(tip.place, self._way(tip), CLOSE * horizon, arms(self.particles)):
-            return Verdict(1.0, (0.0,))
+            return Verdict(1.0, (0.0,), straight=True)
         else:
             ring = Ring(OUTER * room * BLURRED / RING, OUTER * room)
         sampled = self._near.sampled(state, self._near.rows(tip.place, ring.outer))

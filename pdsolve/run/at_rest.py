@@ -22,12 +22,13 @@ from pdsolve.run.operator_factory import held_by_ground, operator_of, stable, to
 from pdsolve.run.system import Prepared, System
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import zero_state
+from pdsolve.steppers.crack_length_steps import CrackLengthSteps
 from pdsolve.steppers.equilibrium import Method
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.newton import FACTORED, FACTORED_IN, Newton
 from pdsolve.steppers.path_steps import PathSteps
 from pdsolve.steppers.relaxation import Relaxation
-from pdsolve.steppers.static_loads import follows_path
+from pdsolve.steppers.static_loads import follows_cracks, follows_path
 from pdsolve.steppers.stepped_rest import repeating
 from pdsolve.steppers.touching import Touching
 
@@ -56,20 +57,23 @@ def at_rest(model: Model, options: Options, scheme: Scheme, breaks: bool = True)
         method = Relaxation(operator, static.tolerance, static.iterations)
     else:
         free, most = driven.force.size - len(driven.holds.node), FACTORED_IN[model.grid.dimension]
-        method = Newton(operator, area, static.tolerance, static.iterations, free, most)
+        pairs = law.pair is not None and contact is None
+        method = Newton(operator, area, static.tolerance, static.iterations, free, most, pairs)
     if contact is not None:
         method = Touching(method, operator, contact)
     breakable = no_fail.breakable() if breaks and law.pair is not None else None
     breaking = FamilyBonds(bonds) if of_families and isinstance(bonds, BondList) else breakable
     remember = {"remember": bonds.remember} if isinstance(bonds, BondList) else {}
     growth = growth_of(model, bonds, filling, driven, None) if grows else None
-    fatigue, look = model.settings.run.fatigue, growth.look if growth else None
+    fatigue, look = model.settings.run.fatigue, growth.look if growth and not follows_cracks(model) else None
     stepper = LoadSteps(model, operator, driven, area, method, breaking, None if fatigue else look, **remember)
     step, bound = float(model.settings.run.time_step or 0.0), stable(operator.stiffness_bound(), model.rho)
     found = System(model, options, scheme, operator, stepper, driven, *filled, step, bound, 0.0)
     found = replace(found, growth=growth, contact=contact)
     if fatigue is not None and (breaks or grows):
         found = replace(found, stepper=repeating(model, operator, stepper, breakable, *filled[1:], growth))
+    if growth is not None and follows_cracks(model):
+        found = replace(found, stepper=CrackLengthSteps(model, operator, driven, area, stepper, growth))
     return Prepared(found, state)
 
 

@@ -11,6 +11,7 @@ from pdmesh import VERSION
 from pdsolve.adaptivity.quadtree.operator import Leaves
 from pdsolve.run.recorder import Recorder
 from pdsolve.run.system import System
+from pdsolve.steppers.crack_length_steps import CrackLengthSteps
 from pdsolve.steppers.fatigue_steps import FatigueSteps
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.paris_steps import ParisSteps
@@ -103,9 +104,10 @@ def _rested(taken: LoadSteps | SteppedRest | None) -> dict[str, Any]:
             "cycles_error": taken.error if isinstance(taken, ParisSteps) else None,
             "ended": taken.why or None,
         }
-    if isinstance(taken, PathSteps):
+    if isinstance(taken, CrackLengthSteps | PathSteps):
         rows = [stepped._asdict() for stepped in taken.rested]
-        return {"method": taken.said, "path_steps": rows, "lost": taken.lost}
+        ended = {"ended": taken.why or None} if isinstance(taken, CrackLengthSteps) else {}
+        return {"method": taken.said, "path_steps": rows, "lost": taken.lost} | ended
     if taken is None:
         return {}
     return {"method": taken.method.said, "load_steps": [rested._asdict() for rested in taken.rested]}

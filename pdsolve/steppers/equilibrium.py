@@ -31,6 +31,7 @@ class Asked(NamedTuple):
     held: NDArray[np.bool_]  # (n, w) components that are held
     at: NDArray[np.float64]  # (n, w) where, m
     inner: float = 0.0  # N/m^3, size of what swelling alone makes of forces; as much counts as external
+    enough: float = 0.0  # residual that is enough, where the method would go on to a smaller one
 
 
 class Settled(NamedTuple):

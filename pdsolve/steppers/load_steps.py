@@ -24,13 +24,14 @@ from pdsolve.operators.ground_supports import grounded
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import Broken, State
 from pdsolve.steppers.equilibrium import Asked, Method, Settled, Tell, UnsettledError, forces, norm
-from pdsolve.steppers.rigid_body_modes import Loose, loose, unbalanced
+from pdsolve.steppers.rigid_body_modes import Braced, Loose, loose, unbalanced
 from pdsolve.steppers.touching import Touching, and_touching
 
 Array = NDArray[np.float64]
 
 FEW = 7  # iterations of an equilibrium: with fewer, the next part of a load step is larger by
 GROWTH = 1.5
+BETWEEN = 1e-5  # tolerance of equilibria between rounds of breaking: bonds are as bad within a thousandth
 JUMP = 4  # horizons: cracks that grow by more in a load step, by themselves, jump; by less they go from node to node
 
 
@@ -84,6 +85,7 @@ class LoadSteps:
         self._inner = 0.0  # N/m^3, of `Asked`
         self._loaded: Callable[[State], object] = lambda state: None
         self._warned, self._loose = False, cast("Loose | None", None)
+        self._braced: Braced | None = None  # of bodies that are supported
         source, target = operator.bonds(start=True)
         self._bonds = source * len(area) + target
         self._support(operator.broken(), "")
@@ -114,6 +116,34 @@ class LoadSteps:
         """Bring the plate to rest under the conditions of time 0, without breaking bonds. Raises UnsettledError."""
         put_loads(self._drive, 0.0)
         return self._load(state, np.zeros(self._drive.force.shape), 0, 0.0)
+
+    def load(self, state: State, before: Array, step: int, time: float) -> Settled:
+        """Bring the plate from rest under the loads `before` (n, w) to rest under the conditions of `time`, s.
+
+        Books the work. Raises UnsettledError.
+        """
+        put_loads(self._drive, time)
+        self._balance("")
+        return self._load(state, before, step, time)
+
+    def rest_at(self, state: State, step: int, time: float) -> Settled:
+        """Bring the plate to rest under the conditions of `time`, s; books nothing. Raises UnsettledError."""
+        put_loads(self._drive, time)
+        self._balance("")
+        at = np.where(self.held, held_at(self._drive, time), 0.0)
+        asked = Asked(self._drive.force.astype(float), self.held, at, self._inner)
+        settled = self.method.settle(state, asked, self._tell(step, 0))
+        self._note(state)
+        return settled
+
+    def outside(self, state: State) -> Array:
+        """External force densities (n, w) as the plate rests: loads, and reactions of held components."""
+        return self._outside(state, self._drive.force.astype(float))
+
+    def expect_supports(self) -> None:
+        """Raise UnsettledError where broken bonds leave a body without supports."""
+        broken = self._operator.broken()
+        self._support(broken, f"after {len(broken.step)} directed bonds broke: ")
 
     def keep(self) -> Array:
         """Convergence data (k, 5) of the load steps so far, for a checkpoint."""
@@ -221,26 +251,26 @@ class LoadSteps:
 
         Returns how it settled, how often, and the smallest share of the load.
         """
-        breaks, least, iterations = 0, 1.0, settled.iterations
+        breaks, least, iterations, roughly = 0, 1.0, settled.iterations, False
         while self._breaking is not None:
             most = self._breaking.break_worst(self._operator, state, step)
-            if most == 0:
+            if most == 0 and not roughly:
                 break
-            if breaks:
+            if most and breaks:
                 least = min(least, 1 / most)
-            settled = self.settle_broken(state, step, iterations)
+            roughly = most > 0
+            settled = self.settle_broken(state, step, iterations, BETWEEN if roughly else 0.0)
             iterations += settled.iterations
-            breaks += 1
+            breaks += roughly
         return Settled(iterations, settled.residual), breaks, least
 
-    def settle_broken(self, state: State, step: int, iterations: int = 0) -> Settled:
-        """Settle again after bonds broke. Raises UnsettledError."""
-        broken = self._operator.broken()
-        self._support(broken, f"after {len(broken.step)} directed bonds broke: ")
+    def settle_broken(self, state: State, step: int, iterations: int = 0, enough: float = 0.0) -> Settled:
+        """Settle again after bonds broke, at least to a residual of `enough`. Raises UnsettledError."""
+        self.expect_supports()
         try:
-            return self._settle(state, step, iterations)
+            return self._settle(state, step, iterations, enough)
         except UnsettledError as error:
-            raise UnsettledError(f"after {len(broken.step)} directed bonds broke: {error}") from None
+            raise UnsettledError(f"after {len(self._operator.broken().step)} directed bonds broke: {error}") from None
 
     def _let_grow(self, state: State, step: int, settled: Settled) -> tuple[Settled, int]:
         """Let cracks grow and settle until none grows; returns how it settled, and how often."""
@@ -253,10 +283,10 @@ class LoadSteps:
             times += 1
         return Settled(iterations, settled.residual), times
 
-    def _settle(self, state: State, step: int, iterations: int) -> Settled:
+    def _settle(self, state: State, step: int, iterations: int, enough: float = 0.0) -> Settled:
         """Find equilibrium under the same loads; books their work, and the energy that the plate releases."""
         load, u = self._drive.force.astype(float), state.value.copy()
-        asked = Asked(load, self.held, np.where(self.held, u, 0.0), self._inner)
+        asked = Asked(load, self.held, np.where(self.held, u, 0.0), self._inner, enough)
         left = [self._left(state, load)]
         settled = self.method.settle(state, asked, self._tell(step, iterations))
         end, way = state.value.copy(), state.value - u
@@ -292,9 +322,15 @@ class LoadSteps:
     def _support(self, broken: Broken, when: str) -> None:
         """Check for unsupported bodies. Raises ModelError at the start, UnsettledError later."""
         model, nodes = self._model, len(self._area)
-        left = np.delete(self._bonds, np.searchsorted(self._bonds, broken.source * nodes + broken.target))
+        intact = np.ones(len(self._bonds), dtype=bool)
+        intact[np.searchsorted(self._bonds, broken.source * nodes + broken.target)] = False
+        if self._braced is not None and self._braced.stays(intact):
+            return
+        left = self._bonds[intact]
         found = loose(model.grid.position, model.grid.ids, np.divmod(left, nodes), self._supported)
+        self._braced = None
         if not found.said:
+            self._braced = Braced(model.grid.position, np.divmod(self._bonds, nodes), self._supported, intact)
             return
         if self._contact is not None:
             alone = found.nodes

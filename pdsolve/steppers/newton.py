@@ -21,6 +21,7 @@ from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
 from pdsolve.steppers.equilibrium import Asked, Settled, Tell, UnsettledError, forces, left_over, norm, round_off
 from pdsolve.steppers.factors import factors, negative_pivots
+from pdsolve.steppers.lost_bonds import LostBonds
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -36,6 +37,7 @@ PATIENCE = 6  # iterations in which an old tangent must bring the residual down 
 FALL = 0.1
 GROWN = 1e3  # times the least residual so far: a tangent that leads away
 MIXED = 12  # steps that are mixed
+ALIKE = 1e-13  # relative: mixtures of steps that differ less count as none
 INNER = 1e-4  # of the residual is left by one solution of the equations without factors
 INNER_MOST = 20_000  # iterations of such a solution
 SOFTEST = 1e-4  # of that stiffness, near equilibrium
@@ -55,8 +57,10 @@ class Newton:
         most: int | None = None,
         free: int = 0,
         factored: int = FACTORED,
+        pairs: bool = False,
     ) -> None:
-        """`area` (n,) m^2 makes equations symmetric if bonds are; `free` is the number of free components."""
+        """`area` (n,) m^2 makes equations symmetric if bonds are; `free` is the number of free components; `pairs`:
+        whether forces are those of bonds one by one."""
         self._operator, self._area, self._tolerance, self._most = operator, area, tolerance, most or MOST
         self._least = round_off(float(operator.stiffness_bound().max(initial=0.0)), tolerance)
         self._before = 0.0  # m, norm of the displacements that the last equilibrium began with
@@ -64,13 +68,15 @@ class Newton:
         way = "factors" if self._factored else "conjugate gradients" if operator.symmetric else "BiCGStab"
         self.said = f"Newton's method with {way}"
         self._floating: NDArray[np.bool_] | None = None  # (n,) nodes that are held softly
+        self._pairs = pairs and operator.symmetric
+        self._lost: LostBonds | None = None
         self._inverse: Callable[[Array], Array] | None = None
         self._matrix: csr_array | None = None
         self._fresh = False  # whether the tangent is that of the state as it is
 
     def forget(self) -> None:
         """Discard the factors of the tangent, so that what follows depends on the state alone."""
-        self._inverse = self._matrix = None
+        self._inverse = self._matrix = self._lost = None
         self._fresh = False
 
     def hold_softly(self, nodes: NDArray[np.bool_]) -> None:
@@ -99,6 +105,8 @@ class Newton:
         self._before = norm(start)
         if (state.value != np.where(free, state.value, asked.at)).any():
             self._lead(state, asked)
+        if self._lost is not None and not self._lost.lose(self._operator.broken()):
+            self.forget()
         if self._inverse is not None and not self._fresh:
             settled, done = self._mix(state, asked, tell)
             if settled is not None:
@@ -120,7 +128,7 @@ class Newton:
         out = forces(self._operator, state)
         residual = left_over(state, asked, out, self._least, self._before)
         for done in range(before, before + self._most + 1):
-            if residual < self._tolerance:
+            if residual < max(self._tolerance, asked.enough):
                 if done - before > NEARLY_LINEAR:
                     self.forget()
                 return Settled(done, residual), done
@@ -163,13 +171,13 @@ class Newton:
         assert self._inverse is not None
         free, weight = ~asked.held, np.repeat(self._area, asked.held.shape[1])
         inner, least, kept = free.ravel(), np.inf, state.value.copy()
-        steps: list[tuple[Array, Array]] = []  # of values, and of what the tangent proposes
+        mixed = _Mixed()
         last: tuple[Array, Array] | None = None
         milestone, reached, done = np.inf, 0, 0
         while True:
             out = forces(self._operator, state)
             residual, rest = left_over(state, asked, out, self._least, self._before), (out + asked.load)[free]
-            if residual < self._tolerance:
+            if residual < max(self._tolerance, asked.enough):
                 return Settled(done, residual), done
             tell(done, residual)
             if residual < FALL * milestone:
@@ -181,9 +189,9 @@ class Newton:
             value = state.value[free]
             proposed = self._inverse((weight[inner] if self._operator.symmetric else 1.0) * rest)
             if last is not None:
-                steps = [*steps[1 - MIXED :], (value - last[0], proposed - last[1])]
+                mixed.note(value - last[0], proposed - last[1])
             last = value, proposed
-            state.value[free] = value + _mixed(proposed, steps)
+            state.value[free] = value + mixed.step(proposed)
             done += 1
         state.value[:] = kept
         return None, done
@@ -206,6 +214,9 @@ class Newton:
             matrix = (matrix + diags_array(soft)).tocsr()
         inner = matrix[free.ravel()][:, free.ravel()]
         self._inverse = self._factors(inner) if self._factored else self._gradients(inner)
+        if self._factored and self._pairs:
+            self._lost = LostBonds(matrix, free, self._inverse, self._operator.broken())
+            self._inverse = self._lost.solve
 
     def _symmetric(self, state: State, width: int) -> csr_array:
         """The tangent times the nodes' areas, N/m^2."""
@@ -238,10 +249,30 @@ class Newton:
         return solve
 
 
-def _mixed(proposed: Array, steps: list[tuple[Array, Array]]) -> Array:
-    """The step to take (k,): the proposed one, mixed with earlier ones to minimize the next proposal."""
-    if not steps:
-        return proposed
-    moves, changes = (np.column_stack(columns) for columns in zip(*steps, strict=True))
-    share = np.linalg.lstsq(changes, proposed, rcond=1e-12)[0]
-    return np.asarray(proposed - (moves + changes) @ share)
+class _Mixed:
+    """Steps that are mixed to minimize the next proposal (D. G. Anderson), `MIXED` at most."""
+
+    def __init__(self) -> None:
+        self._moves: list[Array] = []  # changes (k,) of values, and of values with what the tangent proposes, and
+        self._changes: list[Array] = []  # of the latter alone
+        self._products = np.zeros((0, 0))  # of these changes with each other
+
+    def note(self, move: Array, change: Array) -> None:
+        """Take another step, from the last value to this one."""
+        size = float(np.sqrt(change @ change)) or 1.0  # so that all are as large
+        self._moves = [*self._moves[1 - MIXED :], (move + change) / size]
+        self._changes = [*self._changes[1 - MIXED :], change / size]
+        last = np.array([self._changes[-1] @ each for each in self._changes])
+        before = self._products[-(len(last) - 1) :, -(len(last) - 1) :] if len(last) > 1 else self._products[:0, :0]
+        self._products = np.block([[before, last[:-1, None]], [last]])
+
+    def step(self, proposed: Array) -> Array:
+        """The step to take (k,): the proposed one, mixed with earlier ones."""
+        if not self._changes:
+            return proposed
+        right = np.array([proposed @ each for each in self._changes])
+        share = np.linalg.lstsq(self._products, right, rcond=ALIKE)[0]
+        found = proposed.copy()
+        for part, move in zip(share.tolist(), self._moves, strict=True):
+            found -= part * move
+        return found

@@ -89,9 +89,14 @@ class Solver:
             one = np.zeros((len(self._columns), len(new)), order="F")
             one[new, np.arange(len(new))] = 1.0
             self._changed = np.concatenate([self._changed, new])
-            more = [self._inverse(one[:, k : k + BLOCK]) for k in range(0, len(new), BLOCK)]
-            self._columns = np.hstack([self._columns, *more])
+            self._columns = np.hstack([self._columns, columns_of(self._inverse, one)])
         return True
+
+
+def columns_of(inverse: Callable[[Array], Array], right: Array) -> Array:
+    """The solutions for right sides (k, p), some at once."""
+    blocks = range(0, right.shape[1], BLOCK)
+    return np.hstack([right[:, :0], *(inverse(np.asfortranarray(right[:, k : k + BLOCK])) for k in blocks)])
 
 
 def _factors(matrix: csr_array, symmetric: bool) -> Callable[[Array], Array]:

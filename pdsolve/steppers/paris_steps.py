@@ -18,50 +18,22 @@ error where intensities grow faster than geometrically. Symbols:
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.crack_particles import Particles
 from pdmesh.model.fatigue import Fatigue
 from pdsolve.checkpoint_validation import entry
 from pdsolve.operators.protocol import Operator
-from pdsolve.state import Broken, State
+from pdsolve.state import State
 from pdsolve.steppers.cycle_steps import CycleSteps
 from pdsolve.steppers.equilibrium import Settled, UnsettledError
+from pdsolve.steppers.growing_cracks import Before, Growing, intensities
 from pdsolve.steppers.load_steps import LoadSteps
 
 ALIKE = 1e-6  # of a particle: tips this near to the end of theirs grow together
 STEEPEST = 2.0  # of r to that of the step before
-
-
-class Growing(Protocol):
-    """Cracks of particles; see `pdsolve.crack_growth.growth.Growth`."""
-
-    particles: Particles
-
-    def judged(self, state: State) -> list[tuple[Any, Any]]:
-        """All tips, and what is decided about them in a state."""
-
-    def lengthen(self, chosen: list[tuple[Any, Any]], state: State, step: int, share: float) -> int:
-        """Let these tips grow by a particle each, of that share of its length, and cut the bonds; returns the number of
-        new particles."""
-
-    def length(self, tip: Any, share: float = 1.0) -> float:
-        """The length, m, by which a tip grows at once, or a share of it; a spacing at least."""
-
-    def toughness(self, tip: Any) -> float:
-        """What the stress intensity of a tip must reach, Pa m^0.5."""
-
-    def keep(self) -> dict[str, NDArray[Any]]:
-        """Particles for a checkpoint."""
-
-    def back(self, kept: Mapping[str, NDArray[Any]], broken: Broken) -> None:
-        """Restore a checkpoint with these broken bonds."""
-
-    def remark(self, key: str, words: str) -> None:
-        """Add a remark to be read together with the crack paths, once for a key."""
 
 
 class _Known(NamedTuple):
@@ -75,9 +47,7 @@ class _Known(NamedTuple):
 class _Kept(NamedTuple):
     """What is there before a step."""
 
-    values: list[NDArray[Any]]
-    broken: Broken
-    cracks: dict[str, NDArray[Any]]
+    body: Before
     tips: dict[int, _Known]
     cycles: float
 
@@ -100,7 +70,7 @@ class ParisSteps(CycleSteps):
         if any(verdict.share >= 1 and np.isfinite(verdict.K1) for _, verdict in judged):
             self._end("K of the largest loads reached the toughness")
             return rest
-        rate = rates(law, self._intensities(judged))
+        rate = rates(law, intensities(growth, judged))
         if not rate.any():
             self._end("no crack grows: the range of K is not above its threshold")
             return rest
@@ -156,16 +126,11 @@ class ParisSteps(CycleSteps):
     def _steepest(self, state: State) -> tuple[float, float]:
         """Growth of the tips over what it was in the step before, the largest: of all, and of those that have grown."""
         judged = self._growth.judged(state)
-        rate = rates(self._law, self._intensities(judged)).tolist()
+        rate = rates(self._law, intensities(self._growth, judged)).tolist()
         known = [self._tips.get(tip.particle) for tip, _ in judged]
         more = [(now / was.rate, was.gone) for now, was in zip(rate, known, strict=True) if was and was.rate > 0]
         grown = (each for each, gone in more if gone == 0)
         return max((each for each, _ in more), default=1.0), max(grown, default=1.0)
-
-    def _intensities(self, judged: list[Any]) -> NDArray[np.float64]:
-        """K (k,) of the largest loads; tips that go straight on to what is ahead have no J."""
-        whole = [verdict.share * self._growth.toughness(tip) for tip, verdict in judged]
-        return np.array([v.released if np.isfinite(v.released) else k for (_, v), k in zip(judged, whole, strict=True)])
 
     def _lengthen(self, state: State, step: int, chosen: list[Any], rate: list[float]) -> Settled | None:
         """Let these tips grow and settle; their children remember their `rate`. Without rest, life ends before that."""
@@ -187,14 +152,10 @@ class ParisSteps(CycleSteps):
             return None
 
     def _kept(self, state: State) -> _Kept:
-        values = [part.copy() for part in state]
-        return _Kept(values, self._operator.broken(), self._growth.keep(), dict(self._tips), self._cycles)
+        return _Kept(Before.of(state, self._operator, self._growth), dict(self._tips), self._cycles)
 
     def _take_back(self, state: State, before: _Kept) -> None:
-        for part, value in zip(state, before.values, strict=True):
-            part[:] = value
-        self._operator.back(self._operator.keep(), before.broken)
-        self._growth.back(before.cracks, before.broken)
+        before.body.restore(state, self._operator, self._growth)
         self._motion.method.forget()
         self._tips, self._cycles = dict(before.tips), before.cycles
 

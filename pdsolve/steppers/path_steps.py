@@ -7,11 +7,10 @@ that work = strain + spent checks the bookkeeping. Units are a plate's, by metre
 
 from __future__ import annotations
 
-import time as clock
 import warnings
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +18,6 @@ from numpy.typing import NDArray
 from pdmesh.model.kd_trees import tree_of
 from pdsolve.checkpoint_validation import entry
 from pdsolve.conditions import Drive, put_loads
-from pdsolve.errors import CheckpointError
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.operators.contact.at_rest import RestingContact
 from pdsolve.operators.ground_supports import grounded
@@ -28,9 +26,10 @@ from pdsolve.operators.softening_bonds import Response, SofteningBonds
 from pdsolve.state import Broken, State
 from pdsolve.steppers.cracks_at_no_fail_bonds import held_crack
 from pdsolve.steppers.equilibrium import UnsettledError
-from pdsolve.steppers.load_steps import Going, held_at
+from pdsolve.steppers.load_steps import Going
 from pdsolve.steppers.path_control import Control, Dissipation, Opening
 from pdsolve.steppers.path_following import FEW, FIRST, GROWTH, LEAST, NEAR, Follower, Path, Proportional
+from pdsolve.steppers.path_records import PathRecords
 from pdsolve.steppers.rigid_body_modes import loose
 from pdsolve.steppers.touching import and_touching, resting
 
@@ -41,23 +40,10 @@ COARSEST = 1e-6  # tolerance of residuals: path steps are not solved better
 SECANTS = 20  # iterations with which a step that does not converge begins again
 PARTS = 20  # in which loads that do not grow are put on where bonds soften under them
 SMALL = 1e-3  # of the loads: the first look at an elastic body
-PASSED = 0.98  # of the largest load so far: what has fallen below is past its peak
 ALIKE = 3.0  # times: steps of dissipation that one parabola may go through
-END = 0.01  # of the largest load: the path ends there
 
 
-class Stepped(NamedTuple):
-    """One step along the path."""
-
-    step: int
-    iterations: int  # in all
-    residual: float  # what is left of the forces over the largest from outside so far
-    factor: float  # of loads and prescribed displacements
-    pull: float  # work-conjugate of the factor: N/m times m/s of what moves, or of loads
-    spent: float  # J/m, by bonds
-
-
-class PathSteps:
+class PathSteps(PathRecords):
     """Takes path steps with the bonds of an operator, whose history it keeps up to date."""
 
     said = "path following with factors"
@@ -73,9 +59,8 @@ class PathSteps:
     ) -> None:
         """Profiles of the drive go from 0 to 1 s; `operator` has the bonds. Raises ModelError for a body without
         supports."""
-        self._model, self._operator, self._drive, self._area, self._bonds = model, operator, drive, area, bonds
-        held = np.zeros(drive.force.shape, dtype=bool)
-        held[drive.holds.node, drive.holds.axis] = True
+        super().__init__(model, drive, area)
+        self._operator, self._bonds, held = operator, bonds, self._held
         d = model.grid.dimension
         joined = operator.bonds(start=True)
         if contact is not None:
@@ -85,44 +70,22 @@ class PathSteps:
         found = loose(model.grid.position, model.grid.ids, joined, supported[:, :d])
         if found.said:
             raise ModelError(f"{model.name}: $.conditions: found {found.said}, expected supports")
-        self._held = held
-        start, end = self._outside_at(0.0), self._outside_at(1.0)
-        self._driven = held if (end - start)[held].any() else ~held
         static = model.settings.run.static
         control = _controlled(model, bonds)
         self._follower = Follower(
-            bonds, Proportional(held, start, end - start), max(static.tolerance, COARSEST), control
+            bonds, Proportional(held, self._start, self._growth), max(static.tolerance, COARSEST), control
         )
         self._most = _largest_step(model)
         self._whole = self._most * (static.load_steps or CRACK_STEPS)  # of the control
-        self._began: tuple[float, float] | None = None  # s, and the share of the path that was done then
         self._opening = np.inf if static.opening is None else static.opening  # m, of the gap that controls, in the end
         self._more = FIRST * self._most
         self._last, self._before = Path(np.zeros(held.shape), 0.0, 0.0), Path(np.zeros(held.shape), 0.0, 0.0)
         self._pushed = np.zeros(held.shape), np.zeros(held.shape)  # loads and reactions there, N/m
-        self.rested: list[Stepped] = []
-        self.watch: Callable[[Going], None] | None = None
         self._told = False  # of bonds that must not break where a crack would pass
-        self.ended = False
-        self.lost: float | None = None  # the largest factor of dead loads, past which no equilibrium bears as much
-        drive.force[:] = 0
-
-    @property
-    def factor(self) -> float:
-        """The factor of loads and prescribed displacements now: the time of their profiles, s."""
-        return self.rested[-1].factor if self.rested else 0.0
-
-    def march(self, state: State, first: int, last: int) -> None:
-        """Take the steps `first` to `last` - 1, in place, unless the path has ended. Raises UnsettledError."""
-        self._began = self._began or (clock.monotonic(), self._share())
-        for step in range(first, last):
-            if not self.ended:
-                self._take(state, step)
 
     def keep(self) -> dict[str, Array]:
         """The path so far, for a checkpoint."""
-        return {
-            "stepped": np.array(self.rested, dtype=float).reshape(-1, len(Stepped._fields)),
+        return super().keep() | {
             "path_value": self._last.value,
             "path_before": self._before.value,
             "path_pushed": np.array(self._pushed),
@@ -131,10 +94,7 @@ class PathSteps:
 
     def back(self, kept: Mapping[str, NDArray[Any]], step: int) -> None:
         """Restore a checkpoint after `step`, with the history that its operator has. Raises CheckpointError."""
-        rows = entry(kept, "stepped", (step, len(Stepped._fields)), float)
-        if not np.array_equal(rows[:, 0], np.arange(1, step + 1)):
-            raise CheckpointError(f"found path steps that are not 1 to {step}, expected those until the checkpoint")
-        self.rested = [Stepped(int(row[0]), int(row[1]), *row[2:]) for row in rows.tolist()]
+        super().back(kept, step)
         self._pushed = tuple(entry(kept, "path_pushed", (2, *self._held.shape), float).copy())
         value, before = (entry(kept, f"path_{name}", self._held.shape, float) for name in ("value", "before"))
         factor, spent, earlier, less, self._more, self._follower.largest = entry(
@@ -142,20 +102,6 @@ class PathSteps:
         ).tolist()
         self._last, self._before = Path(value.copy(), factor, spent), Path(before.copy(), earlier, less)
         self._bonds.remember(self._operator.keep(), self._operator.broken())
-
-    def words(self) -> str:
-        """The load, the spent energy and the time that is left, for a progress display."""
-        if not self.rested:
-            return "elastic"
-        most = max(abs(one.pull) for one in self.rested)
-        unit = Dissipation.unit if self._model.grid.dimension == 2 else "J"
-        said = f"load {self.rested[-1].pull / most:.0%} of its peak, spent {self._last.spent:.3g} {unit}"
-        began, before = self._began or (0.0, 1.0)
-        share = self._share()
-        if share <= before:
-            return said
-        left = (clock.monotonic() - began) * (1 - share) / (share - before)
-        return f"{said}, about {left:.0f} s left"
 
     def _share(self) -> float:
         """How much of the path is done: of the factor, or of the control until a crack is through, the larger."""
@@ -177,10 +123,9 @@ class PathSteps:
         self._before, self._last = self._last, new
         state.value[:] = new.value
         state.work[:] += work / self._area
-        self._note(state, step, found)
-        pull = float((after * self._follower.drive.growth)[self._driven].sum())
-        self.rested.append(Stepped(step, iterations, residual, new.factor, pull, new.spent))
-        self._look(step)
+        self._book(state, step, found)
+        self._note(step, iterations, residual, new.factor, after, new.spent)
+        self._warn_of_holds(step)
 
     def _first(self, state: State) -> tuple[Path, int, float]:
         """Elastic, or as far as what does not grow where bonds soften under this alone."""
@@ -294,39 +239,19 @@ class PathSteps:
             self._contact, lambda: follower.follow(self._last, guess, self._more, tell, secants), follower.left
         )
 
-    def _look(self, step: int) -> None:
-        """Report, once, loads past their largest; end the path where they are as good as gone."""
-        pulls = [abs(one.pull) for one in self.rested]
-        most, now = max(pulls), pulls[-1]
+    def _warn_of_holds(self, step: int) -> None:
+        """Report, once, a crack that arrives at bonds that do not break."""
         held = None if self._told else held_crack(self._model, self._bonds, self._last.value)
         if held is not None:
             self._told = True
             said = f"{self._model.name}: path step {step}: {held}"
             warnings.warn(said, ModelWarning, stacklevel=2)
-        self.ended |= now < END * most
-        if self._driven[self._held].any() or now >= PASSED * most:
-            return
-        self.lost, after = max(one.factor for one in self.rested), self._model.settings.run.after
-        self.ended |= after != "path"
-        if min(pulls[pulls.index(most) : -1]) < PASSED * most:
-            return
-        follows = {"path": "goes on at smaller loads", "stop": "ends here", "motion": "ends here, and a motion begins"}
-        warnings.warn(
-            f"{self._model.name}: path step {step}: found loads past their largest, {self.lost:.4g} of those"
-            f" prescribed, where a body under dead loads does not stay at rest; the path {follows[after]}",
-            ModelWarning,
-            stacklevel=2,
-        )
-
-    def _outside_at(self, factor: float) -> Array:
-        put_loads(self._drive, factor)
-        return np.where(self._held, held_at(self._drive, factor), self._area[:, None] * self._drive.force)
 
     def _outside(self, at: Path, found: Response) -> Array:
         """Loads and reactions (n, d), N/m."""
         return np.where(self._held, -self._bonds.forces(found), self._follower.drive.at(at.factor))
 
-    def _note(self, state: State, step: int, found: Response) -> None:
+    def _book(self, state: State, step: int, found: Response) -> None:
         """Store reactions and the history of bonds, and book the energy of those that are gone."""
         bonds, drive, factor = self._bonds, self._drive, self._last.factor
         put_loads(drive, factor)

@@ -15,6 +15,7 @@ Pairs = tuple[NDArray[np.int64], NDArray[np.int64]]
 LOOSE = 1e-9  # of the largest eigenvalue: a node whose bonds resist less than that in a direction may go there
 FIXED = 1e-6  # of the largest: supports that resist less than that do not hold a body
 BALANCED = 1e-6  # of the sum of all forces: a resultant less than that is none
+FEW = 200  # directed bonds that break at once, beyond which a closer look takes no longer
 
 
 class Loose(NamedTuple):
@@ -41,7 +42,7 @@ def loose(
     part = connected(nodes, source, target)
     size = np.bincount(part)
     missing = _unsupported(position, part, size, held)
-    swinging = _swinging(position, source, target, held) & ~missing[part]
+    swinging = _swinging(position[target] - position[source], source, held) & ~missing[part]
     found = missing[part] | swinging
     if not found.any():
         return Loose(found, "", part)
@@ -93,11 +94,9 @@ def _unsupported(
     return np.asarray(values[:, 0] <= FIXED * np.maximum(values[:, -1], 1e-300))
 
 
-def _swinging(
-    position: NDArray[np.float64], source: NDArray[np.int64], target: NDArray[np.int64], held: NDArray[np.bool_]
-) -> NDArray[np.bool_]:
-    """Mask (n,) of free nodes with all their bonds in one line, in space in one plane."""
-    nodes, xi = len(position), position[target] - position[source]
+def _swinging(xi: NDArray[np.float64], source: NDArray[np.int64], held: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Mask (n,) of free nodes with all their bonds xi (b, d) in one line, in space in one plane."""
+    nodes = len(held)
     n = xi / np.sqrt((xi**2).sum(axis=1))[:, None]
     if n.shape[1] == 3:
         sums = np.empty((nodes, 3, 3))
@@ -125,3 +124,39 @@ def unbalanced(position: NDArray[np.float64], force: NDArray[np.float64], found:
         if np.abs(push.sum(axis=0)).max() > BALANCED * most or moment > BALANCED * most * reach:
             return f"a body of {int(own.sum())} nodes around {_place(position[own])}"
     return ""
+
+
+class Braced:
+    """Bonds (b,) of bodies that are supported, of which some break: those without which they surely stay so.
+
+    A bond between nodes that are both joined to a third one parts no body, and a node whose other bonds resist in all
+    directions does not swing.
+    """
+
+    def __init__(
+        self, position: NDArray[np.float64], bonds: Pairs, held: NDArray[np.bool_], intact: NDArray[np.bool_]
+    ) -> None:
+        """`position` (n, d) m, `bonds` in the order of their source, `held` (n, d) components, `intact` (b,)."""
+        self._position, self._held, self._intact = position, held, intact
+        self._source, self._target = bonds
+        self._start = np.searchsorted(self._source, np.arange(len(position) + 1))
+
+    def stays(self, intact: NDArray[np.bool_]) -> bool:
+        """Whether bodies are surely supported with these `intact` (b,), as with those before; if not, or where that
+        takes a closer look, nothing changes."""
+        gone = np.flatnonzero(self._intact & ~intact)
+        if len(gone) > FEW or (intact & ~self._intact).any():
+            return False
+        source, target = self._source[gone], self._target[gone]
+        rows = np.union1d(source, target)
+        own = [np.arange(self._start[row], self._start[row + 1]) for row in rows.tolist()]
+        left = [numbers[intact[numbers]] for numbers in own]
+        near = {row: self._target[numbers] for row, numbers in zip(rows.tolist(), left, strict=True)}
+        if not all(np.isin(near[i], near[j]).any() for i, j in zip(source.tolist(), target.tolist(), strict=True)):
+            return False
+        numbers, each = np.concatenate([gone[:0], *left]), np.repeat(np.arange(len(rows)), [len(one) for one in left])
+        xi = self._position[self._target[numbers]] - self._position[self._source[numbers]]
+        if _swinging(xi, each, self._held[rows]).any():
+            return False
+        self._intact = intact
+        return True

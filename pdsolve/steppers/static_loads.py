@@ -9,6 +9,7 @@ import numpy as np
 
 from pdmesh.model.document import Condition, Displacement, Load
 from pdmesh.model.materials.kind import softens
+from pdmesh.model.monitors import CRACK
 from pdmesh.model.selection import components, given_of
 from pdsolve.conditions import factors
 from pdsolve.model import Model, ModelError, counted
@@ -26,7 +27,7 @@ def in_load_steps(model: Model, precision: str) -> Model:
     run = model.settings.run
     if precision != "float64":
         raise ModelError(f"precision: found {precision}, expected float64, as the solver is static")
-    if follows_path(model):
+    if follows_path(model) or follows_cracks(model):
         return _in_path_steps(model)
     if run.fatigue is not None:
         changed = msgspec.structs.replace(run, time_step=1.0, ledger=1)
@@ -53,6 +54,11 @@ def follows_path(model: Model) -> bool:
     return model.settings.run.cracks == "bonds" and any(softens(material) for material in model.materials)
 
 
+def follows_cracks(model: Model) -> bool:
+    """Whether cracks of particles are followed, their length being the control."""
+    return model.settings.run.cracks == "particles" and model.settings.run.static.control == CRACK
+
+
 def _in_path_steps(model: Model) -> Model:
     """The model in steps of 1 s along its path; its profiles go from 0 to 1 s. Raises ModelError."""
     run = model.settings.run
@@ -67,15 +73,24 @@ def _in_path_steps(model: Model) -> Model:
         if len(points) != 2 or points[0][0] != 0 or points[1][0] != (end if varies else 1.0):
             raise ModelError(
                 f"{model.name}: $.conditions[{number}].profile: found {len(points)} points, expected a straight line"
-                " from 0 to the end, as bonds soften and loads follow from what these spend"
+                " from 0 to the end, as loads follow from what bonds or cracks spend"
             )
         conditions.append(msgspec.structs.replace(condition, profile=((0.0, points[0][1]), (1.0, points[1][1]))))
-    steps = PATH_STEPS * (run.static.load_steps or CRACK_STEPS)
+    if follows_cracks(model):
+        steps = run.static.load_steps or _particles_across(model)
+    else:
+        steps = PATH_STEPS * (run.static.load_steps or CRACK_STEPS)
     changed = msgspec.structs.replace(run, time_step=1.0, steps=steps, every=1, ledger=1)
     settings = msgspec.structs.replace(model.settings, run=changed, conditions=tuple(conditions))
     found = dataclasses.replace(model, settings=settings)
     _refuse_loads(found, [1.0])
     return found
+
+
+def _particles_across(model: Model) -> int:
+    """Steps in which a crack of particles goes through the largest extent of the plate."""
+    extent = np.ptp(model.grid.position, axis=0).max()
+    return int(np.ceil(extent / (model.settings.run.particles.spacing * model.grid.delta.min())))
 
 
 def in_steps_of_content(model: Model, precision: str) -> Model:

@@ -1,0 +1,154 @@
+"""Cracks of particles along their path of equilibria, with their length as the control.
+
+In each step the tips with the largest share of what lets them grow grow by a particle each, and one factor of loads and
+prescribed displacements is found with which the largest share is 1 again, whether it rises or falls (snap-back). The
+shares are of intensities with the size of sqrt(J E'), which are proportional to the factor in a linear body; the secant
+method finds the factor of others. The first step is elastic.
+
+Between two equilibria displacements are linear, and the forces of the bonds that a new arm cuts fall to zero: a crack
+takes the energy that these bonds held, and the work that their mean forces do on its faces (G. R. Irwin, J. Appl. Mech.
+24 (1957) 361-364). Loads do the work of their mean, too. Both are exact in a linear body, and neither follows from the
+balance, so that work = strain + spent checks the bookkeeping.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.conditions import Drive
+from pdsolve.model import Model
+from pdsolve.operators.protocol import Operator
+from pdsolve.state import State
+from pdsolve.steppers.equilibrium import Settled, UnsettledError, forces
+from pdsolve.steppers.growing_cracks import Before, Growing, intensities
+from pdsolve.steppers.load_steps import LoadSteps, Rested
+from pdsolve.steppers.path_records import PathRecords
+
+Array = NDArray[np.float64]
+
+SMALL = 1e-3  # of the loads: the first look at an elastic body
+ALIKE = 1e-3  # of the largest share: tips this near to it grow together
+NEAR = 1e-6  # of the share that lets a tip grow, by which the largest may be missed
+TRIES = 12  # factors that are tried in a step
+STEP_BACK = 0.99  # of a factor: the second one tried where loads do not grow in proportion
+
+
+class CrackLengthSteps(PathRecords):
+    """Takes steps of a particle of the tips that are next, with load steps whose bonds do not break."""
+
+    def __init__(
+        self, model: Model, operator: Operator, drive: Drive, area: Array, motion: LoadSteps, growth: Growing
+    ) -> None:
+        super().__init__(model, drive, area)
+        self._operator, self._motion, self._cracks = operator, motion, growth
+        self.said = f"crack length as the control, {motion.method.said}"
+        self.why = ""  # the path ended, where neither loads nor steps are over
+
+    def back(self, kept: Mapping[str, NDArray[Any]], step: int) -> None:
+        """Restore a checkpoint after `step`. Raises CheckpointError."""
+        super().back(kept, step)
+        self._motion.back(np.zeros((0, len(Rested._fields))), self._operator.broken())
+
+    def _share(self) -> float:
+        """How much of the path is done: of its steps, or of the loads."""
+        return max(len(self.rested) / self._model.settings.run.steps, *(one.factor for one in self.rested), 0.0)
+
+    def _take(self, state: State, step: int) -> None:
+        self._motion.watch = self.watch
+        self._motion.method.forget()
+        try:
+            settled, factor, cost = self._grow(state, step) if self.rested else self._elastic(state, step)
+        except UnsettledError as error:
+            raise UnsettledError(f"{self._model.name}: path step {step}: {error}") from None
+        spent = cost + (self.rested[-1].spent if self.rested else 0.0)
+        after = self._area[:, None] * self._motion.outside(state)
+        self._note(step, settled.iterations, settled.residual, factor, after, spent)
+
+    def _elastic(self, state: State, step: int) -> tuple[Settled, float, float]:
+        """Loads up to the first tip that grows; books their work."""
+        load = np.zeros(self._drive.force.shape)
+
+        def rest(factor: float) -> Settled:
+            settled = self._motion.load(state, load.copy(), step, factor)
+            load[:] = self._drive.force
+            return settled
+
+        first = 0.0
+        if self._start.any():
+            rest(0.0)
+            first = self._largest(state)
+            if first >= 1:
+                raise UnsettledError(f"found a tip with {first:.3g} of what lets it grow under what does not change")
+        return *self._sought(state, (0.0, first), SMALL, rest), 0.0
+
+    def _grow(self, state: State, step: int) -> tuple[Settled, float, float]:
+        """Let the tips that are next grow, and find the factor that goes with it; books what they take, J/m."""
+        growth, operator, motion, last = self._cracks, self._operator, self._motion, self.rested[-1]
+        kept, value, area = Before.of(state, operator, growth), state.value.copy(), self._area
+        outside, inside, spent = motion.outside(state), forces(operator, state), float(area @ state.dissipated)
+        start = last.factor if not self._start.any() else STEP_BACK * last.factor
+        try:
+            if not growth.lengthen(self._next(state), state, step):
+                raise UnsettledError("no crack goes on")
+            cut = inside - forces(operator, state)  # forces of the bonds that are gone
+            motion.expect_supports()
+            known = (0.0, 0.0)
+            if self._start.any():
+                motion.rest_at(state, step, start)
+                known = start, self._largest(state)
+            settled, factor = self._sought(state, known, last.factor, lambda at: motion.rest_at(state, step, at))
+        except UnsettledError as error:
+            kept.restore(state, operator, growth)
+            motion.method.forget()
+            self.ended, self.why = True, str(error)
+            return Settled(0, last.residual), last.factor, 0.0
+        way = state.value - value
+        state.work[:] += ((outside + motion.outside(state)) / 2 * way).sum(axis=1)
+        state.dissipated[:] -= (cut * way).sum(axis=1) / 2
+        return settled, factor, float(area @ state.dissipated) - spent
+
+    def _sought(
+        self, state: State, known: tuple[float, float], factor: float, rest: Callable[[float], Settled]
+    ) -> tuple[Settled, float]:
+        """Bring the body to rest where the largest share is 1, or at the end of the loads; from a factor and the share
+        there, and the next factor to try. Returns how it settled, and the factor."""
+        iterations = 0
+        for _ in range(TRIES):
+            settled = rest(factor)
+            iterations, share = iterations + settled.iterations, self._largest(state)
+            if abs(share - 1) < NEAR or (factor == 1 and share < 1):
+                self.ended = factor == 1
+                return Settled(iterations, settled.residual), factor
+            slope = (share - known[1]) / (factor - known[0])
+            if not slope > 0:
+                raise UnsettledError(
+                    f"found a tip with {share:.3g} of what lets it grow, and no more under larger loads"
+                )
+            known, factor = (factor, share), min(factor + (1 - share) / slope, 1.0)
+        raise UnsettledError(f"found no loads after {TRIES} tries with which a tip has what lets it grow")
+
+    def _shares(self, judged: list[tuple[Any, Any]]) -> Array:
+        """Shares (k,) of what lets tips grow; 0 of those that stay, or go straight on to what is ahead of them."""
+        toughness = np.array([self._cracks.toughness(tip) for tip, _ in judged])
+        moves = np.array([bool(verdict.angles) and not verdict.straight for _, verdict in judged])
+        return np.asarray(np.where(moves, intensities(self._cracks, judged) / toughness, 0.0))
+
+    def _largest(self, state: State) -> float:
+        judged = self._cracks.judged(state)
+        share = float(self._shares(judged).max()) if judged else 0.0
+        if not share > 0:
+            raise UnsettledError("found no tip that loads open, with room for intensities around it")
+        return share
+
+    def _next(self, state: State) -> list[tuple[Any, Any]]:
+        """Tips that go straight on to what is ahead of them; or else those with the largest share."""
+        judged = self._cracks.judged(state)
+        shares = self._shares(judged)
+        straight = [one for one in judged if one[1].straight]
+        return straight or [
+            one for one, share in zip(judged, shares, strict=True) if share > (1 - ALIKE) * shares.max()
+        ]

@@ -1,0 +1,67 @@
+"""Cracks of particles as steppers see them: how hard their tips are pulled, and a step of growth that is taken back."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.crack_particles import Particles
+from pdsolve.operators.protocol import Operator
+from pdsolve.state import Broken, State
+
+
+class Growing(Protocol):
+    """Cracks of particles; see `pdsolve.crack_growth.growth.Growth`."""
+
+    particles: Particles
+
+    def judged(self, state: State) -> list[tuple[Any, Any]]:
+        """All tips, and what is decided about them in a state."""
+
+    def lengthen(self, chosen: list[tuple[Any, Any]], state: State, step: int, share: float = 1.0) -> int:
+        """Let these tips grow by a particle each, of that share of its length, and cut the bonds; returns the number of
+        new particles."""
+
+    def length(self, tip: Any, share: float = 1.0) -> float:
+        """The length, m, by which a tip grows at once, or a share of it; a spacing at least."""
+
+    def toughness(self, tip: Any) -> float:
+        """What the stress intensity of a tip must reach, Pa m^0.5."""
+
+    def keep(self) -> dict[str, NDArray[Any]]:
+        """Particles for a checkpoint."""
+
+    def back(self, kept: Mapping[str, NDArray[Any]], broken: Broken) -> None:
+        """Restore a checkpoint with these broken bonds."""
+
+    def remark(self, key: str, words: str) -> None:
+        """Add a remark to be read together with the crack paths, once for a key."""
+
+
+class Before(NamedTuple):
+    """A body and its cracks before they grow."""
+
+    values: list[NDArray[Any]]
+    broken: Broken
+    cracks: dict[str, NDArray[Any]]
+
+    @classmethod
+    def of(cls, state: State, operator: Operator, growth: Growing) -> Before:
+        """What is there in a state."""
+        return cls([part.copy() for part in state], operator.broken(), growth.keep())
+
+    def restore(self, state: State, operator: Operator, growth: Growing) -> None:
+        """Set all back, in place."""
+        for part, value in zip(state, self.values, strict=True):
+            part[:] = value
+        operator.back(operator.keep(), self.broken)
+        growth.back(self.cracks, self.broken)
+
+
+def intensities(growth: Growing, judged: list[tuple[Any, Any]]) -> NDArray[np.float64]:
+    """K (k,) of tips, Pa m^0.5, with the size of sqrt(J E') where they have J."""
+    whole = [verdict.share * growth.toughness(tip) for tip, verdict in judged]
+    return np.array([v.released if np.isfinite(v.released) else k for (_, v), k in zip(judged, whole, strict=True)])

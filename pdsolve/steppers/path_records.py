@@ -1,0 +1,133 @@
+"""Steps along a path of equilibria on which one factor scales loads and prescribed displacements: what is kept of them.
+
+Profiles of the drive go from 0 to 1 s, so that the factor is the time of these. The path goes on past the largest
+loads, whether the factor rises or falls.
+"""
+
+from __future__ import annotations
+
+import time as clock
+import warnings
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.checkpoint_validation import entry
+from pdsolve.conditions import Drive, put_loads
+from pdsolve.errors import CheckpointError
+from pdsolve.model import Model, ModelWarning
+from pdsolve.state import State
+from pdsolve.steppers.load_steps import Going, held_at
+
+Array = NDArray[np.float64]
+
+PASSED = 0.98  # of the largest load so far: what has fallen below is past its peak
+END = 0.01  # of the largest load: the path ends there
+
+
+class Stepped(NamedTuple):
+    """One step along the path."""
+
+    step: int
+    iterations: int  # in all
+    residual: float  # what is left of the forces over the largest from outside so far
+    factor: float  # of loads and prescribed displacements
+    pull: float  # work-conjugate of the factor: N/m times m/s of what moves, or of loads
+    spent: float  # J/m, by bonds or cracks
+
+
+class PathRecords:
+    """Takes the steps of a path, in a way that others say, and keeps their records."""
+
+    said = ""  # how, for the record
+
+    def __init__(self, model: Model, drive: Drive, area: Array) -> None:
+        self._model, self._drive, self._area = model, drive, area
+        self._held = np.zeros(drive.force.shape, dtype=bool)
+        self._held[drive.holds.node, drive.holds.axis] = True
+        self._start, end = self._outside_at(0.0), self._outside_at(1.0)
+        self._growth = end - self._start  # of loads (n, w), N/m, and places, m, from a factor of 0 to 1
+        self._driven = self._held if self._growth[self._held].any() else ~self._held
+        self._began: tuple[float, float] | None = None  # s, and the share of the path that was done then
+        self.rested: list[Stepped] = []
+        self.watch: Callable[[Going], None] | None = None
+        self.ended = False
+        self.lost: float | None = None  # the largest factor of dead loads, past which no equilibrium bears as much
+        drive.force[:] = 0
+
+    @property
+    def factor(self) -> float:
+        """The factor of loads and prescribed displacements now: the time of their profiles, s."""
+        return self.rested[-1].factor if self.rested else 0.0
+
+    def march(self, state: State, first: int, last: int) -> None:
+        """Take the steps `first` to `last` - 1, in place, unless the path has ended. Raises UnsettledError."""
+        self._began = self._began or (clock.monotonic(), self._share())
+        for step in range(first, last):
+            if not self.ended:
+                self._take(state, step)
+
+    def keep(self) -> dict[str, Array]:
+        """The steps so far, for a checkpoint."""
+        return {"stepped": np.array(self.rested, dtype=float).reshape(-1, len(Stepped._fields))}
+
+    def back(self, kept: Mapping[str, NDArray[Any]], step: int) -> None:
+        """Restore a checkpoint after `step`. Raises CheckpointError."""
+        rows = entry(kept, "stepped", (step, len(Stepped._fields)), float)
+        if not np.array_equal(rows[:, 0], np.arange(1, step + 1)):
+            raise CheckpointError(f"found path steps that are not 1 to {step}, expected those until the checkpoint")
+        self.rested = [Stepped(int(row[0]), int(row[1]), *row[2:]) for row in rows.tolist()]
+
+    def words(self) -> str:
+        """The load, the spent energy and the time that is left, for a progress display."""
+        if not self.rested:
+            return "elastic"
+        most = max(abs(one.pull) for one in self.rested)
+        unit = "J/m" if self._model.grid.dimension == 2 else "J"
+        said = f"load {self.rested[-1].pull / most:.0%} of its peak, spent {self.rested[-1].spent:.3g} {unit}"
+        began, before = self._began or (0.0, 1.0)
+        share = self._share()
+        if share <= before:
+            return said
+        left = (clock.monotonic() - began) * (1 - share) / (share - before)
+        return f"{said}, about {left:.0f} s left"
+
+    def _share(self) -> float:
+        """How much of the path is done."""
+        raise NotImplementedError
+
+    def _take(self, state: State, step: int) -> None:
+        """Take a step, in place. Raises UnsettledError."""
+        raise NotImplementedError
+
+    def _note(self, step: int, iterations: int, residual: float, factor: float, after: Array, spent: float) -> None:
+        """Record a step that ended under loads and reactions `after` (n, w), N/m."""
+        pull = float((after * self._growth)[self._driven].sum())
+        self.rested.append(Stepped(step, iterations, residual, factor, pull, spent))
+        self._look(step)
+
+    def _look(self, step: int) -> None:
+        """Report, once, loads past their largest; end the path where they are as good as gone."""
+        pulls = [abs(one.pull) for one in self.rested]
+        most, now = max(pulls), pulls[-1]
+        self.ended |= now < END * most
+        if self._driven[self._held].any() or now >= PASSED * most:
+            return
+        self.lost, after = max(one.factor for one in self.rested), self._model.settings.run.after
+        self.ended |= after != "path"
+        if min(pulls[pulls.index(most) : -1]) < PASSED * most:
+            return
+        follows = {"path": "goes on at smaller loads", "stop": "ends here", "motion": "ends here, and a motion begins"}
+        warnings.warn(
+            f"{self._model.name}: path step {step}: found loads past their largest, {self.lost:.4g} of those"
+            f" prescribed, where a body under dead loads does not stay at rest; the path {follows[after]}",
+            ModelWarning,
+            stacklevel=2,
+        )
+
+    def _outside_at(self, factor: float) -> Array:
+        """Loads (n, w), N/m, and places of what is held, m."""
+        put_loads(self._drive, factor)
+        return np.where(self._held, held_at(self._drive, factor), self._area[:, None] * self._drive.force)
