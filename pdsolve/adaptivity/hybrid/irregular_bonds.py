@@ -147,7 +147,19 @@ def _fill(
         found.springs[at, k] = np.where(np.abs(stiffness - usual) < ROUND_OFF * usual, usual, stiffness)
         limits = np.zeros((len(own), 2, full.shape[1]))
         limits[at - slot[own[0]], 0, k], limits[at - slot[own[0]], 1, k] = e_of(bonds.peak), e_of(bonds.limit)
-        found.kind[slot[own]] = [known.setdefault(one.tobytes(), len(known)) for one in limits]
+        found.kind[slot[own]] = _numbers(limits, known)
         found.family[slot[own]] = part.family[own - part.first]
         found.stiffness_bound[slot[own]] = stiffness_bound(bonds, bonds.stiffness, True)
     return np.frombuffer(b"".join(known)).reshape(-1, 2, full.shape[1])
+
+
+def _numbers(limits: NDArray[np.float64], known: dict[bytes, int]) -> NDArray[np.int64]:
+    """Number (n,) of each of these (n, 2, k) in `known`, to which new ones are added; most are one of a few."""
+    bits = limits.reshape(len(limits), -1).view(np.int64)
+    _, first, which = np.unique(bits @ np.arange(1, 2 * bits.shape[1], 2), return_index=True, return_inverse=True)
+    if (bits != bits[first[which]]).any():  # two have the same sum
+        first, which = np.arange(len(bits)), np.arange(len(bits))
+    numbers = np.zeros(len(first), dtype=np.int64)
+    for one in np.argsort(first).tolist():
+        numbers[one] = known.setdefault(limits[first[one]].tobytes(), len(known))
+    return np.asarray(numbers[which])

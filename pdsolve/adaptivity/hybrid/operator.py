@@ -125,12 +125,14 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
     def counts(self) -> tuple[NDArray[Any], NDArray[Any]]:
         """Bonds (n,) of each node at the start, and their number including those cut by pre-cracks."""
         count, nodes = np.zeros(len(self.places), dtype=np.int16), self.hybrid.ground.nodes
+        fine = np.zeros(len(self.places), dtype=np.bool_)
+        fine[self._at_fine] = True
         count[self._at_fine] += self._bonds.sum(axis=1, dtype=np.int16)
         count[self._at_coarse] += BITS[self._springs[:, 0]]
         family = count.copy()
         family[self._at_fine] += self._cut[of_nodes(nodes, nodes.own, self._fine)].astype(np.int16)
         for rows, _ in self._parts():
-            alone = rows[_absent(rows, self._at_fine)]
+            alone = rows[~fine[rows]]
             family[alone] = np.maximum(family[alone], self._whole(alone))
         return count, family
 
@@ -273,9 +275,22 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Source and target rows (k,) of the intact bonds of nodes `first` to `last` - 1, or of those at the
         `start`."""
-        ground, zone, half = self.hybrid.ground, self.hybrid.zone, len(self.hybrid.ground.ways) // 2
         last = len(self.places) if last is None else last
-        own, some = (slice(*np.searchsorted(rows, [first, last])) for rows in (self._at_fine, self._at_coarse))
+        own, some = (np.arange(*np.searchsorted(rows, [first, last])) for rows in (self._at_fine, self._at_coarse))
+        return self._bonds_at(own, some, start)
+
+    def bonds_of(self, rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Source and target rows (k,) of the intact bonds of these nodes, which increase, in order."""
+        asked = np.zeros(len(self.places), dtype=np.bool_)
+        asked[rows] = True
+        own, some = (np.flatnonzero(asked[at]) for at in (self._at_fine, self._at_coarse))
+        return self._bonds_at(own, some, False)
+
+    def _bonds_at(
+        self, own: NDArray[np.int64], some: NDArray[np.int64], start: bool
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Source and target rows (k,) of the bonds of some of the fine and of the coarse nodes, by their numbers."""
+        ground, zone, half = self.hybrid.ground, self.hybrid.zone, len(self.hybrid.ground.ways) // 2
         node, k = np.nonzero(self._bonds[own])
         fine = self._fine[own][node]
         target = fine + ground.ways[k]
@@ -304,11 +319,3 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
             self._broken = known
         new = known.step > after
         return Broken(*(column[new] for column in known))
-
-
-def _absent(some: NDArray[np.int64], others: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Mask (k,) of `some` numbers (k,) that are not among `others`, which are in order."""
-    at = np.searchsorted(others, some)
-    return np.asarray(
-        others[np.minimum(at, len(others) - 1)] != some if len(others) else np.ones(len(some), dtype=bool)
-    )
