@@ -122,17 +122,6 @@ def _study_parser() -> argparse.ArgumentParser:
     return command.parser()
 
 
-def _leave_out_blas() -> None:
-    """Load numba's array support without SciPy's BLAS: no kernel uses it, and its import is slow."""
-    blas = "scipy.linalg.cython_blas"
-    if blas not in sys.modules:
-        sys.modules[blas] = None  # type: ignore[assignment]
-        try:
-            import numba.np.arraymath  # noqa: F401
-        finally:
-            del sys.modules[blas]
-
-
 @contextmanager
 def _uncollected() -> Iterator[None]:
     """A context without garbage collection: imports create no garbage, and collection takes a tenth of a short run."""
@@ -150,7 +139,6 @@ def _solve(args: argparse.Namespace, ranks: Team | None) -> int:
     commandline.expect(args.model, Kind.RESULTS if args.resume else Kind.MODEL)
     launch.expect_room(ranks)
     with _uncollected():
-        _leave_out_blas()
         from pdmesh.model.document import GridWarning
         from pdsolve.codegen.compile_time import compile_time_said
         from pdsolve.model import ModelWarning, read_model

@@ -4,7 +4,8 @@ numba checks only a kernel's own file, not the files of functions compiled into 
 an old kernel would write out of bounds. It also stores compiled code, which is executed as found, wherever the
 environment or the current folder say. Kernels are therefore stored where `pdmesh.trust` says, under a name derived from
 their sources and from the compiling libraries; two checkouts with equal sources share them. A process waits for a
-kernel that another one is compiling.
+kernel that another one is compiling. numba's own functions are loaded by processes that compile, which takes them as
+long as all else that they import.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,7 @@ from numba.core.caching import (
     _CacheLocator,
     _SourceFileBackedLocatorMixin,
 )
+from numba.core.runtime import rtsys
 
 from pdmesh import trust
 from pdsolve.codegen import kernel_sources
@@ -153,23 +155,42 @@ class _Cache(FunctionCache):
 
     _impl_class = _Kept
 
-    def __init__(self, function: Any) -> None:
-        super().__init__(function)
-        locator = self._impl.locator
-        self._cache_file = _Entries(self._cache_path, self._impl.filename_base, locator.get_source_stamp())
+    def __init__(self, function: Any) -> None:  # in place of numba's, which asks for the sources of all kernels
+        self._name, self._py_func = repr(function), function
         self._compiling: dict[str, ExitStack] = {}
+        self.enable()
+
+    @cached_property
+    def _impl(self) -> Any:
+        return _Kept(self._py_func)
+
+    @cached_property
+    def _cache_path(self) -> str:
+        return str(self._impl.locator.get_cache_path())
+
+    @cached_property
+    def _cache_file(self) -> _Entries:
+        return _Entries(self._cache_path, self._impl.filename_base, self._impl.locator.get_source_stamp())
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        found = super().load_overload(sig, target_context)
+        found = self._loaded(sig, target_context)
         if found is None:
             with suppress(OSError):
                 held = ExitStack()
                 held.enter_context(self._cache_file.alone(f".{_short(sig)}", WAIT))
                 self._compiling[str(sig)] = held
-                found = super().load_overload(sig, target_context)  # another process may have kept it meanwhile
-        if found is not None:
+                found = self._loaded(sig, target_context)  # another process may have kept it meanwhile
+        if found is None:
+            _leave_out_blas()
+        else:
             self._release(sig)
         return found
+
+    def _loaded(self, sig: Any, target_context: Any) -> Any:
+        """What is stored for a signature, without all that numba compiles with, which its compiler loads itself."""
+        rtsys.initialize(target_context)
+        with self._guard_against_spurious_io_errors():
+            return self._load_overload(sig, target_context)
 
     def save_overload(self, sig: Any, data: Any) -> None:
         try:
@@ -180,6 +201,17 @@ class _Cache(FunctionCache):
     def _release(self, sig: Any) -> None:
         if (held := self._compiling.pop(str(sig), None)) is not None:
             held.close()
+
+
+def _leave_out_blas() -> None:
+    """Load numba's array support without SciPy's BLAS: no kernel uses it, and its import is slow."""
+    blas = "scipy.linalg.cython_blas"
+    if blas not in sys.modules:
+        sys.modules[blas] = None  # type: ignore[assignment]
+        try:
+            import numba.np.arraymath  # noqa: F401
+        finally:
+            del sys.modules[blas]
 
 
 def _short(sig: Any) -> str:

@@ -16,13 +16,11 @@ from pdsolve.checks import named, warn
 from pdsolve.laws import limits
 from pdsolve.laws.bond_limits import Sizes
 from pdsolve.model import Model
+from pdsolve.run.inverted_on_lattice import inverted_on_lattice
 from pdsolve.state import Broken
 
 AROUND = 4  # nodes next to a node, of which two and the node are a triangle to look at
 TOGETHER = 1000  # nodes whose bonds are asked for at once
-PART = 2**16  # nodes or triangles that are looked at together
-LINES = 2  # of a lattice: nodes on it may be that far from those beside them
-ON_LATTICE = 1e-6  # spacings: nodes this near to a lattice are on it
 FLAT = 0.1  # of a spacing squared: neighbours that span less are in line with the node
 FRACTION = 0.005  # of what breaks a bond: displacements must be known to that, as errors add up over steps
 
@@ -37,7 +35,8 @@ class Extent(NamedTuple):
 
 def extent_of(u: NDArray[np.floating]) -> Extent:
     """The extent of displacements (n, d), m."""
-    return Extent(tuple(u.min(axis=0).tolist()), tuple(u.max(axis=0).tolist()), u.dtype.name)
+    least, most = (tuple(float(of(column)) for column in u.T) for of in (np.min, np.max))  # not over both axes: slow
+    return Extent(least, most, u.dtype.name)
 
 
 class MotionChecks:
@@ -47,7 +46,8 @@ class MotionChecks:
         """`bonds(first, last)` returns the rows of both ends of the initial bonds of sources `first` to `last` - 1."""
         self._model, self._said, self._vague = model, False, False
         self._bonds, self._own = bonds, slice(None)
-        self._triangles: _Triangles | None = None  # not asked for while displacements are small
+        self._triangles: _Triangles | None = None  # of nodes off a lattice
+        self._apart: NDArray[np.bool_] | None = None  # (n,) nodes whose triangle was not bonded at the start
         self._smallest = float(model.grid.delta.min())
         breaking, ratio = [np.inf], model.settings.horizon.ratio
         for number, material in enumerate(model.materials):
@@ -111,122 +111,66 @@ class MotionChecks:
 
     def crushed(self, u: NDArray[np.floating], broken: Broken) -> str | None:
         """The nodes of an inverted triangle whose bonds are intact, in words; None if there is none."""
-        position = self._model.grid.position
-        if self._triangles is None:
-            found = _triangles(position, FLAT * self._smallest**2)
-            low, high, _ = self._own.indices(len(position))
-            own = (found.row >= low) & (found.row < high)
-            self._triangles = _Triangles(found.row[own], found.one[own], found.other[own], found.twice[own])
-        rows, one, other, before = self._triangles
-        turned = np.flatnonzero(before * _twice(lambda some: position[some] + u[some], rows, one, other) <= 0)
-        near = np.zeros(len(position), dtype=bool)
-        near[rows[turned]] = True
-        gone = (len(position) * broken.source + broken.target)[near[broken.source]]
-        for end in (one, other):
-            turned = turned[
-                ~np.isin(len(position) * rows[turned].astype(np.int64) + end[turned], gone, assume_unique=True)
-            ]
+        nodes = len(self._model.grid)
+        if self._apart is None:
+            self._apart = np.zeros(nodes, dtype=bool)
+        turned = self._turned(u)
+        near = np.zeros(nodes, dtype=bool)
+        near[turned[:, 0]] = True
+        gone = (nodes * broken.source + broken.target)[near[broken.source]]
+        for end in (1, 2):
+            turned = turned[~np.isin(nodes * turned[:, 0] + turned[:, end], gone, assume_unique=True)]
         if len(turned := self._bonded(turned)):
-            return ", ".join(named(self._model, int(corner[turned[0]])) for corner in (rows, one, other))
+            return ", ".join(named(self._model, int(corner)) for corner in turned[0])
         return None
 
+    def _turned(self, u: NDArray[np.floating]) -> NDArray[np.int64]:
+        """Corners (t, 3) of the inverted triangles, without those whose nodes were not bonded at the start."""
+        assert self._apart is not None
+        position, flat = self._model.grid.position, FLAT * self._smallest**2
+        found = None
+        if self._triangles is None:
+            found = inverted_on_lattice(position, u, self._own, flat, self._apart)
+        if found is not None:
+            return found
+        self._triangles = self._triangles or _triangles(position, flat, self._own)
+        corners, before = self._triangles
+        here = position + u
+        turned = before * _cross(*(here[corners[:, end]] - here[corners[:, 0]] for end in (1, 2))) <= 0
+        return corners[turned & ~self._apart[corners[:, 0]]]
+
     def _bonded(self, turned: NDArray[np.int64]) -> NDArray[np.int64]:
-        """The triangles whose nodes were bonded at the start."""
-        assert self._triangles is not None
-        rows, one, other, before = self._triangles
-        nodes, kept = len(self._model.grid), np.zeros_like(turned, dtype=bool)
-        for part in np.unique(rows[turned] // TOGETHER).tolist():
-            here = np.flatnonzero(rows[turned] // TOGETHER == part)
+        """The triangles (t, 3) whose nodes were bonded at the start."""
+        assert self._apart is not None
+        nodes, kept = len(self._model.grid), np.zeros(len(turned), dtype=bool)
+        for part in np.unique(turned[:, 0] // TOGETHER).tolist():
+            here = np.flatnonzero(turned[:, 0] // TOGETHER == part)
             source, target = self._bonds(part * TOGETHER, min((part + 1) * TOGETHER, nodes))
-            keys, some = nodes * source + target, turned[here]
-            own = nodes * rows[some].astype(np.int64)
-            bonded = [np.isin(own + end[some], keys, assume_unique=True) for end in (one, other)]
+            keys, own = nodes * source + target, nodes * turned[here, 0]
+            bonded = [np.isin(own + turned[here, end], keys, assume_unique=True) for end in (1, 2)]
             kept[here] = bonded[0] & bonded[1]
-        before[turned[~kept]] = np.nan
-        return np.asarray(turned[kept])
+        self._apart[turned[~kept, 0]] = True
+        return turned[kept]
 
 
 class _Triangles(NamedTuple):
     """For each node, a triangle with two of its nearest nodes not in line with it; t of them."""
 
-    row: NDArray[np.integer]  # (t,)
-    one: NDArray[np.integer]  # (t,)
-    other: NDArray[np.integer]  # (t,)
+    corners: NDArray[np.int64]  # (t, 3)
     twice: NDArray[np.float64]  # (t,) twice its area, m^2, with the sign of its sense
 
 
-def _triangles(position: NDArray[np.float64], flat: float) -> _Triangles:
-    """The largest triangle of each node, if twice its area exceeds `flat` (m^2)."""
-    arms = _arms(position)
-    if arms is not None:
-        one, other = arms
-        twice = _twice(position.__getitem__, np.arange(len(position), dtype=np.int32), one, other)
-    else:
-        near = tree_of(position).query(position, min(AROUND + 1, len(position)))[1][:, 1:]
-        one, other = np.zeros((2, len(position)), dtype=np.int32)
-        twice = np.zeros(len(position))
-        for first, second in combinations(near.T, 2):
-            here = _cross(position[first] - position, position[second] - position)
-            larger = np.abs(here) > np.abs(twice) * (1 + ROUND_OFF)
-            one[larger], other[larger], twice[larger] = first[larger], second[larger], here[larger]
-    rows = np.flatnonzero(np.abs(twice) >= flat).astype(np.int32)
-    return _Triangles(rows, one[rows], other[rows], twice[rows])
-
-
-def _twice(
-    place: Callable[[NDArray[np.integer]], NDArray[np.floating]],
-    rows: NDArray[np.integer],
-    one: NDArray[np.integer],
-    other: NDArray[np.integer],
-) -> NDArray[np.float64]:
-    """Twice the areas (t,) of triangles, m^2; `place` returns where rows (k,) are (k, 2), m."""
-    found = np.zeros(len(rows))
-    for first in range(0, len(rows), PART):
-        some = slice(first, first + PART)
-        here = place(rows[some])
-        found[some] = _cross(place(one[some]) - here, place(other[some]) - here)
-    return found
-
-
-def _keys(position: NDArray[np.float64]) -> tuple[NDArray[np.int64], int] | None:
-    """Numbers (n,) of nodes on a square lattice, row by row, and the step from a row to the next; None off one."""
-    low = position.min(axis=0)
-    along = np.diff(position[:, 0])
-    spacing = float(along[along > 0].min(initial=np.inf))
-    if not np.isfinite(spacing):
-        return None
-    stride = int(np.rint((position[:, 0].max() - low[0]) / spacing)) + LINES + 1
-    key = np.zeros(len(position), dtype=np.int64)
-    for first in range(0, len(position), PART):
-        place = (position[first : first + PART] - low) / spacing
-        whole = np.rint(place)
-        if np.abs(place - whole).max() > ON_LATTICE:
-            return None
-        key[first : first + PART] = whole[:, 1].astype(np.int64) * stride + whole[:, 0].astype(np.int64)
-    return None if (np.diff(key) <= 0).any() else (key, stride)
-
-
-def _arms(position: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArray[np.int32]] | None:
-    """Nodes (n,) beside each one along x and along y, itself where there are none; None off a square lattice.
-
-    Nodes are row by row on a lattice, of which some may be missing; the nearest one within `LINES` spacings counts.
-    """
-    keys = _keys(position)
-    if keys is None:
-        return None
-    key, stride = keys
-    found = np.zeros((2, len(key)), dtype=np.int32)
-    for step, arms in zip((1, stride), found, strict=True):
-        for first in range(0, len(key), PART):
-            nodes = np.arange(first, min(first + PART, len(key)))
-            arm = nodes.copy()
-            for far in (way * lines * step for lines in range(1, LINES + 1) for way in (1, -1)):
-                left = nodes[arm == nodes]
-                wanted = key[left] + far
-                at = np.minimum(np.searchsorted(key, wanted), len(key) - 1)
-                arm[left - first] = np.where(key[at] == wanted, at, left)
-            arms[first : first + PART] = arm
-    return found[0], found[1]
+def _triangles(position: NDArray[np.float64], flat: float, own: slice) -> _Triangles:
+    """The largest triangle of each of the `own` rows, if twice its area is at least `flat` (m^2)."""
+    near = tree_of(position).query(position, min(AROUND + 1, len(position)))[1][:, 1:]
+    ends, twice = np.zeros((2, len(position)), dtype=np.int64), np.zeros(len(position))
+    for pair in combinations(near.T, 2):
+        here = _cross(*(position[end] - position for end in pair))
+        larger = np.abs(here) > np.abs(twice) * (1 + ROUND_OFF)
+        ends[:, larger], twice[larger] = np.array(pair)[:, larger], here[larger]
+    low, high, _ = own.indices(len(position))
+    rows = low + np.flatnonzero(np.abs(twice[low:high]) >= flat)
+    return _Triangles(np.column_stack([rows, *ends[:, rows]]), twice[rows])
 
 
 def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:

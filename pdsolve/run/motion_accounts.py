@@ -88,8 +88,8 @@ class MotionAccounts:
             self._look_around()
         system = self._system
         self.settle(state, step, asked)
-        finite = np.isfinite(state.value).all(axis=1)
-        if self._is_unstable(self.last, bool(finite.all())):
+        if self._is_unstable(self.last, bool(np.isfinite(state.value).all())):
+            finite = np.isfinite(state.value).all(axis=1)
             worst = int((~finite).argmax() if not finite.all() else np.abs(state.rate).sum(axis=1).argmax())
             most, node = max(self._most, self._clamped), int(system.model.grid.ids[worst])
             raise UnstableError(unstable_words(system, self.last, most, node))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time as clock
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.adaptivity.two_lattice_operator import FusedMarch
 from pdsolve.checkpoint_validation import entry, expect_broken, expect_found, like
 from pdsolve.conditions import put_loads
@@ -50,9 +51,7 @@ def families(system: System, first: int, last: int) -> Families:
 
 def born(system: System, which: NDArray[np.int64], rows: NDArray[np.int64], step: int) -> tuple[Nodes, Families]:
     """Nodes born after `step`, `which` (b,) of a set of nodes, and their remaining bonds; `rows` (n,) as in `Frame`."""
-    runs = np.split(which, np.flatnonzero(np.diff(which) > GAP) + 1) if len(which) else []
-    nothing = np.zeros(0, dtype=np.int64)
-    ends = [(nothing, nothing), *(system.operator.bonds(int(run[0]), int(run[-1]) + 1) for run in runs)]
+    ends = [*_bonds_of(system, which)]
     since, own = system.operator.broken(step), np.zeros(len(system.family), dtype=np.bool_)
     own[which] = True
     ends.append((since.source, since.target))
@@ -63,6 +62,15 @@ def born(system: System, which: NDArray[np.int64], rows: NDArray[np.int64], step
     count = np.bincount(source, minlength=len(system.family))[which]
     some = taken(nodes(system), which)._replace(cut=system.family[which] - count)
     return some, Families(np.concatenate([[0], np.cumsum(count)]), rows[target])
+
+
+def _bonds_of(system: System, which: NDArray[np.int64]) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
+    """Source and target rows (k,) of the bonds of at least these nodes."""
+    if isinstance(system.operator, HybridOperator):
+        yield system.operator.bonds_of(which)
+        return
+    for run in np.split(which, np.flatnonzero(np.diff(which) > GAP) + 1) if len(which) else ():
+        yield system.operator.bonds(int(run[0]), int(run[-1]) + 1)
 
 
 def breaks(system: System, after: int, broken: Broken | None = None) -> Breaks:

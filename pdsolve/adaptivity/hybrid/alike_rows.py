@@ -86,13 +86,14 @@ def _strips(plate: Plate, found: Irregular, half: int, slowed: NDArray[np.float6
             bits=np.where(there, np.uint64((1 << half) - 1), np.uint64(0)),
             damping=np.zeros(len(rows)) if slowed is None else np.where(there, slowed[rows], 0.0),
         )
-        fields.own[place[some] - first], fields.bits[place[some] - first] = some, bits[some]
+        own = found.which[some]
+        fields.own[place[some] - first], fields.bits[place[some] - first] = own, bits[own]
         yield fields
 
 
 def _bits(found: Irregular, half: int) -> NDArray[np.uint64]:
-    """Bonds (s,) of irregular nodes at the start, a bit for each in the first half of a family."""
-    bits = np.zeros(len(found.node), dtype=np.uint64)
+    """Bonds (r,) of irregular nodes at the start, a bit for each in the first half of a family."""
+    bits = np.zeros(len(found.springs), dtype=np.uint64)
     for k in range(half):
         bits |= np.where(found.springs[:, k] > 0, np.uint64(1) << np.uint64(k), np.uint64(0))
     return bits

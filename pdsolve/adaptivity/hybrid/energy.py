@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
-from numba import njit
+from numba import njit, types
+from numba.extending import overload
 
 from pdsolve.adaptivity.hybrid.arrays import COARSE_ROWS, PIECES, ROWS
 from pdsolve.adaptivity.hybrid.lattice import FREE, IDLE
+from pdsolve.adaptivity.hybrid.springs import INVERSE, STIFFNESS, X, Y
 from pdsolve.codegen.jit_cache import cached_njit
+from pdsolve.codegen.lanes import across, beside, keep, same, unless_none
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.operators.simd_lattice.kernel import INNER, displaced
+from pdsolve.operators.simd_lattice.kernel import INNER, ONE, PLANE, displaced
 
 
 @njit(forceinline=True, **INNER)
@@ -50,6 +55,48 @@ def coarse_held(ground, coarse, u, q):  # type: ignore[no-untyped-def]
         e = strain_e(ground.coarse_table, k, eta_x, eta_y)
         held += stiffness / ground.coarse_table[k, 4] * e * e / 16
     return held
+
+
+def _stretched(u: Any, shrink: Any, x: Any, y: Any, p: Any, j: Any) -> Any:
+    """As `displaced`, of lanes from p and j on."""
+
+
+@overload(_stretched, jit_options=INNER | {"forceinline": True})
+def _stretched_lanes(u, shrink, x, y, p, j):  # type: ignore[no-untyped-def]
+    if isinstance(shrink, types.NoneType):
+        return lambda u, shrink, x, y, p, j: _apart(u, p, j)
+
+    def relieved(u, shrink, x, y, p, j):  # type: ignore[no-untyped-def]
+        eta_x, eta_y = _apart(u, p, j)
+        both = beside(shrink, ONE, p)[0] + beside(shrink, ONE, j)[0]
+        return eta_x + both * x, eta_y + both * y
+
+    return relieved
+
+
+@njit(forceinline=True, **INNER)
+def _apart(u, p, j):  # type: ignore[no-untyped-def]
+    here, there = beside(u, PLANE, p), beside(u, PLANE, j)
+    return there[0] - here[0], there[1] - here[1]
+
+
+@njit(**INNER)
+def row_held(nodes, table, ways, green, row, u, s):  # type: ignore[no-untyped-def]
+    """Set s to half the energies of the springs of a row's lanes, J/m; of coarse ones by Green's strain."""
+    entry, slots, none = nodes.entry[row], len(ways), same(u, 0.0)
+    for lane in range(0, ROW, across(s)):
+        p, held = np.int64(row * ROW + lane), none
+        for k in range(slots):
+            x, y = table[k, X], table[k, Y]
+            eta_x, eta_y = _stretched(u, nodes.shrink, x, y, p, np.int64(p + ways[k]))
+            e = table[k, INVERSE] * (2 * (x * eta_x + y * eta_y) + eta_x * eta_x + eta_y * eta_y)
+            w = same(u, table[k, STIFFNESS])
+            if entry >= 0:
+                w = beside(nodes.own, ONE, np.int64((entry * slots + k) * ROW + lane))[0]
+                e = unless_none(w, e, none)
+            stretch = e * 0.5 if green else e / (np.sqrt(1.0 + e) + 1.0)
+            held = held + w / table[k, INVERSE] * stretch * stretch * 0.25
+        keep((held,), s, lane)
 
 
 @njit(forceinline=True, **INNER)
@@ -102,13 +149,15 @@ def energy_of(ground, zone, now, fine_nodes, coarse_nodes):  # type: ignore[no-u
 @cached_njit(error_model="numpy")
 def held(ground, zone, now, fine_held_, coarse_held_):  # type: ignore[no-untyped-def]
     """Strain energies, J/m, of fine (n,) and coarse nodes (q,); half of a piece's energy belongs to either end."""
-    fine, coarse, pieces = zone.fine, zone.coarse, zone.pieces
+    fine, coarse, pieces, s = zone.fine, zone.coarse, zone.pieces, zone.s[0]
     for row in fine.rows[: zone.number[ROWS]]:
+        row_held(fine, ground.table, ground.ways, False, row, fine.u[now], s)
         for p in range(row * ROW, row * ROW + ROW):
-            fine_held_[p] = fine_held(ground, fine, fine.u[now], p) if fine.kind[p] != IDLE else 0.0
+            fine_held_[p] = s[p % ROW] if fine.kind[p] != IDLE else 0.0
     for row in coarse.rows[: zone.number[COARSE_ROWS]]:
+        row_held(coarse, ground.coarse_table, ground.coarse_ways, True, row, coarse.u[now], s)
         for q in range(row * ROW, row * ROW + ROW):
-            coarse_held_[q] = coarse_held(ground, coarse, coarse.u[now], q) if coarse.kind[q] == FREE else 0.0
+            coarse_held_[q] = s[q % ROW] if coarse.kind[q] == FREE else 0.0
     for n in range(zone.number[PIECES]):
         half = piece_held(pieces, fine.u[now], coarse.u[now], n) / 2
         for which in range(2):

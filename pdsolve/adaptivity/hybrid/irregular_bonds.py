@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model import selection
 from pdmesh.model.neighbours import ROWS
+from pdsolve.adaptivity.hybrid.alike_nodes import first_alike
 from pdsolve.adaptivity.hybrid.coarse_cells import Plate, quarters, strips
 from pdsolve.adaptivity.hybrid.lattice import BELOW, LEFT
 from pdsolve.adaptivity.hybrid.springs import Springs, e_of
@@ -28,15 +29,16 @@ ROUND_OFF = 1e-12  # relative: stiffnesses this near to those of a full lattice 
 
 
 class Irregular(NamedTuple):
-    """k bonds of s nodes, in the order of a full family."""
+    """k bonds of s nodes, in the order of a full family; those of r of them, whose bonds are all that differ."""
 
     node: NDArray[np.int64]  # (s,) rows of the grid
-    springs: NDArray[np.float64]  # (s, k) stiffness, N/m^2; 0 without a bond
-    kind: NDArray[np.int32]  # (s,) which of the limits a node's bonds have
+    which: NDArray[np.int64]  # (s,) of the r
+    springs: NDArray[np.float64]  # (r, k) stiffness, N/m^2; 0 without a bond
+    kind: NDArray[np.int32]  # (r,) which of the limits a node's bonds have
     peak: NDArray[np.float64]  # (j, k) e, of j different nodes
     limit: NDArray[np.float64]
-    family: NDArray[np.int64]  # (s,) bonds that count in damage
-    stiffness_bound: NDArray[np.float64]  # (s,) as in `Operator`
+    family: NDArray[np.int64]  # (r,) bonds that count in damage
+    stiffness_bound: NDArray[np.float64]  # (r,) as in `Operator`
 
 
 def irregular(plate: Plate, springs: tuple[Springs, ...]) -> Irregular:
@@ -46,13 +48,15 @@ def irregular(plate: Plate, springs: tuple[Springs, ...]) -> Irregular:
     rows = plate.rows_at(places)
     order = np.argsort(rows)
     some, wanted = rows[order], asked[order]
-    shape = (len(some[wanted]), len(springs[0].dx))
-    nothing, count = np.zeros((0, shape[1])), shape[0]
-    numbers, family = np.zeros(count, np.int32), np.zeros(count, np.int64)
-    found = Irregular(some[wanted], np.zeros(shape), numbers, nothing, nothing, family, np.zeros(count))
+    first, which = np.unique(first_alike(plate, some[wanted], reach), return_inverse=True)
+    nothing, count = np.zeros((0, len(springs[0].dx))), len(first)
+    kind, family, sums = np.zeros(count, np.int32), np.zeros(count, np.int64), np.zeros((count, nothing.shape[1]))
+    found = Irregular(some[wanted], which, sums, kind, nothing, nothing, family, np.zeros(count))
     if not count:
         return found
-    limits = _fill(plate, _parts(part_of(plate.model, some), np.flatnonzero(wanted)), some, wanted, springs, found)
+    numbers = np.flatnonzero(wanted)
+    parts = _parts(part_of(plate.model, some), numbers, first, which)
+    limits = _fill(plate, parts, some, numbers[first], springs, found)
     return found._replace(peak=limits[:, 0].copy(), limit=limits[:, 1].copy())
 
 
@@ -107,15 +111,19 @@ def part_of(model: Model, rows: NDArray[np.int64]) -> Model:
     return Model(part, settings, model.name)
 
 
-def _parts(model: Model, rows: NDArray[np.int64]) -> Iterator[tuple[NDArray[np.int64], Part]]:
-    """Bonds of these rows, some at a time: those of nodes near irregular places, beyond which nothing is corrected."""
-    rule, chunks = Rule(model), np.array_split(rows, -(-len(rows) // ROWS))
+def _parts(
+    model: Model, rows: NDArray[np.int64], first: NDArray[np.int64], which: NDArray[np.int64]
+) -> Iterator[tuple[NDArray[np.int64], Part]]:
+    """Bonds of the `first` of these rows, some at a time: those of nodes near irregular places, beyond which nothing is
+    corrected. `which` (s,) of the first each of the rows (s,) is like."""
+    rule, chunks = Rule(model), np.array_split(rows[first], -(-len(first) // ROWS))
     lack = np.ones((len(model.grid), 2))
     kept: list[Paired | None] = []
     for some in chunks:
         found = rule.looked(rule.neighbours.pairs(some))
         lack[some] = rule.lack(some, found)
         kept.append(found if len(kept) < KEPT else None)
+    lack[rows] = lack[rows[first[which]]]
     for number, some in enumerate(chunks):
         found, kept[number] = kept[number] or rule.looked(rule.neighbours.pairs(some)), None
         yield some, rule.part(some, found, lack)
@@ -125,29 +133,42 @@ def _fill(
     plate: Plate,
     parts: Iterable[tuple[NDArray[np.int64], Part]],
     some: NDArray[np.int64],
-    wanted: NDArray[np.bool_],
+    asked: NDArray[np.int64],
     springs: tuple[Springs, ...],
     found: Irregular,
 ) -> NDArray[np.float64]:
-    """Store in `found` the bonds that a scheme makes of part of the plate; `some` are its rows, `wanted` those
-    needed. Returns their different peaks and limits (j, 2, k)."""
+    """Store in `found` the bonds that a scheme makes of part of the plate; `some` are its rows, of which those with the
+    numbers `asked` are. Returns their different peaks and limits (j, 2, k)."""
     reach = int(np.abs(springs[0].dx).max()) + 1
     number = np.full((2 * reach + 1, 2 * reach + 1), -1)
     number[springs[0].dy + reach, springs[0].dx + reach] = np.arange(len(springs[0].dx))
-    slot, full = np.cumsum(wanted) - 1, np.array([one.table[:, 5] for one in springs])
+    full = np.array([one.table[:, 5] for one in springs])
     material, area = plate.model.material_of, plate.areas_of(some) * plate.h**2
     known: dict[bytes, int] = {}
     for own, part in parts:
-        bonds = part.bonds
-        source, xi = np.repeat(own, np.diff(bonds.start)), bonds.xi
+        bonds, slot = part.bonds, np.searchsorted(asked, own)
+        at = np.repeat(np.arange(len(own)), np.diff(bonds.start))
+        source, xi = own[at], bonds.xi
         step = np.round(xi / plate.h).astype(np.int64)
-        k, at, row = number[step[:, 1] + reach, step[:, 0] + reach], slot[source], some[source]
+        k, row = number[step[:, 1] + reach, step[:, 0] + reach], some[source]
         stiffness = bonds.stiffness * area[source] / np.hypot(*xi.T)
         usual = full[material[row], k]
-        found.springs[at, k] = np.where(np.abs(stiffness - usual) < ROUND_OFF * usual, usual, stiffness)
+        found.springs[slot[at], k] = np.where(np.abs(stiffness - usual) < ROUND_OFF * usual, usual, stiffness)
         limits = np.zeros((len(own), 2, full.shape[1]))
-        limits[at - slot[own[0]], 0, k], limits[at - slot[own[0]], 1, k] = e_of(bonds.peak), e_of(bonds.limit)
-        found.kind[slot[own]] = [known.setdefault(one.tobytes(), len(known)) for one in limits]
-        found.family[slot[own]] = part.family[own - part.first]
-        found.stiffness_bound[slot[own]] = stiffness_bound(bonds, bonds.stiffness, True)
+        limits[at, 0, k], limits[at, 1, k] = e_of(bonds.peak), e_of(bonds.limit)
+        found.kind[slot] = _numbers(limits, known)
+        found.family[slot] = part.family[own - part.first]
+        found.stiffness_bound[slot] = stiffness_bound(bonds, bonds.stiffness, True)
     return np.frombuffer(b"".join(known)).reshape(-1, 2, full.shape[1])
+
+
+def _numbers(limits: NDArray[np.float64], known: dict[bytes, int]) -> NDArray[np.int64]:
+    """Number (n,) of each of these (n, 2, k) in `known`, to which new ones are added; most are one of a few."""
+    bits = limits.reshape(len(limits), -1).view(np.int64)
+    _, first, which = np.unique(bits @ np.arange(1, 2 * bits.shape[1], 2), return_index=True, return_inverse=True)
+    if (bits != bits[first[which]]).any():  # two have the same sum
+        first, which = np.arange(len(bits)), np.arange(len(bits))
+    numbers = np.zeros(len(first), dtype=np.int64)
+    for one in np.argsort(first).tolist():
+        numbers[one] = known.setdefault(limits[first[one]].tobytes(), len(known))
+    return np.asarray(numbers[which])

@@ -7,7 +7,7 @@ coarse lattice, without pieces of clipped bonds, which never break.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -25,11 +25,11 @@ from pdsolve.adaptivity.hybrid.arrays import (
     ROWS,
     STIRS,
     VALUE,
-    Nodes,
 )
 from pdsolve.adaptivity.hybrid.engine import Hybrid, ZoneSummary
 from pdsolve.adaptivity.hybrid.irregular_bonds import part_of
-from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, BELOW_COARSE, COARSE, FREE, IDLE, LEFT
+from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, BELOW_COARSE, COARSE, IDLE, LEFT
+from pdsolve.adaptivity.hybrid.node_lists import gather, list_bonds, merged, put
 from pdsolve.adaptivity.hybrid.node_rows import are_intact, of_nodes
 from pdsolve.adaptivity.two_lattice_operator import Sums, TwoLatticeOperator
 from pdsolve.codegen.vector_code import ROW
@@ -61,16 +61,14 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         own, coarse = zone.fine, hybrid.active(zone.coarse, zone.number[COARSE_ROWS])
         places = (own.rows[: zone.number[ROWS], None] * ROW + np.arange(ROW)).ravel()
         fine = places[own.kind[places] != IDLE]
-        on = hybrid.beneath(coarse)
-        alone = fine[_absent(fine, on)]
         self._fine, self._coarse = fine, coarse.astype(np.int32)
-        self._at_coarse = np.searchsorted(alone, on).astype(np.int32)
-        self._at_coarse += np.arange(len(on), dtype=np.int32)
-        self.places = np.concatenate([on, alone])
-        self.places.sort(kind="stable")  # two runs in order
-        self._at_fine = self._rows_of(fine)
-        self._bonds = self._fine_bonds()
-        self._springs = np.packbits(self._coarse_springs(), axis=1)  # (k, 1)
+        self._at_fine, self._at_coarse = np.zeros(len(fine), np.int64), np.zeros(len(coarse), np.int32)
+        self.places = merged(hybrid.plate.at, fine, self._coarse, self._at_fine, self._at_coarse)
+        self._lists = fine, self._coarse, self._at_fine, self._at_coarse
+        self._bonds = np.zeros((len(fine), len(hybrid.ground.ways)), dtype=np.bool_)  # past and present ones
+        self._springs = np.zeros((len(coarse), 1), dtype=np.uint8)  # bits, without those that are fine bonds too
+        kinds, springs = (own.kind, own.entry, own.own), (zone.coarse.entry, zone.coarse.own)
+        list_bonds(kinds, springs, zone.lost, hybrid.ground.ways, self._same(), self._lists, self._bonds, self._springs)
         self.cells = np.count_nonzero(zone.cells == COARSE)
 
     @property
@@ -91,38 +89,12 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
             some = slice(first, first + TOGETHER)
             yield self._at_coarse[some].astype(np.int64), self._coarse[some].astype(np.int64)
 
-    def _lattices(self) -> Iterator[tuple[Nodes, NDArray[np.int64], NDArray[np.int64]]]:
-        """Nodes of both lattices, and rows and places of some of them."""
-        yield self.hybrid.zone.fine, self._at_fine, self._fine
-        yield from ((self.hybrid.zone.coarse, *part) for part in self._parts())
-
-    def _fine_bonds(self) -> NDArray[np.bool_]:
-        """Mask (k, family) of past and present bonds of fine nodes to nodes that exist."""
-        zone, ground, fine = self.hybrid.zone, self.hybrid.ground, self._fine
-        entry = zone.fine.entry[fine // ROW].astype(np.int64)
-        own = zone.fine.own[np.where(entry < 0, -2 - entry, entry), :, fine % ROW] > 0
-        _, node, spring = self.hybrid.broken()
-        own[np.searchsorted(fine, node), spring] = True
-        for k, way in enumerate(ground.ways.tolist()):
-            own[:, k] &= zone.fine.kind[fine + way] != IDLE
-        return own
-
-    def _coarse_springs(self) -> NDArray[np.bool_]:
-        """Mask (k, 8) of springs of coarse nodes, without those on the border that are fine bonds too."""
-        coarse, ground = self.hybrid.zone.coarse, self.hybrid.ground
-        found, row = np.ones((len(self._coarse), len(ground.coarse_ways)), dtype=bool), self._coarse // ROW
-        own = coarse.entry[row] >= 0
-        found[own] = coarse.own[row[own], :, self._coarse[own] % ROW] > 0
+    def _same(self) -> NDArray[np.int64]:
+        """Which bond of the fine family each spring (8,) of the coarse lattice is too; -1: none."""
+        ground = self.hybrid.ground
         number = {(int(dx), int(dy)): k for k, (dx, dy) in enumerate(zip(ground.dx, ground.dy, strict=True))}
-        fine = np.full(len(self.places), -1)
-        fine[self._at_fine] = np.arange(len(self._fine))
-        at = fine[self._at_coarse]
-        del fine
-        for k, (dx, dy) in enumerate(zip(ground.coarse_dx, ground.coarse_dy, strict=True)):
-            same = number.get((2 * int(dx), 2 * int(dy)))
-            if same is not None:
-                found[at >= 0, k] &= ~self._bonds[at[at >= 0], same]
-        return np.asarray(found)
+        ways = zip(ground.coarse_dx.tolist(), ground.coarse_dy.tolist(), strict=True)
+        return np.array([number.get((2 * dx, 2 * dy), -1) for dx, dy in ways])
 
     @cached_property
     def model(self) -> Model:
@@ -153,12 +125,14 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
     def counts(self) -> tuple[NDArray[Any], NDArray[Any]]:
         """Bonds (n,) of each node at the start, and their number including those cut by pre-cracks."""
         count, nodes = np.zeros(len(self.places), dtype=np.int16), self.hybrid.ground.nodes
+        fine = np.zeros(len(self.places), dtype=np.bool_)
+        fine[self._at_fine] = True
         count[self._at_fine] += self._bonds.sum(axis=1, dtype=np.int16)
         count[self._at_coarse] += BITS[self._springs[:, 0]]
         family = count.copy()
         family[self._at_fine] += self._cut[of_nodes(nodes, nodes.own, self._fine)].astype(np.int16)
         for rows, _ in self._parts():
-            alone = rows[_absent(rows, self._at_fine)]
+            alone = rows[~fine[rows]]
             family[alone] = np.maximum(family[alone], self._whole(alone))
         return count, family
 
@@ -194,29 +168,21 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         self._broken = NOTHING
         super().back(kept, broken)
 
-    def _gather(self, of: Callable[[Nodes, NDArray[np.int64]], NDArray[np.float64]], out: NDArray[np.float64]) -> None:
-        """Gather nodal values of both lattices in out (n, 2); `of` returns (2, k) values of a lattice's nodes at
-        places (k,)."""
+    def _gather(
+        self, fine: NDArray[np.float64], coarse: NDArray[np.float64], out: NDArray[np.float64], light: bool = False
+    ) -> None:
+        """Gather values (2, .) of both lattices in out (n, 2), over the masses of nodes if `light`."""
         zone = self.hybrid.zone
-        border, count = zone.border, zone.number[BORDERS]
-        out[self._at_fine] = of(zone.fine, self._fine).T
-        w = border.w[:count, None]
-        first, second = (of(zone.coarse, border.end[:count, side]).T for side in (0, 1))
-        out[self._rows_of(border.node[:count])] = (1 - w) * first + w * second
-        for rows, coarse in self._parts():
-            out[rows] = of(zone.coarse, coarse).T
+        over = [nodes.light if light else nodes.light[:0] for nodes in (zone.fine, zone.coarse)]
+        border = tuple(column[: zone.number[BORDERS]] for column in zone.border[:3])
+        gather(fine, coarse, *over, border, self._lists, out)
 
     def _put(self, state: State) -> None:
         """Set both lattices to the values and rates of a state; border nodes are interpolated."""
         zone, now = self.hybrid.zone, self.hybrid.now
-        for nodes, rows, places in self._lattices():
-            free = nodes.kind[places] == FREE
-            nodes.u[now][:, places[free]] = state.value[rows[free]].T
-            nodes.v[:, places[free]] = state.rate[rows[free]].T
-        border, count = zone.border, zone.number[BORDERS]
-        (a, b), w = border.end[:count].T, border.w[:count]
-        between = (1 - w) * zone.coarse.u[now][:, a] + w * zone.coarse.u[now][:, b]
-        zone.fine.u[now][:, border.node[:count]] = between + border.off[:count].T
+        lattices = ((nodes.u[now], nodes.v, nodes.kind) for nodes in (zone.fine, zone.coarse))
+        border = tuple(column[: zone.number[BORDERS]] for column in zone.border)
+        put(state.value, state.rate, *lattices, border, self._lists)
 
     def swell(self, strain: NDArray[np.float64]) -> None:
         """Let springs stretch from their lengths at these strains (n,) of all nodes of the grid, were they free."""
@@ -225,10 +191,10 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
     def sync(self, state: State) -> None:
         """Update a state from both lattices; work is known only to the ledger."""
         zone, now = self.hybrid.zone, self.hybrid.now
-        self._gather(lambda nodes, at: nodes.u[now][:, at], state.value)
+        self._gather(zone.fine.u[now], zone.coarse.u[now], state.value)
         border, count = zone.border, zone.number[BORDERS]
         state.value[self._rows_of(border.node[:count])] += border.off[:count]
-        self._gather(lambda nodes, at: nodes.v[:, at], state.rate)
+        self._gather(zone.fine.v, zone.coarse.v, state.rate)
         self._accelerate(state.second)
         holds = zone.holds.what[zone.holds.on[: zone.number[HOLDS], 1]]
         state.second[self._rows_of(holds[:, PLACE]), holds[:, AXIS]] = 0.0
@@ -246,7 +212,7 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
 
     def _accelerate(self, out: NDArray[np.float64]) -> None:
         """Gather accelerations, m/s^2, from the most recent sum of forces in out (n, 2)."""
-        self._gather(lambda nodes, at: nodes.f[:, at] * nodes.light[at], out)
+        self._gather(self.hybrid.zone.fine.f, self.hybrid.zone.coarse.f, out, light=True)
 
     def spent(self) -> NDArray[np.float64]:
         """Energy density (n,), J/m^3, dissipated so far by the nodes' broken and softened bonds."""
@@ -309,9 +275,22 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Source and target rows (k,) of the intact bonds of nodes `first` to `last` - 1, or of those at the
         `start`."""
-        ground, zone, half = self.hybrid.ground, self.hybrid.zone, len(self.hybrid.ground.ways) // 2
         last = len(self.places) if last is None else last
-        own, some = (slice(*np.searchsorted(rows, [first, last])) for rows in (self._at_fine, self._at_coarse))
+        own, some = (np.arange(*np.searchsorted(rows, [first, last])) for rows in (self._at_fine, self._at_coarse))
+        return self._bonds_at(own, some, start)
+
+    def bonds_of(self, rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Source and target rows (k,) of the intact bonds of these nodes, which increase, in order."""
+        asked = np.zeros(len(self.places), dtype=np.bool_)
+        asked[rows] = True
+        own, some = (np.flatnonzero(asked[at]) for at in (self._at_fine, self._at_coarse))
+        return self._bonds_at(own, some, False)
+
+    def _bonds_at(
+        self, own: NDArray[np.int64], some: NDArray[np.int64], start: bool
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Source and target rows (k,) of the bonds of some of the fine and of the coarse nodes, by their numbers."""
+        ground, zone, half = self.hybrid.ground, self.hybrid.zone, len(self.hybrid.ground.ways) // 2
         node, k = np.nonzero(self._bonds[own])
         fine = self._fine[own][node]
         target = fine + ground.ways[k]
@@ -340,11 +319,3 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
             self._broken = known
         new = known.step > after
         return Broken(*(column[new] for column in known))
-
-
-def _absent(some: NDArray[np.int64], others: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Mask (k,) of `some` numbers (k,) that are not among `others`, which are in order."""
-    at = np.searchsorted(others, some)
-    return np.asarray(
-        others[np.minimum(at, len(others) - 1)] != some if len(others) else np.ones(len(some), dtype=bool)
-    )

@@ -129,7 +129,7 @@ def _resistance(plate: Plate, springs: tuple[Springs, ...], found: Irregular) ->
             x, y, inverse, k = one.table[:, 0], one.table[:, 1], one.table[:, 4], one.table[:, 5] / plate.h**2
             a, b, c = ((k * inverse * term).sum() for term in (x * x, y * y, x * y))
             inside.append(((a + b) / 2 + np.hypot((a - b) / 2, c)) / rho[number])
-    return np.concatenate([inside, found.stiffness_bound / rho[own]])
+    return np.concatenate([inside, found.stiffness_bound[found.which] / rho[own]])
 
 
 def _loads(plate: Plate, driven: Drive, area: CellAreas) -> Entries:

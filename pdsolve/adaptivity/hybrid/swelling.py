@@ -12,20 +12,17 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 from numba import njit, types
 from numba.extending import overload
 
 from pdsolve.adaptivity.hybrid.arrays import BORDERS, COARSE_ROWS, PIECES, ROWS
-from pdsolve.adaptivity.hybrid.energy import piece_held
+from pdsolve.adaptivity.hybrid.energy import piece_held, row_held
 from pdsolve.adaptivity.hybrid.forces import follow
 from pdsolve.adaptivity.hybrid.lattice import FREE, coarse_column, coarse_place, coarse_row, fine_place
 from pdsolve.adaptivity.hybrid.node_rows import of_node
-from pdsolve.adaptivity.hybrid.springs import INVERSE, STIFFNESS, X2, Y2, X, Y
 from pdsolve.codegen.jit_cache import cached_njit
-from pdsolve.codegen.lanes import across, beside, keep, same, unless_none
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.operators.simd_lattice.kernel import INNER, ONE, PLANE
+from pdsolve.operators.simd_lattice.kernel import INNER
 
 
 def relieve(ground: Any, zone: Any) -> None:
@@ -138,36 +135,16 @@ def _mean(values, nodes, p, way):  # type: ignore[no-untyped-def]
     return values[p] / 2 + (values[p - way] + values[p + way]) / 4
 
 
-@njit(**INNER)
-def _store(nodes, table, ways, green, row, u, s):  # type: ignore[no-untyped-def]
-    """Set s to half the energies of the springs of a row's lanes, J/m; of coarse ones by Green's strain."""
-    entry, slots, none = nodes.entry[row], len(ways), same(u, 0.0)
-    for lane in range(0, ROW, across(s)):
-        p, held = np.int64(row * ROW + lane), none
-        here, own = beside(u, PLANE, p), beside(nodes.shrink, ONE, p)[0]
-        for k in range(slots):
-            there, both = beside(u, PLANE, p + ways[k]), beside(nodes.shrink, ONE, p + ways[k])[0] + own
-            x, y = there[0] - here[0] + both * table[k, X], there[1] - here[1] + both * table[k, Y]
-            e = (table[k, INVERSE] * x + table[k, X2]) * x + (table[k, INVERSE] * y + table[k, Y2]) * y
-            w = same(u, table[k, STIFFNESS])
-            if entry >= 0:
-                w = beside(nodes.own, ONE, np.int64((entry * slots + k) * ROW + lane))[0]
-                e = unless_none(w, e, none)
-            stretch = e * 0.5 if green else e / (np.sqrt(1.0 + e) + 1.0)
-            held = held + w * (0.25 / table[k, INVERSE]) * stretch * stretch
-        keep((held,), s, lane)
-
-
 @cached_njit(error_model="numpy")
 def stored(ground, zone, now):  # type: ignore[no-untyped-def]
     """Strain energy of all springs and pieces, J/m."""
     fine, coarse, found, s = zone.fine, zone.coarse, 0.0, zone.s[0]
     for row in fine.rows[: zone.number[ROWS]]:
-        _store(fine, ground.table, ground.ways, False, row, fine.u[now], s)
+        row_held(fine, ground.table, ground.ways, False, row, fine.u[now], s)
         for lane in range(ROW):
             found += s[lane]
     for row in coarse.rows[: zone.number[COARSE_ROWS]]:
-        _store(coarse, ground.coarse_table, ground.coarse_ways, True, row, coarse.u[now], s)
+        row_held(coarse, ground.coarse_table, ground.coarse_ways, True, row, coarse.u[now], s)
         for lane in range(ROW):
             found += s[lane] if coarse.kind[row * ROW + lane] == FREE else 0.0
     for n in range(zone.number[PIECES]):

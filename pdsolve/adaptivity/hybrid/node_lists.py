@@ -1,0 +1,122 @@
+"""Lists of the current nodes of both lattices and of their bonds, and values of nodes in the order of these lists.
+
+fine, coarse        (k,), (q,) places of the current nodes on their lattice, in order
+at_fine, at_coarse  (k,), (q,) their rows among all n nodes, where a coarse node and the fine one it lies on are one
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from pdsolve.adaptivity.hybrid.lattice import BELOW, BELOW_COARSE, FREE, IDLE, LEFT
+from pdsolve.codegen.jit_cache import cached_njit
+from pdsolve.codegen.vector_code import ROW
+from pdsolve.operators.simd_lattice.kernel import INNER
+
+
+@njit(forceinline=True, **INNER)
+def _beneath(at, q):  # type: ignore[no-untyped-def]
+    """The fine place that a coarse node lies on."""
+    y, x = q // at.coarse_stride, q % at.coarse_stride
+    return (2 * (y - BELOW_COARSE) + BELOW) * at.stride + LEFT + 2 * (x - LEFT)
+
+
+@cached_njit(nogil=True, error_model="numpy")
+def merged(at, fine, coarse, at_fine, at_coarse):  # type: ignore[no-untyped-def]
+    """Set the rows of both kinds of nodes; returns the fine places (n,) of all nodes."""
+    places = np.empty(0, np.int64)
+    for fills in (False, True):
+        i, j, n = 0, 0, 0
+        while i < len(fine) or j < len(coarse):
+            on = _beneath(at, np.int64(coarse[j])) if j < len(coarse) else np.int64(2**62)
+            p = fine[i] if i < len(fine) else np.int64(2**62)
+            if fills:
+                places[n] = min(p, on)
+            if p <= on:
+                at_fine[i] = n
+                i += 1
+            if on <= p:
+                at_coarse[j] = n
+                j += 1
+            n += 1
+        if not fills:
+            places = np.empty(n, np.int64)
+    return places
+
+
+@cached_njit(nogil=True, error_model="numpy")
+def list_bonds(zone_fine, zone_coarse, lost, ways, same, lists, bonds, springs):  # type: ignore[no-untyped-def]
+    """Set the mask (k, family) of past and present bonds of fine nodes to nodes that exist, and the bits (q, 1) of the
+    springs of coarse nodes, without those that are fine bonds too: `same` (8,) says which, -1: none."""
+    kind, entry, own = zone_fine
+    fine, coarse, at_fine, at_coarse = lists
+    half = len(ways) // 2
+    for i in range(len(fine)):
+        p, lane = fine[i], fine[i] % ROW
+        row = entry[p // ROW]
+        row = -2 - row if row < 0 else row
+        for k in range(len(ways)):
+            j = p + ways[k]
+            word = lost[p] >> np.uint64(k) if k < half else lost[j] >> np.uint64(k - half)
+            bonds[i, k] = (own[row, k, lane] > 0 or word & np.uint64(1) != 0) and kind[j] != IDLE
+    entry, own = zone_coarse
+    i = 0
+    for j in range(len(coarse)):
+        row, lane, found = coarse[j] // ROW, coarse[j] % ROW, 0
+        while i < len(fine) and at_fine[i] < at_coarse[j]:
+            i += 1
+        twin = i < len(fine) and at_fine[i] == at_coarse[j]
+        for k in range(8):
+            there = entry[row] < 0 or own[row, k, lane] > 0
+            if there and not (twin and same[k] >= 0 and bonds[i, same[k]]):
+                found |= 128 >> k
+        springs[j, 0] = found
+
+
+@cached_njit(nogil=True, error_model="numpy")
+def gather(values, coarse_values, light, coarse_light, border, lists, out):  # type: ignore[no-untyped-def]
+    """Gather values (2, .) of both lattices in out (n, 2), times `light` (.,), where that is not of length 0; those of
+    border nodes are means of the coarse nodes they lie between."""
+    fine, coarse, at_fine, at_coarse = lists
+    node, end, w = border
+    scaled, b = len(light) > 0, 0
+    for i in range(len(fine)):
+        p, n = fine[i], at_fine[i]
+        on = b < len(node) and node[b] == p
+        for axis in range(2):
+            if on:
+                one, two = coarse_values[axis, end[b, 0]], coarse_values[axis, end[b, 1]]
+                if scaled:
+                    one, two = one * coarse_light[end[b, 0]], two * coarse_light[end[b, 1]]
+                out[n, axis] = (1 - w[b]) * one + w[b] * two
+            else:
+                out[n, axis] = values[axis, p] * light[p] if scaled else values[axis, p]
+        b += on
+    for j in range(len(coarse)):
+        q, n = coarse[j], at_coarse[j]
+        for axis in range(2):
+            out[n, axis] = coarse_values[axis, q] * coarse_light[q] if scaled else coarse_values[axis, q]
+
+
+@cached_njit(nogil=True, error_model="numpy")
+def put(value, rate, fine_nodes, coarse_nodes, border, lists):  # type: ignore[no-untyped-def]
+    """Set displacements and velocities (2, .) of both lattices to values and rates (n, 2); border nodes follow, `off`
+    (., 2) the line between the coarse nodes they lie between."""
+    fine, coarse, at_fine, at_coarse = lists
+    node, end, w, off = border
+    u, v, kind = coarse_nodes
+    for j in range(len(coarse)):
+        if kind[coarse[j]] == FREE:
+            for axis in range(2):
+                u[axis, coarse[j]], v[axis, coarse[j]] = value[at_coarse[j], axis], rate[at_coarse[j], axis]
+    coarse_u, (u, v, kind), b = u, fine_nodes, 0
+    for i in range(len(fine)):
+        p = fine[i]
+        for axis in range(2):
+            if kind[p] == FREE:
+                u[axis, p], v[axis, p] = value[at_fine[i], axis], rate[at_fine[i], axis]
+    for b in range(len(node)):
+        for axis in range(2):
+            between = (1 - w[b]) * coarse_u[axis, end[b, 0]] + w[b] * coarse_u[axis, end[b, 1]]
+            u[axis, node[b]] = between + off[b, axis]

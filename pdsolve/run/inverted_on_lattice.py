@@ -1,0 +1,97 @@
+"""Inverted triangles of nodes on a square lattice, without arrays of all triangles."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pdsolve.codegen.inner_functions import INNER
+from pdsolve.codegen.jit_cache import cached_njit
+
+LINES = 2  # of a lattice: nodes on it may be that far from those beside them
+ON_LATTICE = 1e-6  # spacings: nodes this near to a lattice are on it
+
+
+def inverted_on_lattice(
+    position: NDArray[np.float64],
+    u: NDArray[np.floating],
+    own: slice,
+    flat: float,
+    known: NDArray[np.bool_],
+) -> NDArray[np.int64] | None:
+    """Rows (t, 3) of the corners of triangles that displacements u (n, 2), m, have inverted, by the first corner.
+
+    A node of the `own` rows has one with the nearest nodes within `LINES` spacings along x and along y, if twice its
+    area is at least `flat`, m^2, and if it is not `known` (n,). None if the nodes (n, 2), m, are not row by row on a
+    square lattice, of which some may be missing.
+    """
+    low, high, _ = own.indices(len(position))
+    places, moves = (np.require(one, requirements=("C", "W")) for one in (position, u))
+    found = np.empty((16, 3), dtype=np.int64)
+    while True:
+        count = int(_inverted(places, moves, low, high, flat, known, found))
+        if count <= len(found):
+            return None if count < 0 else found[:count]
+        found = np.empty((count, 3), dtype=np.int64)
+
+
+@cached_njit(nogil=True, error_model="numpy")
+def _inverted(position, u, low, high, flat, known, found):  # type: ignore[no-untyped-def]
+    """List inverted triangles as far as there is room; returns how many there are, -1 off a lattice."""
+    key = np.empty(len(position), np.int64)
+    stride, count = _number(position, key), 0
+    if stride == 0:
+        return -1
+    at = np.zeros((2, 4), np.int64)
+    for n in range(len(position)):
+        a, b = _arm(key, at[0], n, 1), _arm(key, at[1], n, stride)
+        before = _twice(position, u, 0.0, n, a, b)
+        if low <= n < high and not known[n] and abs(before) >= flat and before * _twice(position, u, 1.0, n, a, b) <= 0:
+            if count < len(found):
+                found[count, 0], found[count, 1], found[count, 2] = n, a, b
+            count += 1
+    return count
+
+
+@njit(**INNER)
+def _number(position, key):  # type: ignore[no-untyped-def]
+    """Number the nodes (n,) row by row; returns the step from a row to the next, 0 off a lattice."""
+    x0, y0, x1, spacing = np.inf, np.inf, -np.inf, np.inf
+    for n in range(len(position)):
+        x, y = position[n, 0], position[n, 1]
+        x0, y0, x1 = min(x0, x), min(y0, y), max(x1, x)
+        if n > 0 and x > position[n - 1, 0]:
+            spacing = min(spacing, x - position[n - 1, 0])
+    if not np.isfinite(spacing):
+        return 0
+    stride = int(np.rint((x1 - x0) / spacing)) + LINES + 1
+    for n in range(len(position)):
+        x, y = (position[n, 0] - x0) / spacing, (position[n, 1] - y0) / spacing
+        column, row = np.rint(x), np.rint(y)
+        key[n] = int(row) * stride + int(column)
+        if max(abs(x - column), abs(y - row)) > ON_LATTICE or (n > 0 and key[n] <= key[n - 1]):
+            return 0
+    return stride
+
+
+@njit(**INNER)
+def _arm(key, at, n, step):  # type: ignore[no-untyped-def]
+    """The nearest node along an axis, whose nodes are `step` apart, or the node itself; `at` (4,) goes along."""
+    found = n
+    for k in range(4):
+        wanted = key[n] + (k // 2 + 1) * (step if k % 2 == 0 else -step)
+        while at[k] < len(key) - 1 and key[at[k]] < wanted:
+            at[k] += 1
+        if found == n and key[at[k]] == wanted:
+            found = at[k]
+    return found
+
+
+@njit(forceinline=True, **INNER)
+def _twice(position, u, share, n, a, b):  # type: ignore[no-untyped-def]
+    """Twice the area of a triangle, m^2, displaced by a `share` of u."""
+    x, y = position[n, 0] + share * u[n, 0], position[n, 1] + share * u[n, 1]
+    ax, ay = position[a, 0] + share * u[a, 0] - x, position[a, 1] + share * u[a, 1] - y
+    bx, by = position[b, 0] + share * u[b, 0] - x, position[b, 1] + share * u[b, 1] - y
+    return ax * by - ay * bx
