@@ -65,8 +65,17 @@ def build_body(body: Body) -> tuple[Grid, Settings, tuple[str, ...]]:
 
     Raises SceneError.
     """
-    if not body.bodies:
-        return _alone(body)
+    grid, settings, remarks = _beside(body) if body.bodies else _alone(body)
+    if body.run.gaps:
+        cloud = Cloud([], grid.position, grid.delta)
+        for gap in body.run.gaps:
+            for end in gap.ends:
+                _at(end, f"gap '{gap.name}'", cloud)
+    return grid, settings, remarks
+
+
+def _beside(body: Body) -> tuple[Grid, Settings, tuple[str, ...]]:
+    """Grid, settings and remarks of a body and of those beside it."""
     every = [_alone(replace(body, bodies=()), lists=True)]
     for other in body.bodies:
         try:
@@ -128,9 +137,6 @@ def _alone(body: Body, lists: bool = False) -> tuple[Grid, Settings, tuple[str, 
     counts = [len(level.at) for level in levels]
     delta = np.repeat([level.cubes.spacing for level in levels], counts)
     cloud = Cloud(levels, np.concatenate([level.position for level in levels]), delta)
-    for gap in body.run.gaps:
-        for end in gap.ends:
-            _at(end, f"gap '{gap.name}'", cloud)
     cleared = [_clear_of_nodes(crack, cloud) for crack in body.cracks]
     settings = Settings(
         material=None if body.material is None else in_space(body.material),

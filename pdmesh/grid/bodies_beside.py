@@ -29,7 +29,8 @@ def build_scene(scene: Scene) -> tuple[Grid, Settings, tuple[Shift, ...]]:
     if not scene.bodies:
         grid, settings, moved = build_grid(scene)
         return grid, msgspec.structs.replace(settings, contact=scene.touching), moved
-    alone = [replace(scene, bodies=(), regions=(), media=(), conditions=())]
+    run = msgspec.structs.replace(scene.run, gaps=())
+    alone = [replace(scene, bodies=(), regions=(), media=(), conditions=(), run=run)]
     alone += [_as_plate(scene, body) for body in scene.bodies]
     grids: list[Grid] = []
     shifts: list[Shift] = []

@@ -60,7 +60,7 @@ def check(scene: Plate) -> None:
         _condition(condition, scene)
     for gap in scene.run.gaps:
         for end in gap.ends:
-            if scene.shape.distance(shapely.Point(end[:2])) > scene.spacing:
+            if scene.everything.distance(shapely.Point(end[:2])) > scene.spacing:
                 raise SceneError(
                     f"gap '{gap.name}': found ({end[0]:g}, {end[1]:g}) m away from the plate, expected in it"
                 )

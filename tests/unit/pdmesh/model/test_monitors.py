@@ -80,6 +80,16 @@ def test_monitors_that_contradict(run: Run, said: str, tmp_path: Path) -> None:
 def test_a_gap_off_the_plate_is_refused() -> None:
     with pytest.raises(SceneError, match=naming("gap 'a'", found="away")):
         plate().gap("a", (0, 0), (0, 0.5))
+    block = Body(Box((0, 0, 0), (4, 4, 4)), 1.0, GLASS)
+    with pytest.raises(SceneError, match=naming("gap 'a'", found="away")):
+        build(block.gap("a", (0, 0, 0), (0, 0, 9)))
+
+
+def test_a_gap_between_two_bodies() -> None:
+    beside = plate().body(box(0.05, 0, 0.06, 0.02), "striker").gap("a", (0.04, 0.01), (0.05, 0.01))
+    assert build(beside).settings.run.gaps[0].ends[1] == (0.05, 0.01)
+    blocks = Body(Box((0, 0, 0), (4, 4, 4)), 1.0, GLASS).body(Box((6, 0, 0), (10, 4, 4)), "striker")
+    assert build(blocks.gap("a", (4, 2, 2), (6, 2, 2))).settings.run.gaps[0].ends[1] == (6, 2, 2)
 
 
 DRAWING = """
