@@ -13,11 +13,10 @@ from pdsolve.adaptivity.hybrid.space.prepare import drive_of_nodes
 from pdsolve.errors import CheckpointError
 from pdsolve.operators.protocol import Kept
 from pdsolve.run.assembly import assembled
-from pdsolve.run.energy_steps import energy, pushed
+from pdsolve.run.energy_steps import energy, pushed, unbroken
 from pdsolve.run.node_changes import Change
 from pdsolve.run.system import Prepared, System
 from pdsolve.state import State, zero_state
-from pdsolve.steppers.equilibrium import forces
 
 
 class Refining:
@@ -34,8 +33,10 @@ class Refining:
         held = energy(system, state, before.held_around(state, new))
         after = before.refined(new)
         fresh = _on(system, after, step)
-        found = _moved(before, after, state, fresh)
-        made = energy(fresh, found, after.held_around(found, new)) - held + pushed(fresh, found)
+        found = _moved(before, after, state)
+        pull, drive = unbroken(after, found), fresh.drive
+        drive.held_force[:] = (pull + drive.force)[drive.holds.node, drive.holds.axis]
+        made = energy(fresh, found, after.held_around(found, new)) - held + pushed(fresh, found, pull)
         after.history = after.history._replace(made=after.history.made + made)
         return Change(fresh, found, _origin(system, fresh))
 
@@ -61,19 +62,14 @@ def _on(system: System, after: SpaceHybrid, step: int) -> System:
     return dataclasses.replace(found, whole=system.whole)
 
 
-def _moved(before: SpaceHybrid, after: SpaceHybrid, state: State, fresh: System) -> State:
+def _moved(before: SpaceHybrid, after: SpaceHybrid, state: State) -> State:
     """The state on the nodes `after` a refinement: interpolated, with what was booked where it was."""
     rows = before.before(after)
     old, nodes = rows >= 0, len(rows)
     booked = np.zeros((3, nodes))
     for here, there in zip(booked, state[3:], strict=True):
         here[old] = there[rows[old]] * before.volume[rows[old]] / after.volume[old]
-    found = State(*(before.moved(after, values) for values in state[:3]), *booked)
-    drive = fresh.drive
-    still = found._replace(dissipated=np.zeros(nodes))
-    pull = forces(after, still) + drive.force
-    drive.held_force[:] = pull[drive.holds.node, drive.holds.axis]
-    return found
+    return State(*(before.moved(after, values) for values in state[:3]), *booked)
 
 
 def _origin(system: System, fresh: System) -> NDArray[np.int64]:

@@ -290,6 +290,13 @@ def hold_tiles(tiles, u, own_held, own_spent, first, last):  # type: ignore[no-u
                         own_spent[i] += spent(tiles.law, c, worst, peak, limit)
 
 
+@cached_njit(nogil=True, error_model="numpy")
+def hold_some(tiles, u, own_held, own_spent, some):  # type: ignore[no-untyped-def]
+    """`hold_tiles` of `some` tiles (s,)."""
+    for t in some:
+        hold_tiles(tiles, u, own_held, own_spent, t, t + 1)
+
+
 @cached_njit(error_model="numpy")
 def recall(tiles, tile, slot, lane, worst):  # type: ignore[no-untyped-def]
     """Enter the largest stretches `worst` (b,) of bonds in the memory of their tiles."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,6 @@ from pdsolve.operators.simd_lattice.layout import aligned
 from pdsolve.operators.space_lattice.kernel import Tiles
 from pdsolve.operators.space_lattice.sites import Sites
 
-Number = TypeVar("Number", bound=np.generic)
 ROOM = 16  # pieces of a node, about
 
 
@@ -92,21 +91,9 @@ def arranged(whole: Whole, zone: Zone, new: NDArray[np.int64]) -> Zone:
         arrangement.arrange(fine, zone.cells, zone.tiles.bits, dirty, made)
     stale = np.zeros(len(zone.kind), dtype=bool)
     stale[dirty] = True
-    kept = ~stale[zone.pieces.owner]
-    old = zone.pieces
-    owner = np.concatenate([old.owner[kept], made.owner[:count]])
-    order = np.argsort(owner, kind="stable")
-
-    def both(ours: NDArray[Number], others: NDArray[Number]) -> NDArray[Number]:
-        return np.concatenate([ours[kept], others[:count]])[order]
-
-    ordered = Pieces(
-        owner[order],
-        both(old.kind, made.kind),
-        both(old.ends, made.ends),
-        both(old.k, made.k),
-        both(old.breaks, made.breaks),
-    )
+    old, made = zone.pieces, arrangement.first_of(made, count)
+    ordered = arrangement.pieces_of(len(old.owner) - np.count_nonzero(stale[old.owner]) + count)
+    arrangement.merge(old, stale, made, np.argsort(made.near, kind="stable"), ordered)
     corners = np.unique((new[:, None] + np.array(list(np.ndindex(2, 2, 2)))).reshape(-1, 3), axis=0)
     coarse_springs.set_springs(box, zone.cells, whole.modulus, whole.springs_at.ways, corners, zone.springs)
     return zone._replace(pieces=ordered)

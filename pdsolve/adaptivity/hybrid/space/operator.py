@@ -32,7 +32,7 @@ from pdsolve.model import Model
 from pdsolve.numerics.thread_team import share
 from pdsolve.operators.protocol import Kept
 from pdsolve.operators.space_lattice import layout
-from pdsolve.operators.space_lattice.kernel import EMPTY, VOLUME, Breaks, Tiles, hold_tiles, sum_tiles
+from pdsolve.operators.space_lattice.kernel import EMPTY, VOLUME, Breaks, Tiles, hold_some, sum_tiles
 from pdsolve.operators.space_lattice.operator import ROOM
 from pdsolve.operators.space_lattice.sites import Sites
 from pdsolve.state import Broken, State, Unknown
@@ -93,7 +93,7 @@ class SpaceHybrid:
         nodes, border, margin = len(self.sites), len(self._border), whole.sites.margin
         on, self._w = np.zeros((border, arrangement.ENDS), np.int64), np.zeros((border, arrangement.ENDS))
         arrangement.carriers(fine.box, self._border, on, self._w)
-        self._on, self._pieces = self._row[on], self._linked(zone.pieces)
+        self._on, self._pieces = self._row[on], pieces.linked(fine, zone.kind, self._row, zone.pieces)
         volume = fine.cube * fine.tiles.cells[VOLUME, margin : margin + count]
         self.volume = self._gathered(volume)
         self._border_volume = volume[self._border]
@@ -110,16 +110,6 @@ class SpaceHybrid:
         arrangement.gather(self.whole.fine, self._zone.kind, self.sites[self._coarse], own, coarse)
         found[self._coarse] = coarse
         return found
-
-    def _linked(self, found: arrangement.Pieces) -> pieces.PieceSprings:
-        """The pieces between the nodes."""
-        fine = self.whole.fine
-        ends, points = arrangement.ended(fine, self._zone.kind, found)
-        u, force = np.zeros((2, len(points.number), 4))
-        of_points = points.number, self._row[points.site], points.w
-        return pieces.PieceSprings(
-            *of_points, ends, *arrangement.directed(fine, found), found.k, found.breaks, u, force
-        )
 
     def _above(self, sites: NDArray[np.int64]) -> NDArray[np.int64]:
         """The coarse sites at fine sites."""
@@ -245,25 +235,31 @@ class SpaceHybrid:
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Strain energy densities (n,), J/m^3, and zeros: no bond softens."""
-        return self._held(state, [(0, len(self._zone.tiles.kind))]), np.zeros(len(self.sites))
+        every, above = (np.ones(len(each), dtype=np.bool_) for each in (self._zone.kind, self._zone.springs.node))
+        return self._held(state, every, above), np.zeros(len(self.sites))
 
     def held_around(self, state: State, new: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Strain energy densities (n,), J/m^3, without fine bonds that are as they were before the cells `new` (k, 3)
-        became fine."""
-        tiles = near(self.whole.fine.box, new, self.whole.fine.reach) // ROW  # in order
-        first = np.flatnonzero(np.diff(tiles, prepend=-2) > 1)
-        last = np.append(tiles[first[1:] - 1], tiles[-1]) + 1
-        return self._held(state, list(zip(tiles[first].tolist(), last.tolist(), strict=True)))
+        """Strain energy densities (n,), J/m^3, without bonds that are as they were before the cells `new` (k, 3) became
+        fine."""
+        box = self.whole.fine.box
+        some, above = np.zeros(len(self._zone.kind), np.bool_), np.zeros(len(self._zone.springs.node), np.bool_)
+        some[near(box, new, self.whole.fine.reach)] = True
+        for corner in np.ndindex(2, 2, 2):
+            x, y, z = (new + np.array(corner)).T
+            above[(z * (box.cy + 1) + y) * (box.cx + 1) + x] = True
+        return self._held(state, some, above)
 
-    def _held(self, state: State, some: list[tuple[int, int]]) -> NDArray[np.float64]:
-        """Strain energy densities (n,), J/m^3, with the fine bonds of these ranges of tiles alone."""
+    def _held(self, state: State, some: NDArray[np.bool_], above: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """Strain energy densities (n,), J/m^3, of bonds, springs and pieces from `some` (sites,) fine nodes, or coarse
+        ones `above` (sites,), and others in their tiles."""
         self._place(state.value)
         zone, nodes, held = self._zone, len(self.sites), np.zeros(len(self.sites))
         own, nothing = np.zeros((2, len(self._density)))
-        for first, last in some:
-            hold_tiles(zone.tiles, zone.u, own, nothing, first, last)
-        coarse_springs.hold_springs(zone.springs, zone.u_coarse, held)
-        pieces.hold_pieces(state.value, self._pieces, held)
+        hold_some(zone.tiles, zone.u, own, nothing, np.flatnonzero(some.reshape(-1, ROW).any(axis=1)))
+        coarse_springs.hold_springs(
+            zone.springs, zone.u_coarse, held, np.flatnonzero(above.reshape(-1, ROW).any(axis=1))
+        )
+        pieces.hold_pieces(state.value, self._pieces, some, held)
         pieces.pass_on(own[nodes:, None], self._on, self._w, self._border_volume, held[:, None])
         return held / self.volume + own[:nodes]
 
@@ -287,16 +283,17 @@ class SpaceHybrid:
         above = at._replace(site=np.full(nodes, at.margin, dtype=np.int32), node=zone.springs.node)
         above.site[self._coarse] = self._coarse_sites
         found = self._pieces
+        of_pieces = pieces.listed(found)
         free = np.append(self._free, nodes + np.arange(border))
         linked = Linked(
             self.volume,
             (self._on, self._w),
             (found.rows, found.w),
-            found.ends,
+            of_pieces.ends,
             (zone.tiles, sites, free, np.append(self.volume, self._border_volume), False),
             (zone.springs, above, self._coarse, np.ones(nodes), True),
-            found.xi[found.direction, :3],
-            found.k,
+            of_pieces.xi,
+            of_pieces.k,
         )
         return tangent_of(linked, state.value)
 
