@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from pdsolve.adaptivity.hybrid.space import arrangement, coarse_springs
 from pdsolve.adaptivity.hybrid.space.arrangement import Fine, Pieces
 from pdsolve.adaptivity.hybrid.space.box import FINE, Box
+from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.conditions import Drive
 from pdsolve.model import Model
 from pdsolve.operators.simd_lattice.layout import aligned
@@ -62,13 +63,20 @@ def places(box: Box, sites: NDArray[np.signedinteger]) -> NDArray[np.int64]:
     return np.column_stack([sites % box.sx, sites // box.sx % box.sy, sites // (box.sx * box.sy)])
 
 
-def near(box: Box, new: NDArray[np.int64], reach: int) -> NDArray[np.int64]:
-    """The sites, in order, of fine nodes within `reach` spacings of cells (k, 3)."""
-    marked = np.zeros((box.sz, box.sy, box.sx), dtype=bool)
-    for x, y, z in (2 * new).tolist():
-        low = [max(each - reach, 0) for each in (z, y, x)]
-        marked[low[0] : z + reach + 3, low[1] : y + reach + 3, low[2] : x + reach + 3] = True
-    return np.flatnonzero(marked)
+def near(box: Box, new: NDArray[np.int64], reach: int) -> NDArray[np.bool_]:
+    """Mask (sites,) of the box's fine nodes within `reach` spacings of cells (k, 3)."""
+    marked = np.zeros((box.sz, box.sy, box.sx), dtype=np.bool_)
+    _mark(new, reach, marked)
+    return marked.ravel()
+
+
+@cached_njit(error_model="numpy")
+def _mark(new, reach, marked):  # type: ignore[no-untyped-def]
+    for n in range(len(new)):
+        x, y, z = 2 * new[n, 0], 2 * new[n, 1], 2 * new[n, 2]
+        for dz in range(max(z - reach, 0), min(z + reach + 3, marked.shape[0])):
+            for dy in range(max(y - reach, 0), min(y + reach + 3, marked.shape[1])):
+                marked[dz, dy, max(x - reach, 0) : x + reach + 3] = True
 
 
 def _copied(tiles: Tiles) -> Tiles:
@@ -81,7 +89,7 @@ def arranged(whole: Whole, zone: Zone, new: NDArray[np.int64]) -> Zone:
     Bits and numbers are new arrays: results may still ask for bonds of before.
     """
     fine, box = whole.fine, whole.fine.box
-    dirty = near(box, new, fine.reach)
+    dirty = np.flatnonzero(near(box, new, fine.reach))
     arrangement.classify(box, fine.tiles.node, zone.cells, dirty, zone.kind, zone.above)
     zone = zone._replace(tiles=_copied(zone.tiles), springs=_copied(zone.springs))
     made = arrangement.pieces_of(2 * len(zone.pieces.owner) + ROOM * len(dirty))

@@ -242,8 +242,8 @@ class SpaceHybrid:
         """Strain energy densities (n,), J/m^3, without bonds that are as they were before the cells `new` (k, 3) became
         fine."""
         box = self.whole.fine.box
-        some, above = np.zeros(len(self._zone.kind), np.bool_), np.zeros(len(self._zone.springs.node), np.bool_)
-        some[near(box, new, self.whole.fine.reach)] = True
+        some, above = near(box, new, self.whole.fine.reach), np.zeros(len(self._zone.springs.node), np.bool_)
+        some = np.pad(some, (0, len(self._zone.kind) - len(some)))
         for corner in np.ndindex(2, 2, 2):
             x, y, z = (new + np.array(corner)).T
             above[(z * (box.cy + 1) + y) * (box.cx + 1) + x] = True
@@ -255,7 +255,7 @@ class SpaceHybrid:
         self._place(state.value)
         zone, nodes, held = self._zone, len(self.sites), np.zeros(len(self.sites))
         own, nothing = np.zeros((2, len(self._density)))
-        hold_some(zone.tiles, zone.u, own, nothing, np.flatnonzero(some.reshape(-1, ROW).any(axis=1)))
+        hold_some(zone.tiles, zone.u, own, nothing, some)
         coarse_springs.hold_springs(
             zone.springs, zone.u_coarse, held, np.flatnonzero(above.reshape(-1, ROW).any(axis=1))
         )
