@@ -13,7 +13,7 @@ from pdsolve.adaptivity.hybrid.space.prepare import drive_of_nodes
 from pdsolve.errors import CheckpointError
 from pdsolve.operators.protocol import Kept
 from pdsolve.run.assembly import assembled
-from pdsolve.run.energy_steps import energy, pushed, unbroken
+from pdsolve.run.energy_steps import energy, pushed
 from pdsolve.run.node_changes import Change
 from pdsolve.run.system import Prepared, System
 from pdsolve.state import State, zero_state
@@ -34,9 +34,9 @@ class Refining:
         after = before.refined(new)
         fresh = _on(system, after, step)
         found = _moved(before, after, state)
-        pull, drive = unbroken(after, found), fresh.drive
-        drive.held_force[:] = (pull + drive.force)[drive.holds.node, drive.holds.axis]
-        made = energy(fresh, found, after.held_around(found, new)) - held + pushed(fresh, found, pull)
+        pull, which = after.forces_around(found, new)
+        _hold(system, fresh, before.before(after), pull, which)
+        made = energy(fresh, found, after.held_around(found, new)) - held + pushed(fresh, found, pull, which)
         after.history = after.history._replace(made=after.history.made + made)
         return Change(fresh, found, _origin(system, fresh))
 
@@ -70,6 +70,22 @@ def _moved(before: SpaceHybrid, after: SpaceHybrid, state: State) -> State:
     for here, there in zip(booked, state[3:], strict=True):
         here[old] = there[rows[old]] * before.volume[rows[old]] / after.volume[old]
     return State(*(before.moved(after, values) for values in state[:3]), *booked)
+
+
+def _hold(
+    system: System,
+    fresh: System,
+    rows: NDArray[np.int64],
+    pull: NDArray[np.float64],
+    which: NDArray[np.bool_],
+) -> None:
+    """Set the forces on held components: of `which` nodes (n,) the force densities `pull` (n, 3), of others those they
+    had; `rows` (n,) are those before."""
+    old, new = system.drive, fresh.drive
+    node, axis = new.holds.node, new.holds.axis
+    known = np.zeros((len(system.model.grid), 3))
+    known[old.holds.node, old.holds.axis] = old.held_force
+    new.held_force[:] = np.where(which[node], (pull + new.force)[node, axis], known[rows[node], axis])
 
 
 def _origin(system: System, fresh: System) -> NDArray[np.int64]:

@@ -20,11 +20,12 @@ from pdsolve.errors import CheckpointError, UnstableError
 from pdsolve.operators.protocol import Kept
 from pdsolve.run.assembly import assembled
 from pdsolve.run.energy_steps import energy as energy_of
-from pdsolve.run.energy_steps import pushed, unbroken
+from pdsolve.run.energy_steps import pushed
 from pdsolve.run.node_changes import Change
 from pdsolve.run.operator_factory import stable
 from pdsolve.run.system import Prepared, System
 from pdsolve.state import State
+from pdsolve.steppers.equilibrium import forces
 
 
 class Splitting:
@@ -79,7 +80,7 @@ class Splitting:
         new.drive.held_force[:] = system.drive.held_force
         put_loads(new.drive, step * system.time_step)
         created = energy_of(new, begun, operator.energies(begun)[0]) - energy_of(system, state, held)
-        created += pushed(new, begun, unbroken(operator, begun))
+        created += pushed(new, begun, forces(operator, begun._replace(dissipated=np.zeros_like(begun.dissipated))))
         calm = np.where(transfer.stays, own.memory.calm[transfer.before[:, 0]], 0)
         operator.memory = Memory(calm, own.memory.created + created)
         return Change(new, begun, self._origin(system, new, transfer))

@@ -119,6 +119,15 @@ def sum_tiles(tiles, u, rate, dt, ages, out, dissipated, breaks, first, last):  
     return last
 
 
+@cached_njit(nogil=True, error_model="numpy")
+def sum_some(tiles, u, rate, out, dissipated, some):  # type: ignore[no-untyped-def]
+    """Add the force densities, N/m^3, of the tiles with `some` sites (16 t,) to `out` (n, 3); nothing breaks."""
+    nothing = Breaks(np.zeros(1, np.int64), np.empty((ROW * len(tiles.offsets), 2), np.int32))
+    for t in range(len(tiles.kind)):
+        if some[t * ROW : t * ROW + ROW].any():
+            sum_tiles(tiles, u, rate, 0.0, False, out, dissipated, nothing, t, t + 1)
+
+
 @njit(**INNER)
 def _write(tiles, t, f, out):  # type: ignore[no-untyped-def]
     """Add the force densities f (3, 16) of a tile to `out` (n, 3)."""
