@@ -169,6 +169,8 @@ class Model:
             raise ModelError(f"{self.name}: $.material.plane: found '{refused}', expected {expected} in {what}")
 
     def _check_places(self) -> None:
+        if _ascend(self.grid.position):
+            return
         order = np.lexsort(self.grid.position.T)
         same = (np.diff(self.grid.position[order], axis=0) == 0).all(axis=1)
         if same.any():
@@ -243,6 +245,15 @@ class Model:
     def to_json(self) -> str:
         """The model as one JSON document, which `model_of` reads."""
         return encode(document_of(self.grid, self.settings)).decode()
+
+
+def _ascend(position: NDArray[np.float64]) -> bool:
+    """Whether places (n, d) are in order, the last coordinate first, and none is there twice."""
+    above = np.zeros(max(len(position) - 1, 0), dtype=np.bool_)
+    for along in position.T:  # what a later one says counts more
+        step = np.diff(along)
+        above = (step > 0) | (step == 0) & above
+    return bool(above.all())
 
 
 def on_device(model: Model, device: str) -> Model:

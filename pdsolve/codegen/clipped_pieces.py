@@ -1,8 +1,11 @@
-"""The innermost loop of clipped bonds as vector code: x, y and z of one piece in a vector.
+"""The innermost loop of clipped bonds as vector code: eight pieces with the same near end at a time.
 
 u, force    (q, 4) displacements of points, m, and forces on them, N; the last column of u is 0
-xi          (g, 4) xi, m, and 1 / |xi|^2
-i, j, row   points at the ends of the piece, and its row of xi;    k   its stiffness, N/m
+xi          (g, 4) xi from the near end to the far one, m, and 1 / |xi|^2
+far, row    (p,) points at the far ends of pieces, and their rows of xi
+k, breaks   (p,) stiffness, N/m, and the least e at which bonds break over that of the piece's
+top         (8,) the largest of e times `breaks` so far
+at, near    the first of the eight, and the point at their near end
 """
 
 from __future__ import annotations
@@ -14,66 +17,130 @@ from numba import types
 from numba.extending import intrinsic
 
 from pdsolve.codegen.pull import NARROW, coefficients
-from pdsolve.codegen.vector_code import INT, call, repeat
+from pdsolve.codegen.vector_code import INT, call
 
-ACROSS = 4
+TOGETHER = 8
+_ACROSS = 4
 _DOUBLE, _ID = ir.DoubleType(), ir.IntType(32)
-_VECTOR = ir.VectorType(_DOUBLE, ACROSS)
+_ROW, _ROWS = ir.VectorType(_DOUBLE, _ACROSS), ir.VectorType(_DOUBLE, TOGETHER)
+# of two vectors, the even and the odd entries in pairs; and the first and the last two of each half
+_EVEN, _ODD = (0, 8, 2, 10, 4, 12, 6, 14), (1, 9, 3, 11, 5, 13, 7, 15)
+_FIRST, _LAST = (0, 1, 8, 9, 4, 5, 12, 13), (2, 3, 10, 11, 6, 7, 14, 15)
 
 
 @intrinsic
-def add_piece(typingctx, u, force, xi, i, j, row, k):  # type: ignore[no-untyped-def]
-    """Add the forces of a piece on its ends; its e."""
+def add_pieces(typingctx, u, force, xi, far, row, k, breaks, top, at, near):  # type: ignore[no-untyped-def]
+    """Add the forces of eight pieces on their ends."""
 
     def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
-        arrays = zip(signature.args[:3], values[:3], strict=True)
-        where, forces, ways = (context.make_array(kind)(context, builder, array).data for kind, array in arrays)
-        first, second, way, stiffness = values[3:]
-        eta = builder.fsub(*(_load(builder, _at(builder, where, point)) for point in (second, first)))
-        reference = _load(builder, _at(builder, ways, way))
-        along = builder.fmul(call(builder, "fmuladd", ir.Constant(_VECTOR, [2.0] * ACROSS), reference, eta), eta)
-        x, y, z, inverse = (
-            *(builder.extract_element(along, _ID(axis)) for axis in range(3)),
-            builder.extract_element(reference, _ID(3)),
-        )
-        e = builder.fmul(inverse, builder.fadd(builder.fadd(x, y), z))
-        pull = builder.fmul(stiffness, builder.fmul(e, _shortened(builder, e)))
-        on = builder.fmul(repeat(builder, _VECTOR, pull), builder.fadd(reference, eta))
-        for point, sign in ((first, builder.fadd), (second, builder.fsub)):
-            place = _at(builder, forces, point)
-            builder.store(sign(_load(builder, place), on), place).align = 8
-        return e
+        arrays = zip(signature.args[:8], values[:8], strict=True)
+        data = [context.make_array(kind)(context, builder, array).data for kind, array in arrays]
+        _add(builder, data, *values[8:])
+        return context.get_dummy_value()
 
-    numbers = (types.int64,) * 3
-    return types.float64(u, force, xi, *numbers, types.float64), generate
+    return types.void(u, force, xi, far, row, k, breaks, top, types.int64, types.int64), generate
+
+
+def _add(builder: ir.IRBuilder, data: list[Any], at: Any, near: Any) -> None:
+    where, force, ways, far, row, k, breaks, top = data
+    others = [_integer(builder, far, at, n) for n in range(TOGETHER)]
+    here = _load(builder, where, builder.mul(near, INT(_ACROSS)), _ROW)
+    there = _columns(builder, [_load(builder, where, builder.mul(j, INT(_ACROSS)), _ROW) for j in others])
+    eta = [builder.fsub(far_off, _spread(builder, here, axis)) for axis, far_off in enumerate(there[:3])]
+    of = (builder.mul(_integer(builder, row, at, n), INT(_ACROSS)) for n in range(TOGETHER))
+    *reference, inverse = _columns(builder, [_load(builder, ways, each, _ROW) for each in of])
+    e = _all(0.0)
+    for x, y in zip(reference, eta, strict=True):
+        e = _fma(builder, _fma(builder, _all(2.0), x, y), y, e)
+    e = builder.fmul(inverse, e)
+    risk, before = builder.fmul(_load(builder, breaks, at, _ROWS), e), _load(builder, top, INT(0), _ROWS)
+    _store(builder, call(builder, "maxnum", before, risk), top, INT(0))
+    pull = builder.fmul(_load(builder, k, at, _ROWS), builder.fmul(e, _shortened(builder, e)))
+    on = [builder.fmul(pull, builder.fadd(x, y)) for x, y in zip(reference, eta, strict=True)]
+    forces = _rows(builder, [*on, _all(0.0)])
+    for j, one in zip(others, forces, strict=True):
+        place = builder.mul(j, INT(_ACROSS))
+        _store(builder, builder.fsub(_load(builder, force, place, _ROW), one), force, place)
+    while len(forces) > 1:
+        forces = [builder.fadd(*forces[n : n + 2]) for n in range(0, len(forces), 2)]
+    place = builder.mul(near, INT(_ACROSS))
+    _store(builder, builder.fadd(_load(builder, force, place, _ROW), forces[0]), force, place)
 
 
 def _shortened(builder: ir.IRBuilder, e: Any) -> Any:
     """1 / (1 + e + sqrt(1 + e)), by a polynomial where that holds."""
-    near = builder.fcmp_ordered("<", call(builder, "fabs", e), _DOUBLE(NARROW))
-    with builder.if_else(near, likely=True) as (then, otherwise):
-        with then:
-            factors = coefficients("float64")[0]
-            inner = _DOUBLE(factors[-1])
-            for factor in factors[-2::-1]:
-                inner = call(builder, "fmuladd", inner, e, _DOUBLE(factor))
-            from_inner = builder.block
-        with otherwise:
-            q2 = builder.fadd(_DOUBLE(1.0), e)
-            outer = builder.fdiv(_DOUBLE(1.0), builder.fadd(q2, call(builder, "sqrt", q2)))
-            from_outer = builder.block
-    found = builder.phi(_DOUBLE)
-    found.add_incoming(inner, from_inner)
-    found.add_incoming(outer, from_outer)
+    began, (exact, done) = builder.block, (builder.function.append_basic_block(name) for name in ("exact", "done"))
+    factors = coefficients("float64")[0]
+    inner = _all(factors[-1])
+    for factor in factors[-2::-1]:
+        inner = _fma(builder, inner, e, _all(factor))
+    beyond = builder.fcmp_unordered(">", call(builder, "fabs", e), _all(NARROW))
+    bits = ir.IntType(TOGETHER)
+    builder.cbranch(builder.icmp_unsigned("!=", builder.bitcast(beyond, bits), bits(0)), exact, done)
+    builder.position_at_end(exact)
+    q2 = builder.fadd(_all(1.0), e)
+    root = builder.fdiv(_all(1.0), builder.fadd(q2, call(builder, "sqrt", q2)))
+    outer = builder.select(beyond, root, inner)
+    builder.branch(done)
+    builder.position_at_end(done)
+    found = builder.phi(_ROWS)
+    found.add_incoming(inner, began)
+    found.add_incoming(outer, exact)
     return found
 
 
-def _at(builder: ir.IRBuilder, data: Any, row: Any) -> Any:
-    """Address of a row (4,)."""
-    return builder.bitcast(builder.gep(data, [builder.mul(row, INT(ACROSS))]), _VECTOR.as_pointer())
+def _columns(builder: ir.IRBuilder, rows: list[Any]) -> list[Any]:
+    """The four columns of eight rows."""
+    every = tuple(range(TOGETHER))
+    a, b, c, d = (_shuffle(builder, rows[n], rows[n + _ACROSS], every) for n in range(_ACROSS))
+    return [
+        _shuffle(builder, _shuffle(builder, a, b, pairs), _shuffle(builder, c, d, pairs), halves)
+        for halves in (_FIRST, _LAST)
+        for pairs in (_EVEN, _ODD)
+    ]
 
 
-def _load(builder: ir.IRBuilder, place: Any) -> Any:
-    value = builder.load(place)
+def _rows(builder: ir.IRBuilder, columns: list[Any]) -> list[Any]:
+    """The eight rows of four columns."""
+    x, y, z, w = columns
+    found = []
+    for halves in (_FIRST, _LAST):
+        one, other = _shuffle(builder, x, z, halves), _shuffle(builder, y, w, halves)
+        found += [_shuffle(builder, one, other, pairs) for pairs in (_EVEN, _ODD)]
+    nothing = ir.Constant(_ROWS, ir.Undefined)
+    return [
+        _shuffle(builder, each, nothing, tuple(range(first, first + _ACROSS)))
+        for first in (0, _ACROSS)
+        for each in found
+    ]
+
+
+def _shuffle(builder: ir.IRBuilder, one: Any, other: Any, which: tuple[int, ...]) -> Any:
+    return builder.shuffle_vector(one, other, ir.Constant(ir.VectorType(_ID, len(which)), list(which)))
+
+
+def _spread(builder: ir.IRBuilder, row: Any, entry: int) -> Any:
+    """An entry of a row in all eight."""
+    return _shuffle(builder, row, ir.Constant(_ROW, ir.Undefined), (entry,) * TOGETHER)
+
+
+def _all(number: float) -> Any:
+    return ir.Constant(_ROWS, [number] * TOGETHER)
+
+
+def _fma(builder: ir.IRBuilder, a: Any, b: Any, c: Any) -> Any:
+    return call(builder, "fmuladd", a, b, c)
+
+
+def _integer(builder: ir.IRBuilder, data: Any, at: Any, more: int) -> Any:
+    return builder.sext(builder.load(builder.gep(data, [builder.add(at, INT(more))])), INT)
+
+
+def _load(builder: ir.IRBuilder, data: Any, at: Any, kind: Any) -> Any:
+    value = builder.load(builder.bitcast(builder.gep(data, [at]), kind.as_pointer()))
     value.align = 8
     return value
+
+
+def _store(builder: ir.IRBuilder, value: Any, data: Any, at: Any) -> None:
+    builder.store(value, builder.bitcast(builder.gep(data, [at]), value.type.as_pointer())).align = 8

@@ -17,7 +17,6 @@ from pdsolve.run.energy_steps import energy, pushed
 from pdsolve.run.node_changes import Change
 from pdsolve.run.system import Prepared, System
 from pdsolve.state import State, zero_state
-from pdsolve.steppers.equilibrium import forces
 
 
 class Refining:
@@ -34,8 +33,10 @@ class Refining:
         held = energy(system, state, before.held_around(state, new))
         after = before.refined(new)
         fresh = _on(system, after, step)
-        found = _moved(before, after, state, fresh)
-        made = energy(fresh, found, after.held_around(found, new)) - held + pushed(fresh, found)
+        found = _moved(before, after, state)
+        pull, which = after.forces_around(found, new)
+        _hold(system, fresh, before.before(after), pull, which)
+        made = energy(fresh, found, after.held_around(found, new)) - held + pushed(fresh, found, pull, which)
         after.history = after.history._replace(made=after.history.made + made)
         return Change(fresh, found, _origin(system, fresh))
 
@@ -61,19 +62,30 @@ def _on(system: System, after: SpaceHybrid, step: int) -> System:
     return dataclasses.replace(found, whole=system.whole)
 
 
-def _moved(before: SpaceHybrid, after: SpaceHybrid, state: State, fresh: System) -> State:
+def _moved(before: SpaceHybrid, after: SpaceHybrid, state: State) -> State:
     """The state on the nodes `after` a refinement: interpolated, with what was booked where it was."""
     rows = before.before(after)
     old, nodes = rows >= 0, len(rows)
     booked = np.zeros((3, nodes))
     for here, there in zip(booked, state[3:], strict=True):
         here[old] = there[rows[old]] * before.volume[rows[old]] / after.volume[old]
-    found = State(*(before.moved(after, values) for values in state[:3]), *booked)
-    drive = fresh.drive
-    still = found._replace(dissipated=np.zeros(nodes))
-    pull = forces(after, still) + drive.force
-    drive.held_force[:] = pull[drive.holds.node, drive.holds.axis]
-    return found
+    return State(*(before.moved(after, values) for values in state[:3]), *booked)
+
+
+def _hold(
+    system: System,
+    fresh: System,
+    rows: NDArray[np.int64],
+    pull: NDArray[np.float64],
+    which: NDArray[np.bool_],
+) -> None:
+    """Set the forces on held components: of `which` nodes (n,) the force densities `pull` (n, 3), of others those they
+    had; `rows` (n,) are those before."""
+    old, new = system.drive, fresh.drive
+    node, axis = new.holds.node, new.holds.axis
+    known = np.zeros((len(system.model.grid), 3))
+    known[old.holds.node, old.holds.axis] = old.held_force
+    new.held_force[:] = np.where(which[node], (pull + new.force)[node, axis], known[rows[node], axis])
 
 
 def _origin(system: System, fresh: System) -> NDArray[np.int64]:

@@ -25,6 +25,7 @@ from pdsolve.run.node_changes import Change
 from pdsolve.run.operator_factory import stable
 from pdsolve.run.system import Prepared, System
 from pdsolve.state import State
+from pdsolve.steppers.equilibrium import forces
 
 
 class Splitting:
@@ -78,9 +79,8 @@ class Splitting:
             values[:] = found
         new.drive.held_force[:] = system.drive.held_force
         put_loads(new.drive, step * system.time_step)
-        created = (
-            energy_of(new, begun, operator.energies(begun)[0]) - energy_of(system, state, held) + pushed(new, begun)
-        )
+        created = energy_of(new, begun, operator.energies(begun)[0]) - energy_of(system, state, held)
+        created += pushed(new, begun, forces(operator, begun._replace(dissipated=np.zeros_like(begun.dissipated))))
         calm = np.where(transfer.stays, own.memory.calm[transfer.before[:, 0]], 0)
         operator.memory = Memory(calm, own.memory.created + created)
         return Change(new, begun, self._origin(system, new, transfer))

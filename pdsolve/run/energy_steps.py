@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from pdsolve.adaptivity.quadtree.interpolation import kinetic
 from pdsolve.run.system import System
 from pdsolve.state import State
-from pdsolve.steppers.equilibrium import forces
 
 
 def energy(system: System, state: State, held: NDArray[np.float64]) -> float:
@@ -21,15 +20,17 @@ def energy(system: System, state: State, held: NDArray[np.float64]) -> float:
     return kinetic(mass, state.rate) - swing + float(np.sum(system.area * held))
 
 
-def pushed(system: System, state: State) -> float:
+def pushed(system: System, state: State, pull: NDArray[np.float64], which: NDArray[np.bool_] | None = None) -> float:
     """Work, J/m, in the next half kick of interpolated accelerations that differ from those of the forces.
 
-    Verlet follows them for half of a kick.
+    Verlet follows them for half of a kick. `pull` (n, w), N/m^3, are the force densities of neighbours; where they
+    are not of `which` nodes (n,), accelerations do not differ.
     """
     rho, drive, dt = system.model.rho[:, None], system.drive, system.time_step
-    still = state._replace(dissipated=np.zeros_like(state.dissipated))  # nothing breaks
     slowed = system.model.settings.run.damping * state.rate
-    excess = rho * (state.second + slowed) - forces(system.operator, still) - drive.force
+    excess = rho * (state.second + slowed) - pull - drive.force
     excess[drive.holds.node, drive.holds.axis] = 0.0
+    if which is not None:
+        excess[~which] = 0.0
     way = dt * (state.rate + dt / 2 * state.second)
     return float(np.sum(system.area[:, None] * excess / 2 * way))

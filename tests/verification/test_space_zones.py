@@ -14,8 +14,9 @@ import pdmesh
 from benchmarks.pulses_in_space import bonds_of, sent_back
 from pdmesh import Body, Box, Cylinder, Run, ramp
 from pdmesh.drawing.solids import meshed
+from pdsolve.adaptivity.hybrid.space.box import FINE
 from pdsolve.adaptivity.hybrid.space.coarse_springs import elastic_of
-from pdsolve.adaptivity.hybrid.space.prepare import SEAM, tau_of
+from pdsolve.adaptivity.hybrid.space.prepare import SEAM, operator_on, tau_of
 from pdsolve.laws.pair_laws.brittle import LAW
 from pdsolve.model import Model
 from pdsolve.numerics.thread_team import cores
@@ -23,6 +24,8 @@ from pdsolve.results import Results
 from pdsolve.run.body_zones import zone_of
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Options, resume, simulate
+from pdsolve.state import zero_state
+from pdsolve.steppers.equilibrium import forces
 
 
 @pytest.mark.parametrize(("ratio", "tau"), [(2.0, 0.037124), (3.0, 0.038878)])  # of an independent script
@@ -177,3 +180,27 @@ def test_surfaces_that_cut_cells_have_fine_rings(shape: str) -> None:
                 assert results.nodes().area.sum() == pytest.approx(built.grid.cells.sum(), rel=1e-9)
     assert 0.5 < fine < 1  # measured 0.979 with the bore, 0.895 in the cylinder: flat faces of solids have rings too
     assert work[1] == pytest.approx(work[0], rel=1e-3)  # measured 8e-6, 5e-5
+
+
+def test_refining_looks_at_all_that_changes() -> None:
+    """Forces, energies and numbers of bonds after some cells became fine, beside those of the whole body."""
+    problem = prepare(block("hybrid"), Options(threads=1))
+    before, state = zone_of(problem.system), problem.state
+    state.value[:] = 1e-4 * H * np.random.default_rng(5).standard_normal(state.value.shape)
+    new = np.array([[18, 3, 10], [19, 3, 10], [18, 4, 11]])
+    for x, y, z in new + before.whole.fine.box.pad:
+        before.cells.reshape(before.whole.fine.box.padded)[z, y, x] = FINE
+    after = before.refined(new)
+    found = zero_state(len(after.sites), 3)._replace(value=before.moved(after, state.value))
+    pull, which = after.forces_around(found, new)
+    assert 0.005 < which.mean() < 0.2
+    assert np.array_equal(pull[which], forces(after, found)[which])
+    made = [float((each.energies(of)[0] * each.volume).sum()) for each, of in ((before, state), (after, found))]
+    near = [float((each.held_around(of, new) * each.volume).sum()) for each, of in ((before, state), (after, found))]
+    assert near[1] - near[0] == pytest.approx(made[1] - made[0], abs=1e-12 * made[0])
+    assert abs(made[1] - made[0]) > 1e-6 * made[0]
+    again = operator_on(LAW, before.whole, before.cells.copy(), tau_of(LAW, before.whole.fine.tiles.table, H))
+    assert np.array_equal(again.sites, after.sites)
+    for one, other in zip(again.counted, after.counted, strict=True):
+        assert np.array_equal(one, other)
+    assert np.array_equal(forces(again, found), forces(after, found))

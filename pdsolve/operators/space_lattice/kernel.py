@@ -51,6 +51,7 @@ from pdsolve.operators.simd_lattice.kernel import INNER
 EMPTY, ALIKE, CORRECTED, GENERAL, SOFT_ALIKE, SOFT_CORRECTED, SOFT_GENERAL = range(7)
 SOFTENED = SOFT_ALIKE - ALIKE  # added to a tile's kind as it gets a memory
 VOLUME, MODULUS = 0, 1  # rows of `cells`
+EVERY = 2**ROW - 1  # bits of all lanes
 
 
 class Tiles(NamedTuple):
@@ -116,6 +117,15 @@ def sum_tiles(tiles, u, rate, dt, ages, out, dissipated, breaks, first, last):  
                     f[axis, lane + k] = s[ROW * axis + k]
         _write(tiles, t, f, out)
     return last
+
+
+@cached_njit(nogil=True, error_model="numpy")
+def sum_some(tiles, u, rate, out, dissipated, some):  # type: ignore[no-untyped-def]
+    """Add the force densities, N/m^3, of the tiles with `some` sites (16 t,) to `out` (n, 3); nothing breaks."""
+    nothing = Breaks(np.zeros(1, np.int64), np.empty((ROW * len(tiles.offsets), 2), np.int32))
+    for t in range(len(tiles.kind)):
+        if some[t * ROW : t * ROW + ROW].any():
+            sum_tiles(tiles, u, rate, 0.0, False, out, dissipated, nothing, t, t + 1)
 
 
 @njit(**INNER)
@@ -275,19 +285,39 @@ def hold_tiles(tiles, u, own_held, own_spent, first, last):  # type: ignore[no-u
     """Add the energy densities, J/m^3, that the bonds of nodes in the tiles `first` to `last` - 1 hold and that their
     softening has spent, to arrays (n,)."""
     for t in range(first, last):
-        row = tiles.memory[t]
-        for slot in range(len(tiles.offsets)):
-            field, offset, word = tiles.table[slot], tiles.offsets[slot], tiles.bits[t, slot]
-            for k in range(ROW):
-                if (word >> np.uint16(k)) & np.uint16(1):
-                    own, i, j = tiles.margin + t * ROW + k, tiles.node[t * ROW + k], tiles.node[t * ROW + k + offset]
-                    x, y, z = _relative(u, own, offset)
-                    pair, worst = pair_number(tiles, i, j), tiles.worst[row, slot, k] if row >= 0 else 0.0
-                    peak, limit = tiles.peak[pair, slot], tiles.limit[pair, slot]
-                    c = stiffness(tiles, field, t, own, offset) / field[INVERSE] / 4
-                    own_held[i] += held(tiles.law, c, _stretch(field, x, y, z), worst, peak, limit)
-                    if worst > 0:
-                        own_spent[i] += spent(tiles.law, c, worst, peak, limit)
+        _hold_tile(tiles, u, own_held, own_spent, t, np.uint16(EVERY))
+
+
+@cached_njit(nogil=True, error_model="numpy")
+def hold_some(tiles, u, own_held, own_spent, some):  # type: ignore[no-untyped-def]
+    """`hold_tiles` of the nodes at `some` sites (16 t,) alone."""
+    for t in range(len(tiles.kind)):
+        lanes = np.uint16(0)
+        for k in range(ROW):
+            if some[t * ROW + k]:
+                lanes |= np.uint16(1) << np.uint16(k)
+        if lanes != 0:
+            _hold_tile(tiles, u, own_held, own_spent, t, lanes)
+
+
+@njit(**INNER)
+def _hold_tile(tiles, u, own_held, own_spent, t, lanes):  # type: ignore[no-untyped-def]
+    """Add the energy densities that the bonds of some lanes of a tile hold and have spent."""
+    row = tiles.memory[t]
+    for slot in range(len(tiles.offsets)):
+        field, offset, word = tiles.table[slot], tiles.offsets[slot], tiles.bits[t, slot] & lanes
+        if word == 0:
+            continue
+        for k in range(ROW):
+            if (word >> np.uint16(k)) & np.uint16(1):
+                own, i, j = tiles.margin + t * ROW + k, tiles.node[t * ROW + k], tiles.node[t * ROW + k + offset]
+                x, y, z = _relative(u, own, offset)
+                pair, worst = pair_number(tiles, i, j), tiles.worst[row, slot, k] if row >= 0 else 0.0
+                peak, limit = tiles.peak[pair, slot], tiles.limit[pair, slot]
+                c = stiffness(tiles, field, t, own, offset) / field[INVERSE] / 4
+                own_held[i] += held(tiles.law, c, _stretch(field, x, y, z), worst, peak, limit)
+                if worst > 0:
+                    own_spent[i] += spent(tiles.law, c, worst, peak, limit)
 
 
 @cached_njit(error_model="numpy")

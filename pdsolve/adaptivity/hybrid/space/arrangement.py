@@ -7,7 +7,7 @@ in equal shares to their sides.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from pdsolve.adaptivity.hybrid.space.box import (
     BORDER,
     COARSE,
-    FINE,
     FREE,
     VOID,
     Box,
@@ -26,14 +25,16 @@ from pdsolve.adaptivity.hybrid.space.box import (
     kind_of,
     touches,
 )
-from pdsolve.adaptivity.hybrid.space.divisions import SIDES, Divisions
+from pdsolve.adaptivity.hybrid.space.divisions import SIDES, WORD, Divisions
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.space_slots import INVERSE
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.operators.simd_lattice.kernel import INNER
+from pdsolve.operators.simd_lattice.layout import aligned
 from pdsolve.operators.space_lattice.kernel import VOLUME, Tiles, pair_number, stiffness
 
 PARTS = 8  # of a bond, more than there are
+BLOCK = 8  # spacings along a side of what is numbered together
 ENDS = 4  # coarse nodes that an end moves with, at most
 
 
@@ -46,22 +47,31 @@ class Fine(NamedTuple):
     reach: int  # spacings, along an axis
     cube: float  # h^3, m^3
     weakness: NDArray[np.float64]  # (p,) of pairs of materials: least e at which bonds break over theirs
+    direction: NDArray[np.int32]  # (q,) row of `xi` of a kind of pieces
+    xi: NDArray[np.float64]  # (g, 4) xi, m, from the near end to the far one, and 1 / |xi|^2
 
 
 class Pieces(NamedTuple):
-    """The p pieces of clipped bonds, in the order of their owners."""
+    """The p pieces of clipped bonds, in the order of their near ends, then of their owners."""
 
     owner: NDArray[np.int32]  # (p,) site of the bond's lower node
-    kind: NDArray[np.int32]  # (p,) alike for pieces with the same xi
-    ends: NDArray[np.int64]  # (p, 2) places of its ends; see `place_of`
+    kind: NDArray[np.int32]  # (p,) alike for pieces with the same xi; see `kinds_of`
+    near: NDArray[np.int64]  # (p,) the place of one end, a node if one is; see `_place`
+    far: NDArray[np.int64]  # (p,) of the other end
     k: NDArray[np.float64]  # (p,) stiffness, N/m
     breaks: NDArray[np.float64]  # (p,) least e at which bonds break over that of its own; 0 if it never breaks
 
 
 def pieces_of(count: int) -> Pieces:
     """Room for so many pieces."""
-    k, breaks = np.empty((2, count))
-    return Pieces(np.empty(count, np.int32), np.empty(count, np.int32), np.empty((count, 2), np.int64), k, breaks)
+    owner, kind = np.empty((2, count), np.int32)
+    return Pieces(owner, kind, *np.empty((2, count), np.int64), *np.empty((2, count)))
+
+
+def first_of(pieces: Pieces, count: int) -> Pieces:
+    """So many of the first ones."""
+    found: list[Any] = [each[:count] for each in pieces]
+    return Pieces(*found)
 
 
 class Points(NamedTuple):
@@ -84,15 +94,34 @@ def classify(box, node, cells, some, kind, above):  # type: ignore[no-untyped-de
 
 
 @njit(**INNER)
-def _around(box, cells, x, y, z, reach):  # type: ignore[no-untyped-def]
-    """The kind of all cells that bonds of a fine node can pass through; VOID for several kinds."""
-    found = cells[cell_place(box, x >> 1, y >> 1, z >> 1)]
-    for cz in range((z - reach) >> 1, ((z + reach) >> 1) + 1):
-        for cy in range((y - reach) >> 1, ((y + reach) >> 1) + 1):
-            for cx in range((x - reach) >> 1, ((x + reach) >> 1) + 1):
-                if cells[cell_place(box, cx, cy, cz)] != found:
-                    return np.uint8(VOID)
-    return found
+def _look_around(box, cells, of, x, y, z, coarse, fine):  # type: ignore[no-untyped-def]
+    """Fill the bits (w,) of the `coarse` and the `fine` ones of the cells around a fine node; whether there are any."""
+    some_coarse = some_fine = False
+    coarse[:] = fine[:] = 0
+    number, (left, front, low) = 0, ((x >> 1) + of.low[x % 2], (y >> 1) + of.low[y % 2], (z >> 1) + of.low[z % 2])
+    for cz in range(low, low + of.wide):
+        for cy in range(front, front + of.wide):
+            row = cell_place(box, left, cy, cz)
+            for kind in cells[row : row + of.wide]:
+                if kind != VOID:
+                    word, bit = number // WORD, np.uint64(1) << np.uint64(number % WORD)
+                    if kind == COARSE:
+                        coarse[word] |= bit
+                        some_coarse = True
+                    else:
+                        fine[word] |= bit
+                        some_fine = True
+                number += 1
+    return some_coarse, some_fine
+
+
+@njit(forceinline=True, **INNER)
+def _meet(some, others):  # type: ignore[no-untyped-def]
+    """Whether two sets of bits (w,) have one in common."""
+    both = np.uint64(0)
+    for n in range(len(others)):
+        both |= some[n] & others[n]
+    return both != 0
 
 
 @njit(forceinline=True, **INNER)
@@ -103,17 +132,14 @@ def _cell(box, cells, of, part, x, y, z):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def _sides(box, cells, of, first, x, y, z):  # type: ignore[no-untyped-def]
-    """Number of sides of a bond with cells, and of those where all cells are fine."""
-    sides = whole = 0
+    """Number of sides of a bond with cells."""
+    sides = 0
     for side in range(SIDES):
-        some, all_fine = False, True
+        some = False
         for part in range(first[side], first[side + 1]):
-            kind = _cell(box, cells, of, part, x, y, z)
-            some |= kind != VOID
-            all_fine &= kind != COARSE
+            some |= _cell(box, cells, of, part, x, y, z) != VOID
         sides += some
-        whole += some and all_fine
-    return sides, whole
+    return sides
 
 
 @cached_njit(error_model="numpy")
@@ -124,44 +150,40 @@ def arrange(fine, cells, bits, some, pieces):  # type: ignore[no-untyped-def]
     only counted.
     """
     box, tiles, of, half, made = fine.box, fine.tiles, fine.divisions, len(fine.tiles.offsets) // 2, 0
+    coarse_bits, fine_bits = np.empty((2, of.through.shape[2]), np.uint64)
     for site in some:
         if tiles.node[site] < 0:
             continue
         x, y, z = fine_at(box, site)
-        around = _around(box, cells, x, y, z, fine.reach)
-        if around == COARSE:
+        some_coarse, some_fine = _look_around(box, cells, of, x, y, z, coarse_bits, fine_bits)
+        if not some_fine:
             continue
         tile, lane, place = site // ROW, np.uint16(site % ROW), x % 2 + 2 * (y % 2) + 4 * (z % 2)
         for k in range(half):
-            slot = half + k
+            slot, passed = half + k, of.through[place, k]
             if not (tiles.bits[tile, slot] >> lane) & np.uint16(1):
                 continue
-            first, sides, whole = of.first[place, k], 1, 1
-            if around != FINE:
-                sides, whole = _sides(box, cells, of, first, x, y, z)
-            _set_bit(bits, site, site + tiles.offsets[slot], slot, whole == sides)
-            if whole < sides:
-                made = _divide(fine, cells, (site, x, y, z), k, sides, pieces, made)
+            if not some_coarse or not _meet(passed, coarse_bits):
+                if not (bits[tile, slot] >> lane) & np.uint16(1):
+                    _set_bits(bits, site, site + tiles.offsets[slot], slot)
+            elif _meet(passed, fine_bits):
+                made = _divide(fine, cells, (site, x, y, z), k, pieces, made)
     return made
 
 
 @njit(**INNER)
-def _set_bit(bits, site, other, slot, there):  # type: ignore[no-untyped-def]
+def _set_bits(bits, site, other, slot):  # type: ignore[no-untyped-def]
     """Set both directions of a bond."""
-    last = bits.shape[1] - 1
-    for own, number in ((site, slot), (other, last - slot)):
-        bit = np.uint16(1) << np.uint16(own % ROW)
-        if there:
-            bits[own // ROW, number] |= bit
-        else:
-            bits[own // ROW, number] &= ~bit
+    for own, number in ((site, slot), (other, bits.shape[1] - 1 - slot)):
+        bits[own // ROW, number] |= np.uint16(1) << np.uint16(own % ROW)
 
 
 @njit(**INNER)
-def _divide(fine, cells, own, k, sides, pieces, made):  # type: ignore[no-untyped-def]
+def _divide(fine, cells, own, k, pieces, made):  # type: ignore[no-untyped-def]
     """List the pieces of a bond; returns how many there are then."""
     box, tiles, of, (site, x, y, z) = fine.box, fine.tiles, fine.divisions, own
     slot, first = len(tiles.offsets) // 2 + k, of.first[x % 2 + 2 * (y % 2) + 4 * (z % 2), k]
+    sides = _sides(box, cells, of, first, x, y, z)
     for side in range(SIDES):
         some = False
         for part in range(first[side], first[side + 1]):
@@ -174,9 +196,10 @@ def _divide(fine, cells, own, k, sides, pieces, made):  # type: ignore[no-untype
             if part > begin:
                 if made < len(pieces.owner):
                     length = of.t[part - 1, 1] - of.t[begin, 0]
-                    pieces.owner[made], pieces.kind[made] = site, begin * PARTS + part - 1 - begin
-                    pieces.ends[made, 0] = _place_of(box, of, own, begin, 0)
-                    pieces.ends[made, 1] = _place_of(box, of, own, part - 1, 1)
+                    ends = _place_of(box, of, own, begin, 0), _place_of(box, of, own, part - 1, 1)
+                    back = of.node[part - 1, 1] and not of.node[begin, 0]
+                    pieces.owner[made], pieces.kind[made] = site, 2 * (begin * PARTS + part - 1 - begin) + back
+                    pieces.near[made], pieces.far[made] = (ends[1], ends[0]) if back else ends
                     pieces.k[made] = _stiffness(fine, site, slot) / (sides * length)
                     i, j = tiles.node[site], tiles.node[site + tiles.offsets[slot]]
                     pieces.breaks[made] = (
@@ -198,40 +221,65 @@ def _stiffness(fine, site, slot):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def _place_of(box, of, own, part, which):  # type: ignore[no-untyped-def]
-    """The place where a part of a node's bond begins, 0, or ends, 1: a number that counts h / unit, x fastest."""
+    """The place where a part of a node's bond begins, 0, or ends, 1."""
     at, (_, x, y, z), unit = of.at[part, which], own, of.unit
-    wide, high = unit * (box.sx + 1), unit * (box.sy + 1)
-    place = (unit * (z - z % 2) + at[2]) * high + unit * (y - y % 2) + at[1]
-    return place * wide + unit * (x - x % 2) + at[0]
+    return _place(box, unit, unit * (x - x % 2) + at[0], unit * (y - y % 2) + at[1], unit * (z - z % 2) + at[2])
+
+
+@njit(**INNER)
+def _place(box, unit, x, y, z):  # type: ignore[no-untyped-def]
+    """The number of a place (x, y, z) in h / unit: block by block, so that what is near in space is near in memory."""
+    side = BLOCK * unit
+    across, along = box.sx // BLOCK + 1, box.sy // BLOCK + 1
+    block = (z // side * along + y // side) * across + x // side
+    return ((block * side + z % side) * side + y % side) * side + x % side
+
+
+@njit(**INNER)
+def at_place(box, unit, place):  # type: ignore[no-untyped-def]
+    """The place (x, y, z) in h / unit of a number."""
+    side = BLOCK * unit
+    across, along = box.sx // BLOCK + 1, box.sy // BLOCK + 1
+    block, own = place // (side * side * side), place % (side * side * side)
+    return (
+        block % across * side + own % side,
+        block // across % along * side + own // side % side,
+        block // (across * along) * side + own // (side * side),
+    )
 
 
 @cached_njit(error_model="numpy")
-def number_places(places, size, numbers, found):  # type: ignore[no-untyped-def]
-    """Number the distinct ones of the `places` (p, 2) as they come: the `numbers` (p, 2) and the places `found` (q,).
+def merge(old, stale, made, order, found):  # type: ignore[no-untyped-def]
+    """Fill what is `found` with the old pieces whose owners are not `stale` (sites,), and with those `made`, in the
+    `order` (q,) of their near ends."""
+    at, n = 0, 0
+    for m in order:
+        while n < len(old.owner) and (
+            old.near[n] < made.near[m] or (old.near[n] == made.near[m] and old.owner[n] < made.owner[m])
+        ):
+            at, n = at + _copy(old, n, found, at, not stale[old.owner[n]]), n + 1
+        at += _copy(made, m, found, at, True)
+    while n < len(old.owner):
+        at, n = at + _copy(old, n, found, at, not stale[old.owner[n]]), n + 1
 
-    `size` is a power of two above 2 p. Returns q.
-    """
-    count, mask, key, number = 0, np.uint64(size - 1), np.full(size, -1, np.int64), np.empty(size, np.int32)
-    for n in range(len(places)):
-        for end in range(2):
-            place = places[n, end]
-            at = (np.uint64(place) * np.uint64(0x9E3779B97F4A7C15)) >> np.uint64(20) & mask
-            while key[at] not in (-1, place):
-                at = (at + np.uint64(1)) & mask
-            if key[at] < 0:
-                key[at], number[at], found[count] = place, count, place
-                count += 1
-            numbers[n, end] = number[at]
-    return count
+
+@njit(**INNER)
+def _copy(one, n, other, at, wanted):  # type: ignore[no-untyped-def]
+    """Copy a piece if it is wanted; how many there are then."""
+    if not wanted:
+        return 0
+    other.owner[at], other.kind[at], other.k[at], other.breaks[at] = one.owner[n], one.kind[n], one.k[n], one.breaks[n]
+    other.near[at], other.far[at] = one.near[n], one.far[n]
+    return 1
 
 
 @cached_njit(error_model="numpy")
 def carry_places(fine, kind, places, points):  # type: ignore[no-untyped-def]
     """Fill in what moves the `places` (q,)."""
     box, unit = fine.box, fine.divisions.unit
-    wide, high, cell = unit * (box.sx + 1), unit * (box.sy + 1), 2 * unit
+    cell = 2 * unit
     for n in range(len(places)):
-        x, y, z = places[n] % wide, places[n] // wide % high, places[n] // (wide * high)
+        x, y, z = at_place(box, unit, places[n])
         sites, w = points.site[n], points.w[n]
         node = fine_site(box, x // unit, y // unit, z // unit)
         if x % unit == 0 and y % unit == 0 and z % unit == 0 and kind[node] == FREE:
@@ -244,30 +292,31 @@ def carry_places(fine, kind, places, points):  # type: ignore[no-untyped-def]
             points.number[n] += w[m] > 0
 
 
-def ended(fine: Fine, kind: NDArray[np.uint8], pieces: Pieces) -> tuple[NDArray[np.int32], Points]:
-    """The numbers (p, 2) of the points at which pieces end, and these points; `kind` is of fine nodes."""
-    count = len(pieces.owner)
-    numbers, found = np.zeros((count, 2), dtype=np.int32), np.zeros(2 * count, dtype=np.int64)
-    found = found[: number_places(pieces.ends, 1 << (2 * count).bit_length(), numbers, found)]
-    points = Points(
-        np.zeros(len(found), np.int64), np.zeros((len(found), ENDS), np.int32), np.zeros((len(found), ENDS))
-    )
-    carry_places(fine, kind, found, points)
-    return numbers, points
+def carried(fine: Fine, kind: NDArray[np.uint8], places: NDArray[np.int64]) -> Points:
+    """The points at these places (q,); `kind` is of fine nodes."""
+    count = len(places)
+    points = Points(np.zeros(count, np.int64), np.zeros((count, ENDS), np.int32), np.zeros((count, ENDS)))
+    carry_places(fine, kind, places, points)
+    return points
 
 
-def directed(fine: Fine, pieces: Pieces) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
-    """The directions (p,) of pieces, and xi, m, and 1 / |xi|^2 of each direction (g, 4)."""
-    of, table, half = fine.divisions, fine.tiles.table, len(fine.tiles.offsets) // 2
-    number = np.zeros(PARTS * len(of.t), dtype=np.int32)
-    number[pieces.kind] = 1
-    there = np.flatnonzero(number)
-    number[there] = np.arange(len(there))
-    begin = there // PARTS
-    length = of.t[begin + there % PARTS, 1] - of.t[begin, 0]
+def kinds_of(of: Divisions, table: NDArray[np.floating], h: float) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+    """The direction (q,) of each kind of pieces, and the xi, m, and 1 / |xi|^2 of each direction (g, 4).
+
+    The kind of a piece is 2 PARTS times the number of its first part, plus twice that of those that follow it, plus 1
+    if its near end is behind its far one.
+    """
+    begin = np.repeat(np.arange(len(of.t)), PARTS)
+    last = np.minimum(begin + np.tile(np.arange(PARTS), len(of.t)), len(of.t) - 1)
     bond = np.searchsorted(of.first[:, :, 0].ravel(), begin, side="right") - 1
-    row = table[half + bond % of.first.shape[1]].astype(np.float64)
-    return number[pieces.kind], np.column_stack([length[:, None] * row[:, :3], row[:, INVERSE] / length**2])
+    row = table[len(table) // 2 + bond % of.first.shape[1]].astype(np.float64)
+    length = of.t[last, 1] - of.t[begin, 0]
+    length[length <= 0] = 1.0  # of no piece
+    xi = np.column_stack([length[:, None] * row[:, :3], row[:, INVERSE] / length**2])
+    _, which, direction = np.unique(np.round(xi[:, :3] / h, 9), axis=0, return_index=True, return_inverse=True)
+    there = xi[which]
+    both = np.stack([there, there * [-1, -1, -1, 1]], axis=1).reshape(-1, 4)
+    return np.column_stack([2 * direction.ravel(), 2 * direction.ravel() + 1]).ravel().astype(np.int32), aligned(both)
 
 
 @njit(**INNER)
@@ -378,13 +427,16 @@ __all__ = [
     "Pieces",
     "Points",
     "arrange",
+    "at_place",
+    "carried",
     "carriers",
     "classify",
     "count_bonds",
-    "directed",
-    "ended",
+    "first_of",
     "gather",
     "interpolate",
+    "kinds_of",
     "list_bonds",
+    "merge",
     "pieces_of",
 ]

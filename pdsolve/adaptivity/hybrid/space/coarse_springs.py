@@ -138,9 +138,9 @@ def _kind(tiles, tile):  # type: ignore[no-untyped-def]
 
 
 @cached_njit(error_model="numpy")
-def hold_springs(tiles, u, held):  # type: ignore[no-untyped-def]
-    """Add the energies (n,), J, of the coarse nodes' springs, half to each end."""
-    for t in range(len(tiles.kind)):
+def hold_springs(tiles, u, held, some):  # type: ignore[no-untyped-def]
+    """Add the energies (n,), J, of the springs of the coarse nodes in `some` tiles (s,), half to each end."""
+    for t in some:
         if tiles.kind[t] == EMPTY:
             continue
         for slot in range(len(tiles.offsets)):

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pdsolve.adaptivity.hybrid.bond_division import Part, divided
 
 SIDES = 4  # of a bond along an edge between cells
+WORD = 64  # bits
 
 
 class Divisions(NamedTuple):
@@ -24,15 +25,22 @@ class Divisions(NamedTuple):
     t: NDArray[np.float64]  # (p, 2) shares of the bond where it begins and ends
     cell: NDArray[np.int64]  # (p, 3) the cell it is in, from the node's own
     at: NDArray[np.int64]  # (p, 2, 3) h / unit, where it begins and ends, from the corner of the node's cell
+    node: NDArray[np.bool_]  # (p, 2) whether it begins and ends at a node
+    through: NDArray[np.uint64]  # (8, k, w) bits of the cells that the bond passes, of those around its node; see `low`
+    low: NDArray[np.int64]  # (2,) the lowest of the cells around a node that is 0 or 1 from its cell's corner
+    wide: int  # cells around a node along an axis, x fastest
     unit: int
 
 
 def divisions(ways: NDArray[np.int64]) -> Divisions:
     """The parts of the bonds `ways` (k, 3)."""
-    first = np.zeros((8, len(ways), SIDES + 1), dtype=np.int64)
+    first, reach = np.zeros((8, len(ways), SIDES + 1), dtype=np.int64), int(np.abs(ways).max(initial=1))
+    low = (np.arange(2) - reach) // 2
+    wide = int(((np.arange(2) + reach) // 2 - low).max()) + 1
+    through = np.zeros((8, len(ways), -(-(wide**3) // WORD)), dtype=np.uint64)
     found: list[Part] = []
     ends: list[list[list[float]]] = []
-    unit = lcm(*range(1, int(np.abs(ways).max(initial=1)) + 1))
+    unit = lcm(*range(1, reach + 1))
     for f in range(8):
         place = f % 2, f // 2 % 2, f // 4
         for k, way in enumerate(map(tuple, ways.tolist())):
@@ -40,8 +48,12 @@ def divisions(ways: NDArray[np.int64]) -> Divisions:
             for side, parts in enumerate(divided(place, way)):
                 for part in parts:
                     found.append(part)
+                    x, y, z = (cell - low[start] for cell, start in zip(part.cell, place, strict=True))
+                    word, bit = divmod(int((z * wide + y) * wide + x), WORD)
+                    through[f, k, word] |= np.uint64(1 << bit)
                     ends.append([[x + t * dx for x, dx in zip(place, way, strict=True)] for t in part[:2]])
                 first[f, k, side + 1 :] = len(found)
     t = np.array([part[:2] for part in found])
     at = np.rint(unit * np.array(ends)).astype(np.int64)
-    return Divisions(first, t, np.array([part.cell for part in found], dtype=np.int64), at, unit)
+    node, cell = (at % unit == 0).all(axis=2), np.array([part.cell for part in found], dtype=np.int64)
+    return Divisions(first, t, cell, at, node, through, low, wide, unit)

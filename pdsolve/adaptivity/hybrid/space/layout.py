@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,13 +10,14 @@ from numpy.typing import NDArray
 from pdsolve.adaptivity.hybrid.space import arrangement, coarse_springs
 from pdsolve.adaptivity.hybrid.space.arrangement import Fine, Pieces
 from pdsolve.adaptivity.hybrid.space.box import FINE, Box
+from pdsolve.codegen.jit_cache import cached_njit
+from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import Drive
 from pdsolve.model import Model
 from pdsolve.operators.simd_lattice.layout import aligned
 from pdsolve.operators.space_lattice.kernel import Tiles
 from pdsolve.operators.space_lattice.sites import Sites
 
-Number = TypeVar("Number", bound=np.generic)
 ROOM = 16  # pieces of a node, about
 
 
@@ -48,6 +49,33 @@ class Zone(NamedTuple):
     u_coarse: NDArray[np.float64]
 
 
+class History(NamedTuple):
+    """What happened so far."""
+
+    step: NDArray[np.int64]  # (b,) when directed bonds broke
+    source: NDArray[np.int64]  # (b,) fine sites
+    target: NDArray[np.int64]
+    made: float  # J, energy that refining has made
+    largest: float  # e of clipped bonds
+
+
+Ends = tuple[NDArray[np.int32], NDArray[np.float64]]
+Bonds = tuple[Tiles, Sites, NDArray[np.int64], NDArray[np.float64], bool]
+
+
+class Linked(NamedTuple):
+    """What springs there are between n nodes, for a tangent."""
+
+    volume: NDArray[np.float64]  # (n,) m^3
+    border: Ends  # rows and weights of the nodes that move fine nodes on the border
+    points: Ends  # likewise of the points at which pieces end
+    ends: NDArray[np.int32]  # (p, 2) points of pieces
+    bonds: Bonds  # of fine nodes: tiles, sites of points, points, what densities are of, and whether shares count
+    springs: Bonds
+    xi: NDArray[np.float64]  # (p, 3) m, of pieces
+    stiffness: NDArray[np.float64]  # (p,) N/m
+
+
 def listed(
     sites: NDArray[np.int64], rows: NDArray[np.int64], row: NDArray[np.int32], tiles: Tiles
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -63,13 +91,21 @@ def places(box: Box, sites: NDArray[np.signedinteger]) -> NDArray[np.int64]:
     return np.column_stack([sites % box.sx, sites // box.sx % box.sy, sites // (box.sx * box.sy)])
 
 
-def near(box: Box, new: NDArray[np.int64], reach: int) -> NDArray[np.int64]:
-    """The sites, in order, of fine nodes within `reach` spacings of cells (k, 3)."""
-    marked = np.zeros((box.sz, box.sy, box.sx), dtype=bool)
-    for x, y, z in (2 * new).tolist():
-        low = [max(each - reach, 0) for each in (z, y, x)]
-        marked[low[0] : z + reach + 3, low[1] : y + reach + 3, low[2] : x + reach + 3] = True
-    return np.flatnonzero(marked)
+def near(box: Box, new: NDArray[np.int64], reach: int, above: int | None = None) -> NDArray[np.bool_]:
+    """Mask (sites,) of fine nodes within `reach` spacings of cells (k, 3); along z behind them within those `above`."""
+    marked = np.zeros(-(-box.sx * box.sy * box.sz // ROW) * ROW, dtype=np.bool_)
+    inside = marked[: box.sx * box.sy * box.sz].reshape(box.sz, box.sy, box.sx)
+    _mark(new, reach, reach if above is None else above, inside)
+    return marked
+
+
+@cached_njit(error_model="numpy")
+def _mark(new, reach, above, marked):  # type: ignore[no-untyped-def]
+    for n in range(len(new)):
+        x, y, z = 2 * new[n, 0], 2 * new[n, 1], 2 * new[n, 2]
+        for dz in range(max(z - reach, 0), min(z + above + 3, marked.shape[0])):
+            for dy in range(max(y - reach, 0), min(y + reach + 3, marked.shape[1])):
+                marked[dz, dy, max(x - reach, 0) : x + reach + 3] = True
 
 
 def _copied(tiles: Tiles) -> Tiles:
@@ -82,7 +118,7 @@ def arranged(whole: Whole, zone: Zone, new: NDArray[np.int64]) -> Zone:
     Bits and numbers are new arrays: results may still ask for bonds of before.
     """
     fine, box = whole.fine, whole.fine.box
-    dirty = near(box, new, fine.reach)
+    dirty = np.flatnonzero(near(box, new, fine.reach, 0))  # of bonds, the lower end
     arrangement.classify(box, fine.tiles.node, zone.cells, dirty, zone.kind, zone.above)
     zone = zone._replace(tiles=_copied(zone.tiles), springs=_copied(zone.springs))
     made = arrangement.pieces_of(2 * len(zone.pieces.owner) + ROOM * len(dirty))
@@ -92,21 +128,9 @@ def arranged(whole: Whole, zone: Zone, new: NDArray[np.int64]) -> Zone:
         arrangement.arrange(fine, zone.cells, zone.tiles.bits, dirty, made)
     stale = np.zeros(len(zone.kind), dtype=bool)
     stale[dirty] = True
-    kept = ~stale[zone.pieces.owner]
-    old = zone.pieces
-    owner = np.concatenate([old.owner[kept], made.owner[:count]])
-    order = np.argsort(owner, kind="stable")
-
-    def both(ours: NDArray[Number], others: NDArray[Number]) -> NDArray[Number]:
-        return np.concatenate([ours[kept], others[:count]])[order]
-
-    ordered = Pieces(
-        owner[order],
-        both(old.kind, made.kind),
-        both(old.ends, made.ends),
-        both(old.k, made.k),
-        both(old.breaks, made.breaks),
-    )
+    old, made = zone.pieces, arrangement.first_of(made, count)
+    ordered = arrangement.pieces_of(len(old.owner) - np.count_nonzero(stale[old.owner]) + count)
+    arrangement.merge(old, stale, made, np.argsort(made.near, kind="stable"), ordered)
     corners = np.unique((new[:, None] + np.array(list(np.ndindex(2, 2, 2)))).reshape(-1, 3), axis=0)
     coarse_springs.set_springs(box, zone.cells, whole.modulus, whole.springs_at.ways, corners, zone.springs)
     return zone._replace(pieces=ordered)

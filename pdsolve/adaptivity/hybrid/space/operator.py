@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 from functools import cached_property
 from threading import RLock
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.adaptivity.hybrid.irregular_bonds import part_of
 from pdsolve.adaptivity.hybrid.space import arrangement, coarse_springs, pieces
 from pdsolve.adaptivity.hybrid.space.box import BORDER, COARSE, FINE, FREE
-from pdsolve.adaptivity.hybrid.space.layout import Whole, Zone, arranged, listed, near, places
+from pdsolve.adaptivity.hybrid.space.layout import History, Linked, Whole, Zone, arranged, listed, near, places
 from pdsolve.adaptivity.hybrid.space.materials import MeanDensities, masses
 from pdsolve.adaptivity.hybrid.space.zone import mark_balls
 from pdsolve.adaptivity.hybrid.springs import e_of
@@ -32,40 +32,13 @@ from pdsolve.model import Model
 from pdsolve.numerics.thread_team import share
 from pdsolve.operators.protocol import Kept
 from pdsolve.operators.space_lattice import layout
-from pdsolve.operators.space_lattice.kernel import EMPTY, VOLUME, Breaks, Tiles, hold_tiles, sum_tiles
+from pdsolve.operators.space_lattice.kernel import EMPTY, VOLUME, Breaks, Tiles, hold_some, sum_some, sum_tiles
 from pdsolve.operators.space_lattice.operator import ROOM
 from pdsolve.operators.space_lattice.sites import Sites
 from pdsolve.state import Broken, State, Unknown
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
-
-
-class History(NamedTuple):
-    """What happened so far."""
-
-    step: NDArray[np.int64]  # (b,) when directed bonds broke
-    source: NDArray[np.int64]  # (b,) fine sites
-    target: NDArray[np.int64]
-    made: float  # J, energy that refining has made
-    largest: float  # e of clipped bonds
-
-
-Ends = tuple[NDArray[np.int32], NDArray[np.float64]]
-Bonds = tuple[Tiles, Sites, NDArray[np.int64], NDArray[np.float64], bool]
-
-
-class Linked(NamedTuple):
-    """What springs there are between n nodes, for a tangent."""
-
-    volume: NDArray[np.float64]  # (n,) m^3
-    border: Ends  # rows and weights of the nodes that move fine nodes on the border
-    points: Ends  # likewise of the points at which pieces end
-    ends: NDArray[np.int32]  # (p, 2) points of pieces
-    bonds: Bonds  # of fine nodes: tiles, sites of points, points, what densities are of, and whether shares count
-    springs: Bonds
-    xi: NDArray[np.float64]  # (p, 3) m, of pieces
-    stiffness: NDArray[np.float64]  # (p,) N/m
 
 
 NEVER = np.zeros(0, dtype=np.int64)
@@ -93,7 +66,7 @@ class SpaceHybrid:
         nodes, border, margin = len(self.sites), len(self._border), whole.sites.margin
         on, self._w = np.zeros((border, arrangement.ENDS), np.int64), np.zeros((border, arrangement.ENDS))
         arrangement.carriers(fine.box, self._border, on, self._w)
-        self._on, self._pieces = self._row[on], self._linked(zone.pieces)
+        self._on, self._pieces = self._row[on], pieces.linked(fine, zone.kind, self._row, zone.pieces)
         volume = fine.cube * fine.tiles.cells[VOLUME, margin : margin + count]
         self.volume = self._gathered(volume)
         self._border_volume = volume[self._border]
@@ -110,16 +83,6 @@ class SpaceHybrid:
         arrangement.gather(self.whole.fine, self._zone.kind, self.sites[self._coarse], own, coarse)
         found[self._coarse] = coarse
         return found
-
-    def _linked(self, found: arrangement.Pieces) -> pieces.PieceSprings:
-        """The pieces between the nodes."""
-        fine = self.whole.fine
-        ends, points = arrangement.ended(fine, self._zone.kind, found)
-        u, force = np.zeros((2, len(points.number), 4))
-        of_points = points.number, self._row[points.site], points.w
-        return pieces.PieceSprings(
-            *of_points, ends, *arrangement.directed(fine, found), found.k, found.breaks, u, force
-        )
 
     def _above(self, sites: NDArray[np.int64]) -> NDArray[np.int64]:
         """The coarse sites at fine sites."""
@@ -185,8 +148,7 @@ class SpaceHybrid:
             sum_tiles(zone.springs, zone.u_coarse, *of_state, nothing, first, last)
 
         share(work, len(zone.springs.kind), self._threads)
-        largest = pieces.sum_pieces(state.value, self._pieces, force)
-        pieces.pass_on(density[nodes:], self._on, self._w, self._border_volume, force)
+        largest = self._add_pieces(state.value, force)
         out += density[:nodes] + force / self.volume[:, None]
         self.history = self.history._replace(largest=max(self.history.largest, largest))
         if step > 0 and largest > self._peak:
@@ -236,6 +198,28 @@ class SpaceHybrid:
         """The fine sites of the nodes; -1 for those on the border that are none."""
         return self.whole.sites._replace(site=(self.whole.sites.margin + self.sites).astype(np.int32), node=self._row)
 
+    def forces_around(self, state: State, new: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Force densities (n, 3), N/m^3, on nodes whose bonds may be others since the cells `new` (k, 3) became fine,
+        and which (n,) these are; nothing breaks."""
+        box, reach = self.whole.fine.box, self.whole.fine.reach
+        which = near(box, new, reach + 2)[self.sites]  # pieces end up to 2 h from nodes that move their ends
+        self._place(state.value)
+        zone, density, force = self._zone, self._density, self._force
+        force[:], density[:] = 0, 0
+        for tiles, u, out, some in (
+            (zone.tiles, zone.u, density, near(box, new, reach + 3)),
+            (zone.springs, zone.u_coarse, force, np.ones(len(zone.springs.node), dtype=np.bool_)),
+        ):
+            sum_some(tiles, u, state.rate, out, state.dissipated, some)
+        self._add_pieces(state.value, force)
+        return density[: len(self.sites)] + force / self.volume[:, None], which
+
+    def _add_pieces(self, value: NDArray[np.float64], force: NDArray[np.float64]) -> float:
+        """Add to `force` (n, 3), N, that of pieces and what is on the border; the largest e of pieces."""
+        largest = pieces.sum_pieces(value, self._pieces, force)
+        pieces.pass_on(self._density[len(self.sites) :], self._on, self._w, self._border_volume, force)
+        return float(largest)
+
     def forces(self, value: NDArray[np.float64]) -> NDArray[np.float64]:
         """Forces (n, 3), N, at displacements (n, 3), m; nothing breaks."""
         nodes = len(value)
@@ -245,25 +229,30 @@ class SpaceHybrid:
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Strain energy densities (n,), J/m^3, and zeros: no bond softens."""
-        return self._held(state, [(0, len(self._zone.tiles.kind))]), np.zeros(len(self.sites))
+        every, above = (np.ones(len(each), dtype=np.bool_) for each in (self._zone.kind, self._zone.springs.node))
+        return self._held(state, every, above), np.zeros(len(self.sites))
 
     def held_around(self, state: State, new: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Strain energy densities (n,), J/m^3, without fine bonds that are as they were before the cells `new` (k, 3)
-        became fine."""
-        tiles = near(self.whole.fine.box, new, self.whole.fine.reach) // ROW  # in order
-        first = np.flatnonzero(np.diff(tiles, prepend=-2) > 1)
-        last = np.append(tiles[first[1:] - 1], tiles[-1]) + 1
-        return self._held(state, list(zip(tiles[first].tolist(), last.tolist(), strict=True)))
+        """Strain energy densities (n,), J/m^3, without bonds that are as they were before the cells `new` (k, 3) became
+        fine."""
+        box = self.whole.fine.box
+        some, above = near(box, new, self.whole.fine.reach), np.zeros(len(self._zone.springs.node), np.bool_)
+        for corner in np.ndindex(2, 2, 2):
+            x, y, z = (new + np.array(corner)).T
+            above[(z * (box.cy + 1) + y) * (box.cx + 1) + x] = True
+        return self._held(state, some, above)
 
-    def _held(self, state: State, some: list[tuple[int, int]]) -> NDArray[np.float64]:
-        """Strain energy densities (n,), J/m^3, with the fine bonds of these ranges of tiles alone."""
+    def _held(self, state: State, some: NDArray[np.bool_], above: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """Strain energy densities (n,), J/m^3, of bonds, springs and pieces from `some` (sites,) fine nodes, or coarse
+        ones `above` (sites,), and others in their tiles."""
         self._place(state.value)
         zone, nodes, held = self._zone, len(self.sites), np.zeros(len(self.sites))
         own, nothing = np.zeros((2, len(self._density)))
-        for first, last in some:
-            hold_tiles(zone.tiles, zone.u, own, nothing, first, last)
-        coarse_springs.hold_springs(zone.springs, zone.u_coarse, held)
-        pieces.hold_pieces(state.value, self._pieces, held)
+        hold_some(zone.tiles, zone.u, own, nothing, some)
+        coarse_springs.hold_springs(
+            zone.springs, zone.u_coarse, held, np.flatnonzero(above.reshape(-1, ROW).any(axis=1))
+        )
+        pieces.hold_pieces(state.value, self._pieces, some, held)
         pieces.pass_on(own[nodes:, None], self._on, self._w, self._border_volume, held[:, None])
         return held / self.volume + own[:nodes]
 
@@ -287,16 +276,17 @@ class SpaceHybrid:
         above = at._replace(site=np.full(nodes, at.margin, dtype=np.int32), node=zone.springs.node)
         above.site[self._coarse] = self._coarse_sites
         found = self._pieces
+        of_pieces = pieces.listed(found)
         free = np.append(self._free, nodes + np.arange(border))
         linked = Linked(
             self.volume,
             (self._on, self._w),
             (found.rows, found.w),
-            found.ends,
+            of_pieces.ends,
             (zone.tiles, sites, free, np.append(self.volume, self._border_volume), False),
             (zone.springs, above, self._coarse, np.ones(nodes), True),
-            found.xi[found.direction, :3],
-            found.k,
+            of_pieces.xi,
+            of_pieces.k,
         )
         return tangent_of(linked, state.value)
 
@@ -323,12 +313,18 @@ class SpaceHybrid:
     @cached_property
     def counted(self) -> Counted:
         """Volumes (n,), and numbers of bonds at the start, with and without those cut by pre-cracks."""
-        zone, springs = self._zone, self._zone.springs
+        return self._counted(np.ones(len(self.sites), dtype=np.bool_), np.zeros(len(self.sites), dtype=np.int64))
+
+    def _counted(self, some: NDArray[np.bool_], before: NDArray[np.int64]) -> Counted:
+        """Likewise, with the numbers of bonds (n,) `before` of those that are not `some` (n,)."""
+        zone, springs, count = self._zone, self._zone.springs, before
         with self._breaking:
-            count = arrangement.count_bonds(self.sites, self._row, zone.tiles.offsets, zone.tiles.bits)
-            count += np.bincount(self.broken().source, minlength=len(count))
-        above = self._coarse_sites - self.whole.springs_at.margin
-        count[self._coarse] += arrangement.count_bonds(above, springs.node, springs.offsets, springs.bits)
+            count[some] = arrangement.count_bonds(self.sites[some], self._row, zone.tiles.offsets, zone.tiles.bits)
+            source = self.broken().source
+            count += np.bincount(source[some[source]], minlength=len(count))
+        fresh = some[self._coarse]
+        above = self._coarse_sites[fresh] - self.whole.springs_at.margin
+        count[self._coarse[fresh]] += arrangement.count_bonds(above, springs.node, springs.offsets, springs.bits)
         family = count.copy()
         family[self._free] += self.whole.cut[self.rows[self._free]]
         return Counted(self.volume, family, count)
@@ -376,8 +372,11 @@ class SpaceHybrid:
     def refined(self, new: NDArray[np.int64]) -> SpaceHybrid:
         """The operator after the cells `new` (k, 3) have become fine."""
         self.broken()
-        zone = arranged(self.whole, self._zone, new)
-        return SpaceHybrid(self.whole, zone, self.history, self._threads)
+        after = SpaceHybrid(self.whole, arranged(self.whole, self._zone, new), self.history, self._threads)
+        row = self._row[after.sites]
+        some = (row < 0) | near(self.whole.fine.box, new, self.whole.fine.reach + 2)[after.sites]
+        after.counted = after._counted(some, np.where(some, 0, self.counted.bonds[row]))
+        return after
 
     def restored(self, kept: Kept) -> SpaceHybrid:
         """The operator of a checkpoint's cells, some of which have become fine. Raises CheckpointError."""

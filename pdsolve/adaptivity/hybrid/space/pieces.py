@@ -1,7 +1,8 @@
 """Forces and energies of clipped bonds, and of fine nodes on the border.
 
-Pieces are springs between points, which are numbered as the pieces name them, so that what a piece reads was read
-shortly before. A point is a node, or moves with up to four.
+Pieces are springs between points. A point is a node, or moves with up to four. Pieces with the same near end lie beside
+each other and are summed eight at a time; points are numbered as the pieces name them, so that what a piece reads was
+read shortly before. Pieces with the same two ends are one spring.
 """
 
 from __future__ import annotations
@@ -12,25 +13,153 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pdsolve.adaptivity.hybrid.space.arrangement import ENDS
-from pdsolve.codegen.clipped_pieces import add_piece
+from pdsolve.adaptivity.hybrid.space.arrangement import ENDS, Fine, Pieces, at_place, carried
+from pdsolve.adaptivity.hybrid.space.box import fine_site
+from pdsolve.codegen.clipped_pieces import TOGETHER, add_pieces
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.operators.simd_lattice.kernel import INNER
+from pdsolve.operators.simd_lattice.layout import aligned
+
+SHARED = 4  # pieces of a point, at least, in the first guess
 
 
 class PieceSprings(NamedTuple):
-    """The p pieces between q points, which move with nodes."""
+    """The springs of pieces between q points, which move with nodes, in g groups of eight with one near end.
+
+    A group that is not full has springs without stiffness.
+    """
 
     number: NDArray[np.int64]  # (q,) nodes that move a point
     rows: NDArray[np.int32]  # (q, 4) these nodes
     w: NDArray[np.float64]  # (q, 4) their weights
-    ends: NDArray[np.int32]  # (p, 2) points
-    direction: NDArray[np.int32]  # (p,) row of xi
-    xi: NDArray[np.float64]  # (g, 4) xi, m, 1 / |xi|^2
-    k: NDArray[np.float64]  # (p,) stiffness, N/m
-    breaks: NDArray[np.float64]  # (p,) least e at which bonds break over that of its own; 0 if it never breaks
+    site: NDArray[np.int32]  # (g,) fine site of the near end, or of one less than a spacing from it
+    near: NDArray[np.int32]  # (g,) point at the near end
+    far: NDArray[np.int32]  # (8 g,) point at the far end
+    direction: NDArray[np.int32]  # (8 g,) row of xi
+    xi: NDArray[np.float64]  # (d, 4) xi, m, 1 / |xi|^2
+    k: NDArray[np.float64]  # (8 g,) stiffness, N/m
+    breaks: NDArray[np.float64]  # (8 g,) least e at which bonds break over that of its own; 0 if it never breaks
     u: NDArray[np.float64]  # (q, 4) room for the displacements of points; the last column is 0
     force: NDArray[np.float64]  # (q, 4) room for their forces
+    top: NDArray[np.float64]  # (8,) room for the largest e times `breaks`
+
+
+class Groups(NamedTuple):
+    """Room for groups of pieces; see `PieceSprings`."""
+
+    site: NDArray[np.int32]
+    near: NDArray[np.int32]
+    far: NDArray[np.int32]
+    direction: NDArray[np.int32]
+    k: NDArray[np.float64]
+    breaks: NDArray[np.float64]
+
+
+class Numbers(NamedTuple):
+    """Numbers of places: a hash table whose size is a power of 2, and what is found."""
+
+    key: NDArray[np.int64]  # (size,) place, -1 without one
+    value: NDArray[np.int32]  # (size,)
+    place: NDArray[np.int64]  # (size / 2,) by number
+    run: NDArray[np.int32]  # (size / 2,) scratch: the last of the near ends from which a piece has led there
+    at: NDArray[np.int64]  # (size / 2,) scratch: that piece
+
+
+def linked(fine: Fine, kind: NDArray[np.uint8], row: NDArray[np.int32], of: Pieces) -> PieceSprings:
+    """The springs of pieces; `kind` and `row` (sites,) are those of fine nodes."""
+    count = len(of.near)
+    room = count + (TOGETHER - 1) * (np.count_nonzero(np.diff(of.near)) + 1) if count else 0
+    groups = room // TOGETHER
+    size = 1 << max(4, count // SHARED).bit_length() + 1
+    while True:
+        half = size // 2
+        numbers = Numbers(
+            np.full(size, -1, np.int64),
+            np.empty(size, np.int32),
+            np.empty(half, np.int64),
+            np.full(half, -1, np.int32),
+            np.empty(half, np.int64),
+        )
+        entries = TOGETHER * groups
+        found = Groups(*np.empty((2, groups), np.int32), *np.empty((2, entries), np.int32), *np.empty((2, entries)))
+        points, used = group(fine, of, numbers, found)
+        if points >= 0:
+            break
+        size *= 2
+    carry = carried(fine, kind, numbers.place[:points])
+    u, force = (aligned(np.zeros((points, 4))) for _ in range(2))
+    of_groups = found.site[:used], found.near[:used]
+    far, direction = found.far[: TOGETHER * used], found.direction[: TOGETHER * used]
+    k, breaks = found.k[: TOGETHER * used], found.breaks[: TOGETHER * used]
+    ends = *of_groups, far, direction, fine.xi, k, breaks
+    return PieceSprings(carry.number, row[carry.site], carry.w, *ends, u, force, np.zeros(TOGETHER))
+
+
+class Listed(NamedTuple):
+    """The p springs of pieces."""
+
+    ends: NDArray[np.int32]  # (p, 2) points
+    xi: NDArray[np.float64]  # (p, 3) m
+    k: NDArray[np.float64]  # (p,) N/m
+
+
+def listed(springs: PieceSprings) -> Listed:
+    """The springs with a stiffness."""
+    some = springs.k > 0
+    ends = np.column_stack([np.repeat(springs.near, TOGETHER), springs.far])
+    return Listed(ends[some], springs.xi[springs.direction[some], :3], springs.k[some])
+
+
+@cached_njit(error_model="numpy")
+def group(fine, pieces, numbers, found):  # type: ignore[no-untyped-def]
+    """Put pieces into groups; the numbers of points and of groups, or -1 if there are more points than numbers."""
+    count, m, run, i, unit = 0, 0, -1, 0, fine.divisions.unit
+    for n in range(len(pieces.near)):
+        place = pieces.near[n]
+        if n == 0 or place != pieces.near[n - 1]:
+            m = _filled(found, m, i)
+            i, count = _number(numbers, place, count)
+            run += 1
+        j, count = _number(numbers, pieces.far[n], count)
+        if count > len(numbers.place) - 2:
+            return -1, 0
+        if numbers.run[j] == run:
+            at = numbers.at[j]
+            found.k[at] += pieces.k[n]
+            found.breaks[at] = max(found.breaks[at], pieces.breaks[n])
+            continue
+        if m % TOGETHER == 0:
+            found.near[m // TOGETHER] = i
+            x, y, z = at_place(fine.box, unit, place)
+            found.site[m // TOGETHER] = fine_site(fine.box, x // unit, y // unit, z // unit)
+        numbers.run[j], numbers.at[j] = run, m
+        found.far[m], found.direction[m] = j, fine.direction[pieces.kind[n]]
+        found.k[m], found.breaks[m] = pieces.k[n], pieces.breaks[n]
+        m += 1
+    return count, _filled(found, m, i) // TOGETHER
+
+
+@njit(**INNER)
+def _filled(found, m, i):  # type: ignore[no-untyped-def]
+    """Fill the last group with springs without stiffness; the entries used then."""
+    while m % TOGETHER:
+        found.far[m], found.direction[m], found.k[m], found.breaks[m] = i, 0, 0.0, 0.0
+        m += 1
+    return m
+
+
+@njit(**INNER)
+def _number(numbers, place, count):  # type: ignore[no-untyped-def]
+    """The number of a place, a new one if it has none; and how many there are then."""
+    mask = np.uint64(len(numbers.key) - 1)
+    away = (np.uint64(place) >> np.uint64(4)) * np.uint64(0x9E3779B97F4A7C15) >> np.uint64(20)
+    at = (away << np.uint64(4) | np.uint64(place) & np.uint64(15)) & mask  # places beside each other stay so
+    while numbers.key[at] not in (-1, place):
+        at = (at + np.uint64(1)) & mask
+    if numbers.key[at] < 0:
+        numbers.key[at], numbers.value[at], numbers.place[count] = place, count, place
+        count += 1
+    return numbers.value[at], count
 
 
 @cached_njit(nogil=True, error_model="numpy")
@@ -40,17 +169,18 @@ def sum_pieces(value, pieces, force):  # type: ignore[no-untyped-def]
     Returns the largest e of those that could break.
     """
     _put_points(value, pieces)
-    largest, (u, sums, xi) = 0.0, (pieces.u, pieces.force, pieces.xi)
+    u, sums, xi = pieces.u, pieces.force, pieces.xi
     sums[:] = 0
-    for n in range(len(pieces.k)):
-        i, j, row = np.int64(pieces.ends[n, 0]), np.int64(pieces.ends[n, 1]), np.int64(pieces.direction[n])
-        largest = max(largest, pieces.breaks[n] * add_piece(u, sums, xi, i, j, row, pieces.k[n]))
+    pieces.top[:] = 0
+    for g in range(len(pieces.near)):
+        at, near = TOGETHER * g, np.int64(pieces.near[g])
+        add_pieces(u, sums, xi, pieces.far, pieces.direction, pieces.k, pieces.breaks, pieces.top, at, near)
     for q in range(len(pieces.number)):
         for m in range(pieces.number[q]):
             row, share = pieces.rows[q, m], pieces.w[q, m]
             for axis in range(3):
                 force[row, axis] += share * sums[q, axis]
-    return largest
+    return pieces.top.max()
 
 
 @njit(**INNER)
@@ -65,13 +195,16 @@ def _put_points(value, pieces):  # type: ignore[no-untyped-def]
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def hold_pieces(value, pieces, held):  # type: ignore[no-untyped-def]
-    """Add the energies of pieces, J, to `held` (n,), half to each end."""
+def hold_pieces(value, pieces, some, held):  # type: ignore[no-untyped-def]
+    """Add the energies of pieces, J, to `held` (n,), half to each end; of those with their near ends at `some` (sites,)
+    fine sites alone."""
     _put_points(value, pieces)
     energy, u = pieces.force, pieces.u
     energy[:] = 0
     for n in range(len(pieces.k)):
-        i, j, row, e = pieces.ends[n, 0], pieces.ends[n, 1], pieces.xi[pieces.direction[n]], 0.0
+        i, j, row, e = pieces.near[n // TOGETHER], pieces.far[n], pieces.xi[pieces.direction[n]], 0.0
+        if not some[pieces.site[n // TOGETHER]] or pieces.k[n] == 0:
+            continue
         for axis in range(3):
             eta = u[j, axis] - u[i, axis]
             e += row[3] * eta * (2 * row[axis] + eta)

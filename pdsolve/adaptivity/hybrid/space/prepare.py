@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from pdmesh.model.document import Hybrid
 from pdsolve.adaptivity.hybrid.coarse_cells import refused
 from pdsolve.adaptivity.hybrid.space import coarse_springs
-from pdsolve.adaptivity.hybrid.space.arrangement import Fine
+from pdsolve.adaptivity.hybrid.space.arrangement import BLOCK, Fine, kinds_of
 from pdsolve.adaptivity.hybrid.space.box import FINE, VOID, box_of
 from pdsolve.adaptivity.hybrid.space.divisions import divisions
 from pdsolve.adaptivity.hybrid.space.layout import Whole, begun
@@ -61,7 +61,7 @@ def body_of(model: Model, options: Options, threads: int) -> SpaceHybrid:
 
 def _expect_numbers(model: Model, fine: Fine) -> None:
     """Raise ModelError where places at which pieces end are more than integers can count; see `Divisions.unit`."""
-    nodes = (int(fine.box.sx) + 1) * (int(fine.box.sy) + 1) * (int(fine.box.sz) + 1)
+    nodes = (int(fine.box.sx) + BLOCK) * (int(fine.box.sy) + BLOCK) * (int(fine.box.sz) + BLOCK)
     if nodes * fine.divisions.unit**3 >= 1 << 63:
         raise refused(model, "$.horizon.ratio", f"{fine.reach} spacings", f"fewer in a lattice of {nodes} places")
 
@@ -79,7 +79,9 @@ def whole_of(model: Model | None, sites: Sites, tiles: Tiles) -> Whole:
     """What does not change of a body with these bonds."""
     reach, half = int(np.abs(sites.ways).max()), len(sites.ways) // 2
     box = box_of(sites.sides, reach)
-    fine = Fine(box, tiles, divisions(sites.ways[half:]), reach, sites.spacing**3, weakness(tiles))
+    of = divisions(sites.ways[half:])
+    kinds = kinds_of(of, tiles.table, sites.spacing)
+    fine = Fine(box, tiles, of, reach, sites.spacing**3, weakness(tiles), *kinds)
     at = coarse_springs.sites_of(box, sites.spacing)
     hot = (Hybrid() if model is None else model.settings.run.hybrid).kappa * weakest(box, tiles)
     return Whole(model, fine, sites, at, np.zeros(len(sites.site), dtype=np.int64), moduli(box, tiles), hot)

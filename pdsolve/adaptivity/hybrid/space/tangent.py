@@ -18,7 +18,7 @@ from pdsolve.operators.space_lattice.sites import Sites
 from pdsolve.operators.tangent import of_springs
 
 if TYPE_CHECKING:
-    from pdsolve.adaptivity.hybrid.space.operator import Linked
+    from pdsolve.adaptivity.hybrid.space.layout import Linked
 
 
 def tangent_of(linked: Linked, value: NDArray[np.float64]) -> csr_array:
