@@ -19,6 +19,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from benchmarks.pages import put_section
@@ -74,10 +75,10 @@ thermo 1000000
 neigh_modify every 100000 delay 100000 check no"""
 
 
-def cube(side: int) -> Model:
+def cube(side: int, material: Material = GLASS) -> Model:
     """A cube of so many nodes a side, 1 mm apart, m = 3."""
     grid = whole_lattice(Lattice((0.0, 0.0, 0.0), 1e-3, side, side, side), cracks=np.zeros((0, 9)))
-    return Model(grid, Settings(material=GLASS, horizon=Horizon(3.0), run=Run(time_step=2e-8)))
+    return Model(grid, Settings(material=material, horizon=Horizon(3.0), run=Run(time_step=2e-8)))
 
 
 def shaken(model: Model, options: Options) -> Prepared:
@@ -119,6 +120,21 @@ def measured(side: int, names: list[str]) -> dict[str, Any]:
         "step": {name: 1e6 * seconds / nodes for name, seconds in step.items()},
         "preparing": {name: 1e6 * seconds / nodes for name, seconds in preparing.items()},
         "operator": operators,
+    }
+
+
+def ordinary(side: int) -> dict[str, Any]:
+    """us a node of a step of ordinary families that may break, in a list and in tiles."""
+    model, problems = cube(side, msgspec.structs.replace(GLASS, model="ordinary", nu=0.25)), {}
+    for name in ("list, float64", "tiles, float64", "tiles, float32"):
+        problems[name] = shaken(model, VARIANTS[name])
+    step = least({name: lambda problem=problem: problem.march(1, 2) for name, problem in problems.items()})
+    assert not any(len(problem.system.operator.broken().step) for problem in problems.values())
+    bonds = problems["tiles, float64"].system.bonds / side**3
+    return {
+        "nodes": side**3,
+        "bonds a node": bonds,
+        "step": {name: 1e6 * seconds / side**3 for name, seconds in step.items()},
     }
 
 
@@ -195,6 +211,8 @@ def section(found: dict[str, Any]) -> str:
                 f"| {body['nodes']} | {bonds:.0f} | {name} | {step:.4f} | {1e3 * step / bonds:.2f} | {times} |"
                 f" {preparing} | {operator} |"
             )
+    if "ordinary" in found:
+        lines += _of_ordinary(found["ordinary"])
     lines += [
         "",
         "All in all, with the grid, the state and what preparing takes for a while, a process has at its peak",
@@ -225,6 +243,22 @@ def section(found: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
+def _of_ordinary(of: dict[str, Any]) -> list[str]:
+    """Lines of the section on ordinary families."""
+    lines = [
+        "",
+        f"The same for `ordinary` families that may break, of {of['nodes']} nodes"
+        " (`python -m benchmarks.space --ordinary`):",
+        "",
+        "| kernel | us a node and step | ns a bond | times the list |",
+        "|---|---|---|---|",
+    ]
+    for name, step in of["step"].items():
+        times = of["step"]["list, float64"] / step
+        lines.append(f"| {name} | {step:.3f} | {1e3 * step / of['bonds a node']:.2f} | {times:.1f} |")
+    return lines
+
+
 def told(found: dict[str, Any]) -> None:
     """Keep the numbers, put the section on its page, and print it."""
     STORED.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
@@ -237,6 +271,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--two-threads", action="store_true", help="too; it wants two quiet cores")
     parser.add_argument("--lammps", action="store_true", help="LAMMPS beside the tiles alone; it has to be installed")
+    parser.add_argument("--ordinary", action="store_true", help="ordinary families alone")
     parser.add_argument("--peak", type=int, help=argparse.SUPPRESS)
     parser.add_argument("--precision", default="float64", help=argparse.SUPPRESS)
     asked = parser.parse_args()
@@ -244,6 +279,9 @@ def main() -> None:
         large_arrays_apart()
         prepare(cube(asked.peak), Options(precision=asked.precision, threads=1)).march(1, 11)
         print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
+        return
+    if asked.ordinary:
+        told(json.loads(STORED.read_text(encoding="utf-8")) | {"ordinary": ordinary(SMALL)})
         return
     if asked.lammps:
         found = json.loads(STORED.read_text(encoding="utf-8")) | {"lammps": lammps()}

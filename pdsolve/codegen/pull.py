@@ -29,9 +29,9 @@ def coefficients(precision: str) -> tuple[tuple[float, ...], tuple[float, ...]]:
 
 
 @cache
-def stretch_coefficients() -> tuple[float, ...]:
-    """The coefficients of 1, e, e^2 ... of the polynomial for the stretch over e, for |e| up to NARROW, of degree 5."""
-    return _interpolated(lambda e: 1 / (1 + (1 + e).sqrt()), NARROW, DEGREES["float64"][0])
+def stretch_coefficients(precision: str = "float64") -> tuple[float, ...]:
+    """The coefficients of 1, e, e^2 ... of the polynomial for the stretch over e, for |e| up to NARROW."""
+    return _interpolated(lambda e: 1 / (1 + (1 + e).sqrt()), NARROW, DEGREES[precision][0])
 
 
 def _pull(e: Decimal) -> Decimal:

@@ -126,7 +126,10 @@ class Lanes:
     tabled: Callable[[Any, Bonds], Tabled]  # the numbers of all bonds, the first never 0
     standing: Callable[[Any, NDArray[np.int64]], Array]  # (., k) what `finish` wants of nodes (k,)
     by_lanes: Callable[[Any], bool]  # whether `finish` can stand for `close`
-    in_space: bool = False  # whether `finish` is written for three dimensions too
+    in_space: bool = (
+        False  # whether `finish` is written for three dimensions too; numbers of bonds then are pairs: one,
+    )
+    # and that of the bond the other way, times V_j / V_i
 
 
 def displacement(dimension: int) -> tuple[Unknown, ...]:

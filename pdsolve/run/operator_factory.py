@@ -22,6 +22,7 @@ from pdsolve.operators.protocol import Operator
 from pdsolve.operators.simd_lattice import state_based
 from pdsolve.operators.simd_lattice.layout import blocks_of
 from pdsolve.operators.simd_lattice.operator import SimdLattice
+from pdsolve.operators.space_lattice import state_based as families_in_tiles
 from pdsolve.operators.space_lattice.operator import SpaceLattice
 from pdsolve.operators.together import Together
 from pdsolve.options import Options, threads_of
@@ -57,9 +58,12 @@ def operator_of(
     bonds = listed(statistics.parts(), filling.area).bonds
     counted = statistics.counted(filling.area)
     compiled = not numba.config.DISABLE_JIT and options.kernel != "listed"
+    of = law, model, bonds, scheme.symmetric, options.precision, threads
+    in_space = families_in_tiles.placed(law, model, bonds, filling.area) if compiled else None
+    if in_space is not None:
+        return families_in_tiles.FamiliesInTiles(*of, in_space), counted
     where = state_based.placed(law, bonds) if compiled else None
     if where is not None:
-        of = law, model, bonds, scheme.symmetric, options.precision, threads
         return state_based.Families(*of, where), counted
     if options.kernel == "blocks":
         raise ModelError(

@@ -45,19 +45,21 @@ def _stride(sides: tuple[int, int, int]) -> NDArray[np.int64]:
     return np.array([1, sides[0], sides[0] * sides[1]])
 
 
-def sites_of(grid: Grid, reach: float) -> Sites | None:
+def sites_of(grid: Grid, reach: float, whole_rows: bool = False) -> Sites | None:
     """The sites of a body's nodes, which see each other up to `reach` spacings; None if they are no lattice, or
-    so few in a row that two ways to a neighbour pass as many sites."""
+    so few in a row that two ways to a neighbour pass as many sites. `whole_rows`: rows along x are whole tiles."""
     spacing = float(grid.delta[0])
     if (grid.delta != spacing).any():
         return None
-    sides, site, stride = [], np.zeros(len(grid), dtype=np.int64), 1
+    sides: list[int] = []
+    site, stride = np.zeros(len(grid), dtype=np.int64), 1
     for along in grid.position.T:
         along = (along - along.min()) / spacing
         place = np.rint(along)
         if np.abs(along - place).max() > OFF_PLACE:
             return None
-        sides.append(int(place.max()) + 1)
+        whole = ROW if whole_rows and not sides else 1
+        sides.append(-(-(int(place.max()) + 1) // whole) * whole)
         site += stride * place.astype(np.int64)
         stride *= sides[-1]
         if len(grid) < LEAST_FILLED * stride and len(sides) == 3:

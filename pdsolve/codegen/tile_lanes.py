@@ -1,0 +1,78 @@
+"""Lanes of a tile: those whose bond is there, and how a bond is stretched without a root and a division."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+
+from pdsolve.codegen.lanes import Lanes
+from pdsolve.codegen.pull import coefficients, stretch_coefficients
+from pdsolve.codegen.vector_code import call
+
+
+@intrinsic
+def bonded(typingctx, values, bits, tile, slot, lane):  # type: ignore[no-untyped-def]
+    """A tuple of lanes, 0 in those without a bond; `bits` (tiles, k) are uint16, `lane` is the first of the lanes."""
+
+    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        count = values.dtype.count
+        view = context.make_array(bits)(context, builder, arguments[1])
+        at = builder.add(builder.mul(arguments[2], builder.extract_value(view.shape, 1)), arguments[3])
+        word = builder.load(builder.gep(view.data, [at]))
+        some = builder.lshr(word, builder.trunc(arguments[4], word.type))
+        some = builder.trunc(some, ir.IntType(count)) if count < word.type.width else some
+        which = builder.bitcast(some, ir.VectorType(ir.IntType(1), count))
+        found = []
+        for number in range(len(values)):
+            value = builder.extract_value(arguments[0], number)
+            found.append(builder.select(which, value, ir.Constant(value.type, [0.0] * count)))
+        return context.make_tuple(builder, signature.return_type, found)
+
+    return values(values, bits, types.int64, types.int64, types.int64), generate
+
+
+@intrinsic
+def fused(typingctx, a, b, c):  # type: ignore[no-untyped-def]
+    """a b + c in lanes, rounded once where the processor can."""
+
+    def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
+        return call(builder, "fmuladd", *values)
+
+    return a(a, b, c), generate
+
+
+@intrinsic
+def stretched(typingctx, e):  # type: ignore[no-untyped-def]
+    """The stretch of bonds, and 1 / (1 + stretch), at |e| up to `NARROW`."""
+    assert isinstance(e, Lanes)
+    precision = "float32" if e.kind == types.float32 else "float64"
+
+    def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
+        (own,) = values
+
+        def polynomial(factors: tuple[float, ...]) -> Any:
+            every = [ir.Constant(own.type, [factor] * e.count) for factor in factors]
+            value = every[-1]
+            for factor in every[-2::-1]:
+                value = call(builder, "fmuladd", value, own, factor)
+            return value
+
+        stretch = builder.fmul(own, polynomial(stretch_coefficients(precision)))
+        one = ir.Constant(own.type, [1.0] * e.count)
+        inverse = call(builder, "fmuladd", builder.fneg(own), polynomial(coefficients(precision)[0]), one)
+        return context.make_tuple(builder, signature.return_type, [stretch, inverse])
+
+    return types.UniTuple(e, 2)(e), generate
+
+
+@intrinsic
+def magnitude(typingctx, e):  # type: ignore[no-untyped-def]
+    """|e| in lanes."""
+
+    def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
+        return call(builder, "fabs", *values)
+
+    return e(e), generate
