@@ -13,7 +13,7 @@ from pdmesh.model.timed_selection import Vector
 if TYPE_CHECKING:
     from pdmesh.model.document import Run
 
-CRACK = "crack"  # a control: the length of cracks of particles
+CRACK, ARC = "crack", "arc"  # controls: the length of cracks of particles; that of the path of an elastic body
 
 
 class Gap(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
@@ -54,8 +54,8 @@ def contradiction(run: Run, conditions: Sequence[str]) -> str | None:
 def _of_control(run: Run, gaps: list[str]) -> str | None:
     """What is wrong with the control of a path."""
     static = run.static
-    if run.cracks == "particles" and static.control == CRACK:
-        unused = "none, as the length of cracks is the control"
+    if static.control == (CRACK if run.cracks == "particles" else ARC):
+        unused = "none, as a length is the control"
         return None if static.opening is None else f"static.opening: found {static.opening:g}, expected {unused}"
     if static.control is not None and static.control not in gaps:
         return f"static.control: found '{static.control}', expected {', '.join(gaps) or 'a gap (run.gaps has none)'}"

@@ -25,7 +25,7 @@ from pdmesh.model.material import DECLARED, USUAL_LAW, Expansion, Material, miss
 from pdmesh.model.materials import KINDS, Refusal, Refusals
 from pdmesh.model.materials.kind import softens
 from pdmesh.model.medium import Medium, contradiction, of_motion
-from pdmesh.model.monitors import CRACK
+from pdmesh.model.monitors import ARC, CRACK
 from pdmesh.model.output_fields import OF_CONTENT
 from pdmesh.model.output_fields import USUAL as USUAL_FIELDS
 from pdmesh.model.refusals import Impossible, Places
@@ -270,6 +270,8 @@ def _in_steps(settings: Settings, every: Places) -> Iterator[Impossible]:
         yield from _along_path(settings)
     elif run.cracks == "particles" and run.static.control == CRACK:
         yield from _along_cracks(settings)
+    elif run.cracks == "bonds" and run.static.control == ARC:
+        yield from _along_arc(settings)
     elif run.static.control is not None:
         expected = "none, as no bond softens: of these alone, and of cracks of particles, a path is followed"
         yield Impossible("$.run.static.control", f"'{run.static.control}'", expected)
@@ -279,6 +281,8 @@ def _in_steps(settings: Settings, every: Places) -> Iterator[Impossible]:
 
 def _along_path(settings: Settings) -> Iterator[Impossible]:
     """Settings with which bonds that soften are not followed."""
+    if settings.run.static.control == ARC:
+        yield Impossible("$.run.static.control", "'arc'", "a gap, or none, as bonds soften")
     if settings.run.static.method != "newton":
         yield Impossible("$.run.static.method", settings.run.static.method, "newton, as bonds soften")
     if settings.run.static.floating:
@@ -296,6 +300,23 @@ def _along_cracks(settings: Settings) -> Iterator[Impossible]:
         yield Impossible("$.run.fatigue", "some", f"none, {words}")
     if run.after == "motion":
         yield Impossible("$.run.after", "motion", f"path or stop, {words}")
+    if settings.physics != "mechanics":
+        yield Impossible("$.physics", settings.physics, f"mechanics, {words}")
+
+
+def _along_arc(settings: Settings) -> Iterator[Impossible]:
+    """Settings with which elastic bodies are not followed by the arc length of their path."""
+    run, words = settings.run, "as the arc length is the control"
+    if run.fatigue is not None:
+        yield Impossible("$.run.fatigue", "some", f"none, {words}")
+    if run.static.method != "newton":
+        yield Impossible("$.run.static.method", run.static.method, f"newton, {words}")
+    if run.static.floating:
+        yield Impossible("$.run.static.floating", "true", f"false, {words}")
+    if run.after == "motion" and run.duration is None:
+        yield Impossible("$.run.duration", "none", "seconds, as run.after is motion")
+    if settings.contact is not None:
+        yield Impossible("$.contact", "some", f"none, {words}")
     if settings.physics != "mechanics":
         yield Impossible("$.physics", settings.physics, f"mechanics, {words}")
 

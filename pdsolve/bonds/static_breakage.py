@@ -27,6 +27,9 @@ class Breaking(Protocol):
         Returns how far over it they are: the largest ratio of the load to that at which the first breaks; 0 if none is.
         """
 
+    def over(self, value: NDArray[np.float64]) -> bool:
+        """Whether any bond is over its limit at displacements (n, d)."""
+
     def restore(self, broken: Broken) -> None:
         """Take these bonds for broken, and no others."""
 
@@ -61,6 +64,10 @@ class Breakable(NamedTuple):
             return 0.0
         self.part(operator, state, step, which, stretches)
         return most
+
+    def over(self, value: NDArray[np.float64]) -> bool:
+        """Whether any intact bond is over its limit."""
+        return bool((self.intact & (self.stretches(value) > self.limit)).any())
 
     def part(
         self,
@@ -125,6 +132,10 @@ class FamilyBonds:
             low, high, which = (low, middle, found) if len(found) else (middle, high, which)
         self._operator.sever(state, which, step)
         return 1 / high
+
+    def over(self, value: NDArray[np.float64]) -> bool:
+        """Whether any fails."""
+        return len(self._operator.failing(value)) > 0
 
     def restore(self, broken: Broken) -> None:
         """Does nothing: the operator knows."""

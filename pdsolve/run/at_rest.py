@@ -7,10 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from pdsolve.bonds.static_breakage import FamilyBonds, StaticBreakage
-from pdsolve.conditions import (
-    drive,
-    widened,
-)
+from pdsolve.conditions import Drive, drive, widened
 from pdsolve.laws import law_of
 from pdsolve.model import Model, ModelError
 from pdsolve.operators.bond_list import BondList
@@ -22,13 +19,14 @@ from pdsolve.run.operator_factory import held_by_ground, operator_of, stable, to
 from pdsolve.run.system import Prepared, System
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import zero_state
+from pdsolve.steppers.arc_length_steps import ArcLengthSteps
 from pdsolve.steppers.crack_length_steps import CrackLengthSteps
 from pdsolve.steppers.equilibrium import Method
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.newton import FACTORED, FACTORED_IN, Newton
 from pdsolve.steppers.path_steps import PathSteps
 from pdsolve.steppers.relaxation import Relaxation
-from pdsolve.steppers.static_loads import follows_cracks, follows_path
+from pdsolve.steppers.static_loads import follows_arc, follows_cracks, follows_path
 from pdsolve.steppers.stepped_rest import repeating
 from pdsolve.steppers.touching import Touching
 
@@ -72,6 +70,9 @@ def at_rest(model: Model, options: Options, scheme: Scheme, breaks: bool = True)
     found = replace(found, growth=growth, contact=contact)
     if fatigue is not None and (breaks or grows):
         found = replace(found, stepper=repeating(model, operator, stepper, breakable, *filled[1:], growth))
+    if breaks and follows_arc(model):
+        _refuse_size(model, driven)
+        found = replace(found, stepper=ArcLengthSteps(model, operator, driven, area, breaking, **remember))
     if growth is not None and follows_cracks(model):
         found = replace(found, stepper=CrackLengthSteps(model, operator, driven, area, stepper, growth))
     return Prepared(found, state)
@@ -83,14 +84,11 @@ def _along_path(model: Model, options: Options, scheme: Scheme) -> Prepared:
         raise ModelError(f"mode: found {scheme.name}, expected conservative, as bonds soften at rest")
     filling = scheme.fill(model)
     bonded, filled = operator_of(model, options._replace(kernel="listed"), scheme, filling)
-    area, nodes = filling.area, len(model.grid)
+    area = filling.area
     operator, contact = touched_at_rest(model, area, held_by_ground(model, area, bonded))
     width = sum(unknown.width for unknown in operator.unknowns)
     driven = widened(drive(model, area, scheme.exact_load, np.float64), width)
-    if driven.force.size - len(driven.holds.node) > MOST_ALONG_PATH[model.grid.dimension]:
-        most = MOST_ALONG_PATH[model.grid.dimension] // width
-        why = "as the tangent of bonds that soften at rest is factored"
-        raise ModelError(f"{model.name}: $.nodes: found {nodes}, expected at most {most}, {why}")
+    _refuse_size(model, driven)
     driven.force[:] = driven.before[:] = driven.held_force[:] = 0
     state = operator.place(zero_state(*driven.force.shape))
     bonds, ground = softening_of(model, filling.whole(), contact), supports_of(operator)
@@ -100,3 +98,11 @@ def _along_path(model: Model, options: Options, scheme: Scheme) -> Prepared:
     step, bound = model.settings.run.time_step or 1.0, stable(operator.stiffness_bound(), model.rho)
     found = System(model, options, scheme, operator, stepper, driven, *filled, step, bound, 0.0, contact=contact)
     return Prepared(found, state)
+
+
+def _refuse_size(model: Model, driven: Drive) -> None:
+    """Raise ModelError for a body that is too large to be followed along its path."""
+    most, (nodes, width) = MOST_ALONG_PATH[model.grid.dimension], driven.force.shape
+    if driven.force.size - len(driven.holds.node) > most:
+        why = "as the tangent is factored along a path"
+        raise ModelError(f"{model.name}: $.nodes: found {nodes}, expected at most {most // width}, {why}")

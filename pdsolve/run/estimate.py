@@ -24,6 +24,7 @@ from pdsolve.run.assembly import step_of
 from pdsolve.run.operator_factory import bond_counts, stable
 from pdsolve.run.prepare import prepare, scheme_of
 from pdsolve.run.static_start import still
+from pdsolve.steppers.arc_length_steps import ArcLengthSteps
 from pdsolve.steppers.newton import FACTORED
 from pdsolve.steppers.path_steps import PathSteps
 
@@ -118,7 +119,7 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
             cycle = system.stepper.cycle
         in_blocks |= paired and system.operator.name == "blocks"
         count, bound, step, settings = system.count, system.bound, system.time_step, system.model.settings
-        along_path = isinstance(system.stepper, PathSteps)
+        along_path = isinstance(system.stepper, ArcLengthSteps | PathSteps)
         if along_path:
             run = msgspec.structs.replace(settings.run, steps=round(TAKEN * settings.run.steps))
             settings = msgspec.structs.replace(settings, run=run)

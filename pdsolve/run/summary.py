@@ -11,6 +11,7 @@ from pdmesh import VERSION
 from pdsolve.adaptivity.quadtree.operator import Leaves
 from pdsolve.run.recorder import Recorder
 from pdsolve.run.system import System
+from pdsolve.steppers.arc_length_steps import ArcLengthSteps
 from pdsolve.steppers.crack_length_steps import CrackLengthSteps
 from pdsolve.steppers.fatigue_steps import FatigueSteps
 from pdsolve.steppers.load_steps import LoadSteps
@@ -104,9 +105,9 @@ def _rested(taken: LoadSteps | SteppedRest | None) -> dict[str, Any]:
             "cycles_error": taken.error if isinstance(taken, ParisSteps) else None,
             "ended": taken.why or None,
         }
-    if isinstance(taken, CrackLengthSteps | PathSteps):
+    if isinstance(taken, ArcLengthSteps | CrackLengthSteps | PathSteps):
         rows = [stepped._asdict() for stepped in taken.rested]
-        ended = {"ended": taken.why or None} if isinstance(taken, CrackLengthSteps) else {}
+        ended = {} if isinstance(taken, PathSteps) else {"ended": taken.why or None}
         return {"method": taken.said, "path_steps": rows, "lost": taken.lost} | ended
     if taken is None:
         return {}

@@ -24,7 +24,7 @@ from pdsolve.steppers.load_steps import Going, held_at
 Array = NDArray[np.float64]
 
 PASSED = 0.98  # of the largest load so far: what has fallen below is past its peak
-END = 0.01  # of the largest load: the path ends there
+END = 0.01
 
 
 class Stepped(NamedTuple):
@@ -42,10 +42,11 @@ class PathRecords:
     """Takes the steps of a path, in a way that others say, and keeps their records."""
 
     said = ""  # how, for the record
+    end = END  # of the largest load: the path ends there
 
     def __init__(self, model: Model, drive: Drive, area: Array) -> None:
         self._model, self._drive, self._area = model, drive, area
-        self._held = np.zeros(drive.force.shape, dtype=bool)
+        self._held: NDArray[np.bool_] = np.zeros(drive.force.shape, dtype=bool)
         self._held[drive.holds.node, drive.holds.axis] = True
         self._start, end = self._outside_at(0.0), self._outside_at(1.0)
         self._growth = end - self._start  # of loads (n, w), N/m, and places, m, from a factor of 0 to 1
@@ -112,7 +113,7 @@ class PathRecords:
         """Report, once, loads past their largest; end the path where they are as good as gone."""
         pulls = [abs(one.pull) for one in self.rested]
         most, now = max(pulls), pulls[-1]
-        self.ended |= now < END * most
+        self.ended |= now < self.end * most
         if self._driven[self._held].any() or now >= PASSED * most:
             return
         self.lost, after = max(one.factor for one in self.rested), self._model.settings.run.after

@@ -117,7 +117,7 @@ class PathSteps(PathRecords):
             raise UnsettledError(f"{self._model.name}: path step {step}: {error}") from None
         found = self._bonds.respond(new.value)
         after = self._outside(new, found)
-        work = _along((self._before, self._last, new), (*self._pushed, after)).sum(axis=1)
+        work = along((self._before, self._last, new), (*self._pushed, after)).sum(axis=1)
         self._pushed = self._pushed[1], after
         self._bonds.kappa[:] = found.kappa
         self._before, self._last = self._last, new
@@ -310,7 +310,7 @@ def _largest_step(model: Model) -> float:
     return float(cost * extent ** (model.grid.dimension - 1) / steps)
 
 
-def _along(places: tuple[Path, Path, Path], pushed: tuple[Array, Array, Array]) -> Array:
+def along(places: tuple[Path, Path, Path], pushed: tuple[Array, Array, Array]) -> Array:
     """Work (n, d), J/m, of forces (n, d) from the second place to the third, all quadratic in the spent energy.
 
     By Simpson's rule, exact for these; by the trapezoidal rule next to a much longer or shorter step.

@@ -9,7 +9,7 @@ import numpy as np
 
 from pdmesh.model.document import Condition, Displacement, Load
 from pdmesh.model.materials.kind import softens
-from pdmesh.model.monitors import CRACK
+from pdmesh.model.monitors import ARC, CRACK
 from pdmesh.model.selection import components, given_of
 from pdsolve.conditions import factors
 from pdsolve.model import Model, ModelError, counted
@@ -27,7 +27,7 @@ def in_load_steps(model: Model, precision: str) -> Model:
     run = model.settings.run
     if precision != "float64":
         raise ModelError(f"precision: found {precision}, expected float64, as the solver is static")
-    if follows_path(model) or follows_cracks(model):
+    if follows_path(model) or follows_cracks(model) or follows_arc(model):
         return _in_path_steps(model)
     if run.fatigue is not None:
         changed = msgspec.structs.replace(run, time_step=1.0, ledger=1)
@@ -57,6 +57,11 @@ def follows_path(model: Model) -> bool:
 def follows_cracks(model: Model) -> bool:
     """Whether cracks of particles are followed, their length being the control."""
     return model.settings.run.cracks == "particles" and model.settings.run.static.control == CRACK
+
+
+def follows_arc(model: Model) -> bool:
+    """Whether an elastic body is followed by the arc length of its path."""
+    return model.settings.run.cracks == "bonds" and model.settings.run.static.control == ARC
 
 
 def _in_path_steps(model: Model) -> Model:

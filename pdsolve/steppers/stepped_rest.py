@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from pdsolve.bonds.static_breakage import Breakable
 from pdsolve.model import Model
 from pdsolve.operators.protocol import Operator
+from pdsolve.steppers.arc_length_steps import ArcLengthSteps
 from pdsolve.steppers.crack_length_steps import CrackLengthSteps
 from pdsolve.steppers.fatigue_steps import FatigueSteps, tiring
 from pdsolve.steppers.growing_cracks import Growing
@@ -15,7 +16,7 @@ from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.paris_steps import ParisSteps
 from pdsolve.steppers.path_steps import PathSteps
 
-SteppedRest = CrackLengthSteps | FatigueSteps | ParisSteps | PathSteps
+SteppedRest = ArcLengthSteps | CrackLengthSteps | FatigueSteps | ParisSteps | PathSteps
 
 
 def repeating(

@@ -1,0 +1,209 @@
+"""Elastic bodies along their equilibrium path by its arc length: through snap-through and snap-back.
+
+Displacements and the factor of loads and prescribed displacements are unknown together. A step goes from the last
+equilibrium along the tangent of the path, and returns to the path in the plane normal to that (E. Riks, Int. J. Solids
+Struct. 15 (1979) 529-551):
+
+    K a = R,  K b = p,  d lambda = (ds - t (u - u_n) - t a) / (t b),  du = a + d lambda b
+
+with K the consistent tangent, N/m^2, R the residual forces, N/m, p their derivative by the factor lambda at fixed u, b
+the derivative of the displacements, t its unit vector at u_n and ds the step, m; norms are over components. Nothing
+breaks: the path ends where the first bond reaches its limit. Units are a plate's; in space forces are in N.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.bonds.static_breakage import Breaking
+from pdsolve.checkpoint_validation import entry
+from pdsolve.conditions import Drive, put_loads
+from pdsolve.model import Model
+from pdsolve.operators.protocol import Operator
+from pdsolve.state import State
+from pdsolve.steppers.equilibrium import UnsettledError, forces, norm
+from pdsolve.steppers.factors import factors
+from pdsolve.steppers.load_steps import Going
+from pdsolve.steppers.path_following import Path
+from pdsolve.steppers.path_records import PathRecords
+from pdsolve.steppers.path_steps import CRACK_STEPS, along
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
+Array = NDArray[np.float64]
+
+MOST = 12  # iterations; a step that needs more is halved
+FEW = 4  # iterations: a step that needs no more grows by
+GROWTH = 1.5
+LONGEST, LEAST = 4.0, 1e-4  # of the first step: longer ones are not taken, and shorter ones not tried
+COARSEST = 1e-6  # tolerance of residuals: path steps are not solved better
+BENT = 0.5  # of a step, by which the path leaves its tangent at most
+
+
+class ArcLengthSteps(PathRecords):
+    """Takes steps of arc length with any operator whose bonds do not break."""
+
+    end = 0.0
+    said = "arc length as the control, Newton's method with factors"
+
+    def __init__(
+        self,
+        model: Model,
+        operator: Operator,
+        drive: Drive,
+        area: Array,
+        breaking: Breaking | None,
+        remember: Callable[[State], None] = lambda state: None,
+    ) -> None:
+        """`breaking` knows the limits of bonds, None: there are none; `remember` is called with each equilibrium."""
+        super().__init__(model, drive, area)
+        self._operator, self._breaking, self._remember = operator, breaking, remember
+        self._free = np.flatnonzero(~self._held.ravel())
+        static, shape = model.settings.run.static, self._held.shape
+        self._tolerance = max(static.tolerance, COARSEST)
+        self._steps = static.load_steps or CRACK_STEPS
+        self._largest = 0.0  # N/m, norm of the forces from outside so far: the measure of residuals
+        self._most = self._more = 0.0  # m, the first step and the next one
+        self._last, self._before = Path(np.zeros(shape), 0.0, 0.0), Path(np.zeros(shape), 0.0, 0.0)  # with arc lengths
+        self._pushed = np.zeros(shape), np.zeros(shape)  # loads and reactions there, N/m
+        self.why = ""  # the path ended, where neither loads nor steps are over
+
+    def keep(self) -> dict[str, Array]:
+        """The path so far, for a checkpoint."""
+        numbers = [*self._last[1:], *self._before[1:], self._more, self._most, self._largest]
+        values = {"path_value": self._last.value, "path_before": self._before.value}
+        return super().keep() | values | {"path_pushed": np.array(self._pushed), "path_numbers": np.array(numbers)}
+
+    def back(self, kept: Mapping[str, NDArray[Any]], step: int) -> None:
+        """Restore a checkpoint after `step`. Raises CheckpointError."""
+        super().back(kept, step)
+        self._pushed = tuple(entry(kept, "path_pushed", (2, *self._held.shape), float).copy())
+        value, before = (entry(kept, f"path_{name}", self._held.shape, float) for name in ("value", "before"))
+        factor, length, earlier, less, *rest = entry(kept, "path_numbers", (7,), float).tolist()
+        self._last, self._before = Path(value.copy(), factor, length), Path(before.copy(), earlier, less)
+        self._more, self._most, self._largest = rest
+
+    def _share(self) -> float:
+        """How much of the path is done: of the loads."""
+        return min(max((one.factor for one in self.rested), default=0.0), 1.0)
+
+    def _take(self, state: State, step: int) -> None:
+        try:
+            new, iterations, residual = self._follow(state, step)
+        except UnsettledError as error:
+            raise UnsettledError(f"{self._model.name}: path step {step}: {error}") from None
+        after = self._outside(state, new)
+        work = along((self._before, self._last, new), (*self._pushed, after)).sum(axis=1)
+        self._pushed, self._before, self._last = (self._pushed[1], after), self._last, new
+        state.work[:] += work / self._area
+        state.rate[:] = state.second[:] = 0
+        self._remember(state)
+        drive, node, axis = self._drive, self._drive.holds.node, self._drive.holds.axis
+        drive.held_force[:] = (drive.force - after / self._area[:, None])[node, axis]
+        drive.before[:] = drive.force
+        self._note(step, iterations, residual, new.factor, after, 0.0)
+        if self._breaking is not None and self._breaking.over(state.value):
+            self.ended, self.why = True, "a bond has reached its limit"
+
+    def _follow(self, state: State, step: int) -> tuple[Path, int, float]:
+        """The next equilibrium, as far along the path as it converges; the state is there then."""
+        last = self._last
+        if not self.rested and self._start.any():
+            return self._settle(state, 0.0, step)
+        way = self._way(state)
+        size = norm(way)
+        self._most = self._most or size / self._steps
+        self._more = self._more or self._most
+        ahead = -1.0 if (way * (last.value - self._before.value)).sum() < 0 else 1.0
+        while True:
+            turn = ahead * self._more / size
+            guess = Path(last.value + turn * way, last.factor + turn, last.spent + self._more)
+            try:
+                new, count, residual = self._found(state, guess, ahead / size * way, step)
+                if norm(new.value - guess.value) < BENT * self._more:
+                    break
+                raise UnsettledError("found a path that bends within the shortest step")
+            except UnsettledError:
+                state.value[:], self._more = last.value, self._more / 2
+                if self._more < LEAST * self._most:
+                    raise
+        if count <= FEW:
+            self._more = min(GROWTH * self._more, LONGEST * self._most)
+        if new.factor >= 1:
+            self.ended = True
+            return self._settle(state, 1.0, step)
+        return new, count, residual
+
+    def _settle(self, state: State, factor: float, step: int) -> tuple[Path, int, float]:
+        """The equilibrium at a factor, from the last one."""
+        last = self._last
+        state.value[:] = last.value
+        value = np.where(self._held, self._start + factor * self._growth, last.value)
+        new, count, residual = self._found(state, Path(value, factor, last.spent), None, step)
+        return new._replace(spent=last.spent + norm(new.value - last.value)), count, residual
+
+    def _found(self, state: State, guess: Path, normal: Array | None, step: int) -> tuple[Path, int, float]:
+        """The equilibrium in the plane through a guess with a unit normal (n, w), or at its factor.
+
+        The state is there then. Raises UnsettledError.
+        """
+        value, factor, held = guess.value.copy(), guess.factor, self._held
+        for iteration in range(MOST + 1):
+            state.value[:] = value
+            inside = self._area[:, None] * forces(self._operator, state)
+            loads = self._start + factor * self._growth
+            rest, outside = (inside + loads)[~held], max(norm(loads[~held]), norm(inside[held]))
+            scale = max(self._largest, outside)
+            left = norm(rest) / scale if scale > 0 else float(norm(rest) > 0)
+            if self.watch is not None:
+                self.watch(Going(step, iteration, left, 0))
+            if left < self._tolerance:
+                self._largest = scale
+                return Path(value, factor, guess.spent), iteration, left
+            if not np.isfinite(left) or iteration == MOST:
+                break
+            matrix, solve = self._factors(state)
+            move, turn = np.zeros(held.shape), 0.0
+            move.ravel()[self._free] = solve(rest)
+            if normal is not None:
+                b = self._by_loads(matrix, solve)
+                turn = -float((normal * (move + value - guess.value)).sum()) / float((normal * b).sum())
+                move += turn * b
+            value, factor = value + move, factor + turn
+        raise UnsettledError(
+            f"found no equilibrium on the path after {iteration} iterations, a residual of {left:.2g}, expected"
+            f" {self._tolerance:g} of the external forces"
+        )
+
+    def _way(self, state: State) -> Array:
+        """Derivative (n, w) of the displacements by the factor at an equilibrium, m."""
+        matrix, solve = self._factors(state)
+        return self._by_loads(matrix, solve)
+
+    def _by_loads(self, matrix: csr_array, solve: Callable[[Array], Array]) -> Array:
+        way = np.where(self._held, self._growth, 0.0)
+        pushed = np.where(self._held, 0.0, self._growth).ravel() - matrix @ way.ravel()
+        way.ravel()[self._free] = solve(pushed[self._free])
+        return way
+
+    def _factors(self, state: State) -> tuple[csr_array, Callable[[Array], Array]]:
+        """The tangent (n w, n w) of a state, N/m^2, and what solves with its free part."""
+        from scipy.sparse import diags_array  # SciPy takes long to import, and few runs ask
+
+        weight, free = np.repeat(self._area, self._held.shape[1]), ~self._held.ravel()
+        matrix = (diags_array(weight) @ self._operator.tangent(state)).tocsr()
+        try:
+            return matrix, factors(matrix[free][:, free], self._operator.symmetric)
+        except RuntimeError:
+            raise UnsettledError("found a singular tangent") from None
+
+    def _outside(self, state: State, at: Path) -> Array:
+        """Loads and reactions (n, w), N/m."""
+        put_loads(self._drive, at.factor)
+        inside = self._area[:, None] * forces(self._operator, state)
+        return np.where(self._held, -inside, self._start + at.factor * self._growth)

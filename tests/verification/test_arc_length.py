@@ -1,0 +1,142 @@
+"""Elastic bodies followed by the arc length of their path: snap-through."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+from messages import naming
+from plates import plate
+from whole import contents
+
+from pdmesh.model.document import Displacement, Load, Material, Run, Static
+from pdmesh.model.node_grid import Grid
+from pdpost.measures.forces import chosen, reactions
+from pdsolve.model import Model
+from pdsolve.run.prepare import prepare
+from pdsolve.run.simulation import Options, resume, simulate
+
+RAMP = ((0.0, 0.0), (1.0, 1.0))
+ONE = Options(threads=1)
+RUBBER = Material(E=1e6, rho=1000.0, G0=1e9)
+HALF, RISE, SIDE = 1.0, 0.3, 0.6  # m: half the span of two bars, their rise, between nodes
+pytestmark = pytest.mark.filterwarnings("ignore::pdsolve.model.ModelWarning")
+
+
+def cloud(position: np.ndarray, delta: float) -> Grid:
+    nodes = len(position)
+    return Grid(
+        ids=np.arange(1, nodes + 1),
+        position=position,
+        delta=np.full(nodes, delta),
+        border=np.zeros(nodes, dtype=bool),
+        hole_id=np.full(nodes, -1),
+        cracks=np.empty((0, 4)),
+    )
+
+
+def two_bars(force: float, steps: int = 40, **changes: Any) -> Model:
+    """Two bonds that meet at a node, which a force pushes down; their other ends are held."""
+    grid = cloud(np.array([[-HALF, 0.0], [0.0, RISE], [HALF, 0.0]]), SIDE)
+    run = Run(solver="static", static=Static(control="arc", load_steps=steps), **changes)
+    held = Displacement(nodes=(1, 3), x=0.0, y=0.0, name="ends", breakable=True)
+    push = Load(nodes=(2,), body_force=(0.0, -force / SIDE**2), profile=RAMP, name="push", breakable=True)
+    return plate(grid, 2, material=RUBBER, conditions=(held, push), run=run)
+
+
+def arch(static: Static, *conditions: Any) -> Model:
+    """A shallow arch, 90 by 4 nodes, with both ends clamped."""
+    long, thick, rise = 90, 4, 12.0
+    x, row = np.meshgrid(np.arange(long) - (long - 1) / 2, np.arange(thick), indexing="ij")
+    y = row + rise * (1 - (2 * x / long) ** 2)
+    grid = cloud(1e-3 * np.column_stack([x.ravel(), y.ravel()]), 1e-3)
+    first, last = tuple(range(1, 3 * thick + 1)), tuple(range((long - 3) * thick + 1, long * thick + 1))
+    held = Displacement(nodes=first + last, x=0.0, y=0.0, name="ends")
+    return plate(grid, 3, material=RUBBER, conditions=(held, *conditions), run=Run(solver="static", static=static))
+
+
+def exact(stiffness: float, y: np.ndarray) -> np.ndarray:
+    """The force on two bars of this stiffness, N/m for a unit stretch, at a height of their middle."""
+    length, first = np.hypot(HALF, y), np.hypot(HALF, RISE)
+    return -2 * stiffness * (length / first - 1) * y / length
+
+
+def test_two_bars_snap_through() -> None:
+    """At each equilibrium the load is that of the closed form, whose limits are at cos^3 of the first angle."""
+    system, state = prepare(two_bars(1e3), ONE)
+    tangent = system.area[1] * system.operator.tangent(state).toarray()[3, 3]
+    first = np.hypot(HALF, RISE)
+    stiffness = tangent * first**3 / (2 * RISE**2)
+    turning = HALF * np.sqrt((first / HALF) ** (2 / 3) - 1)
+    limit = float(exact(stiffness, np.array([turning]))[0])
+    with simulate(two_bars(4 * limit, 160), None, ONE) as results:
+        rows = results.summary()["path_steps"]
+        y = RISE + np.array([results.field("uy", row["step"])[1] for row in rows]).astype(float)
+    factor = np.array([row["factor"] for row in rows])
+    assert 4 * limit * factor == pytest.approx(exact(stiffness, y), abs=1e-5 * limit)  # fields are in single precision
+    assert factor.max() == 1
+    there = factor[y > 0]
+    assert 4 * there.max() == pytest.approx(1.0, abs=2e-3)
+    assert factor.min() == pytest.approx(-there.max(), abs=2e-3)  # and through its mirror image
+    assert len(rows) < 300
+
+
+@pytest.mark.slow
+def test_an_arch_bears_what_load_steps_by_displacement_say() -> None:
+    """Newton's load steps move the middle down; by a force on the same node the path is the same, and falls."""
+    node = 45 * 4 + 1
+    down = Displacement(nodes=(node,), y=-16e-3, profile=RAMP, name="middle")
+    with simulate(arch(Static(load_steps=20), down), None, ONE) as results:
+        moved = chosen(reactions(results), ["middle"])[0].displacement[:, 1]
+        pushed = chosen(reactions(results), ["middle"])[0].force[:, 1]
+    most = float(np.abs(pushed).max())
+    push = Load(nodes=(node,), body_force=(0.0, -1.1 * most / 1e-6), profile=RAMP, name="middle")
+    with simulate(arch(Static(control="arc", load_steps=20), push), None, ONE) as results:
+        rows, books = results.summary()["path_steps"], results.history()
+        way = np.array([results.field("uy", row["step"])[node - 1] for row in rows]).astype(float)
+    factor = np.array([row["factor"] for row in rows])
+    load = np.interp(-moved[1:], -way, 1.1 * most * factor)
+    assert load == pytest.approx(np.abs(pushed[1:]), abs=0.01 * most)
+    falls = factor[factor[way > -10e-3].argmax() :]
+    assert falls.min() < 0.6 * falls[0]
+    missing = books["strain"] - books["work"]
+    assert np.abs(missing).max() < 1e-3 * books["work"].max()
+
+
+@pytest.mark.slow
+def test_a_path_goes_on_to_the_same_bits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pdsolve.run.simulation.PATIENCE", 1.0)
+    whole, stopped, model = tmp_path / "whole.sqlite", tmp_path / "stopped.sqlite", two_bars(2e4, 20)
+    simulate(model, whole, ONE).close()
+    with simulate(model, stopped, ONE, watch=lambda progress: progress.step == 5) as results:
+        assert results.meta()["status"] == "interrupted"
+    resume(stopped, 1).close()
+    assert contents(stopped) == contents(whole)
+
+
+def test_a_bond_at_its_limit_ends_the_path() -> None:
+    weak = msgspec.structs.replace(two_bars(1e6).settings.material, G0=1e2)
+    model = two_bars(1e6)
+    model = Model(model.grid, msgspec.structs.replace(model.settings, material=weak))
+    with simulate(model, None, ONE) as results:
+        assert "limit" in results.summary()["ended"]
+        assert len(results.breaks().step) == 0
+
+
+@pytest.mark.parametrize(
+    ("changes", "place", "found"),
+    [
+        ({"after": "motion"}, "$.run.duration", "none"),
+        ({"static": Static(control="arc", opening=1e-4)}, "static.opening", "0.0001"),
+        ({"static": Static(control="arc", method="relaxation")}, "$.run.static.method", "relaxation"),
+        ({"static": Static(control="arc", floating=True)}, "$.run.static.floating", "true"),
+    ],
+)
+def test_what_goes_with_no_arc_length_is_refused(changes: dict[str, Any], place: str, found: str) -> None:
+    model = two_bars(1e3)
+    run = msgspec.structs.replace(model.settings.run, **changes)
+    with pytest.raises(ValueError, match=naming(place, found=found)):
+        simulate(Model(model.grid, msgspec.structs.replace(model.settings, run=run)), None, ONE)
