@@ -273,8 +273,8 @@ the number of threads follows from the number of nodes; the bits of the results 
 **When not to use it**: where much of the plate is crushed or softens, because most of it then becomes fine; where 12 h
 around a tip, or the surroundings of holes, are most of the plate; with horizons of more than 4 spacings, for which the
 zone is narrow ([where methods fail](where_methods_fail.md)). `--adapt auto` takes fine nodes everywhere then. A run in
-which a clipped bond would break begins anew with fine cells that come earlier, and in the end with fine nodes
-everywhere.
+which a clipped bond would break goes back, with fine cells that come earlier from a frame on, and in the end begins
+anew with fine nodes everywhere.
 
 "Path off" is the mean two-way distance from the paths of the other uniform runs, over the length of the path. For
 uniform runs it shows how far they are from each other.

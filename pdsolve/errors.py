@@ -12,7 +12,11 @@ class UnstableError(ArithmeticError):
 
 
 class LateZoneError(UnstableError):
-    """A moving fine zone that came too late: a clipped bond would have broken."""
+    """A moving fine zone that came too late: a clipped bond would have broken in this step."""
+
+    def __init__(self, words: str, step: int = 0) -> None:
+        super().__init__(words)
+        self.step = step
 
 
 class DeviceLostError(RuntimeError):

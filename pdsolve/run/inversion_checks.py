@@ -42,9 +42,15 @@ def extent_of(u: NDArray[np.floating]) -> Extent:
 class MotionChecks:
     """Checks the motion of a run from time to time; gives each warning once."""
 
-    def __init__(self, model: Model, bonds: Callable[[int, int], tuple[NDArray[np.int64], NDArray[np.int64]]]) -> None:
-        """`bonds(first, last)` returns the rows of both ends of the initial bonds of sources `first` to `last` - 1."""
-        self._model, self._said, self._vague = model, False, False
+    def __init__(
+        self,
+        model: Model,
+        bonds: Callable[[int, int], tuple[NDArray[np.int64], NDArray[np.int64]]],
+        given: tuple[bool, bool] = (False, False),
+    ) -> None:
+        """`bonds(first, last)` returns the rows of both ends of the initial bonds of sources `first` to `last` - 1;
+        `given` are the warnings given already, of nodes before, as they have them."""
+        self._model, (self._said, self._vague) = model, given
         self._bonds, self._own = bonds, slice(None)
         self._triangles: _Triangles | None = None  # of nodes off a lattice
         self._apart: NDArray[np.bool_] | None = None  # (n,) nodes whose triangle was not bonded at the start
@@ -56,10 +62,10 @@ class MotionChecks:
             breaking += (limits(material, sizes).peak * spacing).tolist()
         self._breaking = min(breaking)  # m, lengthening that breaks or softens a bond
 
-    def moved_to(self, other: MotionChecks) -> MotionChecks:
-        """`other`, with the warnings already given marked as such."""
-        other._said, other._vague = self._said, self._vague
-        return other
+    @property
+    def given(self) -> tuple[bool, bool]:
+        """Whether warnings of inverted triangles, and of displacements too large for their precision, are given."""
+        return self._said, self._vague
 
     def look(self, u: NDArray[np.floating], broken: Broken, step: int) -> None:
         """Warn of inverted triangles, and of displacements too large for their precision.

@@ -27,6 +27,7 @@ class MotionAccounts:
         """`results` are those of a resumed run after `step`, else None."""
         self._start(system, step, results)
         self._watch: MotionChecks | None = None
+        self._given = False, False
         self._look_around()
         self.last, self._clamped = books(system, state, step, asked), self._heat(state)
 
@@ -48,6 +49,8 @@ class MotionAccounts:
     def follow(self, system: System) -> None:
         """Continue with changed nodes."""
         self._system, self._looked = system, False
+        if self._watch is not None:  # it has the nodes before, which are many
+            self._given, self._watch = self._watch.given, None
 
     def _look_around(self) -> None:
         """Find the nodes of conditions and probes among the current nodes."""
@@ -55,8 +58,7 @@ class MotionAccounts:
         probes = [*run.probes, *(end for gap in run.gaps for end in gap.ends)]
         self._grips = grips(self._system)
         self._probed = model.grid.nearest(probes)[1].tolist() if probes else []
-        watch = MotionChecks(model, partial(self._system.operator.bonds, start=True))
-        self._watch = watch if self._watch is None else self._watch.moved_to(watch)
+        self._watch = MotionChecks(model, partial(self._system.operator.bonds, start=True), self._given)
         self._looked = True
 
     @property

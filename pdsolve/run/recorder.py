@@ -255,8 +255,9 @@ class Recorder:
             self.system.stepper.march(self.state, first, last)
 
     def let_go(self) -> None:
-        """Forget the state, which the operator of a moving fine zone has."""
+        """Forget the state, which the operator of a moving fine zone has, and energies of nodes."""
         self.state = zero_state(0, 2)
+        self.now = self.now._replace(held=self.state.work, spent=self.state.work)
 
     def _fetch(self) -> None:
         """Bring the state up to the steps taken."""
@@ -279,6 +280,8 @@ class Recorder:
             initial_energy=before.initial_energy,
             broken_before=before.broken_before + len(broken.step) - len(there.step),
         )
+        del before  # which nothing holds any more: a large one is not to stand beside the new one for long
+        self.accounts.follow(self.system)
         known = np.arange(self._count) if self._rows is None else self._rows
         new, rows = np.flatnonzero(origin < 0), np.zeros(len(origin), dtype=np.int64)
         rows[stay], rows[new] = known[origin[stay]], self._count + np.arange(len(new))
@@ -287,12 +290,12 @@ class Recorder:
             Epoch(step + 1, self._count, *born(self.system, new, rows, step), died, len(rows), self.system.bonds)
         )
         self._rows, self._count = rows, self._count + len(new)
-        self.accounts.follow(self.system)
 
     def settle(self, step: int) -> None:
-        """Bring the accounts to this step."""
-        asked = self._asked(step)
-        self.accounts.settle(self.state, step, asked)
+        """Bring the accounts to this step, if they are not there yet."""
+        if step != self.step:
+            asked = self._asked(step)
+            self.accounts.settle(self.state, step, asked)
 
     def take(self, step: int) -> None:
         """Record this step in the accounts. Raises UnstableError."""

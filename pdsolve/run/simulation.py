@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import json
 import time as clock
-import warnings
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from functools import partial
@@ -16,23 +15,26 @@ import numpy as np
 
 from pdsolve.adaptivity.hybrid.arrays import EVERY
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
-from pdsolve.adaptivity.hybrid.outlook import decided, of_long_steps, widened
+from pdsolve.adaptivity.hybrid.outlook import decided, of_long_steps
 from pdsolve.adaptivity.hybrid.space.operator import SpaceHybrid
 from pdsolve.adaptivity.quadtree.operator import Leaves
 from pdsolve.checks import advise, advise_unused
 from pdsolve.errors import LateZoneError, UnstableError
-from pdsolve.model import Model, ModelWarning, model_of, on_device
+from pdsolve.model import Model, model_of, on_device
 from pdsolve.numerics.memory import give_back
 from pdsolve.numerics.team import Team
 from pdsolve.options import Options
 from pdsolve.results import Behind, Results, ResultsError, Writer, behind, gone_back, put_away, writing_to
+from pdsolve.run import late_zones
 from pdsolve.run.after_path import motion_after, motion_follows, name_of
 from pdsolve.run.body_zones import Refining
 from pdsolve.run.cell_splitting import Splitting
+from pdsolve.run.late_zones import Sooner
 from pdsolve.run.node_changes import Adapt, zone_back, zone_moved
 from pdsolve.run.on_ranks import resuming
 from pdsolve.run.on_ranks import start as on_ranks
 from pdsolve.run.on_ranks.recorder import RecorderOnRanks
+from pdsolve.run.pace import Pace
 from pdsolve.run.prepare import prepare
 from pdsolve.run.recorder import Past, Recorder, restore
 from pdsolve.run.static_start import started
@@ -44,7 +46,6 @@ from pdsolve.steppers.load_steps import Going
 from pdsolve.steppers.stepped_rest import SteppedRest
 
 PATIENCE = 5e7  # bond updates between two looks at the watcher, some 20 ms; fewer where they take longer
-PIECE, SLOW = 0.25, 1e7  # s that a piece is to take; bonds or links a second, as is supposed until it is measured
 DEFAULT = Options()
 
 
@@ -73,6 +74,7 @@ class Request(NamedTuple):
     threads: int | None = None
     team: Team | None = None
     device: str | None = None
+    sooner: tuple[Sooner, ...] = ()  # after fine cells have come too late
 
 
 def simulate(
@@ -102,18 +104,25 @@ def _alone(output: Path | None) -> AbstractContextManager[None]:
 def _simulate(model: Model, options: Options, request: Request) -> Results:
     if model.settings.run.adapt == "auto":
         model = decided(model, options)
+    try:
+        return _solve(model, options, request)
+    except LateZoneError as late:
+        return _sooner(model, options, request, late)
+
+
+def _sooner(model: Model, options: Options, request: Request, late: LateZoneError) -> Results:
+    """Results of a run whose fine cells came too late: it goes back as often as they do."""
     while True:
+        wider, sooner = late_zones.after(model, request.sooner, late)
+        step = late_zones.back_to(request.output, sooner)
+        late_zones.say(model, late, wider, sooner, step)
+        model, request = wider, request._replace(sooner=sooner, threads=options.threads)
         try:
+            if step and request.output is not None:
+                return _resume(request.output, request)
             return _solve(model, options, request)
-        except LateZoneError as late:
-            model = _anew(model, late)
-
-
-def _anew(model: Model, late: LateZoneError) -> Model:
-    """The model to solve from its start after fine cells came too late; a warning says so."""
-    wider, words = widened(model)
-    warnings.warn(f"{model.name}: {late}; begins anew with {words}", ModelWarning, stacklevel=3)
-    return wider
+        except LateZoneError as again:
+            late = again
 
 
 def _solve(model: Model, options: Options, request: Request) -> Results:
@@ -165,7 +174,7 @@ def _begin(notes: Recorder, request: Request) -> Results:
     start = [notes.system]  # whose nodes may have changed when the writer is made
 
     def new() -> Writer:
-        made = notes.writer(start[0], request.output, meta(notes, request.provenance))
+        made = notes.writer(start[0], request.output, meta(notes, request.provenance) | late_zones.kept(request.sooner))
         start.clear()
         return made
 
@@ -228,7 +237,7 @@ def _resumed(output: Path, request: Request) -> Results:
                 try:
                     return _resume(output, request)
                 except LateZoneError as late:
-                    return _resume_anew(output, request, late)
+                    return _resume_sooner(output, request, late)
     put_away(output)
     return Results.open(output)
 
@@ -244,12 +253,13 @@ def options_of(model: Model, meta: Mapping[str, Any], threads: int | None) -> Op
     return Options(meta["mode"], meta["precision"], threads, None if model.diffuses and kernel != "listed" else kernel)
 
 
-def _resume_anew(output: Path, request: Request, late: LateZoneError) -> Results:
-    """Solve a run whose fine cells came too late from its start, as it would have been without the stop."""
+def _resume_sooner(output: Path, request: Request, late: LateZoneError) -> Results:
+    """Results of a continued run whose fine cells came too late, as they would have been without the stop."""
     with Results.open(output) as results:
         model, meta = model_of(results.model(), str(output)), results.meta()
-    request = request._replace(output=output, provenance=meta["provenance"])
-    return _simulate(_anew(model, late), options_of(model, meta, request.threads), request)
+    sooner = late_zones.back(meta, output)
+    request = request._replace(output=output, provenance=meta["provenance"], sooner=sooner)
+    return _sooner(model, options_of(model, meta, request.threads), request, late)
 
 
 def _resume(output: Path, request: Request) -> Results:
@@ -258,7 +268,8 @@ def _resume(output: Path, request: Request) -> Results:
         model, meta = model_of(results.model(), str(output)), results.meta()
         model = model if request.device is None else on_device(model, request.device)
         options = options_of(model, meta, request.threads)._replace(team=request.team)
-        request = request._replace(output=output, provenance=meta["provenance"])
+        sooner = request.sooner or late_zones.back(meta, output)
+        request = request._replace(output=output, provenance=meta["provenance"], sooner=sooner)
         if not results.has_checkpoint():
             results.close()
             return _simulate(model, options, request)
@@ -300,7 +311,14 @@ def _resume(output: Path, request: Request) -> Results:
         system = dataclasses.replace(system, broken_before=broken, initial_energy=energy)
         with gone_back(output):
             notes = Recorder(system, state, past, _changes(system, adapt))
-    return _finish(notes, partial(Writer.reopen, output), request._replace(adapt=adapt))
+    return _finish(notes, partial(_reopened, output, request.sooner), request._replace(adapt=adapt))
+
+
+def _reopened(output: Path, sooner: tuple[Sooner, ...]) -> Writer:
+    """The writer of a run that is continued."""
+    found = Writer.reopen(output)
+    found.tell(late_zones.kept(sooner))
+    return found
 
 
 def _finish(notes: Recorder, make: Callable[[], Writer], request: Request) -> Results:
@@ -311,7 +329,7 @@ def _finish(notes: Recorder, make: Callable[[], Writer], request: Request) -> Re
             if notes.new:
                 notes.take(notes.step)
                 writer.write(partial(notes.frame, notes.step, whole=True, state=True))
-            status = _march(notes, writer, request.watch, request.adapt)
+            status = _march(notes, writer, request)
         except BaseException as reason:
             error = of_long_steps(reason, notes.system.time_step, notes.system.bound)
             ends = {UnstableError: "unstable", UnsettledError: "unsettled", KeyboardInterrupt: "interrupted"}
@@ -322,28 +340,9 @@ def _finish(notes: Recorder, make: Callable[[], Writer], request: Request) -> Re
     return Results(last.connection, "results in memory") if request.output is None else Results.open(request.output)
 
 
-class Pace:
-    """Measures the duration of steps; results do not depend on it."""
-
-    def __init__(self, updates: int) -> None:
-        """`updates` is the number of bond or link updates of a step."""
-        self._each = updates / SLOW  # s of a step
-
-    def steps(self, least: int, most: int) -> int:
-        """Number of steps to take at once, from `least` to `most`."""
-        return max(least, min(most, int(PIECE / max(self._each, 1e-9))))
-
-    def took(self, steps: int, seconds: float) -> None:
-        """Record the duration of some steps."""
-        self._each = seconds / max(steps, 1)
-
-    def is_soon(self, steps: int) -> bool:
-        """Whether so many steps take at most as long as three batches."""
-        return steps * self._each < 3 * PIECE
-
-
-def _march(notes: Recorder, writer: Behind, watch: Watcher | None, adapt: Adapt | None) -> str:
+def _march(notes: Recorder, writer: Behind, request: Request) -> str:
     """Step to the end, from event to event; returns "finished" or "interrupted"."""
+    watch, adapt = request.watch, request.adapt
     run, step = notes.system.model.settings.run, notes.written
     interrupted, done, looked, pace = False, False, step, Pace(notes.system.bonds)
 
@@ -368,6 +367,7 @@ def _march(notes: Recorder, writer: Behind, watch: Watcher | None, adapt: Adapt 
             if change is not None:
                 notes.follow(step, change)
         looks = min(looks, _grown(notes, step, run.steps))
+        looks = min(looks, late_zones.widen(notes.system, request.sooner, step, run.steps))
         chunk = pace.steps(EVERY if notes.system.hybrid else 1, int(PATIENCE / max(notes.system.bonds, 1)))
         ends = (step + chunk, looks, _next(step, run.every), _next(step, run.ledger or run.every), run.steps)
         began = clock.perf_counter()

@@ -12,7 +12,8 @@ from zones import struck
 
 from pdpost.measures.cracked_nodes import damage_at
 from pdsolve.results import Results
-from pdsolve.run.simulation import Options, Pace, Progress, resume, simulate
+from pdsolve.run.pace import Pace
+from pdsolve.run.simulation import Options, Progress, resume, simulate
 
 TESTS = Path(__file__).parent.parent
 

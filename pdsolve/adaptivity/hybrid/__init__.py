@@ -10,6 +10,7 @@ and energy are conserved.
     springs            springs of a node, fine and coarse, and where bonds cross from cell to cell
     arrays             what a run changes
     precracks          bonds that pre-cracks cut, surfaces
+    alike_nodes        nodes at edges and pre-cracks that share their bonds
     irregular_bonds    bonds at edges, pre-cracks and interfaces
     simd_rows          vector code: forces on 16 nodes
     nodes              free, border and idle nodes, their masses, initial motion of new ones
@@ -19,5 +20,6 @@ and energy are conserved.
     regrid             cells become fine
     march              time steps
     prepare            prepares a model
+    node_lists         lists of the current nodes and of their bonds, and their values
     operator           the operator of the current nodes
 """

@@ -34,6 +34,7 @@ from pdsolve.adaptivity.hybrid.energy import held
 from pdsolve.adaptivity.hybrid.lattice import BELOW, BELOW_COARSE, COARSE, FINE, FREE, IDLE, LEFT
 from pdsolve.adaptivity.hybrid.march import CLIP, DONE, march
 from pdsolve.adaptivity.hybrid.node_rows import are_intact
+from pdsolve.adaptivity.hybrid.springs import e_of
 from pdsolve.adaptivity.hybrid.swelling import relieve_all, restrict, stored
 from pdsolve.checkpoint_validation import entry, like
 from pdsolve.codegen.vector_code import ROW
@@ -140,7 +141,8 @@ class Hybrid:
                 raise LateZoneError(
                     f"step {step}: found a bond at the border of the fine zone stretched to"
                     f" {self.zone_summary().clipped_stretch:.2f} of what breaks it, expected less than 1: fine"
-                    " nodes came too late"
+                    " nodes came too late",
+                    step,
                 )
             self.zone = arrays.grown(self.zone)
             if first < last:
@@ -157,6 +159,12 @@ class Hybrid:
 
         side_by_side(work, threads)
         return found
+
+    def widen(self, kappa: float) -> None:
+        """Make cells fine from now on around coarse bonds at `kappa` of the stretch that breaks or softens bonds."""
+        bounds = self.ground.bounds.copy()
+        bounds[:, 2] = [e_of(kappa * _stretch(e)) for e in bounds[:, 0].tolist()]
+        self.ground = self.ground._replace(bounds=bounds, least=bounds.min(axis=0))
 
     def swell(self, strain: NDArray[np.float64]) -> None:
         """Let springs stretch from their lengths at these strains (n,) of all nodes of the grid, were they free."""

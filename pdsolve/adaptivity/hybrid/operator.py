@@ -201,7 +201,8 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         stirred = zone.stirs[: zone.number[STIRS]]
         rows = np.minimum(self._rows_of(stirred), len(self.places) - 1)
         rows = rows[self.places[rows] == stirred]
-        state.dissipated[:] = 0.0
+        if state.dissipated.any():  # zeros that have not been written take no memory
+            state.dissipated[:] = 0.0
         state.dissipated[rows] = zone.spent[self.places[rows]] / self.area[rows]
 
     def accelerations(self) -> NDArray[np.float64]:
@@ -276,7 +277,8 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         """Source and target rows (k,) of the intact bonds of nodes `first` to `last` - 1, or of those at the
         `start`."""
         last = len(self.places) if last is None else last
-        own, some = (np.arange(*np.searchsorted(rows, [first, last])) for rows in (self._at_fine, self._at_coarse))
+        each = ((rows, np.array([first, last], dtype=rows.dtype)) for rows in (self._at_fine, self._at_coarse))
+        own, some = (np.arange(*np.searchsorted(rows, ends)) for rows, ends in each)  # of one type: no copy of all rows
         return self._bonds_at(own, some, start)
 
     def bonds_of(self, rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -54,13 +54,20 @@ def decided(model: Model, options: Options) -> Model:
     return adapted(model, how) if how == "hybrid" else uniform(model)
 
 
-def widened(model: Model) -> tuple[Model, str]:
-    """The model to begin anew with where fine cells came too late, and what it is in words."""
-    kappa = next((one for one in WIDER if one < model.settings.run.hybrid.kappa), None)
-    if kappa is None:
-        return uniform(model), "fine nodes everywhere (run.adapt none)"
-    wider = msgspec.structs.replace(model.settings.run.hybrid, kappa=kappa)
-    return adapted(model, "hybrid", hybrid=wider), f"run.hybrid.kappa {kappa:g}"
+def widened(model: Model) -> Model:
+    """The model with cells that become fine sooner, or with fine nodes everywhere where there is no wider zone left."""
+    kappa = next((one for one in WIDER if one < kappa_of(model)), None)
+    return uniform(model) if kappa is None else with_kappa(model, kappa)
+
+
+def kappa_of(model: Model) -> float:
+    """The share of the stretch that breaks bonds at which cells become fine."""
+    return model.settings.run.hybrid.kappa
+
+
+def with_kappa(model: Model, kappa: float) -> Model:
+    """The model with cells that become fine at this share of the stretch that breaks bonds."""
+    return adapted(model, "hybrid", hybrid=msgspec.structs.replace(model.settings.run.hybrid, kappa=kappa))
 
 
 def uniform(model: Model) -> Model:

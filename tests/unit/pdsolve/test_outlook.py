@@ -103,18 +103,44 @@ def stretched(speed: float, adapt: str = "hybrid", kappa: float = 0.7) -> Model:
 
 
 def test_fine_cells_that_come_too_late_come_earlier(tmp_path: Path) -> None:
-    """The run begins anew with a wider trigger, and is that one to the bit; so is one that was stopped before."""
-    late, wider, stopped = (tmp_path / f"{name}.sqlite" for name in ("late", "wider", "stopped"))
-    with pytest.warns(ModelWarning, match=naming("step 69", "run.hybrid.kappa 0.5")):
+    """From the last frame before that on: until then the run is as it was. It is the same to the bit if it was stopped
+    before or after it has gone back, or has no file."""
+    late, stopped, again = (tmp_path / f"{name}.sqlite" for name in ("late", "stopped", "again"))
+    warned = naming("step 69", "goes back to step 0", "run.hybrid.kappa 0.5", "from step 40 on")
+    with pytest.warns(ModelWarning, match=warned):
         simulate(stretched(3.0), late).close()
-    simulate(stretched(3.0, kappa=0.5), wider).close()
-    assert contents(late) == contents(wider)
     simulate(stretched(3.0), stopped, watch=lambda progress: progress.step == 40).close()
-    with pytest.warns(ModelWarning, match=naming("step 69", "run.hybrid.kappa 0.5")):
+    with pytest.warns(ModelWarning, match=naming("step 69", "goes back to step 40", "from step 40 on")):
         resume(stopped, watch=lambda progress: progress.step == 80).close()
     with resume(stopped) as results:
         assert results.meta()["status"] == "finished"
     assert contents(stopped) == contents(late)
+    with pytest.warns(ModelWarning, match=warned):
+        simulate(stretched(3.0), again, watch=lambda progress: progress.step == 80).close()
+    resume(again).close()
+    assert contents(again) == contents(late)
+    with pytest.warns(ModelWarning, match=warned):
+        kept = simulate(stretched(3.0))
+    with Results.open(late) as results:
+        assert np.array_equal(kept.breaks().node, results.breaks().node)
+        assert results.history()["fine_share"][-1] == kept.history()["fine_share"][-1] > 0.8  # measured: 0.861
+
+
+def test_a_run_that_has_no_frame_yet_begins_anew_with_cells_that_come_earlier(tmp_path: Path) -> None:
+    """It is a run with that trigger to the bit."""
+    late, wider = (tmp_path / f"{name}.sqlite" for name in ("late", "wider"))
+    run = msgspec.structs.replace(stretched(3.0).settings.run, every=120)
+    models = [
+        dataclasses.replace(one, settings=msgspec.structs.replace(one.settings, run=replaced))
+        for one, replaced in (
+            (stretched(3.0), run),
+            (stretched(3.0, kappa=0.5), msgspec.structs.replace(run, hybrid=Hybrid(kappa=0.5))),
+        )
+    ]
+    with pytest.warns(ModelWarning, match=naming("step 69", "begins anew", "run.hybrid.kappa 0.5")):
+        simulate(models[0], late).close()
+    simulate(models[1], wider).close()
+    assert contents(late) == contents(wider)
 
 
 def test_no_wider_zone_cures_steps_that_are_too_long(tmp_path: Path) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pdsolve.run.simulation import PIECE, Pace
+from pdsolve.run.pace import PIECE, Pace
 
 
 def test_a_piece_takes_no_longer_than_it_should() -> None:

@@ -155,7 +155,8 @@ class SpaceHybrid:
             raise LateZoneError(
                 f"step {step}: found a bond at the border of the fine zone stretched to"
                 f" {self.zone_summary().clipped_stretch:.2f} of what breaks it, expected less than 1: fine nodes"
-                " came too late"
+                " came too late",
+                step,
             )
 
     @property

@@ -1,0 +1,91 @@
+"""Fine zones that come too late: the run goes back, and makes cells fine sooner from its last frame before that on.
+
+The step is that of a frame, and what is done between the checkpoint gone back to and that frame is done again: results
+depend neither on when checkpoints were written nor on whether a run was stopped meanwhile.
+"""
+
+from __future__ import annotations
+
+import json
+import warnings
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from pdsolve.adaptivity.hybrid.arrays import EVERY
+from pdsolve.adaptivity.hybrid.operator import HybridOperator
+from pdsolve.adaptivity.hybrid.outlook import kappa_of, widened, with_kappa
+from pdsolve.errors import LateZoneError
+from pdsolve.model import Model, ModelWarning
+from pdsolve.results import Results, ResultsError
+from pdsolve.run.system import System
+
+KEY = "sooner"  # of `meta`
+
+
+class Sooner(NamedTuple):
+    """From a step on, cells become fine at `kappa` of the stretch that breaks bonds."""
+
+    step: int
+    kappa: float
+
+
+def after(model: Model, before: tuple[Sooner, ...], late: LateZoneError) -> tuple[Model, tuple[Sooner, ...]]:
+    """The model to solve after fine cells came too late, and from when on they are to come sooner.
+
+    A run that has no frame before that begins anew with a wider zone. So does one for which no wider zone is left,
+    first with the widest from the start, then with fine nodes everywhere.
+    """
+    run = model.settings.run
+    now = with_kappa(model, before[-1].kappa) if before else model
+    wider = widened(now)
+    step = max(late.step - EVERY - 1, 0) // run.every * run.every
+    if wider.settings.run.adapt == "none":
+        return (now if before else wider), ()
+    if step == 0 or model.grid.dimension == 3:
+        return wider, ()
+    return model, (*(one for one in before if one.step < step), Sooner(step, kappa_of(wider)))
+
+
+def say(model: Model, late: LateZoneError, wider: Model, sooner: tuple[Sooner, ...], back: int) -> None:
+    """Warn of what is done about cells that came too late: of the step that is gone back to."""
+    how = "fine nodes everywhere (run.adapt none)"
+    if wider.settings.run.adapt != "none":
+        how = f"run.hybrid.kappa {sooner[-1].kappa if sooner else kappa_of(wider):g}"
+    words = f"begins anew with {how}"
+    if sooner:
+        words = f"goes back to step {back}, and on with {how} from step {sooner[-1].step} on"
+    warnings.warn(f"{model.name}: {late}; {words}", ModelWarning, stacklevel=4)
+
+
+def back_to(output: Path | None, sooner: tuple[Sooner, ...]) -> int:
+    """The step of the checkpoint to go back to, 0 for the start."""
+    if output is None or not sooner or not output.exists():
+        return 0
+    with Results.open(output) as results:
+        step = results.checkpoint_step() if results.has_checkpoint() else 0
+    return step if step <= sooner[-1].step else 0
+
+
+def widen(system: System, sooner: tuple[Sooner, ...], step: int, last: int) -> int:
+    """Make cells fine as soon as they are to be after a step; returns the next step from which that changes."""
+    begun = [one for one in sooner if one.step <= step]
+    if begun and isinstance(system.operator, HybridOperator):
+        system.operator.hybrid.widen(begun[-1].kappa)
+    return next((one.step for one in sooner if one.step > step), last)
+
+
+def kept(sooner: tuple[Sooner, ...]) -> dict[str, Any]:
+    """What a database says of cells that come sooner."""
+    return {KEY: json.dumps(sooner)} if sooner else {}
+
+
+def back(meta: Mapping[str, Any], path: Path) -> tuple[Sooner, ...]:
+    """What the metadata of a database say of cells that come sooner. Raises ResultsError."""
+    try:
+        found = tuple(Sooner(int(step), float(kappa)) for step, kappa in json.loads(str(meta.get(KEY, "[]"))))
+    except (TypeError, ValueError):
+        found = (Sooner(-1, 0.0),)
+    if not all(one.step >= 0 and 0 < one.kappa < 1 for one in found):
+        raise ResultsError(f"{path}: found {str(meta[KEY])[:40]!r} as {KEY}, expected steps and shares of a stretch")
+    return found
