@@ -14,7 +14,7 @@ import pdmesh
 from benchmarks.pulses_in_space import bonds_of, sent_back
 from pdmesh import Body, Box, Cylinder, Run, ramp
 from pdmesh.drawing.solids import meshed
-from pdsolve.adaptivity.hybrid.space.box import FINE
+from pdsolve.adaptivity.hybrid.space.box import COARSE, FINE
 from pdsolve.adaptivity.hybrid.space.coarse_springs import elastic_of
 from pdsolve.adaptivity.hybrid.space.prepare import SEAM, operator_on, tau_of
 from pdsolve.laws.pair_laws.brittle import LAW
@@ -187,9 +187,11 @@ def test_refining_looks_at_all_that_changes() -> None:
     problem = prepare(block("hybrid"), Options(threads=1))
     before, state = zone_of(problem.system), problem.state
     state.value[:] = 1e-4 * H * np.random.default_rng(5).standard_normal(state.value.shape)
-    new = np.array([[18, 3, 10], [19, 3, 10], [18, 4, 11]])
-    for x, y, z in new + before.whole.fine.box.pad:
-        before.cells.reshape(before.whole.fine.box.padded)[z, y, x] = FINE
+    cells = before.cells.reshape(before.whole.fine.box.padded)
+    z, y, x = np.nonzero((cells[..., 1:] == COARSE) & (cells[..., :-1] == FINE))  # beside the zone
+    some = np.flatnonzero(y == int(np.median(y)))[::3]
+    cells[z[some], y[some], x[some] + 1] = FINE
+    new = np.column_stack([x[some] + 1, y[some], z[some]]) - before.whole.fine.box.pad
     after = before.refined(new)
     found = zero_state(len(after.sites), 3)._replace(value=before.moved(after, state.value))
     pull, which = after.forces_around(found, new)

@@ -2,7 +2,7 @@
 
 A cell of 2 h that is not fine has springs along its edges, the diagonals of its faces and its body diagonals. Fine
 bonds are those of `pdsolve.operators.space_lattice`, with the bits of bonds that lie whole in fine cells; the springs
-are a second lattice under the same kernel. The remaining parts of clipped bonds are a list of pieces.
+are a second lattice under the same kernel. The remaining parts of clipped bonds are pieces, in groups of eight.
 
     box               numbering of nodes and cells
     divisions         the parts into which cells divide fine bonds

@@ -15,6 +15,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.space.box import COARSE, Box, cell_place, coarse_site, fine_site
@@ -24,6 +25,7 @@ from pdsolve.codegen.space_slots import INVERSE, PULL
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.laws.law import Law
 from pdsolve.laws.pair import no_bonds
+from pdsolve.operators.simd_lattice.kernel import INNER
 from pdsolve.operators.simd_lattice.layout import aligned
 from pdsolve.operators.space_lattice.kernel import ALIKE, EMPTY, MODULUS, SOFT_GENERAL, VOLUME, Tiles
 from pdsolve.operators.space_lattice.layout import table_of
@@ -147,20 +149,21 @@ def hold_springs(tiles, u, held, some):  # type: ignore[no-untyped-def]
             row, word = tiles.table[slot], tiles.bits[t, slot]
             for lane in range(ROW):
                 if (word >> np.uint16(lane)) & np.uint16(1):
-                    stretch = _stretch(tiles, u, t * ROW + lane, slot)
+                    e = _strain(tiles, u, t * ROW + lane, slot)
+                    stretch = e / (np.sqrt(1 + e) + 1)
                     c = row[PULL] * tiles.share[t, slot, lane] / row[INVERSE] / 4
                     held[tiles.node[t * ROW + lane]] += c * stretch * stretch
 
 
-@cached_njit(error_model="numpy")
-def _stretch(tiles, u, site, slot):  # type: ignore[no-untyped-def]
-    """The stretch of a spring."""
+@njit(**INNER)
+def _strain(tiles, u, site, slot):  # type: ignore[no-untyped-def]
+    """The e of a spring."""
     row, own = tiles.table[slot], tiles.margin + site
     far, e = own + tiles.offsets[slot], 0.0
     for axis in range(3):
         eta = u[axis, far] - u[axis, own]
         e += row[INVERSE] * eta * (2 * row[axis] + eta)
-    return e / (np.sqrt(1 + e) + 1)
+    return e
 
 
 @cached_njit(error_model="numpy")
@@ -182,7 +185,8 @@ def hot_nodes(box, tiles, lasts, u, hot, found):  # type: ignore[no-untyped-def]
                 site = t * ROW + lane
                 other = site + tiles.offsets[slot]
                 limit = min(hot[site], hot[other])
-                if _stretch(tiles, u, site, slot) > limit and not (lasts[tiles.node[site]] or lasts[tiles.node[other]]):
+                above = _strain(tiles, u, site, slot) > limit * (2 + limit)
+                if above and not (lasts[tiles.node[site]] or lasts[tiles.node[other]]):
                     for one in (site, other):
                         row, x = one // (box.cx + 1), one % (box.cx + 1)
                         if count < len(found):

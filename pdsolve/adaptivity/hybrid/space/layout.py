@@ -118,7 +118,7 @@ def arranged(whole: Whole, zone: Zone, new: NDArray[np.int64]) -> Zone:
     Bits and numbers are new arrays: results may still ask for bonds of before.
     """
     fine, box = whole.fine, whole.fine.box
-    dirty = np.flatnonzero(near(box, new, fine.reach, 0))  # of bonds, the lower end
+    dirty = np.flatnonzero(near(box, new, fine.reach - 1, 0))  # lower ends of bonds that pass these cells
     arrangement.classify(box, fine.tiles.node, zone.cells, dirty, zone.kind, zone.above)
     zone = zone._replace(tiles=_copied(zone.tiles), springs=_copied(zone.springs))
     made = arrangement.pieces_of(2 * len(zone.pieces.owner) + ROOM * len(dirty))

@@ -203,12 +203,12 @@ class SpaceHybrid:
         """Force densities (n, 3), N/m^3, on nodes whose bonds may be others since the cells `new` (k, 3) became fine,
         and which (n,) these are; nothing breaks."""
         box, reach = self.whole.fine.box, self.whole.fine.reach
-        which = near(box, new, reach + 2)[self.sites]  # pieces end up to 2 h from nodes that move their ends
+        which = near(box, new, reach + 1)[self.sites]  # the ends of pieces move with nodes up to 2 h from them
         self._place(state.value)
         zone, density, force = self._zone, self._density, self._force
         force[:], density[:] = 0, 0
         for tiles, u, out, some in (
-            (zone.tiles, zone.u, density, near(box, new, reach + 3)),
+            (zone.tiles, zone.u, density, near(box, new, reach + 2)),
             (zone.springs, zone.u_coarse, force, np.ones(len(zone.springs.node), dtype=np.bool_)),
         ):
             sum_some(tiles, u, state.rate, out, state.dissipated, some)
@@ -237,7 +237,7 @@ class SpaceHybrid:
         """Strain energy densities (n,), J/m^3, without bonds that are as they were before the cells `new` (k, 3) became
         fine."""
         box = self.whole.fine.box
-        some, above = near(box, new, self.whole.fine.reach), np.zeros(len(self._zone.springs.node), np.bool_)
+        some, above = near(box, new, self.whole.fine.reach - 1), np.zeros(len(self._zone.springs.node), np.bool_)
         for corner in np.ndindex(2, 2, 2):
             x, y, z = (new + np.array(corner)).T
             above[(z * (box.cy + 1) + y) * (box.cx + 1) + x] = True
@@ -375,7 +375,7 @@ class SpaceHybrid:
         self.broken()
         after = SpaceHybrid(self.whole, arranged(self.whole, self._zone, new), self.history, self._threads)
         row = self._row[after.sites]
-        some = (row < 0) | near(self.whole.fine.box, new, self.whole.fine.reach + 2)[after.sites]
+        some = (row < 0) | near(self.whole.fine.box, new, self.whole.fine.reach + 1)[after.sites]
         after.counted = after._counted(some, np.where(some, 0, self.counted.bonds[row]))
         return after
 
