@@ -347,7 +347,7 @@ def _lines(path: Path, summary: dict[str, Any]) -> list[str]:
     )
     what, until = _how_far(summary)
     threads = _taken_by(summary)
-    how = f" {summary['bond_updates_per_second'] / 1e6:.0f} million bond updates a second"
+    how = f" {summary['bond_updates_per_second'] / 1e6:.0f} million bond updates a second ({summary['kernel']})"
     if rested:
         iterations, residual = sum(step["iterations"] for step in rested), max(step["residual"] for step in rested)
         how = f" {iterations} iterations of {summary['method']}, residual {residual:.1e} at most"

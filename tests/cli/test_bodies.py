@@ -278,3 +278,13 @@ def _stretch(place: np.ndarray, u: np.ndarray) -> float:
     long = np.linalg.norm(before, axis=1)
     after = np.linalg.norm(before + u[other] - u[one], axis=1)
     return float((after / long)[(long < 0.35) & ~cut].max() - 1)
+
+
+@pytest.mark.parametrize(("ratio", "kernel"), [(1.5, "blocks"), (3, "listed")])
+def test_how_bonds_were_summed_is_said(
+    solved: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], ratio: float, kernel: str
+) -> None:
+    """Four nodes in a row are too few for tiles if the horizon has three spacings."""
+    words = [str(solved / "body.json"), "--set", "run.steps=2", "--threads", "1", "-o", str(tmp_path / "body.sqlite")]
+    assert pdsolve([*words, "--set", f"horizon.ratio={ratio}"]) == 0
+    assert f"bond updates a second ({kernel})" in capsys.readouterr().out

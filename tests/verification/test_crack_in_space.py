@@ -191,6 +191,29 @@ def test_paraview_opens_frames_with_their_cracks(block: Path, tmp_path: Path) ->
     assert faces[-1] > 2 * faces[0]
 
 
+def test_vtk_reads_the_last_frame_with_its_crack(
+    block: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One file to open: all nodes with their fields, and the faces of the crack with when they opened."""
+    pyvista = pytest.importorskip("pyvista")
+    path = tmp_path / "block.pvd"
+    assert pdpost(["export", str(block), "--also", "strain,stress", "-q", "-o", str(path)]) == 0
+    reader = pyvista.get_reader(path)
+    reader.set_active_time_value(reader.time_values[-1])
+    body, crack = reader.read()
+    with Results.open(block) as results:
+        uz, nodes = results.field("uz", int(results.frames()[0][-1])), results.nodes()
+    assert np.array_equal(body.points, nodes.position)
+    assert np.array_equal(body.point_data["displacement"][:, 2], uz)
+    assert {"displacement", "velocity", "damage", "strain", "stress", "volume"} <= set(body.point_data)
+    found = numbers(block, capsys)
+    assert crack.n_cells == found["faces"]
+    assert set(crack.cell_data) == {"opened", "speed", "area"}
+    assert crack.cell_data["opened"].max() > found["first_opened"]
+    drawn = crack.triangulate().compute_cell_sizes(length=False, volume=False).cell_data["Area"].sum()
+    assert drawn == pytest.approx(found["area"] + found["pre_crack_area"], rel=1e-3)
+
+
 def test_what_opened_is_the_notch_of_another_run(
     block: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
