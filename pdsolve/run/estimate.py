@@ -14,6 +14,7 @@ import msgspec
 import numpy as np
 
 from pdmesh.model.document import ON_ONE_LATTICE, Absorb, Load, Run, Settings
+from pdmesh.model.monitors import ARC
 from pdsolve.adaptivity.hybrid.outlook import decided
 from pdsolve.checks import advise
 from pdsolve.diffusion.swelling import Swelling
@@ -24,9 +25,10 @@ from pdsolve.run.assembly import step_of
 from pdsolve.run.operator_factory import bond_counts, stable
 from pdsolve.run.prepare import prepare, scheme_of
 from pdsolve.run.static_start import still
+from pdsolve.run.system import System
 from pdsolve.steppers.arc_length_steps import ArcLengthSteps
 from pdsolve.steppers.newton import FACTORED
-from pdsolve.steppers.path_steps import PathSteps
+from pdsolve.steppers.path_steps import CRACK_STEPS, PathSteps
 
 DEFAULT = Options()
 
@@ -60,9 +62,12 @@ RELAXED_BOND = 150.0
 # wide; those of a square are more, those of a strip fewer
 FILL, GROWTH = 20.4, 0.31
 DEAD = 1.2  # times as much beyond the least under dead loads, where pivots say whether a body stays
-# Along an equilibrium path: the share of the steps after which it is given up that are taken (41 to 106 of 800), and
-# how long one takes beside a load step in which nothing breaks (0.3 to 1.7)
-TAKEN, ITERATED = 0.07, 0.7
+# Along an equilibrium path of softening bonds: steps at least, and for each of the load steps asked for (19 to 72 with
+# 10 to 160); seconds of a step at least, of a bond, and of factors, in the plane: within 2 times of eight runs
+TAKEN, TAKEN_MORE = 30, 0.25
+STEPPED, STEPPED_BOND, STEPPED_FACTORS = 0.01, 1.6e-6, 4.5e-8
+# By arc length: steps for each load step; how long one takes beside a load step; the same of softening in space
+ARCS, ARC_STEP, IN_SPACE_STEP = 2.0, 2.0, 0.7
 JUMPED = 4.0  # times as long as a load step takes a step of jumps of cycles
 TANGENT, SOLVED, FACTOR, WITHOUT = 1.5e-6, 1.6e-8, 0.9e-10, 7e-8
 RELAXED, LONG = 1.1e-9, 28.0
@@ -121,7 +126,7 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
         count, bound, step, settings = system.count, system.bound, system.time_step, system.model.settings
         along_path = isinstance(system.stepper, ArcLengthSteps | PathSteps)
         if along_path:
-            run = msgspec.structs.replace(settings.run, steps=round(TAKEN * settings.run.steps))
+            run = msgspec.structs.replace(settings.run, steps=_path_steps(settings.run))
             settings = msgspec.structs.replace(settings, run=run)
             model = dataclasses.replace(model, settings=settings)
     settings = counted(model, step).settings
@@ -133,10 +138,30 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
     if in_blocks and model.grid.dimension == 3 and not found.at_rest:
         found = _in_tiles(found, model, options)
     if along_path:
-        found = found._replace(wall_time=ITERATED * found.wall_time, along_path=True)
+        found = found._replace(wall_time=_path_time(system, found), along_path=True)
     if cycle is not None:
         found = found._replace(wall_time=(1 + SWELLING / cycle) * found.wall_time)
     return found._replace(finest=int(np.isclose(model.grid.delta, model.grid.delta.min()).sum())) if moves else found
+
+
+def _path_steps(run: Run) -> int:
+    """About how many steps a path takes."""
+    asked = run.static.load_steps or CRACK_STEPS
+    if run.static.control == ARC:
+        return round(ARCS * asked)
+    return asked if run.static.control is not None else round(TAKEN + TAKEN_MORE * asked)
+
+
+def _path_time(system: System, plan: Plan) -> float:
+    """Seconds of a path with the steps of a plan, of whose load steps this is the time."""
+    if isinstance(system.stepper, ArcLengthSteps):
+        return ARC_STEP * plan.wall_time
+    if system.model.grid.dimension == 3:
+        return IN_SPACE_STEP * plan.wall_time
+    grid, width = system.model.grid, sum(unknown.width for unknown in system.operator.unknowns) / 2  # of two
+    across = min(float(np.ptp(grid.position, axis=0).min() / np.median(grid.delta)) + 1, plan.nodes**0.5)  # nodes
+    each = STEPPED + STEPPED_BOND * plan.bonds * width**2 + STEPPED_FACTORS * plan.nodes * across**2 * width**3
+    return slower() * float(BEGIN + plan.steps * each)
 
 
 def _in_tiles(plan: Plan, model: Model, options: Options) -> Plan:

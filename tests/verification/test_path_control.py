@@ -21,11 +21,13 @@ from pdpost.measures.gaps import Pulled, against, named_gap
 from pdsolve.__main__ import main as pdsolve
 from pdsolve.model import Model, ModelWarning
 from pdsolve.results import Results
+from pdsolve.run.estimate import estimate_run
 from pdsolve.run.simulation import Options, resume, simulate
 from pdsolve.steppers.equilibrium import UnsettledError
 from pdsolve.steppers.path_control import Opening
 
 RAMP = ((0.0, 0.0), (1.0, 1.0))
+ONE = Options(threads=1)
 CONCRETE = Material(E=30e9, rho=2400, G0=124, law="cohesive", f_t=3.33e6, shape="linear", micromodulus="constant")
 
 
@@ -96,6 +98,16 @@ def test_an_opening_that_closes_is_refused_and_the_start_is_kept(tmp_path: Path)
         simulate(beam(Static(control="top", opening=1e-4)), path, Options(threads=1))
     with Results.open(path) as results:
         assert results.meta()["status"] == "unsettled"
+
+
+def test_a_path_by_an_opening_is_planned_with_its_steps() -> None:
+    """A body with rotations takes longer, by the bonds' entries and those of factors at least."""
+    model = beam(Static(control="mouth", opening=1e-4, load_steps=16))
+    plan = estimate_run(model, ONE)
+    assert (plan.along_path, plan.steps) == (True, 16)
+    turning = msgspec.structs.replace(model.settings.material, model="micropolar", nu=0.18)
+    turns = estimate_run(Model(model.grid, msgspec.structs.replace(model.settings, material=turning)), ONE)
+    assert turns.wall_time > 1.2 * plan.wall_time
 
 
 def test_a_brittle_plate_has_no_control() -> None:
