@@ -109,3 +109,38 @@ def test_two_processes_that_compile_at_the_same_time_lose_no_entry(tmp_path: Pat
 def test_two_processes_that_need_one_kernel_compile_it_once(tmp_path: Path, begun: Begun) -> None:
     assert sum(counts([begun("int64"), begun("int64")])) == 1
     assert len(list((tmp_path / "cache").rglob("*.nbc"))) == 1
+
+
+LOADED = """
+import sys
+from pdsolve.codegen.jit_cache import cached_njit
+
+
+@cached_njit()
+def twice(x):
+    return x + x
+
+
+assert twice(3) == 6
+print("numba.np.arraymath" in sys.modules)
+assert sys.argv[1:] == [] or twice(2.5) == 5  # compiles, after something was loaded
+"""
+
+
+@pytest.mark.slow
+def test_a_process_that_only_loads_kernels_loads_no_compiler(tmp_path: Path) -> None:
+    """Of numba's own functions, which take as long as all kernels of a run; one that compiles afterwards has them."""
+    (tmp_path / "loaded.py").write_text(LOADED)
+    (tmp_path / "cache").mkdir()
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": os.pathsep.join(sys.path)}
+    said = [
+        subprocess.run(
+            [sys.executable, str(tmp_path / "loaded.py"), *words],
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for words in ((), (), ("more",))
+    ]
+    assert said == ["True\n", "False\n", "False\n"]

@@ -126,20 +126,33 @@ def test_fine_cells_that_come_too_late_come_earlier(tmp_path: Path) -> None:
         assert results.history()["fine_share"][-1] == kept.history()["fine_share"][-1] > 0.8  # measured: 0.861
 
 
+def with_run(model: Model, **changes: object) -> Model:
+    """The same with other settings of the run."""
+    run = msgspec.structs.replace(model.settings.run, **changes)
+    return dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, run=run))
+
+
+def test_a_checkpoint_after_that_frame_is_none_to_go_back_to(tmp_path: Path) -> None:
+    """The steps from the frame on were taken without the cells that are to come sooner: all are taken anew."""
+    late, stopped = (tmp_path / f"{name}.sqlite" for name in ("late", "stopped"))
+    model = with_run(stretched(3.0), ledger=8)
+    warned = naming("step 69", "goes back to step 0", "from step 40 on")
+    with pytest.warns(ModelWarning, match=warned):
+        simulate(model, late).close()
+    simulate(model, stopped, watch=lambda progress: progress.step == 56).close()
+    with Results.open(stopped) as results:
+        assert results.checkpoint_step() == 56
+    with pytest.warns(ModelWarning, match=warned):
+        resume(stopped).close()
+    assert contents(stopped) == contents(late)
+
+
 def test_a_run_that_has_no_frame_yet_begins_anew_with_cells_that_come_earlier(tmp_path: Path) -> None:
     """It is a run with that trigger to the bit."""
     late, wider = (tmp_path / f"{name}.sqlite" for name in ("late", "wider"))
-    run = msgspec.structs.replace(stretched(3.0).settings.run, every=120)
-    models = [
-        dataclasses.replace(one, settings=msgspec.structs.replace(one.settings, run=replaced))
-        for one, replaced in (
-            (stretched(3.0), run),
-            (stretched(3.0, kappa=0.5), msgspec.structs.replace(run, hybrid=Hybrid(kappa=0.5))),
-        )
-    ]
     with pytest.warns(ModelWarning, match=naming("step 69", "begins anew", "run.hybrid.kappa 0.5")):
-        simulate(models[0], late).close()
-    simulate(models[1], wider).close()
+        simulate(with_run(stretched(3.0), every=120), late).close()
+    simulate(with_run(stretched(3.0, kappa=0.5), every=120), wider).close()
     assert contents(late) == contents(wider)
 
 
