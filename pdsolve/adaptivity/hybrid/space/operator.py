@@ -317,7 +317,7 @@ class SpaceHybrid:
         return self._counted(np.ones(len(self.sites), dtype=np.bool_), np.zeros(len(self.sites), dtype=np.int64))
 
     def _counted(self, some: NDArray[np.bool_], before: NDArray[np.int64]) -> Counted:
-        """Likewise, with the numbers of bonds (n,) `before` of those that are not `some` (n,)."""
+        """Volumes (n,) and numbers of bonds at the start; `before` (n,) of those that are not `some` (n,)."""
         zone, springs, count = self._zone, self._zone.springs, before
         with self._breaking:
             count[some] = arrangement.count_bonds(self.sites[some], self._row, zone.tiles.offsets, zone.tiles.bits)
