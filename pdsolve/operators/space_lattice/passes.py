@@ -137,7 +137,8 @@ def exchange_tiles(tiles, law, u, m, f, likes, first, last):  # type: ignore[no-
 
 @cached_njit(nogil=True, error_model="numpy")
 def exchange_watched(tiles, law, u, m, f, near, likes, first, last):  # type: ignore[no-untyped-def]
-    """As `exchange_tiles`; and mark in `near` (m,) the lanes with a bond over its limit, or nearly."""
+    """Fill f (3, m) in some tiles with force densities, N/m^3, and mark in `near` (m,) the lanes with a bond over its
+    limit, or nearly."""
     none = same(u, 0.0)
     for t in range(first, last):
         if not tiles.filled[t]:
