@@ -328,7 +328,7 @@ def _how_far(summary: dict[str, Any]) -> tuple[str, str]:
     if "load_steps" in summary:
         return "load steps", f"{summary['time']:.4g} s"
     if "path_steps" in summary:
-        last, most = summary["path_steps"][-1], max(abs(step["pull"]) for step in summary["path_steps"])
+        last, most = summary["path_steps"][-1], max(abs(step["pull"]) for step in summary["path_steps"]) or 1.0
         load = f"{last['factor']:.4g} of the loads, {abs(last['pull']) / most:.1%} of their largest"
         return "path steps", f"{load}, {summary['ended']}" if summary.get("ended") else load
     if "fatigue_steps" in summary:

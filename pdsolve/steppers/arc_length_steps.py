@@ -112,14 +112,14 @@ class ArcLengthSteps(PathRecords):
 
     def _follow(self, state: State, step: int) -> tuple[Path, int, float]:
         """The next equilibrium, as far along the path as it converges; the state is there then."""
-        last = self._last
+        last, begins = self._last, len(self.rested) <= bool(self._start.any())
         if not self.rested and self._start.any():
             return self._settle(state, 0.0, step)
         way = self._way(state)
         size = norm(way)
         self._most = self._most or size / self._steps
         self._more = self._more or self._most
-        ahead = -1.0 if (way * (last.value - self._before.value)).sum() < 0 else 1.0
+        ahead = -1.0 if not begins and (way * (last.value - self._before.value)).sum() < 0 else 1.0
         while True:
             turn = ahead * self._more / size
             guess = Path(last.value + turn * way, last.factor + turn, last.spent + self._more)

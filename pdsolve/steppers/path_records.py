@@ -85,7 +85,7 @@ class PathRecords:
         """The load, the spent energy and the time that is left, for a progress display."""
         if not self.rested:
             return "elastic"
-        most = max(abs(one.pull) for one in self.rested)
+        most = max(abs(one.pull) for one in self.rested) or 1.0
         unit = "J/m" if self._model.grid.dimension == 2 else "J"
         said = f"load {self.rested[-1].pull / most:.0%} of its peak, spent {self.rested[-1].spent:.3g} {unit}"
         began, before = self._began or (0.0, 1.0)

@@ -84,6 +84,23 @@ def test_two_bars_snap_through() -> None:
     assert len(rows) < 300
 
 
+def test_what_does_not_grow_is_there_first() -> None:
+    """A pull upwards, against which the load grows: the path still begins with growing loads."""
+    model = two_bars(2e4, 20)
+    pull = Load(nodes=(2,), body_force=(0.0, 2e3 / SIDE**2), name="pull")
+    conditions = (*model.settings.conditions, pull)
+    model = Model(model.grid, msgspec.structs.replace(model.settings, conditions=conditions))
+    system, state = prepare(model, ONE)
+    stiffness = system.area[1] * system.operator.tangent(state).toarray()[3, 3] * np.hypot(HALF, RISE) ** 3
+    with simulate(model, None, ONE) as results:
+        rows = results.summary()["path_steps"]
+        y = RISE + np.array([results.field("uy", row["step"])[1] for row in rows]).astype(float)
+    factor = np.array([row["factor"] for row in rows])
+    assert factor[0] == 0 < factor[1]
+    assert factor[-1] == 1
+    assert 2e4 * factor - 2e3 == pytest.approx(exact(stiffness / (2 * RISE**2), y), abs=1.0)
+
+
 @pytest.mark.slow
 def test_an_arch_bears_what_load_steps_by_displacement_say() -> None:
     """Newton's load steps move the middle down; by a force on the same node the path is the same, and falls."""
