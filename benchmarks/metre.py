@@ -3,9 +3,10 @@
 Builds geometries/duran_metre.py, 0.25 mm between nodes if not said otherwise, and solves it, each in a process of its
 own, as from the command line; prints wall and user time and the largest memory of each, and how far the crack has come.
 
-Bars: 1.5 GB and 120 s on two cores. Measured on two quiet cores: built in 0.4 GB and 1.6 s; solved in 1.9 GB at its
-peak and 152 s, 226 s of user time of both threads. It was 4.5 GB before rows of constants were kept once. The peak
-comes by the record in the middle, at which nodes have changed.
+Bars: 1.5 GB and 120 s on two cores. Measured on cores that others used too: built in 0.4 GB and 1.1 s of user time;
+solved in 1.48 GB at its peak and 159 s of user time of both threads. It was 226 s, and 152 s on two quiet cores, with
+1.9 GB, when each part of the initial nodes copied lists of all, and old nodes stood beside new ones until these were
+recorded. The peak comes by the last records.
 """
 
 from __future__ import annotations

@@ -52,6 +52,7 @@ from pdsolve.results.schema import (
 from pdsolve.results.writer_token import KEY, Token
 
 PAGE, WAL_PAGES = 16384, 2048  # bytes; pages that are written before they are moved into the database proper
+LARGE, PIECE = 2**24, 2**17  # bytes of an array that is written in pieces; values in each of them
 READERS = 3.0  # s that a run waits in the end for those who read its database
 LOOK = 0.1  # s between two looks whether another program has let go of it
 LEAST_WAIT = 1.0  # s that it is waited for, even by a run that is to stop
@@ -337,8 +338,8 @@ class Writer:
     ) -> None:
         self.connection.execute("DELETE FROM checkpoint WHERE ? IS NULL OR step < ?", (keeps, keeps))
         for name, array in state.items():  # one by one, as they are large
-            if isinstance(array, Column):
-                self._write_entry((name, step, array.dtype.str), array)
+            if isinstance(array, Column) or array.nbytes >= LARGE:  # of large ones SQLite would make copies
+                self._write_entry((name, step, array.dtype.str), array if isinstance(array, Column) else _column(array))
                 continue
             row = (name, step, array.dtype.str, np.ascontiguousarray(array).reshape(-1).view(np.uint8).data)
             self._insert("INSERT", "checkpoint", [with_crc("checkpoint", row)])
@@ -380,6 +381,13 @@ def _births(nodes: Nodes, families: Callable[[int, int], Families]) -> Births:
     bonds = int((nodes.family - nodes.cut).sum())
     dimension = nodes.position.shape[1]
     return Births(len(nodes.ids), dimension, bonds, lambda first, last: taken(nodes, np.arange(first, last)), families)
+
+
+def _column(array: NDArray[Any]) -> Column:
+    """An array in pieces."""
+    flat = np.ascontiguousarray(array).reshape(-1)
+    pieces = (flat[at : at + PIECE] for at in range(0, len(flat), PIECE))
+    return Column(flat.dtype, len(flat), zlib.crc32(flat.data), pieces)
 
 
 def _in_chunks(pieces: Iterator[NDArray[Any]]) -> Iterator[NDArray[Any]]:

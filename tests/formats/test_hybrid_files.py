@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +13,7 @@ from whole import contents, kill_when
 from zones import struck
 
 from pdpost.measures.cracked_nodes import damage_at
-from pdsolve.results import Results
+from pdsolve.results import Results, writer
 from pdsolve.run.pace import Pace
 from pdsolve.run.simulation import Options, Progress, resume, simulate
 
@@ -62,6 +64,22 @@ simulate(struck("hybrid", law={law!r}), Path(sys.argv[1]), Options(threads=1), w
     kill_when(lambda results: len(results.frames()[0]) >= 4, path, ["-c", program, str(path)])
     resume(path).close()
     assert contents(path) == contents(whole)
+
+
+def test_large_arrays_of_a_checkpoint_are_written_in_pieces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same bytes with the same checksums, of which a run goes on."""
+    rows = []
+    for large in (writer.LARGE, 1000):
+        monkeypatch.setattr(writer, "LARGE", large)
+        monkeypatch.setattr(writer, "PIECE", 99)
+        path = tmp_path / f"{large}.sqlite"
+        simulate(struck("hybrid", steps=8), path, Options(threads=1)).close()
+        with closing(sqlite3.connect(path)) as connection:
+            rows.append(connection.execute("SELECT * FROM checkpoint ORDER BY name").fetchall())
+        with Results.open(path) as results:
+            results.verify()
+    assert max(len(data) for *_, data in rows[1]) > 10 * 8 * 99
+    assert rows[0] == rows[1]
 
 
 def test_a_stop_between_two_entries_of_the_ledger_is_heard(
