@@ -56,10 +56,13 @@ def decided(model: Model, options: Options) -> Model:
 
 def widened(model: Model) -> tuple[Model, str]:
     """The model to begin anew with where fine cells came too late, and what it is in words."""
-    kappa = next((one for one in WIDER if one < model.settings.run.hybrid.kappa), None)
+    hybrid = model.settings.run.hybrid
+    if hybrid.wake != "fine":
+        return adapted(model, "hybrid", hybrid=msgspec.structs.replace(hybrid, wake="fine")), "run.hybrid.wake fine"
+    kappa = next((one for one in WIDER if one < hybrid.kappa), None)
     if kappa is None:
         return uniform(model), "fine nodes everywhere (run.adapt none)"
-    wider = msgspec.structs.replace(model.settings.run.hybrid, kappa=kappa)
+    wider = msgspec.structs.replace(hybrid, kappa=kappa)
     return adapted(model, "hybrid", hybrid=wider), f"run.hybrid.kappa {kappa:g}"
 
 
