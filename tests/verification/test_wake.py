@@ -13,7 +13,7 @@ from pdmesh.model.document import Hybrid as Settings
 from pdmesh.model.document import Region, Run
 from pdsolve.adaptivity.hybrid.arrays import PIECES, REGRIDS
 from pdsolve.adaptivity.hybrid.engine import Hybrid
-from pdsolve.adaptivity.hybrid.lattice import BORDER, COARSE, FINE
+from pdsolve.adaptivity.hybrid.lattice import BORDER, COARSE, FINE, FREE
 from pdsolve.model import Model, ModelError
 from pdsolve.numerics.thread_team import cores
 from pdsolve.options import Options
@@ -31,7 +31,7 @@ def torn(wake: str = "lattice", threads: int = 1) -> Hybrid:
     assert operator is not None
     y, found = grid.position[:, 1], operator.hybrid
     assert isinstance(found, Hybrid)
-    found.start(np.column_stack([np.ones(len(y)), 14 * (y / y.max() - 0.5) + 0.5]))
+    found.start(np.column_stack([np.ones(len(y)), 13 * (y / y.max() - 0.5) + 0.5]))
     return found
 
 
@@ -42,27 +42,34 @@ def energy(run: Hybrid) -> float:
 
 
 def stretched(run: Hybrid, near: NDArray[np.bool_]) -> float:
-    """The largest e of pieces and of bonds of border nodes, of owners that are `near` (places,), over that which is
-    calm."""
+    """The largest e of coarse springs, of bonds of border nodes and of pieces, of owners that are `near` (places,),
+    over that which is calm."""
     ground, zone, now = run.ground, run.zone, run.now
     fine, pieces, count = zone.fine, zone.pieces, int(zone.number[PIECES])
-    owner, found = np.flatnonzero(near & (fine.kind == BORDER)), [0.0]
-    for k, way in enumerate(ground.ways.tolist()):
-        entry = fine.entry[owner // 16]
-        there = (entry < 0) | (fine.own[np.maximum(entry, 0), k, owner % 16] > 0)
-        eta = fine.u[now][:, owner[there] + way] - fine.u[now][:, owner[there]]
-        x, y, inverse = ground.table[k, [0, 1, 4]]
-        found.append((inverse * (2 * (x * eta[0] + y * eta[1]) + (eta**2).sum(axis=0))).max(initial=0.0))
+    coarse = np.flatnonzero(zone.coarse.kind == FREE)
+    found = [0.0]
+    for nodes, owner, ways, table in (
+        (zone.coarse, coarse[near[run.beneath(coarse)]], ground.coarse_ways, ground.coarse_table),
+        (fine, np.flatnonzero(near & (fine.kind == BORDER)), ground.ways, ground.table),
+    ):
+        for k, way in enumerate(ways.tolist()):
+            entry = nodes.entry[owner // 16]
+            there = owner[(entry < 0) | (nodes.own[np.maximum(entry, 0), k, owner % 16] > 0)]
+            found.append(most(table[k, 4], table[k, :2, None], nodes.u[now][:, there + way] - nodes.u[now][:, there]))
     ends = []
     for which in (0, 1):
         a, b = pieces.end[:count, 2 * which], pieces.end[:count, 2 * which + 1]
         w = pieces.value[:count, which]
         between = (1 - w) * zone.coarse.u[now][:, np.where(b < 0, 0, a)] + w * zone.coarse.u[now][:, np.maximum(b, 0)]
         ends.append(np.where(b < 0, fine.u[now][:, np.where(b < 0, a, 0)], between))
-    eta, (x, y) = ends[1] - ends[0], pieces.value[:count, 2:4].T
-    e = pieces.value[:count, 4] * (2 * (x * eta[0] + y * eta[1]) + (eta**2).sum(axis=0))
-    found.append(e[near[pieces.owner[:count]]].max(initial=0.0))
-    return max(found) / ground.calm
+    here = near[pieces.owner[:count]]
+    value = pieces.value[:count][here]
+    return max(*found, most(value[:, 4], value[:, 2:4].T, (ends[1] - ends[0])[:, here])) / run.ground.calm
+
+
+def most(inverse: NDArray[np.float64], xi: NDArray[np.float64], eta: NDArray[np.float64]) -> float:
+    """The largest e of springs xi (2, k) with 1 / |xi|^2 `inverse`, stretched by eta (2, k)."""
+    return float((inverse * (2 * xi * eta + eta**2).sum(axis=0)).max(initial=0.0))
 
 
 def around(run: Hybrid, cells: NDArray[np.int64]) -> NDArray[np.bool_]:
@@ -80,7 +87,7 @@ def test_a_torn_strip_keeps_its_momentum_and_its_energy() -> None:
     Cells behind the tip that are stretched once more become fine again, and bonds break there.
     """
     run = torn()
-    before, most, coarse, again = energy(run), 0.0, np.zeros(run.plate.at.cells, dtype=bool), 0
+    before, largest, coarse, again = energy(run), 0.0, np.zeros(run.plate.at.cells, dtype=bool), 0
     for last in LOOKS:
         run.march(last - 39, last)
         cells, broken, momentum = run.zone.cells.copy(), len(run.broken().step), run.motion()[1:]
@@ -88,14 +95,14 @@ def test_a_torn_strip_keeps_its_momentum_and_its_energy() -> None:
         run.march(last, last + 1)  # ends with a look
         changed = np.flatnonzero((cells == FINE) & (run.zone.cells == COARSE))
         if len(changed):
-            coarse[changed], most = True, max(most, stretched(run, around(run, changed)))
+            coarse[changed], largest = True, max(largest, stretched(run, around(run, changed)))
             assert not around(run, changed)[run.broken().node[broken:]].any()
         assert np.abs(run.motion()[1:] / momentum - 1).max() < 1e-13  # 8e-16
 
-    assert np.count_nonzero(coarse) > 300
-    assert again > 100
-    assert 0.3 < most <= 1.0
-    assert energy(run) == pytest.approx(before, rel=0.02)
+    assert np.count_nonzero(coarse) > 300  # 879
+    assert again > 100  # 322
+    assert 0.3 < largest <= 1.0  # 0.98; 1.03 without the trial
+    assert energy(run) == pytest.approx(before, rel=0.015)  # 1.0105; 1.0060 where cells stay fine
 
 
 def test_it_goes_on_to_the_same_bits() -> None:

@@ -279,7 +279,7 @@ class Hybrid:
         stirs = zone.stirs[: zone.number[STIRS]].copy()
         kept |= {"holds": zone.holds.value.copy(), "stirs": stirs, "spent": zone.spent[self.spenders()]}
         number = zone.number.copy()
-        number[NEW:] = 0  # of the last refinement
+        number[ENTRIES:] = 0  # where rows are, and of the last change
         return kept | {"cells": zone.cells.copy(), "total": zone.total.copy(), "number": number}
 
     def _put_bits(self, node: NDArray[np.int64], spring: NDArray[np.integer]) -> None:
