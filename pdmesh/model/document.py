@@ -204,6 +204,7 @@ class Hybrid(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defau
 
     kappa: Annotated[float, msgspec.Meta(gt=0, lt=1)] = 0.7  # of what breaks a bond: cells around coarse bonds
     # stretched to that become fine
+    wake: Literal["fine", "lattice"] = "fine"  # cells behind crack tips: they stay fine, or become coarse again
 
 
 class Collocation(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):

@@ -26,6 +26,7 @@ class Sums(NamedTuple):
     work: float  # J/m
     momentum_x: float  # N s/m
     momentum_y: float  # N s/m
+    broken: int  # directed bonds, so far
 
 
 class Nodes(Protocol):

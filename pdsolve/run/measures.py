@@ -71,7 +71,7 @@ def books(system: System, state: State, step: int, asked: Asked | None = None) -
     strain, softened, broken = asked or ask(system, state)
     if system.hybrid is not None:
         sums, zone = system.hybrid.books()._asdict(), system.hybrid.zone_summary()._asdict()
-        return Ledger(step, step * system.time_step, **sums, broken=len(broken.step), **zone)
+        return Ledger(step, step * system.time_step, **sums, **zone)
     with np.errstate(over="ignore", invalid="ignore"):  # of a run that becomes unstable
         return Ledger(
             step,

@@ -118,7 +118,7 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
     def books(self) -> Sums:
         """Energies, work and momentum at the state of the last call of `energies`."""
         kinetic, x, y = self.hybrid.motion()
-        return Sums(kinetic, self._strain, *self.hybrid.spent, x, y)
+        return Sums(kinetic, self._strain, *self.hybrid.spent, x, y, len(self.broken().step))
 
     def zone_summary(self) -> ZoneSummary:
         """Summary of the fine zone; its stretch is that of coarse pairs."""

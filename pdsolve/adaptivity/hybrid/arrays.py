@@ -17,13 +17,14 @@ from pdsolve.codegen.vector_code import ROW
 EVERY = 8  # steps between two looks at what has broken and what is stretched
 AHEAD = 8  # h: cells this near to a node that has lost a bond become fine
 TIPS = 12  # h: likewise to the tip of a pre-crack, at the start
+WAKE = 40  # steps between two looks for cells that may become coarse again
 RING = 4  # h beyond the family's reach: likewise to a cell that an outline cuts, at the start
 
 PLACE, AXIS, PROFILE, KIND = range(4)  # of `Entries.what`
 VALUE, SPEED, LAST, FORCE = range(4)  # of `Entries.value`
 # of `Zone.number`
 ROWS, COARSE_ROWS, PIECES, BORDERS, BREAKS, LOADS, HOLDS, STIRS, REGRIDS, KNOWN, ENTRIES = range(11)
-NEW, DIRTY, AROUND, SHORT = range(11, 15)
+NEW, DIRTY, AROUND, SHORT, FREED = range(11, 16)
 # of `Zone.total`
 WORK, DISSIPATED, REFINEMENT, CLIPPED, LARGEST = range(5)
 
@@ -59,6 +60,10 @@ class LatticeConstants(NamedTuple):
     edge_cut: NDArray[np.float64]  # (2, q) where a pre-crack cuts the edge to the east, and to the north; 0: nowhere
     cut_cells: NDArray[np.bool_]  # (c,) cells that a pre-crack crosses
     cracks: NDArray[np.float64]  # (j, 4) segments in fine spacings
+    alike: NDArray[np.int64]  # (2, 4) which fine bonds are like halves of a coarse node's first four springs, and like
+    # those
+    stays: NDArray[np.bool_]  # (c,) cells that are to stay fine
+    calm: float  # e below which what becomes coarse is to be; 0: nothing does
 
 
 class Nodes(NamedTuple):
@@ -90,7 +95,10 @@ class Pieces(NamedTuple):
 
     owner: NDArray[np.int64]  # (p,)
     end: NDArray[np.int64]  # (p, 4) of both ends: fine node and -1, or two coarse nodes
-    value: NDArray[np.float64]  # (p, 8) w of both ends, xi, 1 / |xi|^2, k, and 0 if it is to last
+    value: NDArray[
+        np.float64
+    ]  # (p, 8) w of both ends, xi, 1 / |xi|^2, k, and 0 if it is to last, -1 beside a crack that
+    # has run: cells there become fine before it breaks
     relief: NDArray[np.float64]  # (p, 2) added to the displacements between its ends, where nodes swell, m
 
 
@@ -141,6 +149,8 @@ class Zone(NamedTuple):
     new: NDArray[np.int64]  # scratch: cells that are to be fine
     dirty: NDArray[np.int64]  # scratch: fine nodes that concerns
     around: NDArray[np.int64]  # scratch: coarse nodes that it concerns
+    failed: NDArray[np.int64]  # (n,) scratch: fine places where cells are not to become coarse
+    freed: NDArray[np.int64]  # entries of rows that have become idle
     number: NDArray[np.int64]
     total: NDArray[np.float64]
     s: NDArray[np.float64]  # (threads, .) scratch of the vector code
@@ -224,7 +234,9 @@ def zone_of(
         new=reserved(at.cells, of=np.int64),
         dirty=reserved(at.places, of=np.int64),
         around=reserved(at.coarse_places, of=np.int64),
-        number=np.zeros(15, dtype=np.int64),
+        failed=reserved(at.places, of=np.int64),
+        freed=reserved(at.places // ROW, of=np.int64),
+        number=np.zeros(16, dtype=np.int64),
         total=np.zeros(5),
         s=reserved(threads, 3 * ROW),
         turns=np.zeros(48, dtype=np.int64),

@@ -8,7 +8,7 @@ from numba import njit
 from pdsolve.adaptivity.hybrid.arrays import BREAKS, DISSIPATED, STIRS
 from pdsolve.adaptivity.hybrid.clipped_bonds import own_entry, share_of, stretch_of
 from pdsolve.adaptivity.hybrid.energy import strain_e
-from pdsolve.adaptivity.hybrid.precracks import lasts, peak_and_limit
+from pdsolve.adaptivity.hybrid.precracks import has_bond, lasts, peak_and_limit, stiffness
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.laws.pair_laws.bilinear import spent_share
 from pdsolve.operators.simd_lattice.kernel import INNER, displaced
@@ -53,6 +53,31 @@ def _note(zone, step, p, k):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
+def break_bridges(ground, zone, dirty, now, step):  # type: ignore[no-untyped-def]
+    """Break bonds that joined the faces of a crack through coarse cells, if its opening has stretched them beyond their
+    limit meanwhile; `dirty` nodes are marked, and have displacements. Returns the energy booked, J/m, as cells had none
+    of it."""
+    u, booked = zone.fine.u[now], 0.0
+    for p in dirty:
+        for k in range(len(ground.ways) // 2):
+            j = p + ground.ways[k]
+            if not zone.mark[j] or not has_bond(ground, zone.lost, p, k) or lasts(ground, p) or lasts(ground, j):
+                continue
+            eta_x, eta_y = displaced(u, zone.fine.shrink, ground.table[k, 0], ground.table[k, 1], p, j)
+            limit = peak_and_limit(ground, p, k)[1]
+            if strain_e(ground.table, k, eta_x, eta_y) <= limit:
+                continue
+            energy = stiffness(ground, p, k) / ground.table[k, 4] * stretch_of(limit) ** 2 / 4
+            zone.lost[p] |= np.uint64(1) << np.uint64(k)
+            for end, spring in ((p, k), (j, k + len(ground.ways) // 2)):
+                _stir(zone, end)
+                _book(zone, end, energy)
+                _note(zone, step, end, spring)
+                booked += energy
+    return booked
+
+
+@njit(**INNER)
 def break_bonds(ground, zone, u, p0, count, step):  # type: ignore[no-untyped-def]
     """Remove bonds over their limit from some nodes of a row, and book the energy they dissipated.
 
@@ -62,8 +87,8 @@ def break_bonds(ground, zone, u, p0, count, step):  # type: ignore[no-untyped-de
     for p in range(p0, p0 + count):
         for k in range(2 * half):
             entry, j, lane = fine.entry[row], p + ground.ways[k], p % ROW
-            stiffness = fine.own[entry, k, lane] if entry >= 0 else ground.table[k, 5]
-            if stiffness == 0 or lasts(ground, p) or lasts(ground, j):
+            whole = fine.own[entry, k, lane] if entry >= 0 else ground.table[k, 5]
+            if whole == 0 or lasts(ground, p) or lasts(ground, j):
                 continue
             eta_x, eta_y = displaced(u, fine.shrink, ground.table[k, 0], ground.table[k, 1], p, j)
             e = strain_e(ground.table, k, eta_x, eta_y)
@@ -72,7 +97,7 @@ def break_bonds(ground, zone, u, p0, count, step):  # type: ignore[no-untyped-de
                 continue
             _stir(zone, p)
             if entry < 0:
-                entry = own_entry(fine.entry, zone.number, row)
+                entry = own_entry(fine.entry, zone.number, zone.freed, row)
                 fine.entry[row] = entry
             if peak < limit:
                 _soften_on(ground, zone, p, entry, k, e, peak, limit)
@@ -86,5 +111,5 @@ def break_bonds(ground, zone, u, p0, count, step):  # type: ignore[no-untyped-de
                 eta_x -= ground.dt * (fine.v[0, j] - fine.v[0, p])
                 eta_y -= ground.dt * (fine.v[1, j] - fine.v[1, p])
                 spent = stretch_of(e) * stretch_of(strain_e(ground.table, k, eta_x, eta_y))
-                _book(zone, p, stiffness / ground.table[k, 4] * spent / 4)
+                _book(zone, p, whole / ground.table[k, 4] * spent / 4)
             _note(zone, step, p, k)

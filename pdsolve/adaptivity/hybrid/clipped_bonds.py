@@ -10,8 +10,10 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from pdsolve.adaptivity.hybrid.arrays import ENTRIES, PIECES
+from pdsolve.adaptivity.hybrid.arrays import ENTRIES, FREED, PIECES
+from pdsolve.adaptivity.hybrid.crack_faces import any_near, bridges, is_cut
 from pdsolve.adaptivity.hybrid.lattice import (
+    COARSE,
     EMPTY,
     FINE,
     FREE,
@@ -81,10 +83,11 @@ def set_row(ground, zone, row):  # type: ignore[no-untyped-def]
     """Set the stiffnesses of the marked nodes of a row; returns whether all of the row are those of the table."""
     fine, some = zone.fine, is_active(zone.fine.kind, row)
     if not some:
+        _free(zone, row)
         return
     if ground.varied and fine.entry[row] == -1:
         _begin_edges(ground, fine.edge[zone.number[ENTRIES]], row)
-    entry = own_entry(fine.entry, zone.number, row)
+    entry = own_entry(fine.entry, zone.number, zone.freed, row)
     own, same = fine.own[entry], True
     for lane in range(ROW):
         p = row * ROW + lane
@@ -104,6 +107,19 @@ def set_row(ground, zone, row):  # type: ignore[no-untyped-def]
         masks[0, k], masks[1, k] = there, half
     fine.masked[entry] = alike
     fine.entry[row] = -2 - entry if same else entry
+
+
+@njit(**INNER)
+def _free(zone, row):  # type: ignore[no-untyped-def]
+    """Give back the stiffnesses of a row that has become idle."""
+    fine, entry = zone.fine, zone.fine.entry[row]
+    if entry == -1:
+        return
+    own = entry if entry >= 0 else -2 - entry
+    fine.own[own] = 0.0
+    fine.entry[row], fine.wide[row] = -1, 0
+    zone.freed[zone.number[FREED]] = own
+    zone.number[FREED] += 1
 
 
 @njit(**INNER)
@@ -162,13 +178,16 @@ def _set_lane(ground, cells, lost, kind, p, own, lane):  # type: ignore[no-untyp
 
 
 @njit(**INNER)
-def own_entry(entries, number, row):  # type: ignore[no-untyped-def]
-    """Index of a row's own stiffnesses; a new one is allocated if the row has none."""
+def own_entry(entries, number, freed, row):  # type: ignore[no-untyped-def]
+    """Index of a row's own stiffnesses; a row that has none takes a freed one, or a new one."""
     entry = entries[row]
     if entry >= 0:
         return entry
     if entry < -1:
         return -2 - entry
+    if number[FREED] > 0:
+        number[FREED] -= 1
+        return freed[number[FREED]]
     number[ENTRIES] += 1
     return number[ENTRIES] - 1
 
@@ -181,15 +200,16 @@ def add_pieces(ground, cells, lost, kind, p, pieces, count):  # type: ignore[no-
     if surrounded(ground, cells, ix, iy, FINE):
         return count
     x, y, place = ix >> 1, iy >> 1, ix % 2 + 2 * (iy % 2)
+    cracked = ground.calm > 0 and any_near(ground, lost, p, ground.reach + 2)
     for k in range(half):
         if not has_bond(ground, lost, p, k):
             continue
         first = cut.first[place, k]
         sides = _counts(at, cells, cut, x, y, first, 0) + _counts(at, cells, cut, x, y, first, 1)
         for side in range(2):
-            if not _counts(at, cells, cut, x, y, first, side):
-                continue
             n, last = first[side], first[side + 1]
+            if not _counts(at, cells, cut, x, y, first, side) or _meets_crack(ground, cells, lost, x, y, n, last):
+                continue
             while n < last:
                 if not _is_passed(at, cells, cut, x, y, n):
                     n += 1
@@ -197,28 +217,45 @@ def add_pieces(ground, cells, lost, kind, p, pieces, count):  # type: ignore[no-
                 begin = n
                 while n < last and _is_passed(at, cells, cut, x, y, n):
                     n += 1
-                if begin == first[side] and n == last:
+                if (begin == first[side] and n == last) or (cracked and bridges(ground, lost, p, k)):
                     continue
-                t0, t1 = cut.t[begin, 0], cut.t[n - 1, 1]
-                pieces.owner[count] = p
-                _set_ends(ground, kind, p, k, (begin, n - 1), pieces, count)
-                value, length = pieces.value[count], t1 - t0
-                value[2], value[3] = length * ground.table[k, 0], length * ground.table[k, 1]
-                value[4] = ground.table[k, 4] / length**2
-                value[5] = stiffness(ground, p, k) / (sides * length)
-                value[6] = 0.0 if lasts(ground, p) or lasts(ground, p + ground.ways[k]) else 1.0
+                _set_piece(ground, lost, kind, p, k, (begin, n - 1), pieces, count)
+                pieces.value[count, 5] /= sides
+                pieces.value[count, 6] *= -1 if cracked else 1
                 count += 1
     return count
 
 
-@njit(forceinline=True, **INNER)
-def _set_ends(ground, kind, p, k, stretches, pieces, count):  # type: ignore[no-untyped-def]
-    for which in range(2):
-        _set_end(ground, kind, p, k, stretches[which], which, pieces, count)
+@njit(**INNER)
+def _set_piece(ground, lost, kind, p, k, stretches, pieces, count):  # type: ignore[no-untyped-def]
+    """Set the piece of bond k of fine node p from the first to the last of two stretches."""
+    pieces.owner[count] = p
+    _set_ends(ground, lost, kind, p, k, stretches, pieces, count)
+    value, length = pieces.value[count], ground.cut.t[stretches[1], 1] - ground.cut.t[stretches[0], 0]
+    value[2], value[3] = length * ground.table[k, 0], length * ground.table[k, 1]
+    value[4] = ground.table[k, 4] / length**2
+    value[5] = stiffness(ground, p, k) / length
+    value[6] = 0.0 if lasts(ground, p) or lasts(ground, p + ground.ways[k]) else 1.0
 
 
 @njit(**INNER)
-def _set_end(ground, kind, p, k, n, which, pieces, count):  # type: ignore[no-untyped-def]
+def _meets_crack(ground, cells, lost, x, y, first, last):  # type: ignore[no-untyped-def]
+    """Whether stretches of a bond lie in a coarse cell through which a crack has run: then the bond has no pieces."""
+    for n in range(first, last):
+        to_x, to_y = x + ground.cut.cell[n, 0], y + ground.cut.cell[n, 1]
+        if cells[cell_place(ground.at, to_x, to_y)] == COARSE and is_cut(ground, lost, to_x, to_y):
+            return True
+    return False
+
+
+@njit(forceinline=True, **INNER)
+def _set_ends(ground, lost, kind, p, k, stretches, pieces, count):  # type: ignore[no-untyped-def]
+    for which in range(2):
+        _set_end(ground, lost, kind, p, k, stretches[which], which, pieces, count)
+
+
+@njit(**INNER)
+def _set_end(ground, lost, kind, p, k, n, which, pieces, count):  # type: ignore[no-untyped-def]
     """Set one end of a piece: a fine node, or a place between two coarse nodes."""
     at, cut = ground.at, ground.cut
     ix, iy, direction = fine_column(at, p), fine_row(at, p), cut.ends[n, which, 2]
@@ -228,8 +265,8 @@ def _set_end(ground, kind, p, k, n, which, pieces, count):  # type: ignore[no-un
         pieces.value[count, which] = 0.0
         return
     a, b, w = end_on(
-        at,
-        ground.edge_cut,
+        ground,
+        lost,
         kind,
         (ix >> 1) + cut.ends[n, which, 0],
         (iy >> 1) + cut.ends[n, which, 1],

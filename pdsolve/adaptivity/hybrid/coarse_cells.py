@@ -240,8 +240,8 @@ def quarters(there: NDArray[np.bool_]) -> NDArray[np.int8]:
     return found
 
 
-def cells_of(plate: Plate, reach: int) -> NDArray[np.uint8]:
-    """Initial cells (c,): fine near tips of pre-cracks, where an outline cuts cells, and where a motion is prescribed
+def cells_of(plate: Plate, reach: int, tips: bool = True) -> NDArray[np.uint8]:
+    """Initial cells (c,): fine near `tips` of pre-cracks, where an outline cuts cells, and where a motion is prescribed
     that coarse cells do not have; coarse elsewhere.
 
     An edge along a line between cells cuts none, except at re-entrant corners.
@@ -259,7 +259,7 @@ def cells_of(plate: Plate, reach: int) -> NDArray[np.uint8]:
     for below, left in ((0, 0), (0, 1), (1, 0), (1, 1)):
         corner = AROUND + (node_y - BELOW - below) // 2, AROUND + (node_x - LEFT - left) // 2
         cells[corner] = np.where(cells[corner] == COARSE, FINE, cells[corner])
-    for tip_x, tip_y in tips_of(plate).tolist():
+    for tip_x, tip_y in tips_of(plate).tolist() if tips else ():
         low_x, low_y = (max(int(tip) // 2 - TIPS, 0) + AROUND for tip in (tip_x, tip_y))
         here = cells[low_y:-AROUND, low_x:-AROUND][: 2 * TIPS, : 2 * TIPS]
         y, x = np.indices(here.shape) + np.array([low_y - AROUND, low_x - AROUND])[:, None, None]

@@ -112,11 +112,17 @@ def place_of(fine, coarse, pieces, n, which, axis):  # type: ignore[no-untyped-d
 @njit(**INNER)
 def piece_held(pieces, fine, coarse, n):  # type: ignore[no-untyped-def]
     """Energy of a piece of a clipped bond, J/m."""
+    e = piece_e(pieces, fine, coarse, n)
+    return pieces.value[n, 5] / pieces.value[n, 4] * e * e / 8
+
+
+@njit(**INNER)
+def piece_e(pieces, fine, coarse, n):  # type: ignore[no-untyped-def]
+    """e of a piece of a clipped bond."""
     value = pieces.value[n]
     eta_x = place_of(fine, coarse, pieces, n, 1, 0) - place_of(fine, coarse, pieces, n, 0, 0) + pieces.relief[n, 0]
     eta_y = place_of(fine, coarse, pieces, n, 1, 1) - place_of(fine, coarse, pieces, n, 0, 1) + pieces.relief[n, 1]
-    e = value[4] * (2 * (value[2] * eta_x + value[3] * eta_y) + eta_x * eta_x + eta_y * eta_y)
-    return value[5] / value[4] * e * e / 8
+    return value[4] * (2 * (value[2] * eta_x + value[3] * eta_y) + eta_x * eta_x + eta_y * eta_y)
 
 
 @njit(**INNER)

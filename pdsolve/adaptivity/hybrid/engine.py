@@ -211,6 +211,10 @@ class Hybrid:
         (step, node, spring), count = self.zone.breaks, self.zone.number[BREAKS]
         return arrays.Breaks(step[:count], node[:count], spring[:count])
 
+    def spenders(self) -> NDArray[np.int64]:
+        """Fine places (k,) at which a bond has broken or softened, in order."""
+        return np.unique(np.concatenate([self.broken().node, self.zone.stirs[: self.zone.number[STIRS]]]))
+
     def zone_summary(self) -> ZoneSummary:
         """Summary of the fine zone for the run's report."""
         zone = self.zone
@@ -281,9 +285,9 @@ class Hybrid:
             own = np.where(entries < 0, -2 - entries, entries)
             kept |= {"edge": zone.fine.edge[own], "own": zone.fine.own[own], "usual": entries < 0}
         stirs = zone.stirs[: zone.number[STIRS]].copy()
-        kept |= {"holds": zone.holds.value.copy(), "stirs": stirs, "spent": zone.spent[stirs]}
+        kept |= {"holds": zone.holds.value.copy(), "stirs": stirs, "spent": zone.spent[self.spenders()]}
         number = zone.number.copy()
-        number[NEW:] = 0  # of the last refinement
+        number[ENTRIES:] = 0  # where rows are, and of the last change
         return kept | {"cells": zone.cells.copy(), "total": zone.total.copy(), "number": number}
 
     def _put_bits(self, node: NDArray[np.int64], spring: NDArray[np.integer]) -> None:
@@ -296,8 +300,7 @@ class Hybrid:
     def back(self, kept: Kept) -> None:
         """Restore a checkpoint. Raises CheckpointError."""
         zone, breaks, cells = self.zone, self._kept_breaks(kept), like(kept, "cells", self.zone.cells)
-        if not ((cells == zone.cells) | ((zone.cells == COARSE) & (cells == FINE))).all():
-            raise CheckpointError("found cells that are others than at the start, expected coarse ones to become fine")
+        self._check_cells(cells)
         node = breaks.node
         self._put_bits(node, breaks.spring)
         for _, nodes, rows in self._lattices():
@@ -326,6 +329,15 @@ class Hybrid:
         zone.total[:] = like(kept, "total", zone.total)
         _put_damped(kept, zone)
 
+    def _check_cells(self, cells: NDArray[np.uint8]) -> None:
+        """Raise CheckpointError for cells (c,) that those of the start do not become."""
+        start, ground = self.zone.cells, self.ground
+        may = (start == COARSE) & (cells == FINE)
+        if ground.calm > 0:
+            may |= (start == FINE) & (cells == COARSE) & ~ground.stays
+        if not ((cells == start) | may).all():
+            raise CheckpointError("found cells that are others than at the start, expected coarse ones to become fine")
+
     def _kept_breaks(self, kept: Kept) -> arrays.Breaks:
         """Broken bonds of a checkpoint, checked to exist at the start and to have broken once in each direction."""
         ground, plate = self.ground, self.plate
@@ -350,12 +362,14 @@ class Hybrid:
             raise CheckpointError(f"found others in 'number', expected {len(node)} bonds and {len(stirs)} nodes")
         if len(np.unique(stirs)) < len(stirs) or (fine[stirs] == IDLE).any():
             raise CheckpointError("found stirred nodes twice or that are not fine, expected fine ones, once")
-        if (fine[node] == IDLE).any() or (fine[node + self.ground.ways[spring]] == IDLE).any():
+        gone = (fine[node] == IDLE) | (fine[node + self.ground.ways[spring]] == IDLE)
+        if gone.any() and self.ground.calm == 0:
             raise CheckpointError("found a broken bond of a node that is not fine, expected fine ones")
         zone.stirs[: len(stirs)], zone.stirred[stirs] = stirs, True
         zone.spent[:] = 0.0
-        zone.spent[stirs] = entry(kept, "spent", stirs.shape, float)
         zone.number[[BREAKS, STIRS, KNOWN, REGRIDS]] = number[[BREAKS, STIRS, KNOWN, REGRIDS]]
+        spenders = self.spenders()
+        zone.spent[spenders] = entry(kept, "spent", spenders.shape, float)
 
     def bytes(self) -> int:
         """Memory of all arrays, bytes; untouched parts take none in practice."""

@@ -65,7 +65,7 @@ def _clipped(zone, u, uc, f, fc):  # type: ignore[no-untyped-def]
         eta_y = place_of(u, uc, pieces, n, 1, 1) - place_of(u, uc, pieces, n, 0, 1) + relief[n, 1]
         x, y = value[n, 2], value[n, 3]
         e = value[n, 4] * (2 * (x * eta_x + y * eta_y) + eta_x * eta_x + eta_y * eta_y)
-        largest = max(largest, e * value[n, 6])
+        largest = max(largest, e * max(value[n, 6], 0.0))
         pull = value[n, 5] * e / 2
         px, py = pull * (x + eta_x), pull * (y + eta_y)
         for which, sign in ((0, 1.0), (1, -1.0)):
@@ -101,9 +101,9 @@ def _sum_far(ground, fine, u, p0, count, s):  # type: ignore[no-untyped-def]
 
 
 @njit(forceinline=True, **INNER)
-def _sum_narrow(ground, fine, u, entry, lane, p, s):  # type: ignore[no-untyped-def]
-    """Forces on some nodes of a row for |e| up to NARROW."""
-    table, ways, slots, least = ground.table, ground.ways, len(ground.ways), ground.least[0]
+def sum_narrow(ground, fine, u, entry, lane, p, least, s):  # type: ignore[no-untyped-def]
+    """Forces on some nodes of a row for |e| up to NARROW; 2 where an e is above `least`, see `sum_whole`."""
+    table, ways, slots = ground.table, ground.ways, len(ground.ways)
     at = entry * slots * ROW + lane
     if entry < 0:
         return sum_whole(u, table, ways, fine.own, fine.shrink, slots, at, p, least, s)
@@ -148,7 +148,7 @@ def _sum_fine(ground, zone, now, step, thread, job):  # type: ignore[no-untyped-
             if breaks:
                 break_bonds(ground, zone, u, p, wide, step)
             elif fine.wide[row] == 0:
-                found = _sum_narrow(ground, fine, u, fine.entry[row], p % ROW, p, s)
+                found = sum_narrow(ground, fine, u, fine.entry[row], p % ROW, p, ground.least[0], s)
             if found & 1:
                 fine.wide[row] = fine.wide[row] or not breaks
                 found = _sum_wide(ground, fine, u, fine.entry[row], p % ROW, p, s)

@@ -22,8 +22,8 @@ from pdsolve.adaptivity.hybrid.arrays import (
     HOLDS,
     PLACE,
     PROFILE,
+    REGRIDS,
     ROWS,
-    STIRS,
     VALUE,
 )
 from pdsolve.adaptivity.hybrid.engine import Hybrid, ZoneSummary
@@ -56,7 +56,7 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
     def __init__(self, hybrid: Hybrid, cut: NDArray[np.int64]) -> None:
         """`cut` is the number of bonds that pre-cracks cut, of irregular nodes and, last, of others."""
         self.hybrid, self._cut, self._strain = hybrid, cut, 0.0
-        self._broken = NOTHING  # bonds whose rows are known
+        self._broken, self._looked = NOTHING, 0  # bonds whose rows are known, and how many have been looked for
         zone = hybrid.zone
         own, coarse = zone.fine, hybrid.active(zone.coarse, zone.number[COARSE_ROWS])
         places = (own.rows[: zone.number[ROWS], None] * ROW + np.arange(ROW)).ravel()
@@ -69,7 +69,12 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         self._springs = np.zeros((len(coarse), 1), dtype=np.uint8)  # bits, without those that are fine bonds too
         kinds, springs = (own.kind, own.entry, own.own), (zone.coarse.entry, zone.coarse.own)
         list_bonds(kinds, springs, zone.lost, hybrid.ground.ways, self._same(), self._lists, self._bonds, self._springs)
-        self.cells = np.count_nonzero(zone.cells == COARSE)
+        self._changes = self._counts()
+
+    def _counts(self) -> tuple[int, int]:
+        """How many changes of cells there have been, and how many cells are coarse."""
+        zone = self.hybrid.zone
+        return int(zone.number[REGRIDS]), int(np.count_nonzero(zone.cells == COARSE))
 
     @property
     def rows(self) -> NDArray[np.int64]:
@@ -134,7 +139,7 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         for rows, _ in self._parts():
             alone = rows[~fine[rows]]
             family[alone] = np.maximum(family[alone], self._whole(alone))
-        return count, family
+        return count, np.maximum(family, 1)  # one that is broken, of a node none of whose bonds is left
 
     def _whole(self, rows: NDArray[np.int64]) -> NDArray[np.int16]:
         """Number of springs of coarse nodes, including those cut by pre-cracks."""
@@ -148,16 +153,17 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
 
     @property
     def signature(self) -> NDArray[np.int16]:
-        """Signature (n,) that changes if a node or its bonds change."""
-        found = np.zeros(len(self.places), dtype=np.int16)
+        """Signature (n,) that changes if a node, its area or its bonds change."""
+        quarters = np.round(4 * self.area / self.hybrid.plate.h**2)  # up to 16
+        found = (1900 * quarters).astype(np.int16)
         found[self._at_fine] += 1 + self._bonds.sum(axis=1, dtype=np.int16)
         found[self._at_coarse] += 200 * (1 + BITS[self._springs[:, 0]])
         return found
 
     @property
     def current(self) -> bool:
-        """Whether no cell has been refined since this operator was made."""
-        return bool(np.count_nonzero(self.hybrid.zone.cells == COARSE) == self.cells)
+        """Whether no cell has become fine or coarse since this operator was made."""
+        return self._counts() == self._changes
 
     def changed(self) -> HybridOperator | None:
         """The operator on the current nodes if they have changed, else None."""
@@ -165,7 +171,7 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
 
     def back(self, kept: Kept, broken: Broken) -> None:
         """Restore a checkpoint; see `TwoLatticeOperator`."""
-        self._broken = NOTHING
+        self._broken, self._looked = NOTHING, 0
         super().back(kept, broken)
 
     def _gather(
@@ -198,9 +204,9 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         self._accelerate(state.second)
         holds = zone.holds.what[zone.holds.on[: zone.number[HOLDS], 1]]
         state.second[self._rows_of(holds[:, PLACE]), holds[:, AXIS]] = 0.0
-        stirred = zone.stirs[: zone.number[STIRS]]
-        rows = np.minimum(self._rows_of(stirred), len(self.places) - 1)
-        rows = rows[self.places[rows] == stirred]
+        spenders = self.hybrid.spenders()
+        rows = np.minimum(self._rows_of(spenders), len(self.places) - 1)
+        rows = rows[self.places[rows] == spenders]
         if state.dissipated.any():  # zeros that have not been written take no memory
             state.dissipated[:] = 0.0
         state.dissipated[rows] = zone.spent[self.places[rows]] / self.area[rows]
@@ -252,7 +258,7 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         """Energies, work and momentum at the state of the last call of `energies`."""
         kinetic, x, y = self.hybrid.motion().tolist()
         dissipated, work, _ = self.hybrid.spent
-        return Sums(kinetic, self._strain, dissipated, self.hybrid.damped, work, x, y)
+        return Sums(kinetic, self._strain, dissipated, self.hybrid.damped, work, x, y, len(self.hybrid.broken().step))
 
     def zone_summary(self) -> ZoneSummary:
         """Summary of the fine zone."""
@@ -310,14 +316,21 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         return source[order], target[order]
 
     def broken(self, after: int = 0) -> Broken:
-        """Bonds broken after a step: step, source row and target row of each."""
-        step, node, spring = self.hybrid.broken()
+        """Bonds broken after a step between current fine nodes: step, source row and target row of each."""
         known = self._broken  # more have broken since, if any
-        node, spring = node[len(known.step) :], spring[len(known.step) :]
-        more = step[len(known.step) :].astype(np.int64), self._rows_of(node)
-        other = self._rows_of(node + self.hybrid.ground.ways[spring])
+        found, some = self.hybrid.broken(), slice(self._looked, None)
+        step, node, spring = found.step[some], found.node[some], found.spring[some]
+        self._looked += len(step)
         if len(node):
-            known = Broken(*map(np.concatenate, zip(known, (*more, other), strict=True)))
-            self._broken = known
+            other = node + self.hybrid.ground.ways[spring]
+            there = _are_among(node, self._fine) & _are_among(other, self._fine)
+            more = step[there].astype(np.int64), self._rows_of(node[there]), self._rows_of(other[there])
+            known = self._broken = Broken(*map(np.concatenate, zip(known, more, strict=True)))
         new = known.step > after
         return Broken(*(column[new] for column in known))
+
+
+def _are_among(some: NDArray[np.int64], others: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Mask (k,) of `some` numbers (k,) that are among `others`, which are in order."""
+    at = np.minimum(np.searchsorted(others, some), len(others) - 1)
+    return np.asarray(others[at] == some)
