@@ -16,7 +16,7 @@ from pdsolve.operators.simd_lattice.kernel import INNER
 
 SAME = 1e-6  # of a cell: volumes this near are the same
 FLANKS = 5  # h: cells this near to the faces of a pre-crack are fine: none of their springs is cut
-EDGES = 8  # h: likewise to its edges
+EDGES = 10  # h: likewise to its edges
 
 
 def cells_at_start(
