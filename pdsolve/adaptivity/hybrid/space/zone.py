@@ -9,14 +9,13 @@ from numba import njit
 from numpy.typing import NDArray
 
 from pdmesh.model.triangulated_surface import distances
-from pdsolve.adaptivity.hybrid.arrays import RING
+from pdsolve.adaptivity.hybrid.arrays import RING, TIPS
 from pdsolve.adaptivity.hybrid.space.box import COARSE, FINE, VOID, Box, cell_place
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.operators.simd_lattice.kernel import INNER
 
 SAME = 1e-6  # of a cell: volumes this near are the same
-FLANKS = 5  # h: cells this near to the faces of a pre-crack are fine: none of their springs is cut
-EDGES = 8  # h: likewise to its edges
+FLANKS = 8  # h: cells this near to the faces of a pre-crack are fine: none of their springs is cut
 
 
 def cells_at_start(
@@ -85,7 +84,7 @@ def _around_cracks(cells: NDArray[np.uint8], cracks: NDArray[np.float64]) -> Non
     corner = np.sqrt(3.0)  # from the middle of a cell
     near = distances(middle, cracks, FLANKS + corner) < FLANKS + corner
     edges = _edges(cracks)
-    near |= distances(middle, edges[:, [0, 1, 1]], EDGES + corner) < EDGES + corner
+    near |= distances(middle, edges[:, [0, 1, 1]], TIPS + corner) < TIPS + corner
     cells[tuple(where[near].T)] = FINE
 
 
