@@ -63,7 +63,7 @@ RELAXED_BOND = 150.0
 FILL, GROWTH = 20.4, 0.31
 DEAD = 1.2  # times as much beyond the least under dead loads, where pivots say whether a body stays
 # Along an equilibrium path of softening bonds: steps at least, and for each of the load steps asked for (19 to 72 with
-# 10 to 160); seconds of a step at least, of a bond, and of factors, in the plane: within 2 times of eight runs
+# 10 to 160); seconds of a step at least, of a bond, and of factors, in the plane: .54 to 2.2 of eight runs' CPU
 TAKEN, TAKEN_MORE = 30, 0.25
 STEPPED, STEPPED_BOND, STEPPED_FACTORS = 0.01, 1.6e-6, 4.5e-8
 # By arc length: steps for each load step; how long one takes beside a load step; the same of softening in space

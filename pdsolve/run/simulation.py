@@ -174,7 +174,8 @@ def _begin(notes: Recorder, request: Request) -> Results:
     start = [notes.system]  # whose nodes may have changed when the writer is made
 
     def new() -> Writer:
-        made = notes.writer(start[0], request.output, meta(notes, request.provenance) | late_zones.kept(request.sooner))
+        own = late_zones.kept(request.sooner) if request.sooner else {}
+        made = notes.writer(start[0], request.output, meta(notes, request.provenance) | own)
         start.clear()
         return made
 
@@ -360,14 +361,13 @@ def _march(notes: Recorder, writer: Behind, request: Request) -> str:
         taken.watch = going
     writer.stop = asked
     while step < run.steps and not (interrupted or done):
-        looks = run.steps
-        if adapt is not None:
-            looks = _next(step, adapt.every)
-            change = adapt.epoch(notes.system, notes.state, step) if step % adapt.every == 0 else None
+        looks = run.steps if adapt is None else _next(step, adapt.every)
+        if adapt is not None and step % adapt.every == 0:
+            change = adapt.epoch(notes.system, notes.state, step)
             if change is not None:
                 notes.follow(step, change)
         looks = min(looks, _grown(notes, step, run.steps))
-        looks = min(looks, late_zones.widen(notes.system, request.sooner, step, run.steps))
+        looks = min(looks, late_zones.widen(notes.system, request.sooner, step, run.steps)) if request.sooner else looks
         chunk = pace.steps(EVERY if notes.system.hybrid else 1, int(PATIENCE / max(notes.system.bonds, 1)))
         ends = (step + chunk, looks, _next(step, run.every), _next(step, run.ledger or run.every), run.steps)
         began = clock.perf_counter()

@@ -58,7 +58,7 @@ def coarse_held(ground, coarse, u, q):  # type: ignore[no-untyped-def]
 
 
 def _stretched(u: Any, shrink: Any, x: Any, y: Any, p: Any, j: Any) -> Any:
-    """As `displaced`, of lanes from p and j on."""
+    """How far the nodes j are displaced from the nodes p, in lanes from these places on; less what swelling takes."""
 
 
 @overload(_stretched, jit_options=INNER | {"forceinline": True})
