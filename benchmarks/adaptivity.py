@@ -37,7 +37,8 @@ PAGE = ROOT / "docs" / "adaptivity.md"
 STEPS = (1.0, 0.9625, 0.925, 0.8875)  # of the surely stable step: ratios of 0.80, 0.77, 0.74 and 0.71
 KINDS_BEGIN = "## Fine zones of all kinds on the same scenes"  # where what benchmarks/kinds.py writes begins
 FIRST, BORDER = "## The first bond", "## An exact border for laws with nodal fields"
-OTHERS = (split.TITLE, KINDS_BEGIN, FIRST, BORDER)  # sections that other commands write
+WAKE = "## The wake, measured"
+OTHERS = (split.TITLE, KINDS_BEGIN, FIRST, BORDER, WAKE)  # sections that other commands write
 CRACKED = 0.35  # damage of a node on the path
 LOOK = 100  # steps between two looks
 
@@ -94,6 +95,7 @@ class Found(NamedTuple):
     begins: float  # share of the plate that is fine at the start
     fine: float  # at the end
     clipped: float  # over what breaks or softens a bond
+    refinement: float  # J/m, made by changes of cells
 
 
 def model(file: str, assignments: tuple[tuple[str, str], ...] = ()) -> Model:
@@ -146,6 +148,7 @@ def solved(
         begins,
         energies.fine_share,
         energies.clipped_stretch,
+        energies.refinement,
     )
 
 
@@ -258,28 +261,16 @@ corners that a node's short intact bonds lead to; a hanging node on a cut edge b
 intact bonds. Clipped bonds that pass a cut cell, or that join two faces of a crack, have no pieces. New springs,
 pieces and bonds of hanging nodes are tried before: where one is stretched to more than half of what breaks it, cells
 stay fine. So no bond breaks when cells become coarse. Momentum is conserved to round-off, and the change of energy is
-in the ledger's `refinement` (`tests/verification/test_wake.py`). Cells in the wake become fine again beside stretched
-springs and pieces, as elsewhere. A bond that joins the faces of a crack, and that its opening has meanwhile stretched
+in the ledger's `refinement` (`tests/verification/test_wake.py`). Beside stretched springs and, with
+`lattice`, stretched pieces, cells become fine again. A bond that joins the faces of a crack, and that its opening has meanwhile stretched
 beyond the limit, is then broken. Frames show a coarse node's cut springs as damage. A bond that broke is missing in
 the results if its nodes became fine and coarse again between two entries of the ledger; the number of broken bonds
 counts it.
 
-| 8 steps, 1 to 0.89 of the sure one | steel, 0.5 mm | steel, 0.25 mm | Duran, 0.25 mm |
-|---|---|---|---|
-| fine at the end, %: `fine` | 10.6 to 11.1 | 5.0 to 5.1 | 7.7 to 9.2 |
-| the same: `lattice` | 3.4 to 7.3 | 0.9 to 1.1 | 4.9 to 7.0 |
-| angle, degrees: uniform | 62 to 69 | 68 to 69 | - |
-| the same: `fine`; `lattice` | 63 to 68; 63 to 68 | 68 to 69; 68 to 69 | - |
-| dissipated, J/m: uniform (4 steps) | 7218 to 7678 | 7258 to 7356 | 14.0 to 14.8 |
-| the same: `fine` | 7243 to 7680 | 7170 to 7335 | 13.7 to 15.0 |
-| the same: `lattice` | 7226 to 7677 | 7213 to 7291 | 14.1 to 16.4 |
-| CPU of the loop, s, step 1, on a busy machine: `fine`, `lattice` | 0.50, 0.43 | 2.02, 1.40 | 0.24, 0.29 |
-
-No run was late. At 0.5 mm the path is off that of the same step with `fine` by 0.2 to 0.7 % of its length; steps with
-`fine` are off each other by 1.6 to 2.8 %. It is not the default as Duran's crack then branches early in more of the
-runs, which dissipates up to 11 % more than uniform runs do, and as it pays only where cracks are long: not in plates
-of some ten thousand nodes. It needs brittle bonds of one material in the plane, and a horizon of at least 3 spacings.
-A run that is late begins anew with `fine`.
+[Measured](#the-wake-measured), no run is late and paths are those with `fine`. It is not the default as Duran's crack then
+branches early in more of the runs, which dissipates up to 11 % more than uniform runs do, and as it pays only where
+cracks are long: not in plates of some ten thousand nodes. It needs brittle bonds of one material in the plane, and a
+horizon of at least 3 spacings. A run that is late begins anew with `fine`.
 
 **The first bond** of a struck plate breaks as in uniform runs to a few tenths of a per cent ([below](#the-first-bond)).
 

@@ -34,10 +34,8 @@ SPEED, STEP = 0.24, 1.15e-7  # m/s, of the faces of the block; s
 DURATION, STRUCK = 85.1e-6, 0.37  # s, of the struck plate; m, steps times spacing
 CORNERS = 96  # of the penny
 CRACKED = 0.35  # damage of a node on the path
-APART, BEYOND = (
-    0.025,
-    0.002,
-)  # m, half of the distance of the notches; nodes farther than that beyond them are looked at
+APART = 0.025  # m, half of the distance of the notches
+BEYOND = 0.002  # m: nodes farther than that beyond the notches are looked at
 LOOK = 8  # steps between two looks
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "guide" / "adaptivity.md"
 TITLES = {"penny": "penny in a block", "kalthoff": "Kalthoff and Winkler's plate"}

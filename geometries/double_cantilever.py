@@ -16,7 +16,8 @@ crack = 0.08  # m: from the loads to the tip
 length = 0.18  # m: from the loads to the far end
 opening = 2e-6  # m: of the loads in the end
 load_steps = 1  # of the loads, or of a growing crack
-cracks = "bonds"  # or "particles": at an opening of 4e-4 and more the crack grows, its length being the control
+cracks = "bonds"  # or "particles": at an opening of 4e-4 and more the crack grows, its length being
+# the control; its tip needs room of 3.5 horizons, so 1 mm between nodes or less
 
 glass = Material(E=72e9, rho=2500, G0=8.0)
 behind = arm  # m: what is behind the loads

@@ -53,12 +53,15 @@ def contradiction(run: Run, conditions: Sequence[str]) -> str | None:
 
 def _of_control(run: Run, gaps: list[str]) -> str | None:
     """What is wrong with the control of a path."""
-    static = run.static
-    if static.control == (CRACK if run.cracks == "particles" else ARC):
+    static, length = run.static, CRACK if run.cracks == "particles" else ARC
+    if static.control == length:
+        if length in gaps:
+            return f"gaps[{gaps.index(length)}].name: found '{length}', expected another, as this control is a length"
         unused = "none, as a length is the control"
         return None if static.opening is None else f"static.opening: found {static.opening:g}, expected {unused}"
     if static.control is not None and static.control not in gaps:
-        return f"static.control: found '{static.control}', expected {', '.join(gaps) or 'a gap (run.gaps has none)'}"
+        known = ", ".join(gaps) or "a gap (run.gaps has none)"
+        return f"static.control: found '{static.control}', expected {known}, or {length}"
     if (static.control is None) != (static.opening is None):
         found, other = ("opening", "control") if static.control is None else ("control", "opening")
         return f"static.{other}: found none, expected one, as there is a static.{found}"

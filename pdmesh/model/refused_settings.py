@@ -276,7 +276,8 @@ def _in_steps(settings: Settings, every: Places) -> Iterator[Impossible]:
     elif run.cracks == "bonds" and run.static.control == ARC:
         yield from _along_arc(settings)
     elif run.static.control is not None:
-        expected = "none, as no bond softens: of these alone, and of cracks of particles, a path is followed"
+        length = CRACK if run.cracks == "particles" else ARC
+        expected = f"{length} or none, as no bond softens, whose paths alone follow an opening"
         yield Impossible("$.run.static.control", f"'{run.static.control}'", expected)
     if run.fatigue is not None:
         yield from of_fatigue(settings, run.fatigue, every)

@@ -64,7 +64,11 @@ TABLE = (
         "run.solver static (--static), or run.start static",
     ),
     Used(("run.fatigue",), (("run.solver", "static"),), "run.solver static (--static)"),
-    Used(("run.static.load_steps", "run.after"), (("run.solver", "static"),), "run.solver static (--static)"),
+    Used(
+        ("run.static.load_steps", "run.static.control", "run.static.opening", "run.after"),
+        (("run.solver", "static"),),
+        "run.solver static (--static)",
+    ),
     Used(("run.steps",), (("run.duration", None),), "one of the two"),
     Used(("run.duration",), (*OF_TIME, ("run.after", "motion")), "run.static.load_steps, or run.after motion"),
     Used(

@@ -27,6 +27,7 @@ from pdsolve.run.prepare import prepare, scheme_of
 from pdsolve.run.static_start import still
 from pdsolve.run.system import System
 from pdsolve.steppers.arc_length_steps import ArcLengthSteps
+from pdsolve.steppers.crack_length_steps import CrackLengthSteps
 from pdsolve.steppers.newton import FACTORED
 from pdsolve.steppers.path_steps import CRACK_STEPS, PathSteps
 
@@ -66,8 +67,9 @@ DEAD = 1.2  # times as much beyond the least under dead loads, where pivots say 
 # 10 to 160); seconds of a step at least, of a bond, and of factors, in the plane: .54 to 2.2 of eight runs' CPU
 TAKEN, TAKEN_MORE = 30, 0.25
 STEPPED, STEPPED_BOND, STEPPED_FACTORS = 0.01, 1.6e-6, 4.5e-8
-# By arc length: steps for each load step; how long one takes beside a load step; the same of softening in space
-ARCS, ARC_STEP, IN_SPACE_STEP = 2.0, 2.0, 0.7
+# By arc length: steps for each load step (.27 of 80, .5 of 10), which take as long as one; in space, of softening, a
+# step beside a load step
+ARCS, ARC_STEP, IN_SPACE_STEP = 0.4, 1.0, 0.7
 JUMPED = 4.0  # times as long as a load step takes a step of jumps of cycles
 TANGENT, SOLVED, FACTOR, WITHOUT = 1.5e-6, 1.6e-8, 0.9e-10, 7e-8
 RELAXED, LONG = 1.1e-9, 28.0
@@ -124,7 +126,7 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
             cycle = system.stepper.cycle
         in_blocks |= paired and system.operator.name == "blocks"
         count, bound, step, settings = system.count, system.bound, system.time_step, system.model.settings
-        along_path = isinstance(system.stepper, ArcLengthSteps | PathSteps)
+        along_path = isinstance(system.stepper, ArcLengthSteps | CrackLengthSteps | PathSteps)
         if along_path:
             run = msgspec.structs.replace(settings.run, steps=_path_steps(settings.run))
             settings = msgspec.structs.replace(settings, run=run)
@@ -154,7 +156,7 @@ def _path_steps(run: Run) -> int:
 
 def _path_time(system: System, plan: Plan) -> float:
     """Seconds of a path with the steps of a plan, of whose load steps this is the time."""
-    if isinstance(system.stepper, ArcLengthSteps):
+    if not isinstance(system.stepper, PathSteps):
         return ARC_STEP * plan.wall_time
     if system.model.grid.dimension == 3:
         return IN_SPACE_STEP * plan.wall_time

@@ -88,7 +88,7 @@ def back(meta: Mapping[str, Any], path: Path) -> tuple[Sooner, ...]:
     """What the metadata of a database say of cells that come sooner. Raises ResultsError."""
     try:
         found = tuple(Sooner(int(step), float(kappa)) for step, kappa in json.loads(str(meta.get(KEY, "[]"))))
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         found = (Sooner(-1, 0.0),)
     if not all(one.step >= 0 and 0 < one.kappa < 1 for one in found):
         raise ResultsError(f"{path}: found {str(meta[KEY])[:40]!r} as {KEY}, expected steps and shares of a stretch")

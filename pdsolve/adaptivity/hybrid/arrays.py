@@ -95,10 +95,9 @@ class Pieces(NamedTuple):
 
     owner: NDArray[np.int64]  # (p,)
     end: NDArray[np.int64]  # (p, 4) of both ends: fine node and -1, or two coarse nodes
-    value: NDArray[
-        np.float64
-    ]  # (p, 8) w of both ends, xi, 1 / |xi|^2, k, and 0 if it is to last, -1 beside a crack that
-    # has run: cells there become fine before it breaks
+    # (p, 8) w of both ends, xi, 1 / |xi|^2, k, and 0 if it is to last, -1 beside a crack that has run, where cells
+    # become fine before it breaks
+    value: NDArray[np.float64]
     relief: NDArray[np.float64]  # (p, 2) added to the displacements between its ends, where nodes swell, m
 
 
@@ -231,10 +230,10 @@ def zone_of(
         loads=nothing,
         holds=nothing,
         mark=reserved(at.places, of=np.bool_),
-        new=reserved(at.cells, of=np.int64),
+        new=reserved(2 * at.cells, of=np.int64),  # where the wake is tried, cells are listed twice
         dirty=reserved(at.places, of=np.int64),
         around=reserved(at.coarse_places, of=np.int64),
-        failed=reserved(at.places, of=np.int64),
+        failed=reserved(3 * at.places, of=np.int64),  # a node, its pieces, and a coarse one there
         freed=reserved(at.places // ROW, of=np.int64),
         number=np.zeros(16, dtype=np.int64),
         total=np.zeros(5),

@@ -89,7 +89,7 @@ def _look_for_hot(ground, zone, now, count):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def _look_for_clipped(ground, zone, now, count):  # type: ignore[no-untyped-def]
-    """List the cells to refine near stretched clipped bonds, at cracks behind their tips; returns their new `count`."""
+    """List the cells to refine near stretched clipped bonds; returns their new `count`."""
     at, pieces = ground.at, zone.pieces
     for n in range(zone.number[PIECES]):
         if pieces.value[n, 6] != 0 and piece_e(pieces, zone.fine.u[now], zone.coarse.u[now], n) > ground.least[2]:

@@ -190,7 +190,8 @@ def _look_for_failed(ground, zone, dirty, around, now):  # type: ignore[no-untyp
             count += 1
     for n in range(zone.number[PIECES]):
         here = zone.mark[pieces.owner[n]] and pieces.value[n, 6] != 0
-        if here and piece_e(pieces, fine.u[now], zone.coarse.u[now], n) > ground.calm:
+        listed = count > 0 and failed[count - 1] == pieces.owner[n]  # as pieces are ordered by their owners
+        if here and not listed and piece_e(pieces, fine.u[now], zone.coarse.u[now], n) > ground.calm:
             failed[count] = pieces.owner[n]
             count += 1
     for p in dirty:
