@@ -112,9 +112,9 @@ class ArcLengthSteps(PathRecords):
 
     def _follow(self, state: State, step: int) -> tuple[Path, int, float]:
         """The next equilibrium, as far along the path as it converges; the state is there then."""
-        last, begins = self._last, len(self.rested) <= bool(self._start.any())
+        last, largest, begins = self._last, self._largest, len(self.rested) <= bool(self._start.any())
         if not self.rested and self._start.any():
-            return self._settle(state, 0.0, step)
+            return self._settle(state, last.value, 0.0, step)
         way = self._way(state)
         size = norm(way)
         self._most = self._most or size / self._steps
@@ -125,27 +125,29 @@ class ArcLengthSteps(PathRecords):
             guess = Path(last.value + turn * way, last.factor + turn, last.spent + self._more)
             try:
                 new, count, residual = self._found(state, guess, ahead / size * way, step)
-                if norm(new.value - guess.value) < BENT * self._more:
-                    break
-                raise UnsettledError("found a path that bends within the shortest step")
+                if not norm(new.value - guess.value) < BENT * self._more:
+                    raise UnsettledError("found a path that bends within the shortest step")
+                if new.factor >= 1:
+                    there = (1 - last.factor) / (new.factor - last.factor)
+                    near = last.value + there * (new.value - last.value)
+                    new, more, residual = self._settle(state, near, 1.0, step)
+                    if not norm(new.value - near) < BENT * self._more:
+                        raise UnsettledError("found a path that bends within the shortest step")
+                    self.ended, count = True, count + more
+                break
             except UnsettledError:
-                state.value[:], self._more = last.value, self._more / 2
+                state.value[:], self._largest, self._more = last.value, largest, self._more / 2
                 if self._more < LEAST * self._most:
                     raise
         if count <= FEW:
             self._more = min(GROWTH * self._more, LONGEST * self._most)
-        if new.factor >= 1:
-            self.ended = True
-            return self._settle(state, 1.0, step)
         return new, count, residual
 
-    def _settle(self, state: State, factor: float, step: int) -> tuple[Path, int, float]:
-        """The equilibrium at a factor, from the last one."""
-        last = self._last
-        state.value[:] = last.value
-        value = np.where(self._held, self._start + factor * self._growth, last.value)
-        new, count, residual = self._found(state, Path(value, factor, last.spent), None, step)
-        return new._replace(spent=last.spent + norm(new.value - last.value)), count, residual
+    def _settle(self, state: State, near: Array, factor: float, step: int) -> tuple[Path, int, float]:
+        """The equilibrium at a factor, from displacements (n, w) near it."""
+        last, value = self._last.value, np.where(self._held, self._start + factor * self._growth, near)
+        new, count, residual = self._found(state, Path(value, factor, 0.0), None, step)
+        return new._replace(spent=self._last.spent + norm(new.value - last)), count, residual
 
     def _found(self, state: State, guess: Path, normal: Array | None, step: int) -> tuple[Path, int, float]:
         """The equilibrium in the plane through a guess with a unit normal (n, w), or at its factor.
