@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.conditions import Drive
+from pdsolve.conditions import Drive, put_loads
 from pdsolve.model import Model
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
@@ -35,6 +35,10 @@ ALIKE = 1e-3  # of the largest share: tips this near to it grow together
 NEAR = 1e-6  # of the share that lets a tip grow, by which the largest may be missed
 TRIES = 12  # factors that are tried in a step
 STEP_BACK = 0.99  # of a factor: the second one tried where loads do not grow in proportion
+
+
+class NoTipError(UnsettledError):
+    """No crack can go on: the path ends there."""
 
 
 class CrackLengthSteps(PathRecords):
@@ -61,9 +65,12 @@ class CrackLengthSteps(PathRecords):
         self._motion.watch = self.watch
         self._motion.method.forget()
         try:
-            settled, factor, cost = self._grow(state, step) if self.rested else self._elastic(state, step)
+            taken = self._grow(state, step) if self.rested else self._elastic(state, step)
         except UnsettledError as error:
             raise UnsettledError(f"{self._model.name}: path step {step}: {error}") from None
+        if taken is None:
+            return
+        settled, factor, cost = taken
         spent = cost + (self.rested[-1].spent if self.rested else 0.0)
         after = self._area[:, None] * self._motion.outside(state)
         self._note(step, settled.iterations, settled.residual, factor, after, spent)
@@ -85,15 +92,19 @@ class CrackLengthSteps(PathRecords):
                 raise UnsettledError(f"found a tip with {first:.3g} of what lets it grow under what does not change")
         return *self._sought(state, (0.0, first), SMALL, rest), 0.0
 
-    def _grow(self, state: State, step: int) -> tuple[Settled, float, float]:
-        """Let the tips that are next grow, and find the factor that goes with it; books what they take, J/m."""
+    def _grow(self, state: State, step: int) -> tuple[Settled, float, float] | None:
+        """Let the tips that are next grow, and find the factor that goes with it; books what they take, J/m.
+
+        None: no crack can go on, and all is as before.
+        """
         growth, operator, motion, last = self._cracks, self._operator, self._motion, self.rested[-1]
         kept, value, area = Before.of(state, operator, growth), state.value.copy(), self._area
         outside, inside, spent = motion.outside(state), forces(operator, state), float(area @ state.dissipated)
+        held = self._drive.held_force.copy()
         start = last.factor if not self._start.any() else STEP_BACK * last.factor
         try:
             if not growth.lengthen(self._next(state), state, step):
-                raise UnsettledError("no crack goes on")
+                raise NoTipError("no crack goes on")
             cut = inside - forces(operator, state)  # forces of the bonds that are gone
             motion.expect_supports()
             known = (0.0, 0.0)
@@ -101,11 +112,12 @@ class CrackLengthSteps(PathRecords):
                 motion.rest_at(state, step, start)
                 known = start, self._largest(state)
             settled, factor = self._sought(state, known, last.factor, lambda at: motion.rest_at(state, step, at))
-        except UnsettledError as error:
+        except NoTipError as error:
             kept.restore(state, operator, growth)
-            motion.method.forget()
+            put_loads(self._drive, last.factor)
+            self._drive.held_force[:], self._drive.before[:] = held, self._drive.force
             self.ended, self.why = True, str(error)
-            return Settled(0, last.residual), last.factor, 0.0
+            return None
         way = state.value - value
         state.work[:] += ((outside + motion.outside(state)) / 2 * way).sum(axis=1)
         state.dissipated[:] -= (cut * way).sum(axis=1) / 2
@@ -141,7 +153,7 @@ class CrackLengthSteps(PathRecords):
         judged = self._cracks.judged(state)
         share = float(self._shares(judged).max()) if judged else 0.0
         if not share > 0:
-            raise UnsettledError("found no tip that loads open, with room for intensities around it")
+            raise NoTipError("found no tip that loads open, with room for intensities around it")
         return share
 
     def _next(self, state: State) -> list[tuple[Any, Any]]:

@@ -19,7 +19,10 @@ from pdpost.measures.forces import chosen, reactions
 from pdpost.measures.gaps import against, named_gap
 from pdsolve.model import Model, ModelWarning
 from pdsolve.results import Results
-from pdsolve.run.simulation import Options, resume, simulate
+from pdsolve.run.simulation import Options, UnsettledError, resume, simulate
+from pdsolve.state import State
+from pdsolve.steppers.equilibrium import Settled
+from pdsolve.steppers.load_steps import LoadSteps
 
 GLASS = Material(E=72e9, rho=2500, G0=8.0)
 KC = float(np.sqrt(72e9 * 8.0))
@@ -152,6 +155,7 @@ def test_both_tips_of_a_crack_grow_until_they_have_no_room() -> None:
     )
     with simulate(solvable(scene), None, ONE) as results:
         place, summary, (_, missing) = results.particles().place, results.summary(), books(results)
+        steps = results.frames()[0].tolist()
         assert results.meta()["status"] == "finished"
     grown = place[2:]
     assert grown[::2, 0] == pytest.approx(-grown[1::2, 0], abs=1e-6)
@@ -159,6 +163,27 @@ def test_both_tips_of_a_crack_grow_until_they_have_no_room() -> None:
     assert np.abs(grown[-1, 0]) > half - 6.5e-3
     assert "intensities" in summary["ended"]
     assert missing < 1e-3
+    rows = summary["path_steps"]
+    assert [row["step"] for row in rows] == steps[1:] == list(range(1, len(grown) // 2 + 2))  # none is there twice
+    assert (np.diff([row["spent"] for row in rows]) > 0).all()
+
+
+@pytest.mark.filterwarnings("ignore::pdsolve.model.ModelWarning")
+def test_what_does_not_come_to_rest_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """And what was solved before is kept."""
+    rest_at = LoadSteps.rest_at
+
+    def fails(motion: LoadSteps, state: State, step: int, time: float) -> Settled:
+        if step == 3:
+            raise UnsettledError("found no rest")
+        return rest_at(motion, state, step, time)
+
+    monkeypatch.setattr(LoadSteps, "rest_at", fails)
+    with pytest.raises(UnsettledError, match="path step 3: found no rest"):
+        simulate(edge_crack(6), tmp_path / "a.sqlite", ONE)
+    with Results.open(tmp_path / "a.sqlite") as results:
+        assert results.meta()["status"] == "unsettled"
+        assert results.frames()[0].tolist() == [0, 1, 2]
 
 
 def test_loads_that_are_over_end_the_path() -> None:
