@@ -32,6 +32,7 @@ Array = NDArray[np.float64]
 
 SMALL = 1e-3  # of the loads: the first look at an elastic body
 ALIKE = 1e-3  # of the largest share: tips this near to it grow together
+CLOSED = 1e-6  # share of a tip that loads press shut: they are doubled until one opens
 NEAR = 1e-6  # of the share that lets a tip grow, by which the largest may be missed
 TRIES = 12  # factors that are tried in a step
 STEP_BACK = 0.99  # of a factor: the second one tried where loads do not grow in proportion
@@ -87,10 +88,16 @@ class CrackLengthSteps(PathRecords):
         first = 0.0
         if self._start.any():
             rest(0.0)
-            first = self._largest(state)
+            first = self._share_now(state)
             if first >= 1:
                 raise UnsettledError(f"found a tip with {first:.3g} of what lets it grow under what does not change")
-        return *self._sought(state, (0.0, first), SMALL, rest), 0.0
+        known, factor = (0.0, first), SMALL
+        iterations = rest(factor).iterations
+        while factor < 1 and (share := self._share_now(state)) < CLOSED:
+            known, factor = (factor, share), min(2 * factor, 1.0)
+            iterations += rest(factor).iterations
+        settled, factor = self._sought(state, known, factor, rest)
+        return settled._replace(iterations=iterations + settled.iterations), factor, 0.0
 
     def _grow(self, state: State, step: int) -> tuple[Settled, float, float] | None:
         """Let the tips that are next grow, and find the factor that goes with it; books what they take, J/m.
@@ -149,9 +156,13 @@ class CrackLengthSteps(PathRecords):
         moves = np.array([bool(verdict.angles) and not verdict.straight for _, verdict in judged])
         return np.asarray(np.where(moves, intensities(self._cracks, judged) / toughness, 0.0))
 
+    def _share_now(self, state: State) -> float:
+        """The largest share; 0 where no tip may go on."""
+        return float(self._shares(self._cracks.judged(state)).max(initial=0.0))
+
     def _largest(self, state: State) -> float:
-        judged = self._cracks.judged(state)
-        share = float(self._shares(judged).max()) if judged else 0.0
+        """The largest share. Raises NoTipError where no tip may go on."""
+        share = self._share_now(state)
         if not share > 0:
             raise NoTipError("found no tip that loads open, with room for intensities around it")
         return share
