@@ -42,6 +42,7 @@ FEW = 4  # iterations: a step that needs no more grows by
 GROWTH = 1.5
 LONGEST, LEAST = 4.0, 1e-4  # of the first step: longer ones are not taken, and shorter ones not tried
 COARSEST = 1e-6  # tolerance of residuals: path steps are not solved better
+PAST = 0.02  # of the limit of a bond, by which the path goes past it at most
 BENT = 0.5  # of a step, by which the path leaves its tangent at most
 
 
@@ -106,8 +107,8 @@ class ArcLengthSteps(PathRecords):
         drive, node, axis = self._drive, self._drive.holds.node, self._drive.holds.axis
         drive.held_force[:] = (drive.force - after / self._area[:, None])[node, axis]
         drive.before[:] = drive.force
-        self._note(step, iterations, residual, new.factor, after, 0.0)
-        if self._breaking is not None and self._breaking.over(state.value):
+        self._note(step, iterations, residual, new.factor, after, float(self._area @ state.dissipated))
+        if self._worst(state) > 0:
             self.ended, self.why = True, "a bond has reached its limit"
 
     def _follow(self, state: State, step: int) -> tuple[Path, int, float]:
@@ -133,7 +134,9 @@ class ArcLengthSteps(PathRecords):
                     new, more, residual = self._settle(state, near, 1.0, step)
                     if not norm(new.value - near) < BENT * self._more:
                         raise UnsettledError("found a path that bends within the shortest step")
-                    self.ended, count = True, count + more
+                    count += more
+                if self._worst(state) > 1 + PAST:
+                    raise UnsettledError("found a bond past its limit within the shortest step")
                 break
             except UnsettledError:
                 state.value[:], self._largest, self._more = last.value, largest, self._more / 2
@@ -141,7 +144,12 @@ class ArcLengthSteps(PathRecords):
                     raise
         if count <= FEW:
             self._more = min(GROWTH * self._more, LONGEST * self._most)
+        self.ended = new.factor == 1
         return new, count, residual
+
+    def _worst(self, state: State) -> float:
+        """How far over its limit a bond is: its load by that at which it breaks; 0 if none is."""
+        return 0.0 if self._breaking is None else self._breaking.worst(state.value)
 
     def _settle(self, state: State, near: Array, factor: float, step: int) -> tuple[Path, int, float]:
         """The equilibrium at a factor, from displacements (n, w) near it."""
