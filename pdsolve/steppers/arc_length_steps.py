@@ -107,7 +107,8 @@ class ArcLengthSteps(PathRecords):
         drive, node, axis = self._drive, self._drive.holds.node, self._drive.holds.axis
         drive.held_force[:] = (drive.force - after / self._area[:, None])[node, axis]
         drive.before[:] = drive.force
-        self._note(step, iterations, residual, new.factor, after, float(self._area @ state.dissipated))
+        spent = float(self._area @ (state.dissipated + self._operator.energies(state)[1]))
+        self._note(step, iterations, residual, new.factor, after, spent)
         if self._worst(state) > 0:
             self.ended, self.why = True, "a bond has reached its limit"
 

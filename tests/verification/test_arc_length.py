@@ -136,6 +136,21 @@ def test_prescribed_displacements_reach_their_end_in_few_steps() -> None:
 
 
 @pytest.mark.slow
+def test_what_flows_spends_energy_along_the_path() -> None:
+    """Each step notes what the ledger says is dissipated."""
+    steel = Material(E=200e9, rho=7800, G0=1e4, nu=0.3, model="correspondence", solid="j2", failure="none",
+                     yield_stress=250e6, hardening=2e9)  # fmt: skip
+    down = Displacement(nodes=(15 * 4 + 1,), y=-2e-3, profile=RAMP, name="middle")
+    model = arch(Static(control="arc", load_steps=4), down, long=30)
+    model = Model(model.grid, msgspec.structs.replace(model.settings, material=steel))
+    with simulate(model, None, ONE) as results:
+        spent = [row["spent"] for row in results.summary()["path_steps"]]
+        dissipated = results.history()["dissipated"]
+    assert spent == pytest.approx(dissipated[1:], rel=1e-12)
+    assert spent[-1] > spent[0] > 0
+
+
+@pytest.mark.slow
 def test_a_path_goes_on_to_the_same_bits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("pdsolve.run.simulation.PATIENCE", 1.0)
     whole, stopped, model = tmp_path / "whole.sqlite", tmp_path / "stopped.sqlite", two_bars(2e4, 20)
