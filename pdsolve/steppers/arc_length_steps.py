@@ -29,7 +29,7 @@ from pdsolve.steppers.equilibrium import UnsettledError, forces, norm
 from pdsolve.steppers.factors import factors
 from pdsolve.steppers.load_steps import Going
 from pdsolve.steppers.path_following import Path
-from pdsolve.steppers.path_records import PathRecords
+from pdsolve.steppers.path_records import REACHED, PathRecords
 from pdsolve.steppers.path_steps import CRACK_STEPS, along
 
 if TYPE_CHECKING:
@@ -72,7 +72,6 @@ class ArcLengthSteps(PathRecords):
         self._most = self._more = 0.0  # m, the first step and the next one
         self._last, self._before = Path(np.zeros(shape), 0.0, 0.0), Path(np.zeros(shape), 0.0, 0.0)  # with arc lengths
         self._pushed = np.zeros(shape), np.zeros(shape)  # loads and reactions there, N/m
-        self.why = ""  # the path ended, where neither loads nor steps are over
 
     def keep(self) -> dict[str, Array]:
         """The path so far, for a checkpoint."""
@@ -103,6 +102,8 @@ class ArcLengthSteps(PathRecords):
         self._pushed, self._before, self._last = (self._pushed[1], after), self._last, new
         state.work[:] += work / self._area
         state.rate[:] = state.second[:] = 0
+        if new.factor == 1:
+            self.ended, self.why = True, REACHED
         self._remember(state)
         drive, node, axis = self._drive, self._drive.holds.node, self._drive.holds.axis
         drive.held_force[:] = (drive.force - after / self._area[:, None])[node, axis]
@@ -130,11 +131,7 @@ class ArcLengthSteps(PathRecords):
                 if not norm(new.value - guess.value) < BENT * self._more:
                     raise UnsettledError("found a path that bends within the shortest step")
                 if new.factor >= 1:
-                    there = (1 - last.factor) / (new.factor - last.factor)
-                    near = last.value + there * (new.value - last.value)
-                    new, more, residual = self._settle(state, near, 1.0, step)
-                    if not norm(new.value - near) < BENT * self._more:
-                        raise UnsettledError("found a path that bends within the shortest step")
+                    new, more, residual = self._reach(state, new, step)
                     count += more
                 if self._worst(state) > 1 + PAST:
                     raise UnsettledError("found a bond past its limit within the shortest step")
@@ -145,7 +142,15 @@ class ArcLengthSteps(PathRecords):
                     raise
         if count <= FEW:
             self._more = min(GROWTH * self._more, LONGEST * self._most)
-        self.ended = new.factor == 1
+        return new, count, residual
+
+    def _reach(self, state: State, beyond: Path, step: int) -> tuple[Path, int, float]:
+        """The equilibrium at the end of the loads, between the last one and one beyond."""
+        last = self._last
+        near = last.value + (1 - last.factor) / (beyond.factor - last.factor) * (beyond.value - last.value)
+        new, count, residual = self._settle(state, near, 1.0, step)
+        if not norm(new.value - near) < BENT * self._more:
+            raise UnsettledError("found a path that bends within the shortest step")
         return new, count, residual
 
     def _worst(self, state: State) -> float:

@@ -2,8 +2,9 @@
 
 In each step the tips with the largest share of what lets them grow grow by a particle each, and one factor of loads and
 prescribed displacements is found with which the largest share is 1 again, whether it rises or falls (snap-back). The
-shares are of intensities with the size of sqrt(J E'), which are proportional to the factor in a linear body; the secant
-method finds the factor of others. The first step is elastic.
+shares are of intensities with the size of sqrt(J E'), over the toughness, or by the rule "stress" of the stress ahead,
+over the strength. They are proportional to the factor in a linear body; the secant method finds the factor of others.
+The first step is elastic.
 
 Between two equilibria displacements are linear, and the forces of the bonds that a new arm cuts fall to zero: a crack
 takes the energy that these bonds held, and the work that their mean forces do on its faces (G. R. Irwin, J. Appl. Mech.
@@ -26,7 +27,7 @@ from pdsolve.state import State
 from pdsolve.steppers.equilibrium import Settled, UnsettledError, forces
 from pdsolve.steppers.growing_cracks import Before, Growing, intensities
 from pdsolve.steppers.load_steps import LoadSteps, Rested
-from pdsolve.steppers.path_records import PathRecords
+from pdsolve.steppers.path_records import REACHED, PathRecords
 
 Array = NDArray[np.float64]
 
@@ -51,7 +52,6 @@ class CrackLengthSteps(PathRecords):
         super().__init__(model, drive, area)
         self._operator, self._motion, self._cracks = operator, motion, growth
         self.said = f"crack length as the control, {motion.method.said}"
-        self.why = ""  # the path ended, where neither loads nor steps are over
 
     def back(self, kept: Mapping[str, NDArray[Any]], step: int) -> None:
         """Restore a checkpoint after `step`. Raises CheckpointError."""
@@ -140,7 +140,8 @@ class CrackLengthSteps(PathRecords):
             settled = rest(factor)
             iterations, share = iterations + settled.iterations, self._largest(state)
             if abs(share - 1) < NEAR or (factor == 1 and share < 1):
-                self.ended = factor == 1
+                if factor == 1:
+                    self.ended, self.why = True, REACHED
                 return Settled(iterations, settled.residual), factor
             slope = (share - known[1]) / (factor - known[0])
             if not slope > 0:

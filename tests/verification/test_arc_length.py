@@ -131,6 +131,7 @@ def test_prescribed_displacements_reach_their_end_in_few_steps() -> None:
         rows = results.summary()["path_steps"]
         assert results.field("uy", rows[-1]["step"])[top - 1] == pytest.approx(-20e-3, rel=1e-6)
         assert results.meta()["status"] == "finished"
+        assert results.summary()["ended"] == "the loads are reached"
     assert rows[-1]["factor"] == 1
     assert len(rows) < 15
 

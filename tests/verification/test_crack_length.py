@@ -21,6 +21,7 @@ from pdsolve.model import Model, ModelWarning
 from pdsolve.results import Results
 from pdsolve.run.simulation import Options, UnsettledError, resume, simulate
 from pdsolve.state import State
+from pdsolve.steppers.crack_length_steps import CrackLengthSteps
 from pdsolve.steppers.equilibrium import Settled
 from pdsolve.steppers.load_steps import LoadSteps
 
@@ -95,6 +96,7 @@ def test_cantilevers_part_by_a_falling_load() -> None:
     assert (np.diff(curve.opening) > 0).all()
     assert spent[-1] / (8.0 * (a[-1] - a[0])) == pytest.approx(1.0, abs=0.02)  # 1.009
     assert missing < 1e-4  # 4e-6
+    assert summary["ended"] == "the steps are over"
     assert summary["path_steps"][-1]["spent"] == pytest.approx(spent[-1], rel=1e-9)
 
 
@@ -188,12 +190,22 @@ def test_what_does_not_come_to_rest_is_an_error(tmp_path: Path, monkeypatch: pyt
         assert results.frames()[0].tolist() == [0, 1, 2]
 
 
+@pytest.mark.filterwarnings("ignore::pdsolve.model.ModelWarning")
+def test_a_load_that_is_as_good_as_gone_ends_the_path(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Here it falls to .896 of its largest by the first particle."""
+    monkeypatch.setattr(CrackLengthSteps, "end", 0.9)
+    with simulate(edge_crack(6), None, ONE) as results:
+        assert len(results.summary()["path_steps"]) == 2
+        assert results.summary()["ended"] == "the load has fallen to 90% of its largest"
+
+
 def test_loads_that_are_over_end_the_path() -> None:
     """With the crack as it was, if they do not let it grow."""
     with simulate(edge_crack(5, traction=1e6), None, ONE) as results:
         (row,) = results.summary()["path_steps"]
         assert len(results.particles().step) == 2
         assert results.meta()["status"] == "finished"
+        assert results.summary()["ended"] == "the loads are reached"
     assert row["factor"] == 1
     assert row["spent"] == 0
 
