@@ -17,7 +17,8 @@ from pdmesh.model.node_grid import Grid
 from pdpost.measures.forces import chosen, reactions
 from pdsolve.model import Model
 from pdsolve.run.prepare import prepare
-from pdsolve.run.simulation import Options, resume, simulate
+from pdsolve.run.simulation import Options, UnsettledError, resume, simulate
+from pdsolve.steppers.arc_length_steps import ArcLengthSteps
 
 RAMP = ((0.0, 0.0), (1.0, 1.0))
 ONE = Options(threads=1)
@@ -134,6 +135,24 @@ def test_prescribed_displacements_reach_their_end_in_few_steps() -> None:
         assert results.summary()["ended"] == "the loads are reached"
     assert rows[-1]["factor"] == 1
     assert len(rows) < 15
+
+
+def test_an_end_that_is_not_found_halves_the_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    found, failed = ArcLengthSteps._found, []
+
+    def once(*given: Any) -> Any:
+        if given[-2] is None and not failed:
+            failed.append(given[-1])
+            raise UnsettledError("found no rest")
+        return found(*given)
+
+    with simulate(two_bars(1e3), None, ONE) as results:
+        before = results.summary()["path_steps"]
+    monkeypatch.setattr(ArcLengthSteps, "_found", once)
+    with simulate(two_bars(1e3), None, ONE) as results:
+        rows = results.summary()["path_steps"]
+    assert failed == [before[-1]["step"]]
+    assert rows[-2]["factor"] < rows[-1]["factor"] == before[-1]["factor"] == 1
 
 
 @pytest.mark.slow
