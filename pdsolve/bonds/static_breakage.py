@@ -27,8 +27,9 @@ class Breaking(Protocol):
         Returns how far over it they are: the largest ratio of the load to that at which the first breaks; 0 if none is.
         """
 
-    def over(self, value: NDArray[np.float64]) -> bool:
-        """Whether any bond is over its limit at displacements (n, d)."""
+    def worst(self, value: NDArray[np.float64]) -> float:
+        """The largest ratio of the load to that at which a bond breaks, at displacements (n, d); 0 where none is over
+        its limit."""
 
     def restore(self, broken: Broken) -> None:
         """Take these bonds for broken, and no others."""
@@ -65,9 +66,10 @@ class Breakable(NamedTuple):
         self.part(operator, state, step, which, stretches)
         return most
 
-    def over(self, value: NDArray[np.float64]) -> bool:
-        """Whether any intact bond is over its limit."""
-        return bool((self.intact & (self.stretches(value) > self.limit)).any())
+    def worst(self, value: NDArray[np.float64]) -> float:
+        """By stretches over their limits, of intact bonds."""
+        most = float((self.stretches(value) / self.limit)[self.intact].max(initial=0.0))
+        return most if most > 1 else 0.0
 
     def part(
         self,
@@ -123,19 +125,25 @@ class FamilyBonds:
 
     def break_worst(self, operator: Operator, state: State, step: int) -> float:
         """Break what fails at the least share of the displacements; the family loses what it held less."""
-        which, low, high = self._operator.failing(state.value), 0.0, 1.0
+        which, most = self._first(state.value)
+        if most:
+            self._operator.sever(state, which, step)
+        return most
+
+    def worst(self, value: NDArray[np.float64]) -> float:
+        """By the share of the displacements at which the first fails."""
+        return self._first(value)[1]
+
+    def _first(self, value: NDArray[np.float64]) -> tuple[NDArray[np.int64], float]:
+        """The bonds (k,) that fail at the least share of the displacements, and its inverse; 0 where none fails."""
+        which, low, high = self._operator.failing(value), 0.0, 1.0
         if not len(which):
-            return 0.0
+            return which, 0.0
         while high - low > TIE * high:
             middle = (low + high) / 2
-            found = self._operator.failing(middle * state.value)
+            found = self._operator.failing(middle * value)
             low, high, which = (low, middle, found) if len(found) else (middle, high, which)
-        self._operator.sever(state, which, step)
-        return 1 / high
-
-    def over(self, value: NDArray[np.float64]) -> bool:
-        """Whether any fails."""
-        return len(self._operator.failing(value)) > 0
+        return which, 1 / high
 
     def restore(self, broken: Broken) -> None:
         """Does nothing: the operator knows."""

@@ -28,6 +28,7 @@ from pdsolve.run.node_changes import Change
 from pdsolve.run.system import System
 from pdsolve.state import Broken, State, zero_state
 from pdsolve.steppers.load_steps import Rested
+from pdsolve.steppers.path_records import PathRecords
 from pdsolve.steppers.stepped_rest import SteppedRest
 
 GAP = 64  # rows between born nodes whose bonds are asked for together
@@ -246,13 +247,18 @@ class Recorder:
         """Step of the last broken bond known at the last record; 0 without any."""
         return int(self.now.broken.step.max(initial=self._latest))
 
-    def march(self, first: int, last: int) -> None:
-        """Take the steps `first` to `last` - 1; with a moving fine zone there is no state before it is asked for."""
-        if isinstance(self.system.stepper, FusedMarch):
+    def march(self, first: int, last: int) -> int:
+        """Take the steps `first` to `last` - 1; with a moving fine zone there is no state before it is asked for.
+
+        Returns the last step that is there: the one before, where a path ended as a step was taken back.
+        """
+        stepper = self.system.stepper
+        if isinstance(stepper, FusedMarch):
             self.let_go()
-            self.system.stepper.go_on(first, last)
+            stepper.go_on(first, last)
         else:
-            self.system.stepper.march(self.state, first, last)
+            stepper.march(self.state, first, last)
+        return stepper.rested[-1].step if isinstance(stepper, PathRecords) else last - 1
 
     def let_go(self) -> None:
         """Forget the state, which the operator of a moving fine zone has, and energies of nodes."""

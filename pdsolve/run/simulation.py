@@ -371,18 +371,18 @@ def _march(notes: Recorder, writer: Behind, request: Request) -> str:
         chunk = pace.steps(EVERY if notes.system.hybrid else 1, int(PATIENCE / max(notes.system.bonds, 1)))
         ends = (step + chunk, looks, _next(step, run.every), _next(step, run.ledger or run.every), run.steps)
         began = clock.perf_counter()
-        notes.march(step + 1, min(ends) + 1)
+        last = notes.march(step + 1, min(ends) + 1)
         pace.took(min(ends) - step, clock.perf_counter() - began)
-        step = min(ends)
+        step = last
         writer.look()
         noted = step in ends[2:]
         interrupted = asked() and (noted or _can_stop(notes.system, step, pace.is_soon(min(ends[2:]) - step)))
         if noted:
             _take(notes, looked, step)
             looked = step
-            done = _is_enough(notes, step)
-        whole = step % run.every == 0 or step == run.steps or done
-        if whole or interrupted or (noted and notes.is_old):
+        done = _is_enough(notes, step) if noted else step < min(ends)
+        whole = noted and (step % run.every == 0 or step == run.steps or done)
+        if whole or done or interrupted or (noted and notes.is_old):
             writer.write(partial(notes.frame, step, whole, state=step == run.steps or done or interrupted))
     notes.settle(step)
     writer.done().tell({"summary": json.dumps(summary(notes, step, done))})

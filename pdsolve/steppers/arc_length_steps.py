@@ -29,7 +29,7 @@ from pdsolve.steppers.equilibrium import UnsettledError, forces, norm
 from pdsolve.steppers.factors import factors
 from pdsolve.steppers.load_steps import Going
 from pdsolve.steppers.path_following import Path
-from pdsolve.steppers.path_records import PathRecords
+from pdsolve.steppers.path_records import REACHED, PathRecords
 from pdsolve.steppers.path_steps import CRACK_STEPS, along
 
 if TYPE_CHECKING:
@@ -42,6 +42,7 @@ FEW = 4  # iterations: a step that needs no more grows by
 GROWTH = 1.5
 LONGEST, LEAST = 4.0, 1e-4  # of the first step: longer ones are not taken, and shorter ones not tried
 COARSEST = 1e-6  # tolerance of residuals: path steps are not solved better
+PAST = 0.02  # of the limit of a bond, by which the path goes past it at most
 BENT = 0.5  # of a step, by which the path leaves its tangent at most
 
 
@@ -71,7 +72,6 @@ class ArcLengthSteps(PathRecords):
         self._most = self._more = 0.0  # m, the first step and the next one
         self._last, self._before = Path(np.zeros(shape), 0.0, 0.0), Path(np.zeros(shape), 0.0, 0.0)  # with arc lengths
         self._pushed = np.zeros(shape), np.zeros(shape)  # loads and reactions there, N/m
-        self.why = ""  # the path ended, where neither loads nor steps are over
 
     def keep(self) -> dict[str, Array]:
         """The path so far, for a checkpoint."""
@@ -102,19 +102,22 @@ class ArcLengthSteps(PathRecords):
         self._pushed, self._before, self._last = (self._pushed[1], after), self._last, new
         state.work[:] += work / self._area
         state.rate[:] = state.second[:] = 0
+        if new.factor == 1:
+            self.ended, self.why = True, REACHED
         self._remember(state)
         drive, node, axis = self._drive, self._drive.holds.node, self._drive.holds.axis
         drive.held_force[:] = (drive.force - after / self._area[:, None])[node, axis]
         drive.before[:] = drive.force
-        self._note(step, iterations, residual, new.factor, after, 0.0)
-        if self._breaking is not None and self._breaking.over(state.value):
+        spent = float(self._area @ (state.dissipated + self._operator.energies(state)[1]))
+        self._note(step, iterations, residual, new.factor, after, spent)
+        if self._worst(state) > 0:
             self.ended, self.why = True, "a bond has reached its limit"
 
     def _follow(self, state: State, step: int) -> tuple[Path, int, float]:
         """The next equilibrium, as far along the path as it converges; the state is there then."""
-        last, begins = self._last, len(self.rested) <= bool(self._start.any())
+        last, largest, begins = self._last, self._largest, len(self.rested) <= bool(self._start.any())
         if not self.rested and self._start.any():
-            return self._settle(state, 0.0, step)
+            return self._settle(state, last.value, 0.0, step)
         way = self._way(state)
         size = norm(way)
         self._most = self._most or size / self._steps
@@ -125,27 +128,40 @@ class ArcLengthSteps(PathRecords):
             guess = Path(last.value + turn * way, last.factor + turn, last.spent + self._more)
             try:
                 new, count, residual = self._found(state, guess, ahead / size * way, step)
-                if norm(new.value - guess.value) < BENT * self._more:
-                    break
-                raise UnsettledError("found a path that bends within the shortest step")
+                if not norm(new.value - guess.value) < BENT * self._more:
+                    raise UnsettledError("found a path that bends within the shortest step")
+                if new.factor >= 1:
+                    new, more, residual = self._reach(state, new, step)
+                    count += more
+                if self._worst(state) > 1 + PAST:
+                    raise UnsettledError("found a bond past its limit within the shortest step")
+                break
             except UnsettledError:
-                state.value[:], self._more = last.value, self._more / 2
+                state.value[:], self._largest, self._more = last.value, largest, self._more / 2
                 if self._more < LEAST * self._most:
                     raise
         if count <= FEW:
             self._more = min(GROWTH * self._more, LONGEST * self._most)
-        if new.factor >= 1:
-            self.ended = True
-            return self._settle(state, 1.0, step)
         return new, count, residual
 
-    def _settle(self, state: State, factor: float, step: int) -> tuple[Path, int, float]:
-        """The equilibrium at a factor, from the last one."""
+    def _reach(self, state: State, beyond: Path, step: int) -> tuple[Path, int, float]:
+        """The equilibrium at the end of the loads, between the last one and one beyond."""
         last = self._last
-        state.value[:] = last.value
-        value = np.where(self._held, self._start + factor * self._growth, last.value)
-        new, count, residual = self._found(state, Path(value, factor, last.spent), None, step)
-        return new._replace(spent=last.spent + norm(new.value - last.value)), count, residual
+        near = last.value + (1 - last.factor) / (beyond.factor - last.factor) * (beyond.value - last.value)
+        new, count, residual = self._settle(state, near, 1.0, step)
+        if not norm(new.value - near) < BENT * self._more:
+            raise UnsettledError("found a path that bends within the shortest step")
+        return new, count, residual
+
+    def _worst(self, state: State) -> float:
+        """How far over its limit a bond is: its load by that at which it breaks; 0 if none is."""
+        return 0.0 if self._breaking is None else self._breaking.worst(state.value)
+
+    def _settle(self, state: State, near: Array, factor: float, step: int) -> tuple[Path, int, float]:
+        """The equilibrium at a factor, from displacements (n, w) near it."""
+        last, value = self._last.value, np.where(self._held, self._start + factor * self._growth, near)
+        new, count, residual = self._found(state, Path(value, factor, 0.0), None, step)
+        return new._replace(spent=self._last.spent + norm(new.value - last)), count, residual
 
     def _found(self, state: State, guess: Path, normal: Array | None, step: int) -> tuple[Path, int, float]:
         """The equilibrium in the plane through a guess with a unit normal (n, w), or at its factor.

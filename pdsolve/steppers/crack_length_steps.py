@@ -2,8 +2,9 @@
 
 In each step the tips with the largest share of what lets them grow grow by a particle each, and one factor of loads and
 prescribed displacements is found with which the largest share is 1 again, whether it rises or falls (snap-back). The
-shares are of intensities with the size of sqrt(J E'), which are proportional to the factor in a linear body; the secant
-method finds the factor of others. The first step is elastic.
+shares are of intensities with the size of sqrt(J E'), over the toughness, or by the rule "stress" of the stress ahead,
+over the strength. They are proportional to the factor in a linear body; the secant method finds the factor of others.
+The first step is elastic.
 
 Between two equilibria displacements are linear, and the forces of the bonds that a new arm cuts fall to zero: a crack
 takes the energy that these bonds held, and the work that their mean forces do on its faces (G. R. Irwin, J. Appl. Mech.
@@ -19,22 +20,27 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.conditions import Drive
+from pdsolve.conditions import Drive, put_loads
 from pdsolve.model import Model
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
 from pdsolve.steppers.equilibrium import Settled, UnsettledError, forces
 from pdsolve.steppers.growing_cracks import Before, Growing, intensities
 from pdsolve.steppers.load_steps import LoadSteps, Rested
-from pdsolve.steppers.path_records import PathRecords
+from pdsolve.steppers.path_records import REACHED, PathRecords
 
 Array = NDArray[np.float64]
 
 SMALL = 1e-3  # of the loads: the first look at an elastic body
 ALIKE = 1e-3  # of the largest share: tips this near to it grow together
+CLOSED = 1e-6  # share of a tip that loads press shut: they are doubled until one opens
 NEAR = 1e-6  # of the share that lets a tip grow, by which the largest may be missed
 TRIES = 12  # factors that are tried in a step
 STEP_BACK = 0.99  # of a factor: the second one tried where loads do not grow in proportion
+
+
+class NoTipError(UnsettledError):
+    """No crack can go on: the path ends there."""
 
 
 class CrackLengthSteps(PathRecords):
@@ -46,7 +52,6 @@ class CrackLengthSteps(PathRecords):
         super().__init__(model, drive, area)
         self._operator, self._motion, self._cracks = operator, motion, growth
         self.said = f"crack length as the control, {motion.method.said}"
-        self.why = ""  # the path ended, where neither loads nor steps are over
 
     def back(self, kept: Mapping[str, NDArray[Any]], step: int) -> None:
         """Restore a checkpoint after `step`. Raises CheckpointError."""
@@ -61,9 +66,12 @@ class CrackLengthSteps(PathRecords):
         self._motion.watch = self.watch
         self._motion.method.forget()
         try:
-            settled, factor, cost = self._grow(state, step) if self.rested else self._elastic(state, step)
+            taken = self._grow(state, step) if self.rested else self._elastic(state, step)
         except UnsettledError as error:
             raise UnsettledError(f"{self._model.name}: path step {step}: {error}") from None
+        if taken is None:
+            return
+        settled, factor, cost = taken
         spent = cost + (self.rested[-1].spent if self.rested else 0.0)
         after = self._area[:, None] * self._motion.outside(state)
         self._note(step, settled.iterations, settled.residual, factor, after, spent)
@@ -80,20 +88,30 @@ class CrackLengthSteps(PathRecords):
         first = 0.0
         if self._start.any():
             rest(0.0)
-            first = self._largest(state)
+            first = self._share_now(state)
             if first >= 1:
                 raise UnsettledError(f"found a tip with {first:.3g} of what lets it grow under what does not change")
-        return *self._sought(state, (0.0, first), SMALL, rest), 0.0
+        known, factor = (0.0, first), SMALL
+        iterations = rest(factor).iterations
+        while factor < 1 and (share := self._share_now(state)) < CLOSED:
+            known, factor = (factor, share), min(2 * factor, 1.0)
+            iterations += rest(factor).iterations
+        settled, factor = self._sought(state, known, factor, rest)
+        return settled._replace(iterations=iterations + settled.iterations), factor, 0.0
 
-    def _grow(self, state: State, step: int) -> tuple[Settled, float, float]:
-        """Let the tips that are next grow, and find the factor that goes with it; books what they take, J/m."""
+    def _grow(self, state: State, step: int) -> tuple[Settled, float, float] | None:
+        """Let the tips that are next grow, and find the factor that goes with it; books what they take, J/m.
+
+        None: no crack can go on, and all is as before.
+        """
         growth, operator, motion, last = self._cracks, self._operator, self._motion, self.rested[-1]
         kept, value, area = Before.of(state, operator, growth), state.value.copy(), self._area
         outside, inside, spent = motion.outside(state), forces(operator, state), float(area @ state.dissipated)
+        held = self._drive.held_force.copy()
         start = last.factor if not self._start.any() else STEP_BACK * last.factor
         try:
             if not growth.lengthen(self._next(state), state, step):
-                raise UnsettledError("no crack goes on")
+                raise NoTipError("no crack goes on")
             cut = inside - forces(operator, state)  # forces of the bonds that are gone
             motion.expect_supports()
             known = (0.0, 0.0)
@@ -101,11 +119,12 @@ class CrackLengthSteps(PathRecords):
                 motion.rest_at(state, step, start)
                 known = start, self._largest(state)
             settled, factor = self._sought(state, known, last.factor, lambda at: motion.rest_at(state, step, at))
-        except UnsettledError as error:
+        except NoTipError as error:
             kept.restore(state, operator, growth)
-            motion.method.forget()
+            put_loads(self._drive, last.factor)
+            self._drive.held_force[:], self._drive.before[:] = held, self._drive.force
             self.ended, self.why = True, str(error)
-            return Settled(0, last.residual), last.factor, 0.0
+            return None
         way = state.value - value
         state.work[:] += ((outside + motion.outside(state)) / 2 * way).sum(axis=1)
         state.dissipated[:] -= (cut * way).sum(axis=1) / 2
@@ -121,7 +140,8 @@ class CrackLengthSteps(PathRecords):
             settled = rest(factor)
             iterations, share = iterations + settled.iterations, self._largest(state)
             if abs(share - 1) < NEAR or (factor == 1 and share < 1):
-                self.ended = factor == 1
+                if factor == 1:
+                    self.ended, self.why = True, REACHED
                 return Settled(iterations, settled.residual), factor
             slope = (share - known[1]) / (factor - known[0])
             if not slope > 0:
@@ -137,11 +157,15 @@ class CrackLengthSteps(PathRecords):
         moves = np.array([bool(verdict.angles) and not verdict.straight for _, verdict in judged])
         return np.asarray(np.where(moves, intensities(self._cracks, judged) / toughness, 0.0))
 
+    def _share_now(self, state: State) -> float:
+        """The largest share; 0 where no tip may go on."""
+        return float(self._shares(self._cracks.judged(state)).max(initial=0.0))
+
     def _largest(self, state: State) -> float:
-        judged = self._cracks.judged(state)
-        share = float(self._shares(judged).max()) if judged else 0.0
+        """The largest share. Raises NoTipError where no tip may go on."""
+        share = self._share_now(state)
         if not share > 0:
-            raise UnsettledError("found no tip that loads open, with room for intensities around it")
+            raise NoTipError("found no tip that loads open, with room for intensities around it")
         return share
 
     def _next(self, state: State) -> list[tuple[Any, Any]]:

@@ -24,7 +24,8 @@ from pdsolve.steppers.load_steps import Going, held_at
 Array = NDArray[np.float64]
 
 PASSED = 0.98  # of the largest load so far: what has fallen below is past its peak
-END = 0.01
+END = 0.01  # of the largest load: as good as gone
+REACHED = "the loads are reached"
 
 
 class Stepped(NamedTuple):
@@ -54,7 +55,7 @@ class PathRecords:
         self._began: tuple[float, float] | None = None  # s, and the share of the path that was done then
         self.rested: list[Stepped] = []
         self.watch: Callable[[Going], None] | None = None
-        self.ended = False
+        self.ended, self.why = False, ""
         self.lost: float | None = None  # the largest factor of dead loads, past which no equilibrium bears as much
         drive.force[:] = 0
 
@@ -113,11 +114,15 @@ class PathRecords:
         """Report, once, loads past their largest; end the path where they are as good as gone."""
         pulls = [abs(one.pull) for one in self.rested]
         most, now = max(pulls), pulls[-1]
-        self.ended |= now < self.end * most
+        if now < self.end * most:
+            self.ended, self.why = True, f"the load has fallen to {self.end:.0%} of its largest"
+        elif step == self._model.settings.run.steps and not self.ended:
+            self.why = "the steps are over"
         if self._driven[self._held].any() or now >= PASSED * most:
             return
         self.lost, after = max(one.factor for one in self.rested), self._model.settings.run.after
-        self.ended |= after != "path"
+        if after != "path":
+            self.ended, self.why = True, "the loads are past their largest"
         if min(pulls[pulls.index(most) : -1]) < PASSED * most:
             return
         follows = {"path": "goes on at smaller loads", "stop": "ends here", "motion": "ends here, and a motion begins"}

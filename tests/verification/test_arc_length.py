@@ -17,7 +17,8 @@ from pdmesh.model.node_grid import Grid
 from pdpost.measures.forces import chosen, reactions
 from pdsolve.model import Model
 from pdsolve.run.prepare import prepare
-from pdsolve.run.simulation import Options, resume, simulate
+from pdsolve.run.simulation import Options, UnsettledError, resume, simulate
+from pdsolve.steppers.arc_length_steps import ArcLengthSteps
 
 RAMP = ((0.0, 0.0), (1.0, 1.0))
 ONE = Options(threads=1)
@@ -47,9 +48,9 @@ def two_bars(force: float, steps: int = 40, **changes: Any) -> Model:
     return plate(grid, 2, material=RUBBER, conditions=(held, push), run=run)
 
 
-def arch(static: Static, *conditions: Any) -> Model:
-    """A shallow arch, 90 by 4 nodes, with both ends clamped."""
-    long, thick, rise = 90, 4, 12.0
+def arch(static: Static, *conditions: Any, long: int = 90) -> Model:
+    """A shallow arch, `long` by 4 nodes, with both ends clamped."""
+    thick, rise = 4, 12.0
     x, row = np.meshgrid(np.arange(long) - (long - 1) / 2, np.arange(thick), indexing="ij")
     y = row + rise * (1 - (2 * x / long) ** 2)
     grid = cloud(1e-3 * np.column_stack([x.ravel(), y.ravel()]), 1e-3)
@@ -123,6 +124,52 @@ def test_an_arch_bears_what_load_steps_by_displacement_say() -> None:
     assert np.abs(missing).max() < 1e-3 * books["work"].max()
 
 
+def test_prescribed_displacements_reach_their_end_in_few_steps() -> None:
+    """From .871 of them a step goes to 1.187: rest at 1 is not found from there, but from between the two."""
+    top = 30 * 4 + 4
+    down = Displacement(nodes=(top,), x=0.0, y=-20e-3, profile=RAMP, name="top")
+    with simulate(arch(Static(control="arc", load_steps=10), down, long=60), None, ONE) as results:
+        rows = results.summary()["path_steps"]
+        assert results.field("uy", rows[-1]["step"])[top - 1] == pytest.approx(-20e-3, rel=1e-6)
+        assert results.meta()["status"] == "finished"
+        assert results.summary()["ended"] == "the loads are reached"
+    assert rows[-1]["factor"] == 1
+    assert len(rows) < 15
+
+
+def test_an_end_that_is_not_found_halves_the_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    found, failed = ArcLengthSteps._found, []
+
+    def once(*given: Any) -> Any:
+        if given[-2] is None and not failed:
+            failed.append(given[-1])
+            raise UnsettledError("found no rest")
+        return found(*given)
+
+    with simulate(two_bars(1e3), None, ONE) as results:
+        before = results.summary()["path_steps"]
+    monkeypatch.setattr(ArcLengthSteps, "_found", once)
+    with simulate(two_bars(1e3), None, ONE) as results:
+        rows = results.summary()["path_steps"]
+    assert failed == [before[-1]["step"]]
+    assert rows[-2]["factor"] < rows[-1]["factor"] == before[-1]["factor"] == 1
+
+
+@pytest.mark.slow
+def test_what_flows_spends_energy_along_the_path() -> None:
+    """Each step notes what the ledger says is dissipated."""
+    steel = Material(E=200e9, rho=7800, G0=1e4, nu=0.3, model="correspondence", solid="j2", failure="none",
+                     yield_stress=250e6, hardening=2e9)  # fmt: skip
+    down = Displacement(nodes=(15 * 4 + 1,), y=-2e-3, profile=RAMP, name="middle")
+    model = arch(Static(control="arc", load_steps=4), down, long=30)
+    model = Model(model.grid, msgspec.structs.replace(model.settings, material=steel))
+    with simulate(model, None, ONE) as results:
+        spent = [row["spent"] for row in results.summary()["path_steps"]]
+        dissipated = results.history()["dissipated"]
+    assert spent == pytest.approx(dissipated[1:], rel=1e-12)
+    assert spent[-1] > spent[0] > 0
+
+
 @pytest.mark.slow
 def test_a_path_goes_on_to_the_same_bits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("pdsolve.run.simulation.PATIENCE", 1.0)
@@ -135,12 +182,19 @@ def test_a_path_goes_on_to_the_same_bits(tmp_path: Path, monkeypatch: pytest.Mon
 
 
 def test_a_bond_at_its_limit_ends_the_path() -> None:
+    """By at most 2 % past it, though a whole step goes to 12 times it; the last but one is before it."""
     weak = msgspec.structs.replace(two_bars(1e6).settings.material, G0=1e2)
     model = two_bars(1e6)
     model = Model(model.grid, msgspec.structs.replace(model.settings, material=weak))
     with simulate(model, None, ONE) as results:
+        rows = results.summary()["path_steps"]
+        y = RISE + np.array([results.field("uy", row["step"])[1] for row in rows]).astype(float)
         assert "limit" in results.summary()["ended"]
         assert len(results.breaks().step) == 0
+    bonds = prepare(model, ONE).system.stepper._breaking  # type: ignore[union-attr]
+    over = (np.hypot(HALF, y) / np.hypot(HALF, RISE) - 1) / bonds.limit.min()
+    assert 1 < over[-1] < 1.02  # 1.004
+    assert over[-2] < 1
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,11 @@ from pdpost.measures.forces import chosen, reactions
 from pdpost.measures.gaps import against, named_gap
 from pdsolve.model import Model, ModelWarning
 from pdsolve.results import Results
-from pdsolve.run.simulation import Options, resume, simulate
+from pdsolve.run.simulation import Options, UnsettledError, resume, simulate
+from pdsolve.state import State
+from pdsolve.steppers.crack_length_steps import CrackLengthSteps
+from pdsolve.steppers.equilibrium import Settled
+from pdsolve.steppers.load_steps import LoadSteps
 
 GLASS = Material(E=72e9, rho=2500, G0=8.0)
 KC = float(np.sqrt(72e9 * 8.0))
@@ -92,6 +96,7 @@ def test_cantilevers_part_by_a_falling_load() -> None:
     assert (np.diff(curve.opening) > 0).all()
     assert spent[-1] / (8.0 * (a[-1] - a[0])) == pytest.approx(1.0, abs=0.02)  # 1.009
     assert missing < 1e-4  # 4e-6
+    assert summary["ended"] == "the steps are over"
     assert summary["path_steps"][-1]["spent"] == pytest.approx(spent[-1], rel=1e-9)
 
 
@@ -116,13 +121,15 @@ def test_an_edge_crack_snaps_back() -> None:
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::pdsolve.model.ModelWarning")
 def test_what_does_not_grow_takes_its_part_of_the_loads() -> None:
-    rows = []
-    for before in (0.0, 0.02):
+    """Also where it presses the crack shut, so that no small loads open it."""
+    rows = {}
+    for before in (0.0, 0.02, -0.05):
         with simulate(edge_crack(4, before), None, ONE) as results:
-            rows.append(results.summary()["path_steps"])
-    for alone, beside in zip(*rows, strict=True):
-        assert beside["factor"] + 0.02 == pytest.approx(alone["factor"], rel=1e-6)
-        assert beside["spent"] == pytest.approx(alone["spent"], rel=1e-5, abs=1e-9)
+            rows[before] = results.summary()["path_steps"]
+    for before in (0.02, -0.05):
+        for alone, beside in zip(rows[0.0], rows[before], strict=True):
+            assert beside["factor"] + before == pytest.approx(alone["factor"], rel=1e-6)
+            assert beside["spent"] == pytest.approx(alone["spent"], rel=1e-5, abs=1e-9)
 
 
 @pytest.mark.slow
@@ -152,6 +159,7 @@ def test_both_tips_of_a_crack_grow_until_they_have_no_room() -> None:
     )
     with simulate(solvable(scene), None, ONE) as results:
         place, summary, (_, missing) = results.particles().place, results.summary(), books(results)
+        steps = results.frames()[0].tolist()
         assert results.meta()["status"] == "finished"
     grown = place[2:]
     assert grown[::2, 0] == pytest.approx(-grown[1::2, 0], abs=1e-6)
@@ -159,6 +167,36 @@ def test_both_tips_of_a_crack_grow_until_they_have_no_room() -> None:
     assert np.abs(grown[-1, 0]) > half - 6.5e-3
     assert "intensities" in summary["ended"]
     assert missing < 1e-3
+    rows = summary["path_steps"]
+    assert [row["step"] for row in rows] == steps[1:] == list(range(1, len(grown) // 2 + 2))  # none is there twice
+    assert (np.diff([row["spent"] for row in rows]) > 0).all()
+
+
+@pytest.mark.filterwarnings("ignore::pdsolve.model.ModelWarning")
+def test_what_does_not_come_to_rest_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """And what was solved before is kept."""
+    rest_at = LoadSteps.rest_at
+
+    def fails(motion: LoadSteps, state: State, step: int, time: float) -> Settled:
+        if step == 3:
+            raise UnsettledError("found no rest")
+        return rest_at(motion, state, step, time)
+
+    monkeypatch.setattr(LoadSteps, "rest_at", fails)
+    with pytest.raises(UnsettledError, match="path step 3: found no rest"):
+        simulate(edge_crack(6), tmp_path / "a.sqlite", ONE)
+    with Results.open(tmp_path / "a.sqlite") as results:
+        assert results.meta()["status"] == "unsettled"
+        assert results.frames()[0].tolist() == [0, 1, 2]
+
+
+@pytest.mark.filterwarnings("ignore::pdsolve.model.ModelWarning")
+def test_a_load_that_is_as_good_as_gone_ends_the_path(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Here it falls to .896 of its largest by the first particle."""
+    monkeypatch.setattr(CrackLengthSteps, "end", 0.9)
+    with simulate(edge_crack(6), None, ONE) as results:
+        assert len(results.summary()["path_steps"]) == 2
+        assert results.summary()["ended"] == "the load has fallen to 90% of its largest"
 
 
 def test_loads_that_are_over_end_the_path() -> None:
@@ -167,6 +205,7 @@ def test_loads_that_are_over_end_the_path() -> None:
         (row,) = results.summary()["path_steps"]
         assert len(results.particles().step) == 2
         assert results.meta()["status"] == "finished"
+        assert results.summary()["ended"] == "the loads are reached"
     assert row["factor"] == 1
     assert row["spent"] == 0
 
