@@ -261,16 +261,16 @@ corners that a node's short intact bonds lead to; a hanging node on a cut edge b
 intact bonds. Clipped bonds that pass a cut cell, or that join two faces of a crack, have no pieces. New springs,
 pieces and bonds of hanging nodes are tried before: where one is stretched to more than half of what breaks it, cells
 stay fine. So no bond breaks when cells become coarse. Momentum is conserved to round-off, and the change of energy is
-in the ledger's `refinement` (`tests/verification/test_wake.py`). Beside stretched springs and, with
-`lattice`, stretched pieces, cells become fine again. A bond that joins the faces of a crack, and that its opening has meanwhile stretched
-beyond the limit, is then broken. Frames show a coarse node's cut springs as damage. A bond that broke is missing in
-the results if its nodes became fine and coarse again between two entries of the ledger; the number of broken bonds
-counts it.
+in the ledger's `refinement` (`tests/verification/test_wake.py`). Beside stretched springs and, with `lattice`,
+stretched pieces, cells become fine again. A bond that joins the faces of a crack, and that its opening has meanwhile
+stretched beyond the limit, is then broken. Frames show a coarse node's cut springs as damage. A bond that broke is
+missing in the results if its nodes became fine and coarse again between two entries of the ledger; the number of
+broken bonds counts it.
 
-[Measured](#the-wake-measured), no run is late and paths are those with `fine`. It is not the default as Duran's crack then
-branches early in more of the runs, which dissipates up to 11 % more than uniform runs do, and as it pays only where
-cracks are long: not in plates of some ten thousand nodes. It needs brittle bonds of one material in the plane, and a
-horizon of at least 3 spacings. A run that is late begins anew with `fine`.
+[Measured](#the-wake-measured), no run is late and paths are those with `fine`. It is not the default as Duran's crack
+then branches early in more of the runs, which dissipates up to 11 % more than uniform runs do, and as it pays only
+where cracks are long: not in plates of some ten thousand nodes. It needs brittle bonds of one material in the plane,
+and a horizon of at least 3 spacings. A run that is late begins anew with `fine`.
 
 **The first bond** of a struck plate breaks as in uniform runs to a few tenths of a per cent ([below](#the-first-bond)).
 

@@ -25,7 +25,7 @@ TEXT = """{title}
 `python -m benchmarks.wake`: {count} steps from {most:g} to {least:g} of the sure one, one thread, `fine` and `lattice`
 in turn; the least and the greatest of each.
 
-| plate | wake | fine at the end, % | angle, degrees | dissipated, J/m | made by changes of cells, J/m | CPU of the loop, s |
+| plate | wake | fine at the end, % | angle, degrees | dissipated, J/m | made by cells, J/m | CPU of the loop, s |
 |---|---|---|---|---|---|---|
 {rows}
 """
