@@ -170,9 +170,7 @@ class Static(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defau
     tolerance: Tolerance = 1e-8  # what is left of the forces over those from outside
     iterations: PositiveInt | None = None  # in one go, then it is given up; None: as the method has it
     floating: bool = False  # bodies that nothing supports are held softly, not refused
-    control: str | None = (
-        None  # of a path: the gap that grows in equal steps, crack or arc; None: the energy bonds spend
-    )
+    control: str | None = None  # of a path: a gap that grows in equal steps, crack or arc; None: the energy bonds spend
     opening: Positive | None = None  # m, of that gap in the end
 
 

@@ -287,12 +287,7 @@ def _along_path(settings: Settings) -> Iterator[Impossible]:
     """Settings with which bonds that soften are not followed."""
     if settings.run.static.control == ARC:
         yield Impossible("$.run.static.control", "'arc'", "a gap, or none, as bonds soften")
-    if settings.run.static.method != "newton":
-        yield Impossible("$.run.static.method", settings.run.static.method, "newton, as bonds soften")
-    if settings.run.static.floating:
-        yield Impossible("$.run.static.floating", "true", "false, as bonds soften")
-    if settings.run.after == "motion" and settings.run.duration is None:
-        yield Impossible("$.run.duration", "none", "seconds, as run.after is motion")
+    yield from _by_newton(settings.run, "as bonds soften")
     if settings.run.after == "motion" and settings.contact is not None:
         yield Impossible("$.contact", "some", "none, as run.after is motion")
 
@@ -313,16 +308,21 @@ def _along_arc(settings: Settings) -> Iterator[Impossible]:
     run, words = settings.run, "as the arc length is the control"
     if run.fatigue is not None:
         yield Impossible("$.run.fatigue", "some", f"none, {words}")
+    yield from _by_newton(run, words)
+    if settings.contact is not None:
+        yield Impossible("$.contact", "some", f"none, {words}")
+    if settings.physics != "mechanics":
+        yield Impossible("$.physics", settings.physics, f"mechanics, {words}")
+
+
+def _by_newton(run: Run, words: str) -> Iterator[Impossible]:
+    """Settings of a path that only Newton's method with held bodies follows; `words` say why."""
     if run.static.method != "newton":
         yield Impossible("$.run.static.method", run.static.method, f"newton, {words}")
     if run.static.floating:
         yield Impossible("$.run.static.floating", "true", f"false, {words}")
     if run.after == "motion" and run.duration is None:
         yield Impossible("$.run.duration", "none", "seconds, as run.after is motion")
-    if settings.contact is not None:
-        yield Impossible("$.contact", "some", f"none, {words}")
-    if settings.physics != "mechanics":
-        yield Impossible("$.physics", settings.physics, f"mechanics, {words}")
 
 
 def _adaptive(settings: Settings, every: Places) -> Iterator[Impossible]:

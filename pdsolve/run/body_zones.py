@@ -33,12 +33,13 @@ class Refining:
         held = energy(system, state, before.held_around(state, new))
         after = before.refined(new)
         fresh = _on(system, after, step)
-        found = _moved(before, after, state)
+        rows = before.before(after)
+        found = _moved(before, after, state, rows)
         pull, which = after.forces_around(found, new)
-        _hold(system, fresh, before.before(after), pull, which)
+        _hold(system, fresh, rows, pull, which)
         made = energy(fresh, found, after.held_around(found, new)) - held + pushed(fresh, found, pull, which)
         after.history = after.history._replace(made=after.history.made + made)
-        return Change(fresh, found, _origin(system, fresh))
+        return Change(fresh, found, _origin(system, fresh, rows))
 
     def back(self, system: System, kept: Kept) -> Prepared:
         """The system of a checkpoint's cells. Raises CheckpointError for cells that no run from here can have."""
@@ -62,9 +63,9 @@ def _on(system: System, after: SpaceHybrid, step: int) -> System:
     return dataclasses.replace(found, whole=system.whole)
 
 
-def _moved(before: SpaceHybrid, after: SpaceHybrid, state: State) -> State:
-    """The state on the nodes `after` a refinement: interpolated, with what was booked where it was."""
-    rows = before.before(after)
+def _moved(before: SpaceHybrid, after: SpaceHybrid, state: State, rows: NDArray[np.int64]) -> State:
+    """The state on the nodes `after` a refinement: interpolated, with what was booked where it was; `rows` (n,) are
+    those before, -1 for new nodes."""
     old, nodes = rows >= 0, len(rows)
     booked = np.zeros((3, nodes))
     for here, there in zip(booked, state[3:], strict=True):
@@ -88,10 +89,9 @@ def _hold(
     new.held_force[:] = np.where(which[node], (pull + new.force)[node, axis], known[rows[node], axis])
 
 
-def _origin(system: System, fresh: System) -> NDArray[np.int64]:
-    """Rows (m,) before of nodes that keep their cell and their bonds; -1 for others."""
+def _origin(system: System, fresh: System, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The `rows` (m,) before of nodes that keep their cell and their bonds; -1 for others."""
     before, after = zone_of(system), zone_of(fresh)
-    rows = before.before(after)
     old = np.flatnonzero(rows >= 0)
     own = rows[old]
     same = (before.volume[own] == after.volume[old]) & (system.family[own] == fresh.family[old])

@@ -25,7 +25,7 @@ from pdsolve.conditions import Drive, put_loads
 from pdsolve.model import Model
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
-from pdsolve.steppers.equilibrium import UnsettledError, forces, norm
+from pdsolve.steppers.equilibrium import UnsettledError, forces, norm, weighted_tangent
 from pdsolve.steppers.factors import factors
 from pdsolve.steppers.load_steps import Going
 from pdsolve.steppers.path_following import Path
@@ -209,10 +209,7 @@ class ArcLengthSteps(PathRecords):
 
     def _factors(self, state: State) -> tuple[csr_array, Callable[[Array], Array]]:
         """The tangent (n w, n w) of a state, N/m^2, and what solves with its free part."""
-        from scipy.sparse import diags_array  # SciPy takes long to import, and few runs ask
-
-        weight, free = np.repeat(self._area, self._held.shape[1]), ~self._held.ravel()
-        matrix = (diags_array(weight) @ self._operator.tangent(state)).tocsr()
+        free, matrix = ~self._held.ravel(), weighted_tangent(self._operator, self._area, state)
         try:
             return matrix, factors(matrix[free][:, free], self._operator.symmetric)
         except RuntimeError:

@@ -8,13 +8,16 @@ if there is no load; norms are over components. If external forces almost vanish
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 ROUND = 3e-16  # of a force: what its sum over neighbours is known to
 Tell = Callable[[int, float], None]  # iterations so far in this go, and what is left
@@ -65,6 +68,13 @@ def forces(operator: Operator, state: State) -> NDArray[np.float64]:
     out: NDArray[Any] = np.zeros(state.value.shape)
     operator.add(state, out, 0, 0.0)
     return out
+
+
+def weighted_tangent(operator: Operator, area: NDArray[np.float64], state: State) -> csr_array:
+    """The tangent times the nodes' areas (n w, n w), N/m^2."""
+    from scipy.sparse import diags_array  # SciPy takes long to import, and few runs ask
+
+    return (diags_array(np.repeat(area, state.value.shape[1])) @ operator.tangent(state)).tocsr()
 
 
 def left_over(state: State, asked: Asked, out: NDArray[np.float64], least: float, before: float = 0.0) -> float:

@@ -19,7 +19,17 @@ from numpy.typing import NDArray
 
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
-from pdsolve.steppers.equilibrium import Asked, Settled, Tell, UnsettledError, forces, left_over, norm, round_off
+from pdsolve.steppers.equilibrium import (
+    Asked,
+    Settled,
+    Tell,
+    UnsettledError,
+    forces,
+    left_over,
+    norm,
+    round_off,
+    weighted_tangent,
+)
 from pdsolve.steppers.factors import factors, negative_pivots
 from pdsolve.steppers.lost_bonds import LostBonds
 
@@ -93,7 +103,7 @@ class Newton:
         if not (self._factored and self._operator.symmetric) or self._floating is not None:
             return 0
         self.forget()  # whose factors would be there beside these
-        matrix, free = self._symmetric(state, held.shape[1]), ~held.ravel()
+        matrix, free = self._symmetric(state), ~held.ravel()
         return negative_pivots(matrix[free][:, free])
 
     def settle(self, state: State, asked: Asked, tell: Tell) -> Settled:
@@ -202,7 +212,7 @@ class Newton:
         from scipy.sparse import diags_array  # here and below: SciPy takes long to import, and few runs ask
 
         symmetric = self._operator.symmetric
-        matrix = self._symmetric(state, free.shape[1]) if symmetric else self._operator.tangent(state).tocsr()
+        matrix = self._symmetric(state) if symmetric else self._operator.tangent(state).tocsr()
         self._matrix = matrix
         if self._floating is not None and self._floating.any():
             soft = (
@@ -218,11 +228,9 @@ class Newton:
             self._lost = LostBonds(matrix, free, self._inverse, self._operator.broken())
             self._inverse = self._lost.solve
 
-    def _symmetric(self, state: State, width: int) -> csr_array:
-        """The tangent times the nodes' areas, N/m^2."""
-        from scipy.sparse import diags_array
-
-        matrix = diags_array(np.repeat(self._area, width)) @ self._operator.tangent(state)
+    def _symmetric(self, state: State) -> csr_array:
+        """The symmetric part of the tangent times the nodes' areas, N/m^2."""
+        matrix = weighted_tangent(self._operator, self._area, state)
         return ((matrix + matrix.T) / 2).tocsr()
 
     def _factors(self, inner: csr_array) -> Callable[[Array], Array]:

@@ -323,14 +323,8 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         self._looked += len(step)
         if len(node):
             other = node + self.hybrid.ground.ways[spring]
-            there = _are_among(node, self._fine) & _are_among(other, self._fine)
+            there = np.isin(node, self._fine) & np.isin(other, self._fine)
             more = step[there].astype(np.int64), self._rows_of(node[there]), self._rows_of(other[there])
             known = self._broken = Broken(*map(np.concatenate, zip(known, more, strict=True)))
         new = known.step > after
         return Broken(*(column[new] for column in known))
-
-
-def _are_among(some: NDArray[np.int64], others: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Mask (k,) of `some` numbers (k,) that are among `others`, which are in order."""
-    at = np.minimum(np.searchsorted(others, some), len(others) - 1)
-    return np.asarray(others[at] == some)

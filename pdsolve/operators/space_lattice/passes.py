@@ -23,7 +23,7 @@ from pdsolve.laws.bond_arrays import Bond
 from pdsolve.laws.calls import accumulate, bond_force, finish, nears, nothing
 from pdsolve.laws.small_tensors import blank, summed
 from pdsolve.operators.simd_lattice.kernel import INNER
-from pdsolve.operators.simd_lattice.passes import NODAL, OWN, SAFE, VECTORS
+from pdsolve.operators.simd_lattice.passes import COLUMNS, NODAL, OWN, SAFE, VECTORS
 
 LENGTH, SHORT = 6, 7  # of a vector: where |xi| and 1 / |xi| are
 
@@ -111,34 +111,15 @@ def gather_tiles(tiles, law, u, own, m, likes, first, last):  # type: ignore[no-
             here, sums = beside(u, likes[VECTORS], at), nothing(law, likes[VECTORS], none)
             for slot in range(len(tiles.offsets)):
                 if tiles.bits[t, slot] != 0:
-                    c = _numbers(tiles, t, slot, lane, u, (0, 0))
+                    c = _numbers(tiles, t, slot, lane, u, likes[COLUMNS])
                     sums = accumulate(law, _bond(tiles, t, slot, lane, u, here), c, sums)
             keep(finish(law, sums, beside(own, likes[OWN], at)), m, at)
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def exchange_tiles(tiles, law, u, m, f, likes, first, last):  # type: ignore[no-untyped-def]
-    """Fill f (3, m) in some tiles with force densities, N/m^3."""
-    none = same(u, 0.0)
-    for t in range(first, last):
-        if not tiles.filled[t]:
-            continue
-        for lane in range(0, ROW, across(u)):
-            at = tiles.margin + t * ROW + lane
-            here, nodal = beside(u, likes[VECTORS], at), beside(m, likes[NODAL], at)
-            pull = blank(likes[VECTORS], none)
-            for slot in range(len(tiles.offsets)):
-                if tiles.bits[t, slot] != 0:
-                    c = _numbers(tiles, t, slot, lane, u, (0, 0))
-                    there = beside(m, likes[NODAL], at + tiles.offsets[slot])
-                    pull = summed(pull, bond_force(law, _bond(tiles, t, slot, lane, u, here), c, nodal, there))
-            keep(pull, f, at)
-
-
-@cached_njit(nogil=True, error_model="numpy")
-def exchange_watched(tiles, law, u, m, f, near, likes, first, last):  # type: ignore[no-untyped-def]
+def exchange_tiles(tiles, law, u, m, f, near, likes, first, last):  # type: ignore[no-untyped-def]
     """Fill f (3, m) in some tiles with force densities, N/m^3, and mark in `near` (m,) the lanes with a bond over its
-    limit, or nearly."""
+    limit, or nearly; None: bonds have no limit that is looked at."""
     none = same(u, 0.0)
     for t in range(first, last):
         if not tiles.filled[t]:
@@ -149,15 +130,17 @@ def exchange_watched(tiles, law, u, m, f, near, likes, first, last):  # type: ig
             pull = blank(likes[VECTORS], none)
             for slot in range(len(tiles.offsets)):
                 if tiles.bits[t, slot] != 0:
-                    c = _numbers(tiles, t, slot, lane, u, (0, 0, 0))
+                    c = _numbers(tiles, t, slot, lane, u, likes[COLUMNS])
                     there = beside(m, likes[NODAL], at + tiles.offsets[slot])
                     bond = _bond(tiles, t, slot, lane, u, here)
                     pull = summed(pull, bond_force(law, bond, c, nodal, there))
-                    found, limit = nears(law, bond, c, nodal, there)
-                    over |= which_above(found, limit * (1.0 - SAFE))
+                    if near is not None:
+                        found, limit = nears(law, bond, c, nodal, there)
+                        over |= which_above(found, limit * (1.0 - SAFE))
             keep(pull, f, at)
-            for k in range(across(u)):
-                near[at + k] = (over >> k) & 1 != 0
+            if near is not None:
+                for k in range(across(u)):
+                    near[at + k] = (over >> k) & 1 != 0
 
 
 @cached_njit(nogil=True)

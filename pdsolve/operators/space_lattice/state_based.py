@@ -19,13 +19,7 @@ from pdsolve.operators.bond_list import BondList
 from pdsolve.operators.protocol import Kept
 from pdsolve.operators.simd_lattice.layout import aligned
 from pdsolve.operators.space_lattice.kernel import place_rows
-from pdsolve.operators.space_lattice.passes import (
-    FamilyTiles,
-    add_rows,
-    exchange_tiles,
-    exchange_watched,
-    gather_tiles,
-)
+from pdsolve.operators.space_lattice.passes import FamilyTiles, add_rows, exchange_tiles, gather_tiles
 from pdsolve.operators.space_lattice.sites import Sites, sites_of
 from pdsolve.state import Broken
 
@@ -112,14 +106,15 @@ class FamiliesInTiles(BondList):
             self._m[:, self._sites.site] = between.T
             self._pulled = False
         if not self._pulled:
-            self._share_tiles(exchange_tiles, self._u, self._m, self._f, self._likes)
+            self._share_tiles(exchange_tiles, self._u, self._m, self._f, None, self._likes)
         self._add_rows(self._f, out)
         return None
 
     def _near(self, now: Now, between: NDArray[Any]) -> NDArray[np.bool_]:
         if not (self._watched and self._takes(now)):
             return super()._near(now, between)
-        self._share_tiles(exchange_watched, self._u, self._m, self._f, self._over, self._likes)
+        likes = (0, 0, 0), *self._likes[1:]
+        self._share_tiles(exchange_tiles, self._u, self._m, self._f, self._over, likes)
         self._pulled = True
         return self._over[self._sites.site]
 
