@@ -29,8 +29,9 @@ from pdsolve.run import late_zones
 from pdsolve.run.after_path import motion_after, motion_follows, name_of
 from pdsolve.run.body_zones import Refining
 from pdsolve.run.cell_splitting import Splitting
+from pdsolve.run.changes_due import adapted, follow_zone, grown, next_multiple, seen_every
 from pdsolve.run.late_zones import Sooner
-from pdsolve.run.node_changes import Adapt, zone_back, zone_moved
+from pdsolve.run.node_changes import Adapt, zone_back
 from pdsolve.run.on_ranks import resuming
 from pdsolve.run.on_ranks import start as on_ranks
 from pdsolve.run.on_ranks.recorder import RecorderOnRanks
@@ -346,6 +347,7 @@ def _march(notes: Recorder, writer: Behind, request: Request) -> str:
     watch, adapt = request.watch, request.adapt
     run, step = notes.system.model.settings.run, notes.written
     interrupted, done, looked, pace = False, False, step, Pace(notes.system.bonds)
+    seen = seen_every(notes.system, run.steps)
 
     def asked() -> bool:
         """Whether the watcher wants the run to stop."""
@@ -361,25 +363,25 @@ def _march(notes: Recorder, writer: Behind, request: Request) -> str:
         taken.watch = going
     writer.stop = asked
     while step < run.steps and not (interrupted or done):
-        looks = run.steps if adapt is None else _next(step, adapt.every)
-        if adapt is not None and step % adapt.every == 0:
-            change = adapt.epoch(notes.system, notes.state, step)
-            if change is not None:
-                notes.follow(step, change)
-        looks = min(looks, _grown(notes, step, run.steps))
+        looks = run.steps if adapt is None else adapted(notes, adapt, step)
+        looks = min(looks, grown(notes, step, run.steps))
         looks = min(looks, late_zones.widen(notes.system, request.sooner, step, run.steps)) if request.sooner else looks
+        looks = min(looks, next_multiple(step, seen))
         chunk = pace.steps(EVERY if notes.system.hybrid else 1, int(PATIENCE / max(notes.system.bonds, 1)))
-        ends = (step + chunk, looks, _next(step, run.every), _next(step, run.ledger or run.every), run.steps)
+        records = next_multiple(step, run.every), next_multiple(step, run.ledger or run.every), run.steps
+        ends = (step + chunk, looks, *records)
         began = clock.perf_counter()
         last = notes.march(step + 1, min(ends) + 1)
         pace.took(min(ends) - step, clock.perf_counter() - began)
         step = last
         writer.look()
-        noted = step in ends[2:]
-        interrupted = asked() and (noted or _can_stop(notes.system, step, pace.is_soon(min(ends[2:]) - step)))
-        if noted:
-            _take(notes, looked, step)
+        noted = step in records
+        interrupted = asked() and (noted or _can_stop(notes.system, step, pace.is_soon(min(records) - step)))
+        if noted or step % seen == 0:
+            follow_zone(notes, looked)
             looked = step
+        if noted:
+            notes.take(step)
         done = _is_enough(notes, step) if noted else step < min(ends)
         whole = noted and (step % run.every == 0 or step == run.steps or done)
         if whole or done or interrupted or (noted and notes.is_old):
@@ -410,28 +412,6 @@ def _can_stop(system: System, step: int, soon: bool) -> bool:
     if system.hybrid is not None and not soon:
         raise KeyboardInterrupt(f"at step {step}; steps since the last checkpoint are lost")
     return system.hybrid is None
-
-
-def _grown(notes: Recorder, step: int, last: int) -> int:
-    """Let cracks due after `step` grow; returns the step of the next check, `last` without growing cracks."""
-    system = notes.system
-    if system.growth is None or system.growth.every is None:
-        return last
-    if step % system.growth.every == 0:
-        system.growth.look(notes.state, step + 1)
-    return _next(step, system.growth.every)
-
-
-def _take(notes: Recorder, before: int, step: int) -> None:
-    """Record this step, and the motion of a fine zone since the step `before`."""
-    change = zone_moved(notes.system, state=False) if notes.system.hybrid is not None else None
-    if change is not None:
-        notes.follow(before, change)
-    notes.take(step)
-
-
-def _next(step: int, interval: int) -> int:
-    return (step // interval + 1) * interval
 
 
 def _is_enough(notes: Recorder, step: int) -> bool:
