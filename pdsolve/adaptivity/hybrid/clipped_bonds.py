@@ -16,7 +16,6 @@ from pdsolve.adaptivity.hybrid.lattice import (
     COARSE,
     EMPTY,
     FINE,
-    FREE,
     IDLE,
     VOID,
     cell_place,
@@ -26,29 +25,40 @@ from pdsolve.adaptivity.hybrid.lattice import (
 )
 from pdsolve.adaptivity.hybrid.nodes import end_on
 from pdsolve.adaptivity.hybrid.precracks import has_bond, lasts, peak_and_limit, stiffness
+from pdsolve.adaptivity.hybrid.springs import WINDOW
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.laws.pair_laws.bilinear import intact_share
 from pdsolve.operators.simd_lattice.kernel import INNER
 
+EVERY = (1 << WINDOW**2) - 1  # all cells that bonds of a node could pass through
+
 
 @njit(**INNER)
-def whole_part(ground, cells, ix, iy, k):  # type: ignore[no-untyped-def]
-    """Share of bond k of a fine node that is an ordinary bond: 1, 1/2 if only one side is fine, or 0."""
-    half = len(ground.dx) // 2
-    if k >= half:
-        ix, iy, k = ix + ground.dx[k], iy + ground.dy[k], k - half
-    cut, at = ground.cut, ground.at
-    x, y, first = ix >> 1, iy >> 1, cut.first[ix % 2 + 2 * (iy % 2), k]
-    sides, whole = 0, 0
+def _cells_around(ground, cells, ix, iy):  # type: ignore[no-untyped-def]
+    """The cells around a fine node that are not coarse, so that bonds are whole there, and those of the plate: a bit
+    each, as `Stretches.sides` has them."""
+    passed, there, reach = np.uint64(EVERY), np.uint64(0), (ground.reach + 1) // 2
+    for y in range(-reach, reach + 1):
+        for x in range(-reach, reach + 1):
+            found = cells[cell_place(ground.at, (ix >> 1) + x, (iy >> 1) + y)]
+            bit = np.uint64(1) << np.uint64(WINDOW * (y + WINDOW // 2) + x + WINDOW // 2)
+            passed &= ~bit if found in (COARSE, VOID) else np.uint64(EVERY)
+            there |= bit if found < VOID else np.uint64(0)
+    return passed, there
+
+
+@njit(forceinline=True, **INNER)
+def _shares(ground, place, k, passed, there):  # type: ignore[no-untyped-def]
+    """On how many sides of a bond there are cells of the plate, on how many of them it is whole, and on how many it has
+    a part in other cells than coarse ones."""
+    sides = whole = some = 0
     for side in range(2):
-        if not _counts(at, cells, cut, x, y, first, side):
-            continue
-        fine = True
-        for n in range(first[side], first[side + 1]):
-            fine = fine and _is_passed(at, cells, cut, x, y, n)
-        sides += 1
-        whole += fine
-    return whole / sides if sides > 0 else 0.0
+        bits = ground.cut.sides[place, k, side]
+        if there & bits != 0:
+            sides += 1
+            whole += passed & bits == bits
+            some += passed & bits != 0
+    return sides, whole, some
 
 
 @njit(forceinline=True, **INNER)
@@ -56,26 +66,6 @@ def _is_passed(at, cells, cut, x, y, n):  # type: ignore[no-untyped-def]
     """Whether stretch n of a bond lies in a fine cell and is not cut."""
     found = cells[cell_place(at, x + cut.cell[n, 0], y + cut.cell[n, 1])]
     return found in (FINE, EMPTY)
-
-
-@njit(**INNER)
-def _counts(at, cells, cut, x, y, first, side):  # type: ignore[no-untyped-def]
-    """Whether the plate exists on this side of a bond, and the bond there."""
-    for n in range(first[side], first[side + 1]):
-        if cells[cell_place(at, x + cut.cell[n, 0], y + cut.cell[n, 1])] < VOID:
-            return True
-    return False
-
-
-@njit(**INNER)
-def surrounded(ground, cells, ix, iy, wanted):  # type: ignore[no-untyped-def]
-    """Whether all cells that the bonds of a fine node could pass through are of a kind."""
-    at, reach = ground.at, ground.reach
-    for y in range((iy - reach) >> 1, (iy + reach + 1) >> 1):
-        for x in range((ix - reach) >> 1, (ix + reach + 1) >> 1):
-            if cells[cell_place(at, x, y)] != wanted:
-                return False
-    return True
 
 
 @njit(**INNER)
@@ -166,15 +156,16 @@ def is_active(kind, row):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def _set_lane(ground, cells, lost, kind, p, own, lane):  # type: ignore[no-untyped-def]
-    at, half = ground.at, len(ground.dx) // 2
-    ix, iy = fine_column(at, p), fine_row(at, p)
-    active = kind[p] != IDLE
-    deep = kind[p] == FREE and surrounded(ground, cells, ix, iy, FINE)
-    for k in range(2 * half):
-        own[k, lane] = 0.0
-        if active and has_bond(ground, lost, p, k):
-            part = 1.0 if deep else whole_part(ground, cells, ix, iy, k)
-            own[k, lane] = stiffness(ground, p, k) * part
+    ix, iy = fine_column(ground.at, p), fine_row(ground.at, p)
+    place = ix % 2 + 2 * (iy % 2)
+    own[:, lane] = 0.0
+    if kind[p] == IDLE:
+        return
+    passed, there = _cells_around(ground, cells, ix, iy)
+    for k in range(len(ground.dx)):
+        if has_bond(ground, lost, p, k):
+            sides, whole, _ = _shares(ground, place, k, passed, there)
+            own[k, lane] = stiffness(ground, p, k) * (whole / sides if sides > 0 else 0.0)
 
 
 @njit(**INNER)
@@ -197,18 +188,19 @@ def add_pieces(ground, cells, lost, kind, p, pieces, count):  # type: ignore[no-
     """Append the pieces of the bonds that a fine node owns; returns the new number of pieces."""
     at, cut, half = ground.at, ground.cut, len(ground.dx) // 2
     ix, iy = fine_column(at, p), fine_row(at, p)
-    if surrounded(ground, cells, ix, iy, FINE):
-        return count
     x, y, place = ix >> 1, iy >> 1, ix % 2 + 2 * (iy % 2)
+    passed, there = _cells_around(ground, cells, ix, iy)
+    if passed == EVERY:
+        return count
     cracked = ground.calm > 0 and any_near(ground, lost, p, ground.reach + 2)
     for k in range(half):
-        if not has_bond(ground, lost, p, k):
+        sides, whole, some = _shares(ground, place, k, passed, there)
+        if some == whole or not has_bond(ground, lost, p, k):
             continue
         first = cut.first[place, k]
-        sides = _counts(at, cells, cut, x, y, first, 0) + _counts(at, cells, cut, x, y, first, 1)
         for side in range(2):
             n, last = first[side], first[side + 1]
-            if not _counts(at, cells, cut, x, y, first, side) or _meets_crack(ground, cells, lost, x, y, n, last):
+            if there & cut.sides[place, k, side] == 0 or _meets_crack(ground, cells, lost, x, y, n, last):
                 continue
             while n < last:
                 if not _is_passed(at, cells, cut, x, y, n):
@@ -287,7 +279,8 @@ def put_pieces(ground, zone, dirty):  # type: ignore[no-untyped-def]
         zone.mark[p] = True
     for n in range(count):
         if not zone.mark[old.owner[n]]:
-            _move(old, n, old, kept)
+            if n > kept:
+                _move(old, n, old, kept)
             kept += 1
     for p in dirty:
         zone.mark[p] = False

@@ -23,6 +23,7 @@ X, Y, X2, Y2, INVERSE, STIFFNESS = range(6)  # columns of a table of springs
 COARSE_OFFSETS = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1))
 TIE = -1  # direction of a piece's end that is a node
 EAST, NORTH = 0, 1  # directions of the coarse edge that it lies on
+WINDOW = 7  # cells that bonds of a node could pass through, along each axis: families reach 6 spacings
 
 
 class Springs(NamedTuple):
@@ -89,12 +90,13 @@ class Stretches(NamedTuple):
     cell: NDArray[np.int64]  # (s, 2) the cell it is in, from the node's own
     ends: NDArray[np.int64]  # (s, 2, 3) where it begins and ends: coarse node, from the cell's corner, and direction
     w: NDArray[np.float64]  # (s, 2) how far along that edge
+    sides: NDArray[np.uint64]  # (4, 2 k, 2) the cells of a bond on each side, of a whole family: bits of the window
 
 
 def stretches(springs: Springs) -> Stretches:
     """The points at which the bonds of the first half of a family cross cells, by the parity of their node."""
     half = len(springs.dx) // 2
-    first = np.zeros((4, half, 3), dtype=np.int64)
+    first, sides = np.zeros((4, half, 3), dtype=np.int64), np.zeros((4, 2 * half, 2), dtype=np.uint64)
     found: list[tuple[tuple[float, float], tuple[int, ...], list[tuple[int, int, int, float]]]] = []
     for place in range(4):
         px, py = place % 2, place // 2
@@ -105,12 +107,17 @@ def stretches(springs: Springs) -> Stretches:
                 for t0, t1, cell in parts:
                     found.append(((t0, t1), cell, [_end(px + t * dx, py + t * dy, t) for t in (t0, t1)]))
                 first[place, k, side + 1 :] = len(found)
+        for k, way in enumerate(zip(springs.dx.tolist(), springs.dy.tolist(), strict=True)):
+            for side, parts in enumerate(divided((px, py), way)):
+                cells = {part.cell for part in parts}
+                sides[place, k, side] = sum(1 << WINDOW * (y + WINDOW // 2) + x + WINDOW // 2 for x, y in cells)
     return Stretches(
         first,
         np.array([t for t, _, _ in found]),
         np.array([cell for _, cell, _ in found], dtype=np.int64),
         np.array([[end[:3] for end in ends] for _, _, ends in found], dtype=np.int64),
         np.array([[end[3] for end in ends] for _, _, ends in found]),
+        sides,
     )
 
 

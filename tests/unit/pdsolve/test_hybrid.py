@@ -11,6 +11,7 @@ import msgspec
 import numpy as np
 import pytest
 from messages import mentions, naming
+from numpy.typing import NDArray
 from plates import GLASS, plate, square_grid
 from zones import rectangle
 
@@ -115,6 +116,27 @@ def test_the_compact_lattice_is_as_stiff_as_the_fine_one() -> None:
         first, last = cut.first[:, :, 0].ravel(), cut.first[:, :, 1].ravel()
         for one, other in zip(first, last, strict=True):
             assert np.diff(cut.t[one:other], axis=1).sum() == pytest.approx(1.0, abs=1e-12)
+
+
+def test_bits_of_cells_are_those_of_the_stretches_of_bonds() -> None:
+    """At the largest horizon too; seen from its other end, a bond has the same cells."""
+    fine = fine_springs(GLASS, 6.0, 1e-3)
+    cut, half = stretches(fine), len(fine.dx) // 2
+    for place in range(4):
+        for k in range(half):
+            for side in range(2):
+                cells = cut.cell[cut.first[place, k, side] : cut.first[place, k, side + 1]]
+                there = [place % 2 + fine.dx[k], place // 2 + fine.dy[k]]
+                parity = there[0] % 2 + 2 * (there[1] % 2)
+                away = cells - np.array(there) // 2
+                assert int(cut.sides[place, k, side]) == _bits(cells)
+                assert int(cut.sides[parity, k + half, side]) == _bits(away)
+
+
+def _bits(cells: NDArray[np.int64]) -> int:
+    """A bit for each of these cells (k, 2), of 7 x 7 around that of a node."""
+    assert np.abs(cells).max(initial=0) <= 3
+    return sum(1 << int(7 * (y + 3) + x + 3) for x, y in {(int(x), int(y)) for x, y in cells})
 
 
 @pytest.mark.parametrize("material", STATE_BASED, ids=lambda material: str(material.model))
