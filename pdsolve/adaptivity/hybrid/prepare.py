@@ -18,7 +18,7 @@ from pdsolve.adaptivity.hybrid.irregular_bonds import Irregular, irregular
 from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, FINE, LEFT
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.adaptivity.hybrid.precracks import begin_coarse, lengthened
-from pdsolve.adaptivity.hybrid.springs import COARSE_OFFSETS, Springs, coarse_springs, e_of, fine_springs, stretches
+from pdsolve.adaptivity.hybrid.springs import COARSE_OFFSETS, Springs, coarse_springs, e_of, springs_of, stretches
 from pdsolve.conditions import Drive, drive, initial_velocity
 from pdsolve.model import Model
 from pdsolve.numerics.memory import give_back
@@ -37,7 +37,7 @@ def hybrid_of(
     """
     swells, model = model.swells, model.moving_part() if model.swells else model
     plate = plate_of(model, mode, precision)
-    springs = tuple(fine_springs(each, model.settings.horizon.ratio, plate.h) for each in model.materials)
+    springs = springs_of(model.materials, model.settings.horizon.ratio, plate.h)
     found = irregular(plate, springs)
     give_back()
     bound = float(np.sqrt(2 / max(_resistance(plate, springs, found))))
@@ -82,7 +82,7 @@ def ground_of(plate: Plate, springs: tuple[Springs, ...], found: Irregular, dt: 
         reach=int(np.abs(first.dx).max()),
         varied=len(springs) > 1 or first.peak < first.limit,
         dt=dt,
-        nodes=node_rows(plate, found, len(first.dx) // 2),
+        nodes=node_rows(plate, found, springs),
         springs=np.array([one.table[:, 5] for one in springs]),
         bounds=bounds,
         least=bounds.min(axis=0),
