@@ -108,7 +108,7 @@ def _choice(model: Model, options: Options) -> tuple[Adapt, str]:
 
 def outlook(model: Model, options: Options) -> Outlook:
     """Predicts what a moving fine zone will cost. Raises ModelError for a model that the method does not support."""
-    plate = plate_of(model, options.mode, options.precision)
+    plate = plate_of(model, options.mode)
     springs = springs_of(model.materials, model.settings.horizon.ratio, plate.h)
     cells = cells_of(plate, int(np.abs(springs[0].dx).max()))
     fine, coarse = (int(np.count_nonzero(cells == kind)) for kind in (FINE, COARSE))

@@ -86,7 +86,7 @@ def test_what_cannot_be_solved_so_is_refused(model: Model, words: str) -> None:
     run = msgspec.structs.replace(model.settings.run, adapt="hybrid")
     model = dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, run=run))
     with pytest.raises(ModelError, match=words) as error:
-        _ = scheme_of(model, Options()), plate_of(model, "conservative", "float64")
+        _ = scheme_of(model, Options()), plate_of(model, "conservative")
     assert str(error.value).endswith("as run.adapt is hybrid")
 
 
@@ -104,11 +104,10 @@ def test_materials_of_two_micromoduli_have_one_family_in_the_plane(adapt: str, p
     assert all("constant" in one and "conical" in one for one in words)
 
 
-@pytest.mark.parametrize(("mode", "precision"), [("thesis", "float64"), ("conservative", "float32")])
-def test_other_modes_are_refused(mode: str, precision: str) -> None:
-    """And other precisions."""
-    with pytest.raises(ModelError, match=naming(found=mode if mode == "thesis" else precision)):
-        plate_of(plate(cracked(), 4), mode, precision)
+def test_the_mode_of_the_thesis_is_refused() -> None:
+    """Its bonds are one-sided."""
+    with pytest.raises(ModelError, match=naming(found="thesis")):
+        plate_of(plate(cracked(), 4), "thesis")
 
 
 def test_the_compact_lattice_is_as_stiff_as_the_fine_one() -> None:
