@@ -59,7 +59,7 @@ def square(nu: float, ratio: float = 3.0, side: int = 40) -> Model:
 
 def zoned(model: Model, fine: NDArray[np.bool_] | None = None) -> Zoned:
     """A plate with these fine cells (rows, columns), or with half of those inside at random."""
-    at = plate_of(model, "conservative", "float64")
+    at = plate_of(model, "conservative")
     whole = whole_of(model, at)
     cells = cells_of(at, int(np.abs(whole.ways).max()))
     assert FINE not in cells
@@ -231,6 +231,11 @@ def test_what_is_not_combined_is_refused(settings: dict[str, Any], words: str) -
     with pytest.raises(ModelError) as error:
         prepare(opened("hybrid", **settings), Options(threads=1))
     assert words in str(error.value)
+
+
+def test_single_precision_is_refused() -> None:
+    with pytest.raises(ModelError, match="precision: found float32, expected float64 with model 'ordinary'"):
+        prepare(opened("hybrid"), Options(threads=1, precision="float32"))
 
 
 def test_auto_takes_fine_nodes_everywhere() -> None:

@@ -71,6 +71,11 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         list_bonds(kinds, springs, zone.lost, hybrid.ground.ways, self._same(), self._lists, self._bonds, self._springs)
         self._changes = self._counts()
 
+    @property
+    def kind(self) -> np.dtype[Any]:
+        """Precision of the motion."""
+        return self.hybrid.zone.fine.u.dtype
+
     def _counts(self) -> tuple[int, int]:
         """How many changes of cells there have been, and how many cells are coarse."""
         zone = self.hybrid.zone

@@ -24,7 +24,9 @@ SHARED = 0.65  # of the fine lattice's bound, which nodes on the border may have
 
 def plate_with_zone(model: Model, options: Options) -> StateBasedHybrid:
     """The operator at the start. Raises ModelError for a plate that the method does not support."""
-    plate = plate_of(model, options.mode, options.precision)
+    if options.precision != "float64":
+        raise refused(model, "precision", options.precision, "float64 with model 'ordinary'")
+    plate = plate_of(model, options.mode)
     whole = whole_of(model, plate)
     cells = cells_of(plate, int(np.abs(whole.ways).max()))
     _around_cracks(cells, plate, int(np.abs(whole.ways).max()) + RING)
