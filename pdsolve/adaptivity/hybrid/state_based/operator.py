@@ -59,7 +59,7 @@ class StateBasedHybrid:
     unknowns: tuple[Unknown, ...] = (Unknown("u", 2, 2),)
 
     def __init__(self, whole: Whole, cells: NDArray[np.uint8], history: History) -> None:
-        """Of these cells (c,)."""
+        """`cells` (c,) are those of the zone."""
         self.whole, self.cells, self.history = whole, cells, history
         self._nodes = nodes_of(whole, cells)
         self.rows = np.flatnonzero((self._nodes.kind == FREE) | self._nodes.above)
