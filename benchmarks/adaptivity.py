@@ -299,9 +299,11 @@ displacement field is in equilibrium, at edges too, and momentum and energy are 
 2 m h wide.
 
 **What it supports**: nodes on one lattice; horizons up to 6 spacings (5.5 with a constant micromodulus); the
-conservative mode in double precision; both laws; several materials with one micromodulus; holes, notches and any
-outline; pre-cracks without width in any direction; loads; held displacements and velocities; unbreakable regions;
-damping and layers that absorb, which take from coarse cells what they take from fine ones.
+conservative mode in double and single precision; both laws of bonds; several materials, whose micromoduli may differ;
+one linear peridynamic solid of any Poisson's ratio, in double precision
+([how](#an-exact-border-for-laws-with-nodal-fields)); holes, notches and any outline; pre-cracks without width in any
+direction; loads; held displacements and velocities; unbreakable regions; damping and layers that absorb, which take
+from coarse cells what they take from fine ones.
 Frames, histories and the pictures of `pdpost` contain the coarse nodes and the current fine nodes. In the results,
 nodes that appear or disappear do so in the first step after the preceding ledger entry or frame. `pdmesh build` lays
 nodes of the finest spacing everywhere. Where a crack would meet a node, it moves the crack by half a spacing at most,

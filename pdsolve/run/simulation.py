@@ -16,7 +16,6 @@ import numpy as np
 from pdsolve.adaptivity.hybrid.arrays import EVERY
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.adaptivity.hybrid.outlook import decided, of_long_steps
-from pdsolve.adaptivity.hybrid.space.operator import SpaceHybrid
 from pdsolve.adaptivity.quadtree.operator import Leaves
 from pdsolve.checks import advise, advise_unused
 from pdsolve.errors import LateZoneError, UnstableError
@@ -27,7 +26,7 @@ from pdsolve.options import Options
 from pdsolve.results import Behind, Results, ResultsError, Writer, behind, gone_back, put_away, writing_to
 from pdsolve.run import late_zones
 from pdsolve.run.after_path import motion_after, motion_follows, name_of
-from pdsolve.run.body_zones import Refining
+from pdsolve.run.body_zones import Refining, Zoned
 from pdsolve.run.cell_splitting import Splitting
 from pdsolve.run.late_zones import Sooner
 from pdsolve.run.node_changes import Adapt, zone_back
@@ -197,7 +196,7 @@ def _moved_on(path: Results, output: Path | None, threads: int | None, watch: Wa
 
 def changing(system: System) -> Adapt | None:
     """What changes the nodes of a run as its model requires; None if nothing does, or the operator itself does."""
-    if isinstance(system.operator, SpaceHybrid):
+    if isinstance(system.operator, Zoned):
         return Refining()
     return Splitting(system) if isinstance(system.operator, Leaves) else None
 

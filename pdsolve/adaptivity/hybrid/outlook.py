@@ -89,6 +89,8 @@ def _choice(model: Model, options: Options) -> tuple[Adapt, str]:
     """The adaptivity that a model gets, and why, in words."""
     if model.grid.dimension == 3:
         return "none", "its costs are known in a plate alone, found a body in space"
+    if any(material.model != "bond" for material in model.materials):
+        return "none", "its costs are known of bonds alone, found a model of families"
     if model.swells:
         return "none", "its costs are known of mechanics alone, found a plate that a content swells"
     hybrid = adapted(model, "hybrid")

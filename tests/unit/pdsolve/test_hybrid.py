@@ -60,8 +60,7 @@ def off_lattice() -> Grid:
 
 
 STATE_BASED = [
-    msgspec.structs.replace(GLASS, model=name, nu=nu)
-    for name, nu in (("ordinary", 0.3), ("correspondence", 0.3), ("micropolar", 0.2))
+    msgspec.structs.replace(GLASS, model=name, nu=nu) for name, nu in (("correspondence", 0.3), ("micropolar", 0.2))
 ]
 CONSTANT = msgspec.structs.replace(GLASS, micromodulus="constant")
 PUSH = Acceleration(box=(0.0, 0.0, 0.01, 0.01), x=1.0)
