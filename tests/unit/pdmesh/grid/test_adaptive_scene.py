@@ -11,6 +11,7 @@ from pdmesh import Circle, Material, Medium, Run, Scene, SceneError, box
 from pdmesh.grid.adaptive_scene import nested
 from pdmesh.grid.building import build
 from pdmesh.grid.implicit_lattice import lattice_of
+from pdmesh.reports.report import nodes_by_spacing
 
 GLASS = Material(E=72e9, rho=2440, G0=135)
 H = 1e-3
@@ -58,7 +59,11 @@ def test_a_rectangle_may_have_more_nodes_than_are_listed() -> None:
     """25 million, of which none is; with a hole they are refused, and so are 900 million."""
     run = Run(adapt="hybrid")
     large = Scene(box(0, 0, 5, 5), H, GLASS, 3, run)
-    assert len(build(large).grid) == 5001**2
+    grid = build(large).grid
+    assert len(grid) == 5001**2
+    assert grid.size == pytest.approx(25.0, rel=1e-12)
+    assert nodes_by_spacing(grid) == {"0.001": 5001**2}
+    assert not {"areas", "position"} & set(grid.__dict__)
     with pytest.raises(SceneError, match=naming("spacing", found="0.001 m", expected="2e+07")):
         build(large.hole(Circle(2.5, 2.5, 0.5)))
     with pytest.raises(SceneError, match=naming("spacing", found="0.001 m", expected="2e+07")):
