@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from plates import plate, square_grid
 
-from pdmesh.model.document import Material, Run, Velocity
+from pdmesh.model.document import Material, Region, Run, Velocity
 from pdmesh.model.node_grid import Grid
 from pdsolve.adaptivity.hybrid.arrays import PIECES, TIED, LatticeConstants, Zone
 from pdsolve.adaptivity.hybrid.engine import Hybrid
@@ -129,7 +129,9 @@ def zoned(
     ratio: float = 4.0,
     step: float = 1.0,
     cracks: Iterable[tuple[float, float, float, float]] = (),
+    *,
     far: Callable[[NDArray[Any], NDArray[Any]], NDArray[np.bool_]] | None = None,
+    regions: tuple[Region, ...] = (),
 ) -> Zoned:
     """A plate of `columns` by `rows` fine spacings, whose cells are fine where `fine(x, y)` of their columns and rows
     is true; steps of `step` times h sqrt(rho / E), `cracks` in spacings. Cells of 4 h are those of
@@ -138,7 +140,9 @@ def zoned(
     grid = rectangle(columns, rows, H, list(cracks))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ModelWarning)
-        shown, _ = hybrid_of(plate(grid, ratio, material=material, run=run), "conservative", "float64", step_of)
+        shown, _ = hybrid_of(
+            plate(grid, ratio, material=material, run=run, regions=regions), "conservative", "float64", step_of
+        )
     hybrid = shown.hybrid
     at = hybrid.plate.at
     cell = np.arange(at.cells)

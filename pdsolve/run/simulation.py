@@ -29,13 +29,12 @@ from pdsolve.run import late_zones
 from pdsolve.run.after_path import motion_after, motion_follows, name_of
 from pdsolve.run.body_zones import Refining
 from pdsolve.run.cell_splitting import Splitting
-from pdsolve.run.changes_due import adapted, follow_zone, grown, next_multiple, seen_every
 from pdsolve.run.late_zones import Sooner
 from pdsolve.run.node_changes import Adapt, zone_back
 from pdsolve.run.on_ranks import resuming
 from pdsolve.run.on_ranks import start as on_ranks
 from pdsolve.run.on_ranks.recorder import RecorderOnRanks
-from pdsolve.run.pace import Pace
+from pdsolve.run.pace import Pace, adapted, follow_zone, grown, next_multiple, seen_every
 from pdsolve.run.prepare import prepare
 from pdsolve.run.recorder import Past, Recorder, restore
 from pdsolve.run.static_start import started

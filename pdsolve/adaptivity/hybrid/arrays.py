@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import mmap
 import sys
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -165,29 +166,36 @@ class Zone(NamedTuple):
 
 
 def nodes_of(
-    places: int, springs: int, entries: int, varied: bool = False, swells: bool = False, damps: bool = False
+    places: int,
+    springs: int,
+    entries: int,
+    kind: Any,
+    varied: bool = False,
+    swells: bool = False,
+    damps: bool = False,
 ) -> Nodes:
-    """Idle nodes, with room for `entries` rows of stiffnesses, in memory that is taken as it is written."""
+    """Idle nodes of precision `kind`, with room for `entries` rows of stiffnesses, in memory that is taken as it is
+    written."""
     rows = places // ROW
-    zeros = reserved
+    zeros = partial(reserved, of=kind)
     return Nodes(
         u=zeros(2, 2, places),
         v=zeros(2, places),
         f=zeros(2, places),
         mass=zeros(places),
         light=zeros(places),
-        kind=zeros(places, of=np.uint8),
-        rows=zeros(rows, of=np.int64),
+        kind=reserved(places, of=np.uint8),
+        rows=reserved(rows, of=np.int64),
         entry=np.full(rows, -1, dtype=np.int32),
         own=zeros(entries, springs, ROW),
-        masks=zeros(entries, 2, springs, of=np.uint16),
-        masked=zeros(entries, of=np.bool_),
+        masks=reserved(entries, 2, springs, of=np.uint16),
+        masked=reserved(entries, of=np.bool_),
         edge=zeros(entries if varied else 0, springs, ROW),
-        touched=zeros(rows, of=np.bool_),
-        wide=zeros(rows, of=np.uint8),
+        touched=reserved(rows, of=np.bool_),
+        wide=reserved(rows, of=np.uint8),
         shrink=zeros(places) if swells else None,
         damping=zeros(2, places) if damps else None,
-        damped=zeros(places) if damps else None,
+        damped=reserved(places) if damps else None,
     )
 
 
@@ -211,8 +219,10 @@ def zone_of(
     threads: int = 1,
     swells: bool = False,
     damps: bool = False,
+    *,
+    kind: Any = np.float64,
 ) -> Zone:
-    """A plate with these cells (c,) and idle nodes, with room for `rows` rows of fine nodes."""
+    """A plate with these cells (c,) and idle nodes of precision `kind`, with room for `rows` rows of fine nodes."""
     piece = ROW * rows * springs // 4
     nothing = Entries(np.zeros((0, 4), np.int64), np.zeros((0, 4)), np.zeros((0, 2), np.int64), np.zeros(0))
 
@@ -224,9 +234,9 @@ def zone_of(
     return Zone(
         cells=cells,
         lost=reserved(at.places, of=np.uint64),
-        fine=nodes_of(at.places, springs, rows, varied, swells, damps),
-        coarse=nodes_of(at.coarse_places, 8, at.coarse_places // ROW, swells=swells, damps=damps),
-        far=nodes_of(at.far_places, 8, at.far_places // ROW, swells=swells, damps=damps),
+        fine=nodes_of(at.places, springs, rows, kind, varied, swells, damps),
+        coarse=nodes_of(at.coarse_places, 8, at.coarse_places // ROW, kind, swells=swells, damps=damps),
+        far=nodes_of(at.far_places, 8, at.far_places // ROW, kind, swells=swells, damps=damps),
         tied=Border(*(reserved(at.coarse_places, *two, of=of) for two, of in TIES)),
         pieces=pieces(),
         spare=pieces(),
@@ -246,7 +256,7 @@ def zone_of(
         freed=reserved(at.places // ROW, of=np.int64),
         number=np.zeros(19, dtype=np.int64),
         total=np.zeros(5),
-        s=reserved(threads, 3 * ROW),
+        s=reserved(threads, 3 * ROW, of=kind),
         turns=np.zeros(64, dtype=np.int64),
         aside=reserved(threads, 2 * at.places // ROW, of=np.int64),
         asides=np.zeros(8 * threads, dtype=np.int64),

@@ -260,7 +260,7 @@ class Hybrid:
         for _, nodes, rows in self._lattices():
             for first in range(0, len(rows), TOGETHER):
                 own = self.active(nodes, rows[first : first + TOGETHER])
-                mass, (x, y) = nodes.mass[own], nodes.v[:, own]
+                mass, x, y = (np.asarray(one[own], dtype=np.float64) for one in (nodes.mass, *nodes.v))
                 found += (mass / 2 * (x * x + y * y)).sum(), (mass * x).sum(), (mass * y).sum()
         return found
 
@@ -328,12 +328,12 @@ class Hybrid:
             rows = zone.fine.rows[: zone.number[ROWS]]
             own = np.where(zone.fine.entry[rows] < 0, -2 - zone.fine.entry[rows], zone.fine.entry[rows])
             for name, array in (("edge", zone.fine.edge), ("own", zone.fine.own)):
-                array[own] = entry(kept, name, (len(own), *array.shape[1:]), float, high=np.inf)
+                array[own] = entry(kept, name, (len(own), *array.shape[1:]), array.dtype, high=np.inf)
             zone.fine.entry[rows] = np.where(entry(kept, "usual", own.shape, np.bool_), -2 - own, own)
         for name, nodes, rows in self._lattices():
             places = (rows[:, None] * ROW + np.arange(ROW)).ravel()
             for field, values in (("u", nodes.u[0]), ("v", nodes.v), ("f", nodes.f)):
-                values[:, places] = entry(kept, f"{name}_{field}", (2, len(places)), float)
+                values[:, places] = entry(kept, f"{name}_{field}", (2, len(places)), values.dtype)
             nodes.wide[rows] = entry(kept, f"{name}_wide", rows.shape, np.uint8)
         zone.holds.value[:] = like(kept, "holds", zone.holds.value)
         zone.total[:] = like(kept, "total", zone.total)

@@ -76,6 +76,11 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         self._far_springs = springs_of(zone.far.entry, zone.far.own, self._far)  # likewise
         self._changes = self._counts()
 
+    @property
+    def kind(self) -> np.dtype[Any]:
+        """Precision of the motion."""
+        return self.hybrid.zone.fine.u.dtype
+
     def _merge_far(self) -> NDArray[np.int32]:
         """Number the far nodes too; returns their rows (f,)."""
         if not len(self._far):

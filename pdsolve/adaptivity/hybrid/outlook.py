@@ -22,7 +22,7 @@ from pdmesh.model.refused_settings import impossible
 from pdmesh.model.selection import components, given_of
 from pdsolve.adaptivity.hybrid.coarse_cells import Plate, cells_of, plate_of, tips_of
 from pdsolve.adaptivity.hybrid.lattice import COARSE, FINE
-from pdsolve.adaptivity.hybrid.springs import fine_springs
+from pdsolve.adaptivity.hybrid.springs import springs_of
 from pdsolve.errors import LateZoneError, UnstableError
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.options import Options
@@ -108,8 +108,8 @@ def _choice(model: Model, options: Options) -> tuple[Adapt, str]:
 
 def outlook(model: Model, options: Options) -> Outlook:
     """Predicts what a moving fine zone will cost. Raises ModelError for a model that the method does not support."""
-    plate = plate_of(model, options.mode, options.precision)
-    springs = [fine_springs(material, model.settings.horizon.ratio, plate.h) for material in model.materials]
+    plate = plate_of(model, options.mode)
+    springs = springs_of(model.materials, model.settings.horizon.ratio, plate.h)
     cells = cells_of(plate, int(np.abs(springs[0].dx).max()))
     fine, coarse = (int(np.count_nonzero(cells == kind)) for kind in (FINE, COARSE))
     begins = fine / max(fine + coarse, 1)
