@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from plates import GLASS
-from zones import H, Zoned, zoned
+from zones import H, Zoned, pulse, slope, zoned
 
 from pdmesh.model.document import Region
 
@@ -155,16 +155,6 @@ def test_a_pulse_that_leaves_the_fine_zone(width: int, published: float) -> None
     plate.march(1, round(2 * start * H / speed / plate.ground.dt) + 1)
     back = largest(plate, H * (middle - 1.5 * 8), rows)
     assert back / sent == pytest.approx(published, rel=0.2)
-
-
-def pulse(centre: float, width: float) -> Any:
-    """Displacements of a pulse."""
-    return lambda x: 1e-6 * np.exp(-(((x - centre) / width) ** 2))
-
-
-def slope(shape: Any, x: NDArray[np.float64], speed: float) -> NDArray[np.float64]:
-    """Velocities of what goes to the right."""
-    return np.asarray(-speed * (shape(x + H / 1000) - shape(x - H / 1000)) / (H / 500))
 
 
 def largest(plate: Zoned, before: float, rows: int) -> float:

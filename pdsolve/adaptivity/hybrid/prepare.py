@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from pdmesh.model.document import InitialVelocity, Velocity
 from pdsolve import conditions
 from pdsolve.adaptivity.hybrid.alike_rows import node_rows
-from pdsolve.adaptivity.hybrid.arrays import VALUE, Entries, LatticeConstants, zone_of
+from pdsolve.adaptivity.hybrid.arrays import PLACE, VALUE, Entries, LatticeConstants, zone_of
 from pdsolve.adaptivity.hybrid.coarse_cells import CellAreas, Plate, cells_of, plate_of
 from pdsolve.adaptivity.hybrid.engine import Hybrid
+from pdsolve.adaptivity.hybrid.far_cells import far_cells
 from pdsolve.adaptivity.hybrid.irregular_bonds import Irregular, irregular
 from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, FINE, LEFT
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
@@ -51,8 +52,11 @@ def hybrid_of(
     driven = drive(model, area, True, np.float64)
     rows = ROOM + 6 * int(np.count_nonzero(cells == FINE))
     damps = ground.nodes.damping is not None
+    loads, holds = _loads(plate, driven, area), _entries(plate, driven.holds, 1)
+    if not swells and kind is np.float64:
+        cells = far_cells(plate, ground, cells, np.concatenate([loads.what[:, PLACE], holds.what[:, PLACE]]))
     zone = zone_of(plate.at, cells, len(ground.ways), rows, ground.varied, threads, swells, damps, kind=kind)._replace(
-        loads=_loads(plate, driven, area), holds=_entries(plate, driven.holds, 1)
+        loads=loads, holds=holds
     )
     hybrid = Hybrid(plate, ground, zone, driven)
     starts = any(isinstance(one, InitialVelocity | Velocity) for one in model.settings.conditions)
@@ -81,6 +85,8 @@ def ground_of(
         coarse_dy=coarse.dy,
         coarse_table=aligned(coarse.table.astype(kind)),
         coarse_ways=coarse.dy * at.coarse_stride + coarse.dx,
+        far_table=aligned(coarse_springs(first, 2 * h).table.astype(kind)),
+        far_ways=coarse.dy * at.far_stride + coarse.dx,
         cut=stretches(first),
         reach=int(np.abs(first.dx).max()),
         varied=len(springs) > 1 or first.peak < first.limit,
