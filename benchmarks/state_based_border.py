@@ -433,8 +433,8 @@ Residuals are the largest forces inside under linear fields, relative to those t
 negative, and that of corners is no larger than that of the strip: the time step stays that of the lattice. Pulses are
 cosines of full widths 12, 24 and 48 spacings that cross a straight border; what comes back is, of 100, their amplitude.
 
-The solver does not have this border yet: state-based laws with `--adapt hybrid` are refused. What it takes is a second
-sum over the pieces before forces are summed, the weights of corners by table, and lattice cells with three constants.
+The solver has this border for linear peridynamic solids (`model` `ordinary`) in the plane, in motion, with a zone that
+grows; [the guide](guide/adaptivity.md#a-solid-of-any-poissons-ratio) says what it gives and costs.
 """
 
 

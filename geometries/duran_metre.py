@@ -9,6 +9,7 @@ Calibrated: nothing. The crack lies half a spacing above the middle, between two
 from pdmesh import Material, Run, Scene, box
 
 spacing = 5e-3  # m: between nodes
+side = 1.0  # m: of the plate
 horizon = 4.0  # horizon over spacing
 traction = 8e6  # Pa: on the upper and the lower edge
 crack = 0.25  # m: length of the edge crack
@@ -20,11 +21,11 @@ E, rho = 65e9, 2235.0
 glass = Material(E=E, rho=rho, G0=204, micromodulus="conical")
 step = 1.2 * spacing * (rho / E) ** 0.5  # a little less than what the solver finds
 steps = round(duration / step)
-middle = 0.5 + spacing / 2
+middle = side / 2 + spacing / 2
 
 scene = (
     Scene(
-        box(0, 0, 1, 1),
+        box(0, 0, side, side),
         spacing,
         glass,
         horizon,

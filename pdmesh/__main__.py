@@ -131,7 +131,7 @@ def _build(args: argparse.Namespace) -> int:
         "output": str(path),
         "nodes": len(grid),
         "nodes_by_spacing": counts,
-        "area" if grid.dimension == 2 else "volume": float(grid.cells.sum()),
+        "area" if grid.dimension == 2 else "volume": grid.size,
         "shifts": {f"{shift.spacing:g}": shift.offset for shift in built.shifts},
         "loaded_nodes": {condition.name: len(condition.nodes or ()) for condition in settings.conditions},
     }

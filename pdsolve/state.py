@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 
 class Unknown(NamedTuple):
@@ -31,9 +31,9 @@ class State(NamedTuple):
     damped: NDArray[np.float64]  # (n,) taken from the node's motion by damping so far, J/m^3
 
 
-def zero_state(nodes: int, width: int) -> State:
-    """The state of so many nodes with so many components, all 0."""
-    return State(*np.zeros((3, nodes, width)), *np.zeros((3, nodes)))
+def zero_state(nodes: int, width: int, kind: DTypeLike = np.float64) -> State:
+    """The state of so many nodes with so many components of precision `kind`, all 0."""
+    return State(*np.zeros((3, nodes, width), dtype=kind), *np.zeros((3, nodes)))
 
 
 class Broken(NamedTuple):

@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 from plates import plate, square_grid
 
-from pdmesh.model.document import Material, Run, Velocity
+from pdmesh.model.document import Material, Region, Run, Velocity
 from pdmesh.model.node_grid import Grid
-from pdsolve.adaptivity.hybrid.arrays import PIECES, LatticeConstants, Zone
+from pdsolve.adaptivity.hybrid.arrays import PIECES, TIED, LatticeConstants, Zone
 from pdsolve.adaptivity.hybrid.engine import Hybrid
-from pdsolve.adaptivity.hybrid.lattice import COARSE, FINE, FREE, VOID, coarse_place, fine_place
+from pdsolve.adaptivity.hybrid.lattice import COARSE, FAR, FINE, FREE, VOID, coarse_place, far_place, fine_place
 from pdsolve.adaptivity.hybrid.prepare import hybrid_of
 from pdsolve.model import Model, ModelWarning
 from pdsolve.options import Options
@@ -28,6 +28,7 @@ from pdsolve.run.prepare import prepare
 H = 1e-3  # m
 _fine = getattr(fine_place, "py_func", fine_place)
 _coarse = getattr(coarse_place, "py_func", coarse_place)
+_far = getattr(far_place, "py_func", far_place)
 
 Where = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[Any]]
 
@@ -53,9 +54,10 @@ class Zoned(NamedTuple):
         return float(self.ground.cell[0].max() + self.ground.cell[1].max())
 
     def lattices(self) -> Iterable[tuple[Any, NDArray[np.int64], NDArray[np.float64]]]:
-        """Fine and coarse nodes, the places (k,) of those that move, and where they are (k, 2), m."""
+        """Fine, coarse and far nodes, the places (k,) of those that move, and where they are (k, 2), m."""
         at = self.ground.at
-        for nodes, place, step in ((self.zone.fine, _fine, 1), (self.zone.coarse, _coarse, 2)):
+        zone = self.zone
+        for nodes, place, step in ((zone.fine, _fine, 1), (zone.coarse, _coarse, 2), (zone.far, _far, 4)):
             y, x = (index.ravel() for index in np.mgrid[0 : at.ny // step + 1, 0 : at.nx // step + 1])
             places = place(at, x, y)
             free = nodes.kind[places] == FREE
@@ -68,6 +70,9 @@ class Zoned(NamedTuple):
                 nodes.u[0][:, places] = displacement(*position.T)
             if velocity is not None:
                 nodes.v[:, places] = velocity(*position.T)
+        node, end, w, _ = (column[: self.zone.number[TIED]] for column in self.zone.tied)
+        u = self.zone.far.u[0]
+        self.zone.coarse.u[0][:, node] = (1 - w) * u[:, end[:, 0]] + w * u[:, end[:, 1]]
         self.march(1, 1)
 
     def march(self, first: int, last: int) -> None:
@@ -77,7 +82,7 @@ class Zoned(NamedTuple):
         self.hybrid.march(first, last)
         if self.hybrid.now == 1:
             self.hybrid.now = 0
-            for nodes in (self.zone.fine, self.zone.coarse):
+            for nodes in (self.zone.fine, self.zone.coarse, self.zone.far):
                 nodes.u[0] = nodes.u[1]
 
     def forces(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -124,20 +129,30 @@ def zoned(
     ratio: float = 4.0,
     step: float = 1.0,
     cracks: Iterable[tuple[float, float, float, float]] = (),
+    *,
+    far: Callable[[NDArray[Any], NDArray[Any]], NDArray[np.bool_]] | None = None,
+    regions: tuple[Region, ...] = (),
 ) -> Zoned:
     """A plate of `columns` by `rows` fine spacings, whose cells are fine where `fine(x, y)` of their columns and rows
-    is true; steps of `step` times h sqrt(rho / E), `cracks` in spacings."""
+    is true; steps of `step` times h sqrt(rho / E), `cracks` in spacings. Cells of 4 h are those of
+    columns and rows where `far(x, y)` is true."""
     run = Run(time_step=step * H * (material.rho / material.E) ** 0.5, adapt="hybrid")
     grid = rectangle(columns, rows, H, list(cracks))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ModelWarning)
-        shown, _ = hybrid_of(plate(grid, ratio, material=material, run=run), "conservative", "float64", step_of)
+        shown, _ = hybrid_of(
+            plate(grid, ratio, material=material, run=run, regions=regions), "conservative", "float64", step_of
+        )
     hybrid = shown.hybrid
     at = hybrid.plate.at
     cell = np.arange(at.cells)
     wanted = fine(cell % at.cell_stride - 6, cell // at.cell_stride - 6) & (hybrid.zone.cells != VOID)
     hybrid.zone.cells[hybrid.zone.cells == FINE] = COARSE
     hybrid.zone.cells[wanted] = FINE
+    if far is not None:
+        x, y = (one - 6 for one in (cell % at.cell_stride, cell // at.cell_stride))
+        inside = (x >= 0) & (y >= 0) & (x < at.nx // 4 * 2) & (y < at.ny // 4 * 2)
+        hybrid.zone.cells[inside & far(x // 2, y // 2)] = FAR
     return again(hybrid)
 
 
@@ -146,6 +161,16 @@ def again(hybrid: Hybrid) -> Zoned:
     hybrid.number()
     hybrid.renew()
     return Zoned(hybrid)
+
+
+def pulse(centre: float, width: float) -> Any:
+    """Displacements of a pulse."""
+    return lambda x: 1e-6 * np.exp(-(((x - centre) / width) ** 2))
+
+
+def slope(shape: Any, x: NDArray[np.float64], speed: float) -> NDArray[np.float64]:
+    """Velocities of what goes to the right."""
+    return np.asarray(-speed * (shape(x + H / 1000) - shape(x - H / 1000)) / (H / 500))
 
 
 STEEL = Material(E=191e9, rho=8000, G0=42408, plane="strain")

@@ -66,6 +66,7 @@ def build(scene: Scene | Body) -> Built:
     if lattice is not None:
         notes = (*notes, *soundness.remarks(*implicit_lattice.stand_in(scene)))
         return Built(*implicit_lattice.build(scene, lattice), notes)
+    checks.limit_nodes(scene.shape, scene.spacing, "spacing")
     grid, settings, shifts = build_scene(scene)
     built = Built(grid, settings, notes, shifts)
     if grid.bodies is None:

@@ -115,6 +115,11 @@ class Grid:
         return self.delta**self.dimension if self.areas is None else self.areas
 
     @property
+    def size(self) -> float:
+        """Area of all cells, m^2, or volume, m^3."""
+        return float(self.cells.sum())
+
+    @property
     def rigid(self) -> NDArray[np.bool_]:
         """Mask (n,) of the nodes of rigid bodies."""
         if self.bodies is None:

@@ -27,7 +27,7 @@ from pdmesh.model.number_bounds import LEAST
 from pdmesh.model.whole_lattice import WholeLattice
 from pdmesh.model.whole_lattice import places as places
 
-MOST_NODES = 10**8  # of a lattice
+MOST_NODES = 4 * 10**8  # of a lattice
 MOST_CELLS = 16  # that a node stands for; those at holes and corners have up to 2.2
 
 

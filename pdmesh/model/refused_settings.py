@@ -234,11 +234,16 @@ def _in_space(settings: Settings, every: Places) -> Iterator[Impossible]:
 def _hybrid_in_space(settings: Settings, every: Places) -> Iterator[Impossible]:
     """Settings that moving fine zones support in plates alone."""
     why = ", as run.adapt is hybrid in a body in space"
-    if settings.physics != "mechanics":
-        yield Impossible("$.physics", settings.physics, f"mechanics{why}")
+    yield from _hybrid_of_lists(settings, why)
     for place, material in every:
         if material.law != USUAL_LAW:
             yield Impossible(f"{place}.law", material.law, f"{USUAL_LAW}{why}")
+
+
+def _hybrid_of_lists(settings: Settings, why: str) -> Iterator[Impossible]:
+    """Settings that moving fine zones support of bonds in plates alone."""
+    if settings.physics != "mechanics":
+        yield Impossible("$.physics", settings.physics, f"mechanics{why}")
     if settings.run.damping:
         yield Impossible("$.run.damping", f"{settings.run.damping:g}", f"0{why}")
     if settings.run.hybrid.wake != "fine":
@@ -337,7 +342,8 @@ def _adaptive(settings: Settings, every: Places) -> Iterator[Impossible]:
     ):
         if found != expected:
             yield Impossible(place, found, expected + why)
-    if run.adapt == "collocation" and settings.regions:
+    of_solids = run.adapt == "hybrid" and any(material.model == "ordinary" for _, material in every)
+    if (run.adapt == "collocation" or of_solids) and settings.regions:
         yield Impossible("$.regions", f"{len(every)} materials", f"one{why}")
     ratio = settings.horizon.ratio
     if run.adapt == "collocation" and ratio < FEWEST and not run.collocation.damped:
@@ -348,6 +354,8 @@ def _adaptive(settings: Settings, every: Places) -> Iterator[Impossible]:
         )
     for place, material in every:
         yield from _plain(material, place, KINDS[material.model].adaptive(material, every[0][1], run.adapt))
+    if of_solids:
+        yield from _hybrid_of_lists(settings, f"{why} and the model ordinary")
     if run.adapt == "hybrid" and run.hybrid.wake == "lattice":
         yield from _coarse_again(settings, every)
     refused = (Acceleration, Spring, Pin) if run.adapt == "hybrid" else (Acceleration, Absorb, Spring, Pin)

@@ -97,6 +97,13 @@ class WholeLattice(Grid):
             side /= 2
         return found.ravel()
 
+    @property
+    def size(self) -> float:
+        """Area of all cells, m^2, or volume, m^3; no array of all is made."""
+        if "areas" in self.__dict__ or self.dimension == 3:
+            return super().size
+        return math.prod(count - 1 for count in self.lattice.counts) * self.lattice.spacing**2
+
     def _lines(self) -> list[NDArray[np.float64]]:
         """Positions along each axis, m."""
         given = zip(self.lattice.origin, self.lattice.counts, strict=True)

@@ -95,7 +95,7 @@ def info(document: Document, name: str, mode: str = DEFAULT_MODE) -> dict[str, A
 
 def _extent(grid: Grid, plate: Any) -> dict[str, float | None]:
     """Area of a plate, m^2, or volume of a body, m^3: of its nodes and of the drawn shape."""
-    own = float(grid.cells.sum())
+    own = grid.size
     if grid.dimension == 3:
         return {"volume_of_nodes": own, "volume_of_shape": volume(grid.faces) if len(grid.outline) else None}
     return {"area_of_nodes": own, "area_of_shape": None if plate is None else float(plate.area)}
@@ -103,6 +103,8 @@ def _extent(grid: Grid, plate: Any) -> dict[str, float | None]:
 
 def nodes_by_spacing(grid: Grid) -> dict[str, int]:
     """Number of nodes of each spacing, m."""
+    if not any(grid.delta.strides):  # a number that all have
+        return _by_spacing(np.round(grid.delta[:1], 15), np.array([len(grid)]))
     return _by_spacing(*np.unique(np.round(grid.delta, 15), return_counts=True))
 
 

@@ -35,7 +35,8 @@ from pdmesh.scene.shapes import Curve, SceneError, Surface, checked_spacing
 
 LARGE_PLATE, LARGEST_PLATE = 2.0, 20.0  # m; beyond, the numbers may be, or are taken for, millimetres
 SAY_UNIT = '"mm" (--unit mm) for a drawing in millimetres, "m" for one in metres'
-MOST_NODES = 2e7
+MOST_NODES = 2e7  # that are listed
+MOST_ON_LATTICE = 4e8  # of a plate whose file may hold the lattice in place of nodes
 EMPTY = 8  # times as many places around a plate are looked at as it may have nodes
 MOST_STEPS = 20  # of 2 between the coarsest and the finest spacing
 MOST_ROWS = 1_000_000
@@ -162,7 +163,7 @@ def _plate(scene: Plate) -> None:
             f"outline: found {width:g} x {height:g} m, expected metres, not millimetres, or the parameter Units:"
             f" {SAY_UNIT}"
         )
-    limit_nodes(scene.shape, scene.spacing, "spacing")
+    limit_nodes(scene.shape, scene.spacing, "spacing", MOST_ON_LATTICE if scene.run.adapt == "hybrid" else MOST_NODES)
     farthest = float(np.abs([x0, y0, x1, y1]).max())
     if scene.finest < RESOLVED * farthest:
         raise SceneError(
@@ -171,10 +172,10 @@ def _plate(scene: Plate) -> None:
         )
 
 
-def limit_nodes(shape: Surface, spacing: float, place: str) -> None:
+def limit_nodes(shape: Surface, spacing: float, place: str, most: float = MOST_NODES) -> None:
     """Raise SceneError, beginning with `place`, for more nodes of a spacing (m) in a shape than can be made."""
     x0, y0, x1, y1 = shape.bounds if not shape.is_empty else (0.0, 0.0, 0.0, 0.0)
-    for area, many in ((shape.area, MOST_NODES), ((x1 - x0) * (y1 - y0), EMPTY * MOST_NODES)):
+    for area, many in ((shape.area, most), ((x1 - x0) * (y1 - y0), EMPTY * most)):
         side = math.sqrt(area) / spacing
         if side * side > many:
             raise SceneError(

@@ -228,7 +228,8 @@ def grown(on: Sheet, nodes: Shape) -> list[Artist]:
 
 def border(on: Sheet, nodes: Shape) -> list[Artist]:
     """Draw the border of a moving fine zone, except across opened cracks; nothing if the zone does not move."""
-    coarsest = float(nodes.delta.max())
+    spacings = np.unique(nodes.delta)
+    coarsest = float(spacings[-1] if nodes.plate.splits else spacings[:2][-1])  # of a lattice with far cells, beside it
     finer = nodes.delta < (1 - 1e-6) * coarsest
     if not nodes.plate.adapts or not finer.any():
         return []

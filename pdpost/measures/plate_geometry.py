@@ -29,6 +29,7 @@ class Plate(NamedTuple):
     cracks: NDArray[np.float64]  # (k, 4) segments of pre-cracks
     shape: shapely.Geometry  # all that is plate
     adapts: bool  # whether a zone of finer nodes moves
+    splits: bool  # whether its cells split, so that there are zones within zones
 
 
 class Cells(NamedTuple):
@@ -64,7 +65,7 @@ def plate(results: Results) -> Plate:
     else:
         shape = _around(results.nodes(0))
     shapely.prepare(shape)
-    return Plate(edges, results.cracks(), shape, drawn.run.adapt != "none")
+    return Plate(edges, results.cracks(), shape, drawn.run.adapt != "none", drawn.run.adapt == "split")
 
 
 def _around(nodes: Nodes) -> shapely.Geometry:

@@ -64,6 +64,11 @@ class TwoLatticeOperator(ABC, Generic[N]):
     places: NDArray[np.int64]  # (n,)
 
     @property
+    def kind(self) -> np.dtype[Any]:
+        """Precision of the motion."""
+        return np.dtype(np.float64)
+
+    @property
     @abstractmethod
     def model(self) -> Model:
         """The model of the n current nodes, without conditions."""
@@ -108,7 +113,7 @@ class TwoLatticeOperator(ABC, Generic[N]):
 
     def state(self) -> State:
         """The state of the current nodes."""
-        found = zero_state(len(self.places), 2)
+        found = zero_state(len(self.places), 2, self.kind)
         self.sync(found)
         return found
 

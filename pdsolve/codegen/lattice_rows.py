@@ -137,7 +137,7 @@ def _row(kind: int, which: int | None) -> Any:
     @intrinsic
     def add(typingctx, u, table, ways, weights, shrink, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
         numbers = (types.int64,) * 3
-        signature = types.int64(u, table, ways, weights, shrink, *numbers, types.float64, s)
+        signature = types.int64(u, table, ways, weights, shrink, *numbers, u.dtype, s)
         return signature, _generator(kind, which)
 
     return add
@@ -149,7 +149,7 @@ def _row_of_edges(which: int) -> Any:
     @intrinsic
     def add(typingctx, u, table, ways, weights, edges, shrink, slots, at, p, limit, s):  # type: ignore[no-untyped-def]
         numbers = (types.int64,) * 3
-        signature = types.int64(u, table, ways, weights, edges, shrink, *numbers, types.float64, s)
+        signature = types.int64(u, table, ways, weights, edges, shrink, *numbers, u.dtype, s)
         return signature, _generator(OWN, which, True)
 
     return add

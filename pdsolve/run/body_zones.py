@@ -1,4 +1,4 @@
-"""Runs of bodies whose cells become fine around what breaks."""
+"""Runs of bodies, and of plates of families, whose cells become fine around what breaks."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from pdsolve.adaptivity.hybrid.arrays import EVERY
 from pdsolve.adaptivity.hybrid.space.operator import SpaceHybrid
 from pdsolve.adaptivity.hybrid.space.prepare import drive_of_nodes
+from pdsolve.adaptivity.hybrid.state_based.operator import StateBasedHybrid
 from pdsolve.errors import CheckpointError
 from pdsolve.operators.protocol import Kept
 from pdsolve.run.assembly import assembled
@@ -17,6 +18,8 @@ from pdsolve.run.energy_steps import energy, pushed
 from pdsolve.run.node_changes import Change
 from pdsolve.run.system import Prepared, System
 from pdsolve.state import State, zero_state
+
+Zoned = SpaceHybrid | StateBasedHybrid  # operators whose cells this makes fine
 
 
 class Refining:
@@ -33,7 +36,7 @@ class Refining:
         held = energy(system, state, before.held_around(state, new))
         after = before.refined(new)
         fresh = _on(system, after, step)
-        rows = before.before(after)
+        rows = before.row_of_grid(after.rows)
         found = _moved(before, after, state, rows)
         pull, which = after.forces_around(found, new)
         _hold(system, fresh, rows, pull, which)
@@ -47,30 +50,30 @@ class Refining:
         if not np.array_equal(after.model.grid.ids, kept["ids"]):
             raise CheckpointError("found ids of nodes that are not those of its cells, expected these")
         fresh = _on(system, after, 0)
-        return Prepared(fresh, zero_state(len(after.sites), 3))
+        return Prepared(fresh, zero_state(len(after.volume), after.unknowns[0].width))
 
 
-def zone_of(system: System) -> SpaceHybrid:
+def zone_of(system: System) -> Zoned:
     """The operator of such a run."""
-    assert isinstance(system.operator, SpaceHybrid)
+    assert isinstance(system.operator, Zoned)
     return system.operator
 
 
-def _on(system: System, after: SpaceHybrid, step: int) -> System:
+def _on(system: System, after: Zoned, step: int) -> System:
     """The system of other nodes."""
     steps, driven = (system.time_step, system.bound), drive_of_nodes(after, step * system.time_step)
     found = assembled(after.model, system.options, system.scheme, after, after.counted, steps, driven).system
     return dataclasses.replace(found, whole=system.whole)
 
 
-def _moved(before: SpaceHybrid, after: SpaceHybrid, state: State, rows: NDArray[np.int64]) -> State:
+def _moved(before: Zoned, after: Zoned, state: State, rows: NDArray[np.int64]) -> State:
     """The state on the nodes `after` a refinement: interpolated, with what was booked where it was; `rows` (n,) are
     those before, -1 for new nodes."""
     old, nodes = rows >= 0, len(rows)
     booked = np.zeros((3, nodes))
     for here, there in zip(booked, state[3:], strict=True):
         here[old] = there[rows[old]] * before.volume[rows[old]] / after.volume[old]
-    return State(*(before.moved(after, values) for values in state[:3]), *booked)
+    return State(*(before.moved(after.rows, values) for values in state[:3]), *booked)
 
 
 def _hold(
@@ -84,7 +87,7 @@ def _hold(
     had; `rows` (n,) are those before."""
     old, new = system.drive, fresh.drive
     node, axis = new.holds.node, new.holds.axis
-    known = np.zeros((len(system.model.grid), 3))
+    known = np.zeros_like(old.force)
     known[old.holds.node, old.holds.axis] = old.held_force
     new.held_force[:] = np.where(which[node], (pull + new.force)[node, axis], known[rows[node], axis])
 

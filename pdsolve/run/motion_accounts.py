@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pdsolve.checks import advise_damped, closing
+from pdsolve.checks import advise_damped, advise_made, closing
 from pdsolve.diffusion.swelling import Swelling
 from pdsolve.errors import UnstableError
 from pdsolve.results import Frame, Results
@@ -133,6 +133,7 @@ class MotionAccounts:
         """Issue warnings that follow from the final accounts."""
         system, last = self._system, self.last
         closing(system.model, self.balance, last.dissipated, system.scheme.symmetric)
+        advise_made(system.model, last.refinement, last.dissipated, last.strain)
         advise_damped(system.model, last.damped + last.friction, last.put_in(system.initial_energy, self._most))
 
 

@@ -16,7 +16,6 @@ import numpy as np
 from pdsolve.adaptivity.hybrid.arrays import EVERY
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.adaptivity.hybrid.outlook import decided, of_long_steps
-from pdsolve.adaptivity.hybrid.space.operator import SpaceHybrid
 from pdsolve.adaptivity.quadtree.operator import Leaves
 from pdsolve.checks import advise, advise_unused
 from pdsolve.errors import LateZoneError, UnstableError
@@ -27,15 +26,14 @@ from pdsolve.options import Options
 from pdsolve.results import Behind, Results, ResultsError, Writer, behind, gone_back, put_away, writing_to
 from pdsolve.run import late_zones
 from pdsolve.run.after_path import motion_after, motion_follows, name_of
-from pdsolve.run.body_zones import Refining
+from pdsolve.run.body_zones import Refining, Zoned
 from pdsolve.run.cell_splitting import Splitting
-from pdsolve.run.changes_due import adapted, follow_zone, grown, next_multiple, seen_every
 from pdsolve.run.late_zones import Sooner
 from pdsolve.run.node_changes import Adapt, zone_back
 from pdsolve.run.on_ranks import resuming
 from pdsolve.run.on_ranks import start as on_ranks
 from pdsolve.run.on_ranks.recorder import RecorderOnRanks
-from pdsolve.run.pace import Pace
+from pdsolve.run.pace import Pace, adapted, follow_zone, grown, next_multiple, seen_every
 from pdsolve.run.prepare import prepare
 from pdsolve.run.recorder import Past, Recorder, restore
 from pdsolve.run.static_start import started
@@ -198,7 +196,7 @@ def _moved_on(path: Results, output: Path | None, threads: int | None, watch: Wa
 
 def changing(system: System) -> Adapt | None:
     """What changes the nodes of a run as its model requires; None if nothing does, or the operator itself does."""
-    if isinstance(system.operator, SpaceHybrid):
+    if isinstance(system.operator, Zoned):
         return Refining()
     return Splitting(system) if isinstance(system.operator, Leaves) else None
 

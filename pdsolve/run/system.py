@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.adaptivity.hybrid.space.operator import SpaceHybrid
+from pdsolve.adaptivity.hybrid.state_based.operator import StateBasedHybrid
 from pdsolve.adaptivity.quadtree.operator import Leaves
 from pdsolve.adaptivity.two_lattice_operator import FusedMarch, TwoLatticeOperator
 from pdsolve.conditions import (
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from pdsolve.adaptivity.factory import Moving
     from pdsolve.crack_growth.growth import Growth
 
+WithZone = Leaves | SpaceHybrid | StateBasedHybrid  # operators with finer nodes that come, and their own summary
 OnDevice = VerletOnDevice | EulerOnDevice  # what takes steps on a device, of a motion or of a content
 
 
@@ -94,7 +96,7 @@ class System:
         """Summary of finer nodes that come and go; None without any."""
         if self.hybrid is not None:
             return self.hybrid.zone_summary()
-        return self.operator.zone_summary() if isinstance(self.operator, Leaves | SpaceHybrid) else None
+        return self.operator.zone_summary() if isinstance(self.operator, WithZone) else None
 
     def fetch(self) -> None:
         """Bring the state up to the steps taken, if a device takes them."""

@@ -115,9 +115,9 @@ def test_a_stop_between_two_entries_of_the_ledger_is_heard(
 def test_files_hold_cells_that_become_coarse_again(ledger: int, tmp_path: Path) -> None:
     """Areas are those of the plate; damage of a frame is what births and bonds say, between which all may have
     happened; a stopped run goes on to the same tables."""
-    built = shipped("kalthoff_winkler_steel.py", [("--adapt", "hybrid")])
+    built = shipped("kalthoff_winkler_steel.py", [("--adapt", "hybrid"), ("spacing", "5e-4")])
     wake = msgspec.structs.replace(built.settings.run.hybrid, wake="lattice")
-    run = msgspec.structs.replace(built.settings.run, hybrid=wake, steps=320, every=max(80, ledger), ledger=ledger)
+    run = msgspec.structs.replace(built.settings.run, hybrid=wake, steps=640, every=max(80, ledger), ledger=ledger)
     model = Model(built.grid, msgspec.structs.replace(built.settings, run=run), "steel")
     whole, stopped = tmp_path / "whole.sqlite", tmp_path / "stopped.sqlite"
     with simulate(model, whole, Options(threads=1)) as results:
@@ -129,6 +129,6 @@ def test_files_hold_cells_that_become_coarse_again(ledger: int, tmp_path: Path) 
         assert results.history()["broken"][-1] == known == broken
         if ledger == 20:
             assert np.diff(results.history()["fine_share"]).min() < 0
-    simulate(model, stopped, Options(threads=1), lambda progress: progress.step > 230).close()
+    simulate(model, stopped, Options(threads=1), lambda progress: progress.step > 470).close()
     resume(stopped).close()
     assert contents(stopped) == contents(whole)

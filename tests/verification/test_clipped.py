@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from plates import GLASS
-from zones import H, Zoned, zoned
+from zones import H, Zoned, pulse, slope, zoned
+
+from pdmesh.model.document import Region
 
 UNBREAKABLE = msgspec.structs.replace(GLASS, G0=1e12)
 
@@ -44,6 +46,28 @@ def test_a_linear_field_is_at_rest(m: int, micromodulus: str, plane: str) -> Non
     assert np.abs(forces[~inside]).max() > 0.1 * stress * H  # the edges, which no load holds
     for force in found:
         assert np.abs(force.sum(axis=0)).max() < 1e-15 * np.abs(force).sum()  # measured 6e-16 at most
+
+
+@pytest.mark.parametrize("m", [3, 4])
+def test_a_linear_field_is_at_rest_in_materials_of_two_micromoduli(m: int) -> None:
+    """Off their interface, which lies in the fine zone and beside it; families are as in a plate of one material."""
+    first, other = (msgspec.structs.replace(UNBREAKABLE, micromodulus=one) for one in ("conical", "constant"))
+    right = Region(material=other, box=(42.2 * H, -1.0, 1.0, 1.0))
+    gradient, found = 1e-7 * np.random.default_rng(m).standard_normal((2, 2)), []
+    plates = [zoned(72, 68, irregular, first, m, regions=(right,)), zoned(72, 68, irregular, first, m)]
+    for sign in (1.0, -1.0):
+        plates[0].put(linear(gradient, sign))
+        forces, position = plates[0].forces()
+        found.append(forces)
+    inside = ((position > H) & (position < H * np.array([71, 67]))).all(axis=1)
+    off = inside & (np.abs(position[:, 0] / H - 42.2) > 2 * m + 3)
+    stress = plates[0].c11 * np.abs(gradient).max()
+    assert np.abs(found[0] - found[1])[off].max() / 2 < 1e-12 * stress * H  # measured 9e-14, 2e-14
+    assert np.abs(found[0] - found[1])[inside & ~off].max() / 2 < 0.1 * stress * H  # 0.080, 0.018
+    for force in found:
+        assert np.abs(force.sum(axis=0)).max() < 1e-15 * np.abs(force).sum()  # 4e-16
+    families = [plate.ground.nodes.bits[0, 0] for plate in plates]
+    assert int(families[0]).bit_count() == int(families[1]).bit_count()
 
 
 CRACKS = [[(0.0, 33.5, 36.2, 33.5)], [(3.3, 60.2, 36.2, 33.5)], [(30.6, 70.0, 33.5, 30.0)]]
@@ -131,16 +155,6 @@ def test_a_pulse_that_leaves_the_fine_zone(width: int, published: float) -> None
     plate.march(1, round(2 * start * H / speed / plate.ground.dt) + 1)
     back = largest(plate, H * (middle - 1.5 * 8), rows)
     assert back / sent == pytest.approx(published, rel=0.2)
-
-
-def pulse(centre: float, width: float) -> Any:
-    """Displacements of a pulse."""
-    return lambda x: 1e-6 * np.exp(-(((x - centre) / width) ** 2))
-
-
-def slope(shape: Any, x: NDArray[np.float64], speed: float) -> NDArray[np.float64]:
-    """Velocities of what goes to the right."""
-    return np.asarray(-speed * (shape(x + H / 1000) - shape(x - H / 1000)) / (H / 500))
 
 
 def largest(plate: Zoned, before: float, rows: int) -> float:

@@ -24,6 +24,7 @@ GEOMETRIES = Path(__file__).parent.parent.parent / "geometries"
 GLASS = Material(E=72e9, rho=2440, G0=135)
 SOFTENING = Material(E=72e9, rho=2440, G0=135, law="bilinear", kr=2.0, keep_G0=True)
 HARD = Material(E=210e9, rho=7800, G0=2e4)
+CONSTANT = Material(E=210e9, rho=7800, G0=2e4, micromodulus="constant")
 ARC = [(0.02 + 0.006 * np.cos(t), 0.0147 + 0.006 * np.sin(t)) for t in np.linspace(0.3, 2.5, 9)]
 
 
@@ -55,6 +56,18 @@ PLATES = {  # and how far energy dissipated may be from that of the uniform run,
         .crack([(0, 0.01525), (0.012, 0.01525)]),
         0.08,  # 0.028
     ),
+    "two micromoduli": (
+        pulled(180, traction=10e6)
+        .region(box(0.02, 0, 0.04, 0.03), CONSTANT, "hard")
+        .crack([(0, 0.01525), (0.012, 0.01525)]),
+        0.08,  # 0.034
+    ),
+    "a constant micromodulus cracks": (
+        pulled(180, msgspec.structs.replace(GLASS, micromodulus="constant"), 10e6)
+        .region(box(0.02, 0, 0.04, 0.03), HARD, "hard")
+        .crack([(0, 0.01525), (0.012, 0.01525)]),
+        0.08,  # 0.006
+    ),
 }
 
 
@@ -66,9 +79,9 @@ def test_a_plate_cracks_as_the_uniform_one(name: str) -> None:
     one, other = side_by_side(model(scene))
     assert abs(one.first - other.first) <= 1  # of 49 to 90 steps; measured 0 or 1
     assert one.books.broken > 200
-    assert one.books.work == pytest.approx(other.books.work, rel=0.04)  # 0.001 to 0.016
+    assert one.books.work == pytest.approx(other.books.work, rel=0.04)  # 0.001 to 0.024
     assert one.books.dissipated == pytest.approx(other.books.dissipated, rel=spent)
-    assert one.balance == pytest.approx(other.balance, abs=1e-3)  # 2e-4 to 5e-4 apart
+    assert one.balance == pytest.approx(other.balance, abs=1e-3)  # 1e-4 to 7e-4 apart
     assert one.books.fine_share < 0.5
     assert one.books.clipped_stretch < 0.8
 

@@ -193,7 +193,7 @@ def test_refining_looks_at_all_that_changes() -> None:
     cells[z[some], y[some], x[some] + 1] = FINE
     new = np.column_stack([x[some] + 1, y[some], z[some]]) - before.whole.fine.box.pad
     after = before.refined(new)
-    found = zero_state(len(after.sites), 3)._replace(value=before.moved(after, state.value))
+    found = zero_state(len(after.sites), 3)._replace(value=before.moved(after.rows, state.value))
     pull, which = after.forces_around(found, new)
     assert 0.005 < which.mean() < 0.2
     assert np.array_equal(pull[which], forces(after, found)[which])

@@ -38,7 +38,8 @@ def adaptive(material: Material, first: Material, adapt: str) -> Refusals:
         yield Refusal("law", f"{USUAL_LAW} or bilinear{why}")
     if adapt != "split" and material.sight != "visibility":
         yield Refusal("sight", f"visibility{why}")
-    if adapt != "split" and material.micromodulus != first.micromodulus:
+    one_family = adapt == "collocation" or (adapt == "hybrid" and material.plane == "space")
+    if one_family and material.micromodulus != first.micromodulus:
         yield Refusal("micromodulus", f"{first.micromodulus}, as elsewhere{why}")
     if adapt != "hybrid" and material.law != USUAL_LAW:
         yield Refusal("law", f"{USUAL_LAW}{why}")

@@ -34,7 +34,9 @@ def collocation_of(
 
     Raises ModelError for a model that this method does not support.
     """
-    refuse(model, mode, precision, MOST)
+    refuse(model, mode, MOST)
+    if precision != "float64":
+        raise refused(model, "precision", precision, "float64")
     ratio, material = model.settings.horizon.ratio, model.materials[0]
     if ratio < LEAST:
         raise refused(model, "$.horizon.ratio", f"{ratio:g}", f"at least {LEAST:g}")

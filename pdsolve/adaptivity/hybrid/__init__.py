@@ -20,6 +20,7 @@ and energy are conserved.
     crack_faces        cracks through coarse cells
     regrid             cells become fine
     wake_cells         which cells may become coarse again
+    wake_motion        velocities that coarse nodes then have
     wake               they do
     march              time steps
     prepare            prepares a model

@@ -13,6 +13,7 @@ from pdmesh.model.document import Absorb
 from pdsolve.adaptivity.hybrid.coarse_cells import Plate, strips
 from pdsolve.adaptivity.hybrid.irregular_bonds import Irregular
 from pdsolve.adaptivity.hybrid.node_rows import NodeRows
+from pdsolve.adaptivity.hybrid.springs import STIFFNESS, Springs
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import damping, unbreakable
 from pdsolve.model import Model
@@ -31,14 +32,15 @@ class _Fields(NamedTuple):
     damping: NDArray[np.float64]
 
 
-def node_rows(plate: Plate, found: Irregular, half: int) -> NodeRows:
-    """The rows of a plate with these irregular nodes, where half a family has `half` bonds."""
-    usual, slowed = _usual(plate, half), _slowed(plate.model)
+def node_rows(plate: Plate, found: Irregular, springs: tuple[Springs, ...]) -> NodeRows:
+    """The rows of a plate with these irregular nodes; `springs` are those of each material in a full lattice."""
+    full = _bits_of(np.array([one.table[:, STIFFNESS] for one in springs]))
+    usual, slowed = _usual(plate, full[0]), _slowed(plate.model)
     columns: list[list[NDArray[Any]]] = [[np.tile(one, (2, ROW))] for one in usual]
     for column, nothing in zip(columns, (0, 0, -1, False, 0, 0), strict=True):
         column[0][EMPTY] = nothing
     entries, count = [], 2
-    for fields in _strips(plate, found, half, slowed):
+    for fields in _strips(plate, found, full, slowed):
         same = np.logical_and.reduce([values == one for values, one in zip(fields, usual, strict=True)])
         entry = np.where(same.reshape(-1, ROW).all(axis=1), USUAL, -1).astype(np.int32)
         entry[(fields.mass == 0).reshape(-1, ROW).all(axis=1)] = EMPTY
@@ -51,10 +53,10 @@ def node_rows(plate: Plate, found: Irregular, half: int) -> NodeRows:
     return NodeRows(np.concatenate(entries), *kept[:5], None if slowed is None else kept.damping)
 
 
-def _usual(plate: Plate, half: int) -> _Fields:
+def _usual(plate: Plate, bits: np.uint64) -> _Fields:
     """What a node deep in a plate has, () each."""
     run, dense = plate.model.settings.run, plate.model.materials[0].rho
-    usual = dense * plate.h**2, 0, -1, False, (1 << half) - 1, run.damping
+    usual = dense * plate.h**2, 0, -1, False, bits, run.damping
     kinds = np.float64, np.uint8, np.int32, np.bool_, np.uint64, np.float64
     return _Fields(*(np.array(value, dtype=kind) for value, kind in zip(usual, kinds, strict=True)))
 
@@ -67,11 +69,16 @@ def _slowed(model: Model) -> NDArray[np.float64] | None:
     return found if found.any() else None
 
 
-def _strips(plate: Plate, found: Irregular, half: int, slowed: NDArray[np.float64] | None) -> Iterator[_Fields]:
-    """The constants of all places, strip by strip; `slowed` (n,) is the damping of all nodes, 1/s."""
+def _strips(
+    plate: Plate, found: Irregular, full: NDArray[np.uint64], slowed: NDArray[np.float64] | None
+) -> Iterator[_Fields]:
+    """The constants of all places, strip by strip; `full` are the bonds of each material in a full lattice.
+
+    `slowed` (n,) is the damping of all nodes, 1/s.
+    """
     rho = np.array([one.rho for one in plate.model.materials])
     lasts = unbreakable(plate.model)
-    place, bits = plate.places_of(found.node), _bits(found, half)
+    place, bits = plate.places_of(found.node), _bits_of(found.springs)
     order = np.argsort(place)
     for low, high in strips(plate.at.places // plate.at.stride, plate.at.stride):
         rows, material = plate.rows_in(low, high).ravel(), plate.materials_in(low, high).ravel()
@@ -83,7 +90,7 @@ def _strips(plate: Plate, found: Irregular, half: int, slowed: NDArray[np.float6
             material=material,
             own=np.full(len(rows), -1, dtype=np.int32),
             no_fail=there & lasts[rows],
-            bits=np.where(there, np.uint64((1 << half) - 1), np.uint64(0)),
+            bits=np.where(there, full[material], np.uint64(0)),
             damping=np.zeros(len(rows)) if slowed is None else np.where(there, slowed[rows], 0.0),
         )
         own = found.which[some]
@@ -91,9 +98,9 @@ def _strips(plate: Plate, found: Irregular, half: int, slowed: NDArray[np.float6
         yield fields
 
 
-def _bits(found: Irregular, half: int) -> NDArray[np.uint64]:
-    """Bonds (r,) of irregular nodes at the start, a bit for each in the first half of a family."""
-    bits = np.zeros(len(found.springs), dtype=np.uint64)
-    for k in range(half):
-        bits |= np.where(found.springs[:, k] > 0, np.uint64(1) << np.uint64(k), np.uint64(0))
+def _bits_of(springs: NDArray[np.float64]) -> NDArray[np.uint64]:
+    """Bonds (r,) that there are, of springs (r, k): a bit for each in the first half of a family."""
+    bits = np.zeros(len(springs), dtype=np.uint64)
+    for k in range(springs.shape[1] // 2):
+        bits |= np.where(springs[:, k] > 0, np.uint64(1) << np.uint64(k), np.uint64(0))
     return bits

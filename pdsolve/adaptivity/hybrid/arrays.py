@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import mmap
 import sys
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,9 +25,10 @@ PLACE, AXIS, PROFILE, KIND = range(4)  # of `Entries.what`
 VALUE, SPEED, LAST, FORCE = range(4)  # of `Entries.value`
 # of `Zone.number`
 ROWS, COARSE_ROWS, PIECES, BORDERS, BREAKS, LOADS, HOLDS, STIRS, REGRIDS, KNOWN, ENTRIES = range(11)
-NEW, DIRTY, AROUND, SHORT, FREED = range(11, 16)
+NEW, DIRTY, AROUND, SHORT, FREED, FAR_ROWS, TIED, FAR_AROUND = range(11, 19)
 # of `Zone.total`
 WORK, DISSIPATED, REFINEMENT, CLIPPED, LARGEST = range(5)
+TIES = (((), np.int64), ((2,), np.int64), ((), np.float64), ((2,), np.float64))  # of the columns of a `Border`
 
 
 class LatticeConstants(NamedTuple):
@@ -42,6 +44,8 @@ class LatticeConstants(NamedTuple):
     coarse_dy: NDArray[np.int64]
     coarse_table: NDArray[np.float64]  # (8, 8) of the first material
     coarse_ways: NDArray[np.int64]  # (8,)
+    far_table: NDArray[np.float64]  # (8, 8), likewise of cells of 4 h, which are of one material
+    far_ways: NDArray[np.int64]  # (8,)
     cut: Stretches
     reach: int  # h, of the family along an axis
     varied: bool  # whether bonds soften, or differ in what breaks them: then `fine.edge` says when to look at them
@@ -102,7 +106,7 @@ class Pieces(NamedTuple):
 
 
 class Border(NamedTuple):
-    """Fine nodes on the border, which move with coarse ones."""
+    """Nodes on the border, which move with coarser ones: fine ones with coarse ones, or coarse ones with far ones."""
 
     node: NDArray[np.int64]
     end: NDArray[np.int64]  # (., 2)
@@ -135,6 +139,8 @@ class Zone(NamedTuple):
     lost: NDArray[np.uint64]  # (n,) bonds that have broken, of the first half of the family. Never cleared
     fine: Nodes
     coarse: Nodes
+    far: Nodes  # 4 h apart
+    tied: Border  # coarse nodes on the border of cells of 4 h, which move with far ones
     pieces: Pieces
     spare: Pieces
     border: Border
@@ -148,40 +154,48 @@ class Zone(NamedTuple):
     new: NDArray[np.int64]  # scratch: cells that are to be fine
     dirty: NDArray[np.int64]  # scratch: fine nodes that concerns
     around: NDArray[np.int64]  # scratch: coarse nodes that it concerns
+    far_around: NDArray[np.int64]  # scratch: far nodes that it concerns
     failed: NDArray[np.int64]  # (n,) scratch: fine places where cells are not to become coarse
     freed: NDArray[np.int64]  # entries of rows that have become idle
     number: NDArray[np.int64]
     total: NDArray[np.float64]
     s: NDArray[np.float64]  # (threads, .) scratch of the vector code
-    turns: NDArray[np.int64]  # (48,) what has been handed out to threads, as `forces` has it
+    turns: NDArray[np.int64]  # (64,) what has been handed out to threads, as `forces` has it
     aside: NDArray[np.int64]  # (threads, .) where bonds are to break
     asides: NDArray[np.int64]  # (8 threads,) how many, of each thread at a multiple of 8
 
 
 def nodes_of(
-    places: int, springs: int, entries: int, varied: bool = False, swells: bool = False, damps: bool = False
+    places: int,
+    springs: int,
+    entries: int,
+    kind: Any,
+    varied: bool = False,
+    swells: bool = False,
+    damps: bool = False,
 ) -> Nodes:
-    """Idle nodes, with room for `entries` rows of stiffnesses, in memory that is taken as it is written."""
+    """Idle nodes of precision `kind`, with room for `entries` rows of stiffnesses, in memory that is taken as it is
+    written."""
     rows = places // ROW
-    zeros = reserved
+    zeros = partial(reserved, of=kind)
     return Nodes(
         u=zeros(2, 2, places),
         v=zeros(2, places),
         f=zeros(2, places),
         mass=zeros(places),
         light=zeros(places),
-        kind=zeros(places, of=np.uint8),
-        rows=zeros(rows, of=np.int64),
+        kind=reserved(places, of=np.uint8),
+        rows=reserved(rows, of=np.int64),
         entry=np.full(rows, -1, dtype=np.int32),
         own=zeros(entries, springs, ROW),
-        masks=zeros(entries, 2, springs, of=np.uint16),
-        masked=zeros(entries, of=np.bool_),
+        masks=reserved(entries, 2, springs, of=np.uint16),
+        masked=reserved(entries, of=np.bool_),
         edge=zeros(entries if varied else 0, springs, ROW),
-        touched=zeros(rows, of=np.bool_),
-        wide=zeros(rows, of=np.uint8),
+        touched=reserved(rows, of=np.bool_),
+        wide=reserved(rows, of=np.uint8),
         shrink=zeros(places) if swells else None,
         damping=zeros(2, places) if damps else None,
-        damped=zeros(places) if damps else None,
+        damped=reserved(places) if damps else None,
     )
 
 
@@ -205,8 +219,10 @@ def zone_of(
     threads: int = 1,
     swells: bool = False,
     damps: bool = False,
+    *,
+    kind: Any = np.float64,
 ) -> Zone:
-    """A plate with these cells (c,) and idle nodes, with room for `rows` rows of fine nodes."""
+    """A plate with these cells (c,) and idle nodes of precision `kind`, with room for `rows` rows of fine nodes."""
     piece = ROW * rows * springs // 4
     nothing = Entries(np.zeros((0, 4), np.int64), np.zeros((0, 4)), np.zeros((0, 2), np.int64), np.zeros(0))
 
@@ -218,8 +234,10 @@ def zone_of(
     return Zone(
         cells=cells,
         lost=reserved(at.places, of=np.uint64),
-        fine=nodes_of(at.places, springs, rows, varied, swells, damps),
-        coarse=nodes_of(at.coarse_places, 8, at.coarse_places // ROW, swells=swells, damps=damps),
+        fine=nodes_of(at.places, springs, rows, kind, varied, swells, damps),
+        coarse=nodes_of(at.coarse_places, 8, at.coarse_places // ROW, kind, swells=swells, damps=damps),
+        far=nodes_of(at.far_places, 8, at.far_places // ROW, kind, swells=swells, damps=damps),
+        tied=Border(*(reserved(at.coarse_places, *two, of=of) for two, of in TIES)),
         pieces=pieces(),
         spare=pieces(),
         border=Border(np.zeros(nodes, np.int64), np.zeros((nodes, 2), np.int64), np.zeros(nodes), np.zeros((nodes, 2))),
@@ -233,12 +251,13 @@ def zone_of(
         new=reserved(2 * at.cells, of=np.int64),  # where the wake is tried, cells are listed twice
         dirty=reserved(at.places, of=np.int64),
         around=reserved(at.coarse_places, of=np.int64),
+        far_around=reserved(at.far_places, of=np.int64),
         failed=reserved(3 * at.places, of=np.int64),  # a node, its pieces, and a coarse one there
         freed=reserved(at.places // ROW, of=np.int64),
-        number=np.zeros(16, dtype=np.int64),
+        number=np.zeros(19, dtype=np.int64),
         total=np.zeros(5),
-        s=reserved(threads, 3 * ROW),
-        turns=np.zeros(48, dtype=np.int64),
+        s=reserved(threads, 3 * ROW, of=kind),
+        turns=np.zeros(64, dtype=np.int64),
         aside=reserved(threads, 2 * at.places // ROW, of=np.int64),
         asides=np.zeros(8 * threads, dtype=np.int64),
     )

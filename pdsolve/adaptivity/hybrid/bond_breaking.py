@@ -8,6 +8,7 @@ from numba import njit
 from pdsolve.adaptivity.hybrid.arrays import BREAKS, DISSIPATED, STIRS
 from pdsolve.adaptivity.hybrid.clipped_bonds import own_entry, share_of, stretch_of
 from pdsolve.adaptivity.hybrid.energy import strain_e
+from pdsolve.adaptivity.hybrid.lattice import FREE
 from pdsolve.adaptivity.hybrid.precracks import has_bond, lasts, peak_and_limit, stiffness
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.laws.pair_laws.bilinear import spent_share
@@ -52,6 +53,15 @@ def _note(zone, step, p, k):  # type: ignore[no-untyped-def]
     zone.number[BREAKS] += 1
 
 
+@njit(forceinline=True, **INNER)
+def _is_there(fine, p, j, k):  # type: ignore[no-untyped-def]
+    """Whether bond k from p to j pulls on two free nodes, which stay where they are: `break_bonds` then breaks it."""
+    entry = fine.entry[p // ROW]
+    if fine.kind[p] != FREE or fine.kind[j] != FREE:
+        return False
+    return entry < -1 or (entry >= 0 and fine.own[entry, k, p % ROW] > 0)
+
+
 @njit(**INNER)
 def break_bridges(ground, zone, dirty, now, step):  # type: ignore[no-untyped-def]
     """Break bonds that joined the faces of a crack through coarse cells, if its opening has stretched them beyond their
@@ -62,6 +72,8 @@ def break_bridges(ground, zone, dirty, now, step):  # type: ignore[no-untyped-de
         for k in range(len(ground.ways) // 2):
             j = p + ground.ways[k]
             if not zone.mark[j] or not has_bond(ground, zone.lost, p, k) or lasts(ground, p) or lasts(ground, j):
+                continue
+            if _is_there(zone.fine, p, j, k):
                 continue
             eta_x, eta_y = displaced(u, zone.fine.shrink, ground.table[k, 0], ground.table[k, 1], p, j)
             limit = peak_and_limit(ground, p, k)[1]

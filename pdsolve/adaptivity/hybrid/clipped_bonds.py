@@ -42,7 +42,7 @@ def _cells_around(ground, cells, ix, iy):  # type: ignore[no-untyped-def]
         for x in range(-reach, reach + 1):
             found = cells[cell_place(ground.at, (ix >> 1) + x, (iy >> 1) + y)]
             bit = np.uint64(1) << np.uint64(WINDOW * (y + WINDOW // 2) + x + WINDOW // 2)
-            passed &= ~bit if found in (COARSE, VOID) else np.uint64(EVERY)
+            passed &= np.uint64(EVERY) if found in (FINE, EMPTY) else ~bit
             there |= bit if found < VOID else np.uint64(0)
     return passed, there
 

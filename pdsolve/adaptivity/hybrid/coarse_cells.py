@@ -150,22 +150,21 @@ def _halves(count: int) -> NDArray[np.float64]:
     return found
 
 
-def plate_of(model: Model, mode: str, precision: str) -> Plate:
+def plate_of(model: Model, mode: str) -> Plate:
     """The lattice of a model's nodes. Raises ModelError, in one sentence, for an unsupported model."""
     farther = any(has_partial_cells(material) for material in model.materials)
-    refuse(model, mode, precision, LARGEST - 0.5 if farther else LARGEST)
+    refuse(model, mode, LARGEST - 0.5 if farther else LARGEST)
     grid, h = model.grid, float(model.grid.delta[0])
     if isinstance(grid, WholeLattice):
         return _rectangle(model, grid.lattice)
     return _on_lattice(model, h, grid.position.min(axis=0))
 
 
-def refuse(model: Model, mode: str, precision: str, largest: float) -> None:
+def refuse(model: Model, mode: str, largest: float) -> None:
     """Raise ModelError for a model that a moving fine zone does not support; horizons are up to `largest` spacings."""
     grid, settings = model.grid, model.settings
-    for place, found, expected in (("mode", mode, "conservative"), ("precision", precision, "float64")):
-        if found != expected:
-            raise refused(model, place, found, expected)
+    if mode != "conservative":
+        raise refused(model, "mode", mode, "conservative")
     if settings.horizon.ratio > largest:
         raise refused(model, "$.horizon.ratio", f"{settings.horizon.ratio:g}", f"at most {largest:g}")
     if (grid.delta != grid.delta[0]).any():

@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit, types
 from numba.extending import overload
 
-from pdsolve.adaptivity.hybrid.arrays import COARSE_ROWS, PIECES, ROWS
+from pdsolve.adaptivity.hybrid.arrays import COARSE_ROWS, FAR_ROWS, PIECES, ROWS
 from pdsolve.adaptivity.hybrid.lattice import FREE, IDLE
 from pdsolve.adaptivity.hybrid.springs import INVERSE, STIFFNESS, X, Y
 from pdsolve.codegen.jit_cache import cached_njit
@@ -42,18 +42,17 @@ def fine_held(ground, fine, u, p):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def coarse_held(ground, coarse, u, q):  # type: ignore[no-untyped-def]
-    """Half of the energy of a coarse node's springs, J/m."""
+def green_held(nodes, table, ways, u, q):  # type: ignore[no-untyped-def]
+    """Half of the energy of the springs of a node of a compact lattice, J/m."""
     row, lane, held = q // ROW, q % ROW, 0.0
-    entry = coarse.entry[row]
+    entry = nodes.entry[row]
     for k in range(8):
-        stiffness = coarse.own[entry, k, lane] if entry >= 0 else ground.coarse_table[k, 5]
+        stiffness = nodes.own[entry, k, lane] if entry >= 0 else table[k, 5]
         if stiffness == 0:
             continue
-        j = q + ground.coarse_ways[k]
-        eta_x, eta_y = displaced(u, coarse.shrink, ground.coarse_table[k, 0], ground.coarse_table[k, 1], q, j)
-        e = strain_e(ground.coarse_table, k, eta_x, eta_y)
-        held += stiffness / ground.coarse_table[k, 4] * e * e / 16
+        eta_x, eta_y = displaced(u, nodes.shrink, table[k, 0], table[k, 1], q, q + ways[k])
+        e = strain_e(table, k, eta_x, eta_y)
+        held += stiffness / table[k, 4] * e * e / 16
     return held
 
 
@@ -145,7 +144,7 @@ def energy_of(ground, zone, now, fine_nodes, coarse_nodes):  # type: ignore[no-u
             found += kinetic(fine, p)
     for q in coarse_nodes:
         if coarse.kind[q] == FREE:
-            found += coarse_held(ground, coarse, uc, q) + kinetic(coarse, q)
+            found += green_held(coarse, ground.coarse_table, ground.coarse_ways, uc, q) + kinetic(coarse, q)
     for n in range(zone.number[PIECES]):
         if zone.mark[zone.pieces.owner[n]]:
             found += piece_held(zone.pieces, u, uc, n)
@@ -153,17 +152,22 @@ def energy_of(ground, zone, now, fine_nodes, coarse_nodes):  # type: ignore[no-u
 
 
 @cached_njit(error_model="numpy")
-def held(ground, zone, now, fine_held_, coarse_held_):  # type: ignore[no-untyped-def]
-    """Strain energies, J/m, of fine (n,) and coarse nodes (q,); half of a piece's energy belongs to either end."""
+def held(ground, zone, now, fine_held_, coarse_held_, far_held):  # type: ignore[no-untyped-def]
+    """Strain energies, J/m, of fine, coarse and far nodes, by their places; half of a piece's belongs to either end."""
     fine, coarse, pieces, s = zone.fine, zone.coarse, zone.pieces, zone.s[0]
     for row in fine.rows[: zone.number[ROWS]]:
         row_held(fine, ground.table, ground.ways, False, row, fine.u[now], s)
         for p in range(row * ROW, row * ROW + ROW):
             fine_held_[p] = s[p % ROW] if fine.kind[p] != IDLE else 0.0
-    for row in coarse.rows[: zone.number[COARSE_ROWS]]:
-        row_held(coarse, ground.coarse_table, ground.coarse_ways, True, row, coarse.u[now], s)
-        for q in range(row * ROW, row * ROW + ROW):
-            coarse_held_[q] = s[q % ROW] if coarse.kind[q] == FREE else 0.0
+    lattices = (
+        (coarse, COARSE_ROWS, ground.coarse_table, ground.coarse_ways, coarse_held_),
+        (zone.far, FAR_ROWS, ground.far_table, ground.far_ways, far_held),
+    )
+    for nodes, count, table, ways, found in lattices:
+        for row in nodes.rows[: zone.number[count]]:
+            row_held(nodes, table, ways, True, row, nodes.u[now], s)
+            for q in range(row * ROW, row * ROW + ROW):
+                found[q] = s[q % ROW] if nodes.kind[q] != IDLE else 0.0
     for n in range(zone.number[PIECES]):
         half = piece_held(pieces, fine.u[now], coarse.u[now], n) / 2
         for which in range(2):

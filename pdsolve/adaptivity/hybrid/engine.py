@@ -31,7 +31,7 @@ from pdsolve.adaptivity.hybrid.arrays import (
 from pdsolve.adaptivity.hybrid.clipped_bonds import stretch_of
 from pdsolve.adaptivity.hybrid.coarse_cells import Plate, squares_in_cells
 from pdsolve.adaptivity.hybrid.energy import held
-from pdsolve.adaptivity.hybrid.lattice import BELOW, BELOW_COARSE, COARSE, FINE, FREE, IDLE, LEFT
+from pdsolve.adaptivity.hybrid.lattice import BELOW, BELOW_COARSE, COARSE, FAR, FINE, FREE, IDLE, LEFT
 from pdsolve.adaptivity.hybrid.march import CLIP, DONE, march
 from pdsolve.adaptivity.hybrid.node_rows import are_intact
 from pdsolve.adaptivity.hybrid.springs import e_of
@@ -43,6 +43,7 @@ from pdsolve.errors import CheckpointError, LateZoneError
 from pdsolve.numerics.thread_team import gate_of, side_by_side
 from pdsolve.operators.protocol import Kept
 
+TOGETHER = 2**14  # rows whose motion is added up together
 _stretch = getattr(stretch_of, "py_func", stretch_of)
 
 
@@ -68,12 +69,14 @@ class Hybrid:
         """Cells of `zone` are those of the start."""
         self.plate, self.ground, self.zone, self.drive, self.now = plate, ground, zone, drive, 0
         self._squares = squares_in_cells(plate)
+        self._whole, self._fine = int(self._squares.sum()), (-1, 0)  # squares in all cells; in fine ones, since when
 
     def start(self, velocity: NDArray[np.float64] | None) -> None:
         """Number the zone, set the velocities (n, 2), m/s, of all nodes, None: 0, and compute the forces."""
         self.number()
         if velocity is not None:
-            for nodes, beneath in ((self.zone.fine, None), (self.zone.coarse, self.beneath)):
+            lattices = (self.zone.fine, None), (self.zone.coarse, self.beneath), (self.zone.far, self.beneath_far)
+            for nodes, beneath in lattices:
                 own = np.flatnonzero(nodes.kind == FREE)
                 nodes.v[:, own] = velocity[self.plate.rows_at(own if beneath is None else beneath(own))].T
         self.renew()
@@ -89,8 +92,10 @@ class Hybrid:
         for _, nodes, rows in self._lattices():
             nodes.entry[:] = -1
             nodes.kind.reshape(-1, ROW)[rows] = IDLE
+            nodes.light.reshape(-1, ROW)[rows] = 0.0
         zone.stirred[zone.stirs[: zone.number[STIRS]]] = False
         zone.number[:] = 0
+        self._fine = -1, 0
         cells = np.flatnonzero(zone.cells == FINE)
         zone.new[: len(cells)] = cells
         zone.number[NEW] = len(cells)
@@ -103,6 +108,12 @@ class Hybrid:
         at = self.plate.at
         y, x = np.divmod(coarse, at.coarse_stride)
         return np.asarray((2 * (y - BELOW_COARSE) + BELOW) * at.stride + LEFT + 2 * (x - LEFT))
+
+    def beneath_far(self, far: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Fine places (k,) that far nodes lie on."""
+        at = self.plate.at
+        y, x = np.divmod(far, at.far_stride)
+        return np.asarray((4 * (y - BELOW_COARSE) + BELOW) * at.stride + LEFT + 4 * (x - LEFT))
 
     def march(self, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1. Raises LateZoneError if a clipped bond exceeds its limit."""
@@ -217,41 +228,40 @@ class Hybrid:
 
     def zone_summary(self) -> ZoneSummary:
         """Summary of the fine zone for the run's report."""
-        zone = self.zone
-        fine = self._squares[zone.cells == FINE].sum() / self._squares.sum()
+        zone, changes = self.zone, int(self.zone.number[REGRIDS])
+        if self._fine[0] != changes:
+            self._fine = changes, int(self._squares[zone.cells == FINE].sum())
+        fine = self._fine[1] / self._whole
         largest, limit = _stretch(zone.total[LARGEST]), _stretch(self.ground.least[0])
         return ZoneSummary(float(zone.total[REFINEMENT]), float(fine), float(largest / limit))
 
     def _lattices(self) -> Iterator[tuple[str, Nodes, NDArray[np.int64]]]:
-        """Name and nodes of both lattices, and their rows with a node that is not idle."""
+        """Name and nodes of all lattices, and their rows with a node that is not idle."""
         zone = self.zone
         yield "fine", zone.fine, zone.fine.rows[: zone.number[ROWS]]
         yield "coarse", zone.coarse, zone.coarse.rows[: zone.number[arrays.COARSE_ROWS]]
+        yield "far", zone.far, zone.far.rows[: zone.number[arrays.FAR_ROWS]]
 
-    def active(self, nodes: Nodes, rows: int) -> NDArray[np.int64]:
-        """Places of the free nodes of a lattice, from its first `rows` rows."""
-        places = (nodes.rows[:rows, None] * ROW + np.arange(ROW)).ravel()
+    def active(self, nodes: Nodes, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Places of the free nodes in these rows of a lattice."""
+        places = (rows[:, None] * ROW + np.arange(ROW)).ravel()
         return np.asarray(places[nodes.kind[places] == FREE])
 
-    def held(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Strain energy of fine and of coarse nodes, by their places, J/m."""
-        fine, coarse = np.zeros(self.plate.at.places), np.zeros(self.plate.at.coarse_places)
-        held(self.ground, self.zone, self.now, fine, coarse)
-        return fine, coarse
+    def held(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Strain energy of fine, of coarse and of far nodes, by their places, J/m."""
+        at = self.plate.at
+        fine, coarse, far = (np.zeros(places) for places in (at.places, at.coarse_places, at.far_places))
+        held(self.ground, self.zone, self.now, fine, coarse, far)
+        return fine, coarse, far
 
     def motion(self) -> NDArray[np.float64]:
         """Kinetic energy, J/m, and momentum, N s/m."""
         found = np.zeros(3)
         for _, nodes, rows in self._lattices():
-            own = self.active(nodes, len(rows))
-            mass, x, y = nodes.mass[own], nodes.v[0, own], nodes.v[1, own]
-            del own
-            found[1:] += (mass * x).sum(), (mass * y).sum()
-            x *= x
-            y *= y
-            x += y
-            mass /= 2
-            found[0] += (mass * x).sum()
+            for first in range(0, len(rows), TOGETHER):
+                own = self.active(nodes, rows[first : first + TOGETHER])
+                mass, x, y = (np.asarray(one[own], dtype=np.float64) for one in (nodes.mass, *nodes.v))
+                found += (mass / 2 * (x * x + y * y)).sum(), (mass * x).sum(), (mass * y).sum()
         return found
 
     @property
@@ -318,12 +328,12 @@ class Hybrid:
             rows = zone.fine.rows[: zone.number[ROWS]]
             own = np.where(zone.fine.entry[rows] < 0, -2 - zone.fine.entry[rows], zone.fine.entry[rows])
             for name, array in (("edge", zone.fine.edge), ("own", zone.fine.own)):
-                array[own] = entry(kept, name, (len(own), *array.shape[1:]), float, high=np.inf)
+                array[own] = entry(kept, name, (len(own), *array.shape[1:]), array.dtype, high=np.inf)
             zone.fine.entry[rows] = np.where(entry(kept, "usual", own.shape, np.bool_), -2 - own, own)
         for name, nodes, rows in self._lattices():
             places = (rows[:, None] * ROW + np.arange(ROW)).ravel()
             for field, values in (("u", nodes.u[0]), ("v", nodes.v), ("f", nodes.f)):
-                values[:, places] = entry(kept, f"{name}_{field}", (2, len(places)), float)
+                values[:, places] = entry(kept, f"{name}_{field}", (2, len(places)), values.dtype)
             nodes.wide[rows] = entry(kept, f"{name}_wide", rows.shape, np.uint8)
         zone.holds.value[:] = like(kept, "holds", zone.holds.value)
         zone.total[:] = like(kept, "total", zone.total)
@@ -333,6 +343,7 @@ class Hybrid:
         """Raise CheckpointError for cells (c,) that those of the start do not become."""
         start, ground = self.zone.cells, self.ground
         may = (start == COARSE) & (cells == FINE)
+        may |= (start == FAR) & ((cells == COARSE) | (cells == FINE))
         if ground.calm > 0:
             may |= (start == FINE) & (cells == COARSE) & ~ground.stays
         if not ((cells == start) | may).all():
@@ -373,7 +384,7 @@ class Hybrid:
 
     def bytes(self) -> int:
         """Memory of all arrays, bytes; untouched parts take none in practice."""
-        lattices = self.zone.fine, self.zone.coarse
+        lattices = self.zone.fine, self.zone.coarse, self.zone.far
         return sum(array.nbytes for part in lattices for array in part if array is not None)
 
 

@@ -17,11 +17,13 @@ from pdsolve.adaptivity.hybrid.arrays import (
     BORDERS,
     CLIPPED,
     COARSE_ROWS,
+    FAR_ROWS,
     LARGEST,
     LOADS,
     PIECES,
     PROFILE,
     ROWS,
+    TIED,
     VALUE,
     WORK,
 )
@@ -49,7 +51,7 @@ from pdsolve.numerics.thread_team import meet, wait
 from pdsolve.operators.simd_lattice.kernel import INNER, displaced
 
 # of `Zone.turns`: what is handed out, a part at a time, and how far the first thread is
-SUM, BROKEN, MOVE, PLAIN, TOUCHED, STAGE = range(0, 48, 8)
+SUM, BROKEN, MOVE, PLAIN, TOUCHED, STAGE, FAR_PLAIN, FAR_TOUCHED = range(0, 64, 8)
 ACTED, BROKE, LOADED, REST = range(1, 5)  # stages of a step: the first two are those the others wait for
 PART = 8  # fine rows that are handed out at once
 COARSE_PART = 64
@@ -216,17 +218,39 @@ def _move_fine(zone, now, dt, lag, ends, thread):  # type: ignore[no-untyped-def
 
 @njit(**INNER)
 def _sweep_coarse(ground, zone, now, lag, ends, thread, stage):  # type: ignore[no-untyped-def]
-    """Forces on coarse rows, followed by kick and drift unless a sequence `ends`; then forces are kept.
+    """Forces on coarse rows and their motion, see `_sweep`.
 
-    The stage LOADED processes touched rows, an earlier stage the others until the first thread reaches LOADED. Notes
-    rows with a hot bond.
+    The stage LOADED processes touched rows, an earlier stage the others until the first thread reaches LOADED.
     """
-    coarse, s, dt = zone.coarse, zone.s[thread], ground.dt
+    lattice = zone.coarse, zone.number[COARSE_ROWS], ground.coarse_table, ground.coarse_ways
+    touched = stage == LOADED
+    _sweep(ground, zone, lattice, now, lag, ends, thread, (stage, TOUCHED if touched else PLAIN, touched))
+
+
+@njit(**INNER)
+def _sweep_far(ground, zone, now, lag, ends, thread, gate):  # type: ignore[no-untyped-def]
+    """Forces on far rows and their motion, see `_sweep`, once forces on tied nodes are passed on."""
+    lattice = zone.far, zone.number[FAR_ROWS], ground.far_table, ground.far_ways
+    meet(gate)
+    if thread == 0:
+        _pass_on(zone.coarse.f, zone.far.f, zone.tied, zone.number[TIED])
+    _sweep(ground, zone, lattice, now, lag, ends, thread, (REST, FAR_PLAIN, False))
+    meet(gate)
+    _sweep(ground, zone, lattice, now, lag, ends, thread, (REST, FAR_TOUCHED, True))
+
+
+@njit(**INNER)
+def _sweep(ground, zone, lattice, now, lag, ends, thread, part):  # type: ignore[no-untyped-def]
+    """Forces on rows of a compact lattice, followed by kick and drift unless a sequence `ends`; then forces are kept.
+
+    Of a `part`, touched rows or others, some are taken at a time before a stage. Notes rows with a hot bond.
+    """
+    coarse, count, table, ways = lattice
+    stage, job, touched = part
+    s, dt, own, limit = zone.s[thread], ground.dt, coarse.own, ground.least[2]
     wide, u, after = across(s), coarse.u[now], coarse.u[1 - now]
-    table, ways, own, limit = ground.coarse_table, ground.coarse_ways, coarse.own, ground.least[2]
-    touched, count = stage == LOADED, zone.number[COARSE_ROWS]
     while counted(zone.turns, STAGE) < stage:
-        first = take(zone.turns, TOUCHED if touched else PLAIN) * COARSE_PART
+        first = take(zone.turns, job) * COARSE_PART
         if first >= count:
             return
         for row in coarse.rows[first : min(first + COARSE_PART, count)]:
@@ -262,7 +286,7 @@ def _clear(nodes, count):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def _pass_on(f, fc, border, count):  # type: ignore[no-untyped-def]
-    """Pass forces on border nodes to the coarse nodes that carry them."""
+    """Pass forces on border nodes to the coarser nodes that carry them."""
     for n in range(count):
         p, a, b, w = border.node[n], border.end[n, 0], border.end[n, 1], border.w[n]
         for axis in range(2):
@@ -272,7 +296,7 @@ def _pass_on(f, fc, border, count):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def follow(u, uc, border, count):  # type: ignore[no-untyped-def]
-    """Interpolate border nodes from the coarse ones."""
+    """Interpolate border nodes from the coarser ones."""
     for n in range(count):
         p, a, b, w = border.node[n], border.end[n, 0], border.end[n, 1], border.w[n]
         for axis in range(2):
@@ -304,6 +328,7 @@ def _act(ground, zone, profiles, now, step):  # type: ignore[no-untyped-def]
     fine, coarse, dt = zone.fine, zone.coarse, ground.dt
     _clear(fine, zone.number[ROWS])
     _clear(coarse, zone.number[COARSE_ROWS])
+    _clear(zone.far, zone.number[FAR_ROWS])
     _load(zone.number[LOADS], zone.loads, fine, coarse, zone.total, profiles, step * dt, dt if step > 0 else 0.0)
     follow(fine.u[now], coarse.u[now], zone.border, zone.number[BORDERS])
     largest = _clipped(zone, fine.u[now], coarse.u[now], fine.f, coarse.f)
@@ -336,6 +361,8 @@ def forces(ground, zone, profiles, now, step, lag, ends, thread, gate):  # type:
                 _pass_on(zone.fine.f, zone.coarse.f, zone.border, zone.number[BORDERS])
                 take(zone.turns, STAGE)
             _move_fine(zone, now, ground.dt, lag, ends, thread)
+    if zone.number[FAR_ROWS] > 0:
+        _sweep_far(ground, zone, now, lag, ends, thread, gate)
     meet(gate)
 
 

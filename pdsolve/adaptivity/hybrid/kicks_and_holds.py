@@ -7,7 +7,19 @@ from __future__ import annotations
 
 from numba import njit
 
-from pdsolve.adaptivity.hybrid.arrays import AXIS, COARSE_ROWS, FORCE, KIND, LAST, PROFILE, ROWS, SPEED, VALUE, WORK
+from pdsolve.adaptivity.hybrid.arrays import (
+    AXIS,
+    COARSE_ROWS,
+    FAR_ROWS,
+    FORCE,
+    KIND,
+    LAST,
+    PROFILE,
+    ROWS,
+    SPEED,
+    VALUE,
+    WORK,
+)
 from pdsolve.adaptivity.hybrid.damping import tally
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import DISPLACEMENT, VELOCITY, factor_at
@@ -40,11 +52,10 @@ def _tally_rows(nodes, count, dt, s, starts):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def drift(ground, zone, now, drifts):  # type: ignore[no-untyped-def]
-    """Half a kick of all nodes, fine and coarse, and a drift if `drifts`."""
-    _tally_rows(zone.fine, zone.number[ROWS], ground.dt, zone.s[0], drifts)
-    _tally_rows(zone.coarse, zone.number[COARSE_ROWS], ground.dt, zone.s[0], drifts)
-    _kick_and_drift(zone.fine, zone.number[ROWS], now, ground.dt, drifts)
-    _kick_and_drift(zone.coarse, zone.number[COARSE_ROWS], now, ground.dt, drifts)
+    """Half a kick of all nodes and a drift if `drifts`."""
+    for nodes, count in ((zone.fine, ROWS), (zone.coarse, COARSE_ROWS), (zone.far, FAR_ROWS)):
+        _tally_rows(nodes, zone.number[count], ground.dt, zone.s[0], drifts)
+        _kick_and_drift(nodes, zone.number[count], now, ground.dt, drifts)
 
 
 @njit(**INNER)

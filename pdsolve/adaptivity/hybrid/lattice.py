@@ -3,6 +3,7 @@
 ix, iy   of a fine node, 0 to nx, ny          p   its place
 X, Y     of a coarse node, 0 to nx/2, ny/2    q   its place; it lies on the fine node (2 X, 2 Y)
 X, Y     of a cell: of its lower left corner  c   its place
+X, Y     of a far node, 0 to nx/4, ny/4       q   its place; it lies on the coarse node (2 X, 2 Y)
 """
 
 from __future__ import annotations
@@ -18,8 +19,9 @@ LEFT = ROW  # idle places before each row of nodes
 BELOW = 8  # idle rows of fine nodes below and above
 BELOW_COARSE = 2  # of coarse ones
 AROUND = 6  # cells around the plate that are void
-COARSE, FINE, VOID, EMPTY = range(4)  # cells; empty ones have none of the plate, as void ones, but bonds pass through
-IDLE, FREE, BORDER = 0, 1, 2  # nodes
+# cells; empty ones have none of the plate, as void ones, but bonds pass through; far ones are four at a time one of 4 h
+COARSE, FINE, VOID, EMPTY, FAR = range(5)
+IDLE, FREE, BORDER = 0, 1, 2  # nodes; those on the border move with coarser ones
 
 
 class Lattice(NamedTuple):
@@ -31,16 +33,19 @@ class Lattice(NamedTuple):
     places: int  # of fine nodes
     coarse_stride: int
     coarse_places: int
+    far_stride: int
+    far_places: int
     cell_stride: int
     cells: int
 
 
 def lattice_of(nx: int, ny: int) -> Lattice:
     """The numbering of a plate of nx by ny fine cells."""
-    stride, coarse = (ROW * -(-(LEFT + count + 1 + BELOW) // ROW) for count in (nx, nx // 2))
-    rows, coarse_rows = ny + 1 + 2 * BELOW, ny // 2 + 1 + 2 * BELOW_COARSE
+    stride, coarse, far = (ROW * -(-(LEFT + count + 1 + BELOW) // ROW) for count in (nx, nx // 2, nx // 4))
+    rows, coarse_rows, far_rows = ny + 1 + 2 * BELOW, *(count + 1 + 2 * BELOW_COARSE for count in (ny // 2, ny // 4))
     cells = nx // 2 + 2 * AROUND
-    return Lattice(nx, ny, stride, rows * stride, coarse, coarse_rows * coarse, cells, cells * (ny // 2 + 2 * AROUND))
+    places = rows * stride, coarse_rows * coarse, far_rows * far, cells * (ny // 2 + 2 * AROUND)
+    return Lattice(nx, ny, stride, places[0], coarse, places[1], far, places[2], cells, places[3])
 
 
 @njit(forceinline=True, **INNER)
@@ -83,3 +88,33 @@ def coarse_row(at, q):  # type: ignore[no-untyped-def]
 def cell_place(at, x, y):  # type: ignore[no-untyped-def]
     """The place c of the cell (x, y)."""
     return (y + AROUND) * at.cell_stride + AROUND + x
+
+
+@njit(forceinline=True, **INNER)
+def cell_column(at, c):  # type: ignore[no-untyped-def]
+    """The column X of the cell at place c."""
+    return c % at.cell_stride - AROUND
+
+
+@njit(forceinline=True, **INNER)
+def cell_row(at, c):  # type: ignore[no-untyped-def]
+    """The row Y of the cell at place c."""
+    return c // at.cell_stride - AROUND
+
+
+@njit(forceinline=True, **INNER)
+def far_place(at, x, y):  # type: ignore[no-untyped-def]
+    """The place q of the far node (x, y)."""
+    return (y + BELOW_COARSE) * at.far_stride + LEFT + x
+
+
+@njit(forceinline=True, **INNER)
+def far_column(at, q):  # type: ignore[no-untyped-def]
+    """The column x of the far node at place q."""
+    return q % at.far_stride - LEFT
+
+
+@njit(forceinline=True, **INNER)
+def far_row(at, q):  # type: ignore[no-untyped-def]
+    """The row y of the far node at place q."""
+    return q // at.far_stride - BELOW_COARSE

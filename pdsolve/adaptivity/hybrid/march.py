@@ -15,6 +15,7 @@ from pdsolve.adaptivity.hybrid.arrays import (
     COARSE_ROWS,
     ENTRIES,
     EVERY,
+    FAR_ROWS,
     FREED,
     HOLDS,
     KNOWN,
@@ -24,10 +25,12 @@ from pdsolve.adaptivity.hybrid.arrays import (
     ROWS,
     SHORT,
     STIRS,
+    TIED,
     WAKE,
 )
 from pdsolve.adaptivity.hybrid.energy import piece_e, strain_e
-from pdsolve.adaptivity.hybrid.forces import again, forces
+from pdsolve.adaptivity.hybrid.far_cells import divide
+from pdsolve.adaptivity.hybrid.forces import again, follow, forces
 from pdsolve.adaptivity.hybrid.kicks_and_holds import begin_holds, drift, end_holds, hold
 from pdsolve.adaptivity.hybrid.lattice import (
     COARSE,
@@ -41,7 +44,7 @@ from pdsolve.adaptivity.hybrid.lattice import (
 )
 from pdsolve.adaptivity.hybrid.node_rows import of_node
 from pdsolve.adaptivity.hybrid.precracks import lasts
-from pdsolve.adaptivity.hybrid.regrid import mark_dirty, mark_disc, refine
+from pdsolve.adaptivity.hybrid.regrid import finish, mark_dirty, mark_disc, refine
 from pdsolve.adaptivity.hybrid.wake import coarsen
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
@@ -120,12 +123,24 @@ def _has_room(zone, rows):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
+def _divide(ground, zone, now):  # type: ignore[no-untyped-def]
+    """Make far cells coarse where it is due, before the cells in `zone.new` become fine."""
+    count = zone.number[NEW]
+    if zone.number[FAR_ROWS] > 0 and divide(ground, zone, now):
+        finish(ground, zone)
+        zone.number[NEW] = count
+        for c in zone.new[:count]:
+            zone.cells[c] = FINE
+
+
+@njit(**INNER)
 def _adapt(ground, zone, now, step, looks, starts):  # type: ignore[no-untyped-def]
     """Refine where noted, or where found if it `looks`; or note that room is lacking."""
     if looks:
         zone.number[NEW] = _look_for_hot(ground, zone, now, _look_for_broken(ground, zone))
         if ground.calm > 0:
             zone.number[NEW] = _look_for_clipped(ground, zone, now, zone.number[NEW])
+        _divide(ground, zone, now)
     begins, rows = zone.number[REGRIDS] == 0, 0
     if begins or zone.number[NEW] > 0:
         rows = mark_dirty(ground, zone)
@@ -146,6 +161,8 @@ def _go_on(ground, zone, profiles, now, step, starts, ends):  # type: ignore[no-
         if starts:
             drift(ground, zone, now, starts)
         hold(fine, coarse, holds, count, zone.total, ground.dt, profiles, now, step, ends, starts)
+    if not ends:
+        follow(coarse.u[1 - now], zone.far.u[1 - now], zone.tied, zone.number[TIED])
 
 
 @cached_njit(nogil=True, error_model="numpy")

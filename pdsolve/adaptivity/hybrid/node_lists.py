@@ -120,3 +120,43 @@ def put(value, rate, fine_nodes, coarse_nodes, border, lists):  # type: ignore[n
         for axis in range(2):
             between = (1 - w[b]) * coarse_u[axis, end[b, 0]] + w[b] * coarse_u[axis, end[b, 1]]
             u[axis, node[b]] = between + off[b, axis]
+
+
+@cached_njit(nogil=True, error_model="numpy")
+def gather_far(values, light, tied, far, at_far, out):  # type: ignore[no-untyped-def]
+    """Gather values (2, .) of far nodes, and of coarse ones tied to them, in out (n, 2); `light` as in `gather`."""
+    rows, end, w = tied
+    scaled = len(light) > 0
+    for axis in range(2):
+        for n in range(len(rows)):
+            a, b = end[n, 0], end[n, 1]
+            one, two = values[axis, a], values[axis, b]
+            out[rows[n], axis] = (1 - w[n]) * (one * light[a] if scaled else one) + w[n] * (
+                two * light[b] if scaled else two
+            )
+        for j in range(len(far)):
+            out[at_far[j], axis] = values[axis, far[j]] * light[far[j]] if scaled else values[axis, far[j]]
+
+
+@cached_njit(nogil=True, error_model="numpy")
+def put_far(value, rate, u, v, coarse_u, tied, far, at_far):  # type: ignore[no-untyped-def]
+    """Set displacements and velocities (2, .) of far nodes to values and rates (n, 2); tied coarse nodes follow."""
+    node, end, w = tied
+    for axis in range(2):
+        for j in range(len(far)):
+            u[axis, far[j]], v[axis, far[j]] = value[at_far[j], axis], rate[at_far[j], axis]
+        for n in range(len(node)):
+            coarse_u[axis, node[n]] = (1 - w[n]) * u[axis, end[n, 0]] + w[n] * u[axis, end[n, 1]]
+
+
+@cached_njit(nogil=True, error_model="numpy")
+def springs_of(entry, own, places):  # type: ignore[no-untyped-def]
+    """The bits (f, 1) of the springs of nodes of a compact lattice at these places (f,)."""
+    found = np.zeros((len(places), 1), np.uint8)
+    for j in range(len(places)):
+        row, lane, bits = places[j] // ROW, places[j] % ROW, 0
+        for k in range(8):
+            if entry[row] < 0 or own[row, k, lane] > 0:
+                bits |= 128 >> k
+        found[j, 0] = bits
+    return found

@@ -5,6 +5,7 @@ from __future__ import annotations
 from numba import njit
 
 from pdsolve.adaptivity.hybrid.crack_faces import cut_at, has_broken, is_cut, joined_to, share
+from pdsolve.adaptivity.hybrid.far_nodes import far_around
 from pdsolve.adaptivity.hybrid.lattice import (
     BORDER,
     COARSE,
@@ -90,12 +91,15 @@ def _begin_own(coarse, row, table):  # type: ignore[no-untyped-def]
     coarse.entry[row] = row
     for k in range(8):
         for lane in range(ROW):
-            coarse.own[row, k, lane] = table[k, 5] if coarse.kind[row * ROW + lane] == FREE else 0.0
+            coarse.own[row, k, lane] = table[k, 5] if coarse.kind[row * ROW + lane] != IDLE else 0.0
 
 
 @njit(**INNER)
 def set_coarse(ground, cells, lost, fine, coarse, q):  # type: ignore[no-untyped-def]
-    """Kind, mass and springs of a coarse node; its row gets its own stiffnesses when they first differ."""
+    """Kind, mass and springs of a coarse node, which is on the border next to far cells.
+
+    Its row gets its own stiffnesses when they first differ.
+    """
     at = ground.at
     x, y = coarse_column(at, q), coarse_row(at, q)
     mass, row = 0.0, q // ROW
@@ -104,7 +108,8 @@ def set_coarse(ground, cells, lost, fine, coarse, q):  # type: ignore[no-untyped
             c = cell_place(at, x + sx, y + sy)
             if cells[c] == COARSE:
                 mass += ground.cell[2, ground.mix[c]] * _share_of(ground, lost, x, y, sx, sy)
-    coarse.kind[q] = FREE if mass > 0 else IDLE
+    tied = far_around(at, cells, x, y) > 0
+    coarse.kind[q] = IDLE if mass == 0 else BORDER if tied else FREE
     for k in range(8):
         stiffness = spring_of(ground, cells, lost, q, x, y, k)
         if coarse.entry[row] < 0 and stiffness != ground.coarse_table[k, 5]:
@@ -117,7 +122,7 @@ def set_coarse(ground, cells, lost, fine, coarse, q):  # type: ignore[no-untyped
                 ix, iy = 2 * x + dx, 2 * y + dy
                 mass += _passed_on(ground, lost, coarse.kind, fine, fine_place(at, ix, iy), q)
     coarse.mass[q] = mass
-    coarse.light[q] = 1 / mass if mass > 0 else 0.0
+    coarse.light[q] = 1 / mass if mass > 0 and not tied else 0.0
 
 
 @njit(**INNER)

@@ -1,7 +1,7 @@
-"""The operator of a plate with a moving fine zone: its current coarse and fine nodes.
+"""The operator of a plate with a moving fine zone: its current fine, coarse and far nodes.
 
-A coarse node on the border is one with the fine node it lies on. Bonds are those of fine nodes and the springs of the
-coarse lattice, without pieces of clipped bonds, which never break.
+A coarse node on the border is one with the fine node it lies on, a far one likewise with the coarse one. Bonds are
+those of fine nodes and the springs of the coarse lattices, without pieces of clipped bonds, which never break.
 """
 
 from __future__ import annotations
@@ -18,18 +18,21 @@ from pdsolve.adaptivity.hybrid.arrays import (
     AXIS,
     BORDERS,
     COARSE_ROWS,
+    FAR_ROWS,
     FORCE,
     HOLDS,
     PLACE,
     PROFILE,
     REGRIDS,
     ROWS,
+    TIED,
     VALUE,
+    Nodes,
 )
 from pdsolve.adaptivity.hybrid.engine import Hybrid, ZoneSummary
 from pdsolve.adaptivity.hybrid.irregular_bonds import part_of
-from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, BELOW_COARSE, COARSE, IDLE, LEFT
-from pdsolve.adaptivity.hybrid.node_lists import gather, list_bonds, merged, put
+from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, BELOW_COARSE, COARSE, FAR, IDLE, LEFT
+from pdsolve.adaptivity.hybrid.node_lists import gather, gather_far, list_bonds, merged, put, put_far, springs_of
 from pdsolve.adaptivity.hybrid.node_rows import are_intact, of_nodes
 from pdsolve.adaptivity.two_lattice_operator import Sums, TwoLatticeOperator
 from pdsolve.codegen.vector_code import ROW
@@ -58,18 +61,36 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         self.hybrid, self._cut, self._strain = hybrid, cut, 0.0
         self._broken, self._looked = NOTHING, 0  # bonds whose rows are known, and how many have been looked for
         zone = hybrid.zone
-        own, coarse = zone.fine, hybrid.active(zone.coarse, zone.number[COARSE_ROWS])
-        places = (own.rows[: zone.number[ROWS], None] * ROW + np.arange(ROW)).ravel()
-        fine = places[own.kind[places] != IDLE]
-        self._fine, self._coarse = fine, coarse.astype(np.int32)
-        self._at_fine, self._at_coarse = np.zeros(len(fine), np.int64), np.zeros(len(coarse), np.int32)
+        own, fine = zone.fine, _present(zone.fine, zone.number[ROWS])
+        coarse, far = _present(zone.coarse, zone.number[COARSE_ROWS]), _present(zone.far, zone.number[FAR_ROWS])
+        self._fine, self._coarse, self._far = fine, coarse.astype(np.int32), far.astype(np.int32)
+        del coarse, far
+        self._at_fine, self._at_coarse = np.zeros(len(fine), np.int64), np.zeros(len(self._coarse), np.int32)
         self.places = merged(hybrid.plate.at, fine, self._coarse, self._at_fine, self._at_coarse)
+        self._at_far = self._merge_far()
         self._lists = fine, self._coarse, self._at_fine, self._at_coarse
         self._bonds = np.zeros((len(fine), len(hybrid.ground.ways)), dtype=np.bool_)  # past and present ones
-        self._springs = np.zeros((len(coarse), 1), dtype=np.uint8)  # bits, without those that are fine bonds too
+        self._springs = np.zeros((len(self._coarse), 1), dtype=np.uint8)  # bits, without those that are fine bonds too
         kinds, springs = (own.kind, own.entry, own.own), (zone.coarse.entry, zone.coarse.own)
         list_bonds(kinds, springs, zone.lost, hybrid.ground.ways, self._same(), self._lists, self._bonds, self._springs)
+        self._far_springs = springs_of(zone.far.entry, zone.far.own, self._far)  # likewise
         self._changes = self._counts()
+
+    @property
+    def kind(self) -> np.dtype[Any]:
+        """Precision of the motion."""
+        return self.hybrid.zone.fine.u.dtype
+
+    def _merge_far(self) -> NDArray[np.int32]:
+        """Number the far nodes too; returns their rows (f,)."""
+        if not len(self._far):
+            return np.zeros(0, dtype=np.int32)
+        beneath, before = self.hybrid.beneath_far(self._far.astype(np.int64)), self.places
+        both = np.sort(np.concatenate([before, beneath]), kind="stable")  # two runs, which are merged
+        self.places = both[np.append(True, both[1:] != both[:-1])]
+        rows = np.searchsorted(self.places, before)
+        self._at_fine[:], self._at_coarse[:] = rows[self._at_fine], rows[self._at_coarse]
+        return np.searchsorted(self.places, beneath).astype(np.int32)
 
     def _counts(self) -> tuple[int, int]:
         """How many changes of cells there have been, and how many cells are coarse."""
@@ -107,11 +128,12 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         found = part_of(self.hybrid.plate.model, self.rows)
         delta = found.grid.delta.copy()
         delta[self._at_coarse] *= 2
+        delta[self._at_far] = 4 * self.hybrid.plate.h
         return dataclasses.replace(found, grid=dataclasses.replace(found.grid, delta=delta, areas=self.area))
 
     @cached_property
     def area(self) -> NDArray[np.float64]:
-        """Areas (n,), m^2: for a fine node its share of fine cells, for a coarse node its share of coarse cells."""
+        """Areas (n,), m^2: for a fine node its share of fine cells, for others likewise."""
         plate, zone = self.hybrid.plate, self.hybrid.zone
         nodes = self.hybrid.ground.nodes
         part = zone.fine.mass[self._fine] / of_nodes(nodes, nodes.mass, self._fine)
@@ -124,6 +146,11 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
             corner = (y - BELOW_COARSE + AROUND) * stride + AROUND + x - LEFT
             around = sum((zone.cells[corner - dy * stride - dx] == COARSE) for dy in (0, 1) for dx in (0, 1))
             found[rows] += plate.h**2 * around
+        for first in range(0, len(self._far), TOGETHER):
+            y, x = np.divmod(self._far[first : first + TOGETHER].astype(np.int64), plate.at.far_stride)
+            corner = (2 * (y - BELOW_COARSE) + AROUND) * stride + AROUND + 2 * (x - LEFT)
+            around = sum((zone.cells[corner - dy * stride - dx] == FAR) for dy in (0, 2) for dx in (0, 2))
+            found[self._at_far[first : first + TOGETHER]] += 4 * plate.h**2 * around
         return found
 
     @cached_property
@@ -134,6 +161,7 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         fine[self._at_fine] = True
         count[self._at_fine] += self._bonds.sum(axis=1, dtype=np.int16)
         count[self._at_coarse] += BITS[self._springs[:, 0]]
+        count[self._at_far] += BITS[self._far_springs[:, 0]]
         family = count.copy()
         family[self._at_fine] += self._cut[of_nodes(nodes, nodes.own, self._fine)].astype(np.int16)
         for rows, _ in self._parts():
@@ -154,10 +182,11 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
     @property
     def signature(self) -> NDArray[np.int16]:
         """Signature (n,) that changes if a node, its area or its bonds change."""
-        quarters = np.round(4 * self.area / self.hybrid.plate.h**2)  # up to 16
-        found = (1900 * quarters).astype(np.int16)
+        quarters = np.round(4 * self.area / self.hybrid.plate.h**2)  # up to 64
+        found = (1900 * quarters % 2**15).astype(np.int16)
         found[self._at_fine] += 1 + self._bonds.sum(axis=1, dtype=np.int16)
         found[self._at_coarse] += 200 * (1 + BITS[self._springs[:, 0]])
+        found[self._at_far] += 200 * (10 + BITS[self._far_springs[:, 0]])
         return found
 
     @property
@@ -175,32 +204,44 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         super().back(kept, broken)
 
     def _gather(
-        self, fine: NDArray[np.float64], coarse: NDArray[np.float64], out: NDArray[np.float64], light: bool = False
+        self,
+        fine: NDArray[np.float64],
+        coarse: NDArray[np.float64],
+        far: NDArray[np.float64],
+        out: NDArray[np.float64],
+        light: bool = False,
     ) -> None:
-        """Gather values (2, .) of both lattices in out (n, 2), over the masses of nodes if `light`."""
+        """Gather values (2, .) of all lattices in out (n, 2), over the masses of nodes if `light`."""
         zone = self.hybrid.zone
         over = [nodes.light if light else nodes.light[:0] for nodes in (zone.fine, zone.coarse)]
         border = tuple(column[: zone.number[BORDERS]] for column in zone.border[:3])
         gather(fine, coarse, *over, border, self._lists, out)
+        tied = tuple(column[: zone.number[TIED]] for column in zone.tied[:3])
+        rows = self._at_coarse[np.searchsorted(self._coarse, tied[0])]
+        gather_far(
+            far, zone.far.light if light else zone.far.light[:0], (rows, *tied[1:]), self._far, self._at_far, out
+        )
 
     def _put(self, state: State) -> None:
-        """Set both lattices to the values and rates of a state; border nodes are interpolated."""
+        """Set all lattices to the values and rates of a state; border nodes are interpolated."""
         zone, now = self.hybrid.zone, self.hybrid.now
         lattices = ((nodes.u[now], nodes.v, nodes.kind) for nodes in (zone.fine, zone.coarse))
         border = tuple(column[: zone.number[BORDERS]] for column in zone.border)
         put(state.value, state.rate, *lattices, border, self._lists)
+        tied = tuple(column[: zone.number[TIED]] for column in zone.tied[:3])
+        put_far(state.value, state.rate, zone.far.u[now], zone.far.v, zone.coarse.u[now], tied, self._far, self._at_far)
 
     def swell(self, strain: NDArray[np.float64]) -> None:
         """Let springs stretch from their lengths at these strains (n,) of all nodes of the grid, were they free."""
         self.hybrid.swell(strain)
 
     def sync(self, state: State) -> None:
-        """Update a state from both lattices; work is known only to the ledger."""
+        """Update a state from all lattices; work is known only to the ledger."""
         zone, now = self.hybrid.zone, self.hybrid.now
-        self._gather(zone.fine.u[now], zone.coarse.u[now], state.value)
+        self._gather(zone.fine.u[now], zone.coarse.u[now], zone.far.u[now], state.value)
         border, count = zone.border, zone.number[BORDERS]
         state.value[self._rows_of(border.node[:count])] += border.off[:count]
-        self._gather(zone.fine.v, zone.coarse.v, state.rate)
+        self._gather(zone.fine.v, zone.coarse.v, zone.far.v, state.rate)
         self._accelerate(state.second)
         holds = zone.holds.what[zone.holds.on[: zone.number[HOLDS], 1]]
         state.second[self._rows_of(holds[:, PLACE]), holds[:, AXIS]] = 0.0
@@ -219,7 +260,8 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
 
     def _accelerate(self, out: NDArray[np.float64]) -> None:
         """Gather accelerations, m/s^2, from the most recent sum of forces in out (n, 2)."""
-        self._gather(self.hybrid.zone.fine.f, self.hybrid.zone.coarse.f, out, light=True)
+        zone = self.hybrid.zone
+        self._gather(zone.fine.f, zone.coarse.f, zone.far.f, out, light=True)
 
     def spent(self) -> NDArray[np.float64]:
         """Energy density (n,), J/m^3, dissipated so far by the nodes' broken and softened bonds."""
@@ -232,8 +274,9 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         zone, light = self.hybrid.zone, np.zeros(len(self.places))
         light[self._at_fine] = zone.fine.light[self._fine]  # 0 of those on the border
         light[self._at_coarse] = zone.coarse.light[self._coarse]
-        coarse = self._coarse.astype(np.int64)
-        points = points_of(self.hybrid, self._row_of(), self._fine, coarse, self.hybrid.beneath(coarse))
+        light[self._at_far] = zone.far.light[self._far]
+        coarse, far = self._coarse.astype(np.int64), self._far.astype(np.int64)
+        points = points_of(self.hybrid, self._row_of(), self._fine, coarse, far)
         return tangent_of(self.hybrid, points, state.value, self.model.rho, light)
 
     def _row_of(self) -> NDArray[np.int32]:
@@ -245,11 +288,12 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Strain energy densities (n,), J/m^3, and zeros for softening, which is part of the state."""
         self.take(state)
-        fine, coarse = self.hybrid.held()
+        fine, coarse, far = self.hybrid.held()
         held = np.zeros(len(self.places))
         held[self._at_fine] = fine[self._fine]
         for rows, places in self._parts():
             held[rows] += coarse[places]
+        held[self._at_far] += far[self._far]
         self._strain = float(held.sum())
         held /= self.area
         return held, np.zeros_like(held)
@@ -283,21 +327,22 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         """Source and target rows (k,) of the intact bonds of nodes `first` to `last` - 1, or of those at the
         `start`."""
         last = len(self.places) if last is None else last
-        each = ((rows, np.array([first, last], dtype=rows.dtype)) for rows in (self._at_fine, self._at_coarse))
-        own, some = (np.arange(*np.searchsorted(rows, ends)) for rows, ends in each)  # of one type: no copy of all rows
-        return self._bonds_at(own, some, start)
+        lists = self._at_fine, self._at_coarse, self._at_far
+        each = ((rows, np.array([first, last], dtype=rows.dtype)) for rows in lists)
+        own, some, far = (np.arange(*np.searchsorted(rows, ends)) for rows, ends in each)  # of one type: no copies
+        return self._bonds_at(own, some, far, start)
 
     def bonds_of(self, rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Source and target rows (k,) of the intact bonds of these nodes, which increase, in order."""
         asked = np.zeros(len(self.places), dtype=np.bool_)
         asked[rows] = True
-        own, some = (np.flatnonzero(asked[at]) for at in (self._at_fine, self._at_coarse))
-        return self._bonds_at(own, some, False)
+        own, some, far = (np.flatnonzero(asked[at]) for at in (self._at_fine, self._at_coarse, self._at_far))
+        return self._bonds_at(own, some, far, False)
 
     def _bonds_at(
-        self, own: NDArray[np.int64], some: NDArray[np.int64], start: bool
+        self, own: NDArray[np.int64], some: NDArray[np.int64], far: NDArray[np.int64], start: bool
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Source and target rows (k,) of the bonds of some of the fine and of the coarse nodes, by their numbers."""
+        """Source and target rows (k,) of the bonds of some of the fine, coarse and far nodes, by their numbers."""
         ground, zone, half = self.hybrid.ground, self.hybrid.zone, len(self.hybrid.ground.ways) // 2
         node, k = np.nonzero(self._bonds[own])
         fine = self._fine[own][node]
@@ -308,9 +353,13 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
             fine, target = fine[intact], target[intact]
         node, k = np.nonzero(np.unpackbits(self._springs[some], axis=1))
         coarse = self._coarse[some][node].astype(np.int64)
-        ends = (self._rows_of(self.hybrid.beneath(one)) for one in (coarse, coarse + ground.coarse_ways[k]))
+        ends = [self.hybrid.beneath(one) for one in (coarse, coarse + ground.coarse_ways[k])]
+        node, k = np.nonzero(np.unpackbits(self._far_springs[far], axis=1))
+        places = self._far[far][node].astype(np.int64)
+        far_ends = (self.hybrid.beneath_far(one) for one in (places, places + ground.far_ways[k]))
         source, target = (
-            np.concatenate([self._rows_of(one), other]) for one, other in zip((fine, target), ends, strict=True)
+            np.concatenate([self._rows_of(one) for one in each])
+            for each in zip((fine, target), ends, far_ends, strict=True)
         )
         order = np.lexsort((target, source))
         return source[order], target[order]
@@ -328,3 +377,9 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
             known = self._broken = Broken(*map(np.concatenate, zip(known, more, strict=True)))
         new = known.step > after
         return Broken(*(column[new] for column in known))
+
+
+def _present(nodes: Nodes, rows: int) -> NDArray[np.int64]:
+    """Places of the nodes that are not idle, from the first `rows` rows."""
+    places = (nodes.rows[:rows, None] * ROW + np.arange(ROW)).ravel()
+    return np.asarray(places[nodes.kind[places] != IDLE])

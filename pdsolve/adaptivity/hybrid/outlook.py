@@ -22,7 +22,7 @@ from pdmesh.model.refused_settings import impossible
 from pdmesh.model.selection import components, given_of
 from pdsolve.adaptivity.hybrid.coarse_cells import Plate, cells_of, plate_of, tips_of
 from pdsolve.adaptivity.hybrid.lattice import COARSE, FINE
-from pdsolve.adaptivity.hybrid.springs import fine_springs
+from pdsolve.adaptivity.hybrid.springs import springs_of
 from pdsolve.errors import LateZoneError, UnstableError
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.options import Options
@@ -89,6 +89,8 @@ def _choice(model: Model, options: Options) -> tuple[Adapt, str]:
     """The adaptivity that a model gets, and why, in words."""
     if model.grid.dimension == 3:
         return "none", "its costs are known in a plate alone, found a body in space"
+    if any(material.model != "bond" for material in model.materials):
+        return "none", "its costs are known of bonds alone, found a model of families"
     if model.swells:
         return "none", "its costs are known of mechanics alone, found a plate that a content swells"
     hybrid = adapted(model, "hybrid")
@@ -108,8 +110,8 @@ def _choice(model: Model, options: Options) -> tuple[Adapt, str]:
 
 def outlook(model: Model, options: Options) -> Outlook:
     """Predicts what a moving fine zone will cost. Raises ModelError for a model that the method does not support."""
-    plate = plate_of(model, options.mode, options.precision)
-    springs = [fine_springs(material, model.settings.horizon.ratio, plate.h) for material in model.materials]
+    plate = plate_of(model, options.mode)
+    springs = springs_of(model.materials, model.settings.horizon.ratio, plate.h)
     cells = cells_of(plate, int(np.abs(springs[0].dx).max()))
     fine, coarse = (int(np.count_nonzero(cells == kind)) for kind in (FINE, COARSE))
     begins = fine / max(fine + coarse, 1)

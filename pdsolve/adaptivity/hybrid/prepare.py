@@ -11,14 +11,15 @@ from numpy.typing import NDArray
 from pdmesh.model.document import InitialVelocity, Velocity
 from pdsolve import conditions
 from pdsolve.adaptivity.hybrid.alike_rows import node_rows
-from pdsolve.adaptivity.hybrid.arrays import VALUE, Entries, LatticeConstants, zone_of
+from pdsolve.adaptivity.hybrid.arrays import PLACE, VALUE, Entries, LatticeConstants, zone_of
 from pdsolve.adaptivity.hybrid.coarse_cells import CellAreas, Plate, cells_of, plate_of
 from pdsolve.adaptivity.hybrid.engine import Hybrid
+from pdsolve.adaptivity.hybrid.far_cells import far_cells
 from pdsolve.adaptivity.hybrid.irregular_bonds import Irregular, irregular
 from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, FINE, LEFT
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.adaptivity.hybrid.precracks import begin_coarse, lengthened
-from pdsolve.adaptivity.hybrid.springs import COARSE_OFFSETS, Springs, coarse_springs, e_of, fine_springs, stretches
+from pdsolve.adaptivity.hybrid.springs import COARSE_OFFSETS, Springs, coarse_springs, e_of, springs_of, stretches
 from pdsolve.conditions import Drive, drive, initial_velocity
 from pdsolve.model import Model
 from pdsolve.numerics.memory import give_back
@@ -36,12 +37,13 @@ def hybrid_of(
     Raises ModelError for a model that the method does not support.
     """
     swells, model = model.swells, model.moving_part() if model.swells else model
-    plate = plate_of(model, mode, precision)
-    springs = tuple(fine_springs(each, model.settings.horizon.ratio, plate.h) for each in model.materials)
+    plate = plate_of(model, mode)
+    springs = springs_of(model.materials, model.settings.horizon.ratio, plate.h)
     found = irregular(plate, springs)
     give_back()
     bound = float(np.sqrt(2 / max(_resistance(plate, springs, found))))
-    ground = ground_of(plate, springs, found, step_of(model, bound))
+    kind = np.dtype(precision).type
+    ground = ground_of(plate, springs, found, step_of(model, bound), kind)
     begin_coarse(ground)
     cut = np.append(found.family - np.count_nonzero(found.springs, axis=1), 0)
     cells = cells_of(plate, ground.reach)
@@ -50,8 +52,11 @@ def hybrid_of(
     driven = drive(model, area, True, np.float64)
     rows = ROOM + 6 * int(np.count_nonzero(cells == FINE))
     damps = ground.nodes.damping is not None
-    zone = zone_of(plate.at, cells, len(ground.ways), rows, ground.varied, threads, swells, damps)._replace(
-        loads=_loads(plate, driven, area), holds=_entries(plate, driven.holds, 1)
+    loads, holds = _loads(plate, driven, area), _entries(plate, driven.holds, 1)
+    if not swells and kind is np.float64:
+        cells = far_cells(plate, ground, cells, np.concatenate([loads.what[:, PLACE], holds.what[:, PLACE]]))
+    zone = zone_of(plate.at, cells, len(ground.ways), rows, ground.varied, threads, swells, damps, kind=kind)._replace(
+        loads=loads, holds=holds
     )
     hybrid = Hybrid(plate, ground, zone, driven)
     starts = any(isinstance(one, InitialVelocity | Velocity) for one in model.settings.conditions)
@@ -59,7 +64,9 @@ def hybrid_of(
     return HybridOperator(hybrid, cut), bound
 
 
-def ground_of(plate: Plate, springs: tuple[Springs, ...], found: Irregular, dt: float) -> LatticeConstants:
+def ground_of(
+    plate: Plate, springs: tuple[Springs, ...], found: Irregular, dt: float, kind: type[np.floating] = np.float64
+) -> LatticeConstants:
     """Constant arrays for steps of `dt`, s; the effects of pre-cracks on the coarse lattice are not yet recorded."""
     at, model, h = plate.at, plate.model, plate.h
     kappa = model.settings.run.hybrid.kappa
@@ -72,17 +79,19 @@ def ground_of(plate: Plate, springs: tuple[Springs, ...], found: Irregular, dt: 
         h=h,
         dx=first.dx,
         dy=first.dy,
-        table=aligned(first.table),
+        table=aligned(first.table.astype(kind)),
         ways=first.dy * at.stride + first.dx,
         coarse_dx=coarse.dx,
         coarse_dy=coarse.dy,
-        coarse_table=aligned(coarse.table),
+        coarse_table=aligned(coarse.table.astype(kind)),
         coarse_ways=coarse.dy * at.coarse_stride + coarse.dx,
+        far_table=aligned(coarse_springs(first, 2 * h).table.astype(kind)),
+        far_ways=coarse.dy * at.far_stride + coarse.dx,
         cut=stretches(first),
         reach=int(np.abs(first.dx).max()),
         varied=len(springs) > 1 or first.peak < first.limit,
         dt=dt,
-        nodes=node_rows(plate, found, len(first.dx) // 2),
+        nodes=node_rows(plate, found, springs),
         springs=np.array([one.table[:, 5] for one in springs]),
         bounds=bounds,
         least=bounds.min(axis=0),

@@ -26,6 +26,8 @@ from pdsolve.adaptivity.hybrid.bond_breaking import break_bridges
 from pdsolve.adaptivity.hybrid.clipped_bonds import put_pieces, set_row
 from pdsolve.adaptivity.hybrid.damping import set_damping, undamp
 from pdsolve.adaptivity.hybrid.energy import energy_of
+from pdsolve.adaptivity.hybrid.far_cells import begin_far
+from pdsolve.adaptivity.hybrid.far_nodes import far_around, list_far, list_rows
 from pdsolve.adaptivity.hybrid.forces import follow
 from pdsolve.adaptivity.hybrid.lattice import AROUND as RIM
 from pdsolve.adaptivity.hybrid.lattice import (
@@ -108,7 +110,8 @@ def mark_dirty(ground, zone):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def _list_around(at, zone, x0, y0, x1, y1):  # type: ignore[no-untyped-def]
-    """List, in order, the coarse nodes at the corners of the new cells; at the start, all coarse nodes.
+    """List, in order, the coarse nodes at the corners of the new cells; at the start, all coarse nodes that are
+    not amid far cells.
 
     The new cells lie within these columns and rows of fine nodes.
     """
@@ -122,7 +125,7 @@ def _list_around(at, zone, x0, y0, x1, y1):  # type: ignore[no-untyped-def]
     for iy in range(y0 + y0 % 2, y1, 2):
         for ix in range(x0 + x0 % 2, x1, 2):
             p = fine_place(at, ix, iy)
-            if begins or zone.mark[p]:
+            if zone.mark[p] or (begins and far_around(at, zone.cells, ix // 2, iy // 2) < 4):
                 zone.mark[p] = False
                 zone.around[around] = coarse_place(at, ix // 2, iy // 2)
                 around += 1
@@ -150,6 +153,8 @@ def refine(ground, zone, now, step):  # type: ignore[no-untyped-def]
             zone.mark[p] = True
         zone.total[REFINEMENT] += break_bridges(ground, zone, dirty, now, step)
     set_nodes(ground, zone, dirty, dirty_coarse, now)
+    if zone.number[REGRIDS] == 0:
+        begin_far(ground, zone)
     put_pieces(ground, zone, dirty)
     if ground.calm > 0:
         _let_keep(zone, dirty, dirty_coarse, x, y)
@@ -256,19 +261,6 @@ def _list_fine(ground, zone):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _list_coarse(coarse):  # type: ignore[no-untyped-def]
-    """List rows with coarse nodes; returns how many."""
-    rows = 0
-    for row in range(len(coarse.entry)):
-        for q in range(row * ROW, row * ROW + ROW):
-            if coarse.kind[q] == FREE:
-                coarse.rows[rows] = row
-                rows += 1
-                break
-    return rows
-
-
-@njit(**INNER)
 def finish(ground, zone):  # type: ignore[no-untyped-def]
     """Rebuild the lists of rows, border nodes, loads and holds once cells have become others."""
     fine, coarse = zone.fine, zone.coarse
@@ -277,7 +269,8 @@ def finish(ground, zone):  # type: ignore[no-untyped-def]
     zone.number[NEW] = 0
     fine.touched[:] = False
     coarse.touched[:] = False
-    zone.number[COARSE_ROWS] = _list_coarse(coarse)
+    zone.number[COARSE_ROWS] = list_rows(coarse)
+    list_far(ground, zone, zone.number[COARSE_ROWS])
     _list_fine(ground, zone)
     for n in range(zone.number[PIECES]):
         for which in range(2):

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.lattice_calibration import calibration, hu_beta, offsets
+from pdmesh.model.lattice_calibration import calibration, has_partial_cells, hu_beta, offsets
 from pdmesh.model.material import Material
 from pdmesh.model.material_constants import critical_stretch, micromodulus
 from pdsolve.adaptivity.hybrid.bond_division import divided
@@ -24,6 +24,7 @@ COARSE_OFFSETS = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (
 TIE = -1  # direction of a piece's end that is a node
 EAST, NORTH = 0, 1  # directions of the coarse edge that it lies on
 WINDOW = 7  # cells that bonds of a node could pass through, along each axis: families reach 6 spacings
+NOTHING = 1e-12  # of the largest modulus: bonds with less are none
 
 
 class Springs(NamedTuple):
@@ -40,19 +41,35 @@ class Springs(NamedTuple):
 
 def fine_springs(material: Material, ratio: float, h: float) -> Springs:
     """Springs of the fine lattice of spacing `h`, m: calibrated bonds with a `ratio` of horizon to spacing."""
-    partial = material.micromodulus == "constant"
-    xi = offsets(ratio + 0.5 if partial else ratio)
-    length, reach, size = np.hypot(*xi.T), np.full(len(xi), float(ratio)), np.ones(len(xi))
-    factors = calibration(ratio, material, partial)
-    c = factors.stiffness * micromodulus(material, length, reach) * (hu_beta(length, reach, size) if partial else 1.0)
-    ahead = (c > 1e-12 * c.max()) & ((xi[:, 1] > 0) | ((xi[:, 1] == 0) & (xi[:, 0] > 0)))
-    xi, c = np.concatenate([xi[ahead], -xi[ahead]]), np.tile(c[ahead], 2)
+    return springs_of((material,), ratio, h)[0]
+
+
+def springs_of(materials: tuple[Material, ...], ratio: float, h: float) -> tuple[Springs, ...]:
+    """Springs of each material, all of one family: 0 where a material has none but another has some."""
+    farther = any(has_partial_cells(material) for material in materials)
+    xi = offsets(ratio + 0.5 if farther else ratio)
+    moduli = [_modulus(material, ratio, np.hypot(*xi.T)) for material in materials]
+    some = np.logical_or.reduce([c > 0 for c in moduli]) & ((xi[:, 1] > 0) | ((xi[:, 1] == 0) & (xi[:, 0] > 0)))
+    xi = np.concatenate([xi[some], -xi[some]])
+    return tuple(_springs(one, ratio, h, xi, np.tile(c[some], 2)) for one, c in zip(materials, moduli, strict=True))
+
+
+def _modulus(material: Material, ratio: float, length: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Calibrated modulus (k,) of bonds of these lengths, in a lattice of spacing 1."""
+    reach, partial = np.full(len(length), float(ratio)), has_partial_cells(material)
+    counted = hu_beta(length, reach, np.ones(len(length))) if partial else np.where(length <= ratio, 1.0, 0.0)
+    c = calibration(ratio, material, partial).stiffness * micromodulus(material, length, reach) * counted
+    return np.where(c > NOTHING * c.max(), c, 0.0)
+
+
+def _springs(material: Material, ratio: float, h: float, xi: NDArray[np.float64], c: NDArray[np.float64]) -> Springs:
+    """Springs of a family xi (k, 2), in spacings, with moduli c (k,)."""
     length = np.hypot(*xi.T)
     n_x, n_y = (xi / length[:, None]).T
     stiffness = c / length  # of a lattice of spacing 1 and horizon `ratio`, which has the same springs
     c11, c66 = (float(0.5 * np.sum(c * length * term)) for term in (n_x**4, (n_x * n_y) ** 2))
     horizon = np.array([ratio * h])
-    critical = factors.stretch * critical_stretch(material, horizon)
+    critical = calibration(ratio, material, has_partial_cells(material)).stretch * critical_stretch(material, horizon)
     stretch = limits(material, Sizes(critical, np.full(1, h), horizon, ratio))
     dx, dy = np.round(xi.T).astype(np.int64)
     return Springs(dx, dy, _table(xi * h, stiffness), float(stretch.peak[0]), float(stretch.limit[0]), c11, c66)

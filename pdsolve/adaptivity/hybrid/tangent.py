@@ -1,6 +1,6 @@
-"""Tangent of the forces on both lattices: fine bonds, coarse springs, pieces of clipped bonds.
+"""Tangent of the forces on all lattices: fine bonds, springs of coarse and far nodes, pieces of clipped bonds.
 
-All of them are springs between points: fine nodes, coarse nodes and ends of pieces, in this order. A point moves with
+All of them are springs between points: fine, coarse and far nodes and ends of pieces, in this order. A point moves with
 independent nodes by weights, and passes its forces to them by the same weights.
 """
 
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array, diags_array, eye_array, kron, vstack
 
-from pdsolve.adaptivity.hybrid.arrays import BORDERS, PIECES, Nodes
+from pdsolve.adaptivity.hybrid.arrays import BORDERS, PIECES, TIED, Nodes
 from pdsolve.adaptivity.hybrid.engine import Hybrid
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.operators.tangent import of_green_springs, of_springs
@@ -27,30 +27,38 @@ class Points(NamedTuple):
     of_point: csr_array  # (p, n)
     fine: NDArray[np.int64]  # (places,) point of a fine place, -1 without one
     coarse: NDArray[np.int64]  # (coarse places,)
+    far: NDArray[np.int64]  # (far places,)
     ends: NDArray[np.int64]  # (2, pieces)
 
 
 def points_of(hybrid: Hybrid, row_of: NDArray[np.int32], fine: NDArray[np.int64], coarse: NDArray[np.int64],
-              on: NDArray[np.int64]) -> Points:  # fmt: skip
+              far: NDArray[np.int64]) -> Points:  # fmt: skip
     """The points of the current nodes.
 
-    `row_of` (places,) is the row of each fine place, `fine` and `coarse` are the places of both lattices, `on` the fine
-    places that the coarse nodes lie on.
+    `row_of` (places,) is the row of each fine place; `fine`, `coarse` and `far` are the places of nodes on the
+    lattices.
     """
     zone, nodes, at = hybrid.zone, int(row_of.max()) + 1, hybrid.plate.at
-    row_of_coarse = np.full(at.coarse_places, -1, dtype=np.int64)
-    row_of_coarse[coarse] = row_of[on]
-    border, count = zone.border, int(zone.number[BORDERS])
-    tied = row_of[border.node[:count]].astype(np.int64)
-    of_node = _between(tied, row_of_coarse[border.end[:count]], border.w[:count], nodes)
-    own = np.ones(nodes)
-    own[tied] = 0.0
+    row_of_coarse, row_of_far = (np.full(places, -1, dtype=np.int64) for places in (at.coarse_places, at.far_places))
+    on, far_on = hybrid.beneath(coarse), hybrid.beneath_far(far)
+    row_of_coarse[coarse], row_of_far[far] = row_of[on], row_of[far_on]
+    own, of_node = np.ones(nodes), csr_array((nodes, nodes))
+    for border, count, rows, ends in (
+        (zone.border, BORDERS, row_of, row_of_coarse),
+        (zone.tied, TIED, row_of_coarse, row_of_far),
+    ):
+        some = int(zone.number[count])
+        tied = rows[border.node[:some]].astype(np.int64)
+        of_node = of_node + _between(tied, ends[border.end[:some]], border.w[:some], nodes)
+        own[tied] = 0.0
     of_node = (of_node + diags_array(own)).tocsr()
 
     pieces, some = zone.pieces, int(zone.number[PIECES])
     of_fine, of_coarse = np.full(at.places, -1), np.full(at.coarse_places, -1)
     of_fine[fine], of_coarse[coarse] = np.arange(len(fine)), len(fine) + np.arange(len(coarse))
-    known = np.concatenate([row_of[fine], row_of[on]]).astype(np.int64)
+    of_far = np.full(at.far_places, -1)
+    of_far[far] = len(fine) + len(coarse) + np.arange(len(far))
+    known = np.concatenate([row_of[fine], row_of[on], row_of[far_on]]).astype(np.int64)
     whole = csr_array((np.ones(len(known)), (np.arange(len(known)), known)), (len(known), nodes))
     found = [whole]
     for side in range(2):
@@ -62,7 +70,7 @@ def points_of(hybrid: Hybrid, row_of: NDArray[np.int32], fine: NDArray[np.int64]
         w = np.where(on_fine, 0.0, pieces.value[:some, side])
         found.append(_between(np.arange(some), rows, w, nodes, some))
     of_end = len(known) + np.arange(2 * some).reshape(2, some)
-    return Points(of_node, (vstack(found) @ of_node).tocsr(), of_fine, of_coarse, of_end)
+    return Points(of_node, (vstack(found) @ of_node).tocsr(), of_fine, of_coarse, of_far, of_end)
 
 
 def _between(
@@ -95,15 +103,20 @@ def _forces(hybrid: Hybrid, points: Points, value: NDArray[np.float64]) -> csr_a
     """Minus the derivative (2 n, 2 n), N/m^2, of the forces (n, 2), N/m, on independent nodes."""
     zone, ground = hybrid.zone, hybrid.ground
     u = points.of_point @ value
-    fine, coarse = np.flatnonzero(points.fine >= 0), np.flatnonzero(points.coarse >= 0)
+    fine = np.flatnonzero(points.fine >= 0)
     node, k, stiffness = _springs(zone.fine, fine, ground.table)
     xi = ground.table[k, :2]
     source, target = points.fine[fine[node]], points.fine[fine[node] + ground.ways[k]]
     found = of_springs(source, target, xi, stiffness * np.sqrt((xi**2).sum(axis=1)), u)
 
-    node, k, stiffness = _springs(zone.coarse, coarse, ground.coarse_table)
-    source, target = points.coarse[coarse[node]], points.coarse[coarse[node] + ground.coarse_ways[k]]
-    found += of_green_springs(source, target, ground.coarse_table[k, :2], stiffness, u)
+    for nodes, number, table, ways in (
+        (zone.coarse, points.coarse, ground.coarse_table, ground.coarse_ways),
+        (zone.far, points.far, ground.far_table, ground.far_ways),
+    ):
+        places = np.flatnonzero(number >= 0)
+        node, k, stiffness = _springs(nodes, places, table)
+        source, target = number[places[node]], number[places[node] + ways[k]]
+        found += of_green_springs(source, target, table[k, :2], stiffness, u)
 
     some, (first, second) = int(zone.number[PIECES]), points.ends
     piece = zone.pieces.value[:some]

@@ -1,7 +1,7 @@
 """Fine cells far behind crack tips become coarse again; what has broken cuts their springs.
 
-The coarse nodes take the displacements of the fine nodes there, and their momentum. All that is new is tried before:
-where it would be stretched, cells stay fine, so that no bond breaks by the change.
+The coarse nodes take the displacements of the fine nodes there, their momentum and kinetic energy. All that is new is
+tried before: where it would be stretched, cells stay fine, so that no bond breaks by the change.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ from pdsolve.adaptivity.hybrid.nodes import border_end, set_coarse, set_fine, to
 from pdsolve.adaptivity.hybrid.precracks import lasts
 from pdsolve.adaptivity.hybrid.regrid import finish, mark_dirty, mark_disc, set_nodes
 from pdsolve.adaptivity.hybrid.wake_cells import is_stretched, list_cells
+from pdsolve.adaptivity.hybrid.wake_motion import kinetic_of, of_quarters, quarter, sharpen
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.operators.simd_lattice.kernel import INNER, displaced
 
@@ -49,6 +50,7 @@ def coarsen(ground, zone, now, step):  # type: ignore[no-untyped-def]
     for p in dirty:
         zone.mark[p] = True
     before = energy_of(ground, zone, now, dirty, around)
+    moving = kinetic_of(zone, dirty, around)
     _lay_by(zone, dirty, around, now)
     while True:
         tried = zone.number[NEW]
@@ -58,6 +60,7 @@ def coarsen(ground, zone, now, step):  # type: ignore[no-untyped-def]
             break
         _keep_fine(ground.at, zone, failed, ground.reach)
         _take_back(ground, zone, dirty, around, now, tried)
+    sharpen(ground, zone, dirty, around, now, moving)
     for p in dirty:
         zone.mark[p] = True
     zone.total[REFINEMENT] += energy_of(ground, zone, now, dirty, around) - before
@@ -140,19 +143,19 @@ def _hand_over(ground, zone, dirty, around):  # type: ignore[no-untyped-def]
         x, y = c % at.cell_stride - RIM, c // at.cell_stride - RIM
         for n in range(9):
             p = fine_place(at, 2 * x + n % 3, 2 * y + n // 3)
-            mass = (1 + n % 3 % 2) * (1 + n // 3 % 2) * _quarter(ground, zone.cells, p)
             if fine.kind[p] == FREE:
                 joined = joined_to(ground, zone.lost, x, y, n)
                 for corner in range(4):
                     q = coarse_place(at, x + corner % 2, y + corner // 2)
-                    _add(coarse.v, q, share(joined, n, corner) * mass, fine.v, p)
+                    mass = share(joined, n, corner) * of_quarters(ground, zone.cells, x, y, n)
+                    _add(coarse.v, q, mass, fine.v, p)
     for c in new:
         zone.cells[c] = COARSE
     for p in dirty:
         ix, iy = fine_column(at, p), fine_row(at, p)
         if fine.kind[p] != FREE or touches(at, zone.cells, ix, iy, COARSE) == 0:
             continue
-        mass = touches(at, zone.cells, ix, iy, FINE) * _quarter(ground, zone.cells, p)
+        mass = touches(at, zone.cells, ix, iy, FINE) * quarter(ground, zone.cells, p)
         if mass > 0:
             a, b, w = border_end(ground, zone.lost, coarse.kind, p)
             w = max(w, 0.0)
@@ -165,14 +168,6 @@ def _add(momentum, q, mass, v, p):  # type: ignore[no-untyped-def]
     """Add that of a mass with the velocity of node p to the momentum of node q."""
     momentum[0, q] += mass * v[0, p]
     momentum[1, q] += mass * v[1, p]
-
-
-@njit(**INNER)
-def _quarter(ground, cells, p):  # type: ignore[no-untyped-def]
-    """Mass of a fine node in each square around it."""
-    ix, iy = fine_column(ground.at, p), fine_row(ground.at, p)
-    squares = touches(ground.at, cells, ix, iy, FINE) + touches(ground.at, cells, ix, iy, COARSE)
-    return of_node(ground.nodes, ground.nodes.mass, p) / squares
 
 
 @njit(**INNER)

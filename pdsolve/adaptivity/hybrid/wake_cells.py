@@ -1,8 +1,9 @@
 """Fine cells that may become coarse again: those far behind crack tips.
 
 They are farther than BEHIND from every node that has lost its first bond in the last PAST steps and from the ends of
-cracks, and farther than AHEAD from every stretched bond. Bonds that still join the faces of a crack behind its tip may
-break one by one; they are of nodes that have lost others long before.
+cracks, and farther than AHEAD from every stretched bond, and from bonds between the faces of a crack that are pressed:
+a coarse cell does not have these. Bonds that still join the faces of a crack behind its tip may break one by one; they
+are of nodes that have lost others long before.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from __future__ import annotations
 from numba import njit
 
 from pdsolve.adaptivity.hybrid.arrays import AHEAD, BREAKS, PLACE, ROWS
-from pdsolve.adaptivity.hybrid.crack_faces import EAST, HALF, NORTH, WHOLE, is_cut
+from pdsolve.adaptivity.hybrid.crack_faces import EAST, HALF, NORTH, WHOLE, bridges, is_cut
 from pdsolve.adaptivity.hybrid.energy import strain_e
 from pdsolve.adaptivity.hybrid.forces import sum_narrow
 from pdsolve.adaptivity.hybrid.lattice import AROUND as RIM
@@ -33,6 +34,7 @@ from pdsolve.operators.simd_lattice.kernel import INNER, displaced
 PAST = 100  # steps: bonds that broke so long ago are behind a tip
 BEHIND = 16  # h: cells this near to a node whose first bond broke since then stay fine
 LOOK = 3  # cells: a crack that crosses a ring so far away once ends inside
+FIRM = 0.5  # of what is calm: cells near bonds between the faces of a crack that are so stretched or pressed stay fine
 KEPT = EMPTY + 1  # fine cells that are to stay so, for the time being
 
 
@@ -100,6 +102,10 @@ def _keep_stretched(ground, zone, now, count):  # type: ignore[no-untyped-def]
     u, s = fine.u[now], zone.s[0]
     wide = across(s)
     for row in fine.rows[: zone.number[ROWS]]:
+        for p in range(row * ROW, row * ROW + ROW):
+            if zone.lost[p] != 0 and fine.kind[p] != IDLE and _holds_faces(ground, zone, u, p):
+                count = mark_disc(at, cells, new, count, fine_column(at, p), fine_row(at, p), AHEAD, FINE, KEPT)
+    for row in fine.rows[: zone.number[ROWS]]:
         for p0 in range(row * ROW, row * ROW + ROW, wide):
             if sum_narrow(ground, fine, u, fine.entry[row], p0 % ROW, p0, ground.calm, s) == 0:
                 continue
@@ -107,6 +113,20 @@ def _keep_stretched(ground, zone, now, count):  # type: ignore[no-untyped-def]
                 if is_stretched(ground, fine, u, p, False):
                     count = mark_disc(at, cells, new, count, fine_column(at, p), fine_row(at, p), AHEAD, FINE, KEPT)
     return count
+
+
+@njit(**INNER)
+def _holds_faces(ground, zone, u, p):  # type: ignore[no-untyped-def]
+    """Whether a bond of a fine node between two faces of a crack is stretched or pressed: its energy would be lost."""
+    fine = zone.fine
+    entry, lane = fine.entry[p // ROW], p % ROW
+    for k in range(len(ground.ways) // 2):
+        if entry >= 0 and fine.own[entry, k, lane] == 0:
+            continue
+        eta_x, eta_y = displaced(u, fine.shrink, ground.table[k, 0], ground.table[k, 1], p, p + ground.ways[k])
+        if abs(strain_e(ground.table, k, eta_x, eta_y)) > FIRM * ground.calm and bridges(ground, zone.lost, p, k):
+            return True
+    return False
 
 
 @njit(**INNER)

@@ -32,6 +32,7 @@ from pdmesh.model.document import (
     write_file,
 )
 from pdmesh.model.node_grid import Grid, document_of, whole_lattice
+from pdmesh.model.refused_settings import impossible
 from pdmesh.scene.units import UNITS
 from pdsolve.__main__ import main as solve_command
 from pdsolve.adaptivity.hybrid.coarse_cells import plate_of
@@ -60,18 +61,15 @@ def off_lattice() -> Grid:
 
 
 STATE_BASED = [
-    msgspec.structs.replace(GLASS, model=name, nu=nu)
-    for name, nu in (("ordinary", 0.3), ("correspondence", 0.3), ("micropolar", 0.2))
+    msgspec.structs.replace(GLASS, model=name, nu=nu) for name, nu in (("correspondence", 0.3), ("micropolar", 0.2))
 ]
 CONSTANT = msgspec.structs.replace(GLASS, micromodulus="constant")
-REGION = Region(box=(0.0, 0.0, 0.01, 0.01), material=CONSTANT)
 PUSH = Acceleration(box=(0.0, 0.0, 0.01, 0.01), x=1.0)
 
 
 @pytest.mark.parametrize(
     ("model", "words"),
     [
-        (plate(cracked(), 4, regions=(REGION,)), naming("regions[0].material.micromodulus", found="constant")),
         (plate(cracked(), 4, run=Run(solver="static")), naming("run.solver", found="static", expected="explicit")),
         (plate(cracked(), 4, run=Run(start="static")), naming("run.start", found="static", expected="unloaded")),
         (plate(off_lattice(), 4), "nodes that are on no lattice"),
@@ -88,15 +86,28 @@ def test_what_cannot_be_solved_so_is_refused(model: Model, words: str) -> None:
     run = msgspec.structs.replace(model.settings.run, adapt="hybrid")
     model = dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, run=run))
     with pytest.raises(ModelError, match=words) as error:
-        _ = scheme_of(model, Options()), plate_of(model, "conservative", "float64")
+        _ = scheme_of(model, Options()), plate_of(model, "conservative")
     assert str(error.value).endswith("as run.adapt is hybrid")
 
 
-@pytest.mark.parametrize(("mode", "precision"), [("thesis", "float64"), ("conservative", "float32")])
-def test_other_modes_are_refused(mode: str, precision: str) -> None:
-    """And other precisions."""
-    with pytest.raises(ModelError, match=naming(found=mode if mode == "thesis" else precision)):
-        plate_of(plate(cracked(), 4), mode, precision)
+@pytest.mark.parametrize(
+    ("adapt", "plane", "refuses"), [("hybrid", "stress", 0), ("hybrid", "space", 1), ("collocation", "stress", 1)]
+)
+def test_materials_of_two_micromoduli_have_one_family_in_the_plane(adapt: str, plane: str, refuses: int) -> None:
+    """Zones in space and collocation refuse them in one sentence."""
+    glass, constant = (msgspec.structs.replace(one, plane=plane) for one in (GLASS, CONSTANT))
+    found = plate(cracked(), 4).settings
+    run, region = msgspec.structs.replace(found.run, adapt=adapt), Region(nodes=(1,), material=constant)
+    settings = msgspec.structs.replace(found, run=run, material=glass, regions=(region,))
+    words = [str(one) for one in impossible(settings, 3 if plane == "space" else 2) if "micromodulus" in str(one)]
+    assert len(words) == refuses
+    assert all("constant" in one and "conical" in one for one in words)
+
+
+def test_the_mode_of_the_thesis_is_refused() -> None:
+    """Its bonds are one-sided."""
+    with pytest.raises(ModelError, match=naming(found="thesis")):
+        plate_of(plate(cracked(), 4), "thesis")
 
 
 def test_the_compact_lattice_is_as_stiff_as_the_fine_one() -> None:

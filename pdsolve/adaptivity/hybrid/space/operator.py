@@ -390,15 +390,12 @@ class SpaceHybrid:
         where = np.argwhere(new.reshape(box.padded))[:, ::-1] - box.pad
         return self.refined(np.ascontiguousarray(where))
 
-    def moved(self, other: SpaceHybrid, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Values (m, 3) of the nodes of `other`, refined from this one, interpolated from those here (n, 3)."""
-        found, scratch = np.zeros((len(other.sites), 3)), (np.zeros(8, np.int64), np.zeros(8))
-        arrangement.interpolate(self.whole.fine.box, scratch, self._row, values, other.sites, found)
+    def moved(self, which: NDArray[np.int64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Values (k, 3) of rows of the grid `which` (k,), interpolated from those of the nodes here (n, 3)."""
+        found, scratch = np.zeros((len(which), 3)), (np.zeros(8, np.int64), np.zeros(8))
+        sites = self.whole.sites.site[which].astype(np.int64) - self.whole.sites.margin
+        arrangement.interpolate(self.whole.fine.box, scratch, self._row, values, sites, found)
         return found
-
-    def before(self, other: SpaceHybrid) -> NDArray[np.int64]:
-        """Rows (m,) here of the nodes of `other`, -1 for new ones."""
-        return self._row[other.sites].astype(np.int64)
 
     def row_of_grid(self, which: NDArray[np.int64]) -> NDArray[np.int64]:
         """Rows (k,) of the rows of the grid `which`, -1 for nodes that are none now."""

@@ -16,6 +16,7 @@ from pdsolve.adaptivity.hybrid.space.materials import moduli, weakest, weakness
 from pdsolve.adaptivity.hybrid.space.operator import NOTHING, SpaceHybrid
 from pdsolve.adaptivity.hybrid.space.prescribed_motion import between
 from pdsolve.adaptivity.hybrid.space.zone import cells_at_start
+from pdsolve.adaptivity.hybrid.state_based.operator import StateBasedHybrid
 from pdsolve.codegen.space_slots import INVERSE, PULL
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import Drive, Entries, drive, drive_of, put_loads
@@ -117,7 +118,7 @@ def tau_of(law: Law, table: NDArray[np.floating], h: float) -> float:
     return abs(float(force)) / (coarse_springs.elastic_of(table).c11 * h**2 * SHEAR)
 
 
-def drive_of_nodes(operator: SpaceHybrid, time: float) -> Drive:
+def drive_of_nodes(operator: SpaceHybrid | StateBasedHybrid, time: float) -> Drive:
     """Conditions of the whole body on the current nodes, with the body forces of `time`, s."""
     every, model = operator.whole.driven, operator.whole.model
     assert every is not None
@@ -129,13 +130,14 @@ def drive_of_nodes(operator: SpaceHybrid, time: float) -> Drive:
     acting = loads.value != 0
     rows, w = operator.spread(loads.node[acting])
     force = (w * (loads.value * cells[loads.node])[acting, None]).ravel()
-    key = np.column_stack([np.repeat(loads.profile[acting], 8), np.repeat(loads.axis[acting], 8), rows.ravel()])
+    each = [np.repeat(column[acting], rows.shape[1]) for column in (loads.profile, loads.axis)]
+    key = np.column_stack([*each, rows.ravel()])
     key, force = key[force != 0], force[force != 0]
     which, at = np.unique(key, axis=0, return_inverse=True)
     sums = np.bincount(at.ravel(), force, minlength=len(which)) if len(which) else np.zeros(0)
     profile, axis, node = which.T.astype(np.int64)
     loaded = Entries(node, axis, sums / operator.volume[node], profile, np.zeros(len(node), dtype=np.int64))
-    shape = len(operator.sites), 3
+    shape = len(operator.volume), operator.unknowns[0].width
     found = drive_of([], [], [], shape)._replace(profiles=every.profiles, loads=loaded, holds=held, varies=every.varies)
     found = found._replace(held_force=np.zeros(len(held.node)), held_speed=np.zeros(len(held.node)))
     put_loads(found, time)

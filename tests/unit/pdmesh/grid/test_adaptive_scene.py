@@ -7,10 +7,11 @@ import pytest
 from messages import naming
 from shapely import LineString, Point
 
-from pdmesh import Material, Medium, Scene, SceneError, box
+from pdmesh import Circle, Material, Medium, Run, Scene, SceneError, box
 from pdmesh.grid.adaptive_scene import nested
 from pdmesh.grid.building import build
 from pdmesh.grid.implicit_lattice import lattice_of
+from pdmesh.reports.report import nodes_by_spacing
 
 GLASS = Material(E=72e9, rho=2440, G0=135)
 H = 1e-3
@@ -52,6 +53,23 @@ def test_a_crack_that_meets_nodes_everywhere_is_refused(monkeypatch: pytest.Monk
     monkeypatch.setattr("pdmesh.grid.adaptive_scene.CLEARANCE", 0.6)
     with pytest.raises(SceneError, match=naming(found=("node", "0.001 m"))):
         nested(plate().crack([(0, 0.01), (0.01, 0.01)], "notch"))
+
+
+def test_a_rectangle_may_have_more_nodes_than_are_listed() -> None:
+    """25 million, of which none is; with a hole they are refused, and so are 900 million."""
+    run = Run(adapt="hybrid")
+    large = Scene(box(0, 0, 5, 5), H, GLASS, 3, run)
+    grid = build(large).grid
+    assert len(grid) == 5001**2
+    assert grid.size == pytest.approx(25.0, rel=1e-12)
+    assert nodes_by_spacing(grid) == {"0.001": 5001**2}
+    assert not {"areas", "position"} & set(grid.__dict__)
+    with pytest.raises(SceneError, match=naming("spacing", found="0.001 m", expected="2e+07")):
+        build(large.hole(Circle(2.5, 2.5, 0.5)))
+    with pytest.raises(SceneError, match=naming("spacing", found="0.001 m", expected="2e+07")):
+        Scene(box(0, 0, 5, 5), H, GLASS)
+    with pytest.raises(SceneError, match=naming("spacing", found="0.001 m", expected="4e+08")):
+        Scene(box(0, 0, 19, 30), H, GLASS, 3, run, units="m")
 
 
 def test_a_large_plate_that_conducts_lists_its_nodes() -> None:
