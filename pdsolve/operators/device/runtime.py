@@ -25,6 +25,7 @@ DOUBLE = "cl_khr_fp64"
 EXACT = "-cl-fp32-correctly-rounded-divide-sqrt"  # of single precision; double precision always is
 MOST = 2**31 - 1  # numbers of an array that kernels count in 32 bits
 POCL, LINKER = "Portable Computing Language", "ld"  # without which PoCL ends the process that builds a kernel
+UNKNOWN = "unknown target CPU"  # PoCL of processors that are newer than its compiler
 SPARE = 0.9  # of a device's memory that a run may take
 
 
@@ -115,6 +116,11 @@ class Session:
                 return cl.Program(self._context, source).build([EXACT], cache_dir=False)
             except cl.RuntimeError as error:
                 words = next((line for line in str(error).splitlines() if "error" in line), str(error).splitlines()[0])
+                if UNKNOWN in words:
+                    raise ModelError(
+                        f"device: found {self.about.name}, a processor that this {self.about.platform.strip()} does not"
+                        f" know ({words.strip()}), expected one that it builds kernels for (--device cpu needs none)"
+                    ) from None
                 raise ModelError(
                     f"device: found {self.about.name}, whose compiler refuses the kernel, expected one that builds it:"
                     f" {words.strip()}"

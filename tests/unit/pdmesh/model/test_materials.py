@@ -8,6 +8,7 @@ from typing import get_args, get_type_hints
 import msgspec
 import numpy as np
 import pytest
+from devices import needs_opencl
 from plates import GLASS, plate, square_grid
 
 from benchmarks.combinations import MATERIALS, PAGE, RUNS, combinations, parameters, refusals
@@ -52,7 +53,9 @@ def test_the_page_is_what_materials_say(section: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "where"), YES)
+@pytest.mark.parametrize(
+    ("name", "where"), [pytest.param(*one, marks=needs_opencl) if one[1] == "device" else one for one in YES]
+)
 def test_what_goes_with_what_is_prepared(name: str, where: str) -> None:
     """All that the page says yes to, in a plate."""
     held = (
