@@ -265,12 +265,12 @@ has one bit, which is set once. Arrays of fine nodes are written only where cell
 fine nodes is kept by different rows of 16.
 
 **Far cells.** In plates of more than a million cells of 2 h (4 million nodes if uniform) and one material, in double
-precision, without damping, cells farther than 32 h from outlines that cut cells, pre-cracks, fine cells and nodes with
-conditions are at the start of 4 h, with nodes 4 h apart. Their springs are those of coarse cells. A coarse node in the
-middle of an edge of a far cell moves with the mean of the edge's ends and passes its forces and mass to them, so that a
-linear displacement field is in equilibrium there too. A far cell becomes four of 2 h when a cell within 24 h of it
-becomes fine, and beside far springs that are stretched as coarse ones that make cells fine; it stays so. Momentum is
-conserved to round-off, and the change of energy is in the ledger's `refinement`
+precision, without damping or swelling, cells farther than 32 h from outlines that cut cells, pre-cracks, fine cells and
+nodes with conditions are at the start of 4 h, with nodes 4 h apart. Their springs are those of coarse cells. A coarse
+node in the middle of an edge of a far cell moves with the mean of the edge's ends and passes its forces and mass to
+them, so that a linear displacement field is in equilibrium there too. A far cell becomes four of 2 h when a cell within
+24 h of it becomes fine, and beside far springs that are stretched as coarse ones that make cells fine; it stays so.
+Momentum is conserved to round-off, and the change of energy is in the ledger's `refinement`
 (`tests/verification/test_far_cells.py`). Cells of 4 h send back 46, 8 and 1.5 % of pulses that are half, one and two
 times 2 m h wide and come from cells of 2 h: in such plates the waves that matter are much longer. `duran_metre` at 0.25
 mm breaks its first bond in the same step with far cells as without, does the same work, and takes 2.5 times less user
@@ -323,7 +323,7 @@ nodes of the finest spacing everywhere. Where a crack would meet a node, it move
 and says so.
 
 **What it refuses**, in one line: imported meshes and other nodes that are on no lattice, several spacings, the thesis
-mode, single precision, held accelerations, equilibrium (`--static`), and materials of different micromoduli. By default
+mode, held accelerations and equilibrium (`--static`); with a linear peridynamic solid also single precision. By default
 the number of threads follows from the number of nodes; the bits of the results do not depend on it.
 
 **When not to use it**: where much of the plate is crushed or softens, because most of it then becomes fine; where 12 h

@@ -34,7 +34,7 @@ JUMP = 2.5  # spacing of a node over that of the nearest: more than the 2 that z
 AT_ONCE = 2**18  # nodes of which it is seen together whether a crack goes through them
 ON = 1e-6  # spacings: a crack this near a node passes through it
 AROUND_ONE = 1.5  # spacings: nearly every node has another this near
-MADE = 0.05  # of what cracks took and bonds hold
+MADE = 0.05  # of the energy put in
 LOST = 0.1  # of the energy put in: a symmetric operator that loses more is not being integrated
 
 
@@ -334,17 +334,17 @@ def advise_damped(model: Model, damped: float, put_in: float) -> None:
         warn(model, said)
 
 
-def advise_made(model: Model, made: float, spent: float, held: float) -> None:
+def advise_made(model: Model, made: float, put_in: float) -> None:
     """Warn, at the end of a run with a moving fine zone, if changes of cells have `made` or lost much energy, J/m,
-    compared with what was `spent` and is `held` by bonds."""
+    compared with the supplied energy `put_in`."""
     hybrid = model.settings.run.hybrid
-    if model.settings.run.adapt != "hybrid" or abs(made) <= MADE * (spent + held):
+    if model.settings.run.adapt != "hybrid" or put_in <= 0 or abs(made) <= MADE * put_in:
         return
     other = "run.hybrid.wake fine avoids most of it" if hybrid.wake == "lattice" else "a smaller run.hybrid.kappa helps"
     warn(
         model,
-        f"changes of cells made {100 * made / (spent + held):+.2g} % of the energy that cracks took and bonds hold,"
-        f" expected {100 * MADE:g} % at most; {other}",
+        f"changes of cells made {100 * made / put_in:+.2g} % of the energy put in, expected {100 * MADE:g} % at most;"
+        f" {other}",
     )
 
 

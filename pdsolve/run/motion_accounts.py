@@ -133,8 +133,9 @@ class MotionAccounts:
         """Issue warnings that follow from the final accounts."""
         system, last = self._system, self.last
         closing(system.model, self.balance, last.dissipated, system.scheme.symmetric)
-        advise_made(system.model, last.refinement, last.dissipated, last.strain)
-        advise_damped(system.model, last.damped + last.friction, last.put_in(system.initial_energy, self._most))
+        put_in = last.put_in(system.initial_energy, self._most)
+        advise_made(system.model, last.refinement, put_in)
+        advise_damped(system.model, last.damped + last.friction, put_in)
 
 
 def motion_of(state: State, row: int, d: int) -> list[float]:

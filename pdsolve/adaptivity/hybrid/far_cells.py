@@ -35,6 +35,7 @@ from pdsolve.adaptivity.hybrid.lattice import (
     fine_place,
 )
 from pdsolve.adaptivity.hybrid.nodes import set_coarse
+from pdsolve.adaptivity.hybrid.precracks import lasts
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.numerics.dilation import in_square
 from pdsolve.operators.simd_lattice.kernel import INNER, displaced
@@ -90,7 +91,8 @@ def _mark_stretched(ground, zone, now, count):  # type: ignore[no-untyped-def]
             continue
         for lane in range(ROW):
             q, entry = row * ROW + lane, far.entry[row]
-            if far.kind[q] == IDLE:
+            p = fine_place(at, 4 * far_column(at, q), 4 * far_row(at, q))
+            if far.kind[q] == IDLE or lasts(ground, p):
                 continue
             for k in range(8):
                 if entry >= 0 and far.own[entry, k, lane] == 0:
