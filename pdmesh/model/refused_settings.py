@@ -344,7 +344,7 @@ def _adaptive(settings: Settings, every: Places) -> Iterator[Impossible]:
             yield Impossible(place, found, expected + why)
     of_solids = run.adapt == "hybrid" and any(material.model == "ordinary" for _, material in every)
     if (run.adapt == "collocation" or of_solids) and settings.regions:
-        yield Impossible("$.regions", f"{len(every)} materials", f"one{why}")
+        yield Impossible("$.regions", f"{len(every)} materials", f"one{why}{' and ordinary' if of_solids else ''}")
     ratio = settings.horizon.ratio
     if run.adapt == "collocation" and ratio < FEWEST and not run.collocation.damped:
         yield Impossible(

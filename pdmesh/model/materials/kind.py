@@ -40,7 +40,8 @@ def nothing_at_rest(material: Material, breaks: bool) -> Refusals:
 
 def bonds_alone(material: Material, first: Material, adapt: str) -> Refusals:
     """Refuses a kind that no cells that split and no fine zones take."""
-    yield Refusal("model", f"bond, as run.adapt is {adapt}")
+    models = "bond or ordinary" if adapt == "hybrid" and material.plane != "space" else "bond"
+    yield Refusal("model", f"{models}, as run.adapt is {adapt}{' in space' if material.plane == 'space' else ''}")
 
 
 def symmetric_alone(material: Material) -> Refusals:

@@ -157,7 +157,7 @@ def test_other_models_are_refused(material: Material, tmp_path: Path, capsys: py
     path = tmp_path / "plate.json"
     write_file(whole, path)
     assert solve_command([str(path), "--adapt", "hybrid", "-o", str(tmp_path / "plate.sqlite")]) == 2
-    words = f"$.material.model: found {material.model}, expected bond, as run.adapt is hybrid"
+    words = f"$.material.model: found {material.model}, expected bond or ordinary, as run.adapt is hybrid"
     assert capsys.readouterr().err == f"pdsolve: {path}: {words}\n"
     assert [file.name for file in tmp_path.iterdir()] == ["plate.json"]
 
