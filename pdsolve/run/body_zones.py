@@ -8,18 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.arrays import EVERY
-from pdsolve.adaptivity.hybrid.space.operator import SpaceHybrid
 from pdsolve.adaptivity.hybrid.space.prepare import drive_of_nodes
-from pdsolve.adaptivity.hybrid.state_based.operator import StateBasedHybrid
 from pdsolve.errors import CheckpointError
 from pdsolve.operators.protocol import Kept
 from pdsolve.run.assembly import assembled
 from pdsolve.run.energy_steps import energy, pushed
 from pdsolve.run.node_changes import Change
-from pdsolve.run.system import Prepared, System
+from pdsolve.run.system import Prepared, System, Zoned
 from pdsolve.state import State, zero_state
-
-Zoned = SpaceHybrid | StateBasedHybrid  # operators whose cells this makes fine
 
 
 class Refining:

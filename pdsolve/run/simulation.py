@@ -26,7 +26,7 @@ from pdsolve.options import Options
 from pdsolve.results import Behind, Results, ResultsError, Writer, behind, gone_back, put_away, writing_to
 from pdsolve.run import late_zones
 from pdsolve.run.after_path import motion_after, motion_follows, name_of
-from pdsolve.run.body_zones import Refining, Zoned
+from pdsolve.run.body_zones import Refining
 from pdsolve.run.cell_splitting import Splitting
 from pdsolve.run.late_zones import Sooner
 from pdsolve.run.node_changes import Adapt, zone_back
@@ -38,7 +38,7 @@ from pdsolve.run.prepare import prepare
 from pdsolve.run.recorder import Past, Recorder, restore
 from pdsolve.run.static_start import started
 from pdsolve.run.summary import meta, summary
-from pdsolve.run.system import Prepared, System
+from pdsolve.run.system import Prepared, System, Zoned
 from pdsolve.state import State
 from pdsolve.steppers.equilibrium import UnsettledError
 from pdsolve.steppers.load_steps import Going

@@ -38,7 +38,8 @@ if TYPE_CHECKING:
     from pdsolve.adaptivity.factory import Moving
     from pdsolve.crack_growth.growth import Growth
 
-WithZone = Leaves | SpaceHybrid | StateBasedHybrid  # operators with finer nodes that come, and their own summary
+Zoned = SpaceHybrid | StateBasedHybrid  # operators that are made anew on other cells
+WithZone = Leaves | Zoned  # operators with finer nodes that come, and their own summary
 OnDevice = VerletOnDevice | EulerOnDevice  # what takes steps on a device, of a motion or of a content
 
 

@@ -20,8 +20,9 @@ from pdmesh.model.document import Hybrid, InitialVelocity, Load, Material, Run, 
 from pdmesh.model.node_grid import document_of
 from pdsolve.__main__ import main as pdsolve
 from pdsolve.adaptivity.hybrid.coarse_cells import cells_of, plate_of
+from pdsolve.adaptivity.hybrid.history import NOTHING
 from pdsolve.adaptivity.hybrid.lattice import AROUND, COARSE, FINE
-from pdsolve.adaptivity.hybrid.state_based.operator import NOTHING, StateBasedHybrid
+from pdsolve.adaptivity.hybrid.state_based.operator import StateBasedHybrid
 from pdsolve.adaptivity.hybrid.state_based.prepare import whole_of
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.options import Options

@@ -24,7 +24,7 @@ def first_alike(plate: Plate, rows: NDArray[np.int64], reach: int) -> NDArray[np
         kind = (far + 1) * kind + np.minimum(away, far)
     at = np.column_stack([x, y]) + np.array(plate.first)
     for crack in plate.cracks:
-        near = np.flatnonzero(_distance(at, crack) < 1.5 * far)
+        near = np.flatnonzero(distance(at, crack) < 1.5 * far)
         beside = np.zeros(len(rows), dtype=np.int64)
         beside[near] = 1 + (_beside(at[near], crack, 2 * far) if (crack[:2] == crack[2:]).any() else near)
         kind = np.unique(kind, return_inverse=True)[1] * (1 + beside.max(initial=0)) + beside
@@ -55,7 +55,7 @@ def _is_rectangle(plate: Plate) -> bool:
     return bool(abs(area - np.ptp(x) * np.ptp(y)) < SAME * area)
 
 
-def _distance(at: NDArray[np.int64], segment: NDArray[np.float64]) -> NDArray[np.float64]:
+def distance(at: NDArray[np.number], segment: NDArray[np.float64]) -> NDArray[np.float64]:
     """Distances (k,) of places (k, 2) from a segment (4,), in one unit."""
     start, way = segment[:2], segment[2:] - segment[:2]
     share = np.clip((at - start) @ way / max(float(way @ way), np.finfo(float).tiny), 0.0, 1.0)

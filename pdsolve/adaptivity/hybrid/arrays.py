@@ -28,7 +28,6 @@ ROWS, COARSE_ROWS, PIECES, BORDERS, BREAKS, LOADS, HOLDS, STIRS, REGRIDS, KNOWN,
 NEW, DIRTY, AROUND, SHORT, FREED, FAR_ROWS, TIED, FAR_AROUND = range(11, 19)
 # of `Zone.total`
 WORK, DISSIPATED, REFINEMENT, CLIPPED, LARGEST = range(5)
-TIES = (((), np.int64), ((2,), np.int64), ((), np.float64), ((2,), np.float64))  # of the columns of a `Border`
 
 
 class LatticeConstants(NamedTuple):
@@ -199,6 +198,11 @@ def nodes_of(
     )
 
 
+def border_of(nodes: int) -> Border:
+    """Room for so many nodes on the border."""
+    return Border(reserved(nodes, of=np.int64), reserved(nodes, 2, of=np.int64), reserved(nodes), reserved(nodes, 2))
+
+
 def reserved(*shape: int, of: Any = np.float64) -> NDArray[Any]:
     """Zeros aligned to 64 bytes in small pages, which are taken as they are written.
 
@@ -237,10 +241,10 @@ def zone_of(
         fine=nodes_of(at.places, springs, rows, kind, varied, swells, damps),
         coarse=nodes_of(at.coarse_places, 8, at.coarse_places // ROW, kind, swells=swells, damps=damps),
         far=nodes_of(at.far_places, 8, at.far_places // ROW, kind, swells=swells, damps=damps),
-        tied=Border(*(reserved(at.coarse_places, *two, of=of) for two, of in TIES)),
+        tied=border_of(at.coarse_places),
         pieces=pieces(),
         spare=pieces(),
-        border=Border(np.zeros(nodes, np.int64), np.zeros((nodes, 2), np.int64), np.zeros(nodes), np.zeros((nodes, 2))),
+        border=border_of(nodes),
         breaks=Breaks(np.zeros(events, np.int32), np.zeros(events, np.int64), np.zeros(events, np.int32)),
         spent=reserved(at.places),
         stirred=reserved(at.places, of=np.bool_),

@@ -8,6 +8,9 @@ from __future__ import annotations
 from itertools import pairwise, product
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 NEAR = 1e-9  # of a cell: places this near to a line between cells are on it
 
 
@@ -31,6 +34,27 @@ def divided(place: tuple[int, ...], way: tuple[int, ...]) -> list[list[Part]]:
             parts.append(Part(t0, t1, tuple(at)))
         found.append(parts)
     return found
+
+
+def parts_of(ways: NDArray[np.int64]) -> tuple[NDArray[np.int64], list[Part]]:
+    """The parts of the bonds `ways` (k, d), from each of the 2^d places of a node in its cell, x fastest.
+
+    Those of bond k from place f, on one side, are first[f, k, side] to first[f, k, side + 1].
+    """
+    d = ways.shape[1]
+    first, found = np.zeros((2**d, len(ways), 2 ** (d - 1) + 1), dtype=np.int64), list[Part]()
+    for f in range(2**d):
+        for k, way in enumerate(map(tuple, ways.tolist())):
+            first[f, k] = len(found)
+            for side, parts in enumerate(divided(place_of(f, d), way)):
+                found += parts
+                first[f, k, side + 1 :] = len(found)
+    return first, found
+
+
+def place_of(f: int, d: int) -> tuple[int, ...]:
+    """Where a node is in its cell, 0 or 1 along each of d axes, by the number of that place."""
+    return tuple(f >> axis & 1 for axis in range(d))
 
 
 def _sides(place: tuple[int, ...], way: tuple[int, ...]) -> list[tuple[float, ...]]:

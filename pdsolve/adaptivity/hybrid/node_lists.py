@@ -150,7 +150,7 @@ def put_far(value, rate, u, v, coarse_u, tied, far, at_far):  # type: ignore[no-
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def springs_of(entry, own, places):  # type: ignore[no-untyped-def]
+def bits_of_springs(entry, own, places):  # type: ignore[no-untyped-def]
     """The bits (f, 1) of the springs of nodes of a compact lattice at these places (f,)."""
     found = np.zeros((len(places), 1), np.uint8)
     for j in range(len(places)):

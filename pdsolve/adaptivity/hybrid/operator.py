@@ -32,7 +32,7 @@ from pdsolve.adaptivity.hybrid.arrays import (
 from pdsolve.adaptivity.hybrid.engine import Hybrid, ZoneSummary
 from pdsolve.adaptivity.hybrid.irregular_bonds import part_of
 from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, BELOW_COARSE, COARSE, FAR, IDLE, LEFT
-from pdsolve.adaptivity.hybrid.node_lists import gather, gather_far, list_bonds, merged, put, put_far, springs_of
+from pdsolve.adaptivity.hybrid.node_lists import bits_of_springs, gather, gather_far, list_bonds, merged, put, put_far
 from pdsolve.adaptivity.hybrid.node_rows import are_intact, of_nodes
 from pdsolve.adaptivity.two_lattice_operator import Sums, TwoLatticeOperator
 from pdsolve.codegen.vector_code import ROW
@@ -73,7 +73,7 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         self._springs = np.zeros((len(self._coarse), 1), dtype=np.uint8)  # bits, without those that are fine bonds too
         kinds, springs = (own.kind, own.entry, own.own), (zone.coarse.entry, zone.coarse.own)
         list_bonds(kinds, springs, zone.lost, hybrid.ground.ways, self._same(), self._lists, self._bonds, self._springs)
-        self._far_springs = springs_of(zone.far.entry, zone.far.own, self._far)  # likewise
+        self._far_springs = bits_of_springs(zone.far.entry, zone.far.own, self._far)  # likewise
         self._changes = self._counts()
 
     @property

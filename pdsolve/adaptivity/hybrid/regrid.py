@@ -29,13 +29,14 @@ from pdsolve.adaptivity.hybrid.energy import energy_of
 from pdsolve.adaptivity.hybrid.far_cells import begin_far
 from pdsolve.adaptivity.hybrid.far_nodes import far_around, list_far, list_rows
 from pdsolve.adaptivity.hybrid.forces import follow
-from pdsolve.adaptivity.hybrid.lattice import AROUND as RIM
 from pdsolve.adaptivity.hybrid.lattice import (
     BORDER,
     COARSE,
     FINE,
     FREE,
+    cell_column,
     cell_place,
+    cell_row,
     coarse_column,
     coarse_place,
     coarse_row,
@@ -77,7 +78,7 @@ def _mark(ground, zone):  # type: ignore[no-untyped-def]
     at, reach = ground.at, ground.reach + 2
     x0, y0, x1, y1 = at.nx, at.ny, 0, 0
     for c in zone.new[: zone.number[NEW]]:
-        x, y = 2 * (c % at.cell_stride - RIM), 2 * (c // at.cell_stride - RIM)
+        x, y = 2 * cell_column(at, c), 2 * cell_row(at, c)
         left, right = max(x - reach, 0), min(x + reach + 3, at.nx + 1)
         low, high = max(y - reach, 0), min(y + reach + 3, at.ny + 1)
         x0, y0, x1, y1 = min(x0, left), min(y0, low), max(x1, right), max(y1, high)
@@ -119,7 +120,7 @@ def _list_around(at, zone, x0, y0, x1, y1):  # type: ignore[no-untyped-def]
     if begins:
         x0, y0, x1, y1 = 0, 0, at.nx + 1, at.ny + 1
     for c in zone.new[: zone.number[NEW]]:
-        p = fine_place(at, 2 * (c % at.cell_stride - RIM), 2 * (c // at.cell_stride - RIM))
+        p = fine_place(at, 2 * cell_column(at, c), 2 * cell_row(at, c))
         for corner in (p, p + 2, p + 2 * at.stride, p + 2 * at.stride + 2):
             zone.mark[corner] = True
     for iy in range(y0 + y0 % 2, y1, 2):

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pdmesh.model.lattice_calibration import calibration, has_partial_cells, hu_beta, offsets
 from pdmesh.model.material import Material
 from pdmesh.model.material_constants import critical_stretch, micromodulus
-from pdsolve.adaptivity.hybrid.bond_division import divided
+from pdsolve.adaptivity.hybrid.bond_division import parts_of, place_of
 from pdsolve.laws import limits
 from pdsolve.laws.bond_limits import Sizes
 
@@ -57,7 +57,7 @@ def springs_of(materials: tuple[Material, ...], ratio: float, h: float) -> tuple
 def _modulus(material: Material, ratio: float, length: NDArray[np.float64]) -> NDArray[np.float64]:
     """Calibrated modulus (k,) of bonds of these lengths, in a lattice of spacing 1."""
     reach, partial = np.full(len(length), float(ratio)), has_partial_cells(material)
-    counted = hu_beta(length, reach, np.ones(len(length))) if partial else np.where(length <= ratio, 1.0, 0.0)
+    counted = hu_beta(length, reach, np.ones(len(length))) if partial else 1.0
     c = calibration(ratio, material, partial).stiffness * micromodulus(material, length, reach) * counted
     return np.where(c > NOTHING * c.max(), c, 0.0)
 
@@ -96,7 +96,7 @@ def e_of(stretch: Any) -> Any:
 
 
 class Stretches(NamedTuple):
-    """Stretches into which cells divide fine bonds, for each place of a node in a cell (4) and half of a family.
+    """Stretches into which cells divide fine bonds, for each place of a node in a cell (4) and a whole family.
 
     The stretches of bond k from place f, on one side, are first[f, k, 0] to first[f, k, 1]. A bond along a line between
     cells belongs half to either side; those on the other side end at first[f, k, 2].
@@ -107,33 +107,28 @@ class Stretches(NamedTuple):
     cell: NDArray[np.int64]  # (s, 2) the cell it is in, from the node's own
     ends: NDArray[np.int64]  # (s, 2, 3) where it begins and ends: coarse node, from the cell's corner, and direction
     w: NDArray[np.float64]  # (s, 2) how far along that edge
-    sides: NDArray[np.uint64]  # (4, 2 k, 2) the cells of a bond on each side, of a whole family: bits of the window
+    sides: NDArray[np.uint64]  # (4, k, 2) the cells of a bond on each side: bits of the window
 
 
 def stretches(springs: Springs) -> Stretches:
-    """The points at which the bonds of the first half of a family cross cells, by the parity of their node."""
-    half = len(springs.dx) // 2
-    first, sides = np.zeros((4, half, 3), dtype=np.int64), np.zeros((4, 2 * half, 2), dtype=np.uint64)
-    found: list[tuple[tuple[float, float], tuple[int, ...], list[tuple[int, int, int, float]]]] = []
-    for place in range(4):
-        px, py = place % 2, place // 2
-        for k in range(half):
-            dx, dy = int(springs.dx[k]), int(springs.dy[k])
-            first[place, k] = len(found)
-            for side, parts in enumerate(divided((px, py), (dx, dy))):
-                for t0, t1, cell in parts:
-                    found.append(((t0, t1), cell, [_end(px + t * dx, py + t * dy, t) for t in (t0, t1)]))
-                first[place, k, side + 1 :] = len(found)
-        for k, way in enumerate(zip(springs.dx.tolist(), springs.dy.tolist(), strict=True)):
-            for side, parts in enumerate(divided((px, py), way)):
-                cells = {part.cell for part in parts}
-                sides[place, k, side] = sum(1 << WINDOW * (y + WINDOW // 2) + x + WINDOW // 2 for x, y in cells)
+    """The points at which the bonds of a family cross cells, by the parity of their node."""
+    first, parts = parts_of(np.column_stack([springs.dx, springs.dy]))
+    sides = np.zeros((4, len(springs.dx), 2), dtype=np.uint64)
+    ends: list[list[tuple[int, int, int, float]]] = []
+    for f in range(4):
+        px, py = place_of(f, 2)
+        for k, (dx, dy) in enumerate(zip(springs.dx.tolist(), springs.dy.tolist(), strict=True)):
+            for part in parts[first[f, k, 0] : first[f, k, 2]]:
+                ends.append([_end(px + t * dx, py + t * dy, t) for t in part[:2]])
+            for side in range(2):
+                cells = {part.cell for part in parts[first[f, k, side] : first[f, k, side + 1]]}
+                sides[f, k, side] = sum(1 << WINDOW * (y + WINDOW // 2) + x + WINDOW // 2 for x, y in cells)
     return Stretches(
         first,
-        np.array([t for t, _, _ in found]),
-        np.array([cell for _, cell, _ in found], dtype=np.int64),
-        np.array([[end[:3] for end in ends] for _, _, ends in found], dtype=np.int64),
-        np.array([[end[3] for end in ends] for _, _, ends in found]),
+        np.array([part[:2] for part in parts]),
+        np.array([part.cell for part in parts], dtype=np.int64),
+        np.array([[end[:3] for end in each] for each in ends], dtype=np.int64),
+        np.array([[end[3] for end in each] for each in ends]),
         sides,
     )
 

@@ -13,12 +13,13 @@ from pdsolve.adaptivity.hybrid.clipped_bonds import put_pieces
 from pdsolve.adaptivity.hybrid.crack_faces import joined_to, share
 from pdsolve.adaptivity.hybrid.energy import energy_of, piece_e, strain_e
 from pdsolve.adaptivity.hybrid.forces import follow
-from pdsolve.adaptivity.hybrid.lattice import AROUND as RIM
 from pdsolve.adaptivity.hybrid.lattice import (
     COARSE,
     EMPTY,
     FINE,
     FREE,
+    cell_column,
+    cell_row,
     coarse_column,
     coarse_place,
     coarse_row,
@@ -140,15 +141,14 @@ def _hand_over(ground, zone, dirty, around):  # type: ignore[no-untyped-def]
         coarse.v[0, q] *= held
         coarse.v[1, q] *= held
     for c in new:
-        x, y = c % at.cell_stride - RIM, c // at.cell_stride - RIM
+        x, y = cell_column(at, c), cell_row(at, c)
         for n in range(9):
             p = fine_place(at, 2 * x + n % 3, 2 * y + n // 3)
             if fine.kind[p] == FREE:
-                joined = joined_to(ground, zone.lost, x, y, n)
+                joined, mass = joined_to(ground, zone.lost, x, y, n), of_quarters(ground, zone.cells, x, y, n)
                 for corner in range(4):
                     q = coarse_place(at, x + corner % 2, y + corner // 2)
-                    mass = share(joined, n, corner) * of_quarters(ground, zone.cells, x, y, n)
-                    _add(coarse.v, q, mass, fine.v, p)
+                    _add(coarse.v, q, share(joined, n, corner) * mass, fine.v, p)
     for c in new:
         zone.cells[c] = COARSE
     for p in dirty:

@@ -14,13 +14,14 @@ from pdsolve.adaptivity.hybrid.arrays import AHEAD, BREAKS, PLACE, ROWS
 from pdsolve.adaptivity.hybrid.crack_faces import EAST, HALF, NORTH, WHOLE, bridges, is_cut
 from pdsolve.adaptivity.hybrid.energy import strain_e
 from pdsolve.adaptivity.hybrid.forces import sum_narrow
-from pdsolve.adaptivity.hybrid.lattice import AROUND as RIM
 from pdsolve.adaptivity.hybrid.lattice import (
     BORDER,
     EMPTY,
     FINE,
     IDLE,
+    cell_column,
     cell_place,
+    cell_row,
     fine_column,
     fine_place,
     fine_row,
@@ -47,7 +48,7 @@ def list_cells(ground, zone, now, step):  # type: ignore[no-untyped-def]
         for p in range(fine.rows[n] * ROW, fine.rows[n] * ROW + ROW, 2):
             c = _cell_at(at, p)
             if c >= 0 and cells[c] == FINE and not ground.stays[c]:
-                x, y = c % at.cell_stride - RIM, c // at.cell_stride - RIM
+                x, y = cell_column(at, c), cell_row(at, c)
                 cut = ground.cut_cells[c] or is_cut(ground, zone.lost, x, y)
                 if cut and _ends_in(ground, zone.lost, x, y):
                     count = mark_disc(at, cells, new, count, 2 * x + 1, 2 * y + 1, BEHIND, FINE, KEPT)

@@ -11,8 +11,17 @@ from numba import njit
 from pdsolve.adaptivity.hybrid.arrays import NEW
 from pdsolve.adaptivity.hybrid.crack_faces import joined_to, share
 from pdsolve.adaptivity.hybrid.energy import kinetic
-from pdsolve.adaptivity.hybrid.lattice import AROUND as RIM
-from pdsolve.adaptivity.hybrid.lattice import COARSE, FINE, FREE, coarse_place, fine_column, fine_place, fine_row
+from pdsolve.adaptivity.hybrid.lattice import (
+    COARSE,
+    FINE,
+    FREE,
+    cell_column,
+    cell_row,
+    coarse_place,
+    fine_column,
+    fine_place,
+    fine_row,
+)
 from pdsolve.adaptivity.hybrid.node_rows import of_node
 from pdsolve.adaptivity.hybrid.nodes import touches
 from pdsolve.operators.simd_lattice.kernel import INNER
@@ -70,7 +79,7 @@ def _rough(ground, zone, around, v, out):  # type: ignore[no-untyped-def]
     for q in around:
         out[0, q] = out[1, q] = 0.0
     for c in zone.new[: zone.number[NEW]]:
-        x, y = c % at.cell_stride - RIM, c // at.cell_stride - RIM
+        x, y = cell_column(at, c), cell_row(at, c)
         for n in range(9):
             mass = of_quarters(ground, zone.cells, x, y, n)
             joined = joined_to(ground, zone.lost, x, y, n)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.adaptivity.hybrid.bond_division import Part, divided
+from pdsolve.adaptivity.hybrid.bond_division import parts_of, place_of
 
 SIDES = 4  # of a bond along an edge between cells
 WORD = 64  # bits
@@ -34,25 +34,21 @@ class Divisions(NamedTuple):
 
 def divisions(ways: NDArray[np.int64]) -> Divisions:
     """The parts of the bonds `ways` (k, 3)."""
-    first, reach = np.zeros((8, len(ways), SIDES + 1), dtype=np.int64), int(np.abs(ways).max(initial=1))
+    first, found = parts_of(ways)
+    reach = int(np.abs(ways).max(initial=1))
     low = (np.arange(2) - reach) // 2
     wide = int(((np.arange(2) + reach) // 2 - low).max()) + 1
     through = np.zeros((8, len(ways), -(-(wide**3) // WORD)), dtype=np.uint64)
-    found: list[Part] = []
     ends: list[list[list[float]]] = []
     unit = lcm(*range(1, reach + 1))
     for f in range(8):
-        place = f % 2, f // 2 % 2, f // 4
-        for k, way in enumerate(map(tuple, ways.tolist())):
-            first[f, k] = len(found)
-            for side, parts in enumerate(divided(place, way)):
-                for part in parts:
-                    found.append(part)
-                    x, y, z = (cell - low[start] for cell, start in zip(part.cell, place, strict=True))
-                    word, bit = divmod(int((z * wide + y) * wide + x), WORD)
-                    through[f, k, word] |= np.uint64(1 << bit)
-                    ends.append([[x + t * dx for x, dx in zip(place, way, strict=True)] for t in part[:2]])
-                first[f, k, side + 1 :] = len(found)
+        place = place_of(f, 3)
+        for k, way in enumerate(ways.tolist()):
+            for part in found[first[f, k, 0] : first[f, k, -1]]:
+                x, y, z = (cell - low[start] for cell, start in zip(part.cell, place, strict=True))
+                word, bit = divmod(int((z * wide + y) * wide + x), WORD)
+                through[f, k, word] |= np.uint64(1 << bit)
+                ends.append([[x + t * dx for x, dx in zip(place, way, strict=True)] for t in part[:2]])
     t = np.array([part[:2] for part in found])
     at = np.rint(unit * np.array(ends)).astype(np.int64)
     node, cell = (at % unit == 0).all(axis=2), np.array([part.cell for part in found], dtype=np.int64)

@@ -49,16 +49,6 @@ class Zone(NamedTuple):
     u_coarse: NDArray[np.float64]
 
 
-class History(NamedTuple):
-    """What happened so far."""
-
-    step: NDArray[np.int64]  # (b,) when directed bonds broke
-    source: NDArray[np.int64]  # (b,) fine sites
-    target: NDArray[np.int64]
-    made: float  # J, energy that refining has made
-    largest: float  # e of clipped bonds
-
-
 Ends = tuple[NDArray[np.int32], NDArray[np.float64]]
 Bonds = tuple[Tiles, Sites, NDArray[np.int64], NDArray[np.float64], bool]
 

@@ -18,7 +18,8 @@ TWIST = np.array([1.0, -1.0, 1.0, -1.0])
 PAIRS = np.array([[0, 1], [1, 2], [3, 2], [0, 3], [0, 2], [1, 3]])  # corners along edges and diagonals
 
 
-def twisting(bulk: float, shear: float) -> float:
+@njit(**INNER)
+def twisting(bulk, shear):  # type: ignore[no-untyped-def]
     """Stiffness, N/m^2, of |h|^2 / 2; K and 2 mu, Pa."""
     c11, c66 = bulk + shear / 2, shear / 2
     return (c11 + c66) / 12
@@ -43,7 +44,7 @@ def _gradient(u, nodes, side, f):  # type: ignore[no-untyped-def]
 @cached_njit(nogil=True, error_model="numpy")
 def pull_cells(cells, side, bulk, shear, u, force):  # type: ignore[no-untyped-def]
     """Add the forces of `cells` (c, 4) on nodes, N per unit thickness, at displacements u (n, 2); K and 2 mu, Pa."""
-    f, twist = np.empty((2, 2)), ((bulk + shear / 2) + shear / 2) / 12
+    f, twist = np.empty((2, 2)), twisting(bulk, shear)
     for c in range(len(cells)):
         xx, yy, xy, hx, hy = _gradient(u, cells[c], side, f)
         p = bulk * (xx + yy)
@@ -58,7 +59,7 @@ def pull_cells(cells, side, bulk, shear, u, force):  # type: ignore[no-untyped-d
 @cached_njit(nogil=True, error_model="numpy")
 def hold_cells(cells, side, bulk, shear, u, held):  # type: ignore[no-untyped-def]
     """Add the energies of cells (c, 4), J per unit thickness, to `held` (n,), a quarter to each corner."""
-    f, twist = np.empty((2, 2)), ((bulk + shear / 2) + shear / 2) / 12
+    f, twist = np.empty((2, 2)), twisting(bulk, shear)
     for c in range(len(cells)):
         xx, yy, xy, hx, hy = _gradient(u, cells[c], side, f)
         stored = bulk * (xx + yy) ** 2 / 2 + shear * ((xx - yy) ** 2 / 2 + 2 * xy * xy) / 2

@@ -11,13 +11,14 @@ from __future__ import annotations
 import dataclasses
 from functools import cached_property
 from threading import RLock
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.arrays import AHEAD
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
+from pdsolve.adaptivity.hybrid.history import History
 from pdsolve.adaptivity.hybrid.irregular_bonds import part_of
 from pdsolve.adaptivity.hybrid.lattice import AROUND, COARSE, EMPTY, FINE, FREE, VOID
 from pdsolve.adaptivity.hybrid.state_based import bilinear_cells, families
@@ -35,20 +36,6 @@ from pdsolve.state import Broken, State, Unknown
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
-
-
-class History(NamedTuple):
-    """What happened so far."""
-
-    step: NDArray[np.int64]  # (b,) when directed bonds broke
-    source: NDArray[np.int64]  # (b,) rows of the grid
-    target: NDArray[np.int64]
-    made: float  # J per unit thickness, energy that refining has made
-    largest: float  # stretch of a bond that does not break over its limit
-
-
-NEVER = np.zeros(0, dtype=np.int64)
-NOTHING = History(NEVER, NEVER, NEVER, 0.0, 0.0)
 
 
 class StateBasedHybrid:

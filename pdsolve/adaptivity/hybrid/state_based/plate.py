@@ -7,15 +7,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.adaptivity.hybrid.bond_division import Part, divided
+from pdsolve.adaptivity.hybrid.bond_division import parts_of
 from pdsolve.adaptivity.hybrid.coarse_cells import Plate
 from pdsolve.adaptivity.hybrid.lattice import BELOW, LEFT
 from pdsolve.bonds.assembly import Bonds, find
 from pdsolve.conditions import Drive
 from pdsolve.laws.ordinary import Columns
 from pdsolve.model import Model
-
-SIDES = 2  # of a bond along a line between cells
 
 
 class PlateBonds(NamedTuple):
@@ -83,16 +81,10 @@ def bonds_of(bonds: Bonds, law: Columns, xy: NDArray[np.int64]) -> tuple[NDArray
 
 def divisions_of(ways: NDArray[np.int64]) -> Divisions:
     """The parts of the bonds `ways` (k, 2)."""
-    first = np.zeros((4, len(ways), SIDES + 1), dtype=np.int64)
-    parts: list[Part] = []
-    for f in range(4):
-        for k, (dx, dy) in enumerate(ways.tolist()):
-            first[f, k] = len(parts)
-            for side, some in enumerate(divided((f % 2, f // 2), (dx, dy))):
-                parts += some
-                first[f, k, side + 1 :] = len(parts)
-    t, cell = np.array([part[:2] for part in parts]), np.array([part.cell for part in parts], dtype=np.int64)
-    return Divisions(first, t, cell)
+    first, parts = parts_of(ways)
+    return Divisions(
+        first, np.array([part[:2] for part in parts]), np.array([part.cell for part in parts], dtype=np.int64)
+    )
 
 
 def places_on(plate: Plate) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

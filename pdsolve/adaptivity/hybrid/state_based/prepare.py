@@ -6,10 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.material_constants import bulk_modulus
+from pdsolve.adaptivity.hybrid.alike_nodes import distance
 from pdsolve.adaptivity.hybrid.arrays import RING
 from pdsolve.adaptivity.hybrid.coarse_cells import Plate, cells_of, plate_of, refused
+from pdsolve.adaptivity.hybrid.history import NOTHING
 from pdsolve.adaptivity.hybrid.lattice import AROUND, COARSE, FINE
-from pdsolve.adaptivity.hybrid.state_based.operator import NOTHING, StateBasedHybrid
+from pdsolve.adaptivity.hybrid.state_based.operator import StateBasedHybrid
 from pdsolve.adaptivity.hybrid.state_based.plate import Whole, bonds_of, corners_of, divisions_of, places_on
 from pdsolve.conditions import drive, unbreakable
 from pdsolve.laws import law_of
@@ -73,8 +75,6 @@ def _around_cracks(cells: NDArray[np.uint8], plate: Plate, reach: int) -> None:
     y, x = np.divmod(np.flatnonzero(cells == COARSE), at.cell_stride)
     middle = 2.0 * np.column_stack([x - AROUND, y - AROUND]) + 1
     found = np.zeros(len(middle), dtype=np.bool_)
-    for x0, y0, x1, y1 in plate.cracks.tolist():
-        start, way = np.array([x0, y0]), np.array([x1 - x0, y1 - y0])
-        along = np.clip((middle - start) @ way / max(float(way @ way), 1e-12), 0, 1)
-        found |= np.hypot(*(middle - start - along[:, None] * way).T) < reach + np.sqrt(2)
+    for crack in plate.cracks:
+        found |= distance(middle, crack) < reach + np.sqrt(2)
     cells[np.flatnonzero(cells == COARSE)[found]] = FINE

@@ -11,6 +11,8 @@ from scipy.sparse import block_array, coo_array, csr_array, diags_array, eye_arr
 from pdsolve.adaptivity.hybrid.state_based.bilinear_cells import SLOPE, TWIST, of_gradients, twisting
 from pdsolve.adaptivity.hybrid.state_based.families import MOMENT, SHEARED, THETA, Families, Sums
 
+_twisting = getattr(twisting, "py_func", twisting)
+
 
 class Cells(NamedTuple):
     """Coarse cells."""
@@ -81,7 +83,7 @@ def _of_cells(cells: Cells, value: NDArray[np.float64]) -> csr_array:
     own = cells.shear * np.einsum("cndab,cmeab->cndme", change, change)
     own += (cells.bulk - cells.shear / 2) * np.einsum("cnd,cme->cndme", spread, spread)
     own += np.einsum("na,cab,mb,de->cndme", g, stress, g, np.eye(2))
-    own = cells.side**2 * own + twisting(cells.bulk, cells.shear) * np.einsum("n,m,de->ndme", TWIST, TWIST, np.eye(2))
+    own = cells.side**2 * own + _twisting(cells.bulk, cells.shear) * np.einsum("n,m,de->ndme", TWIST, TWIST, np.eye(2))
     at = (2 * cells.corners[:, :, None] + np.arange(2)).reshape(-1, 8)
     size = value.size
     rows, columns = np.repeat(at, 8, axis=1).ravel(), np.tile(at, 8).ravel()

@@ -1,0 +1,22 @@
+"""What happened so far in a run whose operator is made anew when cells become fine."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class History(NamedTuple):
+    """Broken bonds and books."""
+
+    step: NDArray[np.int64]  # (b,) when directed bonds broke
+    source: NDArray[np.int64]  # (b,) fine sites, or rows of the grid
+    target: NDArray[np.int64]
+    made: float  # J, in the plane per unit thickness: energy that refining has made
+    largest: float  # of bonds that do not break: e, or stretch over their limit
+
+
+NEVER = np.zeros(0, dtype=np.int64)
+NOTHING = History(NEVER, NEVER, NEVER, 0.0, 0.0)
