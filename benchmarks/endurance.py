@@ -21,6 +21,7 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
+from benchmarks import pages
 from benchmarks.endured import Part, Until, corruptions, full_disks, kills, many_frames, order
 from benchmarks.endured_studies import scheduled, studies
 from benchmarks.endured_together import caches, large, readers
@@ -138,7 +139,8 @@ def main(arguments: list[str]) -> int:
             print(json.dumps([name, part, seconds]), flush=True)
     whole = known(PAGE.read_text("utf-8")) | found if args.again else found
     if args.again or not args.part:
-        PAGE.write_text(page(whole, args.minutes), encoding="utf-8")
+        others = pages.sections(PAGE.read_text("utf-8"))[1:] if PAGE.exists() else []
+        PAGE.write_text("\n".join([page(whole, args.minutes), *others]), encoding="utf-8")
         print(PAGE)
     return int(any(part.lost or part.traces or part.wrong for part, _ in found.values()))
 

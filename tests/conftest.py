@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: threads of two workers spin on the same cores
+
 import dataclasses
+import shutil
 import signal
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -10,12 +15,23 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
+from hypothesis import HealthCheck
+from hypothesis import settings as hypothesis_settings
 from plates import GEOMETRIES, plate, square_grid
 
 from pdmesh.model.document import Load, Run, write_file
 from pdmesh.model.node_grid import document_of
 from pdsolve.model import Model, read_model
 from pdsolve.results import Results
+
+pytest_plugins = ["quick_guard"]
+
+CLOCKS = [HealthCheck.too_slow]  # a busy machine is no fault
+hypothesis_settings.register_profile(
+    "same", derandomize=True, deadline=None, database=None, suppress_health_check=CLOCKS
+)
+hypothesis_settings.register_profile("random", deadline=None, suppress_health_check=CLOCKS)  # for make endurance
+hypothesis_settings.load_profile("same")
 
 
 @pytest.fixture(autouse=True)
@@ -54,7 +70,7 @@ def solved(duran_json: Path, tmp_path_factory: pytest.TempPathFactory) -> Callab
     return database
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def small_plate() -> Model:
     """A cracked plate of 21 x 12 nodes torn apart in 60 steps, bonds breaking."""
     grid = dataclasses.replace(square_grid(21, 12, y0=-5.5e-3), cracks=np.array([[0.0, 0.0, 8e-3, 0.0]]))
@@ -69,34 +85,47 @@ def small_plate() -> Model:
     )
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def probed(small_plate: Model) -> Model:
     """The small plate with something in every table of its results."""
     run = msgspec.structs.replace(small_plate.settings.run, every=10, ledger=5, probes=((0.0, 0.0), (1e-2, 0.0)))
     return dataclasses.replace(small_plate, settings=msgspec.structs.replace(small_plate.settings, run=run))
 
 
-@pytest.fixture
-def few_results(small_plate: Model, tmp_path: Path) -> Path:
-    """The database of the small plate without energies and accelerations."""
+@pytest.fixture(scope="session")
+def few_results_once(small_plate: Model, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The database that `few_results` is a copy of."""
     from pdsolve.run.simulation import simulate
 
     run = msgspec.structs.replace(small_plate.settings.run, fields=("ux", "uy", "vx", "vy", "damage"))
     settings = msgspec.structs.replace(small_plate.settings, run=run)
-    simulate(dataclasses.replace(small_plate, settings=settings), tmp_path / "few.sqlite").close()
-    return tmp_path / "few.sqlite"
+    path = tmp_path_factory.mktemp("few") / "few.sqlite"
+    simulate(dataclasses.replace(small_plate, settings=settings), path).close()
+    return path
 
 
 @pytest.fixture
-def small_results(small_plate: Model, tmp_path: Path) -> Path:
-    """The database of the small plate."""
+def few_results(few_results_once: Path, tmp_path: Path) -> Path:
+    """The database of the small plate without energies and accelerations."""
+    return Path(shutil.copy(few_results_once, tmp_path / "few.sqlite"))
+
+
+@pytest.fixture(scope="session")
+def small_results_once(small_plate: Model, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The database that `small_results` is a copy of."""
     from pdsolve.run.simulation import simulate
 
-    path = tmp_path / "small.sqlite"
+    path = tmp_path_factory.mktemp("small") / "small.sqlite"
     simulate(small_plate, path).close()
     with Results.open(path) as results:
         assert results.breaks().step.size > 0
     return path
+
+
+@pytest.fixture
+def small_results(small_results_once: Path, tmp_path: Path) -> Path:
+    """The database of the small plate."""
+    return Path(shutil.copy(small_results_once, tmp_path / "small.sqlite"))
 
 
 @pytest.fixture(scope="session")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
+from functools import cache
 from typing import NamedTuple
 
 import msgspec
@@ -233,8 +234,9 @@ def resting(run: Run, nodes: int, bonds: int) -> tuple[float, float]:
     return REST + REST_BOND * bonds + ENTRY * entries, TANGENT * bonds + SOLVED * entries + FACTOR * entries**2 / nodes
 
 
+@cache
 def slower() -> float:
-    """Time of a multiplication on this machine over that on the measured one."""
+    """Time of a multiplication on this machine over that on the measured one, measured once: plans can be compared."""
     values, best = np.full(PRODUCTS, 0.999), float("inf")
     for _ in range(ROUNDS):
         began = time.perf_counter()

@@ -66,6 +66,7 @@ def test_a_body_is_drawn(solved: Path) -> None:
     assert (solved / "body.png").stat().st_size > 20_000
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cubes", [False, True])
 def test_a_body_is_exported(solved: Path, cubes: bool) -> None:
     path = solved / f"body{cubes}.vtu"
@@ -87,6 +88,7 @@ def test_xdmf_and_csv_have_all_three_axes(solved: Path) -> None:
     assert "Polyvertex" in (solved / "all.xdmf").read_text()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("program", "words", "said"),
     [
@@ -148,6 +150,7 @@ def test_what_is_of_plates_is_refused_in_one_line(
     assert sorted(path.name for path in solved.iterdir()) == before
 
 
+@pytest.mark.slow
 def test_a_notebook_shows_planes_of_a_body(solved: Path) -> None:
     assert read_model(solved / "body.json")._repr_svg_() is None
     with Results.open(solved / "body.sqlite") as results:
@@ -172,6 +175,7 @@ def test_planes_through_a_body_show_what_their_nodes_have(solved: Path) -> None:
         assert np.abs(squares.get_facecolor() - expected).max() < 0.02
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["strain", "stress"])
 def test_strain_and_stress_of_a_body_are_drawn_and_tabled(
     solved: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
@@ -204,6 +208,7 @@ def test_a_line_through_a_body_has_its_places(solved: Path, capsys: pytest.Captu
     assert capsys.readouterr().out.startswith('"along, m","x, m","y, m","z, m",')
 
 
+@pytest.mark.slow
 def test_a_film_of_a_body_has_its_frames(solved: Path) -> None:
     path = solved / "film.gif"
     assert pdpost(["animate", str(solved / "body.sqlite"), "--field", "velocity", "-o", str(path), "-q"]) == 0
@@ -280,6 +285,7 @@ def _stretch(place: np.ndarray, u: np.ndarray) -> float:
     return float((after / long)[(long < 0.35) & ~cut].max() - 1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("ratio", "kernel"), [(1.5, "blocks"), (3, "listed")])
 def test_how_bonds_were_summed_is_said(
     solved: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], ratio: float, kernel: str

@@ -73,6 +73,7 @@ def test_how_a_body_looks(screw: Path, tmp_path: Path) -> None:
     assert (hues[:, : seen.shape[1] * 3 // 4] > 60).mean() > 0.1  # of the body, and not only of the bar beside it
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -90,6 +91,7 @@ def test_bad_input_gets_one_line(screw: Path, words: list[str], said: str, capsy
     assert found.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_without_pyvista_a_body_is_not_drawn(
     screw: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -83,6 +83,7 @@ def test_films_and_pages(given: Path, capsys: pytest.CaptureFixture[str]) -> Non
     assert capsys.readouterr().err == ""
 
 
+@pytest.mark.slow
 def test_exports_of_each_epoch(given: Path) -> None:
     """Points and numbers of a frame are as many as its nodes; clouds are written when they change, and once."""
     nodes = counts(given)
@@ -138,6 +139,7 @@ def test_a_node_that_is_nowhere_is_refused(given: Path, capsys: pytest.CaptureFi
     assert mentions(capsys.readouterr().err, found="node 99999", expected="1")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("words", ["damage", "strain", "nodes", "bonds", "history --at 0.05,0.12", "crack", "export"])
 def test_a_fine_zone_that_moves(hybrid_results: Path, here: Path, words: str) -> None:
     """Coarse nodes beside fine ones: each command makes a picture or a table of the last frame."""

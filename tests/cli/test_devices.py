@@ -70,6 +70,7 @@ FAILING: dict[str, tuple[Callable[[pytest.MonkeyPatch], None], str]] = {
 }
 
 
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize("precision", ["float64", "float32"])
 @pytest.mark.parametrize("case", FAILING)
 def test_a_device_that_cannot_is_told_of_in_one_line(
@@ -97,6 +98,7 @@ def test_without_devices_none_are_listed(
     assert word in line
 
 
+@pytest.mark.slow
 def test_a_device_that_is_lost(plate: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     launch, left = runtime.Session.launch, iter(range(45))
 

@@ -38,6 +38,7 @@ def results(disc: Path) -> Path:
     return path
 
 
+@pytest.mark.process
 def test_the_drawing_says_what_dissolves(disc: Path) -> None:
     model = json.loads(disc.read_text())
     assert model["physics"] == "diffusion"
@@ -57,6 +58,7 @@ def test_a_run_says_what_is_dissolved(disc: Path, results: Path, capsys: pytest.
     assert "medium: D = 1e-09" in capsys.readouterr().out
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("name", ["concentration", "content", "solid", "history"])
 def test_pictures(results: Path, tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "picture.png"
@@ -79,6 +81,7 @@ def test_what_shows_mechanics_says_so(
     assert not path.exists()
 
 
+@pytest.mark.slow
 def test_a_plan_refuses_what_a_run_does(disc: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for program in ([pdsolve, "--dry-run", "--mode", "thesis"], [pdsolve, "--dry-run", "--precision", "float32"]):
         assert program[0]([str(disc), *program[1:]]) == 2
@@ -90,6 +93,7 @@ def test_a_plan_refuses_what_a_run_does(disc: Path, capsys: pytest.CaptureFixtur
         assert said.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_a_study_is_of_mechanics(disc: Path, capsys: pytest.CaptureFixture[str]) -> None:
     study = disc.with_name("study.toml")
     gel = "from pdmesh import Medium, Scene, box\nscene = Scene(box(0, 0, 8, 8), 1.0, medium=Medium(D=1.0))\n"
@@ -117,6 +121,7 @@ def test_a_film_and_a_report_show_what_diffuses(results: Path, tmp_path: Path) -
     assert "solid left" in text
 
 
+@pytest.mark.slow
 def test_a_notebook_shows_the_content(results: Path) -> None:
     with Results.open(results) as found:
         shown = found._repr_png_()
@@ -159,6 +164,8 @@ def test_bad_input_gets_one_line(
     assert not path.exists()
 
 
+@pytest.mark.process
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("how", ["hybrid", "split", "collocation"])
 def test_a_drawing_of_a_plate_that_is_to_adapt_is_refused(
     tmp_path: Path, how: str, capsys: pytest.CaptureFixture[str]
@@ -174,6 +181,7 @@ def test_a_drawing_of_a_plate_that_is_to_adapt_is_refused(
     assert not path.exists()
 
 
+@pytest.mark.slow
 def test_a_drawing_of_an_impossible_solid_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "never.json"
     words = ["build", str(GEOMETRIES / "disc.geo"), "--set", "Medium/C sat=8e4", "-o", str(path)]

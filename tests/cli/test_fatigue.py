@@ -42,6 +42,7 @@ def bars(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
     return names
 
 
+@pytest.mark.slow
 def test_smooth_bodies_lie_on_woehlers_line(
     bars: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -57,6 +57,7 @@ def test_without_gmsh_everything_but_its_drawings_works(gmshless: Path, capsys: 
     assert error.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_the_doctor_says_what_is_missing_and_how_to_get_it(
     gmshless: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -80,6 +81,7 @@ def test_the_doctor_says_what_is_missing_and_how_to_get_it(
     ]
 
 
+@pytest.mark.slow
 @needs_opencl
 def test_the_doctor_knows_opencl_devices() -> None:
     found = doctor._devices()
@@ -95,6 +97,7 @@ BROKEN = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 @pytest.mark.parametrize("how", BROKEN)
 def test_the_doctor_says_why_there_are_no_devices(here: Path, how: str, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -108,6 +111,7 @@ def test_the_doctor_says_why_there_are_no_devices(here: Path, how: str, monkeypa
     assert "--device opencl" in doctor.lines([found])[0]
 
 
+@pytest.mark.process
 def test_a_library_that_cannot_be_loaded_is_told_from_one_that_is_not_there(
     here: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -154,6 +158,7 @@ def completions(request: pytest.FixtureRequest, here: Path, capsys: pytest.Captu
     Path("plate.sqlite").touch()
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("completions", ["bash"], indirect=True)
 @pytest.mark.usefixtures("completions")
 def test_bash_completes_a_command_and_a_file() -> None:

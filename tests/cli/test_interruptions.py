@@ -53,7 +53,7 @@ def check_resumed(probed: Model, capsys: pytest.CaptureFixture[str]) -> None:
     assert contents(Path("plate.sqlite")) == contents(Path("alone.sqlite"))
 
 
-@pytest.mark.slow
+@pytest.mark.endurance
 @pytest.mark.parametrize(
     ("program", "module"),
     [
@@ -116,6 +116,7 @@ def test_between_two_entries_of_the_ledger(
     check_resumed(probed, capsys)
 
 
+@pytest.mark.endurance
 def test_twice_while_a_frame_is_written(
     model: Path, probed: Model, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -138,7 +139,7 @@ def test_twice_while_a_frame_is_written(
     check_resumed(probed, capsys)
 
 
-@pytest.mark.slow
+@pytest.mark.endurance
 def test_while_another_program_is_waited_for(
     model: Path, probed: Model, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -34,6 +34,7 @@ def files(small_results: Path, here: Path) -> Path:
     return here
 
 
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize(
     ("words", "wrong", "expected"),
     [

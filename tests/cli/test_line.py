@@ -32,6 +32,7 @@ def test_a_picture_numbers_and_a_table(small_results: Path, here: Path, capsys: 
     assert len(list(here.iterdir())) == 2  # the results and the one picture
 
 
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize(
     ("words", "message"),
     [

@@ -85,6 +85,7 @@ def device(path: Path) -> None:
         pytest.skip(f"no device can be made here: {error}")
 
 
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize(("make", "kind"), [(pipe, "a pipe"), (device, "a device")])
 @pytest.mark.parametrize("name", COMMANDS)
 def test_what_is_no_file_is_neither_written_to_nor_replaced(
@@ -106,6 +107,7 @@ def test_what_is_no_file_is_neither_written_to_nor_replaced(
     assert (there / "links" / name).is_symlink()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FEW)
 def test_links_are_followed(there: Path, name: str) -> None:
     """A link that leads nowhere yet leads to the file then; the second time to the same one."""
@@ -118,6 +120,8 @@ def test_links_are_followed(there: Path, name: str) -> None:
         assert [path.name for path in (there / "far").iterdir()] == [name]
 
 
+@pytest.mark.process
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("name", FEW)
 def test_a_link_into_no_folder_is_said(there: Path, capsys: pytest.CaptureFixture[str], name: str) -> None:
     (there / name).symlink_to(f"gone/{name}")
@@ -127,6 +131,7 @@ def test_a_link_into_no_folder_is_said(there: Path, capsys: pytest.CaptureFixtur
     assert made(there) == {name}
 
 
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize("name", FEW)
 def test_links_in_a_ring_are_said(there: Path, capsys: pytest.CaptureFixture[str], name: str) -> None:
     (there / name).symlink_to(name)
@@ -146,6 +151,7 @@ def full_disk(room: int = 4096) -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [*FEW, *SERIES])
 def test_a_full_disk_names_what_was_to_be_written(there: Path, capsys: pytest.CaptureFixture[str], name: str) -> None:
     """And leaves what was there as it was."""
@@ -168,6 +174,8 @@ def test_a_full_disk_names_what_was_to_be_written(there: Path, capsys: pytest.Ca
         assert made(there) == ({name, "frames"} if name == "frames.pvd" else {name})
 
 
+@pytest.mark.process
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("name", FEW)
 def test_long_names(there: Path, capsys: pytest.CaptureFixture[str], name: str) -> None:
     """Those of 250 letters are written, but for databases, beside which SQLite has longer ones; others are refused."""

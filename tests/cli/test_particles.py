@@ -33,6 +33,7 @@ def strip(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 def test_solved_drawn_and_taken_as_a_notch(strip: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert pdsolve(["strip.json", *RULES, "--threads", "1", "-q"]) == 0
     for command in (["damage", "strip.sqlite", "-o", "damage.svg"], ["notch", "strip.sqlite"]):

@@ -25,6 +25,7 @@ def said(capsys: pytest.CaptureFixture[str], *words: str) -> Any:
     return json.loads(capsys.readouterr().out)
 
 
+@pytest.mark.slow
 def test_build_writes_the_model_and_says_so(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["build", DURAN]) == 0
     out, err = capsys.readouterr()
@@ -36,6 +37,7 @@ def test_build_writes_the_model_and_says_so(here: Path, capsys: pytest.CaptureFi
     assert [path.name for path in here.iterdir()] == ["duran50.json"]
 
 
+@pytest.mark.process
 def test_build_as_json(capsys: pytest.CaptureFixture[str]) -> None:
     result = said(capsys, "build", DURAN, "-o", "plate.json")
     assert result["output"] == "plate.json"
@@ -45,6 +47,7 @@ def test_build_as_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert result["area"] == pytest.approx(0.004, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_an_output_is_kept_unless_forced(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (here / "duran50_one_scale.json").write_text("mine")
     assert main(["build", SCRIPT, "--trust"]) == 2
@@ -54,6 +57,7 @@ def test_an_output_is_kept_unless_forced(here: Path, capsys: pytest.CaptureFixtu
     assert len(read_file(here / "duran50_one_scale.json").nodes) == 4242
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", [DURAN, SCRIPT])
 def test_a_model_builds_itself_again(scene: str, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     name = "Zones/coarse/Spacing" if scene == DURAN else "spacing"
@@ -70,6 +74,7 @@ def test_a_model_builds_itself_again(scene: str, here: Path, capsys: pytest.Capt
     assert capsys.readouterr() == ("", "")
 
 
+@pytest.mark.slow
 def test_a_model_with_a_program_in_it_is_not_run_untrusted(capsys: pytest.CaptureFixture[str], here: Path) -> None:
     assert main(["build", SCRIPT, "--trust", "-o", "model.json", "-q"]) == 0
     assert main(["build", "model.json", "-o", "again.json"]) == 2
@@ -77,6 +82,7 @@ def test_a_model_with_a_program_in_it_is_not_run_untrusted(capsys: pytest.Captur
     assert not (here / "again.json").exists()
 
 
+@pytest.mark.slow
 def test_two_refinements_of_the_same_kind(here: Path) -> None:
     words = ["--refine", "crack:4e-3:5e-4", "--refine", "crack:1e-3:2.5e-4"]
     assert main(["build", SCRIPT, "--trust", *words, "-o", "a.json", "-q"]) == 0
@@ -112,6 +118,7 @@ def test_a_large_plate_is_said_to_be_in_metres(
     assert (here / "again.json").read_bytes() == (here / "mm.json").read_bytes()
 
 
+@pytest.mark.slow
 def test_info(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["build", DURAN, "-q"]) == 0
     found = said(capsys, "info", "duran50.json")
@@ -122,6 +129,7 @@ def test_info(capsys: pytest.CaptureFixture[str]) -> None:
     assert said(capsys, "info", DURAN)["bonds"] == found["bonds"]
 
 
+@pytest.mark.slow
 def test_plan(capsys: pytest.CaptureFixture[str], here: Path) -> None:
     found = said(capsys, "plan", DURAN, "-o", "plan.json")
     assert (found["scene"]["nodes"], found["one_scale"]["nodes"]) == (2732, 4040)
@@ -131,6 +139,7 @@ def test_plan(capsys: pytest.CaptureFixture[str], here: Path) -> None:
     assert "solve seconds" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_params(capsys: pytest.CaptureFixture[str]) -> None:
     found = said(capsys, "params", DURAN)
     assert found["Peridynamics/Material/E"] == {"value": 65e9, "unit": "Pa", "meaning": "Young's modulus"}
@@ -139,6 +148,7 @@ def test_params(capsys: pytest.CaptureFixture[str]) -> None:
     assert "spacing   0.001" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_preview(here: Path) -> None:
     assert main(["build", DURAN, "-q"]) == 0
     assert main(["preview", "duran50.json", "-q"]) == 0
@@ -199,6 +209,8 @@ REFUSED = {
 }  # fmt: skip
 
 
+@pytest.mark.process
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("name", REFUSED)
 def test_refusals_are_one_line_and_leave_nothing(name: str, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words, message = REFUSED[name]

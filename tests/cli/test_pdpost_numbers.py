@@ -32,6 +32,7 @@ def found(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> dict:
     return result
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", COMMANDS)
 def test_a_picture_by_default_and_numbers_without(
     small_results: Path, here: Path, capsys: pytest.CaptureFixture[str], command: str
@@ -55,6 +56,7 @@ def test_a_picture_by_default_and_numbers_without(
         assert (here / name).stat().st_size > 5_000
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("command", COMMANDS)
 def test_tables_have_a_header_and_numbers(
     small_results: Path, here: Path, capsys: pytest.CaptureFixture[str], command: str
@@ -107,6 +109,7 @@ def test_several_components_at_once(small_results: Path, here: Path, capsys: pyt
     assert [curve["component"] for curve in found(words[:4], capsys)["curves"]] == ["magnitude"]
 
 
+@pytest.mark.slow
 def test_the_crack_of_the_whole_plate(solved: Callable[[str], Path], capsys: pytest.CaptureFixture[str]) -> None:
     """Duran 50, conservative: a trunk from the pre-crack's tip and two arms, slower than 0.6 of the Rayleigh speed."""
     result = found(["crack", str(solved("conservative"))], capsys)
@@ -132,6 +135,7 @@ def test_the_crack_of_the_whole_plate(solved: Callable[[str], Path], capsys: pyt
     assert [piece["nodes"] for piece in result["fragments"]["pieces"]] == [2470]
 
 
+@pytest.mark.slow
 def test_two_modes_compared(solved: Callable[[str], Path], here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     one, other = str(solved("conservative")), str(solved("thesis"))
     result = found(["crack", one, "--compare", other, "-o", "both.png"], capsys)
@@ -146,6 +150,7 @@ def test_two_modes_compared(solved: Callable[[str], Path], here: Path, capsys: p
     assert (same["mean"], same["hausdorff"], same["start"]) == pytest.approx((0.0, 0.0, 0.0), abs=1e-15)
 
 
+@pytest.mark.slow
 def test_cracks_of_two_plates_are_not_compared(
     small_results: Path, solved: Callable[[str], Path], here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -156,6 +161,7 @@ def test_cracks_of_two_plates_are_not_compared(
     assert list(here.glob("*.png")) == []
 
 
+@pytest.mark.process
 def test_the_queries_that_sql_prints_work(small_results: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """In Python's sqlite3, and in the program where it is installed; and the tables are those of the file."""
     result = found(["sql", str(small_results)], capsys)
@@ -238,6 +244,7 @@ def locked_file(path: Path) -> None:
 LOCKS: list[sqlite3.Connection] = []
 
 
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize("command", [*COMMANDS, "sql", "report"])
 @pytest.mark.parametrize(
     ("spoil", "message"),
@@ -266,6 +273,7 @@ def test_files_that_are_not_ours_are_two_and_one_line(
     assert list(here.glob(f"*.{command}.*")) == []
 
 
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize("command", [*COMMANDS, "report"])
 def test_a_run_without_a_frame_yet(small_results: Path, capsys: pytest.CaptureFixture[str], command: str) -> None:
     empty_run(small_results)
@@ -288,6 +296,7 @@ def test_a_locked_file(
     LOCKS.pop().close()
 
 
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -312,6 +321,7 @@ def test_what_is_not_there_is_named(
     assert re.search(message, err)
 
 
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize("words", [["--node", "x"], ["--node", "1.5"], ["--at", "1"], ["--box", "0,0,1,nan"]])
 def test_places_that_are_none(small_results: Path, capsys: pytest.CaptureFixture[str], words: list[str]) -> None:
     with pytest.raises(SystemExit) as stop:

@@ -31,6 +31,7 @@ def test_the_commands_and_the_library_know_the_same_fields() -> None:
     assert tuple(pictures.FIELDS) == tuple(FIELDS)
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("name", PICTURES)
 def test_every_picture_needs_no_option(
     small_results: Path, here: Path, capsys: pytest.CaptureFixture[str], name: str
@@ -50,6 +51,7 @@ def test_every_picture_needs_no_option(
         assert len(rows) == 252
 
 
+@pytest.mark.slow
 def test_numbers_are_those_of_the_frame(small_results: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with Results.open(small_results) as results:
         vy = results.field("vy", 40)
@@ -65,6 +67,7 @@ def test_numbers_are_those_of_the_frame(small_results: Path, here: Path, capsys:
     )
 
 
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -140,6 +143,7 @@ def test_fields_that_were_not_stored_are_named(
     assert sorted(path.name for path in here.iterdir()) == ["few.sqlite"]
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("name", ["energy", "acceleration"])
 def test_energy_and_acceleration_need_no_option(small_results: Path, here: Path, name: str) -> None:
     assert main([name, str(small_results), "-q"]) == 0
@@ -168,6 +172,7 @@ def test_the_table_of_a_stress_says_where_it_says_nothing(
     assert told["largest"] == pytest.approx(max(sound), rel=1e-8)
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("command", [*PICTURES, "watch", "crack"])
 def test_every_picture_has_a_window(
     small_results: Path, here: Path, monkeypatch: pytest.MonkeyPatch, command: str
@@ -183,6 +188,7 @@ def test_every_picture_has_a_window(
     assert (here / "a.png").read_bytes() != (here / "b.png").read_bytes()
 
 
+@pytest.mark.quick_cases(4)
 @pytest.mark.parametrize("words", ["0,0,1", "0,0,0,1", "1,0,0,1", "0,0,1,nan", "a,b,c,d", ""])
 def test_windows_that_are_none(small_results: Path, capsys: pytest.CaptureFixture[str], words: str) -> None:
     with pytest.raises(SystemExit) as stop:
@@ -191,6 +197,7 @@ def test_windows_that_are_none(small_results: Path, capsys: pytest.CaptureFixtur
     assert mentions(capsys.readouterr().err, found=f"'{words}'", expected=("lower left", "upper right"))
 
 
+@pytest.mark.slow
 def test_the_first_and_the_last_time_are_of_the_run(
     small_results: Path, here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -222,6 +229,7 @@ def spoilt(good: Path, what: str) -> tuple[Path, str]:
     return path, "database is locked, expected one that no other program keeps to itself"
 
 
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize("command", ["damage", "bonds", "animate", "export"])
 @pytest.mark.parametrize("what", ["empty", "truncated", "older", "no frame"])
 def test_databases_that_are_no_good(
@@ -264,6 +272,7 @@ def test_a_frame_without_displacements_is_drawn_where_it_was(
     assert mentions(capsys.readouterr().err, found="field 'ux'", expected="damage")
 
 
+@pytest.mark.slow
 def test_a_film_of_a_window(small_results: Path, here: Path) -> None:
     for name, more in (("a.gif", []), ("b.gif", ["--window", "0.006,-0.002,0.016,0.003"])):
         assert main(["animate", str(small_results), "--field", "stress", "-o", name, *more, "-q"]) == 0
@@ -285,6 +294,7 @@ def test_a_film(small_results: Path, here: Path, capsys: pytest.CaptureFixture[s
     assert (here / "small.damage.gif").read_bytes().startswith(b"GIF89a")
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     ("arguments", "written"),
     [
@@ -331,6 +341,7 @@ def test_a_watcher_is_out_of_patience_or_interrupted(small_results: Path, here: 
     assert child.returncode == 130
 
 
+@pytest.mark.process
 def test_help_is_there_at_once() -> None:
     """No picture is needed to say what there is: numpy and matplotlib are not imported."""
     words = "import sys; from pdpost.__main__ import parser; parser().format_help(); "
@@ -357,6 +368,7 @@ def test_runs_side_by_side(small_results: Path, here: Path, capsys: pytest.Captu
     assert ends[0] == ends[1] == bar.get_ylim()[1] > 0  # although nothing moves at first
 
 
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize(
     ("words", "message"),
     [

@@ -141,6 +141,7 @@ def test_all_commands_are_here() -> None:
     assert commands() == set(WORDS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "command", [pytest.param(name, marks=() if name in SHORT else pytest.mark.slow) for name in sorted(WORDS)]
 )

@@ -73,6 +73,8 @@ def test_variables_that_libraries_would_stumble_over(
     assert mentions(one_line(capsys), name, found=f"'{value}'", expected=("whole", "number"))
 
 
+@pytest.mark.process
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("encoding", ["utf-8", "ascii"])
 def test_a_pipe_that_is_closed_and_a_full_disk(encoding: str, tmp_path: Path) -> None:
     """After the work is done: 0 where nobody listens any more, 1 where the disk behind stdout is full."""
@@ -106,6 +108,7 @@ def test_too_little_memory_is_a_line(
     assert mentions(one_line(capsys), found=("little", "memory"))
 
 
+@pytest.mark.process
 def test_a_limit_of_memory_that_libraries_do_not_end_at(here: Path, capfd: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("resource")  # not on Windows
     Path("grid.json").write_text(json.dumps(GRID))

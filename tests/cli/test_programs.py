@@ -43,6 +43,7 @@ def model(here: Path, small_plate: Model) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_the_pipeline_with_defaults(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Each program writes the input's name with its suffix into the current folder, and --json says what."""
     pytest.importorskip("gmsh", exc_type=OSError)
@@ -57,6 +58,7 @@ def test_the_pipeline_with_defaults(here: Path, capsys: pytest.CaptureFixture[st
     assert sorted(path.name for path in here.iterdir()) == ["duran50.damage.png", "duran50.json", "duran50.sqlite"]
 
 
+@pytest.mark.slow
 def test_a_run_on_lattices_does_not_wait_for_scipy(model: Path) -> None:
     """Importing it takes as long as the rest of a small run; numba would import its BLAS."""
     asked = "('scipy.spatial', 'scipy.linalg', 'scipy.sparse')"
@@ -182,6 +184,7 @@ def test_steps_a_run_does_not_have(small_results: Path, capsys: pytest.CaptureFi
     assert mentions(capsys.readouterr().err, "--step", found="61", expected=("0", "60"))
 
 
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize(("option", "value"), [("--frame", "4"), ("--frame", "-5"), ("--time", "nan"), ("-o", "x.foo")])
 def test_pictures_that_cannot_be_drawn(
     small_results: Path, here: Path, capsys: pytest.CaptureFixture[str], option: str, value: str
@@ -218,6 +221,7 @@ def test_flags_stand_for_settings(model: Path, here: Path, capsys: pytest.Captur
     assert mentions(capsys.readouterr().err, "value 'heat'", "`$.run.fields[0]`")
 
 
+@pytest.mark.quick_cases(5)
 @pytest.mark.parametrize(
     ("asked", "stored"),
     [
@@ -266,6 +270,8 @@ def test_a_dry_run_writes_nothing(model: Path, here: Path, capsys: pytest.Captur
     assert [path.name for path in here.iterdir()] == ["models"]
 
 
+@pytest.mark.slow
+@pytest.mark.endurance
 def test_ctrl_c_is_130_after_a_checkpoint(model: Path, here: Path) -> None:
     long = ["--set", "run.steps=2000000", "--set", "run.every=1000000", "--set", "run.time_step=1e-12"]
     child = subprocess.Popen(
@@ -285,6 +291,7 @@ def test_ctrl_c_is_130_after_a_checkpoint(model: Path, here: Path) -> None:
     connection.close()
 
 
+@pytest.mark.process
 def test_help_does_not_wait_for_the_solver() -> None:
     """Nothing heavy is imported for --help."""
     code = (

@@ -167,6 +167,7 @@ def test_contents_are_those_of_one_process(here: Path, case: str) -> None:
     expect_same(here / "one.sqlite", here / "many.sqlite")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "case", [pytest.param(case, marks=() if "brittle" in case else pytest.mark.slow) for case in CASES]
 )
@@ -198,7 +199,7 @@ def going(child: subprocess.Popen[str], path: Path) -> None:
     pytest.fail(f"no frames, {child.poll()}")
 
 
-@pytest.mark.slow
+@pytest.mark.endurance
 @pytest.mark.parametrize(("number", "before", "after"), [("SIGTERM", 3, 2), ("SIGINT", 2, 3), ("SIGTERM", 2, 1)])
 def test_a_stopped_run_goes_on_with_other_ranks_to_the_same_bits(
     here: Path, number: str, before: int, after: int
@@ -218,7 +219,7 @@ def test_a_stopped_run_goes_on_with_other_ranks_to_the_same_bits(
     expect_same(here / "one.sqlite", output)
 
 
-@pytest.mark.slow
+@pytest.mark.endurance
 @pytest.mark.parametrize("rank", [0, 1])
 def test_a_killed_rank_ends_all_and_the_run_goes_on_in_one_process(here: Path, rank: int) -> None:
     """All end within 2 s of the kill: measured 0.03 to 0.07 s."""
@@ -262,7 +263,7 @@ def expect_same(known: Path, found: Path) -> None:
             assert other[table] == rows, table
 
 
-@pytest.mark.slow
+@pytest.mark.endurance
 def test_a_file_a_rank_is_read_as_one_and_goes_on_after_a_kill_with_other_ranks(here: Path) -> None:
     model = torn(square_grid(160, 160), run=Run(time_step=50e-9, steps=600, every=20, ledger=10, probes=((0.0, 0.0),)))
     (here / "plate.json").write_text(model.to_json())
@@ -329,6 +330,8 @@ PLACES = {
 }
 
 
+@pytest.mark.slow
+@pytest.mark.endurance
 @pytest.mark.parametrize("case", REFUSED)
 def test_what_ranks_cannot_is_refused_in_one_line(here: Path, case: str) -> None:
     (here / "plate.json").write_text(plate(**{"grid": square_grid(21, 12), **REFUSED[case]}).to_json())
@@ -338,6 +341,8 @@ def test_what_ranks_cannot_is_refused_in_one_line(here: Path, case: str) -> None
     assert not (here / "plate.sqlite").exists()
 
 
+@pytest.mark.process
+@pytest.mark.endurance
 def test_a_plate_of_fewer_blocks_than_ranks_is_refused(here: Path) -> None:
     (here / "plate.json").write_text(plate(square_grid(8, 12), run=Run(steps=10)).to_json())
     code, said = ran(3, "plate.json")
@@ -345,7 +350,7 @@ def test_a_plate_of_fewer_blocks_than_ranks_is_refused(here: Path) -> None:
     assert mentions(said, "$.nodes", found=("96", "3 ranks"), expected=64)
 
 
-@pytest.mark.slow
+@pytest.mark.endurance
 def test_the_job_of_slurm_in_the_guide_solves_and_goes_on(here: Path) -> None:
     page = (TESTS.parent / "docs" / "how_to" / "clusters.md").read_text()
     line = next(line for line in page.splitlines() if line.startswith("if [ -e plate.sqlite ]"))
@@ -369,6 +374,8 @@ def own_lines(said: str) -> list[str]:
     return [line for line in said.splitlines() if line.startswith("pdsolve") or "Traceback" in line]
 
 
+@pytest.mark.slow
+@pytest.mark.endurance
 @pytest.mark.parametrize(
     ("how", "failing", "code"),
     [
@@ -390,12 +397,16 @@ def test_an_error_on_a_rank_is_one_line_and_ends_all(how: str, failing: str, cod
     assert ("rank " in lines[0]) == (how != "between" and "0" not in failing)
 
 
+@pytest.mark.slow
+@pytest.mark.endurance
 def test_a_study_on_many_ranks_is_refused_once(here: Path) -> None:
     code, said = ran(3, "study", "study.toml")
     assert (code, len(said.splitlines())) == (2, 1), said
     assert mentions(said, "pdsolve study", found="many ranks", expected="one process")
 
 
+@pytest.mark.slow
+@pytest.mark.endurance
 def test_a_rank_that_may_use_too_little_memory_ends_all_with_one_line(here: Path) -> None:
     (here / "plate.json").write_text(plate(square_grid(21, 12), run=Run(steps=10)).to_json())
     solves = [sys.executable, "-m", "pdsolve", "plate.json"]
@@ -407,6 +418,8 @@ def test_a_rank_that_may_use_too_little_memory_ends_all_with_one_line(here: Path
     assert not (here / "plate.sqlite").exists()
 
 
+@pytest.mark.slow
+@pytest.mark.endurance
 @pytest.mark.parametrize(("how", "said"), [("pass", 1), ("one.dismiss()", 0), ("launch._silence(one.place)", 0)])
 def test_a_witness_speaks_unless_all_is_said(how: str, said: int) -> None:
     words = f"from pdsolve.ranks import launch; one = launch.Witness(); {how}; import os; os._exit(0)"
@@ -414,6 +427,8 @@ def test_a_witness_speaks_unless_all_is_said(how: str, said: int) -> None:
     assert len(own_lines(done.stderr)) == said, done.stderr
 
 
+@pytest.mark.process
+@pytest.mark.endurance
 def test_words_that_are_wrong_are_told_once(here: Path) -> None:
     code, said = ran(3, "plate.json", "--nothing")
     assert code == 2

@@ -15,6 +15,7 @@ from pdsolve.__main__ import main
 from pdsolve.results import Results
 
 
+@pytest.mark.slow
 def test_a_bare_thesis_file_with_the_settings_of_the_readme_is_the_shipped_scene(
     duran_json: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -54,6 +55,7 @@ def test_every_scene_and_option_it_names_exists() -> None:
         )
 
 
+@pytest.mark.slow
 def test_the_python_it_shows_runs(
     solved: Callable[[str], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

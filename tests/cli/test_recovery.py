@@ -60,6 +60,7 @@ def signalled(probed: Model, number: signal.Signals, times: int, patch: pytest.M
     patch.setattr(stepper, "march", send)
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("number", ENDS)
 def test_what_schedulers_and_terminals_send_is_a_stop_with_a_checkpoint(
     model: Path,
@@ -116,6 +117,8 @@ def test_every_program_ends_with_the_code_that_shells_give(
     assert capsys.readouterr().err == f"pdmesh: interrupted{by}\n"
 
 
+@pytest.mark.slow
+@pytest.mark.endurance
 def test_a_process_that_is_asked_to_end(model: Path, probed: Model) -> None:
     """From shell to shell."""
     words = ["--set", "run.steps=2000000", "--set", "run.every=100", "--set", "run.time_step=1e-10", "-q"]
@@ -187,6 +190,7 @@ def test_to_ask_what_is_left_solves_nothing(
         assert words in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_what_was_lost_of_a_log_is_said(model: Path, probed: Model, capsys: pytest.CaptureFixture[str]) -> None:
     """And a log without its database is neither removed nor read as nothing."""
     path, copy = Path("plate.sqlite"), Path("copy.sqlite")

@@ -77,6 +77,7 @@ def test_what_K_says_of_J_is_remarked_outside_its_band(
     assert wider.differs.tolist() == [False]
 
 
+@pytest.mark.slow
 def test_room_that_is_round_off_is_none(pulled: Path) -> None:
     """No length of 1e-18 m, and no spacing that would give room; from a hundredth of the spacing on, advice."""
     tip = Tip(np.array([0.4875, 0.0]), np.array([1.0, 0.0]))
@@ -88,6 +89,7 @@ def test_room_that_is_round_off_is_none(pulled: Path) -> None:
         assert mentions(_too_small(results, 2, tip, Room(0.05, "another tip"), None), "0.0035 m")
 
 
+@pytest.mark.slow
 def test_a_picture_a_table_and_every_other_frame(pulled: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["sif", str(pulled), "--every", "2", "-o", "x.png"]) == 0
     assert mentions(capsys.readouterr().out, "pre-crack 0", "(487.5, 0) mm", "1 s", "J")
@@ -101,6 +103,7 @@ def test_a_picture_a_table_and_every_other_frame(pulled: Path, here: Path, capsy
     assert [row[1] for row in rows] == ["0", "2"]
 
 
+@pytest.mark.slow
 def test_a_ring_of_ones_own(pulled: Path, case: Case, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["sif", str(pulled), "--ring", "0.25,0.45", "--tip", "0,0", "--every", "2", "--json"]) == 0
     (tip,) = json.loads(capsys.readouterr().out)["tips"]
@@ -130,6 +133,7 @@ def cracked(x0: float, x1: float, path: str) -> str:
     return path
 
 
+@pytest.mark.slow
 def test_tips_without_room_are_named_and_the_others_go_on(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     one = cracked(4.3e-3, 20e-3, "one.sqlite")
     assert main(["sif", one, "--frame", "-1", "--json"]) == 0

@@ -74,6 +74,7 @@ def test_intensities_along_a_front(block_of: Path, capsys: pytest.CaptureFixture
     assert mentions(front["left_out"][0], found="surface of the body", expected="2 horizons, 0.006 m")
 
 
+@pytest.mark.slow
 def test_a_picture_and_a_table(
     block_of: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -124,6 +124,7 @@ def test_each_run_has_a_row_and_failures_are_kept_and_listed(
     assert capsys.readouterr() == ("", captured.err)  # a failure is always said
 
 
+@pytest.mark.slow
 def test_it_goes_on_where_it_was_stopped_and_grows(solved: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """One run was never begun, one had only just begun, one had ended but nobody had written it down; two are new."""
     before = rows(solved)

@@ -41,7 +41,7 @@ def plate(here: Path) -> Path:
     return here
 
 
-@pytest.mark.slow
+@pytest.mark.endurance
 def test_a_worker_that_ends_takes_one_run_with_it(plate: Path, capsys: pytest.CaptureFixture[str]) -> None:
     Path("study.toml").write_text(
         'drawing = "plate.py"\nvary.drawing.deadly = [0, 1, 2]\nrepeat.times = 2\nrepeat.step = 0.1'
@@ -52,7 +52,7 @@ def test_a_worker_that_ends_takes_one_run_with_it(plate: Path, capsys: pytest.Ca
     assert sum(mentions(line, found="process") for line in said.err.splitlines()) == 4
 
 
-@pytest.mark.slow
+@pytest.mark.endurance
 def test_a_run_whose_worker_was_ended_goes_on(plate: Path, capsys: pytest.CaptureFixture[str]) -> None:
     Path("plate.py").write_text(
         PLATE.replace("if deadly:", 'if deadly and not os.path.exists("ran"):\n    open("ran", "w").close()')
@@ -62,6 +62,7 @@ def test_a_run_whose_worker_was_ended_goes_on(plate: Path, capsys: pytest.Captur
     assert mentions(capsys.readouterr().out, "study.sqlite", "2 runs", "2 finished", "0 failed")
 
 
+@pytest.mark.process
 def test_a_program_that_a_study_names_is_not_run(plate: Path, capsys: pytest.CaptureFixture[str]) -> None:
     Path("plate.py").write_text(f"{PLATE}\nopen('ran', 'w').close()\n")
     Path("study.toml").write_text('drawing = "plate.py"')
@@ -75,7 +76,7 @@ def test_a_program_that_a_study_names_is_not_run(plate: Path, capsys: pytest.Cap
     assert Path("ran").exists()
 
 
-@pytest.mark.slow
+@pytest.mark.endurance
 @pytest.mark.skipif(not Path("/proc/self/fd").exists(), reason="looks at processes by Linux's means")
 @pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGINT])
 def test_a_study_that_is_ended_leaves_no_process_and_no_folder_and_opens_no_port(plate: Path, end: int) -> None:

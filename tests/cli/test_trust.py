@@ -75,6 +75,7 @@ def scene(laid: Path, here: Path) -> Path:
     return here
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", COMMANDS)
 def test_a_command_runs_no_program_that_is_not_trusted(
     name: str, scene: Path, capsys: pytest.CaptureFixture[str]
@@ -89,6 +90,8 @@ def test_a_command_runs_no_program_that_is_not_trusted(
     assert set(scene.iterdir()) == there
 
 
+@pytest.mark.process
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=pytest.mark.slow if name in SOLVED else ()) for name in COMMANDS]
 )
@@ -109,6 +112,7 @@ def test_parameters_are_read_of_a_trusted_program_alone(scene: Path, capsys: pyt
     assert not Path("ran").exists()
 
 
+@pytest.mark.slow
 def test_a_model_that_was_built_runs_nothing(scene: Path) -> None:
     for program, *words in (
         (pdmesh, "info", "model.json"),
@@ -121,6 +125,7 @@ def test_a_model_that_was_built_runs_nothing(scene: Path) -> None:
     assert not Path("ran").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "read",
     [
@@ -166,6 +171,7 @@ def test_the_option_says_both_things(capsys: pytest.CaptureFixture[str]) -> None
         assert mentions(told, "Python", "drawing", "commands", "files")
 
 
+@pytest.mark.process
 def test_a_shell_completes_it() -> None:
     pytest.importorskip("shtab")
     for program, times in (("pdmesh", 5), ("pdsolve", 1)):

@@ -48,6 +48,7 @@ def compiled(cases: Sequence[Case]) -> dict[str, list[str]]:
     return {case: names for case, *names in lines}
 
 
+@pytest.mark.slow
 def test_a_second_process_compiles_nothing() -> None:
     for case in FEW:
         all_kernels(case)

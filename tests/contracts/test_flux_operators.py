@@ -66,6 +66,7 @@ def fresh(name: str) -> tuple[Fick, State]:
     return system.operator, state
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("name", CASES)
 def test_rates_are_added_and_only_what_is_outside_is_booked(name: str) -> None:
     operator, state = fresh(name)
@@ -81,6 +82,7 @@ def test_rates_are_added_and_only_what_is_outside_is_booked(name: str) -> None:
         assert np.array_equal(getattr(state, field), getattr(before, field))
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("name", SMOOTH)
 def test_rates_follow_from_the_potential_and_the_tangent_is_their_slope(name: str) -> None:
     """Between the kinks of the potential rates are linear: the difference of two is the tangent's, measured 4e-13."""
@@ -97,6 +99,7 @@ def test_rates_follow_from_the_potential_and_the_tangent_is_their_slope(name: st
     assert (other - found)[:, 0] == pytest.approx(slope, abs=1e-11 * np.abs(slope).max())
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("name", SMOOTH)
 def test_the_bound_is_above_all_eigenvalues(name: str) -> None:
     operator, state = fresh(name)
@@ -107,6 +110,7 @@ def test_the_bound_is_above_all_eigenvalues(name: str) -> None:
     assert bound < 2.5 * fastest  # measured 1.8
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("name", CASES)
 def test_bonds_are_those_that_are_counted_both_ways(name: str) -> None:
     operator, _ = fresh(name)
@@ -119,6 +123,7 @@ def test_bonds_are_those_that_are_counted_both_ways(name: str) -> None:
         assert np.array_equal(found, expected)
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("name", CASES)
 def test_what_is_kept_goes_on_alike(name: str) -> None:
     """To the same bits; a kinetic solid that has once been liquid stays so."""

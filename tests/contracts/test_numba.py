@@ -43,6 +43,7 @@ def test_what_is_overridden_of_numba_is_there(name: str) -> None:
     assert [method for method in METHODS[name] if not callable(getattr(found, method, None))] == []
 
 
+@pytest.mark.slow
 def test_one_room_knows_the_inside() -> None:
     """Elsewhere only what numba documents is used: functions that stand for others in compiled code."""
     elsewhere = {(place, module, name) for place, module, name in used() if not place.startswith("pdsolve/codegen/")}

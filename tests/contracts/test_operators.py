@@ -212,6 +212,7 @@ def nearly(digits: float, expected: NDArray[np.float64]) -> Any:
     return pytest.approx(expected, rel=0, abs=digits * float(np.abs(expected).max()))
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("name", CASES)
 def test_forces_are_added_and_nothing_else_changes(name: str) -> None:
     system, _ = prepared(name)
@@ -225,6 +226,7 @@ def test_forces_are_added_and_nothing_else_changes(name: str) -> None:
         assert np.array_equal(one, other)
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("name", DOUBLE)
 def test_the_tangent_is_the_derivative_of_forces(name: str) -> None:
     """Of turned and stretched nodes; measured 6e-10 and less, by differences."""
@@ -273,6 +275,7 @@ def test_turning_needs_no_force(name: str) -> None:
     assert np.abs(turned).max() <= CASES[name].digits * whole
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("name", DOUBLE)
 def test_the_bound_is_above_all_frequencies(name: str) -> None:
     system, _ = prepared(name)
@@ -287,6 +290,7 @@ def test_the_bound_is_above_all_frequencies(name: str) -> None:
     assert bound < 4 * fastest
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("name", CASES)
 def test_verlet_marches_it_as_its_own_stepper_does(name: str) -> None:
     """Twenty steps of a plate that is thrown; measured 3e-14 and less, 2e-5 in single precision."""
@@ -315,6 +319,7 @@ IN_SPACE = (7 * H, 6 * H, 5 * H)
 TIPS = {False: (0.012, 0.020), True: (0.010, 0.030)}
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("name", [name for name in DOUBLE if "softening" not in name])
 def test_breaking_spends_what_bonds_held(name: str) -> None:
     """At rest: what bonds hold no more is what is booked, at the nodes that have lost them."""
@@ -335,6 +340,7 @@ def test_breaking_spends_what_bonds_held(name: str) -> None:
     assert there | gone == ever
 
 
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize("name", CASES)
 def test_what_is_kept_goes_on_alike(name: str) -> None:
     """To the same bits."""
@@ -349,6 +355,7 @@ def test_what_is_kept_goes_on_alike(name: str) -> None:
         assert sorted(one) == sorted(two)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("precision", "digits"), [("float64", 1e-13), pytest.param("float32", 2e-6, marks=pytest.mark.slow)]
 )

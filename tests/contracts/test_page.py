@@ -50,6 +50,7 @@ def python(folder: Path, *arguments: str) -> str:
     return ran.stdout
 
 
+@pytest.mark.slow
 def test_the_page_adds_a_law(copy: Path) -> None:
     """It is found by its name, and a bond that is gone has spent as much as a brittle one."""
     said = python(

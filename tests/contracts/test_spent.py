@@ -156,6 +156,7 @@ def block(material: Material, ratio: float) -> Model:
     return Model(grid, Settings(material=material, horizon=Horizon(ratio)))
 
 
+@pytest.mark.quick_cases(1)
 @every
 @pytest.mark.parametrize("dimension", [2, pytest.param(3, marks=pytest.mark.slow)])
 def test_a_crack_costs_G0(law: str, dimension: int) -> None:

@@ -143,6 +143,7 @@ def test_what_is_read_is_what_was_written(stopped: bytes, tmp_path: Path) -> Non
 EMPTY = ("checksum", "node_death", "crack_face", "crack_particle", "mass")
 
 
+@pytest.mark.quick_cases(4)
 @pytest.mark.parametrize("table", [name for name in TABLES if name not in EMPTY])
 def test_a_table_less_a_row_is_refused(stopped: bytes, tmp_path: Path, table: str) -> None:
     """What SQLite itself cannot see."""
@@ -187,6 +188,7 @@ def test_a_vacuum_does_no_harm(probed: Model, stopped: bytes, tmp_path: Path) ->
         assert everything(resumed)[:-1] == everything(whole)[:-1]
 
 
+@pytest.mark.quick_cases(4)
 @pytest.mark.parametrize(
     "sql",
     [

@@ -45,6 +45,7 @@ def named(ids: NDArray[np.int64], one: NDArray[np.int64], other: NDArray[np.int6
     return set(zip(ids[one].tolist(), ids[other].tolist(), strict=True))
 
 
+@pytest.mark.slow
 def test_each_frame_has_the_nodes_there_were(moving: Path, model: Model) -> None:
     """Ids, places, fields, damage and bonds, compared with the same run marched by hand."""
     frames, updates = 0, 0
@@ -123,6 +124,7 @@ def test_an_interrupted_run_goes_on_to_the_same_tables(
     assert contents(path) == contents(tmp_path / "whole.sqlite")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kept", [1e9, 0.0])
 def test_what_was_born_and_died_after_the_checkpoint_is_dropped(
     model: Model, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kept: float
@@ -148,7 +150,7 @@ def test_what_was_born_and_died_after_the_checkpoint_is_dropped(
     assert contents(killed) == contents(path)
 
 
-@pytest.mark.slow
+@pytest.mark.endurance
 def test_a_killed_run_goes_on_to_the_same_tables(tmp_path: Path) -> None:
     """kill -9 while nodes are born and die."""
     program = f"""

@@ -56,6 +56,7 @@ def packed(*numbers: int) -> bytes:
     return zlib.compress(np.array(numbers, dtype="<i4").tobytes())
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("ahead", [10**6, -(10**6), 2**31 - 1, 112, -1])
 def test_neighbours_that_do_not_exist(path: Path, ahead: int, capsys: pytest.CaptureFixture[str]) -> None:
     """SciPy would follow them out of its arrays."""
@@ -69,6 +70,7 @@ def test_neighbours_that_do_not_exist(path: Path, ahead: int, capsys: pytest.Cap
     assert said.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_what_inflates_to_more_than_there_are_bonds_is_not_inflated(path: Path) -> None:
     bomb = zlib.compress(bytes(2**28))
     for column in ("ahead", "bonds"):
@@ -90,6 +92,7 @@ def test_pages_that_lead_in_circles_end(path: Path, monkeypatch: pytest.MonkeyPa
         Results.open(path)
 
 
+@pytest.mark.quick_cases(4)
 @pytest.mark.parametrize(
     ("sql", "said"),
     [
@@ -132,6 +135,7 @@ def test_a_whole_archive_is_verified(whole: Path, capsys: pytest.CaptureFixture[
     assert (found["ok"], found["nodes"], found["frames"], found["last"]) == (True, 112, 4, 60)
 
 
+@pytest.mark.quick_cases(5)
 @pytest.mark.parametrize(
     ("sql", "said"),
     [

@@ -56,6 +56,7 @@ def taken(path: Path, name: str) -> np.ndarray:  # type: ignore[type-arg]
     return np.frombuffer(data, dtype=kind).copy()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "name", "change", "found", "expected"),
     [
@@ -109,6 +110,7 @@ def test_a_particle_that_grew_from_itself_is_named(
     assert mentions(capsys.readouterr().err, "checkpoint", found="grew", expected="before")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", SOON)
 def test_arrays_that_are_missing_are_named(
     halves: Path, path: Path, kind: str, capsys: pytest.CaptureFixture[str]

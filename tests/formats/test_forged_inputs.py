@@ -29,6 +29,7 @@ def test_many_forged_models(count: int, tmp_path: Path) -> None:
     assert apart("forged_models", tmp_path, 2, count, module="forged_inputs", limit=3000) == []
 
 
+@pytest.mark.slow
 def test_forged_studies(tmp_path: Path) -> None:
     """None of them is solved."""
     models(tmp_path, {"plate": KINDS["bonds"]()[0]})

@@ -263,14 +263,14 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
         read_file(tmp_path)
 
 
-@settings(max_examples=200, deadline=None, derandomize=True)
+@settings(max_examples=200)
 @given(st.binary(max_size=60))
 def test_any_bytes(data: bytes) -> None:
     with contextlib.suppress(GridError):
         grid_of(read_document(data, "any.json"), "any.json")
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(st.integers(0, 10**6), st.binary(max_size=4))
 def test_a_damaged_file_is_refused_or_read_never_a_traceback(at: int, patch: bytes) -> None:
     at %= len(FULL_TEXT)
@@ -278,7 +278,7 @@ def test_a_damaged_file_is_refused_or_read_never_a_traceback(at: int, patch: byt
         grid_of(read_document(FULL_TEXT[:at] + patch + FULL_TEXT[at + len(patch) :], "grid.json"), "grid.json")
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(st.integers(0, 10**6))
 def test_a_truncated_file_is_refused(at: int) -> None:
     with pytest.raises(GridError):
@@ -296,8 +296,9 @@ anything = st.recursive(
 )
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::pdmesh.model.document.GridWarning")
-@settings(max_examples=400, deadline=None, derandomize=True)
+@settings(max_examples=400)
 @given(st.data())
 def test_any_damage_to_a_file(data: st.DataObject) -> None:
     """One value somewhere in a good file replaced by any other: it is read, or refused with a GridError."""

@@ -31,6 +31,7 @@ def solved(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
     return path, request.param
 
 
+@pytest.mark.slow
 def test_frames_are_of_the_nodes_there_are(solved: tuple[Path, str]) -> None:
     """Ever more fine ones, whose area is that of the plate; damage of a frame is what births and bonds say."""
     with Results.open(solved[0]) as results:
@@ -50,6 +51,8 @@ def test_frames_are_of_the_nodes_there_are(solved: tuple[Path, str]) -> None:
         assert books["refinement"][-1] != 0
 
 
+@pytest.mark.slow
+@pytest.mark.endurance
 def test_a_killed_run_goes_on_to_the_same_tables(solved: tuple[Path, str], tmp_path: Path) -> None:
     """kill -9 while cells become fine, and steps taken by other numbers at a time: the same to the bit."""
     whole, law = solved
@@ -85,6 +88,7 @@ def test_large_arrays_of_a_checkpoint_are_written_in_pieces(tmp_path: Path, monk
     assert rows[0] == rows[1]
 
 
+@pytest.mark.slow
 def test_a_stop_between_two_entries_of_the_ledger_is_heard(
     solved: tuple[Path, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -152,6 +152,7 @@ def read_all(path: Path) -> None:
         results.field("uy", 60)
 
 
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize("what", ["empty", "text", "other", "older", "truncated", "missing", "folder"])
 def test_what_is_not_ours_is_refused_in_one_line(small_results: Path, tmp_path: Path, what: str) -> None:
     path = tmp_path / "given.sqlite"
@@ -203,6 +204,7 @@ def test_a_full_disk_is_one_line(small_plate: Model, tmp_path: Path, monkeypatch
         simulate(small_plate, tmp_path / "full.sqlite")
 
 
+@pytest.mark.slow
 def test_a_killed_run_is_readable_and_goes_on_to_the_same_bits(small_plate: Model, tmp_path: Path) -> None:
     """kill -9 while bonds break: whole frames, and a resumed end equal to that of a run left alone."""
     model = tmp_path / "plate.json"

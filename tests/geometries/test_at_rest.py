@@ -33,6 +33,7 @@ def balance(results: Results) -> float:
     return float(np.abs(missing).max() / books["work"].max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "exact", "off"),
     [
@@ -49,6 +50,7 @@ def test_cooks_membrane(words: Sequence[tuple[str, str]], exact: float, off: flo
     assert uy[middle] / 1e-4 / exact - 1 == pytest.approx(off, abs=5e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("spacing", "off", "J_off"),
     [(1.25e-3, 0.0215, -0.0233), pytest.param(1e-3, 0.0134, -0.0229, marks=pytest.mark.slow)],

@@ -53,6 +53,7 @@ def test_bonds_and_steps_are_those_of_the_run(name: str) -> None:
         assert (found.bonds, found.time_step, found.stable_time_step) == (system.bonds, system.time_step, system.bound)
 
 
+@pytest.mark.slow
 def test_plan_info_and_dry_run_say_the_same() -> None:
     from pdmesh.drawing.file_reading import read_scene
 

@@ -47,6 +47,7 @@ def pulled(results: Results) -> tuple[np.ndarray, np.ndarray]:
     return upper["force_y"], upper["displacement_y"] - lower["displacement_y"]
 
 
+@pytest.mark.slow
 def test_a_beam_bends_as_much_as_timoshenkos() -> None:
     bent = model("bending.py")
     with simulate(bent, None, Options(threads=1)) as results:

@@ -93,6 +93,8 @@ def test_no_shipped_scene_is_left_out() -> None:
     assert {path.name for path in GEOMETRIES.iterdir() if path.suffix in (".geo", ".py")} == set(SHIPPED)
 
 
+@pytest.mark.process
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     "name",
     [
@@ -133,6 +135,7 @@ def rows(built: Built, axis: int, spacing: float) -> list[float]:
     return np.unique(np.round(grid.position[grid.delta == spacing, axis] * 1e3, 9)).tolist()
 
 
+@pytest.mark.slow
 def test_duran_rows() -> None:
     assert rows(built("duran50.geo"), 1, 1e-3) == np.arange(-10.5, 11, 1).tolist()
     assert rows(built("duran50.geo"), 1, 2e-3) == [-20, -18, -16, -14, -12, 12, 14, 16, 18, 20]
@@ -142,6 +145,7 @@ def test_duran_rows() -> None:
     assert not built("duran50_one_scale.py").shifts
 
 
+@pytest.mark.slow
 def test_kalthoff_rows_and_conditions() -> None:
     model = built("kalthoff_winkler.geo")
     assert rows(model, 1, 1e-3) == list(range(47, 154))
@@ -161,6 +165,7 @@ def test_kalthoff_rows_and_conditions() -> None:
     assert (material.law, material.kr, material.keep_G0) == ("bilinear", 1.638, False)
 
 
+@pytest.mark.slow
 def test_oblique_and_hole_rows() -> None:
     assert rows(built("oblique_crack.geo"), 1, 0.5e-3) == np.arange(15.5, 45, 0.5).tolist()
     assert rows(built("oblique_crack.geo"), 1, 1e-3) == [*range(16), *range(45, 61)]
@@ -171,6 +176,7 @@ def test_oblique_and_hole_rows() -> None:
     assert (grid.hole_id >= 0).sum() == (radius < 8.5 - 1e-6).sum() == 96
 
 
+@pytest.mark.slow
 def test_v_notch_keeps_the_nodes_on_its_edges() -> None:
     grid = built("v_notch.geo").grid
     x, y = (grid.position * 1e3).T
@@ -190,6 +196,7 @@ def test_loads_of_both_edges_balance() -> None:
         assert np.add(first.traction, second.traction).tolist() == [0, 0]
 
 
+@pytest.mark.process
 def test_the_scene_of_the_guide_builds(tmp_path: Path) -> None:
     code = next(block for block in GUIDE["drawings"].split("```python\n")[1:] if "scene = (" in block).split("```")[0]
     path = tmp_path / "plate.py"

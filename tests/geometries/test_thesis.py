@@ -65,6 +65,7 @@ def test_one_scale_and_two_agree(one: str, two: str, cache: Path) -> None:
     assert (off <= [2.0, 2.0, 4.1]).all()  # measured 0.33 us, 1.07 us, 4.02 mm
 
 
+@pytest.mark.slow
 def test_table_5_bonds(cache: Path) -> None:
     """Two scales have 0.675 of the bonds of one."""
     two, one = (

@@ -24,6 +24,7 @@ COHESIVE = ["material.law=cohesive", "material.f_t=30e6"]
 FLOWS = [*FAMILY, "material.solid=j2", "material.failure=none", "material.yield_stress=1e8"]
 
 
+@pytest.mark.quick_cases(8)
 @pytest.mark.parametrize(
     ("said", "words"),
     [
@@ -60,6 +61,7 @@ def test_a_material_that_cannot_be(
     assert [file.name for file in tmp_path.iterdir()] == ["plate.json"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("control", ["silling", "none"])
 def test_families_that_become_singular_hold_nothing(control: str) -> None:
     """A plate torn to pieces, down to nodes without a bond: nothing is but a number, and momentum is kept."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import msgspec
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from plates import GLASS
@@ -72,7 +72,6 @@ LAWS = st.tuples(st.floats(1e-5, 1e-1), st.floats(1.001, 100.0)).map(lambda pair
 SHARES = st.floats(0.0, 1.0)
 
 
-@settings(deadline=None)  # the first call compiles
 @given(LAWS, SHARES, SHARES)
 def test_softening_goes_one_way(law: tuple[float, float], a: float, b: float) -> None:
     """Between peak and limit the share that is left is in 0 to 1 and falls, what is spent rises from 0 to 1."""
@@ -86,7 +85,6 @@ def test_softening_goes_one_way(law: tuple[float, float], a: float, b: float) ->
     assert -1e-12 <= spent[0] <= spent[1] <= 1 + 1e-12
 
 
-@settings(deadline=None)  # the first call compiles
 @given(LAWS)
 def test_the_branches_meet(law: tuple[float, float]) -> None:
     peak, limit = law
@@ -96,7 +94,6 @@ def test_the_branches_meet(law: tuple[float, float]) -> None:
     assert spent_share(limit, peak, limit) == 1
 
 
-@settings(deadline=None)  # the first call compiles
 @given(LAWS, SHARES)
 def test_energy_is_the_area_below_the_curve(law: tuple[float, float], share: float) -> None:
     """Held and spent energy at `worst` are the area up to it, over c xi: the trapezoid from the peak on."""
@@ -109,7 +106,6 @@ def test_energy_is_the_area_below_the_curve(law: tuple[float, float], share: flo
     assert held + spent == pytest.approx(area, rel=1e-9)
 
 
-@settings(deadline=None)  # the first call compiles
 @given(st.floats(1.0, 100.0), st.booleans())
 def test_both_recipes_order_their_limits(kr: float, keep: bool) -> None:
     peak, limit = law(kr, keep)

@@ -44,6 +44,7 @@ def test_sums_over_bonds_that_cross_a_line(plane: str, profile: str) -> None:
     assert found == pytest.approx(INTEGRALS[plane, profile], rel=8e-3)  # measured 5.4e-3 in space, 2e-3
 
 
+@pytest.mark.quick_cases(1)
 @shapes
 @pytest.mark.parametrize("profile", ["constant", "conical"])
 @pytest.mark.parametrize("plane", ["stress", "strain"])
@@ -59,6 +60,7 @@ def test_halves_moved_apart_spend_G0(shape: str, profile: str, plane: str, m: fl
     assert cost(law_of(model), model, bonds) / G0 == pytest.approx(1, abs=1e-6)  # measured 1e-12
 
 
+@pytest.mark.slow
 @shapes
 @pytest.mark.parametrize("profile", ["constant", "conical"])
 def test_halves_moved_apart_in_space_spend_G0(shape: str, profile: str) -> None:

@@ -76,6 +76,7 @@ def test_a_turn_is_no_strain() -> None:
     assert system.operator.fields(state)["rotation"] == pytest.approx(1e-6)
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("nu", [0.05, 0.18, 0.3])
 def test_a_free_strip_has_the_poisson_ratio_that_is_said(nu: float) -> None:
     """Along an axis of a lattice with 3 spacings, whose bonds are stiffer along it than at 45 degrees."""
@@ -84,6 +85,7 @@ def test_a_free_strip_has_the_poisson_ratio_that_is_said(nu: float) -> None:
     assert lateral == pytest.approx(nu, rel=0.05)  # measured 0.0480, 0.1739, 0.2892
 
 
+@pytest.mark.quick_cases(1)
 @shapes
 @pytest.mark.parametrize(("plane", "nu"), [("stress", 0.18), ("stress", -0.2), ("strain", 0.1)])
 @pytest.mark.parametrize("m", [3.0, pytest.param(4.0, marks=pytest.mark.slow)])
@@ -189,6 +191,7 @@ FINE = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*which do not break:pdsolve.model.ModelWarning")  # it is pulled evenly
 @pytest.mark.parametrize(("h", "m", "shape"), FINE)
 def test_a_bar_peaks_at_its_strength_and_its_crack_spends_G0(h: float, m: float, shape: str) -> None:

@@ -23,6 +23,7 @@ def made(*conditions: object, dt: float | None = None) -> Prepared:
     return prepare(plate(square_grid(11, 9), material=BEAMS, conditions=conditions, run=run), Options(threads=1))
 
 
+@pytest.mark.slow
 def test_forces_and_moments_are_minus_the_slope_of_energy_and_the_tangent_theirs() -> None:
     """Some bonds broken; along a random way of all unknowns."""
     system, state = made()

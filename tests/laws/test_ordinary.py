@@ -13,6 +13,7 @@ from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
 
 
+@pytest.mark.slow
 def test_weights_do_not_depend_on_how_many_nodes_are_taken_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """To the last bit; 63 nodes, seven or all at a time."""
     solid = msgspec.structs.replace(GLASS, model="ordinary", nu=0.3, micromodulus="constant")

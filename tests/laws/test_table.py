@@ -33,6 +33,7 @@ def test_springs_mix_and_have_the_law_that_both_follow() -> None:
     assert prepare(of(STATE_BASED), Options()).system.operator.name == "blocks"
 
 
+@pytest.mark.quick_cases(11)
 @pytest.mark.parametrize(
     ("material", "other", "says"),
     [

@@ -42,6 +42,7 @@ def check_refused(attack: Attack, folder: Path, capsys: pytest.CaptureFixture[st
         assert (code, err) == (0, "")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ATTACKS)
 def test_refused_or_harmless(
     name: str, here: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
@@ -51,24 +52,28 @@ def test_refused_or_harmless(
     check_refused(ATTACKS[name], here, capsys)
 
 
+@pytest.mark.quick_cases(8)
 @pytest.mark.parametrize("name", BREAKING)
 def test_what_would_break_the_process(name: str, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     check_refused(BREAKING[name], here, capsys)
 
 
+@pytest.mark.process
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("name", REAL)
 def test_real(name: str, here: Path) -> None:
     """The proof that the attack is one: it works where the drawing is trusted."""
     attack = ATTACKS[name]
     lay(attack, here)
     main([*attack.words, "--trust", "-q"])
-    for _ in range(100):  # some do it behind one's back
+    for _ in range(2000):  # some do it behind one's back
         if (here / "touched").exists():
             return
         time.sleep(0.02)
     pytest.fail("an attack that does nothing")
 
 
+@pytest.mark.process
 def test_python_beside_a_trusted_drawing(here: Path) -> None:
     """A drawing is trusted; what lies beside it is not asked."""
     lay(Attack({"plate.geo": PLATE, "json.py": "open('touched', 'w')\n"}, ""), here)

@@ -15,6 +15,7 @@ from pdmesh.drawing.sandbox.tokens import MOST_TOKENS, Refused, tokens_of
 from pdmesh.scene.shapes import SceneError
 
 
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize(
     "unit",
     [

@@ -75,11 +75,13 @@ def compare(drawings: dict[str, Path], folder: Path) -> None:
         assert found == expected, name
 
 
+@pytest.mark.process
 def test_ordinary_drawings(tmp_path: Path) -> None:
     assert len(ORDINARY) == 24
     compare({path.stem: path for path in ORDINARY}, tmp_path)
 
 
+@pytest.mark.slow
 def test_shipped_drawings(tmp_path: Path) -> None:
     compare({path.stem: path for path in GEOMETRIES.glob("*.geo")}, tmp_path)
 
@@ -101,6 +103,7 @@ def test_tutorials_that_need_more_are_refused_with_advice(name: str) -> None:
         drawing_copies(TUTORIALS / f"{name}.geo")
 
 
+@pytest.mark.process
 def test_latin_1_is_read(tmp_path: Path) -> None:
     text = (GEOMETRIES / "duran50.geo").read_text(encoding="utf-8").replace("// ", "// l\u00e4nger: ")
     text = text.replace("Young's modulus", "Elastizit\u00e4tsmodul")

@@ -55,6 +55,7 @@ def tried(folder: Path, *walls: str) -> dict[str, list[str]]:
     return found
 
 
+@pytest.mark.process
 @pytest.mark.skipif(platform.system() != "Linux", reason="the deeds are those of Linux")
 def test_without_walls_all_can_be_done(tmp_path: Path) -> None:
     """Else what the walls stop would be stopped by something else."""
@@ -63,6 +64,7 @@ def test_without_walls_all_can_be_done(tmp_path: Path) -> None:
     assert set().union(*STOPS.values()) <= set(done)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(platform.system() != "Linux", reason="the deeds are those of Linux")
 @pytest.mark.parametrize("wall", STOPS)
 def test_each_wall_stops_its_deeds(wall: str, tmp_path: Path) -> None:
@@ -73,6 +75,7 @@ def test_each_wall_stops_its_deeds(wall: str, tmp_path: Path) -> None:
     assert {"read here", "compute"} < set(found["done"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [one for one in REAL if "plate.geo" in ATTACKS[one.values[0]].files])
 def test_attacks_where_the_list_is_switched_off(name: str, here: Path) -> None:
     touched = here / "touched"
@@ -88,6 +91,7 @@ def test_attacks_where_the_list_is_switched_off(name: str, here: Path) -> None:
     assert not touched.exists()
 
 
+@pytest.mark.process
 def test_an_honest_drawing_is_read_behind_them() -> None:
     found = read_copies({"0.geo": Copy(Path("plate.geo"), PLATE.encode())}, [], 60.0)
     assert "limits" in found["walls"] or os.name == "nt"
@@ -96,6 +100,7 @@ def test_an_honest_drawing_is_read_behind_them() -> None:
         assert "seccomp" in found["walls"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["plate.geo", "plate.msh"])
 def test_a_missing_wall_is_said_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], name: str

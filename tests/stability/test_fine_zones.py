@@ -40,6 +40,7 @@ def first_break(adapt: str, tips: bool = True) -> tuple[int, float]:
     return 170, 0.0
 
 
+@pytest.mark.slow
 def test_tips_under_load(failure: Callable[..., None]) -> None:
     """Tips that become fine under load.
 

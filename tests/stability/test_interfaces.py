@@ -59,6 +59,7 @@ def torn(mode: str, strain: float, coarse: int = 30) -> int:
     return len(broken(problem).step)
 
 
+@pytest.mark.slow
 def test_a_compression_that_tears(failure: Callable[..., None]) -> None:
     """A compression wave that breaks one-sided bonds.
 
@@ -143,6 +144,7 @@ def crossed(mode: str, stress: float, scales: int) -> Crossing:
     return Crossing(float(x[on_path].max()), int(stray[broken(problem).source].sum()))
 
 
+@pytest.mark.slow
 def test_a_crack_that_crosses(failure: Callable[..., None]) -> None:
     """A crack that reaches an interface.
 

@@ -44,6 +44,7 @@ def asymmetry(problem: Prepared) -> tuple[float, int]:
     return float(np.abs(u - mirrored).max() / np.abs(u).max()), int((damaged != damaged[::-1]).sum())
 
 
+@pytest.mark.slow
 def test_float32_and_mirrors(failure: Callable[..., None]) -> None:
     """float32 and a crack that branches.
 
@@ -74,6 +75,7 @@ def test_float32_and_mirrors(failure: Callable[..., None]) -> None:
     )
 
 
+@pytest.mark.slow
 def test_the_tip_of_a_crack(failure: Callable[..., None], monkeypatch: pytest.MonkeyPatch) -> None:
     """A crack tip on a bond.
 
@@ -126,6 +128,7 @@ def shape_error(problem: Prepared) -> float:
     return float(np.abs(now - x @ left @ right).max() / 1e-3)
 
 
+@pytest.mark.slow
 def test_fragments_that_fly(failure: Callable[..., None]) -> None:
     """Fragments that fly away for a long time.
 

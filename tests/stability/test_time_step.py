@@ -44,6 +44,7 @@ def excess(model: Model) -> float:
     return float(np.abs(energy / energy[0] - 1).max())
 
 
+@pytest.mark.slow
 def test_2_per_cent_above_the_limit(failure: Callable[..., None]) -> None:
     """A step 2 % above the true limit.
 
@@ -82,6 +83,7 @@ def test_2_per_cent_above_the_limit(failure: Callable[..., None]) -> None:
     )
 
 
+@pytest.mark.slow
 def test_an_unstable_plate_that_breaks(failure: Callable[..., None]) -> None:
     """An unstable step in a plate that breaks.
 

@@ -44,6 +44,7 @@ def test_the_page_has_every_public_name(name: str) -> None:
     assert {public for public in PACKAGES[name].__all__ if public != "box"} <= set(told)
 
 
+@pytest.mark.slow
 def test_the_blocks_of_the_page_run_in_turn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {}

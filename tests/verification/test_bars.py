@@ -68,6 +68,7 @@ def pulled(columns: int, **material: object) -> Pulled:
     return Pulled(fields, float(np.sqrt((off**2).mean())), max(end) / 2, float(times[int(np.argmax(end))]))
 
 
+@pytest.mark.slow
 def test_a_bar_moves_as_waves_have_it() -> None:
     """A hundred nodes long; independent: 0.85, 0.53, 1.57 per cent, in the middle 1.93, the end 0.974."""
     found = pulled(100)

@@ -26,6 +26,7 @@ def linear(gradient: NDArray[np.float64], sign: float) -> Any:
     return lambda x, y: sign * gradient @ np.array([x, y])
 
 
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize("plane", ["stress", "strain"])
 @pytest.mark.parametrize("micromodulus", ["conical", "constant"])
 @pytest.mark.parametrize("m", [3, 4])
@@ -48,6 +49,7 @@ def test_a_linear_field_is_at_rest(m: int, micromodulus: str, plane: str) -> Non
         assert np.abs(force.sum(axis=0)).max() < 1e-15 * np.abs(force).sum()  # measured 6e-16 at most
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("m", [3, 4])
 def test_a_linear_field_is_at_rest_in_materials_of_two_micromoduli(m: int) -> None:
     """Off their interface, which lies in the fine zone and beside it; families are as in a plate of one material."""
@@ -73,6 +75,7 @@ def test_a_linear_field_is_at_rest_in_materials_of_two_micromoduli(m: int) -> No
 CRACKS = [[(0.0, 33.5, 36.2, 33.5)], [(3.3, 60.2, 36.2, 33.5)], [(30.6, 70.0, 33.5, 30.0)]]
 
 
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize("cracks", CRACKS)
 def test_a_face_that_turns_is_not_stretched(cracks: list[tuple[float, float, float, float]]) -> None:
     """A small rotation of a plate with a pre-crack that leads out of the fine zone makes no force, on edges neither."""
@@ -119,6 +122,7 @@ def noise(scale: float) -> Any:
     return lambda x, y: scale * random.standard_normal((2, len(x)))
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("cracked", [False, True])
 def test_noise_vibrates_on_for_long(cracked: bool) -> None:
     """Over 4000 h sqrt(rho / E) energy neither grows nor fades; the pre-crack leads through the border twice."""

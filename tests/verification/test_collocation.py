@@ -23,6 +23,7 @@ from pdsolve.run.prepare import prepare
 RUN = Run(adapt="collocation", collocation=Collocation(damped=True), steps=10)
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("profile", ["constant", "conical"])
 def test_where_all_is_fine_it_is_the_uniform_run(profile: str) -> None:
     """Edges, faces of a pre-crack, holds and breaking bonds included; measured 4e-19 m of 3e-4."""
@@ -138,6 +139,7 @@ def test_large_families_grow_slowly() -> None:
     assert damped[-1] < 0.7  # measured 0.664
 
 
+@pytest.mark.slow
 def test_a_crack_takes_fine_nodes_with_it() -> None:
     """No pair of coarse nodes is stretched beyond what breaks a bond, no broken bond is whole again, work is what
     there is of energy, and fine nodes come where the crack goes; on as many threads as one likes."""

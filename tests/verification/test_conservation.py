@@ -42,6 +42,7 @@ def balance(model: Path, mode: str, time_step: float) -> float:
         return abs(float(results.summary()["balance"]))
 
 
+@pytest.mark.slow
 def test_energy_closes_to_second_order_while_the_crack_branches(duran_json: Path) -> None:
     """50 ns is a quarter of the stability bound."""
     coarse, fine = balance(duran_json, "conservative", 50e-9), balance(duran_json, "conservative", 25e-9)
@@ -49,6 +50,7 @@ def test_energy_closes_to_second_order_while_the_crack_branches(duran_json: Path
     assert coarse / fine >= 3.5  # measured 4.4
 
 
+@pytest.mark.slow
 def test_thesis_mode_loses_energy_whatever_the_step(duran_json: Path) -> None:
     coarse, fine = balance(duran_json, "thesis", 50e-9), balance(duran_json, "thesis", 25e-9)
     assert coarse == pytest.approx(0.029, abs=0.005)  # measured 0.0293

@@ -61,6 +61,7 @@ def stacked(by: By, apart: float = 0.0, friction: float = 0.2) -> Model:
     return at_rest((Displacement(x=0.0, y=0.0, nodes=low), push), grid, friction, by, 2)
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("by", ["newton", "relaxation"])
 def test_a_block_is_held_by_what_it_lies_on(by: By) -> None:
     (system, state), force, last = taken(stacked(by))

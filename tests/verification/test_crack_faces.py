@@ -174,6 +174,7 @@ TIP = {
 FACES: tuple[Faces, ...] = ("corrected", "bare", "far from the tip")
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(("m", "mode"), TIP)
 def test_the_field_of_a_tip_is_best_with_all_of_the_faces_corrected(m: int, mode: Literal[1, 2]) -> None:
     """Sparing the tip leaves it too soft: worse in sliding than to correct nothing."""
@@ -193,6 +194,7 @@ def test_the_energy_released_is_nearer_with_faces_corrected(m: int, mode: Litera
     assert mode == 2 or corrected < 0.75 * far
 
 
+@pytest.mark.slow
 def test_the_errors_around_a_tip_fall_with_the_spacing() -> None:
     """Twice as fine: half of the error of opening, and half of sliding."""
     for mode in (1, 2):
@@ -200,6 +202,7 @@ def test_the_errors_around_a_tip_fall_with_the_spacing() -> None:
         assert coarse / fine > 1.9  # measured 2.24 and 2.22
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("faces", "first"), [("corrected", 19.8e-6), ("bare", 4.4e-6)])
 def test_the_notches_of_kalthoff_and_winkler_hold(faces: Faces, first: float) -> None:
     """Bonds along the notches broke before any at their tips did, at 11 us (an independent computation: 10.9 us)."""

@@ -59,6 +59,7 @@ def numbers(results: Path, capsys: pytest.CaptureFixture[str], *more: str) -> di
     return found
 
 
+@pytest.mark.slow
 def test_area_speed_and_fragments(block: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Measured: area 1.035 of the ligament's, as the crack bends at its end; masses 0.990 of a half; 1.19 G0, as bonds
     break beside a running crack too; a median of 0.49 of the Rayleigh speed."""
@@ -103,6 +104,7 @@ def test_its_surface_is_exported(block: Path, tmp_path: Path, capsys: pytest.Cap
     assert "--force" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_its_picture(block: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     picture, numbers = tmp_path / "crack.png", tmp_path / "crack.csv"
     assert pdpost(["crack", str(block), "-o", str(picture), "--csv", str(numbers)]) == 0
@@ -150,6 +152,7 @@ def test_to_cut_a_body_open_takes_pyvista(
     assert not (tmp_path / "open.png").exists()
 
 
+@pytest.mark.slow
 def test_without_pyvista_damage_is_drawn_on_planes(
     block: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -173,6 +176,7 @@ def test_a_film_of_a_body_cut_open(block: Path, tmp_path: Path) -> None:
         assert (np.abs(np.asarray(film.convert("RGB")) - first).max(axis=2) > 60).mean() > 0.005
 
 
+@pytest.mark.slow
 def test_paraview_opens_frames_with_their_cracks(block: Path, tmp_path: Path) -> None:
     """Each frame is two parts: its nodes, and the surface of the cracks then."""
     path = tmp_path / "block.pvd"
@@ -214,6 +218,7 @@ def test_vtk_reads_the_last_frame_with_its_crack(
     assert drawn == pytest.approx(found["area"] + found["pre_crack_area"], rel=1e-3)
 
 
+@pytest.mark.slow
 def test_what_opened_is_the_notch_of_another_run(
     block: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -100,6 +100,7 @@ def test_cantilevers_part_by_a_falling_load() -> None:
     assert summary["path_steps"][-1]["spent"] == pytest.approx(spent[-1], rel=1e-9)
 
 
+@pytest.mark.slow
 def test_an_edge_crack_snaps_back() -> None:
     """Loads by Tada's formula, while the ends of the plate approach each other; the ends of loads are reached."""
     with warnings.catch_warnings():
@@ -172,6 +173,7 @@ def test_both_tips_of_a_crack_grow_until_they_have_no_room() -> None:
     assert (np.diff([row["spent"] for row in rows]) > 0).all()
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::pdsolve.model.ModelWarning")
 def test_what_does_not_come_to_rest_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """And what was solved before is kept."""
@@ -190,6 +192,7 @@ def test_what_does_not_come_to_rest_is_an_error(tmp_path: Path, monkeypatch: pyt
         assert results.frames()[0].tolist() == [0, 1, 2]
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::pdsolve.model.ModelWarning")
 def test_a_load_that_is_as_good_as_gone_ends_the_path(monkeypatch: pytest.MonkeyPatch) -> None:
     """Here it falls to .896 of its largest by the first particle."""

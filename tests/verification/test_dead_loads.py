@@ -44,6 +44,7 @@ def test_bonds_may_soften_under_what_does_not_grow() -> None:
     assert np.abs(missing).max() < 0.015 * books["work"].max()  # measured: 8e-3, in steps as long as these
 
 
+@pytest.mark.slow
 def test_a_dead_load_that_no_equilibrium_bears_is_said_with_its_share() -> None:
     with pytest.raises(UnsettledError, match=r"path step 1: under \d+% of what does not grow"):
         simulate(bar(20 * F_T), None, Options(threads=1))

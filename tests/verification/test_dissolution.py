@@ -118,6 +118,7 @@ def radial(times: NDArray[np.float64], cells: int = 150) -> NDArray[np.float64]:
     return np.array(share)
 
 
+@pytest.mark.slow
 def test_a_disc_by_enthalpy() -> None:
     """Beside a front that is tracked, at a spacing of 0.05: 0.0034 off, without surface correction 0.0043, as an
     independent program; its surface is its circumference to 1 %."""

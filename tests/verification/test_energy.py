@@ -84,6 +84,7 @@ def missing_of(problem: Prepared) -> tuple[float, int]:
     return float(np.abs(amiss).max()) / max(abs(found.work), problem.system.initial_energy), found.broken
 
 
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("action", ACTIONS)
 def test_the_balance_closes_to_second_order(law: str, action: str) -> None:

@@ -45,6 +45,7 @@ def held(material: Material, ratio: float) -> list[float]:
     return found
 
 
+@pytest.mark.quick_cases(2)
 @pytest.mark.usefixtures("published")
 @pytest.mark.parametrize(
     ("ratio", "stretched", "sheared"), [(2, 1.0098, 0.9658), (3, 1.0104, 0.9638), (4, 1.0017, 0.9940)]
@@ -68,6 +69,7 @@ def test_what_a_lattice_of_beams_holds(ratio: float, nu: float, expected: tuple[
     assert held(beams, ratio) == pytest.approx(expected, abs=1e-4)  # independent
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("nu", [0.2, 0.45])
 def test_a_strip_has_the_poisson_ratio_that_is_said(nu: float) -> None:
     """Correspondence within 1e-3, the ordinary solid within 2 per cent; plane stress."""
@@ -77,6 +79,7 @@ def test_a_strip_has_the_poisson_ratio_that_is_said(nu: float) -> None:
         assert lateral == pytest.approx(nu, abs=tight)
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     ("nu", "E", "lateral"), [(0.0, 0.8995, 0.0803), (0.2, 0.9493, 0.2268), (1 / 3, 1.0096, 0.3159)]
 )
@@ -117,6 +120,7 @@ def test_a_hole_under_correspondence(control: str, error: float) -> None:
     assert found.error <= 1.2 * error
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("failure", "over"), [("stretch", 1.0), ("energy", 1.1)])
 def test_a_straight_crack_costs_what_it_should(failure: str, over: float) -> None:
     """What is spent, over G0 and the length that is cracked; energy is kept."""
@@ -126,6 +130,7 @@ def test_a_straight_crack_costs_what_it_should(failure: str, over: float) -> Non
     assert found.balance <= 0.03  # measured 0.009, 0.024, of how the ends begin to move
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     ("law", "ratio", "length"),
     [("bonds, constant", 3, 2.225), ("ordinary, cubic spline", 3, 1.478), ("correspondence, cubic spline", 4, 3.171)],

@@ -37,6 +37,7 @@ def strip(apart: float = 5.4e-6, steps: int = 4, **material: Any) -> Model:
     return plate(grid, 3, material=made, conditions=conditions, run=run)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=pytest.mark.slow) if name != "ordinary, stretch" else name for name in LAWS]
 )

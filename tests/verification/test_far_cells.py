@@ -147,6 +147,7 @@ def early(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(far_cells, "AWAY", 4)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("early")
 def test_a_crack_runs_as_without_far_cells(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its first bond, and what loads have done, though their pulse begins with a front; with half of the nodes."""
@@ -190,6 +191,7 @@ def test_the_tangent_is_that_of_the_forces() -> None:
     assert np.abs(found[0] - found[1] - 2 * slope).max() < 1e-8 * np.abs(slope).max()  # measured 3e-11
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("early")
 @pytest.mark.skipif(cores() < 2, reason="one core")
 def test_threads_do_not_show() -> None:
@@ -208,6 +210,7 @@ def test_threads_do_not_show() -> None:
         assert np.array_equal(values, found[1][name]), name
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("early")
 def test_files_hold_far_cells(tmp_path: Path) -> None:
     """Areas are those of the plate; damage of a frame is what births and bonds say; a stopped run goes on to the same

@@ -68,6 +68,7 @@ def life(strain: float, **fatigue: Any) -> float:
         return float(summary(results)["first_break"])
 
 
+@pytest.mark.slow
 def test_a_smooth_bar_lives_as_long_as_woehlers_line_says() -> None:
     lives = [life(strain, A1=1e12, m1=6.0) for strain in (1e-3, 2e-3)]
     assert lives[0] == pytest.approx(
@@ -86,6 +87,7 @@ def test_what_a_cycle_leaves_out_costs_no_life() -> None:
     assert life(1e-3, A1=1e12, m1=6.0, endurance=1.1e-3) == np.inf
 
 
+@pytest.mark.slow
 def test_a_run_that_goes_on_is_the_same_to_the_last_bit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("pdsolve.run.simulation.PATIENCE", 1.0)
     whole, stopped = tmp_path / "whole.sqlite", tmp_path / "stopped.sqlite"

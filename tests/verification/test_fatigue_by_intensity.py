@@ -255,6 +255,8 @@ REFUSED = {
 }
 
 
+@pytest.mark.process
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("name", REFUSED)
 def test_what_cannot_grow_so_is_refused(name: str) -> None:
     fatigue, rules, message = REFUSED[name]

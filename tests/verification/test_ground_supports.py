@@ -48,6 +48,7 @@ def test_a_block_at_rest_sinks_by_its_load_over_the_bed() -> None:
     assert bed["force_x"] == pytest.approx(-50.0, rel=1e-9)
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("kernel", ["listed", "blocks"])
 def test_a_stiff_block_bobs_as_a_mass_on_a_spring(kernel: str) -> None:
     """A quarter of a period after it set off, all its energy is in the bed and it is at its lowest."""

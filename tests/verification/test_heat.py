@@ -83,6 +83,7 @@ SOON = ("bonds", "ordinary", "bonds in space")  # seconds to compile
 EACH = [pytest.param(name, marks=() if name in SOON else pytest.mark.slow) for name in LAWS]
 
 
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize("name", EACH)
 def test_a_free_body_that_swells_evenly_is_free_of_stress(name: str) -> None:
     """At the displacements alpha dT x no law pulls: at most 1e-12 of what it pulls with where it is held instead."""
@@ -99,6 +100,7 @@ def test_a_free_body_that_swells_evenly_is_free_of_stress(name: str) -> None:
     assert system.operator.energies(state)[0].max() < 1e-9
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("name", EACH)
 def test_a_body_clamped_all_round_holds_what_it_must(name: str) -> None:
     """Away from surfaces W = E (alpha dT)^2 / (1 - nu) in plane stress and 3 E (alpha dT)^2 / 2 (1 - 2 nu) in space."""

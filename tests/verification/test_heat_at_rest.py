@@ -62,6 +62,7 @@ def test_a_free_bar_stretches_and_is_free_of_stress() -> None:
     assert abs(summary["balance"]) < 1e-12  # measured 3e-15
 
 
+@pytest.mark.slow
 def test_a_clamped_bar_that_cools_breaks() -> None:
     """Bonds break where they are stretched from what they would be long, not by what they are."""
     cold = tuple(Concentration(nodes=nodes, value=300.0 - DT) for nodes in (LEFT, RIGHT))
@@ -75,6 +76,7 @@ def test_a_clamped_bar_that_cools_breaks() -> None:
         assert len(results.breaks().step) == 0  # a free bar, cold all through, is shorter and whole
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*balance of energy")
 def test_a_stopped_run_goes_on_to_the_same_bits(tmp_path: Path) -> None:
     whole, path = tmp_path / "whole.sqlite", tmp_path / "stopped.sqlite"

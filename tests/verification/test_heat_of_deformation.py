@@ -35,6 +35,7 @@ def body(*conditions: object, counts: tuple[int, ...], material: Material = STEE
     return Model(grid(place, H), settings)
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     ("counts", "kernel", "plane"),
     [

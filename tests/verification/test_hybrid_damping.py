@@ -49,6 +49,7 @@ def ledger(problem: Prepared, step: int) -> Ledger:
     return books(system, state, step)
 
 
+@pytest.mark.slow
 def test_fine_everywhere_it_is_the_uniform_plate() -> None:
     """With all cells fine, the motion and the energy taken are those of the uniform plate."""
     one, other = prepare(damped("hybrid"), Options(threads=1)), prepare(damped("none"), Options(threads=1))
@@ -66,6 +67,7 @@ def test_fine_everywhere_it_is_the_uniform_plate() -> None:
     assert fine.work == pytest.approx(uniform.work, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_the_books_balance() -> None:
     """What damping takes is near that of the uniform plate, and the energy is all there."""
     found = {}

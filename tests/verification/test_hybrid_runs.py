@@ -81,6 +81,7 @@ def test_fine_everywhere_it_is_the_uniform_plate() -> None:
     assert system.count[back].tolist() == other.system.count.tolist()
 
 
+@pytest.mark.slow
 def test_a_struck_plate_breaks_as_the_uniform_one() -> None:
     """Its first bond within a step, energies within a few per cent, both halves alike; no bond heals."""
     found, first = {}, {}
@@ -126,6 +127,7 @@ def test_a_pulled_plate_cracks_as_the_uniform_one() -> None:
     )  # 0.58; 1.01 if faces were to follow the next coarse node alone
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.skipif(cores() < 2, reason="one core")
 @pytest.mark.parametrize("law", ["brittle", "bilinear"])
 def test_threads_do_not_show(law: str) -> None:

@@ -62,6 +62,7 @@ def order(fineness: tuple[int, ...], errors: list[float]) -> float:
     return float(-np.polyfit(np.log(fineness), np.log(errors), 1)[0])
 
 
+@pytest.mark.slow
 def test_coarse() -> None:
     """Eight nodes a radius, published for the energy correction: 1.4 per cent."""
     error, edge = solved(8, 3)

@@ -99,6 +99,7 @@ def inner_node(mode: str, m: int, profile: str) -> tuple[tuple[float, float, flo
     return (c11 / (1.125 * E), c22 / (1.125 * E), c66 / (0.375 * E)), int(start[middle + 1] - start[middle])
 
 
+@pytest.mark.quick_cases(6)
 @pytest.mark.parametrize(("m", "profile"), THESIS)
 def test_a_node_of_the_thesis_mode(m: int, profile: str) -> None:
     (c11, c22, c66), bonds = inner_node("thesis", m, profile)
@@ -108,6 +109,7 @@ def test_a_node_of_the_thesis_mode(m: int, profile: str) -> None:
     assert bonds == full_family(m)
 
 
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize(
     ("m", "profile"),
     [(3, "constant"), (4, "constant"), (6, "constant"), (3, "conical"), (4, "conical"), (6, "conical")],

@@ -50,6 +50,7 @@ def error(side: int, order: int, ratio: float, degrees: float = 0.0) -> float:
     return float(np.sqrt(((state.value - exact)[~outer] ** 2).sum(axis=1).mean()))
 
 
+@pytest.mark.slow
 def test_bending_at_first_order_turned_or_not() -> None:
     """Independent: 5.26e-5."""
     straight, turned = error(24, 1, 3), error(24, 1, 3, 30)

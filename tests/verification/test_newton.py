@@ -56,6 +56,7 @@ def pulled(law: dict[str, Any]) -> tuple[Prepared, Asked]:
     return problem, Asked(problem.system.drive.force.astype(float), stepper.held, np.zeros((len(grid), 2)))
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("law", LAWS)
 def test_convergence_is_quadratic(law: str) -> None:
     """Each residual is at most a multiple of the square of the one before, as soon as they are small."""
@@ -69,6 +70,7 @@ def test_convergence_is_quadratic(law: str) -> None:
         assert after < 5 * before**2 + ROUND_OFF  # measured: at most 1.9 times the square
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("law", LAWS)
 def test_tangents_of_deformed_bodies_are_symmetric(law: str) -> None:
     problem, asked = pulled(LAWS[law])

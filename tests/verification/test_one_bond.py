@@ -44,6 +44,7 @@ BRITTLE = msgspec.structs.replace(GLASS, micromodulus="constant")
 BILINEAR = msgspec.structs.replace(BRITTLE, law="bilinear", kr=KR)
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("mode", ["thesis", "conservative"])
 @pytest.mark.parametrize("keep", [True, False])
 def test_the_envelope(mode: str, keep: bool) -> None:
@@ -90,6 +91,7 @@ def test_below_the_peak_nothing_is_spent() -> None:
     assert found.work == pytest.approx(found.kinetic, rel=1e-9)  # measured 2e-10
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("mode", ["thesis", "conservative"])
 @pytest.mark.parametrize("keep", [True, False])
 def test_a_bond_spends_half_c_xi_peak_limit(mode: str, keep: bool) -> None:

@@ -24,6 +24,7 @@ def residual(problem: Prepared, strain: str, delta: float) -> NDArray[np.float64
     return np.asarray((matrix(problem) @ u.ravel()).reshape(-1, 2) * delta / E)
 
 
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize("mode", ["thesis", "conservative"])
 @pytest.mark.parametrize("profile", ["constant", "conical"])
 @pytest.mark.parametrize("m", [3, 4])
@@ -73,6 +74,7 @@ INTERFACE = {
 }
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(("mode", "m", "profile"), INTERFACE)
 def test_force_at_an_interface(mode: str, m: int, profile: str) -> None:
     """Written down, not wished for: a change of the scheme shows here."""

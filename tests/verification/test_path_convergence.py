@@ -36,6 +36,7 @@ def notched(by: str = "displacement", **law: Any) -> Model:
     return dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, material=material, run=run))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", [{}, {"model": "micropolar", "nu": 0.2}], ids=["springs", "shear"])
 def test_convergence_is_quadratic(law: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
     """Each residual is at most a multiple of the square of the one before, once it is decided which bonds load."""

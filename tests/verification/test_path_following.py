@@ -45,6 +45,7 @@ def summary(results: Results) -> dict[str, Any]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("h", "off"), [(0.02, 0.035), pytest.param(0.01, 0.02, marks=pytest.mark.slow)])
 def test_a_notched_beam_peaks_as_is_known(h: float, off: float) -> None:
     """By an independent program with true Poisson's ratio: 798 N at both spacings; its tail at the same deflection is

@@ -69,6 +69,7 @@ def count(operator: Any, problem: Prepared, asked: Asked, mass: NDArray[np.float
     return relaxation.settle(problem.state, asked, lambda *_: None).iterations
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     ("delta", "known", "lowest"),
     [

@@ -79,6 +79,7 @@ BARS = [(shape, h, m) for shape in ("linear", "bilinear", "exponential") for h i
 QUICK = [pytest.param(*bar, marks=[] if bar[:2] == ("linear", 0.01) else [pytest.mark.slow]) for bar in BARS]
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(("shape", "h", "m"), QUICK)
 def test_a_bar_peaks_at_its_strength(shape: str, h: float, m: float) -> None:
     """Measured 1.032, 0.990, 1.054, 1.015 linear; 1.001, 0.957, 1.037, 0.993 bilinear; 0.992, 0.948, 1.030, 0.985."""
@@ -126,6 +127,7 @@ def at_rest(h: float, load_steps: int = 10) -> tuple[float, float]:
 PULLED_EVENLY = pytest.mark.filterwarnings("ignore:.*which do not break:pdsolve.model.ModelWarning")
 
 
+@pytest.mark.slow
 @PULLED_EVENLY
 @pytest.mark.parametrize("rows", [5, pytest.param(7, marks=pytest.mark.slow)])
 def test_a_bar_in_space_at_rest_peaks_at_its_strength(rows: int) -> None:

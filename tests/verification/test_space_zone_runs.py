@@ -30,6 +30,7 @@ MOTIONS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MOTIONS)
 def test_motion_may_be_prescribed_anywhere(name: str) -> None:
     """Where coarse nodes do not have it, cells are fine: momentum and work are those of fine nodes everywhere."""

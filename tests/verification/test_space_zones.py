@@ -34,6 +34,7 @@ def test_body_diagonals_take_what_vertices_need(ratio: float, tau: float) -> Non
     assert tau_of(LAW, bonds_of(ratio), 1.0) == pytest.approx(tau, abs=6e-7)
 
 
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize(("ratio", "profile"), [(2.0, "constant"), (3.0, "constant"), (3.0, "conical")])
 def test_any_linear_field_is_in_equilibrium(ratio: float, profile: str) -> None:
     """A random gradient on a random blob, faces, edges and vertices: but for the outer layer; and not without tau."""
@@ -49,6 +50,7 @@ def test_any_linear_field_is_in_equilibrium(ratio: float, profile: str) -> None:
         assert operator.volume.sum() == pytest.approx(33.0**3, rel=1e-12)
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("ratio", [2.0, 3.0])
 def test_the_sure_step_is_stable_with_a_seam(ratio: float) -> None:
     """2 / omega_max, by power iteration; measured 1.35 and 1.66 sqrt(rho / C11) against 1.13 and 1.60."""
@@ -97,6 +99,7 @@ def solved(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_cells_around_a_stretched_spring_become_fine(axis: int) -> None:
     """A coarse node moves by 0.9 of the critical stretch of the spring behind it: this one alone is beyond kappa."""
@@ -182,6 +185,7 @@ def test_surfaces_that_cut_cells_have_fine_rings(shape: str) -> None:
     assert work[1] == pytest.approx(work[0], rel=1e-3)  # measured 8e-6, 5e-5
 
 
+@pytest.mark.slow
 def test_refining_looks_at_all_that_changes() -> None:
     """Forces, energies and numbers of bonds after some cells became fine, beside those of the whole body."""
     problem = prepare(block("hybrid"), Options(threads=1))

@@ -36,6 +36,7 @@ def halves(other: Material) -> SpaceHybrid:
     return at_random(whole, 2, tau_of(LAW, whole.fine.tiles.table, H))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("other", [TOUGH, HARD], ids=["as stiff", "stiffer"])
 def test_any_linear_field_is_in_equilibrium_in_each_material(other: Material) -> None:
     """Random gradient and zone: everywhere where materials are as stiff as each other, else off their interface."""
@@ -58,6 +59,7 @@ def test_any_linear_field_is_in_equilibrium_in_each_material(other: Material) ->
     assert operator.model.rho.max() == pytest.approx(other.rho)
 
 
+@pytest.mark.slow
 def test_the_sure_step_is_stable_in_two_materials() -> None:
     """2 / omega_max of a random zone, by power iteration, beside the step that its bound of stiffness gives."""
     operator, found = halves(HARD), 0.0
@@ -70,6 +72,7 @@ def test_the_sure_step_is_stable_in_two_materials() -> None:
     assert np.sqrt(2 / bound) < 0.95 * 2 / np.sqrt(found)  # measured 0.113 and 0.126 us
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("right", [False, True])
 def test_a_spring_makes_cells_fine_by_the_material_around_it(right: bool) -> None:
     """Stretched by half of what breaks bonds of the strong material, many times what breaks those of the other."""

@@ -1,10 +1,12 @@
 """The border of a fine zone of laws with nodal fields in a lattice of their elasticity."""
 
 import numpy as np
+import pytest
 
 from benchmarks.state_based_border import LAWS, Plate, Zone
 
 
+@pytest.mark.slow
 def test_linear_fields_are_in_equilibrium_at_corners() -> None:
     x, y = np.indices((8, 8))
     zone = Zone((x > 1) & (x < 6) & (y > 1) & (y < 6) & ~((x > 3) & (y > 3)), is_round=False)

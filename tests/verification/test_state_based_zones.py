@@ -74,6 +74,7 @@ def zoned(model: Model, fine: NDArray[np.bool_] | None = None) -> Zoned:
     return Zoned(operator, model.grid.position[operator.rows])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("nu", [0.2, 1 / 3, 0.45])
 def test_no_force_is_left_under_a_linear_field(nu: float) -> None:
     """Over K h strain; fine cells at random; measured 7e-14 and less."""
@@ -86,6 +87,7 @@ def test_no_force_is_left_under_a_linear_field(nu: float) -> None:
         assert np.abs(force[inside]).max() < 1e-12 * operator.whole.bulk * H
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("nu", [0.2, 0.45])
 def test_a_linear_field_has_the_energy_of_the_solid(nu: float) -> None:
     """To 2e-14; no way but rigid motion costs nothing, and none is negative."""
@@ -104,6 +106,7 @@ def test_a_linear_field_has_the_energy_of_the_solid(nu: float) -> None:
     assert omega2[3] > 1e-4 * omega2[-1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("nu", [0.2, 0.3])
 def test_a_strip_contracts_by_its_poisson_ratio(nu: float) -> None:
     """Pulled at rest, with a fine disc in it: to 3e-14. A plate that is fine to its edges is off by 1.3 to 1.4 %, by
@@ -189,6 +192,7 @@ def test_a_crack_opens_as_with_fine_nodes_everywhere() -> None:
     assert tip[0] == pytest.approx(tip[1], abs=1.5e-3)
 
 
+@pytest.mark.slow
 def test_momentum_and_energy_stay_while_cells_become_fine() -> None:
     """Of a cracking plate that drifts: momentum to 1e-12 (found 2e-14), energy to 1e-3 of the work (5e-4)."""
     model = opened("hybrid", 200, ledger=8)
@@ -239,6 +243,7 @@ def test_single_precision_is_refused() -> None:
         prepare(opened("hybrid"), Options(threads=1, precision="float32"))
 
 
+@pytest.mark.slow
 def test_auto_takes_fine_nodes_everywhere() -> None:
     with pytest.warns(ModelWarning, match="known of bonds alone"):
         found = prepare(opened("auto", 1), Options(threads=1))

@@ -70,6 +70,7 @@ def test_the_wiener_hopf_factor_is_freunds() -> None:
         assert F * np.sqrt(2 / np.pi) == pytest.approx(np.sqrt((1 - 2 * nu) / np.pi) / (1 - nu), rel=1e-12)
 
 
+@pytest.mark.slow
 def test_a_suddenly_loaded_crack() -> None:
     """From two to eight transits of the ring, four horizons wide: within 5 % of Freund's."""
     found, transits, exact = felt(12, 3.0)

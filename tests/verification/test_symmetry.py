@@ -76,6 +76,7 @@ TURNS = {
 }
 
 
+@pytest.mark.quick_cases(4)
 @pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("turn", TURNS)
@@ -89,6 +90,7 @@ def test_a_run_turns_with_its_plate(mode: str, law: str, turn: str, scales: int)
     assert all(map(np.array_equal, breaks(other.system, 0), breaks(plain.system, 0)))
 
 
+@pytest.mark.quick_cases(4)
 @pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("scales", [1, 2])

@@ -31,6 +31,7 @@ def heated(plane: str, *, clamped: bool, fields: tuple[str, ...] | None = None) 
     return simulate(Model(built.grid, built.settings), None, Options(threads=1))
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("plane", ["stress", "strain"])
 def test_a_free_bar_has_no_stress_in_its_plane(plane: str) -> None:
     """It grows by alpha dT in plane stress, by 1 + nu times that in plane strain, where E alpha dT pushes along z."""
@@ -44,6 +45,7 @@ def test_a_free_bar_has_no_stress_in_its_plane(plane: str) -> None:
     assert np.abs(stress["zz"] + (0.0 if plane == "stress" else scale)).max() < 5e-6 * scale
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(("plane", "expected"), [("stress", 1.0), ("strain", 4 / 3)])
 def test_a_clamped_bar_pushes(plane: str, expected: float) -> None:
     """E alpha dT in plane stress, that over 1 - nu in plane strain."""

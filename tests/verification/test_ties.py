@@ -38,6 +38,7 @@ def test_ties_cut_one_way_are_those_of_another_code(kind: str, wide: int, law: s
     assert 2e-3 < abs(found.leans) < 6.5e-3  # the other code's: 2e-3 to 6e-3; measured 2.9e-3 to 5.9e-3
 
 
+@pytest.mark.slow
 def test_mirrored_ties_turn_no_tip() -> None:
     """Cut or left on both sides, a third of a spacing between the two, and those that are cut one way within that."""
     K1 = {}

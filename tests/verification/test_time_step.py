@@ -42,6 +42,7 @@ def problem_of(scales: int, m: int, profile: str, mode: str = "conservative") ->
     )
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("scales", [1, 2])
 @pytest.mark.parametrize(("m", "profile"), [(3, "constant"), (4, "constant"), (3, "conical"), (4, "conical")])
 def test_the_bound_is_safe_and_not_far_off(scales: int, m: int, profile: str) -> None:
@@ -54,6 +55,7 @@ def test_the_bound_is_safe_and_not_far_off(scales: int, m: int, profile: str) ->
     assert growth(problem, 1.02 * limit, 100) > 1e10  # measured 8e15 and more
 
 
+@pytest.mark.slow
 def test_the_bound_is_safe_whatever_pre_cracks_cut() -> None:
     """Plates that random cracks go through, some nodes with a bond or two left: stiffer, and known to be."""
     random = np.random.default_rng(0)
@@ -71,6 +73,7 @@ def test_the_bound_is_safe_whatever_pre_cracks_cut() -> None:
     assert bounds.min() >= 0.6  # measured 0.656
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(("m", "profile"), [(3, "constant"), (4, "constant"), (3, "conical"), (4, "conical")])
 def test_the_step_that_pdmesh_plans_with_is_the_shorter_one(m: int, profile: str) -> None:
     """Inside a lattice `pdmesh` has the solver's bound to round-off; what it takes off for edges is enough."""

@@ -124,6 +124,7 @@ def test_what_changes_of_cells_make_is_told_if_it_is_much() -> None:
         advise_made(plate(GRID, 4, run=Run(adapt="split")), -50.0, 100.0)
 
 
+@pytest.mark.slow
 def test_it_goes_on_to_the_same_bits() -> None:
     """From a checkpoint between two changes, on one thread and on two."""
     whole = torn()

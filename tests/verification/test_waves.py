@@ -74,6 +74,7 @@ def frequency(problem: Prepared, waves: int, axis: int, periods: float, share: f
     return float(np.arccos(cosine)) / problem.system.time_step, problem.system.time_step
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(("m", "profile"), SPEEDS)
 @pytest.mark.parametrize("axis", [0, 1])
 @pytest.mark.parametrize("waves", [1, 5, 12, 24])

@@ -69,6 +69,7 @@ def factors(grid: Grid, m: float, profile: str) -> dict[tuple[int, int], float]:
     return found
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("cracks", CRACKS)
 @pytest.mark.parametrize(("m", "profile"), [(3, "conical"), (2, "constant")])
 def test_every_bond_has_the_factor_of_the_energy_method(cracks: str, m: float, profile: str) -> None:

@@ -37,6 +37,7 @@ def prepared(body: Body) -> Prepared:
     return prepare(Model(built.grid, built.settings), Options(threads=1))
 
 
+@pytest.mark.slow
 def test_bodies_that_overlap_are_refused_with_their_depth() -> None:
     block = Body(Box((0.9, 0.05, 0.05), (1.2, 0.25, 0.25)), 0.05, UNIT)
     with pytest.raises(SceneError, match=naming("body 'block'", found=("0.1 m", "plate"))):
@@ -102,6 +103,7 @@ def test_two_step_files_are_two_bodies_that_bounce(tmp_path: Path, drawn: bool) 
     assert 600 * low + 216 * up == pytest.approx(-0.216, rel=1e-12)
 
 
+@pytest.mark.process
 def test_bodies_have_nodes_materials_motions_and_conditions_of_their_own(tmp_path: Path) -> None:
     upper = Body(Box((0, 0, 0.3), (0.4, 0.4, 0.5)), 0.05, HEAVY).fix("top", 0.0, 0.0, None)
     whole = (
@@ -140,6 +142,7 @@ def test_bodies_have_nodes_materials_motions_and_conditions_of_their_own(tmp_pat
     assert again.bodies.number.tolist() == grid.bodies.number.tolist()
 
 
+@pytest.mark.process
 def test_equal_blocks_in_space_change_velocities() -> None:
     """Two blocks of ten spacings: some of the motion stays in their vibrations."""
     block = Body(Box((0, 0, 0), (1, 0.3, 0.3)), H, UNIT)
@@ -172,6 +175,7 @@ def test_a_rigid_ball_bounces_from_a_plate() -> None:
     assert np.abs(pdist(x + state.value[rows]) - pdist(x)).max() < 1e-14
 
 
+@pytest.mark.slow
 def test_a_box_that_tumbles_keeps_its_angular_momentum_and_its_energy() -> None:
     box, spin = Box((0, 0, 1), (0.3, 0.5, 2.0)), (0.4, 0.7, 0.2)
     (system, state), steps = prepared(plate().rigid(box, "box", 2.0, (0.0, 0.0, 0.01), spin)), 300

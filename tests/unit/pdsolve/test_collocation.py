@@ -167,7 +167,7 @@ def test_what_the_seam_takes_is_booked_and_said(tmp_path: Path, capsys: pytest.C
     assert shown["damped"] == history["damped"].tolist()
 
 
-@pytest.mark.slow
+@pytest.mark.endurance
 def test_a_killed_run_goes_on_to_the_same_tables(tmp_path: Path) -> None:
     """kill -9 after nodes were switched, and other numbers of steps and threads at a time: the same to the bit."""
     whole, killed = tmp_path / "whole.sqlite", tmp_path / "killed.sqlite"

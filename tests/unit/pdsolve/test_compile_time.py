@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import re
-import time
+import threading
 
 import numba
 import pytest
 from numba.extending import overload
 
 from pdsolve.codegen import compile_time
+
+HEARD = threading.Event()
 
 
 def _slowly() -> float:
@@ -18,14 +20,19 @@ def _slowly() -> float:
 
 @overload(_slowly)
 def _typed_slowly():  # type: ignore[no-untyped-def]
-    time.sleep(0.2)
+    assert HEARD.wait(30.0)
     return lambda: 1.0
 
 
 def test_compiling_is_said_once_with_its_time(monkeypatch: pytest.MonkeyPatch) -> None:
     said: list[str] = []
+
+    def say(line: str) -> None:
+        said.append(line)
+        HEARD.set()
+
     monkeypatch.setattr(compile_time, "PATIENCE", 0.05)
-    with compile_time.compile_time_said(said.append):
+    with compile_time.compile_time_said(say):
         assert numba.njit(lambda: _slowly())() == 1.0
     assert len(said) == 2
     assert re.search(r"once: \d+ s$", said[1])

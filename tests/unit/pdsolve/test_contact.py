@@ -58,6 +58,7 @@ def on_a_wall(d: int, delta: float = H) -> Prepared:
     return prepare(moving(grid, (0.0, 0.0), Contact()), Options(threads=1))
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("d", [2, 3])
 def test_forces_are_equal_and_opposite_and_the_gradient_of_the_energy(d: int) -> None:
     prepared, depth = on_a_wall(d), 0.05 * H
@@ -73,6 +74,7 @@ def test_forces_are_equal_and_opposite_and_the_gradient_of_the_energy(d: int) ->
     assert found[~below, -1].sum() == pytest.approx(-(energy[0] - energy[1]) / (2 * way), rel=1e-6)
 
 
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize(("d", "delta"), [(2, H), (2, 0.5 * H), (2, 0.7 * H), (3, H)])
 def test_a_body_slides_along_a_row_without_interlocking(d: int, delta: float) -> None:
     prepared = on_a_wall(d, delta)
@@ -142,6 +144,7 @@ def two(run: Run, **more: Any) -> Model:
     return moving(grid_of(parts, H), (1e-2, 0.0), Contact(**more), run)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("friction", "restitution"), [(0.0, 1.0), (0.4, 1.0), (0.1, 0.8)])
 def test_a_resumed_run_has_the_same_bits(friction: float, restitution: float, tmp_path: Path) -> None:
     run = Run(steps=120, every=10, ledger=10)
@@ -174,6 +177,7 @@ def test_nodes_that_meet_head_on_are_not_pulled_along_the_face() -> None:
         assert block[1:-1, 0, 1].min() > 0
 
 
+@pytest.mark.quick_cases(3)
 @pytest.mark.filterwarnings("ignore:.*breaking bonds:pdsolve.model.ModelWarning")
 @pytest.mark.parametrize(("G0", "rigid"), [(1e9, False), (1e9, True), (2e-5, False), (1e-4, True)])
 def test_a_mirror_image_stays_one(G0: float, rigid: bool) -> None:

@@ -67,6 +67,7 @@ def test_energy_is_booked(solved: Path) -> None:
     assert abs(summary["balance"]) * summary["energy"]["work"] < 0.03 * summary["energy"]["dissipated"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kernel", [None, pytest.param("listed", marks=pytest.mark.slow)])
 def test_a_run_that_was_stopped_comes_to_the_same_bits(
     kernel: str | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -193,6 +194,7 @@ def test_a_second_maximum_forks_a_crack(second: float, apart: float, branch: flo
     assert np.degrees(_maxima(np.maximum(first, second * other), branch)).tolist() == pytest.approx(expected)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", ["bond", pytest.param("correspondence", marks=pytest.mark.slow)])
 def test_bonds_go_round_the_tips_of_cracks_that_grow(law: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Who is bonded and how much each counts is as if the crack had been drawn so: measured to round-off. Stopped and

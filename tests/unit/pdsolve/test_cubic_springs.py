@@ -64,6 +64,8 @@ CASES = {
 }
 
 
+@pytest.mark.process
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=pytest.mark.slow if name == "void" else ()) for name in CASES]
 )
@@ -89,6 +91,7 @@ def test_tiles_have_the_bonds_of_the_list(name: str) -> None:
         assert np.allclose(np.where(held, np.inf, table[pair, slot]), column, rtol=1e-12, atol=0)
 
 
+@pytest.mark.process
 def test_what_tiles_cannot_have_is_listed() -> None:
     """Stiffnesses that fall differently with distance, a crack that bonds go round, two spacings."""
     block = body(BLOCK)

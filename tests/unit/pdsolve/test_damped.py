@@ -43,6 +43,7 @@ def test_a_plate_that_drifts_loses_what_is_booked(precision: str, off: float) ->
     assert not history["strain"].max() > off * begun
 
 
+@pytest.mark.slow
 def test_a_bar_that_swings_balances_as_well_as_an_undamped_one() -> None:
     """Pulled and let swing: what is amiss falls with the step's square, damped or not."""
     pull = (InitialVelocity(box=(4.5e-3, -1.0, 1.0, 1.0), x=1.0), Velocity(box=(-1.0, -1.0, 1e-4, 1.0), x=0.0))

@@ -57,6 +57,7 @@ def same(here: Prepared, there: Prepared) -> None:
     assert all(map(np.array_equal, *energies))
 
 
+@pytest.mark.slow
 @precisions
 @pytest.mark.parametrize(
     ("name", "law", "mode"),
@@ -81,6 +82,7 @@ def test_steps_from_anywhere(name: str, mode: str, law: str, precision: str) -> 
     same(*problems)
 
 
+@pytest.mark.slow
 def test_a_node_a_work_item(monkeypatch: pytest.MonkeyPatch) -> None:
     """The form of GPUs, of which a work item is a lane: the same bits as in vectors."""
     described = runtime._described
@@ -93,6 +95,7 @@ def test_a_node_a_work_item(monkeypatch: pytest.MonkeyPatch) -> None:
     same(*problems)
 
 
+@pytest.mark.slow
 def test_short_bonds_are_summed_in_vectors(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without the form for one node, a plate moves as it should as long as its bonds are short."""
     source_of = PlaneOnDevice.source
@@ -126,6 +129,8 @@ DRIVEN = {
 }
 
 
+@pytest.mark.slow
+@pytest.mark.quick_cases(1)
 @precisions
 @pytest.mark.parametrize("how", DRIVEN)
 def test_conditions(how: str, precision: str) -> None:
@@ -149,6 +154,8 @@ def expect_the_same_elsewhere(model: Model, first: str, then: str, stop: int, fo
     alike(stopped, whole)
 
 
+@pytest.mark.slow
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(("first", "then"), [("cpu", "opencl"), ("opencl", "cpu"), ("opencl", "opencl")])
 def test_an_interrupted_run_goes_on_elsewhere(
     first: str, then: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -174,6 +181,7 @@ BENT = {
 }
 
 
+@pytest.mark.slow
 @precisions
 @pytest.mark.parametrize(
     "how", ["loads", *(pytest.param(how, marks=pytest.mark.slow) for how in BENT if how != "loads")]
@@ -207,6 +215,7 @@ def test_bodies_that_soften(law: dict[str, Any], precision: str) -> None:
     same(*problems)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("first", "then"), [("cpu", "opencl"), ("opencl", "cpu")])
 def test_a_body_goes_on_elsewhere(first: str, then: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     model = bar(run=Run(time_step=1e-4, steps=120, every=40, ledger=20))
@@ -221,6 +230,7 @@ FAMILIES = {
 }
 
 
+@pytest.mark.slow
 @precisions
 @pytest.mark.parametrize(
     ("name", "failure"),

@@ -53,6 +53,7 @@ def test_nodes_on_no_lattice_and_other_devices_are_refused() -> None:
         prepare(plate(grid, run=Run(device="opencl:999")), Options())
 
 
+@pytest.mark.process
 def test_bodies_whose_bonds_are_listed_are_refused() -> None:
     model = bar(run=Run(device="opencl"))
     moved = model.grid.position + 1e-3 * np.random.default_rng(1).standard_normal(model.grid.position.shape)
@@ -107,6 +108,8 @@ LARGE = {
 }
 
 
+@pytest.mark.slow
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize("name", LARGE)
 def test_as_much_memory_is_asked_for_as_is_taken(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     asked, taken, largest = [], [], []

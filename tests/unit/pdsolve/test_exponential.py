@@ -6,6 +6,7 @@ from decimal import Decimal, localcontext
 
 import numba
 import numpy as np
+import pytest
 from devices import needs_opencl
 
 from pdsolve.numerics.exponential import exponential
@@ -35,6 +36,7 @@ def test_compiled_code_has_the_same_bits() -> None:
     assert np.array_equal(compiled(X), exponential(X))
 
 
+@pytest.mark.slow
 @needs_opencl
 def test_a_device_has_the_same_bits() -> None:
     session, written = Session("opencl"), Translation({"exponential": exponential})

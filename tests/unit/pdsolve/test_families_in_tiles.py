@@ -65,6 +65,7 @@ def pair() -> tuple[Prepared, Prepared]:
     return prepared("listed"), prepared(None)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [1e-8, 1e-4, 0.05])
 def test_forces_are_those_of_the_list(pair: tuple[Prepared, Prepared], size: float) -> None:
     """Measured: 5e-16, 4e-16 and 4e-16 of the largest; the last have bonds beyond the polynomials. Net: 1e-17."""
@@ -74,6 +75,7 @@ def test_forces_are_those_of_the_list(pair: tuple[Prepared, Prepared], size: flo
     assert np.abs((volume * tiles).sum(axis=0)).max() < 1e-15 * np.abs(volume * tiles).sum()
 
 
+@pytest.mark.slow
 def test_in_single_precision(pair: tuple[Prepared, Prepared]) -> None:
     """Measured: 2.5e-7 of the largest."""
     single, u = prepared(None, "float32"), shaken(1e-4, pair[0])
@@ -103,11 +105,13 @@ def test_the_same_bonds_break(failure: str) -> None:
     assert np.array_equal(again.tiles.bits, of[1].system.operator.tiles.bits)  # type: ignore[attr-defined]
 
 
+@pytest.mark.slow
 def test_threads_have_the_same_bits(pair: tuple[Prepared, Prepared]) -> None:
     u = shaken(1e-4, pair[0])
     assert np.array_equal(forces(pair[1], u), forces(prepared(None, threads=2), u))
 
 
+@pytest.mark.slow
 def test_rows_that_are_alike_are_stored_once() -> None:
     """The families of a box differ by how far three layers are on each side: 7 x 7 kinds of rows, and none."""
     made = build(Body(Box((0, 0, 0), (12 * H, 10 * H, 9 * H)), H, GLASS))

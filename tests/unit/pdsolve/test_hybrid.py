@@ -174,6 +174,7 @@ def test_scenes_and_drawings_may_ask_for_it() -> None:
         run(Parameters({"Peridynamics/Run/Adapt": "static"}, UNITS["m"]))
 
 
+@pytest.mark.process
 def test_a_drawing_is_built_for_it(tmp_path: Path) -> None:
     """One lattice of the finest spacing, which the model keeps; a mesh is refused."""
     path = tmp_path / "plate.json"
@@ -202,6 +203,7 @@ def test_the_command_says_how_much_is_fine(tmp_path: Path, capsys: pytest.Captur
     assert said.count("\n") == 1
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     "condition",
     [

@@ -61,6 +61,7 @@ def test_preparing_takes_few_bytes_for_each_fine_node_that_is_not() -> None:
     assert float(found.stdout) < 115  # bytes; measured: 97 to 102, and 163 to 174 with arrays of constants of all nodes
 
 
+@pytest.mark.slow
 def test_rows_that_are_alike_have_the_constants_of_each_node() -> None:
     """Masses, damping and bonds of all nodes, by one entry for most rows; the same if nodes are listed one by one."""
     lattice, crack = Lattice((0.0, 0.0), 1e-3, 201, 101), 1e-3 * np.array([[0, 50.5, 60.5, 50.5]])

@@ -168,6 +168,7 @@ class Foreign:
         return False
 
 
+@pytest.mark.endurance
 def test_a_run_waits_for_another_program(probed: Model, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It says what for, and goes on."""
     monkeypatch.setattr("pdsolve.results.writer.FIRST_WORD", 0.2)
@@ -180,7 +181,7 @@ def test_a_run_waits_for_another_program(probed: Model, tmp_path: Path, monkeypa
     assert contents(path) == contents(tmp_path / "alone.sqlite")
 
 
-@pytest.mark.slow
+@pytest.mark.endurance
 def test_a_run_that_is_stopped_while_it_waits_says_what_for(probed: Model, tmp_path: Path) -> None:
     path = tmp_path / "plate.sqlite"
     foreign = Foreign(path, 33)

@@ -93,7 +93,7 @@ def counts(processes: list[subprocess.Popen[str]]) -> list[int]:
     return [int(process.communicate()[0]) for process in processes]
 
 
-@pytest.mark.slow
+@pytest.mark.endurance
 @pytest.mark.skipif(sys.platform == "win32", reason="an entry may be lost there, and is compiled again")
 def test_two_processes_that_compile_at_the_same_time_lose_no_entry(tmp_path: Path, begun: Begun) -> None:
     types = [("int64", "float64"), ("int32", "float32")]
@@ -105,6 +105,8 @@ def test_two_processes_that_compile_at_the_same_time_lose_no_entry(tmp_path: Pat
     assert list((tmp_path / "cache").rglob("*.tmp.*")) == []
 
 
+@pytest.mark.slow
+@pytest.mark.endurance
 @pytest.mark.skipif(sys.platform == "win32", reason="both compile it there")
 def test_two_processes_that_need_one_kernel_compile_it_once(tmp_path: Path, begun: Begun) -> None:
     assert sum(counts([begun("int64"), begun("int64")])) == 1

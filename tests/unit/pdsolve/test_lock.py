@@ -46,6 +46,8 @@ def test_a_link_to_a_database_is_the_database(tmp_path: Path) -> None:
         taken(tmp_path / "link.sqlite")
 
 
+@pytest.mark.process
+@pytest.mark.endurance
 def test_a_killed_holder_holds_nothing(tmp_path: Path) -> None:
     code = """if True:
         import sys, time

@@ -181,6 +181,7 @@ SIGNED = (
 )
 
 
+@pytest.mark.quick_cases(76)
 @pytest.mark.parametrize("number", ["nan", "inf", "-inf", "-1", "1e300", "-1e300", "1" + 40 * "0", "1" + 5000 * "0"])
 @pytest.mark.parametrize("setting", [*POSITIVE, *SIGNED])
 def test_numbers_that_are_none(bare: Path, tmp_path: Path, setting: str, number: str) -> None:

@@ -60,6 +60,7 @@ def test_a_run_on_a_rank_is_that_of_one_process_until_it_is_split(alone: Team, t
     expect_same(tmp_path / "one", tmp_path / "rank")
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("one_file", [100, 1000])
 def test_a_run_that_is_stopped_goes_on(alone: Team, tmp_path: Path, one_file: int) -> None:
     def stops(progress: Progress) -> bool:

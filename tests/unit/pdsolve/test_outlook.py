@@ -43,6 +43,8 @@ def scene(name: str) -> Model:
     return Model(built.grid, built.settings, name)
 
 
+@pytest.mark.process
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("name", MEASURED)
 def test_what_costs_less_is_taken(name: str) -> None:
     """Within a tenth of the cheaper one: where the two cost as much, either may be taken."""
@@ -51,6 +53,7 @@ def test_what_costs_less_is_taken(name: str) -> None:
     assert how == ("hybrid" if MEASURED[name] < 1 else "none")
 
 
+@pytest.mark.slow
 def test_the_strain_of_conditions_is_counted() -> None:
     """A struck edge gives v / c_p, a pulled one twice the stress over E; the stretch that makes cells fine is known."""
     built = shipped("kalthoff_winkler_steel.py", [(ADAPT, "hybrid")])
@@ -102,6 +105,7 @@ def stretched(speed: float, adapt: str = "hybrid", kappa: float = 0.7) -> Model:
     return plate(grid, 4.0, conditions=tuple(ends), run=run)
 
 
+@pytest.mark.slow
 def test_fine_cells_that_come_too_late_come_earlier(tmp_path: Path) -> None:
     """From the last frame before that on: until then the run is as it was. It is the same to the bit if it was stopped
     before or after it has gone back, or has no file."""
@@ -132,6 +136,7 @@ def with_run(model: Model, **changes: object) -> Model:
     return dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, run=run))
 
 
+@pytest.mark.slow
 def test_a_checkpoint_after_that_frame_is_none_to_go_back_to(tmp_path: Path) -> None:
     """The steps from the frame on were taken without the cells that are to come sooner: all are taken anew."""
     late, stopped = (tmp_path / f"{name}.sqlite" for name in ("late", "stopped"))
@@ -147,6 +152,7 @@ def test_a_checkpoint_after_that_frame_is_none_to_go_back_to(tmp_path: Path) -> 
     assert contents(stopped) == contents(late)
 
 
+@pytest.mark.slow
 def test_a_run_that_has_no_frame_yet_begins_anew_with_cells_that_come_earlier(tmp_path: Path) -> None:
     """It is a run with that trigger to the bit."""
     late, wider = (tmp_path / f"{name}.sqlite" for name in ("late", "wider"))
@@ -172,6 +178,7 @@ def test_no_wider_zone_cures_steps_that_are_too_long(tmp_path: Path) -> None:
     assert not [each for each in found if mentions(each.message, "kappa") or mentions(each.message, "adapt none")]
 
 
+@pytest.mark.slow
 def test_in_the_end_all_nodes_are_fine() -> None:
     """Where the widest trigger is too late as well, the run is that without a moving zone."""
     with warnings.catch_warnings(record=True) as found:

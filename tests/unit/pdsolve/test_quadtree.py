@@ -226,6 +226,7 @@ def test_no_bond_heals(mode: str) -> None:
         cells = new
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("mode", MODES)
 def test_what_has_changed_is_filled_as_all_would_be(mode: str) -> None:
     """To the bit, with an edge, a hole, a pre-crack and two materials, where cells split and merge."""

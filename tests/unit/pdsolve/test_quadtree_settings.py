@@ -108,6 +108,7 @@ def test_bad_settings_get_one_line(
     assert [file.name for file in tmp_path.iterdir()] == ["plate.json"]
 
 
+@pytest.mark.slow
 def test_a_drawing_is_built_for_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The coarsest spacing everywhere; its zones say how often cells split; plans and dry runs say it is the start."""
     path = tmp_path / "plate.json"

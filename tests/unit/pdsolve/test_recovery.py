@@ -111,6 +111,7 @@ def test_stopped_before_the_first_frame(probed: Model, tmp_path: Path, monkeypat
     assert contents(path) == contents(whole)
 
 
+@pytest.mark.process
 def test_a_run_that_writes_is_seen_without_the_file_of_its_lock(stopped: Path) -> None:
     with held(stopped.with_name("none.sqlite")):
         assert state_of(stopped.with_name("none.sqlite")).kind is Kind.RUNNING
@@ -127,6 +128,7 @@ def test_a_run_that_writes_is_seen_without_the_file_of_its_lock(stopped: Path) -
     assert state_of(stopped).kind is Kind.STOPPED
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("folder", [".", "other"])
 def test_a_hard_link_to_what_has_its_log_beside_another_name(
     probed: Model, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, folder: str
@@ -194,6 +196,7 @@ def test_a_damaged_log_is_said(probed: Model, tmp_path: Path, monkeypatch: pytes
     assert contents(copy) == contents(tmp_path / "plate.sqlite")
 
 
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize("how", ["removed", "renamed", "renamed with its log"])
 def test_a_database_that_goes_while_a_run_writes(
     probed: Model, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, how: str

@@ -43,6 +43,7 @@ def momentum(prepared: Prepared) -> np.ndarray:
     return np.array([*(mass @ state.rate), turning])
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("kernel", [None, "listed"])
 @pytest.mark.parametrize("friction", [0.0, 0.3])
 def test_a_rigid_block_that_turns_and_hits_a_beam_conserves_momentum_and_energy(
@@ -123,6 +124,7 @@ def test_the_reaction_of_a_rigid_body_is_its_force_on_what_it_touches() -> None:
     assert found.displacement_y == pytest.approx(state.value[rows, 1].mean(), rel=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("held", [(), ("x", "spin")])
 def test_a_resumed_run_with_rigid_bodies_has_the_same_bits(held: tuple[str, ...], tmp_path: Path) -> None:
     model = falling(spin=0.02, friction=0.02, held=held, run=Run(steps=240, every=20, ledger=20))

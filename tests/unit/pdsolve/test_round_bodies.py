@@ -46,6 +46,7 @@ def bounced(model: Model, steps: int) -> tuple[np.ndarray, float, Ledger, float]
     return speed, spin, books(system, state, steps), system.initial_energy
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("x", [0.3, 0.3025, 0.305])
 def test_a_disc_keeps_its_spin_and_leaves_a_wall_by_the_angle_at_which_it_came(x: float) -> None:
     speed, spin, last, begun = bounced(struck(x=x), 300)
@@ -54,6 +55,7 @@ def test_a_disc_keeps_its_spin_and_leaves_a_wall_by_the_angle_at_which_it_came(x
     assert abs(last.balance(begun)) < 1e-3  # 1e-4
 
 
+@pytest.mark.slow
 def test_friction_turns_a_disc_by_as_much_as_it_slows_it() -> None:
     """It slides all the while: mu (1 + e) v along the wall, and that times m R about the centre."""
     mu, model = 0.3, struck(friction=0.3)
@@ -67,6 +69,7 @@ def test_friction_turns_a_disc_by_as_much_as_it_slows_it() -> None:
     assert abs(last.balance(begun)) < 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("e", [0.3, 0.6])
 @pytest.mark.parametrize("radius", [None, R])
 def test_bodies_rebound_with_their_restitution(radius: float | None, e: float) -> None:
@@ -102,6 +105,7 @@ def test_a_ball_keeps_its_spin_on_a_block_in_space() -> None:
     assert abs(books(system, state, steps).balance(system.initial_energy)) < 5e-3
 
 
+@pytest.mark.slow
 def test_a_resumed_run_has_the_same_bits(tmp_path: Path) -> None:
     model = struck(run=Run(steps=240, every=20, ledger=20), friction=0.005, restitution=0.8)
     whole, count = simulate(model, options=Options(threads=1)), 0

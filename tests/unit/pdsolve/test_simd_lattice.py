@@ -30,6 +30,7 @@ from pdsolve.run.system import Prepared
 SOFT = msgspec.structs.replace(GLASS, law="bilinear", kr=2.0)
 
 
+@pytest.mark.quick_cases(13)
 @pytest.mark.parametrize("law", ["brittle", "bilinear"])
 @pytest.mark.parametrize("mode", ["thesis", "conservative"])
 @pytest.mark.parametrize("name", GRIDS)
@@ -55,6 +56,7 @@ def test_one_step_from_anywhere(name: str, mode: str, law: str) -> None:
         assert nearly(found, expected, 1e-12)
 
 
+@pytest.mark.quick_cases(5)
 @pytest.mark.parametrize("law", ["brittle", "bilinear"])
 @pytest.mark.parametrize("mode", ["thesis", "conservative"])
 @pytest.mark.parametrize("name", GRIDS)
@@ -227,6 +229,7 @@ def test_values_that_differ_by_round_off_stay_near_their_own() -> None:
     assert len(distinct.values) < 60
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("mode", ["thesis", "conservative"])
 @pytest.mark.parametrize(
     ("x0", "columns", "rows", "delta"), [(10.1, 70, 40, 1e-3), (0.37, 70, 40, 1e-4), (0.0, 1500, 8, 1e-4)]

@@ -61,6 +61,7 @@ def test_one_thread_and_two_give_the_same_bits(small_plate: Model, mode: str) ->
         assert everything(one) == everything(two)
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("precision", ["float64", "float32"])
 def test_a_stopped_run_goes_on_to_the_same_bits(small_plate: Model, tmp_path: Path, precision: str) -> None:
     options = Options("conservative", precision)
@@ -83,7 +84,9 @@ def test_a_stopped_run_goes_on_to_the_same_bits(small_plate: Model, tmp_path: Pa
 def test_a_watcher_sees_progress(small_plate: Model) -> None:
     seen: list[Progress] = []
     simulate(small_plate, watch=lambda progress: bool(seen.append(progress))).close()
-    assert [progress.step for progress in seen] == [20, 40, 60]
+    steps = [progress.step for progress in seen]  # more of them where steps take long
+    assert steps == sorted(steps)
+    assert {20, 40, 60} <= set(steps)
     assert seen[-1].broken > 0
 
 

@@ -59,6 +59,7 @@ def test_results_of_a_body_carry_z(tmp_path: Path) -> None:
     assert row == (*model.grid.position[119], pytest.approx(float(uz[119]), rel=1e-12))
 
 
+@pytest.mark.slow
 def test_a_run_goes_on_to_the_same_bits(tmp_path: Path) -> None:
     model = bar(Run(steps=20, every=5))
     whole, parted = tmp_path / "whole.sqlite", tmp_path / "parted.sqlite"
@@ -101,6 +102,7 @@ def test_a_bar_at_rest(model: str, nu: float, strain: float, ratio: float) -> No
     assert found == (pytest.approx(strain, abs=1e-3), pytest.approx(ratio, abs=1e-3))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", ["bond", "correspondence"])
 def test_what_is_said_of_a_run_is_what_it_does(model: str) -> None:
     from pdsolve.run.estimate import estimate_run
@@ -131,6 +133,8 @@ def test_both_ways_to_rest_meet() -> None:
     )  # measured 3e-8
 
 
+@pytest.mark.process
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     ("change", "said"),
     [
@@ -150,6 +154,8 @@ def test_what_is_of_plates_is_refused(change: dict[str, object], said: str) -> N
         Model(model.grid, settings)
 
 
+@pytest.mark.process
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     ("change", "options", "said"),
     [

@@ -138,6 +138,7 @@ def test_a_run_interrupted_in_its_first_load_step_goes_on_to_the_same_bits(tmp_p
         assert results.history()["work"][-1] > 0
 
 
+@pytest.mark.slow
 def test_an_interrupted_run_goes_on_to_the_same_bits(grown: Path, tmp_path: Path) -> None:
     path = tmp_path / "stopped.sqlite"
 
@@ -299,6 +300,7 @@ def strip(**changes: Any) -> Model:
     return cantilever(conditions=ends, material=tough, run=run)
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("kernel", ["blocks", "listed"])
 def test_a_run_starts_at_rest(kernel: str, tmp_path: Path) -> None:
     with simulate(strip(start="static"), None, Options(threads=1, kernel=kernel)) as results:
@@ -310,6 +312,7 @@ def test_a_run_starts_at_rest(kernel: str, tmp_path: Path) -> None:
     assert np.allclose(before, after, atol=1e-6 * np.abs(before).max())
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*which no crack spent")
 def test_damping_brings_a_plate_to_the_same_rest() -> None:
     with simulate(strip(start="static"), None, Options(threads=1)) as results:

@@ -48,6 +48,7 @@ def drawings(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", ["step", "brep", "vtu"])
 def test_a_crack_in_millimetres(suffix: str, drawings: Path, tmp_path: Path) -> None:
     spacing = [] if suffix == "vtu" else [("Zones/plate/Spacing", "1")]
@@ -70,6 +71,7 @@ def test_a_crack_in_millimetres(suffix: str, drawings: Path, tmp_path: Path) -> 
     assert len(more.grid.cracks) == 4
 
 
+@pytest.mark.slow
 def test_cracks_of_drawings_and_scripts(drawings: Path, tmp_path: Path) -> None:
     for source in ("duran50.geo", "duran50_one_scale.py"):
         built = build_file(GEOMETRIES / source, cracks=["0.08,0.0005,0.09,0.0005"], refine=["crack:2e-3"], trust=True)
@@ -80,6 +82,7 @@ def test_cracks_of_drawings_and_scripts(drawings: Path, tmp_path: Path) -> None:
     assert len(build_file(drawings / "outline.py", trust=True).grid.cracks) == 1
 
 
+@pytest.mark.process
 def test_refinements_are_in_the_unit_of_the_drawing(drawings: Path) -> None:
     given = [("Units", "mm"), ("Zones/plate/Spacing", "1")]
     scene = read_scene(drawings / "plate.step", given, ["crack:3:0.5"], cracks=["0,10,5,10"])
@@ -87,12 +90,15 @@ def test_refinements_are_in_the_unit_of_the_drawing(drawings: Path) -> None:
     assert (target, distance, spacing) == ("crack", 0.003, 0.0005)
 
 
+@pytest.mark.process
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("word", ["", "1,2", "1,2,3", "1,2,3,x", "1,2,3,4,5", "nan,0,1,1", "0,0,inf,1", "0,0,0,0"])
 def test_words_that_are_no_crack(word: str) -> None:
     with pytest.raises(SceneError, match=r"duran50.geo: (--crack: found|crack '.*': found)"):
         read_scene(GEOMETRIES / "duran50.geo", cracks=[word])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "word", ["crack", "crack:nan", "crack:inf", "crack:-1", "crack:1e-3:nan", "crack:1e-3:0", "x:1"]
 )

@@ -49,6 +49,7 @@ def drawing(folder: Path, text: str = BLOCK) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_groups_are_zones_regions_cracks_and_conditions(tmp_path: Path) -> None:
     """Overlapping zones are one body; lengths are in the drawing's unit."""
     built = build_file(drawing(tmp_path))
@@ -71,6 +72,7 @@ def test_groups_are_zones_regions_cracks_and_conditions(tmp_path: Path) -> None:
     assert len(move.nodes or ()) == 64
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
@@ -90,6 +92,7 @@ def test_what_makes_no_body_is_said(tmp_path: Path, old: str, new: str, said: st
         build_file(drawing(tmp_path, BLOCK.replace(old, new)))
 
 
+@pytest.mark.slow
 def test_components_along_z_are_refused_in_plates(tmp_path: Path) -> None:
     text = (GEOMETRIES / "duran50.geo").read_text().replace("Loads/top/Traction y", "Loads/top/Traction z")
     assert "Traction z" in text
@@ -97,6 +100,7 @@ def test_components_along_z_are_refused_in_plates(tmp_path: Path) -> None:
         build_file(drawing(tmp_path, text))
 
 
+@pytest.mark.slow
 def test_solids_of_a_step_file_are_a_body(tmp_path: Path) -> None:
     gmsh = pytest.importorskip("gmsh", exc_type=OSError)
     gmsh.initialize(interruptible=False)
@@ -138,6 +142,7 @@ Physical Volume("body:lid") = {3};
 """
 
 
+@pytest.mark.process
 def test_volumes_are_bodies_beside_the_first_one(tmp_path: Path) -> None:
     """Each with its spacing, velocity and material, or rigid with its mass and spin."""
     built = build_file(drawing(tmp_path, BESIDE))
@@ -156,6 +161,8 @@ def test_volumes_are_bodies_beside_the_first_one(tmp_path: Path) -> None:
     assert (lid.mass, lid.spin, lid.held) == (5, (0, 0, 1.5), ("x", "spin"))
 
 
+@pytest.mark.process
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [

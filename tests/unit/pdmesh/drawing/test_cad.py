@@ -45,6 +45,7 @@ def cad(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["plate.step", "plate.brep"])
 def test_cad_files(name: str, cad: Path) -> None:
     area = 0.04 * 0.02 - np.pi * 0.005**2
@@ -76,6 +77,7 @@ def test_a_name_that_means_nothing_is_refused_for_a_cad_file_too(cad: Path) -> N
             read_cad(cad / "plate.step", [("Zones/plate/Spacing", "1e-3"), (name, "0 0 1 1")])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("where", ["in the drawing", "on the command line"])
 def test_a_drawing_may_merge_a_cad_file_of_its_folder(where: str, cad: Path) -> None:
     """Its coordinates are those that Gmsh's window shows, 40 x 20, and the drawing says what they are."""
@@ -91,6 +93,7 @@ def test_a_drawing_may_merge_a_cad_file_of_its_folder(where: str, cad: Path) -> 
         read_geo(path)
 
 
+@pytest.mark.process
 def test_files_that_are_no_plates(tmp_path: Path, cad: Path) -> None:
     with pytest.raises(SceneError, match=naming("missing.step")):
         read_cad(tmp_path / "missing.step")
@@ -101,6 +104,7 @@ def test_files_that_are_no_plates(tmp_path: Path, cad: Path) -> None:
         read_cad(cad / "plate.step")
 
 
+@pytest.mark.slow
 def test_conditions_without_groups(cad: Path) -> None:
     """Edges and nodes of a part from outside, with forces whose sums are exact."""
     given = {
@@ -126,6 +130,8 @@ def test_conditions_without_groups(cad: Path) -> None:
     assert pressed[:, 0].min() > -5e-4
 
 
+@pytest.mark.process
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     ("given", "message"),
     [

@@ -138,6 +138,7 @@ Physical Surface("exchange:end") = {2};
 """
 
 
+@pytest.mark.process
 def test_a_drawing_in_space_has_them_too(tmp_path: Path) -> None:
     path = tmp_path / "block.geo"
     path.write_text(BLOCK)
@@ -151,6 +152,7 @@ def test_a_drawing_in_space_has_them_too(tmp_path: Path) -> None:
     assert cooled.surface == pytest.approx(1e-4)
 
 
+@pytest.mark.process
 def test_what_heats_is_set_by_its_name(tmp_path: Path) -> None:
     """h, the temperature outside and the one at the start, as `--set` and the axes of a study give them."""
     path = tmp_path / "block.geo"
@@ -164,6 +166,7 @@ def test_what_heats_is_set_by_its_name(tmp_path: Path) -> None:
     assert build_file(path, [("Medium/c", "1600")]).settings.conditions[1].coefficient == pytest.approx(2.5e-4)  # type: ignore[union-attr]
 
 
+@pytest.mark.slow
 def test_a_study_varies_convection(tmp_path: Path) -> None:
     """By its word in the drawing; the model of each run has h over rho c."""
     (tmp_path / "block.geo").write_text(BLOCK)

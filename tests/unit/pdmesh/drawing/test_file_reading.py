@@ -145,6 +145,7 @@ SOURCES = {  # name, content, what is said
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SOURCES)
 def test_one_line(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
@@ -187,6 +188,7 @@ def test_a_reader_that_never_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
         mesh_checks.read(path, [])
 
 
+@pytest.mark.slow
 def test_a_mesh_may_be_trusted_to_include_another(tmp_path: Path) -> None:
     points = np.array([[0, 0, 0], [1e-2, 0, 0], [0, 1e-2, 0.0]])
     meshio.write(tmp_path / "part.inp", meshio.Mesh(points, [("triangle", np.array([[0, 1, 2]]))]))
@@ -220,6 +222,8 @@ MISSING = {
 }
 
 
+@pytest.mark.process
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("name", MISSING)
 def test_what_is_missing_is_named(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
@@ -237,6 +241,7 @@ def test_what_is_missing_is_named(
     assert err.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_libraries_that_gmsh_needs_are_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -267,6 +272,7 @@ def without_sizes(tmp_path_factory: pytest.TempPathFactory) -> object:
     return read_file(folder / "plate.json").nodes
 
 
+@pytest.mark.process
 def test_that_mesh_sizes_are_not_used_is_not_said_where_it_is_quiet(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -276,6 +282,7 @@ def test_that_mesh_sizes_are_not_used_is_not_said_where_it_is_quiet(
     assert capsys.readouterr() == ("", "")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SIZES)
 def test_mesh_sizes_are_noted_as_not_used(
     name: str,
@@ -298,6 +305,7 @@ def test_mesh_sizes_are_noted_as_not_used(
     assert read_file(Path("plate.json")).nodes == without_sizes
 
 
+@pytest.mark.slow
 def test_what_a_program_prints_is_no_result(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "plate.py"
     path.write_text(HEAD + "print('hello')\nscene = Scene(box(0, 0, 0.01, 0.01), 1e-3)\n", encoding="utf-8")
@@ -307,6 +315,7 @@ def test_what_a_program_prints_is_no_result(tmp_path: Path, capfd: pytest.Captur
     assert "hello" in err
 
 
+@pytest.mark.slow
 def test_a_program_may_import_what_this_one_may(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "helper_of_a_plate.py").write_text("SIDE = 0.01\n", encoding="utf-8")
     path = tmp_path / "plate.py"

@@ -59,6 +59,7 @@ def written(folder: Path, text: str, name: str = "plate.geo") -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_the_duran_drawing() -> None:
     scene = read_geo(DURAN)
     assert {zone.name: zone.spacing for zone in scene.zones} == {"fine": 1e-3, "coarse": 2e-3}
@@ -68,6 +69,7 @@ def test_the_duran_drawing() -> None:
     assert dict(scene.parameters)["Peridynamics/Horizon ratio"] == 4
 
 
+@pytest.mark.slow
 def test_both_kernels_draw_the_same_plate(tmp_path: Path) -> None:
     built_in = read_geo(written(tmp_path, BUILT_IN))
     open_cascade = read_geo(written(tmp_path, OPEN_CASCADE))
@@ -82,6 +84,7 @@ def test_both_kernels_draw_the_same_plate(tmp_path: Path) -> None:
     assert np.array_equal(first, second)
 
 
+@pytest.mark.slow
 def test_chords_follow_the_spacing(tmp_path: Path) -> None:
     path = written(tmp_path, BUILT_IN)
     for value in (1e-3, 1e-4):
@@ -91,6 +94,7 @@ def test_chords_follow_the_spacing(tmp_path: Path) -> None:
         assert 0.1 * 0.01 * value < sagitta <= 0.01 * value  # halving overshoots by up to 4
 
 
+@pytest.mark.slow
 def test_splines_and_several_loops(tmp_path: Path) -> None:
     text = BUILT_IN.replace("Circle(5) = {6, 5, 7};", "Point(8) = {0.02, 0.017, 0}; Spline(5) = {6, 8, 7};")
     scene = read_geo(written(tmp_path, text))
@@ -98,6 +102,7 @@ def test_splines_and_several_loops(tmp_path: Path) -> None:
     assert scene.holes[0].bounds[3] == pytest.approx(0.017, abs=1e-4)
 
 
+@pytest.mark.process
 def test_assignments_reach_the_drawing(tmp_path: Path) -> None:
     path = written(tmp_path, BUILT_IN)
     scene = read_geo(path, [("Peridynamics/Zones/plate/Spacing", "5e-4"), ("Material/Force law", "bilinear")])
@@ -108,6 +113,7 @@ def test_assignments_reach_the_drawing(tmp_path: Path) -> None:
     assert scene.drawing == path.read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_parameters_are_set_by_name_with_or_without_the_prefix() -> None:
     assignments = [("Plate/Length", "0.2"), ("Peridynamics/Material/Micromodulus", "constant")]
     scene = read_geo(DURAN, assignments)
@@ -115,6 +121,7 @@ def test_parameters_are_set_by_name_with_or_without_the_prefix() -> None:
     assert scene.material.micromodulus == "constant"
 
 
+@pytest.mark.slow
 def test_parameters_with_unit_and_meaning(tmp_path: Path) -> None:
     found = {entry.name: entry for entry in read_parameters(written(tmp_path, BUILT_IN))}
     spacing = found["Peridynamics/Zones/plate/Spacing"]
@@ -123,6 +130,7 @@ def test_parameters_with_unit_and_meaning(tmp_path: Path) -> None:
     assert len(found) == 6
 
 
+@pytest.mark.slow
 def test_assignments_may_supply_what_the_drawing_leaves_out(tmp_path: Path) -> None:
     path = written(tmp_path, BUILT_IN)
     given = [("Fixes/foot/Box", "0 0 0.04 0.0005"), ("Fixes/foot/Components", "y"), ("Horizon ratio", "4")]
@@ -138,6 +146,7 @@ def test_assignments_may_supply_what_the_drawing_leaves_out(tmp_path: Path) -> N
         read_geo(path, [("Plate/Size", "2")])
 
 
+@pytest.mark.slow
 def test_chords_follow_a_spacing_that_was_supplied(tmp_path: Path) -> None:
     text = BUILT_IN.replace('Name "Peridynamics/Zones/plate/Spacing"', 'Name "Peridynamics/Plate/Spacing"')
     hole = read_geo(written(tmp_path, text), [("Zones/plate/Spacing", "1e-4")]).holes[0]
@@ -145,23 +154,27 @@ def test_chords_follow_a_spacing_that_was_supplied(tmp_path: Path) -> None:
     assert 0 < 0.005 - np.hypot(*((corners[1:] + corners[:-1]) / 2).T).min() <= 0.01 * 1e-4
 
 
+@pytest.mark.slow
 def test_a_drawing_may_include_a_drawing_of_its_folder(tmp_path: Path) -> None:
     written(tmp_path, HEAD, "head.geo")
     scene = read_geo(written(tmp_path, 'Include "head.geo";\n' + BUILT_IN.removeprefix(HEAD)))
     assert scene.spacing == 1e-3
 
 
+@pytest.mark.slow
 def test_words_in_comments_and_strings_are_no_commands(tmp_path: Path) -> None:
     text = BUILT_IN + '// SystemCall "x";\n/* Save "y"; */\nname = "Merge z;\nExit;";\nPrintf("done");\n'
     assert read_geo(written(tmp_path, text)).spacing == 1e-3
 
 
+@pytest.mark.slow
 def test_trust_reads_it_all_the_same(tmp_path: Path) -> None:
     path = written(tmp_path, BUILT_IN + f'SystemCall "touch {tmp_path}/touched";\n')
     assert read_geo(path, trust=True).spacing == 1e-3
     assert (tmp_path / "touched").exists()
 
 
+@pytest.mark.slow
 def test_a_drawing_that_ends_the_process_leaves_this_one_alone(tmp_path: Path) -> None:
     with pytest.raises(SceneError, match=naming("Gmsh", "stopped")):
         read_geo(written(tmp_path, BUILT_IN + "Exit;\n"), trust=True)
@@ -217,6 +230,8 @@ BAD = {
 }  # fmt: skip
 
 
+@pytest.mark.process
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize("name", BAD)
 def test_bad_drawings(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     text, message = BAD[name]
@@ -229,6 +244,7 @@ def test_bad_drawings(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert list(tmp_path.iterdir()) == [path]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("assignment", "message"),
     [
@@ -256,7 +272,7 @@ def test_files_that_are_no_drawings(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=15, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=15, suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture])
 @given(st.data())
 def test_any_damage_to_a_drawing_is_one_error(tmp_path: Path, data: st.DataObject) -> None:
     """Lines swapped, cut, doubled or with a character changed: a scene, or one line that says what is wrong."""

@@ -55,6 +55,7 @@ def triangle(apex: tuple[float, float, float]) -> meshio.Mesh:
 SET = [("Loads/top/Traction y", "1e6"), ("Material/E", "1e9"), ("Material/rho", "1e3"), ("Material/G0", "10")]
 
 
+@pytest.mark.slow
 def test_cells_become_nodes(tmp_path: Path) -> None:
     path = tmp_path / "part.msh"
     meshio.write(path, plate(), file_format="gmsh22", binary=False)
@@ -92,6 +93,7 @@ def named(face: str, line: str) -> meshio.Mesh:
     return mesh
 
 
+@pytest.mark.slow
 def test_a_mesh_in_millimetres(tmp_path: Path) -> None:
     grids = []
     for scale, unit in ((1.0, []), (1e3, [("Units", "mm")])):
@@ -105,6 +107,7 @@ def test_a_mesh_in_millimetres(tmp_path: Path) -> None:
     assert others.conditions[0].nodes == settings.conditions[0].nodes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("face", "line", "message"),
     [
@@ -119,12 +122,14 @@ def test_groups_that_mean_nothing(face: str, line: str, message: str, tmp_path: 
         read_mesh(tmp_path / "part.msh", SET)
 
 
+@pytest.mark.slow
 def test_a_group_of_lines_without_a_kind_is_said_not_to_be_used(tmp_path: Path) -> None:
     meshio.write(tmp_path / "part.msh", named("glass", "slit"), file_format="gmsh22", binary=False)
     _, _, notes = read_mesh(tmp_path / "part.msh", SET)
     assert mentions(notes, "curve 'slit'", "not used")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["Fixs/rim/Box", "Plate/Length", "Material/Rho"])
 def test_a_parameter_that_means_nothing(name: str, tmp_path: Path) -> None:
     meshio.write(tmp_path / "part.msh", plate(), file_format="gmsh22", binary=False)
@@ -132,6 +137,7 @@ def test_a_parameter_that_means_nothing(name: str, tmp_path: Path) -> None:
         read_mesh(tmp_path / "part.msh", [*SET, (name, "1")])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".vtu", ".inp", ".msh"])
 def test_formats(suffix: str, tmp_path: Path) -> None:
     mesh = plate()
@@ -143,6 +149,7 @@ def test_formats(suffix: str, tmp_path: Path) -> None:
     assert settings.material is None
 
 
+@pytest.mark.process
 def test_named_sets_of_abaqus(tmp_path: Path) -> None:
     mesh = plate()
     bare = meshio.Mesh(mesh.points, [(block.type, block.data) for block in mesh.cells[:2]])
@@ -153,6 +160,7 @@ def test_named_sets_of_abaqus(tmp_path: Path) -> None:
     assert settings.regions[0].nodes == tuple(range(1, 16))
 
 
+@pytest.mark.process
 def test_meshes_of_gmsh(tmp_path: Path) -> None:
     import gmsh
 
@@ -173,6 +181,7 @@ def test_meshes_of_gmsh(tmp_path: Path) -> None:
     assert np.hypot(*held.T).min() > 0.0085
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     ("name", "mesh", "message"),
     [
@@ -201,6 +210,7 @@ def test_bad_meshes(name: str, mesh: object, message: str, tmp_path: Path) -> No
 NEEDS = {".xdmf": "h5py", ".med": "h5py", ".e": "netCDF4", ".exo": "netCDF4"}  # the extra pdsuite[meshes]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", MESHES)
 def test_a_good_file_of_each_format_is_read_behind_the_walls(suffix: str, tmp_path: Path) -> None:
     if suffix in NEEDS:

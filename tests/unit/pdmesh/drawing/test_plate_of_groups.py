@@ -8,7 +8,7 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from messages import mentions, naming
 
@@ -156,6 +156,7 @@ def test_a_name_that_means_nothing_is_refused_with_the_nearest(name: str) -> Non
         scene({name: 1.0})
 
 
+@pytest.mark.quick_cases(21)
 @pytest.mark.parametrize("name", NAMES)
 def test_every_name_is_asked_for(name: str) -> None:
     """A value of the wrong kind is found, so none of them is ignored."""
@@ -321,7 +322,8 @@ group = st.builds(
 )
 
 
-@settings(max_examples=300, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
+@pytest.mark.slow
+@settings(max_examples=300)
 @given(st.lists(group, max_size=3), st.dictionaries(name, number | st.text(max_size=5), max_size=4))
 def test_any_drawing_is_a_scene_or_a_scene_error(groups: list[Group], values: dict[str, float | str]) -> None:
     with contextlib.suppress(SceneError):

@@ -31,6 +31,7 @@ def old(folder: Path) -> Path:
     return folder
 
 
+@pytest.mark.process
 def test_what_a_killed_run_leaves_is_swept_and_what_a_living_one_has_is_not(tmp_path: Path) -> None:
     environment = os.environ | {"TMPDIR": str(tmp_path)}
     command = [sys.executable, "-P", "-c", HOLD]

@@ -37,6 +37,7 @@ def box(low: tuple[float, float, float] = (0, 0, 0), high: tuple[float, float, f
     return built(Box(low, high), 0.1)
 
 
+@pytest.mark.process
 def test_a_box_is_full_of_cubes() -> None:
     grid = box().grid
     assert len(grid) == 240
@@ -46,6 +47,7 @@ def test_a_box_is_full_of_cubes() -> None:
     assert box().settings.material == msgspec.structs.replace(GLASS, plane="space")
 
 
+@pytest.mark.slow
 def test_a_sphere_has_the_nodes_of_one_and_its_volume() -> None:
     """57 856 nodes are those of the cubes of a ball whose middles are in it, counted."""
     count = 24
@@ -58,6 +60,7 @@ def test_a_sphere_has_the_nodes_of_one_and_its_volume() -> None:
     assert 8 * len(mirrored) == len(grid)
 
 
+@pytest.mark.slow
 def test_a_body_that_is_its_mirror_image_has_volumes_that_are() -> None:
     """A hole through a block: what is in cubes of no node is shared by all that are as near."""
     size = (40e-3, 16e-3, 16e-3)
@@ -71,6 +74,7 @@ def test_a_body_that_is_its_mirror_image_has_volumes_that_are() -> None:
         assert grid.cells[order] == pytest.approx(grid.cells[other], rel=5e-3)  # 1.9e-3, of a polygon
 
 
+@pytest.mark.slow
 def test_volumes_are_measured_before_they_are_scaled() -> None:
     """Lines alone find what triangles enclose: a cylinder three cubes across, a ball of twenty."""
     for solid, error in ((Cylinder((0, 0, 0), (0.2, 0.3, 1), 0.17), 4e-3), (Sphere((0, 0, 0), 1), 1e-3)):
@@ -82,6 +86,7 @@ def test_volumes_are_measured_before_they_are_scaled() -> None:
         assert inside(body.shell.triangles, cubes, "body").sum() * 1e-3 == pytest.approx(body.shell.volume, rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_void_is_left_out_of_a_volume() -> None:
     """Whichever way its triangles turn; the hull of the body is not all that bonds may not cross."""
     shell = meshed(Body(Box((0, 0, 0), (1, 1, 1)) - Sphere((0.5, 0.5, 0.5), 0.25), 0.1)).shell
@@ -97,6 +102,7 @@ def test_a_void_is_left_out_of_a_volume() -> None:
     assert len(seen) > len(shell.triangles) - 12 - 4  # two have no area
 
 
+@pytest.mark.slow
 def test_a_difference_has_a_hole_that_no_bond_crosses() -> None:
     from pdmesh.reports.bonds_and_step import bonds
 
@@ -110,6 +116,7 @@ def test_a_difference_has_a_hole_that_no_bond_crosses() -> None:
         assert (~part.inside).any()
 
 
+@pytest.mark.process
 def test_what_is_written_is_read(tmp_path: Path) -> None:
     """Version 2, z and delta z real; the same grid comes back."""
     found = build(
@@ -165,6 +172,7 @@ def test_an_open_surface_is_named_where_it_is_open() -> None:
         inside(one, cubes, "plate")
 
 
+@pytest.mark.slow
 def test_what_makes_no_body_is_refused() -> None:
     whole = meshed(Body(Box((0, 0, 0), (1, 1, 1)), 0.1)).shell
     with pytest.raises(SceneError, match=naming(found=("surface", "open"))):
@@ -184,6 +192,7 @@ def test_what_makes_no_body_is_refused() -> None:
         Body(Box((0, 0, 0), (1, 1, 1)), 0.1).fix("up")
 
 
+@pytest.mark.slow
 def test_a_crack_through_nodes_is_moved_across_itself_by_less_than_half_a_spacing() -> None:
     """Flat, and at 45 degrees through the middle of the block, where it meets the ten nodes of a diagonal in each row.
 
@@ -202,6 +211,7 @@ def test_a_crack_through_nodes_is_moved_across_itself_by_less_than_half_a_spacin
     assert not make(block.crack([[[-9, -9, 0.5], [9, -9, 0.5], [0, 20, 0.5]]])).notes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("make", "said"),
     [
@@ -237,6 +247,7 @@ def test_odd_parts_are_refused(make: Callable[[Body], Body], said: str) -> None:
         build(meshed(make(Body(brick((0, 0, 0), (1, 1, 1)), 0.1, GLASS))))
 
 
+@pytest.mark.slow
 def test_zones_part_cubes_and_volumes_stay() -> None:
     """Two steps finer in the middle: spacings change by one step, and no node sees two."""
     body = Body(Box((0, 0, 0), (3.2, 2, 2)), 0.2, GLASS).zone(Box((1.5, 0.9, 0.9), (1.7, 1.1, 1.1)), 0.05)
@@ -251,6 +262,7 @@ def test_zones_part_cubes_and_volumes_stay() -> None:
     assert finest[inner].all()
 
 
+@pytest.mark.slow
 def test_a_segment_is_cut_by_small_triangles_as_by_large_ones() -> None:
     """A square in 2 and in 200 triangles; both against what arithmetic says, edges included."""
     from pdmesh.model.neighbours import Pairs, lengths

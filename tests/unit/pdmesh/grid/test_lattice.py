@@ -28,6 +28,7 @@ def clearance(scene: Scene) -> float:
     return float((shapely.distance(shapely.points(nodes.position), cracks) / nodes.delta).min())
 
 
+@pytest.mark.quick_cases(8)
 @pytest.mark.parametrize("name", CRACKS)
 @pytest.mark.parametrize("zoned", [False, True])
 def test_no_crack_meets_a_node(name: str, zoned: bool, plate: Scene) -> None:

@@ -158,6 +158,7 @@ def same(one: np.ndarray, other: np.ndarray) -> bool:
     return count == len(np.unique(one)) == len(np.unique(other))
 
 
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize("seed", range(12))
 def test_pieces_are_those_of_all_bonds(seed: int) -> None:
     """Random cracks, holes and zones: connected parts as from the whole list of bonds."""
@@ -180,6 +181,8 @@ def test_pieces_are_those_of_all_bonds(seed: int) -> None:
         assert same(pieces(grid, reach), brute(grid, reach))
 
 
+@pytest.mark.process
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("grading", [1.0, 4.0])
 def test_pieces_of_a_mesh_are_those_of_all_bonds(grading: float, tmp_path: Path) -> None:
     count = 24
@@ -207,6 +210,7 @@ def two_blocks(neck: float) -> meshio.Mesh:
     return meshio.Mesh(points, {"quad": np.concatenate([quads, quads + 25, [[50, 51, 52, 53]]])})
 
 
+@pytest.mark.slow
 def test_a_bare_mesh_of_two_blocks_and_a_neck(tmp_path: Path) -> None:
     meshio.write(tmp_path / "m.vtu", two_blocks(0.6))
     (note,) = build_file(tmp_path / "m.vtu").notes
@@ -221,6 +225,7 @@ def test_a_bare_mesh_of_two_blocks_and_a_neck(tmp_path: Path) -> None:
         build_file(tmp_path / "m.vtu")
 
 
+@pytest.mark.process
 def test_cells_that_overlap_are_refused(tmp_path: Path) -> None:
     mesh = two_blocks(0.6)
     mesh.points[25:50, 0] -= 0.5e-3
@@ -260,6 +265,7 @@ THIN: dict[str, tuple[Callable[[Scene], Scene], tuple[float, float], float]] = {
 }
 
 
+@pytest.mark.quick_cases(5)
 @pytest.mark.parametrize("name", THIN)
 def test_thin_places_are_found(name: str, plate: Scene) -> None:
     make, place, width = THIN[name]
@@ -291,6 +297,7 @@ THICK: dict[str, Callable[[Scene], Scene]] = {
 }
 
 
+@pytest.mark.quick_cases(10)
 @pytest.mark.parametrize("name", THICK)
 def test_no_false_alarm(name: str, plate: Scene) -> None:
     assert thin(THICK[name](plate)) == []

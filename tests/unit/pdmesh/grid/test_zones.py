@@ -48,6 +48,7 @@ SCENES = {
 }
 
 
+@pytest.mark.quick_cases(4)
 @pytest.mark.parametrize("name", SCENES)
 def test_no_node_sees_a_place_that_was_to_be_finer(name: str, plate: Scene) -> None:
     pairs, stepped, unheeded = violations(SCENES[name](plate))

@@ -77,6 +77,7 @@ def test_monitors_that_contradict(run: Run, said: str, tmp_path: Path) -> None:
         read_model(path, None, given)
 
 
+@pytest.mark.slow
 def test_a_gap_off_the_plate_is_refused() -> None:
     with pytest.raises(SceneError, match=naming("gap 'a'", found="away")):
         plate().gap("a", (0, 0), (0, 0.5))
@@ -85,6 +86,7 @@ def test_a_gap_off_the_plate_is_refused() -> None:
         build(block.gap("a", (0, 0, 0), (0, 0, 9)))
 
 
+@pytest.mark.slow
 def test_a_gap_between_two_bodies() -> None:
     beside = plate().body(box(0.05, 0, 0.06, 0.02), "striker").gap("a", (0.04, 0.01), (0.05, 0.01))
     assert build(beside).settings.run.gaps[0].ends[1] == (0.05, 0.01)
@@ -109,6 +111,7 @@ DefineConstant[
 """
 
 
+@pytest.mark.slow
 def test_points_of_a_drawing(tmp_path: Path) -> None:
     pytest.importorskip("gmsh", exc_type=OSError)
     path = tmp_path / "beam.geo"
@@ -128,6 +131,7 @@ def test_points_of_a_drawing(tmp_path: Path) -> None:
 BLOCK = Body(Box((0, 0, 0), (0.04, 0.02, 0.01)), 2e-3, GLASS)
 
 
+@pytest.mark.process
 def test_supports_and_monitors_of_a_body() -> None:
     """Nodes are the middles of cubes of 2 mm."""
     body = (
@@ -144,6 +148,8 @@ def test_supports_and_monitors_of_a_body() -> None:
     assert built.settings.run.load_cells == (LoadCell("supports", ("left", "right")),)
 
 
+@pytest.mark.process
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     ("make", "said"),
     [
@@ -178,6 +184,7 @@ DefineConstant[
 """
 
 
+@pytest.mark.slow
 def test_supports_and_monitors_of_a_body_that_is_drawn(tmp_path: Path) -> None:
     path = tmp_path / "block.geo"
     path.write_text(DRAWN, encoding="utf-8")

@@ -56,6 +56,7 @@ NODES = {
 }
 
 
+@pytest.mark.quick_cases(6)
 @pytest.mark.parametrize("mutual", [False, True])
 @pytest.mark.parametrize("ratio", [1.0, 3.0, 4.5])
 @pytest.mark.parametrize("name", NODES)

@@ -168,6 +168,7 @@ def test_what_can_be_is_not(settings: Settings) -> None:
     assert not list(impossible(settings, 2))
 
 
+@pytest.mark.slow
 def test_every_command_refuses_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Damping at rest, before a file is written or a bond is filled."""
     run = Run(solver="static", damping=1.0)

@@ -86,6 +86,7 @@ def test_a_scene_without_zones_gets_one_around_its_features() -> None:
     assert found.run.steps * found.run.time_step == pytest.approx(400e-7, rel=0.01)
 
 
+@pytest.mark.process
 def test_drawn_zones_keep_their_shape_and_ratio() -> None:
     scene = read_scene(GEOMETRIES / "duran50.geo")
     found = changed(scene, 5e-4, 4.0)
@@ -99,6 +100,7 @@ def test_drawn_zones_keep_their_shape_and_ratio() -> None:
     assert again.finest == 5e-4
 
 
+@pytest.mark.process
 def test_what_is_proposed_is_in_the_unit_of_the_drawing() -> None:
     scene = read_scene(GEOMETRIES / "duran50.geo")
     in_mm = dataclasses.replace(scene, parameters=(*scene.parameters, ("Peridynamics/Units", "mm")))

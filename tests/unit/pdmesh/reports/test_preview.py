@@ -54,6 +54,7 @@ def test_bonds_without_a_crack_or_hole(plate: Scene) -> None:
     assert labels(plate, with_bonds=True)[0].endswith(" bonds")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("suffix", "magic"), [(".png", b"\x89PNG"), (".pdf", b"%PDF"), (".svg", b"<?xml")])
 def test_pictures_are_files_with_the_same_bytes(suffix: str, magic: bytes, scene: Scene, tmp_path: Path) -> None:
     grid, settings, _ = build_grid(scene)

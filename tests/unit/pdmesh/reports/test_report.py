@@ -82,6 +82,7 @@ def test_the_step_is_that_of_an_inner_node() -> None:
     assert stable_step(GLASS, 4, 1e-3) == pytest.approx(2.4425e-7, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_info_of_a_shipped_scene() -> None:
     found = info(build_file(GEOMETRIES / "plate_with_hole.geo").document, "plate_with_hole.json")
     assert found["nodes"] == 6288

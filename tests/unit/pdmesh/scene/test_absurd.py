@@ -119,6 +119,7 @@ def in_python(make: Callable[[Any], Scene], value: Any) -> Callable[[], Scene]:
     return scene
 
 
+@pytest.mark.quick_cases(12)
 @pytest.mark.parametrize("name", SCENES)
 def test_every_number_of_a_scene(name: str) -> None:
     for value in NUMBERS:
@@ -131,6 +132,7 @@ def test_every_number_of_a_scene(name: str) -> None:
         assert len(message) < 400
 
 
+@pytest.mark.quick_cases(27)
 @pytest.mark.parametrize("name", SCENES)
 def test_what_is_no_number(name: str) -> None:
     for value in OTHERS:
@@ -182,6 +184,7 @@ WORDS = (
 )
 
 
+@pytest.mark.quick_cases(21)
 @pytest.mark.parametrize("every", [5, pytest.param(1, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", NAMES)
 def test_every_parameter_of_a_drawing(name: str, every: int) -> None:
@@ -197,6 +200,8 @@ SMALL = box(-4e-4, -4e-4, 4e-4, 4e-4)
 BLOCK = Body(Box((0, 0, 0), (6e-3, 4e-3, 4e-3)), 1e-3, GLASS)
 
 
+@pytest.mark.process
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     ("scene", "said"),
     [

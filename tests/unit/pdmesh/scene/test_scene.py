@@ -45,6 +45,7 @@ def test_every_method_returns_a_new_scene(plate: Scene) -> None:
         plate.spacing = 1.0  # type: ignore[misc]
 
 
+@pytest.mark.process
 def test_python_and_gmsh_draw_the_same_grid() -> None:
     drawn, settings, _ = build_grid(read_geo(GEOMETRIES / "duran50.geo"))
     scene = (
@@ -72,6 +73,7 @@ def test_python_scenes_need_no_gmsh() -> None:
     assert done.stdout == "4242\n"
 
 
+@pytest.mark.process
 def test_import_loads_nothing_heavy() -> None:
     script = (
         "import sys, pdmesh, pdmesh.__main__ as it; it.parser()\n"

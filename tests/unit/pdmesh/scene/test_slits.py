@@ -28,6 +28,7 @@ def radial(scene: Scene, start: float, end: float) -> Scene:
     return scene.crack([tuple(start * way), tuple(end * way)], "ray")
 
 
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize("spacing", [1e-3, 1e-4])
 @pytest.mark.parametrize("start", [0.01, 0.0102, 0.0109])
 def test_a_crack_that_overshoots_a_curved_edge_is_trimmed_and_said_so(start: float, spacing: float) -> None:
@@ -101,6 +102,7 @@ def test_a_slanting_crack_from_the_edge_is_not_along_it() -> None:
     assert place_nodes(scene).position.size > 0
 
 
+@pytest.mark.process
 def test_an_arc_of_gmsh(tmp_path: Path) -> None:
     """A crack drawn from the middle of an arc, where the grid has a chord."""
     pytest.importorskip("gmsh", exc_type=OSError)

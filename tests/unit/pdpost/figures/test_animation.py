@@ -17,6 +17,7 @@ from pdpost.figures.style import FigureError
 from pdsolve.results import Results
 
 
+@pytest.mark.slow
 def test_a_gif_has_each_frame_and_the_same_bytes_each_time(small_results: Path) -> None:
     films = []
     for _ in range(2):
@@ -76,6 +77,7 @@ def test_a_film_needs_ffmpeg(small_results: Path, monkeypatch: pytest.MonkeyPatc
         animation.check_format(Path("a.avi"))
 
 
+@pytest.mark.process
 def test_what_ffmpeg_is_given_and_what_it_says(
     small_results: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -92,6 +94,7 @@ def test_what_ffmpeg_is_given_and_what_it_says(
         animation.mp4(shots)
 
 
+@pytest.mark.slow
 def test_lines_that_are_hidden_are_not_drawn(small_results: Path) -> None:
     with Results.open(small_results) as results:
         all_of, none_of = (field_figure.field(results, "damage", 60, hide=hide) for hide in ((), ("cracks",)))

@@ -34,6 +34,7 @@ def lines(figure: Figure) -> list[NDArray[np.float64]]:
     return [np.array(found.get_segments()) / MM for found in drawn if isinstance(found, LineCollection)]
 
 
+@pytest.mark.slow
 def test_it_is_around_the_finer_nodes(solved: Path) -> None:
     """All finer nodes are within it; of the others those alone that are on the zone's edge."""
     with Results.open(solved) as results:

@@ -40,6 +40,7 @@ suffixes = pytest.mark.parametrize(
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", DRAW)
 @suffixes
 def test_a_picture_has_the_same_bytes_each_time(small_results: Path, tmp_path: Path, suffix: str, what: str) -> None:
@@ -68,6 +69,7 @@ def test_the_damage_picture(small_results: Path) -> None:
     assert axes.get_title() == "Damage at 2 µs (step 40)"
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(("name", "letter"), [("displacement", "u"), ("velocity", "v")])
 def test_sizes_of_vectors_in_handy_units(small_results: Path, name: str, letter: str) -> None:
     with Results.open(small_results) as results:
@@ -215,6 +217,7 @@ def test_colours_are_those_of_what_is_seen(small_results: Path) -> None:
     assert speed[inside].max() < speed.max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", DRAW)
 def test_fonts_are_true_type_and_text_is_text(small_results: Path, tmp_path: Path, what: str) -> None:
     """A PDF holds TrueType fonts and no shapes of letters of its own (Type 3); in an SVG words can be searched."""
@@ -298,6 +301,7 @@ def test_bonds_are_blue_and_red(small_results: Path) -> None:
     assert np.array(broken.get_segments()) == pytest.approx(ends)
 
 
+@pytest.mark.slow
 @suffixes
 def test_an_image_has_the_same_bytes_each_time(
     small_results: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str

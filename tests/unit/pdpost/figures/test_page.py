@@ -46,6 +46,7 @@ def test_text_of_the_model_is_no_markup(small_results: Path) -> None:
     assert "<h1>plate &amp; crack</h1>" in page
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(("step", "panels", "title"), [(0, 1, "No crack has grown at 0 µs"), (60, 3, "at 3 µs")])
 def test_a_plate_without_a_crack_has_no_speed(small_results: Path, step: int, panels: int, title: str) -> None:
     with Results.open(small_results) as results:

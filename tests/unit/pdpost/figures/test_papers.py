@@ -55,6 +55,7 @@ def test_a_journal_that_is_not_known_is_refused(small_results: Path, capsys: pyt
         pass
 
 
+@pytest.mark.slow
 def test_a_user_has_the_last_word_over_a_journal(small_results: Path) -> None:
     with figures.styled({"journal": "ieee", "font.size": 11}), Results.open(small_results) as results:
         axes = figures.field(results).axes[0]
@@ -72,6 +73,7 @@ def test_frames_share_their_colours(small_results: Path) -> None:
     assert panels[0].findobj(PathCollection)[0].norm.vmax == pytest.approx(fastest)
 
 
+@pytest.mark.slow
 def test_frames_are_chosen_and_refused(
     small_results: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

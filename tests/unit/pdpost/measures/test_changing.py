@@ -107,6 +107,7 @@ def test_histories_are_of_those_there_are(tmp_path: Path) -> None:
         assert len(mean.nodes) == 5
 
 
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize("at", [15, 35, 38])
 def test_displacements_are_compared_where_nodes_change_in_between(tmp_path: Path, at: int) -> None:
     """What is linear in space and time is the same on all clouds, but at the edges of the coarser one."""

@@ -33,6 +33,7 @@ def test_a_probe_is_finer_than_frames(small_plate: Model) -> None:
     assert len(faster.value) == 13  # fields of frames have no acceleration here
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("component", "value"), [("x", 3.0), ("y", -4.0), ("magnitude", 5.0)])
 def test_components(component: str, value: float) -> None:
     """Nodes moved at (3, -4) m/s."""

@@ -82,6 +82,7 @@ def test_mouths_of_pre_cracks_are_no_tips() -> None:
     assert (front.name, front.branch) == ("pre-crack 0", None)
 
 
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize(
     ("notch", "more", "radius", "limit"),
     [

@@ -233,6 +233,7 @@ def drawn(angle: float, jitter: float, seed: int = 0) -> Branch:
     return tips(at_steps(nodes, np.where(cracked, steps, -1), time_step=1e-7))[0]
 
 
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize("angle", [0, 10, 30, 45, 60])
 def test_a_known_speed(angle: float) -> None:
     """Within 6 % everywhere, 2 % as a whole, at any angle to the lattice; the band holds it."""
@@ -244,6 +245,7 @@ def test_a_known_speed(angle: float) -> None:
     assert branch.length == pytest.approx(60e-3, rel=0.03)
 
 
+@pytest.mark.slow
 def test_noise_widens_the_band() -> None:
     """Nodes crack up to two spacings too early or too late: time never falls, nine speeds in ten are in their bands."""
     branches = [drawn(angle, 2.0, seed) for angle in (0, 20, 45) for seed in range(4)]
@@ -279,6 +281,7 @@ def rubble(seed: int, half: bool = False) -> tuple[Nodes, np.ndarray]:
     return nodes, steps.ravel()
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("mirror", [(1, -1), (-1, 1)])
 def test_mirrored_cracks_have_mirrored_branches(seed: int, mirror: tuple[int, int]) -> None:
@@ -293,6 +296,7 @@ def test_mirrored_cracks_have_mirrored_branches(seed: int, mirror: tuple[int, in
     mirrored(one, tips(at_steps(again, steps[shuffled])), np.array(mirror))
 
 
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize("seed", range(6))
 def test_what_is_symmetric_has_symmetric_branches(seed: int) -> None:
     """Cracks and their mirror images at once, which meet on the axis in one and the same step."""
@@ -302,6 +306,7 @@ def test_what_is_symmetric_has_symmetric_branches(seed: int) -> None:
     mirrored(found, found, np.array([1.0, -1.0]))
 
 
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize("seed", range(6))
 def test_time_never_falls_along_a_branch(seed: int) -> None:
     """Nor from a branch to those it forks into."""

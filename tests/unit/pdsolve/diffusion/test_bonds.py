@@ -153,6 +153,7 @@ def test_bonds_in_two_operators_are_those_of_one() -> None:
     assert abs(both.tangent(state) - system.operator.tangent(state)).max() < 1e-14 * system.operator.total.max()
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(("dimension", "reach", "thin"), [(2, 9.0, 9.0), (3, 5.0, 5.0), (3, 6.0, 2.0)])
 def test_slots_are_the_list(dimension: int, reach: float, thin: float) -> None:
     """Rates, totals, counts and contrast of a lattice with a hole, nodes in any order, cells of any size: 1e-13; where
@@ -183,6 +184,7 @@ def test_slots_are_the_list(dimension: int, reach: float, thin: float) -> None:
 CRACKS = {2: [[-9.0, 0.2, 2.0, 0.9]], 3: [[-9.0, -9.0, 0.2, 9.0, -9.0, 0.2, 0.0, 2.0, 0.7]]}
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(("dimension", "reach"), [(2, 12.0), (3, 7.0)])
 def test_slots_with_a_crack_and_two_media_are_the_list(dimension: int, reach: float) -> None:
     """Rates, counts, blocked bonds, contrast and tangent; measured 5e-15 of the largest."""

@@ -67,6 +67,7 @@ def test_a_crack_is_a_resistance_in_a_row(dimension: int, share: float) -> None:
     assert np.abs(-np.diff(T) - steps).max() < 1e-6 * (HOT - COLD)
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("dimension", [2, 3])
 @pytest.mark.parametrize("solver", ["static", "explicit"])
 def test_a_crack_that_conducts_nothing_keeps_one_half_cold(dimension: int, solver: str) -> None:

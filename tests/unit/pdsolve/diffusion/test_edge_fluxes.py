@@ -48,6 +48,7 @@ def test_exchange_through_a_plate_is_linear() -> None:
     assert np.abs(c - exact)[middle].max() < 0.01  # measured: .004; where the outer row takes all, .041
 
 
+@pytest.mark.slow
 def test_a_flux_through_the_face_of_a_block_is_linear() -> None:
     corners = 12 * H * np.array([(0, 0, 0), (0, 1, 0), (0, 1, 1), (0, 0, 1)])
     left = Sheet(corners[[[0, 1, 2], [0, 2, 3]]])

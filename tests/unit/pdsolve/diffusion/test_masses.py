@@ -110,6 +110,7 @@ def test_the_balance_is_relative_to_the_largest(inside: float, through: float, s
     assert now.balance(start) == pytest.approx(found, rel=1e-15)
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(("dimension", "reach", "found"), [(2, 9.0, 0.958), (3, 7.0, 0.879)])
 def test_the_surface_of_a_solid(dimension: int, reach: float, found: float) -> None:
     """Of a disc of radius 4.5 spacings and a ball of 3.5, by listed bonds and slots: less than theirs, as bonds that

@@ -49,6 +49,7 @@ MODELS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MODELS)
 def test_steps(name: str) -> None:
     """In pieces, one of which is longer than factors of profiles are sent for at a time."""
@@ -63,6 +64,8 @@ def test_steps(name: str) -> None:
     assert there.system.device != "cpu"
 
 
+@pytest.mark.slow
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(("first", "then"), [("cpu", "opencl"), ("opencl", "cpu")])
 def test_an_interrupted_run_goes_on_elsewhere(
     first: str, then: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

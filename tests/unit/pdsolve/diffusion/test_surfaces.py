@@ -45,6 +45,7 @@ def conducts(system: Transport, state: State, area: float) -> float:
     return -float((system.operator.volume * out)[system.model.grid.position[:, 0] < 0].sum()) * 40 / area
 
 
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize("listed", [False, True])
 @pytest.mark.parametrize(("rows", "layer", "ratio", "power"), [(20, 4, 3, 1), (6, 1, 3, 0), (20, 7, 6, 2)])
 def test_a_strip_conducts_D(listed: bool, rows: int, layer: int, ratio: int, power: int) -> None:
@@ -92,6 +93,7 @@ def full(system: Transport, state: State) -> NDArray[np.float64]:
     return np.asarray(-system.operator.tangent(state).toarray() * system.operator.volume[:, None])
 
 
+@pytest.mark.slow
 def test_bonds_stay_symmetric_and_positive() -> None:
     """With a hole, cut cells, a crack, a thin layer in the middle and corners: what nodes give each other is the same
     both ways (1e-14), and nothing flows from less to more; a step at the bound keeps between 0 and 1."""
@@ -144,6 +146,7 @@ def test_an_edge_of_a_plate_holds_where_it_is() -> None:
         assert state.value[:, 0] == pytest.approx(1 - system.model.grid.position[:, 0] / 4, abs=1e-5)
 
 
+@pytest.mark.slow
 def test_a_side_of_a_body_holds_where_it_is() -> None:
     """Of nodes half a spacing inside: the fall is straight from side to side, but for the edges of the bar."""
     axes = np.arange(16) + 0.5, np.arange(10) + 0.5, np.arange(10) + 0.5

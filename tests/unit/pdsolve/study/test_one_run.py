@@ -45,6 +45,7 @@ def killed_before_a_frame(task: Task, probed: Model, patch: pytest.MonkeyPatch) 
     assert state_of(task.output).kind is Kind.UNBEGUN
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("again", [False, True])
 def test_one_that_was_killed_before_its_first_frame_begins_anew(
     task: Task, probed: Model, monkeypatch: pytest.MonkeyPatch, again: bool

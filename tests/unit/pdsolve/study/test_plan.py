@@ -31,6 +31,7 @@ def promised(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, times: int, kept: 
     return plan.plan_study(path)
 
 
+@pytest.mark.slow
 def test_what_is_not_steps_is_promised_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """One run is of one process, and five take two of them as long as three."""
     one, five = (promised(tmp_path, monkeypatch, times) for times in (1, 5))
@@ -41,6 +42,7 @@ def test_what_is_not_steps_is_promised_too(tmp_path: Path, monkeypatch: pytest.M
     assert five["solve_seconds"] == pytest.approx(5 * one["solve_seconds"])
 
 
+@pytest.mark.slow
 def test_kernels_that_are_not_kept_are_compiled_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     warm, cold = (promised(tmp_path, monkeypatch, 3, kept) for kept in (True, False))
     assert cold["study_seconds"] == pytest.approx(warm["study_seconds"] + plan.COMPILE)

@@ -1,0 +1,161 @@
+"""Keeps the quick suite quick: a quick test that takes too long, or starts a process unmarked, fails."""
+
+from __future__ import annotations
+
+import statistics
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+LIMIT = 1.0  # s of CPU time of a quiet machine in a test and in fixtures of its own
+REFERENCE = 0.016  # s of CPU time of `_loop` on the machine that the limit was chosen on, when it was quiet
+SECONDS = {"slow": 900, "endurance": 900, "quick": 60}  # of wall time, after which a test is a hang
+STARTS = frozenset({"subprocess.Popen", "os.fork", "os.forkpty", "os.posix_spawn"})
+
+
+class _Clock:
+    """CPU time and started processes of the test that runs, without compiling and without what tests share."""
+
+    def __init__(self) -> None:
+        self.process_starts = 0
+        self._shared = 0.0  # s, and the number of starts, in fixtures of wider scope
+        self._shared_starts = 0
+        self._compiling = 0.0
+        self._listens = False
+
+    def seconds(self) -> float:
+        """CPU seconds of this process that count."""
+        return time.process_time() - self._shared - self._compiling
+
+    def starts(self) -> int:
+        """Processes started by what counts."""
+        return self.process_starts - self._shared_starts
+
+    def leave_out(self, seconds: float, starts: int) -> None:
+        """Leave out what a fixture of wider scope took."""
+        self._shared += seconds
+        self._shared_starts += starts
+
+    def listen(self) -> None:
+        """Leave out what numba compiles, which depends on which test comes first."""
+        if self._listens or "numba" not in sys.modules:
+            return
+        from numba.core import event
+
+        clock = self
+
+        class Compiling(event.Listener):
+            """Adds up the CPU time between the outermost start and end of compiling."""
+
+            depth, begin = 0, 0.0
+
+            def on_start(self, event: Any) -> None:
+                if self.depth == 0:
+                    self.begin = time.process_time()
+                self.depth += 1
+
+            def on_end(self, event: Any) -> None:
+                self.depth -= 1
+                if self.depth == 0:
+                    clock._compiling += time.process_time() - self.begin
+
+        event.register("numba:compile", Compiling())
+        self._listens = True
+
+
+CLOCK = _Clock()
+
+
+def _loop() -> int:
+    """Some work of the interpreter."""
+    return sum(len(str(i)) for i in range(100_000))
+
+
+def slowness() -> float:
+    """CPU time of a loop on this machine, as busy as it is now, over that on the quiet machine of reference."""
+    seconds = []
+    for _ in range(5):
+        begin = time.process_time()
+        _loop()
+        seconds.append(time.process_time() - begin)
+    return statistics.median(seconds) / REFERENCE
+
+
+def _note_start(event: str, _: tuple[Any, ...]) -> None:
+    if event in STARTS:
+        CLOCK.process_starts += 1
+
+
+def pytest_configure() -> None:
+    """Count processes that are started from now on."""
+    sys.addaudithook(_note_start)
+
+
+def tier_of(item: pytest.Item) -> str:
+    """The tier of a test: quick, slow or endurance."""
+    return next((name for name in ("endurance", "slow") if item.get_closest_marker(name)), "quick")
+
+
+def choose_cases(items: list[pytest.Item], number: int) -> list[pytest.Item]:
+    """Choose cases of a parametrised test, spread evenly from the first to the last."""
+    last = len(items) - 1
+    steps = {round(last * i / max(number - 1, 1)) for i in range(number)}
+    return [item for i, item in enumerate(items) if i in steps]
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Give each test its tier: most cases of a test of `quick_cases` are slow. Bound its wall time by the tier."""
+    limited: dict[tuple[Path, str], list[pytest.Item]] = {}
+    for item in items:
+        if item.get_closest_marker("quick_cases") and tier_of(item) == "quick":
+            limited.setdefault((item.path, item.originalname), []).append(item)  # type: ignore[attr-defined]
+    for cases in limited.values():
+        chosen = choose_cases(cases, cases[0].get_closest_marker("quick_cases").args[0])  # type: ignore[union-attr]
+        for item in cases:
+            if item not in chosen:
+                item.add_marker(pytest.mark.slow)
+    for item in items:
+        if not item.get_closest_marker("timeout"):
+            item.add_marker(pytest.mark.timeout(SECONDS[tier_of(item)]))
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_fixture_setup(fixturedef: Any) -> Iterator[None]:
+    """Leave out what fixtures take that several tests share: which test pays is chance."""
+    if fixturedef.scope == "function":
+        return (yield)
+    seconds, starts = CLOCK.seconds(), CLOCK.starts()
+    try:
+        return (yield)
+    finally:
+        CLOCK.leave_out(CLOCK.seconds() - seconds, CLOCK.starts() - starts)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_setup(item: pytest.Item) -> Iterator[None]:
+    """Note where the test's own time begins."""
+    CLOCK.listen()
+    item.stash[BEGIN] = CLOCK.seconds(), CLOCK.starts()
+    return (yield)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call(item: pytest.Item) -> Iterator[None]:
+    """Fail a quick test that is not quick."""
+    yield
+    if tier_of(item) != "quick":
+        return
+    CLOCK.listen()
+    seconds, starts = item.stash[BEGIN]
+    if (spent := CLOCK.seconds() - seconds) > LIMIT and spent > (limit := LIMIT * max(1.0, slowness())):
+        pytest.fail(f"A quick test took {spent:.2f} s of CPU time, {limit:.2f} s at most: mark it slow", pytrace=False)
+    if CLOCK.starts() > starts and not item.get_closest_marker("process"):
+        pytest.fail("A quick test started a process: mark it process, or call main(argv)", pytrace=False)
+
+
+BEGIN = pytest.StashKey[tuple[float, int]]()
