@@ -244,6 +244,8 @@ def run(
         try:
             try:
                 check_environment()
+                if trust.dropped:
+                    warnings.warn(trust.describe_dropped(trust.dropped), trust.TrustWarning, stacklevel=1)
                 return command()
             except (UnprintedError, Interrupted):
                 raise
@@ -303,7 +305,7 @@ def _trust_warnings(name: str, quiet: bool) -> Iterator[None]:
 
 def said(error: Exception, exits: Callable[[], dict[type[Exception], int]]) -> tuple[int, str]:
     """Exit code and message of an expected error; raises any other."""
-    if isinstance(error, UsageError):
+    if isinstance(error, UsageError | trust.SettingsError):
         return BAD_INPUT, str(error)
     if _lacks_memory(error):
         return FAILURE, "found too little memory, expected more (is there a limit, ulimit -v?)"

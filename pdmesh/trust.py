@@ -11,7 +11,7 @@ import atexit
 import os
 import stat
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from functools import cache
 from importlib.machinery import ModuleSpec, PathFinder
@@ -19,56 +19,71 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
 
+from pdmesh.environment_variables import library_of, safe_variables
+
 HOME = Path(__file__).resolve().parent.parent  # of these packages: a checkout may be the current folder
-# Variables that name places from where Python, the libraries and the system's loader take code or settings
-PLACES = (
-    "DASK_CONFIG", "DASK_ROOT_CONFIG", "GCONV_PATH", "HOME", "MATPLOTLIBRC", "MPLCONFIGDIR", "NUMBA_CACHE_DIR",
-    "OPENSSL_CONF", "PYTHONEXECUTABLE", "PYTHONHOME", "PYTHONPYCACHEPREFIX", "PYTHONUSERBASE", "TMPDIR",
-    "XDG_CACHE_HOME", "XDG_CONFIG_HOME",
-)  # fmt: skip
-LISTS = ("DYLD_INSERT_LIBRARIES", "DYLD_LIBRARY_PATH", "LD_AUDIT", "LD_LIBRARY_PATH", "PATH", "PYTHONPATH")
-NEVER = ("PYTHONBREAKPOINT", "PYTHONINSPECT", "PYTHONSTARTUP")  # code where nobody asks for any
 READERS = ("dask", "matplotlib", "numba")  # that look for settings in the current folder when they are imported
+
+
+dropped: list[str] = []  # names of variables that `settle` has removed
 
 
 class TrustWarning(UserWarning):
     """A protection that is weaker on this system; the message says which, and what to do."""
 
 
+class SettingsError(Exception):
+    """The user's settings of a library cannot be read; the message names the library and what to do."""
+
+
 def settle() -> None:
-    """Exclude the current folder as a source of code, in this process and in those that it starts."""
-    found = environment()
-    for name in os.environ.keys() - found.keys():
-        del os.environ[name]
-    os.environ.update(found)
+    """Exclude the current folder as a source of code, in this process and in those that it starts.
+
+    The names of variables that are not used, as they lead elsewhere than the user may want, are in `dropped`.
+    """
+    dropped.extend(settle_variables())
     sys.path[:] = [entry for entry in sys.path if _may_hold_code(entry)]
     if not any(isinstance(finder, _Elsewhere) for finder in sys.meta_path):
         sys.meta_path.insert(0, _Elsewhere())
 
 
+def settle_variables(*libraries: str) -> list[str]:
+    """Remove unsafe variables from this process, also as C libraries see them; returns their names.
+
+    With names of `LIBRARIES`, only theirs are removed.
+    """
+    safe = environment()
+    concerned = set(os.environ)
+    if libraries:
+        concerned = {name for name in concerned if getattr(library_of(name), "name", None) in libraries}
+    names = [name for name in safe_variables(os.environ)[1] if name in concerned]
+    for name in concerned - safe.keys():
+        del os.environ[name]
+    os.environ.update(safe if not libraries else {name: safe[name] for name in concerned & safe.keys()})
+    return names
+
+
+def describe_dropped(names: Sequence[str]) -> str:
+    """A line on variables that are not used."""
+    return (
+        f"not used: {', '.join(sorted(set(names)))}: a relative path, or a place that other users may write to;"
+        " give an absolute path of your own"
+    )
+
+
 def environment(given: Mapping[str, str] = os.environ) -> dict[str, str]:
     """The environment for a started process: no variable and no Python path leads to the current folder.
 
-    Absolute paths remain the user's choice.
+    Absolute paths to what nobody else may write to remain the user's choice.
     """
-    found = {name: value for name, value in given.items() if name not in NEVER}
-    for name in PLACES:
-        if name in found and not os.path.isabs(found[name]):
-            del found[name]
-    for name in LISTS:
-        if name in found:
-            entries = [entry for entry in found[name].split(os.pathsep) if os.path.isabs(entry)]
-            if name == "PYTHONPATH":
-                entries = [entry for entry in entries if _may_hold_code(entry)]
-            found[name] = os.pathsep.join(entries)
-            if not entries:
-                del found[name]
-    preloaded = [name for name in found.get("LD_PRELOAD", "").replace(":", " ").split() if os.path.isabs(name)]
-    found.pop("LD_PRELOAD", None)
-    more = {"LD_PRELOAD": " ".join(preloaded)} if preloaded else {}
+    safe, _ = safe_variables(given)
+    if "PYTHONPATH" in safe:
+        safe["PYTHONPATH"] = os.pathsep.join(filter(_may_hold_code, safe["PYTHONPATH"].split(os.pathsep)))
+        if not safe["PYTHONPATH"]:
+            del safe["PYTHONPATH"]
     if not os.path.isabs(os.path.expanduser("~")):  # a user without a home: libraries would take "~" for a name
-        more["HOME"] = os.path.abspath(os.sep)
-    return found | more | {"PYTHONSAFEPATH": "1", "NoDefaultCurrentDirectoryInExePath": "1"}
+        safe["HOME"] = os.path.abspath(os.sep)
+    return safe | {"PYTHONSAFEPATH": "1", "NoDefaultCurrentDirectoryInExePath": "1"}
 
 
 @contextmanager
@@ -104,6 +119,11 @@ class _Elsewhere:
         return spec
 
 
+def _is_no_error_of_settings(record: Any) -> bool:
+    """Whether a line of Matplotlib's log is not on the error that `SettingsError` says."""
+    return not str(record.msg).startswith("Cannot decode")
+
+
 def _elsewhere(execute: Callable[[ModuleType], None]) -> Callable[[ModuleType], None]:
     def execute_elsewhere(module: ModuleType) -> None:
         try:
@@ -112,8 +132,17 @@ def _elsewhere(execute: Callable[[ModuleType], None]) -> Callable[[ModuleType], 
             execute(module)
             return
         os.chdir(Path(__file__).parent)
+        import logging  # slow
+
+        logging.getLogger("matplotlib").addFilter(_is_no_error_of_settings)
         try:
             execute(module)
+        except ValueError as error:  # UnicodeDecodeError is one: a file of settings in Latin-1
+            named = os.environ.get("MATPLOTLIBRC", "") if module.__name__ == "matplotlib" else ""
+            file = f" ({named}, by MATPLOTLIBRC)" if named else ""
+            raise SettingsError(
+                f"{module.__name__}: its settings{file} cannot be read: {error}; save them as UTF-8, or remove them"
+            ) from error
         finally:
             os.chdir(here)
             config: Any = sys.modules.get("numba.core.config")

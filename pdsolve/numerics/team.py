@@ -14,6 +14,8 @@ import time
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from pdmesh import trust
+
 if TYPE_CHECKING:
     from mpi4py import MPI
 
@@ -154,6 +156,7 @@ def team() -> Team | None:
     """The ranks of this run; None if it is one process. Raises ImportError without mpi4py or an MPI library."""
     if not is_started_by_mpi():
         return None
+    trust.settle_variables("mpi4py")
     from mpi4py import MPI
 
     return Team(MPI.COMM_WORLD) if MPI.COMM_WORLD.Get_size() > 1 else None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import os
 import re
 import shlex
 import subprocess
@@ -160,3 +161,17 @@ def test_damping_that_stops_all_motion_is_refused(small_plate: Model) -> None:
     run = msgspec.structs.replace(small_plate.settings.run, damping=1.9 / 50e-9)
     model = dataclasses.replace(small_plate, settings=msgspec.structs.replace(small_plate.settings, run=run))
     assert step_of(model, 1.0) == 50e-9
+
+
+@pytest.mark.process
+def test_settings_of_matplotlib_that_are_no_utf_8(small_results: Path) -> None:
+    settings = small_results.with_name("matplotlibrc")
+    settings.write_bytes("savefig.format: png  # größe\n".encode("latin-1"))
+    words = [str(Path(sys.executable).with_name("pdpost")), "damage", str(small_results), "-o", "x.png"]
+    environment = os.environ | {"MATPLOTLIBRC": str(settings)}
+    ended = subprocess.run(
+        words, cwd=small_results.parent, capture_output=True, text=True, env=environment, check=False
+    )
+    assert (ended.returncode, ended.stderr.count("\n")) == (2, 1)
+    assert str(settings) in ended.stderr
+    assert "UTF-8" in ended.stderr

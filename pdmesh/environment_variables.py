@@ -1,0 +1,169 @@
+"""Environment variables that can make a library load code, and which of their values are used.
+
+A library that these programs load reads variables of its own. A value of such a variable is used if it is a number or
+a switch, an absolute path that nobody else may write to, or, for libraries that take words, a word that names nothing
+in the current folder. Anything else is not passed on. Variables that none of these libraries reads stay.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import stat
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+
+class Library(NamedTuple):
+    """The variables of a library, by the beginnings of their names, and what they can lead to."""
+
+    name: str
+    prefixes: tuple[str, ...]
+    loads: str  # what a value of these variables can load, as the page says it
+    takes_words: bool = False  # whether values may also be words, or names that the system's loader looks up
+
+
+LIBRARIES = (
+    Library("OpenCL loader", ("OCL_", "OPENCL_", "CL_CONFIG"), "drivers and layers: shared libraries"),
+    Library("PoCL", ("POCL_",), "compiled kernels, its own parts, the linker that it runs", True),
+    Library("pyopencl", ("PYOPENCL_",), "compiled programs", True),
+    Library("drivers of GPUs", ("CUDA_", "HSA_", "ROCM_", "RUSTICL_", "MESA_", "GALLIUM_"), "shared libraries", True),
+    Library("OpenGL, EGL, Vulkan", ("LIBGL_", "GBM_", "EGL_", "__EGL_", "__GLX_", "VK_"), "drivers and layers", True),
+    Library("mpi4py", ("MPI4PY_",), "the MPI library", True),
+    Library(
+        "MPICH, Open MPI and their transports",
+        ("MPICH_", "MPIR_", "MPIEXEC_", "HYDRA_", "OMPI_", "OPAL_", "PMIX_", "PRTE_", "UCX_", "FI_", "HWLOC_"),
+        "plug-ins and starters of processes",
+        True,
+    ),
+    Library("HDF5", ("HDF5_",), "filters: shared libraries"),
+    Library("NetCDF", ("NETCDF_", "NCZARR_", "NCRCENV_"), "settings and filters"),
+    Library("Numba", ("NUMBA_",), "settings and compiled kernels", True),
+    Library("LLVM", ("LLVM_", "LLVMLITE_"), "options of the compiler", True),
+    Library("BLAS and OpenMP", ("OPENBLAS_", "MKL_", "OMP_", "GOMP_", "KMP_"), "tools: shared libraries", True),
+    Library("Matplotlib", ("MPL", "MATPLOTLIB"), "settings and back ends", True),
+    Library("Tcl and Tk", ("TCL_LIBRARY", "TK_LIBRARY", "TCLLIBPATH"), "scripts"),
+    Library("Qt", ("QT_", "QML_", "QML2_"), "plug-ins: shared libraries", True),
+    Library("OpenCASCADE", ("CSF_", "CASROOT"), "plug-ins and settings"),
+    Library("Gmsh", ("GMSH",), "settings", True),
+    Library("VTK and PyVista", ("VTK_", "PYVISTA_"), "plug-ins and settings", True),
+    Library("Dask", ("DASK_", "DISTRIBUTED_"), "settings that name modules"),
+    Library("Python", ("PYTHON",), "modules and scripts", True),
+    Library("the loader of libraries", ("LD_", "DYLD_"), "shared libraries"),
+    Library("the C library", ("GCONV_PATH", "LOCPATH", "NLSPATH"), "converters and tables"),
+    Library("OpenSSL", ("OPENSSL_", "SSL_CERT_"), "engines: shared libraries"),
+    Library("Fontconfig", ("FONTCONFIG_",), "settings"),
+    Library("desktop", ("XDG_", "GIO_", "GTK_", "GDK_", "GI_TYPELIB_PATH"), "settings, plug-ins", True),
+    Library("places of files and programs", ("HOME", "TMPDIR", "PATH", "TERMINFO"), "settings and programs"),
+)
+
+WHOLE_NAMES = frozenset({"HOME", "TMPDIR", "PATH", "TERMINFO"})  # of which other names begin alike
+NEVER = ("PYTHONBREAKPOINT", "PYTHONINSPECT", "PYTHONSTARTUP")  # code where nobody asks for any
+# Places in which private folders are made, or files that are not run: others may write beside these
+SHARED_PLACES = frozenset({
+    "HOME", "NUMBA_CACHE_DIR", "TMPDIR", "XDG_CACHE_HOME", "XDG_DATA_DIRS", "XDG_RUNTIME_DIR", "PYTHONPYCACHEPREFIX",
+})  # fmt: skip
+# Lists that the user's system sets, of places that administrators' groups and other accounts may own
+PATHS = frozenset({"DYLD_INSERT_LIBRARIES", "DYLD_LIBRARY_PATH", "LD_LIBRARY_PATH", "LD_PRELOAD", "PATH", "PYTHONPATH"})
+PLACE = re.compile(r"(DIRS?|PATH|HOME|FILE|RC|ROOT|CONF|CONFIG|USERBASE|EXECUTABLE|PYCACHEPREFIX)$")  # never a word
+PLAIN = re.compile(r"[-+]?[\d.,:e]*\d[\d.,:e]*|true|false|on|off|yes|no|none", re.IGNORECASE)  # a number or a switch
+
+
+def library_of(name: str) -> Library | None:
+    """The library that reads a variable; None if it is none that these programs load."""
+    whole = name in WHOLE_NAMES
+    for library in LIBRARIES:
+        for prefix in library.prefixes:
+            if name == prefix or (not whole and prefix not in WHOLE_NAMES and name.startswith(prefix)):
+                return library
+    return None
+
+
+def safe_variables(variables: Mapping[str, str]) -> tuple[dict[str, str], list[str]]:
+    """Choose the variables that lead to no code of the current folder or of other users.
+
+    Parameters
+    ----------
+    variables
+        An environment, by name.
+
+    Returns
+    -------
+    tuple
+        The variables to use, lists without unsafe entries, and the names of those that lost a value.
+
+    Examples
+    --------
+    >>> safe_variables({"OCL_ICD_VENDORS": "vendors", "OMP_NUM_THREADS": "2", "LANG": "C"})
+    ({'OMP_NUM_THREADS': '2', 'LANG': 'C'}, ['OCL_ICD_VENDORS'])
+    """
+    used: dict[str, str] = {}
+    dropped = []
+    for name, value in variables.items():
+        if name in NEVER:
+            continue
+        library = library_of(name)
+        if library is None or (name not in WHOLE_NAMES and PLAIN.fullmatch(value) and not os.path.lexists(value)):
+            used[name] = value
+            continue
+        entries = _entries(name, value)
+        safe = [entry for entry in entries if _is_safe(entry, name, library)]
+        if safe == entries:
+            used[name] = value
+        elif safe:
+            used[name] = (" " if name == "LD_PRELOAD" else os.pathsep).join(safe)
+        if any(entry and entry not in safe for entry in entries):  # an empty entry is a slip, and is no loss
+            dropped.append(name)
+    return used, dropped
+
+
+def _is_safe(entry: str, name: str, library: Library) -> bool:
+    """Whether an entry is a safe place, or a word that the library may take and that is no place."""
+    if library.takes_words and not PLACE.search(name) and not os.path.isabs(entry):
+        first = entry.replace("\\", "/").split("/")[0]
+        return first not in ("", ".", "..") and not os.path.lexists(first)
+    return is_safe_place(entry, name)
+
+
+def _entries(name: str, value: str) -> list[str]:
+    if name == "LD_PRELOAD":
+        return value.replace(":", " ").split()
+    return value.split(os.pathsep)
+
+
+def is_safe_place(place: str, name: str = "") -> bool:
+    """Whether a path is absolute and, for a variable `name` that loads code, nobody else may write to it."""
+    if not os.path.isabs(place):
+        return False
+    if name in SHARED_PLACES or not hasattr(os, "getuid"):
+        return True
+    path = Path(os.path.realpath(place))
+    while not os.path.lexists(path) and path != path.parent:  # whoever may make it decides what it holds
+        path = path.parent
+    if name in PATHS:
+        return not _mode(path) & stat.S_IWOTH
+    if path != Path(os.path.realpath(place)) and _mode(path) & stat.S_IWOTH:
+        return False
+    return all(_is_of_the_user(part, is_parent=part != path) for part in (path, *path.parents))
+
+
+def _mode(path: Path) -> int:
+    try:
+        return path.lstat().st_mode
+    except OSError:
+        return 0
+
+
+def _is_of_the_user(path: Path, is_parent: bool) -> bool:
+    """Whether only the user and the administrator may write to a path, or remove it from a parent folder."""
+    try:
+        status = path.lstat()
+    except OSError:
+        return False
+    if status.st_uid not in (0, os.getuid()):
+        return False
+    if is_parent and status.st_mode & stat.S_ISVTX:  # others' files there are not theirs to replace
+        return True
+    by_group = status.st_mode & stat.S_IWGRP and status.st_gid not in (0, os.getgid()) and status.st_uid != 0
+    return not (status.st_mode & stat.S_IWOTH or by_group)

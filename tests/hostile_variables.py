@@ -1,0 +1,89 @@
+"""Environments that would make a library load code of the current folder or of another user."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+from pdmesh.environment_variables import SHARED_PLACES
+
+
+class Variable(NamedTuple):
+    """A variable, and the file or folder that its library would read; each library has one at least."""
+
+    name: str
+    place: str = "vendors"
+
+
+VARIABLES = (
+    Variable("OCL_ICD_VENDORS"), Variable("OPENCL_VENDOR_PATH"), Variable("OPENCL_LAYERS", "libevil.so"),
+    Variable("POCL_CACHE_DIR"), Variable("PYOPENCL_CACHE_DIR"), Variable("CUDA_INJECTION64_PATH", "libevil.so"),
+    Variable("VK_LAYER_PATH"), Variable("MPI4PY_LIBMPI", "libevil.so"), Variable("OMPI_MCA_mca_base_component_path"),
+    Variable("FI_PROVIDER_PATH"), Variable("HDF5_PLUGIN_PATH"), Variable("NETCDF_RC"), Variable("NUMBA_CACHE_DIR"),
+    Variable("LLVM_PROFILE_FILE", "libevil.so"), Variable("OMP_TOOL_LIBRARIES", "libevil.so"),
+    Variable("MATPLOTLIBRC"), Variable("MPLCONFIGDIR"), Variable("TCL_LIBRARY"), Variable("QT_PLUGIN_PATH"),
+    Variable("CSF_PluginDefaults"), Variable("GMSH_HOME"), Variable("VTK_AUTOLOAD_PATH"), Variable("DASK_CONFIG"),
+    Variable("PYTHONPATH"), Variable("PYTHONUSERBASE"), Variable("LD_LIBRARY_PATH"), Variable("LD_AUDIT", "libevil.so"),
+    Variable("LD_PRELOAD", "libevil.so"), Variable("GCONV_PATH"), Variable("OPENSSL_CONF", "libevil.so"),
+    Variable("FONTCONFIG_FILE"), Variable("XDG_CONFIG_HOME"), Variable("GIO_MODULE_DIR"), Variable("TMPDIR"),
+    Variable("HOME"), Variable("PATH"),
+)  # fmt: skip
+
+
+def _relative(variable: Variable, here: Path, _: Path) -> str:
+    (here / variable.place).mkdir(exist_ok=True)
+    return variable.place
+
+
+def _dotted(variable: Variable, here: Path, _: Path) -> str:
+    return f".{os.sep}{_relative(variable, here, here)}"
+
+
+def _one_bad_entry(variable: Variable, here: Path, own: Path) -> str:
+    (own / "own").mkdir(exist_ok=True)
+    return os.pathsep.join([str(own / "own"), _relative(variable, here, own)])
+
+
+def _an_empty_entry(variable: Variable, here: Path, own: Path) -> str:
+    (own / "own").mkdir(exist_ok=True)
+    return os.pathsep.join([str(own / "own"), ""])
+
+
+def _of_all(variable: Variable, here: Path, own: Path) -> str:
+    """A folder that everybody may write to."""
+    (own / "all").mkdir(exist_ok=True)
+    (own / "all").chmod(0o777)
+    return str(own / "all")
+
+
+def _link_to_all(variable: Variable, here: Path, own: Path) -> str:
+    (own / "link").symlink_to(_of_all(variable, here, own))
+    return str(own / "link")
+
+
+def _below_all(variable: Variable, here: Path, own: Path) -> str:
+    """What does not exist yet in a folder in which everybody may make it."""
+    return str(Path(_of_all(variable, here, own)) / "later")
+
+
+FORMS: dict[str, Callable[[Variable, Path, Path], str]] = {
+    "relative": _relative,
+    "dotted": _dotted,
+    "the current folder": lambda *_: ".",
+    "above": lambda *_: "..",
+    "empty": lambda *_: "",
+    "an entry of a list": _one_bad_entry,
+    "an empty entry": _an_empty_entry,
+    "of all": _of_all,
+    "a link to what is of all": _link_to_all,
+    "to be made by anybody": _below_all,
+}
+OF_ALL = {"of all", "a link to what is of all", "to be made by anybody"}
+FORGERIES = [
+    (variable, form)
+    for variable in VARIABLES
+    for form in FORMS
+    if form not in OF_ALL or variable.name not in SHARED_PLACES
+]

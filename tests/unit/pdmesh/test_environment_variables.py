@@ -1,0 +1,96 @@
+"""A variable that can make a library load code is used only where it leads to what the user alone decides."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+import pytest
+from hostile_variables import FORGERIES, FORMS, VARIABLES, Variable
+
+from pdmesh import trust
+from pdmesh.environment_variables import LIBRARIES, is_safe_place, library_of, safe_variables
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="folders have no modes there")
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty current folder."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_every_library_has_a_hostile_variable() -> None:
+    assert {library_of(one.name) for one in VARIABLES} == set(LIBRARIES)
+
+
+@pytest.mark.parametrize(("variable", "form"), FORGERIES, ids=lambda one: getattr(one, "name", one))
+def test_no_value_leads_to_others(variable: Variable, form: str, here: Path, tmp_path: Path) -> None:
+    """Neither to the current folder nor to a place that other users may write to."""
+    value = FORMS[form](variable, here, tmp_path)
+    used, dropped = safe_variables({variable.name: value})
+    entries = used.get(variable.name, "").replace(" ", os.pathsep).split(os.pathsep)
+    assert set(entries) <= {"", str(tmp_path / "own")}, (value, used)
+    assert dropped == ([] if form in ("empty", "an empty entry") else [variable.name])
+
+
+@pytest.mark.skipif(not hasattr(os, "getgroups"), reason="groups of POSIX")
+def test_what_a_group_may_write_to_is_not_used(tmp_path: Path) -> None:
+    """But where the administrator owns it, or the group is the user's own."""
+    place = tmp_path / "group"
+    place.mkdir()
+    os.chown(place, 1234 if os.getuid() == 0 else -1, -1)
+    place.chmod(0o775)
+    assert is_safe_place(str(place), "HDF5_PLUGIN_PATH") == (os.getuid() != 0)  # of another user, or of one's own group
+    assert is_safe_place(str(place), "LD_LIBRARY_PATH")
+
+
+@pytest.mark.parametrize("variable", VARIABLES, ids=lambda one: one.name)
+def test_a_place_of_ones_own_stays(variable: Variable, here: Path, tmp_path: Path) -> None:
+    given = {variable.name: str(tmp_path / "own"), "SOME_PROGRAM": "relative/path"}
+    assert safe_variables(given) == (given, [])
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("OMP_NUM_THREADS", "2"), ("OMP_PROC_BIND", "close"), ("MPLBACKEND", "agg"), ("NUMBA_CPU_NAME", "generic"),
+        ("POCL_DEVICES", "cpu"), ("PYTHONWARNINGS", "error"), ("QT_QPA_PLATFORM", "offscreen"),
+        ("XDG_CURRENT_DESKTOP", "ubuntu:GNOME"), ("PMIX_SERVER_URI2", "prte-a-1@0.0;tcp4://127.0.0.1:3"),
+        ("OMPI_COMM_WORLD_RANK", "0"), ("MPI4PY_LIBMPI", "libmpi.so.12"), ("HDF5_USE_FILE_LOCKING", "FALSE"),
+        ("GTK_THEME", "Adwaita:dark"), ("PATHEXT", "x"), ("HOMEBREW_PREFIX", "x"), ("LANG", "C"),
+    ],
+)  # fmt: skip
+def test_words_and_numbers_stay(name: str, value: str, here: Path) -> None:
+    assert safe_variables({name: value}) == ({name: value}, [])
+
+
+def test_they_are_removed_from_the_process_of_a_command(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(trust, "dropped", [])
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    monkeypatch.setattr(sys, "meta_path", list(sys.meta_path))
+    for name in ("OCL_ICD_VENDORS", "HDF5_PLUGIN_PATH"):
+        monkeypatch.setenv(name, "vendors")
+    with trust.child_environment():
+        trust.settle()
+        assert not {"OCL_ICD_VENDORS", "HDF5_PLUGIN_PATH"} & os.environ.keys()
+        assert {"OCL_ICD_VENDORS", "HDF5_PLUGIN_PATH"} & set(trust.dropped) == set()  # already gone for a child
+    trust.settle()
+    assert {"OCL_ICD_VENDORS", "HDF5_PLUGIN_PATH"} <= set(trust.dropped)
+    assert "OCL_ICD_VENDORS" in trust.describe_dropped(trust.dropped)
+
+
+def test_a_library_may_be_settled_alone(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("OCL_ICD_VENDORS", "vendors")
+    monkeypatch.setenv("HDF5_PLUGIN_PATH", "vendors")
+    assert trust.settle_variables("OpenCL loader") == ["OCL_ICD_VENDORS"]
+    assert os.environ["HDF5_PLUGIN_PATH"] == "vendors"
+
+
+def test_the_page_names_every_library() -> None:
+    page = (trust.HOME / "docs" / "guide" / "trust.md").read_text("utf-8")
+    for library in LIBRARIES:
+        row = f"| {library.name} | {', '.join(f'`{name}`' for name in library.prefixes)} | {library.loads} |"
+        assert row in page
