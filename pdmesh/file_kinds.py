@@ -18,12 +18,17 @@ MESHES = (
     ".mesh",
     ".e",
     ".exo",
+    ".ex2",
+    ".g",
+    ".gen",
     ".med",
     ".bdf",
     ".nas",
+    ".unv",
     ".ply",
     ".off",
     ".stl",
+    ".txt",  # x, y, z, block and volume of points
 )
 DATABASE = b"SQLite format 3\0"
 

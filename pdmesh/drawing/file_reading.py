@@ -63,10 +63,18 @@ def build_file(
     if path.suffix.lower() in MESHES:
         from pdmesh.drawing.meshes import read_mesh
 
-        for option, given in (("--refine", refine), (ADAPT, dict(assignments).get(ADAPT))):
+        adapt = dict(assignments).get(ADAPT)
+        own = [(name, value) for name, value in assignments if name != ADAPT]
+        found = read_mesh(path, own, cracks, trust)
+        solid = isinstance(found, Body)
+        for option, given in (("--refine", refine), (ADAPT, not solid and adapt)):
             if given:
                 raise SceneError(f"{path}: {option}: found a mesh, expected a drawing")
-        finished = partial(looked_at, Built(*read_mesh(path, assignments, cracks, trust)))
+        finished = (
+            partial(building.build, adapted(found, adapt))
+            if isinstance(found, Body)
+            else partial(looked_at, Built(*found))
+        )
     else:
         finished = partial(building.build, read_scene(path, assignments, refine, trust, cracks))
     try:

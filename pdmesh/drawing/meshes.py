@@ -1,14 +1,14 @@
-"""An existing mesh as a grid: a node at the centre of each cell, with the cell's area.
+"""An existing mesh as a grid: a node at the centre of each cell of a plate, with its area; or as a body.
 
-Reads every format of meshio. Groups of cells are named as in a drawing (`plate_of_groups`); a surface group without a
-kind in its name is a region of material. A node's spacing is the square root of its cell's area. Values, including the
-unit of the coordinates, come from ``--set``.
+Groups of cells are named as in a drawing (`plate_of_groups`); a surface group without a kind in its name is a region
+of material. A node's spacing is the square root of its cell's area. Values, including the unit of the coordinates, come
+from ``--set``. Meshes of solids become bodies (`solid_meshes`).
 """
 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,143 +19,163 @@ from numpy.typing import NDArray
 
 from pdmesh.drawing import mesh_checks
 from pdmesh.drawing.additions import added
-from pdmesh.drawing.mesh_checks import Mesh
+from pdmesh.drawing.mesh_arrays import Mesh, Rows
+from pdmesh.drawing.mesh_edges import along, doubled, ends_of, joined, slit_remark, slits
+from pdmesh.drawing.mesh_groups import group_names, unused, with_plane
 from pdmesh.drawing.parameters import PREFIX, given, unit_of
-from pdmesh.drawing.plate_of_groups import scene_of
+from pdmesh.drawing.plate_of_groups import GROUPS, scene_of
 from pdmesh.drawing.plate_places import Group
+from pdmesh.drawing.point_cells import with_cells
+from pdmesh.drawing.solid_meshes import body_of_mesh
 from pdmesh.grid.lattice import grid_of_nodes, settings_of
 from pdmesh.model.document import Settings
 from pdmesh.model.node_grid import Grid
+from pdmesh.scene.body import Body
 from pdmesh.scene.checks import remarks
 from pdmesh.scene.shapes import SceneError, parts
 
-CORNERS = {"triangle": 3, "triangle6": 3, "triangle7": 3, "quad": 4, "quad8": 4, "quad9": 4}
-LINES = ("line", "line3")
-SOLID = ("tetra", "hexahedron", "wedge", "pyramid")
 OVERLAP = 1e-6  # of the area
-TAGS = ("gmsh:physical", "medit:ref", "cell_tags", "region", "material")  # cell data that number groups
+FLAT = 1e-9  # of the size of a mesh: z that still counts as one
+SLIT = "crack:double nodes"  # the group that slits are put in
 
 
 @dataclass(frozen=True)
 class _Cells:
-    """Cells of one dimension as shapes, with the names of the groups each is in."""
+    """Cells of one dimension as shapes, and by name which of them are in a set."""
 
-    shapes: NDArray[Any]  # (k,) polygons or lines
-    groups: list[set[str]]
+    shapes: NDArray[Any]  # (k,) polygons, lines or points
+    sets: dict[str, Rows]
+
+    @classmethod
+    def of(cls, mesh: Mesh, dimension: int, places: NDArray[np.float64]) -> _Cells:
+        """The cells of a mesh whose points are at these places (n, 2)."""
+        blocks, sets = mesh.of_dimension(dimension)
+        make = (lambda points: shapely.points(points[:, 0]), shapely.linestrings, shapely.polygons)[dimension]
+        first = np.cumsum([0, *(len(block.data) for block in blocks)])
+        shapes = [np.empty(0, dtype=object), *(make(places[block.corners]) for block in blocks if len(block.data))]
+        members = {
+            name: np.concatenate([first[:0], *(at + rows for at, rows in zip(first[:-1], some, strict=True))])
+            for name, some in sorted(sets.items())
+        }
+        return cls(np.concatenate(shapes), {name: rows for name, rows in members.items() if len(rows)})
+
+    def named(self, name: str) -> NDArray[Any]:
+        """The cells of a set."""
+        return self.shapes[self.sets[name]]
 
 
 def read_mesh(
     path: Path, assignments: Sequence[tuple[str, str]] = (), cracks: Sequence[str] = (), trust: bool = False
-) -> tuple[Grid, Settings, tuple[str, ...]]:
-    """The grid and settings of the mesh file at `path`, and remarks about them. Raises SceneError.
+) -> tuple[Grid, Settings, tuple[str, ...]] | Body:
+    """The grid and settings of the plate in the mesh file at `path`, and remarks about them; or the body of its solids.
 
-    `cracks` are added, ``x0,y0,x1,y1``.
+    `cracks` are added to a plate, ``x0,y0,x1,y1``. Raises SceneError.
     """
-    mesh = mesh_checks.read(path, TAGS, trust)
-    faces, lines, points = _cells(mesh, path)
-    areas = np.asarray(shapely.area(faces.shapes))
-    if not (areas > 0).all():
-        raise SceneError(f"{path}: cell {int((areas <= 0).argmax())}: found no area, expected cells with an inside")
-    delta = np.sqrt(areas)
-    position = shapely.get_coordinates(shapely.centroid(faces.shapes))
+    mesh = mesh_checks.read(path, trust)
     try:
+        mesh = with_cells(mesh)
+        if not np.isfinite(mesh.points).all():
+            raise SceneError("points: found a coordinate that is not finite, expected metres")
         values = given(assignments)
-        unit = unit_of(values)
-        groups, notes = _groups(faces, lines, points, values)
-        spacing = {f"{PREFIX}Zones/mesh/Spacing": float(delta.max())}
-        scene = added(scene_of(groups, values | spacing, path.name), [], cracks)
-        position, delta, areas = unit.metres(position), unit.metres(delta), unit.metres(unit.metres(areas))
-        settings = settings_of(scene, position, delta)
+        if mesh.of_dimension(3)[0]:
+            if cracks:
+                raise SceneError("--crack: found a body in space, expected a plate")
+            return body_of_mesh(mesh, values, path.name)
+        return _plate(mesh, values, path, cracks)
     except SceneError as error:
         raise SceneError(f"{path}: {error}") from None
-    return grid_of_nodes(scene, position, delta, areas), settings, (*notes, *remarks(scene))
+
+
+def _plate(
+    mesh: Mesh, values: dict[str, float | str], path: Path, cracks: Sequence[str]
+) -> tuple[Grid, Settings, tuple[str, ...]]:
+    """The nodes of a plane mesh. Raises SceneError."""
+    _refuse_others(mesh)
+    of_place = joined(mesh.points)
+    places = mesh.points[of_place, :2]
+    faces, lines, points = (_Cells.of(mesh, dimension, places) for dimension in (2, 1, 0))
+    areas = np.asarray(shapely.area(faces.shapes))
+    if not (areas > 0).all():
+        raise SceneError(f"cell {int((areas <= 0).argmax())}: found no area, expected cells with an inside")
+    delta = np.sqrt(areas)
+    if mesh.volumes:
+        areas = np.concatenate(mesh.volumes)
+    position = shapely.get_coordinates(shapely.centroid(faces.shapes))
+    values, notes = with_plane(values, mesh.plane)
+    unit = unit_of(values)
+    whole = _union(faces.shapes)
+    ends, apart = ends_of(mesh.of_dimension(2)[0], of_place)
+    drawn = [shapely.union_all(lines.named(name)) for name in lines.sets if name.startswith("crack:")]
+    free = doubled(ends, of_place) | _of_parts(mesh, faces, ends, places)
+    slit = slits(places, ends[free], whole, drawn)
+    notes += ["no two cells have a node in common: those that touch are joined"] if apart else []
+    notes += slit_remark(slit, str(values.get(f"{PREFIX}Units") or "m"))
+    groups, more = _groups(faces, lines, points, values)
+    groups += _groups_of_points(mesh, ends, places, values)
+    spacing = {f"{PREFIX}Zones/mesh/Spacing": float(delta.max())}
+    groups += [Group("zone:mesh", 2, surfaces=_outlines(whole))]
+    groups += [Group(SLIT, 1, curves=tuple(np.pad(line, ((0, 0), (0, 1))) for line in slit))] if slit else []
+    scene = added(scene_of(groups, values | spacing, path.name), [], cracks)
+    position, delta, areas = unit.metres(position), unit.metres(delta), unit.metres(unit.metres(areas))
+    settings = settings_of(scene, position, delta)
+    return grid_of_nodes(scene, position, delta, areas), settings, (*mesh.notes, *notes, *more, *remarks(scene))
+
+
+def _of_parts(mesh: Mesh, faces: _Cells, ends: Rows, places: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which edges (k, 2) are where a part of the mesh ends; none if it has no parts."""
+    found = np.zeros(len(ends), dtype=bool)
+    if mesh.parts is not None:
+        of_face = np.concatenate([mesh.parts[block.data[:, 0]] for block in mesh.of_dimension(2)[0]])
+        for part in np.unique(of_face).tolist():
+            own = np.flatnonzero(mesh.parts[ends[:, 0]] == part)
+            found[own] = along(places, ends[own], _union(faces.shapes[of_face == part]).boundary)
+    return found
+
+
+def _refuse_others(mesh: Mesh) -> None:
+    """Raise SceneError for cells in space, and for a mesh without faces."""
+    points = mesh.points
+    if points.shape[1] > 2 and np.ptp(points[:, 2]) > FLAT * np.ptp(points[:, :2], axis=0).max():
+        raise SceneError("points: found z of several values, expected a plane mesh, or one of solids")
+    if not mesh.of_dimension(2)[0]:
+        raise SceneError("found no triangle and no quad, expected some")
 
 
 def _groups(
     faces: _Cells, lines: _Cells, points: _Cells, values: Mapping[str, float | str]
 ) -> tuple[list[Group], list[str]]:
     """The groups that are used, and remarks about the others."""
-    materials = {name.split("/")[2] for name in values if name.startswith(f"{PREFIX}Materials/")}
-    surfaces, curves = _named(faces), _named(lines)
-    unused = [name for name in surfaces if ":" not in name and name not in materials]
-    groups = [
-        Group("zone:mesh", 2, surfaces=_outlines(_union(faces.shapes))),
-        *(_surface_group(name, cells) for name, cells in surfaces.items() if name not in unused),
-        *(Group(name, 1, curves=tuple(map(_points, cells))) for name, cells in curves.items() if ":" in name),
-        *(Group(name, 0) for name in _named(points) if ":" in name),
+    groups, bare, loose = [], [], []
+    for name in faces.sets:
+        names = group_names(name, 2, GROUPS, values)
+        groups += [Group(full, 2, surfaces=_outlines(_union(faces.named(name)))) for full in names]
+        bare += [name] * (not names)
+    for name in lines.sets:
+        names = group_names(name, 1, GROUPS, values)
+        groups += [Group(full, 1, curves=tuple(map(_points, lines.named(name)))) for full in names]
+        loose += [name] * (not names)
+    groups += [
+        Group(full, 0, curves=tuple(map(_points, points.named(name))))
+        for name in points.sets
+        for full in group_names(name, 0, GROUPS, values)
     ]
-    notes = [f"group '{name}': no material of its own (--set Materials/{name}/E=... gives one)" for name in unused]
-    notes += [
-        f"curve '{name}': not used (crack:, load:, fix: or move:{name} would be)" for name in curves if ":" not in name
-    ]
-    return groups, notes
+    notes = unused("group", bare, "no material of its own (--set Materials/NAME/E=... gives one)")
+    return groups, notes + unused("curve", loose, "not used (crack:, load:, fix: or move:NAME would be)")
 
 
-def _cells(mesh: Mesh, path: Path) -> tuple[_Cells, _Cells, _Cells]:
-    """Faces, lines and points of the mesh; of lines and points only those in groups."""
-    points = np.asarray(mesh.points, dtype=float)
-    if not np.isfinite(points).all():
-        raise SceneError(f"{path}: points: found a coordinate that is not finite, expected metres")
-    if points.shape[1] > 2 and np.ptp(points[:, 2]) > 1e-9 * np.ptp(points[:, :2], axis=0).max():
-        raise SceneError(f"{path}: points: found z of several values, expected a plane mesh")
-    found: dict[int, tuple[list[Any], list[set[str]]]] = {0: ([], []), 1: ([], []), 2: ([], [])}
-    for block, groups in zip(mesh.cells, _names(mesh), strict=True):
-        if block.type.startswith(SOLID):
-            raise SceneError(f"{path}: found cells '{block.type}', expected a plane mesh of triangles and quads")
-        dimension = _dimension(block.type)
-        if dimension == 2:
-            found[2][0].append(shapely.polygons(points[block.data[:, : CORNERS[block.type]], :2]))
-        elif dimension == 1:
-            found[1][0].append(shapely.linestrings(points[block.data[:, :2], :2]))
-        elif dimension == 0:
-            found[0][0].append(shapely.points(points[block.data[:, 0], :2]))
-        if dimension is not None:
-            found[dimension][1].extend(groups)
-    if not found[2][0]:
-        raise SceneError(f"{path}: found no triangle and no quad, expected some")
-    faces, lines, places = (
-        _Cells(np.concatenate(found[dimension][0] or [np.empty(0, dtype=object)]), found[dimension][1])
-        for dimension in (2, 1, 0)
-    )
-    return faces, lines, places
-
-
-def _dimension(kind: str) -> int | None:
-    if kind in CORNERS:
-        return 2
-    return 1 if kind in LINES else 0 if kind == "vertex" else None
-
-
-def _names(mesh: Mesh) -> list[list[set[str]]]:
-    """The names of the groups of each cell, for each block."""
-    names: list[list[set[str]]] = [[set() for _ in block.data] for block in mesh.cells]
-    tag = next((name for name in TAGS if name in mesh.cell_data), None)
-    known = {int(entry[0]): name for name, entry in mesh.field_data.items()}
-    by_dimension: dict[tuple[int, int | None], str] = {
-        (int(entry[0]), int(entry[1])): name for name, entry in mesh.field_data.items() if len(entry) > 1
-    }
-    for number, block in enumerate(mesh.cells):
-        dimension = _dimension(block.type)
-        if tag:
-            for cell, value in enumerate(np.asarray(mesh.cell_data[tag][number]).ravel().astype(int)):
-                if value:
-                    names[number][cell].add(by_dimension.get((value, dimension)) or known.get(value) or str(value))
-    for name, members in mesh.cell_sets.items():
-        if not name.startswith("gmsh:"):
-            for number, cells in enumerate(members):
-                for cell in () if cells is None else np.asarray(cells, dtype=int):
-                    names[number][cell].add(name)
-    return names
-
-
-def _named(cells: _Cells) -> dict[str, NDArray[Any]]:
-    names = sorted(set().union(*cells.groups)) if cells.groups else []
-    return {name: cells.shapes[[name in groups for groups in cells.groups]] for name in names}
-
-
-def _surface_group(name: str, cells: NDArray[Any]) -> Group:
-    full = name if ":" in name else f"material:{name}"
-    return Group(full, 2, surfaces=_outlines(_union(cells)))
+def _groups_of_points(mesh: Mesh, ends: Rows, places: NDArray[np.float64], values: Iterable[str]) -> list[Group]:
+    """Groups of sets of nodes: the edges between them, or the one node."""
+    groups = []
+    for name, rows in sorted(mesh.point_sets.items()):
+        inside = np.zeros(len(places), dtype=bool)
+        inside[rows] = True
+        curves = [np.pad(places[edge], ((0, 0), (0, 1))) for edge in ends[inside[ends].all(axis=1)]]
+        dimension = 0 if len(rows) == 1 else 1
+        if dimension == 0:
+            curves = [np.pad(places[rows], ((0, 0), (0, 1)))]
+        if curves:
+            groups += [Group(full, dimension, tuple(curves)) for full in group_names(name, dimension, GROUPS, values)]
+    return groups
 
 
 def _union(cells: NDArray[Any]) -> shapely.Geometry:

@@ -102,7 +102,8 @@ SOURCES = {  # name, content, what is said
         for suffix in (".inp", ".off", ".stl", ".msh", ".vtu", ".ply")
     },
     "an .off of nothing": ("a.off", "", "found what meshio cannot read"),
-    "an .inp without points": ("a.inp", "hello\n", "found no points"),
+    "an .inp without points": ("a.inp", "*NODE\n", "found no points"),
+    "an .inp of words": ("a.inp", "hello\n", "line 1: found 'hello', expected a keyword"),
     "an .inp with a hole": (
         "a.inp",
         "*NODE\n1, 0, 0\n*ELEMENT, TYPE=CPS3\n1, 1, 2, 3\n",
@@ -185,7 +186,7 @@ def test_a_reader_that_never_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     path.write_text(PLY + "comment end_header\n", encoding="utf-8")
     monkeypatch.setattr(mesh_checks, "SECONDS", 2.0)
     with pytest.raises(mesh_checks.SceneError, match=naming("part.ply", re.compile(r"2\.\d*"), expected="end")):
-        mesh_checks.read(path, [])
+        mesh_checks.read(path)
 
 
 @pytest.mark.slow
@@ -194,8 +195,8 @@ def test_a_mesh_may_be_trusted_to_include_another(tmp_path: Path) -> None:
     meshio.write(tmp_path / "part.inp", meshio.Mesh(points, [("triangle", np.array([[0, 1, 2]]))]))
     (tmp_path / "whole.inp").write_text("*INCLUDE, INPUT=part.inp\n", encoding="utf-8")
     with pytest.raises(mesh_checks.SceneError, match=r"line 1: found '\*INCLUDE'"):
-        mesh_checks.read(tmp_path / "whole.inp", [])
-    assert len(mesh_checks.read(tmp_path / "whole.inp", [], trust=True).points) == 3
+        mesh_checks.read(tmp_path / "whole.inp")
+    assert len(mesh_checks.read(tmp_path / "whole.inp", trust=True).points) == 3
 
 
 # ---- what is not installed
@@ -216,9 +217,13 @@ MISSING = {
         "Gmsh is not installed: Python finds no module 'gmsh'; this installs it: pip install gmsh",
     ),
     "Gmsh, for CAD": ("gmsh", "plate.step", "Gmsh is not installed: "),
-    "h5py": ("h5py", "part.med", "part.med: .med needs h5py; this installs it: pip install h5py"),
-    "netCDF4": ("netCDF4", "part.exo", "part.exo: .exo needs netCDF4; this installs it: pip install netCDF4"),
-    "h5py, for .xdmf": ("h5py", "part.xdmf", "part.xdmf: .xdmf needs h5py; this installs it: pip install h5py"),
+    "h5py": ("h5py", "part.med", "part.med: .med needs h5py; this installs it: pip install 'pdsuite[meshes]'"),
+    "netCDF4": ("netCDF4", "part.exo", "part.exo: .exo needs netCDF4; this installs it: pip install 'pdsuite[meshes]'"),
+    "h5py, for .xdmf": (
+        "h5py",
+        "part.xdmf",
+        "part.xdmf: .xdmf needs h5py; this installs it: pip install 'pdsuite[meshes]'",
+    ),
 }
 
 

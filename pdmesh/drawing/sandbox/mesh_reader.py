@@ -1,7 +1,7 @@
-"""Runs meshio in a confined process of its own: reads a mesh and writes its arrays.
+"""Reads a mesh in a confined process of its own - by meshio, Gmsh or netCDF4 - and writes its arrays.
 
 Some readers loop forever on a broken file or follow references to other files. Run as ``python -P -m
-pdmesh.drawing.sandbox.meshio_reader RESULT`` with a job as JSON on stdin. The result is a ``.npz`` with a JSON
+pdmesh.drawing.sandbox.mesh_reader RESULT`` with a job as JSON on stdin. The result is a ``.npz`` with a JSON
 description in the array ``about``.
 """
 
@@ -20,15 +20,15 @@ import meshio
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.drawing.sandbox import exodus, gmsh_mesh
 from pdmesh.drawing.sandbox.walls import raise_walls
 
-NEEDED = {  # to read a format
+NEEDED = {  # by meshio, to read a format
     ".xdmf": ("h5py", "xml.etree.ElementTree"),
     ".vtu": ("lzma", "xml.etree.ElementTree"),
     ".med": ("h5py",),
-    ".e": ("netCDF4", "netCDF4.utils"),
-    ".exo": ("netCDF4", "netCDF4.utils"),
 }
+OTHERS = {"gmsh": gmsh_mesh, "exodus": exodus}
 
 
 def main(result: str) -> None:
@@ -36,22 +36,36 @@ def main(result: str) -> None:
     job = json.load(sys.stdin)
     walls: tuple[str, ...] = ()
     with open(result, "wb") as file:
-        if job["walls"]:
-            with contextlib.redirect_stderr(io.StringIO()):
-                meshio._common.error(":x:")  # loads what it says errors with, which walls would not let it
-            _load(Path(job["path"]).suffix.lower())
-            walls = raise_walls(Path.cwd(), job["seconds"], job["memory"])
-        about, arrays = _found(job)
+        try:
+            if job["walls"]:
+                with contextlib.redirect_stderr(io.StringIO()):
+                    meshio._common.error(":x:")  # loads what it says errors with, which walls would not let it
+            _load(job["reader"], Path(job["path"]).suffix.lower())
+            if job["walls"]:
+                walls = raise_walls(Path.cwd(), job["seconds"], job["memory"])
+            about, arrays = _found(job)
+        except ModuleNotFoundError as error:
+            about, arrays = {"missing": error.name}, {}
+        except OSError as error:
+            about, arrays = {"library": str(error)}, {}
         _write(file, about | {"walls": walls}, arrays)
         file.flush()
         os._exit(0)
 
 
-def _load(suffix: str) -> None:
-    """Import the modules that meshio needs for a format, as confinement blocks later imports."""
+def _load(reader: str, suffix: str) -> None:
+    """Import the modules that a reader needs for a format, as confinement blocks later imports.
+
+    Raises ModuleNotFoundError and OSError.
+    """
     os.environ["HDF5_USE_FILE_LOCKING"] = "FALSE"  # walls keep a lock from being taken, and nobody writes
-    with contextlib.suppress(ImportError):
-        for module in NEEDED.get(suffix, ()):
+    if reader in OTHERS:
+        OTHERS[reader].load()
+        if hasattr(os, "sched_setaffinity"):  # no thread beside this one may be started
+            os.sched_setaffinity(0, [min(os.sched_getaffinity(0))])
+        return
+    for module in NEEDED.get(suffix, ()):
+        with contextlib.suppress(ImportError):  # meshio says so, where it needs it
             import_module(module)
 
 
@@ -62,7 +76,8 @@ def _write(file: BinaryIO, about: dict[str, Any], arrays: dict[str, NDArray[Any]
 def _found(job: dict[str, Any]) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     try:
         with contextlib.redirect_stdout(sys.stderr):
-            mesh = meshio.read(job["path"])
+            path, reader = Path(job["path"]), OTHERS.get(job["reader"])
+            mesh = meshio.read(path) if reader is None else reader.read(path)
         return _described(mesh, job["tags"])
     except ModuleNotFoundError as error:
         return {"missing": error.name}, {}
@@ -75,6 +90,24 @@ def _found(job: dict[str, Any]) -> tuple[dict[str, Any], dict[str, NDArray[Any]]
 
 def _described(mesh: Any, tags: list[str]) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """A mesh as a JSON description and arrays. Raises ValueError for an inconsistent mesh."""
+    arrays = _arrays(mesh)
+    tag = next((name for name in tags if name in mesh.cell_data), None)
+    if tag is not None:
+        for number, (block, values) in enumerate(zip(mesh.cells, mesh.cell_data[tag], strict=True)):
+            arrays[f"tags {number}"] = _whole(values, len(block.data))
+    sets = {name: members for name, members in mesh.cell_sets.items() if not name.startswith("gmsh:")}
+    for place, members in enumerate(sets.values()):
+        for number, cells in enumerate(members):
+            arrays[f"set {place} {number}"] = np.asarray(() if cells is None else cells).astype(np.int64).ravel()
+    for place, rows in enumerate(mesh.point_sets.values()):
+        arrays[f"points {place}"] = np.asarray(rows).astype(np.int64).ravel()
+    groups = {str(name): [int(value) for value in entry] for name, entry in mesh.field_data.items()}
+    about = {"types": [block.type for block in mesh.cells], "tag": tag, "groups": groups}
+    return about | {"sets": list(sets), "point sets": list(mesh.point_sets)}, arrays
+
+
+def _arrays(mesh: Any) -> dict[str, NDArray[Any]]:
+    """The points and cells of a mesh. Raises ValueError for cells of points that are not there."""
     points = np.asarray(mesh.points)
     if points.ndim != 2 or points.shape[1] < 2 or not len(points) or points.dtype.kind not in "fiu":
         raise ValueError("found no points")
@@ -86,17 +119,9 @@ def _described(mesh: Any, tags: list[str]) -> tuple[dict[str, Any], dict[str, ND
         if data.size and not 0 <= data.min() <= data.max() < len(points):
             raise ValueError(f"found cells '{block.type}' of points that are not there")
         arrays[f"cells {number}"] = data.astype(np.int64)
-    tag = next((name for name in tags if name in mesh.cell_data), None)
-    if tag is not None:
-        for number, (block, values) in enumerate(zip(mesh.cells, mesh.cell_data[tag], strict=True)):
-            arrays[f"tags {number}"] = _whole(values, len(block.data))
-    sets = {name: members for name, members in mesh.cell_sets.items() if not name.startswith("gmsh:")}
-    for place, members in enumerate(sets.values()):
-        for number, cells in enumerate(members):
-            arrays[f"set {place} {number}"] = np.asarray(() if cells is None else cells).astype(np.int64).ravel()
-    groups = {str(name): [int(value) for value in entry] for name, entry in mesh.field_data.items()}
-    about = {"types": [block.type for block in mesh.cells], "tag": tag, "groups": groups}
-    return about | {"sets": list(sets)}, arrays
+        if "volume" in mesh.cell_data and block.type == "vertex":
+            arrays[f"volumes {number}"] = np.asarray(mesh.cell_data["volume"][number], dtype=np.float64)
+    return arrays
 
 
 def _whole(values: Any, count: int) -> NDArray[Any]:

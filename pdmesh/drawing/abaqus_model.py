@@ -1,0 +1,206 @@
+"""What an Abaqus input file defines: nodes, elements and sets of its parts, and the instances of these."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.drawing.abaqus_elements import ElementType, element_type
+from pdmesh.drawing.abaqus_keywords import Keyword
+from pdmesh.scene.shapes import SceneError
+
+MAKING = (  # keywords that make nodes or elements of others, or move them, which are not read
+    *("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY", "SYSTEM", "SUBSTRUCTURE", "IMPORT", "PARAMETER"),
+    *("SYMMETRICMODELGENERATION", "MODELCHANGE"),
+)
+PLAIN = ("HEADING", "PREPRINT", "INCLUDE", "PART", "ENDPART", "ASSEMBLY", "ENDASSEMBLY", "ENDINSTANCE")
+
+
+@dataclass
+class Members:
+    """A set as it is written: its own numbers and the names of others."""
+
+    name: str
+    entries: list[tuple[Keyword, int, str]] = field(default_factory=list)  # keyword, line, number or name
+    numbers: list[NDArray[np.int64]] = field(default_factory=list)
+
+
+@dataclass
+class Elements:
+    """Elements of one type: numbers (k,) and nodes (k, count)."""
+
+    keyword: Keyword
+    type: ElementType
+    ids: NDArray[np.int64]
+    nodes: NDArray[np.int64]
+
+
+@dataclass
+class Scope:
+    """What a part, an instance, or a file without parts defines."""
+
+    name: str = ""
+    ids: list[int] = field(default_factory=list)
+    places: list[tuple[float, float, float]] = field(default_factory=list)
+    elements: list[Elements] = field(default_factory=list)
+    element_sets: dict[str, Members] = field(default_factory=dict)
+    node_sets: dict[str, Members] = field(default_factory=dict)
+    surfaces: dict[str, Members] = field(default_factory=dict)
+
+
+@dataclass
+class Instance:
+    """A part placed in the assembly: moved, then turned."""
+
+    name: str
+    part: str
+    keyword: Keyword
+    own: Scope
+
+    def moved(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Points (n, 3) of the part where the instance has them. Raises SceneError for data that are none."""
+        for row, (line, text) in enumerate(self.keyword.rows):
+            numbers = self.keyword.numbers(line, text)
+            if row == 0 and len(numbers) <= 3:
+                points = points + np.pad(numbers, (0, 3 - len(numbers)))
+            elif row == 1 and len(numbers) == 7:
+                points = _turned(points, np.array(numbers[:3]), np.array(numbers[3:6]), numbers[6])
+            else:
+                wanted = "x, y, z of a translation, then x, y, z of two points of an axis and an angle"
+                raise self.keyword.error(f"*INSTANCE: found {len(numbers)} numbers, expected {wanted}", line)
+        return points
+
+
+def _turned(
+    points: NDArray[np.float64], start: NDArray[np.float64], end: NDArray[np.float64], degrees: float
+) -> NDArray[np.float64]:
+    """Points turned about the axis from `start` to `end`, by Rodrigues' formula."""
+    axis = end - start
+    length = float(np.sqrt(axis @ axis))
+    if not length > 0:
+        raise SceneError("*INSTANCE: found an axis of rotation without length, expected two points apart")
+    axis, way = axis / length, points - start
+    quarter = degrees / 90
+    exact = quarter == round(quarter)  # so that what is turned by 90 degrees stays on its lattice
+    sine, cosine = np.sin(np.radians(degrees)), np.cos(np.radians(degrees))
+    if exact:
+        sine, cosine = float(round(sine)), float(round(cosine))
+    return np.asarray(start + cosine * way + sine * np.cross(axis, way) + (1 - cosine) * (way @ axis)[:, None] * axis)
+
+
+class Model:
+    """All that a file defines, by parts and instances."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.root, self.parts = Scope(), dict[str, Scope]()
+        self.instances: dict[str, Instance] = {}
+        self.current = self.root
+        self.unread: dict[str, int] = {}  # keywords and their first lines
+
+    def take(self, keyword: Keyword) -> None:
+        """Add what a keyword defines. Raises SceneError."""
+        if keyword.name in MAKING:
+            raise keyword.error(f"found '*{keyword.name}', which is not read, expected nodes and elements as they are")
+        if "INPUT" in keyword.options and keyword.name in ("NODE", "ELEMENT", "NSET", "ELSET", "SURFACE"):
+            raise keyword.error(f"*{keyword.name}: found INPUT=, expected a mesh in one file")
+        match keyword.name:
+            case "PART":
+                self.current = self.parts[keyword.word("NAME").upper()] = Scope(keyword.word("NAME"))
+            case "INSTANCE":
+                self._place(keyword)
+            case "ENDPART" | "ENDINSTANCE" | "ASSEMBLY" | "ENDASSEMBLY":
+                self.current = self.root
+            case name if name in TAKEN:
+                TAKEN[name](self.current, keyword)
+            case name if name not in PLAIN:
+                self.unread.setdefault(name, keyword.line)
+
+    def _place(self, keyword: Keyword) -> None:
+        if "LIBRARY" in keyword.options:
+            raise keyword.error("*INSTANCE: found LIBRARY=, expected the instance of a part in the file")
+        name, part = keyword.word("NAME"), keyword.word("PART")
+        if name.upper() in self.instances:
+            raise keyword.error(f"*INSTANCE: found NAME={name} twice, expected a name of its own")
+        if part.upper() not in self.parts:
+            raise keyword.error(f"*INSTANCE: found PART={part}, which is defined nowhere")
+        own = Scope(name)
+        self.instances[name.upper()] = Instance(name, part.upper(), keyword, own)
+        self.current = own
+
+
+def _take_nodes(scope: Scope, keyword: Keyword) -> None:
+    system = keyword.options.get("SYSTEM", "R").upper()[:1]
+    for line, text in keyword.rows:
+        number, *place = keyword.numbers(line, text)
+        x, y, z = (*place, 0.0, 0.0, 0.0)[:3]
+        if system == "C":
+            x, y = x * np.cos(np.radians(y)), x * np.sin(np.radians(y))
+        elif system == "S":
+            out, around, up = x, np.radians(y), np.radians(z)
+            x, y, z = out * np.cos(up) * np.cos(around), out * np.cos(up) * np.sin(around), out * np.sin(up)
+        scope.ids.append(int(number))
+        scope.places.append((x, y, z))
+    if "NSET" in keyword.options:
+        numbers = np.array([int(keyword.numbers(line, text)[0]) for line, text in keyword.rows], dtype=np.int64)
+        name = keyword.options["NSET"]
+        scope.node_sets.setdefault(name.upper(), Members(name)).numbers.append(numbers)
+
+
+def _take_elements(scope: Scope, keyword: Keyword) -> None:
+    word = keyword.word("TYPE")
+    kind = element_type(word)
+    if kind is None:
+        raise keyword.error(f"*ELEMENT: found TYPE={word}, which is not read, expected one such as CPS4, S4R or C3D8")
+    rows: list[list[int]] = []
+    for line, text in keyword.rows:
+        numbers = keyword.integers(line, text)
+        if rows and len(rows[-1]) <= kind.nodes:
+            rows[-1] += numbers
+        else:
+            rows.append(numbers)
+        if len(rows[-1]) > kind.nodes + 1 and kind.kind != "line" and kind.nodes not in (15, 27):
+            found = len(rows[-1]) - 1
+            raise keyword.error(f"*ELEMENT: found {found} nodes, expected {kind.nodes} of {word}", line)
+    if rows and len(rows[-1]) <= kind.nodes:
+        found, line = len(rows[-1]) - 1, keyword.rows[-1][0]
+        raise keyword.error(f"*ELEMENT: found {found} nodes, expected {kind.nodes} of {word}", line)
+    table = np.array([row[: kind.nodes + 1] for row in rows], dtype=np.int64).reshape(-1, kind.nodes + 1)
+    scope.elements.append(Elements(keyword, kind, table[:, 0], table[:, 1:]))
+    if keyword.options.get("ELSET"):
+        name = keyword.options["ELSET"]
+        scope.element_sets.setdefault(name.upper(), Members(name)).numbers.append(table[:, 0])
+
+
+def _take_set(scope: Scope, keyword: Keyword) -> None:
+    name, sets = keyword.word(keyword.name), scope.element_sets if keyword.name == "ELSET" else scope.node_sets
+    members = sets.setdefault(name.upper(), Members(name))
+    for line, text in keyword.rows:
+        if "GENERATE" in keyword.options:
+            first, last, step = (*keyword.integers(line, text), 1)[:3]
+            if step == 0 or (last - first) * step < 0:
+                raise keyword.error(f"*{keyword.name}: found {text.strip()}, expected first, last, step", line)
+            numbers = range(first, last + (1 if step > 0 else -1), step)
+            members.entries += [(keyword, line, str(number)) for number in numbers]
+        else:
+            members.entries += [(keyword, line, word.strip()) for word in text.split(",") if word.strip()]
+
+
+def _take_surface(scope: Scope, keyword: Keyword) -> None:
+    if keyword.options.get("TYPE", "ELEMENT").upper() == "ELEMENT":
+        name = keyword.word("NAME")
+        members = scope.surfaces.setdefault(name.upper(), Members(name))
+        members.entries += [(keyword, line, text) for line, text in keyword.rows]
+
+
+TAKEN: dict[str, Callable[[Scope, Keyword], None]] = {
+    "NODE": _take_nodes,
+    "ELEMENT": _take_elements,
+    "ELSET": _take_set,
+    "NSET": _take_set,
+    "SURFACE": _take_surface,
+}

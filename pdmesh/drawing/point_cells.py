@@ -1,0 +1,122 @@
+"""Points with volumes, as Peridigm and PeriLab have them, as cells: squares in a plane, cubes in space."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from pdmesh.drawing.mesh_arrays import Block, Mesh
+from pdmesh.model.kd_trees import tree_of
+from pdmesh.scene.shapes import SceneError
+
+FLAT = 1e-9  # of the size of the points: z that still counts as one
+ON = 1e-3  # of a spacing: how far a node may be from its place on a lattice
+ALIKE = 1e-3  # relative: thicknesses and areas that are the same
+OVERLAP = 1e-6  # of the area
+ADVICE = "expected the nodes of a lattice, each the middle of its cell (or the mesh they are made from)"
+SQUARE = np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)])
+CUBE = np.array([(*corner, end) for end in (0, 1) for corner in ((0, 0), (1, 0), (1, 1), (0, 1))])
+
+
+def with_cells(mesh: Mesh) -> Mesh:
+    """The mesh with a cell around each point, if it has volumes and no other cells. Raises SceneError.
+
+    The spacing is the distance of the points, and their volumes say how thick a plate is.
+    """
+    if not mesh.volumes or any(block.dimension and len(block.data) for block in mesh.cells):
+        return replace(mesh, volumes=())
+    rows = np.concatenate([np.zeros(0, dtype=np.int64), *(block.data[:, 0] for block in mesh.cells)])
+    volume = np.concatenate([np.zeros(0), *mesh.volumes])
+    unknown = int(np.isnan(volume).sum())
+    if not len(rows) or unknown:
+        raise SceneError(
+            f"found {unknown} points without a volume, expected cells, or an attribute 'volume' of each point"
+            " (or a text file of lines x y z block volume)"
+        )
+    if len(rows) < 2 or not np.isfinite(mesh.points).all():
+        raise SceneError("points: found fewer than two, or a coordinate that is not finite, expected metres")
+    for at in np.flatnonzero(~((volume > 0) & np.isfinite(volume)))[:1].tolist():
+        raise SceneError(f"point {at}: volume: found {volume[at]:g}, expected more than 0")
+    places = mesh.points[rows]
+    size = np.ptp(places, axis=0)
+    if places.shape[1] == 3 and size[2] > FLAT * size.max():
+        return _cubes(mesh, places, volume)
+    return _squares(mesh, places[:, :2], volume)
+
+
+def _squares(mesh: Mesh, places: NDArray[np.float64], volume: NDArray[np.float64]) -> Mesh:
+    """A plate of squares, with the areas of its nodes."""
+    apart = _apart(places)
+    side, lattice = float(np.median(apart)), _lattice(places, float(np.median(apart)))
+    thickness = float(np.median(volume / apart**2))
+    notes = []
+    if abs(thickness - 1) < ALIKE:
+        thickness = 1.0
+    else:
+        notes = [f"volumes are areas times a thickness of {thickness:.6g}: nodes have the areas"]
+    area = volume / thickness
+    sides = np.full(len(places), side) if lattice is not None else np.sqrt(area)
+    corners = places[:, None] + sides[:, None, None] * SQUARE
+    if lattice is not None:
+        origin, side, at = lattice
+        corners = origin + side * (at[:, None] + SQUARE)
+    else:
+        whole = shapely.union_all(shapely.polygons(corners)).area
+        if abs(whole - float(area.sum())) > OVERLAP * whole:
+            raise SceneError(f"points: found neighbours {apart.min():.4g} to {apart.max():.4g} apart, {ADVICE}")
+    return _with_blocks(mesh, "quad", corners.reshape(-1, 2), np.arange(4 * len(places)).reshape(-1, 4), area, notes)
+
+
+def _cubes(mesh: Mesh, places: NDArray[np.float64], volume: NDArray[np.float64]) -> Mesh:
+    """A body of cubes that have their corners in common."""
+    apart = _apart(places)
+    lattice = _lattice(places, float(np.median(apart)))
+    if lattice is None:
+        raise SceneError(f"points: found neighbours {apart.min():.4g} to {apart.max():.4g} apart, {ADVICE}")
+    origin, side, at = lattice
+    corner = (at[:, None] + CUBE).reshape(-1, 3)
+    every, cells = np.unique(corner, axis=0, return_inverse=True)
+    other = np.abs(volume / side**3 - 1) > ALIKE
+    notes = [f"{int(other.sum())} nodes have another volume than {side**3:.6g}: those of cubes are taken"]
+    points = origin + side * (every - 0.5)
+    return _with_blocks(mesh, "hexahedron", points, cells.reshape(-1, 8), None, notes if other.any() else [])
+
+
+def _apart(places: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The distance (n,) of each point to the nearest other. Raises SceneError for two at one place."""
+    apart = tree_of(places).query(places, k=2)[0][:, 1]
+    if not apart.min() > 0:
+        at = ", ".join(f"{value:g}" for value in places[int(apart.argmin())])
+        raise SceneError(f"points: found two at ({at}), expected one at each place")
+    return np.asarray(apart)
+
+
+def _lattice(
+    places: NDArray[np.float64], spacing: float
+) -> tuple[NDArray[np.float64], float, NDArray[np.int64]] | None:
+    """Origin, spacing and numbers (n, d) of the points on their lattice; None if they are on none."""
+    origin, size = places.min(axis=0), np.ptp(places, axis=0)
+    axis = int(size.argmax())
+    spacing = float(size[axis] / max(round(size[axis] / spacing), 1))
+    spacing = float(f"{spacing:.9g}") if abs(float(f"{spacing:.9g}") / spacing - 1) < 1e-12 * len(places) else spacing
+    share = (places - origin) / spacing
+    at = np.rint(share)
+    return (origin, spacing, at.astype(np.int64)) if np.abs(share - at).max() < ON else None
+
+
+def _with_blocks(
+    mesh: Mesh,
+    kind: str,
+    points: NDArray[np.float64],
+    cells: NDArray[np.int64],
+    areas: NDArray[np.float64] | None,
+    notes: list[str],
+) -> Mesh:
+    """The mesh with these cells in place of its points, block by block, and the sets of those."""
+    ends = np.cumsum([len(block.data) for block in mesh.cells])[:-1]
+    blocks = tuple(Block(kind, some) for some in np.split(cells, ends))
+    volumes = () if areas is None else tuple(np.split(areas, ends))
+    return replace(mesh, points=points, cells=blocks, volumes=volumes, point_sets={}, notes=(*mesh.notes, *notes))
