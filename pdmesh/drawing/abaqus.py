@@ -7,6 +7,7 @@ is named in one remark. Keywords that would make further nodes or elements are r
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
@@ -123,7 +124,8 @@ def _mesh(model: Model, notes: tuple[str, ...]) -> Mesh:
         sets.setdefault(name, [NONE] * len(blocks))[number] = np.arange(len(side.data))
     plane, more = _plane([elements for elements, _ in every])
     part = np.repeat(np.arange(len(points)), [len(some) for some in points]) if len(model.instances) > 1 else None
-    return Mesh(np.concatenate(points), tuple(blocks), sets, node_sets, (), part, plane, (*notes, *more))
+    mesh = Mesh(np.concatenate(points), tuple(blocks), sets, node_sets, plane=plane, notes=(*notes, *more))
+    return replace(mesh, parts=part)
 
 
 def _copied(
@@ -210,7 +212,7 @@ def _surfaces(model: Model, copies: list[Copy], blocks: list[Block], first: Rows
                 name, side = ([word.strip() for word in text.split(",")] + [""])[:2]
                 if not (side[:1].upper() in "SE" and side[1:].isdigit()):
                     continue
-                entry = Members(name, [(keyword, line, name)])
+                entry = Members("", [(keyword, line, name)])
                 rows = (
                     _of_assembly(copies, "element_sets", entry) if not copy.name else copy.rows("element_sets", entry)
                 )

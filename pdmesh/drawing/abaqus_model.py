@@ -68,6 +68,8 @@ class Instance:
             if row == 0 and len(numbers) <= 3:
                 points = points + np.pad(numbers, (0, 3 - len(numbers)))
             elif row == 1 and len(numbers) == 7:
+                if numbers[:3] == numbers[3:6]:
+                    raise self.keyword.error("*INSTANCE: found an axis of two points at one place", line)
                 points = _turned(points, np.array(numbers[:3]), np.array(numbers[3:6]), numbers[6])
             else:
                 wanted = "x, y, z of a translation, then x, y, z of two points of an axis and an angle"
@@ -80,10 +82,7 @@ def _turned(
 ) -> NDArray[np.float64]:
     """Points turned about the axis from `start` to `end`, by Rodrigues' formula."""
     axis = end - start
-    length = float(np.sqrt(axis @ axis))
-    if not length > 0:
-        raise SceneError("*INSTANCE: found an axis of rotation without length, expected two points apart")
-    axis, way = axis / length, points - start
+    axis, way = axis / np.sqrt(axis @ axis), points - start
     quarter = degrees / 90
     exact = quarter == round(quarter)  # so that what is turned by 90 degrees stays on its lattice
     sine, cosine = np.sin(np.radians(degrees)), np.cos(np.radians(degrees))

@@ -65,6 +65,7 @@ class Mesh:
     cell_sets: dict[str, list[Rows]] = field(default_factory=dict)  # by name: rows of each block
     point_sets: dict[str, Rows] = field(default_factory=dict)
     volumes: tuple[NDArray[np.float64], ...] = ()  # of the cells of each block, where they are points; NaN: unknown
+    spacing: float | None = None  # of points that were made cells
     parts: Rows | None = None  # the part that each point is of, if the file has several
     plane: str = ""  # "stress" or "strain", if the file says so
     notes: tuple[str, ...] = ()  # on what the file says and the mesh leaves out

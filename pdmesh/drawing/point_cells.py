@@ -82,7 +82,8 @@ def _cubes(mesh: Mesh, places: NDArray[np.float64], volume: NDArray[np.float64])
     other = np.abs(volume / side**3 - 1) > ALIKE
     notes = [f"{int(other.sum())} nodes have another volume than {side**3:.6g}: those of cubes are taken"]
     points = origin + side * (every - 0.5)
-    return _with_blocks(mesh, "hexahedron", points, cells.reshape(-1, 8), None, notes if other.any() else [])
+    cubes = _with_blocks(mesh, "hexahedron", points, cells.reshape(-1, 8), None, notes if other.any() else [])
+    return replace(cubes, spacing=side)
 
 
 def _apart(places: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -61,7 +61,7 @@ def body_of_mesh(mesh: Mesh, values: Mapping[str, float | str], source: str) -> 
     surfaces, notes = _surfaces(mesh, by_place, outer, of_place, values)
     cracks = _slits(by_place[slit])
     found = {"points": places, "groups": [*zones, *groups, *surfaces, *cracks]}
-    spacing = _spacing(float(volume.sum()) / len(volume), places)
+    spacing = mesh.spacing or _spacing(float(volume.sum()) / len(volume), places)
     unit = str(values.get(f"{PREFIX}Units") or "m")
     unit_of(values)
     said = [f"nodes are {spacing:.6g} {unit} apart, from the size of the cells (Zones/body/Spacing)"]
@@ -76,9 +76,9 @@ def body_of_mesh(mesh: Mesh, values: Mapping[str, float | str], source: str) -> 
 
 
 def _spacing(volume: float, places: NDArray[np.float64]) -> float:
-    """The width of a cell of this mean volume, divided by the least number that leaves a body of enough nodes."""
-    width, across = volume ** (1 / 3), float(np.ptp(places, axis=0).min())
-    return float(f"{width / max(1, np.ceil(THINNEST * width / across * (1 - ROUND_OFF))):.12g}")
+    """About the width of a cell of this mean volume, so that whole nodes, and enough, are across the body."""
+    across = float(np.ptp(places, axis=0).min())
+    return float(f"{across / max(THINNEST, np.ceil(across / volume ** (1 / 3) * (1 - ROUND_OFF))):.12g}")
 
 
 def _faces(blocks: list[Block]) -> _Faces:
