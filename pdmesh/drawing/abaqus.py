@@ -175,24 +175,18 @@ def _sets(model: Model, copies: list[Copy], kind: str) -> dict[str, Rows]:
         if key in several:
             add(f"{copy.name}.{members.name}", rows)
     for members in getattr(model.root, kind).values():
-        add(members.name, _of_assembly(copies, kind, members))
+        add(members.name, _of_assembly(copies, kind, members, (members.name.upper(),)))
     if len(instances) > 1:
         for copy in instances:
             add(copy.name, copy.numbers(kind).rows)
     return {name: np.unique(np.concatenate(rows)) for name, rows in found.items()}
 
 
-def _of_assembly(copies: list[Copy], kind: str, members: Members) -> Rows:
+def _of_assembly(copies: list[Copy], kind: str, members: Members, within: tuple[str, ...] = ()) -> Rows:
     """The rows of a set of the assembly: members of instances, by INSTANCE= or "INSTANCE.NAME", and of other sets."""
     by_name = {copy.name.upper(): copy for copy in copies}
-    found = [copies[0].rows(kind, Members(members.name, [], members.numbers))]
-    for (key, group), entries in _by_instance(by_name, members).items():
-        found.append(by_name[key].rows(kind, Members(members.name, entries), (group,) if group else ()))
-    return np.unique(np.concatenate(found))
-
-
-def _by_instance(by_name: dict[str, Copy], members: Members) -> dict[tuple[str, str], list[tuple[Keyword, int, str]]]:
-    sorted_out: dict[tuple[str, str], list[tuple[Keyword, int, str]]] = {}
+    known, entries = copies[0].members(kind), dict[str, list[tuple[Keyword, int, str]]]()
+    found = [copies[0].rows(kind, Members("", [], members.numbers))]
     for keyword, line, word in members.entries:
         instance, name = keyword.options.get("INSTANCE", "").upper(), word
         before, dot, behind = word.partition(".")
@@ -200,8 +194,14 @@ def _by_instance(by_name: dict[str, Copy], members: Members) -> dict[tuple[str, 
             instance, name = before.upper(), behind
         if instance not in by_name:
             raise keyword.error(f"*{keyword.name}: found INSTANCE={instance}, which is defined nowhere", line)
-        sorted_out.setdefault((instance, "" if instance else members.name.upper()), []).append((keyword, line, name))
-    return sorted_out
+        if not instance and word.upper() in known and word.upper() not in within:
+            found.append(_of_assembly(copies, kind, known[word.upper()], (*within, word.upper())))
+        elif not instance and word.upper() in within:
+            raise keyword.error(f"*{keyword.name}: found '{word}', which is defined by itself", line)
+        else:
+            entries.setdefault(instance, []).append((keyword, line, name))
+    found += [by_name[instance].rows(kind, Members("", some)) for instance, some in entries.items()]
+    return np.unique(np.concatenate(found))
 
 
 def _surfaces(model: Model, copies: list[Copy], blocks: list[Block], first: Rows) -> Iterator[tuple[str, Block]]:

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from pdmesh.drawing.abaqus_elements import ElementType, element_type
 from pdmesh.drawing.abaqus_keywords import Keyword
-from pdmesh.scene.shapes import SceneError
 
 MAKING = (  # keywords that make nodes or elements of others, or move them, which are not read
     *("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY", "SYSTEM", "SUBSTRUCTURE", "IMPORT", "PARAMETER"),

@@ -166,6 +166,16 @@ def test_sets_of_parts_and_of_the_assembly(tmp_path: Path) -> None:
     assert mentions(mesh.notes, "not used", "*Material", "*Elastic")
 
 
+def test_a_surface_of_the_assembly_as_cae_writes_it(tmp_path: Path) -> None:
+    surface = "*Elset, elset=_end_S2, internal, instance=two, generate\n4, 16, 4\n"
+    surface += "*Surface, type=ELEMENT, name=end\n_end_S2, S2\n*End Assembly"
+    mesh = read_abaqus(written(tmp_path, PARTS.replace("ROW", "20, 0").replace("*End Assembly", surface)))
+    assert "_end_S2" not in mesh.cell_sets
+    (edges,) = (block.data for block in mesh.cells if block.type == "line")
+    assert len(mesh.cell_sets["end"][-1]) == 4
+    assert mesh.points[edges][..., 0] == pytest.approx(28)
+
+
 def test_parts_that_touch_are_two_plates(tmp_path: Path) -> None:
     grid, _, notes = read_mesh(written(tmp_path, PARTS.replace("ROW", "8, 0")), STEEL)
     assert grid.cracks == pytest.approx(np.array([[8, 0, 8, 2], [8, 2, 8, 4], [8, 4, 8, 6], [8, 6, 8, 8]]) * 1e-3)
