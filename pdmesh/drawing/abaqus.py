@@ -6,7 +6,7 @@ is named in one remark. Keywords that would make further nodes or elements are r
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -43,6 +43,12 @@ class Numbered(NamedTuple):
         there = self.ids[at] == ids if len(self.ids) else np.zeros(len(ids), dtype=bool)
         return self.rows[at[there]], ids[~there]
 
+    def among(self, some: range) -> Rows:
+        """The rows of those numbers that are in a range."""
+        low, high = min(some[0], some[-1]), max(some[0], some[-1])
+        inside = (self.ids >= low) & (self.ids <= high)
+        return self.rows[inside][(self.ids[inside] - low) % abs(some.step) == 0]
+
 
 class Copy(NamedTuple):
     """An instance, or a file without parts: what it defines, and where that is in the mesh."""
@@ -64,6 +70,7 @@ class Copy(NamedTuple):
         """The rows of a set. Raises SceneError for a member that is not there."""
         numbers, known = self.numbers(kind), self.members(kind)
         found = [numbers.find(np.concatenate([NONE, *members.numbers]))[0]]
+        found += [numbers.among(some) for _, _, some in members.ranges]
         own = [entry for entry in members.entries if entry[2].lstrip("+-").isdigit()]
         rows, missing = numbers.find(np.array([int(entry[2]) for entry in own], dtype=np.int64))
         if len(missing):
@@ -187,13 +194,14 @@ def _of_assembly(copies: list[Copy], kind: str, members: Members, within: tuple[
     by_name = {copy.name.upper(): copy for copy in copies}
     known, entries = copies[0].members(kind), dict[str, list[tuple[Keyword, int, str]]]()
     found = [copies[0].rows(kind, Members("", [], members.numbers))]
+    for keyword, line, some in members.ranges:
+        found.append(_instance(by_name, keyword, line).numbers(kind).among(some))
     for keyword, line, word in members.entries:
         instance, name = keyword.options.get("INSTANCE", "").upper(), word
         before, dot, behind = word.partition(".")
         if not instance and dot and before.upper() in by_name:
             instance, name = before.upper(), behind
-        if instance not in by_name:
-            raise keyword.error(f"*{keyword.name}: found INSTANCE={instance}, which is defined nowhere", line)
+        _instance(by_name, keyword, line)
         if not instance and word.upper() in known and word.upper() not in within:
             found.append(_of_assembly(copies, kind, known[word.upper()], (*within, word.upper())))
         elif not instance and word.upper() in within:
@@ -202,6 +210,14 @@ def _of_assembly(copies: list[Copy], kind: str, members: Members, within: tuple[
             entries.setdefault(instance, []).append((keyword, line, name))
     found += [by_name[instance].rows(kind, Members("", some)) for instance, some in entries.items()]
     return np.unique(np.concatenate(found))
+
+
+def _instance(by_name: Mapping[str, Copy], keyword: Keyword, line: int) -> Copy:
+    """The instance that a keyword names, or what belongs to none. Raises SceneError."""
+    instance = keyword.options.get("INSTANCE", "").upper()
+    if instance not in by_name:
+        raise keyword.error(f"*{keyword.name}: found INSTANCE={instance}, which is defined nowhere", line)
+    return by_name[instance]
 
 
 def _surfaces(model: Model, copies: list[Copy], blocks: list[Block], first: Rows) -> Iterator[tuple[str, Block]]:

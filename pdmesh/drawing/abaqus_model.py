@@ -26,6 +26,7 @@ class Members:
     name: str
     entries: list[tuple[Keyword, int, str]] = field(default_factory=list)  # keyword, line, number or name
     numbers: list[NDArray[np.int64]] = field(default_factory=list)
+    ranges: list[tuple[Keyword, int, range]] = field(default_factory=list)  # of GENERATE
 
 
 @dataclass
@@ -182,8 +183,7 @@ def _take_set(scope: Scope, keyword: Keyword) -> None:
             first, last, step = (*keyword.integers(line, text), 1)[:3]
             if step == 0 or (last - first) * step < 0:
                 raise keyword.error(f"*{keyword.name}: found {text.strip()}, expected first, last, step", line)
-            numbers = range(first, last + (1 if step > 0 else -1), step)
-            members.entries += [(keyword, line, str(number)) for number in numbers]
+            members.ranges.append((keyword, line, range(first, last + (1 if step > 0 else -1), step)))
         else:
             members.entries += [(keyword, line, word.strip()) for word in text.split(",") if word.strip()]
 

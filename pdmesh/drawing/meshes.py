@@ -97,6 +97,8 @@ def _plate(
     areas = np.asarray(shapely.area(faces.shapes))
     if not (areas > 0).all():
         raise SceneError(f"cell {int((areas <= 0).argmax())}: found no area, expected cells with an inside")
+    for cell in np.flatnonzero(~shapely.is_valid(faces.shapes))[:1].tolist():
+        raise SceneError(f"cell {cell}: found sides that cross, expected corners one after the other around it")
     delta = np.sqrt(areas)
     if mesh.volumes:
         areas = np.concatenate(mesh.volumes)

@@ -166,6 +166,17 @@ def test_sets_of_parts_and_of_the_assembly(tmp_path: Path) -> None:
     assert mentions(mesh.notes, "not used", "*Material", "*Elastic")
 
 
+def test_a_range_of_numbers_costs_what_is_in_it(tmp_path: Path) -> None:
+    text = plate() + "*ELSET, ELSET=a, GENERATE\n2, 1000000000000, 3\n16, 13, -1\n"
+    assert read_abaqus(written(tmp_path, text)).cell_sets["a"][0].tolist() == [1, 4, 7, 10, 12, 13, 14, 15]
+
+
+def test_cells_whose_sides_cross_are_refused(tmp_path: Path) -> None:
+    path = written(tmp_path, plate().replace("1, 1, 2, 7, 6\n", "1, 1, 7, 2, 6\n").replace("2, 2.0", "2, 2.5"))
+    with pytest.raises(SceneError, match=naming("part.inp", "cell 0")):
+        read_mesh(path, STEEL)
+
+
 def test_a_surface_of_the_assembly_as_cae_writes_it(tmp_path: Path) -> None:
     surface = "*Elset, elset=_end_S2, internal, instance=two, generate\n4, 16, 4\n"
     surface += "*Surface, type=ELEMENT, name=end\n_end_S2, S2\n*End Assembly"
