@@ -47,7 +47,7 @@ class Numbered(NamedTuple):
         """The rows of those numbers that are in a range."""
         low, high = min(some[0], some[-1]), max(some[0], some[-1])
         inside = (self.ids >= low) & (self.ids <= high)
-        return self.rows[inside][(self.ids[inside] - low) % abs(some.step) == 0]
+        return np.asarray(self.rows[inside][(self.ids[inside] - low) % abs(some.step) == 0])
 
 
 class Copy(NamedTuple):
