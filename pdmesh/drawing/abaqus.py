@@ -59,11 +59,11 @@ class Copy(NamedTuple):
     elements: Numbered
 
     def numbers(self, kind: str) -> Numbered:
-        """Its nodes or elements."""
+        """Numbers and rows of the nodes, or of the elements, that sets of this kind have."""
         return self.nodes if kind == "node_sets" else self.elements
 
     def members(self, kind: str) -> dict[str, Members]:
-        """Its sets of a kind."""
+        """The sets of a kind, by their names in capitals."""
         return {key: one for scope in self.scopes for key, one in getattr(scope, kind).items()}
 
     def rows(self, kind: str, members: Members, within: tuple[str, ...] = ()) -> Rows:

@@ -121,8 +121,17 @@ def _read(path: Path, assignments: Sequence[tuple[str, str]], trust: bool) -> Sc
         from pdmesh.drawing.geo import read_cad
 
         return read_cad(path, assignments)
-    meshes = "" if suffix in MESHES else f", or a mesh's: {', '.join(MESHES)}"
-    raise SceneError(f"{path}: found suffix '{path.suffix}', expected .geo, .py, .json, {', '.join(CAD)}{meshes}")
+    if suffix in MESHES:
+        from pdmesh.drawing.meshes import read_mesh
+
+        found = read_mesh(path, assignments, (), trust)
+        if isinstance(found, Body):
+            return found
+        raise SceneError(
+            f"{path}: found a mesh of a plate, which has its nodes, expected a drawing or a mesh of solids"
+        )
+    known = f"{', '.join(CAD)}, or a mesh's: {', '.join(MESHES)}"
+    raise SceneError(f"{path}: found suffix '{path.suffix}', expected .geo, .py, .json, {known}")
 
 
 def _again(

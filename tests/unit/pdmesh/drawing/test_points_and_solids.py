@@ -10,7 +10,7 @@ import pytest
 from messages import mentions, naming
 
 from pdmesh import SceneError
-from pdmesh.drawing.file_reading import build_file
+from pdmesh.drawing.file_reading import build_file, read_scene
 from pdmesh.drawing.meshes import read_mesh
 from pdmesh.grid.building import Built
 from pdmesh.reports.report import info
@@ -210,6 +210,16 @@ def test_options_of_plates_are_refused_of_solids(tmp_path: Path) -> None:
         build_file(path, STEEL, cracks=["0,0,1,1"])
     assert isinstance(read_mesh(path, STEEL), Body)
     assert build_file(path, [*STEEL, ("--adapt", "none")]).grid.dimension == 3
+
+
+def test_the_scene_of_a_mesh(tmp_path: Path) -> None:
+    """As `pdmesh plan` reads it: of solids it is a body; a plate has its nodes."""
+    path = tmp_path / "block.inp"
+    path.write_text(inp(block((3, 3, 3))))
+    assert isinstance(read_scene(path, STEEL), Body)
+    path.write_text(plate(False))
+    with pytest.raises(SceneError, match=naming("block.inp", found="mesh of a plate", expected="drawing")):
+        read_scene(path, STEEL)
 
 
 # ---- slits
