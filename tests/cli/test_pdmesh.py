@@ -204,7 +204,7 @@ REFUSED = {
     "output in no folder": (["build", DURAN, "-o", "nowhere/plate.json"], "found no folder"),
     "picture of no kind": (["preview", SCRIPT, "--trust", "-o", "plate.doc"], "found suffix '.doc'"),
     "parameters of a mesh": (["params", "part.vtu"], "found suffix '.vtu', expected .geo, .py or .json"),
-    "plan of a mesh": (["plan", "part.vtu"], "part.vtu: found suffix '.vtu', expected .geo, .py, .json"),
+    "plan of a mesh": (["plan", "part.vtu"], "part.vtu: cannot be read: No such file"),
     "plan of nothing": (["plan", "missing.geo"], "missing.geo: cannot be read"),
 }  # fmt: skip
 
