@@ -41,14 +41,15 @@ def read_geo(path: Path, assignments: Sequence[tuple[str, str]] = (), trust: boo
     copies = {} if trust else drawing_copies(path)
     found = _found(path, assignments, copies)
     scene = _scene(path, found, _values(found), text)
-    return replace(scene, notes=(*scene.notes, *_notes(copies)))
+    remarks = tuple(f"{path}: Gmsh says: {message}" for message in dict.fromkeys(found["remarks"]))
+    return replace(scene, notes=(*scene.notes, *_notes(copies), *remarks))
 
 
 def _scene(path: Path, found: Mapping[str, Any], values: Mapping[str, float | str], text: str) -> Scene | Body:
     try:
         if "points" in found:
             return body_of(found, values, path.name, text)
-        return scene_of(_groups(found), values, path.name, text)
+        return scene_of(_groups(found), values, path.name, text, found["zones"])
     except SceneError as error:
         raise SceneError(f"{path}: {error}") from None
 
@@ -154,7 +155,13 @@ def _refuse_unknown(path: Path, found: Mapping[str, Any]) -> None:
 
 def _groups(found: Mapping[str, Any]) -> list[Group]:
     return [
-        Group(group["name"], group["dimension"], tuple(group["curves"]), tuple(map(tuple, group["surfaces"])))
+        Group(
+            group["name"],
+            group["dimension"],
+            tuple(group["curves"]),
+            tuple(map(tuple, group["surfaces"])),
+            group["number"],
+        )
         for group in found["groups"]
     ]
 
