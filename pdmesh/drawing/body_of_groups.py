@@ -159,7 +159,7 @@ def _places(found: Mapping[str, Any], groups: Mapping[str, Any], parameters: Par
     places: Placed = []
     for name, group in groups.items():
         places.append((name, _where(found, group, parameters), f"{top}/{name}"))
-    for name in sorted(parameters.below(top) - set(groups)):
+    for name in sorted(parameters.below(str(top)) - set(groups)):
         word, *others = picked(parameters, f"{top}/{name}")
         if others:
             raise SceneError(f"parameter '{PREFIX}{top}/{name}/{others[0]}': found a {word} too, expected one of them")

@@ -98,11 +98,15 @@ def read_outline(path: Path, spacing: float, unit: str = "m") -> Surface:
 
 def _notes(copies: Mapping[str, Copy]) -> tuple[str, ...]:
     """Notes on words of drawings that have no effect."""
+    about = (
+        ("not used", "nodes are as far apart as Zones/NAME/Spacing says", lambda copy: copy.unused),
+        ("left out", "a grid has no use for meshes, views and pictures of Gmsh", lambda copy: copy.skipped),
+    )
     return tuple(
-        f"{copy.path}: not used: {', '.join(f'{what} (line {line})' for what, line in copy.unused.items())};"
-        " nodes are as far apart as Zones/NAME/Spacing says"
+        f"{copy.path}: {what}: {', '.join(f'{word} (line {line})' for word, line in words(copy).items())}; {why}"
         for copy in copies.values()
-        if copy.unused
+        for what, why, words in about
+        if words(copy)
     )
 
 

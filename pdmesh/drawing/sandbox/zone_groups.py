@@ -9,6 +9,7 @@ from typing import Any
 
 ZONE = "zone:"
 SHAPES = ("point", "curve", "surface", "volume")
+TURNED = re.compile(r"^Warning: \w+ -( BOPAlgo_AlertUnableToOrientTheShape)+ *$")
 GROUP = re.compile(rf"^Warning: .* in physical ({'|'.join(SHAPES)}) (\d+)$")  # that has a shape that is not there
 DEFAULT = {2: "plate", 3: "body"}  # names of a zone that neither a group nor a parameter names
 
@@ -47,12 +48,13 @@ def add_zones(gmsh: Any, dimension: int, names: Iterable[str]) -> list[dict[str,
 
 
 def with_names(gmsh: Any, messages: Iterable[str]) -> tuple[list[str], list[str]]:
-    """Messages of Gmsh, those about a group with its name; those about a group without a kind in its name apart."""
+    """Messages of Gmsh, those about a group with its name; those about a group without a kind in its name, and about
+    faces of Boolean operations that have no one side, apart."""
     others: list[str] = []
     ours: list[str] = []
     for message in messages:
         group = GROUP.match(message)
         name = gmsh.model.getPhysicalName(SHAPES.index(group[1]), int(group[2])) if group else ""
         of_others = group is not None and ":" not in name
-        (others if of_others else ours).append(f'{message} ("{name}")' if name else message)
+        (others if of_others or TURNED.match(message) else ours).append(f'{message} ("{name}")' if name else message)
     return ours, others
