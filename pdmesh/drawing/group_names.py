@@ -131,7 +131,10 @@ def _refuse_missing(found: dict[str, dict[str, int]], kinds: Kinds, parameters: 
                     f"parameter '{PREFIX}{folder}/{name}/{word}': found a group '{kind}:{name}' too, expected one of"
                     " them"
                 )
-        for name in sorted(parameters.below(folder) - set(found[kind])):
+        missing = sorted(parameters.below(folder) - set(found[kind]))
+        if kind == "zone" and not found[kind] and len(missing) == 1:
+            return  # of a drawing without shapes, as any shape would be this zone
+        for name in missing:
             if picked(parameters, f"{folder}/{name}"):
                 continue
             near = nearest(name, found[kind])

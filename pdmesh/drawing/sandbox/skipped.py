@@ -1,5 +1,6 @@
 """Statements of a drawing that say nothing of its shapes: meshing, views, pictures and files that Gmsh would write.
 
+Layers of an extrusion are among them, which would bind the triangles of curved surfaces to a coarse mesh.
 They are left out of what Gmsh reads. What is left is looked at as any drawing, so that leaving out allows nothing.
 """
 
@@ -9,6 +10,7 @@ from pdmesh.drawing.sandbox import words
 from pdmesh.drawing.sandbox.scan import Drawing
 from pdmesh.drawing.sandbox.tokens import Token
 
+LAYERED = ("Layers", "Recombine")  # within an extrusion
 PICTURES = (".pos", ".png", ".jpg", ".jpeg", ".gif")  # files that hold views and pictures
 
 
@@ -31,13 +33,16 @@ def without_skipped(drawing: Drawing) -> tuple[list[Token], dict[str, int]]:
 
 def _end(drawing: Drawing, place: int) -> int:
     """Position behind the semicolon of the plain statement that begins here; 0 if none does."""
-    if drawing.kind(place) != "word" or drawing.depths[place] or not drawing.starts(place):
+    within = drawing.depths[place] > 0
+    begins = drawing.starts(place) or (within and drawing.text(place - 1) == "{")
+    if drawing.kind(place) != "word" or not begins or (within and drawing.text(place) not in LAYERED):
         return 0
     at = place
     while at < len(drawing.tokens) and drawing.text(at) != ";":
-        at = drawing.partner.get(at, at) + 1
-        if at - 1 in drawing.heads:
+        last = drawing.partner.get(at, at)
+        if last < at or last in drawing.heads:  # the end of what is around it, or a head
             return 0
+        at = last + 1
     return at + 1 if at < len(drawing.tokens) else 0
 
 
@@ -45,6 +50,8 @@ def _skips(drawing: Drawing, place: int, end: int) -> str:
     """The command of a statement that says nothing of shapes; "" for all others."""
     first, second, third = (drawing.text(place + step) for step in range(3))
     if first == "Plugin" or (first in words.SKIPPED and second not in ("=", "(")):
+        return first
+    if first in LAYERED and drawing.depths[place]:
         return first
     if first == "Mesh" and second not in (".", "=", "("):
         return first
