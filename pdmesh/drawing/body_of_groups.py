@@ -72,10 +72,7 @@ def body_of(found: Mapping[str, Any], values: Mapping[str, float | str], source:
     parameters = Parameters(values, named.unit_of(values))
     physical = [Physical(group["name"], group["dimension"], group["number"]) for group in found["groups"]]
     meant = meaning(physical, found["zones"], KINDS, parameters, KINDS_OF_PLATES)
-    groups = {
-        kind: {name: found["groups"][place] | {"name": name} for name, place in places.items()}
-        for kind, places in meant.groups.items()
-    }
+    groups = {kind: {name: found["groups"][at] for name, at in places.items()} for kind, places in meant.groups.items()}
     spacings = {
         name: checked_spacing(parameters.length(f"Zones/{name}/Spacing"), f"zone '{name}': spacing")
         for name in groups["zone"]

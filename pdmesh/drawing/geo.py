@@ -98,16 +98,16 @@ def read_outline(path: Path, spacing: float, unit: str = "m") -> Surface:
 
 def _notes(copies: Mapping[str, Copy]) -> tuple[str, ...]:
     """Notes on words of drawings that have no effect."""
-    about = (
-        ("not used", "nodes are as far apart as Zones/NAME/Spacing says", lambda copy: copy.unused),
-        ("left out", "a grid has no use for meshes, views and pictures of Gmsh", lambda copy: copy.skipped),
-    )
-    return tuple(
-        f"{copy.path}: {what}: {', '.join(f'{word} (line {line})' for word, line in words(copy).items())}; {why}"
-        for copy in copies.values()
-        for what, why, words in about
-        if words(copy)
-    )
+    notes = []
+    for copy in copies.values():
+        for words, what, why in (
+            (copy.unused, "not used", "nodes are as far apart as Zones/NAME/Spacing says"),
+            (copy.skipped, "left out", "a grid has no use for meshes, views and pictures of Gmsh"),
+        ):
+            if words:
+                listed = ", ".join(f"{word} (line {line})" for word, line in words.items())
+                notes.append(f"{copy.path}: {what}: {listed}; {why}")
+    return tuple(notes)
 
 
 def _found(path: Path, assignments: Sequence[tuple[str, str]], copies: Mapping[str, Copy]) -> Mapping[str, Any]:

@@ -71,8 +71,8 @@ def meaning(
     for place in others:
         _refuse_almost(groups[place], kinds, of_plates, ours)
     zoned = {(kinds["zone"][0][0], number) for zone in zones for number in zone["groups"]}
-    rest = [place for place in others if groups[place][1:] not in zoned]
-    unused = [place for place in rest if not _use(groups[place], place, found, kinds, parameters)]
+    used = [_use(groups[place], place, found, kinds, parameters) for place in others]
+    unused = [place for place, use in zip(others, used, strict=True) if not use and groups[place][1:] not in zoned]
     _refuse_missing(found, kinds, parameters)
     return Meaning(found, tuple(_notes(groups, zones, unused, kinds)))
 

@@ -33,7 +33,6 @@ FACTOR, TIME FACTOR, ...".
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -89,20 +88,9 @@ def scene_of(
     drawn = [in_metres(group, parameters.unit) for group in groups]
     physical = [Physical(group.name, group.dimension, group.number) for group in drawn]
     found = meaning(physical, new_zones, GROUPS, parameters)
-    named_groups = {
-        kind: {name: replace(drawn[place], name=name) for name, place in places.items()}
-        for kind, places in found.groups.items()
-    }
+    named_groups = {kind: {name: drawn[at] for name, at in places.items()} for kind, places in found.groups.items()}
     _check_places(named_groups)
-    zones = tuple(
-        Zone(
-            name,
-            surface_of(f"zone '{name}'", group),
-            _spacing(parameters, name),
-            parameters.flag(f"Zones/{name}/Grown", True),
-        )
-        for name, group in named_groups["zone"].items()
-    )
+    zones = tuple(_zone(name, group, parameters) for name, group in named_groups["zone"].items())
     if not zones:
         raise SceneError("zones: found none, and no surface in the drawing, expected one at least, such as 'zone:NAME'")
     material = named.material(parameters, "Material", None)
@@ -158,11 +146,11 @@ def _reaching_beyond(zones: Sequence[Zone]) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _spacing(parameters: Parameters, name: str) -> float:
-    spacing = parameters.length(f"Zones/{name}/Spacing")
+def _zone(name: str, group: Group, parameters: Parameters) -> Zone:
+    shape, spacing = surface_of(f"zone '{name}'", group), parameters.length(f"Zones/{name}/Spacing")
     if not spacing > 0:
         raise SceneError(f"zone '{name}': spacing: found {spacing:g} m, expected more than 0 m")
-    return spacing
+    return Zone(name, shape, spacing, parameters.flag(f"Zones/{name}/Grown", True))
 
 
 def _check_places(groups: dict[str, dict[str, Group]]) -> None:

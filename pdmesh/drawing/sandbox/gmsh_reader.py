@@ -22,6 +22,7 @@ from pdmesh.drawing.sandbox.walls import raise_walls
 from pdmesh.drawing.sandbox.zone_groups import add_zones, dimension_of, with_names
 
 PREFIX = "Peridynamics/"
+BODIES = f"{PREFIX}Bodies/"
 NOT_FINITE = re.compile(r"([\[,:] *)-?(?:nan|inf)\b")  # Gmsh's JSON has numbers that are not JSON
 LEAST_TOLERANCE = 1e-8  # of the size of a drawing: finer chords are not made for any spacing
 PLATE = "zone:plate"  # the group a CAD file's surfaces are put in
@@ -89,7 +90,8 @@ def _open(gmsh: Any, job: dict[str, Any], found: dict[str, Any]) -> None:
         gmsh.open(path)
         found["parameters"] = _parameters_of(gmsh)
     dimension = dimension_of(gmsh)
-    found["zones"] = add_zones(gmsh, dimension, _spacings(found["parameters"]))
+    bodies = {entry["name"].split("/")[2] for entry in found["parameters"] if entry["name"].startswith(BODIES)}
+    found["zones"] = add_zones(gmsh, dimension, _spacings(found["parameters"]), bodies)
     if dimension == 3:
         found |= _spatial_groups(gmsh, job["chords"] * _finest(_spacings(found["parameters"])))
     else:

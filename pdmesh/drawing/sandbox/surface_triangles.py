@@ -95,7 +95,7 @@ def _triangles(gmsh: Any, faces: list[int], number: dict[int, int]) -> list[int]
             _, corners = gmsh.model.mesh.getElementsByType(kind, face)
             cells = np.array([number[int(tag)] for tag in corners], dtype=np.int64).reshape(-1, kind + 1)
             found.append(cells[:, split].ravel())
-    return np.concatenate(found).tolist()
+    return [int(corner) for corner in np.concatenate(found)]
 
 
 def _volume(gmsh: Any, volumes: list[int]) -> float:

@@ -110,6 +110,15 @@ def test_a_group_that_parameters_name_is_used() -> None:
     assert mentions(placed.notes, "not used", 'Curve("Inlet")')
 
 
+def test_a_group_of_a_zone_may_be_a_region_too() -> None:
+    steel, glass = Physical("steel", 2, 2), Physical("glass", 2, 3)
+    zones = [{"name": "plate", "groups": [2, 3]}]
+    found = plate(ZONE, steel, glass, values={**SPACED, "Materials/steel/E": 2e11}, zones=zones)
+    assert found.groups["material"] == {"steel": 1}
+    (note,) = found.notes
+    assert mentions(note, "zone 'plate'", 'Surface("steel")', 'Surface("glass")')
+
+
 @pytest.mark.parametrize(
     ("values", "named"),
     [

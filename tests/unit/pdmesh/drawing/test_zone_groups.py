@@ -72,6 +72,19 @@ def test_zones_with_a_name_stay_the_only_ones(drawing: Any) -> None:
     assert dimension_of(drawing) == 2
 
 
+def test_bodies_beside_are_in_no_zone(drawing: Any) -> None:
+    drawing.model.addPhysicalGroup(2, [2], 1, "body:ram")
+    assert add_zones(drawing, 2, ["p"]) == [{"name": "p", "groups": []}]
+    assert groups(drawing) == {"body:ram": [2], "zone:p": [1]}
+
+
+def test_bodies_of_parameters_are_in_no_zone(drawing: Any) -> None:
+    for tag, name in ((1, "plate"), (2, "ram")):
+        drawing.model.addPhysicalGroup(2, [tag], tag, name)
+    assert add_zones(drawing, 2, ["p"], ["ram"]) == [{"name": "p", "groups": [1]}]
+    assert groups(drawing)["zone:p"] == [1]
+
+
 def test_several_names_without_groups_make_no_zone(drawing: Any) -> None:
     assert add_zones(drawing, 2, ["p", "q"]) == []
     assert groups(drawing) == {}
