@@ -74,6 +74,13 @@ def meaning(
     used = [_use(groups[place], place, found, kinds, parameters) for place in others]
     unused = [place for place, use in zip(others, used, strict=True) if not use and groups[place][1:] not in zoned]
     _refuse_missing(found, kinds, parameters)
+    for zone in zones:
+        spacing = f"Zones/{zone['name']}/Spacing"
+        if parameters.maybe(spacing) is None:
+            raise SceneError(
+                f"zones: found none, and no parameter '{PREFIX}{spacing}', expected a group 'zone:NAME' or a spacing"
+                f" for all {SHAPES[kinds['zone'][0][0]].lower()}s (--set {spacing}=...)"
+            )
     return Meaning(found, tuple(_notes(groups, zones, unused, kinds)))
 
 

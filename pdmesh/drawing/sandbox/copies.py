@@ -26,6 +26,7 @@ STEP, BREP = (".step", ".stp", ".STEP", ".STP"), (".brep", ".brp", ".BRP")
 STL = (".stl", ".STL")
 CAD = (*STEP, *BREP)
 MERGED = (*CAD, *STL)  # by a drawing
+NOT_INCLUDED = {suffix.lower() for suffix in MERGED}
 ADVICE = " (--trust reads it all the same)"
 OWN_FOLDER = "expected a .geo, STEP, BREP or STL file in the drawing's own folder" + ADVICE
 CONTENT = {  # how a file begins, and ends: in one that is cut off, a reader may look for the end for ever
@@ -130,8 +131,9 @@ class _Copies:
         real = path.resolve()
         if real in self.named:
             return self.named[real]
-        name = self.named[real] = f"{len(self.named)}{'.geo' if not within else path.suffix}"
-        if path.suffix in MERGED and within:
+        merged = within and path.suffix in MERGED
+        name = self.named[real] = f"{len(self.named)}{path.suffix if merged else '.geo'}"
+        if merged:
             self.copies[name] = Copy(path, stl_bytes(path) if path.suffix in STL else cad_bytes(path))
             return name
         try:
@@ -170,7 +172,11 @@ class _Copies:
         )
         other = path.parent / inner  # as Gmsh has it, symbolic links or not
         expected = OWN_FOLDER
-        if plain and other.suffix in {"Include": (".geo",), "ShapeFromFile": CAD}.get(command, (".geo", *MERGED)):
+        if command == "Include":  # of drawings, whatever their suffix
+            known = other.suffix.lower() not in NOT_INCLUDED
+        else:
+            known = other.suffix in (CAD if command == "ShapeFromFile" else (".geo", *MERGED))
+        if plain and known:
             if other.is_file() and other.resolve().is_relative_to(self.folder):
                 return other
             expected = OWN_FOLDER if other.exists() else "expected a file of this name in the drawing's own folder"

@@ -133,6 +133,12 @@ def test_the_group_that_is_missing_is_named(values: dict[str, float], named: str
         plate(*groups, values={**SPACED, **values})
 
 
+def test_a_drawing_without_zones_and_spacing_is_told_both() -> None:
+    zones = [{"name": "plate", "groups": []}]
+    with pytest.raises(SceneError, match=naming("zones", found="none", expected=("zone:NAME", "Zones/plate/Spacing="))):
+        plate(ZONE, values={}, zones=zones)
+
+
 def test_groups_of_plates_are_refused_in_bodies() -> None:
     groups = (Physical("zone:body", 3, 1), Physical("pin:a", 2, 2))
     parameters = Parameters({f"{PREFIX}Zones/body/Spacing": 1.0}, UNITS["m"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -99,6 +100,20 @@ def test_a_drawing_that_meshes_and_saves_is_a_plate(tmp_path: Path) -> None:
         f"{tmp_path / 'plate.geo'}: left out: Mesh (line 3), Save (line 4), View (line 5)"
     )
     assert [path.name for path in tmp_path.iterdir()] == ["plate.geo"]
+
+
+@pytest.mark.process
+def test_a_drawing_of_any_suffix_is_included(tmp_path: Path) -> None:
+    """Each time anew, and looked at as any drawing."""
+    (tmp_path / "plate.geo").write_text(
+        'SetFactory("OpenCASCADE");\nx = 0; Include "part.i1";\nx = 1; Include "part.i1";\n', encoding="utf-8"
+    )
+    (tmp_path / "part.i1").write_text("Rectangle(newreg) = {x, 0, 0, 1, 1};\n", encoding="utf-8")
+    scene = read_geo(tmp_path / "plate.geo", [("Zones/plate/Spacing", "0.1")])
+    assert scene.shape.area == pytest.approx(2.0)  # type: ignore[union-attr]
+    (tmp_path / "part.i1").write_text("\nSystemCall 'a';\n", encoding="utf-8")
+    with pytest.raises(SceneError, match=naming(re.compile("part.i1: line 2"), found="'SystemCall'")):
+        drawing_copies(tmp_path / "plate.geo")
 
 
 TETRAHEDRON = [[(0, 0, 0), (0, 1, 0), (1, 0, 0)], [(0, 0, 0), (1, 0, 0), (0, 0, 1)]]
