@@ -36,7 +36,6 @@ PLATES = {  # tutorial: spacing. What it shows beside:
     "t21": 0.05,  # partitions, a mesh that is written
 }
 BODIES = {
-    "t3": 0.01,  # extruded meshes, parameters
     "t14": 0.5,  # homology
     "t15": 0.01,  # points, curves and surfaces embedded
     "t16": 0.05,  # Boolean operations, groups of volumes by number
