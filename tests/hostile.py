@@ -61,13 +61,13 @@ ATTACKS = {
         "found 'Field[...].CommandLine'",
         real=False,
     ),
-    "a plugin": drawing("Plugin(MathEval).Run;\n", "found 'Plugin'", real=False),
+    "a plugin": drawing("Plugin(MathEval).Run;\n", "zones: found none", real=False),
     "a client": drawing('Solver.Executable0 = "touched";\n', "found 'Solver.Executable0'", real=False),
     "an option that a parameter sets": drawing(
         'DefineConstant[a = {1, Name "x", GmshOption "General.LogFileName"}];\n', "found 'GmshOption'", real=False
     ),
     "a script in a string": drawing(
-        "Geometry.DoubleClickedPointCommand = \"SystemCall 'x';\";\n", "found 'Geometry.D", False
+        "Geometry.DoubleClickedPointCommand = \"SystemCall 'x';\";\n", "zones: found none", False
     ),
     "a word made of strings": drawing('StringToName["SystemCall"] "touch touched";\n', "found 'StringToName'"),
     "the same, short": drawing('S2N[StrCat("System", "Call")] "touch touched";\n', "found 'S2N'"),
@@ -83,9 +83,21 @@ ATTACKS = {
         'If(0)\nListFromFile = 1;\nEndIf\na() = ListFromFile("secret");\n', "Gmsh says:", real=False
     ),
     # files
-    "Save": drawing('Point(1) = {0, 0, 0}; Mesh.Format = 1; Save "touched";\n', "found 'Save'"),
-    "Save of a view": drawing('View "a" { SP(0, 0, 0){1}; };\nSave View[0] "touched";\n', "found 'View'"),
-    "Print": drawing('Print.Format = 10; Point(1) = {0, 0, 0}; Print "touched";\n', "found 'Print.Format'", real=False),
+    "Save": drawing('Point(1) = {0, 0, 0}; Mesh.Format = 1; Save "touched";\n', "zones: found none"),
+    "Save of a view": drawing('View "a" { SP(0, 0, 0){1}; };\nSave View[0] "touched";\n', "zones: found none"),
+    "Print": drawing('Print.Format = 10; Point(1) = {0, 0, 0}; Print "touched";\n', "zones: found none", real=False),
+    "Save behind a head": drawing(
+        'Point(1) = {0, 0, 0};\nIf (1) Save "touched"; EndIf\nFor i In {0:0}\nSave "touched";\nEndFor\n', "none", False
+    ),
+    "Save that is a name too": drawing(
+        'Save = 1; Point(1) = {0, 0, 0};\nSave "touched";\n', "zones: found none", False
+    ),
+    "Save that has no end": drawing('Point(1) = {0, 0, 0}; Save "touched"\n', "found 'Save'", real=False),
+    "a command behind what is left out": drawing(
+        'View "a" { SP(0, 0, 0){1}; };;' + TOUCH, "line 1: found 'SystemCall'"
+    ),
+    "a command within what is left out": drawing('View "a" { ' + TOUCH + " };\n", "zones: found none", False),
+    "a command joined by what is left out": drawing("SystemCall\nSleep 1; 'touch touched';\n", "found 'System", False),
     "CreateDir": drawing('CreateDir "touched";\n', "found 'CreateDir'"),
     "Printf": drawing('Printf("x") > "touched";\n', "found 'Printf'"),
     "Printf of numbers": drawing('Printf("%g", Sqrt(2)) >> "touched";\n', "found 'Printf'"),

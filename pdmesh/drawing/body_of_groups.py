@@ -31,6 +31,7 @@ import shapely
 from pdmesh.drawing import diffusion_conditions, mechanical_conditions
 from pdmesh.drawing import parameters as named
 from pdmesh.drawing.bodies_beside import with_bodies
+from pdmesh.drawing.group_names import Physical, meaning, picked
 from pdmesh.drawing.parameters import PREFIX, Parameters
 from pdmesh.drawing.solids import sheet_of, shell_of
 from pdmesh.scene.body import Body, SolidZone, Where
@@ -41,10 +42,10 @@ from pdmesh.scene.solids import Sheet, Shell, brick
 
 KINDS = {  # kind: dimensions, folder of its parameters
     "zone": ((3,), "Zones"),
-    "crack": ((2,), ""),
+    "crack": ((2,), None),
     "load": ((2, 3, 0), "Loads"),
     "fix": ((2, 3, 0), "Fixes"),
-    "gap": ((0,), ""),
+    "gap": ((0,), None),
     "move": ((2, 3), "Moves"),
     "spring": ((2, 3), "Springs"),
     "material": ((3,), "Materials"),
@@ -52,12 +53,11 @@ KINDS = {  # kind: dimensions, folder of its parameters
     "supply": ((2, 3), "Supplies"),
     "exchange": ((2,), "Exchanges"),
     "begin": ((3,), "Begins"),
-    "solid": ((3,), ""),
+    "solid": ((3,), None),
     "medium": ((3,), "Media"),
     "body": ((3,), "Bodies"),
 }
-SHAPES = ("Point", "Curve", "Surface", "Volume")
-PICKED = ("Box", "Face", "Node")  # parameters that place a condition without a group
+KINDS_OF_PLATES = ("absorb", "pin")
 ON_PLATES = ("/Edge",)
 OF_PLATES = ("Refine/", "Absorbs/", "Pins/", "Area rule", "Run/Adapt")
 Placed = list[tuple[str, Where, str]]  # name, where, and the folder of its parameters
@@ -70,18 +70,20 @@ def body_of(found: Mapping[str, Any], values: Mapping[str, float | str], source:
         if name.removeprefix(PREFIX).startswith(OF_PLATES) or name.endswith(ON_PLATES):
             raise SceneError(f"parameter '{name}': found one in a body in space, expected none: only plates have it")
     parameters = Parameters(values, named.unit_of(values))
-    groups = _sorted_out(found, parameters)
+    physical = [Physical(group["name"], group["dimension"], group["number"]) for group in found["groups"]]
+    meant = meaning(physical, found["zones"], KINDS, parameters, KINDS_OF_PLATES)
+    groups = {kind: {name: found["groups"][at] for name, at in places.items()} for kind, places in meant.groups.items()}
     spacings = {
         name: checked_spacing(parameters.length(f"Zones/{name}/Spacing"), f"zone '{name}': spacing")
         for name in groups["zone"]
     }
     if not spacings:
-        raise SceneError("zones: found none, expected at least one (a volume in a group 'zone:NAME')")
+        raise SceneError("zones: found none, and no volume in the drawing, expected one at least, such as 'zone:NAME'")
     coarsest = max(spacings.values())
-    whole = next(group for group in found["groups"] if group["name"] == "body")
     body = Body(
-        _shell(found, whole, parameters),
+        _shell(found, found["whole"], parameters),
         coarsest,
+        notes=meant.notes,
         material=named.material(parameters, "Material", None),
         medium=named.medium(parameters),
         horizon=parameters.number("Horizon ratio", 3.0),
@@ -122,35 +124,6 @@ def body_of(found: Mapping[str, Any], values: Mapping[str, float | str], source:
     return diffusion_conditions.diffusing(body, places, parameters)
 
 
-def _sorted_out(found: Mapping[str, Any], parameters: Parameters) -> dict[str, dict[str, Any]]:
-    """Groups by kind and name. Raises SceneError for an unknown group, or for parameters without a group."""
-    groups: dict[str, dict[str, Any]] = {kind: {} for kind in KINDS}
-    for group in found["groups"]:
-        kind, _, name = group["name"].partition(":")
-        if group["name"] == "body":
-            continue
-        if kind not in KINDS or not name or group["dimension"] not in KINDS[kind][0]:
-            forms = ", ".join(
-                f'{" or ".join(SHAPES[d] for d in dimensions)} "{other}:NAME"'
-                for other, (dimensions, _) in KINDS.items()
-            )
-            raise SceneError(
-                f'Physical {SHAPES[group["dimension"]]}("{group["name"]}"): expected, in a body, one of {forms}'
-            )
-        if name in groups[kind]:
-            one, other = (SHAPES[each["dimension"]].lower() for each in (groups[kind][name], group))
-            raise SceneError(f'group "{group["name"]}": found as a {one} and as a {other}, expected one of them')
-        groups[kind][name] = group
-    for kind, (dimensions, folder) in KINDS.items():
-        for name in sorted(parameters.below(folder) - set(groups[kind])) if folder else ():
-            if not _picked(parameters, f"{folder}/{name}"):
-                raise SceneError(
-                    f'Physical {SHAPES[dimensions[0]]}("{kind}:{name}"): found none, expected one for'
-                    f" {PREFIX}{folder}/{name}"
-                )
-    return groups
-
-
 def _shell(found: Mapping[str, Any], group: Mapping[str, Any], parameters: Parameters) -> Shell:
     """Surface of a group, m, with its volume, m^3."""
     shell, unit = shell_of(found, group), parameters.unit
@@ -182,22 +155,13 @@ def _places(found: Mapping[str, Any], groups: Mapping[str, Any], parameters: Par
     top = KINDS[kind][1]
     places: Placed = []
     for name, group in groups.items():
-        for word in _picked(parameters, f"{top}/{name}"):
-            raise SceneError(
-                f"parameter '{PREFIX}{top}/{name}/{word}': found a group '{kind}:{name}' too, expected one of them"
-            )
         places.append((name, _where(found, group, parameters), f"{top}/{name}"))
-    for name in sorted(parameters.below(top) - set(groups)):
-        word, *others = _picked(parameters, f"{top}/{name}")
+    for name in sorted(parameters.below(str(top)) - set(groups)):
+        word, *others = picked(parameters, f"{top}/{name}")
         if others:
             raise SceneError(f"parameter '{PREFIX}{top}/{name}/{others[0]}': found a {word} too, expected one of them")
         places.append((name, _placed(found, parameters, f"{top}/{name}/{word}"), f"{top}/{name}"))
     return places
-
-
-def _picked(parameters: Parameters, folder: str) -> list[str]:
-    """Which of the parameters that place a condition without a group a folder has."""
-    return [word for word in PICKED if parameters.text(f"{folder}/{word}")]
 
 
 def _placed(found: Mapping[str, Any], parameters: Parameters, name: str) -> Where:
@@ -205,8 +169,9 @@ def _placed(found: Mapping[str, Any], parameters: Parameters, name: str) -> Wher
         return _box(parameters, name)
     if name.endswith("/Node"):
         return shapely.Point(point_in(parameters.text(name), 3, f"parameter '{PREFIX}{name}'", parameters.unit))
-    whole = next(group for group in found["groups"] if group["name"] == "body")
-    return face(_shell(found, whole, parameters), parameters.text(name), f"parameter '{PREFIX}{name}'", parameters.unit)
+    return face(
+        _shell(found, found["whole"], parameters), parameters.text(name), f"parameter '{PREFIX}{name}'", parameters.unit
+    )
 
 
 def _box(parameters: Parameters, name: str) -> Shell:

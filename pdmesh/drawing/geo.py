@@ -41,14 +41,15 @@ def read_geo(path: Path, assignments: Sequence[tuple[str, str]] = (), trust: boo
     copies = {} if trust else drawing_copies(path)
     found = _found(path, assignments, copies)
     scene = _scene(path, found, _values(found), text)
-    return replace(scene, notes=(*scene.notes, *_notes(copies)))
+    remarks = tuple(f"{path}: Gmsh says: {message}" for message in dict.fromkeys(found["remarks"]))
+    return replace(scene, notes=(*scene.notes, *_notes(copies), *remarks))
 
 
 def _scene(path: Path, found: Mapping[str, Any], values: Mapping[str, float | str], text: str) -> Scene | Body:
     try:
         if "points" in found:
             return body_of(found, values, path.name, text)
-        return scene_of(_groups(found), values, path.name, text)
+        return scene_of(_groups(found), values, path.name, text, found["zones"])
     except SceneError as error:
         raise SceneError(f"{path}: {error}") from None
 
@@ -97,12 +98,16 @@ def read_outline(path: Path, spacing: float, unit: str = "m") -> Surface:
 
 def _notes(copies: Mapping[str, Copy]) -> tuple[str, ...]:
     """Notes on words of drawings that have no effect."""
-    return tuple(
-        f"{copy.path}: not used: {', '.join(f'{what} (line {line})' for what, line in copy.unused.items())};"
-        " nodes are as far apart as Zones/NAME/Spacing says"
-        for copy in copies.values()
-        if copy.unused
-    )
+    notes = []
+    for copy in copies.values():
+        for words, what, why in (
+            (copy.unused, "not used", "nodes are as far apart as Zones/NAME/Spacing says"),
+            (copy.skipped, "left out", "a grid has no use for meshes, views and pictures of Gmsh"),
+        ):
+            if words:
+                listed = ", ".join(f"{word} (line {line})" for word, line in words.items())
+                notes.append(f"{copy.path}: {what}: {listed}; {why}")
+    return tuple(notes)
 
 
 def _found(path: Path, assignments: Sequence[tuple[str, str]], copies: Mapping[str, Copy]) -> Mapping[str, Any]:
@@ -154,7 +159,13 @@ def _refuse_unknown(path: Path, found: Mapping[str, Any]) -> None:
 
 def _groups(found: Mapping[str, Any]) -> list[Group]:
     return [
-        Group(group["name"], group["dimension"], tuple(group["curves"]), tuple(map(tuple, group["surfaces"])))
+        Group(
+            group["name"],
+            group["dimension"],
+            tuple(group["curves"]),
+            tuple(map(tuple, group["surfaces"])),
+            group["number"],
+        )
         for group in found["groups"]
     ]
 

@@ -41,13 +41,13 @@ import shapely
 from pdmesh.drawing import diffusion_conditions, mechanical_conditions
 from pdmesh.drawing import parameters as named
 from pdmesh.drawing.bodies_beside import with_bodies
+from pdmesh.drawing.group_names import Physical, meaning
 from pdmesh.drawing.parameters import PREFIX, Parameters
-from pdmesh.drawing.plate_places import Group, in_metres, lines_of, picked, places, point_of, surface_of
+from pdmesh.drawing.plate_places import Group, in_metres, lines_of, places, point_of, surface_of
 from pdmesh.scene.plate import Refinement, Zone
 from pdmesh.scene.scene import Scene
 from pdmesh.scene.shapes import SceneError
 from pdmesh.scene.slits import Crack
-from pdmesh.spelling import nearest
 
 FLAT = 1e-6  # of a drawing's size: how far it may leave its plane
 GROUPS = {  # kind: dimensions, folder of its parameters
@@ -69,31 +69,34 @@ GROUPS = {  # kind: dimensions, folder of its parameters
     "solid": ((2,), None),
     "medium": ((2,), "Media"),
 }
-SHAPES = ("Point", "Curve", "Surface", "Volume")
 
 
-def scene_of(groups: Iterable[Group], values: Mapping[str, float | str], source: str, text: str = "") -> Scene:
-    """The scene that groups and parameters describe. Raises SceneError naming the group or the parameter."""
+def scene_of(
+    groups: Iterable[Group],
+    values: Mapping[str, float | str],
+    source: str,
+    text: str = "",
+    new_zones: Sequence[Mapping[str, Any]] = (),
+) -> Scene:
+    """The scene that groups and parameters describe. Raises SceneError naming the group or the parameter.
+
+    `new_zones` are those that the reader made of other groups or of all surfaces (`sandbox.zone_groups`).
+    """
     named.refuse_unknown(values, own=True)
     named.refuse_space(values)
     parameters = Parameters(values, named.unit_of(values))
-    named_groups = _sorted_out(in_metres(group, parameters.unit) for group in groups)
-    _check_groups(named_groups, parameters)
-    zones = tuple(
-        Zone(
-            name,
-            surface_of(f"zone '{name}'", group),
-            _spacing(parameters, name),
-            parameters.flag(f"Zones/{name}/Grown", True),
-        )
-        for name, group in named_groups["zone"].items()
-    )
+    drawn = [in_metres(group, parameters.unit) for group in groups]
+    physical = [Physical(group.name, group.dimension, group.number) for group in drawn]
+    found = meaning(physical, new_zones, GROUPS, parameters)
+    named_groups = {kind: {name: drawn[at] for name, at in places.items()} for kind, places in found.groups.items()}
+    _check_places(named_groups)
+    zones = tuple(_zone(name, group, parameters) for name, group in named_groups["zone"].items())
     if not zones:
-        raise SceneError("zones: found none, expected at least one (a surface in a group 'zone:NAME')")
+        raise SceneError("zones: found none, and no surface in the drawing, expected one at least, such as 'zone:NAME'")
     material = named.material(parameters, "Material", None)
     scene = Scene(
         outline=shapely.union_all([zone.shape for zone in zones]),
-        notes=_reaching_beyond(zones),
+        notes=(*found.notes, *_reaching_beyond(zones)),
         spacing=max(zone.spacing for zone in zones),
         zones=zones,
         material=material,
@@ -143,51 +146,15 @@ def _reaching_beyond(zones: Sequence[Zone]) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _spacing(parameters: Parameters, name: str) -> float:
-    spacing = parameters.length(f"Zones/{name}/Spacing")
+def _zone(name: str, group: Group, parameters: Parameters) -> Zone:
+    shape, spacing = surface_of(f"zone '{name}'", group), parameters.length(f"Zones/{name}/Spacing")
     if not spacing > 0:
         raise SceneError(f"zone '{name}': spacing: found {spacing:g} m, expected more than 0 m")
-    return spacing
+    return Zone(name, shape, spacing, parameters.flag(f"Zones/{name}/Grown", True))
 
 
-def _sorted_out(groups: Iterable[Group]) -> dict[str, dict[str, Group]]:
-    found: dict[str, dict[str, Group]] = {kind: {} for kind in GROUPS}
-    for group in groups:
-        kind, _, name = group.name.partition(":")
-        if kind not in GROUPS or not name or group.dimension not in GROUPS[kind][0]:
-            raise SceneError(f'Physical {SHAPES[group.dimension]}("{group.name}"): expected {_meant(kind, name)}')
-        if name in found[kind]:
-            raise SceneError(f'group "{group.name}": found as a curve and as a surface, expected one of them')
-        found[kind][name] = group
-    return found
-
-
-def _meant(kind: str, name: str) -> str:
-    """The valid names most like an invalid group name."""
-    near = nearest(kind, GROUPS)
-    forms = {
-        kind: " or ".join(SHAPES[dimension] for dimension in dimensions) for kind, (dimensions, _) in GROUPS.items()
-    }
-    others = ", ".join(f'{forms[other]} "{other}:NAME"' for other in GROUPS if other != near)
-    return f'Physical {forms[near]}("{near}:{name or "NAME"}"), or {others}'
-
-
-def _check_groups(groups: dict[str, dict[str, Group]], parameters: Parameters) -> None:
-    for kind, (dimensions, folder) in GROUPS.items():
-        for name in groups[kind]:
-            for word in picked(parameters, f"{folder}/{name}"):
-                raise SceneError(
-                    f"parameter '{PREFIX}{folder}/{name}/{word}': found a group '{kind}:{name}' too, expected one of"
-                    " them"
-                )
-        for name in sorted(parameters.below(folder or "") - set(groups[kind])) if folder else ():
-            if picked(parameters, f"{folder}/{name}"):
-                continue
-            group = f'Physical {SHAPES[dimensions[0]]}("{kind}:{name}")'
-            edge = f", or {PREFIX}{folder}/{name}/Edge" if 1 in dimensions else ""
-            near = nearest(name, groups[kind])
-            meant = f" (or is {PREFIX}{folder}/{near} meant?)" if near else ""
-            raise SceneError(f"{group}: found none, expected one for {PREFIX}{folder}/{name}{meant}{edge}")
+def _check_places(groups: dict[str, dict[str, Group]]) -> None:
+    """Raise SceneError for places that are not finite, or not in one plane."""
     points = [np.asarray(curve) for group in _all(groups) for curve in _curves_of(group)]
     if points:
         cloud = np.concatenate(points)

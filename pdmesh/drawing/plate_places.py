@@ -10,6 +10,7 @@ import numpy as np
 import shapely
 from shapely import LineString, MultiLineString
 
+from pdmesh.drawing.group_names import picked
 from pdmesh.drawing.parameters import PREFIX, Parameters
 from pdmesh.model.document import LARGEST
 from pdmesh.scene.edges import point_in
@@ -17,17 +18,16 @@ from pdmesh.scene.scene import Scene
 from pdmesh.scene.shapes import Curve, SceneError, Surface, parts
 from pdmesh.scene.units import Unit
 
-PICKED = ("Box", "Edge", "Node")  # parameters that place a condition without a group
-
 
 @dataclass(frozen=True)
 class Group:
-    """A named group: curves as points (k, 3) in the drawing's unit, and surfaces as lists of such curves."""
+    """A group: curves as points (k, 3) in the drawing's unit, and surfaces as lists of such curves."""
 
     name: str
     dimension: int
     curves: tuple[Any, ...] = ()
     surfaces: tuple[tuple[Any, ...], ...] = ()
+    number: int = 0
 
 
 def in_metres(group: Group, unit: Unit) -> Group:
@@ -48,11 +48,6 @@ def places(
     for name in sorted(parameters.below(top) - set(groups)):
         found.append((name, _picked(scene, parameters, f"{top}/{name}"), f"{top}/{name}"))
     return found
-
-
-def picked(parameters: Parameters, folder: str) -> tuple[str, ...]:
-    """Which of the parameters that place a condition without a group a folder has."""
-    return tuple(word for word in PICKED if parameters.text(f"{folder}/{word}"))
 
 
 def _picked(scene: Scene, parameters: Parameters, folder: str) -> Curve | Surface | shapely.Point:

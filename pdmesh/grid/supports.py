@@ -12,7 +12,7 @@ from pdmesh.model.load_resultants import nodal_forces
 from pdmesh.model.node_grid import Grid
 
 UNBALANCED = 0.05  # of the forces on a piece: what is less may come from nodes that are not quite on edges
-NOTHING = 1e-9  # of the largest: what does not resist a rigid motion at all
+NOTHING = 1e-12  # of the largest: what does not resist a rigid motion at all
 
 
 def unheld(grid: Grid, settings: Settings, number: NDArray[np.int64]) -> Iterator[tuple[int, float]]:

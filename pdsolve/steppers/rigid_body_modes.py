@@ -13,7 +13,7 @@ from pdmesh.model.graphs import connected
 Pairs = tuple[NDArray[np.int64], NDArray[np.int64]]
 
 LOOSE = 1e-9  # of the largest eigenvalue: a node whose bonds resist less than that in a direction may go there
-FIXED = 1e-6  # of the largest: supports that resist less than that do not hold a body
+FIXED = 1e-12  # of the largest, with turns scaled by the extent of what is held: less is round-off
 BALANCED = 1e-6  # of the sum of all forces: a resultant less than that is none
 FEW = 200  # directed bonds that break at once, beyond which a closer look takes no longer
 
@@ -71,25 +71,52 @@ def _turns(arm: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.stack([np.cross(axis, arm) for axis in np.eye(3)], axis=2)
 
 
+def _rigid_modes(arm: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Displacements (n, d, m) of places (n, d) in the translations and the rotations of a rigid body."""
+    n, d = arm.shape
+    return np.concatenate([np.broadcast_to(np.eye(d), (n, d, d)), _turns(arm)], axis=2)
+
+
 def _unsupported(
     position: NDArray[np.float64], part: NDArray[np.int64], size: NDArray[np.int64], held: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
-    """Mask (p,) of bodies whose supports leave a rigid motion free: a translation, or a rotation about their centre."""
-    count, d = len(size), position.shape[1]
-    middle = np.stack([np.bincount(part, column, count) / size for column in position.T], axis=1)
-    arm = position - middle[part]
-    reach = np.sqrt(np.bincount(part, (arm**2).sum(axis=1), count) / size)
-    turn = _turns(arm) / np.where(reach > 0, reach, 1.0)[part][:, None, None]
-    ways = d + turn.shape[2]
-    gram = np.zeros((count, ways, ways))
-    for axis in range(d):
-        rows = np.flatnonzero(held[:, axis])
-        resists = np.zeros((len(rows), ways))
-        resists[:, axis], resists[:, d:] = 1.0, turn[rows, axis]
-        np.add.at(gram, part[rows], resists[:, :, None] * resists[:, None, :])
-    for way in range(d, ways):  # a turn that moves nothing has nothing to be held
-        still = np.bincount(part, (turn[:, :, way - d] ** 2).sum(axis=1), count) <= LOOSE * size
-        gram[still, way, way] = 1.0
+    """Mask (p,) of bodies whose supports leave a rigid motion free: a translation, or a rotation.
+
+    Rotations are about the centre of the supported nodes and scaled by their extent, so that a support counts by the
+    number of its nodes and not by how far the body reaches from it.
+    """
+    count, supported = len(size), held.any(axis=1)
+    rows = supported | ~np.bincount(part, supported, count).astype(bool)[part]  # all nodes where none is supported
+    inside = np.maximum(np.bincount(part[rows], minlength=count), 1)
+    centre = np.stack([np.bincount(part[rows], column[rows], count) / inside for column in position.T], axis=1)
+    arm = position - centre[part]
+    square = (arm**2).sum(axis=1)
+    extent, reach = (np.sqrt(np.bincount(part, square * some, count) / inside) for some in (rows, True))
+    scale = np.where(extent > 0, extent, np.where(reach > 0, reach, 1.0))
+    modes = _rigid_modes(arm / scale[part][:, None])
+    resistance = _gram(modes, held, part, count)
+    free = _singular(resistance)
+    if free.any():  # unless the motion moves nothing: a turn of one node, or of a row of nodes about itself
+        values, vectors = np.linalg.eigh(_gram(modes, free[part][:, None] & np.ones_like(held), part, count))
+        still = vectors * (values <= FIXED * values[:, -1:])[:, None, :]
+        free &= _singular(resistance + still @ still.transpose(0, 2, 1))
+    return free
+
+
+def _gram(
+    modes: NDArray[np.float64], counted: NDArray[np.bool_], part: NDArray[np.int64], count: int
+) -> NDArray[np.float64]:
+    """Products (count, m, m) of the modes (n, d, m) of each body, summed over the `counted` (n, d) components."""
+    rows = counted.any(axis=1)
+    own, some = part[rows], modes[rows] * counted[rows][:, :, None]
+    found = np.empty((count, modes.shape[2], modes.shape[2]))
+    for a, b in combinations_with_replacement(range(modes.shape[2]), 2):
+        found[:, a, b] = found[:, b, a] = np.bincount(own, (some[:, :, a] * some[:, :, b]).sum(axis=1), count)
+    return found
+
+
+def _singular(gram: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Mask (p,) of matrices (p, m, m), symmetric and not negative, that are singular but for round-off."""
     values = np.linalg.eigvalsh(gram)
     return np.asarray(values[:, 0] <= FIXED * np.maximum(values[:, -1], 1e-300))
 

@@ -11,8 +11,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
+
 from pdmesh.drawing.sandbox.mesh_size_words import unused
 from pdmesh.drawing.sandbox.scan import Drawing, admitted, names, readings
+from pdmesh.drawing.sandbox.skipped import without_skipped
 from pdmesh.drawing.sandbox.tokens import MOST_TOKENS, Refused, Token, decoded, tokens_of, written
 from pdmesh.files import read_bytes
 from pdmesh.scene.shapes import SceneError
@@ -20,13 +23,18 @@ from pdmesh.scene.shapes import SceneError
 LARGEST, LARGEST_DRAWING = 2**26, 2**24  # bytes of a CAD file; of a drawing, with all drawings that it reads
 # by suffix, in the cases in which Gmsh knows it (it takes a suffix that it does not know for a script's)
 STEP, BREP = (".step", ".stp", ".STEP", ".STP"), (".brep", ".brp", ".BRP")
+STL = (".stl", ".STL")
 CAD = (*STEP, *BREP)
+MERGED = (*CAD, *STL)  # by a drawing
+NOT_INCLUDED = {suffix.lower() for suffix in MERGED}
 ADVICE = " (--trust reads it all the same)"
-OWN_FOLDER = "expected a .geo, STEP or BREP file in the drawing's own folder" + ADVICE
+OWN_FOLDER = "expected a .geo, STEP, BREP or STL file in the drawing's own folder" + ADVICE
 CONTENT = {  # how a file begins, and ends: in one that is cut off, a reader may look for the end for ever
     "STEP": (re.compile(rb"\s*ISO-10303-21\s*;"), re.compile(rb"END-ISO-10303-21\s*;\s*$")),
     "BREP": (re.compile(rb"(?:DBRep_DrawableShape)?\s*CASCADE Topology V"), re.compile(rb"\n[+-]\d+ \d+\s*$")),
 }
+STL_HEAD, STL_TRIANGLE = 84, 50  # bytes of a binary STL file
+STL_TEXT = re.compile(rb"\s*solid\b[^\0]*\bendsolid\b[^\n]*\s*")
 NO_NUMBER = re.compile(rb"[(,\s][-+]?(?:nan|inf(?:inity)?)(?=[(),\s])", re.IGNORECASE)
 ASIDE = re.compile(rb"'[^']*'|/\*.*?\*/", re.DOTALL)  # strings and comments of a STEP file
 
@@ -39,6 +47,7 @@ class Copy:
     data: bytes
     origins: Sequence[int] = ()  # of a drawing: the line of the original that each of its lines comes from
     unused: Mapping[str, int] = field(default_factory=dict)  # what it says of a mesh, and on which line first
+    skipped: Mapping[str, int] = field(default_factory=dict)  # what Gmsh does not read of it, likewise
 
 
 def drawing_bytes(path: Path, largest: int = LARGEST_DRAWING) -> bytes:
@@ -75,6 +84,25 @@ def cad_bytes(path: Path) -> bytes:
     return data
 
 
+def stl_bytes(path: Path) -> bytes:
+    """Bytes of an STL file, of letters or binary. Raises SceneError if it is neither, cut off, or not finite."""
+    try:
+        data = read_bytes(path, LARGEST)
+    except OSError as error:
+        raise SceneError(f"{path}: cannot be read: {error.strerror}") from None
+    count = int.from_bytes(data[80:84], "little")
+    if count and len(data) == STL_HEAD + STL_TRIANGLE * count:
+        rows = np.frombuffer(data, np.dtype([("numbers", "<f4", 12), ("about", "<u2")]), count, STL_HEAD)
+        finite = bool(np.isfinite(rows["numbers"]).all())
+    elif STL_TEXT.fullmatch(data):
+        finite = NO_NUMBER.search(data) is None
+    else:
+        raise SceneError(f"{path}: found another content or no end, expected a whole STL file")
+    if not finite:
+        raise SceneError(f"{path}: found a number that is not finite, expected finite ones")
+    return data
+
+
 def cad_copy(path: Path) -> dict[str, Copy]:
     """The copy of a STEP or BREP file, under a name with a suffix that Gmsh knows. Raises SceneError."""
     return {f"0{path.suffix.lower()}": Copy(path, cad_bytes(path))}
@@ -93,6 +121,7 @@ class _Copies:
         self.folder = path.parent.resolve()
         self.drawings: dict[str, tuple[Path, Drawing]] = {}  # by the names of their copies
         self.copies: dict[str, Copy] = {}
+        self.skipped: dict[str, dict[str, int]] = {}  # by the same names
         self.named: dict[Path, str] = {}
         self.left, self.tokens_left = LARGEST_DRAWING, MOST_TOKENS  # bytes and tokens that may still be read
         self.add(path, ())
@@ -102,15 +131,18 @@ class _Copies:
         real = path.resolve()
         if real in self.named:
             return self.named[real]
-        name = self.named[real] = f"{len(self.named)}{'.geo' if not within else path.suffix}"
-        if path.suffix in CAD and within:
-            self.copies[name] = Copy(path, cad_bytes(path))
+        merged = within and path.suffix in MERGED
+        name = self.named[real] = f"{len(self.named)}{path.suffix if merged else '.geo'}"
+        if merged:
+            self.copies[name] = Copy(path, stl_bytes(path) if path.suffix in STL else cad_bytes(path))
             return name
         try:
             data = drawing_bytes(path, self.left)
             self.left -= len(data)
             drawing = Drawing(tokens_of(decoded(data), self.tokens_left))
             self.tokens_left -= len(drawing.tokens)
+            left, self.skipped[name] = without_skipped(drawing)
+            drawing = Drawing(left)
             found = readings(drawing)
         except Refused as error:
             raise _refused(path, error) from None
@@ -140,7 +172,11 @@ class _Copies:
         )
         other = path.parent / inner  # as Gmsh has it, symbolic links or not
         expected = OWN_FOLDER
-        if plain and other.suffix in {"Include": (".geo",), "ShapeFromFile": CAD}.get(command, (".geo", *CAD)):
+        if command == "Include":  # of drawings, whatever their suffix
+            known = other.suffix.lower() not in NOT_INCLUDED
+        else:
+            known = other.suffix in (CAD if command == "ShapeFromFile" else (".geo", *MERGED))
+        if plain and known:
             if other.is_file() and other.resolve().is_relative_to(self.folder):
                 return other
             expected = OWN_FOLDER if other.exists() else "expected a file of this name in the drawing's own folder"
@@ -154,7 +190,7 @@ class _Copies:
                 data, origins = written(admitted(drawing, known))
             except Refused as error:
                 raise _refused(path, error) from None
-            self.copies[name] = Copy(path, data, origins, unused(drawing))
+            self.copies[name] = Copy(path, data, origins, unused(drawing), self.skipped[name])
         return dict(sorted(self.copies.items(), key=lambda item: item[0] != "0.geo"))
 
 

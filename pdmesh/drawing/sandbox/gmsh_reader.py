@@ -19,8 +19,10 @@ import numpy.ctypeslib  # Gmsh's module imports it when it is first used
 
 from pdmesh.drawing.sandbox.surface_triangles import spatial_groups
 from pdmesh.drawing.sandbox.walls import raise_walls
+from pdmesh.drawing.sandbox.zone_groups import add_zones, dimension_of, with_names
 
 PREFIX = "Peridynamics/"
+BODIES = f"{PREFIX}Bodies/"
 NOT_FINITE = re.compile(r"([\[,:] *)-?(?:nan|inf)\b")  # Gmsh's JSON has numbers that are not JSON
 LEAST_TOLERANCE = 1e-8  # of the size of a drawing: finer chords are not made for any spacing
 PLATE = "zone:plate"  # the group a CAD file's surfaces are put in
@@ -37,7 +39,7 @@ def main(result: str) -> None:
 
 def _read(job: dict[str, Any], file: TextIO) -> None:
     found: dict[str, Any] = {"missing": "", "library": "", "parameters": [], "groups": []}
-    found |= {"supplied": [], "not numbers": [], "messages": [], "walls": []}
+    found |= {"zones": [], "supplied": [], "not numbers": [], "messages": [], "remarks": [], "walls": []}
     try:
         import gmsh
     except ModuleNotFoundError as error:
@@ -62,14 +64,16 @@ def _read(job: dict[str, Any], file: TextIO) -> None:
             volumes = [tag for _, tag in gmsh.model.getEntities(3)]
             if volumes:
                 gmsh.model.addPhysicalGroup(3, volumes, name="zone:body")
-                found |= spatial_groups(gmsh, job["tolerance"] or 1e-4 * _size(gmsh))
+                found |= _spatial_groups(gmsh, job["tolerance"] or 1e-4 * _size(gmsh))
             else:
                 found["groups"] = _cad_groups(gmsh, job["tolerance"])
         else:
             _open(gmsh, job, found)
     except Exception as error:  # gmsh raises bare Exception
         found["messages"].append(" ".join(str(error).split()))
-    found["messages"] += [line for line in gmsh.logger.get() if line.startswith(("Warning", "Error"))]
+    lines = [line for line in gmsh.logger.get() if line.startswith(("Warning", "Error"))]
+    said, found["remarks"] = with_names(gmsh, lines)
+    found["messages"] += said
     json.dump(found, file)
 
 
@@ -85,10 +89,22 @@ def _open(gmsh: Any, job: dict[str, Any], found: dict[str, Any]) -> None:
         found["not numbers"] = _assign(gmsh, found["parameters"], assignments)
         gmsh.open(path)
         found["parameters"] = _parameters_of(gmsh)
-    if any(dimension == 3 for dimension, _ in gmsh.model.getPhysicalGroups()):
-        found |= spatial_groups(gmsh, job["chords"] * _finest(_spacings(found["parameters"])))
+    dimension = dimension_of(gmsh)
+    bodies = {entry["name"].split("/")[2] for entry in found["parameters"] if entry["name"].startswith(BODIES)}
+    found["zones"] = add_zones(gmsh, dimension, _spacings(found["parameters"]), bodies)
+    if dimension == 3:
+        found |= _spatial_groups(gmsh, job["chords"] * _finest(_spacings(found["parameters"])))
     else:
         found["groups"] = _groups_of(gmsh, found["parameters"], job["chords"])
+
+
+def _spatial_groups(gmsh: Any, tolerance: float) -> dict[str, Any]:
+    """Groups of a body with their numbers, and the union of the zones as ``whole``."""
+    numbers = [number for _, number in gmsh.model.getPhysicalGroups()]
+    found = spatial_groups(gmsh, tolerance)
+    *groups, whole = found["groups"]
+    numbered = [group | {"number": number} for group, number in zip(groups, numbers, strict=True)]
+    return found | {"groups": numbered, "whole": whole}
 
 
 def _parameters_of(gmsh: Any) -> list[dict[str, Any]]:
@@ -127,11 +143,11 @@ def _groups_of(gmsh: Any, parameters: list[dict[str, Any]], chords: float) -> li
     spacings = _spacings(parameters)
     finest = _finest(spacings)
     physical = [
-        (gmsh.model.getPhysicalName(*group), group[0], gmsh.model.getEntitiesForPhysicalGroup(*group))
+        (gmsh.model.getPhysicalName(*group), *group, gmsh.model.getEntitiesForPhysicalGroup(*group))
         for group in gmsh.model.getPhysicalGroups()
     ]
     tolerances: dict[int, float] = {}
-    for name, dimension, entities in physical:
+    for name, dimension, _, entities in physical:
         if dimension == 2 and name.startswith("zone:"):
             spacing = spacings.get(name.removeprefix("zone:"), finest)
             for curve in _bounds(gmsh, entities):
@@ -146,6 +162,7 @@ def _groups_of(gmsh: Any, parameters: list[dict[str, Any]], chords: float) -> li
         {
             "name": name,
             "dimension": dimension,
+            "number": number,
             "curves": [sampled(int(curve)) for curve in entities]
             if dimension == 1
             else [[gmsh.model.getValue(0, int(point), []).tolist()] for point in entities if dimension == 0],
@@ -153,7 +170,7 @@ def _groups_of(gmsh: Any, parameters: list[dict[str, Any]], chords: float) -> li
             if dimension == 2
             else [],
         }
-        for name, dimension, entities in physical
+        for name, dimension, number, entities in physical
     ]
 
 
@@ -176,7 +193,7 @@ def _cad_groups(gmsh: Any, tolerance: float) -> list[dict[str, Any]]:
         [_sample(gmsh, curve, tolerance) for curve in _bounds(gmsh, [surface])]
         for _, surface in gmsh.model.getEntities(2)
     ]
-    return [{"name": PLATE, "dimension": 2, "curves": [], "surfaces": surfaces}]
+    return [{"name": PLATE, "dimension": 2, "number": 1, "curves": [], "surfaces": surfaces}]
 
 
 def _size(gmsh: Any) -> float:

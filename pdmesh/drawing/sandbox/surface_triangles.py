@@ -62,7 +62,13 @@ def _by_open_cascade(gmsh: Any, volumes: list[int]) -> bool:
 
 
 def _triangulate(gmsh: Any, tolerance: float) -> None:
-    """Triangulate all surfaces: by Open CASCADE where possible, otherwise as a mesh."""
+    """Triangulate all surfaces: by Open CASCADE where possible, otherwise as a mesh.
+
+    Surfaces of STL files are triangles already.
+    """
+    surfaces = gmsh.model.getEntities(2)
+    if surfaces and all(gmsh.model.getType(*surface) == "Discrete surface" for surface in surfaces):
+        return
     x0, y0, z0, x1, y1, z1 = gmsh.model.getBoundingBox(-1, -1)
     gmsh.option.setNumber("Mesh.StlLinearDeflectionRelative", 0)
     gmsh.option.setNumber("Mesh.StlLinearDeflection", max(tolerance, LEAST * max(x1 - x0, y1 - y0, z1 - z0)))
@@ -85,8 +91,10 @@ def _faces(gmsh: Any, dimension: int, entities: list[int]) -> list[int]:
 def _triangles(gmsh: Any, faces: list[int], number: dict[int, int]) -> list[int]:
     found = [np.zeros(0, dtype=np.int64)]
     for face in faces:
-        _, corners = gmsh.model.mesh.getElementsByType(2, face)
-        found.append(np.array([number[int(tag)] for tag in corners], dtype=np.int64))
+        for kind, split in ((2, [0, 1, 2]), (3, [0, 1, 2, 0, 2, 3])):  # triangles, and quads of recombined surfaces
+            _, corners = gmsh.model.mesh.getElementsByType(kind, face)
+            cells = np.array([number[int(tag)] for tag in corners], dtype=np.int64).reshape(-1, kind + 1)
+            found.append(cells[:, split].ravel())
     return [int(corner) for corner in np.concatenate(found)]
 
 

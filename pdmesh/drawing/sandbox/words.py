@@ -2,9 +2,9 @@
 
 Each set is an allow-list; scan.py refuses any other word. Everything that runs programs, writes files or sends data is
 left out on purpose, and also: ``Mesh`` as a command, views and plugins, which read and write files and are not needed
-for a grid; ``StringToName`` and ``NameToString``, which turn strings into words and back; ``GetEnv``, ``FileExists``
-and ``ListFromFile``; ``GetValue``, which asks at the terminal; windows; the options that name files and commands, start
-threads, or silence Gmsh's messages.
+for a grid (skipped.py leaves out such statements); ``StringToName`` and ``NameToString``, which turn strings into words
+and back; ``GetEnv``, ``FileExists``, ``ListFromFile``; ``GetValue``, which asks at the terminal; windows; the options
+that name files and commands, start threads, or silence Gmsh's messages.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ PLAIN = _words("""
     Hole Layers QuadTriAddVerts QuadTriNoNewVerts RecombLaterals ScaleLastLayer
     BoundingBox CenterOfMass Curvature Mass MatrixOfInertia Normal Parent Physical
     Characteristic Compound Degenerated Elliptic Length MeshAlgorithm MeshSize MeshSizeFromBoundary Periodic Recombine
-    Reverse ReverseMesh Smoother TransfQuadTri Transfinite
+    ClassifySurfaces CreateGeometry CreateTopology NewModel Reverse ReverseMesh Smoother TransfQuadTri Transfinite
     Coherence Color Delete HealShapes Hide In Recursive SetMaxTag SetTag Show SyncModel Using
 """)
 CONTROL = _words("For EndFor If ElseIf Else EndIf Macro Function Return Call")
@@ -107,7 +107,9 @@ OPTIONS = {
         MeshSizeFromParametricPoints MeshSizeFromPoints MeshSizeMax MeshSizeMin MinimumCirclePoints
         MinimumCurvePoints MinimumElementsPerTwoPi MinCircleNodes MinCurveNodes MinLineNodes MshFileVersion NbNodes
         NbQuadrangles NbTetrahedra NbTriangles NodeLabels NodeSize NodeType Nodes Normals NumSubEdges Optimize
-        OptimizeNetgen OptimizeThreshold PointNumbers PointSize Points PreserveNumberingMsh2 Quadrangles QualityInf
+        OptimizeNetgen OptimizeThreshold PartitionCreateGhostCells PartitionCreatePhysicals PartitionCreateTopology
+        PartitionOldStyleMsh2 PartitionSplitMeshFiles PointNumbers PointSize Points PreserveNumberingMsh2
+        Quadrangles QualityInf
         QualitySup QualityType RandomFactor RandomFactor3D RandomSeed Recombine3DAll RecombineAll
         RecombineMinimumQuality RecombineNodeRepositioning RecombineOptimizeTopology RecombinationAlgorithm
         RefineSteps Renumber SaveAll SaveElementTagType SaveGroupsOfElements SaveGroupsOfNodes SaveParametric
@@ -116,6 +118,7 @@ OPTIONS = {
         ToleranceEdgeLength ToleranceInitialDelaunay TransfiniteTri Triangles VolumeEdges VolumeFaces VolumeLabels
         Voronoi
     """),
+    "PostProcessing": _words("NbViews"),
 }
 OPTION_COLORS = {
     "General": _words("AmbientLight Axes Background BackgroundGradient Foreground SmallAxes Text"),
@@ -142,5 +145,11 @@ FIELD_OPTIONS = _words("""
     SizeMinNormal SizeMinTangent SizesList StopAtDistMax SurfacesList Thickness VIn VOut VerticesList VolumesList X1 X2
     XAxis XCenter XMax XMin Y1 Y2 YAxis YCenter YMax YMin Z1 Z2 ZAxis ZCenter ZMax ZMin dMax dMin hfar hwall_n
     hwall_n_nodes hwall_t lMaxNormal lMaxTangent lMinNormal lMinTangent m11 m12 m13 m22 m23 m33 ratio thickness
+""")
+# commands that say nothing of shapes, which are left out with all that follows up to a semicolon
+SKIPPED = _words("""
+    AdaptMesh Alias AliasWithOptions Betti Cohomology Combine CopyOptions Draw Homology OptimizeMesh PartitionMesh
+    Plugin PostProcessing Print RecombineMesh RefineMesh RelocateMesh RenumberMeshElements RenumberMeshNodes Save
+    SetOrder Sleep UnpartitionMesh View
 """)
 FACTORIES = _words("OpenCASCADE Built-in Gmsh")

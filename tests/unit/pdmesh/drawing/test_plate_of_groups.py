@@ -245,7 +245,7 @@ def test_a_displacement_that_is_not_held_is_refused() -> None:
 BAD = {
     "unknown unit": ([], {"Units": "furlong"}, naming("Units'", found="'furlong'", expected=("cm", "mm"))),
     "unknown kind": ([Group("laod:top", 1)], {}, naming('Curve("laod:top")', expected='Surface("load:top"')),
-    "no kind": ([Group("top", 1)], {}, r'Physical Curve\("top"\)'),
+    "kind alone": ([Group("crack:", 1)], {}, naming('Curve("crack:")', expected='Curve("crack:NAME")')),
     "crack as a surface": ([Group("crack:a", 2)], {}, r'Physical Surface\("crack:a"\)'),
     "a point": ([Group("load:a", 0)], {}, naming("load 'a'", found="points", expected="one")),
     "missing group": ([], {"Loads/left/Traction x": 1.0}, naming('Curve("load:left")', found="none")),
