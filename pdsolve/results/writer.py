@@ -32,6 +32,7 @@ from pdsolve.results.checksums import (
 )
 from pdsolve.results.errors import GoneError, ResultsError, ResultsWarning, WriteError, explained
 from pdsolve.results.lock import writing_to
+from pdsolve.results.opening import for_writing
 from pdsolve.results.pieces import KEY as KEY_OF_PIECES
 from pdsolve.results.pieces import Pieces, beside, written
 from pdsolve.results.reader import Results
@@ -407,9 +408,8 @@ def _connected(path: Path | None) -> sqlite3.Connection:
 
     Readers are not disturbed; the disk is synchronized once in `WAL_PAGES` pages.
     """
-    place = ":memory:" if path is None else path
     with explained(path, WriteError):
-        connection = sqlite3.connect(place, timeout=LOOK, isolation_level=None, check_same_thread=False)
+        connection = for_writing(path, timeout=LOOK, isolation_level=None, check_same_thread=False)
         try:
             connection.execute(f"PRAGMA page_size = {PAGE}")
             connection.execute("PRAGMA journal_mode = WAL")
