@@ -240,7 +240,7 @@ def _explained(path: Path) -> Iterator[None]:
             raise (WriteError if written else StudyError)(f"{path}: {said}") from None
         raise StudyError(
             f"{path}: {said}, expected a whole table; remove it, and pdsolve study makes it anew from the runs in"
-            f" {runs_of(path).name} (--force: solves them all anew)"
+            f" {runs_of(path).name} (without that folder, it solves them all anew)"
         ) from None
 
 

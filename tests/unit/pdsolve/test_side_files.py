@@ -17,8 +17,9 @@ import pytest
 from messages import naming
 
 import pdsolve
-from pdsolve.results import ResultsError, opening, side_files
+from pdsolve.results import ResultsError, opening, remove, side_files, state_of
 from pdsolve.results.opening import for_writing, read_only, recover
+from pdsolve.results.pieces import pieces_of
 from pdsolve.results.side_files import MAGIC, roll_back
 
 MARK = b"a file of the user\n" * 50
@@ -250,3 +251,54 @@ def test_one_module_opens_databases() -> None:
     files = [file for package in ("pdmesh", "pdsolve", "pdpost") for file in (root / package).rglob("*.py")]
     opens = [file.name for file in files if re.search(r"sqlite3\.connect|Connection\(", file.read_text("utf-8"))]
     assert opens == ["opening.py"]
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(entry.name for entry in folder.iterdir())
+
+
+@pytest.mark.parametrize("end", ["-journal", "-wal", "-shm", ".0-1", ".0-0-wal"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_nothing_is_removed_where_something_is_another_file(tmp_path: Path, end: str, kind: str) -> None:
+    path, victim = tmp_path / "plate.sqlite", tmp_path / "victim"
+    path.touch()
+    victim.write_bytes(MARK)
+    Path(f"{path}.0-0").touch()
+    KINDS[kind](Path(f"{path}{end}"), victim)
+    before = names(tmp_path)
+    with pytest.raises(ResultsError, match=naming(f"plate.sqlite{end}")):
+        remove(path)
+    assert names(tmp_path) == before
+    assert victim.read_bytes() == MARK
+
+
+def test_a_database_is_removed_with_what_is_its_own_alone(tmp_path: Path) -> None:
+    path = tmp_path / "plate.sqlite"
+    own = ["", "-wal", "-shm", "-journal", ".0-0", ".0-1", ".1-12", ".0-1-wal", ".0-1-shm"]
+    others = [".0-1.png", ".0-notes", ".1backup-2026", ".json", "-copy", "x.0-1"]
+    for end in own + others:
+        Path(f"{path}{end}").touch()
+    (tmp_path / "other.sqlite.0-1").touch()
+    remove(path)
+    assert names(tmp_path) == sorted(["other.sqlite.0-1", *(f"plate.sqlite{end}" for end in others)])
+
+
+@pytest.mark.parametrize("end", ["-journal", "-wal"])
+def test_a_run_does_not_begin_where_another_has_left_something(tmp_path: Path, end: str) -> None:
+    path = tmp_path / "plate.sqlite"
+    with closing(sqlite3.connect(tmp_path / "other.sqlite", isolation_level=None)) as connection:
+        connection.execute(f"PRAGMA journal_mode = {'WAL' if end == '-wal' else 'DELETE'}")
+        connection.execute("CREATE TABLE t (x)")
+        connection.execute("BEGIN IMMEDIATE")
+        connection.execute("INSERT INTO t VALUES (1)")
+        shutil.copy(tmp_path / f"other.sqlite{end}", f"{path}{end}")
+    with pytest.raises(ResultsError, match=naming("plate.sqlite", found=f"plate.sqlite{end}")):
+        state_of(path)
+
+
+@pytest.mark.parametrize("file", ["notes.sqlite", "../results.0-0", "plate.sqlite.0-0/x", "plate.sqlite.0-0.png"])
+def test_only_databases_of_ranks_are_pieces(file: str) -> None:
+    """An index may come from anyone, and what it names is opened and may be written."""
+    assert pieces_of('[[0, ["plate.sqlite.0-0"]]]', "plate.sqlite")
+    with pytest.raises(ResultsError, match=naming("pieces")):
+        pieces_of(f'[[0, ["{file}"]]]', "plate.sqlite")
