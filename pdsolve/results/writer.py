@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import sqlite3
 import time
 import warnings
@@ -17,7 +16,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.files import irregular
 from pdsolve.results.checksums import (
     KEYS,
     Checksum,
@@ -36,6 +34,7 @@ from pdsolve.results.opening import for_writing
 from pdsolve.results.pieces import KEY as KEY_OF_PIECES
 from pdsolve.results.pieces import Pieces, beside, written
 from pdsolve.results.reader import Results
+from pdsolve.results.removal import remove
 from pdsolve.results.schema import (
     CHUNK,
     STEPPED,
@@ -50,11 +49,8 @@ from pdsolve.results.schema import (
     statements,
     taken,
 )
-from pdsolve.results.side_files import INDEX, JOURNAL, LOG, expect_sound
 from pdsolve.results.writer_token import KEY, Token
 
-OF_RANK = r"\.\d+-\d+(-journal|-wal|-shm)?"  # behind the name of an index: databases of ranks
-SQLITE = b"SQLite format 3\0"
 PAGE, WAL_PAGES = 16384, 2048  # bytes; pages that are written before they are moved into the database proper
 LARGE, PIECE = 2**24, 2**17  # bytes of an array that is written in pieces; values in each of them
 READERS = 3.0  # s that a run waits in the end for those who read its database
@@ -431,44 +427,3 @@ def put_away(path: Path) -> None:
         with suppress(ResultsError), writing_to(path):
             if os.path.exists(f"{real}-wal"):
                 Writer(_connected(path), path).abandon("finished")
-
-
-def remove(path: Path, of_ranks: bool = True) -> None:
-    """Delete a database, or the target of a link, with SQLite's files beside it, and those `of_ranks`.
-
-    Everything is checked before anything is deleted. Raises WriteError if it cannot be deleted, or is no regular file,
-    ResultsError for files beside it that SQLite has not left there.
-    """
-    try:
-        found = irregular(path)
-        if found is not None:
-            raise WriteError(f"{path}: found {found}, expected a database or nothing")
-        expect_sound(path)
-        place = Path(os.path.realpath(path))
-        pieces = _of_ranks(place) if of_ranks else []
-        for file in [*(Path(f"{place}{end}") for end in ("", LOG, INDEX, JOURNAL)), *pieces]:
-            file.unlink(missing_ok=True)
-    except OSError as error:
-        raise WriteError(f"{path}: {error.strerror}") from None
-
-
-def _of_ranks(place: Path) -> list[Path]:
-    """Databases of ranks beside an index, with SQLite's files. Raises ResultsError for others of such names."""
-    pattern = re.compile(re.escape(place.name) + OF_RANK)
-    found = [file for file in place.parent.iterdir() if pattern.fullmatch(file.name)] if place.parent.is_dir() else []
-    for database in sorted({file.with_name(file.name.removesuffix(_end(file))) for file in found}):
-        expect_sound(database)
-        if not database.exists():
-            continue
-        if database.is_symlink() or irregular(database) is not None or database.stat().st_nlink > 1:
-            raise WriteError(f"{database}: found no regular file, expected a database of a rank; move it away")
-        with database.open("rb") as data:
-            head = data.read(len(SQLITE))
-        if head.strip(b"\0") and head != SQLITE:
-            raise WriteError(f"{database}: found no database, expected one of a rank; move it away")
-    return found
-
-
-def _end(file: Path) -> str:
-    """What stands behind the name of a database in that of a file of SQLite beside it."""
-    return next((end for end in (LOG, INDEX, JOURNAL) if file.name.endswith(end)), "")
