@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from pdsolve.results.errors import ResultsError
-from pdsolve.results.side_files import INDEX, JOURNAL, LOG, VERSION, expect_sound, is_logged, roll_back
+from pdsolve.results.side_files import INDEX, JOURNAL, LOG, LOGS, VERSION, expect_sound, is_logged, roll_back
 
 LITTLE, MASK = 0x82, 0xFFFFFFFF  # the byte of a log whose checksums are of little-endian words; of a word
 HEADER, FRAME = 32, 24  # bytes: at the head of a log, and of each page in it
@@ -156,13 +156,15 @@ def log_of(connection: sqlite3.Connection, path: Path) -> Log:
         with open(real + LOG, "rb") as log, open(real + INDEX, "rb") as index:
             version, _, _, _, pages = struct.unpack("=5I", index.read(20))
             header = log.read(HEADER)
-            if version != VERSION or len(header) < HEADER:
+            if version != VERSION or len(header) < HEADER or header[:4] not in LOGS:
                 return Log()
             _, _, size, _, *salt = struct.unpack_from(">6I", header)
             known = _is_whole(header)
             ends = []  # of each page of this round of the log, whether it is the last of a transaction
             while len(head := log.read(FRAME)) == FRAME:
-                _, end, *own = struct.unpack_from(">4I", head)
+                page, end, *own = struct.unpack_from(">4I", head)
+                if not page:  # never written: a log may be a file of nothing, and long
+                    break
                 if not known:
                     salt, known = own, True
                 ends.append(end > 0 and own == salt)

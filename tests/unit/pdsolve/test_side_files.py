@@ -18,7 +18,7 @@ from messages import naming
 
 import pdsolve
 from pdsolve.results import ResultsError, opening, remove, side_files, state_of
-from pdsolve.results.opening import for_writing, read_only, recover
+from pdsolve.results.opening import for_writing, log_of, read_only, recover
 from pdsolve.results.pieces import pieces_of
 from pdsolve.results.side_files import MAGIC, roll_back
 
@@ -302,3 +302,20 @@ def test_only_databases_of_ranks_are_pieces(file: str) -> None:
     assert pieces_of('[[0, ["plate.sqlite.0-0"]]]', "plate.sqlite")
     with pytest.raises(ResultsError, match=naming("pieces")):
         pieces_of(f'[[0, ["{file}"]]]', "plate.sqlite")
+
+
+def test_a_long_log_of_nothing_is_not_counted_for_ever(tmp_path: Path) -> None:
+    """A sparse file takes no disk, and as long as a full one to read."""
+    path = tmp_path / "plate.sqlite"
+    with closing(sqlite3.connect(path, isolation_level=None)) as connection:
+        connection.execute("PRAGMA journal_mode = WAL")
+        connection.execute("CREATE TABLE t (x)")
+        shutil.copy(path, tmp_path / "copy.sqlite")
+        shutil.copy(f"{path}-wal", tmp_path / "copy.sqlite-wal")
+    copy = tmp_path / "copy.sqlite"
+    for whole in (True, False):
+        if not whole:
+            os.truncate(f"{copy}-wal", 0)
+        os.truncate(f"{copy}-wal", 2**33)
+        with closing(read_only(copy)) as connection:
+            assert log_of(connection, copy) == (int(whole), 0)
