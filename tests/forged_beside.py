@@ -157,7 +157,7 @@ def beside(case: Case, path: Path) -> str:
     place, how = Path(f"{path}{end}"), case.chance.random()
     if chance.random() < 0.15:
         path.write_bytes(b"")
-    elif end in ("-wal", "-shm") and path.is_file() and chance.random() < 0.7:
+    elif end in ("-wal", "-shm") and path.stat().st_size and chance.random() < 0.7:
         data = bytearray(path.read_bytes())
         data[18:20] = b"\2\2"
         path.write_bytes(data)
