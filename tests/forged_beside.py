@@ -246,12 +246,14 @@ def study_folders(case: Case) -> tuple[str, list[Command]]:
     places = [runs / f"{number:04d}.sqlite" for number in (1, 2, 3, 7)]
     places += [runs / "0001.sqlite-wal", runs / "0002.sqlite-journal", runs / "0003.sqlite-lock", runs / "notes.txt"]
     places += [runs, runs, Path("study.sqlite"), Path("study.sqlite-lock"), Path("out.png"), Path("other.runs")]
-    done = [case.replace(place) for place in chance.sample(places, chance.choice((1, 1, 2))) if place.parent.exists()]
+    chosen = sorted(set(chance.sample(places, chance.choice((1, 1, 2)))), key=runs.__eq__)  # the folder itself last
+    done = [case.replace(place) for place in chosen]
     if chance.random() < 0.2:
         Path("study.sqlite").unlink(missing_ok=True)
         done.append("no table")
-    if chance.random() < 0.2 and (runs / "0002.sqlite").is_file():
+    if runs not in chosen and chance.random() < 0.2 and (runs / "0002.sqlite").is_file():
         with contextlib.suppress(OSError):
+            clear(runs / "0003.sqlite")
             shutil.copy(runs / "0002.sqlite", runs / "0003.sqlite")
             done.append("0003.sqlite: another run")
     return " ".join(done), study_commands(case)
