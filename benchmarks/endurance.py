@@ -22,7 +22,7 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 from benchmarks import pages
-from benchmarks.endured import Part, Until, corruptions, full_disks, kills, many_frames, order
+from benchmarks.endured import Part, Until, corruptions, forgeries, full_disks, kills, many_frames, order
 from benchmarks.endured_studies import scheduled, studies
 from benchmarks.endured_together import caches, large, readers
 from benchmarks.kills import ROOT
@@ -31,6 +31,7 @@ from pdmesh import VERSION
 PARTS: dict[str, tuple[float, Callable[[Path, Until], Part]]] = {  # with its share of the time
     "kills at calls, all kinds of run": (1.0, kills),
     "files of each kind, corrupted": (0.45, corruptions),
+    "forged side files and studies": (0.25, forgeries),
     "a study of 500 runs, killed": (0.5, studies),
     "a study by a scheduler, killed": (0.15, scheduled),
     "50 readers beside a writer": (0.1, readers),
@@ -43,7 +44,14 @@ PARTS: dict[str, tuple[float, Callable[[Path, Until], Part]]] = {  # with its sh
 LANES = (  # parts that are tried one after the other, beside those of the others
     ["kills at calls, all kinds of run", "files of each kind, corrupted"],
     ["a study of 500 runs, killed", "a study by a scheduler, killed", "two processes, one compile cache"],
-    ["50 readers beside a writer", "nodes in another order", "full disks", "2000 frames", "2 million nodes, Ctrl-C"],
+    [
+        "forged side files and studies",
+        "50 readers beside a writer",
+        "nodes in another order",
+        "full disks",
+        "2000 frames",
+        "2 million nodes, Ctrl-C",
+    ],
 )
 PAGE = ROOT / "docs" / "endurance.md"
 
@@ -62,7 +70,8 @@ def page(parts: dict[str, tuple[Part, float]], minutes: float) -> str:
         f"Written by `make endurance` (here `python -m benchmarks.endurance --minutes {minutes:g}`), version {VERSION},"
         f" {os.cpu_count()} cores, Python {platform.python_version()}. *Tried* are the cases that fitted into the"
         " time, out of all. *Lost* counts runs that did not reach the same end as an undisturbed run, or left files"
-        " behind. *Tracebacks* counts errors that were not reported in one line. *Wrong* counts numbers other than"
+        " behind, and files of the user that were changed. *Tracebacks* counts errors that were not reported in one"
+        " line. *Wrong* counts numbers other than"
         " expected. Parts run beside each other, so their minutes add up to more than the time.",
         "",
         "| what | tried | lost | tracebacks | wrong | minutes | found |",

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import importlib
+import json
 import resource
 import signal
 import sys
@@ -17,12 +19,13 @@ import msgspec
 import numpy as np
 
 from benchmarks.corrupted import COUNT, batches
-from benchmarks.kills import compiler, contents, forked, trials
+from benchmarks.kills import ROOT, compiler, contents, forked, trials
 from benchmarks.kinds_of_run import KINDS
 from pdsolve.model import Model
 from pdsolve.results import Kind, ResultsError, remove, state_of
 from pdsolve.run.simulation import Progress, resume, simulate
 
+FORGED, BATCH, SEED = 320, 8, 1  # cases that are forged; of them in one process; of their random numbers
 KILLS, EVERY = 500, 20  # runs that are to be ended; calls from one to the next
 
 
@@ -84,6 +87,34 @@ def corruptions(folder: Path, until: Until) -> Part:
     said = ", ".join(f"{count} {kind}" for kind, count in tried.items())
     fell, wrong = (sum(map(len, bad)) for bad in ([one.fell for one in found], [one.wrong for one in found]))
     return Part(tried.total(), COUNT * max(len(tried), 1), 0, fell, wrong, said or "no time")
+
+
+def forgeries(folder: Path, until: Until) -> Part:
+    """Forged files beside databases, tables and folders of studies: one line or an answer, and no file of the user
+    touched; see `tests/forged_beside.py`."""
+    if str(ROOT / "tests") not in sys.path:
+        sys.path.append(str(ROOT / "tests"))
+    beside = importlib.import_module("forged_beside")
+    tried = Counter[str]()
+    lost = traces = 0
+    (folder / "sound").mkdir()
+    beside.prepare(folder / "sound")
+    for first in range(0, FORGED, BATCH):
+        if not until(20.0):
+            break
+        answer, code = forked(
+            lambda first=first: json.dumps(  # type: ignore[misc]
+                [(one["intact"], f"{one['file']}: {one['command']}: {one['wrong'][-300:]}") for one in
+                 beside.forged_cases(folder, SEED, BATCH, first)][:5]
+            )
+        )  # fmt: skip
+        found = [["True", f"from {first} on: ended with {code} {answer.strip()}"]] if code else json.loads(answer)
+        for intact, said in found:
+            print(said, file=sys.stderr, flush=True)
+            lost, traces = lost + (intact == "False"), traces + (intact == "True")
+        tried.update(beside.TURNS[number % len(beside.TURNS)] for number in range(first, first + BATCH))
+    said = ", ".join(f"{count} {kind}" for kind, count in tried.items()) or "no time"
+    return Part(tried.total(), FORGED, lost, traces, 0, said)
 
 
 def full_disks(folder: Path, until: Until) -> Part:

@@ -165,10 +165,11 @@ def expect(path: Path, *kinds: Kind) -> None:
         raise UsageError(said)
 
 
-def output_path(given: Path | None, source: Path, suffix: str, force: bool) -> Path:
+def output_path(given: Path | None, source: Path, suffix: str, force: bool, beside: bool = False) -> Path:
     """Output path: `given`, or the source's name with the new suffix in the current folder.
 
-    Raises UsageError if a file exists and `force` is not set, if it is no regular file, or if the folder is missing.
+    A link is followed where the user named it: not by default, nor for a file `beside` the one that was named. Raises
+    UsageError if a file exists and `force` is not set, if it is no regular file, or if the folder is missing.
     """
     if not source.name:
         raise UsageError(f"{source}: found a folder, expected a file")
@@ -185,6 +186,9 @@ def output_path(given: Path | None, source: Path, suffix: str, force: bool) -> P
         raise UsageError(f"{path}: found {found}, expected a regular file or none; nothing else is written to")
     if path.exists() and not force:
         raise UsageError(f"{path}: found a file there already, expected none (--force overwrites it)")
+    if path.is_symlink() and (given is None or beside):
+        how = "remove it" if beside else "-o follows it"
+        raise UsageError(f"{path}: found a link there, expected a regular file or none ({how})")
     return path
 
 

@@ -174,7 +174,7 @@ def _solve(args: argparse.Namespace, ranks: Team | None) -> int:
                 return _show_plan(estimate_run(model, options), args)
             path = commandline.output_path(args.output, args.model, ".sqlite", args.force)
             if model.settings.run.after == "motion":
-                commandline.output_path(name_of(path), args.model, ".sqlite", args.force)
+                commandline.output_path(name_of(path), args.model, ".sqlite", args.force, beside=True)
             if not args.force:
                 state_of(path)  # a log without its database is left alone
             with _says_how_to_go_on(path, args), compile_time_said(lambda words: commandline.note(words, args)):

@@ -76,11 +76,12 @@ def _export(args: argparse.Namespace) -> int:
         if wrong:
             raise commandline.UsageError(f"{word}: found with {kind}, which holds {holds}")
     folder = path.with_suffix("")
+    if kind == ".pvd" and folder.is_symlink():
+        raise commandline.UsageError(f"{folder}: found a link there, expected a folder or none (remove it)")
     if kind == ".pvd" and folder.exists() and not (folder.is_dir() and args.force):
         raise commandline.UsageError(f"{folder}: found something there already, expected none (--force writes into it)")
-    numbers = xdmf.beside(path)
-    if kind == ".xdmf" and not args.inline and numbers.exists() and not args.force:
-        raise commandline.UsageError(f"{numbers}: found a file there already, expected none (--force overwrites it)")
+    if kind == ".xdmf" and not args.inline:
+        commandline.output_path(xdmf.beside(path), args.results, ".bin", args.force, beside=True)
     with Results.open(args.results) as results:
         steps = [chosen_frame(results, args)[0]] if one else chosen(results, args.every)
         progress = counted(args, "writing")

@@ -62,7 +62,8 @@ def _tradeoff(args: argparse.Namespace) -> int:
     compared, args.results = args.results, args.reference  # what --csv must not overwrite
     picture = commandline.output_path(args.output, Path("tradeoff.sqlite"), ".png", args.force)
     beside = ".json" if args.output is None else ".tradeoff.json"  # x.json may be a grid file
-    table = commandline.output_path(picture.with_suffix(beside), Path("tradeoff.sqlite"), ".json", args.force)
+    table = picture.with_suffix(beside)
+    commandline.output_path(table, Path("tradeoff.sqlite"), ".json", args.force, beside=True)
     check_csv(args, picture, table)
     with style.styled(dict(args.assignments)):
         points = _points(compared, args.reference)

@@ -88,15 +88,20 @@ def pvd(
     `crack` writes the surface of the cracks after a step; it is listed as the second part of each frame.
     """
     folder = path.with_suffix("")
+    files = {
+        step: [f"{folder.name}/{path.stem}_{step:08d}.vtu", f"{folder.name}/{path.stem}_crack_{step:08d}.vtp"]
+        for step in steps
+    }
+    for file in (path.parent / name for names in files.values() for name in names):
+        if file.is_symlink():
+            raise ExportError(f"{file}: found a link, expected a regular file or none; remove it")
     folder.mkdir(exist_ok=True)
     times = _times(results)
     lines = []
     for step in progress(steps):
-        name = f"{folder.name}/{path.stem}_{step:08d}.vtu"
-        vtu(results, step, path.parent / name, also, squares)
-        names = [name]
+        names = files[step] if crack is not None else files[step][:1]
+        vtu(results, step, path.parent / names[0], also, squares)
         if crack is not None:
-            names.append(f"{folder.name}/{path.stem}_crack_{step:08d}.vtp")
             crack(path.parent / names[1], results, step)
         for part, each in enumerate(names):
             lines.append(f'    <DataSet timestep="{times[step]!r}" part="{part}" file={quoteattr(each)}/>')

@@ -22,8 +22,9 @@ from pdsolve.results.lock import holder, writing_to
 from pdsolve.results.node_lifetimes import Lives
 from pdsolve.results.reader import Results
 from pdsolve.results.recovery import Kind, State, state_of
+from pdsolve.results.removal import remove
 from pdsolve.results.schema import Breaks, Epoch, Families, Frame, Nodes
-from pdsolve.results.writer import Writer, put_away, remove
+from pdsolve.results.writer import Writer, put_away
 
 __all__ = [
     "Behind",

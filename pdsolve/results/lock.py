@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import socket
 import stat
 import sys
@@ -37,6 +38,7 @@ else:
         fcntl.flock(handle, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
 
 
+LOCK = re.compile(rb"(process \d+( on [^\n]*)?\n?)?")  # what a lock's file holds; cut short on a full disk
 HELD = (errno.EWOULDBLOCK, errno.EAGAIN, errno.EACCES, errno.EDEADLK)
 TRIES, PAUSE = 10, 0.01  # who only looks whether a lock is held holds it for a moment: how often it is tried, s between
 
@@ -119,13 +121,22 @@ def _locked(path: Path, place: Path) -> int | None:
         if _is_at(handle, place):
             break
         os.close(handle)  # of a run that has ended in this moment
-    if not stat.S_ISREG(os.fstat(handle).st_mode):
+    if not _is_ours(handle):
         os.close(handle)
-        raise WriteError(f"{place}: found no regular file, expected one, or none, for the lock of {path.name}")
+        raise WriteError(f"{place}: found no lock of pdsolve, expected one or none for {path.name}; move it away")
     with suppress(OSError):  # a full disk: the name is missing, the lock holds
         os.ftruncate(handle, 0)
         os.write(handle, f"{_holder()}\n".encode())
     return handle
+
+
+def _is_ours(handle: int) -> bool:
+    """Whether a file is a lock that may be written over and removed: it has one name, and says a process or nothing."""
+    status = os.fstat(handle)
+    if not stat.S_ISREG(status.st_mode) or status.st_nlink > 1:
+        return False
+    os.lseek(handle, 0, os.SEEK_SET)
+    return LOCK.fullmatch(os.read(handle, 300)) is not None
 
 
 def _holder() -> str:

@@ -1,41 +1,62 @@
-"""Opens databases for reading, and repairs SQLite's files left by a killed program."""
+"""Opens databases: the only module that does. A journal left by a killed program is rolled back before."""
 
 from __future__ import annotations
 
+import errno
 import os
 import sqlite3
 import struct
-from contextlib import suppress
+import time
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from pdsolve.results.errors import ResultsError
+from pdsolve.results.side_files import INDEX, JOURNAL, LOG, LOGS, VERSION, expect_sound, is_logged, roll_back
 
 LITTLE, MASK = 0x82, 0xFFFFFFFF  # the byte of a log whose checksums are of little-endian words; of a word
 HEADER, FRAME = 32, 24  # bytes: at the head of a log, and of each page in it
-BESIDE = ("-journal", "-wal")  # what SQLite keeps beside a database, under the name that it was opened by
-LOGGED = b"\2\2"  # in a database's header: its newest pages may be in a log
-INDEX = 3007000  # the version of the index of a log, with the number of pages that can be read in its fifth word
+PATIENCE, PAUSE = 5.0, 0.05  # s of waiting for another program that rolls back, as SQLite waits; s between two looks
+
+
+def connect(path: Path | None, how: str = "", **options: Any) -> sqlite3.Connection:
+    """A connection to the file at `path`, in memory if None; `how` are the words of SQLite's URI, such as mode=ro.
+
+    SQLite joins no other database, trusts no schema, and looks at each page before it uses it. Raises sqlite3.Error.
+    """
+    place = ":memory:" if path is None else f"{Path(os.path.realpath(path)).as_uri()}?{how}"
+    connection: sqlite3.Connection = sqlite3.connect(place, uri=path is not None, **options)
+    connection.setlimit(sqlite3.SQLITE_LIMIT_ATTACHED, 0)
+    connection.execute("PRAGMA trusted_schema = OFF")
+    connection.execute("PRAGMA cell_size_check = ON")
+    configure = getattr(connection, "setconfig", None)  # Python 3.12
+    if configure is not None:
+        configure(getattr(sqlite3, "SQLITE_DBCONFIG_DEFENSIVE"), True)  # noqa: B009
+    return connection
 
 
 def read_only(path: Path) -> sqlite3.Connection:
     """A read-only connection to the file at `path`; a journal left by a killed program is rolled back first.
 
-    Raises sqlite3.Error. Raises ResultsError if the journal or the log cannot be read because the folder is
-    write-protected, or if it belongs to another name of the file.
+    Raises sqlite3.Error. Raises ResultsError for files beside it that SQLite has not left there, if the journal or the
+    log cannot be read because the folder is write-protected, or if it belongs to another name of the file.
     """
+    expect_sound(path)
     _expect_own_name(path)
-    try:
-        return _opened(path, "mode=ro")
-    except sqlite3.OperationalError as error:
-        if error.sqlite_errorcode & 0xFF not in (sqlite3.SQLITE_READONLY, sqlite3.SQLITE_CANTOPEN):
-            raise
-    try:
-        _opened(path, "mode=rw").close()
-        return _opened(path, "mode=ro")
-    except sqlite3.OperationalError as error:
-        if error.sqlite_errorcode & 0xFF not in (sqlite3.SQLITE_READONLY, sqlite3.SQLITE_CANTOPEN):
-            raise
+    if _is_empty(path):  # SQLite would remove what is beside it
+        return _opened(path, "mode=ro&immutable=1")
+    until = time.monotonic() + PATIENCE
+    while True:
+        try:
+            return _opened(path, "mode=ro")
+        except sqlite3.OperationalError as error:
+            if error.sqlite_errorcode & 0xFF not in (sqlite3.SQLITE_READONLY, sqlite3.SQLITE_CANTOPEN):
+                raise
+            hot = error.sqlite_errorcode == sqlite3.SQLITE_READONLY_ROLLBACK
+        if not hot or not _can_roll_back(path):
+            break
+        if time.monotonic() > until:
+            raise ResultsError(f"{path}: found {_name(path, JOURNAL)} in use, expected no other program to use it")
+        time.sleep(PAUSE)
     for beside in _beside(os.path.realpath(path)):
         raise ResultsError(
             f"{path}: found {os.path.basename(beside)} of a run that was killed, which cannot be put back here,"
@@ -44,16 +65,43 @@ def read_only(path: Path) -> sqlite3.Connection:
     return _opened(path, "mode=ro&immutable=1")
 
 
-def roll_back(path: Path) -> None:
-    """Roll back a journal left by a killed program; failures are reported by the next program that opens the file."""
-    if os.path.exists(f"{os.path.realpath(path)}-journal"):
-        with suppress(sqlite3.Error):
-            _opened(path, "mode=rw").close()
+def _can_roll_back(path: Path) -> bool:
+    """Roll back a journal unless another program uses the database; False if nothing can be written there."""
+    try:
+        roll_back(path)
+    except OSError as error:
+        if error.errno in (errno.EROFS, errno.EACCES, errno.EPERM):
+            return False
+        raise ResultsError(f"{path}: found {_name(path, JOURNAL)}, which cannot be put back: {error}") from None
+    return True
+
+
+def for_writing(path: Path | None, **options: Any) -> sqlite3.Connection:
+    """A connection that writes to the file at `path`, new or not, in memory if None; otherwise as `read_only`."""
+    if path is not None:
+        recover(path)
+    return connect(path, "mode=rwc", **options)
+
+
+def recover(path: Path) -> None:
+    """Check the files beside a database, and roll back its journal; raises as `read_only` does."""
+    expect_sound(path)
+    if os.path.exists(os.path.realpath(path) + JOURNAL) and os.path.exists(path) and not _is_empty(path):
+        read_only(path).close()
+
+
+def _is_empty(path: Path) -> bool:
+    return path.is_file() and not path.stat().st_size
+
+
+def _name(path: Path, end: str) -> str:
+    """The name of a file beside the database at `path`."""
+    return os.path.basename(os.path.realpath(path)) + end
 
 
 def _beside(name: str) -> list[str]:
     """Names of the database's journal and log files that are not empty."""
-    found = [f"{name}{end}" for end in BESIDE]
+    found = [f"{name}{end}" for end in (JOURNAL, LOG)]
     return [beside for beside in found if os.path.exists(beside) and os.path.getsize(beside)]
 
 
@@ -66,8 +114,7 @@ def _expect_own_name(path: Path) -> None:
         found = path.stat()
         if found.st_nlink < 2 or _beside(real := os.path.realpath(path)):
             return
-        with path.open("rb") as file:
-            logged = file.read(20)[18:] == LOGGED
+        logged = is_logged(real)
         others = [entry.path for entry in os.scandir(os.path.dirname(real)) if entry.inode() == found.st_ino]
     except OSError:
         return
@@ -82,7 +129,7 @@ def _expect_own_name(path: Path) -> None:
 
 def _opened(path: Path, how: str) -> sqlite3.Connection:
     """A connection that has successfully read something."""
-    connection = sqlite3.connect(f"{path.resolve().as_uri()}?{how}", uri=True)
+    connection = connect(path, how)
     try:
         connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
     except BaseException:
@@ -106,16 +153,18 @@ def log_of(connection: sqlite3.Connection, path: Path) -> Log:
     connection.execute("SELECT count(*) FROM sqlite_master").fetchone()  # SQLite has looked for the end of the log now
     real = os.path.realpath(path)
     try:
-        with open(f"{real}-wal", "rb") as log, open(f"{real}-shm", "rb") as index:
+        with open(real + LOG, "rb") as log, open(real + INDEX, "rb") as index:
             version, _, _, _, pages = struct.unpack("=5I", index.read(20))
             header = log.read(HEADER)
-            if version != INDEX or len(header) < HEADER:
+            if version != VERSION or len(header) < HEADER or header[:4] not in LOGS:
                 return Log()
             _, _, size, _, *salt = struct.unpack_from(">6I", header)
             known = _is_whole(header)
             ends = []  # of each page of this round of the log, whether it is the last of a transaction
             while len(head := log.read(FRAME)) == FRAME:
-                _, end, *own = struct.unpack_from(">4I", head)
+                page, end, *own = struct.unpack_from(">4I", head)
+                if not page:  # never written: a log may be a file of nothing, and long
+                    break
                 if not known:
                     salt, known = own, True
                 ends.append(end > 0 and own == salt)

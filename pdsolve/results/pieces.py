@@ -8,6 +8,7 @@ was written then.
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -19,6 +20,7 @@ from pdsolve.results.checksums import Row
 from pdsolve.results.errors import ResultsError
 from pdsolve.results.tables import Tables
 
+OF_RANK = re.compile(r"[^/\\\0]+\.\d+-\d+")  # the name of a database of a rank
 KEY = "pieces"  # of the table meta
 OF_NODES = ("node", "family_chunk", "field_chunk", "checkpoint")  # tables that the index does not have
 
@@ -47,7 +49,8 @@ def pieces_of(text: str, name: str) -> tuple[Pieces, ...]:
     except (ValueError, TypeError, RecursionError):
         found = ()
     steps = [one.after for one in found]
-    if not found or not found[0].files or sorted(steps) != steps:
+    ours = all(OF_RANK.fullmatch(file) for one in found for file in one.files)
+    if not found or not found[0].files or sorted(steps) != steps or not ours:
         raise ResultsError(f"{name}: table meta: found no pieces, expected the names of the files of all ranks")
     return found
 
@@ -55,7 +58,7 @@ def pieces_of(text: str, name: str) -> tuple[Pieces, ...]:
 def beside(index: Path, file: str) -> Path:
     """Where a database of a rank is. Raises ResultsError if it is not beside the index."""
     path = index.parent / Path(file).name
-    if not path.is_file():
+    if path.is_symlink() or not path.is_file():
         raise ResultsError(f"{index}: found no {path.name} beside it, expected the files of all its ranks")
     return path
 

@@ -51,8 +51,6 @@ class Results:
         with explained(path):
             connection, results = read_only(path), None
             try:
-                connection.execute("PRAGMA trusted_schema = OFF")
-                connection.execute("PRAGMA cell_size_check = ON")
                 results = cls(connection, str(path), path.resolve())
                 results._tables.expect_ours()
                 results._open_pieces(path)

@@ -14,6 +14,7 @@ from pdsolve.results.errors import EmptyError, ResultsError, explained
 from pdsolve.results.lock import holder
 from pdsolve.results.opening import Log, log_of, read_only
 from pdsolve.results.reader import Results
+from pdsolve.results.side_files import JOURNAL, LOG, expect_sound
 
 
 class Kind(Enum):
@@ -101,10 +102,11 @@ def _last(connection: sqlite3.Connection, table: str) -> int | None:
 
 
 def _expect_no_log(path: Path) -> None:
-    """Raise ResultsError if a log has lost its database: the run was killed and its database renamed."""
-    log = Path(f"{os.path.realpath(path)}-wal")
-    if log.is_file() and log.stat().st_size:
-        raise ResultsError(
-            f"{path}: found {log.name} without its database, expected both (was it renamed? rename the log alike;"
-            " otherwise remove it)"
-        )
+    """Raise ResultsError if a log or a journal has lost its database: the run was killed and its database renamed."""
+    expect_sound(path)
+    for file in (Path(os.path.realpath(path) + end) for end in (LOG, JOURNAL)):
+        if file.is_file() and file.stat().st_size:
+            raise ResultsError(
+                f"{path}: found {file.name} without its database, expected both (was it renamed? rename {file.name}"
+                " alike; otherwise remove it)"
+            )

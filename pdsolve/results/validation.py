@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from pdmesh.model.document import LARGEST, MOST
 from pdmesh.model.timed_selection import MOST_STEPS
 from pdsolve.results.checksums import Row
+from pdsolve.results.opening import connect
 from pdsolve.results.schema import CHUNK, Breaks, Nodes, statements
 
 TYPES: Mapping[str, tuple[type, ...]] = {  # of a column in SQL: what its values are in Python
@@ -85,7 +86,7 @@ def plain(sql: str) -> str:
 @cache
 def _master(dimension: int) -> dict[str, str]:
     """The SQL of our tables and our view, by name."""
-    with closing(sqlite3.connect(":memory:")) as connection:
+    with closing(connect(None)) as connection:
         for statement in statements(dimension):
             connection.execute(statement)
         schema = connection.execute("SELECT name, sql FROM sqlite_master WHERE sql IS NOT NULL").fetchall()
@@ -94,7 +95,7 @@ def _master(dimension: int) -> dict[str, str]:
 
 @cache
 def _known_columns() -> dict[str, list[tuple[str, str, int]]]:
-    with closing(sqlite3.connect(":memory:")) as connection:
+    with closing(connect(None)) as connection:
         for statement in statements():
             connection.execute(statement)
         return {name: table_columns(connection, name) for name in _master(2)}

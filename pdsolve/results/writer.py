@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import glob
 import os
 import sqlite3
 import time
@@ -17,7 +16,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.files import irregular
 from pdsolve.results.checksums import (
     KEYS,
     Checksum,
@@ -32,9 +30,11 @@ from pdsolve.results.checksums import (
 )
 from pdsolve.results.errors import GoneError, ResultsError, ResultsWarning, WriteError, explained
 from pdsolve.results.lock import writing_to
+from pdsolve.results.opening import for_writing
 from pdsolve.results.pieces import KEY as KEY_OF_PIECES
 from pdsolve.results.pieces import Pieces, beside, written
 from pdsolve.results.reader import Results
+from pdsolve.results.removal import remove
 from pdsolve.results.schema import (
     CHUNK,
     STEPPED,
@@ -407,9 +407,8 @@ def _connected(path: Path | None) -> sqlite3.Connection:
 
     Readers are not disturbed; the disk is synchronized once in `WAL_PAGES` pages.
     """
-    place = ":memory:" if path is None else path
     with explained(path, WriteError):
-        connection = sqlite3.connect(place, timeout=LOOK, isolation_level=None, check_same_thread=False)
+        connection = for_writing(path, timeout=LOOK, isolation_level=None, check_same_thread=False)
         try:
             connection.execute(f"PRAGMA page_size = {PAGE}")
             connection.execute("PRAGMA journal_mode = WAL")
@@ -428,22 +427,3 @@ def put_away(path: Path) -> None:
         with suppress(ResultsError), writing_to(path):
             if os.path.exists(f"{real}-wal"):
                 Writer(_connected(path), path).abandon("finished")
-
-
-def remove(path: Path, of_ranks: bool = True) -> None:
-    """Delete a database, or the target of a link, with SQLite's files beside it, and those `of_ranks`.
-
-    Raises WriteError if it cannot be deleted, or is no regular file.
-    """
-    try:
-        found = irregular(path)
-        if found is not None:
-            raise WriteError(f"{path}: found {found}, expected a database or nothing")
-        place = Path(os.path.realpath(path))
-        pieces = list(place.parent.glob(f"{glob.escape(place.name)}.[0-9]*-[0-9]*"))
-        for beside in ("", "-wal", "-shm", "-journal"):
-            Path(f"{place}{beside}").unlink(missing_ok=True)
-        for piece in pieces if of_ranks else ():
-            piece.unlink(missing_ok=True)
-    except OSError as error:
-        raise WriteError(f"{path}: {error.strerror}") from None

@@ -69,8 +69,7 @@ def _study(args: argparse.Namespace) -> int:
     if args.scheduler and args.workers:
         raise commandline.UsageError("--workers: found --scheduler as well, whose workers there are, expected one")
     study = read_study(args.study)
-    path = args.output or Path(args.study.stem + ".sqlite")
-    commandline.output_path(path, args.study, ".sqlite", force=True)  # what is there is gone on with
+    path = commandline.output_path(args.output, args.study, ".sqlite", force=True)  # what is there is gone on with
     crew = Crew(args.workers, args.threads, args.scheduler, args.trust)
     with StudyWatch(args.quiet) as watch:
         try:

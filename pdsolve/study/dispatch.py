@@ -16,9 +16,9 @@ from pdsolve.study.cluster import solved_by
 from pdsolve.study.description import Study, StudyError
 from pdsolve.study.measure_columns import measures_of
 from pdsolve.study.one_run import Outcome, Task
-from pdsolve.study.recovered_runs import databases, kept
+from pdsolve.study.recovered_runs import kept, own_runs
 from pdsolve.study.run_model import NAMED, check
-from pdsolve.study.table import FAILED, FINISHED, Row, Table, is_study, runs_of
+from pdsolve.study.table import FAILED, FINISHED, Row, Table, runs_of
 from pdsolve.study.workers import solved_here
 
 
@@ -60,7 +60,7 @@ def solve_study(
     with writing_to(output):
         dimension = check(study, crew.trust)
         if force:
-            _clear(output)
+            _clear(study, output)
         with _table(study, output) as table:
             there = {} if table.rows() else kept(table.runs, study)
             numbers = table.add(study.cases(), _described(study, crew.trust), measures_of(dimension), there)
@@ -69,7 +69,7 @@ def solve_study(
             waiting = {row.number for row in rows if row.status not in over}
             cases = [(numbers[case.key], case) for case in study.cases() if numbers[case.key] in waiting]
             drawing = study.drawing.resolve()
-            files = {row.number: row.file.resolve() for row in rows}
+            files = {row.number: row.file.parent.resolve() / row.file.name for row in rows}
             bad = {row.number for row in rows if row.status == FAILED}
             how = (crew.threads, crew.trust, study.digest)
             tasks = [Task(number, drawing, case, files[number], *how, number in bad) for number, case in cases]
@@ -100,18 +100,27 @@ def _table(study: Study, output: Path) -> Table:
     return table
 
 
-def _clear(output: Path) -> None:
-    """Remove a table, the runs it names, and those in its folder. Raises StudyError if it is no study's table."""
-    files = set(databases(runs_of(output)))
+def _clear(study: Study, output: Path) -> None:
+    """Remove a table and the runs that it names, after all checks.
+
+    Raises StudyError if it is no study's table, or if anything else is in the folder of its runs; BusyError.
+    """
+    runs = runs_of(output)
+    if runs.is_symlink():
+        raise StudyError(f"{runs}: found a link, expected a folder to remove runs from; remove them where it leads to")
     if output.exists() and output.stat().st_size:
-        try:
-            with Table.open(output) as table:
-                files |= {row.file for row in table.rows()}
-        except StudyError:
-            if not is_study(output):
-                raise
-    for file in [*sorted(files), output]:
-        remove(file)
+        with Table.open(output) as table:
+            rows, digest = table.rows(), table.about().get("drawing_sha256", "")
+        files = own_runs(output, runs, rows, digest)
+    elif kept(runs, study):
+        raise StudyError(
+            f"{runs}: found runs without the table that names them, expected none; remove the folder to solve them"
+            " anew, or go on with them without --force"
+        )
+    else:
+        files = []
+    for file in [*files, output]:
+        remove(file, of_ranks=False)
 
 
 def _described(study: Study, trust: bool) -> dict[str, tuple[str, str]]:

@@ -69,6 +69,8 @@ def _results(task: Task) -> Results:
 def _gone_on(task: Task) -> Results:
     """Results of a run, continued if possible, else restarted. Raises BusyError, and others."""
     own = provenance(task.case.key, task.digest)
+    if task.output.is_symlink():
+        raise ResultsError(f"{task.output}: found a link, expected the run's own database or none; move it away")
     try:
         state = state_of(task.output)
     except ResultsError as error:

@@ -1,13 +1,15 @@
-"""Databases of runs whose study has lost its table."""
+"""Databases of runs beside a study's table: those that it names, and those of a study that has lost its table."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from pdsolve.results import EmptyError, Results
+from pdsolve.results import BusyError, EmptyError, Results, holder
+from pdsolve.results.side_files import expect_sound
 from pdsolve.study.description import Study, StudyError
+from pdsolve.study.table import Row
 
 NUMBERED = re.compile(r"(\d{4,})\.sqlite(?:-(?:wal|shm|journal|lock))?")
 
@@ -31,8 +33,8 @@ def kept(runs: Path, study: Study) -> dict[str, int]:
     Raises StudyError for other files or runs of another drawing; ResultsError for a damaged database.
     """
     odd = StudyError(
-        f"{runs}: found files in it, expected none before the first run, or runs of this {study.drawing.name} (--force"
-        " removes old runs)"
+        f"{runs}: found files in it, expected none before the first run, or runs of this {study.drawing.name}; move"
+        " them away"
     )
     if runs.is_dir() and not all(NUMBERED.fullmatch(path.name) for path in runs.iterdir()):
         raise odd
@@ -48,3 +50,36 @@ def kept(runs: Path, study: Study) -> dict[str, int]:
             raise odd
         found[said.removeprefix(begin).removesuffix(end)] = int(path.stem)
     return found
+
+
+def own_runs(output: Path, runs: Path, rows: Sequence[Row], digest: str) -> list[Path]:
+    """The databases in a folder that the rows of the table at `output` name, where nothing else may be.
+
+    `digest` is that of the study's drawing. Raises StudyError for other files, and for results of another run;
+    BusyError for a run that is being written; ResultsError for a damaged one.
+    """
+    named = {row.file.name: row for row in rows if row.file.parent == runs}
+    for path in sorted(runs.iterdir()) if runs.is_dir() else ():
+        match = NUMBERED.fullmatch(path.name)
+        row = None if match is None else named.get(f"{match[1]}.sqlite")
+        if row is None or path.is_symlink() or not path.is_file():
+            raise StudyError(
+                f"{path}: found it among the runs of {output.name}, whose table does not name it, expected those alone;"
+                " move it away"
+            )
+        if path.name == row.file.name and not _is_run(path, row, digest):
+            raise StudyError(f"{path}: found results of another run than {output.name} says, expected its own")
+        expect_sound(row.file)
+        if (name := holder(row.file)) is not None:
+            raise BusyError(f"{row.file}: found a run writing to it ({name}), expected none")
+    return [row.file for row in named.values()]
+
+
+def _is_run(path: Path, row: Row, digest: str) -> bool:
+    """Whether a database is empty, or of the run in a row of a table. Raises ResultsError."""
+    try:
+        with Results.open(path) as results:
+            said = results.meta().get("provenance")
+    except EmptyError:
+        return True
+    return said in (provenance(row.key, digest), f"pdsolve study: {row.key}")  # as older ones say

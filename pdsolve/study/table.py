@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from pdsolve.results.errors import WriteError
-from pdsolve.results.opening import read_only, roll_back
+from pdsolve.results.opening import for_writing, read_only, recover
 from pdsolve.study import table_checksums
 from pdsolve.study.description import Case, Study, StudyError
 from pdsolve.study.measure_columns import OWN, UNITS, Measure
@@ -55,7 +55,8 @@ class Table:
     @classmethod
     def open(cls, path: Path) -> Table:
         """The table in the file at `path`, read only. Raises StudyError if it is not a study's table, or damaged."""
-        roll_back(path)
+        with _explained(path):
+            recover(path)
         if not is_study(path):
             raise StudyError(f"{path}: found no table of a study, expected one written by pdsolve study")
         with _explained(path):
@@ -69,7 +70,8 @@ class Table:
 
         Raises StudyError for another file, a damaged table, or the table of another drawing.
         """
-        roll_back(path)
+        with _explained(path):
+            recover(path)
         new = not path.exists() or path.stat().st_size == 0  # a run that was killed has left nothing in it
         if not new and not is_study(path):
             raise StudyError(
@@ -77,7 +79,7 @@ class Table:
                 f" table that was damaged: remove it, and it is made anew from the runs in {runs_of(path).name})"
             )
         with _explained(path):
-            table = cls(sqlite3.connect(path, isolation_level=None), path)
+            table = cls(for_writing(path, isolation_level=None), path)
         if not new:
             table._expect_whole()
         with _explained(path), table._transaction():
@@ -238,7 +240,7 @@ def _explained(path: Path) -> Iterator[None]:
             raise (WriteError if written else StudyError)(f"{path}: {said}") from None
         raise StudyError(
             f"{path}: {said}, expected a whole table; remove it, and pdsolve study makes it anew from the runs in"
-            f" {runs_of(path).name} (--force: solves them all anew)"
+            f" {runs_of(path).name} (without that folder, it solves them all anew)"
         ) from None
 
 

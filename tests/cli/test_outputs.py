@@ -140,6 +140,38 @@ def test_links_in_a_ring_are_said(there: Path, capsys: pytest.CaptureFixture[str
     assert (err.count("\n"), f": {name}: Too many levels of symbolic links" in err) == (1, True)
 
 
+@pytest.mark.parametrize(
+    ("link", "words"),
+    [
+        ("scene.json", ["pdmesh", "build", "scene.py", "--trust"]),
+        ("plate.sqlite", ["pdsolve", "plate.json"]),
+        ("small.damage.png", ["pdpost", "damage", "small.sqlite"]),
+        ("small.pvd", ["pdpost", "export", "small.sqlite"]),
+        ("all", ["pdpost", "export", "small.sqlite", "-o", "all.pvd"]),
+        ("all/all_00000020.vtu", ["pdpost", "export", "small.sqlite", "-o", "all.pvd"]),
+        ("all.bin", ["pdpost", "export", "small.sqlite", "-o", "all.xdmf"]),
+        ("x.tradeoff.json", ["pdpost", "tradeoff", "small.sqlite", "--reference", "small.sqlite", "-o", "x.png"]),
+    ],
+)
+@pytest.mark.parametrize("dangling", [False, True])
+def test_a_link_that_nobody_named_is_not_followed(
+    there: Path, capsys: pytest.CaptureFixture[str], link: str, words: list[str], dangling: bool
+) -> None:
+    """By default, and for what is written beside the output; nothing is written before it is met."""
+    far = there / "far"
+    far.mkdir()
+    (there / link).parent.mkdir(exist_ok=True)
+    (there / link).symlink_to(far / "mine")
+    if not dangling:
+        (far / "mine").write_text("mine")
+    before = {path: path.lstat().st_mtime_ns for path in there.rglob("*")}
+    assert MAIN[words[0]]([*words[1:], "--force", "-q"]) == 2
+    err = capsys.readouterr().err
+    assert mentions(err, link, found="link", expected="none")
+    assert err.count("\n") == 1
+    assert {path: path.lstat().st_mtime_ns for path in there.rglob("*") if "__pycache__" not in str(path)} == before
+
+
 @contextmanager
 def full_disk(room: int = 4096) -> Iterator[None]:
     """Files may not grow beyond `room` bytes, which is the nearest thing to a full disk that needs no disk."""

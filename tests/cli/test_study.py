@@ -7,6 +7,7 @@ import re
 import shutil
 import sqlite3
 import sys
+from collections.abc import Callable
 from contextlib import closing
 from itertools import product
 from pathlib import Path
@@ -169,7 +170,7 @@ def test_a_damaged_table_is_refused_and_made_anew_from_its_runs(
         assert main(words) == 2
         said = capsys.readouterr().err
         assert said.startswith("pdsolve study: study.sqlite: found run 2 damaged, ")
-        assert mentions(said, "remove", "study.runs", "--force")
+        assert mentions(said, "remove", "study.runs", "anew")
         assert said.count("\n") == 1
     for words in (
         ["study", "study.sqlite"],
@@ -194,19 +195,69 @@ def test_a_damaged_table_is_refused_and_made_anew_from_its_runs(
     assert {path.name: path.stat().st_mtime_ns for path in Path("study.runs").glob("*.sqlite")} == began
 
 
-def test_force_begins_anew_whatever_has_become_of_the_table(solved: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def tree(folder: Path) -> dict[str, bytes]:
+    """All files in a folder."""
+    return {str(path): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+
+
+def test_force_begins_anew(solved: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     asked = []
     monkeypatch.setattr(dispatch, "_solved", lambda tasks, how: asked.extend(task.number for task in tasks) or [])
-    Path("mine.sqlite").write_bytes(b"")
-    edit("UPDATE run SET file = '../mine.sqlite' WHERE number = 1")
+    Path("study.runs/0003.sqlite").write_bytes(b"")  # killed before its first frame
     main(["study", "study.toml", "--force"])
     assert asked == [1, 2, 3, 4, 5, 6, 7, 8]
-    assert Path("mine.sqlite").exists()
     assert list(Path("study.runs").iterdir()) == []
-    Path("study.runs/0003.sqlite").write_bytes(b"")
-    Path("study.sqlite").unlink()
-    main(["study", "study.toml", "--force"])
-    assert not Path("study.runs/0003.sqlite").exists()
+
+
+def through_a_link(runs: Path) -> None:
+    runs.rename("elsewhere")
+    runs.symlink_to("elsewhere")
+
+
+def run_that_is_a_link(runs: Path) -> None:
+    (runs / "0001.sqlite").rename("mine.sqlite")
+    (runs / "0001.sqlite").symlink_to(Path("mine.sqlite").resolve())
+
+
+def run_of_another(runs: Path) -> None:
+    shutil.copy(runs / "0002.sqlite", runs / "0001.sqlite")
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (lambda runs: (runs / "notes.txt").write_text("mine"), "notes.txt"),
+        (lambda runs: (runs / "0009.sqlite").write_bytes(b""), "0009.sqlite"),
+        (lambda runs: (runs / "0007.sqlite-journal").write_text("mine"), "0007.sqlite-journal"),
+        (through_a_link, "study.runs"),
+        (run_that_is_a_link, "0001.sqlite"),
+        (run_of_another, "0001.sqlite"),
+        (lambda runs: (runs / "0001.sqlite").write_text("mine"), "0001.sqlite"),
+        (lambda runs: edit("UPDATE run SET file = '../mine.sqlite' WHERE number = 1"), "mine.sqlite"),
+        (lambda runs: Path("study.sqlite").unlink(), "study.runs"),
+        (lambda runs: Path("study.sqlite").write_text("mine"), "study.sqlite"),
+        (lambda runs: Path("study.sqlite-journal").write_text("mine"), "study.sqlite-journal"),
+    ],
+)
+def test_force_removes_all_that_the_table_names_or_nothing(
+    solved: Path, capsys: pytest.CaptureFixture[str], spoil: Callable[[Path], object], said: str
+) -> None:
+    spoil(Path("study.runs"))
+    before = tree(solved)
+    assert main(["study", "study.toml", "--force"]) == 2
+    error = capsys.readouterr().err
+    assert said in error
+    assert error.count("\n") == 1
+    assert tree(solved) == before
+
+
+def test_a_run_is_not_written_through_a_link(solved: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    edit("UPDATE run SET status = 'waiting' WHERE number = 1")
+    run_that_is_a_link(Path("study.runs"))
+    Path("mine.sqlite").write_bytes(b"")
+    monkeypatch.setattr(dispatch, "_solved", in_this_process)
+    assert main(["study", "study.toml", "-q"]) == 1
+    assert Path("mine.sqlite").read_bytes() == b""
 
 
 def test_a_run_that_is_held_is_said_and_waited_for(

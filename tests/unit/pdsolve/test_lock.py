@@ -96,11 +96,22 @@ def test_a_file_system_without_locks_is_said(tmp_path: Path, monkeypatch: pytest
         taken(tmp_path / "x.sqlite")
 
 
-def test_what_is_no_file_is_not_taken_for_a_lock(tmp_path: Path) -> None:
-    os.mkfifo(tmp_path / "x.sqlite-lock")
-    with pytest.raises(WriteError, match=naming("x.sqlite-lock", found="regular file", expected="none")):
+@pytest.mark.parametrize("kind", ["a pipe", "a hard link", "another file"])
+def test_what_is_no_lock_is_not_taken_for_one(tmp_path: Path, kind: str) -> None:
+    """Nor written over or removed."""
+    place, victim = tmp_path / "x.sqlite-lock", tmp_path / "victim"
+    victim.write_text("mine")
+    if kind == "a pipe":
+        os.mkfifo(place)
+    elif kind == "a hard link":
+        place.hardlink_to(victim)
+    else:
+        victim.rename(place)
+    before = sorted(tmp_path.iterdir())
+    with pytest.raises(WriteError, match=naming("x.sqlite-lock", found="no lock", expected="none")):
         taken(tmp_path / "x.sqlite")
-    assert (tmp_path / "x.sqlite-lock").is_fifo()
+    assert sorted(tmp_path.iterdir()) == before
+    assert kind == "a pipe" or place.read_text() == "mine"
 
 
 def test_a_second_run_is_refused_and_the_first_goes_on(

@@ -82,7 +82,7 @@ def test_a_damaged_one_is_refused(path: Path, study: Study, statement: str, said
         assert line.startswith(f"{path}: found ")
         assert said in line
         assert "remove it" in line
-        assert "study.runs (--force" in line
+        assert "study.runs (without that folder" in line
         assert "\n" not in line
 
 

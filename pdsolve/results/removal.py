@@ -1,0 +1,55 @@
+"""Removes databases, after everything that goes with them is checked."""
+
+from __future__ import annotations
+
+import os
+import re
+from pathlib import Path
+
+from pdmesh.files import irregular
+from pdsolve.results.errors import WriteError
+from pdsolve.results.side_files import INDEX, JOURNAL, LOG, expect_sound
+
+OF_RANK = r"\.\d+-\d+(-journal|-wal|-shm)?"  # behind the name of an index: databases of ranks
+SQLITE = b"SQLite format 3\0"
+
+
+def remove(path: Path, of_ranks: bool = True) -> None:
+    """Delete a database, or the target of a link, with SQLite's files beside it, and those `of_ranks`.
+
+    Everything is checked before anything is deleted. Raises WriteError if it cannot be deleted, or is no regular file,
+    ResultsError for files beside it that SQLite has not left there.
+    """
+    try:
+        found = irregular(path)
+        if found is not None:
+            raise WriteError(f"{path}: found {found}, expected a database or nothing")
+        expect_sound(path)
+        place = Path(os.path.realpath(path))
+        pieces = _of_ranks(place) if of_ranks else []
+        for file in [*(Path(f"{place}{end}") for end in ("", LOG, INDEX, JOURNAL)), *pieces]:
+            file.unlink(missing_ok=True)
+    except OSError as error:
+        raise WriteError(f"{path}: {error.strerror}") from None
+
+
+def _of_ranks(place: Path) -> list[Path]:
+    """Databases of ranks beside an index, with SQLite's files. Raises ResultsError for others of such names."""
+    pattern = re.compile(re.escape(place.name) + OF_RANK)
+    found = [file for file in place.parent.iterdir() if pattern.fullmatch(file.name)] if place.parent.is_dir() else []
+    for database in sorted({file.with_name(file.name.removesuffix(_end(file))) for file in found}):
+        expect_sound(database)
+        if not database.exists():
+            continue
+        if database.is_symlink() or irregular(database) is not None or database.stat().st_nlink > 1:
+            raise WriteError(f"{database}: found no regular file, expected a database of a rank; move it away")
+        with database.open("rb") as data:
+            head = data.read(len(SQLITE))
+        if head.strip(b"\0") and head != SQLITE:
+            raise WriteError(f"{database}: found no database, expected one of a rank; move it away")
+    return found
+
+
+def _end(file: Path) -> str:
+    """What stands behind the name of a database in that of a file of SQLite beside it."""
+    return next((end for end in (LOG, INDEX, JOURNAL) if file.name.endswith(end)), "")
