@@ -5,6 +5,7 @@
 # make pythons   the same with every Python from 3.11 to 3.14 that is found
 # make check   lint, types, import contracts, limits of files and functions
 # make slow    the verification that takes minutes, and two minutes of mutants
+# make optional  the tests of packages that users may leave out, and whether devices can be tested here
 # make thesis  every scene of the thesis in both modes, on one page
 # make sources the same, and a page for each of the other sources
 # make failures  where methods fail, measured anew on one page
@@ -28,7 +29,7 @@ BIN := $(VENV)/bin
 TWO := -n 2 --dist worksteal # tests in two processes
 unexport PYTHONDONTWRITEBYTECODE # tests start hundreds of processes, each of which would compile all it imports
 
-.PHONY: demo test slow thesis sources failures handbook materials forks docs split check bench bench-speed bench-quick compare mutants \
+.PHONY: demo test slow optional thesis sources failures handbook materials forks docs split check bench bench-speed bench-quick compare mutants \
 	size places endurance install package pythons gmsh-libraries clean
 
 # The first picture is of a plate without adaptivity: its kernels are compiled in a fifth of the time of hybrid's, which
@@ -55,6 +56,9 @@ test: $(VENV)/test.done gmsh-libraries
 slow: $(VENV)/test.done gmsh-libraries
 	$(BIN)/python -m pytest $(TWO) -m "slow and not endurance"
 	$(BIN)/python -m benchmarks.mutants --sample-only --minutes 2
+
+optional: $(VENV)/test.done $(VENV)/optional.done gmsh-libraries
+	PYTHONPATH=.ci $(BIN)/python -m pytest $(TWO) -p optional
 
 thesis: $(VENV)/install.done gmsh-libraries
 	$(BIN)/python -m benchmarks.thesis

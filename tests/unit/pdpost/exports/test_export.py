@@ -164,6 +164,7 @@ def test_formats_there_are_none_of() -> None:
         frame_files.check_suffix(Path("a.foo"))
 
 
+@pytest.mark.slow  # importing vtk alone takes a second
 def test_vtk_reads_what_is_exported(small_results: Path, tmp_path: Path) -> None:
     """VTK is what ParaView is made of: vectors, tensors and numbers arrive where they were."""
     pytest.importorskip("vtk")
@@ -185,6 +186,7 @@ def test_vtk_reads_what_is_exported(small_results: Path, tmp_path: Path) -> None
     assert data.GetArray("stress").GetNumberOfComponents() == 9
 
 
+@pytest.mark.slow  # importing vtk alone takes a second
 def test_vtk_reads_a_series(small_results: Path, tmp_path: Path) -> None:
     vtk = pytest.importorskip("vtk")
     from vtkmodules.util.numpy_support import vtk_to_numpy
