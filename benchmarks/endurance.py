@@ -25,6 +25,7 @@ from benchmarks import pages
 from benchmarks.endured import Part, Until, corruptions, forgeries, full_disks, kills, many_frames, order
 from benchmarks.endured_studies import scheduled, studies
 from benchmarks.endured_together import caches, large, readers
+from benchmarks.endured_variables import variables
 from benchmarks.kills import ROOT
 from pdmesh import VERSION
 
@@ -39,11 +40,17 @@ PARTS: dict[str, tuple[float, Callable[[Path, Until], Part]]] = {  # with its sh
     "nodes in another order": (0.1, order),
     "full disks": (0.1, full_disks),
     "2000 frames": (0.1, many_frames),
+    "hostile variables": (0.3, variables),
     "2 million nodes, Ctrl-C": (0.5, large),
 }
 LANES = (  # parts that are tried one after the other, beside those of the others
     ["kills at calls, all kinds of run", "files of each kind, corrupted"],
-    ["a study of 500 runs, killed", "a study by a scheduler, killed", "two processes, one compile cache"],
+    [
+        "a study of 500 runs, killed",
+        "a study by a scheduler, killed",
+        "two processes, one compile cache",
+        "hostile variables",
+    ],
     [
         "forged side files and studies",
         "50 readers beside a writer",

@@ -28,12 +28,36 @@ LIBRARIES = (
     Library("OpenCL loader", ("OCL_", "OPENCL_", "CL_CONFIG"), "drivers and layers: shared libraries"),
     Library("PoCL", ("POCL_",), "compiled kernels, its own parts, the linker that it runs", True),
     Library("pyopencl", ("PYOPENCL_",), "compiled programs", True),
-    Library("drivers of GPUs", ("CUDA_", "HSA_", "ROCM_", "RUSTICL_", "MESA_", "GALLIUM_"), "shared libraries", True),
-    Library("OpenGL, EGL, Vulkan", ("LIBGL_", "GBM_", "EGL_", "__EGL_", "__GLX_", "VK_"), "drivers and layers", True),
+    Library(
+        "drivers of GPUs",
+        ("CUDA_", "HSA_", "ROCM_", "RUSTICL_", "MESA_", "GALLIUM_", "IGC_", "NEO_", "ONEAPI_", "SYCL_", "ZE_"),
+        "shared libraries",
+        True,
+    ),
+    Library(
+        "OpenGL, EGL, Vulkan", ("LIBGL_", "GBM_", "EGL_", "__EGL_", "__GLX_", "VK_", "DRI_"), "drivers and layers", True
+    ),
     Library("mpi4py", ("MPI4PY_",), "the MPI library", True),
     Library(
         "MPICH, Open MPI and their transports",
-        ("MPICH_", "MPIR_", "MPIEXEC_", "HYDRA_", "OMPI_", "OPAL_", "PMIX_", "PRTE_", "UCX_", "FI_", "HWLOC_"),
+        (
+            "MPICH_",
+            "MPIR_",
+            "MPIEXEC_",
+            "HYDRA_",
+            "OMPI_",
+            "OPAL_",
+            "PMIX_",
+            "PRTE_",
+            "UCX_",
+            "FI_",
+            "HWLOC_",
+            "I_MPI_",
+            "MV2_",
+            "PSM3_",
+            "IBV_",
+            "RDMAV_",
+        ),
         "plug-ins and starters of processes",
         True,
     ),
@@ -49,20 +73,26 @@ LIBRARIES = (
     Library("Gmsh", ("GMSH",), "settings", True),
     Library("VTK and PyVista", ("VTK_", "PYVISTA_"), "plug-ins and settings", True),
     Library("Dask", ("DASK_", "DISTRIBUTED_"), "settings that name modules"),
+    Library("IPython and Jupyter", ("IPYTHON", "JUPYTER_"), "settings: Python files", True),
+    Library("FFmpeg", ("FFREPORT", "FREI0R_PATH", "LADSPA_PATH"), "filters: shared libraries; files of reports"),
+    Library("SQLite", ("SQLITE_",), "temporary files", True),
     Library("Python", ("PYTHON",), "modules and scripts", True),
     Library("the loader of libraries", ("LD_", "DYLD_"), "shared libraries"),
     Library("the C library", ("GCONV_PATH", "LOCPATH", "NLSPATH"), "converters and tables"),
     Library("OpenSSL", ("OPENSSL_", "SSL_CERT_"), "engines: shared libraries"),
     Library("Fontconfig", ("FONTCONFIG_",), "settings"),
     Library("desktop", ("XDG_", "GIO_", "GTK_", "GDK_", "GI_TYPELIB_PATH"), "settings, plug-ins", True),
-    Library("places of files and programs", ("HOME", "TMPDIR", "PATH", "TERMINFO"), "settings and programs"),
+    Library(
+        "places of files and programs", ("HOME", "TMPDIR", "TEMP", "TMP", "PATH", "TERMINFO"), "settings and programs"
+    ),
 )
 
-WHOLE_NAMES = frozenset({"HOME", "TMPDIR", "PATH", "TERMINFO"})  # of which other names begin alike
+WHOLE_NAMES = frozenset({"HOME", "TMPDIR", "TEMP", "TMP", "PATH", "TERMINFO"})  # of which other names begin alike
+MOST_LINKS = 40  # of a path, as Linux follows them
 NEVER = ("PYTHONBREAKPOINT", "PYTHONINSPECT", "PYTHONSTARTUP")  # code where nobody asks for any
 # Places in which private folders are made, or files that are not run: others may write beside these
 SHARED_PLACES = frozenset({
-    "HOME", "NUMBA_CACHE_DIR", "TMPDIR", "XDG_CACHE_HOME", "XDG_DATA_DIRS", "XDG_RUNTIME_DIR", "PYTHONPYCACHEPREFIX",
+    "NUMBA_CACHE_DIR", "SQLITE_TMPDIR", "TEMP", "TMP", "TMPDIR", "XDG_CACHE_HOME", "XDG_DATA_DIRS", "XDG_RUNTIME_DIR",
 })  # fmt: skip
 # Lists that the user's system sets, of places that administrators' groups and other accounts may own
 PATHS = frozenset({"DYLD_INSERT_LIBRARIES", "DYLD_LIBRARY_PATH", "LD_LIBRARY_PATH", "LD_PRELOAD", "PATH", "PYTHONPATH"})
@@ -138,14 +168,62 @@ def is_safe_place(place: str, name: str = "") -> bool:
         return False
     if name in SHARED_PLACES or not hasattr(os, "getuid"):
         return True
-    path = Path(os.path.realpath(place))
-    while not os.path.lexists(path) and path != path.parent:  # whoever may make it decides what it holds
-        path = path.parent
-    if name in PATHS:
-        return not _mode(path) & stat.S_IWOTH
-    if path != Path(os.path.realpath(place)) and _mode(path) & stat.S_IWOTH:
+    if name == "HOME" and _is_home(place):  # without the variable, libraries would look there too
+        return True
+    steps = _steps(place)
+    if steps is None:
         return False
-    return all(_is_of_the_user(part, is_parent=part != path) for part in (path, *path.parents))
+    *parents, last = steps
+    if any(_others_may_replace_entries(step) for step in parents):
+        return False
+    if name in PATHS:
+        return not _mode(last) & stat.S_IWOTH
+    complete = os.path.lexists(os.path.realpath(place))  # if not, whoever may make the rest decides what it holds
+    if not complete and _mode(last) & stat.S_IWOTH:
+        return False
+    return all(_is_of_the_user(step, is_parent=step != last) for step in steps)
+
+
+def _is_home(place: str) -> bool:
+    """Whether a path is the home that the system has of this user."""
+    import pwd
+
+    try:
+        return os.path.realpath(place) == os.path.realpath(pwd.getpwuid(os.getuid()).pw_dir)
+    except KeyError:  # a user whom the system does not know
+        return False
+
+
+def _steps(place: str) -> list[Path] | None:
+    """The folders, links and the file that exist on the way to a path, in order; None of links without an end."""
+    rest = list(Path(place).parts[1:])
+    path = Path(Path(place).anchor)
+    steps, links = [path], 0
+    while rest:
+        part = rest.pop(0)
+        if part == os.pardir:
+            path = path.parent
+            steps.append(path)
+            continue
+        path /= part
+        if not os.path.lexists(path):
+            break
+        steps.append(path)
+        if path.is_symlink():
+            links += 1
+            if links > MOST_LINKS:
+                return None
+            target = Path(os.readlink(path))
+            path = Path(target.anchor) if target.is_absolute() else path.parent
+            rest[:0] = target.parts[1:] if target.is_absolute() else target.parts
+            steps.append(path)  # so that the last step is never a link
+    return steps
+
+
+def _others_may_replace_entries(path: Path) -> bool:
+    """Whether everybody may remove or rename what is in a folder."""
+    mode = _mode(path)
+    return stat.S_ISDIR(mode) and bool(mode & stat.S_IWOTH) and not mode & stat.S_ISVTX
 
 
 def _mode(path: Path) -> int:
@@ -163,7 +241,10 @@ def _is_of_the_user(path: Path, is_parent: bool) -> bool:
         return False
     if status.st_uid not in (0, os.getuid()):
         return False
+    if stat.S_ISLNK(status.st_mode):  # its mode says nothing
+        return True
     if is_parent and status.st_mode & stat.S_ISVTX:  # others' files there are not theirs to replace
         return True
-    by_group = status.st_mode & stat.S_IWGRP and status.st_gid not in (0, os.getgid()) and status.st_uid != 0
+    is_private_group = status.st_gid == os.getgid() == os.getuid()  # as systems make one for each user
+    by_group = status.st_mode & stat.S_IWGRP and not is_private_group and status.st_uid != 0
     return not (status.st_mode & stat.S_IWOTH or by_group)

@@ -42,6 +42,8 @@ def settle() -> None:
     The names of variables that are not used, as they lead elsewhere than the user may want, are in `dropped`.
     """
     dropped.extend(settle_variables())
+    if "PYTHONPYCACHEPREFIX" in dropped:  # Python has read it; compiled modules would come from there
+        sys.pycache_prefix = None
     sys.path[:] = [entry for entry in sys.path if _may_hold_code(entry)]
     if not any(isinstance(finder, _Elsewhere) for finder in sys.meta_path):
         sys.meta_path.insert(0, _Elsewhere())

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import os
+import shutil
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -28,7 +31,9 @@ VARIABLES = (
     Variable("PYTHONPATH"), Variable("PYTHONUSERBASE"), Variable("LD_LIBRARY_PATH"), Variable("LD_AUDIT", "libevil.so"),
     Variable("LD_PRELOAD", "libevil.so"), Variable("GCONV_PATH"), Variable("OPENSSL_CONF", "libevil.so"),
     Variable("FONTCONFIG_FILE"), Variable("XDG_CONFIG_HOME"), Variable("GIO_MODULE_DIR"), Variable("TMPDIR"),
-    Variable("HOME"), Variable("PATH"),
+    Variable("HOME"), Variable("PATH"), Variable("TEMP"), Variable("TMP"), Variable("PYTHONPYCACHEPREFIX"),
+    Variable("IPYTHONDIR"), Variable("JUPYTER_PATH"), Variable("FREI0R_PATH"), Variable("SQLITE_TMPDIR"),
+    Variable("DRI_DRIVERS_PATH"),
 )  # fmt: skip
 
 
@@ -68,6 +73,21 @@ def _below_all(variable: Variable, here: Path, own: Path) -> str:
     return str(Path(_of_all(variable, here, own)) / "later")
 
 
+def _link_in_all(variable: Variable, here: Path, own: Path) -> str:
+    """A link to a place of one's own, which everybody may replace."""
+    (own / "own").mkdir(exist_ok=True)
+    link = Path(_of_all(variable, here, own)) / "link"
+    link.symlink_to(own / "own")
+    return str(link)
+
+
+def _in_all(variable: Variable, here: Path, own: Path) -> str:
+    """A closed folder, which everybody may rename."""
+    closed = Path(_of_all(variable, here, own)) / "closed"
+    closed.mkdir(mode=0o755)
+    return str(closed)
+
+
 FORMS: dict[str, Callable[[Variable, Path, Path], str]] = {
     "relative": _relative,
     "dotted": _dotted,
@@ -79,11 +99,46 @@ FORMS: dict[str, Callable[[Variable, Path, Path], str]] = {
     "of all": _of_all,
     "a link to what is of all": _link_to_all,
     "to be made by anybody": _below_all,
+    "a link in what is of all": _link_in_all,
+    "a folder in what is of all": _in_all,
 }
-OF_ALL = {"of all", "a link to what is of all", "to be made by anybody"}
+OF_ALL = {
+    "of all",
+    "a link to what is of all",
+    "to be made by anybody",
+    "a link in what is of all",
+    "a folder in what is of all",
+}
 FORGERIES = [
     (variable, form)
     for variable in VARIABLES
     for form in FORMS
     if form not in OF_ALL or variable.name not in SHARED_PLACES
 ]
+
+COMPILER = shutil.which("cc") or shutil.which("gcc")
+MARK = '#include <fcntl.h>\n__attribute__((constructor)) static void mark(void){{ creat("{mark}", 0600); }}\n'
+COMMANDS = (  # with a device, and one that draws
+    "pdsolve plate.json -o run.sqlite --device opencl --force",
+    "pdpost damage small.sqlite -o small.png --force",
+)
+
+
+def plant_library(folder: Path) -> Path:
+    """Put a library into a folder, as a driver and a filter too; returns the file that it makes when loaded."""
+    mark = folder / "marked"
+    (folder / "evil.c").write_text(MARK.format(mark=mark))
+    subprocess.run([str(COMPILER), "-shared", "-fPIC", "evil.c", "-o", "libevil.so"], cwd=folder, check=True)
+    (folder / "vendors").mkdir()
+    (folder / "vendors" / "evil.icd").write_text("./libevil.so\n")
+    shutil.copy(folder / "libevil.so", folder / "vendors" / "libh5evil.so")
+    return mark
+
+
+def run_command(command: str, folder: Path, variables: dict[str, str]) -> subprocess.CompletedProcess[str]:
+    """Run an installed program in a folder, with some variables."""
+    program, *words = command.split()
+    installed = Path(sys.executable).with_name(program)
+    return subprocess.run(
+        [str(installed), *words], cwd=folder, capture_output=True, text=True, env=os.environ | variables, check=False
+    )

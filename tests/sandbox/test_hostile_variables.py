@@ -3,29 +3,21 @@
 from __future__ import annotations
 
 import os
-import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-from hostile_variables import FORGERIES, FORMS, Variable
+from hostile_variables import COMMANDS, COMPILER, FORGERIES, FORMS, Variable, plant_library, run_command
 
 from pdsolve.model import Model
 
-COMPILER = shutil.which("cc") or shutil.which("gcc")
-MARK = '#include <fcntl.h>\n__attribute__((constructor)) static void mark(void){{ creat("{mark}", 0600); }}\n'
 LOADED = {  # what a bare library loads, by the variable that leads to it
     "OCL_ICD_VENDORS": ("vendors", "import pyopencl; pyopencl.get_platforms()"),
     "OPENCL_VENDOR_PATH": ("vendors", "import pyopencl; pyopencl.get_platforms()"),
     "OPENCL_LAYERS": ("./libevil.so", "import pyopencl; pyopencl.get_platforms()"),
     "MPI4PY_LIBMPI": ("./libevil.so", "from mpi4py import MPI"),
 }
-COMMANDS = (  # with a device, one that draws and one that reads a drawing
-    "pdsolve plate.json -o run.sqlite --device opencl --force",
-    "pdpost damage small.sqlite -o small.png --force",
-)
-
 pytestmark = [
     pytest.mark.endurance,
     pytest.mark.skipif(COMPILER is None or sys.platform != "linux", reason="compiles a library of Linux"),
@@ -35,22 +27,9 @@ pytestmark = [
 @pytest.fixture
 def marked(here: Path, small_plate: Model, small_results: Path) -> Path:
     """The file that a hostile library of the current folder makes; a model and results are there too."""
-    mark = here / "marked"
-    (here / "evil.c").write_text(MARK.format(mark=mark))
-    subprocess.run([str(COMPILER), "-shared", "-fPIC", "evil.c", "-o", "libevil.so"], cwd=here, check=True)
-    (here / "vendors").mkdir()
-    (here / "vendors" / "evil.icd").write_text("./libevil.so\n")
-    shutil.copy(here / "libevil.so", here / "vendors" / "libh5evil.so")
+    mark = plant_library(here)
     (here / "plate.json").write_text(small_plate.to_json())
     return mark
-
-
-def run(command: str, here: Path, variables: dict[str, str]) -> subprocess.CompletedProcess[str]:
-    program, *words = command.split()
-    installed = Path(sys.executable).with_name(program)
-    return subprocess.run(
-        [str(installed), *words], cwd=here, capture_output=True, text=True, env=os.environ | variables, check=False
-    )
 
 
 @pytest.mark.parametrize("name", LOADED)
@@ -61,7 +40,7 @@ def test_the_attack_is_one(name: str, here: Path, marked: Path) -> None:
     subprocess.run([sys.executable, "-P", "-c", code], cwd=here, env=os.environ | {name: value}, capture_output=True)
     assert marked.exists()
     marked.unlink()
-    said = run(COMMANDS[0], here, {name: value}).stderr
+    said = run_command(COMMANDS[0], here, {name: value}).stderr
     assert name in said
     assert not marked.exists()
     scene = "from pdsolve.numerics.team import team; from pdsolve.operators.device.runtime import devices"
@@ -76,7 +55,7 @@ def test_no_command_is_led_astray(variable: Variable, form: str, here: Path, mar
     value = FORMS[form](variable, here, tmp_path)
     before = {path for path in here.rglob("*")}
     for command in COMMANDS[len(variable.name) % 2 :][:1]:
-        ended = run(command, here, {variable.name: value})
+        ended = run_command(command, here, {variable.name: value})
         assert not marked.exists()
         assert "Traceback" not in ended.stderr
         assert ended.returncode in (0, 2), ended.stderr

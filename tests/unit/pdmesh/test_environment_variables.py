@@ -47,6 +47,45 @@ def test_what_a_group_may_write_to_is_not_used(tmp_path: Path) -> None:
     assert is_safe_place(str(place), "LD_LIBRARY_PATH")
 
 
+@pytest.mark.skipif(getattr(os, "getuid", int)() != 0, reason="only the administrator gives files away")
+@pytest.mark.parametrize(("group", "is_safe"), [(4321, True), (100, False)], ids=["private", "shared"])
+def test_a_first_group_is_trusted_if_it_is_private(
+    group: int, is_safe: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Others may be in a user's first group, as in `users` or `staff`."""
+    os.chown(tmp_path, 4321, group)
+    tmp_path.chmod(0o775)
+    monkeypatch.setattr(os, "getuid", lambda: 4321)
+    monkeypatch.setattr(os, "getgid", lambda: group)
+    assert is_safe_place(str(tmp_path), "HDF5_PLUGIN_PATH") is is_safe
+
+
+def test_the_home_of_the_user_stays_as_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pwd = pytest.importorskip("pwd")
+    tmp_path.chmod(0o777)
+    assert not is_safe_place(str(tmp_path), "HOME")
+    monkeypatch.setattr(pwd, "getpwuid", lambda _: pwd.struct_passwd(["me", "", 0, 0, "", str(tmp_path), ""]))
+    assert is_safe_place(str(tmp_path), "HOME")
+
+
+def test_links_without_an_end_are_not_used(tmp_path: Path) -> None:
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    assert not is_safe_place(str(tmp_path / "loop"), "HDF5_PLUGIN_PATH")
+
+
+def test_compiled_modules_of_others_are_not_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Python has read the variable before the first line of a command."""
+    monkeypatch.setattr(trust, "dropped", [])
+    for name in ("path", "meta_path"):
+        monkeypatch.setattr(sys, name, list(getattr(sys, name)))
+    tmp_path.chmod(0o777)
+    monkeypatch.setattr(sys, "pycache_prefix", str(tmp_path))
+    with monkeypatch.context() as variables:
+        variables.setenv("PYTHONPYCACHEPREFIX", str(tmp_path))
+        trust.settle()
+    assert sys.pycache_prefix is None
+
+
 @pytest.mark.parametrize("variable", VARIABLES, ids=lambda one: one.name)
 def test_a_place_of_ones_own_stays(variable: Variable, here: Path, tmp_path: Path) -> None:
     given = {variable.name: str(tmp_path / "own"), "SOME_PROGRAM": "relative/path"}
