@@ -116,6 +116,7 @@ def test_its_picture(block: Path, tmp_path: Path, capsys: pytest.CaptureFixture[
     assert float(last[2]) == pytest.approx(LIGAMENT, rel=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "words",
     [["render", "--crack"], ["render", "--explode", "0.5"], ["damage", "--clip", "y=0"], ["damage"]],
@@ -164,6 +165,7 @@ def test_without_pyvista_damage_is_drawn_on_planes(
     assert (tmp_path / "planes.png").exists()
 
 
+@pytest.mark.slow
 def test_a_film_of_a_body_cut_open(block: Path, tmp_path: Path) -> None:
     pytest.importorskip("pyvista")
     path = tmp_path / "film.gif"
@@ -195,6 +197,7 @@ def test_paraview_opens_frames_with_their_cracks(block: Path, tmp_path: Path) ->
     assert faces[-1] > 2 * faces[0]
 
 
+@pytest.mark.slow
 def test_vtk_reads_the_last_frame_with_its_crack(
     block: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
