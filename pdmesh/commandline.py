@@ -18,6 +18,7 @@ from pdmesh import VERSION, trust
 from pdmesh.completion import Completion
 from pdmesh.file_kinds import Kind, mistaken
 from pdmesh.files import irregular
+from pdmesh.plain_text import for_line
 from pdmesh.printing import UnprintedError, leave_stdout, remark, say
 from pdmesh.spelling import nearest
 
@@ -49,7 +50,7 @@ class Parser(argparse.ArgumentParser):
     others: dict[str, Callable[[], argparse.ArgumentParser]]  # of words that other parsers take over, for completion
 
     def error(self, message: str) -> NoReturn:
-        self.exit(BAD_INPUT, f"{self.prog}: {message} (--help says more)\n")
+        self.exit(BAD_INPUT, f"{for_line(f'{self.prog}: {message} (--help says more)')}\n")
 
     def _print_message(self, message: str, file: Any = None) -> None:
         with suppress(UnprintedError):
@@ -197,7 +198,7 @@ def report(result: dict[str, Any], lines: Sequence[str], args: argparse.Namespac
     if args.json:
         say(json.dumps(result, indent=2, allow_nan=False))
     elif not args.quiet:
-        say("\n".join(line.replace("\n", "\\n") for line in lines))
+        say("\n".join(map(for_line, lines)))
 
 
 def note(message: str, args: argparse.Namespace) -> None:

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
-from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 from numpy.typing import NDArray
@@ -18,6 +17,7 @@ from pdmesh.model import selection
 from pdmesh.model.document import Document
 from pdmesh.model.node_grid import Grid, grid_of
 from pdmesh.model.suggestions import called
+from pdmesh.plain_figure import Figure
 from pdmesh.reports.load_arrows import total
 from pdmesh.reports.style import CONDITIONS, CRACK, DPI, MARGIN, marker, shades
 

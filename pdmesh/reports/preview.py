@@ -10,7 +10,6 @@ import numpy as np
 import shapely
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from pdmesh.files import write_atomically
@@ -18,6 +17,7 @@ from pdmesh.model import selection
 from pdmesh.model.document import SPACE_VERSION, Document
 from pdmesh.model.node_grid import Grid, grid_of
 from pdmesh.model.visibility import plate_of
+from pdmesh.plain_figure import Figure, formats
 from pdmesh.reports import body_preview
 from pdmesh.reports.bonds_and_step import bonds
 from pdmesh.reports.load_arrows import symbols
@@ -69,10 +69,9 @@ def draw(document: Document, name: str, with_bonds: bool = False) -> Figure:
 
 def save(figure: Figure, path: Path) -> None:
     """Write the picture in the format of the path's suffix, with reproducible bytes. Raises SceneError."""
-    formats = figure.canvas.get_supported_filetypes()
     kind = path.suffix.lower().removeprefix(".")
-    if kind not in formats:
-        raise SceneError(f"{path}: found suffix '{path.suffix}', expected one of .{', .'.join(sorted(formats))}")
+    if kind not in formats():
+        raise SceneError(f"{path}: found suffix '{path.suffix}', expected one of .{', .'.join(formats())}")
     undated: dict[str, Any] = {"pdf": {"CreationDate": None}, "svg": {"Date": None}, "png": {"Software": None}}
     picture = io.BytesIO()
     figure.savefig(picture, format=kind, metadata=undated.get(kind))
