@@ -12,6 +12,7 @@ MOST_OF_A_WORD = 300  # letters without a space in between, such as a path
 MOST_OF_A_LINE = 4000  # letters
 MOST_IN_A_CELL = 32_000  # letters; spreadsheets take some 700 more
 MOST_IN_A_FIGURE = 120  # letters of a line
+MOST_OF_A_NAME = 60
 LINES_IN_A_FIGURE = 4
 LONG_WORD = re.compile(rf"\S{{{MOST_OF_A_WORD + 1},}}")
 FORMULA = re.compile(r"\s*[=+@\-\uff1d\uff0b\uff20\uff0d]")  # beginnings that spreadsheets compute, also full-width
@@ -54,8 +55,12 @@ def for_figure(text: str) -> str:
 
 
 def for_legend(name: str) -> str:
-    """A name at the beginning of a label in a legend; Matplotlib leaves labels out that begin with an underscore."""
-    return f" {name}" if name.startswith("_") else name
+    """A name in a legend or a title, as one short line.
+
+    Matplotlib leaves labels out that begin with an underscore.
+    """
+    line = shortened(visible(name), MOST_OF_A_NAME).replace("\n", "\\n")
+    return f" {line}" if line.startswith("_") else line
 
 
 def for_csv(value: object) -> str:
