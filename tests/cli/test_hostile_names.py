@@ -97,6 +97,7 @@ def test_reaction_draws_names(results: Path, capsys: pytest.CaptureFixture[str])
     assert "_a,b" in picture
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:Glyph")
 def test_compare_draws_names_of_files_and_titles(results: Path, capsys: pytest.CaptureFixture[str]) -> None:
     shutil.copy(results, "$x^$.sqlite")
