@@ -144,7 +144,10 @@ def _build(args: argparse.Namespace) -> int:
     notes = [*built.notes, *(f"warning: {path}: {remark}" for remark in unused_settings.remarks(settings))]
     result["notes"] = notes
     for note in notes:
-        commandline.note(note if note.startswith("warning:") else f"note: {note}", args)
+        if note.startswith("warning:"):
+            commandline.warn(note)
+        else:
+            commandline.note(f"note: {note}", args)
     commandline.report(result, lines, args)
     return commandline.OK
 
@@ -272,7 +275,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         with commandline.warnings_as_notes("pdmesh", args, GridWarning):
             return int(args.run(args))
 
-    return commandline.run("pdmesh", command, _exits, args.quiet)
+    return commandline.run("pdmesh", command, _exits)
 
 
 def _exits() -> dict[type[Exception], int]:

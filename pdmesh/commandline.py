@@ -18,6 +18,7 @@ from pdmesh import VERSION, trust
 from pdmesh.completion import Completion
 from pdmesh.file_kinds import Kind, mistaken
 from pdmesh.files import irregular
+from pdmesh.plain_text import for_line
 from pdmesh.printing import UnprintedError, leave_stdout, remark, say
 from pdmesh.spelling import nearest
 
@@ -49,7 +50,7 @@ class Parser(argparse.ArgumentParser):
     others: dict[str, Callable[[], argparse.ArgumentParser]]  # of words that other parsers take over, for completion
 
     def error(self, message: str) -> NoReturn:
-        self.exit(BAD_INPUT, f"{self.prog}: {message} (--help says more)\n")
+        self.exit(BAD_INPUT, f"{for_line(f'{self.prog}: {message} (--help says more)')}\n")
 
     def _print_message(self, message: str, file: Any = None) -> None:
         with suppress(UnprintedError):
@@ -131,7 +132,7 @@ def add_common_options(parser: argparse.ArgumentParser, output: str, assignment:
         help=assignment,
     )
     parser.add_argument("--json", action="store_true", help="print the result as JSON on stdout")
-    parser.add_argument("-q", "--quiet", action="store_true", help="print nothing but errors")
+    parser.add_argument("-q", "--quiet", action="store_true", help="print nothing but errors and warnings")
 
 
 def add_trust(parser: argparse.ArgumentParser) -> None:
@@ -197,13 +198,18 @@ def report(result: dict[str, Any], lines: Sequence[str], args: argparse.Namespac
     if args.json:
         say(json.dumps(result, indent=2, allow_nan=False))
     elif not args.quiet:
-        say("\n".join(line.replace("\n", "\\n") for line in lines))
+        say("\n".join(map(for_line, lines)))
 
 
 def note(message: str, args: argparse.Namespace) -> None:
-    """Print a message on stderr, unless --quiet."""
+    """Print a message on stderr, unless --quiet. One that a result may be wrong is for `warn`."""
     if not args.quiet:
         remark(message)
+
+
+def warn(message: str) -> None:
+    """Print a message on stderr that a result may be wrong or lacks something, also with --quiet."""
+    remark(message)
 
 
 @contextmanager
@@ -216,12 +222,15 @@ def warnings_as_notes(name: str, args: argparse.Namespace, *kinds: type[Warning]
         yield
 
 
-def _shown_once(name: str, quiet: bool) -> Callable[..., None]:
-    """A replacement of `warnings.showwarning` that prints each warning once as a line, or nothing if `quiet`."""
+def _shown_once(name: str, quiet: bool = False) -> Callable[..., None]:
+    """A replacement of `warnings.showwarning` that prints each warning once as a line.
+
+    If `quiet`, it leaves out those that only inform, whose class has `informs`: others mean that a result may be wrong.
+    """
     said = set()
 
     def show(message: Warning | str, *_: Any, **__: Any) -> None:
-        if not quiet and str(message) not in said:
+        if not (quiet and getattr(message, "informs", False)) and str(message) not in said:
             said.add(str(message))
             remark(f"{name}: warning: {message}")
 
@@ -236,15 +245,13 @@ def words(argv: Sequence[str] | None) -> list[str]:
     return sys.argv[1:]
 
 
-def run(
-    name: str, command: Callable[[], int], exits: Callable[[], dict[type[Exception], int]], quiet: bool = False
-) -> int:
+def run(name: str, command: Callable[[], int], exits: Callable[[], dict[type[Exception], int]]) -> int:
     """Run `command`; an expected error becomes one line on stderr and its exit code, a TrustWarning one line.
 
     `exits` returns the exit codes of expected errors. It is called only after an error, so that it may import their
     modules.
     """
-    with _interrupts() as interrupts, _trust_warnings(name, quiet):
+    with _interrupts() as interrupts, _trust_warnings(name):
         try:
             try:
                 check_environment()
@@ -294,11 +301,11 @@ def _stopped(number: int = signal.SIGINT) -> tuple[int, str]:
 
 
 @contextmanager
-def _trust_warnings(name: str, quiet: bool) -> Iterator[None]:
-    """A context that prints each TrustWarning once, unless quiet; other warnings are shown as usual."""
+def _trust_warnings(name: str) -> Iterator[None]:
+    """A context that prints each TrustWarning once; other warnings are shown as usual."""
     with warnings.catch_warnings():
         warnings.simplefilter("always", trust.TrustWarning)
-        show, show_trust = warnings.showwarning, _shown_once(name, quiet)
+        show, show_trust = warnings.showwarning, _shown_once(name)
 
         def tell(message: Warning | str, category: type[Warning], *rest: Any, **more: Any) -> None:
             (show_trust if issubclass(category, trust.TrustWarning) else show)(message, category, *rest, **more)

@@ -7,6 +7,8 @@ import sys
 from contextlib import suppress
 from typing import TextIO
 
+from pdmesh.plain_text import for_line, visible
+
 
 class UnprintedError(Exception):
     """Output that cannot be written: the other end of a pipe has closed, or a disk is full."""
@@ -16,19 +18,12 @@ class UnprintedError(Exception):
         self.is_closed = isinstance(error, BrokenPipeError)  # by one who has seen enough, such as head
 
 
-def escaped(text: str) -> str:
-    """Text with control characters, and undecodable bytes of file names, replaced by their codes."""
-    return "".join(
-        sign if sign.isprintable() or sign in "\n\t" else ascii(sign)[1:-1].replace("\\udc", "\\x") for sign in text
-    )
-
-
 def say(text: str, file: TextIO | None = None, end: str = "\n") -> None:
     """Print on stdout, or another stream. Raises UnprintedError."""
     stream = sys.stdout if file is None else file
     encoding = getattr(stream, "encoding", None) or "utf-8"
     try:
-        stream.write((escaped(text) + end).encode(encoding, "backslashreplace").decode(encoding))
+        stream.write((visible(text) + end).encode(encoding, "backslashreplace").decode(encoding))
         stream.flush()
     except OSError as error:
         raise UnprintedError(error) from None
@@ -37,7 +32,7 @@ def say(text: str, file: TextIO | None = None, end: str = "\n") -> None:
 def remark(message: str) -> None:
     """Print a line on stderr; errors in writing are ignored."""
     with suppress(UnprintedError):
-        say(message.replace("\n", "\\n"), sys.stderr)
+        say(for_line(message), sys.stderr)
 
 
 def leave_stdout() -> None:

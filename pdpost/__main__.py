@@ -95,7 +95,7 @@ def _say_what_is_lost(args: argparse.Namespace) -> None:
     for path in _paths(args, "results"):
         with suppress(ResultsError, OSError):
             if Path(f"{os.path.realpath(path)}-wal").exists() and (warning := state_of(path).warning):
-                commandline.note(f"pdpost: warning: {path}: {warning}", args)
+                commandline.warn(f"pdpost: warning: {path}: {warning}")
 
 
 def _refuse_bodies(args: argparse.Namespace) -> None:

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 from pdmesh import commandline
 from pdmesh.file_kinds import Kind
-from pdmesh.printing import escaped, say
+from pdmesh.plain_text import visible
+from pdmesh.printing import say
 from pdmesh.spelling import nearest
 from pdsolve.ranks import launch
 from pdsolve.run.progress import Watch
@@ -178,7 +179,7 @@ def _solve(args: argparse.Namespace, ranks: Team | None) -> int:
             if not args.force:
                 state_of(path)  # a log without its database is left alone
             with _says_how_to_go_on(path, args), compile_time_said(lambda words: commandline.note(words, args)):
-                results = simulate(model, path, options, watch, escaped(shlex.join(["pdsolve", *sys.argv[1:]])))
+                results = simulate(model, path, options, watch, visible(shlex.join(["pdsolve", *sys.argv[1:]])))
         with results:
             path, meta, summary = Path(results.name), results.meta(), results.summary()
     lines = _lines(path, summary)

@@ -52,6 +52,12 @@ class ModelWarning(UserWarning):
     """A model that can be solved but may not mean what its author intends; one line."""
 
 
+class ModelNote(ModelWarning):
+    """What a run will do, for information: its model means what its author intends; one line."""
+
+    informs = True  # left out by --quiet
+
+
 class ModelError(ValueError):
     """A model that cannot be solved; the message names the place, what was found and what was expected."""
 

@@ -40,12 +40,13 @@ class _Gap(NamedTuple):
     middle: NDArray[np.float64]  # (k, 2) m, points along its middle
 
 
-def ligaments(grid: Grid, faces: list[shapely.Polygon], cracks: shapely.Geometry) -> list[Ligament]:
+def ligaments(grid: Grid, faces: list[shapely.Polygon]) -> list[Ligament]:
     """Places where a plate is thinner than THINNEST local spacings, the thinnest first.
 
-    `faces` are the parts into which `cracks` divide the plate.
+    `faces` are the parts into which its cracks divide the plate.
     """
     sizes = np.unique(grid.delta)
+    cracks = _coarse(grid.cracks, EXACT * THINNEST / 2 * float(sizes[0]))
     if len(sizes) > MOST_SIZES:
         sizes = np.exp2(np.unique(np.ceil(np.log2(sizes))))
     gaps = list(_between(faces, cracks, THINNEST * float(sizes[-1])))
@@ -60,6 +61,15 @@ def ligaments(grid: Grid, faces: list[shapely.Polygon], cracks: shapely.Geometry
         if all(np.hypot(*np.subtract(one.place, other.place)) > one.spacing for other in kept):
             kept.append(one)
     return kept
+
+
+def _coarse(segments: NDArray[np.float64], tolerance: float) -> shapely.Geometry:
+    """The segments (k, 4) of cracks as polylines without points that are nearer than `tolerance`, m, to their line.
+
+    Discs around a million points would take for ever to unite.
+    """
+    lines = shapely.multilinestrings(segments.reshape(-1, 2, 2))
+    return shapely.simplify(shapely.line_merge(lines), tolerance, preserve_topology=False)
 
 
 def _thin(gaps: list[_Gap], grid: Grid) -> Iterator[Ligament]:

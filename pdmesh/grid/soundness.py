@@ -14,7 +14,7 @@ from pdmesh.grid.supports import rows_of, unheld
 from pdmesh.model.document import Settings
 from pdmesh.model.lattice_calibration import has_partial_cells
 from pdmesh.model.node_grid import Grid
-from pdmesh.model.visibility import cracks_of, plate_of
+from pdmesh.model.visibility import plate_of
 from pdmesh.scene.shapes import SceneError, near
 
 CRUMB = 9  # nodes; a piece of fewer that nothing acts on is only warned of
@@ -41,8 +41,8 @@ def remarks(grid: Grid, settings: Settings) -> tuple[str, ...]:
     plate = plate_of(grid)
     if plate is None:
         return ()
-    faces, cracks = faces_of(plate, grid), cracks_of(grid)
-    thin = ligaments(grid, faces, cracks)
+    faces = faces_of(plate, grid)
+    thin = ligaments(grid, faces)
     found = _pieces(grid, settings, faces)
     return (
         *_loose(grid, settings, found, thin),

@@ -44,6 +44,7 @@ from pdmesh.model.medium import Source as Source
 from pdmesh.model.monitors import Gap as Gap
 from pdmesh.model.monitors import LoadCell as LoadCell
 from pdmesh.model.output_fields import USUAL, Column
+from pdmesh.model.repeated_keys import repeated_key
 from pdmesh.model.suggestions import explained
 from pdmesh.model.timed_selection import MOST_STEPS as MOST_STEPS
 from pdmesh.model.timed_selection import Box as Box
@@ -335,6 +336,8 @@ def read_document(data: bytes | str, name: str) -> Document:
         file = msgspec.json.decode(text if found is None else found[0], type=GridFile)
     except (msgspec.DecodeError, UnicodeError, RecursionError) as error:
         raise GridError(f"{name}: {explained(error, GridFile, lambda: msgspec.json.decode(data))}") from None
+    if (repeated := repeated_key(text)) is not None:
+        raise GridError(f"{name}: {repeated}: found twice, expected once; readers would take the last in silence")
     if file.version not in (FORMAT_VERSION, SPACE_VERSION):
         raise GridError(
             f"{name}: $.version: found {file.version}, expected {FORMAT_VERSION}, or {SPACE_VERSION} of a body in space"

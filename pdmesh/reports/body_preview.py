@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
-from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 from numpy.typing import NDArray
@@ -18,6 +17,8 @@ from pdmesh.model import selection
 from pdmesh.model.document import Document
 from pdmesh.model.node_grid import Grid, grid_of
 from pdmesh.model.suggestions import called
+from pdmesh.plain_figure import Figure
+from pdmesh.plain_text import for_legend
 from pdmesh.reports.load_arrows import total
 from pdmesh.reports.style import CONDITIONS, CRACK, DPI, MARGIN, marker, shades
 
@@ -40,7 +41,7 @@ def draw(document: Document, name: str) -> Figure:
     for number, way in enumerate(WAYS):
         _section(figure.add_subplot(places[number], aspect="equal"), document, grid, way, middle, number == 0)
     _outline(figure.add_subplot(places[3], projection="3d"), document, grid)
-    figure.suptitle(f"{Path(document.source or name).stem}: {len(grid)} nodes", fontsize=10)
+    figure.suptitle(f"{for_legend(Path(document.source or name).stem)}: {len(grid)} nodes", fontsize=10)
     figure.legend(loc="outside lower center", ncols=4, fontsize=7, frameon=False, markerscale=1.2)
     return figure
 
@@ -86,7 +87,7 @@ def marked(document: Document, grid: Grid) -> Iterator[tuple[str, str, NDArray[n
     for number, (kind, name, entry) in enumerate(entries):
         rows = selection.selected(grid, entry.nodes, entry.box)
         sums = total(entry, grid, np.flatnonzero(rows))
-        yield f"{kind} '{name}': {int(rows.sum())} nodes{sums}", CONDITIONS[number % len(CONDITIONS)], rows
+        yield f"{kind} '{for_legend(name)}': {int(rows.sum())} nodes{sums}", CONDITIONS[number % len(CONDITIONS)], rows
 
 
 def _near(grid: Grid, across: int, middle: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -114,7 +115,9 @@ def _outline(axes: Any, document: Document, grid: Grid) -> None:
     faces, cracks = grid.faces * 1e3, grid.cracks.reshape(-1, 3, 3) * 1e3
     low, high = grid.position.min(axis=0) * 1e3, grid.position.max(axis=0) * 1e3
     edges = _edges(faces)
-    axes.add_collection3d(Line3DCollection(edges[:: len(edges) // MOST_EDGES + 1], colors="#555555", linewidths=0.5))
+    if len(edges):  # a sphere has none
+        some = edges[:: len(edges) // MOST_EDGES + 1]
+        axes.add_collection3d(Line3DCollection(some, colors="#555555", linewidths=0.5))
     some = faces[:: len(faces) // MOST_FACES + 1]
     axes.add_collection3d(Poly3DCollection(some, facecolors="#1f5fbf", edgecolors="none", alpha=0.1))
     if len(cracks):

@@ -10,7 +10,6 @@ import numpy as np
 import shapely
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from pdmesh.files import write_atomically
@@ -18,6 +17,8 @@ from pdmesh.model import selection
 from pdmesh.model.document import SPACE_VERSION, Document
 from pdmesh.model.node_grid import Grid, grid_of
 from pdmesh.model.visibility import plate_of
+from pdmesh.plain_figure import Figure, formats
+from pdmesh.plain_text import for_legend
 from pdmesh.reports import body_preview
 from pdmesh.reports.bonds_and_step import bonds
 from pdmesh.reports.load_arrows import symbols
@@ -60,7 +61,7 @@ def draw(document: Document, name: str, with_bonds: bool = False) -> Figure:
         lines = LineCollection(list(grid.cracks.reshape(-1, 2, 2) * 1e3), colors=CRACK, linewidths=1.4, zorder=5)
         axes.add_collection(lines)
         axes.plot([], [], color=CRACK, label="crack")
-    axes.set_title(f"{Path(document.source or name).stem}: {len(grid)} nodes", fontsize=10)
+    axes.set_title(f"{for_legend(Path(document.source or name).stem)}: {len(grid)} nodes", fontsize=10)
     figure.legend(loc="outside lower center", ncols=4, fontsize=7, frameon=False, markerscale=1.2)
     figure.draw_without_rendering()
     figure.set_layout_engine("none")  # which each drawing would change a little more
@@ -69,10 +70,9 @@ def draw(document: Document, name: str, with_bonds: bool = False) -> Figure:
 
 def save(figure: Figure, path: Path) -> None:
     """Write the picture in the format of the path's suffix, with reproducible bytes. Raises SceneError."""
-    formats = figure.canvas.get_supported_filetypes()
     kind = path.suffix.lower().removeprefix(".")
-    if kind not in formats:
-        raise SceneError(f"{path}: found suffix '{path.suffix}', expected one of .{', .'.join(sorted(formats))}")
+    if kind not in formats():
+        raise SceneError(f"{path}: found suffix '{path.suffix}', expected one of .{', .'.join(formats())}")
     undated: dict[str, Any] = {"pdf": {"CreationDate": None}, "svg": {"Date": None}, "png": {"Software": None}}
     picture = io.BytesIO()
     figure.savefig(picture, format=kind, metadata=undated.get(kind))
@@ -108,7 +108,7 @@ def _nodes(axes: Axes, grid: Grid, points: float) -> None:
         axes.scatter(x, y, s=size, c=shade, cmap="viridis", linewidths=0, zorder=2)
         return
     for number, name in enumerate(() if grid.bodies is None else grid.bodies.names):
-        axes.plot([], [], "o", color=BODIES[number % len(BODIES)], markersize=3, label=f"body '{name}'")
+        axes.plot([], [], "o", color=BODIES[number % len(BODIES)], markersize=3, label=f"body '{for_legend(name)}'")
     for spacing, shade in shades(grid.delta):
         at = grid.position[grid.delta == spacing] * 1e3
         style: dict[str, Any] = {

@@ -9,8 +9,7 @@ from pdmesh import commandline
 from pdpost.commands.shared import add_csv, add_frame, add_results, check_csv, chosen_frame, plane, positive, write_csv
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
+    from pdmesh.plain_figure import Figure
     from pdpost.commands.shared import Commands
     from pdsolve.results import Results
 

@@ -75,7 +75,7 @@ def _export(args: argparse.Namespace) -> int:
     ):
         if wrong:
             raise commandline.UsageError(f"{word}: found with {kind}, which holds {holds}")
-    folder = path.with_suffix("")
+    folder = frame_files.beside(path)
     if kind == ".pvd" and folder.is_symlink():
         raise commandline.UsageError(f"{folder}: found a link there, expected a folder or none (remove it)")
     if kind == ".pvd" and folder.exists() and not (folder.is_dir() and args.force):

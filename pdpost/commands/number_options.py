@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pdmesh import commandline
+from pdmesh.plain_text import for_csv
 from pdpost.commands.shared import add_csv, add_journal, add_results, check_csv, write_csv
 
 if TYPE_CHECKING:
@@ -84,11 +85,5 @@ def finite(value: Any) -> Any:
 
 
 def _table(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> bytes:
-    import csv
-    import io
-
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(header)
-    writer.writerows([["" if item is None else item for item in finite(row)] for row in rows])
-    return text.getvalue().encode()
+    lines = [header, *(finite(row) for row in rows)]
+    return "".join(",".join(map(for_csv, line)) + "\n" for line in lines).encode()

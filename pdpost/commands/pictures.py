@@ -26,8 +26,7 @@ from pdpost.commands.shared import (
 )
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
+    from pdmesh.plain_figure import Figure
     from pdpost.commands.shared import Commands
     from pdpost.exports.csv_columns import Columns
     from pdsolve.results import Results

@@ -128,7 +128,7 @@ def chosen_scale(results: Results, step: int, args: argparse.Namespace) -> float
     if args.scale is not None:
         return float(args.scale)
     if not {"ux", "uy"} <= set(results.stored(step)):
-        commandline.note(f"{args.results}: holds no displacements; the reference is drawn", args)
+        commandline.warn(f"{args.results}: holds no displacements; the reference is drawn")
         return 0.0
     return chosen_scale(results, step)
 

@@ -85,7 +85,7 @@ def _sif(args: argparse.Namespace) -> int:
             style.save(sif_figure.sif(results, found, spent, args.window), path)
     left_out = [one for one in found if one.last is None and one.refused]
     for one in left_out:
-        commandline.note(f"{args.results}: {one.front.name} left out: {one.refused}", args)
+        commandline.warn(f"{args.results}: {one.front.name} left out: {one.refused}")
     lines = [_words(one) for one in found if one not in left_out]
     result = {"steps": steps, "units": UNITS, "G0": spent.G0, "tips": [_told(one, beside) for one in found]}
     names = [f"{name}{end}, {unit}" for name, unit in UNITS.items() for end in ("", " at least", " at most")]

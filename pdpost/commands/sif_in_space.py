@@ -32,7 +32,7 @@ def deliver_fronts(args: argparse.Namespace, results: Results, steps: list[int],
         if left_out := Counter(_reason(why) for why in one.refused if why):
             reasons = ", ".join(f"{count} at {why}" for why, count in left_out.most_common())
             said = f"{sum(left_out.values())} of {len(one.along)} points left out: {reasons}"
-            commandline.note(f"{args.results}: {one.name}: {said}", args)
+            commandline.warn(f"{args.results}: {one.name}: {said}")
     lines = [_words(one) for one in last if len(one.known)]
     result = {"steps": steps, "units": UNITS, "fronts": [_told(one) for one in found]}
     names = [f"{name}{end}, {unit}" for name, unit in UNITS.items() for end in ("", " at least", " at most")]

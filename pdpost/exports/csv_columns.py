@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.plain_text import for_csv
 from pdpost.measures import fields
 from pdsolve.results import Nodes, Results
 
@@ -22,7 +23,7 @@ def csv(columns: Columns) -> bytes:
     kinds = ["%d" if column.dtype.kind in "iub" else "%.9g" for column in columns.values()]
     line = ",".join(kinds)
     rows = zip(*(column.tolist() for column in columns.values()), strict=True)
-    return "\n".join([",".join(columns), *(line % row for row in rows), ""]).encode()
+    return "\n".join([",".join(map(for_csv, columns)), *(line % row for row in rows), ""]).encode()
 
 
 def of_field(results: Results, name: str, step: int) -> dict[str, NDArray[np.generic]]:

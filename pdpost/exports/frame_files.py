@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.files import replacing, write_atomically
+from pdmesh.plain_text import for_file_name
 from pdpost.exports import msh as msh_file
 from pdpost.exports import xdmf as xdmf_file
 from pdpost.exports.csv_columns import csv, of_frame
@@ -87,9 +88,9 @@ def pvd(
 
     `crack` writes the surface of the cracks after a step; it is listed as the second part of each frame.
     """
-    folder = path.with_suffix("")
+    folder = beside(path)
     files = {
-        step: [f"{folder.name}/{path.stem}_{step:08d}.vtu", f"{folder.name}/{path.stem}_crack_{step:08d}.vtp"]
+        step: [f"{folder.name}/{folder.name}_{step:08d}.vtu", f"{folder.name}/{folder.name}_crack_{step:08d}.vtp"]
         for step in steps
     }
     for file in (path.parent / name for names in files.values() for name in names):
@@ -108,6 +109,11 @@ def pvd(
     head = '<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">\n  <Collection>'
     text = "\n".join(['<?xml version="1.0"?>', head, *lines, "  </Collection>", "</VTKFile>", ""])
     write_atomically(path, text.encode())
+
+
+def beside(path: Path) -> Path:
+    """The folder of the VTU files that belong to the PVD file at `path`."""
+    return path.with_name(for_file_name(path.stem))
 
 
 def xdmf(

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.files import replacing, write_atomically
+from pdmesh.plain_text import for_file_name
 
 CELLS = {"vertex": "Polyvertex", "quad": "Quadrilateral", "hexahedron": "Hexahedron"}  # meshio's word: XDMF's
 RANKS = {1: "Scalar", 3: "Vector", 9: "Tensor"}  # by how many numbers there are
@@ -75,7 +76,7 @@ def _describe(series: Element, frames: Iterable[Frame], put: Callable[[NDArray[n
 
 def beside(path: Path) -> Path:
     """Path of the .bin file that belongs to the XDMF file at `path`."""
-    return path.with_suffix(".bin")
+    return path.with_name(f"{for_file_name(path.stem)}.bin")
 
 
 def _put(file: BinaryIO, name: str, array: NDArray[np.generic]) -> Element:

@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
 from matplotlib.colors import LinearSegmentedColormap, Normalize
-from matplotlib.figure import Figure
 
+from pdmesh.plain_figure import Figure
 from pdpost.figures import field_figure, raster, sheets
 from pdpost.figures.colours import at
 from pdpost.figures.raster import Box

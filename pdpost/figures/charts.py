@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from pdmesh.model.output_fields import FIELDS
-from pdpost.figures.labels import scaled
+from pdmesh.plain_figure import Figure
+from pdmesh.plain_text import for_legend
+from pdpost.figures.labels import scaled, ten_to
 from pdpost.figures.style import COLOURS
 from pdpost.measures import fields
 from pdpost.measures.balance import Balance
@@ -46,7 +47,7 @@ def histories(curves: list[History], quantity: str) -> Figure:
     plain(axes)
     letter, unit = FIELDS[quantity].symbol, fields.FIELDS[quantity].unit
     parts = dict.fromkeys(curve.component for curve in curves)
-    symbols = {part: f"|{letter}|" if part == "magnitude" else f"${letter}_{part}$" for part in parts}
+    symbols = {part: f"|{letter}|" if part == "magnitude" else f"{letter}{part}" for part in parts}
     second, seconds = scaled((curve.time for curve in curves), "s")
     factor, shown = scaled((side for curve in curves for side in (curve.low, curve.high)), unit)
     for number, curve in enumerate(curves):
@@ -79,7 +80,7 @@ def balance(books: Balance, per: str = "/m") -> Figure:
     small, _ = scaled([books.error], "")
     below.plot(books.time * second, books.error * small, lw=1.2, color="black")
     below.axhline(0, color="0.6", lw=0.6)
-    power = "error over put in" if small == 1 else f"error over put in,\n$10^{{{-round(np.log10(small))}}}$"
+    power = "error over put in" if small == 1 else f"error over put in,\n{ten_to(-round(np.log10(small)))}"
     below.set(xlabel=f"time, {seconds}", ylabel=power)
     for axes in (above, below):
         plain(axes)
@@ -126,7 +127,7 @@ def reactions(found: list[Reaction], axis: int | None = None, per: str = "/m") -
     most = max(float(np.ptp(one.displacement[:, at])) for one, at in zip(found, axes_of, strict=True)) * metre
     for number, (one, at) in enumerate(zip(found, axes_of, strict=True)):
         force = one.force[:, at] * newton
-        label = f"{one.name} ({one.kind}), {'xyz'[at]}"
+        label = f"{for_legend(one.name)} ({one.kind}), {'xyz'[at]}"
         over_time.plot(one.time * second, force, lw=1.2, label=label, **look(number))
         way = one.displacement[:, at] * metre
         if np.ptp(way) >= STILL * most:
@@ -148,7 +149,7 @@ def openings(found: list[Pulled], per: str = "/m") -> Figure:
     metre, metres = scaled((one.opening for one in found), "m")
     for number, one in enumerate(found):
         style, (x, y) = look(number), (one.opening * metre, one.force * newton)
-        axes.plot(x, y, lw=1.2, label=f"{one.name}, {'xyz'[one.axis]}: {abs(one.area):.4g} J{per}", **style)
+        axes.plot(x, y, lw=1.2, label=f"{for_legend(one.name)}, {'xyz'[one.axis]}: {abs(one.area):.4g} J{per}", **style)
         axes.fill_between(x, y, color=style["color"], alpha=0.08, lw=0)
         axes.plot(x[one.peak], y[one.peak], "o", ms=4, color=style["color"])
         said = f"{y[one.peak]:.4g} {newtons} at {x[one.peak]:.3g} {metres}"

@@ -10,9 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from pdmesh.plain_figure import Figure
+from pdmesh.plain_text import for_legend
 from pdpost.figures.charts import WIDTH, look, plain
 from pdpost.figures.labels import scaled
 from pdpost.figures.raster import Box
@@ -95,7 +96,7 @@ def comparison(
     for number, (lines, name) in enumerate(zip(paths, names, strict=True)):
         style = look(number) | {"lw": (2.2, 1.3)[number], "ls": ("-", (0, (4, 2)))[number]}
         for line in lines:
-            plate.plot(*line.T * on.factor, label=name if line is lines[0] else None, zorder=5, **style)
+            plate.plot(*line.T * on.factor, label=for_legend(name) if line is lines[0] else None, zorder=5, **style)
     plate.set_title(title, fontsize="medium")
     if any(paths):
         figure.legend(loc="outside lower center", ncols=3, frameon=False)
@@ -195,7 +196,7 @@ def _released(shown: list[Branch], energy: Axes, found: Summary) -> None:
     energy.plot(spent.time * second, spent.value * joule, color="black", lw=1.3)
     energy.axhline(spent.G0 * joule, color="black", ls="--", lw=0.9)
     energy.annotate(
-        "$G_0$", (1, spent.G0 * joule), (0, 2), xycoords=("axes fraction", "data"),
+        "G₀", (1, spent.G0 * joule), (0, 2), xycoords=("axes fraction", "data"),
         textcoords="offset points", ha="right", va="bottom", fontsize="small",
     )  # fmt: skip
     energy.set_ylim(bottom=0)

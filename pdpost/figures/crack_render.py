@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from pdmesh.plain_figure import Figure
 from pdpost.figures.colours import Colours, colours, mappable, title
 from pdpost.figures.opening_colours import CMAP, Opening, opening_colours
 from pdpost.figures.render import STONE, add_body, framed, image, needed_pyvista, plotter_of, taken

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
-from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 from numpy.typing import NDArray
 
+from pdmesh.plain_figure import Figure
 from pdpost.figures.charts import WIDTH, look, plain
 from pdpost.figures.labels import scaled
 from pdpost.figures.opening_colours import Opening, opening_colours
@@ -106,4 +106,4 @@ def _release(axes: Axes, found: SummaryInSpace) -> None:
     plain(axes)
     axes.plot(found.time * second, found.release / found.G0, lw=1.3, **look(1))
     axes.axhline(1.0, color="0.5", lw=0.8, ls=":")
-    axes.set(xlabel=f"time, {seconds}", ylabel="dissipated / area / $G_0$", ylim=(0, None))
+    axes.set(xlabel=f"time, {seconds}", ylabel="dissipated / area / G₀", ylim=(0, None))

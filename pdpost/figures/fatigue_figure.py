@@ -7,9 +7,10 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
+from pdmesh.plain_figure import Figure
+from pdmesh.plain_text import for_legend
 from pdpost.figures.charts import WIDTH, look, plain
 from pdpost.measures.fatigue import FIRST, Growth, Life, between
 
@@ -39,7 +40,7 @@ def _tips(runs: Sequence[Life]) -> list[tuple[Life, Growth]]:
 
 def _lengths(axes: Axes, runs: Sequence[Life], named: bool) -> None:
     for number, (run, one) in enumerate(_tips(runs)):
-        label = f"{run.name}, {one.name}" if named else one.name
+        label = f"{for_legend(run.name)}, {one.name}" if named else one.name
         axes.plot(one.cycles, one.length * 1e3, marker=".", lw=1.2, label=label, **look(number))
     axes.set(xlabel="cycles", ylabel="growth of the crack, mm")
     axes.legend(frameon=False, fontsize="small")
@@ -54,7 +55,7 @@ def _growth(axes: Axes, runs: Sequence[Life], named: bool) -> None:
             axes.plot(dK[some] * 1e-6, one.rate[some], "o", ms=4, mfc=fill, mec=colour, ls="none")
     for run, dashes in zip(runs, ("--", ":", "-."), strict=False):
         ranges = np.concatenate([one.dK for one in run.found])
-        ends, of = np.array([ranges.min(), ranges.max()]), f"{run.name}: " if named else ""
+        ends, of = np.array([ranges.min(), ranges.max()]), f"{for_legend(run.name)}: " if named else ""
         if run.line is not None:
             words = f"{of}found, m = {run.line.m:.3g}"
             axes.plot(ends * 1e-6, run.line.at(ends), color="black", lw=0.9, ls=dashes, label=words)
@@ -84,7 +85,7 @@ def _lives(axes: Axes, runs: Sequence[Life]) -> None:
             axes.axhline(run.given.endurance, color="0.6", lw=0.9, ls=":", label="endurance")
     for number, run in enumerate(runs):
         if run.first is not None and run.range is not None:
-            axes.plot(run.first, run.range, "o", ms=5, color=look(number)["color"], label=run.name)
+            axes.plot(run.first, run.range, "o", ms=5, color=look(number)["color"], label=for_legend(run.name))
     axes.set(xscale="log", yscale="log", xlabel="cycles until the first bonds break", ylabel="range of stretch")
     if axes.get_legend_handles_labels()[1]:
         axes.legend(frameon=False, fontsize="small")

@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from pdmesh.model.output_fields import CRACKED
+from pdmesh.plain_figure import Figure
 from pdpost.figures import slice_figure
 from pdpost.figures.colours import Colours, colours, mappable, title
 from pdpost.figures.raster import Box

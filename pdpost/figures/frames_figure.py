@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import matplotlib
 import numpy as np
-from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
+from pdmesh.plain_figure import Figure
 from pdpost.figures import colours, field_figure
 from pdpost.figures.raster import Box
 from pdpost.figures.sheets import border, box_of, hidden, mark, on_axes, paint, seen, shape

@@ -17,6 +17,11 @@ def spelled(text: str) -> str:
     return MICRO.sub("µ", text).replace("m^0.5", "m^½").replace("^2", "²").replace("^3", "³")
 
 
+def ten_to(power: int) -> str:
+    """A power of ten, such as 10⁻³."""
+    return f"10{str(power).translate(POWERS)}"
+
+
 def prefixed(largest: float) -> tuple[float, str]:
     """A factor and an SI prefix for numbers up to `largest`."""
     power = int(np.floor(np.log10(largest) / 3)) * 3 if largest > 0 else 0
@@ -29,7 +34,7 @@ def unit(name: str, largest: float) -> tuple[float, str]:
     factor, prefix = prefixed(largest)
     power = -round(np.log10(factor))
     if power and (not name or (power > 0 and name.startswith("m/"))):
-        return factor, f"10{str(power).translate(POWERS)} {name}".rstrip()
+        return factor, f"{ten_to(power)} {name}".rstrip()
     return factor, prefix + name
 
 

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import ListedColormap, LogNorm, Normalize
-from matplotlib.figure import Figure
 
+from pdmesh.plain_figure import Figure
 from pdpost.figures import field_figure
 from pdpost.figures.colours import at
 from pdpost.figures.labels import prefixed

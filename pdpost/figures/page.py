@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Iterable, Mapping
-from html import escape
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from pdmesh.model.suggestions import called
+from pdmesh.plain_figure import Figure
+from pdmesh.plain_text import for_html
 from pdpost.figures import charts, crack_figure, crack_surface_figure, field_figure
 from pdpost.figures.animation import gif
 from pdpost.figures.labels import prefixed, spelled
@@ -75,10 +75,10 @@ def report(results: Results, name: str) -> str:
         ("Settings", [_table(_settings(model, meta))]),
         ("Provenance", [_table((title, meta[key]) for key, title in PROVENANCE.items() if key in meta)]),
     ]
-    body = "\n".join(f"<h2>{escape(title)}</h2>\n" + "\n".join(parts) for title, parts in sections)
+    body = "\n".join(f"<h2>{for_html(title)}</h2>\n" + "\n".join(parts) for title, parts in sections)
     return (
-        f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n{VIEWPORT}<title>{escape(name)}</title>\n'
-        f"<style>{STYLE}</style>\n</head>\n<body>\n<h1>{escape(name)}</h1>\n{body}\n</body>\n</html>\n"
+        f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n{VIEWPORT}'
+        f"<title>{for_html(name)}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<h1>{for_html(name)}</h1>\n{body}\n</body>\n</html>\n"
     )
 
 
@@ -148,7 +148,7 @@ def _balance(results: Results) -> list[str]:
     last = {"put in" if name == "work" else name: value for name, value in last.items()}
     last["balance error"] = f"{books.error[-1]:+.2e} of the most put in"
     last["broken bonds"] = str(len(results.breaks().step))
-    said = "".join(f"<li>{escape(sentence)}</li>" for sentence in remarks(results))
+    said = "".join(f"<li>{for_html(sentence)}</li>" for sentence in remarks(results))
     parts = [
         _table(last),
         *([f"<ul>{said}</ul>"] if said else []),
@@ -170,13 +170,13 @@ def _masses(results: Results) -> list[str]:
 
 def _crack(results: Results) -> list[str]:
     found = crack_summary.crack(results)
-    items = "".join(f"<li>{escape(spelled(sentence))}</li>" for sentence in crack_summary.sentences(found))
+    items = "".join(f"<li>{for_html(spelled(sentence))}</li>" for sentence in crack_summary.sentences(found))
     return [f"<ul>{items}</ul>", _image(crack_figure.crack(results, found), "path, length and speed of the crack")]
 
 
 def _crack_in_space(results: Results) -> list[str]:
     found = crack_in_space.crack_in_space(results)
-    items = "".join(f"<li>{escape(spelled(sentence))}</li>" for sentence in crack_in_space.sentences(found))
+    items = "".join(f"<li>{for_html(spelled(sentence))}</li>" for sentence in crack_in_space.sentences(found))
     drawn = crack_surface_figure.crack_surface(results, found)
     return [f"<ul>{items}</ul>", _image(drawn, "surface of the crack, its area and its cost")]
 
@@ -195,7 +195,7 @@ def _fields(results: Results, step: int) -> list[str]:
 
 def _table(rows: Mapping[str, object] | Iterable[tuple[str, object]]) -> str:
     pairs = rows.items() if isinstance(rows, Mapping) else rows
-    cells = "".join(f"<tr><th>{escape(name)}</th><td>{escape(str(value))}</td></tr>\n" for name, value in pairs)
+    cells = "".join(f"<tr><th>{for_html(name)}</th><td>{for_html(value)}</td></tr>\n" for name, value in pairs)
     return f"<table>\n{cells}</table>"
 
 
@@ -215,4 +215,4 @@ def _image(figure: Figure, alternative: str) -> str:
 
 def _picture(data: bytes, kind: str, alternative: str) -> str:
     text = base64.b64encode(data).decode()
-    return f'<img alt="{escape(alternative)}" src="data:image/{kind};base64,{text}">'
+    return f'<img alt="{for_html(alternative)}" src="data:image/{kind};base64,{text}">'

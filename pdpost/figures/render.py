@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 from matplotlib.cm import ScalarMappable
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from pdmesh.plain_figure import Figure
 from pdpost.figures.colours import Colours, mappable
 from pdpost.figures.style import FigureError
 from pdpost.measures.slices import AXES

@@ -5,12 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from pdmesh.model.selection import selected
 from pdmesh.model.suggestions import called
+from pdmesh.plain_figure import Figure
+from pdmesh.plain_text import for_legend
 from pdpost.figures.charts import WIDTH
 from pdpost.figures.sheets import box_of, mark, on_axes, shape, tint
 from pdpost.figures.style import COLOURS
@@ -38,7 +39,9 @@ def scene(results: Results, model: dict[str, Any]) -> Figure:
         here = acted_on(nodes, condition)
         acting |= here
         colours[here] = [int(colour[at : at + 2], 16) / 255 for at in (1, 3, 5)]
-        keys.append(Patch(color=colour, label=f"{called(condition.get('name'), number)} ({condition['kind']})"))
+        keys.append(
+            Patch(color=colour, label=f"{for_legend(called(condition.get('name'), number))} ({condition['kind']})")
+        )
     where = shape(results, 0, 0.0)
     box = box_of([where])
     width, tall = box[2] - box[0], box[3] - box[1]

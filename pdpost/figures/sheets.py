@@ -13,13 +13,13 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.colors import to_rgba
-from matplotlib.figure import Figure
 from matplotlib.patches import Patch, PathPatch
 from matplotlib.path import Path as Curve
 from numpy.typing import NDArray
 
 from pdmesh.model.crack_particles import arms, until
 from pdmesh.model.kd_trees import tree_of
+from pdmesh.plain_figure import Figure
 from pdpost.figures import raster
 from pdpost.figures.labels import prefixed
 from pdpost.figures.outlines import around, outlines

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.patches import Annulus
 from numpy.typing import NDArray
 
+from pdmesh.plain_figure import Figure
 from pdpost.figures.charts import WIDTH, look, plain
 from pdpost.figures.crack_figure import on_grey_plate
 from pdpost.figures.labels import scaled
@@ -98,5 +98,5 @@ def _released(axes: Axes, shown: list[Series], spent: Release) -> None:
     factor, _ = scaled((side["J"] for one in shown for side in (one.low, one.high)), "J/m²")
     if np.isfinite(spent.value).any():
         axes.plot(spent.time * second, spent.value * factor, color="black", lw=1.0, ls="-.", label="dD/da")
-        axes.axhline(spent.G0 * factor, color="0.4", lw=0.8, ls=":", label="$G_0$")
+        axes.axhline(spent.G0 * factor, color="0.4", lw=0.8, ls=":", label="G₀")
         axes.legend(frameon=False)

@@ -10,9 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import PolyCollection
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from pdmesh.plain_figure import Figure
 from pdpost.figures.colours import Colours, at, caption, colours, mappable, usual
 from pdpost.figures.labels import scaled
 from pdpost.measures.slices import AXES, Cut, cut, middle, values

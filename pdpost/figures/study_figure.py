@@ -7,8 +7,9 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
+from pdmesh.plain_figure import Figure
+from pdmesh.plain_text import for_figure, for_legend
 from pdpost.figures.charts import WIDTH, look, plain
 from pdpost.figures.crack_figure import on_grey_plate
 from pdpost.figures.labels import scaled, spelled
@@ -73,7 +74,7 @@ def _panel(axes: Axes, found: Read, name: str, some: Sequence[Spread], over: str
         low, high = (factor * np.array(side) for side in zip(*(spread.ends for spread in mine), strict=True))
         axes.vlines(at, low, high, color=colour, lw=1.0)
         middle = factor * np.array([spread.median for spread in mine])
-        axes.plot(at, middle, marker="_", ms=9, mew=1.6, lw=0.9, color=colour, label=which or None)
+        axes.plot(at, middle, marker="_", ms=9, mew=1.6, lw=0.9, color=colour, label=for_legend(which) or None)
     missing = sum(len(spread.measured) - len(spread.known) for spread in some)
     _show_all(axes, places)
     axes.set_ylabel(", ".join(filter(None, [name.replace("_", " "), unit])))
@@ -93,9 +94,10 @@ def _places(axes: Axes, found: Read, some: Sequence[Spread], over: str | None) -
         if (numbers > 0).all() and numbers.max() > LOGARITHMIC * numbers.min():
             axes.set_xscale("log")
         elif len(numbers) <= FEW:
-            axes.set_xticks(numbers * factor, [f"{number * factor:g}" for number in numbers])
+            axes.set_xticks(numbers * factor, [f"{number * factor:g}" for number in numbers], parse_math=False)
         return {value: float(value) * factor for value in values}
-    axes.set_xticks(range(len(values)), [value_of(value) if over else "" for value in values])
+    words = [for_figure(value_of(value)) if over else "" for value in values]
+    axes.set_xticks(range(len(values)), words, parse_math=False)
     axes.set_xlim(-0.6, len(values) - 0.4)
     axes.set_xlabel("" if over is None else short(over))
     return {value: float(number) for number, value in enumerate(values)}
@@ -136,7 +138,7 @@ def overlay(
             plate.plot(*line.T * on.factor, zorder=5, **style)
     for number, name in enumerate(names):
         if name:
-            plate.plot([], [], label=name, lw=1.4, **look(number))
+            plate.plot([], [], label=for_legend(name), lw=1.4, **look(number))
     if any(names):
         figure.legend(loc="outside lower center", ncols=3, frameon=False)
     return figure

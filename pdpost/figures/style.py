@@ -14,10 +14,10 @@ import matplotlib
 import numpy as np
 from matplotlib import font_manager
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 
 from pdmesh.files import write_atomically
+from pdmesh.plain_figure import Figure, formats
 
 STYLE: dict[str, Any] = {
     "figure.figsize": (7.0, 4.8),  # inches: the width of what is drawn; heights are as the pictures need them
@@ -67,6 +67,7 @@ KINDS = (  # of settings that pictures have
     *("axes.", "figure.", "font.", "grid.", "hatch.", "image.", "legend.", "lines.", "markers.", "mathtext.", "patch."),
     *("path.", "pdf.", "ps.", "savefig.", "scatter.", "svg.", "text.", "xaxis.", "xtick.", "yaxis.", "ytick."),
 )
+OF_TEX = ("text.usetex", "text.latex", "text.parse_math")
 BOUNDS = {"font.size": (1.0, 72.0), "savefig.dpi": (10.0, 1200.0), "figure.dpi": (10.0, 1200.0)}
 LARGEST = 1000.0  # number of any other setting
 UNDATED = {"pdf": {"CreationDate": None}, "svg": {"Date": None}, "png": {"Software": None}}
@@ -96,6 +97,10 @@ def _checked(style: Mapping[str, object]) -> dict[str, Any]:
     for name, value in style.items():
         if name not in matplotlib.rcParams or not name.startswith(KINDS):
             raise FigureError(f"--set {name}: found no such matplotlib setting, expected one such as savefig.dpi")
+        if name.startswith(OF_TEX):
+            raise FigureError(
+                f"--set {name}: TeX is not used, as it would run names in a model as a program; leave it out"
+            )
         try:
             known = matplotlib.RcParams({name: value})[name]
         except Exception as error:  # of many kinds
@@ -171,10 +176,9 @@ def _as_wide(figure: Figure, width: float) -> Bbox:
 
 def check_format(path: Path) -> str:
     """Format of the path's suffix. Raises FigureError, naming the supported formats."""
-    formats = Figure().canvas.get_supported_filetypes()
     kind = path.suffix.lower().removeprefix(".")
-    if kind not in formats:
-        raise FigureError(f"{path}: found suffix '{path.suffix}', expected one of .{', .'.join(sorted(formats))}")
+    if kind not in formats():
+        raise FigureError(f"{path}: found suffix '{path.suffix}', expected one of .{', .'.join(formats())}")
     return kind
 
 

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from numpy.typing import NDArray
 
+from pdmesh.plain_figure import Figure
 from pdpost.figures.charts import WIDTH, plain
 from pdpost.figures.style import BLUE, VERMILION
 from pdpost.measures.tradeoff import Point, front

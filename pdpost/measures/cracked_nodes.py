@@ -15,6 +15,7 @@ from pdsolve.results import Lives, Results
 
 LINKED = 1.5  # spacings between two nodes of a crack
 ROUND_OFF = 1e-6
+SAME_PLACE = 1e-12  # m: ends of pre-cracks as near as that are one
 
 
 def damage_at(results: Results, step: int) -> NDArray[np.float64]:
@@ -84,8 +85,9 @@ def pre_crack_tips(cracks: NDArray[np.float64]) -> list[tuple[NDArray[np.float64
     """Ends of pre-cracks (k, 4) that no other segment touches, each with the unit vector of the arriving crack."""
     ends = np.concatenate([cracks[:, :2], cracks[:, 2:]])
     starts = np.concatenate([cracks[:, 2:], cracks[:, :2]])
+    if not len(ends):
+        return []
+    alone = tree_of(ends).query_ball_point(ends, SAME_PLACE, p=np.inf, return_length=True) == 1
     return [
-        (tip, (tip - start) / np.hypot(*(tip - start)))
-        for tip, start in zip(ends, starts, strict=True)
-        if (np.abs(ends - tip).max(axis=1) < 1e-12).sum() == 1
+        (tip, (tip - start) / np.hypot(*(tip - start))) for tip, start in zip(ends[alone], starts[alone], strict=True)
     ]

@@ -191,5 +191,7 @@ def _share(found: float, expected: float) -> float | None:
 
 def _energy(results: Results, time: float) -> float:
     books = results.history()
+    if not len(books):
+        raise ResultsError(f"{results.name}: found no energies, expected those of a run of mechanics")
     total = books["kinetic"] + books["strain"] + books["dissipated"] + np.nan_to_num(damping(books))
     return float(np.interp(time, books["time"], total))

@@ -10,6 +10,7 @@ import numpy as np
 
 from pdmesh.model.document import LARGEST, Crack, Run, Selection, Settings, Vector
 from pdmesh.model.number_bounds import beyond
+from pdmesh.model.repeated_keys import repeated_key
 from pdpost.reading.time_text import time_text
 from pdsolve.results import Results, ResultsError
 
@@ -56,6 +57,8 @@ def read(results: Results, kind: type[T]) -> T:
         found = msgspec.json.decode(text, type=kind)
         if _Model not in results.decoded:
             rest = msgspec.json.decode(text, type=_Model)
+            if (repeated := repeated_key(text)) is not None:
+                raise ResultsError(f"{results.name}: model: {repeated}: found twice, expected once")
             _check(results, rest)
             results.decoded[_Model] = rest
     except (msgspec.DecodeError, RecursionError) as error:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from html import escape
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.plain_text import for_html
 from pdsolve.study.measure_columns import OWN
 from pdsolve.study.table import Table
 
@@ -26,9 +26,9 @@ class Columns(dict[str, NDArray[Any]]):
 
     def _repr_html_(self) -> str:
         """The first rows as an HTML table."""
-        head = "".join(f"<th>{escape(name)}</th>" for name in self)
+        head = "".join(f"<th>{for_html(name)}</th>" for name in self)
         lines = [
-            "<tr>" + "".join(f"<td>{escape(_word(column[row]))}</td>" for column in self.values()) + "</tr>"
+            "<tr>" + "".join(f"<td>{for_html(_word(column[row]))}</td>" for column in self.values()) + "</tr>"
             for row in range(min(self.rows, SHOWN))
         ]
         more = f"<p>and {self.rows - SHOWN} more rows</p>" if self.rows > SHOWN else ""

@@ -54,6 +54,8 @@ class Results:
                 results = cls(connection, str(path), path.resolve())
                 results._tables.expect_ours()
                 results._open_pieces(path)
+                if results._tables.count("node") == 0:  # a run writes its nodes together with its tables
+                    results._tables.impossible("node", validation.NO_NODE)
             except BaseException:
                 results.close() if results is not None else connection.close()
                 raise

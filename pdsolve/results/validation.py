@@ -29,6 +29,7 @@ TYPES: Mapping[str, tuple[type, ...]] = {  # of a column in SQL: what its values
     "BLOB": (bytes,),
     "": (str, float, int, bytes, type(None)),
 }
+NO_NODE = "found no node, expected at least one; the file is damaged, solve the model anew"
 LARGEST_INT = 2**62  # what ids may be
 NUMBERS = {  # of meta: the bounds of what must be a number, the first of them left out
     "time_step": (0.0, MOST),
@@ -120,6 +121,8 @@ def _bearable(value: float) -> bool:
 def wrong_nodes(nodes: Nodes, row: NDArray[np.int64], birth: NDArray[np.int64]) -> str | None:
     """Error in the nodes that ever lived (n,), with rows of the table and births (n,)."""
     count = len(row)
+    if not count:
+        return NO_NODE
     if not np.array_equal(row, np.arange(count)):
         return "found rows that are not numbered from 0 on, expected them one after the other"
     for name, bad in (

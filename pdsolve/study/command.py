@@ -44,7 +44,7 @@ def parser() -> argparse.ArgumentParser:
     )
     commandline.add_trust(program)
     program.add_argument("--json", action="store_true", help="print the rows as JSON on stdout")
-    program.add_argument("-q", "--quiet", action="store_true", help="print nothing but errors")
+    program.add_argument("-q", "--quiet", action="store_true", help="print nothing but errors and warnings")
     return program
 
 
@@ -57,7 +57,7 @@ def _count(text: str) -> int:
 def main(argv: Sequence[str]) -> int:
     """Run pdsolve study; returns its exit code."""
     args = parser().parse_args(argv)
-    return commandline.run("pdsolve study", lambda: _study(args), _exits, args.quiet)
+    return commandline.run("pdsolve study", lambda: _study(args), _exits)
 
 
 def _study(args: argparse.Namespace) -> int:

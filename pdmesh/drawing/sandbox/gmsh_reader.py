@@ -70,7 +70,7 @@ def _read(job: dict[str, Any], file: TextIO) -> None:
         else:
             _open(gmsh, job, found)
     except Exception as error:  # gmsh raises bare Exception
-        found["messages"].append(" ".join(str(error).split()))
+        found["messages"].append(" ".join(str(error).split()) or _silent(found["parameters"]))
     lines = [line for line in gmsh.logger.get() if line.startswith(("Warning", "Error"))]
     said, found["remarks"] = with_names(gmsh, lines)
     found["messages"] += said
@@ -132,6 +132,12 @@ def _assign(gmsh: Any, known: list[dict[str, Any]], assignments: list[list[str]]
             else:
                 gmsh.onelab.setString(name, [value])
     return wrong
+
+
+def _silent(parameters: list[dict[str, Any]]) -> str:
+    """What to say of an error without a message, as Gmsh raises if its memory is not enough."""
+    spacing = f" (it is {_finest(_spacings(parameters)):g})" if _spacings(parameters) else ""
+    return f"nothing; it stopped, probably for lack of memory; a larger spacing{spacing} needs fewer triangles"
 
 
 # ---- curves

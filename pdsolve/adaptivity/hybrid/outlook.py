@@ -24,7 +24,7 @@ from pdsolve.adaptivity.hybrid.coarse_cells import Plate, cells_of, plate_of, ti
 from pdsolve.adaptivity.hybrid.lattice import COARSE, FINE
 from pdsolve.adaptivity.hybrid.springs import springs_of
 from pdsolve.errors import LateZoneError, UnstableError
-from pdsolve.model import Model, ModelError, ModelWarning
+from pdsolve.model import Model, ModelError, ModelNote
 from pdsolve.options import Options
 
 EVEN, FIXED, FINE_NODES = 0.06, 1200.0, 2.2
@@ -50,7 +50,7 @@ def decided(model: Model, options: Options) -> Model:
     """The model with run.adapt hybrid or none in place of auto; a warning says which and why."""
     how, why = _choice(model, options)
     named = "peridynamics near cracks alone (hybrid)" if how == "hybrid" else "fine nodes everywhere (none)"
-    warnings.warn(f"{model.name}: $.run.adapt: auto takes {named}: {why}", ModelWarning, stacklevel=3)
+    warnings.warn(f"{model.name}: $.run.adapt: auto takes {named}: {why}", ModelNote, stacklevel=3)
     return adapted(model, how) if how == "hybrid" else uniform(model)
 
 

@@ -24,7 +24,7 @@ from pdmesh.grid.ligaments import Ligament, ligaments
 from pdmesh.grid.pieces import faces_of, pieces
 from pdmesh.model.neighbours import Neighbours, Pairs
 from pdmesh.model.node_grid import Grid
-from pdmesh.model.visibility import Sight, cracks_of, plate_of
+from pdmesh.model.visibility import Sight, plate_of
 
 
 def blocks(neck: float, low: float = 0.0102, gap: float = 1e-3, far: float = 0.041) -> Scene:
@@ -41,7 +41,7 @@ def thin(scene: Scene) -> list[Ligament]:
     grid = build_grid(scene)[0]
     plate = plate_of(grid)
     assert plate is not None
-    return ligaments(grid, faces_of(plate, grid), cracks_of(grid))
+    return ligaments(grid, faces_of(plate, grid))
 
 
 # ---- pieces
