@@ -2,11 +2,11 @@
 
 Layout: cubes of the coarsest spacing fill the bounding box of the body and share its centre. A cube is divided into
 eight where a zone asks for it. A zone is grown by the horizon of the nodes it replaces, as in the plane, so that
-neighbouring spacings differ by one step. A node whose centre is in the body stays and stands for the part of its cube
-inside the body. Material in cubes with their centre outside goes to the nearest nodes. For a
-fine zone that moves there is one lattice, whose outer cubes have their centres on the faces of the box: coarse cells
-then end there. The volumes of cubes that the
-surface cuts are scaled so that all volumes sum to the body's.
+neighbouring spacings differ by one step. A node whose centre is in the body, or on its surface, stays and stands for
+the part of its cube inside the body. Material in cubes with their centre outside goes to the nearest nodes. For a fine
+zone that moves there is one lattice, whose outer cubes have their centres on the faces of the box: coarse cells then
+end there. The volumes of cubes that the surface cuts are exact for its triangles. They are scaled so that all volumes
+sum to the body's, as chords of curved faces are inside it.
 """
 
 from __future__ import annotations
@@ -17,10 +17,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.grid.enclosed_volumes import Cubes, inside, shares
+from pdmesh.grid.cell_volumes import shares
+from pdmesh.grid.cubes import Cubes, inside
 from pdmesh.model.document import ON_ONE_LATTICE
 from pdmesh.model.kd_trees import tree_of
-from pdmesh.model.triangulated_surface import gap
+from pdmesh.model.triangulated_surface import gap, outward
 from pdmesh.scene.body import Body
 from pdmesh.scene.shapes import SceneError
 from pdmesh.scene.solids import Shell
@@ -28,10 +29,10 @@ from pdmesh.scene.solids import Shell
 SLACK = 1e-6  # of a spacing: what a box may be larger than cubes that fill it
 ON = 1e-4  # of a spacing: a centre this near to the surface is on it
 FULL = 1 - 1e-9  # share of a cube that is all of it
-LINES = 4  # along each side of a cube, that measure what is inside
 MOST_CUBES = 10**8  # of a level
 AROUND, ALIKE = 12, 1e-9  # nodes that may be the nearest to a place; relative: distances this near are the same
-MISSED = 0.1  # of the volume of cut cubes: lines that miss more do not measure them
+CROSSED = 1e-2  # of the volume of cut cubes, less than none or more than all of a cube: of chords near each other
+MISSED = 0.1  # of the volume of cut cubes: triangles that miss more of a body's volume are not its surface
 THINNEST = 3  # nodes that a body is to have across
 WEDGE = 4  # nodes from where it has them to a sharp edge; farther away it is thin
 
@@ -72,6 +73,7 @@ def place_nodes(body: Body) -> list[Cubic]:
     if open_at is not None:
         place = ", ".join(f"{value:g}" for value in open_at)
         raise SceneError(f"body: found a surface open at ({place}) m, expected a closed one")
+    surface = outward(body.shell.triangles)
     refined = _refined(body)
     levels: list[Cubic] = []
     lost: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []
@@ -82,7 +84,7 @@ def place_nodes(body: Body) -> list[Cubic]:
             there &= ~refined[step]
         if not there.any():
             continue
-        level, orphans = _level(body, cubes, *_trimmed(cubes, there))
+        level, orphans = _level(surface, cubes, *_trimmed(cubes, there))
         levels.append(level)
         lost.append(orphans)
     if not sum(len(level.at) for level in levels):
@@ -117,17 +119,6 @@ def _cubes(body: Body, step: int) -> Cubes:
 def _on_faces(body: Body) -> bool:
     """Whether the outer nodes lie on the faces of the box around a body, for coarse cells to end there."""
     return body.run.adapt in ON_ONE_LATTICE
-
-
-def _solid(body: Body, cubes: Cubes) -> NDArray[np.bool_]:
-    """Mask of the cubes with their centre in a body; a centre on the surface is in it where nodes lie on faces."""
-    triangles = body.shell.triangles
-    if not _on_faces(body):
-        return inside(triangles, cubes, "body")
-    found = np.zeros(cubes.size, dtype=bool)
-    for way in itertools.product((-ON, ON), repeat=3):
-        found |= inside(triangles, cubes._replace(corner=cubes.corner + np.array(way) * cubes.spacing), "body")
-    return found
 
 
 def _refined(body: Body) -> list[NDArray[np.bool_]]:
@@ -182,15 +173,13 @@ def _trimmed(cubes: Cubes, there: NDArray[np.bool_]) -> tuple[Cubes, NDArray[np.
 
 
 def _level(
-    body: Body, every: Cubes, cubes: Cubes, there: NDArray[np.bool_]
+    surface: NDArray[np.float64], every: Cubes, cubes: Cubes, there: NDArray[np.bool_]
 ) -> tuple[Cubic, tuple[NDArray[np.float64], NDArray[np.float64]]]:
     """Nodes of these cubes, and the places (k, 3) and volumes (k,) of material in cubes that are no nodes.
 
-    `cubes` are a part of `every` cube.
+    `surface` are triangles (t, 3, 3), m, turned outward; `cubes` are a part of `every` cube.
     """
-    triangles = body.shell.triangles
-    solid, share = _solid(body, cubes), shares(triangles, cubes, LINES, "body")
-    share = np.clip(share, 0.0, 1.0)
+    solid, share = inside(surface, cubes, "body", ON), _checked(shares(surface, cubes), cubes)
     kept, left = there & solid, there & ~solid & (share > 0)
     edge = np.zeros_like(kept)
     around = np.pad(solid & (share > FULL), 1)
@@ -203,6 +192,18 @@ def _level(
     own, thin = tuple(at.T), _thin(solid, cubes, every)
     level = Cubic(cubes, at, share[own] * cube, (edge | (share <= FULL))[own], thin[own])
     return level, (cubes.middles(out), share[tuple(out.T)] * cube)
+
+
+def _checked(share: NDArray[np.float64], cubes: Cubes) -> NDArray[np.float64]:
+    """Shares of cubes from 0 to 1. Raises SceneError for a surface that crosses itself."""
+    proper = np.clip(share, 0.0, 1.0)
+    off = np.abs(share - proper)
+    if off.sum() > CROSSED * ((proper > 0) & (proper < FULL)).sum() + SLACK:
+        place = ", ".join(f"{value:g}" for value in cubes.middles(np.argwhere(off == off.max())[:1])[0])
+        raise SceneError(
+            f"body: found a surface that crosses itself near ({place}) m, expected the outside of one body"
+        )
+    return proper
 
 
 def _places(cubes: NDArray[np.bool_]) -> NDArray[np.int64]:
@@ -245,8 +246,8 @@ def _given(body: Body, levels: list[Cubic], lost: list[tuple[NDArray[np.float64]
     missing, scaled = body.shell.volume - float(volume.sum()), float(volume[cut].sum())
     if abs(missing) > MISSED * max(scaled, 1e-9 * body.shell.volume):
         raise SceneError(
-            f"body: found {volume.sum():g} m^3 in its cubes, expected {body.shell.volume:g} m^3: its surface crosses"
-            " itself, or nodes are too far apart for it"
+            f"body: found {volume.sum():g} m^3 within its triangles, expected {body.shell.volume:g} m^3: its surface"
+            " crosses itself, or nodes are too far apart for it"
         )
     if scaled > 0:
         volume[cut] *= 1 + missing / scaled

@@ -13,6 +13,7 @@ EDGE = 1e-12  # of a triangle: how far beside its edge a segment still meets it
 OUTER = 1e-9  # of the size of a body: a corner this little in front of a triangle's plane is on it
 AT_ONCE = 2**20  # products of corners, or of segments, and triangles
 SMALL = 2.0  # spacings from its middle: what a triangle that is found by a tree reaches at most
+RAY = (0.0713914, 0.1371277)  # across a triangle: what a ray from it leans by
 FEW = 64  # triangles that are looked at one by one, small or not
 
 
@@ -21,64 +22,91 @@ def volume(triangles: NDArray[np.float64]) -> float:
 
     Triangles may have either orientation.
     """
-    corners, number = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)
-    number = number.reshape(-1, 3)
-    flat = (number == np.roll(number, 1, axis=1)).any(axis=1)
-    triangles, number = triangles[~flat], number[~flat]
-    turned = _turned(number)
-    triangles[turned] = triangles[turned][:, ::-1]
-    part = connected(len(corners), number[:, :2].ravel(), number[:, 1:].ravel())[number[:, 0]]
-    parts = [triangles[part == one] for one in np.unique(part)]
-    total = 0.0
-    for one in parts:
-        a, b, c = one.transpose(1, 0, 2)
-        depth = sum(_encloses(other, one[0, 0]) for other in parts if other is not one)
-        total += (-1) ** depth * abs(float((a * np.cross(b, c)).sum())) / 6
-    return total
+    a, b, c = (outward(triangles) - triangles[:1, :1]).transpose(1, 0, 2)
+    return float((a * np.cross(b, c)).sum()) / 6
 
 
-def _turned(number: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Mask of triangles, corners (t, 3), oriented opposite to the first of their edge-connected part.
+def outward(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Triangles (t, 3, 3) of a closed surface with area, their corners counterclockwise seen from outside.
+
+    Inside is what a ray leaves through an odd number of triangles.
+    """
+    number = _corner_numbers(triangles)
+    whole = (number != np.roll(number, 1, axis=1)).all(axis=1)
+    triangles, number = triangles[whole], number[whole]
+    turned, part = _turned(number)
+    triangles = np.where(turned[:, None, None], triangles[:, ::-1], triangles)
+    if not len(triangles):
+        return triangles
+    area = (normals(triangles) ** 2).sum(axis=1)
+    largest = np.lexsort((area, part))[np.append(np.flatnonzero(np.diff(np.sort(part))), len(part) - 1)]
+    inward = np.zeros(part.max(initial=0) + 1, dtype=bool)
+    for one in largest:
+        inward[part[one]] = _crossings(triangles, int(one)) % 2
+    return np.where(inward[part][:, None, None], triangles[:, ::-1], triangles)
+
+
+def _corner_numbers(triangles: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Numbers (t, 3) of the corners of triangles, the same for those at the same place."""
+    corners = triangles.reshape(-1, 3)
+    order = np.lexsort(corners.T)
+    new = (np.diff(corners[order], axis=0) != 0).any(axis=1)
+    number = np.zeros(len(corners), dtype=np.int64)
+    number[order[1:]] = np.cumsum(new)
+    return number.reshape(-1, 3)
+
+
+def _turned(number: NDArray[np.int64]) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
+    """Mask of triangles, corners (t, 3), oriented opposite to the first of their edge-connected part, and the part.
 
     Two triangles with a common edge agree if they run along it in opposite directions. Edges of more than two triangles
     are ignored.
     """
     count = len(number)
     ends = np.stack([number, np.roll(number, -1, axis=1)], axis=2).reshape(-1, 2)
-    _, edge, shared = np.unique(np.sort(ends, axis=1), axis=0, return_inverse=True, return_counts=True)
-    order = np.argsort(edge.ravel(), kind="stable")
-    first, second = order[shared[edge.ravel()[order]] == 2].reshape(-1, 2).T
+    edge = _edge_keys(ends)
+    order = np.argsort(edge, kind="stable")
+    _, shared = np.unique(edge[order], return_counts=True)
+    first, second = order[np.repeat(shared, shared) == 2].reshape(-1, 2).T
     against = (ends[first, 0] == ends[second, 0]) * count
     one, other = first // 3, second // 3
     side = connected(
         2 * count, np.concatenate([one, one + count]), np.concatenate([other + against, other + count - against])
     ).reshape(2, count)
-    return np.asarray(side[0] > side[1])
+    return np.asarray(side[0] > side[1]), np.asarray(side.min(axis=0))
 
 
-def _encloses(triangles: NDArray[np.float64], place: NDArray[np.float64]) -> bool:
-    """Whether a closed surface encloses a place (3,), by its solid angle.
+def _edge_keys(ends: NDArray[np.int64]) -> NDArray[np.int64]:
+    """A number (e,) for each edge between two corners (e, 2), the same for both directions."""
+    return np.asarray(ends.min(axis=1) * (ends.max(initial=0) + 1) + ends.max(axis=1))
 
-    A. van Oosterom, J. Strackee, IEEE Trans. Biomed. Eng. 30 (1983) 125-126.
-    """
-    way = triangles - place
-    far = np.sqrt((way**2).sum(axis=2))
-    a, b, c = way.transpose(1, 0, 2)
-    x, y, z = far.T
-    below = x * y * z + (a * b).sum(axis=1) * z + (b * c).sum(axis=1) * x + (c * a).sum(axis=1) * y
-    return abs(float(np.arctan2((a * np.cross(b, c)).sum(axis=1), below).sum())) > np.pi
+
+def _crossings(triangles: NDArray[np.float64], one: int) -> int:
+    """How many triangles a ray meets that leaves one of them on the side from which it is counterclockwise."""
+    corners = triangles - triangles[one].mean(axis=0)
+    edge, other = corners[one, 1] - corners[one, 0], corners[one, 2] - corners[one, 0]
+    normal = np.cross(edge, other)
+    way = normal / np.linalg.norm(normal) + RAY[0] * edge / np.linalg.norm(edge)  # in no plane that bodies have
+    way += RAY[1] * other / np.linalg.norm(other)
+    a, b, c = corners.transpose(1, 0, 2)
+    sides = np.stack([np.cross(p, q) @ way for p, q in ((a, b), (b, c), (c, a))])
+    met = (sides > 0).all(axis=0) | (sides < 0).all(axis=0)
+    met[one] = False
+    ahead = (a * np.cross(b, c)).sum(axis=1) * sides.sum(axis=0) > 0
+    return int((met & ahead).sum())
 
 
 def gap(triangles: NDArray[np.float64]) -> NDArray[np.float64] | None:
     """A place (3,) at which a surface of triangles (t, 3, 3) is open, on an edge that is not of two triangles; else
     None."""
-    corners, number = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)
-    a, b, c = number.reshape(-1, 3).T
-    edges = np.sort(np.concatenate([np.stack(pair, axis=1) for pair in ((a, b), (b, c), (c, a))]), axis=1)
-    edges = edges[edges[:, 0] != edges[:, 1]]
-    every, count = np.unique(edges, axis=0, return_counts=True)
-    odd = np.flatnonzero(count % 2)
-    return np.asarray(corners[every[odd[0]]].mean(axis=0)) if len(odd) else None
+    number = _corner_numbers(triangles)
+    ends = np.stack([number, np.roll(number, -1, axis=1)], axis=2).reshape(-1, 2)
+    _, first, count = np.unique(_edge_keys(ends), return_index=True, return_counts=True)
+    odd = first[(count % 2 == 1) & (ends[first, 0] != ends[first, 1])]
+    if not len(odd):
+        return None
+    at, corner = divmod(int(odd[0]), 3)
+    return np.asarray((triangles[at, corner] + triangles[at, (corner + 1) % 3]) / 2)
 
 
 def facing(triangles: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,13 +1,13 @@
-"""The share of each lattice cube that a closed surface of triangles encloses.
+"""Lattices of cubes, and which of their centres a closed surface of triangles encloses.
 
-The surface cuts lines along z, which pass through a lattice of places across it. A line is inside between the first cut
-and the second, between the third and the fourth, and so on. The length of a line inside a cube is exact; a cube's share
-is the mean over the lines through it. Lines are displaced by less than a millionth of a spacing, so that none runs
-along an edge.
+The surface cuts lines along z, which pass through the centres. A line is inside between the first cut and the second,
+between the third and the fourth, and so on. Lines are displaced by less than a millionth of a spacing, so that none
+runs along an edge.
 """
 
 from __future__ import annotations
 
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -40,44 +40,29 @@ class Cubes(NamedTuple):
         return np.asarray(np.round(self.corner + (at + 0.5) * self.spacing, decimals) + 0.0)
 
 
-def inside(triangles: NDArray[np.float64], cubes: Cubes, place: str) -> NDArray[np.bool_]:
+def inside(triangles: NDArray[np.float64], cubes: Cubes, place: str, slack: float = 0.0) -> NDArray[np.bool_]:
     """Mask (x, y, z) of the cubes with their centre inside the surface of triangles (t, 3, 3), m.
 
-    Raises SceneError, beginning with `place`, for a surface that does not close.
+    With a `slack`, in spacings, centres that are less than that outside count too, whatever the direction. Raises
+    SceneError, beginning with `place`, for a surface that does not close.
     """
-    cuts = _cuts(triangles, cubes, 1, place)
-    shape = (int(cubes.size[0] * cubes.size[1]), int(cubes.size[2]) + 1)
-    first = np.clip(np.ceil(cuts.height - 0.5), 0, cubes.size[2]).astype(np.int64)  # middle at or above a cut
-    change = np.bincount(cuts.line * shape[1] + first, np.where(cuts.leaves, -1, 1), minlength=shape[0] * shape[1])
-    found = change.reshape(shape).cumsum(axis=1)[:, :-1] > 0.5
-    return found.reshape(cubes.size)
+    size = int(cubes.size[2])
+    mask = np.zeros((int(cubes.size[0] * cubes.size[1]), size), dtype=bool)
+    for aside in product((-slack, slack), repeat=2) if slack else ((0.0, 0.0),):
+        cuts = _cuts(triangles, cubes._replace(corner=cubes.corner + cubes.spacing * np.array((*aside, 0.0))), place)
+        middle = cuts.height - 0.5 + np.where(cuts.leaves, slack, -slack)
+        first = np.clip(np.ceil(middle), 0, size).astype(np.int64)  # middle at or above a cut
+        at = cuts.line * (size + 1) + first
+        change = np.bincount(at, np.where(cuts.leaves, -1, 1), minlength=len(mask) * (size + 1))
+        mask |= change.reshape(-1, size + 1).cumsum(axis=1)[:, :-1] > 0.5
+    return mask.reshape(cubes.size)
 
 
-def shares(triangles: NDArray[np.float64], cubes: Cubes, lines: int, place: str) -> NDArray[np.float64]:
-    """Share (x, y, z) of each cube inside the surface, from `lines` lines along each side of a cube.
-
-    Raises SceneError, beginning with `place`, for a surface that does not close.
-    """
-    cuts = _cuts(triangles, cubes, lines, place)
-    x, y = np.divmod(cuts.line, int(cubes.size[1]) * lines)
-    column = (x // lines) * int(cubes.size[1]) + y // lines
-    high = int(cubes.size[2])
-    shape = (int(cubes.size[0] * cubes.size[1]), high + 1)
-    height = np.clip(cuts.height, 0, high)
-    cell = np.floor(height).astype(np.int64)
-    sign = np.where(cuts.leaves, 1.0, -1.0)
-    size, at = shape[0] * shape[1], column * shape[1] + cell
-    own = np.bincount(at, sign * (height - cell), minlength=size).reshape(shape)
-    below = np.bincount(at, sign, minlength=size).reshape(shape)
-    below = below[:, ::-1].cumsum(axis=1)[:, ::-1] - below
-    return np.asarray(((own + below)[:, :-1] / lines**2).reshape(cubes.size))
-
-
-def _cuts(triangles: NDArray[np.float64], cubes: Cubes, lines: int, place: str) -> Cuts:
-    """Cuts of `lines` x `lines` lines through each column of cubes. Raises SceneError for an open surface."""
-    wide = cubes.size[:2] * lines
+def _cuts(triangles: NDArray[np.float64], cubes: Cubes, place: str) -> Cuts:
+    """Cuts of the line through each column of cubes. Raises SceneError for an open surface."""
+    wide = cubes.size[:2]
     flat = (triangles - cubes.corner) / cubes.spacing
-    flat[..., :2] = flat[..., :2] * lines - 0.5 - ASIDE  # lines at whole numbers
+    flat[..., :2] = flat[..., :2] - 0.5 - ASIDE  # lines at whole numbers
     first = np.clip(np.ceil(flat[..., :2].min(axis=1)), 0, wide).astype(np.int64)
     last = np.clip(np.floor(flat[..., :2].max(axis=1)) + 1, 0, wide).astype(np.int64)
     many = (last - first).clip(min=0)
@@ -92,7 +77,7 @@ def _cuts(triangles: NDArray[np.float64], cubes: Cubes, lines: int, place: str) 
     each = np.bincount(line, minlength=int(wide[0] * wide[1]))
     if (each % 2).any():
         odd = np.array(np.divmod(int((each % 2).argmax()), int(wide[1])))
-        x, y = cubes.corner[:2] + (odd + 0.5) / lines * cubes.spacing
+        x, y = cubes.corner[:2] + (odd + 0.5) * cubes.spacing
         raise SceneError(
             f"{place}: found a surface open, or crossing itself, near x = {x:g}, y = {y:g} m, expected a closed one"
         )
