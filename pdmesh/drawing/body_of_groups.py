@@ -33,7 +33,7 @@ from pdmesh.drawing import parameters as named
 from pdmesh.drawing.bodies_beside import with_bodies
 from pdmesh.drawing.group_names import Physical, meaning, picked
 from pdmesh.drawing.parameters import PREFIX, Parameters
-from pdmesh.drawing.solids import sheet_of, shell_of
+from pdmesh.drawing.shells import sheet_of, shell_of
 from pdmesh.scene.body import Body, SolidZone, Where
 from pdmesh.scene.edges import point_in
 from pdmesh.scene.faces import face

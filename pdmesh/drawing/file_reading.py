@@ -84,7 +84,7 @@ def build_file(
 
 
 def file_parameters(path: Path, assignments: Sequence[tuple[str, str]] = (), trust: bool = False) -> list[Parameter]:
-    """The parameters of a drawing, a script or a model. Raises SceneError or GridError."""
+    """The parameters of a drawing, a script, a CAD file or a model. Raises SceneError or GridError."""
     suffix = path.suffix.lower()
     if suffix == ".json":
         found = dict(read_file(path).parameters)
@@ -102,7 +102,11 @@ def file_parameters(path: Path, assignments: Sequence[tuple[str, str]] = (), tru
         from pdmesh.drawing.geo import read_parameters
 
         return read_parameters(path, assignments, trust)
-    raise SceneError(f"{path}: found suffix '{path.suffix}', expected .geo, .py or .json")
+    if suffix in CAD:
+        from pdmesh.drawing.geo import cad_parameters
+
+        return cad_parameters(path, assignments)
+    raise SceneError(f"{path}: found suffix '{path.suffix}', expected .geo, .py, .json or {', '.join(CAD)}")
 
 
 def _read(path: Path, assignments: Sequence[tuple[str, str]], trust: bool) -> Scene | Body:

@@ -84,6 +84,33 @@ def read_cad(path: Path, assignments: Sequence[tuple[str, str]] = ()) -> Scene |
     return _scene(path, found, values, path.read_text(encoding="utf-8", errors="replace"))
 
 
+def cad_parameters(path: Path, assignments: Sequence[tuple[str, str]] = ()) -> list[Parameter]:
+    """The parameters that a STEP or BREP file needs, those without a value as "", and those that are set.
+
+    Raises SceneError.
+    """
+    try:
+        values = given(assignments)
+        unit_of(values)
+    except SceneError as error:
+        raise SceneError(f"{path}: {error}") from None
+    unit = str(values.get(f"{PREFIX}Units") or "m")
+    found = _shapes(path, 0.0, unit)
+    zone = "body" if "points" in found else "plate"
+    needed = {
+        f"Zones/{zone}/Spacing": (unit, f"between nodes of the {zone}"),
+        "Material/E": ("Pa", "Young's modulus"),
+        "Material/rho": ("kg/m^3", "density"),
+        "Material/G0": ("J/m^2", "critical energy release rate"),
+        "Units": ("", "of all lengths; a STEP file is converted to it"),
+    }
+    every = {PREFIX + name: about for name, about in needed.items()}
+    values.setdefault(f"{PREFIX}Units", unit)
+    return [
+        Parameter(name, values.get(name, ""), *every.get(name, ())) for name in [*every, *(set(values) - set(every))]
+    ]
+
+
 def read_outline(path: Path, spacing: float, unit: str = "m") -> Surface:
     """The plate in a STEP or BREP file, for a scene in Python with nodes of `spacing`, m.
 

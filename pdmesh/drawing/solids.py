@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from pdmesh.drawing.sandbox.child import read_trusted
 from pdmesh.drawing.scratch import scratch
-from pdmesh.model.triangulated_surface import volume
+from pdmesh.drawing.shells import shell_of
 from pdmesh.scene.body import Body
 from pdmesh.scene.shapes import SceneError
-from pdmesh.scene.solids import Box, Cylinder, Joined, Sheet, Shell, Solid, Sphere
+from pdmesh.scene.solids import Box, Cylinder, Joined, Shell, Solid, Sphere
 
 TIME_LIMIT = 300.0  # s
 BODY = "zone:body"
@@ -105,15 +104,3 @@ def _said(solid: Solid, lines: list[str], place: str) -> str:
 
 def _words(*numbers: float) -> str:
     return ", ".join(repr(float(number)) for number in numbers)
-
-
-def shell_of(found: Mapping[str, Any], group: Mapping[str, Any]) -> Shell:
-    """The shell of a group of volumes, with the volume of its triangles if Gmsh has none."""
-    triangles = sheet_of(found, group).triangles
-    return Shell(triangles, float(group["volume"] or volume(triangles)))
-
-
-def sheet_of(found: Mapping[str, Any], group: Mapping[str, Any]) -> Sheet:
-    """The triangles of a group of surfaces or volumes."""
-    points = np.array(found["points"], dtype=float).reshape(-1, 3)
-    return Sheet(points[np.array(group["triangles"], dtype=np.int64).reshape(-1, 3)])

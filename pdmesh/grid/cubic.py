@@ -34,7 +34,7 @@ AROUND, ALIKE = 12, 1e-9  # nodes that may be the nearest to a place; relative: 
 CROSSED = 1e-2  # of the volume of cut cubes, less than none or more than all of a cube: of chords near each other
 MISSED = 0.1  # of the volume of cut cubes: triangles that miss more of a body's volume are not its surface
 THINNEST = 3  # nodes that a body is to have across
-WEDGE = 4  # nodes from where it has them to a sharp edge; farther away it is thin
+WEDGE = 4  # nodes from where it has them to a sharp edge; farther away it is thin, but for tips of few nodes
 
 
 class Cubic(NamedTuple):
@@ -94,12 +94,18 @@ def place_nodes(body: Body) -> list[Cubic]:
 
 
 def _refuse_thin(levels: list[Cubic]) -> None:
-    """Raise SceneError for a place thinner than three spacings."""
+    """Raise SceneError for a place thinner than three spacings that is more than a tip."""
+    from scipy.ndimage import label
+
     for level in levels:
-        if level.thin.any():
-            place = ", ".join(f"{value:g}" for value in level.position[int(level.thin.argmax())])
+        mask = np.zeros(level.cubes.size, dtype=bool)
+        mask[tuple(level.at[level.thin].T)] = True
+        number = label(mask, np.ones((3, 3, 3)))[0][tuple(level.at.T)]
+        thin = level.thin & (np.bincount(number)[number] >= THINNEST**3)
+        if thin.any():
+            place = ", ".join(f"{value:g}" for value in level.position[int(thin.argmax())])
             raise SceneError(
-                f"spacing: found {int(level.thin.sum())} nodes {level.cubes.spacing:g} m apart where the body is"
+                f"spacing: found {int(thin.sum())} nodes {level.cubes.spacing:g} m apart where the body is"
                 f" thinner than {THINNEST} of them, the first at ({place}) m, expected finer ones there"
             )
 

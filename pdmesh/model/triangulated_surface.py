@@ -22,8 +22,8 @@ def volume(triangles: NDArray[np.float64]) -> float:
 
     Triangles may have either orientation.
     """
-    a, b, c = (outward(triangles) - triangles[:1, :1]).transpose(1, 0, 2)
-    return float((a * np.cross(b, c)).sum()) / 6
+    a, b, c = (triangles - triangles[:1, :1]).transpose(1, 0, 2)
+    return float(orientation(triangles) @ (a * np.cross(b, c)).sum(axis=1)) / 6
 
 
 def outward(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -31,19 +31,30 @@ def outward(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
 
     Inside is what a ray leaves through an odd number of triangles.
     """
+    way = orientation(triangles)[:, None, None]
+    return np.asarray(np.where(way < 0, triangles[:, ::-1], triangles)[way[:, 0, 0] != 0])
+
+
+def orientation(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
+    """For each triangle (t, 3, 3) of a closed surface 1 if its corners are counterclockwise seen from outside, else -1.
+
+    0 for triangles of two corners.
+    """
+    way = np.zeros(len(triangles))
     number = _corner_numbers(triangles)
     whole = (number != np.roll(number, 1, axis=1)).all(axis=1)
     triangles, number = triangles[whole], number[whole]
+    if not len(triangles):
+        return way
     turned, part = _turned(number)
     triangles = np.where(turned[:, None, None], triangles[:, ::-1], triangles)
-    if not len(triangles):
-        return triangles
     area = (normals(triangles) ** 2).sum(axis=1)
     largest = np.lexsort((area, part))[np.append(np.flatnonzero(np.diff(np.sort(part))), len(part) - 1)]
-    inward = np.zeros(part.max(initial=0) + 1, dtype=bool)
+    inward = np.zeros(part.max() + 1, dtype=bool)
     for one in largest:
         inward[part[one]] = _crossings(triangles, int(one)) % 2
-    return np.where(inward[part][:, None, None], triangles[:, ::-1], triangles)
+    way[whole] = np.where(turned ^ inward[part], -1.0, 1.0)
+    return way
 
 
 def _corner_numbers(triangles: NDArray[np.float64]) -> NDArray[np.int64]:
@@ -90,7 +101,7 @@ def _crossings(triangles: NDArray[np.float64], one: int) -> int:
     way += RAY[1] * other / np.linalg.norm(other)
     a, b, c = corners.transpose(1, 0, 2)
     sides = np.stack([np.cross(p, q) @ way for p, q in ((a, b), (b, c), (c, a))])
-    met = (sides > 0).all(axis=0) | (sides < 0).all(axis=0)
+    met = np.asarray((sides > 0).all(axis=0) | (sides < 0).all(axis=0))
     met[one] = False
     ahead = (a * np.cross(b, c)).sum(axis=1) * sides.sum(axis=0) > 0
     return int((met & ahead).sum())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import signal
 import subprocess
 import sys
 from collections.abc import Mapping
@@ -14,8 +15,9 @@ from pdmesh import trust
 from pdmesh.drawing.exit_status import how_it_ended
 from pdmesh.drawing.sandbox.copies import Copy
 from pdmesh.drawing.sandbox.scan import OWN
-from pdmesh.drawing.sandbox.walls import warn_of_missing
+from pdmesh.drawing.sandbox.walls import STAGE, warn_of_missing
 from pdmesh.drawing.scratch import scratch
+from pdmesh.drawing.shells import closes, fits, with_own_volumes
 from pdmesh.scene.shapes import CHORD_TOLERANCE, SceneError
 
 SYSTEM_LIBRARIES = (
@@ -23,6 +25,9 @@ SYSTEM_LIBRARIES = (
 )
 WALLS = True  # for all but trusted drawings
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}  # walls leave no other
+MESH_TIME = 15.0  # s of processor time, for a mesh of what other triangles describe as well
+PATIENCE = 10  # times the processor time: what a reader may take on a busy machine
+OUT_OF_TIME = getattr(signal, "SIGXCPU", None)  # Windows has no such limit
 PLACE = re.compile(r"'(?:[^']*[/\\])?([0-9]+\.[a-z]+)'(?:, line ([0-9]+))?", re.IGNORECASE)  # in Gmsh's messages
 
 
@@ -35,8 +40,8 @@ def read_copies(
 ) -> dict[str, Any]:
     """Output of Gmsh for copies, of which the first is the drawing or the CAD file. Raises SceneError.
 
-    `limit` is the time limit, s. `tolerance` is the largest distance of a chord of a CAD file from its curve; 0 takes
-    it from the size. `unit`, one of Open CASCADE's names, is the unit of coordinates and of the tolerance.
+    `limit` is that of processor time, s. `tolerance` is the largest distance of a chord of a CAD file from its curve; 0
+    takes it from the size. `unit`, one of Open CASCADE's names, is the unit of coordinates and of the tolerance.
     """
     first = next(iter(copies))
     with scratch() as folder:
@@ -65,7 +70,21 @@ def read_trusted(path: Path, assignments: list[tuple[str, str]], limit: float) -
 
 
 def _run(path: Path, job: dict[str, Any], limit: float, folder: Path | None) -> dict[str, Any]:
-    """Output of the Gmsh reader for a job. Raises SceneError."""
+    """Output of the Gmsh reader for a job, with a mesh where other triangles do not fit. Raises SceneError."""
+    found = _read(path, job | {"conforming": False}, limit, folder)
+    if not found.get("points") or found["messages"]:
+        return found
+    if not closes(found):
+        found = _read(path, job | {"conforming": True}, limit, folder)
+    elif not fits(found):
+        try:
+            found = _read(path, job | {"conforming": True}, min(limit, MESH_TIME), folder)
+        except SceneError:  # no mesh: its triangles tell the volume of each body that Gmsh has wrong
+            found = with_own_volumes(found)
+    return found
+
+
+def _read(path: Path, job: dict[str, Any], limit: float, folder: Path | None) -> dict[str, Any]:
     with scratch() as aside:
         result = aside / "found.json"
         job |= {"chords": CHORD_TOLERANCE}
@@ -83,7 +102,8 @@ def run_reader(
 ) -> str:
     """Run a module that reads a job as JSON from stdin and writes `result`; returns the end of its output.
 
-    It runs in `folder` for at most `limit` seconds. Raises SceneError, naming `path`, if it takes longer.
+    It runs in `folder` and may compute for `limit` seconds. Raises SceneError, naming `path` and what it last did, if
+    it takes longer.
     """
     said = result.with_name("said")
     command = [sys.executable, "-P", "-m", module, str(result)]
@@ -94,19 +114,33 @@ def run_reader(
                 input=json.dumps({**job, "seconds": limit}).encode(),
                 stdout=subprocess.DEVNULL,
                 stderr=stderr,
-                timeout=limit,
+                timeout=PATIENCE * limit,
                 check=False,
                 cwd=folder,
                 env=trust.environment() | ONE_THREAD,
             ).returncode
     except subprocess.TimeoutExpired:
-        raise SceneError(f"{path}: {name} was still reading after {limit:g} s, expected it to end") from None
+        raise SceneError(
+            f"{path}: {name} was still {_stage(said)} after waiting for {PATIENCE * limit:g} s, expected it to end"
+        ) from None
+    if OUT_OF_TIME is not None and ended == -OUT_OF_TIME:
+        raise SceneError(
+            f"{path}: {name} was still {_stage(said)} after {limit:g} s of processor time, expected it to end; simplify"
+            " the shapes, or take a larger spacing"
+        )
     return _last_words(said, ended)
 
 
+def _stage(said: Path) -> str:
+    """What a reader said last that it does."""
+    lines = said.read_bytes().decode(errors="replace").splitlines()
+    return next((line.removeprefix(STAGE) for line in reversed(lines) if line.startswith(STAGE)), "reading")
+
+
 def _last_words(said: Path, ended: int) -> str:
-    lines = said.read_bytes()[-4000:].decode(errors="replace").strip().splitlines()
-    return lines[-1] if lines else f"it {how_it_ended(ended)}"
+    text = said.read_bytes()[-4000:].decode(errors="replace").strip()
+    lines = [line for line in text.splitlines() if not line.startswith(STAGE)]
+    return lines[-1] if lines else f"it {how_it_ended(ended)} while {_stage(said)}"
 
 
 def _check_installed(found: Mapping[str, Any]) -> None:

@@ -31,7 +31,10 @@ ADVICE = " (--trust reads it all the same)"
 OWN_FOLDER = "expected a .geo, STEP, BREP or STL file in the drawing's own folder" + ADVICE
 CONTENT = {  # how a file begins, and ends: in one that is cut off, a reader may look for the end for ever
     "STEP": (re.compile(rb"\s*ISO-10303-21\s*;"), re.compile(rb"END-ISO-10303-21\s*;\s*$")),
-    "BREP": (re.compile(rb"(?:DBRep_DrawableShape)?\s*CASCADE Topology V"), re.compile(rb"\n[+-]\d+ \d+\s*$")),
+    "BREP": (  # the last shape, and what Draw adds to it
+        re.compile(rb"(?:DBRep_DrawableShape)?\s*CASCADE Topology V"),
+        re.compile(rb"\n[+-]\d+ \d+\s*(?:\n\s*\d+\s*)?$"),
+    ),
 }
 STL_HEAD, STL_TRIANGLE = 84, 50  # bytes of a binary STL file
 STL_TEXT = re.compile(rb"\s*solid\b[^\0]*\bendsolid\b[^\n]*\s*")

@@ -17,8 +17,8 @@ from typing import Any, TextIO
 import numpy as np
 import numpy.ctypeslib  # Gmsh's module imports it when it is first used
 
-from pdmesh.drawing.sandbox.surface_triangles import spatial_groups
-from pdmesh.drawing.sandbox.walls import raise_walls
+from pdmesh.drawing.sandbox.surface_triangles import spatial_groups, unmeshed
+from pdmesh.drawing.sandbox.walls import limit_time, raise_walls, say_stage
 from pdmesh.drawing.sandbox.zone_groups import add_zones, dimension_of, with_names
 
 PREFIX = "Peridynamics/"
@@ -56,7 +56,10 @@ def _read(job: dict[str, Any], file: TextIO) -> None:
         if hasattr(os, "sched_setaffinity"):  # Open CASCADE asks for as many threads as there are processors
             os.sched_setaffinity(0, [min(os.sched_getaffinity(0))])
         found["walls"] = raise_walls(Path.cwd(), job["seconds"])
+    else:
+        limit_time(job["seconds"])
     try:
+        say_stage("reading")
         if job["cad"]:
             gmsh.option.setString("Geometry.OCCTargetUnit", job["unit"])
             gmsh.model.occ.importShapes(job["path"])
@@ -64,14 +67,15 @@ def _read(job: dict[str, Any], file: TextIO) -> None:
             volumes = [tag for _, tag in gmsh.model.getEntities(3)]
             if volumes:
                 gmsh.model.addPhysicalGroup(3, volumes, name="zone:body")
-                found |= _spatial_groups(gmsh, job["tolerance"] or 1e-4 * _size(gmsh))
+                found |= _spatial_groups(gmsh, job, job["tolerance"])
             else:
                 found["groups"] = _cad_groups(gmsh, job["tolerance"])
         else:
             _open(gmsh, job, found)
     except Exception as error:  # gmsh raises bare Exception
         found["messages"].append(" ".join(str(error).split()) or _silent(found["parameters"]))
-    lines = [line for line in gmsh.logger.get() if line.startswith(("Warning", "Error"))]
+    kinds = ("Error",) if found.get("points") == [] else ("Warning", "Error")  # no shape is needed to refuse zones
+    lines = [line for line in gmsh.logger.get()[: found.pop("lines", None)] if line.startswith(kinds)]
     said, found["remarks"] = with_names(gmsh, lines)
     found["messages"] += said
     json.dump(found, file)
@@ -93,15 +97,20 @@ def _open(gmsh: Any, job: dict[str, Any], found: dict[str, Any]) -> None:
     bodies = {entry["name"].split("/")[2] for entry in found["parameters"] if entry["name"].startswith(BODIES)}
     found["zones"] = add_zones(gmsh, dimension, _spacings(found["parameters"]), bodies)
     if dimension == 3:
-        found |= _spatial_groups(gmsh, job["chords"] * _finest(_spacings(found["parameters"])))
+        names = [gmsh.model.getPhysicalName(*group) for group in gmsh.model.getPhysicalGroups(3)]
+        zones = [name.removeprefix("zone:") for name in names if name.startswith("zone:")]
+        spacings = _spacings(found["parameters"])
+        meshable = bool(zones) and all(spacings.get(zone, 0.0) > 0 for zone in zones)
+        found |= _spatial_groups(gmsh, job, job["chords"] * _finest(spacings) if meshable else 0.0)
     else:
         found["groups"] = _groups_of(gmsh, found["parameters"], job["chords"])
 
 
-def _spatial_groups(gmsh: Any, tolerance: float) -> dict[str, Any]:
-    """Groups of a body with their numbers, and the union of the zones as ``whole``."""
+def _spatial_groups(gmsh: Any, job: dict[str, Any], tolerance: float) -> dict[str, Any]:
+    """Groups of a body with their numbers, and the union of the zones as ``whole``; without triangles if their
+    tolerance is 0, as zones or spacings are missing."""
     numbers = [number for _, number in gmsh.model.getPhysicalGroups()]
-    found = spatial_groups(gmsh, tolerance)
+    found = spatial_groups(gmsh, tolerance, job["conforming"]) if tolerance > 0 else unmeshed(gmsh)
     *groups, whole = found["groups"]
     numbered = [group | {"number": number} for group, number in zip(groups, numbers, strict=True)]
     return found | {"groups": numbered, "whole": whole}

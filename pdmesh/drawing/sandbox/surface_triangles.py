@@ -5,19 +5,82 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-ANGLE = 0.5  # radians that neighbouring triangles of a curved surface may turn by
-LEAST = 1e-6  # of the size of a drawing: finer chords are not made
+from pdmesh.drawing.sandbox.curved_triangles import cones
+from pdmesh.drawing.sandbox.mesh_sizes import ANGLE, set_sizes
+from pdmesh.drawing.sandbox.walls import say_stage
+
+TRIANGLE, QUAD = 2, 3  # Gmsh's numbers of these types
+LEAST = 2e-5  # of the mean side of the box around a body: finer chords are of nodes that are too many
+OPTIONS = {  # of a mesh, whatever a drawing says; method 5 is Delaunay's, which copes with sizes that change fast
+    "Algorithm": 5,
+    "ElementOrder": 1,
+    "SecondOrderLinear": 0,
+    "RecombineAll": 0,
+    "SubdivisionAlgorithm": 0,
+    "MeshSizeFactor": 1,
+    "MeshSizeMin": 0,
+    "MeshSizeMax": 1e22,
+    "MeshSizeFromCurvature": 0,
+    "MeshSizeFromPoints": 0,
+    "MeshSizeExtendFromBoundary": 1,
+}
 
 
-def spatial_groups(gmsh: Any, tolerance: float) -> dict[str, Any]:
+def spatial_groups(gmsh: Any, tolerance: float, conforming: bool) -> dict[str, Any]:
     """Named groups of a body: points, and for each group the corner numbers of its triangles.
 
     For volumes these are the triangles of their surfaces; groups of points have them as curves. `tolerance` is the
-    largest deviation of a triangle from its surface. The group ``body`` is the union of the zones. Volumes are exact
-    where Open CASCADE computes them, else 0.
+    largest deviation of a triangle from its surface. Triangles are those that Open CASCADE draws shapes with, which may
+    not meet along all curves, or if `conforming` a mesh. The group ``body`` is the union of the zones. Volumes are Open
+    CASCADE's, else 0; of a mesh, `cones` are the volumes between the origin and each curved triangle.
     """
-    physical = [
+    physical = _physical(gmsh)
+    zones = sorted({tag for name, d, tags in physical if d == 3 and name.startswith("zone:") for tag in tags})
+    say_stage("joining the zones")
+    groups = [*physical, ("body", 3, _united(gmsh, zones))]
+    tolerance = max(tolerance, LEAST * _mean_side(gmsh, zones))
+    lines = len(gmsh.logger.get())  # what follows is judged by its triangles, not by remarks on them
+    say_stage(f"triangulating its {len(gmsh.model.getEntities(2))} surfaces to {tolerance:.2g}")
+    curved: dict[int, NDArray[np.float64]] = {}
+    discrete = {entity for entity in gmsh.model.getEntities(2) if gmsh.model.getType(*entity) == "Discrete surface"}
+    if discrete and len(discrete) == len(gmsh.model.getEntities(2)):  # of STL files, which are triangles already
+        places, _, triangles = _triangles(gmsh)
+    elif conforming or set(gmsh.model.getEntities(2)) - set(gmsh.model.occ.getEntities(2)):
+        places, triangles, curved = _meshed(gmsh, tolerance)
+    else:
+        places, _, triangles = _drawn(gmsh, tolerance)
+    return {
+        "points": places.ravel().tolist(),
+        "tolerance": tolerance,
+        "lines": lines,
+        "groups": [
+            {
+                "name": name,
+                "dimension": dimension,
+                "curves": [[gmsh.model.getValue(0, tag, []).tolist()] for tag in entities] if dimension == 0 else [],
+                "surfaces": [],
+                "triangles": _of(triangles, _faces(gmsh, dimension, entities)) if dimension >= 2 else [],
+                "cones": _of(curved, _faces(gmsh, dimension, entities)) if dimension == 3 else [],
+                "volume": _volume(gmsh, entities) if dimension == 3 else 0.0,
+            }
+            for name, dimension, entities in groups
+        ],
+    }
+
+
+def unmeshed(gmsh: Any) -> dict[str, Any]:
+    """Named groups of a body without any triangle: of one whose zones or spacings are to be refused."""
+    empty = {"curves": [], "surfaces": [], "triangles": [], "cones": [], "volume": 0.0}
+    every = [*_physical(gmsh), ("body", 3, [])]
+    groups = [{"name": name, "dimension": dimension, **empty} for name, dimension, _ in every]
+    return {"points": [], "groups": groups}
+
+
+def _physical(gmsh: Any) -> list[tuple[str, int, list[int]]]:
+    """Name, dimension and entities of each named group."""
+    return [
         (
             gmsh.model.getPhysicalName(*group),
             group[0],
@@ -25,26 +88,56 @@ def spatial_groups(gmsh: Any, tolerance: float) -> dict[str, Any]:
         )
         for group in gmsh.model.getPhysicalGroups()
     ]
-    zones = sorted({tag for name, d, tags in physical if d == 3 and name.startswith("zone:") for tag in tags})
-    whole = _united(gmsh, zones)
-    _triangulate(gmsh, tolerance)
+
+
+def _mean_side(gmsh: Any, volumes: list[int]) -> float:
+    """Geometric mean of the sides of the box around volumes."""
+    boxes = np.array([gmsh.model.getBoundingBox(3, tag) for tag in volumes])
+    return float(np.prod(boxes[:, 3:].max(axis=0) - boxes[:, :3].min(axis=0)) ** (1 / 3))
+
+
+def _drawn(gmsh: Any, tolerance: float) -> tuple[NDArray[np.float64], NDArray[np.int64], dict[int, NDArray[np.int64]]]:
+    """Places and tags of nodes, and by surface the numbers of corners, of the triangles that shapes are drawn with."""
+    gmsh.option.setNumber("Mesh.StlLinearDeflectionRelative", 0)
+    gmsh.option.setNumber("Mesh.StlLinearDeflection", tolerance)
+    gmsh.option.setNumber("Mesh.StlAngularDeflection", ANGLE)
+    gmsh.model.mesh.importStl()
+    return _triangles(gmsh)
+
+
+def _meshed(
+    gmsh: Any, tolerance: float
+) -> tuple[NDArray[np.float64], dict[int, NDArray[np.int64]], dict[int, NDArray[np.float64]]]:
+    """Places, and by surface the numbers of corners and the cones, of the triangles of a mesh."""
+    gmsh.model.mesh.clear()
+    gmsh.model.mesh.removeConstraints()  # of a drawing for another mesh
+    for option, value in OPTIONS.items():
+        gmsh.option.setNumber(f"Mesh.{option}", value)
+    set_sizes(gmsh, tolerance)
+    gmsh.model.mesh.generate(2)
+    places, tags, triangles = _triangles(gmsh)
+    return places, triangles, cones(gmsh, places, tags, triangles)
+
+
+def _triangles(gmsh: Any) -> tuple[NDArray[np.float64], NDArray[np.int64], dict[int, NDArray[np.int64]]]:
+    """Places (n, 3) and tags (n,) of all nodes, and the numbers (t, 3) of corners by surface."""
     tags, places, _ = gmsh.model.mesh.getNodes()
-    number = {int(tag): at for at, tag in enumerate(tags)}
-    groups = [*physical, ("body", 3, whole)]
-    return {
-        "points": places.tolist(),
-        "groups": [
-            {
-                "name": name,
-                "dimension": dimension,
-                "curves": [[gmsh.model.getValue(0, tag, []).tolist()] for tag in entities] if dimension == 0 else [],
-                "surfaces": [],
-                "triangles": _triangles(gmsh, _faces(gmsh, dimension, entities), number) if dimension >= 2 else [],
-                "volume": _volume(gmsh, entities) if dimension == 3 else 0.0,
-            }
-            for name, dimension, entities in groups
-        ],
-    }
+    tags = np.asarray(tags, dtype=np.int64)
+    number = np.zeros(int(tags.max(initial=0)) + 1, dtype=np.int64)
+    number[tags] = np.arange(len(tags))
+    found = {}
+    for _, face in gmsh.model.getEntities(2):
+        nodes, quads = (
+            number[np.asarray(gmsh.model.mesh.getElementsByType(kind, face)[1], dtype=np.int64)].reshape(-1, corners)
+            for kind, corners in ((TRIANGLE, 3), (QUAD, 4))
+        )
+        found[face] = np.concatenate([nodes, quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)])
+    return np.reshape(places, (-1, 3)), tags, found
+
+
+def _of(by_face: dict[int, NDArray[Any]], faces: list[int]) -> list[float]:
+    """The values of all these surfaces, one after the other."""
+    return [value for face in faces for value in by_face.get(face, np.zeros(0)).ravel().tolist()]
 
 
 def _united(gmsh: Any, volumes: list[int]) -> list[int]:
@@ -61,41 +154,10 @@ def _by_open_cascade(gmsh: Any, volumes: list[int]) -> bool:
     return {(3, tag) for tag in volumes} <= set(gmsh.model.occ.getEntities(3))
 
 
-def _triangulate(gmsh: Any, tolerance: float) -> None:
-    """Triangulate all surfaces: by Open CASCADE where possible, otherwise as a mesh.
-
-    Surfaces of STL files are triangles already.
-    """
-    surfaces = gmsh.model.getEntities(2)
-    if surfaces and all(gmsh.model.getType(*surface) == "Discrete surface" for surface in surfaces):
-        return
-    x0, y0, z0, x1, y1, z1 = gmsh.model.getBoundingBox(-1, -1)
-    gmsh.option.setNumber("Mesh.StlLinearDeflectionRelative", 0)
-    gmsh.option.setNumber("Mesh.StlLinearDeflection", max(tolerance, LEAST * max(x1 - x0, y1 - y0, z1 - z0)))
-    gmsh.option.setNumber("Mesh.StlAngularDeflection", ANGLE)
-    if gmsh.model.occ.getEntities(2):
-        gmsh.model.mesh.importStl()
-        return
-    gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", 64)
-    gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)
-    gmsh.option.setNumber("Mesh.MeshSizeFromPoints", 0)
-    gmsh.model.mesh.generate(2)
-
-
 def _faces(gmsh: Any, dimension: int, entities: list[int]) -> list[int]:
     if dimension == 2:
         return entities
     return [abs(tag) for _, tag in gmsh.model.getBoundary([(3, tag) for tag in entities], combined=True)]
-
-
-def _triangles(gmsh: Any, faces: list[int], number: dict[int, int]) -> list[int]:
-    found = [np.zeros(0, dtype=np.int64)]
-    for face in faces:
-        for kind, split in ((2, [0, 1, 2]), (3, [0, 1, 2, 0, 2, 3])):  # triangles, and quads of recombined surfaces
-            _, corners = gmsh.model.mesh.getElementsByType(kind, face)
-            cells = np.array([number[int(tag)] for tag in corners], dtype=np.int64).reshape(-1, kind + 1)
-            found.append(cells[:, split].ravel())
-    return [int(corner) for corner in np.concatenate(found)]
 
 
 def _volume(gmsh: Any, volumes: list[int]) -> float:

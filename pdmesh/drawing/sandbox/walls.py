@@ -14,6 +14,7 @@ import errno
 import os
 import platform
 import struct
+import sys
 import warnings
 from collections.abc import Collection
 from pathlib import Path
@@ -23,6 +24,8 @@ from pdmesh.trust import TrustWarning
 MEMORY = 2**31  # bytes, where nothing else is said
 OUTPUT = 1 / 8  # of that, in any file that is written
 OPEN_FILES = 256
+LAST_SECONDS = 5  # of computing, from the signal to the end in any case
+STAGE = "stage: "  # before what a process says that it does
 PR_SET_SECCOMP, PR_SET_NO_NEW_PRIVS, SECCOMP_MODE_FILTER = 22, 38, 2
 
 
@@ -55,7 +58,24 @@ def raise_walls(folder: Path, seconds: float, memory: int = MEMORY) -> tuple[str
     return tuple(name for name, stands in raised if stands)
 
 
+def limit_time(seconds: float) -> None:
+    """End this process by SIGXCPU after `seconds` of computing, where the system can."""
+    with contextlib.suppress(ImportError, ValueError, OSError):  # Windows; macOS refuses some
+        import resource
+
+        most = resource.getrlimit(resource.RLIMIT_CPU)[1]
+        hard = max(int(seconds) + 1 + LAST_SECONDS, 0)
+        hard = hard if most == resource.RLIM_INFINITY else min(hard, most)
+        resource.setrlimit(resource.RLIMIT_CPU, (min(int(seconds) + 1, hard), hard))
+
+
+def say_stage(doing: str) -> None:
+    """Say on stderr what this process does from now on, for a message if it never ends."""
+    print(f"{STAGE}{doing}", file=sys.stderr, flush=True)
+
+
 def _limit(seconds: float, memory: int = MEMORY) -> bool:
+    limit_time(seconds)
     try:
         import resource
     except ImportError:  # Windows
@@ -63,7 +83,6 @@ def _limit(seconds: float, memory: int = MEMORY) -> bool:
     limits = {
         "AS": memory,
         "CORE": 0,
-        "CPU": int(seconds) + 1,
         "FSIZE": int(OUTPUT * memory),
         "NOFILE": OPEN_FILES,
         "NPROC": 0,

@@ -1,0 +1,90 @@
+"""Sizes of triangles that keep close to curved surfaces, for Gmsh, whose module is an argument.
+
+Each surface and each curve has one size, from its mean curvature over area or length. Gmsh's own sizes from curvature
+have no bound at the tip of a cone, and are small on flat surfaces that it does not know to be flat.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+CELLS = 8  # of a surface along each of its parameters, and of a curve, that curvature is measured in
+FLAT = 1e-5  # of a chord: an arc this little off it is straight
+ANGLE = 0.5  # radians that neighbouring triangles of a curved surface may turn by
+SMALLEST = 12.5  # tolerances: no triangle is asked to be smaller, whatever the curvature
+MOST = 2e6  # triangles; with more, all are larger
+CLASSES = 4  # sizes in a factor of two
+
+Array = NDArray[np.float64]
+
+
+def set_sizes(gmsh: Any, tolerance: float) -> None:
+    """Set sizes with which chords of surfaces and curves are off them by about `tolerance`."""
+    curvature = {(2, tag): _of_surface(gmsh, tag) for _, tag in gmsh.model.getEntities(2)}
+    curved = {entity: _size(of, tolerance) for entity, (of, _) in curvature.items() if of > 0}
+    count = sum(curvature[entity][1] / (np.sqrt(3) / 4 * size**2) for entity, size in curved.items())
+    curves = {(1, tag): _of_curve(gmsh, tag) for _, tag in gmsh.model.getEntities(1)}
+    curved |= {entity: _size(of, tolerance) for entity, of in curves.items() if of > 0}
+    _ask_for({entity: size * max(1.0, (count / MOST) ** 0.5) for entity, size in curved.items()}, gmsh)
+
+
+def _size(curvature: float, tolerance: float) -> float:
+    """Length of the chords of an arc that are off by the tolerance, or turn by the largest angle."""
+    return float(max(min((8 * tolerance / curvature) ** 0.5, ANGLE / curvature), SMALLEST * tolerance))
+
+
+def _ask_for(sizes: dict[tuple[int, int], float], gmsh: Any) -> None:
+    """Set the sizes of surfaces and curves, by dimension and tag; those of surfaces are those of their curves too."""
+    classes: dict[int, list[tuple[int, int]]] = {}
+    for entity, size in sizes.items():
+        classes.setdefault(int(np.floor(CLASSES * np.log2(size))), []).append(entity)
+    fields = []
+    for number, entities in classes.items():
+        field = gmsh.model.mesh.field.add("Constant")
+        for dimension, name in ((1, "CurvesList"), (2, "SurfacesList")):
+            tags = [tag for d, tag in entities if d == dimension]
+            gmsh.model.mesh.field.setNumbers(field, name, tags)
+        gmsh.model.mesh.field.setNumber(field, "VIn", 2.0 ** (number / CLASSES))
+        fields.append(field)
+    least = gmsh.model.mesh.field.add("Min")
+    gmsh.model.mesh.field.setNumbers(least, "FieldsList", fields)
+    gmsh.model.mesh.field.setAsBackgroundMesh(least)
+
+
+def _of_surface(gmsh: Any, tag: int) -> tuple[float, float]:
+    """The mean curvature of a surface, of its two directions the larger one, 1/m, and its area, untrimmed, m^2."""
+    (u0, v0), (u1, v1) = gmsh.model.getParametrizationBounds(2, tag)
+    along = np.linspace(0, 1, 2 * CELLS + 1)
+    u, v = np.meshgrid(u0 + (u1 - u0) * along, v0 + (v1 - v0) * along, indexing="ij")
+    places = gmsh.model.getValue(2, tag, np.stack([u, v], axis=2).ravel())
+    return _mean(np.array(places).reshape(*u.shape, 3))
+
+
+def _mean(at: Array) -> tuple[float, float]:
+    """The mean curvature, and the area, of a lattice (2 n + 1, 2 n + 1, 3) of places on a surface."""
+    one, along = _bent(at[:, 1::2])
+    other, across = _bent(at[1::2].transpose(1, 0, 2))
+    area = np.linalg.norm(np.cross(along, across.transpose(1, 0, 2)), axis=2)
+    total = float(area.sum())
+    return (float((np.maximum(one, other.T) * area).sum()) / total if total > 0 else 0.0), total
+
+
+def _bent(at: Array) -> tuple[Array, Array]:
+    """Curvature (n, ...) of lines through places (2 n + 1, ..., 3), and their chords (n, ..., 3)."""
+    chord, way = at[2::2] - at[:-1:2], at[1::2] - at[:-1:2]
+    length = np.linalg.norm(chord, axis=-1)
+    off = np.divide(np.linalg.norm(np.cross(way, chord), axis=-1), length, out=np.zeros_like(length), where=length > 0)
+    bent = off > FLAT * length
+    return np.divide(8 * off, length**2, out=np.zeros_like(length), where=bent), chord
+
+
+def _of_curve(gmsh: Any, tag: int) -> float:
+    """The mean curvature of a curve, 1/m."""
+    (low,), (high,) = gmsh.model.getParametrizationBounds(1, tag)
+    places = gmsh.model.getValue(1, tag, np.linspace(low, high, 2 * CELLS + 1))
+    bent, chord = _bent(np.array(places).reshape(-1, 3))
+    length = np.linalg.norm(chord, axis=1)
+    return float((bent * length).sum() / length.sum()) if length.sum() > 0 else 0.0
