@@ -60,7 +60,13 @@ def body_of_mesh(mesh: Mesh, values: Mapping[str, float | str], source: str) -> 
         zones.append(zones[0] | {"name": "zone:body"})
     surfaces, notes = _surfaces(mesh, by_place, outer, of_place, values)
     cracks = _slits(by_place[slit])
-    found = {"points": places, "groups": [*zones, *groups, *surfaces, *cracks]}
+    numbered = enumerate([*zones[1:], *groups, *surfaces, *cracks], start=1)
+    found = {
+        "points": places,
+        "groups": [group | {"number": number} for number, group in numbered],
+        "zones": [],  # none is made of groups without a kind
+        "whole": zones[0],
+    }
     spacing = mesh.spacing or _spacing(float(volume.sum()) / len(volume), places)
     unit = str(values.get(f"{PREFIX}Units") or "m")
     unit_of(values)
