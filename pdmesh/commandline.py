@@ -14,7 +14,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, NoReturn
 
-from pdmesh import VERSION, trust
+from pdmesh import VERSION, stopping, trust
 from pdmesh.completion import Completion
 from pdmesh.file_kinds import Kind, mistaken
 from pdmesh.files import irregular
@@ -251,7 +251,7 @@ def run(name: str, command: Callable[[], int], exits: Callable[[], dict[type[Exc
     `exits` returns the exit codes of expected errors. It is called only after an error, so that it may import their
     modules.
     """
-    with _interrupts() as interrupts, _trust_warnings(name):
+    with _interrupts(name) as interrupts, _trust_warnings(name):
         try:
             try:
                 check_environment()
@@ -338,8 +338,11 @@ def _lacks_memory(error: BaseException | None) -> bool:
 
 
 @contextmanager
-def _interrupts() -> Iterator[list[int]]:
-    """A context that collects the signals received, as an import can turn one into another error."""
+def _interrupts(name: str) -> Iterator[list[int]]:
+    """A context that collects the signals received, as an import can turn one into another error.
+
+    A signal ends the program `name` also where it is not back in Python in time.
+    """
     came: list[int] = []
 
     def interrupt(number: int, _: object) -> None:
@@ -351,10 +354,16 @@ def _interrupts() -> Iterator[list[int]]:
         return
     usual = (signal.default_int_handler, signal.SIG_DFL)  # no one else listens, nor is no one to
     before = {number: handler for number in STOPS if (handler := signal.getsignal(number)) in usual}
-    for number in before:
-        signal.signal(number, interrupt)
-    try:
-        yield came
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+
+    def line(number: int) -> tuple[int, str]:
+        code, message = _stopped(number)
+        return code, f"{name}: {message}"
+
+    with stopping.forced_end(frozenset(before), line):
+        for number in before:
+            signal.signal(number, interrupt)
+        try:
+            yield came
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)

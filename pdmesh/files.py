@@ -9,6 +9,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from pdmesh import stopping
+
 KINDS = {
     stat.S_IFDIR: "a folder",
     stat.S_IFIFO: "a pipe",
@@ -66,6 +68,7 @@ def replacing(path: Path) -> Iterator[Path]:
     target, part = Path(os.path.realpath(path)), None
     try:
         handle, part = mkstemp(dir=target.parent, prefix=".", suffix=".part")
+        stopping.begin_file(part)
         os.close(handle)
         yield Path(part)
         umask = os.umask(0)
@@ -78,3 +81,6 @@ def replacing(path: Path) -> Iterator[Path]:
         if isinstance(error, OSError) and (part is None or error.filename in (None, part)):
             raise OSError(error.errno, error.strerror or str(error), str(path)) from None
         raise
+    finally:
+        if part is not None:
+            stopping.finish_file(os.path.realpath(part))

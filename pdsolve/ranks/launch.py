@@ -12,7 +12,7 @@ import warnings
 from collections.abc import Callable
 from contextlib import suppress
 
-from pdmesh import commandline
+from pdmesh import commandline, stopping
 from pdmesh.commandline import BAD_INPUT, FAILURE
 from pdmesh.printing import remark
 from pdsolve.numerics.team import NUMBERS, Team, is_first, is_one_of_many, team
@@ -44,13 +44,14 @@ def together(command: Callable[[Team | None], int], exits: Exits) -> int:
     place = ranks.comm.bcast(None if witness is None else witness.place)
     if witness is None:
         return _served(ranks, exits, place)
-    try:
-        code = command(ranks)
-    except SystemExit as end:
-        code = end.code if isinstance(end.code, int) else FAILURE
-    except BaseException:
-        traceback.print_exc()
-        code = FAILURE
+    with stopping.last_act(witness.dismiss):
+        try:
+            code = command(ranks)
+        except SystemExit as end:
+            code = end.code if isinstance(end.code, int) else FAILURE
+        except BaseException:
+            traceback.print_exc()
+            code = FAILURE
     sys.stdout.flush()
     witness.dismiss()
     ranks.end(code)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
-from concurrent.futures import wait as wait_for
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
+from functools import partial
 
+from pdsolve.results.background_thread import BackgroundThread
 from pdsolve.results.schema import Frame
 from pdsolve.results.writer import Writer
 
@@ -21,13 +21,13 @@ class Behind:
     The first frame creates the writer, on that thread; a new run leaves nothing behind before it.
     """
 
-    def __init__(self, make: Callable[[], Writer], new: bool, pool: ThreadPoolExecutor) -> None:
-        """`make` creates the writer on the thread of `pool`; `new` marks a run that begins."""
+    def __init__(self, make: Callable[[], Writer], new: bool) -> None:
+        """`make` creates the writer on the writer's thread; `new` marks a run that begins."""
         self.stop: Callable[[], bool] = lambda: False  # whether the run is to stop
-        self._make, self._new, self._pool = make, new, pool
+        self._make, self._new = make, new
         self._writer: Writer | None = None
         self._stopping = False
-        self._pending: Future[None] | None = None
+        self._thread = BackgroundThread("results")
 
     def write(self, frame: Callable[[], Frame]) -> None:
         """Write a frame, which is made after the previous one is written, so that memory holds one.
@@ -35,12 +35,11 @@ class Behind:
         Raises WriteError if that failed.
         """
         self._wait()
-        self._pending = self._pool.submit(self._write, frame())
+        self._thread.begin(partial(self._write, frame()))
 
     def look(self) -> None:
         """Raise WriteError if writing is known to have failed."""
-        if self._pending is not None and self._pending.done():
-            self._pending.result()
+        self._thread.wait(0.0)
 
     def done(self) -> Writer:
         """The writer, after everything is written. Raises WriteError."""
@@ -48,21 +47,25 @@ class Behind:
         return self._made()
 
     def abandon(self, status: str) -> None:
-        """After an error: keep the frames written so far, if any, with this status."""
+        """After an error: keep the frames written so far, if any, with this status.
+
+        A writer that does not end its frame in time is left alone, as if the run were killed.
+        """
         self._stopping = True
-        while self._pending is not None and not self._pending.done():
-            with suppress(KeyboardInterrupt):  # it does not take long, and nobody else may write meanwhile
-                wait_for([self._pending])
+        if not self._thread.end():
+            return
         if self._writer is not None and self._new:
             self._writer.discard()
         elif self._writer is not None:
             self._writer.abandon(status)
 
+    def end(self) -> None:
+        """Let the writer's thread end."""
+        self._thread.end()
+
     def _wait(self) -> None:
-        if self._pending is not None:
-            while not wait_for([self._pending], LOOK).done:
-                self._stopping = self._stopping or self.stop()
-            self._pending.result()
+        while not self._thread.wait(LOOK):
+            self._stopping = self._stopping or self.stop()
 
     def _made(self) -> Writer:
         if self._writer is None:
@@ -81,7 +84,8 @@ def behind(make: Callable[[], Writer], new: bool) -> Iterator[Behind]:
     turn = sys.getswitchinterval()
     sys.setswitchinterval(TURN)
     try:
-        with ThreadPoolExecutor(1, "results") as pool:
-            yield Behind(make, new, pool)
+        writer = Behind(make, new)
+        yield writer
+        writer.end()
     finally:
         sys.setswitchinterval(turn)

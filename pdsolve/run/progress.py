@@ -11,6 +11,7 @@ from collections.abc import Callable
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
+from pdmesh import stopping
 from pdmesh.commandline import STOPS
 from pdmesh.printing import remark
 
@@ -42,7 +43,8 @@ class Watch:
         with Watch() as watch:
             simulate(model, path, watch=watch)
 
-    A run that was stopped goes on by `resume(path, watch=watch)`.
+    A run that was stopped goes on by `resume(path, watch=watch)`. A run that is still being prepared has nothing to
+    save: the signal raises KeyboardInterrupt there, and so does a second one at any time.
     """
 
     def __init__(self, quiet: bool = False) -> None:
@@ -51,6 +53,8 @@ class Watch:
         self._before: dict[int, Any] = {}
         self._bar: Any = None
         self._said = time.monotonic()
+        self._runs = False  # or is being prepared
+        self._patience = stopping.AT_ONCE  # before
 
     def __enter__(self) -> Callable[[Progress], bool]:
         if threading.current_thread() is threading.main_thread():
@@ -61,20 +65,25 @@ class Watch:
         return self._show
 
     def __exit__(self, *_: object) -> None:
+        if self._runs:
+            stopping.set_patience(self._patience)
         for number, handler in self._before.items():
             signal.signal(number, handler)
         if self._bar is not None:
             self._bar.close()
 
     def _stop(self, number: int, frame: FrameType | None) -> None:
-        if self.signal is not None:  # asked twice: at once
+        again, self.signal = self.signal is not None, self.signal or number
+        if again or not self._runs:  # asked twice, or nothing to save: at once
             before = self._before[number]
             if callable(before):
                 before(number, frame)
             raise KeyboardInterrupt
-        self.signal = number
 
     def _show(self, progress: Progress) -> bool:
+        if not self._runs:
+            self._patience = stopping.set_patience(stopping.SAVING)
+            self._runs = True
         text = progress.words
         if progress.going is not None:
             text = f"{progress.going.iterations} iterations, residual {progress.going.residual:.1e}, {text}"

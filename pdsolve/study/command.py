@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pdmesh import commandline
+from pdmesh import commandline, stopping
 from pdmesh.file_kinds import Kind
 from pdmesh.printing import remark
 
@@ -71,7 +71,7 @@ def _study(args: argparse.Namespace) -> int:
     study = read_study(args.study)
     path = commandline.output_path(args.output, args.study, ".sqlite", force=True)  # what is there is gone on with
     crew = Crew(args.workers, args.threads, args.scheduler, args.trust)
-    with StudyWatch(args.quiet) as watch:
+    with stopping.patience(stopping.WORKERS), StudyWatch(args.quiet) as watch:
         try:
             rows = solve_study(study, path, crew, watch, args.again, args.force)
         except KeyboardInterrupt:

@@ -10,10 +10,11 @@ import signal
 import threading
 from collections import deque
 from collections.abc import Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
+from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
+from queue import SimpleQueue
 
 from pdmesh import trust
 from pdsolve.study.one_run import LOST, Outcome, Task
@@ -26,21 +27,22 @@ def solved_here(tasks: Sequence[Task], workers: int) -> Iterator[Outcome]:
     A run whose process died is tried once more, as another run may have caused it.
     """
     waiting, ended = deque(tasks), set[int]()
-    crew = [Worker() for _ in range(min(workers, len(tasks)))]
+    done: SimpleQueue[Future[Outcome]] = SimpleQueue()  # an interrupted wait on futures may leave their locks taken
+    crew = [Worker(done) for _ in range(min(workers, len(tasks)))]
     try:
         under_way = {worker.begin(waiting.popleft()): worker for worker in crew}
         while under_way:
-            for future in wait(under_way, return_when=FIRST_COMPLETED).done:
-                worker = under_way.pop(future)
-                task, outcome = worker.outcome(future)
-                again = outcome.error == LOST and task.number not in ended
-                if again:
-                    ended.add(task.number)
-                    waiting.append(task)
-                if waiting:
-                    under_way[worker.begin(waiting.popleft())] = worker
-                if not again:
-                    yield outcome
+            future = done.get()
+            worker = under_way.pop(future)
+            task, outcome = worker.outcome(future)
+            again = outcome.error == LOST and task.number not in ended
+            if again:
+                ended.add(task.number)
+                waiting.append(task)
+            if waiting:
+                under_way[worker.begin(waiting.popleft())] = worker
+            if not again:
+                yield outcome
         for worker in crew:
             worker.end()
     finally:
@@ -53,7 +55,9 @@ def solved_here(tasks: Sequence[Task], workers: int) -> Iterator[Outcome]:
 class Worker:
     """A process that solves one run after the other; it is replaced when it dies."""
 
-    def __init__(self) -> None:
+    def __init__(self, done: SimpleQueue[Future[Outcome]]) -> None:
+        """`done` gets each future when it is done."""
+        self._done = done
         self._task: Task | None = None
         self._executor, self._hold = _process()
 
@@ -61,7 +65,9 @@ class Worker:
         """Start solving a run."""
         self._task = task
         with _uninterrupted(), trust.child_environment():  # a process may start
-            return self._executor.submit(solve, task)
+            future = self._executor.submit(solve, task)
+            future.add_done_callback(self._done.put)
+        return future
 
     def outcome(self, future: Future[Outcome]) -> tuple[Task, Outcome]:
         """The last started run and its outcome."""

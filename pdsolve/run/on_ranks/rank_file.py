@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from concurrent.futures import Future, ThreadPoolExecutor
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.numerics.team import Team
-from pdsolve.results import Breaks, Frame, ResultsError, Writer
+from pdsolve.results import BackgroundThread, Breaks, Frame, ResultsError, Writer
 
 WRITTEN = 9  # tag of messages: that a frame is in the files of all ranks
 NOTHING = Breaks(*np.zeros((3, 0), dtype=np.int64))
@@ -25,8 +25,7 @@ class RankFile:
     def __init__(self, team: Team, make: Callable[[], Writer], first: int) -> None:
         """`make` begins the database, on a thread of its own; `first` is the first own row."""
         self._team, self._make, self._first = team, make, first
-        self._pool = ThreadPoolExecutor(1, "results")
-        self._pending: Future[None] | None = None
+        self._thread = BackgroundThread("results")
         self._writer: Writer | None = None
         self._kept = 0  # step of the last checkpoint
 
@@ -38,22 +37,18 @@ class RankFile:
         checkpoint: Mapping[str, NDArray[Any]],
     ) -> None:
         """Write a frame when the last one is written. Raises WriteError if that failed."""
-        self._wait()
+        self._thread.wait()
         kept = {f"{name}@{step}": values for name, values in checkpoint.items()} or None
         frame = Frame(step, time, fields, NOTHING, (), (), kept, first=self._first, keeps=self._kept)
         self._kept = step if kept else self._kept
-        self._pending = self._pool.submit(self._write, frame)
+        self._thread.begin(partial(self._write, frame))
 
     def close(self) -> None:
         """Close the database after everything is written. Raises WriteError."""
-        self._wait()
-        self._pool.shutdown()
+        self._thread.wait()
+        self._thread.end()
         if self._writer is not None:
             self._writer.close("finished")
-
-    def _wait(self) -> None:
-        if self._pending is not None:
-            self._pending.result()
 
     def _write(self, frame: Frame) -> None:
         error: ResultsError | None = None
