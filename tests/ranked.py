@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import resource
 import sys
+import time
 
 import numpy as np
 
@@ -28,6 +29,9 @@ def fail(team: Team, how: str, ranks: list[int]) -> None:
 def main() -> int:
     """Let work fail as the words of the command line say."""
     how, *ranks = sys.argv[1:]
+    if how == "slowly":  # a rank that has told its error takes its time to end the others
+        silence = launch._silence
+        launch._silence = lambda place: time.sleep(0.6) or silence(place)  # type: ignore[func-returns-value]
 
     def command(team: Team | None) -> int:
         assert team is not None

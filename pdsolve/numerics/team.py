@@ -19,12 +19,14 @@ from pdmesh import trust
 if TYPE_CHECKING:
     from mpi4py import MPI
 
+BYTES = 8  # of a number in memory that ranks share
 ORDER, ANSWER, PASSED, HEARD = 1, 2, 3, 4  # tags of messages
 SPIN, NAP = 1e-3, 5e-5  # s of looking before a nap; s of a nap, as ranks may be more than cores
 NUMBERS = ("PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_RANK", "MPI_LOCALRANKID")  # set by what starts ranks
 SIZES = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "MPI_LOCALNRANKS", "SLURM_STEP_NUM_TASKS")  # likewise
 PATIENCE = 1.5  # s that rank 0 waits for the others at the end
 GRACE = 0.5  # s that a rank in error waits for rank 0 to end it
+SILENCE = 10.0  # s that a rank in error waits for the one that tells an error to end it
 
 
 class Failed(NamedTuple):
@@ -33,12 +35,37 @@ class Failed(NamedTuple):
     error: Exception
 
 
+class Floor:
+    """The right to tell an error, which one rank gets: the first that takes it. All ranks make it together."""
+
+    def __init__(self, comm: MPI.Comm) -> None:
+        from mpi4py import MPI
+
+        self._share = MPI.LOCK_SHARED
+        self._window = MPI.Win.Allocate(BYTES if comm.Get_rank() == 0 else 0, BYTES, comm=comm)
+
+    def take(self) -> bool:
+        """Whether this rank is the first. It waits for rank 0 to wait for a message."""
+        import numpy as np  # here, as every start of the program reads this module
+
+        one, zero, before = (np.array([value], np.int64) for value in (1, 0, 0))
+        self._window.Lock(0, self._share)
+        self._window.Compare_and_swap(one, zero, before, 0)
+        self._window.Unlock(0)
+        return bool(before[0] == 0)
+
+    def free(self) -> None:
+        """Give it back, on all ranks together."""
+        self._window.Free()
+
+
 class Team:
     """All ranks, as one of them sees them."""
 
     def __init__(self, comm: MPI.Comm) -> None:
         self.comm, self.rank, self.size = comm, comm.Get_rank(), comm.Get_size()
         self.part: Any = None  # what this rank works on
+        self.floor: Floor | None = None  # None: who tells an error is not decided
         self._asking = threading.Lock()  # the thread that writes results asks too
 
     def everywhere(self, work: Callable[..., Any], *common: Any, each: Sequence[Any] | None = None) -> list[Any]:
@@ -53,12 +80,12 @@ class Team:
             try:
                 found = [work(self, *(common if each is None else (*common, each[0])))]
             except Exception:
-                self._hear()
+                self._hear_first()
                 raise
             found += [self.received(rank, ANSWER) for rank in range(1, self.size)]
             errors = [answer.error for answer in found if isinstance(answer, Failed)]
             if errors:
-                self._hear()
+                self._hear_first()
                 raise errors[0]
         return found
 
@@ -74,14 +101,32 @@ class Team:
                 while self.comm.Iprobe(0, HEARD):
                     self.comm.recv(source=0, tag=HEARD)
                 self.comm.send(None, 0, ANSWER)
-                time.sleep(PATIENCE if _is_ended_at_once(arguments) else 0.0)
+                if _is_ended_at_once(arguments):
+                    time.sleep(PATIENCE)
+                else:
+                    self._part()
                 return int(arguments)
             try:
                 self.comm.send(work(self, *arguments), 0, ANSWER)
             except Exception as error:
                 self.comm.send(Failed(_portable(error)), 0, ANSWER)
-                if self.received(0, HEARD, time.monotonic() + GRACE * (1 + self.rank / self.size)) is None:
+                if self.received(0, HEARD, time.monotonic() + GRACE) is None:
                     raise
+
+    def tells(self) -> bool:
+        """Whether this rank, which has an error, is the one that tells it and ends all.
+
+        If not, it returns only if it has not been ended in SILENCE.
+        """
+        if self.floor is None or self.floor.take():
+            return True
+        time.sleep(SILENCE)
+        return False
+
+    def _hear_first(self) -> None:
+        """Hear of an error, unless another rank tells one, which ends this one."""
+        self.tells()
+        self._hear()
 
     def _hear(self) -> None:
         """Let all other ranks know that rank 0 knows of an error."""
@@ -104,6 +149,13 @@ class Team:
         if _is_ended_at_once(code):
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stderr.fileno())  # nothing went wrong with MPI
             self.comm.Abort(code)
+        else:
+            self._part()
+
+    def _part(self) -> None:
+        """Give back what all ranks made together."""
+        if self.floor is not None:
+            self.floor.free()
 
     def received(self, source: int, tag: int, until: float = float("inf")) -> Any:
         """The next message of this tag from a rank, waited for without taking the processor from others.

@@ -15,7 +15,7 @@ from contextlib import suppress
 from pdmesh import commandline, stopping
 from pdmesh.commandline import BAD_INPUT, FAILURE
 from pdmesh.printing import remark
-from pdsolve.numerics.team import NUMBERS, Team, is_first, is_one_of_many, team
+from pdsolve.numerics.team import NUMBERS, Floor, Team, is_first, is_one_of_many, team
 
 MISSING = "found ranks but no MPI for Python, expected it: pip install 'pdsuite[mpi]'"
 
@@ -42,6 +42,7 @@ def together(command: Callable[[Team | None], int], exits: Exits) -> int:
         return command(None)
     witness = Witness() if ranks.rank == 0 else None
     place = ranks.comm.bcast(None if witness is None else witness.place)
+    ranks.floor = Floor(ranks.comm)
     if witness is None:
         return _served(ranks, exits, place)
     with stopping.last_act(witness.dismiss):
@@ -116,10 +117,11 @@ def _served(ranks: Team, exits: Exits, witness: tuple[str, int]) -> int:
         return ranks.serve()
     except BaseException as error:
         code, said = _said(error, exits)
-        remark(f"pdsolve: rank {ranks.rank}: {' '.join(said.split())}")
-        sys.stderr.flush()
-        _silence(witness)
-        ranks.comm.Abort(code)
+        if ranks.tells():
+            remark(f"pdsolve: rank {ranks.rank}: {' '.join(said.split())}")
+            sys.stderr.flush()
+            _silence(witness)
+            ranks.comm.Abort(code)
         os._exit(code)
 
 

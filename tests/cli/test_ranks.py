@@ -397,6 +397,16 @@ def test_an_error_on_a_rank_is_one_line_and_ends_all(how: str, failing: str, cod
     assert ("rank " in lines[0]) == (how != "between" and "0" not in failing)
 
 
+@pytest.mark.endurance
+@pytest.mark.parametrize("repetition", range(3))
+def test_eight_ranks_in_error_tell_one(repetition: int) -> None:
+    """The one that does takes longer to end the others than they wait for rank 0."""
+    with started("-n", "8", sys.executable, "-m", "ranked", "slowly", *"1234567") as child:
+        lines = own_lines(child.communicate(timeout=100)[1])
+    assert (child.returncode, len(lines)) == (2, 1), lines
+    assert mentions(lines[0], "rank ", "plate.json", "$.nodes", found=1, expected=2)
+
+
 @pytest.mark.slow
 @pytest.mark.endurance
 def test_a_study_on_many_ranks_is_refused_once(here: Path) -> None:
