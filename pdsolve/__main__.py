@@ -7,7 +7,7 @@ import gc
 import shlex
 import signal
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -144,11 +144,12 @@ def _solve(args: argparse.Namespace, ranks: Team | None) -> int:
         from pdsolve.codegen.compile_time import compile_time_said
         from pdsolve.model import ModelWarning, read_model
         from pdsolve.numerics.memory import large_arrays_apart
-        from pdsolve.results import ResultsWarning, state_of
+        from pdsolve.results import ResultsWarning, is_empty, state_of
         from pdsolve.run.after_path import name_of
         from pdsolve.run.simulation import Options, resume, simulate
 
     large_arrays_apart()
+    args = _begun_anew(args, is_empty)
     watching = Watch(args.quiet)
     shown = commandline.warnings_as_notes("pdsolve", args, GridWarning, ModelWarning, ResultsWarning)
     with _names_the_signal(watching), watching as watch, shown:
@@ -173,7 +174,8 @@ def _solve(args: argparse.Namespace, ranks: Team | None) -> int:
                 from pdsolve.run.estimate import estimate_run
 
                 return _show_plan(estimate_run(model, options), args)
-            path = commandline.output_path(args.output, args.model, ".sqlite", args.force)
+            output = args.output or Path(args.model.stem + ".sqlite")
+            path = commandline.output_path(output, args.model, ".sqlite", args.force or is_empty(output))
             if model.settings.run.after == "motion":
                 commandline.output_path(name_of(path), args.model, ".sqlite", args.force, beside=True)
             if not args.force:
@@ -192,6 +194,22 @@ def _solve(args: argparse.Namespace, ranks: Team | None) -> int:
     commandline.report({"output": str(path), "status": meta["status"], **summary}, lines, args)
     stopped = commandline.BY_SIGNAL + (watching.signal or signal.SIGINT)
     return commandline.OK if meta["status"] == "finished" else stopped
+
+
+def _begun_anew(args: argparse.Namespace, is_empty: Callable[[Path], bool]) -> argparse.Namespace:
+    """The arguments of a new run in place of one to go on with, of which nothing is left but an empty database.
+
+    Its model is the file of the same name beside it or in the current folder; without one, nothing is changed.
+    """
+    path = args.model
+    if not args.resume or args.dry_run or not is_empty(path):
+        return args
+    for model in (path.with_suffix(".json"), Path(path.stem + ".json")):
+        if model.is_file():
+            words = f"{path}: nothing in it, its run was stopped before the first frame; {model} is solved anew"
+            commandline.note(f"pdsolve: {words}", args)
+            return argparse.Namespace(**{**vars(args), "model": model, "output": path, "resume": False})
+    return args
 
 
 @contextmanager

@@ -60,10 +60,13 @@ else:
 
 
 def cached_njit(**options: Any) -> Callable[[Any], Any]:
-    """A decorator like `numba.njit`, whose functions are compiled by the first process that needs them."""
+    """A decorator like `numba.njit`, whose functions are compiled by the first process that needs them.
+
+    They leave Python to other threads, one of which ends the program for a signal.
+    """
 
     def decorate(function: Any) -> Any:
-        compiled = numba.njit(**options)(function)
+        compiled = numba.njit(**{"nogil": True, **options})(function)
         if compiled is not function:  # it is, where numba is told to compile nothing
             compiled._cache = _Cache(function)
         return compiled

@@ -22,7 +22,7 @@ from pdsolve.results.errors import (
 from pdsolve.results.lock import holder, writing_to
 from pdsolve.results.node_lifetimes import Lives
 from pdsolve.results.reader import Results
-from pdsolve.results.recovery import Kind, State, state_of
+from pdsolve.results.recovery import Kind, State, is_empty, state_of
 from pdsolve.results.removal import remove
 from pdsolve.results.schema import Breaks, Epoch, Families, Frame, Nodes
 from pdsolve.results.writer import Writer, put_away
@@ -51,6 +51,7 @@ __all__ = [
     "behind",
     "gone_back",
     "holder",
+    "is_empty",
     "put_away",
     "remove",
     "state_of",

@@ -6,12 +6,15 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
+from pathlib import Path
 
+from pdmesh import stopping
 from pdsolve.results.background_thread import BackgroundThread
 from pdsolve.results.schema import Frame
 from pdsolve.results.writer import Writer
 
 LOOK = 0.05  # s between two looks whether a run that waits for its writer is to stop
+BESIDE = ("", "-wal", "-shm", "-journal")  # ends of the names of a database and of the files SQLite keeps beside it
 TURN = 2e-4  # s after which the writer's Python gives way to the run's: Python's own 5 ms are as long as many steps
 
 
@@ -21,12 +24,16 @@ class Behind:
     The first frame creates the writer, on that thread; a new run leaves nothing behind before it.
     """
 
-    def __init__(self, make: Callable[[], Writer], new: bool) -> None:
-        """`make` creates the writer on the writer's thread; `new` marks a run that begins."""
+    def __init__(self, make: Callable[[], Writer], new: bool, path: Path | None = None) -> None:
+        """`make` creates the writer on the writer's thread; `new` marks a run that begins, at `path` if not in memory.
+
+        A forced end of the program removes a new database before its first frame is written.
+        """
         self.stop: Callable[[], bool] = lambda: False  # whether the run is to stop
         self._make, self._new = make, new
         self._writer: Writer | None = None
         self._stopping = False
+        self._unfinished = [stopping.begin_file(f"{path}{end}") for end in BESIDE if new and path is not None]
         self._thread = BackgroundThread("results")
 
     def write(self, frame: Callable[[], Frame]) -> None:
@@ -56,6 +63,7 @@ class Behind:
             return
         if self._writer is not None and self._new:
             self._writer.discard()
+            self._finish_files()
         elif self._writer is not None:
             self._writer.abandon(status)
 
@@ -76,15 +84,20 @@ class Behind:
     def _write(self, frame: Frame) -> None:
         self._made().write(frame)
         self._new = False
+        self._finish_files()
+
+    def _finish_files(self) -> None:
+        while self._unfinished:
+            stopping.finish_file(self._unfinished.pop())
 
 
 @contextmanager
-def behind(make: Callable[[], Writer], new: bool) -> Iterator[Behind]:
-    """A context with a writer on its own thread."""
+def behind(make: Callable[[], Writer], new: bool, path: Path | None) -> Iterator[Behind]:
+    """A context with a writer on its own thread; the arguments are those of `Behind`."""
     turn = sys.getswitchinterval()
     sys.setswitchinterval(TURN)
     try:
-        writer = Behind(make, new)
+        writer = Behind(make, new, path)
         yield writer
         writer.end()
     finally:

@@ -19,6 +19,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from pdmesh import stopping
 from pdsolve.results.errors import BusyError, ResultsWarning, WriteError
 from pdsolve.results.writer_token import token_in
 
@@ -79,12 +80,14 @@ def writing_to(path: Path) -> Iterator[None]:
     """
     place = _place(path)
     handle = _locked(path, place)
+    name = stopping.begin_file(place)
     try:
         token = token_in(path)
         if token is not None and token.is_alive(path):  # whose lock's file was removed
             raise _busy(path, token.name)
         yield
     finally:
+        stopping.finish_file(name)
         if handle is not None:
             _let_go(handle, place)
 

@@ -83,6 +83,15 @@ def state_of(path: Path) -> State:
             return State(Kind.EMPTY, log=log_of(connection, path))
 
 
+def is_empty(path: Path) -> bool:
+    """Whether a run that was stopped before its first frame has left a file at `path` with nothing in it."""
+    try:
+        state = state_of(path) if path.is_file() else State(Kind.NONE)
+    except ResultsError:
+        return False
+    return state.kind is Kind.EMPTY and not state.log.lost
+
+
 def _read(results: Results, path: Path) -> State:
     meta, connection = results.meta(), results.connection
     log = log_of(connection, path)

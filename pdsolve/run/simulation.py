@@ -18,6 +18,7 @@ from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.adaptivity.hybrid.outlook import decided, of_long_steps
 from pdsolve.adaptivity.quadtree.operator import Leaves
 from pdsolve.checks import advise, advise_unused
+from pdsolve.codegen.processor import processor_kind
 from pdsolve.errors import LateZoneError, UnstableError
 from pdsolve.model import Model, model_of, on_device
 from pdsolve.numerics.memory import give_back
@@ -216,10 +217,11 @@ def resume(
 ) -> Results:
     """Continue the run in the file `output` from its last checkpoint, bit by bit as without the stop.
 
-    A run stopped before its first checkpoint starts again. `adapt` is the one it began with. A finished run is left
-    unchanged, but a motion that is to follow it begins or continues. The whole file is checked before. `team` are the
-    ranks to go on with, as many as before or not; `device` may be another one, None: the same. Raises ResultsError,
-    ModelError, UnstableError.
+    On another kind of processor than it began on, the last bits differ, and a ResultsWarning says so. A run stopped
+    before its first checkpoint starts again. `adapt` is the one it began with. A finished run is left unchanged, but a
+    motion that is to follow it begins or continues. The whole file is checked before. `team` are the ranks to go on
+    with, as many as before or not; `device` may be another one, None: the same. Raises ResultsError, ModelError,
+    UnstableError.
     """
     request = Request(output, watch, "", adapt, threads, team, device)
     found = _resumed(output, request)
@@ -268,6 +270,7 @@ def _resume(output: Path, request: Request) -> Results:
         model, meta = model_of(results.model(), str(output)), results.meta()
         model = model if request.device is None else on_device(model, request.device)
         options = options_of(model, meta, request.threads)._replace(team=request.team)
+        resuming.warn_of_processor(output, meta)
         sooner = request.sooner or late_zones.back(meta, output)
         request = request._replace(output=output, provenance=meta["provenance"], sooner=sooner)
         if not results.has_checkpoint():
@@ -317,14 +320,14 @@ def _resume(output: Path, request: Request) -> Results:
 def _reopened(output: Path, sooner: tuple[Sooner, ...]) -> Writer:
     """The writer of a run that is continued."""
     found = Writer.reopen(output)
-    found.tell(late_zones.kept(sooner))
+    found.tell(late_zones.kept(sooner) | {"processor": processor_kind()})
     return found
 
 
 def _finish(notes: Recorder, make: Callable[[], Writer], request: Request) -> Results:
     """March to the end from the state of the records; `make` creates the writer, of a new file for a new run."""
     give_back()
-    with behind(make, notes.new) as writer:
+    with behind(make, notes.new, request.output) as writer:
         try:
             if notes.new:
                 notes.take(notes.step)

@@ -9,6 +9,7 @@ import numpy as np
 
 from pdmesh import VERSION
 from pdsolve.adaptivity.quadtree.operator import Leaves
+from pdsolve.codegen.processor import processor_kind
 from pdsolve.run.recorder import Recorder
 from pdsolve.run.system import System
 from pdsolve.steppers.arc_length_steps import ArcLengthSteps
@@ -30,6 +31,7 @@ def meta(notes: Recorder, provenance: str) -> dict[str, Any]:
         "dimension": system.model.grid.dimension,
         "numpy": np.__version__,
         "numba": numba.__version__,
+        "processor": processor_kind(),
         "mode": system.options.mode,
         "precision": system.options.precision,
         "threads": system.threads,

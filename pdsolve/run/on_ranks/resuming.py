@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from itertools import pairwise
 from pathlib import Path
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model.node_grid import Grid
 from pdsolve.checkpoint_validation import entry, expect_broken, expect_found
+from pdsolve.codegen.processor import processor_kind
 from pdsolve.conditions import put_loads
 from pdsolve.errors import CheckpointError
 from pdsolve.model import Model
@@ -21,7 +23,7 @@ from pdsolve.operators.protocol import Kept
 from pdsolve.options import Options
 from pdsolve.ranks import part as parts
 from pdsolve.ranks.part import Part
-from pdsolve.results import Breaks, Results, ResultsError, gone_back
+from pdsolve.results import Breaks, Results, ResultsError, ResultsWarning, gone_back
 from pdsolve.run.on_ranks.frames import HELD, held_runs
 from pdsolve.run.on_ranks.recorder import BATCH, RecorderOnRanks
 from pdsolve.run.on_ranks.start import Here, OnRanks, prepare
@@ -48,6 +50,16 @@ def gone_on(results: Results, model: Model, options: Options, meta: Mapping[str,
         restore(system, state, step, results)
         system = dataclasses.replace(system, initial_energy=float(meta.get("initial_energy", 0.0)))
         return RecorderOnRanks(system, state, past)
+
+
+def warn_of_processor(output: Path, meta: Mapping[str, Any]) -> None:
+    """Warn if a run goes on on another kind of processor, where sums round otherwise."""
+    before, here = meta.get("processor"), processor_kind()
+    if before is not None and before != here:
+        words = (
+            f"{output}: begun on a processor of kind {before}, goes on on {here}: not bit-identical, sums round anew"
+        )
+        warnings.warn(words, ResultsWarning, stacklevel=2)
 
 
 def of_other_bonds(output: Path, meta: Mapping[str, Any], system: System) -> ResultsError:
