@@ -1,0 +1,134 @@
+"""What a refinement of a body does to the state, the forces on held nodes and the rows before."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace as Part
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pdsolve.errors import CheckpointError
+from pdsolve.run import body_zones
+from pdsolve.run.body_zones import Refining, _hold, _moved, _origin
+from pdsolve.state import State
+
+ROWS = np.array([0, 2, -1, 1])  # before: of the first node, too
+
+
+def test_what_was_booked_stays_where_it_was() -> None:
+    """Densities on cells of another volume hold the same energy; new nodes hold none."""
+    before = Part(volume=np.array([4.0, 6.0, 8.0]), moved=lambda rows, values: 10.0 * values)
+    after = Part(volume=np.array([2.0, 8.0, 1.0, 3.0]), rows=ROWS)
+    motion = [np.full((4, 3), value) for value in (1.0, 2.0, 3.0)]
+    booked = [factor * np.array([1.0, 10.0, 100.0]) for factor in (1.0, 2.0, 3.0)]
+    found = _moved(before, after, State(*motion, *booked), ROWS)  # type: ignore[arg-type]
+    assert [float(values[0, 0]) for values in found[:3]] == [10.0, 20.0, 30.0]
+    for factor, values in zip((1.0, 2.0, 3.0), found[3:], strict=True):
+        assert np.array_equal(values, factor * np.array([2.0, 100.0, 0.0, 20.0]))
+        assert np.array_equal((values * after.volume)[[0, 1, 3]], factor * np.array([4.0, 800.0, 60.0]))
+
+
+def test_forces_on_held_components() -> None:
+    """They are the pull and the load where it is known, and those before elsewhere."""
+    before = Part(force=np.zeros((3, 3)), holds=Part(node=np.array([0, 1]), axis=np.array([1, 2])))
+    before.held_force = np.array([5.0, 7.0])
+    force = np.arange(12.0).reshape(4, 3)
+    after = Part(force=force, holds=Part(node=np.array([0, 3, 2]), axis=np.array([1, 2, 0])), held_force=np.zeros(3))
+    pull, which = 100.0 * np.ones((4, 3)), np.array([False, False, True, False])
+    _hold(Part(drive=before), Part(drive=after), ROWS, pull, which)  # type: ignore[arg-type]
+    assert after.held_force.tolist() == [5.0, 7.0, 100.0 + 6.0]
+
+
+def systems(**changed: list[float]) -> tuple[Any, Any]:
+    """Two systems whose nodes have the same cells and bonds, but for what is `changed` after."""
+    values = {"volume": [1.0, 2.0, 3.0], "family": [4, 5, 6], "count": [4, 4, 4]}
+    after = {key: np.array(given)[np.maximum(ROWS, 0)] for key, given in values.items()}
+    for key, given in changed.items():
+        after[key] = np.array(given)
+    return tuple(  # type: ignore[return-value]
+        Part(
+            operator=Part(volume=np.array(one["volume"])), family=np.array(one["family"]), count=np.array(one["count"])
+        )
+        for one in (values, after)
+    )
+
+
+@pytest.mark.parametrize(
+    ("changed", "expected"),
+    [
+        ({}, [0, 2, -1, 1]),
+        ({"volume": [9.0, 3.0, 1.0, 2.0]}, [-1, 2, -1, 1]),
+        ({"family": [4, 9, 4, 5]}, [0, -1, -1, 1]),
+        ({"count": [4, 4, 4, 9]}, [0, 2, -1, -1]),
+    ],
+)
+def test_nodes_that_keep_their_cell_and_bonds(
+    changed: dict[str, list[float]], expected: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(body_zones, "zone_of", lambda system: system.operator)
+    assert _origin(*systems(**changed), ROWS).tolist() == expected
+
+
+class Zone:
+    """An operator whose cells may become fine, as far as a refinement asks it."""
+
+    def __init__(self, new: list[int], made: float) -> None:
+        self.new, self.history = np.array(new, dtype=np.int64), Made(made)
+        self.rows, self.asked = ROWS, list[int]()
+
+    def wanted(self, state: State, step: int) -> np.ndarray[Any, Any]:
+        self.asked.append(step)
+        return self.new
+
+    def held_around(self, state: object, new: object) -> str:
+        return "around"
+
+    def refined(self, new: object) -> Zone:
+        return Zone([], self.history.made)
+
+    def row_of_grid(self, rows: object) -> object:
+        return rows
+
+    def forces_around(self, state: object, new: object) -> tuple[str, str]:
+        return "pull", "which"
+
+
+class Made:
+    """A history with the energy made by refinement, J."""
+
+    def __init__(self, made: float) -> None:
+        self.made = made
+
+    def _replace(self, made: float) -> Made:
+        return Made(made)
+
+
+def test_the_energy_made_by_a_refinement_is_added_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    """11 J after less 4 J before and 0.5 J of forces; 100 J of earlier ones."""
+    held: list[tuple[object, ...]] = []
+    monkeypatch.setattr(body_zones, "zone_of", lambda system: system.operator)
+    monkeypatch.setattr(body_zones, "energy", lambda system, state, around: 4.0 if state == "state" else 11.0)
+    monkeypatch.setattr(body_zones, "pushed", lambda *_: 0.5)
+    monkeypatch.setattr(body_zones, "_on", lambda system, after, step: Part(operator=after))
+    monkeypatch.setattr(body_zones, "_moved", lambda *_: "moved")
+    monkeypatch.setattr(body_zones, "_origin", lambda *_: "origin")
+    monkeypatch.setattr(body_zones, "_hold", lambda *words: held.append(words[2:]))
+    zone = Zone([3], 100.0)
+    change: Any = Refining().epoch(Part(operator=zone), "state", 256)  # type: ignore[arg-type]
+    assert change[0].operator.history.made == 107.5
+    assert change[1:] == ("moved", "origin")
+    assert zone.asked == [256 - Refining.every]  # what broke since the last look
+    assert [words[1:] for words in held] == [("pull", "which")]
+    assert Refining().epoch(Part(operator=Zone([], 0.0)), "state", 256) is None  # type: ignore[arg-type]
+
+
+def test_a_checkpoint_of_other_cells_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    after = Part(model=Part(grid=Part(ids=np.array([1, 2]))), volume=np.ones(2), unknowns=[Part(width=3)])
+    monkeypatch.setattr(body_zones, "zone_of", lambda system: Part(restored=lambda kept: after))
+    steps: list[int] = []
+    monkeypatch.setattr(body_zones, "_on", lambda system, operator, step: steps.append(step))
+    assert Refining().back(Part(), {"ids": np.array([1, 2])}).state.value.shape == (2, 3)  # type: ignore[arg-type]
+    assert steps == [0]
+    with pytest.raises(CheckpointError, match="ids of nodes"):
+        Refining().back(Part(), {"ids": np.array([1, 3])})  # type: ignore[arg-type]
