@@ -77,7 +77,11 @@ def parser() -> argparse.ArgumentParser:
     program.add_argument("--static", action="store_true", help="solve for equilibrium, in load steps (run.solver)")
     program.add_argument("--float", action="store_true", help="hold unsupported bodies softly (run.static.floating)")
     program.add_argument("--dry-run", action="store_true", help="estimate memory and time of the run, solve nothing")
-    program.add_argument("--resume", action="store_true", help="continue a run from its last checkpoint")
+    program.add_argument(
+        "--resume",
+        action="store_true",
+        help="continue a run from its last checkpoint, bit-identical on the same kind of processor",
+    )
     return program
 
 

@@ -38,7 +38,7 @@ class Failed(NamedTuple):
 class Floor:
     """The right to tell an error, which one rank gets: the first that takes it. All ranks make it together."""
 
-    def __init__(self, comm: MPI.Comm) -> None:
+    def __init__(self, comm: MPI.Intracomm) -> None:
         from mpi4py import MPI
 
         self._share = MPI.LOCK_SHARED
@@ -62,7 +62,7 @@ class Floor:
 class Team:
     """All ranks, as one of them sees them."""
 
-    def __init__(self, comm: MPI.Comm) -> None:
+    def __init__(self, comm: MPI.Intracomm) -> None:
         self.comm, self.rank, self.size = comm, comm.Get_rank(), comm.Get_size()
         self.part: Any = None  # what this rank works on
         self.floor: Floor | None = None  # None: who tells an error is not decided

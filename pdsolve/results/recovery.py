@@ -10,6 +10,8 @@ from enum import Enum
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from pdmesh.file_kinds import Kind as FileKind
+from pdmesh.file_kinds import kind_of
 from pdsolve.results.errors import EmptyError, ResultsError, explained
 from pdsolve.results.lock import holder
 from pdsolve.results.opening import Log, log_of, read_only
@@ -86,8 +88,10 @@ def state_of(path: Path) -> State:
 def is_empty(path: Path) -> bool:
     """Whether a run that was stopped before its first frame has left a file at `path` with nothing in it."""
     try:
-        state = state_of(path) if path.is_file() else State(Kind.NONE)
-    except ResultsError:
+        if not path.is_file() or (path.stat().st_size and kind_of(path) is not FileKind.RESULTS):
+            return False  # SQLite takes a few bytes of anything for nothing
+        state = state_of(path)
+    except (ResultsError, OSError):
         return False
     return state.kind is Kind.EMPTY and not state.log.lost
 

@@ -11,6 +11,7 @@ import pytest
 from pdsolve.errors import CheckpointError
 from pdsolve.run import body_zones
 from pdsolve.run.body_zones import Refining, _hold, _moved, _origin
+from pdsolve.run.system import Prepared
 from pdsolve.state import State
 
 ROWS = np.array([0, 2, -1, 1])  # before: of the first node, too
@@ -132,3 +133,14 @@ def test_a_checkpoint_of_other_cells_is_refused(monkeypatch: pytest.MonkeyPatch)
     assert steps == [0]
     with pytest.raises(CheckpointError, match="ids of nodes"):
         Refining().back(Part(), {"ids": np.array([1, 3])})  # type: ignore[arg-type]
+
+
+def test_loads_of_new_nodes_are_those_of_the_time_of_the_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    times: list[float] = []
+    monkeypatch.setattr(body_zones, "drive_of_nodes", lambda after, time: times.append(time))
+    monkeypatch.setattr(body_zones, "assembled", lambda *words: Part(system=Prepared(words[5], None)))  # type: ignore[arg-type]
+    monkeypatch.setattr(body_zones.dataclasses, "replace", lambda system, whole: (system, whole))
+    system: Any = Part(time_step=0.5, bound=0.7, options=None, scheme=None, whole="whole")
+    found: Any = body_zones._on(system, Part(model=None, counted=None), 8)  # type: ignore[arg-type]
+    assert times == [4.0]
+    assert (found[0][0], found[1]) == ((0.5, 0.7), "whole")
