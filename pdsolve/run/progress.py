@@ -54,7 +54,7 @@ class Watch:
         self._bar: Any = None
         self._said = time.monotonic()
         self._runs = False  # or is being prepared
-        self._patience = stopping.AT_ONCE  # before
+        self._patience: tuple[float, ...] = stopping.AT_ONCE  # before
 
     def __enter__(self) -> Callable[[Progress], bool]:
         if threading.current_thread() is threading.main_thread():
