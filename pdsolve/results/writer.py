@@ -108,13 +108,12 @@ class Writer:
                 writer._checksums["schema"] = Checksum().of("schema", connection.execute(select_schema()))
                 writer._insert("INSERT", "checksum", [(name, 0, 0) for name in writer._checksums])
                 writer._append("float32_prefix", prefixes())
-                created = datetime.now(UTC).isoformat(timespec="seconds")
-                writer._tell({**meta, "created": created, **writer._running()})
-            with writer._transaction():  # of its own: a run that is killed meanwhile can begin anew from its model
                 if KEY_OF_PIECES not in meta:
                     writer._write_nodes(births.first, 0, births)
                 writer._append("epoch", [(0, births.total, births.bonds)])
                 writer._append("crack" if cracks.shape[1] == 4 else "crack_face", cracks.tolist())
+                created = datetime.now(UTC).isoformat(timespec="seconds")
+                writer._tell({**meta, "created": created, **writer._running()})
         except BaseException:
             writer.discard()
             raise

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import sqlite3
 from contextlib import closing
 from pathlib import Path
@@ -14,7 +13,7 @@ from whole import contents
 from pdpost.__main__ import main as pdpost
 from pdsolve.__main__ import main
 from pdsolve.model import Model
-from pdsolve.results import Kind, Results, Writer, state_of
+from pdsolve.results import Kind, Results, state_of
 from pdsolve.results.writer import _connected
 from pdsolve.run import summary
 from pdsolve.run.simulation import simulate
@@ -88,27 +87,6 @@ def test_a_file_with_contents_is_never_taken_over(what: str, model: Path, capsys
     assert mentions(capsys.readouterr().err, "plate.sqlite", "--force", found="a file", expected="none")
     assert main(["--resume", str(PLATE)]) == 2
     assert PLATE.read_bytes() == before
-
-
-def test_a_run_killed_while_it_writes_its_nodes(
-    model: Path, probed: Model, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Its model is in the database already: --resume begins anew from it, with the settings of that run."""
-    write, killed = Writer._write_nodes, Path("killed.sqlite")
-
-    def copied(writer: Writer, *more: object) -> None:
-        for end in ("", "-wal", "-shm"):
-            shutil.copy(f"{PLATE}{end}", f"{killed}{end}")
-        write(writer, *more)  # type: ignore[arg-type]
-
-    with monkeypatch.context() as patch:
-        patch.setattr(Writer, "_write_nodes", copied)
-        assert main([str(model), "-q", "--set", "run.steps=30"]) == 0
-    model.unlink()
-    assert state_of(killed).kind is Kind.UNBEGUN
-    assert main(["--resume", str(killed), "-q"]) == 0
-    assert capsys.readouterr() == ("", "")
-    assert contents(killed) == contents(PLATE)
 
 
 @pytest.mark.parametrize("name", ["file:x.sqlite", "file:x.sqlite?mode=memory", "file:%2e%2e/x"])
