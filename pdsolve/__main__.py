@@ -179,7 +179,7 @@ def _solve(args: argparse.Namespace, ranks: Team | None) -> int:
 
                 return _show_plan(estimate_run(model, options), args)
             output = args.output or Path(args.model.stem + ".sqlite")
-            path = commandline.output_path(output, args.model, ".sqlite", args.force or is_empty(output))
+            path = commandline.output_path(args.output, args.model, ".sqlite", args.force or is_empty(output))
             if model.settings.run.after == "motion":
                 commandline.output_path(name_of(path), args.model, ".sqlite", args.force, beside=True)
             if not args.force:

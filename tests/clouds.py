@@ -96,14 +96,13 @@ CASES = [  # but for beams, which have a third unknown and small rotations (test
     Case("wan", "listed", 2, "float32"),
 ]
 LONG = ("neo-hooke", "order-3", "constant-term", "breitzman-dayal", "wan", "wan-neo-hooke")  # to compile
-SLOW = [
+SLOW = [  # quick are those of brittle bonds and, of each other law, one cell: each cell compiles kernels of its own
     case
     for case in CASES
-    if case.law in LONG
-    or (case.law in VARIANTS and (case.dimension, case.precision) != (2, "float64"))
-    or (case.law == "ordinary" and (case.single or case.dimension == 3))
-    or (case.law != "brittle" and case.single)
-    or (case.law == "correspondence" and case.operator == "blocks")
+    if case.law in (*LONG, "correspondence")
+    or case.single
+    or (case.operator, case.dimension)
+    not in {"brittle": [("listed", 2), ("blocks", 2), ("listed", 3)]}.get(case.law, [("listed", 2)])
 ]
 
 

@@ -31,11 +31,6 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
     ): "room that is the least to the last bit",
     ("pdsolve/operators/protocol.py", "def broken(self, after: int = 0) -> Broken:", "(1)"): "a protocol has no code",
     (
-        "pdmesh/grid/cubic.py",
-        "share = np.clip(share, 0.0, 1.0)",
-        "(2.0)",
-    ): "shares of cubes exceed 1 by round-off alone",
-    (
         "pdpost/reading/watching.py",
         "continue",
         "pass",

@@ -43,7 +43,7 @@ def fits(found: Mapping[str, Any]) -> bool:
 
 
 def with_own_volumes(found: Mapping[str, Any]) -> dict[str, Any]:
-    """The same triangles, with no volume of Gmsh where they enclose another."""
+    """Triangles whose groups have no volume of Gmsh where the triangles enclose a different one."""
     *groups, whole = (
         group | ({} if group["dimension"] != 3 or _agrees(found, group) else {"volume": 0.0})
         for group in [*found["groups"], found["whole"]]

@@ -7,6 +7,6 @@ from llvmlite import binding
 
 
 def processor_kind() -> str:
-    """Its name in LLVM's words, such as "znver3"; numba's settings of name and features stand in place of it."""
+    """Name of the processor in LLVM's words, such as "znver3", or what numba is told to compile for."""
     name = numba.config.CPU_NAME or binding.get_host_cpu_name()
     return f"{name} {numba.config.CPU_FEATURES}" if numba.config.CPU_FEATURES else str(name)

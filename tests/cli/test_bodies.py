@@ -81,6 +81,7 @@ def test_a_body_is_exported(solved: Path, cubes: bool) -> None:
     assert np.unique(mesh.point_data["volume"]) == pytest.approx([1e-3])
 
 
+@pytest.mark.slow
 def test_xdmf_and_csv_have_all_three_axes(solved: Path) -> None:
     for suffix in (".xdmf", ".csv"):
         assert pdpost(["export", str(solved / "body.sqlite"), "-o", str(solved / f"all{suffix}"), "-q"]) == 0

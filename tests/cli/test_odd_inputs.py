@@ -129,6 +129,7 @@ def test_tips_of_a_crack_of_30000_points() -> None:
     assert time.process_time() - start < 20
 
 
+@pytest.mark.slow
 def test_thin_places_beside_a_crack_of_20000_points() -> None:
     """They are those beside the same crack of few points, in about the same time."""
     plate = Scene(box(0, 0, 0.04, 0.02), 1e-3, GLASS)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import stat
 from collections.abc import Callable, Iterator
@@ -219,7 +220,7 @@ def test_long_names(there: Path, capsys: pytest.CaptureFixture[str], name: str) 
         if code == 0:
             (there / long).unlink()
         else:
-            assert capsys.readouterr().err.endswith(f": {long}: File name too long\n")
+            assert re.search(r": x+\S+: File name too long\n$", capsys.readouterr().err)
 
 
 def test_the_library_refuses_the_same(tmp_path: Path, small_plate: Model) -> None:

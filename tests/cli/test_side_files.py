@@ -51,9 +51,9 @@ def victim(here: Path) -> Path:
     ids=" ".join,
 )
 def test_no_command_deletes_what_a_journal_names(
-    hybrid_results: Path, here: Path, victim: Path, words: list[str], capsys: pytest.CaptureFixture[str]
+    small_results: Path, here: Path, victim: Path, words: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    path = Path(shutil.copy(hybrid_results, here / "results.sqlite"))
+    path = Path(shutil.copy(small_results, here / "results.sqlite"))
     before = path.read_bytes()
     forged(path, victim)
     main = pdsolve if words[0] == "--resume" else pdpost

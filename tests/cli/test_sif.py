@@ -151,6 +151,7 @@ def test_tips_without_room_are_named_and_the_others_go_on(here: Path, capsys: py
     assert [line.count(f"pre-crack {number}: found the edge of the plate") for number in (0, 1)] == [1, 1]
 
 
+@pytest.mark.slow
 def test_one_frame(pulled: Path, case: Case, capsys: pytest.CaptureFixture[str]) -> None:
     for words in (["--frame", "1"], ["--time", "0.5"], ["--frame=-2"]):
         assert main(["sif", str(pulled), *words, "--json"]) == 0

@@ -53,6 +53,7 @@ def block_of(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_intensities_along_a_front(block_of: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """At the points that are far enough from both sides of the block."""
     assert main(["sif", str(block_of), "--json"]) == 0

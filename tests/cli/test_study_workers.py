@@ -62,7 +62,7 @@ def test_a_run_whose_worker_was_ended_goes_on(plate: Path, capsys: pytest.Captur
     assert mentions(capsys.readouterr().out, "study.sqlite", "2 runs", "2 finished", "0 failed")
 
 
-@pytest.mark.process
+@pytest.mark.slow
 def test_a_program_that_a_study_names_is_not_run(plate: Path, capsys: pytest.CaptureFixture[str]) -> None:
     Path("plate.py").write_text(f"{PLATE}\nopen('ran', 'w').close()\n")
     Path("study.toml").write_text('drawing = "plate.py"')

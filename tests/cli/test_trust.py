@@ -90,7 +90,7 @@ def test_a_command_runs_no_program_that_is_not_trusted(
     assert set(scene.iterdir()) == there
 
 
-@pytest.mark.process
+@pytest.mark.slow
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=pytest.mark.slow if name in SOLVED else ()) for name in COMMANDS]

@@ -20,6 +20,7 @@ def referring(source: str) -> Iterator[str]:
                 yield f"{item.lineno}: {item.name}: {words.splitlines()[0]}"
 
 
+@pytest.mark.slow
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("package", ["pdmesh", "pdsolve", "pdpost"])
 def test_no_docstring_refers_to_another(package: str) -> None:

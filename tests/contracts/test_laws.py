@@ -53,7 +53,6 @@ def torn(case: Case) -> Cloud:
     return made
 
 
-@pytest.mark.quick_cases(6)
 @every
 def test_force_is_minus_the_slope_of_energy(case: Case) -> None:
     """By central differences, in two random directions of all nodes and in single components of some."""
@@ -112,7 +111,6 @@ def test_momentum_and_angular_momentum(case: Case) -> None:
     assert np.abs(moment - moment.T).max() <= (1e-6 if case.single else 1e-15) * scale * place.max()  # 5e-9, 2e-17
 
 
-@pytest.mark.quick_cases(13)
 @every
 def test_uniform_strain_makes_no_force_inside(case: Case) -> None:
     """Small enough to break nothing; inside is what no edge reaches by way of a neighbour."""
@@ -126,7 +124,6 @@ def test_uniform_strain_makes_no_force_inside(case: Case) -> None:
     assert np.abs(inside).max() <= (3e-5 if case.single else 1e-13) * np.abs(force).max()  # measured 2e-6, 4e-15
 
 
-@pytest.mark.quick_cases(12)
 @every
 def test_a_mirror_image_has_mirrored_forces(case: Case) -> None:
     """The lattice is its own image; displacements, and what they broke, are mirrored in the plane x = 0."""
@@ -148,7 +145,6 @@ def mirrored(side: int, dimension: int) -> NDArray[np.int64]:
     return np.flip(rows, axis=1 if dimension == 2 else 0).ravel()
 
 
-@pytest.mark.quick_cases(16)
 @every
 def test_numbering_does_not_matter(case: Case) -> None:
     """Nodes in a random order: the same forces, the same bonds broken."""
@@ -181,7 +177,6 @@ def everything(made: Cloud) -> list[bytes]:
     return [np.ascontiguousarray(column).tobytes() for column in (*made.state, *(c[order] for c in gone), *kept)]
 
 
-@pytest.mark.quick_cases(9)
 @every
 def test_what_was_kept_goes_on_to_the_same_bits(case: Case) -> None:
     """In a new operator, and in the one that has gone on since."""

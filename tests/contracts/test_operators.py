@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import cache, partial
 from typing import Any, NamedTuple
 
@@ -117,6 +117,16 @@ CASES = {
     "collocation": Case(stencilled, Run(adapt="collocation", collocation=Collocation(damped=True))),
 }
 DOUBLE = [name for name, case in CASES.items() if case.precision == "float64"]
+ENERGETIC = (  # stencils have no energy
+    "listed", "blocks", "together", "space, listed", "space, blocks", "split", "hybrid", "state-based hybrid",
+    "space, hybrid",
+)  # fmt: skip
+ZONED = ("hybrid", "collocation")  # whose marches take ten seconds and more to compile
+
+
+def marked(names: Iterable[str]) -> list[Any]:
+    """Names of cases for pytest; those with a zone are slow."""
+    return [pytest.param(name, marks=[pytest.mark.slow] * name.endswith(ZONED)) for name in names]
 
 
 def fresh(name: str) -> Prepared:
@@ -213,7 +223,7 @@ def nearly(digits: float, expected: NDArray[np.float64]) -> Any:
 
 
 @pytest.mark.quick_cases(1)
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", marked(CASES))
 def test_forces_are_added_and_nothing_else_changes(name: str) -> None:
     system, _ = prepared(name)
     state = system.operator.place(at(system, 1e-5))
@@ -227,7 +237,7 @@ def test_forces_are_added_and_nothing_else_changes(name: str) -> None:
 
 
 @pytest.mark.quick_cases(1)
-@pytest.mark.parametrize("name", DOUBLE)
+@pytest.mark.parametrize("name", marked(DOUBLE))
 def test_the_tangent_is_the_derivative_of_forces(name: str) -> None:
     """Of turned and stretched nodes; measured 6e-10 and less, by differences."""
     system, _ = prepared(name)
@@ -240,20 +250,7 @@ def test_the_tangent_is_the_derivative_of_forces(name: str) -> None:
     assert found == nearly(1e-7, slope)
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "listed",
-        "blocks",
-        "together",
-        "space, listed",
-        "space, blocks",
-        "split",
-        "hybrid",
-        "state-based hybrid",
-        "space, hybrid",
-    ],
-)  # stencils have no energy
+@pytest.mark.parametrize("name", marked(name for name in CASES if name in ENERGETIC))
 def test_forces_are_the_slope_of_the_energy(name: str) -> None:
     """Measured 5e-7 and less, in space 4e-6, by differences of energies, which lose digits."""
     system, _ = prepared(name)
@@ -267,7 +264,7 @@ def test_forces_are_the_slope_of_the_energy(name: str) -> None:
     assert -work == pytest.approx(slope, rel=1e-6 if state.value.shape[1] == 2 else 1e-5)
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", marked(CASES))
 def test_turning_needs_no_force(name: str) -> None:
     system, _ = prepared(name)
     whole = 2 * float(system.operator.stiffness_bound().max()) * H  # N/m^3 where a spacing is doubled
@@ -276,7 +273,7 @@ def test_turning_needs_no_force(name: str) -> None:
 
 
 @pytest.mark.quick_cases(1)
-@pytest.mark.parametrize("name", DOUBLE)
+@pytest.mark.parametrize("name", marked(DOUBLE))
 def test_the_bound_is_above_all_frequencies(name: str) -> None:
     system, _ = prepared(name)
     width = system.model.grid.dimension
@@ -291,7 +288,7 @@ def test_the_bound_is_above_all_frequencies(name: str) -> None:
 
 
 @pytest.mark.quick_cases(1)
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", marked(CASES))
 def test_verlet_marches_it_as_its_own_stepper_does(name: str) -> None:
     """Twenty steps of a plate that is thrown; measured 3e-14 and less, 2e-5 in single precision."""
     system, state = fresh(name)
@@ -341,7 +338,7 @@ def test_breaking_spends_what_bonds_held(name: str) -> None:
 
 
 @pytest.mark.quick_cases(3)
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", marked(CASES))
 def test_what_is_kept_goes_on_alike(name: str) -> None:
     """To the same bits."""
     problem, state, _ = torn(name)

@@ -196,6 +196,7 @@ def test_other_births_and_deaths_than_were_written_are_refused(
         results.field("uy", 30)
 
 
+@pytest.mark.slow
 def test_a_run_goes_on_only_as_it_began(model: Model, small_plate: Model, tmp_path: Path) -> None:
     """Nodes that change need what changes them; those that stay do not."""
 
@@ -224,6 +225,7 @@ class Careless(Moving):
         return found._replace(origin=np.array([known.index(node) if node in known else -1 for node in ids]))
 
 
+@pytest.mark.slow
 def test_a_bond_to_nobody_is_told(model: Model, tmp_path: Path) -> None:
     path = tmp_path / "careless.sqlite"
     with simulate(model, path, adapt=Careless(model.grid)) as results:

@@ -56,6 +56,7 @@ def packed(*numbers: int) -> bytes:
     return zlib.compress(np.array(numbers, dtype="<i4").tobytes())
 
 
+@pytest.mark.slow
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("ahead", [10**6, -(10**6), 2**31 - 1, 112, -1])
 def test_neighbours_that_do_not_exist(path: Path, ahead: int, capsys: pytest.CaptureFixture[str]) -> None:

@@ -98,6 +98,7 @@ def test_what_no_run_has_written_is_named(
     assert said.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_a_particle_that_grew_from_itself_is_named(
     halves: Path, path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -72,6 +72,7 @@ simulate(struck("hybrid", law={law!r}), Path(sys.argv[1]), Options(threads=1), w
     assert contents(path) == contents(whole)
 
 
+@pytest.mark.slow
 def test_large_arrays_of_a_checkpoint_are_written_in_pieces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The same bytes with the same checksums, of which a run goes on."""
     rows = []

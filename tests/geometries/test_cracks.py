@@ -67,6 +67,7 @@ def test_kalthoff_and_winkler(mode: str) -> None:
     assert all(branch.mean_speed is None for branch in rubble)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", ["thesis", "conservative"])
 def test_duran(solved: Callable[[str], Path], mode: str) -> None:
     with Results.open(solved(mode)) as results:

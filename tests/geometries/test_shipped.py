@@ -185,6 +185,7 @@ def test_v_notch_keeps_the_nodes_on_its_edges() -> None:
     assert (np.abs(above) < 1e-9).sum() == 41  # 20 on each flank and the root
 
 
+@pytest.mark.slow
 def test_loads_of_both_edges_balance() -> None:
     for name in ("duran50.geo", "duran50_one_scale.py", "oblique_crack.geo", "plate_with_hole.geo", "v_notch.geo"):
         first, second = built(name).settings.conditions
@@ -196,7 +197,7 @@ def test_loads_of_both_edges_balance() -> None:
         assert np.add(first.traction, second.traction).tolist() == [0, 0]
 
 
-@pytest.mark.process
+@pytest.mark.slow
 def test_the_scene_of_the_guide_builds(tmp_path: Path) -> None:
     code = next(block for block in GUIDE["drawings"].split("```python\n")[1:] if "scene = (" in block).split("```")[0]
     path = tmp_path / "plate.py"

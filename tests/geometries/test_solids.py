@@ -17,7 +17,7 @@ def solved(name: str, **parameters: str) -> Results:
     return simulate(Model(made.grid, made.settings), None, Options(threads=1))
 
 
-@pytest.mark.process
+@pytest.mark.slow
 def test_the_end_of_a_bar_moves_as_waves_have_it() -> None:
     """1, 2, 1, 0 times sigma L / E at 1, 2, 3, 4 times L / c; of 40 spacings."""
     with solved("bar.py", spacing="0.025") as results:

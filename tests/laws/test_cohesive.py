@@ -157,6 +157,7 @@ def shaken(kernel: str, shape: str) -> tuple[list[NDArray[np.float64]], list[tup
     return arrays, sorted(zip(*(column.tolist() for column in broken), strict=True))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", [shape if shape == "linear" else pytest.param(shape, marks=SLOW) for shape in AREA])
 def test_the_fast_kernel_is_the_list(shape: str) -> None:
     """States, energies, what bonds remember, and the tangent, to round-off; the same bonds break."""

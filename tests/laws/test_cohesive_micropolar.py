@@ -38,6 +38,7 @@ def made(shape: str = "linear") -> Prepared:
     return prepare(plate(square_grid(11, 9, 0.01), 3, material=material, run=Run(time_step=1e-6)), Options(threads=1))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "shape", [pytest.param(one, marks=pytest.mark.slow if one != "linear" else ()) for one in AREA]
 )
@@ -76,6 +77,7 @@ def test_a_turn_is_no_strain() -> None:
     assert system.operator.fields(state)["rotation"] == pytest.approx(1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("nu", [0.05, 0.18, 0.3])
 def test_a_free_strip_has_the_poisson_ratio_that_is_said(nu: float) -> None:

@@ -43,6 +43,7 @@ def test_forces_and_moments_are_minus_the_slope_of_energy_and_the_tangent_theirs
     assert K @ way.ravel() == pytest.approx(-out.ravel(), rel=1e-9, abs=1e-9 * np.abs(out).max())
 
 
+@pytest.mark.slow
 def test_a_turn_is_no_strain() -> None:
     """Of all nodes and of the plate by the same small angle."""
     system, state = made()

@@ -73,7 +73,7 @@ def compare(drawings: dict[str, Path], folder: Path) -> None:
         assert found == expected, name
 
 
-@pytest.mark.process
+@pytest.mark.slow
 def test_ordinary_drawings(tmp_path: Path) -> None:
     assert len(ORDINARY) == 24
     compare({path.stem: path for path in ORDINARY}, tmp_path)

@@ -98,6 +98,7 @@ def shear(slope: float) -> float:
     return float(drag.max() / normal.mean())
 
 
+@pytest.mark.slow
 def test_faces_that_interlock(failure: Callable[..., None]) -> None:
     """Inclined faces that interlock.
 

@@ -64,6 +64,7 @@ def test_tips_under_load(failure: Callable[..., None]) -> None:
     )
 
 
+@pytest.mark.slow
 def test_a_border_that_is_stretched(failure: Callable[..., None], pdsolve: Callable[..., Said]) -> None:
     """Bonds stretched at the border of a fine zone.
 

@@ -77,6 +77,7 @@ def cut_energy(height: float) -> tuple[float, int]:
     return float(spent[cut].sum()) / (GLASS.G0 * 10e-3), lonely
 
 
+@pytest.mark.slow
 def test_a_crack_through_nodes(failure: Callable[..., None]) -> None:
     """A crack that passes through nodes.
 

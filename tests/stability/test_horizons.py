@@ -18,6 +18,7 @@ CONSTANT = msgspec.structs.replace(GLASS, micromodulus="constant")
 SIDE = 31
 
 
+@pytest.mark.slow
 def test_round_off_at_the_horizon(failure: Callable[..., None]) -> None:
     """m = 3.0 and 3.015: round-off at the horizon.
 

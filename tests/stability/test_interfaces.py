@@ -97,6 +97,7 @@ def concentration(mode: str, m: int) -> float:
     return float(share[near].max() / share[far].max())
 
 
+@pytest.mark.slow
 def test_slow_tension_across_an_interface(failure: Callable[..., None]) -> None:
     """Slow tension across an interface with symmetric bonds.
 

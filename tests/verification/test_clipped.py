@@ -26,6 +26,7 @@ def linear(gradient: NDArray[np.float64], sign: float) -> Any:
     return lambda x, y: sign * gradient @ np.array([x, y])
 
 
+@pytest.mark.slow
 @pytest.mark.quick_cases(3)
 @pytest.mark.parametrize("plane", ["stress", "strain"])
 @pytest.mark.parametrize("micromodulus", ["conical", "constant"])
@@ -49,6 +50,7 @@ def test_a_linear_field_is_at_rest(m: int, micromodulus: str, plane: str) -> Non
         assert np.abs(force.sum(axis=0)).max() < 1e-15 * np.abs(force).sum()  # measured 6e-16 at most
 
 
+@pytest.mark.slow
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("m", [3, 4])
 def test_a_linear_field_is_at_rest_in_materials_of_two_micromoduli(m: int) -> None:
@@ -75,6 +77,7 @@ def test_a_linear_field_is_at_rest_in_materials_of_two_micromoduli(m: int) -> No
 CRACKS = [[(0.0, 33.5, 36.2, 33.5)], [(3.3, 60.2, 36.2, 33.5)], [(30.6, 70.0, 33.5, 30.0)]]
 
 
+@pytest.mark.slow
 @pytest.mark.quick_cases(2)
 @pytest.mark.parametrize("cracks", CRACKS)
 def test_a_face_that_turns_is_not_stretched(cracks: list[tuple[float, float, float, float]]) -> None:
@@ -87,6 +90,7 @@ def test_a_face_that_turns_is_not_stretched(cracks: list[tuple[float, float, flo
     assert np.abs(found[0] - found[1]).max() / 2 < 1e-12 * plate.c11 * 1e-7 * H  # 0.1 by the next node alone
 
 
+@pytest.mark.slow
 def test_mass_is_that_of_the_plate() -> None:
     """All nodes that move have it together."""
     plate = zoned(72, 68, irregular, GLASS)
@@ -97,6 +101,7 @@ def test_mass_is_that_of_the_plate() -> None:
 ACROSS = [[(0.0, 14.6, 40.0, 14.6)], [(0.0, 14.3, 40.0, 15.9)], [(12.7, 0.0, 12.7, 32.0)]]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cracks", ACROSS)
 def test_cells_cut_in_two_are_strips(cracks: list[tuple[float, float, float, float]]) -> None:
     """A coarse plate in two halves under tension along its crack: its pull is that of a plate without a crack, and the
@@ -122,6 +127,7 @@ def noise(scale: float) -> Any:
     return lambda x, y: scale * random.standard_normal((2, len(x)))
 
 
+@pytest.mark.slow
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("cracked", [False, True])
 def test_noise_vibrates_on_for_long(cracked: bool) -> None:

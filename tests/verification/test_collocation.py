@@ -23,6 +23,7 @@ from pdsolve.run.prepare import prepare
 RUN = Run(adapt="collocation", collocation=Collocation(damped=True), steps=10)
 
 
+@pytest.mark.slow
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("profile", ["constant", "conical"])
 def test_where_all_is_fine_it_is_the_uniform_run(profile: str) -> None:
@@ -63,6 +64,7 @@ def sound(engine: CollocationEngine) -> np.ndarray:
     return ((node == FINE) | (node == COARSE)) & ~dilated(odd, ground.at, ground.at.below)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("ratio", "error"),
     [
@@ -163,6 +165,7 @@ def test_a_crack_takes_fine_nodes_with_it() -> None:
     assert found.damped == 0
 
 
+@pytest.mark.slow
 def test_fine_nodes_that_come_too_late_are_an_error() -> None:
     """A plate that is stretched beyond its limit between two looks."""
     problem, engine = prepared(cracked(61, 60, 4.0, 0.0, run=RUN))
@@ -172,6 +175,7 @@ def test_fine_nodes_that_come_too_late_are_an_error() -> None:
         problem.march(1, 10)
 
 
+@pytest.mark.slow
 def test_rows_along_edges_that_are_alike_share_their_stiffnesses() -> None:
     """To the bit what each has by itself; places that no bond reaches flag no row, and change no force."""
     engine = ragged(4.0)

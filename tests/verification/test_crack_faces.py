@@ -174,6 +174,7 @@ TIP = {
 FACES: tuple[Faces, ...] = ("corrected", "bare", "far from the tip")
 
 
+@pytest.mark.slow
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(("m", "mode"), TIP)
 def test_the_field_of_a_tip_is_best_with_all_of_the_faces_corrected(m: int, mode: Literal[1, 2]) -> None:

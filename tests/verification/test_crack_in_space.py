@@ -80,6 +80,7 @@ def test_area_speed_and_fragments(block: Path, capsys: pytest.CaptureFixture[str
     assert whole == pytest.approx(2 * HALF, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_before_it_runs_its_front_is_that_of_the_pre_crack(block: Path, capsys: pytest.CaptureFixture[str]) -> None:
     found = numbers(block, capsys, "--step", "10")
     assert (found["area"], found["speed"], found["first_opened"]) == (0, None, None)

@@ -202,6 +202,7 @@ def test_a_load_that_is_as_good_as_gone_ends_the_path(monkeypatch: pytest.Monkey
         assert results.summary()["ended"] == "the load has fallen to 90% of its largest"
 
 
+@pytest.mark.slow
 def test_loads_that_are_over_end_the_path() -> None:
     """With the crack as it was, if they do not let it grow."""
     with simulate(edge_crack(5, traction=1e6), None, ONE) as results:

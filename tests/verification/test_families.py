@@ -69,6 +69,7 @@ def test_what_a_lattice_of_beams_holds(ratio: float, nu: float, expected: tuple[
     assert held(beams, ratio) == pytest.approx(expected, abs=1e-4)  # independent
 
 
+@pytest.mark.slow
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("nu", [0.2, 0.45])
 def test_a_strip_has_the_poisson_ratio_that_is_said(nu: float) -> None:

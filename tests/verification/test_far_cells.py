@@ -46,6 +46,7 @@ def disc(x: NDArray[Any], y: NDArray[Any]) -> NDArray[np.bool_]:
     return (x - 12) ** 2 + (y - 12) ** 2 < 16
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2])
 def test_a_linear_field_is_at_rest(seed: int) -> None:
     """Forces off the plate's edges, as in test_clipped; all forces add up to none, and masses to the plate's."""
@@ -72,6 +73,7 @@ def noise(scale: float) -> Any:
     return lambda x, y: scale * random.standard_normal((2, len(x)))
 
 
+@pytest.mark.slow
 def test_noise_vibrates_on_for_long() -> None:
     """Over 4000 h sqrt(rho / E), at a step of that of the fine lattice, energy neither grows nor fades."""
     field = zoned(98, 90, disc, UNBREAKABLE, far=blobs(2))
@@ -83,6 +85,7 @@ def test_noise_vibrates_on_for_long() -> None:
     assert np.abs(found).max() < 1e-4  # measured 2e-8
 
 
+@pytest.mark.slow
 def test_far_cells_that_are_stretched_become_coarse() -> None:
     """And fine where they are stretched on: a bump in a plate that flies and vibrates keeps its momentum, and its
     energy but for what is booked."""
@@ -170,6 +173,7 @@ def test_a_crack_runs_as_without_far_cells(monkeypatch: pytest.MonkeyPatch) -> N
     assert len(one.step) == pytest.approx(len(other.step), rel=0.03)  # 0.002
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("early")
 def test_the_tangent_is_that_of_the_forces() -> None:
     """Of displacements at random, beside differences of forces."""

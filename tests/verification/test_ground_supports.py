@@ -67,6 +67,7 @@ def test_a_stiff_block_bobs_as_a_mass_on_a_spring(kernel: str) -> None:
     assert ledger["strain"] == pytest.approx(mass * speed**2 / 2, rel=1e-6)  # measured 1.5e-7
 
 
+@pytest.mark.slow
 def test_a_beam_on_an_elastic_bed_sags_as_hetenyi_has_it() -> None:
     """M. Hetenyi, Beams on elastic foundation (1946): w = P b / (2 k) under the load of a long beam, b^4 = k / 4 E I.
 
@@ -106,6 +107,7 @@ def lever() -> Built:
     return build(scene)
 
 
+@pytest.mark.slow
 def test_a_pin_takes_no_moment_about_its_centre() -> None:
     with solved(lever()) as results:
         rows = results.reactions()

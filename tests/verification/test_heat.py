@@ -173,6 +173,7 @@ def test_slow_heat_takes_a_step_for_many_of_the_motion(D: float, every: int, led
     assert stepper.cycle == expected
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "G0"), [("bonds", 100.0), pytest.param("bilinear", 300.0, marks=pytest.mark.slow)])
 def test_blocks_and_the_list_swell_alike(name: str, G0: float) -> None:
     """Displacements, energies, works and breaks of both kernels, of a bar whose middle is cold at once."""
@@ -220,6 +221,7 @@ def test_a_stopped_run_goes_on_to_the_same_bits(tmp_path: Path) -> None:
         assert len(results.masses()) == len(results.history()) == 9
 
 
+@pytest.mark.slow
 def test_a_plan_knows_what_heat_costs() -> None:
     """A body that heats takes longer, by how often its heat is booked; one that is ordinary is listed bond by bond."""
     heats, cold = bar(steps=1000), bar(steps=1000).moving_part()

@@ -101,6 +101,7 @@ def returned(*conditions: Any) -> float:
     return shown.energy() / sent
 
 
+@pytest.mark.slow
 def test_a_layer_absorbs_a_pulse() -> None:
     """In coarse cells: without a layer all of it comes back, with one of 48 mm as
     little as in fine nodes (`test_absorbing`)."""
@@ -108,6 +109,7 @@ def test_a_layer_absorbs_a_pulse() -> None:
     assert returned(Absorb(box=(0.112 + 2.5e-4, -1.0, 1.0, 1.0))) == pytest.approx(0.0051, rel=0.05)  # 0.0052
 
 
+@pytest.mark.slow
 def test_it_goes_on_to_the_same_bits() -> None:
     """From a checkpoint, and whether or not a march is interrupted between."""
     whole = prepare(damped("hybrid"), Options(threads=1))
@@ -121,6 +123,7 @@ def test_it_goes_on_to_the_same_bits() -> None:
     same(hybrid(whole), hybrid(resumed))
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(cores() < 2, reason="one core")
 def test_threads_do_not_show() -> None:
     """One thread and two come to the same bits."""

@@ -86,6 +86,7 @@ def test_a_plate_cracks_as_the_uniform_one(name: str) -> None:
     assert one.books.clipped_stretch < 0.8
 
 
+@pytest.mark.slow
 def test_what_must_not_break_makes_no_cell_fine() -> None:
     """A plate that is pulled so hard that cracks run out of the fine zone, where the run stops; and one kept whole."""
     found = model(pulled(120, traction=60e6, spacing=1e-3))

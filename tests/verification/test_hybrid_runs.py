@@ -49,6 +49,7 @@ def ledger(problem: Prepared, step: int) -> Ledger:
     return books(*followed(problem), step)
 
 
+@pytest.mark.slow
 def test_fine_everywhere_it_is_the_uniform_plate() -> None:
     """With all cells fine: the accelerations of the uniform run, corrected surfaces and faces included."""
     one, other = prepare(struck("hybrid"), Options()), prepare(struck("none"), Options(threads=1))
@@ -109,6 +110,7 @@ def test_a_struck_plate_breaks_as_the_uniform_one() -> None:
     assert abs(told.refinement) < 0.005 * found["hybrid"].work
 
 
+@pytest.mark.slow
 def test_a_pulled_plate_cracks_as_the_uniform_one() -> None:
     """Loads on strips and a held edge, handed to fine and coarse nodes alike."""
     found = {}
@@ -127,6 +129,7 @@ def test_a_pulled_plate_cracks_as_the_uniform_one() -> None:
     )  # 0.58; 1.01 if faces were to follow the next coarse node alone
 
 
+@pytest.mark.slow
 @pytest.mark.quick_cases(1)
 @pytest.mark.skipif(cores() < 2, reason="one core")
 @pytest.mark.parametrize("law", ["brittle", "bilinear"])

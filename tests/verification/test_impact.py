@@ -36,6 +36,7 @@ def test_a_row_is_as_stiff_as_its_tests_take_it_to_be() -> None:
     assert 2 * held[N // 2] / 1e-12 == pytest.approx(ROW, rel=1e-8)
 
 
+@pytest.mark.slow
 def test_equal_bars_change_velocities() -> None:
     grid = grid_of([bar(0, 1, 1 / N), bar(1, 1, 1 / N)], 1 / N)
     model = moving(grid, (V / 2, -V / 2), Contact(), Run(time_step=0.3 / N))

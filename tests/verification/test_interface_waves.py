@@ -51,6 +51,7 @@ CONSERVATIVE = [(4e-3, 0.1208, 0.13), (8e-3, 0.0688, 0.073), (16e-3, 0.0159, 0.0
 THESIS = [(4e-3, 0.7617, 0.68), (8e-3, 0.524, 0.49), (16e-3, 0.321, 0.30)]
 
 
+@pytest.mark.slow
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(("width", "measured", "published"), CONSERVATIVE)
 def test_the_conservative_mode_sends_little_back(width: float, measured: float, published: float) -> None:

@@ -72,6 +72,7 @@ def test_coarse() -> None:
     assert solved(8, 4, CONICAL)[0] <= 0.0085  # measured 0.00817
 
 
+@pytest.mark.slow
 def test_the_thesis_mode_coarse() -> None:
     """Published without correction: 1.8 per cent."""
     assert solved(8, 3, UNIT, "thesis")[0] <= 0.018  # measured 0.0148

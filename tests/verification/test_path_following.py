@@ -196,6 +196,7 @@ def test_a_beam_on_an_elastic_bed_sinks_by_its_force_over_it(law: dict[str, Any]
     assert abs(said["balance"]) < 1e-3  # measured: 1.4e-4 and 2.3e-4
 
 
+@pytest.mark.slow
 def test_progress_says_how_long_a_path_still_takes(monkeypatch: pytest.MonkeyPatch) -> None:
     """By the share of its crack, or of its loads."""
     seconds = iter(range(0, 1000, 10))

@@ -157,6 +157,7 @@ def bent(rows: int, m: float, scheme: Scheme) -> float:
     return float(-problem.state.value[middle, 1] / (force / (48 * inertia) + force / (4 * 5 / 6 * shear * 0.1)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("rows", "m", "bare", "corrected"),
     [

@@ -137,6 +137,7 @@ def test_a_uniform_strain_is_at_rest_in_bonds() -> None:
     assert 1e14 * found.energies(u)[inner] == pytest.approx(exact, rel=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.quick_cases(2)
 @pytest.mark.parametrize("material", FAMILIES)
 def test_a_uniform_strain_has_its_energy_in_families_at_faces_edges_and_corners(material: Material) -> None:

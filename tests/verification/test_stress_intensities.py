@@ -18,6 +18,7 @@ def ratios(lattice: Lattice) -> tuple[float, float, float, float]:
     return found.K1 / exact.K1, second, float(np.sqrt(found.J / exact.J)), found.angle - exact.angle
 
 
+@pytest.mark.slow
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("angle", [0.0, 30.0, 45.0])
 def test_the_integrals_of_the_exact_displacements(angle: float) -> None:

@@ -84,6 +84,7 @@ def around(run: Hybrid, cells: NDArray[np.int64]) -> NDArray[np.bool_]:
     return found.ravel()
 
 
+@pytest.mark.slow
 def test_a_torn_strip_keeps_its_momentum_and_its_energy() -> None:
     """While cells become fine and coarse again; what becomes coarse is not stretched, and no bond breaks by that.
 

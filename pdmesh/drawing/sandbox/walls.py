@@ -14,11 +14,11 @@ import errno
 import os
 import platform
 import struct
-import sys
 import warnings
 from collections.abc import Collection
 from pathlib import Path
 
+from pdmesh.printing import remark
 from pdmesh.trust import TrustWarning
 
 MEMORY = 2**31  # bytes, where nothing else is said
@@ -71,7 +71,7 @@ def limit_time(seconds: float) -> None:
 
 def say_stage(doing: str) -> None:
     """Say on stderr what this process does from now on, for a message if it never ends."""
-    print(f"{STAGE}{doing}", file=sys.stderr, flush=True)
+    remark(f"{STAGE}{doing}")
 
 
 def _limit(seconds: float, memory: int = MEMORY) -> bool:

@@ -103,7 +103,7 @@ def test_two_step_files_are_two_bodies_that_bounce(tmp_path: Path, drawn: bool) 
     assert 600 * low + 216 * up == pytest.approx(-0.216, rel=1e-12)
 
 
-@pytest.mark.process
+@pytest.mark.slow
 def test_bodies_have_nodes_materials_motions_and_conditions_of_their_own(tmp_path: Path) -> None:
     upper = Body(Box((0, 0, 0.3), (0.4, 0.4, 0.5)), 0.05, HEAVY).fix("top", 0.0, 0.0, None)
     whole = (

@@ -177,6 +177,7 @@ def test_nodes_that_meet_head_on_are_not_pulled_along_the_face() -> None:
         assert block[1:-1, 0, 1].min() > 0
 
 
+@pytest.mark.slow
 @pytest.mark.quick_cases(3)
 @pytest.mark.filterwarnings("ignore:.*breaking bonds:pdsolve.model.ModelWarning")
 @pytest.mark.parametrize(("G0", "rigid"), [(1e9, False), (1e9, True), (2e-5, False), (1e-4, True)])

@@ -36,6 +36,7 @@ def solved(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_a_crack_forks_evenly_and_cuts_just_what_its_arms_meet(solved: Path) -> None:
     """It runs straight ahead, then forks into mirror images; broken bonds are those that a drawn crack would cut."""
     model = pulled()
@@ -95,6 +96,7 @@ def slowly() -> Model:
     return dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, conditions=loads))
 
 
+@pytest.mark.slow
 def test_a_crack_at_rest_grows_by_its_intensities(tmp_path: Path) -> None:
     """Straight on, as far as it may; gone on with after a load step it does the same. That it would go on, and that it
     runs on by itself, is said, and stored."""

@@ -60,6 +60,7 @@ def test_a_bar_that_swings_balances_as_well_as_an_undamped_one() -> None:
     assert amiss[2] == pytest.approx(amiss[1] / 4, rel=0.2)
 
 
+@pytest.mark.slow
 def test_a_layer_takes_what_a_pulse_carries() -> None:
     """A strip that half moves sends its energy into the layers at both ends, and is left with little."""
     ends = tuple(Absorb(box=(x, -1.0, x + 0.02, 1.0)) for x in (-1e-4, 0.06 - 1e-4))

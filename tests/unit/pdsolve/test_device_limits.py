@@ -162,6 +162,7 @@ def test_without_a_linker(monkeypatch: pytest.MonkeyPatch) -> None:
     assert mentions(refused(), "PoCL", expected="ld")
 
 
+@pytest.mark.slow
 def test_a_device_lost_in_mid_run_loses_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What was written stays, and the run goes on from there on the processor."""
     model = torn(GRIDS["cracked"], run=Run(time_step=40e-9, steps=60, every=20, ledger=10))

@@ -174,7 +174,7 @@ def test_scenes_and_drawings_may_ask_for_it() -> None:
         run(Parameters({"Peridynamics/Run/Adapt": "static"}, UNITS["m"]))
 
 
-@pytest.mark.process
+@pytest.mark.slow
 def test_a_drawing_is_built_for_it(tmp_path: Path) -> None:
     """One lattice of the finest spacing, which the model keeps; a mesh is refused."""
     path = tmp_path / "plate.json"
@@ -189,6 +189,7 @@ def test_a_drawing_is_built_for_it(tmp_path: Path) -> None:
         build_file(mesh, [("--adapt", "hybrid")])
 
 
+@pytest.mark.slow
 def test_the_command_says_how_much_is_fine(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A run by `--adapt hybrid`, its summary and what it prints; a model it cannot solve leaves one line."""
     model, path = plate(cracked(), 4, run=msgspec.structs.replace(HYBRID, adapt="none")), tmp_path / "plate.json"
@@ -203,6 +204,7 @@ def test_the_command_says_how_much_is_fine(tmp_path: Path, capsys: pytest.Captur
     assert said.count("\n") == 1
 
 
+@pytest.mark.slow
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     "condition",
@@ -229,6 +231,7 @@ def test_motion_may_be_prescribed_anywhere(condition: Velocity | InitialVelocity
     np.testing.assert_allclose(*work, rtol=0.02)  # 0.009 at most
 
 
+@pytest.mark.slow
 def test_a_lattice_is_solved_as_its_listed_nodes_without_arrays_of_them(tmp_path: Path) -> None:
     """Bit by bit, loads, held nodes and a pre-crack included."""
     lattice, crack = Lattice((0.0, 0.0), 1e-3, 61, 41), 1e-3 * np.array([[0, 19.5, 20.5, 19.5]])

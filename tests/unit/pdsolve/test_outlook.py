@@ -71,6 +71,7 @@ def test_a_total_force_strains_as_its_traction_does() -> None:
     assert found[0] == pytest.approx(2 * 2e6 / GLASS.E)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
@@ -162,6 +163,7 @@ def test_a_run_that_has_no_frame_yet_begins_anew_with_cells_that_come_earlier(tm
     assert contents(late) == contents(wider)
 
 
+@pytest.mark.slow
 def test_no_wider_zone_cures_steps_that_are_too_long(tmp_path: Path) -> None:
     """Twice the surely stable step stretches what lies at the border; the run ends, and does not begin anew."""
     model = stretched(3.0)

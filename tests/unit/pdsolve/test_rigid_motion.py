@@ -43,6 +43,7 @@ def momentum(prepared: Prepared) -> np.ndarray:
     return np.array([*(mass @ state.rate), turning])
 
 
+@pytest.mark.slow
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("kernel", [None, "listed"])
 @pytest.mark.parametrize("friction", [0.0, 0.3])
@@ -61,6 +62,7 @@ def test_a_rigid_block_that_turns_and_hits_a_beam_conserves_momentum_and_energy(
     assert np.abs(pdist(x + state.value[rows]) - pdist(x)).max() < 1e-15
 
 
+@pytest.mark.slow
 def test_a_rigid_body_alone_flies_on_and_turns_about_its_centre() -> None:
     w, v = 0.7, (3e-3, 2e-2)
     prepared = prepare(falling(gap=0.3, velocity=v, spin=w), Options(threads=1))
@@ -95,6 +97,7 @@ def test_a_rigid_body_falls_and_turns_under_loads() -> None:
     assert found.kinetic == pytest.approx(found.work, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_a_held_body_keeps_its_velocity_and_its_work_is_booked() -> None:
     model = falling(mass=None, held=("x", "y", "spin"), profile=((0.0, 1.0), (2.0, 1.0), (4.0, 0.0)))
     prepared = prepare(model, Options(threads=1))
@@ -109,6 +112,7 @@ def test_a_held_body_keeps_its_velocity_and_its_work_is_booked() -> None:
     assert abs(entry.balance(system.initial_energy)) < 5e-3
 
 
+@pytest.mark.slow
 def test_the_reaction_of_a_rigid_body_is_its_force_on_what_it_touches() -> None:
     prepared = prepare(falling(), Options(threads=1))
     (system, state), given = prepared, grips(prepared.system)

@@ -134,6 +134,7 @@ def test_held_components() -> None:
     assert nearly(fast.system.drive.held_force, listed.system.drive.held_force, 1e-11)
 
 
+@pytest.mark.slow
 def test_single_precision() -> None:
     fast, _ = both(plate(two_scale_grid()), "conservative", "float32")
     _, listed = both(plate(two_scale_grid()), "conservative")
@@ -144,6 +145,7 @@ def test_single_precision() -> None:
     assert nearly(fast.state.second, listed.state.second, 3e-6)  # measured 3e-7
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="one core")
 @pytest.mark.parametrize("precision", ["float64", "float32"])
 def test_the_same_bits_on_two_threads_and_in_parts(precision: str) -> None:

@@ -62,6 +62,7 @@ def grown(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_work_is_what_is_held_and_spent(grown: Path) -> None:
     with Results.open(grown) as results:
         history, summary = results.history(), results.summary()
@@ -100,6 +101,7 @@ def test_where_all_that_may_break_is_broken() -> None:
         assert set(found.node.tolist()) == set(model.grid.ids[column[1:10]].tolist())
 
 
+@pytest.mark.slow
 def test_the_crack_is_the_same_however_nodes_are_numbered(grown: Path) -> None:
     model = cantilever()
     order = np.random.default_rng(3).permutation(len(model.grid))

@@ -55,6 +55,7 @@ def drawing(folder: Path, shapes: str, spacing: float, group: str = "zone:part")
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("shapes", "spacing", "volume", "most"),
     [
@@ -76,6 +77,7 @@ def test_a_body_has_its_volume_and_triangles_in_proportion(
     assert sum(level.volume.sum() for level in place_nodes(body)) == pytest.approx(volume, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_overlapping_spheres_of_a_scene_are_one_closed_body() -> None:
     """The volume of two balls without that of the lens they share; their drawn triangles do not pair."""
     R, r, d = 20e-3, 14e-3, float(np.sqrt(18**2 + 3**2 + 2**2)) * 1e-3
@@ -99,6 +101,7 @@ def test_zones_and_spacings_are_checked_before_anything_is_meshed(
     assert [found["points"] for found in seen] == [[]]
 
 
+@pytest.mark.slow
 def test_a_reader_that_does_not_end_says_what_it_did(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(geo, "TIME_LIMIT", 1.0)
     path = tmp_path / "stuck.geo"

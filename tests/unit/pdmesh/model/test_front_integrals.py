@@ -50,6 +50,7 @@ def fitted(x: NDArray[np.float64], u: NDArray[np.float64], edge: float | None) -
     return gradients_of(x, np.ones(len(x)), u, start, other[order])
 
 
+@pytest.mark.slow
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("mode", [0, 1, 2])
 def test_a_straight_front_has_the_intensities_imposed(mode: int) -> None:

@@ -123,6 +123,7 @@ def test_edges_and_pre_cracks_are_drawn(bored: Path, what: str) -> None:
     assert pre_crack.get_segments()[0] == pytest.approx(np.array([[0.0, 31.1], [10.0, 31.1]]), abs=0.01)
 
 
+@pytest.mark.slow
 def test_cells_share_the_plate_out(bored: Path) -> None:
     """They cover the plate, none twice, and each has its node in it or on its edge; areas are those of the nodes."""
     with Results.open(bored) as results:

@@ -46,6 +46,7 @@ def test_a_run_that_has_ended_is_shown_once(small_results: Path) -> None:
     assert list(watching.frames(small_results, 10.0, print)) == [60]
 
 
+@pytest.mark.slow
 def test_a_killed_run_is_given_up_with_a_word(small_results: Path) -> None:
     running(small_results)
     said: list[str] = []

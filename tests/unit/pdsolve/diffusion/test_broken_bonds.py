@@ -82,6 +82,7 @@ def test_a_crack_that_conducts_nothing_keeps_one_half_cold(dimension: int, solve
     assert along(whole)[CELLS // 2] > COLD + 1
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*balance of energy")
 def test_a_stopped_run_that_breaks_goes_on_to_the_same_bits(tmp_path: Path) -> None:
     """The bonds that broke before the stop conduct less after it."""

@@ -86,6 +86,7 @@ def test_a_damaged_one_is_refused(path: Path, study: Study, statement: str, said
         assert "\n" not in line
 
 
+@pytest.mark.slow
 def test_bytes_that_have_changed_are_refused_or_change_nothing(path: Path) -> None:
     """Of 400 damaged tables none is read as something else, and none ends with another error."""
     whole, chance, refused, same = path.read_bytes(), random.Random(7), 0, 0
