@@ -95,7 +95,7 @@ CASES = [  # but for beams, which have a third unknown and small rotations (test
     Case("wan", "listed", 3, "float64"),
     Case("wan", "listed", 2, "float32"),
 ]
-LONG = ("neo-hooke", "order-3", "constant-term", "breitzman-dayal", "wan", "wan-neo-hooke")  # to compile
+LONG = ("ordinary", "neo-hooke", "order-3", "constant-term", "breitzman-dayal", "wan", "wan-neo-hooke")  # to compile
 SLOW = [  # quick are those of brittle bonds and, of each other law, one cell: each cell compiles kernels of its own
     case
     for case in CASES

@@ -41,6 +41,14 @@ def _closed_pipes() -> Iterator[None]:
     signal.signal(signal.SIGPIPE, signal.SIG_IGN)
 
 
+@pytest.fixture(autouse=True, scope="session")
+def _silent_compiling() -> None:
+    """Whether kernels are compiled, and for how long, depends on which test comes first: commands do not say it."""
+    from pdsolve.codegen import compile_time
+
+    compile_time.PATIENCE = 600.0
+
+
 @pytest.fixture(scope="session")
 def duran_json(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The shipped Duran plate as a grid file."""

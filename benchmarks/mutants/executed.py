@@ -65,7 +65,7 @@ def record() -> int:
         files = cheapest_first([path.relative_to(trees.ROOT).as_posix() for path in tests(trees.ROOT)])
         words = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", recording.__name__]
         more = {"PYTHONPATH": str(tree), "PYTHONDONTWRITEBYTECODE": "1", recording.VARIABLE: str(lines)}
-        words += ["--tb=no", "-m", "not slow", *files]
+        words += ["--tb=no", "-m", "not endurance", *files]
         code = subprocess.run(words, cwd=tree, env=os.environ | more, check=False).returncode
         keep(trees.ROOT, lines)
     return code

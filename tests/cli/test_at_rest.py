@@ -28,6 +28,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 def test_what_a_run_says(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["held.json", "--static", "--dry-run"]) == 0
     assert mentions(capsys.readouterr().out, "66 nodes", "1110 bonds", "10 load steps", "0.2 s")

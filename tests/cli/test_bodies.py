@@ -158,6 +158,7 @@ def test_a_notebook_shows_planes_of_a_body(solved: Path) -> None:
         assert (results._repr_png_() or b"")[:4] == b"\x89PNG"
 
 
+@pytest.mark.slow
 def test_planes_through_a_body_show_what_their_nodes_have(solved: Path) -> None:
     """The nodes on the one side of the middle, front, side and from above, each in the colour of its value."""
     with Results.open(solved / "body.sqlite") as results:

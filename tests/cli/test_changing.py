@@ -134,6 +134,7 @@ def test_numbers_over_time(given: Path, capsys: pytest.CaptureFixture[str]) -> N
     assert {"node_death", "epoch"} <= set(tables)
 
 
+@pytest.mark.slow
 def test_a_node_that_is_nowhere_is_refused(given: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["history", str(given), "--node", "99999"]) == 2
     assert mentions(capsys.readouterr().err, found="node 99999", expected="1")

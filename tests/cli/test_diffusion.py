@@ -38,7 +38,7 @@ def results(disc: Path) -> Path:
     return path
 
 
-@pytest.mark.process
+@pytest.mark.slow
 def test_the_drawing_says_what_dissolves(disc: Path) -> None:
     model = json.loads(disc.read_text())
     assert model["physics"] == "diffusion"
@@ -58,6 +58,7 @@ def test_a_run_says_what_is_dissolved(disc: Path, results: Path, capsys: pytest.
     assert "medium: D = 1e-09" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("name", ["concentration", "content", "solid", "history"])
 def test_pictures(results: Path, tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -164,7 +165,7 @@ def test_bad_input_gets_one_line(
     assert not path.exists()
 
 
-@pytest.mark.process
+@pytest.mark.slow
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("how", ["hybrid", "split", "collocation"])
 def test_a_drawing_of_a_plate_that_is_to_adapt_is_refused(

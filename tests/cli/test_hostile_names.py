@@ -63,6 +63,7 @@ def quiet_terminal(capsys: pytest.CaptureFixture[str]) -> str:
     return said.out + said.err
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:Glyph")
 def test_preview_shows_names(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     model = named(NAMES)
@@ -87,6 +88,7 @@ def test_a_table_holds_names_as_text(results: Path, capsys: pytest.CaptureFixtur
     assert not any(cell.lstrip().startswith(("=", "+", "-", "@")) for cell in cells)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:Glyph")
 def test_reaction_draws_names(results: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Also one that begins with an underscore, which legends leave out."""
@@ -135,6 +137,7 @@ def test_a_report_of_a_file_of_any_name(name: str, results: Path, capsys: pytest
     assert len(page) < 3_000_000
 
 
+@pytest.mark.slow
 def test_a_report_of_a_name_that_is_no_utf_8(results: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The parts of the page that are drawn are left out here."""
     from pdpost.figures import page
@@ -149,6 +152,7 @@ def test_a_report_of_a_name_that_is_no_utf_8(results: Path, monkeypatch: pytest.
     assert "<script>" not in text
 
 
+@pytest.mark.slow
 def test_a_key_of_a_million_letters_is_one_short_line(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for key in ("k" * 1_000_000, "k " * 500_000):
         (here / "long.json").write_text(json.dumps({"notch": [], "nodes": [], key: 1}))

@@ -16,6 +16,7 @@ from pdpost.__main__ import main
 WAY = ["--from", "0.001,-0.0055", "--to", "0.001,0.0055"]  # through the crack of the small plate
 
 
+@pytest.mark.slow
 def test_a_picture_numbers_and_a_table(small_results: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["line", str(small_results), *WAY, "--component", "y", "--component", "magnitude"]) == 0
     said = capsys.readouterr().out

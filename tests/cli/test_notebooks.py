@@ -54,6 +54,7 @@ def test_a_plate_shows_itself(small_plate: Model) -> None:
             assert float(root.attrib["width"]) / float(root.attrib["height"]) == pytest.approx(492 / 252)
 
 
+@pytest.mark.slow
 def test_results_show_their_last_damage_and_stand_for_themselves(small_results: Path) -> None:
     with Results.open(small_results) as results:
         assert repr(results) == f"<Results {small_results}: 252 nodes, 4 frames, finished>"

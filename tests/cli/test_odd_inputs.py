@@ -88,7 +88,7 @@ def test_results_without_energies_have_no_tradeoff(
     assert mentions(capsys.readouterr().err, found="no energies")
 
 
-@pytest.mark.process
+@pytest.mark.slow
 def test_a_mesh_without_faces(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (here / "bare.off").write_text("OFF\n\n3 0 0\n\n0 0 0\n1 0 0\n0 1 0\n")
     assert pdmesh(["build", "bare.off"]) == 2

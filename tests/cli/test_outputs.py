@@ -121,7 +121,7 @@ def test_links_are_followed(there: Path, name: str) -> None:
         assert [path.name for path in (there / "far").iterdir()] == [name]
 
 
-@pytest.mark.process
+@pytest.mark.slow
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("name", FEW)
 def test_a_link_into_no_folder_is_said(there: Path, capsys: pytest.CaptureFixture[str], name: str) -> None:
@@ -207,7 +207,7 @@ def test_a_full_disk_names_what_was_to_be_written(there: Path, capsys: pytest.Ca
         assert made(there) == ({name, "frames"} if name == "frames.pvd" else {name})
 
 
-@pytest.mark.process
+@pytest.mark.slow
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("name", FEW)
 def test_long_names(there: Path, capsys: pytest.CaptureFixture[str], name: str) -> None:

@@ -54,6 +54,7 @@ def test_solved_drawn_and_taken_as_a_notch(strip: Path, capsys: pytest.CaptureFi
     assert len(capsys.readouterr().out.splitlines()) > 2
 
 
+@pytest.mark.slow
 def test_tips_are_those_of_the_particles(strip: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """At every frame, each with the way of its last arm; nodes that are cracked are not asked."""
     assert pdsolve(["strip.json", *RULES, "--threads", "1", "-q"]) == 0
@@ -97,6 +98,7 @@ def test_a_killed_run_goes_on_to_the_same_tables(strip: Path) -> None:
     assert contents(Path("killed.sqlite")) == contents(Path("whole.sqlite"))
 
 
+@pytest.mark.slow
 def test_a_particle_that_is_missing_is_noticed(strip: Path) -> None:
     import sqlite3
     from contextlib import closing

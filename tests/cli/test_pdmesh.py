@@ -37,7 +37,7 @@ def test_build_writes_the_model_and_says_so(here: Path, capsys: pytest.CaptureFi
     assert [path.name for path in here.iterdir()] == ["duran50.json"]
 
 
-@pytest.mark.process
+@pytest.mark.slow
 def test_build_as_json(capsys: pytest.CaptureFixture[str]) -> None:
     result = said(capsys, "build", DURAN, "-o", "plate.json")
     assert result["output"] == "plate.json"

@@ -93,6 +93,7 @@ def test_several_curves_in_the_order_asked_for(small_results: Path, capsys: pyte
     assert (result["quantity"], result["unit"]) == ("velocity", "m/s")
 
 
+@pytest.mark.slow
 def test_several_components_at_once(small_results: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A curve for each, in the figure too, each as it is alone."""
     words = ["history", str(small_results), "--node", "9", "--component", "x", "--component", "y"]
@@ -330,6 +331,7 @@ def test_places_that_are_none(small_results: Path, capsys: pytest.CaptureFixture
     assert f"found '{words[1]}'" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_plate_that_does_not_break_has_a_picture_too(
     small_results: Path, here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

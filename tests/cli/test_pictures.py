@@ -31,6 +31,7 @@ def test_the_commands_and_the_library_know_the_same_fields() -> None:
     assert tuple(pictures.FIELDS) == tuple(FIELDS)
 
 
+@pytest.mark.slow
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("name", PICTURES)
 def test_every_picture_needs_no_option(
@@ -143,6 +144,7 @@ def test_fields_that_were_not_stored_are_named(
     assert sorted(path.name for path in here.iterdir()) == ["few.sqlite"]
 
 
+@pytest.mark.slow
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("name", ["energy", "acceleration"])
 def test_energy_and_acceleration_need_no_option(small_results: Path, here: Path, name: str) -> None:
@@ -160,6 +162,7 @@ def test_options_that_make_no_sense(small_results: Path, arguments: list[str]) -
     assert stop.value.code == 2
 
 
+@pytest.mark.slow
 def test_the_table_of_a_stress_says_where_it_says_nothing(
     small_results: Path, here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -172,6 +175,7 @@ def test_the_table_of_a_stress_says_where_it_says_nothing(
     assert told["largest"] == pytest.approx(max(sound), rel=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("command", [*PICTURES, "watch", "crack"])
 def test_every_picture_has_a_window(
@@ -258,6 +262,7 @@ def test_a_database_that_someone_keeps_to_himself(
     assert err.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_a_frame_without_displacements_is_drawn_where_it_was(
     small_results: Path, here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -287,6 +292,7 @@ def test_numbers_are_not_written_over(small_results: Path, here: Path, capsys: p
     assert main(["export", str(small_results), "-o", "a.xdmf", "--force", "-q"]) == 0
 
 
+@pytest.mark.slow
 def test_a_film(small_results: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["animate", str(small_results), "--every", "2", "--scale", "auto", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
@@ -314,6 +320,7 @@ def test_exports(small_results: Path, here: Path, arguments: list[str], written:
         assert main(["export", str(small_results), "--force"]) == 0
 
 
+@pytest.mark.slow
 def test_watching_a_run_that_has_ended(small_results: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["watch", str(small_results), "--json"]) == 0
     out, err = capsys.readouterr()
@@ -350,6 +357,7 @@ def test_help_is_there_at_once() -> None:
     assert found.stdout.strip() == "[]"
 
 
+@pytest.mark.slow
 def test_runs_side_by_side(small_results: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Frames of two runs under their names, at their own times, in the colours of both."""
     other = here / "other.sqlite"

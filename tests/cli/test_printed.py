@@ -74,7 +74,7 @@ def test_variables_that_libraries_would_stumble_over(
     assert mentions(one_line(capsys), name, found=f"'{value}'", expected=("whole", "number"))
 
 
-@pytest.mark.process
+@pytest.mark.slow
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("encoding", ["utf-8", "ascii"])
 def test_a_pipe_that_is_closed_and_a_full_disk(encoding: str, tmp_path: Path) -> None:
@@ -163,7 +163,7 @@ def test_damping_that_stops_all_motion_is_refused(small_plate: Model) -> None:
     assert step_of(model, 1.0) == 50e-9
 
 
-@pytest.mark.process
+@pytest.mark.slow
 def test_settings_of_matplotlib_that_are_no_utf_8(small_results: Path) -> None:
     settings = small_results.with_name("matplotlibrc")
     settings.write_bytes("savefig.format: png  # größe\n".encode("latin-1"))

@@ -105,6 +105,7 @@ def test_usage_is_two(program: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert "--help says more" in err
 
 
+@pytest.mark.slow
 def test_nothing_is_overwritten_unless_forced(model: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (here / "plate.sqlite").write_text("precious")
     assert MAIN["pdsolve"]([str(model)]) == 2

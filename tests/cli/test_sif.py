@@ -119,6 +119,7 @@ def said(words: list[str], capsys: pytest.CaptureFixture[str]) -> str:
     return err
 
 
+@pytest.mark.slow
 def test_a_tip_without_room(small_results: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     expected = "m, expected room of 3.5 horizons, 0.0105 m"
     assert expected in said([str(small_results)], capsys)
@@ -162,6 +163,7 @@ def test_one_frame(pulled: Path, case: Case, capsys: pytest.CaptureFixture[str])
     assert mentions(said([str(pulled), "--time", "1", "--every", "2"], capsys), "--every", found=("--frame", "--time"))
 
 
+@pytest.mark.slow
 def test_a_ring_without_room(pulled: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     expected = "found the edge of the plate 0.487 m from the tip at (0.4875, 0) m, expected room of 0.9 m"
     assert expected in said([str(pulled), "--ring", "0.1,0.9"], capsys)
@@ -173,6 +175,7 @@ def test_a_ring_without_room(pulled: Path, here: Path, capsys: pytest.CaptureFix
     assert mentions(capsys.readouterr().err, found="'0.9,0.1'", expected=("radii", "larger"))
 
 
+@pytest.mark.slow
 def test_a_crack_that_leaves_the_plate(tmp_path: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     grid = dataclasses.replace(square_grid(8, 8), cracks=np.array([[-1.0, 3.5e-3, 1.0, 3.5e-3]]))
     model = plate(

@@ -91,6 +91,7 @@ def test_a_picture_and_a_table(
     assert [row[7] != "" for row in rows] == [False, False, True, True, True, False, False]
 
 
+@pytest.mark.slow
 def test_a_tube_of_ones_own(block_of: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["sif", str(block_of), "--ring", "3e-3,8e-3", "--tip", "0,0,0", "--json"]) == 0
     (front,) = json.loads(capsys.readouterr().out)["fronts"]

@@ -147,6 +147,7 @@ def test_it_goes_on_where_it_was_stopped_and_grows(solved: Path, monkeypatch: py
     assert [row["status"] for row in after[8:]] == ["finished"] * 2
 
 
+@pytest.mark.slow
 def test_another_drawing_and_another_file_are_refused(solved: Path, capsys: pytest.CaptureFixture[str]) -> None:
     Path("plate.json").write_bytes(Path("plate.json").read_bytes().rpartition(b',\n"digest"')[0] + b"\n}\n")
     assert main(["study", "study.toml"]) == 2
@@ -159,6 +160,7 @@ def test_another_drawing_and_another_file_are_refused(solved: Path, capsys: pyte
     assert mentions(capsys.readouterr().err, "study.runs", found="files", expected=("none", "first"))
 
 
+@pytest.mark.slow
 def test_a_damaged_table_is_refused_and_made_anew_from_its_runs(
     solved: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -328,6 +330,7 @@ def test_a_plan_counts_what_is_different(solved: Path, capsys: pytest.CaptureFix
     assert mentions(capsys.readouterr().err, "--set", found="study", expected="study.toml")
 
 
+@pytest.mark.slow
 def test_its_measures_are_drawn_and_told(solved: Path, capsys: pytest.CaptureFixture[str]) -> None:
     edit("UPDATE run SET start = NULL WHERE number = 6")
     words = ["study", "study.sqlite", "--measure", "dissipated", "--measure", "start"]
@@ -349,6 +352,7 @@ def test_its_measures_are_drawn_and_told(solved: Path, capsys: pytest.CaptureFix
     assert pdpost(["study", "plate.json"]) == 2
 
 
+@pytest.mark.slow
 def test_where_nothing_cracks_there_is_something_to_draw(solved: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """What a crack does happened nowhere, and what broke was nothing: what moved is left."""
     cracked = ("first_break", "start", "branching", "split", "speed", "fork_angle", "direction")

@@ -101,6 +101,7 @@ def test_a_command_runs_one_that_is_trusted(name: str, scene: Path) -> None:
     assert Path("ran").exists()
 
 
+@pytest.mark.slow
 def test_parameters_are_read_of_a_trusted_program_alone(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """They are read without running it, by the same rule."""
     assert pdmesh(["params", "scene.py"]) == 2
@@ -171,7 +172,7 @@ def test_the_option_says_both_things(capsys: pytest.CaptureFixture[str]) -> None
         assert mentions(told, "Python", "drawing", "commands", "files")
 
 
-@pytest.mark.process
+@pytest.mark.slow
 def test_a_shell_completes_it() -> None:
     pytest.importorskip("shtab")
     for program, times in (("pdmesh", 5), ("pdsolve", 1)):

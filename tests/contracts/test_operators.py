@@ -121,12 +121,12 @@ ENERGETIC = (  # stencils have no energy
     "listed", "blocks", "together", "space, listed", "space, blocks", "split", "hybrid", "state-based hybrid",
     "space, hybrid",
 )  # fmt: skip
-ZONED = ("hybrid", "collocation")  # whose marches take ten seconds and more to compile
+DEAR = ("hybrid", "collocation", "float32", "space, blocks", "softening")  # kernels that take long to compile
 
 
 def marked(names: Iterable[str]) -> list[Any]:
-    """Names of cases for pytest; those with a zone are slow."""
-    return [pytest.param(name, marks=[pytest.mark.slow] * name.endswith(ZONED)) for name in names]
+    """Names of cases for pytest; those whose kernels take long to compile are slow."""
+    return [pytest.param(name, marks=[pytest.mark.slow] * name.endswith(DEAR)) for name in names]
 
 
 def fresh(name: str) -> Prepared:
@@ -386,6 +386,7 @@ def test_a_body_in_tiles_is_the_one_in_a_list(law: str, precision: str, digits: 
     assert tiled.system.operator.stiffness_bound() == pytest.approx(listed.system.operator.stiffness_bound())
 
 
+@pytest.mark.slow
 def test_softened_tiles_are_kept_to_the_same_bits() -> None:
     """On one thread and on two, and from what a checkpoint has."""
     model, found = cubic(Run(), law="bilinear", kr=3.0), []

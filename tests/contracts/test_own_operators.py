@@ -162,6 +162,7 @@ def on_the_ground(kernel: str, share: float) -> Prepared:
     return Prepared(dataclasses.replace(system, operator=both, stepper=stepper, time_step=dt), both.place(state))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kernel", ["listed", "blocks"])
 def test_a_plate_on_the_ground_swings_as_one(kernel: str) -> None:
     """Bonds are not stretched where all of it moves alike: the frequency is the ground's, to round-off."""

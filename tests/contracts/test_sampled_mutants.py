@@ -221,6 +221,7 @@ def test_what_is_undecided_is_drawn_anew(monkeypatch: pytest.MonkeyPatch, capsys
     assert not measured(None, 0, 60.0, 1, minutes=0)
 
 
+@pytest.mark.slow
 def test_a_copy_has_all_tests_and_what_they_read(tmp_path: Path) -> None:
     copy = trees.copied(tmp_path / "copy")
     for folder in ("tests/site", "tests/formats", "geometries", "docs"):

@@ -45,6 +45,7 @@ def of(law: str, G0: float) -> Material:
     return Material(**given)  # type: ignore[arg-type]
 
 
+@pytest.mark.quick_cases(2)
 @every
 @shapes
 @pytest.mark.parametrize("dimension", [2, 3])

@@ -53,6 +53,7 @@ def defaults(module: ModuleType) -> Iterator[tuple[str, object]]:
             yield name, parameters["trust"].default
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_nothing_is_trusted_by_default() -> None:
     found = {name: default for module in modules() for name, default in defaults(module)}

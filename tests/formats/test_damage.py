@@ -178,6 +178,7 @@ def test_a_field_less_a_chunk_is_not_a_shorter_one(small_results: Path) -> None:
         results.field("ux", 20)
 
 
+@pytest.mark.slow
 def test_a_vacuum_does_no_harm(probed: Model, stopped: bytes, tmp_path: Path) -> None:
     """What a user does to a file of his own."""
     path = tmp_path / "kept.sqlite"

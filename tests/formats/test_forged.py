@@ -84,6 +84,7 @@ def test_what_inflates_to_more_than_there_are_bonds_is_not_inflated(path: Path) 
         tracemalloc.stop()
 
 
+@pytest.mark.slow
 def test_pages_that_lead_in_circles_end(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A query is given up that takes more operations than a file of its size can ask for."""
     monkeypatch.setattr(tables, "LEAST", 0)

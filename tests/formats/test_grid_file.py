@@ -270,6 +270,7 @@ def test_any_bytes(data: bytes) -> None:
         grid_of(read_document(data, "any.json"), "any.json")
 
 
+@pytest.mark.slow
 @settings(max_examples=300)
 @given(st.integers(0, 10**6), st.binary(max_size=4))
 def test_a_damaged_file_is_refused_or_read_never_a_traceback(at: int, patch: bytes) -> None:
@@ -332,6 +333,7 @@ def test_a_lattice_stands_for_its_nodes(tmp_path: Path) -> None:
     assert document_of(grid, Settings()) == held
 
 
+@pytest.mark.slow
 def test_a_scene_of_many_nodes_holds_a_lattice(monkeypatch: pytest.MonkeyPatch) -> None:
     """With the settings it has where nodes are listed; notched, or to be solved on one lattice, it lists them."""
     scene = Scene(box(0, 0, 0.04, 0.02), 1e-3, GLASS, 4.0, Run(adapt="hybrid")).crack([(0, 0.0105), (0.01, 0.0105)])

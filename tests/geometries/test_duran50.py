@@ -12,6 +12,7 @@ from pdpost.measures.cracks import growth
 from pdsolve.results import Results
 
 
+@pytest.mark.slow
 def test_the_thesis_mode_does_what_the_thesis_says(solved: Callable[[str], Path]) -> None:
     """Starts at about 10 us, branches at about 29 us, 68 mm from the left edge."""
     with Results.open(solved("thesis")) as results:
@@ -26,6 +27,7 @@ def test_the_thesis_mode_does_what_the_thesis_says(solved: Callable[[str], Path]
     assert crack.branching.along == pytest.approx(72.5e-3, abs=0.1e-3)
 
 
+@pytest.mark.slow
 def test_the_conservative_mode_branches_too(solved: Callable[[str], Path]) -> None:
     """Its pre-crack's faces are as stiff as the plate, so it starts 0.1 us later than with bare ones (6.9 instead of
     6.8 us to the first bond)."""

@@ -93,7 +93,7 @@ def test_no_shipped_scene_is_left_out() -> None:
     assert {path.name for path in GEOMETRIES.iterdir() if path.suffix in (".geo", ".py")} == set(SHIPPED)
 
 
-@pytest.mark.process
+@pytest.mark.slow
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     "name",

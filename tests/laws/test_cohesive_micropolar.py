@@ -87,6 +87,7 @@ def test_a_free_strip_has_the_poisson_ratio_that_is_said(nu: float) -> None:
     assert lateral == pytest.approx(nu, rel=0.05)  # measured 0.0480, 0.1739, 0.2892
 
 
+@pytest.mark.slow
 @pytest.mark.quick_cases(1)
 @shapes
 @pytest.mark.parametrize(("plane", "nu"), [("stress", 0.18), ("stress", -0.2), ("strain", 0.1)])

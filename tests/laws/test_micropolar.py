@@ -55,6 +55,7 @@ def test_a_turn_is_no_strain() -> None:
     assert fields["rotation"] == pytest.approx(1e-6)
 
 
+@pytest.mark.slow
 def test_a_marching_plate_keeps_its_energy() -> None:
     start, lost = InitialVelocity(box=(-1.0, -1.0, 5e-3, 1.0), x=0.1), []
     for steps, dt in ((400, 1e-7), (800, 5e-8)):

@@ -51,6 +51,7 @@ def keep(solid: Solid, h: NDArray[np.float64]) -> None:
     _keep(solid, tuple(np.asarray(h, dtype=float).ravel().tolist()))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("stretch", "lateral", "first", "true"),
     [
@@ -74,6 +75,7 @@ def test_neo_hooke_in_uniaxial_stress(stretch: float, lateral: float, first: flo
         assert here.F[8] == pytest.approx(found, abs=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("stretch", "first"), [(0.8, -0.333998), (1.1, 0.123414), (1.5, 0.476461), (2.0, 0.776869)])
 def test_neo_hooke_in_uniaxial_strain_and_shear(stretch: float, first: float) -> None:
     assert response(node(NEO_HOOKE), np.diag([stretch - 1, 0, 0])).P[0] == pytest.approx(first, abs=1e-6)

@@ -237,7 +237,7 @@ def typed(line: str) -> int:
             return int(end.code or 0)
 
 
-@pytest.mark.process
+@pytest.mark.slow
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("page", [page for page in EVERY if blocks(page, "c++")], ids=named)
 def test_a_part_of_a_drawing_is_read(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -39,6 +39,7 @@ def passed(stiffness: float) -> float:
     return float(prepared.state.rate[struck, 0].mean() / V)
 
 
+@pytest.mark.slow
 def test_a_penalty_that_is_too_soft(failure: Callable[..., None]) -> None:
     """A contact that is too soft.
 

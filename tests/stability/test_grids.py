@@ -206,6 +206,7 @@ def test_one_row(failure: Callable[..., None]) -> None:
     )
 
 
+@pytest.mark.slow
 def test_a_horizon_larger_than_the_plate(failure: Callable[..., None]) -> None:
     """A horizon larger than the plate.
 

@@ -50,6 +50,7 @@ def test_round_off_at_the_horizon(failure: Callable[..., None]) -> None:
     )
 
 
+@pytest.mark.slow
 def test_few_neighbours_and_many(failure: Callable[..., None]) -> None:
     """m = 2 and m = 6.
 

@@ -108,6 +108,7 @@ def test_two_materials_in_the_thesis_mode(failure: Callable[..., None]) -> None:
     )
 
 
+@pytest.mark.slow
 def test_a_contrast_of_a_million(failure: Callable[..., None]) -> None:
     """A contrast of 1:1e6.
 

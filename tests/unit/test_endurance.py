@@ -60,6 +60,7 @@ def test_all_parts_have_a_place() -> None:
     assert sorted(name for lane in endurance.LANES for name in lane) == sorted(endurance.PARTS)
 
 
+@pytest.mark.slow
 def test_a_database_that_goes_on_to_another_end_is_wrong(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """One that is as it was is not, nor one that is refused."""
     monkeypatch.setattr(corrupted, "STOPPED", ("bonds",))

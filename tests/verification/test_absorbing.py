@@ -57,6 +57,7 @@ def straight_back(kind: str, deep: float) -> float:
     return energy(problem, edge) / sent
 
 
+@pytest.mark.slow
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(("kind", "known"), [("P", 0.0051), ("S", 0.0074)])
 def test_little_comes_straight_back(kind: str, known: float) -> None:

@@ -65,6 +65,7 @@ def exact(stiffness: float, y: np.ndarray) -> np.ndarray:
     return -2 * stiffness * (length / first - 1) * y / length
 
 
+@pytest.mark.slow
 def test_two_bars_snap_through() -> None:
     """At each equilibrium the load is that of the closed form, whose limits are at cos^3 of the first angle."""
     system, state = prepare(two_bars(1e3), ONE)
@@ -124,6 +125,7 @@ def test_an_arch_bears_what_load_steps_by_displacement_say() -> None:
     assert np.abs(missing).max() < 1e-3 * books["work"].max()
 
 
+@pytest.mark.slow
 def test_prescribed_displacements_reach_their_end_in_few_steps() -> None:
     """From .871 of them a step goes to 1.187: rest at 1 is not found from there, but from between the two."""
     top = 30 * 4 + 4

@@ -90,6 +90,7 @@ def test_before_it_runs_its_front_is_that_of_the_pre_crack(block: Path, capsys: 
     assert len(found["fragments"]["pieces"]) == 1
 
 
+@pytest.mark.slow
 def test_its_surface_is_exported(block: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for suffix in (".stl", ".vtp"):
         found = numbers(block, capsys, "--surface", str(tmp_path / f"crack{suffix}"))
@@ -131,6 +132,7 @@ def test_it_is_rendered(block: Path, tmp_path: Path, words: list[str]) -> None:
     assert len(np.unique(seen, axis=0)) > 100
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "one", "other"),
     [

@@ -45,6 +45,7 @@ def held(material: Material, ratio: float) -> list[float]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.quick_cases(2)
 @pytest.mark.usefixtures("published")
 @pytest.mark.parametrize(
@@ -55,11 +56,13 @@ def test_what_a_lattice_of_the_published_solid_holds(ratio: float, stretched: fl
     assert held(UNIT, ratio)[1] == pytest.approx(sheared, abs=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ratio", [2, 3])
 def test_what_the_corrected_solid_holds(ratio: float) -> None:
     assert held(STRAIN, ratio) == pytest.approx([1, 1, 1], abs=2e-6)  # measured 1e-6: strain is 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("ratio", "nu", "expected"),
     [(3, 0.0, (0.9436, 0.9423, 1.0201)), (3, 0.2, (0.9971, 0.9624, 1.0201)), (6, 0.0, (0.9659, 0.9757, 1.0059))],
@@ -80,6 +83,7 @@ def test_a_strip_has_the_poisson_ratio_that_is_said(nu: float) -> None:
         assert lateral == pytest.approx(nu, abs=tight)
 
 
+@pytest.mark.slow
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     ("nu", "E", "lateral"), [(0.0, 0.8995, 0.0803), (0.2, 0.9493, 0.2268), (1 / 3, 1.0096, 0.3159)]
@@ -107,6 +111,7 @@ def test_holes_in_plates_of_the_published_solid() -> None:
     assert solved(16, 3, msgspec.structs.replace(STRAIN, nu=0.45)).stress == pytest.approx(1.536, abs=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("control", "error"),
     [
@@ -131,6 +136,7 @@ def test_a_straight_crack_costs_what_it_should(failure: str, over: float) -> Non
     assert found.balance <= 0.03  # measured 0.009, 0.024, of how the ends begin to move
 
 
+@pytest.mark.slow
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     ("law", "ratio", "length"),
@@ -141,6 +147,7 @@ def test_effective_lengths(law: str, ratio: float, length: float) -> None:
     assert length_of(LAWS[law], ratio) == pytest.approx(length, abs=5e-4)
 
 
+@pytest.mark.slow
 def test_a_chain_of_springs_is_as_long_as_they_are() -> None:
     """Bonds to next neighbours alone, of a horizon of one spacing."""
     assert length_of(msgspec.structs.replace(LAWS["bonds, constant"]), 1.0) == pytest.approx(1, abs=1e-6)

@@ -106,6 +106,7 @@ def test_a_run_that_goes_on_is_the_same_to_the_last_bit(tmp_path: Path, monkeypa
     assert abs(said["balance"]) < 1e-6  # measured: 1e-11
 
 
+@pytest.mark.slow
 def test_cycles_end_where_they_are_told_to() -> None:
     with simulate(notched(A=1e9, m=3.0, cycles=20.0), None, ONE) as results:
         said = summary(results)

@@ -255,7 +255,7 @@ REFUSED = {
 }
 
 
-@pytest.mark.process
+@pytest.mark.slow
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("name", REFUSED)
 def test_what_cannot_grow_so_is_refused(name: str) -> None:

@@ -196,6 +196,7 @@ def test_blocks_and_the_list_swell_alike(name: str, G0: float) -> None:
         assert np.abs(blocks - listed).max() <= 1e-9 * np.abs(listed).max()  # measured below 1e-11
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*balance of energy")  # of a run that has just begun
 def test_cycles_change_little(monkeypatch: pytest.MonkeyPatch) -> None:
     """A bar heated within 400 steps, which is fast: one step of heat for 20 of the motion, or for each."""
@@ -209,6 +210,7 @@ def test_cycles_change_little(monkeypatch: pytest.MonkeyPatch) -> None:
     assert np.abs(u20 - u).max() < 0.1 * np.abs(u).max()  # measured 0.076; by far most where waves begin, at the ends
 
 
+@pytest.mark.slow
 def test_a_stopped_run_goes_on_to_the_same_bits(tmp_path: Path) -> None:
     whole, path = tmp_path / "whole.sqlite", tmp_path / "stopped.sqlite"
     model = bar(*ends(clamped=True), steps=40, every=10, ledger=5)

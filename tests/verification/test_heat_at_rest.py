@@ -52,6 +52,7 @@ def last(model: Model, name: str) -> NDArray[np.float64]:
         return results.field(name, model.settings.run.steps).astype(float)
 
 
+@pytest.mark.slow
 def test_a_free_bar_stretches_and_is_free_of_stress() -> None:
     with simulate(bar(HOT, *STANDS, static=Static(tolerance=1e-12)), None, ONE) as results:
         ux, energy, summary = results.field("ux", 20), results.field("energy", 20), results.summary()

@@ -29,6 +29,7 @@ ROW = (
 C = ROW**0.5
 
 
+@pytest.mark.slow
 def test_a_row_is_as_stiff_as_its_tests_take_it_to_be() -> None:
     system, state = prepare(moving(grid_of([bar(0, 1, 1 / N)], 1 / N), (0.0,), None), Options(threads=1))
     state.value[:, 0] = 1e-6 * system.model.grid.position[:, 0]
@@ -49,6 +50,7 @@ def test_equal_bars_change_velocities() -> None:
     assert found.drift < 1e-3  # 1.4e-4
 
 
+@pytest.mark.slow
 def test_a_bar_that_hits_one_of_twice_its_length_stops() -> None:
     grid = grid_of([bar(0, 1, 1 / N), bar(1, 2, 1 / N)], 1 / N)
     found = struck(moving(grid, (V, 0.0), Contact(), Run(time_step=0.3 / N)), 3.2 / C)

@@ -61,6 +61,7 @@ def test_the_conservative_mode_sends_little_back(width: float, measured: float, 
     assert found <= published + 0.0022 * (width > 10e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(("width", "measured", "published"), THESIS)
 def test_the_thesis_mode_sends_much_back(width: float, measured: float, published: float) -> None:

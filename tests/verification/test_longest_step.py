@@ -46,6 +46,7 @@ def missed(material: dict[str, object], share: float, steps: int = 1500) -> tupl
     return float(np.mean(whole[:third])) / work, float(np.mean(whole[-third:])) / work, most / work
 
 
+@pytest.mark.slow
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     "material",

@@ -79,6 +79,7 @@ BARS = [(shape, h, m) for shape in ("linear", "bilinear", "exponential") for h i
 QUICK = [pytest.param(*bar, marks=[] if bar[:2] == ("linear", 0.01) else [pytest.mark.slow]) for bar in BARS]
 
 
+@pytest.mark.slow
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(("shape", "h", "m"), QUICK)
 def test_a_bar_peaks_at_its_strength(shape: str, h: float, m: float) -> None:

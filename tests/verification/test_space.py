@@ -153,6 +153,7 @@ def test_a_uniform_strain_has_its_energy_in_families_at_faces_edges_and_corners(
         assert 1e14 * energy[~some].mean() == pytest.approx(exact, rel=0.02)  # measured: 0.014
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("material", [SPRINGS, *FAMILIES])
 def test_forces_balance_and_do_not_turn(material: Material) -> None:
     """Whatever moves: net force and, of what may turn, moment over the sum of forces."""

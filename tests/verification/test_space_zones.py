@@ -28,12 +28,14 @@ from pdsolve.state import zero_state
 from pdsolve.steppers.equilibrium import forces
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("ratio", "tau"), [(2.0, 0.037124), (3.0, 0.038878)])  # of an independent script
 def test_body_diagonals_take_what_vertices_need(ratio: float, tau: float) -> None:
     """To the digits known."""
     assert tau_of(LAW, bonds_of(ratio), 1.0) == pytest.approx(tau, abs=6e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.quick_cases(2)
 @pytest.mark.parametrize(("ratio", "profile"), [(2.0, "constant"), (3.0, "constant"), (3.0, "conical")])
 def test_any_linear_field_is_in_equilibrium(ratio: float, profile: str) -> None:
@@ -50,6 +52,7 @@ def test_any_linear_field_is_in_equilibrium(ratio: float, profile: str) -> None:
         assert operator.volume.sum() == pytest.approx(33.0**3, rel=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("ratio", [2.0, 3.0])
 def test_the_sure_step_is_stable_with_a_seam(ratio: float) -> None:

@@ -66,6 +66,7 @@ def test_momentum_and_energy_are_booked_to_the_last(levels: int) -> None:
     assert 0.0 < found.fine_share < 1.0
 
 
+@pytest.mark.slow
 def test_what_damping_takes_is_not_what_splitting_loses() -> None:
     """The same plate, damped: measured 3e-6 amiss, and 0.026 where splitting is said to make what damping takes."""
     system, state = prepare(flung(damping=3e4), Options(threads=1))

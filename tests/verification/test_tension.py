@@ -84,6 +84,7 @@ def test_a_load_over_four_columns_too() -> None:
     assert abs(found.gauge) <= 0.02  # measured -1.67 per cent
 
 
+@pytest.mark.slow
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     ("m", "profile", "measured"), [(3, "constant", -31.8), (4, "constant", -35.3), (4, "conical", -43.0)]

@@ -31,6 +31,7 @@ def heated(plane: str, *, clamped: bool, fields: tuple[str, ...] | None = None) 
     return simulate(Model(built.grid, built.settings), None, Options(threads=1))
 
 
+@pytest.mark.slow
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("plane", ["stress", "strain"])
 def test_a_free_bar_has_no_stress_in_its_plane(plane: str) -> None:
@@ -45,6 +46,7 @@ def test_a_free_bar_has_no_stress_in_its_plane(plane: str) -> None:
     assert np.abs(stress["zz"] + (0.0 if plane == "stress" else scale)).max() < 5e-6 * scale
 
 
+@pytest.mark.slow
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(("plane", "expected"), [("stress", 1.0), ("strain", 4 / 3)])
 def test_a_clamped_bar_pushes(plane: str, expected: float) -> None:
@@ -57,6 +59,7 @@ def test_a_clamped_bar_pushes(plane: str, expected: float) -> None:
     assert stress == pytest.approx(-expected * E * ALPHA * DT, rel=0.06)  # measured 5.5 % less: ends are softer
 
 
+@pytest.mark.slow
 def test_stress_asks_for_the_temperature_and_crack_tips_are_refused() -> None:
     with heated("stress", clamped=False, fields=("ux", "uy")) as results:
         with pytest.raises(ResultsError, match="'c'"):
@@ -68,6 +71,7 @@ def test_stress_asks_for_the_temperature_and_crack_tips_are_refused() -> None:
 RADIUS, HEATED = 0.03, 0.01  # m
 
 
+@pytest.mark.slow
 def test_a_disc_with_a_hot_middle() -> None:
     """E alpha dT (a / R)^2 around the rim, and E alpha dT (1 - (a / R)^2) / 2 of pressure in the middle."""
     scene = (

@@ -19,6 +19,7 @@ def test_all_of_it_at_once() -> None:
     assert names["figures"] is importlib.import_module("pdpost.figures")
 
 
+@pytest.mark.slow
 def test_the_last_frame_and_step_are_what_is_meant_without_one(small_results: Path) -> None:
     with Results.open(small_results) as results:
         found, expected = crack(results), crack(results, 60)

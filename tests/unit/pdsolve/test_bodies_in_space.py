@@ -142,7 +142,7 @@ def test_bodies_have_nodes_materials_motions_and_conditions_of_their_own(tmp_pat
     assert again.bodies.number.tolist() == grid.bodies.number.tolist()
 
 
-@pytest.mark.process
+@pytest.mark.slow
 def test_equal_blocks_in_space_change_velocities() -> None:
     """Two blocks of ten spacings: some of the motion stays in their vibrations."""
     block = Body(Box((0, 0, 0), (1, 0.3, 0.3)), H, UNIT)

@@ -74,6 +74,7 @@ def test_forces_are_equal_and_opposite_and_the_gradient_of_the_energy(d: int) ->
     assert found[~below, -1].sum() == pytest.approx(-(energy[0] - energy[1]) / (2 * way), rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.quick_cases(2)
 @pytest.mark.parametrize(("d", "delta"), [(2, H), (2, 0.5 * H), (2, 0.7 * H), (3, H)])
 def test_a_body_slides_along_a_row_without_interlocking(d: int, delta: float) -> None:

@@ -61,6 +61,7 @@ def test_a_crack_forks_evenly_and_cuts_just_what_its_arms_meet(solved: Path) -> 
     assert history["dissipated"][-1] > 0
 
 
+@pytest.mark.slow
 def test_energy_is_booked(solved: Path) -> None:
     """What the ledger misses at half of the stable step is 0.018 of what the crack takes."""
     with Results.open(solved) as results:

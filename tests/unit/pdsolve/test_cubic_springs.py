@@ -64,7 +64,7 @@ CASES = {
 }
 
 
-@pytest.mark.process
+@pytest.mark.slow
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=pytest.mark.slow if name == "void" else ()) for name in CASES]

@@ -75,6 +75,7 @@ def test_a_layer_takes_what_a_pulse_carries() -> None:
     assert summary["energy"]["damped"] == last["damped"]
 
 
+@pytest.mark.slow
 def test_an_interrupted_run_books_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     model = drifting(damping=RATE)
     monkeypatch.setattr("pdsolve.run.simulation.PATIENCE", 1.0)

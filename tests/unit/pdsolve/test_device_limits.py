@@ -148,6 +148,7 @@ def test_arrays_of_a_device() -> None:
     assert found.tolist() == [0.0, 0.0, 0.0]
 
 
+@pytest.mark.slow
 def test_a_kernel_that_does_not_build(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(source, "text_of", lambda name: "no kernel")
     assert mentions(refused(), "compiler", expected="builds")

@@ -69,6 +69,7 @@ def test_interrupted_anywhere(driven: Model, tmp_path: Path, options: Options) -
         assert [table for table in expected if found[table] != expected[table]] == [], stops
 
 
+@pytest.mark.slow
 def test_an_end_that_comes_early_comes_at_the_same_step(probed: Model, tmp_path: Path) -> None:
     """`until` is looked at with the ledger; an interrupt in between is not a look."""
     run = msgspec.structs.replace(probed.settings.run, steps=3000, until="quiet", quiet=1e-6)

@@ -114,6 +114,7 @@ def test_what_is_no_lock_is_not_taken_for_one(tmp_path: Path, kind: str) -> None
     assert kind == "a pipe" or place.read_text() == "mine"
 
 
+@pytest.mark.slow
 def test_a_second_run_is_refused_and_the_first_goes_on(
     probed: Model, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

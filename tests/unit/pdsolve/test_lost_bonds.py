@@ -91,6 +91,7 @@ def test_many_bonds_at_once_are_left_to_new_factors() -> None:
     assert not lost.lose(broken(pairs[: AT_ONCE + 1]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cut", [False, True])
 def test_bodies_that_stay_supported_are(cut: bool) -> None:
     """Whatever bonds break one after the other, or all across a line, until a body is free: none of those is missed."""

@@ -51,6 +51,7 @@ def expect_same(known: Path, found: Path) -> None:
             assert other[table] == rows, table
 
 
+@pytest.mark.slow
 def test_a_run_on_a_rank_is_that_of_one_process_until_it_is_split(alone: Team, tmp_path: Path) -> None:
     simulate(torn(), tmp_path / "one").close()
     with simulate(torn(), tmp_path / "rank", Options(team=alone)) as results:
@@ -60,6 +61,7 @@ def test_a_run_on_a_rank_is_that_of_one_process_until_it_is_split(alone: Team, t
     expect_same(tmp_path / "one", tmp_path / "rank")
 
 
+@pytest.mark.slow
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("one_file", [100, 1000])
 def test_a_run_that_is_stopped_goes_on(alone: Team, tmp_path: Path, one_file: int) -> None:

@@ -43,7 +43,7 @@ def scene(name: str) -> Model:
     return Model(built.grid, built.settings, name)
 
 
-@pytest.mark.process
+@pytest.mark.slow
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("name", MEASURED)
 def test_what_costs_less_is_taken(name: str) -> None:

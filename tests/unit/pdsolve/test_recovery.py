@@ -111,7 +111,7 @@ def test_stopped_before_the_first_frame(probed: Model, tmp_path: Path, monkeypat
     assert contents(path) == contents(whole)
 
 
-@pytest.mark.process
+@pytest.mark.slow
 def test_a_run_that_writes_is_seen_without_the_file_of_its_lock(stopped: Path) -> None:
     with held(stopped.with_name("none.sqlite")):
         assert state_of(stopped.with_name("none.sqlite")).kind is Kind.RUNNING
@@ -167,6 +167,7 @@ def test_a_journal_that_is_to_be_rolled_back(stopped: Path, probed: Model) -> No
     assert state_of(killed).kind is Kind.FINISHED
 
 
+@pytest.mark.slow
 def test_a_damaged_log_is_said(probed: Model, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """SQLite leaves out all that is behind the damage, in silence."""
     copy = killed(tmp_path / "plate.sqlite", probed, 57, monkeypatch)

@@ -77,6 +77,7 @@ def test_a_rigid_body_alone_flies_on_and_turns_about_its_centre() -> None:
     assert books(system, state, steps).balance(system.initial_energy) == pytest.approx(0, abs=2e-5)  # (w dt)^2 / 4
 
 
+@pytest.mark.slow
 def test_a_rigid_body_falls_and_turns_under_loads() -> None:
     """A body force on its right half: half of it acts, a quarter of its width beside the centre."""
     model, g = falling(gap=0.3, velocity=(0.0, 0.0)), 0.01

@@ -147,7 +147,7 @@ def test_single_precision() -> None:
 
 @pytest.mark.slow
 @pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="one core")
-@pytest.mark.parametrize("precision", ["float64", "float32"])
+@pytest.mark.parametrize("precision", ["float64", pytest.param("float32", marks=pytest.mark.slow)])
 def test_the_same_bits_on_two_threads_and_in_parts(precision: str) -> None:
     """However many threads, and wherever a sequence of steps is taken apart."""
     model = torn(cracked(), material=SOFT)
@@ -163,7 +163,7 @@ def test_the_same_bits_on_two_threads_and_in_parts(precision: str) -> None:
     assert all(other == first for other in others)
 
 
-@pytest.mark.parametrize("precision", ["float64", "float32"])
+@pytest.mark.parametrize("precision", ["float64", pytest.param("float32", marks=pytest.mark.slow)])
 def test_what_is_not_a_number_spreads(precision: str) -> None:
     """A displacement that is not a number reaches the node's neighbours, and no one else, in the next step."""
     problem = prepare(plate(square_grid(21, 12)), Options(precision=precision))

@@ -43,6 +43,7 @@ CUBE = whole_lattice(Lattice((0.0, 0.0, 0.0), 1e-3, 16, 8, 20), cracks=np.empty(
 KINDS: dict[str, tuple[Grid, type]] = {"listed": (two_cubes(5), BondList), "blocks": (CUBE, SpaceLattice)}
 
 
+@pytest.mark.slow
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("name", KINDS)
 def test_the_bonds_of_some_nodes_are_summed_alone(name: str) -> None:

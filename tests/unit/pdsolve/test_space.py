@@ -177,6 +177,7 @@ def test_what_only_plates_can_have_is_refused(change: dict[str, object], options
         simulate(Model(model.grid, settings), None, options)
 
 
+@pytest.mark.slow
 def test_a_lattice_is_planned_with_less_than_listed_nodes() -> None:
     """A million nodes take 690 MB in float64 and 590 in float32; the process takes 181 MB of them without any."""
     from pdsolve.run.estimate import estimate_run

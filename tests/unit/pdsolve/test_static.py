@@ -123,6 +123,7 @@ def test_the_crack_is_the_same_by_relaxation(grown: Path) -> None:
     assert np.abs(missing).max() < 1e-6 * history["work"][-1]
 
 
+@pytest.mark.slow
 def test_a_crack_between_its_mirror_images_grows_straight(grown: Path) -> None:
     with Results.open(grown) as results:
         found = breaks(results, cantilever())
@@ -130,6 +131,7 @@ def test_a_crack_between_its_mirror_images_grows_straight(grown: Path) -> None:
     assert all(y * v < 0 for _, _, y, _, v in found)
 
 
+@pytest.mark.slow
 def test_a_run_interrupted_in_its_first_load_step_goes_on_to_the_same_bits(tmp_path: Path) -> None:
     path, model = tmp_path / "stopped.sqlite", cantilever(Static(), conditions=(FOOT, PULL))
     with pytest.raises(KeyboardInterrupt):
@@ -158,6 +160,7 @@ def test_an_interrupted_run_goes_on_to_the_same_bits(grown: Path, tmp_path: Path
         assert results.summary()["load_steps"] == others.summary()["load_steps"]
 
 
+@pytest.mark.slow
 def test_a_plate_that_is_let_go_balances_over_the_most_that_was_put_in(tmp_path: Path) -> None:
     """Without a warning, from start to end or stopped on the way: of the work next to nothing is left."""
     there_and_back = ((0.0, 0.0), (1.0, 1.0), (2.0, 0.0))
@@ -347,6 +350,7 @@ def test_loads_that_balance_at_the_start_may_be_others_later() -> None:
         assert results.history()["strain"][0] > 0
 
 
+@pytest.mark.slow
 def test_iterations_are_those_that_were_allowed() -> None:
     model = cantilever(Static(iterations=1), conditions=(FOOT, PULL))
     seen: list[int] = []

@@ -152,7 +152,7 @@ def test_a_drawing_in_space_has_them_too(tmp_path: Path) -> None:
     assert cooled.surface == pytest.approx(1e-4)
 
 
-@pytest.mark.process
+@pytest.mark.slow
 def test_what_heats_is_set_by_its_name(tmp_path: Path) -> None:
     """h, the temperature outside and the one at the start, as `--set` and the axes of a study give them."""
     path = tmp_path / "block.geo"

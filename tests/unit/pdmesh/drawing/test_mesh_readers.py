@@ -87,7 +87,7 @@ def test_meshes_saved_with_all_their_cells(version: float, options: dict[str, fl
     assert [len(condition.nodes or ()) for condition in built.settings.conditions] == [2] * named
 
 
-@pytest.mark.process
+@pytest.mark.slow
 def test_parametric_nodes_of_version_2(tmp_path: Path) -> None:
     path = written(tmp_path / "plate.msh", 2.2, SaveParametric=1)
     assert b"$ParametricNodes" in path.read_bytes()
@@ -119,7 +119,7 @@ def test_only_meshes_reach_gmsh_as_msh(tmp_path: Path) -> None:
     assert mesh_checks._reader(path, ".msh") == "gmsh"
 
 
-@pytest.mark.process
+@pytest.mark.slow
 @pytest.mark.parametrize("text", ["$MeshFormat\n4.1 0 8\n", "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n5\n1 0 0\n"])
 def test_a_mesh_that_is_cut_off(text: str, tmp_path: Path) -> None:
     path = tmp_path / "plate.msh"
@@ -142,7 +142,7 @@ ENDDATA
 """
 
 
-@pytest.mark.process
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "text",
     [

@@ -160,7 +160,7 @@ def test_named_sets_of_abaqus(tmp_path: Path) -> None:
     assert settings.regions[0].nodes == tuple(range(1, 16))
 
 
-@pytest.mark.process
+@pytest.mark.slow
 def test_meshes_of_gmsh(tmp_path: Path) -> None:
     import gmsh
 

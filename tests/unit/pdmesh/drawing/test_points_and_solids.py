@@ -138,7 +138,7 @@ def block(counts: tuple[int, int, int], kind: str = "hexahedron") -> meshio.Mesh
     return meshio.Mesh(grid, [(kind, cells)])
 
 
-@pytest.mark.process
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["hexahedron", "wedge", "tetra", "pyramid"])
 def test_a_mesh_of_solids_is_a_body(kind: str, tmp_path: Path) -> None:
     meshio.write(tmp_path / "block.vtu", block((4, 3, 3), kind))
@@ -292,7 +292,7 @@ def test_cells_all_of_whose_nodes_are_their_own(tmp_path: Path) -> None:
     assert np.hypot(*(cracks[:, 2:] - cracks[:, :2]).T).sum() == pytest.approx(8e-3)
 
 
-@pytest.mark.process
+@pytest.mark.slow
 def test_cells_without_any_common_node_are_joined(tmp_path: Path) -> None:
     corner = np.array([(x, y, 0.0) for y in range(3) for x in range(4)])
     square = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)])

@@ -31,7 +31,7 @@ def path(tmp_path: Path) -> Path:
     return path
 
 
-@pytest.mark.process
+@pytest.mark.slow
 def test_a_file_that_defines_scene(path: Path) -> None:
     scene = read_script(path, trust=True)
     assert (scene.spacing, scene.shape.area) == (1e-3, pytest.approx(0.04 * 0.019))
@@ -57,7 +57,7 @@ def test_constants_can_be_set(path: Path) -> None:
     assert dict(scene.parameters) == {"spacing": 5e-4, "rows": 3, "kind": "left", "shift": 0}
 
 
-@pytest.mark.process
+@pytest.mark.slow
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     ("text", "message"),

@@ -110,6 +110,7 @@ def test_a_reader_that_does_not_end_says_what_it_did(tmp_path: Path, monkeypatch
         read_scene(path)
 
 
+@pytest.mark.slow
 def test_a_brep_file_may_end_as_draw_saves_it(tmp_path: Path) -> None:
     gmsh = pytest.importorskip("gmsh", exc_type=OSError)
     gmsh.initialize(interruptible=False)

@@ -140,7 +140,7 @@ def test_a_plate_with_groups_of_others(tmp_path: Path) -> None:
     assert not mentions(unused, "oben")
 
 
-@pytest.mark.process
+@pytest.mark.slow
 def test_a_bare_drawing_builds_with_parameters_alone(tmp_path: Path) -> None:
     path = tmp_path / "bare.geo"
     path.write_text('SetFactory("OpenCASCADE");\nRectangle(1) = {0, 0, 0, 0.04, 0.02};\n', encoding="utf-8")
@@ -151,7 +151,7 @@ def test_a_bare_drawing_builds_with_parameters_alone(tmp_path: Path) -> None:
         read_geo(path)
 
 
-@pytest.mark.process
+@pytest.mark.slow
 def test_a_body_of_unnamed_volumes(tmp_path: Path) -> None:
     """Only what is in a group, as in a mesh of Gmsh; the groups of surfaces say nothing."""
     path = tmp_path / "body.geo"

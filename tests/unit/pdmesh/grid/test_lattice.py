@@ -52,6 +52,7 @@ def test_a_row_is_cleared_by_half_a_spacing_and_said_so(plate: Scene) -> None:
     assert (shift.spacing, shift.offset) == (1e-3, (0.0, 5e-4))
 
 
+@pytest.mark.slow
 def test_cracks_that_leave_no_room(plate: Scene) -> None:
     for number in range(17):
         plate = plate.crack([(0.001, 0.005 + number * 6.25e-5), (0.039, 0.005 + number * 6.25e-5)])

@@ -181,7 +181,7 @@ def test_pieces_are_those_of_all_bonds(seed: int) -> None:
         assert same(pieces(grid, reach), brute(grid, reach))
 
 
-@pytest.mark.process
+@pytest.mark.slow
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("grading", [1.0, 4.0])
 def test_pieces_of_a_mesh_are_those_of_all_bonds(grading: float, tmp_path: Path) -> None:
@@ -225,7 +225,7 @@ def test_a_bare_mesh_of_two_blocks_and_a_neck(tmp_path: Path) -> None:
         build_file(tmp_path / "m.vtu")
 
 
-@pytest.mark.process
+@pytest.mark.slow
 def test_cells_that_overlap_are_refused(tmp_path: Path) -> None:
     mesh = two_blocks(0.6)
     mesh.points[25:50, 0] -= 0.5e-3

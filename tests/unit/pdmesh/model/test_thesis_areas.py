@@ -33,7 +33,7 @@ def test_equation_19_at_an_interface(ratio: int) -> None:
     assert areas == pytest.approx(expected, rel=1e-14)
 
 
-@pytest.mark.process
+@pytest.mark.slow
 def test_an_interface_with_a_gap_of_one_fine_spacing_is_a_tenth_short() -> None:
     """Nodes on the diagonals are the nearest on both sides: a coarse node's left and right are fine ones."""
     grid = build_file(GEOMETRIES / "kalthoff_winkler.geo").grid

@@ -86,7 +86,7 @@ def test_a_scene_without_zones_gets_one_around_its_features() -> None:
     assert found.run.steps * found.run.time_step == pytest.approx(400e-7, rel=0.01)
 
 
-@pytest.mark.process
+@pytest.mark.slow
 def test_drawn_zones_keep_their_shape_and_ratio() -> None:
     scene = read_scene(GEOMETRIES / "duran50.geo")
     found = changed(scene, 5e-4, 4.0)

@@ -43,6 +43,7 @@ def test_everything_has_its_entry(scene: Scene) -> None:
     ]
 
 
+@pytest.mark.slow
 def test_bonds_around_a_crack(scene: Scene) -> None:
     intact, cut, *_ = labels(scene, with_bonds=True)
     assert intact.endswith(" bonds")

@@ -190,6 +190,7 @@ def test_a_plan_at_rest_has_the_same_load_steps_on_one_scale(plate: Scene) -> No
     assert "breaks" not in "".join(plan_lines(plan(plate)))
 
 
+@pytest.mark.slow
 def test_a_one_scale_too_large_to_place_is_estimated(monkeypatch: pytest.MonkeyPatch, plate: Scene) -> None:
     from pdmesh.reports import report
 

@@ -73,7 +73,7 @@ def test_info_says_rates_in_what_the_medium_knows(medium: Medium, unit: str) -> 
     assert any("'core'" in line and f"rate = 2 {unit}" in line for line in info_lines(info(found.document, "plate")))
 
 
-@pytest.mark.process
+@pytest.mark.slow
 def test_a_body_takes_heat_through_its_sheets() -> None:
     corners = np.array([(0.02, 0, 0), (0.02, 0.01, 0), (0.02, 0.01, 0.01), (0.02, 0, 0.01)])
     end = Sheet(corners[[[0, 1, 2], [0, 2, 3]]])

@@ -45,7 +45,7 @@ def test_every_method_returns_a_new_scene(plate: Scene) -> None:
         plate.spacing = 1.0  # type: ignore[misc]
 
 
-@pytest.mark.process
+@pytest.mark.slow
 def test_python_and_gmsh_draw_the_same_grid() -> None:
     drawn, settings, _ = build_grid(read_geo(GEOMETRIES / "duran50.geo"))
     scene = (

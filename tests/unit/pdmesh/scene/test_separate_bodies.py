@@ -67,6 +67,7 @@ def test_no_bond_joins_two_bodies_and_each_has_its_material_and_velocity() -> No
 SPIN = 200.0
 
 
+@pytest.mark.slow
 def test_a_body_that_spins_keeps_its_momentum_and_its_angular_momentum() -> None:
     plate = Scene(box(0, 0, 9 * MM, 9 * MM), MM, STEEL, run=Run(steps=400))
     built = build(plate.body(box(40 * MM, 0, 60 * MM, 11 * MM), "turns", None, BRASS, (0.1, 0.0), SPIN))

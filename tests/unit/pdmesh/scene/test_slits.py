@@ -28,6 +28,7 @@ def radial(scene: Scene, start: float, end: float) -> Scene:
     return scene.crack([tuple(start * way), tuple(end * way)], "ray")
 
 
+@pytest.mark.slow
 @pytest.mark.quick_cases(3)
 @pytest.mark.parametrize("spacing", [1e-3, 1e-4])
 @pytest.mark.parametrize("start", [0.01, 0.0102, 0.0109])

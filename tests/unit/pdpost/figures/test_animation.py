@@ -33,6 +33,7 @@ def test_a_gif_has_each_frame_and_the_same_bytes_each_time(small_results: Path) 
     assert pauses == [200, 200, 200, 2200]
 
 
+@pytest.mark.slow
 def test_paper_is_white_and_ink_black(small_results: Path) -> None:
     with Results.open(small_results) as results:
         film = Image.open(io.BytesIO(animation.gif(results, "velocity", part="y", every=2)))
@@ -42,6 +43,7 @@ def test_paper_is_white_and_ink_black(small_results: Path) -> None:
     assert shot.min() < 16
 
 
+@pytest.mark.slow
 def test_colours_are_the_same_in_all_frames(small_results: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A speed is drawn in the colour that the last frame's bar has for it."""
     drawn = []
@@ -62,6 +64,7 @@ def test_colours_are_the_same_in_all_frames(small_results: Path, monkeypatch: py
     assert len({shot.tobytes() for shot in shots}) == 4
 
 
+@pytest.mark.slow
 def test_the_deformed_shape_stays_in_the_picture(small_results: Path) -> None:
     with Results.open(small_results) as results:
         shots = list(animation.frames(results, "damage", scale=5.0, dpi=50))
@@ -77,7 +80,7 @@ def test_a_film_needs_ffmpeg(small_results: Path, monkeypatch: pytest.MonkeyPatc
         animation.check_format(Path("a.avi"))
 
 
-@pytest.mark.process
+@pytest.mark.slow
 def test_what_ffmpeg_is_given_and_what_it_says(
     small_results: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

@@ -109,6 +109,7 @@ def test_formats_and_settings_that_are_none(small_results: Path, tmp_path: Path)
     assert list(tmp_path.glob("x*")) == []
 
 
+@pytest.mark.slow
 def test_signed_values_have_colours_on_both_sides_of_zero(small_results: Path) -> None:
     with Results.open(small_results) as results:
         figure = field_figure.field(results, "velocity", 60, part="y")

@@ -103,6 +103,7 @@ def test_fields_fill_the_plate_and_nothing_else(
     assert (outside & clear & shapely.dwithin(shapely.Point(BORE[:2]), places, BORE[2])).sum() > 100
 
 
+@pytest.mark.slow
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("what", [*PICTURES, "nodes", "bonds"])
 def test_edges_and_pre_cracks_are_drawn(bored: Path, what: str) -> None:

@@ -50,6 +50,7 @@ def test_force_against_opening(stretched: Path) -> None:
             gap(results, (0.0, 0.0), (1e-4, 0.0))
 
 
+@pytest.mark.slow
 def test_the_command(stretched: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     picture, table = tmp_path / "gap.png", tmp_path / "gap.csv"
     words = ["reaction", str(stretched), "--gap", "0,0", "0.02,0", "--condition", "right"]

@@ -29,6 +29,7 @@ def test_the_balance_counts_what_came_in_and_what_went_out() -> None:
     assert found.error == pytest.approx([0, 0, -0.25])
 
 
+@pytest.mark.slow
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     ("medium", "factor", "unit"),

@@ -55,6 +55,7 @@ def test_a_crack_that_changes_its_speed() -> None:
     assert np.nan_to_num(width[9:12], nan=np.inf).min() > 2 * width[0]
 
 
+@pytest.mark.slow
 def test_student_says_how_sure_a_speed_is() -> None:
     """The band is that of scipy's regression, at 95 %."""
     from scipy.stats import linregress, t

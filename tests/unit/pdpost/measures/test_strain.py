@@ -22,6 +22,7 @@ def test_the_gradient_of_an_affine_field_is_exact_at_edges_too(jitter: float) ->
     assert np.abs(found - H).max() < 1e-12
 
 
+@pytest.mark.slow
 def test_a_quadratic_field_is_exact_inside_and_of_first_order_at_edges() -> None:
     """On a uniform grid the odd moments of a whole family are nothing; at an edge they are not."""
     inner, outer = [], []
@@ -39,6 +40,7 @@ def test_a_quadratic_field_is_exact_inside_and_of_first_order_at_edges() -> None
     assert np.log2(np.array(outer[:-1]) / outer[1:]) == pytest.approx(1.0, abs=0.05)
 
 
+@pytest.mark.slow
 def test_a_cubic_field_is_of_second_order_inside() -> None:
     errors = []
     for side, spacing in ((13, 1e-3), (25, 5e-4), (49, 2.5e-4)):

@@ -208,6 +208,7 @@ def test_a_stretch_that_breaks_at_once_has_a_path_and_no_speed() -> None:
     assert branch.place[[0, -1], 0] == pytest.approx([5e-3, 37e-3])
 
 
+@pytest.mark.slow
 def test_what_is_crushed_is_no_line_and_has_no_speed() -> None:
     """A crack into a block of rubble 16 spacings high, which cracks as a whole."""
     nodes = bare(60, 41)
@@ -281,6 +282,7 @@ def rubble(seed: int, half: bool = False) -> tuple[Nodes, np.ndarray]:
     return nodes, steps.ravel()
 
 
+@pytest.mark.slow
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("mirror", [(1, -1), (-1, 1)])

@@ -74,6 +74,7 @@ def _reach(cracked: dict[int, float] | None, step: int) -> float:
     return max((reach for other, reach in (cracked or {}).items() if other < step), default=-1.0)
 
 
+@pytest.mark.slow
 def test_displacements_are_compared_where_nodes_are_not_the_same(tmp_path: Path) -> None:
     """2 % more stretched; between nodes a linear field is exact. Frames at other times are interpolated."""
     with run(tmp_path / "a", 10, 1.02e-3) as coarse, run(tmp_path / "b", 40, 1e-3, end=2e-5) as fine:
@@ -107,6 +108,7 @@ def test_energies_are_compared_at_the_common_time(tmp_path: Path) -> None:
         assert errors(one, other).displacement == pytest.approx(0, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_cracks_are_compared(tmp_path: Path) -> None:
     """A crack 4 mm beside another of 30 mm, 20 % later: 4/30 of its length, but for the ends."""
     straight = {50: 0.006, 60: 0.03}
@@ -122,6 +124,7 @@ def test_cracks_are_compared(tmp_path: Path) -> None:
     assert found.worst == pytest.approx(0.2)
 
 
+@pytest.mark.slow
 def test_what_did_not_happen_is_an_infinite_error(tmp_path: Path) -> None:
     with run(tmp_path / "a", 40, 1e-3) as one, run(tmp_path / "b", 40, 1e-3, cracked={50: 0.03}) as other:
         found = errors(one, other)

@@ -90,6 +90,7 @@ def test_a_crack_blocks() -> None:
     assert np.ptp(state.value[:, 0][upper]) < 0.3
 
 
+@pytest.mark.slow
 def test_collocation_passes_what_is_linear() -> None:
     """Across the seam of both lattices, deep inside: no rate, 1e-12 of what leaves a node; 123 nodes and 178 bonds."""
     base = screw(0.5, 80, True)

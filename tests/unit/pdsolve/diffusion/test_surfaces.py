@@ -45,6 +45,7 @@ def conducts(system: Transport, state: State, area: float) -> float:
     return -float((system.operator.volume * out)[system.model.grid.position[:, 0] < 0].sum()) * 40 / area
 
 
+@pytest.mark.slow
 @pytest.mark.quick_cases(3)
 @pytest.mark.parametrize("listed", [False, True])
 @pytest.mark.parametrize(("rows", "layer", "ratio", "power"), [(20, 4, 3, 1), (6, 1, 3, 0), (20, 7, 6, 2)])

@@ -86,6 +86,7 @@ def test_one_that_is_held_for_long_is_refused_in_a_line(task: Task, monkeypatch:
     assert "waited 0 s (--again: " in error
 
 
+@pytest.mark.slow
 def test_one_that_was_stopped_goes_on_and_one_of_another_study_stays(task: Task, probed: Model) -> None:
     def stop(progress: Progress) -> bool:
         return progress.step >= 20
