@@ -76,8 +76,8 @@ def run(
     out; with `collect` nothing is run, but only imported.
     """
     words = [sys.executable, "-m", "pytest", "-v", "-x", "-p", "no:cacheprovider", "--tb=no", *tests]
-    named = any("::" in test for test in tests)  # chosen one by one, whatever their tier
-    words += ["-m", "not endurance" if slow or named else "not slow and not endurance"]
+    by_name = any("::" in test for test in tests)  # chosen one by one, whatever their tier
+    words += ["-m", "not endurance" if slow or by_name else "not slow and not endurance"]
     words += ["-p", kept_kernels.__name__] if kept else []
     words += ["-p", order.__name__] + (["--collect-only"] if collect else [])
     kernels, shared, named = (tree.with_name(name) for name in (f"{tree.name} kernels", "kernels", f"{tree.name}.json"))

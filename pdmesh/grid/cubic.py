@@ -209,6 +209,8 @@ def _checked(share: NDArray[np.float64], cubes: Cubes) -> NDArray[np.float64]:
         raise SceneError(
             f"body: found a surface that crosses itself near ({place}) m, expected the outside of one body"
         )
+    proper[proper > FULL] = 1.0  # whole cubes have one volume, to the last bit
+    proper[proper < 1 - FULL] = 0.0
     return proper
 
 
