@@ -33,11 +33,15 @@ GROUND = (
     "pdmesh.spelling",
     "pdmesh.commandline",
     "pdmesh.completion",
+    "pdmesh.environment_variables",
     "pdmesh.files",
     "pdmesh.file_kinds",
     "pdmesh.lazy_imports",
     "pdmesh.model",
+    "pdmesh.plain_figure",
+    "pdmesh.plain_text",
     "pdmesh.printing",
+    "pdmesh.stopping",
     "pdmesh.trust",
 )
 MAY = {  # what a program may import of the others
