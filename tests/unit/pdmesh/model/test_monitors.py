@@ -202,5 +202,5 @@ def test_supports_and_monitors_of_a_body_that_is_drawn(tmp_path: Path) -> None:
     with pytest.raises(SceneError, match=naming("gap 'mouth'", found="1 points", expected="two")):
         build_file(path)
     path.write_text(DRAWN + 'Physical Curve("crack:a") = {1};\n', encoding="utf-8")
-    with pytest.raises(SceneError, match=naming("crack:a", expected='Surface "crack:NAME"')):
+    with pytest.raises(SceneError, match=naming("crack:a", expected='Surface("crack:a")')):
         build_file(path)
