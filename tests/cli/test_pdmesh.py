@@ -203,7 +203,7 @@ REFUSED = {
     "refine by a third": (["build", DURAN, "--refine", "crack:1e-3:3e-4"], "over a power of 2"),
     "output in no folder": (["build", DURAN, "-o", "nowhere/plate.json"], "found no folder"),
     "picture of no kind": (["preview", SCRIPT, "--trust", "-o", "plate.doc"], "found suffix '.doc'"),
-    "parameters of a mesh": (["params", "part.vtu"], "found suffix '.vtu', expected .geo, .py or .json"),
+    "parameters of a mesh": (["params", "part.vtu"], "found suffix '.vtu', expected .geo, .py, .json or .step"),
     "plan of a mesh": (["plan", "part.vtu"], "part.vtu: cannot be read: No such file"),
     "plan of nothing": (["plan", "missing.geo"], "missing.geo: cannot be read"),
 }  # fmt: skip
