@@ -36,6 +36,8 @@ PLATES = {  # tutorial: spacing. What it shows beside:
     "t21": 0.05,  # partitions, a mesh that is written
 }
 BODIES = {
+    "t2": 0.01,  # extrusion, transformations
+    "t5": 0.05,  # holes in a volume, mesh sizes of points
     "t14": 0.5,  # homology
     "t15": 0.01,  # points, curves and surfaces embedded
     "t16": 0.05,  # Boolean operations, groups of volumes by number

@@ -84,7 +84,8 @@ def _found(job: dict[str, Any]) -> tuple[dict[str, Any], dict[str, NDArray[Any]]
     except KeyError as error:
         return {"error": f"found {error.args[0]}, which is defined nowhere"}, {}
     except (Exception, SystemExit) as error:  # meshio exits where no reader of the suffix can read the file
-        reason = str(error) if isinstance(error, Exception) and str(error) else "found what meshio cannot read"
+        stumbled = isinstance(error, SystemExit | ValueError | IndexError | TypeError) and "found" not in str(error)
+        reason = "found what meshio cannot read" if stumbled or not str(error) else str(error)
         return {"error": reason}, {}
 
 

@@ -7,6 +7,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+import meshio
 import msgspec
 import numpy as np
 import pytest
@@ -184,7 +185,8 @@ def test_a_drawing_is_built_for_it(tmp_path: Path) -> None:
     again = read_scene(path)
     assert again.run.adapt == "hybrid"
     mesh = tmp_path / "plate.msh"
-    mesh.write_text("")
+    square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]) * 1e-2
+    meshio.Mesh(square, [("triangle", [[0, 1, 2], [0, 2, 3]])]).write(mesh, file_format="gmsh22")
     with pytest.raises(SceneError, match=naming("--adapt", found="mesh", expected="drawing")):
         build_file(mesh, [("--adapt", "hybrid")])
 
