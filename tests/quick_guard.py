@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 LIMIT = 1.0  # s of CPU time of a quiet machine in a test and in fixtures of its own
-REFERENCE = 0.016  # s of CPU time of `_loop` on the machine that the limit was chosen on, when it was quiet
+REFERENCE = 0.012  # s of CPU time of `_loop` on the machine that the limit was chosen on, when it was quiet
 SECONDS = {"slow": 900, "endurance": 900, "quick": 60}  # of wall time, after which a test is a hang
 STARTS = frozenset({"subprocess.Popen", "os.fork", "os.forkpty", "os.posix_spawn"})
 
