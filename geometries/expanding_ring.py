@@ -2,7 +2,7 @@
 
 Source: the question is that of N. F. Mott ("Fragmentation of shell cases", Proc. R. Soc. Lond. A 189 (1947) 300-308)
 and of D. E. Grady ("Local inertial effects in dynamic fragmentation", J. Appl. Phys. 53 (1982) 322-325); the ring is of
-no source. 3984 nodes 0.5 mm apart, in space. Five seeds give 38 to 43 fragments, Grady 20, Mott 170. The strength of
+no source. 3984 nodes 0.5 mm apart, in space. Five seeds give 37 to 43 fragments, Grady 20, Mott 170. The strength of
 the glass varies from sector to sector: critical stretches are `scatter` times a smallest-extreme-value variable above
 1, drawn by `seed`, so that Mott's gamma is 1 / (scatter s0).
 Calibrated: nothing.

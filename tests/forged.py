@@ -65,7 +65,7 @@ COMMANDS: dict[str, list[str]] = {  # the words behind a command
     "volume": ["-o", "out.png"],
     "tradeoff": ["--reference", "whole.sqlite", "-o", "out.png"],
     "compare": ["whole.sqlite", "-o", "out.png"],
-    "watch": ["-o", "out.png", "--patience", "0"],
+    "watch": ["-o", "out.png", "--patience", "0.1"],
     "study": ["-o", "out.png"],
     "render": ["-o", "out.png"],
     "report": ["-o", "out.html"],

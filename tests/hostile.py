@@ -93,9 +93,7 @@ ATTACKS = {
         'Save = 1; Point(1) = {0, 0, 0};\nSave "touched";\n', "zones: found none", False
     ),
     "Save that has no end": drawing('Point(1) = {0, 0, 0}; Save "touched"\n', "found 'Save'", real=False),
-    "a command behind what is left out": drawing(
-        'View "a" { SP(0, 0, 0){1}; };;' + TOUCH, "line 1: found 'SystemCall'"
-    ),
+    "a command behind what is left out": drawing('View "a" { SP(0, 0, 0){1}; };' + TOUCH, "line 1: found 'SystemCall'"),
     "a command within what is left out": drawing('View "a" { ' + TOUCH + " };\n", "zones: found none", False),
     "a command joined by what is left out": drawing("SystemCall\nSleep 1; 'touch touched';\n", "found 'System", False),
     "CreateDir": drawing('CreateDir "touched";\n', "found 'CreateDir'"),

@@ -77,12 +77,19 @@ def _wrong_content(real: str, end: str, head: bytes, size: int) -> str | None:
         ours = size <= LEAST or (size % BLOCK == 0 and struct.unpack_from("=I", head)[0] == VERSION)
         return None if ours else "which is no index of a log, expected one or none"
     if end == JOURNAL:
-        return None if head.startswith(MAGIC) else "which is no journal of SQLite, expected one or none"
+        ours = head.startswith(MAGIC) or _is_unsynchronized(head)
+        return None if ours else "which is no journal of SQLite, expected one or none"
     if head[:4] not in LOGS:
         return "which is no log of SQLite, expected one or none"
     if os.path.exists(real) and not is_logged(real) and os.path.exists(real + end):  # its writer may just have ended
         return "a log although the database has none, expected none"
     return None
+
+
+def _is_unsynchronized(head: bytes) -> bool:
+    """Whether a journal has a part of its magic alone: SQLite writes that last, before it changes the database."""
+    magic = head[: len(MAGIC)].rstrip(b"\0")
+    return 0 < len(magic) < len(MAGIC) and MAGIC.startswith(magic) and len(head) == HEADER.size
 
 
 def is_logged(real: str) -> bool:
@@ -95,7 +102,7 @@ class Original(NamedTuple):
     """The pages that a journal puts back."""
 
     size: int  # bytes of a page
-    pages: int  # of the database
+    pages: int | None  # of the database; None if the journal was not finished, and nothing has changed
     places: list[tuple[int, int]]  # number of each page, and the byte in the journal where it is
 
 
@@ -173,11 +180,14 @@ def _original(path: Path, journal: BinaryIO, size: int) -> Original:
     if not stat.S_ISREG(status.st_mode) or status.st_nlink != 1:
         raise ResultsError(f"{path}: found {name} that is no regular file of one name, {WHOLE}")
     head = _read(journal, HEADER.size, 0)
-    if not head.startswith(MAGIC) or len(head) < HEADER.size:
+    begun = _is_unsynchronized(head)
+    if not (head.startswith(MAGIC) or begun) or len(head) < HEADER.size:
         raise ResultsError(f"{path}: found {name} without the header of a journal, {WHOLE}")
     _, _, _, pages, sector, page = HEADER.unpack(head)
     if not _is_power(sector, 32) or not _is_power(page, 512):
         raise ResultsError(f"{path}: found {name} with sectors of {sector} bytes and pages of {page}, {WHOLE}")
+    if begun:
+        return Original(page, None, [])
     records = list(_records(journal, length, sector, page))
     joined = any(number == LOCKS[0] // page + 1 for number, _ in records)  # the record before such a name
     if joined or _read(journal, len(MAGIC), max(length - len(MAGIC), 0)) == MAGIC:
@@ -229,6 +239,8 @@ def _sum(page: bytes, nonce: int) -> int:
 def _put_back(original: Original, journal: BinaryIO, database: BinaryIO) -> None:
     """Write the original pages into the database."""
     size = original.size
+    if original.pages is None:
+        return
     database.truncate(original.pages * size)
     for number, at in original.places:
         database.seek((number - 1) * size)

@@ -80,6 +80,18 @@ def test_a_journal_is_rolled_back_as_sqlite_does_it(tmp_path: Path, seed: int) -
     assert not journal.exists()
 
 
+@pytest.mark.parametrize("written", [1, 6, 7])
+def test_a_journal_is_dropped_of_whose_magic_a_part_is_written(killed: Path, written: int) -> None:
+    """SQLite completes the magic before it changes the database, so that a killed program may leave a part of it."""
+    journal = Path(f"{killed}-journal")
+    data = journal.read_bytes()
+    journal.write_bytes(MAGIC[:written] + bytes(12 - written) + data[12:])
+    expected = rolled_back_by_sqlite(killed)
+    read_only(killed).close()
+    assert killed.read_bytes() == expected
+    assert not journal.exists()
+
+
 def test_reading_and_writing_roll_back(killed: Path) -> None:
     expected = rolled_back_by_sqlite(killed)
     with closing(read_only(killed)) as connection:
