@@ -107,7 +107,7 @@ def _level_nodes(
     scene: Scene, level: Level, coarser: list[Level], start: tuple[float, float]
 ) -> tuple[NDArray[np.float64], tuple[float, float]]:
     """Nodes (k, 2) of a level, row by row, and the shift of its lattice from `start`; both in m."""
-    cracks = shapely.union_all([slit.line for slit in scene.slits])
+    cracks = shapely.STRtree(shapely.linestrings(segments(scene).reshape(-1, 2, 2)))
     slack = SLACK * level.spacing
     inside = level.shape.buffer(slack, join_style="mitre")
     taken = [other.shape.buffer(slack, join_style="mitre") for other in coarser]
@@ -120,11 +120,13 @@ def _level_nodes(
         return np.asarray(points[kept])
 
     def clearance(points: NDArray[np.float64]) -> float:
-        close = points[near(points, cracks, level.spacing)]
-        return float(shapely.distance(shapely.points(close), cracks).min(initial=level.spacing)) / level.spacing
+        _, distance = cracks.query_nearest(
+            shapely.points(points), level.spacing, return_distance=True, all_matches=False
+        )
+        return float(distance.min(initial=level.spacing)) / level.spacing
 
     points = placed(start)
-    if cracks.is_empty or clearance(points) >= CLEARANCE:
+    if not len(cracks) or clearance(points) >= CLEARANCE:
         return points, (0.0, 0.0)
     best, chosen = 0.0, start
     for share in HALVES + EIGHTHS:

@@ -8,6 +8,7 @@ import shapely
 from messages import naming
 
 from pdmesh import Circle, Scene, SceneError, box
+from pdmesh.grid.building import build
 from pdmesh.grid.lattice import build_grid, place_nodes
 
 TURN = np.linspace(0, np.pi, 40)
@@ -126,3 +127,15 @@ def test_a_zone_too_small_for_its_nodes(plate: Scene) -> None:
     scene = plate.zone(box(0.0201, 0.0101, 0.0209, 0.0104), 5e-4, grown=False)
     with pytest.raises(SceneError, match=naming("zone '1'", found="node")):
         place_nodes(scene)
+
+
+@pytest.mark.endurance
+@pytest.mark.timeout(200)  # 22 s; over 400 s when segments overlapped and each node was measured to each of them
+def test_a_crack_of_a_million_points(plate: Scene) -> None:
+    """Moves the same nodes as the same crack of two points does."""
+    ends = np.array([[0.01, 0.0102], [0.03, 0.0098]])
+    points = ends[0] + np.linspace(0, 1, 1_000_000)[:, None] * (ends[1] - ends[0])
+    many, few = (build(plate.crack(line)) for line in (points, ends))
+    assert many.grid.cracks.shape == (999_999, 4)
+    assert np.array_equal(many.grid.position, few.grid.position)
+    assert many.notes == few.notes
