@@ -4,7 +4,8 @@
 # make package   build wheel and source, install the wheel into an empty environment, use it there
 # make pythons   the same with every Python from 3.11 to 3.14 that is found
 # make check   lint, types, import contracts, limits of files and functions
-# make slow    the verification that takes minutes, and two minutes of mutants
+# make slow    the verification that takes minutes (TURN=1/4: a quarter of it)
+# make breadth  more cases of what the quick tests sample (TURN likewise)
 # make optional  the tests of packages that users may leave out, and whether devices can be tested here
 # make thesis  every scene of the thesis in both modes, on one page
 # make sources the same, and a page for each of the other sources
@@ -17,6 +18,7 @@
 # make bench-speed  measure the solver on all plates: benchmarks/speed.json and .png
 # make bench-quick  the same on one plate; fails where the fast kernel is too slow
 # make compare AGAINST=DIR  solve all scenes here and with another checkout, and compare bit by bit
+# make drawn-mutants  break the code in places that are drawn, for two minutes, and see that tests notice
 # make mutants  break the code on purpose, in places written down and in a hundred drawn, and see that tests notice
 # make places   tests of files, users, locks, processes, walls and caches where the host has no name, as another user, without HOME and so on (PLACES="spaced wheel")
 # make size    lines of the packages, and through how many files a model goes until its first step
@@ -29,8 +31,8 @@ BIN := $(VENV)/bin
 TWO := -n 2 --dist worksteal # tests in two processes
 unexport PYTHONDONTWRITEBYTECODE # tests start hundreds of processes, each of which would compile all it imports
 
-.PHONY: demo test slow optional thesis sources failures handbook materials forks docs split check bench bench-speed bench-quick compare mutants \
-	size places endurance install package pythons gmsh-libraries clean
+.PHONY: demo test slow breadth optional thesis sources failures handbook materials forks docs split check bench bench-speed bench-quick compare \
+	mutants drawn-mutants size places endurance install package pythons gmsh-libraries clean
 
 # The first picture is of a plate without adaptivity: its kernels are compiled in a fifth of the time of hybrid's, which
 # a short run compiles meanwhile on another core
@@ -53,9 +55,12 @@ demo: gmsh-libraries
 test: $(VENV)/test.done gmsh-libraries
 	$(BIN)/python -m pytest $(TWO) -m "not slow and not endurance"
 
+TURN := 0/1
 slow: $(VENV)/test.done gmsh-libraries
-	$(BIN)/python -m pytest $(TWO) -m "slow and not endurance"
-	$(BIN)/python -m benchmarks.mutants --sample-only --minutes 2
+	$(BIN)/python -m pytest $(TWO) --turn $(TURN) -m "slow and not breadth and not endurance"
+
+breadth: $(VENV)/test.done gmsh-libraries
+	$(BIN)/python -m pytest $(TWO) --turn $(TURN) -m "breadth and not endurance"
 
 optional: $(VENV)/test.done $(VENV)/optional.done gmsh-libraries
 	PYTHONPATH=.ci $(BIN)/python -m pytest $(TWO) -p optional
@@ -157,6 +162,9 @@ compare: $(VENV)/install.done gmsh-libraries
 
 size: $(VENV)/install.done gmsh-libraries
 	$(BIN)/python -m benchmarks.size
+
+drawn-mutants: $(VENV)/test.done gmsh-libraries
+	$(BIN)/python -m benchmarks.mutants --sample-only --minutes 2
 
 mutants: $(VENV)/test.done gmsh-libraries
 	$(BIN)/python -m benchmarks.mutants

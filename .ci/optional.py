@@ -1,6 +1,6 @@
 """Chooses the tests of packages that users may leave out: `make optional`, or pytest -p optional.
 
-`make test` and `make slow` skip these tests. Here a skipped one is a failure, as its package is then missing or new.
+Other commands skip these tests. Here a skipped one is a failure, as its package is then missing or new.
 A last line says whether the tests of devices ran, which need an OpenCL runtime that knows this processor.
 """
 
@@ -68,7 +68,7 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
 
 
 def describe_devices() -> str:
-    """One line: the OpenCL device that the tests of `make test` and `make slow` use, or why they are skipped."""
+    """One line: the OpenCL device that tests use, or why they are skipped."""
     if find_spec("pyopencl") is None:
         return "devices were not tested: pyopencl is missing"
     from devices import missing

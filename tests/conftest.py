@@ -24,7 +24,7 @@ from pdmesh.model.node_grid import document_of
 from pdsolve.model import Model, read_model
 from pdsolve.results import Results
 
-pytest_plugins = ["quick_guard"]
+pytest_plugins = ["tiers", "quick_guard"]
 
 CLOCKS = [HealthCheck.too_slow]  # a busy machine is no fault
 hypothesis_settings.register_profile(

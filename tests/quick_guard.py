@@ -6,14 +6,13 @@ import statistics
 import sys
 import time
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
+from tiers import tier_of
 
 LIMIT = 1.0  # s of CPU time of a quiet machine in a test and in fixtures of its own
 REFERENCE = 0.012  # s of CPU time of `_loop` on the machine that the limit was chosen on, when it was quiet
-SECONDS = {"slow": 900, "endurance": 900, "quick": 60}  # of wall time, after which a test is a hang
 STARTS = frozenset({"subprocess.Popen", "os.fork", "os.forkpty", "os.posix_spawn"})
 
 
@@ -93,35 +92,6 @@ def _note_start(event: str, _: tuple[Any, ...]) -> None:
 def pytest_configure() -> None:
     """Count processes that are started from now on."""
     sys.addaudithook(_note_start)
-
-
-def tier_of(item: pytest.Item) -> str:
-    """The tier of a test: quick, slow or endurance."""
-    return next((name for name in ("endurance", "slow") if item.get_closest_marker(name)), "quick")
-
-
-def choose_cases(items: list[pytest.Item], number: int) -> list[pytest.Item]:
-    """Choose cases of a parametrised test, spread evenly from the first to the last."""
-    last = len(items) - 1
-    steps = {round(last * i / max(number - 1, 1)) for i in range(number)}
-    return [item for i, item in enumerate(items) if i in steps]
-
-
-@pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Give each test its tier: most cases of a test of `quick_cases` are slow. Bound its wall time by the tier."""
-    limited: dict[tuple[Path, str], list[pytest.Item]] = {}
-    for item in items:
-        if item.get_closest_marker("quick_cases") and tier_of(item) == "quick":
-            limited.setdefault((item.path, item.originalname), []).append(item)  # type: ignore[attr-defined]
-    for cases in limited.values():
-        chosen = choose_cases(cases, cases[0].get_closest_marker("quick_cases").args[0])  # type: ignore[union-attr]
-        for item in cases:
-            if item not in chosen:
-                item.add_marker(pytest.mark.slow)
-    for item in items:
-        if not item.get_closest_marker("timeout"):
-            item.add_marker(pytest.mark.timeout(SECONDS[tier_of(item)]))
 
 
 @pytest.hookimpl(wrapper=True)

@@ -1,4 +1,4 @@
-"""The quick suite stays quick by rule: what a quick test may take, and which cases of a test are quick."""
+"""The quick suite stays quick by rule: what a quick test may take."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def test_process_that_says_so(): subprocess.run([sys.executable, "-c", ""])
 @pytest.mark.parametrize("number", range(5))
 def test_cases(number): pass
 """
-MARKERS = ["slow", "endurance", "process", "quick_cases(number)", "timeout"]
+MARKERS = ["slow", "breadth", "endurance", "process", "quick_cases(number)", "timeout"]
 
 
 @pytest.mark.slow
@@ -43,7 +43,7 @@ def test_quick_tests_that_are_not_quick_fail(tmp_path: Path) -> None:
     )
     (tmp_path / "conftest.py").write_text(
         f"import sys\nsys.path.insert(0, {str(Path(quick_guard.__file__).parent)!r})\n"
-        "pytest_plugins = ['quick_guard']\n"
+        "pytest_plugins = ['tiers', 'quick_guard']\n"
     )
     (tmp_path / "pytest.ini").write_text("[pytest]\nmarkers =\n" + "".join(f"    {name}: x\n" for name in MARKERS))
     words = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-rfp", "--strict-markers"]
@@ -56,8 +56,3 @@ def test_quick_tests_that_are_not_quick_fail(tmp_path: Path) -> None:
         [*words, "-m", "not slow", "-k", "cases"], cwd=tmp_path, capture_output=True, text=True, check=False
     )
     assert [f"test_cases[{number}]" in quick.stdout for number in range(5)] == [True, False, False, False, True]
-
-
-@pytest.mark.parametrize(("number", "chosen"), [(1, [0]), (2, [0, 9]), (3, [0, 4, 9]), (10, list(range(10)))])
-def test_cases_are_spread(number: int, chosen: list[int]) -> None:
-    assert quick_guard.choose_cases(list(range(10)), number) == chosen  # type: ignore[arg-type]
