@@ -97,6 +97,7 @@ SHARED_PLACES = frozenset({
 # Lists that the user's system sets, of places that administrators' groups and other accounts may own
 PATHS = frozenset({"DYLD_INSERT_LIBRARIES", "DYLD_LIBRARY_PATH", "LD_LIBRARY_PATH", "LD_PRELOAD", "PATH", "PYTHONPATH"})
 PLACE = re.compile(r"(DIRS?|PATH|HOME|FILE|RC|ROOT|CONF|CONFIG|USERBASE|EXECUTABLE|PYCACHEPREFIX)$")  # never a word
+SEPARATORS = re.compile(r"[\s,;=]+")  # between the words of a value, each of which may name something here
 PLAIN = re.compile(r"[-+]?[\d.,:e]*\d[\d.,:e]*|true|false|on|off|yes|no|none", re.IGNORECASE)  # a number or a switch
 
 
@@ -151,8 +152,8 @@ def safe_variables(variables: Mapping[str, str]) -> tuple[dict[str, str], list[s
 def _is_safe(entry: str, name: str, library: Library) -> bool:
     """Whether an entry is a safe place, or a word that the library may take and that is no place."""
     if library.takes_words and not PLACE.search(name) and not os.path.isabs(entry):
-        first = entry.replace("\\", "/").split("/")[0]
-        return first not in ("", ".", "..") and not os.path.lexists(first)
+        words = [word.replace("\\", "/").split("/")[0] for word in SEPARATORS.split(entry)]
+        return bool(words[0]) and not any(word in (".", "..") or (word and os.path.lexists(word)) for word in words)
     return is_safe_place(entry, name)
 
 

@@ -32,6 +32,11 @@ def set_patience(seconds: tuple[float, ...]) -> tuple[float, ...]:
     return before
 
 
+def has_nothing_to_save() -> bool:
+    """Whether a signal may end at once what is being done."""
+    return _patience == AT_ONCE
+
+
 @contextmanager
 def patience(seconds: tuple[float, ...]) -> Iterator[None]:
     """A context in which a forced end leaves so many seconds after the first signal, and after each later one."""
@@ -43,8 +48,12 @@ def patience(seconds: tuple[float, ...]) -> Iterator[None]:
 
 
 def begin_file(path: str | os.PathLike[str]) -> str:
-    """Note a file that a forced end removes as half written; returns the name for `finish_file`."""
-    name = os.path.realpath(path)
+    """Note a file that a forced end removes as half written; returns the name for `finish_file`.
+
+    Of a link, the link itself is removed.
+    """
+    folder, last = os.path.split(os.fspath(path))
+    name = os.path.join(os.path.realpath(folder), last)
     _unfinished[name] = None
     return name
 

@@ -153,15 +153,12 @@ def _solve(args: argparse.Namespace, ranks: Team | None) -> int:
         from pdsolve.run.simulation import Options, resume, simulate
 
     large_arrays_apart()
+    _refuse_other_options(args)
     args = _begun_anew(args, is_empty)
     watching = Watch(args.quiet)
     shown = commandline.warnings_as_notes("pdsolve", args, GridWarning, ModelWarning, ResultsWarning)
     with _names_the_signal(watching), watching as watch, shown:
         if args.resume:
-            kept = ("output", "settings", "mode", "precision", "assignments", "every", "fields", "probe", "until")
-            given = [name for name in (*kept, "static", "float", "adapt", "cracks", "one_file") if getattr(args, name)]
-            if given:
-                raise commandline.UsageError(f"--resume: found {given[0]} given anew, expected a run to keep its own")
             path = args.model
             if args.dry_run:
                 return _show_what_is_left(path, args)
@@ -200,20 +197,26 @@ def _solve(args: argparse.Namespace, ranks: Team | None) -> int:
     return commandline.OK if meta["status"] == "finished" else stopped
 
 
+def _refuse_other_options(args: argparse.Namespace) -> None:
+    """Raise UsageError for an option that would change a run that is to go on."""
+    own = ("output", "settings", "mode", "precision", "assignments", "every", "fields", "probe", "until")
+    changed = [name for name in (*own, "static", "float", "adapt", "cracks", "one_file") if getattr(args, name)]
+    if args.resume and changed:
+        raise commandline.UsageError(f"--resume: found {changed[0]} given anew, expected a run to keep its own")
+
+
 def _begun_anew(args: argparse.Namespace, is_empty: Callable[[Path], bool]) -> argparse.Namespace:
     """The arguments of a new run in place of one to go on with, of which nothing is left but an empty database.
 
-    Its model is the file of the same name beside it or in the current folder; without one, nothing is changed.
+    Its model is the file of the same name beside it; without one, nothing is changed.
     """
     path = args.model
-    if not args.resume or args.dry_run or not is_empty(path):
+    model = path.with_suffix(".json")
+    if not args.resume or args.dry_run or not is_empty(path) or not model.is_file():
         return args
-    for model in (path.with_suffix(".json"), Path(path.stem + ".json")):
-        if model.is_file():
-            words = f"{path}: nothing in it, its run was stopped before the first frame; {model} is solved anew"
-            commandline.note(f"pdsolve: {words}", args)
-            return argparse.Namespace(**{**vars(args), "model": model, "output": path, "resume": False})
-    return args
+    words = f"{path}: nothing in it, its run was stopped before the first frame; {model} is solved anew"
+    commandline.warn(f"pdsolve: warning: {words}, without the options of its first start")
+    return argparse.Namespace(**{**vars(args), "model": model, "output": path, "resume": False})
 
 
 @contextmanager

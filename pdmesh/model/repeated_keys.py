@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections import Counter
 from contextlib import suppress
 from typing import Any
 
@@ -41,8 +42,8 @@ def _search(data: bytes) -> str | None:
     def object_of(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         values = dict(pairs)
         if len(values) < len(pairs):
-            names = [name for name, _ in pairs]
-            repeated.append((values, next(name for name in names if names.count(name) > 1)))
+            counts = Counter(name for name, _ in pairs)
+            repeated.append((values, next(name for name, count in counts.items() if count > 1)))
         return values
 
     whole = json.loads(data, object_pairs_hook=object_of)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -33,7 +34,8 @@ class Behind:
         self._make, self._new = make, new
         self._writer: Writer | None = None
         self._stopping = False
-        self._unfinished = [stopping.begin_file(f"{path}{end}") for end in BESIDE if new and path is not None]
+        real = os.path.realpath(path or ".")
+        self._unfinished = [stopping.begin_file(f"{real}{end}") for end in BESIDE if new and path is not None]
         self._thread = BackgroundThread("results")
 
     def write(self, frame: Callable[[], Frame]) -> None:

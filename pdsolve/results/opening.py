@@ -1,17 +1,28 @@
-"""Opens databases: the only module that does. A journal left by a killed program is rolled back before."""
+"""Opens databases: a journal left by a killed program is rolled back before, in memory where they are only read."""
 
 from __future__ import annotations
 
-import errno
 import os
 import sqlite3
 import struct
 import time
+from contextlib import closing
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from pdsolve.results.errors import ResultsError
-from pdsolve.results.side_files import INDEX, JOURNAL, LOG, LOGS, VERSION, expect_sound, is_logged, roll_back
+from pdsolve.results.side_files import (
+    INDEX,
+    JOURNAL,
+    LOG,
+    LOGS,
+    VERSION,
+    expect_sound,
+    is_logged,
+    roll_back,
+    rolled_back,
+    takes_all,
+)
 
 LITTLE, MASK = 0x82, 0xFFFFFFFF  # the byte of a log whose checksums are of little-endian words; of a word
 HEADER, FRAME = 32, 24  # bytes: at the head of a log, and of each page in it
@@ -24,7 +35,10 @@ def connect(path: Path | None, how: str = "", **options: Any) -> sqlite3.Connect
     SQLite joins no other database, trusts no schema, and looks at each page before it uses it. Raises sqlite3.Error.
     """
     place = ":memory:" if path is None else f"{Path(os.path.realpath(path)).as_uri()}?{how}"
-    connection: sqlite3.Connection = sqlite3.connect(place, uri=path is not None, **options)
+    return _configured(sqlite3.connect(place, uri=path is not None, **options))
+
+
+def _configured(connection: sqlite3.Connection) -> sqlite3.Connection:
     connection.setlimit(sqlite3.SQLITE_LIMIT_ATTACHED, 0)
     connection.execute("PRAGMA trusted_schema = OFF")
     connection.execute("PRAGMA cell_size_check = ON")
@@ -35,10 +49,10 @@ def connect(path: Path | None, how: str = "", **options: Any) -> sqlite3.Connect
 
 
 def read_only(path: Path) -> sqlite3.Connection:
-    """A read-only connection to the file at `path`; a journal left by a killed program is rolled back first.
+    """A read-only connection to the file at `path`, or to a copy in memory if a killed program has left a journal.
 
-    Raises sqlite3.Error. Raises ResultsError for files beside it that SQLite has not left there, if the journal or the
-    log cannot be read because the folder is write-protected, or if it belongs to another name of the file.
+    Raises sqlite3.Error. Raises ResultsError for files beside it that SQLite has not left there, if the log cannot be
+    read because the folder is write-protected, or if it belongs to another name of the file.
     """
     expect_sound(path)
     _expect_own_name(path)
@@ -52,28 +66,17 @@ def read_only(path: Path) -> sqlite3.Connection:
             if error.sqlite_errorcode & 0xFF not in (sqlite3.SQLITE_READONLY, sqlite3.SQLITE_CANTOPEN):
                 raise
             hot = error.sqlite_errorcode == sqlite3.SQLITE_READONLY_ROLLBACK
-        if not hot or not _can_roll_back(path):
+        data = rolled_back(path, _is_whole_without(path)) if hot else None
+        if data is not None:
+            return _in_memory(data)
+        if not hot or time.monotonic() > until:
             break
-        if time.monotonic() > until:
-            raise ResultsError(f"{path}: found {_name(path, JOURNAL)} in use, expected no other program to use it")
-        time.sleep(PAUSE)
     for beside in _beside(os.path.realpath(path)):
         raise ResultsError(
             f"{path}: found {os.path.basename(beside)} of a run that was killed, which cannot be put back here,"
             " expected a folder that can be written to; copy both files to one"
         )
     return _opened(path, "mode=ro&immutable=1")
-
-
-def _can_roll_back(path: Path) -> bool:
-    """Roll back a journal unless another program uses the database; False if nothing can be written there."""
-    try:
-        roll_back(path)
-    except OSError as error:
-        if error.errno in (errno.EROFS, errno.EACCES, errno.EPERM):
-            return False
-        raise ResultsError(f"{path}: found {_name(path, JOURNAL)}, which cannot be put back: {error}") from None
-    return True
 
 
 def for_writing(path: Path | None, **options: Any) -> sqlite3.Connection:
@@ -84,10 +87,54 @@ def for_writing(path: Path | None, **options: Any) -> sqlite3.Connection:
 
 
 def recover(path: Path) -> None:
-    """Check the files beside a database, and roll back its journal; raises as `read_only` does."""
+    """Check the files beside a database that is going to be written, and roll back its journal.
+
+    Raises as `read_only` does, and ResultsError if it cannot be rolled back.
+    """
     expect_sound(path)
-    if os.path.exists(os.path.realpath(path) + JOURNAL) and os.path.exists(path) and not _is_empty(path):
-        read_only(path).close()
+    if _is_empty(path) or not os.path.exists(path):
+        return
+    until = time.monotonic() + PATIENCE
+    while os.path.exists(os.path.realpath(path) + JOURNAL) and _is_hot(path):
+        try:
+            roll_back(path, _is_whole_without(path))
+        except OSError as error:
+            raise ResultsError(f"{path}: found {_name(path, JOURNAL)}, which cannot be put back: {error}") from None
+        if time.monotonic() > until:
+            raise ResultsError(f"{path}: found {_name(path, JOURNAL)} in use, expected no other program to use it")
+        time.sleep(PAUSE)
+
+
+def _is_whole_without(path: Path) -> bool:
+    """Whether a journal would take pages away from a database that is undamaged without it.
+
+    All of a new database was written then but the end of its journal; or the journal is forged, and empties it.
+    """
+    if not takes_all(path):
+        return False
+    try:
+        with closing(_opened(path, "mode=ro&immutable=1")) as connection:
+            (count,) = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
+            return bool(count) and connection.execute("PRAGMA integrity_check(1)").fetchone() == ("ok",)
+    except sqlite3.Error:
+        return False
+
+
+def _in_memory(data: bytes) -> sqlite3.Connection:
+    """A connection to a database in memory that has these bytes. Raises sqlite3.Error."""
+    connection = connect(None)
+    if data:  # without the mark of a log, which a database in memory cannot have
+        connection.deserialize(data[:18] + b"\1\1" + data[20:])
+    return connection
+
+
+def _is_hot(path: Path) -> bool:
+    """Whether a killed program has left pages to put back."""
+    try:
+        _opened(path, "mode=ro").close()
+    except sqlite3.OperationalError as error:
+        return error.sqlite_errorcode == sqlite3.SQLITE_READONLY_ROLLBACK
+    return False
 
 
 def _is_empty(path: Path) -> bool:

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import os
 import re
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 from pdmesh.files import irregular
 from pdsolve.results.errors import WriteError
+from pdsolve.results.opening import read_only
 from pdsolve.results.side_files import INDEX, JOURNAL, LOG, expect_sound
 
 OF_RANK = r"\.\d+-\d+(-journal|-wal|-shm)?"  # behind the name of an index: databases of ranks
+INDEX_OF = "piece_of"  # the key of the table meta in which a database of a rank names its index
 SQLITE = b"SQLite format 3\0"
 
 
@@ -34,12 +38,16 @@ def remove(path: Path, of_ranks: bool = True) -> None:
 
 
 def _of_ranks(place: Path) -> list[Path]:
-    """Databases of ranks beside an index, with SQLite's files. Raises ResultsError for others of such names."""
+    """Databases of ranks beside an index that say whose they are, or have nothing in them, with SQLite's files.
+
+    Other databases of such names, as copies of a user, are not among them. Raises ResultsError for other files.
+    """
     pattern = re.compile(re.escape(place.name) + OF_RANK)
     found = [file for file in place.parent.iterdir() if pattern.fullmatch(file.name)] if place.parent.is_dir() else []
+    ours = []
     for database in sorted({file.with_name(file.name.removesuffix(_end(file))) for file in found}):
         expect_sound(database)
-        if not database.exists():
+        if not os.path.lexists(database):
             continue
         if database.is_symlink() or irregular(database) is not None or database.stat().st_nlink > 1:
             raise WriteError(f"{database}: found no regular file, expected a database of a rank; move it away")
@@ -47,7 +55,29 @@ def _of_ranks(place: Path) -> list[Path]:
             head = data.read(len(SQLITE))
         if head.strip(b"\0") and head != SQLITE:
             raise WriteError(f"{database}: found no database, expected one of a rank; move it away")
-    return found
+        if _is_piece(database, place.name):
+            ours.append(database)
+    return [file for file in found if file.with_name(file.name.removesuffix(_end(file))) in ours]
+
+
+def expect_piece(database: Path, index: str) -> None:
+    """Raise WriteError unless a rank of the run whose index has this name may write to a database."""
+    if os.path.lexists(database) and not _is_piece(database, index):
+        raise WriteError(
+            f"{database}: found a database that is not of a rank of {index}, expected nothing; move it away"
+        )
+
+
+def _is_piece(database: Path, index: str) -> bool:
+    """Whether a database has nothing in it or says that it belongs to this index."""
+    if not database.stat().st_size:
+        return True
+    try:
+        with closing(read_only(database)) as connection:
+            row = connection.execute("SELECT value FROM meta WHERE key = ?", (INDEX_OF,)).fetchone()
+    except sqlite3.Error:
+        return False
+    return bool(row == (index,))
 
 
 def _end(file: Path) -> str:

@@ -4,8 +4,8 @@ A database may come from anyone, and so may the files beside it. SQLite trusts t
 journal names, overwrites an index that is a hard link to another file, and waits for ever for a pipe. Runs of ours
 never join databases, so that a journal with a super-journal is not one of ours.
 
-A journal is rolled back here, not by SQLite, as the file may be another one between the check and its use. No name in a
-file is ever followed. The format is that of https://www.sqlite.org/fileformat2.html#the_rollback_journal.
+A journal is rolled back here, not by SQLite, as the file may be another one between the check and its use: in memory by
+who reads, in the file by who is going to write. No name in a file is ever followed. The format is that of https://www.sqlite.org/fileformat2.html#the_rollback_journal.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import struct
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
@@ -31,6 +32,7 @@ HEADER = struct.Struct(">8s5I")  # of a journal: magic, records, nonce, pages, b
 UNKNOWN = 0xFFFFFFFF  # records: as many as there are in the file
 WHOLE = "expected the journal of a run that was killed; move it away, or ask for another copy"
 STRIDE = 200  # bytes between those of a page that its checksum adds up
+MOST = 2**31 - 2**16  # bytes of a database that is put back in memory
 LOCKS = 0x40000000, 512  # the first byte that SQLite locks in a database, and how many: an exclusive lock
 
 
@@ -93,9 +95,9 @@ def _is_unsynchronized(head: bytes) -> bool:
 
 
 def is_logged(real: str) -> bool:
-    """Whether the header of a database says that it has a log."""
-    with open(real, "rb") as file:
-        return file.read(20)[18:] == LOGGED
+    """Whether the header of a database says that it has a log; not of a file that is no regular one."""
+    with _opened(real, os.O_RDONLY) as file:
+        return stat.S_ISREG(os.fstat(file.fileno()).st_mode) and file.read(20)[18:] == LOGGED
 
 
 class Original(NamedTuple):
@@ -106,8 +108,22 @@ class Original(NamedTuple):
     places: list[tuple[int, int]]  # number of each page, and the byte in the journal where it is
 
 
-def roll_back(path: Path) -> bool:
-    """Put back the pages in the hot journal of the database at `path`, and remove the journal.
+def takes_all(path: Path) -> bool:
+    """Whether the hot journal of the database at `path` puts nothing back, but takes pages away.
+
+    That is so of a new database, and of a forged journal. False if the journal is gone. Raises as `roll_back` does.
+    """
+    real = os.path.realpath(path)
+    try:
+        with _opened(real, os.O_RDONLY) as database, _opened(real + JOURNAL, os.O_RDONLY) as journal:
+            original = _original(path, journal, os.fstat(database.fileno()).st_size)
+    except FileNotFoundError:
+        return False
+    return original.pages is not None and not original.places
+
+
+def roll_back(path: Path, whole: bool = False) -> bool:
+    """Put back the pages in the hot journal of the database at `path`, unless it is `whole`, and remove the journal.
 
     False if another program uses the database. Raises ResultsError for a journal that no run of ours can have left,
     OSError if the database cannot be written.
@@ -118,7 +134,9 @@ def roll_back(path: Path) -> bool:
             return False
         try:
             with _opened(real + JOURNAL, os.O_RDONLY) as journal:
-                _put_back(_original(path, journal, os.fstat(database.fileno()).st_size), journal, database)
+                original = _original(path, journal, os.fstat(database.fileno()).st_size)
+                if not whole:
+                    _put_back(original, journal, database)
                 same = os.path.samestat(os.fstat(journal.fileno()), os.lstat(real + JOURNAL))
         except FileNotFoundError:  # rolled back by another program meanwhile
             return True
@@ -126,6 +144,28 @@ def roll_back(path: Path) -> bool:
             os.unlink(real + JOURNAL)
             _synchronize(os.path.dirname(real))
     return same
+
+
+def rolled_back(path: Path, whole: bool = False) -> bytes | None:
+    """The database at `path` with the pages in its hot journal put back unless it is `whole`; no file changes.
+
+    None if the journal is gone. Raises as `roll_back` does.
+    """
+    real = os.path.realpath(path)
+    try:
+        with _opened(real, os.O_RDONLY) as database, _opened(real + JOURNAL, os.O_RDONLY) as journal:
+            size = os.fstat(database.fileno()).st_size
+            if size > MOST:
+                raise ResultsError(
+                    f"{path}: found the journal of a run that was killed beside {size / 2**30:.0f} GiB, expected it to"
+                    " be put back first, by pdsolve --resume"
+                )
+            image = BytesIO(database.read())
+            if not whole:
+                _put_back(_original(path, journal, size), journal, image)
+            return image.getvalue()
+    except FileNotFoundError:
+        return None
 
 
 def _synchronize(folder: str) -> None:
@@ -237,7 +277,7 @@ def _sum(page: bytes, nonce: int) -> int:
 
 
 def _put_back(original: Original, journal: BinaryIO, database: BinaryIO) -> None:
-    """Write the original pages into the database."""
+    """Write the original pages into the database, a file or in memory."""
     size = original.size
     if original.pages is None:
         return
@@ -246,4 +286,5 @@ def _put_back(original: Original, journal: BinaryIO, database: BinaryIO) -> None
         database.seek((number - 1) * size)
         database.write(_read(journal, size, at))
     database.flush()
-    os.fsync(database.fileno())
+    if not isinstance(database, BytesIO):
+        os.fsync(database.fileno())

@@ -74,7 +74,7 @@ class Watch:
 
     def _stop(self, number: int, frame: FrameType | None) -> None:
         again, self.signal = self.signal is not None, self.signal or number
-        if again or not self._runs:  # asked twice, or nothing to save: at once
+        if again or not self._runs or stopping.has_nothing_to_save():  # asked twice, or prepared anew
             before = self._before[number]
             if callable(before):
                 before(number, frame)

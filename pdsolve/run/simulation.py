@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import os
 import time as clock
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
@@ -13,6 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from pdmesh import stopping
 from pdsolve.adaptivity.hybrid.arrays import EVERY
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.adaptivity.hybrid.outlook import decided, of_long_steps
@@ -24,7 +26,7 @@ from pdsolve.model import Model, model_of, on_device
 from pdsolve.numerics.memory import give_back
 from pdsolve.numerics.team import Team
 from pdsolve.options import Options
-from pdsolve.results import Behind, Results, ResultsError, Writer, behind, gone_back, put_away, writing_to
+from pdsolve.results import Behind, Results, ResultsError, Writer, behind, gone_back, is_empty, put_away, writing_to
 from pdsolve.run import late_zones
 from pdsolve.run.after_path import motion_after, motion_follows, name_of
 from pdsolve.run.body_zones import Refining
@@ -132,7 +134,8 @@ def _solve(model: Model, options: Options, request: Request) -> Results:
 
 def _noted(model: Model, options: Options, request: Request) -> tuple[Recorder, Request]:
     """The records of a run that begins, which alone keep its system and its state."""
-    found = _prepared(model, options)
+    with stopping.patience(stopping.AT_ONCE):  # also where a run before has been saved
+        found = _prepared(model, options)
     system, state = started(found) if model.settings.run.start == "static" else found
     advise_unused(model)
     if system.transport is None:
@@ -186,7 +189,8 @@ def _moved_on(path: Results, output: Path | None, threads: int | None, watch: Wa
     """The results of the motion that follows a run; those of the run if none does."""
     if not motion_follows(path):
         return path
-    (system, state), step = motion_after(path, threads)
+    with stopping.patience(stopping.AT_ONCE):
+        (system, state), step = motion_after(path, threads)
     provenance = path.meta()["provenance"]
     path.close()
     target = None if output is None else name_of(output)
@@ -225,9 +229,12 @@ def resume(
     """
     request = Request(output, watch, "", adapt, threads, team, device)
     found = _resumed(output, request)
-    if motion_follows(found) and name_of(output).exists():
+    motion = name_of(output)
+    if motion_follows(found) and os.path.lexists(motion) and not is_empty(motion):
         found.close()
-        return _resumed(name_of(output), request)
+        if motion.is_symlink():
+            raise ResultsError(f"{motion}: found a link, expected the motion of a run or nothing; move it away")
+        return _resumed(motion, request)
     return _moved_on(found, output, threads, watch)
 
 
@@ -282,7 +289,8 @@ def _resume(output: Path, request: Request) -> Results:
             results.close()
             return _finish(ranked, make, request)
         known, (step, kept) = results.nodes(0), results.checkpoint()
-        system, state = prepare(model, options)
+        with stopping.patience(stopping.AT_ONCE):
+            system, state = prepare(model, options)
         if system.hybrid is None and not kept.keys() >= set(State._fields):
             raise ResultsError(
                 f"{output}: found a checkpoint by {meta['program']}, expected this version's; solve it anew"

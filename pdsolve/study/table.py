@@ -55,8 +55,6 @@ class Table:
     @classmethod
     def open(cls, path: Path) -> Table:
         """The table in the file at `path`, read only. Raises StudyError if it is not a study's table, or damaged."""
-        with _explained(path):
-            recover(path)
         if not is_study(path):
             raise StudyError(f"{path}: found no table of a study, expected one written by pdsolve study")
         with _explained(path):
@@ -144,7 +142,8 @@ class Table:
 
     def about(self) -> dict[str, str]:
         """Metadata of the study: its text, its drawing, the names of varied parameters."""
-        return dict(self.connection.execute("SELECT name, value FROM study"))
+        with _explained(self.path):
+            return dict(self.connection.execute("SELECT name, value FROM study"))
 
     def add(
         self,
@@ -200,9 +199,9 @@ class Table:
 
     def columns(self) -> dict[str, Column]:
         """Parameters, then measures, in the order of their creation."""
-        return {
-            name: Column(*rest) for name, *rest in self.connection.execute("SELECT * FROM column_unit ORDER BY rowid")
-        }
+        with _explained(self.path):
+            rows = self.connection.execute("SELECT name, kind, unit, meaning FROM column_unit ORDER BY rowid")
+            return {name: Column(*rest) for name, *rest in rows}
 
     def rows(self, numbers: Iterable[int] | None = None) -> list[Row]:
         """All runs, or those with these numbers."""

@@ -51,10 +51,12 @@ def test_resuming_an_empty_file_begins_anew(
 ) -> None:
     """The second line of the job script of docs/how_to/clusters.md."""
     leave_empty(how)
+    assert main(["--resume", str(PLATE), "--set", "run.steps=3"]) == 2
+    assert capsys.readouterr().err.startswith("pdsolve: --resume: found assignments")
     assert main(["--resume", str(PLATE)]) == 0
     out, err = capsys.readouterr()
     assert mentions(out.splitlines()[0], "plate.sqlite")
-    assert err.splitlines()[0].startswith("pdsolve: plate.sqlite: nothing in it")
+    assert err.splitlines()[0].startswith("pdsolve: warning: plate.sqlite: nothing in it")
     assert "plate.json is solved anew" in err.splitlines()[0]
     simulate(probed, Path("alone.sqlite")).close()
     assert contents(PLATE) == contents(Path("alone.sqlite"))

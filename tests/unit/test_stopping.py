@@ -108,3 +108,13 @@ def test_a_program_that_ends_by_itself_is_left_alone(monkeypatch: pytest.MonkeyP
         assert ended == [(130, "ended")]
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+def test_of_a_link_its_own_name_is_noted(tmp_path: Path) -> None:
+    """A forced end removes the link, never what it leads to."""
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "short").symlink_to("folder")
+    (tmp_path / "folder" / "link").symlink_to(tmp_path / "victim")
+    name = stopping.begin_file(tmp_path / "short" / "link")
+    stopping.finish_file(name)
+    assert name == str((tmp_path / "folder").resolve() / "link")

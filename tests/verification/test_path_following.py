@@ -152,7 +152,7 @@ def test_a_body_moves_once_it_does_not_bear_its_dead_loads(tmp_path: Path) -> No
     assert (found["step"][0], found["kinetic"][0]) == (last["step"], 0)
     assert found["kinetic"][-1] > found["strain"][-1]
     assert taken.step.min() > last["step"]
-    name_of(path).unlink()
+    name_of(path).write_bytes(b"")  # as of a motion that was killed before its first frame
     stops = iter([False] * 3 + [True])
     resume(path, 1, lambda now: next(stops, True)).close()  # the motion begins, and is stopped
     with Results.open(name_of(path)) as results:

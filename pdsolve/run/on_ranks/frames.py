@@ -21,6 +21,7 @@ from pdsolve.ranks import part as parts
 from pdsolve.ranks.part import Part, broken
 from pdsolve.results import Families, Nodes, Writer
 from pdsolve.results.checksums import crc_joined
+from pdsolve.results.removal import INDEX_OF
 from pdsolve.results.schema import Births, Column
 from pdsolve.run.measures import fields
 from pdsolve.run.on_ranks.accounts import asked
@@ -175,7 +176,8 @@ def begin_file(team: Team, path: str) -> None:
 
     bonds = int(part.counted.bonds[part.own].sum())
     births = Births(slab.last - slab.first, grid.dimension, bonds, own, families, slab.first)
-    meta = {"program": f"pdsolve {VERSION}", "dimension": grid.dimension}
+    index = Path(path).name.rpartition(".")[0]
+    meta = {"program": f"pdsolve {VERSION}", "dimension": grid.dimension, INDEX_OF: index}
     here.file = RankFile(team, lambda: Writer.begin(Path(path), births, grid.cracks, meta), slab.first)
 
 

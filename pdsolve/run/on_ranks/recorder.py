@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from pdsolve.results import Breaks, Families, Frame, Nodes, Writer, pieces, remove
+from pdsolve.results.removal import expect_piece
 from pdsolve.results.schema import CHUNK, Births, taken
 from pdsolve.run.measures import bodies
 from pdsolve.run.on_ranks import frames, split
@@ -125,6 +126,8 @@ class RecorderOnRanks(Recorder):
     def _write_apart(self, output: Path, number: int) -> None:
         real = Path(os.path.realpath(output))
         self._files = pieces.files_of(real, number, self._team.size)
+        for name in self._files:
+            expect_piece(real.parent / name, real.name)
         self._team.everywhere(frames.begin_file, each=[str(real.parent / name) for name in self._files])
 
     def close(self) -> None:

@@ -133,3 +133,15 @@ def test_the_page_names_every_library() -> None:
     for library in LIBRARIES:
         row = f"| {library.name} | {', '.join(f'`{name}`' for name in library.prefixes)} | {library.loads} |"
         assert row in page
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("POCL_EXTRA_BUILD_FLAGS", "-fplugin=./evil.so"), ("OMPI_MCA_plm_rsh_agent", "sh ./evil.so"),
+        ("KMP_X", "x=evil.so"), ("VK_LOADER_X", "a.json,evil.so"), ("OMPI_MCA_x", "a;evil.so"),
+    ],
+)  # fmt: skip
+def test_no_word_of_a_value_names_what_is_here(name: str, value: str, here: Path) -> None:
+    Path("evil.so").touch()
+    assert safe_variables({name: value}) == ({}, [name])

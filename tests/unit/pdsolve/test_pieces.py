@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from pdsolve.results import Breaks, Families, Frame, Nodes, Results, ResultsError, Writer
 from pdsolve.results.checksums import crc_joined
 from pdsolve.results.pieces import KEY, Pieces, written
+from pdsolve.results.removal import expect_piece
 from pdsolve.results.schema import Births, Column
 
 COUNT, CUT = 1500, 1000
@@ -60,7 +61,9 @@ def divided(tmp_path: Path) -> Path:
     for number, steps in ((0, (0, 1)), (1, (2,))):
         for rank, (first, last) in enumerate(((0, CUT), (CUT, COUNT))):
             writer, kept = (
-                Writer.begin(tmp_path / f"all.{number}-{rank}", births(first, last), np.empty((0, 4)), META),
+                Writer.begin(
+                    tmp_path / f"all.{number}-{rank}", births(first, last), np.empty((0, 4)), META | {"piece_of": "all"}
+                ),
                 0,
             )
             for step in steps:
@@ -113,6 +116,14 @@ def test_what_replaces_a_run_removes_the_files_of_its_ranks(divided: Path) -> No
     beside.write_text("of somebody else")
     Writer.begin(divided, births(0, COUNT), np.empty((0, 4)), META).close("finished")
     assert sorted(path.name for path in divided.parent.iterdir()) == ["all", "all.txt"]
+
+
+def test_no_rank_writes_over_a_database_of_somebody_else(divided: Path) -> None:
+    expect_piece(divided.parent / "all.1-0", "all")
+    expect_piece(divided.parent / "all.2-0", "all")
+    with pytest.raises(ResultsError) as wrong:
+        expect_piece(divided.parent / "all.1-0", "other")
+    assert mentions(wrong, "all.1-0", found="not of a rank of other", expected="nothing")
 
 
 def test_columns_in_pieces_are_written_as_whole_ones() -> None:

@@ -117,3 +117,12 @@ def test_a_signal_is_noted_while_a_run_goes_and_the_second_ends_it(came: list[in
             signal.raise_signal(signal.SIGINT)
         assert came == [signal.SIGINT]
     assert stopping.set_patience(stopping.AT_ONCE) == stopping.AT_ONCE
+
+
+def test_a_signal_ends_at_once_what_is_prepared_after_a_run(came: list[int]) -> None:
+    """As a motion that follows a path."""
+    with Watch(quiet=True) as watch:
+        watch(at(1))
+        with stopping.patience(stopping.AT_ONCE), pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+    assert came == [signal.SIGINT]

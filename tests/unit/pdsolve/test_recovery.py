@@ -18,6 +18,7 @@ from whole import contents, newest
 
 from pdsolve.model import Model
 from pdsolve.results import BusyError, GoneError, Kind, Results, ResultsError, TakenError, Writer, state_of
+from pdsolve.results.opening import recover
 from pdsolve.results.writer import PAGE
 from pdsolve.results.writer_token import Token
 from pdsolve.run.simulation import Progress, resume, simulate
@@ -161,6 +162,8 @@ def test_a_journal_that_is_to_be_rolled_back(stopped: Path, probed: Model) -> No
         plain.execute("SELECT * FROM meta").fetchall()
     with Results.open(killed) as results:
         assert results.frames()[0].tolist() == [0, 10, 20, 30]
+    assert Path(f"{killed}-journal").exists()
+    recover(killed)
     assert not Path(f"{killed}-journal").exists()
     assert contents(killed) == before
     resume(killed).close()

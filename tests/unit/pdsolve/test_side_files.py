@@ -87,17 +87,58 @@ def test_a_journal_is_dropped_of_whose_magic_a_part_is_written(killed: Path, wri
     data = journal.read_bytes()
     journal.write_bytes(MAGIC[:written] + bytes(12 - written) + data[12:])
     expected = rolled_back_by_sqlite(killed)
-    read_only(killed).close()
+    recover(killed)
     assert killed.read_bytes() == expected
     assert not journal.exists()
 
 
-def test_reading_and_writing_roll_back(killed: Path) -> None:
+def contents(connection: sqlite3.Connection) -> list[tuple[bytes]]:
+    return connection.execute("SELECT x FROM t ORDER BY rowid").fetchall()
+
+
+def test_reading_rolls_back_in_memory_and_writing_in_the_file(killed: Path) -> None:
     expected = rolled_back_by_sqlite(killed)
+    files = (killed, Path(f"{killed}-journal"))
+    before = [file.read_bytes() for file in files]
     with closing(read_only(killed)) as connection:
-        assert connection.execute("SELECT count(*) FROM t").fetchone() == (150,)
+        read = contents(connection)
+    assert len(read) == 150
+    assert [file.read_bytes() for file in files] == before
+    with closing(for_writing(killed)) as connection:
+        assert contents(connection) == read
     assert killed.read_bytes() == expected
-    assert not Path(f"{killed}-journal").exists()
+    assert not files[1].exists()
+
+
+@pytest.mark.parametrize("pages", [0, 1])
+def test_a_journal_empties_no_database(tmp_path: Path, pages: int) -> None:
+    """One of nothing but a shorter size, as a new database has that is whole but for its journal's end."""
+    path, journal = tmp_path / "plate.sqlite", tmp_path / "plate.sqlite-journal"
+    with closing(sqlite3.connect(path)) as connection, connection:
+        connection.execute("CREATE TABLE t (x)")
+        connection.execute("INSERT INTO t VALUES (zeroblob(3000))")
+    whole = path.read_bytes()
+    journal.write_bytes(MAGIC + struct.pack(">5I", 0, 1, pages, 512, 4096) + bytes(484))
+    with closing(read_only(path)) as connection:
+        assert contents(connection) == [(bytes(3000),)]
+    assert path.read_bytes() == whole
+    assert journal.exists()
+    recover(path)
+    assert path.read_bytes() == whole
+    assert not journal.exists()
+
+
+def test_a_new_database_that_is_not_whole_is_emptied(tmp_path: Path) -> None:
+    path, journal = tmp_path / "plate.sqlite", tmp_path / "plate.sqlite-journal"
+    with closing(sqlite3.connect(path)) as connection, connection:
+        connection.execute("CREATE TABLE t (x)")
+        connection.executemany("INSERT INTO t VALUES (?)", [(bytes(3000),)] * 5)
+    path.write_bytes(path.read_bytes()[:4096] + bytes(len(path.read_bytes()) - 4096))
+    journal.write_bytes(MAGIC + struct.pack(">5I", 0, 1, 0, 512, 4096) + bytes(484))
+    with closing(read_only(path)) as connection:
+        assert connection.execute("SELECT count(*) FROM sqlite_master").fetchone() == (0,)
+    recover(path)
+    assert path.read_bytes() == b""
 
 
 def test_the_journal_of_a_run_that_lives_is_left_alone(tmp_path: Path) -> None:
@@ -293,6 +334,33 @@ def test_a_database_is_removed_with_what_is_its_own_alone(tmp_path: Path) -> Non
     (tmp_path / "other.sqlite.0-1").touch()
     remove(path)
     assert names(tmp_path) == sorted(["other.sqlite.0-1", *(f"plate.sqlite{end}" for end in others)])
+
+
+def test_only_databases_that_name_an_index_are_removed_with_it(tmp_path: Path) -> None:
+    """A copy of a user may have the name that a rank's database has."""
+    path = tmp_path / "plate.sqlite"
+    indices = {".2025-11": None, ".0-0": "plate.sqlite", ".0-1": "other.sqlite"}
+    for end, index in indices.items():
+        with closing(sqlite3.connect(f"{path}{end}")) as connection, connection:
+            connection.execute("CREATE TABLE meta (key, value)")
+            if index is not None:
+                connection.execute("INSERT INTO meta VALUES ('piece_of', ?)", (index,))
+    remove(path)
+    assert names(tmp_path) == ["plate.sqlite.0-1", "plate.sqlite.2025-11"]
+
+
+def test_a_link_of_the_name_of_a_rank_is_refused(tmp_path: Path) -> None:
+    Path(tmp_path / "plate.sqlite.1-2").symlink_to(tmp_path / "nothing")
+    with pytest.raises(ResultsError, match=naming("plate.sqlite.1-2")):
+        remove(tmp_path / "plate.sqlite")
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes here")
+def test_a_pipe_is_no_database_with_a_log(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "p.sqlite")
+    (tmp_path / "p.sqlite-wal").write_bytes(side_files.LOGS[0] + bytes(40))
+    with pytest.raises(ResultsError, match=naming("p.sqlite-wal")):
+        side_files.expect_sound(tmp_path / "p.sqlite")
 
 
 @pytest.mark.parametrize("end", ["-journal", "-wal"])

@@ -67,3 +67,8 @@ def test_a_grid_file_with_a_key_twice_is_refused(
     said = capsys.readouterr().err
     assert f"plate.json: {place}: found twice" in said
     assert said.count("\n") == 1
+
+
+def test_many_keys_are_counted_once() -> None:
+    names = [f'"{number}": 0' for number in range(100_000)]
+    assert repeated_key("{" + ", ".join([*names, names[-1]]) + "}") == "$.99999"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import random
 import shutil
 import sqlite3
@@ -167,3 +168,23 @@ def test_a_table_is_looked_at_as_of_one_moment(path: Path, study: Study, monkeyp
     monkeypatch.setattr(table_checksums, "_expect_sums", later)
     with Table.open(path) as table:
         assert table.rows()[2].status == WAITING
+
+
+def test_a_column_more_is_not_read(path: Path) -> None:
+    edit(path, "DROP TABLE checksum", "ALTER TABLE column_unit ADD COLUMN more")
+    with Table.open(path) as table:
+        assert table.columns()["nodes"].kind == "measure"
+
+
+def test_a_column_of_another_name_is_one_line(path: Path) -> None:
+    edit(path, "DROP TABLE checksum", "ALTER TABLE study RENAME COLUMN name TO other")
+    with Table.open(path) as table, pytest.raises(StudyError, match=naming("study.sqlite")):
+        table.about()
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes here")
+def test_a_pipe_is_no_table(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "p.sqlite")
+    (tmp_path / "p.sqlite-wal").write_bytes(bytes.fromhex("377f0682") + bytes(40))
+    with pytest.raises(StudyError, match=naming("p.sqlite", found="no table of a study")):
+        Table.open(tmp_path / "p.sqlite")
