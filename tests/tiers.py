@@ -8,13 +8,17 @@ races, ranks, kills, clocks or the speed of the machine, and for hundreds of for
 from __future__ import annotations
 
 import argparse
+import faulthandler
+import sys
 import zlib
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 VERIFICATION = frozenset({"verification", "geometries", "laws", "stability"})  # folders below tests
 SECONDS = {"quick": 60, "slow": 900, "breadth": 900, "endurance": 900}  # of wall time, after which a test is a hang
+DEAF = 60  # s more, after which it is one that no signal ends, as within SQLite: its process ends
 
 
 def tier_of(item: pytest.Item) -> str:
@@ -76,3 +80,15 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     k, n = config.getoption("--turn")
     config.hook.pytest_deselected(items=[item for item in items if not has_turn(item.nodeid, k, n)])
     items[:] = [item for item in items if has_turn(item.nodeid, k, n)]
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
+    """End a process that hangs where no exception gets to, with the lines it is at."""
+    limit = item.get_closest_marker("timeout")
+    assert limit is not None
+    faulthandler.dump_traceback_later(limit.args[0] + DEAF, exit=True, file=sys.__stderr__)
+    try:
+        return (yield)
+    finally:
+        faulthandler.cancel_dump_traceback_later()

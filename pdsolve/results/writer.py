@@ -423,7 +423,7 @@ def _connected(path: Path | None) -> sqlite3.Connection:
 def put_away(path: Path) -> None:
     """Merge the files of a finished run that was killed before doing so, as far as possible."""
     real = os.path.realpath(path)
-    if any(os.path.exists(f"{real}{beside}") for beside in ("-wal", "-lock")):
+    if any(os.path.exists(f"{real}{beside}") for beside in ("-wal", "-journal", "-lock")):
         with suppress(ResultsError), writing_to(path):
-            if os.path.exists(f"{real}-wal"):
+            if any(os.path.exists(f"{real}{beside}") for beside in ("-wal", "-journal")):
                 Writer(_connected(path), path).abandon("finished")

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 import tiers
@@ -49,3 +52,29 @@ def test_turns_together_are_all_tests_once() -> None:
 def test_what_is_no_turn_is_refused(text: str) -> None:
     with pytest.raises(argparse.ArgumentTypeError, match="expected K/N"):
         tiers.turn(text)
+
+
+DEAF_TEST = """
+import ctypes, signal
+import pytest
+
+@pytest.mark.timeout(1)
+def test_deaf():
+    signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGALRM])
+    ctypes.PyDLL(None).sleep(60)
+def test_next(): pass
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="no signals of this kind here")
+def test_a_hang_that_no_signal_ends_fails_and_the_next_test_runs(tmp_path: Path) -> None:
+    (tmp_path / "test_deaf.py").write_text(DEAF_TEST)
+    (tmp_path / "conftest.py").write_text(
+        f"import sys\nsys.path.insert(0, {str(Path(tiers.__file__).parent)!r})\n"
+        "import tiers\ntiers.DEAF = 1\npytest_plugins = ['tiers']\n"
+    )
+    words = [sys.executable, "-m", "pytest", "-q", "-n", "1", "-p", "no:cacheprovider"]
+    said = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=50).stdout
+    assert "1 failed, 1 passed" in said
+    assert "crashed while running 'test_deaf.py::test_deaf'" in said
