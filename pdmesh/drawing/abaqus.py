@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.drawing.abaqus_keywords import keywords
-from pdmesh.drawing.abaqus_model import Elements, Instance, Model
+from pdmesh.drawing.abaqus_model import Elements, Instance, Model, words
 from pdmesh.drawing.abaqus_sets import Copy, Numbered, SetName, SetRows
 from pdmesh.drawing.mesh_arrays import SIDES, Block, Mesh, Rows
 from pdmesh.drawing.mesh_groups import unused
@@ -136,7 +136,7 @@ def _surfaces(every: SetRows, blocks: list[Block], first: Rows) -> Iterator[tupl
     for instance, copy in every.copies.items():
         for members in copy.sets["surfaces"].values():
             for keyword, line, text in members.entries:
-                name, side = ([word.strip() for word in text.split(",")] + [""])[:2]
+                name, side = [*words(text), ""][:2]
                 if not SIDE.fullmatch(side):
                     continue
                 rows = every.of_entry("element_sets", instance, (keyword, line, name))

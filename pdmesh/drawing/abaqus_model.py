@@ -197,7 +197,12 @@ def _take_set(scope: Scope, keyword: Keyword) -> None:
                 raise keyword.error(f"*{keyword.name}: found '{text.strip():.60}', expected first, last, step", line)
             members.ranges.append((keyword, line, range(first, last + (1 if step > 0 else -1), step)))
         else:
-            members.entries += [(keyword, line, word.strip()) for word in text.split(",") if word.strip()]
+            members.entries += [(keyword, line, word) for word in words(text) if word]
+
+
+def words(text: str) -> list[str]:
+    """The words on a line of data, without the quotes that keep the blanks of a name."""
+    return [word.replace('"', "").strip() for word in text.split(",")]
 
 
 def _take_surface(scope: Scope, keyword: Keyword) -> None:

@@ -83,3 +83,13 @@ def test_members_of_an_instance_by_number_and_name(tmp_path: Path) -> None:
     sets = read_abaqus(written(tmp_path, text.replace("*END ASSEMBLY", rows + "*END ASSEMBLY"))).cell_sets
     assert {name: rows[0].tolist() for name, rows in sets.items()} == {"whole": [0], "a": [0], "b": [0]}
     assert "line 16: *ELSET: found '.7'" in refusal(tmp_path, text.replace("*END ASSEMBLY", "*ELSET, ELSET=a\n.7\n"))
+
+
+def test_names_in_quotes(tmp_path: Path) -> None:
+    text = f'{PLATE}*ELSET, ELSET="my set"\n7\n*ELSET, ELSET=b\n"MY set",\n*SURFACE, NAME=c\n"my set", S2\n'
+    sets = read_abaqus(written(tmp_path, text)).cell_sets
+    assert {name: [rows.tolist() for rows in blocks] for name, blocks in sets.items()} == {
+        "my set": [[0], []],
+        "b": [[0], []],
+        "c": [[], [0]],
+    }
