@@ -6,84 +6,26 @@ is named in one remark. Keywords that would make further nodes or elements are r
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+import re
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.drawing.abaqus_keywords import Keyword, keywords
-from pdmesh.drawing.abaqus_model import Elements, Instance, Members, Model, Scope
+from pdmesh.drawing.abaqus_keywords import keywords
+from pdmesh.drawing.abaqus_model import Elements, Instance, Model, words
+from pdmesh.drawing.abaqus_sets import Copy, Numbered, SetName, SetRows
 from pdmesh.drawing.mesh_arrays import SIDES, Block, Mesh, Rows
 from pdmesh.drawing.mesh_groups import unused
 from pdmesh.scene.shapes import SceneError
 
 NONE = np.zeros(0, dtype=np.int64)
+SIDE = re.compile(r"[ESes][0-9]{1,2}")  # of an element: an edge or a face
 OF_CORNERS = {2: "line", 3: "triangle", 4: "quad"}
-
-
-class Numbered(NamedTuple):
-    """Numbers of a scope, in order, and the rows that they are in the mesh."""
-
-    ids: Rows
-    rows: Rows
-
-    @classmethod
-    def of(cls, ids: Rows, rows: Rows) -> Numbered:
-        """Numbers in any order."""
-        order = np.argsort(ids, kind="stable")
-        return cls(ids[order], rows[order])
-
-    def find(self, ids: Rows) -> tuple[Rows, Rows]:
-        """The rows of these numbers, and those of them that are not there."""
-        at = np.minimum(np.searchsorted(self.ids, ids), max(len(self.ids) - 1, 0))
-        there = self.ids[at] == ids if len(self.ids) else np.zeros(len(ids), dtype=bool)
-        return self.rows[at[there]], ids[~there]
-
-    def among(self, some: range) -> Rows:
-        """The rows of those numbers that are in a range."""
-        low, high = min(some[0], some[-1]), max(some[0], some[-1])
-        inside = (self.ids >= low) & (self.ids <= high)
-        return np.asarray(self.rows[inside][(self.ids[inside] - low) % abs(some.step) == 0])
-
-
-class Copy(NamedTuple):
-    """An instance, or a file without parts: what it defines, and where that is in the mesh."""
-
-    name: str
-    scopes: tuple[Scope, ...]
-    nodes: Numbered
-    elements: Numbered
-
-    def numbers(self, kind: str) -> Numbered:
-        """Numbers and rows of the nodes, or of the elements, that sets of this kind have."""
-        return self.nodes if kind == "node_sets" else self.elements
-
-    def members(self, kind: str) -> dict[str, Members]:
-        """The sets of a kind, by their names in capitals."""
-        return {key: one for scope in self.scopes for key, one in getattr(scope, kind).items()}
-
-    def rows(self, kind: str, members: Members, within: tuple[str, ...] = ()) -> Rows:
-        """The rows of a set. Raises SceneError for a member that is not there."""
-        numbers, known = self.numbers(kind), self.members(kind)
-        found = [numbers.find(np.concatenate([NONE, *members.numbers]))[0]]
-        found += [numbers.among(some) for _, _, some in members.ranges]
-        own = [entry for entry in members.entries if entry[2].lstrip("+-").isdigit()]
-        rows, missing = numbers.find(np.array([int(entry[2]) for entry in own], dtype=np.int64))
-        if len(missing):
-            keyword, line, _ = next(entry for entry in own if int(entry[2]) == missing[0])
-            raise keyword.error(f"*{keyword.name}: found {missing[0]}, which is defined nowhere", line)
-        for keyword, line, word in members.entries:
-            if word.lstrip("+-").isdigit():
-                continue
-            other = known.get(word.upper())
-            if other is None or word.upper() in within:
-                raise keyword.error(f"*{keyword.name}: found '{word}', which is defined nowhere", line)
-            found.append(self.rows(kind, other, (*within, word.upper())))
-        return np.unique(np.concatenate([rows, *found]))
 
 
 def read_abaqus(path: Path, trust: bool = False) -> Mesh:
@@ -118,21 +60,25 @@ def _mesh(model: Model, notes: tuple[str, ...]) -> Mesh:
     if not sum(map(len, points)):
         raise SceneError(f"{model.path}: found no points, expected *NODE")
     blocks = [Block(elements.type.cell, nodes) for elements, nodes in every]
-    element_sets, node_sets = _sets(model, copies, "element_sets"), _sets(model, copies, "node_sets")
+    every_set = SetRows({copy.name.upper(): copy for copy in copies})
+    element_sets, node_sets = _sets(every_set, "element_sets"), _sets(every_set, "node_sets")
     first = np.cumsum([0, *(len(block.data) for block in blocks)])
-    surfaces = list(_surfaces(model, copies, blocks, first))
+    surfaces = list(_surfaces(every_set, blocks, first))
     for _, side in surfaces:
         blocks.append(side)
-    sets = {
-        name: [rows[(rows >= low) & (rows < high)] - low for low, high in pairwise(first)] + [NONE] * len(surfaces)
-        for name, rows in element_sets.items()
-    }
+    sets = {name: _of_blocks(rows, first) + [NONE] * len(surfaces) for name, rows in element_sets.items()}
     for number, (name, side) in enumerate(surfaces, start=len(every)):
         sets.setdefault(name, [NONE] * len(blocks))[number] = np.arange(len(side.data))
     plane, more = _plane([elements for elements, _ in every])
     part = np.repeat(np.arange(len(points)), [len(some) for some in points]) if len(model.instances) > 1 else None
     mesh = Mesh(np.concatenate(points), tuple(blocks), sets, node_sets, plane=plane, notes=(*notes, *more))
     return replace(mesh, parts=part)
+
+
+def _of_blocks(rows: Rows, first: Rows) -> list[Rows]:
+    """Rows of the mesh, in order, as rows of each of its blocks."""
+    ends = pairwise(np.searchsorted(rows, first).tolist())
+    return [rows[start:end] - low for (start, end), low in zip(ends, first[:-1], strict=True)]
 
 
 def _copied(
@@ -142,8 +88,6 @@ def _copied(
     scopes = (model.root,) if instance is None else (model.parts[instance.part], instance.own)
     ids = np.array([number for scope in scopes for number in scope.ids], dtype=np.int64)
     places = np.array([place for scope in scopes for place in scope.places], dtype=float).reshape(-1, 3)
-    if not np.isfinite(places).all():
-        raise SceneError(f"{model.path}: points: found a coordinate that is not finite, expected metres")
     name = "" if instance is None else instance.name
     _, last = np.unique(ids[::-1], return_index=True)  # a node that is defined again is where it was put last
     chosen = len(ids) - 1 - last
@@ -161,10 +105,10 @@ def _copied(
     if count.max(initial=0) > 1:
         twice = f"*ELEMENT: found element {known[count.argmax()]} {count.max()} times, expected once"
         raise SceneError(f"{model.path}: {twice}")
-    return Copy(name, scopes, nodes, Numbered.of(own, first + np.arange(len(own))))
+    return Copy.of(name, scopes, nodes, Numbered.of(own, first + np.arange(len(own))))
 
 
-def _sets(model: Model, copies: list[Copy], kind: str) -> dict[str, Rows]:
+def _sets(every: SetRows, kind: str) -> dict[str, Rows]:
     """Sets by name: of all instances together, "INSTANCE.SET" where several have one, and the instances themselves."""
     found: dict[str, list[Rows]] = {}
     spelled: dict[str, str] = {}
@@ -173,65 +117,29 @@ def _sets(model: Model, copies: list[Copy], kind: str) -> dict[str, Rows]:
         if not name.startswith("_"):  # those that Abaqus/CAE names itself
             found.setdefault(spelled.setdefault(name.upper(), name), []).append(rows)
 
-    instances = [copy for copy in copies if copy.name]
-    of_copy = [(copy, key, members) for copy in instances for key, members in copy.members(kind).items()]
-    several = {key for at, (_, key, _) in enumerate(of_copy) if key in {other for _, other, _ in of_copy[:at]}}
-    for copy, key, members in of_copy:
-        rows = copy.rows(kind, members)
-        add(members.name, rows)
-        if key in several:
-            add(f"{copy.name}.{members.name}", rows)
-    for members in getattr(model.root, kind).values():
-        add(members.name, _of_assembly(copies, kind, members, (members.name.upper(),)))
+    instances = {key: copy for key, copy in every.copies.items() if key}
+    count = Counter(name for copy in instances.values() for name in copy.sets[kind])
+    for instance, copy in [*instances.items(), ("", every.copies[""])]:
+        for name, members in copy.sets[kind].items():
+            rows = every.named(SetName(instance, kind, name))
+            add(members.name, rows)
+            if instance and count[name] > 1:
+                add(f"{copy.name}.{members.name}", rows)
     if len(instances) > 1:
-        for copy in instances:
+        for copy in instances.values():
             add(copy.name, copy.numbers(kind).rows)
     return {name: np.unique(np.concatenate(rows)) for name, rows in found.items()}
 
 
-def _of_assembly(copies: list[Copy], kind: str, members: Members, within: tuple[str, ...] = ()) -> Rows:
-    """The rows of a set of the assembly: members of instances, by INSTANCE= or "INSTANCE.NAME", and of other sets."""
-    by_name = {copy.name.upper(): copy for copy in copies}
-    known, entries = copies[0].members(kind), dict[str, list[tuple[Keyword, int, str]]]()
-    found = [copies[0].rows(kind, Members("", [], members.numbers))]
-    for keyword, line, some in members.ranges:
-        found.append(_instance(by_name, keyword, line).numbers(kind).among(some))
-    for keyword, line, word in members.entries:
-        instance, name = keyword.options.get("INSTANCE", "").upper(), word
-        before, dot, behind = word.partition(".")
-        if not instance and dot and before.upper() in by_name:
-            instance, name = before.upper(), behind
-        _instance(by_name, keyword, line)
-        if not instance and word.upper() in known and word.upper() not in within:
-            found.append(_of_assembly(copies, kind, known[word.upper()], (*within, word.upper())))
-        elif not instance and word.upper() in within:
-            raise keyword.error(f"*{keyword.name}: found '{word}', which is defined by itself", line)
-        else:
-            entries.setdefault(instance, []).append((keyword, line, name))
-    found += [by_name[instance].rows(kind, Members("", some)) for instance, some in entries.items()]
-    return np.unique(np.concatenate(found))
-
-
-def _instance(by_name: Mapping[str, Copy], keyword: Keyword, line: int) -> Copy:
-    """The instance that a keyword names, or what belongs to none. Raises SceneError."""
-    instance = keyword.options.get("INSTANCE", "").upper()
-    if instance not in by_name:
-        raise keyword.error(f"*{keyword.name}: found INSTANCE={instance}, which is defined nowhere", line)
-    return by_name[instance]
-
-
-def _surfaces(model: Model, copies: list[Copy], blocks: list[Block], first: Rows) -> Iterator[tuple[str, Block]]:
+def _surfaces(every: SetRows, blocks: list[Block], first: Rows) -> Iterator[tuple[str, Block]]:
     """Surfaces as cells of one dimension less, by name; those without the side of an element have none."""
-    for copy in copies:
-        for members in copy.members("surfaces").values():
+    for instance, copy in every.copies.items():
+        for members in copy.sets["surfaces"].values():
             for keyword, line, text in members.entries:
-                name, side = ([word.strip() for word in text.split(",")] + [""])[:2]
-                if not (side[:1].upper() in "SE" and side[1:].isdigit()):
+                name, side = [*words(text), ""][:2]
+                if not SIDE.fullmatch(side):
                     continue
-                entry = Members("", [(keyword, line, name)])
-                rows = (
-                    _of_assembly(copies, "element_sets", entry) if not copy.name else copy.rows("element_sets", entry)
-                )
+                rows = every.of_entry("element_sets", instance, (keyword, line, name))
                 for number, block in enumerate(blocks):
                     some = rows[(rows >= first[number]) & (rows < first[number + 1])] - first[number]
                     corners = _side(block, int(side[1:]) - 1)

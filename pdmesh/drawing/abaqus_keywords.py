@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from pdmesh.files import read_bytes
+from pdmesh.drawing.text_fields import finite_number, text_lines, whole_number
 from pdmesh.scene.shapes import SceneError
 
 ADVICE = " (--trust reads it all the same)"
@@ -36,19 +36,25 @@ class Keyword:
         return self.options[name]
 
     def numbers(self, line: int, text: str) -> list[float]:
-        """The numbers on a line of data, 0 for those left out. Raises SceneError."""
-        try:
-            words = text.rstrip().rstrip(",").split(",")
-            return [float(word.strip().upper().replace("D", "E") or 0) for word in words]
-        except ValueError:
-            raise self.error(f"*{self.name}: found '{text.strip():.60}', expected numbers", line) from None
+        """The finite numbers on a line of data, 0 for those left out. Raises SceneError."""
+        values = [finite_number(word.strip() or "0") for word in text.rstrip().rstrip(",").split(",")]
+        numbers = [value for value in values if value is not None]
+        if len(numbers) < len(values):
+            raise self.error(f"*{self.name}: found '{text.strip():.60}', expected finite numbers", line)
+        return numbers
+
+    def integer(self, line: int, word: str) -> int:
+        """The whole number that a word on a line of data is. Raises SceneError."""
+        number = whole_number(word.strip())
+        if number is None:
+            wanted = "a whole number of at most 18 digits"
+            raise self.error(f"*{self.name}: found '{word.strip():.60}', expected {wanted}", line)
+        return number
 
     def integers(self, line: int, text: str) -> list[int]:
-        """The whole numbers on a line of data. Raises SceneError."""
-        try:
-            return [int(word) for word in text.replace(",", " ").split()]
-        except ValueError:
-            raise self.error(f"*{self.name}: found '{text.strip():.60}', expected whole numbers", line) from None
+        """The whole numbers on a line of data, between commas or blanks. Raises SceneError."""
+        fields = [field.split() or [""] for field in text.rstrip().rstrip(",").split(",")]
+        return [self.integer(line, word) for words in fields for word in words]
 
 
 def keywords(path: Path, trust: bool, within: tuple[Path, ...] = ()) -> Iterator[Keyword]:
@@ -76,20 +82,18 @@ def keywords(path: Path, trust: bool, within: tuple[Path, ...] = ()) -> Iterator
 
 def _lines(path: Path) -> Iterator[tuple[int, str]]:
     """Lines without comments and blanks; lines of a keyword that goes on are one."""
-    begun, first = "", 0
-    for number, line in enumerate(read_bytes(path).decode("latin-1").splitlines(), start=1):
+    pieces, first = list[str](), 0
+    for number, line in enumerate(text_lines(path), start=1):
         text = line.strip()
         if not text or text.startswith("**"):
             continue
-        if begun:
-            text, number = begun + text, first
-        if text.startswith("*") and text.endswith(","):
-            begun, first = text, number
-            continue
-        begun = ""
-        yield number, text
-    if begun:
-        yield first, begun
+        first = first if pieces else number
+        pieces.append(text)
+        if not (pieces[0].startswith("*") and text.endswith(",")):
+            yield first, "".join(pieces)
+            pieces = []
+    if pieces:
+        yield first, "".join(pieces)
 
 
 def _keyword(path: Path, number: int, text: str) -> Keyword:

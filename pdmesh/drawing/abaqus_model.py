@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -63,17 +64,22 @@ class Instance:
 
     def moved(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Points (n, 3) of the part where the instance has them. Raises SceneError for data that are none."""
+        turned = False
         for row, (line, text) in enumerate(self.keyword.rows):
             numbers = self.keyword.numbers(line, text)
             if row == 0 and len(numbers) <= 3:
                 points = points + np.pad(numbers, (0, 3 - len(numbers)))
-            elif row == 1 and len(numbers) == 7:
+            elif len(numbers) == 7 and not turned:  # also as the first, behind a blank line for no translation
                 if numbers[:3] == numbers[3:6]:
                     raise self.keyword.error("*INSTANCE: found an axis of two points at one place", line)
-                points = _turned(points, np.array(numbers[:3]), np.array(numbers[3:6]), numbers[6])
+                with np.errstate(over="ignore", invalid="ignore"):  # which is refused below
+                    points = _turned(points, np.array(numbers[:3]), np.array(numbers[3:6]), numbers[6])
+                turned = True
             else:
                 wanted = "x, y, z of a translation, then x, y, z of two points of an axis and an angle"
                 raise self.keyword.error(f"*INSTANCE: found {len(numbers)} numbers, expected {wanted}", line)
+        if not np.isfinite(points).all():
+            raise self.keyword.error("*INSTANCE: found points that it moves out of all numbers, expected metres")
         return points
 
 
@@ -82,7 +88,7 @@ def _turned(
 ) -> NDArray[np.float64]:
     """Points turned about the axis from `start` to `end`, by Rodrigues' formula."""
     axis = end - start
-    axis, way = axis / np.sqrt(axis @ axis), points - start
+    axis, way = axis / math.hypot(*axis), points - start
     quarter = degrees / 90
     exact = quarter == round(quarter)  # so that what is turned by 90 degrees stays on its lattice
     sine, cosine = np.sin(np.radians(degrees)), np.cos(np.radians(degrees))
@@ -109,7 +115,7 @@ class Model:
             raise keyword.error(f"*{keyword.name}: found INPUT=, expected a mesh in one file")
         match keyword.name:
             case "PART":
-                self.current = self.parts[keyword.word("NAME").upper()] = Scope(keyword.word("NAME"))
+                self._begin_part(keyword)
             case "INSTANCE":
                 self._place(keyword)
             case "ENDPART" | "ENDINSTANCE" | "ASSEMBLY" | "ENDASSEMBLY":
@@ -118,6 +124,12 @@ class Model:
                 TAKEN[name](self.current, keyword)
             case name if name not in PLAIN:
                 self.unread.setdefault(name, keyword.line)
+
+    def _begin_part(self, keyword: Keyword) -> None:
+        name = keyword.word("NAME")
+        if name.upper() in self.parts:
+            raise keyword.error(f"*PART: found NAME={name} twice, expected a name of its own")
+        self.current = self.parts[name.upper()] = Scope(name)
 
     def _place(self, keyword: Keyword) -> None:
         if "LIBRARY" in keyword.options:
@@ -133,21 +145,20 @@ class Model:
 
 
 def _take_nodes(scope: Scope, keyword: Keyword) -> None:
-    system = keyword.options.get("SYSTEM", "R").upper()[:1]
+    system, ids = keyword.options.get("SYSTEM", "R").upper()[:1], list[int]()
     for line, text in keyword.rows:
-        number, *place = keyword.numbers(line, text)
-        x, y, z = (*place, 0.0, 0.0, 0.0)[:3]
+        ids.append(keyword.integer(line, text.partition(",")[0]))
+        x, y, z = (*keyword.numbers(line, text)[1:], 0.0, 0.0, 0.0)[:3]
         if system == "C":
             x, y = x * np.cos(np.radians(y)), x * np.sin(np.radians(y))
         elif system == "S":
             out, around, up = x, np.radians(y), np.radians(z)
             x, y, z = out * np.cos(up) * np.cos(around), out * np.cos(up) * np.sin(around), out * np.sin(up)
-        scope.ids.append(int(number))
         scope.places.append((x, y, z))
+    scope.ids += ids
     if "NSET" in keyword.options:
-        numbers = np.array([int(keyword.numbers(line, text)[0]) for line, text in keyword.rows], dtype=np.int64)
-        name = keyword.options["NSET"]
-        scope.node_sets.setdefault(name.upper(), Members(name)).numbers.append(numbers)
+        name = keyword.word("NSET")
+        scope.node_sets.setdefault(name.upper(), Members(name)).numbers.append(np.array(ids, dtype=np.int64))
 
 
 def _take_elements(scope: Scope, keyword: Keyword) -> None:
@@ -170,8 +181,8 @@ def _take_elements(scope: Scope, keyword: Keyword) -> None:
         raise keyword.error(f"*ELEMENT: found {found} nodes, expected {kind.nodes} of {word}", line)
     table = np.array([row[: kind.nodes + 1] for row in rows], dtype=np.int64).reshape(-1, kind.nodes + 1)
     scope.elements.append(Elements(keyword, kind, table[:, 0], table[:, 1:]))
-    if keyword.options.get("ELSET"):
-        name = keyword.options["ELSET"]
+    if "ELSET" in keyword.options:
+        name = keyword.word("ELSET")
         scope.element_sets.setdefault(name.upper(), Members(name)).numbers.append(table[:, 0])
 
 
@@ -180,12 +191,18 @@ def _take_set(scope: Scope, keyword: Keyword) -> None:
     members = sets.setdefault(name.upper(), Members(name))
     for line, text in keyword.rows:
         if "GENERATE" in keyword.options:
-            first, last, step = (*keyword.integers(line, text), 1)[:3]
+            numbers = keyword.integers(line, text)
+            first, last, step = (*numbers, 1)[:3] if len(numbers) in (2, 3) else (0, 0, 0)
             if step == 0 or (last - first) * step < 0:
-                raise keyword.error(f"*{keyword.name}: found {text.strip()}, expected first, last, step", line)
+                raise keyword.error(f"*{keyword.name}: found '{text.strip():.60}', expected first, last, step", line)
             members.ranges.append((keyword, line, range(first, last + (1 if step > 0 else -1), step)))
         else:
-            members.entries += [(keyword, line, word.strip()) for word in text.split(",") if word.strip()]
+            members.entries += [(keyword, line, word) for word in words(text) if word]
+
+
+def words(text: str) -> list[str]:
+    """The words on a line of data, without the quotes that keep the blanks of a name."""
+    return [word.replace('"', "").strip() for word in text.split(",")]
 
 
 def _take_surface(scope: Scope, keyword: Keyword) -> None:

@@ -36,6 +36,7 @@ from pdmesh.scene.shapes import SceneError, parts
 
 OVERLAP = 1e-6  # of the area
 FLAT = 1e-9  # of the size of a mesh: z that still counts as one
+FARTHEST = 1e60  # coordinate: its fourth power is a finite number
 SLIT = "crack:double nodes"  # the group that slits are put in
 
 
@@ -73,9 +74,8 @@ def read_mesh(
     """
     mesh = mesh_checks.read(path, trust)
     try:
+        _check_points(mesh)
         mesh = with_cells(mesh)
-        if not np.isfinite(mesh.points).all():
-            raise SceneError("points: found a coordinate that is not finite, expected metres")
         values = given(assignments)
         if mesh.of_dimension(3)[0]:
             if cracks:
@@ -84,6 +84,13 @@ def read_mesh(
         return _plate(mesh, values, path, cracks)
     except SceneError as error:
         raise SceneError(f"{path}: {error}") from None
+
+
+def _check_points(mesh: Mesh) -> None:
+    """Raise SceneError for a coordinate that no area or distance can be computed of."""
+    for row, axis in np.argwhere(~(np.abs(mesh.points) < FARTHEST))[:1].tolist():
+        value = f"{mesh.points[row, axis]:g}"
+        raise SceneError(f"points: point {row}: found coordinate {value}, expected a finite one below {FARTHEST:g}")
 
 
 def _plate(

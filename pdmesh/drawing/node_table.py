@@ -6,14 +6,14 @@ import re
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pdmesh.drawing.mesh_arrays import Block, Mesh
-from pdmesh.files import read_bytes
+from pdmesh.drawing.text_fields import finite_number, text_lines
 from pdmesh.scene.shapes import SceneError
 
 COLUMNS = {5: ("x", "y", "z", "block", "volume"), 4: ("x", "y", "block", "volume")}
 HEADER = re.compile(r"\s*#?\s*header\s*:", re.IGNORECASE)
+LARGEST = 1e15  # number of a block
 NAMES = {"block_id": "block", "block": "block", "volume": "volume", "vol": "volume", "x": "x", "y": "y", "z": "z"}
 
 
@@ -25,8 +25,10 @@ def read_table(path: Path) -> Mesh:
     """
     names: tuple[str, ...] | None = None
     rows, numbers = [], []
-    for number, line in enumerate(read_bytes(path).decode("latin-1").splitlines(), start=1):
+    for number, line in enumerate(text_lines(path), start=1):
         if HEADER.match(line):
+            if names is not None:
+                raise SceneError(f"{path}: line {number}: found 'header:', expected one, before the first point")
             names = _columns(path, number, line.partition(":")[2])
             continue
         words = line.partition("#")[0].replace(",", " ").split()
@@ -34,16 +36,20 @@ def read_table(path: Path) -> Mesh:
             names = names or COLUMNS.get(len(words))
             rows.append(_row(path, number, words, names))
             numbers.append(number)
-    if names is None:
+    if names is None or not rows:
         raise SceneError(f"{path}: found no points, expected lines of x, y, z, block and volume")
-    table = np.array(rows).reshape(-1, len(names))
+    table = np.array(rows)
     of = {name: table[:, at] for at, name in enumerate(names)}
-    block = of["block"].astype(np.int64)
-    for at in np.flatnonzero(block != of["block"])[:1].tolist():
-        raise SceneError(f"{path}: line {numbers[at]}: block: found {of['block'][at]:g}, expected a whole number")
+    exact = (of["block"] == np.rint(of["block"])) & (np.abs(of["block"]) < LARGEST)
+    for at in np.flatnonzero(~exact)[:1].tolist():
+        wanted = "a whole number of at most 15 digits"
+        raise SceneError(f"{path}: line {numbers[at]}: block: found {of['block'][at]:g}, expected {wanted}")
     points = np.column_stack([of[axis] for axis in "xyz" if axis in of])
     cells = Block("vertex", np.arange(len(points))[:, None])
-    sets = {f"block_{one}": [np.flatnonzero(block == one)] for one in np.unique(block).tolist()}
+    order = np.argsort(of["block"], kind="stable")
+    blocks, first = np.unique(of["block"][order].astype(np.int64), return_index=True)
+    members = np.split(order, first[1:])
+    sets = {f"block_{block}": [rows] for block, rows in zip(blocks.tolist(), members, strict=True)}
     return Mesh(points, (cells,), sets, volumes=(of["volume"],))
 
 
@@ -55,12 +61,9 @@ def _columns(path: Path, number: int, text: str) -> tuple[str, ...]:
     return names
 
 
-def _row(path: Path, number: int, words: list[str], names: tuple[str, ...] | None) -> NDArray[np.float64]:
-    try:
-        row = np.array([float(word) for word in words])
-    except ValueError:
-        row = np.full(0, np.nan)
-    if names is None or len(row) != len(names) or not np.isfinite(row).all():
+def _row(path: Path, number: int, words: list[str], names: tuple[str, ...] | None) -> list[float]:
+    row = [value for value in map(finite_number, words) if value is not None]
+    if names is None or not len(row) == len(words) == len(names):
         wanted = " ".join(names or COLUMNS[5])
         raise SceneError(f"{path}: line {number}: found '{' '.join(words):.60}', expected numbers {wanted}")
     return row

@@ -16,6 +16,8 @@ FLAT = 1e-9  # of the size of the points: z that still counts as one
 ON = 1e-3  # of a spacing: how far a node may be from its place on a lattice
 ALIKE = 1e-3  # relative: thicknesses and areas that are the same
 OVERLAP = 1e-6  # of the area
+LEAST, CLOSEST = 1e-180, 1e-60  # volume, and distance of two points: quotients and powers of them are finite
+FINEST = 1e-9  # spacing, of the size of a lattice
 ADVICE = "expected the nodes of a lattice, each the middle of its cell (or the mesh they are made from)"
 SQUARE = np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)])
 CUBE = np.array([(*corner, end) for end in (0, 1) for corner in ((0, 0), (1, 0), (1, 1), (0, 1))])
@@ -36,10 +38,10 @@ def with_cells(mesh: Mesh) -> Mesh:
             f"found {unknown} points without a volume, expected cells, or an attribute 'volume' of each point"
             " (or a text file of lines x y z block volume)"
         )
-    if len(rows) < 2 or not np.isfinite(mesh.points).all():
-        raise SceneError("points: found fewer than two, or a coordinate that is not finite, expected metres")
-    for at in np.flatnonzero(~((volume > 0) & np.isfinite(volume)))[:1].tolist():
-        raise SceneError(f"point {at}: volume: found {volume[at]:g}, expected more than 0")
+    if len(rows) < 2:
+        raise SceneError("points: found fewer than two, expected the nodes of a plate or a body")
+    for at in np.flatnonzero(~((volume > LEAST) & (volume < 1 / LEAST)))[:1].tolist():
+        raise SceneError(f"point {at}: volume: found {volume[at]:g}, expected more than 0 and less than {1 / LEAST:g}")
     places = mesh.points[rows]
     size = np.ptp(places, axis=0)
     if places.shape[1] == 3 and size[2] > FLAT * size.max():
@@ -89,7 +91,7 @@ def _cubes(mesh: Mesh, places: NDArray[np.float64], volume: NDArray[np.float64])
 def _apart(places: NDArray[np.float64]) -> NDArray[np.float64]:
     """The distance (n,) of each point to the nearest other. Raises SceneError for two at one place."""
     apart = tree_of(places).query(places, k=2)[0][:, 1]
-    if not apart.min() > 0:
+    if not apart.min() > CLOSEST:
         at = ", ".join(f"{value:g}" for value in places[int(apart.argmin())])
         raise SceneError(f"points: found two at ({at}), expected one at each place")
     return np.asarray(apart)
@@ -101,6 +103,8 @@ def _lattice(
     """Origin, spacing and numbers (n, d) of the points on their lattice; None if they are on none."""
     origin, size = places.min(axis=0), np.ptp(places, axis=0)
     axis = int(size.argmax())
+    if spacing < FINEST * size[axis]:
+        return None
     spacing = float(size[axis] / max(round(size[axis] / spacing), 1))
     spacing = float(f"{spacing:.9g}") if abs(float(f"{spacing:.9g}") / spacing - 1) < 1e-12 * len(places) else spacing
     share = (places - origin) / spacing

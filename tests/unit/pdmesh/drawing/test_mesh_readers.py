@@ -13,6 +13,7 @@ from pdmesh import SceneError
 from pdmesh.drawing import mesh_checks
 from pdmesh.drawing.file_reading import build_file
 from pdmesh.drawing.mesh_arrays import Mesh
+from pdmesh.drawing.nastran import checked_bulk
 
 STEEL = [("Material/E", "2e11"), ("Material/rho", "7800"), ("Material/G0", "10"), ("Units", "mm")]
 VERSIONS = [(1.0, 0), (2.2, 0), (2.2, 1), (3.0, 0), (3.0, 1), (4.0, 0), (4.1, 0), (4.1, 1)]
@@ -165,12 +166,36 @@ def test_properties_that_nastran_leaves_out(text: str, tmp_path: Path) -> None:
         (("GRID    1        ", "GRID    1       5"), naming("line 2", "GRID", found="coordinate system 5")),
         (("CQUAD4", "CSHEAR"), naming("line 6", found="CSHEAR", expected="CQUAD4")),
         (("BEGIN BULK", "INCLUDE 'a.bdf'"), naming("line 1", found="INCLUDE")),
+        (("GRID    4   ", "GRID    4.7 "), naming("line 5", "GRID", found="4.7", expected="whole number")),
+        (("GRID    4", "GRID    \u00b2"), naming("line 5", "GRID", expected="whole number")),
+        (("GRID    1               0.      0.      0.", "GRID,99999999999,,0.,0.,0."), naming("line 2", "99999999999")),
+        (("3       4\n", "3       4x\n"), naming("line 6", "CQUAD4", found="4x", expected="whole number")),
+        (("4.      3. ", "nan     3. "), naming("line 4", "GRID", found="nan", expected="finite")),
+        (("4.      3. ", "1.+400  3. "), naming("line 4", "GRID", found="1.+400", expected="finite")),
+        (("4.      3. ", "4,5     3. "), naming("line 4", "GRID")),
+        (("BEGIN BULK", "$ \u00c5 \x0b INCLUDE \x1c INCLUDE\nCSHEAR"), naming("line 2", found="CSHEAR")),
     ],
 )
 def test_what_gmsh_would_read_wrongly_is_refused(change: tuple[str, str], message: str, tmp_path: Path) -> None:
-    (tmp_path / "plate.bdf").write_text(BULK.replace("PROP", "3       ").replace(*change))
+    text = BULK.replace("PROP", "3       ").replace(*change)
+    (tmp_path / "plate.bdf").write_text(text, encoding="utf-8")
     with pytest.raises(SceneError, match=message):
         mesh_checks.read(tmp_path / "plate.bdf")
+
+
+@pytest.mark.parametrize(
+    ("line", "bulk"),
+    [
+        ("GRID    3               +4.00000+3.-0   +.0", "GRID    3                4.00000 3.-0    .0"),
+        ("GRID,3,,+4.,-3.,+0", "GRID,3,, 4.,-3., 0"),
+        ("GRID*   3                               +4.             +3.             *1\n*1      +0.", None),
+    ],
+)
+def test_signs_before_coordinates(line: str, bulk: str | None, tmp_path: Path) -> None:
+    """Gmsh reads +4. as 0."""
+    (tmp_path / "a.bdf").write_text(line)
+    data = checked_bulk(tmp_path / "a.bdf")[0].decode()
+    assert data == (bulk or line.replace("+", " ")) + "\n"
 
 
 # ---- Exodus

@@ -191,7 +191,7 @@ def test_meshes_of_gmsh(tmp_path: Path) -> None:
         ("solid.msh", plate(solid=True), naming("cell 0", found="volume")),
         ("tilted.vtu", triangle((0, 1, 1.0)), "found z of several"),
         ("flat.vtu", triangle((2, 0, 0.0)), naming("cell 0", found="area")),
-        ("nan.vtu", triangle((np.nan, 1, 0)), "not finite"),
+        ("nan.vtu", triangle((np.nan, 1, 0)), naming("point 2", found="nan", expected="finite")),
         ("lines.vtu", meshio.Mesh([[0, 0, 0], [1, 0, 0.0]], [("line", [[0, 1]])]), naming(found=("triangle", "quad"))),
         ("mm.vtu", triangle((0, 100, 0.0)), "not millimetres"),
     ],

@@ -12,6 +12,7 @@ from messages import mentions, naming
 from pdmesh import SceneError
 from pdmesh.drawing.file_reading import build_file, read_scene
 from pdmesh.drawing.meshes import read_mesh
+from pdmesh.drawing.node_table import read_table
 from pdmesh.grid.building import Built
 from pdmesh.reports.report import info
 from pdmesh.scene.body import Body
@@ -105,14 +106,35 @@ def test_points_in_space_are_a_body(tmp_path: Path) -> None:
         ("0 0 0 1 1\n1 0 0 1 1\n.3 .8 0 1 1\n", naming("points", expected="lattice")),
         ("0 0 0 1 1\n1 0 0 1 1\n.3 .8 1 1 1\n0 1 1 1 1\n", naming("points", expected="lattice")),
         ("0 0 0 1 1\n", naming("points", found="two")),
+        ("# header: x y block_id volume\n", naming(found="no points")),
+        ("0 0 0 1 1\nheader: x y block_id volume\n1 0 1 1\n", naming("line 2", found="header:", expected="before")),
+        ("header: x y block volume\nheader: x y block volume\n", naming("line 2", found="header:")),
+        ("0 0 0 1 1\n1 0 0 1e300 1\n", naming("line 2", "block", found="1e+300")),
+        ("0 0 0 1 1\n1 0 0 9223372036854775808 1\n", naming("line 2", "block", found="9.22337e+18")),
+        ("0 0 0 1 1\n1 0 0 1_0 1\n", naming("line 2", found="1 0 0 1_0 1")),
+        ("0 0 0 1 1\n1 nan 0 1 1\n", naming("line 2", found="1 nan 0 1 1")),
+        ("0 0 0 1 1\n1e200 0 0 1 1\n", naming("point 1", found="1e+200")),
+        ("0 0 0 1 1\n1 0 0 1 1\n2 0 0 1 1\n1e20 0 0 1 1\n", naming("points", expected="lattice")),
+        ("0 0 0 1 1\n1e-150 0 0 1 1\n0 0 1e-150 1 1\n", naming(found="two at (0, 0, 0)")),
+        ("0 0 0 1 1e-320\n1 0 0 1 1e300\n", naming("point 0", "volume")),
     ],
 )
+@pytest.mark.filterwarnings("error")
 def test_points_that_are_refused(text: str, message: str, tmp_path: Path) -> None:
     path = tmp_path / "a.txt"
     path.write_text(text)
     with pytest.raises(SceneError, match=message) as caught:
         read_mesh(path, STEEL)
     assert str(caught.value).startswith(f"{path}: ")
+
+
+def test_letters_in_a_comment_and_many_blocks(tmp_path: Path) -> None:
+    """The second byte of a letter, 0x85, ends no line."""
+    rows = "".join(f"{x} {y} {x + 60 * y} 1\n" for y in range(60) for x in range(60))
+    (tmp_path / "a.txt").write_text(f"# von Åsa \x0b\x1c bis Ende\n{rows}", encoding="utf-8")
+    sets = read_table(tmp_path / "a.txt").cell_sets
+    assert len(sets) == 3600
+    assert sets["block_61"][0].tolist() == [61]
 
 
 # ---- solids

@@ -1,0 +1,183 @@
+"""Rows of the mesh that sets of an Abaqus file have: of its instances, and of the assembly or a file without parts."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.drawing.abaqus_keywords import Keyword
+from pdmesh.drawing.abaqus_model import Members, Scope
+from pdmesh.drawing.mesh_arrays import Rows
+
+NUMBER = re.compile(r"[+-]*[0-9]+")
+Entry = tuple[Keyword, int, str]  # keyword, line, number or name
+
+
+class Numbered(NamedTuple):
+    """Numbers of a scope, in order, and the rows that they are in the mesh."""
+
+    ids: Rows
+    rows: Rows
+
+    @classmethod
+    def of(cls, ids: Rows, rows: Rows) -> Numbered:
+        """Numbers in any order."""
+        order = np.argsort(ids, kind="stable")
+        return cls(ids[order], rows[order])
+
+    def find(self, ids: Rows) -> tuple[Rows, Rows]:
+        """The rows of these numbers, and those of them that are not there."""
+        at = np.minimum(np.searchsorted(self.ids, ids), max(len(self.ids) - 1, 0))
+        there = self.ids[at] == ids if len(self.ids) else np.zeros(len(ids), dtype=bool)
+        return self.rows[at[there]], ids[~there]
+
+    def mark(self, some: range, inside: NDArray[np.bool_]) -> None:
+        """Mark those numbers that are in a range."""
+        low, high = min(some[0], some[-1]), max(some[0], some[-1])
+        first, end = np.searchsorted(self.ids, np.array([low, high + 1])).tolist()
+        step = abs(some.step)
+        inside[first:end] |= (self.ids[first:end] - low) % step == 0 if step > 1 else True
+
+
+class Copy(NamedTuple):
+    """An instance, or a file without parts: what it defines, and where that is in the mesh."""
+
+    name: str
+    nodes: Numbered
+    elements: Numbered
+    sets: Mapping[str, Mapping[str, Members]]  # by kind and by name in capitals
+
+    @classmethod
+    def of(cls, name: str, scopes: tuple[Scope, ...], nodes: Numbered, elements: Numbered) -> Copy:
+        """What scopes define together; a set of a later one replaces that of its name in an earlier one."""
+        kinds = ("element_sets", "node_sets", "surfaces")
+        sets = {kind: {key: one for scope in scopes for key, one in getattr(scope, kind).items()} for kind in kinds}
+        return cls(name, nodes, elements, sets)
+
+    def numbers(self, kind: str) -> Numbered:
+        """Numbers and rows of the nodes, or of the elements, that sets of this kind have."""
+        return self.nodes if kind == "node_sets" else self.elements
+
+
+class SetName(NamedTuple):
+    """The name of a set in capitals, and the instance that defines it: "" for the assembly or a file without parts."""
+
+    instance: str
+    kind: str
+    name: str
+
+
+@dataclass
+class _Resolution:
+    """A set whose rows are looked for: its own rows, and the sets that it names, with the entries that name them."""
+
+    own: list[Rows]
+    others: dict[SetName, Entry]
+    waiting: Iterator[SetName]
+
+
+@dataclass
+class SetRows:
+    """Rows of the sets of a mesh, each computed once."""
+
+    copies: Mapping[str, Copy]  # by name in capitals; "" is what belongs to no instance
+    known: dict[SetName, Rows] = field(default_factory=dict)
+
+    def named(self, wanted: SetName) -> Rows:
+        """The rows of a set of this name. Raises SceneError for a member that is not there, or for a set in itself."""
+        if wanted not in self.known:
+            self._resolve(wanted, self.copies[wanted.instance].sets[wanted.kind][wanted.name])
+        return self.known[wanted]
+
+    def of_entry(self, kind: str, instance: str, entry: Entry) -> Rows:
+        """The rows of one number or name on a line of data. Raises SceneError."""
+        own, others = self._parts(SetName(instance, kind, ""), Members("", [entry]))
+        return _union(own, [self.named(other) for other in others])
+
+    def _resolve(self, wanted: SetName, members: Members) -> None:
+        """Compute the rows of a set and of all that it names, without recursion: chains of names may be long."""
+        begun = {wanted: self._begin(wanted, members)}
+        while begun:
+            name, resolution = next(reversed(begun.items()))
+            other = next((other for other in resolution.waiting if other not in self.known), None)
+            if other is None:
+                self.known[name] = _union(resolution.own, [self.known[other] for other in resolution.others])
+                del begun[name]
+            elif other in begun:
+                keyword, line, word = resolution.others[other]
+                raise keyword.error(f"*{keyword.name}: found '{word}', which is defined by itself", line)
+            else:
+                begun[other] = self._begin(other, self.copies[other.instance].sets[other.kind][other.name])
+
+    def _begin(self, name: SetName, members: Members) -> _Resolution:
+        own, others = self._parts(name, members)
+        return _Resolution(own, others, iter(others))
+
+    def _parts(self, of: SetName, members: Members) -> tuple[list[Rows], dict[SetName, Entry]]:
+        """The rows that a set has by numbers, and the sets that it names. Raises SceneError."""
+        numbers: dict[str, list[tuple[Entry, int]]] = {}
+        others: dict[SetName, Entry] = {}
+        for entry in members.entries:
+            keyword, line, _ = entry
+            instance, word = self._place(of, entry)
+            name = SetName(instance, of.kind, word.upper())
+            if NUMBER.fullmatch(word):
+                numbers.setdefault(instance, []).append((entry, keyword.integer(line, word)))
+            elif name.name in self.copies[instance].sets[of.kind]:
+                others.setdefault(name, entry)
+            else:
+                raise keyword.error(f"*{keyword.name}: found '{word}', which is defined nowhere", line)
+        return [*self._rows(of, members, numbers)], others
+
+    def _rows(self, of: SetName, members: Members, numbers: dict[str, list[tuple[Entry, int]]]) -> Iterator[Rows]:
+        own = self.copies[of.instance].numbers(of.kind)
+        yield own.find(np.concatenate([np.zeros(0, dtype=np.int64), *members.numbers]))[0]
+        for instance, some in numbers.items():
+            rows, missing = self.copies[instance].numbers(of.kind).find(np.array([number for _, number in some]))
+            for (keyword, line, word), number in some if len(missing) else ():
+                if number == missing[0]:
+                    raise keyword.error(f"*{keyword.name}: found {word}, which is defined nowhere", line)
+            yield rows
+        ranges: dict[str, list[range]] = {}
+        for keyword, line, some_numbers in members.ranges:
+            ranges.setdefault(of.instance or self._instance(keyword, line), []).append(some_numbers)
+        for instance, every in ranges.items():
+            yield _among(self.copies[instance].numbers(of.kind), every)
+
+    def _place(self, of: SetName, entry: Entry) -> tuple[str, str]:
+        """The instance that a member is of, by INSTANCE= or as "INSTANCE.NAME", and its number or name there."""
+        keyword, line, word = entry
+        if of.instance:
+            return of.instance, word
+        instance = self._instance(keyword, line)
+        before, dot, behind = word.partition(".")
+        if not instance and dot and before and before.upper() in self.copies:
+            return before.upper(), behind
+        return instance, word
+
+    def _instance(self, keyword: Keyword, line: int) -> str:
+        """The instance that a keyword names, "" for none. Raises SceneError."""
+        instance = keyword.options.get("INSTANCE", "").upper()
+        if instance not in self.copies:
+            raise keyword.error(f"*{keyword.name}: found INSTANCE={instance}, which is defined nowhere", line)
+        return instance
+
+
+def _union(own: list[Rows], named: list[Rows]) -> Rows:
+    """The rows of a set in order: its own ones and those of the sets that it names."""
+    if len(named) == 1 and not any(map(len, own)):
+        return named[0]
+    return np.unique(np.concatenate([*own, *named]))
+
+
+def _among(numbers: Numbered, ranges: Iterable[range]) -> Rows:
+    """The rows of those numbers that are in a range, whatever else the ranges have."""
+    inside = np.zeros(len(numbers.ids), dtype=bool)
+    for some in ranges:
+        numbers.mark(some, inside)
+    return numbers.rows[inside]
