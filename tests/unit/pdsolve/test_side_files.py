@@ -355,6 +355,17 @@ def test_a_link_of_the_name_of_a_rank_is_refused(tmp_path: Path) -> None:
         remove(tmp_path / "plate.sqlite")
 
 
+@pytest.mark.parametrize("end", ["-journal", "-wal", "-shm"])
+def test_a_second_name_of_a_file_is_refused_whatever_is_in_it(tmp_path: Path, end: str) -> None:
+    """SQLite would write into it: an index that is not in use is all zeros, as a file of a user may be."""
+    path, victim = tmp_path / "plate.sqlite", tmp_path / "victim"
+    path.touch()
+    victim.write_bytes(bytes(4096))
+    os.link(victim, f"{path}{end}")
+    with pytest.raises(ResultsError, match=naming(f"plate.sqlite{end}", found="hard link")):
+        side_files.expect_sound(path)
+
+
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes here")
 def test_a_pipe_is_no_database_with_a_log(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "p.sqlite")

@@ -313,3 +313,13 @@ def test_many_thin_places_are_counted() -> None:
 def test_a_grid_without_outline_is_not_looked_at(plate: Scene) -> None:
     grid, settings, _ = build_grid(plate)
     assert soundness.remarks(dataclasses.replace(grid, outline=()), settings) == ()
+
+
+@pytest.mark.parametrize("points", [2, 50])
+def test_a_crack_that_round_off_ends_short_of_the_edges_parts_the_plate(plate: Scene, points: int) -> None:
+    grid = build_grid(plate)[0]
+    x = np.linspace(1e-11, 0.04 - 1e-11, points)
+    line = np.column_stack([x, 0.0101 + 1e-4 * np.sin(900 * x)])
+    grid = dataclasses.replace(grid, cracks=np.hstack([line[:-1], line[1:]]))
+    lower, upper = sorted(face.area for face in faces_of(plate.shape, grid))
+    assert lower + upper == pytest.approx(8e-4, rel=1e-9)
