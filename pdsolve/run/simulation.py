@@ -134,7 +134,7 @@ def _solve(model: Model, options: Options, request: Request) -> Results:
 
 def _noted(model: Model, options: Options, request: Request) -> tuple[Recorder, Request]:
     """The records of a run that begins, which alone keep its system and its state."""
-    with stopping.patience(stopping.AT_ONCE):  # also where a run before has been saved
+    with stopping.patience(stopping.AT_ONCE) if request.sooner else nullcontext():  # where a run before was saved
         found = _prepared(model, options)
     system, state = started(found) if model.settings.run.start == "static" else found
     advise_unused(model)
