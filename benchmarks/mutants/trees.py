@@ -70,18 +70,19 @@ def run(
     left_out: Iterable[str] = (),
     collect: bool = False,
 ) -> Ran:
-    """Run these tests of a tree until one fails, for so many seconds at most; the slow ones if that is said.
+    """Run these tests of a tree until one fails, for so many seconds at most; slow ones if that is said, or if
+    they are among the first.
 
     Kernels compiled before, in any tree beside this one, are used if they are `kept`. Some come first, some are left
     out; with `collect` nothing is run, but only imported.
     """
     words = [sys.executable, "-m", "pytest", "-v", "-x", "-p", "no:cacheprovider", "--tb=no", *tests]
     by_name = any("::" in test for test in tests)  # chosen one by one, whatever their tier
-    words += ["-m", "not endurance" if slow or by_name else "not slow and not endurance"]
+    words += ["-m", "not endurance"]
     words += ["-p", kept_kernels.__name__] if kept else []
     words += ["-p", order.__name__] + (["--collect-only"] if collect else [])
     kernels, shared, named = (tree.with_name(name) for name in (f"{tree.name} kernels", "kernels", f"{tree.name}.json"))
-    named.write_text(json.dumps([list(first), sorted(left_out)]), encoding="utf-8")
+    named.write_text(json.dumps([list(first), sorted(left_out), slow or by_name]), encoding="utf-8")
     for folder, is_by_state in ((kernels, True), (shared, False)):
         if not folder.exists():
             folder.mkdir(mode=0o700)
