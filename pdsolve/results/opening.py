@@ -19,9 +19,9 @@ from pdsolve.results.side_files import (
     VERSION,
     expect_sound,
     is_logged,
+    only_truncates,
     roll_back,
     rolled_back,
-    takes_all,
 )
 
 LITTLE, MASK = 0x82, 0xFFFFFFFF  # the byte of a log whose checksums are of little-endian words; of a word
@@ -66,7 +66,7 @@ def read_only(path: Path) -> sqlite3.Connection:
             if error.sqlite_errorcode & 0xFF not in (sqlite3.SQLITE_READONLY, sqlite3.SQLITE_CANTOPEN):
                 raise
             hot = error.sqlite_errorcode == sqlite3.SQLITE_READONLY_ROLLBACK
-        data = rolled_back(path, _is_whole_without(path)) if hot else None
+        data = rolled_back(path, _is_intact_without_journal(path)) if hot else None
         if data is not None:
             return _in_memory(data)
         if not hot or time.monotonic() > until:
@@ -97,7 +97,7 @@ def recover(path: Path) -> None:
     until = time.monotonic() + PATIENCE
     while os.path.exists(os.path.realpath(path) + JOURNAL) and _is_hot(path):
         try:
-            roll_back(path, _is_whole_without(path))
+            roll_back(path, _is_intact_without_journal(path))
         except OSError as error:
             raise ResultsError(f"{path}: found {_name(path, JOURNAL)}, which cannot be put back: {error}") from None
         if time.monotonic() > until:
@@ -105,12 +105,12 @@ def recover(path: Path) -> None:
         time.sleep(PAUSE)
 
 
-def _is_whole_without(path: Path) -> bool:
+def _is_intact_without_journal(path: Path) -> bool:
     """Whether a journal would take pages away from a database that is undamaged without it.
 
     All of a new database was written then but the end of its journal; or the journal is forged, and empties it.
     """
-    if not takes_all(path):
+    if not only_truncates(path):
         return False
     try:
         with closing(_opened(path, "mode=ro&immutable=1")) as connection:

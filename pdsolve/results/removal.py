@@ -49,8 +49,7 @@ def _of_ranks(place: Path) -> list[Path]:
         expect_sound(database)
         if not os.path.lexists(database):
             continue
-        if database.is_symlink() or irregular(database) is not None or database.stat().st_nlink > 1:
-            raise WriteError(f"{database}: found no regular file, expected a database of a rank; move it away")
+        _expect_regular(database)
         with database.open("rb") as data:
             head = data.read(len(SQLITE))
         if head.strip(b"\0") and head != SQLITE:
@@ -62,10 +61,19 @@ def _of_ranks(place: Path) -> list[Path]:
 
 def expect_piece(database: Path, index: str) -> None:
     """Raise WriteError unless a rank of the run whose index has this name may write to a database."""
-    if os.path.lexists(database) and not _is_piece(database, index):
+    if not os.path.lexists(database):
+        return
+    _expect_regular(database)
+    if not _is_piece(database, index):
         raise WriteError(
             f"{database}: found a database that is not of a rank of {index}, expected nothing; move it away"
         )
+
+
+def _expect_regular(database: Path) -> None:
+    """Raise WriteError for a link, for what is no regular file, and for one that has another name too."""
+    if database.is_symlink() or irregular(database) is not None or database.stat().st_nlink > 1:
+        raise WriteError(f"{database}: found no regular file, expected a database of a rank; move it away")
 
 
 def _is_piece(database: Path, index: str) -> bool:

@@ -108,7 +108,7 @@ class Original(NamedTuple):
     places: list[tuple[int, int]]  # number of each page, and the byte in the journal where it is
 
 
-def takes_all(path: Path) -> bool:
+def only_truncates(path: Path) -> bool:
     """Whether the hot journal of the database at `path` puts nothing back, but takes pages away.
 
     That is so of a new database, and of a forged journal. False if the journal is gone. Raises as `roll_back` does.
@@ -122,8 +122,8 @@ def takes_all(path: Path) -> bool:
     return original.pages is not None and not original.places
 
 
-def roll_back(path: Path, whole: bool = False) -> bool:
-    """Put back the pages in the hot journal of the database at `path`, unless it is `whole`, and remove the journal.
+def roll_back(path: Path, intact: bool = False) -> bool:
+    """Put back the pages in the hot journal of the database at `path`, unless it is `intact`, and remove the journal.
 
     False if another program uses the database. Raises ResultsError for a journal that no run of ours can have left,
     OSError if the database cannot be written.
@@ -135,7 +135,7 @@ def roll_back(path: Path, whole: bool = False) -> bool:
         try:
             with _opened(real + JOURNAL, os.O_RDONLY) as journal:
                 original = _original(path, journal, os.fstat(database.fileno()).st_size)
-                if not whole:
+                if not intact:
                     _put_back(original, journal, database)
                 same = os.path.samestat(os.fstat(journal.fileno()), os.lstat(real + JOURNAL))
         except FileNotFoundError:  # rolled back by another program meanwhile
@@ -146,8 +146,8 @@ def roll_back(path: Path, whole: bool = False) -> bool:
     return same
 
 
-def rolled_back(path: Path, whole: bool = False) -> bytes | None:
-    """The database at `path` with the pages in its hot journal put back unless it is `whole`; no file changes.
+def rolled_back(path: Path, intact: bool = False) -> bytes | None:
+    """The database at `path` with the pages in its hot journal put back unless it is `intact`; no file changes.
 
     None if the journal is gone. Raises as `roll_back` does.
     """
@@ -161,7 +161,7 @@ def rolled_back(path: Path, whole: bool = False) -> bytes | None:
                     " be put back first, by pdsolve --resume"
                 )
             image = BytesIO(database.read())
-            if not whole:
+            if not intact:
                 _put_back(_original(path, journal, size), journal, image)
             return image.getvalue()
     except FileNotFoundError:
@@ -220,13 +220,13 @@ def _original(path: Path, journal: BinaryIO, size: int) -> Original:
     if not stat.S_ISREG(status.st_mode) or status.st_nlink != 1:
         raise ResultsError(f"{path}: found {name} that is no regular file of one name, {WHOLE}")
     head = _read(journal, HEADER.size, 0)
-    begun = _is_unsynchronized(head)
-    if not (head.startswith(MAGIC) or begun) or len(head) < HEADER.size:
+    unsynchronized = _is_unsynchronized(head)
+    if not (head.startswith(MAGIC) or unsynchronized) or len(head) < HEADER.size:
         raise ResultsError(f"{path}: found {name} without the header of a journal, {WHOLE}")
     _, _, _, pages, sector, page = HEADER.unpack(head)
     if not _is_power(sector, 32) or not _is_power(page, 512):
         raise ResultsError(f"{path}: found {name} with sectors of {sector} bytes and pages of {page}, {WHOLE}")
-    if begun:
+    if unsynchronized:
         return Original(page, None, [])
     records = list(_records(journal, length, sector, page))
     joined = any(number == LOCKS[0] // page + 1 for number, _ in records)  # the record before such a name

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import os
 import time as clock
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
@@ -228,9 +227,8 @@ def resume(
     UnstableError.
     """
     request = Request(output, watch, "", adapt, threads, team, device)
-    found = _resumed(output, request)
-    motion = name_of(output)
-    if motion_follows(found) and os.path.lexists(motion) and not is_empty(motion):
+    found, motion = _resumed(output, request), name_of(output)
+    if motion_follows(found) and (motion.is_symlink() or (motion.exists() and not is_empty(motion))):
         found.close()
         if motion.is_symlink():
             raise ResultsError(f"{motion}: found a link, expected the motion of a run or nothing; move it away")

@@ -10,6 +10,7 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
+from messages import naming
 from numpy.typing import NDArray
 from plates import plate, square_grid
 from softened import PETERSSONS as CONCRETE
@@ -20,7 +21,7 @@ from pdmesh.model.document import Spring
 from pdsolve.laws import law_of
 from pdsolve.model import Model, ModelWarning
 from pdsolve.operators.softening_bonds import SofteningBonds
-from pdsolve.results import Results
+from pdsolve.results import Results, ResultsError
 from pdsolve.run.after_path import name_of
 from pdsolve.run.estimate import estimate_run
 from pdsolve.run.prepare import prepare
@@ -152,6 +153,11 @@ def test_a_body_moves_once_it_does_not_bear_its_dead_loads(tmp_path: Path) -> No
     assert (found["step"][0], found["kinetic"][0]) == (last["step"], 0)
     assert found["kinetic"][-1] > found["strain"][-1]
     assert taken.step.min() > last["step"]
+    name_of(path).unlink()
+    name_of(path).symlink_to(tmp_path / "nothing")
+    with pytest.raises(ResultsError, match=naming("beam_motion.sqlite", found="a link")):
+        resume(path, 1)
+    name_of(path).unlink()
     name_of(path).write_bytes(b"")  # as of a motion that was killed before its first frame
     stops = iter([False] * 3 + [True])
     resume(path, 1, lambda now: next(stops, True)).close()  # the motion begins, and is stopped

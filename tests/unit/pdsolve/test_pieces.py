@@ -126,6 +126,13 @@ def test_no_rank_writes_over_a_database_of_somebody_else(divided: Path) -> None:
     assert mentions(wrong, "all.1-0", found="not of a rank of other", expected="nothing")
 
 
+def test_no_rank_writes_through_a_link(tmp_path: Path) -> None:
+    (tmp_path / "all.0-0").symlink_to(tmp_path / "nothing")
+    with pytest.raises(ResultsError) as wrong:
+        expect_piece(tmp_path / "all.0-0", "all")
+    assert mentions(wrong, "all.0-0", found="no regular file", expected="database of a rank")
+
+
 def test_columns_in_pieces_are_written_as_whole_ones() -> None:
     def column(values: NDArray[np.floating]) -> Column:
         def pieces() -> Iterator[NDArray[np.floating]]:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from abaqus_files import written
 from messages import mentions, naming
 
 from pdmesh import SceneError
@@ -35,13 +36,6 @@ def quads(columns: int, rows: int, options: str = "TYPE=CPS4") -> str:
 def plate(columns: int = 4, rows: int = 4, options: str = "TYPE=CPS4") -> str:
     """A plate without parts."""
     return nodes(columns, rows) + quads(columns, rows, options)
-
-
-def written(folder: Path, text: str) -> Path:
-    """A file of this text."""
-    path = folder / "part.inp"
-    path.write_text(text, encoding="utf-8")
-    return path
 
 
 @pytest.mark.parametrize(
