@@ -35,6 +35,8 @@ AT_ONCE = 2**18  # nodes of which it is seen together whether a crack goes throu
 ON = 1e-6  # spacings: a crack this near a node passes through it
 AROUND_ONE = 1.5  # spacings: nearly every node has another this near
 MADE = 0.05  # of the energy put in
+TAKEN = 0.8  # of the energy of bonds that break
+SEEN = 1e-3  # of the energy put in: less says nothing of bonds
 LOST = 0.1  # of the energy put in: a symmetric operator that loses more is not being integrated
 
 
@@ -348,11 +350,19 @@ def advise_made(model: Model, made: float, put_in: float) -> None:
     )
 
 
-def closing(model: Model, balance: float, spent: float, symmetric: bool) -> None:
+def closing(model: Model, balance: float, put_in: float, spent: float, symmetric: bool) -> None:
     """Warn, at the end of a run, if energy does not balance although the operator is `symmetric`, or coupled.
 
-    `balance` is that of the last ledger entry; `spent`, J/m, was dissipated by softening and breaking bonds.
+    `balance` is that of the last ledger entry, over the energy `put_in`, J/m; `spent`, J/m, was dissipated by softening
+    and breaking bonds.
     """
+    taken = spent - balance * put_in
+    if symmetric and taken < TAKEN * spent and balance > SEEN:
+        warn(
+            model,
+            f"bonds that broke took {taken / spent:.2f} of their energy from the motion, expected {TAKEN:g} at least:"
+            " they break within a step or two; a smaller run.time_step resolves it",
+        )
     if spent < 0:
         warn(
             model,

@@ -250,8 +250,8 @@ MUTANTS = (
     ),
     Mutant(
         "pdsolve/laws/__init__.py",
-        "return bilinear.LAW if others else first",
-        "return first",
+        "found = bilinear.LAW if others else first",
+        "found = first",
         "tests/laws/test_table.py",
     ),
     Mutant(

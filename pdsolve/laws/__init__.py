@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 
 from pdmesh.model.material import Material
 from pdmesh.model.material_constants import BONDS_NU
@@ -41,8 +42,8 @@ def limits(material: Material, bonds: Sizes) -> Limits:
     return pair.limits(material, bonds)
 
 
-def law_of(model: Model) -> Law:
-    """The law of a model's bonds.
+def law_of(model: Model, matches_work: bool = True) -> Law:
+    """The law of a model's bonds; `matches_work`: what they take from the motion is the area below its curve.
 
     Raises ModelError for an unknown or impossible law, and for laws that cannot be combined. Warns if a material has a
     measured Poisson's ratio that differs from that of its law.
@@ -64,7 +65,8 @@ def law_of(model: Model) -> Law:
     first, *others = laws.values()
     if others and any(law not in MIXED for law in laws.values()):
         raise ModelError(f"{model.name}: law: found {' and '.join(laws)} in one plate, expected one of them")
-    return bilinear.LAW if others else first
+    found = bilinear.LAW if others else first
+    return found if matches_work else replace(found, matches_work=False)
 
 
 def law_named(material: Material, place: str) -> tuple[str, Law]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from inspect import Parameter, Signature, signature
 from typing import Any
 
-from numba.extending import overload
+from numba.extending import overload, register_jitable
 from numpy.typing import NDArray
 
 from pdsolve.laws.bond_arrays import INLINE, INNER, Bond, Now
@@ -63,9 +63,10 @@ def close(law: Any, i: int, m: NDArray[Any]) -> None:
     _bound[type(law)]["close"](law, i, m)
 
 
-def age(law: Any, bond: Bond, now: Now, m: NDArray[Any], i: int, j: int, k: int) -> float:
-    """Update the history of bond k; returns the energy dissipated at node i, J/m^3."""
-    return float(_bound[type(law)]["age"](law, bond, now, m, i, j, k))
+def age(law: Any, bond: Bond, now: Now, m: NDArray[Any], i: int, j: int, k: int, f: NDArray[Any]) -> float:
+    """Update the history of bond k, and add to f (w,) the force density, N/m^3, with which it breaks; returns the
+    energy dissipated at node i, J/m^3."""
+    return float(_bound[type(law)]["age"](law, bond, now, m, i, j, k, f))
 
 
 def pull(law: Any, bond: Bond, now: Now, m: NDArray[Any], i: int, j: int, k: int, f: NDArray[Any]) -> None:
@@ -97,6 +98,11 @@ def alert(law: Any, i: int, m: NDArray[Any]) -> bool:
 def fails(law: Any, bond: Bond, now: Now, m: NDArray[Any], i: int, j: int, k: int) -> bool:
     """Whether bond k fails; equal from both its ends."""
     return bool(_bound[type(law)]["fails"](law, bond, now, m, i, j, k))
+
+
+def threshold(law: Any, bond: Bond, now: Now, m: NDArray[Any], i: int, j: int, k: int) -> float:
+    """The stretch at which bond k, which fails now, would have failed if all stretches were scaled; -1 if unknown."""
+    return float(_bound[type(law)]["threshold"](law, bond, now, m, i, j, k))
 
 
 def remember(law: Any, now: Now, i: int, m: NDArray[Any]) -> None:
@@ -136,8 +142,44 @@ def slope(law: Any, worst: Any, peak: Any, limit: Any) -> Any:
 
 
 def released(law: Any, c: Any, stretch: Any, before: Any, peak: Any, limit: Any) -> Any:
-    """Total energy dissipated by a bond that is found broken at a stretch and last pulled at `before`, J/m^3."""
+    """Total energy dissipated by a bond that is gone at a stretch and last pulled at `before`, J/m^3."""
     return _bound[type(law)]["released"](law, c, stretch, before, peak, limit)
+
+
+def tension(law: Any, stretch: Any, worst: Any, peak: Any, limit: Any) -> Any:
+    """Force of a bond over its stiffness."""
+    return _bound[type(law)]["tension"](law, stretch, worst, peak, limit)
+
+
+def matching_pull(law: Any, stretch: Any, before: Any, worst: Any, peak: Any, limit: Any) -> Any:
+    """Force over stiffness that a bond adds to the step in which it softens or breaks: dW / ds - (f_n + f_(n+1)) / 2.
+
+    dW is the area below the law's curve, over stiffness, from the stretch `before` one step ago to the stretch of now
+    or the limit, ds the growth of the stretch, and f_n and f_(n+1) the forces at both. Verlet takes f_n ds / 2 and
+    f_(n+1) ds / 2 from the motion, and of a force that acts in this step alone f ds, half of it in the next step:
+    together dW, however long the step is. `worst` is the largest stretch above the peak before this step. The force is
+    0 for a bond that was over its limit one step ago already, or has not grown.
+    """
+    return _bound[type(law)]["matching_pull"](law, stretch, before, worst, peak, limit)
+
+
+@register_jitable(**INNER)
+def added_pull(law, stretch, before, worst, peak, limit):  # type: ignore[no-untyped-def]
+    """Force over stiffness that a bond adds as it softens or breaks at a stretch, the largest it has had.
+
+    It is 0 for laws whose work is not matched.
+    """
+    if law.matches_work:
+        return matching_pull(law, stretch, before, worst, peak, limit)
+    return 0.0
+
+
+@register_jitable(**INNER)
+def broken_energy(law, c, stretch, before, peak, limit):  # type: ignore[no-untyped-def]
+    """Energy dissipated by a bond that breaks at a stretch, J/m^3, with its `added_pull`."""
+    if law.matches_work and before < limit:
+        return total(law, c, peak, limit)
+    return released(law, c, stretch, before, peak, limit)
 
 
 def _gather_nothing(law, bond, now, i, j, k, m):  # type: ignore[no-untyped-def]
@@ -148,7 +190,7 @@ def _close_nothing(law, i, m):  # type: ignore[no-untyped-def]
     pass
 
 
-def _remember_nothing(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
+def _remember_nothing(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
     return 0.0
 
 
@@ -168,6 +210,10 @@ def _fail_never(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
     return False
 
 
+def _no_threshold(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
+    return -1.0
+
+
 def _remember_no_node(law, now, i, m):  # type: ignore[no-untyped-def]
     pass
 
@@ -175,6 +221,8 @@ def _remember_no_node(law, now, i, m):  # type: ignore[no-untyped-def]
 def _hold_nothing(law, i, m):  # type: ignore[no-untyped-def]
     return 0.0, 0.0
 
+
+GROWTH = 1e-13  # of the stretch in a step: less is round-off
 
 _bound: dict[type, dict[str, Function]] = {}  # the functions of a law, by the type of its columns
 
@@ -215,10 +263,11 @@ def _functions(law: Law) -> dict[str, Function]:
         found |= {"pull": passes.pull, "gather": passes.gather or _gather_nothing}
         found["close"] = passes.close or _close_nothing
     else:
-        found |= vars(passes) | {"pull": _not_said, "gather": _gather_nothing}
+        found |= vars(passes) | {"pull": _pull_by_numbers, "gather": _gather_nothing}
     again = law.again or Again(_gather_nothing_again, _close_nothing_again)
     found |= {"gather_again": again.gather, "close_again": again.close}
-    found |= vars(law.failure or Failure(_never_alert, _fail_never))
+    failure = law.failure or Failure(_never_alert, _fail_never)
+    found |= vars(failure) | {"threshold": failure.threshold or _no_threshold}
     found |= vars(law.nodes or NodeMemory((), _remember_no_node, _hold_nothing))
     curve = law.pair or law.curve
     if curve is not None:
@@ -234,7 +283,9 @@ def _of_pair(pair: Pair) -> dict[str, Function]:
     by_secant = _held_by_secant_of_tension if pair.elastic_in_compression else _held_by_secant
     straight = by_secant if softens else _held_by_line
     found: dict[str, Function] = {"secant": pair.secant or _one, "held": pair.held or straight}
-    found |= vars(pair.softening or Softening(_spend_nothing, _hold_no_total, _never_soften))
+    found |= vars(pair.softening or Softening(_spend_nothing, _held_at_limit, _never_soften))
+    line = _tension_if_stretched if pair.elastic_in_compression else _tension_by_secant
+    found |= {"matching_pull": _match_work, "tension": line if pair.held is None else _tension_of_curve}
     if softens:
         found["released"] = _released_softly
     else:
@@ -242,7 +293,11 @@ def _of_pair(pair: Pair) -> dict[str, Function]:
     return found
 
 
-def _not_said(*_: Any) -> Any: ...
+def _pull_by_numbers(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
+    here, there = nodal_numbers(law, bond.xi, m, i), nodal_numbers(law, bond.xi, m, j)
+    force = bond_force(law, bond, numbers(law, i, j, k), here, there)
+    for a in range(len(force)):
+        f[a] += force[a]
 
 
 def _one(law, stretch, worst, peak, limit):  # type: ignore[no-untyped-def]
@@ -269,8 +324,8 @@ def _spend_nothing(law, c, worst, peak, limit):  # type: ignore[no-untyped-def]
     return 0.0
 
 
-def _hold_no_total(law, c, peak, limit):  # type: ignore[no-untyped-def]
-    return 0.0
+def _held_at_limit(law, c, peak, limit):  # type: ignore[no-untyped-def]
+    return held(law, c, limit, 0.0, peak, limit)
 
 
 def _never_soften(law, worst, peak, limit):  # type: ignore[no-untyped-def]
@@ -292,10 +347,43 @@ def _released_softly(law, c, stretch, before, peak, limit):  # type: ignore[no-u
     return c * (stretch * before)
 
 
+def _tension_by_secant(law, stretch, worst, peak, limit):  # type: ignore[no-untyped-def]
+    force = stretch
+    if worst > 0:
+        force *= secant(law, stretch, worst, peak, limit)
+    return force
+
+
+def _tension_if_stretched(law, stretch, worst, peak, limit):  # type: ignore[no-untyped-def]
+    force = stretch
+    if worst > 0 and stretch > 0:
+        force *= secant(law, stretch, worst, peak, limit)
+    return force
+
+
+def _tension_of_curve(law, stretch, worst, peak, limit):  # type: ignore[no-untyped-def]
+    return stretch * secant(law, stretch, worst, peak, limit)
+
+
+def _match_work(law, stretch, before, worst, peak, limit):  # type: ignore[no-untyped-def]
+    if before >= limit or stretch - before <= GROWTH:
+        return 0.0
+    work = total(law, 0.5, peak, limit)
+    force = tension(law, before, worst, peak, limit)
+    if stretch <= limit:
+        force += tension(law, stretch, stretch, peak, limit)
+        work = held(law, 0.5, stretch, stretch, peak, limit) + spent(law, 0.5, stretch, peak, limit)
+    work -= held(law, 0.5, before, worst, peak, limit)
+    if worst > 0:
+        work -= spent(law, 0.5, worst, peak, limit)
+    return work / (stretch - before) - force / 2
+
+
 _DISPATCHED = (  # each by the type of the law, with options of compilation
     (INLINE, (gather, pull, gather_again, fails, secant, numbers, nothing, accumulate, nodal_numbers, bond_force)),
     (INLINE, (finish, nears)),
     (INNER, (close, age, energy, close_again, alert, remember, hold, held, spent, total, slope, released)),
+    (INNER, (tension, matching_pull, threshold)),
 )
 
 

@@ -99,7 +99,7 @@ def _strains(law, bond, now, i, j):  # type: ignore[no-untyped-def]
     return x, y, s, (x * bond.eta[1] - y * bond.eta[0]) / bond.length - turned
 
 
-def age(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
+def age(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
     if law.broken[k] != 0:
         return 0.0
     _, _, s, gamma = _strains(law, bond, now, i, j)

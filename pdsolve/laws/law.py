@@ -7,7 +7,8 @@ type of the law's columns, so that one compiled loop serves every law and a seco
     gather, close, gather_again, close_again    what nodes have between the passes (`Passes` or `Sums`, then `Again`)
     alert, fails                                which bonds fail now (`Failure`)
     remember                                    what nodes remember (`NodeMemory`)
-    age                                         what bonds remember, of pair laws, which have no first pass
+    age                                         what bonds remember, and how they break, of pair laws, which have no
+                                                first pass
     pull                                        the force density of a bond on its node, N/m^3
     energy, hold                                the energy densities of bonds and nodes, J/m^3
 
@@ -106,6 +107,8 @@ class Failure:
 
     alert: Function  # (law, i, m) whether a bond of node i may fail; one of which neither end is alert does not
     fails: Function  # (law, bond, now, m, i, j, k) whether bond k does; the same from both its ends
+    threshold: Function | None = None  # likewise: the stretch at which a bond that fails would have failed, were all
+    # stretches of now scaled alike: it then pulls in the step in which it breaks; None: it is gone at once
 
 
 @dataclass(frozen=True)
@@ -156,7 +159,8 @@ class Law:
     mend: Callable[[Any, AnyList, NDArray[np.int64]], None] | None = None  # columns of nodes (k,) that have lost bonds
     fields: Callable[[Any, Array, Array], Mapping[str, NDArray[np.float64]]] | None = None  # (columns, value, m), SI
     unknowns: Callable[[int], tuple[Unknown, ...]] = displacement
-    age: Function | None = None  # (law, bond, now, m, i, j, k) of pair laws; returns what node i spends, J/m^3
+    age: Function | None = None  # (law, bond, now, m, i, j, k, f) of pair laws; returns what node i spends, J/m^3
     memory: tuple[str, ...] = ()  # columns of bonds that `age` changes, but for `broken`
     pair: Pair | None = None  # of a law of bonds that know nothing of others; see `pdsolve.laws.pair.pair_law`
+    matches_work: bool = True  # of pair laws: bonds that soften or break in a step add `calls.matching_pull` to it
     curve: Pair | None = None  # how bonds that are not of `pair` soften by their drive, an equivalent stretch

@@ -279,6 +279,14 @@ def fails(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
     return t * bond.elongation > 2 * law.weight[k] * law.limit[k]
 
 
+def threshold(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
+    if law.failure == STRETCH:
+        return law.limit[k]
+    c = numbers_of(law, i, j, k)
+    t = both(law, bond, c, nodal_numbers_of(law, bond.xi, m, i), nodal_numbers_of(law, bond.xi, m, j))
+    return bond.stretch * np.sqrt(2 * law.weight[k] * law.limit[k] / (t * bond.elongation))
+
+
 def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
     if law.broken[k] != 0:
         return 0.0, 0.0
@@ -295,6 +303,6 @@ LAW = Law(
     energy=energy,
     width=rows,
     scale=scale,
-    failure=Failure(alert, fails),
+    failure=Failure(alert, fails, threshold),
     lanes=Lanes(finish, nears, tabled, standing, by_lanes, in_space=True),
 )

@@ -5,11 +5,12 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from pdsolve.bonds.assembly import Bonds
-from pdsolve.laws.bond_arrays import stretch_before
-from pdsolve.laws.calls import held, released, secant, spent
+from pdsolve.laws.bond_arrays import INNER, stretch_before
+from pdsolve.laws.calls import added_pull, broken_energy, held, secant, spent
 from pdsolve.laws.law import Law, Pair, Passes
 from pdsolve.model import Model
 
@@ -22,13 +23,14 @@ class PairColumns(NamedTuple):
     limit: NDArray[np.floating]  # (b,) stretch above which it is gone; both infinite where it must not break
     worst: NDArray[np.floating]  # (b,) the largest stretch above the peak, 0 if never there; (0,) if bonds are linear
     broken: NDArray[np.int32]  # (b,) step in which the bond broke, 0 while intact
+    matches_work: bool = True  # whether bonds that soften or break in a step add `matching_pull` to it
 
 
 def no_bonds(law: Law) -> PairColumns:
     """Columns without bonds, whose type tells kernels the law."""
     assert issubclass(law.Columns, PairColumns)
     none = np.zeros(0)
-    columns: PairColumns = law.Columns(none, none, none, none, np.zeros(0, np.int32))
+    columns: PairColumns = law.Columns(none, none, none, none, np.zeros(0, np.int32), law.matches_work)
     return columns
 
 
@@ -55,24 +57,38 @@ def pair_law(kind: type[Any], pair: Pair) -> Law:
     )
 
 
-def _age_elastic(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
+def _age_elastic(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
     if law.broken[k] != 0 or bond.stretch <= law.limit[k]:
         return 0.0
-    law.broken[k] = now.step
-    before, c = stretch_before(bond, now, i, j), law.stiffness[k] * bond.length / 4
-    return released(law, c, bond.stretch, before, law.peak[k], law.limit[k])
+    return _break(law, bond, now, i, j, k, 0.0, f)
 
 
-def _age_softening(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
+def _age_softening(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
     if law.broken[k] != 0:
         return 0.0
     if bond.stretch > law.limit[k]:
-        law.broken[k] = now.step
-        before, c = stretch_before(bond, now, i, j), law.stiffness[k] * bond.length / 4
-        return released(law, c, bond.stretch, before, law.peak[k], law.limit[k])
+        return _break(law, bond, now, i, j, k, law.worst[k], f)
     if bond.stretch > law.peak[k] and bond.stretch > law.worst[k]:
+        _match_work(law, bond, stretch_before(bond, now, i, j), law.worst[k], k, f)
         law.worst[k] = bond.stretch
     return 0.0
+
+
+@njit(**INNER)
+def _break(law, bond, now, i, j, k, worst, f):  # type: ignore[no-untyped-def]
+    """Break bond k, and add the pull that matches its work to f (w,); returns what node i has dissipated, J/m^3."""
+    law.broken[k] = now.step
+    before, c = stretch_before(bond, now, i, j), law.stiffness[k] * bond.length / 4
+    _match_work(law, bond, before, worst, k, f)
+    return broken_energy(law, c, bond.stretch, before, law.peak[k], law.limit[k])
+
+
+@njit(**INNER)
+def _match_work(law, bond, before, worst, k, f):  # type: ignore[no-untyped-def]
+    """Add the pull of bond k that matches its work, N/m^3, to f (w,)."""
+    pull = law.stiffness[k] * added_pull(law, bond.stretch, before, worst, law.peak[k], law.limit[k])
+    for a in range(len(bond.xi)):
+        f[a] += pull * ((bond.xi[a] + bond.eta[a]) / (bond.length * bond.q))
 
 
 def _pull_linear(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]

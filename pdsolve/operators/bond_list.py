@@ -48,22 +48,21 @@ class BondList:
         self._nodes, self._every = len(bonds.start) - 1, np.arange(len(bonds.start) - 1)
         self._summed = 0, self._nodes  # rows, of a law without a first pass
         self.unknowns: tuple[Unknown, ...] = law.unknowns(bonds.xi.shape[1])
+        self.law, self._bonds, self._model = law, bonds, model
         columns = law.columns(model, exact)
         self._stiffness_bound = self._bound(law, columns, exact)
-        self.law, self._bonds, self._model = law, bonds, model
         self._take(columns if precision == "float64" else law.columns(model, bonds), bonds)
         self._failing = np.zeros(len(bonds.neighbour), dtype=np.bool_)
 
     def _take(self, columns: Any, bonds: Bonds) -> None:
         """Replace the columns and the bonds."""
-        self.columns = columns
+        self.columns = columns if self.law.pair is None else columns._replace(matches_work=self.law.matches_work)
         self._list: AnyList = list_of(bonds)
 
     def _bound(self, law: Law, columns: Any, exact: Bonds) -> NDArray[np.float64]:
         """Bound of each node's stiffness at rest, N/m^4, from bonds in double precision and their columns."""
         if law.scale is None:
             return stiffness_bound(exact, columns.stiffness, self.symmetric)
-        self.law = law
         self._take(columns, exact)
         width = sum(unknown.width for unknown in self.unknowns)
 
@@ -93,14 +92,16 @@ class BondList:
         if torn is not None:
             before = np.zeros_like(out)
             self._pull(now, between, before)
-            between = self._fail(now, between, torn, state.dissipated)
+            matched, share_spent = self._match_work(now, between, torn)
+            released = np.zeros(self._nodes)
+            between = self._fail(now, between, torn, released)
         if step > 0 and self._remembered_by_nodes():
             self._share(loops.remember_rows, now, between)
         pulls = out if torn is None else np.zeros_like(out)
         self._pull(now, between, pulls)
-        if torn is not None:  # the last half step already went without the forces that are lost
-            state.dissipated[:] += dt / 2 * ((before - pulls) * state.rate).sum(axis=1)
-            out += pulls
+        if torn is not None:
+            self._book(state, dt, before - pulls, matched, released, share_spent)
+            out += pulls + matched
 
     def failing(self, value: NDArray[np.float64]) -> NDArray[np.int64]:
         """Bonds (k,) that are over their limit at values (n, w), of a law with a first pass; none of them breaks."""
@@ -122,6 +123,33 @@ class BondList:
         if near.any():
             self._share(loops.fail_rows, now, between, near, self._failing, torn)
         return np.flatnonzero(torn) if torn.any() else None
+
+    def _match_work(
+        self, now: Now, between: NDArray[Any], torn: NDArray[np.int64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Force densities (n, w), N/m^3, that match the work of the marked bonds of these nodes (k,), and which share
+        (n,) they spend of the energy that they release at a node, 0 at other nodes; -1 where it is unknown."""
+        matched, spent = np.zeros(now.value.shape), np.zeros(self._nodes)
+        self._share_some(loops.match_rows, torn, now, between, self._failing, matched, spent)
+        return matched, spent
+
+    def _book(
+        self,
+        state: State,
+        dt: float,
+        lost: NDArray[np.float64],
+        matched: NDArray[np.float64],
+        released: NDArray[np.float64],
+        spent: NDArray[np.float64],
+    ) -> None:
+        """Book the energy that bonds take as they fail: the share `spent` (n,) of what they `released` (n,), J/m^3.
+
+        If some is unknown: the last half step went without the forces `lost` (n, w), N/m^3, but with those `matched`.
+        """
+        if (spent >= 0).all():
+            state.dissipated[:] += released * spent
+        else:
+            state.dissipated[:] += released + dt / 2 * ((lost - 2 * matched) * state.rate).sum(axis=1)
 
     def _near(self, now: Now, between: NDArray[Any]) -> NDArray[np.bool_]:
         """Mask (n,) of nodes whose bonds must be checked."""

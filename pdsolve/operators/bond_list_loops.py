@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from pdsolve.codegen.jit_cache import cached_njit
-from pdsolve.laws.bond_arrays import deformed
+from pdsolve.laws.bond_arrays import deformed, stretch_before
 from pdsolve.laws.calls import (
     accumulate,
     age,
@@ -28,6 +28,7 @@ from pdsolve.laws.calls import (
     numbers,
     pull,
     remember,
+    threshold,
 )
 from pdsolve.laws.small_tensors import blank, summed
 
@@ -116,7 +117,7 @@ def add_rows(bonds, law, now, m, out, spent, first, last):  # type: ignore[no-un
         for k in range(bonds.start[i], bonds.start[i + 1]):
             j = bonds.neighbour[k]
             bond = deformed(bonds, now.value, i, j, k)
-            spent[i] += age(law, bond, now, m, i, j, k)
+            spent[i] += age(law, bond, now, m, i, j, k, f)
             pull(law, bond, now, m, i, j, k, f)
         for a in range(len(f)):
             out[i, a] += f[a]
@@ -170,6 +171,38 @@ def fail_rows(bonds, law, now, m, near, failing, torn, first, last):  # type: ig
                 j = bonds.neighbour[k]
                 if fails(law, deformed(bonds, now.value, i, j, k), now, m, i, j, k):
                     failing[k] = torn[i] = True
+
+
+@cached_njit(**KERNEL)
+def match_rows(bonds, law, now, m, failing, out, spent, rows, first, last):  # type: ignore[no-untyped-def]
+    """Add to the rows of `out` the forces of failing bonds that match their work, as `calls.added_pull`; set in `spent`
+    which share of the energy that bonds release now they have spent at their thresholds, -1 if one has none.
+
+    They are shares of the forces of now, which grow with the stretch s from s_n to s_(n+1): with the threshold s0 they
+    are (s0^2 - s_n s_(n+1)) / (2 s_(n+1) (s_(n+1) - s_n)).
+    """
+    f = np.empty(out.shape[1], dtype=out.dtype)
+    for at in range(first, last):
+        i, every, own = rows[at], 0.0, 0.0
+        for k in range(bonds.start[i], bonds.start[i + 1]):
+            if not failing[k]:
+                continue
+            j = bonds.neighbour[k]
+            bond = deformed(bonds, now.value, i, j, k)
+            before, limit = stretch_before(bond, now, i, j), threshold(law, bond, now, m, i, j, k)
+            if before >= limit:
+                own = -np.inf
+                continue
+            f[:] = 0
+            pull(law, bond, now, m, i, j, k, f)
+            share = (limit * limit - bond.stretch * before) / (2 * bond.stretch * (bond.stretch - before))
+            along = 0.0
+            for a in range(len(bond.xi)):
+                along += f[a] * (bond.xi[a] + bond.eta[a]) * bond.stretch
+            every, own = every + along, own + along * (limit / bond.stretch) ** 2
+            for a in range(len(f)):
+                out[i, a] += share * f[a]
+        spent[i] = own / every if every > 0 and own >= 0 else -1.0
 
 
 @cached_njit(**KERNEL)

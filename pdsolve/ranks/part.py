@@ -55,7 +55,7 @@ class Part:
 def build(team: Team, options: Options, starts: NDArray[np.int64], given: tuple[Slab, Model]) -> Built | None:
     """Make the bonds of a slab in blocks; None if all nodes are on no lattice."""
     slab, model = given[0], window(*given)
-    scheme, law = SCHEMES[options.mode], law_of(model)
+    scheme, law = SCHEMES[options.mode], law_of(model, SCHEMES[options.mode].matches_work)
     filling = scheme.fill(model)
     seen = Seen(BondStatistics(filling, scheme.symmetric), [])
     scratch = Scratch(np.dtype(options.precision).type, options.threads or 1)

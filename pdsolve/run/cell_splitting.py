@@ -94,7 +94,7 @@ class Splitting:
         model = tree.model_of(cells)
         rule = system.scheme.by_pairs(model)
         found = filled(rule) if transfer is None else refilled(rule, model, leaves(system).filled, transfer)
-        operator = Leaves(tree, cells, model, found, system.scheme.symmetric, threads)
+        operator = Leaves(tree, cells, model, found, system.scheme, threads)
         steps = system.time_step, system.bound
         rest = assembled(model, system.options, system.scheme, operator, found.assembly.counted, steps)
         sure = stable(operator.stiffness_bound(), model.rho)

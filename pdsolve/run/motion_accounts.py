@@ -132,8 +132,8 @@ class MotionAccounts:
     def close(self) -> None:
         """Issue warnings that follow from the final accounts."""
         system, last = self._system, self.last
-        closing(system.model, self.balance, last.dissipated, system.scheme.symmetric)
         put_in = last.put_in(system.initial_energy, self._most)
+        closing(system.model, self.balance, put_in, last.dissipated, system.scheme.symmetric)
         advise_made(system.model, last.refinement, put_in)
         advise_damped(system.model, last.damped + last.friction, put_in)
 

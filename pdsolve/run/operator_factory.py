@@ -37,7 +37,7 @@ def operator_of(
 
     `unbreakable`: no bond breaks, as `filling` has it.
     """
-    law, kind, nodes = law_of(model), np.dtype(options.precision).type, len(model.grid)
+    law, kind, nodes = law_of(model, scheme.matches_work), np.dtype(options.precision).type, len(model.grid)
     tiles = _tiled(model, options, scheme, unbreakable)
     if tiles is not None:
         parts = tiles.tiles, tiles.sites, tiles.stiffness_bound

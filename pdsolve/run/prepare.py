@@ -194,7 +194,7 @@ def _split(model: Model, options: Options, scheme: Scheme) -> Prepared:
     cells = tree.roots()
     now = tree.model_of(cells)
     found, threads = filled(scheme.by_pairs(now)), threads_of(options, len(model.grid), False)
-    operator = Leaves(tree, cells, now, found, scheme.symmetric, threads)
+    operator = Leaves(tree, cells, now, found, scheme, threads)
     bound = SURE[scheme.name] * stable(operator.stiffness_bound(), now.rho) / 2**tree.levels
     rest = assembled(now, options, scheme, operator, found.assembly.counted, (step_of(model, bound), bound))
     return _set_going(rest, tree.model, initial_velocity(model))  # of which `now` knows nothing

@@ -42,8 +42,22 @@ SCHEMES: dict[str, Scheme] = {
     scheme.name: scheme
     for scheme in (
         Scheme(
-            "thesis", _bonds_of_their_own, _pairs_of_their_own, symmetric=False, partial_cells=False, exact_load=False
+            "thesis",
+            _bonds_of_their_own,
+            _pairs_of_their_own,
+            symmetric=False,
+            partial_cells=False,
+            matches_work=False,
+            exact_load=False,
         ),
-        Scheme("conservative", _symmetric, average_horizon.Rule, symmetric=True, partial_cells=True, exact_load=True),
+        Scheme(
+            "conservative",
+            _symmetric,
+            average_horizon.Rule,
+            symmetric=True,
+            partial_cells=True,
+            matches_work=True,
+            exact_load=True,
+        ),
     )
 }

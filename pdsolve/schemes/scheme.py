@@ -17,4 +17,5 @@ class Scheme(NamedTuple):
     by_pairs: Callable[[Model], ByPairs]  # the same for bonds that hold energy by themselves
     symmetric: bool  # energy and momentum are conserved
     partial_cells: bool  # families reach half a spacing beyond the horizon, if the micromodulus is constant
+    matches_work: bool  # what softening and breaking bonds take from the motion is the area below their law's curve
     exact_load: bool  # the body forces of an edge sum to traction * length

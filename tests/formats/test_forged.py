@@ -142,11 +142,14 @@ def test_a_whole_archive_is_verified(whole: Path, capsys: pytest.CaptureFixture[
     ("sql", "said"),
     [
         ("UPDATE history SET strain = strain * 1.01", "found strain energy of"),
-        ("UPDATE history SET broken = broken + 1 WHERE step = 60", "the ledger: found 349 broken bonds at step 60"),
+        ("UPDATE history SET broken = broken + 1 WHERE step = 60", "the ledger: found 337 broken bonds at step 60"),
         ("UPDATE history SET time = time * 1.001", "the ledger: found"),
         ("DELETE FROM history WHERE step = 20", "the ledger: found no entry of step 20"),
-        ("DELETE FROM bond_break WHERE rowid = 3", "found 288 broken bonds at step 15, expected 287"),
-        ("INSERT INTO bond_break SELECT * FROM bond_break WHERE rowid = 348", "expected each bond that breaks"),
+        ("DELETE FROM bond_break WHERE rowid = 3", "found 292 broken bonds at step 15, expected 291"),
+        (
+            "INSERT INTO bond_break SELECT * FROM bond_break ORDER BY rowid DESC LIMIT 1",
+            "expected each bond that breaks",
+        ),
         ("UPDATE frame SET step = 21 WHERE step = 20", "found no frame of step 20|expected one every 20|no entry"),
         ("UPDATE node SET cut = cut + 1, family = family + 1 WHERE row = 3", "found damage 0"),
         ("UPDATE mass SET inside = inside * 2 WHERE step > 0", "table mass: found"),

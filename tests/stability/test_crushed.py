@@ -39,9 +39,8 @@ def test_velocities_that_crush(failure: Callable[..., None], pdsolve: Callable[.
     """
     said = pdsolve(pressed(1000.0, steps=200, every=10))
     assert said.code == 0
-    assert len(said.err) == 2
+    assert len(said.err) == 1
     assert mentions(said.err[0], "inside out", "intact")
-    assert mentions(said.err[1], "breaking bonds", expected="0")
     work = prepare(pressed(1000.0, steps=200), Options(threads=1))
     work.march(1, 61)
     gap = np.diff(work.state.value.reshape(8, 12, 2)[..., 0].mean(axis=0)) / DELTA + 1
@@ -61,8 +60,7 @@ def test_velocities_that_crush(failure: Callable[..., None], pdsolve: Callable[.
         fails=f"Edges driven against each other at 1000 m/s: neighbouring columns end {gap.min():.1f} spacings apart, "
         "in reverse order, and the energy is finite.",
         noticed="By a warning at the first check that finds a triangle of nodes turned inside out with its bonds "
-        "intact, "
-        "and by one at the end if broken bonds seem to have returned energy.",
+        "intact.",
         says=said.err,
         cure="None: contact does not act between nodes that intact bonds join, and with it the columns end "
         f"{touched.min():.1f} spacings apart. "

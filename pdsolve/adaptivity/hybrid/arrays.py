@@ -33,6 +33,7 @@ WORK, DISSIPATED, REFINEMENT, CLIPPED, LARGEST = range(5)
 class LatticeConstants(NamedTuple):
     """The constant arrays of a hybrid plate: lattice, springs, masses and limits of bonds."""
 
+    law: Any  # columns of no bonds, by whose type the law's functions are compiled
     at: Lattice
     h: float  # m
     dx: NDArray[np.int64]  # (k,) fine family

@@ -11,6 +11,7 @@ from pdsolve.adaptivity.hybrid.energy import strain_e
 from pdsolve.adaptivity.hybrid.lattice import FREE
 from pdsolve.adaptivity.hybrid.precracks import has_bond, lasts, peak_and_limit, stiffness
 from pdsolve.codegen.vector_code import ROW
+from pdsolve.laws.calls import added_pull, broken_energy
 from pdsolve.laws.pair_laws.bilinear import spent_share
 from pdsolve.operators.simd_lattice.kernel import INNER, displaced
 
@@ -90,12 +91,39 @@ def break_bridges(ground, zone, dirty, now, step):  # type: ignore[no-untyped-de
 
 
 @njit(**INNER)
+def _own_row(zone, row):  # type: ignore[no-untyped-def]
+    """Index of a row's own stiffnesses, which it gets if it has none."""
+    if zone.fine.entry[row] < 0:
+        zone.fine.entry[row] = own_entry(zone.fine.entry, zone.number, zone.freed, row)
+    return zone.fine.entry[row]
+
+
+@njit(**INNER)
+def _whole_and_edge(fine, entry, k, lane, stiffness, peak, limit):  # type: ignore[no-untyped-def]
+    """Stiffness of a bond before it softened, and the largest e it has had above the peak, 0 if it was never there."""
+    if peak == limit or fine.edge[entry, k, lane] <= peak:
+        return stiffness, 0.0
+    return stiffness / share_of(fine.edge[entry, k, lane], peak, limit), fine.edge[entry, k, lane]
+
+
+@njit(**INNER)
+def _stretch_before(ground, fine, p, j, k, eta_x, eta_y):  # type: ignore[no-untyped-def]
+    """The stretch one step ago of bond k from p to j, whose ends are (eta_x, eta_y) further apart now, m."""
+    eta_x -= ground.dt * (fine.v[0, j] - fine.v[0, p])
+    eta_y -= ground.dt * (fine.v[1, j] - fine.v[1, p])
+    return stretch_of(strain_e(ground.table, k, eta_x, eta_y))
+
+
+@njit(**INNER)
 def break_bonds(ground, zone, u, p0, count, step):  # type: ignore[no-untyped-def]
-    """Remove bonds over their limit from some nodes of a row, and book the energy they dissipated.
+    """Soften and remove bonds of some nodes of a row, add the pulls that match their work to the forces f, and book the
+    energy they dissipated.
 
     Half of a bond's energy is booked at each of its ends.
     """
     fine, half, row = zone.fine, len(ground.ways) // 2, p0 // ROW
+    if not fine.touched[row]:
+        fine.f[0, p0 : p0 + count] = fine.f[1, p0 : p0 + count] = 0.0
     for p in range(p0, p0 + count):
         for k in range(2 * half):
             entry, j, lane = fine.entry[row], p + ground.ways[k], p % ROW
@@ -108,20 +136,21 @@ def break_bonds(ground, zone, u, p0, count, step):  # type: ignore[no-untyped-de
             if e <= peak or (ground.varied and entry >= 0 and e <= fine.edge[entry, k, lane]):
                 continue
             _stir(zone, p)
-            if entry < 0:
-                entry = own_entry(fine.entry, zone.number, zone.freed, row)
-                fine.entry[row] = entry
+            entry = _own_row(zone, row)
+            whole, past = _whole_and_edge(fine, entry, k, lane, whole, peak, limit)
             if peak < limit:
                 _soften_on(ground, zone, p, entry, k, e, peak, limit)
-                if e <= limit:
-                    continue
+            before, now = _stretch_before(ground, fine, p, j, k, eta_x, eta_y), stretch_of(e)
+            worst, ends = stretch_of(past), (stretch_of(peak), stretch_of(limit))
+            pull = added_pull(ground.law, now, before, worst, *ends) / (1 + now) * whole
+            fine.f[0, p] += pull * (ground.table[k, 0] + eta_x)
+            fine.f[1, p] += pull * (ground.table[k, 1] + eta_y)
+            if e <= limit:
+                continue
             fine.own[entry, k, lane] = 0.0
             fine.masks[entry, 0, k] &= ~(1 << lane)
             if k < half:
                 zone.lost[p] |= np.uint64(1) << np.uint64(k)
-            if peak == limit:
-                eta_x -= ground.dt * (fine.v[0, j] - fine.v[0, p])
-                eta_y -= ground.dt * (fine.v[1, j] - fine.v[1, p])
-                spent = stretch_of(e) * stretch_of(strain_e(ground.table, k, eta_x, eta_y))
-                _book(zone, p, whole / ground.table[k, 4] * spent / 4)
+            if peak == limit:  # else it is booked as it softens
+                _book(zone, p, broken_energy(ground.law, whole / ground.table[k, 4] / 4, now, before, *ends))
             _note(zone, step, p, k)

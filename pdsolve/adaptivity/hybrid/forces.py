@@ -160,7 +160,7 @@ def _sum_fine(ground, zone, now, step, thread, job):  # type: ignore[no-untyped-
                 continue
             if found & 1:
                 _sum_far(ground, fine, u, p, wide, s)
-            if fine.touched[row]:
+            if breaks or fine.touched[row]:
                 add_forces(fine.f, p, wide, s)
             keep_forces(fine.f, p, wide, s)
 

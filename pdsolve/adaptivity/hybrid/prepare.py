@@ -21,6 +21,9 @@ from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.adaptivity.hybrid.precracks import begin_coarse, lengthened
 from pdsolve.adaptivity.hybrid.springs import COARSE_OFFSETS, Springs, coarse_springs, e_of, springs_of, stretches
 from pdsolve.conditions import Drive, drive, initial_velocity
+from pdsolve.laws.calls import bind
+from pdsolve.laws.pair import no_bonds
+from pdsolve.laws.pair_laws import bilinear
 from pdsolve.model import Model
 from pdsolve.numerics.memory import give_back
 from pdsolve.operators.simd_lattice.layout import aligned
@@ -74,7 +77,9 @@ def ground_of(
     coarse = coarse_springs(first, h)
     bounds = np.array([[e_of(one.peak), e_of(one.limit), e_of(kappa * one.peak)] for one in springs])
     cell, mix = _cells(plate, springs)
+    bind(bilinear.LAW)
     return LatticeConstants(
+        law=no_bonds(bilinear.LAW),  # a brittle bond is one whose peak is its limit
         at=at,
         h=h,
         dx=first.dx,

@@ -17,6 +17,7 @@ from pdsolve.laws import law_of
 from pdsolve.model import Model, ModelError
 from pdsolve.operators.bond_list import BondList
 from pdsolve.operators.protocol import Kept
+from pdsolve.schemes.scheme import Scheme
 
 ON = 1e-6  # of a spacing: a pre-crack this near to a node passes through it
 # Of the sure step of the grid that is there, over the times its cells are halved: what is left at borders between
@@ -34,9 +35,10 @@ class Memory(NamedTuple):
 class Leaves(BondList):
     """The operator of some leaves of a tree."""
 
-    def __init__(self, tree: Tree, cells: Cells, model: Model, filled: Filled, symmetric: bool, threads: int) -> None:
+    def __init__(self, tree: Tree, cells: Cells, model: Model, filled: Filled, scheme: Scheme, threads: int) -> None:
         """`model` is the model of the leaves, `filled` are its bonds."""
-        super().__init__(law_of(model), model, filled.assembly.bonds, symmetric, "float64", threads)
+        law = law_of(model, scheme.matches_work)
+        super().__init__(law, model, filled.assembly.bonds, scheme.symmetric, "float64", threads)
         self.tree, self.cells, self.filled = tree, cells, filled
         self.memory = Memory(np.zeros(len(cells.root), dtype=np.int64), 0.0)
         area = filled.assembly.area

@@ -129,11 +129,14 @@ class FamiliesOnDevice(Padded, Families):
         self._share(loops.fail_rows, now, between, near[:nodes] > 0, self._failing, torn)
         if not torn.any():
             return
-        before = self._pulled(u, nodes)
-        self._fail(now, between, np.flatnonzero(torn), state.dissipated)
+        before, rows, released = self._pulled(u, nodes), np.flatnonzero(torn), np.zeros(nodes)
+        matched, spent = self._match_work(now, between, rows)
+        self._fail(now, between, rows, released)
         self._write_torn()
         write(self._nodal, self._m)
-        state.dissipated[:] += dt / 2 * ((before - self._pulled(u, nodes)) * state.rate).sum(axis=1)
+        pulls = self._pulled(u, nodes)
+        self._book(state, dt, before - pulls, matched, released, spent)
+        write(self._given, self.spread(pulls + matched))
         write(self.dissipated, self.spread(state.dissipated))
         write(self._flags, np.array([1, 0], dtype=np.int32))
 

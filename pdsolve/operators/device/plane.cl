@@ -78,11 +78,29 @@ inline void sum_bonds(FORCE_PARAMETERS, __global const REAL *before, __global co
     if (e > most) {
       double stretch = (double)e / (1.0 + sqrt(1.0 + (double)e));
       REAL highest = peak[64 * row[7] + lane], end = limit[64 * row[7] + lane], whole = stiffness[64 * row[5] + lane];
+      REAL last_x = ago(before, u, rate, dt, j) - ago(before, u, rate, dt, i);
+      REAL last_y = ago(before, u, rate, dt, m + j) - ago(before, u, rate, dt, m + i);
+      double last = stretched(v, last_x, last_y);
+#ifdef SOFTENS
+      double largest = worst[own];
+#else
+      double largest = 0;
+#endif
+#ifdef MATCHING_PULL
+      if (stretch > (double)highest) {
+        double more = MATCHING_PULL(stretch, last, largest, highest, end) / (1.0 + stretch) * (double)whole;
+        fx = (REAL)((double)fx + more * (double)(REAL)(v[0] + x));
+        fy = (REAL)((double)fy + more * (double)(REAL)(v[1] + y));
+      }
+#endif
       if (stretch > (double)end) {
-        REAL last_x = ago(before, u, rate, dt, j) - ago(before, u, rate, dt, i);
-        REAL last_y = ago(before, u, rate, dt, m + j) - ago(before, u, rate, dt, m + i);
         double c = (double)(REAL)(whole / v[4]) / 4.0;
-        dissipated[i] += RELEASED(c, stretch, stretched(v, last_x, last_y), highest, end);
+#ifdef MATCHING_PULL
+        if (last < (double)end)
+          dissipated[i] += TOTAL(c, highest, end);
+        else
+#endif
+          dissipated[i] += RELEASED(c, stretch, last, highest, end);
         broken[own] = step;
         gone[place] |= bit;
         torn[b] = 1;

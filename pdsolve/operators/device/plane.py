@@ -80,7 +80,8 @@ class PlaneOnDevice(Padded, SimdLattice):
 
     def source(self) -> str:
         """What the bonds are in OpenCL C."""
-        return pair_functions(functions_of(self._law), self._remembers, self._pair.elastic_in_compression, "plane.cl")
+        of = self._remembers, self._pair.elastic_in_compression, self._law.matches_work
+        return pair_functions(functions_of(self._law), *of, "plane.cl")
 
     def back(self, kept: Kept, broken: Broken) -> None:
         """Restore the history of bonds and the broken bonds of a checkpoint."""

@@ -11,7 +11,7 @@ import numpy as np
 from pdsolve.codegen.plane_slots import FAR
 from pdsolve.codegen.pull import NARROW, WIDE, coefficients
 from pdsolve.laws.law import Function
-from pdsolve.operators.device.translation import DOUBLE, REAL, Translation
+from pdsolve.operators.device.translation import DOUBLE, Translation
 
 
 def text_of(name: str) -> str:
@@ -19,11 +19,15 @@ def text_of(name: str) -> str:
     return (resources.files("pdsolve.operators.device") / name).read_text(encoding="utf-8")
 
 
-def pair_functions(functions: Mapping[str, Function], remembers: bool, one_sided: bool, file: str) -> str:
+def pair_functions(
+    functions: Mapping[str, Function], remembers: bool, one_sided: bool, matches_work: bool, file: str
+) -> str:
     """A pair law, and the file that sums its bonds; `remembers`: whether some bonds soften, `one_sided`: in tension
-    alone. Raises ModelError."""
+    alone, `matches_work`: whether bonds that soften or break add a pull. Raises ModelError."""
     law = Translation(functions)
-    defined = {"RELEASED": law.add("released", (DOUBLE, DOUBLE, DOUBLE, REAL, REAL))}
+    defined = {"RELEASED": law.add("released", (DOUBLE,) * 5)}
+    if matches_work:
+        defined |= {"TOTAL": law.add("total", (DOUBLE,) * 3), "MATCHING_PULL": law.add("matching_pull", (DOUBLE,) * 5)}
     if remembers:
         defined |= {"SOFTENS": "", "SECANT": law.add("secant", (DOUBLE, DOUBLE, DOUBLE, DOUBLE))}
     if one_sided:
@@ -36,7 +40,9 @@ def body_functions(functions: Mapping[str, Function], numbers: Mapping[str, int 
     """A pair law whose bonds break in double precision, constants, and what sums bonds in space; `remembers` as above.
     Raises ModelError."""
     law, file = Translation(functions), "space.cl"
-    defined = {"RELEASED": law.add("released", (DOUBLE,) * 5), **numbers}
+    ruptures = {"RELEASED": ("released", 5), "TOTAL": ("total", 3), "MATCHING_PULL": ("matching_pull", 5)}
+    defined = {name: law.add(function, (DOUBLE,) * count) for name, (function, count) in ruptures.items()}
+    defined |= {name: str(value) for name, value in numbers.items()}
     if remembers:
         defined |= {"SOFTENS": "", "SECANT": law.add("secant", (DOUBLE,) * 4)}
     return "\n".join([law.source, *(f"#define {name} {value}" for name, value in defined.items()), text_of(file)])

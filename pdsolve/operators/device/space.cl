@@ -61,6 +61,7 @@ inline double whole_stiffness(__global const REAL *row, __global const REAL *c, 
 inline void sum_bonds(FORCE_PARAMETERS, __global const REAL *before, __global const REAL *u, __global const REAL *rate,
                       double dt, int m, int step, int i, SUM *force) {
   REAL sums[3] = {0, 0, 0};
+  double pulled[3] = {0, 0, 0}; /* the last pulls of bonds that break */
   int tile = (i - MARGIN) / 16, of = kind[tile];
   for (int slot = 0; slot < COUNT; ++slot) {
     long place = (long)(slot / 32) * m + i, own = ((long)tile * COUNT + slot) * 16 + (i - MARGIN) % 16;
@@ -79,14 +80,31 @@ inline void sum_bonds(FORCE_PARAMETERS, __global const REAL *before, __global co
     if (fabs(e) > (REAL)NEAR) {
       double highest = peak[COUNT * pair + slot], most = limit[COUNT * pair + slot];
       double stretch = stretched(row, eta[0], eta[1], eta[2]);
-      if (stretch > highest && !held[i] && !held[j] && stretch > most) {
+      bool ages = stretch > highest && !held[i] && !held[j];
+      double whole = 0, ago = 0, largest = 0;
+      if (ages) {
         double last[3];
         for (int axis = 0; axis < 3; ++axis) {
           REAL faster = rate[axis * m + j] - rate[axis * m + i];
           last[axis] = (double)eta[axis] - dt * (double)faster;
         }
-        double stiffness = whole_stiffness(row, c, cells, of, m, i, j) / (double)row[INVERSE] / 4.0;
-        dissipated[i] += RELEASED(stiffness, stretch, stretched_before(row, last[0], last[1], last[2]), highest, most);
+#ifdef SOFTENS
+        largest = worst[own];
+#endif
+        whole = whole_stiffness(row, c, cells, of, m, i, j);
+        ago = stretched_before(row, last[0], last[1], last[2]);
+        if (stretch > largest) {
+          double more = MATCHING_PULL(stretch, ago, largest, highest, most) * (whole / (1.0 + stretch));
+          for (int axis = 0; axis < 3; ++axis)
+            pulled[axis] += more * (double)(REAL)(row[axis] + eta[axis]);
+        }
+      }
+      if (ages && stretch > most) {
+        double stiffness = whole / (double)row[INVERSE] / 4.0;
+        if (ago < most)
+          dissipated[i] += TOTAL(stiffness, highest, most);
+        else
+          dissipated[i] += RELEASED(stiffness, stretch, ago, highest, most);
         intact[place] &= ~bit;
         int at = atomic_inc(used);
         if (at < ROOM) {
@@ -97,7 +115,7 @@ inline void sum_bonds(FORCE_PARAMETERS, __global const REAL *before, __global co
         continue;
       }
 #ifdef SOFTENS
-      if (stretch > highest && !held[i] && !held[j] && stretch > worst[own]) {
+      if (ages && stretch > worst[own]) {
         worst[own] = stretch;
         memory[tile] = torn[tile] = 1;
       }
@@ -126,7 +144,7 @@ inline void sum_bonds(FORCE_PARAMETERS, __global const REAL *before, __global co
       sums[axis] = fma(pull, row[axis] + eta[axis], sums[axis]);
   }
   for (int axis = 0; axis < 3; ++axis)
-    force[axis] = (double)sums[axis];
+    force[axis] = pulled[axis] + (double)sums[axis];
 }
 
 #ifdef TOGETHER

@@ -55,7 +55,7 @@ from pdsolve.codegen.plane_slots import (
 )
 from pdsolve.codegen.pull import NARROW, coefficients, stretch_coefficients
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.laws.calls import held, pair_of, released, secant, spent
+from pdsolve.laws.calls import added_pull, broken_energy, held, pair_of, secant, spent
 from pdsolve.laws.law import Pair
 
 LANES = 4 * ROW
@@ -151,7 +151,7 @@ def _sum_straight(blocks, tracks, u, before, step, b, lane, s):  # type: ignore[
     slot = add_slots(*table, shrink, slot, last, own, lane, s)
     while slot < last:
         slot = add_any(*table, shrink, slot, last, own, lane, s)
-        if slot < last and not _age(blocks, tracks, before, step, slot, b, lane, s):
+        if slot < last and not _age(blocks, tracks, u, before, step, slot, b, lane, s):
             slot = add_far(*table, shrink, slot, slot + 1, own, lane, s)
 
 
@@ -166,7 +166,7 @@ def _sum_one_sided(blocks, tracks, u, before, step, b, lane, s):  # type: ignore
         s[k] = 0
     while slot < last:
         slot = add_any_one_sided(*table, shrink, slot, last, own, lane, s)
-        if slot < last and not _age(blocks, tracks, before, step, slot, b, lane, s):
+        if slot < last and not _age(blocks, tracks, u, before, step, slot, b, lane, s):
             slot = add_far_one_sided(*table, shrink, slot, slot + 1, own, lane, s)
 
 
@@ -185,7 +185,10 @@ def _sum_curved(blocks, tracks, u, before, step, b, lane, s):  # type: ignore[no
         e = unless_none(w, e, none)
         if which_above(e, row_of(blocks.edge, blocks.slots[slot, BOUND], lane)) != 0:
             keep((e,), s, _E)
-            _age(blocks, tracks, before, step, slot, b, lane, s)
+            keep((fx,), s, 0)
+            keep((fy,), s, ROW)
+            _age(blocks, tracks, u, before, step, slot, b, lane, s)
+            fx, fy = beside(s, ONE, 0)[0], beside(s, ONE, ROW)[0]
             w = row_of(blocks.stiffness, blocks.slots[slot, PULL], lane)
             e = unless_none(w, e, none)
         over_q, stretch, size, most = e * _polynomial(PULLS, e), e * _polynomial(STRETCHES, e), e * e, same(u, SQUARE)
@@ -239,8 +242,9 @@ def _worst_of(law, worst, slot, lane):  # type: ignore[no-untyped-def]
 
 
 @njit(forceinline=True, **INNER)
-def _age(blocks, tracks, before, step, slot, b, first, s):  # type: ignore[no-untyped-def]
-    """Break or soften the bonds of a slot beyond their edge, and book the dissipated energy.
+def _age(blocks, tracks, u, before, step, slot, b, first, s):  # type: ignore[no-untyped-def]
+    """Break or soften the bonds of a slot beyond their edge, add the pulls that match their work to the sums in s, and
+    book the dissipated energy.
 
     Returns whether there were any.
     """
@@ -248,13 +252,20 @@ def _age(blocks, tracks, before, step, slot, b, first, s):  # type: ignore[no-un
     for k in range(across(s)):
         lane, e = first + k, s[_E + k]
         if e > blocks.edge[blocks.slots[slot, BOUND], lane]:
-            some, row = True, _own_rows(blocks, slot)
-            stretch, peak, limit = e / (1 + np.sqrt(1 + e)), blocks.peak[law, lane], blocks.limit[law, lane]
-            if stretch > limit:
-                _break(blocks, tracks, before, step, slot, b * LANES + lane, lane, stretch)
-                continue
+            some, row, stretch, i = True, _own_rows(blocks, slot), e / (1 + np.sqrt(1 + e)), b * LANES + lane
+            peak, limit = np.float64(blocks.peak[law, lane]), np.float64(blocks.limit[law, lane])
             if stretch > peak:
-                soften(blocks, tracks, slot, b, lane, stretch, np.float64(peak), np.float64(limit))
+                last, worst = _stretch_before(blocks, tracks, before, slot, i, lane), 0.0
+                if blocks.softened[b]:  # else there may be no room for it
+                    worst = worst_of(blocks.law, tracks.worst, slot, lane)
+                pull = added_pull(blocks.law, stretch, last, worst, peak, limit) / (1 + stretch)
+                _add_pull(blocks, tracks, u, slot, i, lane, pull, k, s)
+                if stretch > limit:
+                    c = blocks.stiffness[blocks.whole[slot], lane] / blocks.vectors[blocks.slots[slot, VECTOR], 4] / 4
+                    tracks.dissipated[i] += broken_energy(blocks.law, c, stretch, last, peak, limit)
+                    _break(blocks, tracks, step, slot, lane)
+                    continue
+                soften(blocks, tracks, slot, b, lane, stretch, peak, limit)
             blocks.edge[row, lane] = e
             blocks.near[row, lane] = min(e, NARROW)
     return some
@@ -285,15 +296,29 @@ def _weaken(blocks, tracks, slot, b, lane, stretch, peak, limit):  # type: ignor
 
 
 @njit(**INNER)
-def _break(blocks, tracks, before, step, slot, i, lane, stretch):  # type: ignore[no-untyped-def]
-    """Remove a bond of node i over its limit, and book the dissipated energy."""
-    row, law, j = blocks.slots[slot, BOUND], blocks.slots[slot, LIMITS], neighbour(blocks, slot, i, lane)
+def _stretch_before(blocks, tracks, before, slot, i, lane):  # type: ignore[no-untyped-def]
+    """The stretch of a bond of node i at the displacements one step ago."""
     vector = blocks.vectors[blocks.slots[slot, VECTOR]]
-    peak, limit, x, y, inverse = blocks.peak[law, lane], blocks.limit[law, lane], vector[0], vector[1], vector[4]
-    eta_x, eta_y = displaced(before, tracks.shrink, x, y, i, j)
+    x, y, inverse = vector[0], vector[1], vector[4]
+    eta_x, eta_y = displaced(before, tracks.shrink, x, y, i, neighbour(blocks, slot, i, lane))
     e = inverse * (2 * (x * eta_x + y * eta_y) + eta_x * eta_x + eta_y * eta_y)
-    c = blocks.stiffness[blocks.whole[slot], lane] / inverse / 4
-    tracks.dissipated[i] += released(blocks.law, c, stretch, e / (np.sqrt(1 + e) + 1), peak, limit)
+    return e / (np.sqrt(1 + e) + 1)
+
+
+@njit(**INNER)
+def _add_pull(blocks, tracks, u, slot, i, lane, pull, k, s):  # type: ignore[no-untyped-def]
+    """Add the pull of a bond of node i, over stiffness and length ratio, to the sums of lane k in s."""
+    vector = blocks.vectors[blocks.slots[slot, VECTOR]]
+    x, y = vector[0], vector[1]
+    eta_x, eta_y = displaced(u, tracks.shrink, x, y, i, neighbour(blocks, slot, i, lane))
+    pull *= blocks.stiffness[blocks.whole[slot], lane]
+    s[k], s[ROW + k] = s[k] + pull * (x + eta_x), s[ROW + k] + pull * (y + eta_y)
+
+
+@njit(**INNER)
+def _break(blocks, tracks, step, slot, lane):  # type: ignore[no-untyped-def]
+    """Remove a bond that breaks in this `step` from a slot with rows of its own."""
+    row = blocks.slots[slot, BOUND]
     tracks.broken[slot, lane] = step
     blocks.mask[slot] &= ~(np.uint64(1) << np.uint64(lane))
     blocks.stiffness[blocks.slots[slot, PULL], lane] = 0

@@ -44,7 +44,7 @@ from pdsolve.codegen.space_slots import (
     add_soft_general_far,
 )
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.laws.calls import held, pair_of, released, secant, spent
+from pdsolve.laws.calls import added_pull, broken_energy, held, pair_of, secant, spent
 from pdsolve.operators.simd_lattice.kernel import INNER
 
 # Tiles: without a node; what their bonds' stiffnesses are made of; and the same of tiles with a memory
@@ -110,7 +110,7 @@ def sum_tiles(tiles, u, rate, dt, ages, out, dissipated, breaks, first, last):  
         if breaks.used[0] + ROW * count > len(breaks.ends):
             return t
         for lane in range(0, ROW, across(s)):
-            if not _sum_lanes(tiles, u, rate, dt, ages, dissipated, breaks, limits, t, lane, s):
+            if not _sum_lanes(tiles, u, rate, dt, ages, out, dissipated, breaks, limits, t, lane, s):
                 return t
             for k in range(across(s)):
                 for axis in range(3):
@@ -139,7 +139,7 @@ def _write(tiles, t, f, out):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _sum_lanes(tiles, u, rate, dt, ages, dissipated, breaks, limits, t, lane, s):  # type: ignore[no-untyped-def]
+def _sum_lanes(tiles, u, rate, dt, ages, out, dissipated, breaks, limits, t, lane, s):  # type: ignore[no-untyped-def]
     """Force densities on some lanes of a tile, from `lane` on, at the beginning of s; False if it needs a memory."""
     for k in range(SCRATCH):
         s[k] = 0
@@ -151,7 +151,7 @@ def _sum_lanes(tiles, u, rate, dt, ages, dissipated, breaks, limits, t, lane, s)
         slot = _add(kind, u, to, limits, slot, count, at, s)
         if slot == count:
             return True
-        if ages and not _age_slot(tiles, u, rate, dt, dissipated, breaks, t, lane, slot, across(s)):
+        if ages and not _age_slot(tiles, u, rate, dt, out, dissipated, breaks, t, lane, slot, across(s)):
             return False
         slot = _add_far(kind, u, to, limits, slot, at, s)
 
@@ -189,10 +189,13 @@ def _add_far(kind, u, to, limits, slot, at, s):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _age_slot(tiles, u, rate, dt, dissipated, breaks, t, lane, slot, count):  # type: ignore[no-untyped-def]
+def _age_slot(tiles, u, rate, dt, out, dissipated, breaks, t, lane, slot, count):  # type: ignore[no-untyped-def]
     """Take out the bonds of a slot that are over their limit, and book what they have spent; soften those over their
-    peak. False if there is no memory for it."""
-    row, offset, word = tiles.table[slot], tiles.offsets[slot], tiles.bits[t, slot]
+    peak. False if there is no memory for it.
+
+    The pulls that match their work go to `out` (n, 3) at once: a tile that gets a memory is summed anew without them.
+    """
+    row, offset, word, memory = tiles.table[slot], tiles.offsets[slot], tiles.bits[t, slot], np.int64(tiles.memory[t])
     for k in range(lane, lane + count):
         if not (word >> np.uint16(k)) & np.uint16(1):
             continue
@@ -201,21 +204,25 @@ def _age_slot(tiles, u, rate, dt, dissipated, breaks, t, lane, slot, count):  # 
         own, pair = tiles.margin + site, pair_number(tiles, i, j)
         peak, limit = tiles.peak[pair, slot], tiles.limit[pair, slot]
         x, y, z = _relative(u, own, offset)
-        stretch = _stretch(row, x, y, z)
-        if stretch <= peak or tiles.held[i] or tiles.held[j]:
+        stretch, worst = _stretch(row, x, y, z), tiles.worst[memory, slot, k] if memory >= 0 else 0.0
+        if stretch <= peak or stretch <= worst or tiles.held[i] or tiles.held[j]:
             continue
-        if stretch <= limit:
-            if not soften(tiles, t, slot, k, stretch, peak, limit):
-                return False
-            continue
+        if stretch <= limit and not soften(tiles, t, slot, k, stretch, peak, limit):
+            return False
         last = _stretch(
             row,
             x - dt * (rate[j, 0] - rate[i, 0]),
             y - dt * (rate[j, 1] - rate[i, 1]),
             z - dt * (rate[j, 2] - rate[i, 2]),
         )
-        c = stiffness(tiles, row, t, own, offset) / row[INVERSE] / 4
-        dissipated[i] += released(tiles.law, c, stretch, last, peak, limit)
+        w = stiffness(tiles, row, t, own, offset)
+        pull = added_pull(tiles.law, stretch, last, worst, peak, limit) * (w / (1 + stretch))
+        out[i, 0] += pull * (row[0] + x)
+        out[i, 1] += pull * (row[1] + y)
+        out[i, 2] += pull * (row[2] + z)
+        if stretch <= limit:
+            continue
+        dissipated[i] += broken_energy(tiles.law, w / row[INVERSE] / 4, stretch, last, peak, limit)
         tiles.bits[t, slot] &= ~(np.uint16(1) << np.uint16(k))
         breaks.ends[breaks.used[0], 0], breaks.ends[breaks.used[0], 1] = i, j
         breaks.used[0] += 1
