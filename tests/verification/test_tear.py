@@ -6,15 +6,11 @@ gone at once cost next to nothing here, as they open by several times their crit
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import msgspec
-import numpy as np
 import pytest
-from plates import GLASS, plate, square_grid
-from systems import broken
 
 import pdmesh
+from benchmarks.tear import GLASS, cut, torn
 from pdmesh.model.document import Material, Run
 from pdsolve.model import Model
 from pdsolve.options import Options
@@ -23,49 +19,13 @@ from pdsolve.run.prepare import prepare
 ORDINARY = Material(E=65e9, rho=2235.0, G0=204.0, nu=0.2, model="ordinary")
 BILINEAR = Material(E=65e9, rho=2235.0, G0=204.0, law="bilinear", kr=2.0)
 COHESIVE = Material(E=65e9, rho=2235.0, G0=204.0, law="cohesive", shape="exponential", f_t=60e6)
-TIME = 2e-5  # s
 
 
-class Cut(NamedTuple):
-    """What a cut cost, over G0 times its area."""
-
-    taken: float  # from the motion
-    booked: float
-    momentum: float  # its drift, N s/m
-    bonds: int  # broken
-
-
-def torn(speed: float, share: float, material: Material = GLASS, **options: str) -> Cut:
-    """Tear a plate of 20 by 10 nodes at a speed, m/s, in steps that are a share of the program's own."""
-    grid, choice = square_grid(20, 10), Options(**options)  # type: ignore[arg-type]
-    own = prepare(plate(grid, material=material), choice).system.time_step
-    return cut(plate(grid, material=material, run=Run(time_step=share * own)), speed, choice, 0.01)
-
-
-def cut(model: Model, speed: float, options: Options, area: float) -> Cut:
-    """Tear a model whose nodes are symmetric about the middle of x; `area` of the cut, m of a plate, m^2 of a body."""
-    problem = prepare(model, options)
-    system, state, x = problem.system, problem.state, model.grid.position[:, 0]
-    mass = model.rho * system.area
-    state.rate[x < (x.min() + x.max()) / 2, 0] = -speed
-
-    def energy() -> float:
-        return float(0.5 * mass @ (state.rate.astype(float) ** 2).sum(axis=1))
-
-    start, momentum = energy(), mass @ state.rate
-    problem.march(1, round(TIME / system.time_step) + 1)
-    strain, softened = system.operator.energies(state)
-    cost = model.materials[0].G0 * area
-    taken, booked = start - energy() - system.area @ strain, system.area @ (state.dissipated + softened)
-    drift = np.abs(mass @ state.rate - momentum).max()
-    return Cut(taken / cost, booked / cost, float(drift), len(broken(problem).step) // 2)
-
-
-@pytest.mark.parametrize("options", [{"kernel": "listed"}, {}])
+@pytest.mark.parametrize("options", [Options(kernel="listed"), Options()], ids=["listed", "blocks"])
 @pytest.mark.parametrize(("speed", "share"), [(100.0, 1.0), (200.0, 1.0), (20.0, 0.25), (50.0, 0.25), (200.0, 0.25)])
-def test_a_brittle_cut_costs_its_energy(speed: float, share: float, options: dict[str, str]) -> None:
+def test_a_brittle_cut_costs_its_energy(speed: float, share: float, options: Options) -> None:
     """Measured .974 to .983 of G0 H, booked is the cut of the lattice itself; bonds that are gone at once: 0."""
-    found = torn(speed, share, **options)
+    found = torn(speed, share, options=options)
     assert found.taken == pytest.approx(1, abs=0.03)
     assert found.booked == pytest.approx(0.979, abs=0.001)
     assert found.bonds == 132
@@ -111,7 +71,7 @@ def test_a_cut_of_a_body(kernel: str) -> None:
 
 def test_in_the_thesis_mode_bonds_are_gone_at_once() -> None:
     """As its source has it: bonds that open beyond their limit within the first step never pull."""
-    found = torn(50.0, 1.0, mode="thesis")
+    found = torn(50.0, 1.0, options=Options("thesis"))
     assert found.bonds == 162
     assert found.taken == found.booked == 0.0
-    assert torn(20.0, 1.0, mode="thesis").taken < 0.5  # measured .44
+    assert torn(20.0, 1.0, options=Options("thesis")).taken < 0.5  # measured .44
