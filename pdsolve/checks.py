@@ -16,7 +16,7 @@ from pdmesh.model.cohesive_softening import COARSE, characteristic_length, large
 from pdmesh.model.damping import MUCH, remark
 from pdmesh.model.document import MOST
 from pdmesh.model.kd_trees import tree_of
-from pdmesh.model.lattice_calibration import lattice_ratios
+from pdmesh.model.lattice_calibration import along_axes, lattice_ratios
 from pdmesh.model.neighbours import ROUND_OFF, Neighbours, row_chunks
 from pdmesh.model.node_grid import Grid
 from pdmesh.model.output_fields import USUAL
@@ -27,6 +27,7 @@ from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
 
+USUAL_RATIO = 3.0  # of horizon to spacing
 LEAST = 1e-30  # of a material's numbers, likewise
 SAME = 1e-6  # spacings: nodes this near are at one place but for round-off
 CLOSE = 0.1  # spacings: nodes this near make the stable step tiny
@@ -128,14 +129,30 @@ def advise(model: Model, unbonded: NDArray[np.int64], partial_cells: bool, symme
     _lonely(model, lonely[~model.grid.rigid[lonely]] if model.grid.bodies is not None else lonely)
     _shapes(model)
     _probes(model)
-    ratio = model.settings.horizon.ratio
     _coarse(model)
+    _few_neighbours(model, partial_cells, symmetric)
+
+
+def _few_neighbours(model: Model, partial_cells: bool, symmetric: bool) -> None:
+    """Warn once of horizons so short that the lattice has not the stiffness of its material."""
+    ratio, number = model.settings.horizon.ratio, {2: "four", 3: "six"}[model.grid.dimension]
     for material in model.materials:
+        springs = material.model == "bond"
         if not lattice_ratios(ratio, material.micromodulus, material.plane, partial_cells).c66 > ROUND_OFF:
+            young = f": E along the axes is {along_axes(material, ratio).young:.3g} times that given" if springs else ""
             warn(
                 model,
-                f"$.horizon.ratio: found {ratio:g}, where only the four nearest nodes pull and nothing resists shear,"
-                " expected 1.5 or more (3 is usual)",
+                f"$.horizon.ratio: found {ratio:g}, where only the {number} nearest nodes pull and nothing resists"
+                f" shear{young}, expected 1.5 or more (3 is usual)",
+            )
+            return
+        if springs and not symmetric and ratio < USUAL_RATIO:
+            young, nu = along_axes(material, ratio, one_sided=True)
+            warn(
+                model,
+                f"$.horizon.ratio: found {ratio:g} in the thesis mode, whose lattice is not calibrated: E along the"
+                f" axes is {young:.3g} times that given and Poisson's ratio {nu:.3g}, expected {USUAL_RATIO:g} or more,"
+                " or the conservative mode",
             )
             return
 

@@ -23,19 +23,17 @@ Bonds with shear load more evenly: with nu = 0.18 bars in plane stress have k fr
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.lattice_calibration import calibration, has_partial_cells, hu_beta, offsets, sheared
+from pdmesh.model.lattice_calibration import calibrated_family, calibration, has_partial_cells, sheared
 from pdmesh.model.material import Material
 from pdmesh.model.material_constants import (
     BONDS_NU,
     critical_stretch,
-    dimension_of,
-    micromodulus,
     poisson,
 )
 from pdmesh.model.neighbours import lengths
@@ -60,7 +58,7 @@ class Crossing(NamedTuple):
 
 def crossing(material: Material, ratio: float) -> Crossing:
     """The sums of a material's lattice whose horizon is `ratio` spacings."""
-    sums = _crossing(material.micromodulus, material.plane, ratio)
+    sums = _crossing(material.micromodulus, material.plane, material.calibration, ratio)
     if material.model != "micropolar":
         return sums
     share = sheared(material, ratio).stiffness
@@ -68,16 +66,12 @@ def crossing(material: Material, ratio: float) -> Crossing:
 
 
 @lru_cache
-def _crossing(profile: str, plane: str, ratio: float) -> Crossing:
-    unit = msgspec.structs.replace(Material(E=1.0, rho=1.0, G0=1.0), micromodulus=profile, plane=plane)
-    partial = has_partial_cells(unit)
-    xi = offsets(ratio + 0.5 if partial else ratio, dimension_of(plane))
-    length, horizon = lengths(xi), np.full(len(xi), float(ratio))
-    c = calibration(ratio, unit, partial).stiffness * micromodulus(unit, length, horizon)
-    if partial:
-        c = c * hu_beta(length, horizon, np.ones(len(xi)))
+def _crossing(profile: str, plane: str, calibration: Any, ratio: float) -> Crossing:
+    unit = Material(E=1.0, rho=1.0, G0=1.0)
+    unit = msgspec.structs.replace(unit, micromodulus=profile, plane=plane, calibration=calibration)
+    xi, c = calibrated_family(unit, ratio)
     c = c * np.maximum(xi[:, 1], 0)  # as many bonds of one kind cross each spacing of the line
-    return Crossing(float(c.sum()), float((c * length).sum() / ratio))
+    return Crossing(float(c.sum()), float((c * lengths(xi)).sum() / ratio))
 
 
 def peak_factor(material: Material) -> float:

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.lattice_calibration import calibration, has_partial_cells, hu_beta, offsets
+from pdmesh.model.lattice_calibration import calibrated_family, has_partial_cells, lattice_ratios
 from pdmesh.model.material import Material
-from pdmesh.model.material_constants import micromodulus
-from pdmesh.model.neighbours import Neighbours
+from pdmesh.model.neighbours import Neighbours, lengths
 from pdmesh.model.node_grid import Grid
 from pdmesh.model.visibility import sight_of
 
@@ -63,13 +62,8 @@ def stable_step(material: Material, ratio: float, spacing: float) -> float:
     corrected edges, whose bonds are not known here; in plates hardly larger than a horizon these are stiffer still. The
     bound of the thesis mode is shorter.
     """
-    partial = has_partial_cells(material)
-    length = np.hypot(*offsets(ratio + 0.5 * partial).T)
-    horizon = np.full(len(length), ratio)
-    c = micromodulus(material, length, horizon)  # of a spacing of 1
-    if partial:
-        c = c * hu_beta(length, horizon, np.ones(len(length)))
-    if not c.any():
+    if not lattice_ratios(ratio, material.micromodulus, material.plane, has_partial_cells(material)).c11 > 0:
         return float("inf")
-    total = calibration(ratio, material, partial).stiffness * float((c / length).sum())
+    xi, c = calibrated_family(material, ratio)
+    total = float((c / lengths(xi)).sum())
     return float(SURFACES * spacing * np.sqrt(4 * material.rho / total))

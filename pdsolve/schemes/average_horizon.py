@@ -8,8 +8,8 @@ symmetric, waves are reflected less where spacings differ.
 - With a constant micromodulus a neighbour's cell counts by its share within the horizon (Hu's beta, the mean of both
   ends' to stay symmetric), in a family that reaches half a spacing beyond the horizon. With a conical one, which is
   0 at the horizon, it counts in full: less is reflected, and displacements are better (benchmarks/README.md).
-- The lattice is calibrated: its mean stiffness and fracture energy are those of the material
-  (`pdmesh.model.lattice_calibration`).
+- The lattice is calibrated: its mean stiffness and fracture energy are those of the material, and small families are
+  made isotropic (`pdmesh.model.lattice_calibration`).
 - Surfaces, the faces of pre-cracks and interfaces are corrected by the energy method. In the plane, each bond has a
   factor such that, in uniform stretching along x and along y, its two nodes have on average the energy of a node in a
   full lattice (Q. V. Le, F. Bobaru, Comput. Mech. 61 (2018) 499-518, section "energy method"). In space, where families
@@ -31,7 +31,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.kd_trees import tree_of
-from pdmesh.model.lattice_calibration import Calibration, calibration, has_partial_cells, hu_beta, lattice_ratios
+from pdmesh.model.lattice_calibration import (
+    NO_SHELLS,
+    Calibration,
+    calibration,
+    has_partial_cells,
+    hu_beta,
+    lattice_ratios,
+)
 from pdmesh.model.material import Material
 from pdmesh.model.material_constants import BONDS_NU, C11, C66, STIFFNESS, critical_stretch, micromodulus
 from pdmesh.model.neighbours import ROUND_OFF, Neighbours, Pairs, chosen, row_chunks
@@ -170,6 +177,7 @@ def _mean_of_ends(
         else:
             counted = np.where(length <= reach * (1 + ROUND_OFF), 1.0, 0.0)
         c = counted * calibrated.stiffness * micromodulus(material, length, reach)
+        c = c * calibrated.shells.at(length / reach * model.settings.horizon.ratio)
         critical = calibrated.stretch * critical_stretch(material, reach)
         own = limits(material, Sizes(critical, length, reach, model.settings.horizon.ratio))
         if len(model.materials) == 1:
@@ -192,9 +200,10 @@ def _has_partial_cells(material: Material, corrections: Corrections) -> bool:
 
 
 def _calibration(model: Model, material: Material, corrections: Corrections) -> Calibration:
+    ratio, partial = model.settings.horizon.ratio, _has_partial_cells(material, corrections)
     if not corrections.calibration:
-        return Calibration(1.0, 1.0)
-    return calibration(model.settings.horizon.ratio, material, _has_partial_cells(material, corrections))
+        return Calibration(1.0, 1.0, NO_SHELLS, lattice_ratios(ratio, material.micromodulus, material.plane, partial))
+    return calibration(ratio, material, partial)
 
 
 def _lack(
@@ -256,12 +265,11 @@ def _energy_factor(position: NDArray[np.float64], pairs: Pairs, lack: NDArray[np
 
 def _full_energy(model: Model, rows: NDArray[np.int64], corrections: Corrections) -> NDArray[np.float64]:
     """Twice the energy density (k,) of the rows in a full lattice of their material, at unit stretch, Pa."""
-    ratio = model.settings.horizon.ratio
     full = []
     for material in model.materials:
-        found = lattice_ratios(ratio, material.micromodulus, material.plane, _has_partial_cells(material, corrections))
-        modulus = C11[material.plane] * found.c11
+        calibrated = _calibration(model, material, corrections)
+        modulus = C11[material.plane] * calibrated.ratios.c11
         if model.grid.dimension == 3:
-            modulus = (1 + 2 * NU**2) * modulus + 2 * (NU**2 - 2 * NU) * C66[material.plane] * found.c12
-        full.append(modulus * material.E * _calibration(model, material, corrections).stiffness)
+            modulus = (1 + 2 * NU**2) * modulus + 2 * (NU**2 - 2 * NU) * C66[material.plane] * calibrated.ratios.c12
+        full.append(modulus * material.E * calibrated.stiffness)
     return np.array(full)[model.material_of[rows]]

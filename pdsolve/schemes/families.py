@@ -21,7 +21,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.lattice_calibration import hu_beta, offsets
+from pdmesh.model.lattice_calibration import NO_SHELLS, Shells, hu_beta, offsets, shells
 from pdmesh.model.material import Material
 from pdmesh.model.material_constants import dimension_of
 from pdmesh.model.neighbours import ROUND_OFF, Neighbours, Pairs, chosen, lengths
@@ -51,19 +51,43 @@ def whole_cells(material: Material) -> bool:
     return material.model == "correspondence" or (material.influence or USUAL[material.model]) == "cubic spline"
 
 
-def _counts(
+def _weights(
     material: Material,
     length: NDArray[np.float64],
     reach: NDArray[np.float64],
     here: NDArray[np.float64],
     there: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Weights (b,) of neighbours at these distances, for ends with these spacings, m."""
+    """Weights (b,) of neighbours at these distances, for ends with these spacings, m, in a lattice as it is."""
     if whole_cells(material):
         beta = np.where(length <= reach * (1 + ROUND_OFF), 1.0, 0.0)
     else:
         beta = (hu_beta(length, reach, here) + hu_beta(length, reach, there)) / 2
     return beta * influence(material, length / reach)
+
+
+@lru_cache
+def _shells(material: Material, ratio: float) -> Shells:
+    """Factors of weights that make a lattice of ordinary bonds isotropic; others are not in need of them."""
+    if material.model != "ordinary":
+        return NO_SHELLS
+    xi = offsets(ratio + 0.5, dimension_of(material.plane))
+    length, one = lengths(xi), np.ones(len(xi))
+    weight = _weights(material, length, ratio * one, one, one)
+    return shells(xi, weight * length**2, material.calibration)
+
+
+def _counts(
+    material: Material,
+    ratio: float,
+    length: NDArray[np.float64],
+    reach: NDArray[np.float64],
+    here: NDArray[np.float64],
+    there: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Weights (b,) of neighbours at these distances, for ends with these spacings, m."""
+    found = _weights(material, length, reach, here, there)
+    return found * _shells(material, ratio).at(length / reach * ratio)
 
 
 Limit = Callable[[NDArray[np.float64]], NDArray[np.float64]]  # of a horizon (b,), m
@@ -87,7 +111,7 @@ def filled(model: Model, limits: list[Limit]) -> Filling:
         """Weights (b,) of neighbours at the distances of `pairs`, over their cells."""
         i, j, length = pairs
         reach = (horizon[i] + horizon[j]) / 2
-        return _counts(first, length, reach, grid.delta[i], grid.delta[j])
+        return _counts(first, model.settings.horizon.ratio, length, reach, grid.delta[i], grid.delta[j])
 
     def part(rows: NDArray[np.int64]) -> Part:
         pairs = neighbours.pairs(rows)
@@ -129,7 +153,8 @@ def _cost(material: Material, ratio: float) -> float:
     if dimension == 3:
         model = patch_in_space(material, ratio)
         xi = offsets(ratio + 0.5, 3)
-        weight = _counts(material, lengths(xi), np.full(len(xi), ratio), np.ones(len(xi)), np.ones(len(xi)))
+        one = np.ones(len(xi))
+        weight = _counts(material, ratio, lengths(xi), ratio * one, one, one)
         kept = weight > ROUND_OFF
         bonds = bonds_in_space(model, xi[kept], weight[kept], size)
     else:

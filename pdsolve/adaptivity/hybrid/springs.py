@@ -58,7 +58,8 @@ def _modulus(material: Material, ratio: float, length: NDArray[np.float64]) -> N
     """Calibrated modulus (k,) of bonds of these lengths, in a lattice of spacing 1."""
     reach, partial = np.full(len(length), float(ratio)), has_partial_cells(material)
     counted = hu_beta(length, reach, np.ones(len(length))) if partial else 1.0
-    c = calibration(ratio, material, partial).stiffness * micromodulus(material, length, reach) * counted
+    factors = calibration(ratio, material, partial)
+    c = factors.stiffness * micromodulus(material, length, reach) * counted * factors.shells.at(length)
     return np.where(c > NOTHING * c.max(), c, 0.0)
 
 
