@@ -116,7 +116,7 @@ def _assigned(args: argparse.Namespace) -> list[tuple[str, str]]:
 
 def _build(args: argparse.Namespace) -> int:
     from pdmesh.drawing.file_reading import build_file
-    from pdmesh.model import unused_settings
+    from pdmesh.model import unused_settings, zone_strengths
     from pdmesh.model.document import write_file
     from pdmesh.model.refused_settings import refuse
     from pdmesh.reports.report import nodes_by_spacing
@@ -141,7 +141,8 @@ def _build(args: argparse.Namespace) -> int:
     lines += map(str, built.shifts)
     if settings.material is None and settings.medium is None:
         lines.append("no material: the solver will need one (--settings or --set material.E=...)")
-    notes = [*built.notes, *(f"warning: {path}: {remark}" for remark in unused_settings.remarks(settings))]
+    said = (*unused_settings.remarks(settings), *zone_strengths.remarks(built.grid, settings))
+    notes = [*built.notes, *(f"warning: {path}: {remark}" for remark in said)]
     result["notes"] = notes
     for note in notes:
         if note.startswith("warning:"):

@@ -234,6 +234,11 @@ class Model:
         """Each node's horizon (n,), m: the ratio m times its spacing."""
         return self.settings.horizon.ratio * self.grid.delta
 
+    @cached_property
+    def finest_horizon(self) -> float:
+        """The smallest horizon of all nodes, m; of a window too, that of the whole model."""
+        return float(self.settings.horizon.ratio * np.min(self.grid.delta, initial=np.inf))
+
     def selected(self, some: Selection) -> NDArray[np.int64]:
         """The rows of the grid a condition or a region acts on."""
         return self.grid.chosen(some.nodes, some.box)
@@ -242,6 +247,7 @@ class Model:
         """The model of the rows `first` to `last` - 1, of which a condition or a region may have none."""
         part = object.__new__(Model)
         part.__dict__.update(grid=self.grid.window(first, last), settings=self.settings, name=self.name)
+        part.__dict__.update(finest_horizon=self.finest_horizon)
         return part
 
     def _repr_svg_(self) -> str | None:

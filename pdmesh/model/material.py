@@ -39,6 +39,7 @@ class Elastic(msgspec.Struct, frozen=True):
     model: Literal["bond", "ordinary", "correspondence", "micropolar"] = "bond"
     micromodulus: Literal["conical", "constant"] = "conical"
     calibration: Literal["mean", "isotropic"] = "mean"  # of lattices; see pdmesh.model.lattice_calibration
+    coarse: Literal["own", "matched", "unbreakable"] = "own"  # strength of bonds wider than those of the finest zone
     plane: Literal["stress", "strain", "space"] = "stress"  # space: of a body, which has no other
     sight: Literal["visibility", "diffraction"] = "visibility"  # of what is behind a crack: none, or round its tips
     failure: Literal["stretch", "energy", "stress", "none"] = "stretch"  # of models that are not bond: what breaks

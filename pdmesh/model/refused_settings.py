@@ -332,13 +332,13 @@ def _by_newton(run: Run, words: str) -> Iterator[Impossible]:
 
 def _adaptive(settings: Settings, every: Places) -> Iterator[Impossible]:
     """Settings that splitting cells and moving fine zones do not support."""
-    run = settings.run
-    why = f", as run.adapt is {run.adapt}"
+    run, damping, why = settings.run, f"{settings.run.damping:g}", f", as run.adapt is {settings.run.adapt}"
     for place, found, expected in (
         ("$.area_rule", settings.area_rule or "cells", "cells"),
         ("$.run.solver", run.solver, "explicit"),
         ("$.run.start", run.start, "unloaded"),
-        ("$.run.damping", f"{run.damping:g}", "0" if run.adapt == "collocation" else f"{run.damping:g}"),
+        ("$.run.damping", damping, "0" if run.adapt == "collocation" else damping),
+        *((f"{place}.coarse", material.coarse, "own") for place, material in every),
     ):
         if found != expected:
             yield Impossible(place, found, expected + why)

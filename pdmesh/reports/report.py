@@ -13,9 +13,10 @@ from pdmesh.grid.adaptive_scene import nested, undivided
 from pdmesh.grid.bodies import build_body
 from pdmesh.grid.bodies_beside import build_scene
 from pdmesh.grid.lattice import grid_of_nodes, place_nodes
-from pdmesh.model import selection
+from pdmesh.model import selection, zone_strengths
 from pdmesh.model.consistency import examine
 from pdmesh.model.document import ON_ONE_LATTICE, Document, GridError, Material, Settings, settings_of
+from pdmesh.model.lattice_calibration import along_axes, has_partial_cells, lattice_ratios
 from pdmesh.model.load_resultants import resultants
 from pdmesh.model.node_grid import Grid, grid_of
 from pdmesh.model.refused_settings import refuse
@@ -77,6 +78,8 @@ def info(document: Document, name: str, mode: str = DEFAULT_MODE) -> dict[str, A
         "physics": document.physics,
         "material": _fields(document.material),
         "softening": softening(document.material, ratio, float(grid.delta.min()), grid.dimension),
+        "strengths": zone_strengths.described(zone_strengths.zone_strengths(grid, settings_of(document), mode)),
+        "lattice": _lattice(document.material, ratio, grid.dimension, mode),
         "bodies": {}
         if grid.bodies is None
         else {name: int((grid.bodies.number == at).sum()) for at, name in enumerate(grid.bodies.names)},
@@ -91,6 +94,17 @@ def info(document: Document, name: str, mode: str = DEFAULT_MODE) -> dict[str, A
         ],
     }
     return result
+
+
+def _lattice(material: Material | None, ratio: float, dimension: int, mode: str) -> dict[str, float]:
+    """Young's modulus over that given, and Poisson's ratio, of a bar of springs along an axis; of others nothing."""
+    if material is None or material.model != "bond":
+        return {}
+    material = msgspec.structs.replace(material, plane="space") if dimension == 3 else material
+    if not lattice_ratios(ratio, material.micromodulus, material.plane, has_partial_cells(material)).c11 > 0:
+        return {}
+    found = along_axes(material, ratio, one_sided=mode == "thesis")
+    return {"E_over_given": found.young, "nu": found.poisson}
 
 
 def _extent(grid: Grid, plate: Any) -> dict[str, float | None]:
@@ -140,6 +154,8 @@ def info_lines(result: dict[str, Any]) -> list[str]:
         lines.append("contact: " + _words(result["contact"]))
     if result["softening"]:
         lines.append("softening: " + _words(result["softening"]))
+    lines += [f"lattice along its axes: {_words(each)}" for each in (result["lattice"],) if each]
+    lines += zone_strengths.lines(result["strengths"])
     if result["medium"]:
         lines.append("medium: " + _words(result["medium"]))
     for kind, regions in (("medium", result["media"]), ("material", [*map(_telling, result["regions"])])):
@@ -184,6 +200,7 @@ def plan_lines(result: dict[str, Any]) -> list[str]:
         (key.replace("_", " "), _quantity(own[key], unit), _quantity(flat[key], unit)) for key, unit in units.items()
     ]
     lines = [f"{label:22}{here:>14}{there:>14}" for label, here, there in rows]
+    lines += zone_strengths.lines(result.get("strengths", []))
     if own["at_rest"]:
         lines.append("time is that to solve if nothing breaks: each break is another rest")
     return lines + ([_start_line(own["most_nodes"])] if own["most_nodes"] else [])
@@ -292,6 +309,7 @@ def plan(scene: Scene | Body, mode: str = DEFAULT_MODE) -> dict[str, Any]:
         "source": scene.source,
         "mode": mode,
         "scene": _cost(nodes_by_spacing(grid), len(grid), counted, own),
+        "strengths": zone_strengths.described(zone_strengths.zone_strengths(grid, settings, mode)),
         "one_scale": _priced({f"{given.finest:g}": nodes}, nodes, round(ratio * bonds), settings, mode, own),
     }
 

@@ -30,6 +30,7 @@ from pdsolve.run import late_zones
 from pdsolve.run.after_path import motion_after, motion_follows, name_of
 from pdsolve.run.body_zones import Refining
 from pdsolve.run.cell_splitting import Splitting
+from pdsolve.run.coarse_breaks import warn_of_coarse_breaks
 from pdsolve.run.late_zones import Sooner
 from pdsolve.run.node_changes import Adapt, zone_back
 from pdsolve.run.on_ranks import resuming
@@ -346,7 +347,10 @@ def _finish(notes: Recorder, make: Callable[[], Writer], request: Request) -> Re
             raise error from error.__cause__
         last = writer.done()
         last.close(status)
-    return Results(last.connection, "results in memory") if request.output is None else Results.open(request.output)
+    results = Results(last.connection, "results in memory") if request.output is None else Results.open(request.output)
+    if not notes.system.model.diffuses:
+        warn_of_coarse_breaks(notes.system.asked, results)
+    return results
 
 
 def _march(notes: Recorder, writer: Behind, request: Request) -> str:

@@ -27,6 +27,13 @@ def _refuse_others(model: Model) -> None:
     if model.settings.contact is not None:
         raise ModelError(f"{model.name}: $.contact: found some in the thesis mode, expected the conservative one")
     first = model.materials[0]
+    for number, material in enumerate(model.materials):
+        for name, usual in (("calibration", "mean"), ("coarse", "own")):
+            if getattr(material, name) != usual:
+                raise ModelError(
+                    f"{model.place_of(number)}.{name}: found '{getattr(material, name)}', expected '{usual}' in the"
+                    " thesis mode"
+                )
     for name, expected in KINDS[first.model].one_sided(first):
         raise ModelError(f"{model.place_of(0)}.{name}: found '{getattr(first, name)}', expected {expected}")
 

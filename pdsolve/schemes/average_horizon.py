@@ -48,6 +48,7 @@ from pdsolve.conditions import unbreakable
 from pdsolve.laws import limits
 from pdsolve.laws.bond_limits import Sizes
 from pdsolve.model import Model
+from pdsolve.schemes.coarse_strength import is_unbreakable, strength_reach
 
 NU = BONDS_NU["space"]
 LEAST, MOST = 0.2, 8.0  # of the corrections of a node in space; those of a cube are 0.59 to 5.2
@@ -168,6 +169,7 @@ def _mean_of_ends(
     """
     modulus, up_to_peak, whole = (np.zeros(len(pairs.length)) for _ in range(3))
     widest_peak, widest = np.zeros(len(pairs.length)), np.zeros(len(pairs.length))
+    unbreakable = np.zeros(len(pairs.length), dtype=bool)
     i, j, length = pairs
     delta = model.grid.delta
     for number, material in enumerate(model.materials):
@@ -178,12 +180,14 @@ def _mean_of_ends(
             counted = np.where(length <= reach * (1 + ROUND_OFF), 1.0, 0.0)
         c = counted * calibrated.stiffness * micromodulus(material, length, reach)
         c = c * calibrated.shells.at(length / reach * model.settings.horizon.ratio)
-        critical = calibrated.stretch * critical_stretch(material, reach)
+        critical = calibrated.stretch * critical_stretch(material, strength_reach(model, material, reach))
         own = limits(material, Sizes(critical, length, reach, model.settings.horizon.ratio))
+        kept = is_unbreakable(model, material, reach)
         if len(model.materials) == 1:
-            return c, own.peak, own.limit
+            return c, *(np.where(kept, np.inf, each) if kept.any() else each for each in own)
         for end in (pairs.source, pairs.target):
             half = np.where(model.material_of[end] == number, 0.5, 0.0)
+            unbreakable |= kept & (half > 0)
             modulus += half * c
             up_to_peak += half * c * own.peak**2
             whole += half * c * own.peak * own.limit
@@ -192,6 +196,7 @@ def _mean_of_ends(
     with np.errstate(invalid="ignore", divide="ignore"):
         peak = np.where(modulus > 0, np.sqrt(up_to_peak / modulus), widest_peak)
         limit = np.where(modulus > 0, whole / (modulus * peak), widest)
+    peak[unbreakable] = limit[unbreakable] = np.inf
     return modulus, peak, np.where(limit <= peak * (1 + SAME), peak, limit)
 
 

@@ -30,6 +30,7 @@ from pdsolve.bonds.assembly import Filling, Paired, Part, areas, part_of
 from pdsolve.conditions import unbreakable
 from pdsolve.laws import law_of
 from pdsolve.model import Model
+from pdsolve.schemes.coarse_strength import is_unbreakable, strength_reach
 from pdsolve.schemes.separation_energy import bonds_in_space, cost, patch, patch_in_space
 
 USUAL = {"ordinary": "constant", "correspondence": "cubic spline", "micropolar": "constant"}
@@ -119,14 +120,24 @@ def filled(model: Model, limits: list[Limit]) -> Filling:
         pairs = chosen(pairs, sight.inside(pairs))
         reach, limit = (horizon[pairs.source] + horizon[pairs.target]) / 2, np.zeros(len(pairs.source))
         for number, of in enumerate(limits):
+            own = _limits(model, model.materials[number], of, reach)
             for end in (pairs.source, pairs.target):
-                limit += np.where(model.material_of[end] == number, of(reach) / 2, 0.0)
+                limit += np.where(model.material_of[end] == number, own / 2, 0.0)
         part = counts(pairs._replace(length=sight.apart(pairs, first.detour, farthest)))
         nothing = np.zeros(len(limit))
         paired = Paired(pairs, part > ROUND_OFF, nothing, limit, limit, part * area[pairs.target])
         return part_of(grid.position, held, rows, paired)
 
     return Filling(area, part, counts)
+
+
+def _limits(model: Model, material: Material, of: Limit, reach: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Failure limits (b,) of bonds with these horizons (b,), m, as `coarse` of the material says."""
+    near = strength_reach(model, material, reach)
+    limit = of(near)
+    if material.failure == "energy":  # of one stretch, it falls with the square or the cube of the horizon
+        limit = limit * (near / reach) ** dimension_of(material.plane)
+    return np.where(is_unbreakable(model, material, reach), np.inf, limit)
 
 
 def _limit(material: Material, ratio: float) -> Limit:

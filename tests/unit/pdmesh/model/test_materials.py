@@ -22,7 +22,8 @@ from pdsolve.run.prepare import prepare
 from pdsolve.run.static_start import started
 
 SHARED = {"E", "rho", "G0", "nu", "alpha", "T0", "model", "micromodulus", "plane", "sight", "gamma", "failure"} | {
-    "calibration"
+    "calibration",
+    "coarse",
 }
 CRACKED = dataclasses.replace(square_grid(60, 60, y0=-29.5e-3), cracks=np.array([[-1e-3, 0.0, 28e-3, 0.0]]))
 ON_PLATES = (*RUNS, "thesis mode")

@@ -72,12 +72,14 @@ def test_a_sample_estimates_the_bonds(plate: Scene) -> None:
 
 def test_the_step_is_that_of_an_inner_node() -> None:
     """Of E = rho = 1 at ratio 1, by hand: four bonds of length 1 whose cells count by a half, and four of sqrt(2)
-    by 1.5 - sqrt(2); calibrated, the mean of C11 / 1.125, C12 / 0.375 and C66 / 0.375 is 1."""
+    by 1.5 - sqrt(2), the first weakened and the second strengthened until C11 = 3 C66; calibrated, C11 is 1.125."""
     unit = Material(E=1.0, rho=1.0, G0=1.0, micromodulus="constant")
     share = 1.5 - np.sqrt(2)
-    c11, c66 = 0.5 + share / np.sqrt(2), share / np.sqrt(2)  # over c, as is
-    c = 3 / (c11 / 1.125 + 2 * c66 / 0.375)
-    assert stable_step(unit, 1.0, 1.0) == pytest.approx(SURFACES * np.sqrt(4 / (2 * c + 4 * c * share / np.sqrt(2))))
+    near, far = 2 * np.sqrt(2) * share, 1.0  # factors that even 4 / 2 out with 4 sqrt(2) share, but for a common one
+    c = 1.125 / (0.5 * near + share / np.sqrt(2) * far)
+    assert 0.5 * near + share / np.sqrt(2) * far == pytest.approx(3 * share / np.sqrt(2) * far)
+    total = 2 * c * near + 4 * c * far * share / np.sqrt(2)
+    assert stable_step(unit, 1.0, 1.0) == pytest.approx(SURFACES * np.sqrt(4 / total))
     assert stable_step(GLASS, 4, 1e-3) == pytest.approx(2 * stable_step(GLASS, 4, 5e-4))
     assert stable_step(GLASS, 4, 1e-3) == pytest.approx(2.4425e-7, rel=1e-3)
 

@@ -1,0 +1,121 @@
+"""Strength of zones of different spacings, for `pdmesh info` and `plan`, and a warning where coarse zones are loaded.
+
+Bonds that cost the fracture energy break at a stretch that falls with the square root of their horizon, so that a zone
+of twice the spacing has 0.71 of the strength. An even load breaks it first, along its border with the finer zone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import msgspec
+import numpy as np
+
+from pdmesh.model import cohesive_softening, selection
+from pdmesh.model.document import (
+    Acceleration,
+    Displacement,
+    InitialVelocity,
+    Load,
+    Material,
+    Settings,
+    Velocity,
+)
+from pdmesh.model.lattice_calibration import along_axes, calibration, has_partial_cells, lattice_ratios
+from pdmesh.model.material_constants import critical_stretch
+from pdmesh.model.node_grid import Grid
+from pdmesh.model.suggestions import called
+
+SAME = 1e-6  # relative: spacings this close are one
+MOST = 16  # spacings that are shown one by one; of more, the finest and the coarsest
+
+
+class ZoneStrength(NamedTuple):
+    """Strength of the bonds of one spacing in even tension along an axis."""
+
+    spacing: float  # m
+    share: float  # of the strength of the finest zone; infinite where bonds do not break
+    critical_stretch: float | None  # of brittle bonds
+    strength: float | None  # Pa, the stress at which the first bonds break or, of softening ones, at the peak
+
+
+def zone_strengths(grid: Grid, settings: Settings, mode: str) -> list[ZoneStrength]:
+    """Strengths of the plate's material at all spacings, from fine to coarse; none without bonds that break."""
+    material = settings.material
+    if material is None or material.failure == "none":
+        return []
+    if grid.dimension == 3:
+        material = msgspec.structs.replace(material, plane="space")
+    spacings = np.unique(np.round(grid.delta[:1] if not any(grid.delta.strides) else grid.delta, 15))
+    shown = spacings if len(spacings) <= MOST else spacings[[0, -1]]
+    finest = float(spacings[0])
+    return [_strength(material, settings.horizon.ratio, float(spacing), finest, mode == "thesis") for spacing in shown]
+
+
+def _strength(material: Material, ratio: float, spacing: float, finest: float, one_sided: bool) -> ZoneStrength:
+    if material.coarse == "unbreakable" and spacing > finest * (1 + SAME):
+        return ZoneStrength(spacing, np.inf, None, None)
+    own = finest if material.coarse == "matched" else spacing
+    if material.law == "cohesive" or material.failure == "stress":
+        return ZoneStrength(spacing, 1.0, None, material.f_t if material.law == "cohesive" else material.strength)
+    share = float(np.sqrt(finest / own))
+    partial = has_partial_cells(material)
+    if material.model != "bond" or not lattice_ratios(ratio, material.micromodulus, material.plane, partial).c11 > 0:
+        return ZoneStrength(spacing, share, None, None)
+    critical = float(critical_stretch(material, np.array([ratio * own]))[0])
+    critical *= 1.0 if one_sided else calibration(ratio, material, partial).stretch
+    if material.law == "bilinear" and material.kr > 1:
+        return ZoneStrength(spacing, share, None, cohesive_softening.strength_of_peak(material, ratio, ratio * own))
+    return ZoneStrength(spacing, share, critical, critical * material.E * along_axes(material, ratio, one_sided).young)
+
+
+def lines(zones: list[dict[str, Any]]) -> list[str]:
+    """The strengths of a model's zones in one line; none without zones."""
+    return ["strength: " + "; ".join(_words(zone) for zone in zones)] if zones else []
+
+
+def _words(zone: dict[str, Any]) -> str:
+    spacing, share, critical, strength = zone.values()
+    if share is None:
+        return f"no breaking bonds at {spacing:g} m"
+    said = [
+        f"{strength:.4g} Pa" if strength is not None else "",
+        f"critical stretch {critical:.4g}" if critical is not None else "",
+        f"{share:.3g} of the finest zone's" if share != 1 or strength is None else "",
+    ]
+    more = ", ".join(filter(None, said[1:]))
+    return f"{said[0]} at {spacing:g} m".strip() + (f" ({more})" if more else "")
+
+
+def described(zones: list[ZoneStrength]) -> list[dict[str, Any]]:
+    """Strengths for JSON, which has no infinite numbers."""
+    return [zone._asdict() | {"share": zone.share if np.isfinite(zone.share) else None} for zone in zones]
+
+
+def remarks(grid: Grid, settings: Settings) -> Iterator[str]:
+    """A warning of loads and motions on zones that are weaker than the finest one."""
+    zones = zone_strengths(grid, settings, "conservative") if settings.run.adapt == "none" else []
+    if not zones or not (weakest := zones[-1]).share < 1 - SAME:
+        return
+    acting = [
+        f"'{called(condition.name, number)}'"
+        for number, condition in enumerate(settings.conditions)
+        if _pulls(condition)
+        and (grid.delta[selection.selected(grid, condition.nodes, condition.box)] > zones[0].spacing * (1 + SAME)).any()
+    ]
+    if acting:
+        verb = "acts" if len(acting) == 1 else "act"
+        yield (
+            f"nodes of {weakest.spacing:g} m have {weakest.share:.2g} of the strength of those of"
+            f" {zones[0].spacing:g} m, as the critical stretch falls with the square root of the horizon, and"
+            f" {', '.join(acting)} {verb} on coarse nodes: cracks may start there or follow the"
+            ' border of the zones; material.coarse = "matched" or "unbreakable" prevents it'
+        )
+
+
+def _pulls(condition: Any) -> bool:
+    """Whether a condition loads what it acts on, and is not a support."""
+    if isinstance(condition, Displacement | Velocity | Acceleration | InitialVelocity):
+        return any(getattr(condition, axis, None) for axis in ("x", "y", "z", "spin"))
+    return isinstance(condition, Load)

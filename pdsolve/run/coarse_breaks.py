@@ -1,0 +1,35 @@
+"""A warning of bonds that broke outside the finest zone, where strength is lower."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pdmesh.model.zone_strengths import SAME, zone_strengths
+from pdsolve.checks import named, warn
+from pdsolve.model import Model
+from pdsolve.results import Results
+
+
+def warn_of_coarse_breaks(model: Model, results: Results) -> None:
+    """Warn if bonds of coarser nodes than the finest of their body broke, and had less strength for it."""
+    grid, zones = model.grid, []
+    if model.settings.run.adapt == "none" and any(grid.delta.strides):
+        zones = zone_strengths(grid, model.settings, "conservative")
+    if not zones or not zones[-1].share < 1 - SAME:
+        return
+    body = np.zeros(len(grid), dtype=np.int64) if grid.bodies is None else grid.bodies.number
+    finest = np.full(int(body.max()) + 1, np.inf)
+    np.minimum.at(finest, body, grid.delta)
+    coarse = grid.delta > finest[body] * (1 + SAME)
+    breaks, order = results.breaks(), np.argsort(grid.ids)
+    ends = (order[np.searchsorted(grid.ids, ids, sorter=order)] for ids in (breaks.node, breaks.neighbour))
+    outside = np.flatnonzero(np.logical_or(*(coarse[end] for end in ends)))
+    if len(outside):
+        first = outside[0]
+        row = int(order[np.searchsorted(grid.ids, breaks.node[first], sorter=order)])
+        warn(
+            model,
+            f"{len(outside) / len(breaks.step):.0%} of the broken bonds are outside the finest zone, where strength is"
+            f" down to {zones[-1].share:.2g} of that within; the first broke at step {breaks.step[first]},"
+            f' {named(model, row)}; widen the fine zone, or set material.coarse to "matched" or "unbreakable"',
+        )

@@ -1,0 +1,193 @@
+"""Strength and fracture energy of zones of two spacings, from the bonds of a plate pulled or parted by hand."""
+
+from __future__ import annotations
+
+import dataclasses
+import warnings
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from plates import GLASS, plate, square_grid
+
+from pdmesh.__main__ import main as pdmesh
+from pdmesh.model.document import Displacement, Load, Material, Region, Run, Velocity
+from pdmesh.model.lattice_calibration import along_axes
+from pdmesh.model.node_grid import Grid
+from pdmesh.model.zone_strengths import remarks, zone_strengths
+from pdsolve.model import Model, ModelError
+from pdsolve.options import Options
+from pdsolve.run.prepare import prepare
+from pdsolve.run.simulation import simulate
+from pdsolve.schemes import average_horizon, families
+
+
+def two_zones(columns: int = 40, rows: int = 16) -> Grid:
+    """Nodes 1 mm apart on the left, 2 mm on the right; cells fill the plate."""
+    fine = square_grid(columns, rows)
+    coarse = square_grid(columns // 2, rows // 2, delta=2e-3, x0=columns * 1e-3 + 0.5e-3, y0=0.5e-3)
+    count = len(fine) + len(coarse)
+    return dataclasses.replace(
+        fine,
+        ids=np.arange(1, count + 1),
+        position=np.vstack([fine.position, coarse.position]),
+        delta=np.concatenate([fine.delta, coarse.delta]),
+        border=np.zeros(count, dtype=bool),
+        hole_id=np.full(count, -1),
+    )
+
+
+def strengths(material: Material) -> tuple[float, float]:
+    """Stress, Pa, of an even pull along x at which first bonds inside the fine and the coarse zone break."""
+    model = plate(two_zones(), 3.0, material=material)
+    scheme = average_horizon if material.model == "bond" else families
+    bonds = scheme.fill(model).whole().bonds
+    x, young = model.grid.position[:, 0], along_axes(material, 3.0)
+    own = np.repeat(np.arange(len(x)), np.diff(bonds.start))
+    n = bonds.xi / np.hypot(*bonds.xi.T)[:, None]
+    stretch = n[:, 0] ** 2 - young.poisson * n[:, 1] ** 2  # of a unit strain along x in a long bar
+    with np.errstate(divide="ignore"):
+        strain = np.where(stretch > 0, bonds.limit / stretch, np.inf)
+    fine, coarse = x[own] < 0.03, x[own] > 0.05
+    return tuple(float(material.E * young.young * strain[where].min()) for where in (fine, coarse))
+
+
+def crack_cost(material: Material, x: float) -> float:
+    """Energy of a crack along y at x through all rows of the plate, over G0 times its length."""
+    model = plate(two_zones(rows=40), 3.0, material=material)
+    assembly = average_horizon.fill(model).whole()
+    bonds, place = assembly.bonds, model.grid.position
+    own = np.repeat(np.arange(len(place)), np.diff(bonds.start))
+    across = (place[own, 0] < x) & (place[bonds.neighbour, 0] > x) & (np.abs(place[own, 1] - 0.02) < 0.01)
+    energy = bonds.stiffness * np.hypot(*bonds.xi.T) * bonds.limit**2 / 2 * assembly.area[own]
+    return float(energy[across].sum() / (material.G0 * 0.02))
+
+
+@pytest.mark.parametrize(("coarse", "share"), [("own", 0.5**0.5), ("matched", 1.0), ("unbreakable", np.inf)])
+def test_strength_of_a_coarse_zone(coarse: str, share: float) -> None:
+    material = msgspec.structs.replace(GLASS, coarse=coarse)
+    fine, wide = strengths(material)
+    assert wide / fine == pytest.approx(share, rel=1e-9)
+    zones = zone_strengths(two_zones(), plate(two_zones(), 3.0, material=material).settings, "conservative")
+    assert [zone.share for zone in zones] == pytest.approx([1.0, share])
+    assert zones[0].strength == pytest.approx(fine, rel=1e-9)
+    if np.isfinite(share):
+        assert zones[1].strength == pytest.approx(wide, rel=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.quick_cases(1)
+@pytest.mark.parametrize("failure", ["stretch", "energy"])
+@pytest.mark.parametrize(("coarse", "share"), [("own", 0.5**0.5), ("matched", 1.0), ("unbreakable", np.inf)])
+def test_strength_of_ordinary_bonds(failure: str, coarse: str, share: float) -> None:
+    """An energy limit is per square of a cell, so that of one stretch falls with the square of the horizon."""
+    material = msgspec.structs.replace(GLASS, model="ordinary", nu=0.2, failure=failure, coarse=coarse)
+    bonds = families.fill(plate(two_zones(), 3.0, material=material)).whole().bonds
+    places = two_zones().position
+    rows = [int(np.argmin(((places - at) ** 2).sum(axis=1))) for at in ((15e-3, 8e-3), (60e-3, 8e-3))]
+    fine, wide = (float(bonds.limit[bonds.start[row]]) for row in rows)
+    own_scale = 1.0 if failure == "stretch" else 0.25  # of w = E s^2 / horizon^2, per cell squared
+    expected = share if failure == "stretch" else share**2
+    assert wide / fine == pytest.approx(expected * own_scale, rel=1e-9)
+
+
+def test_what_a_crack_costs() -> None:
+    """G0 in either zone by default; matched bonds make one in the coarse zone twice as dear."""
+    own, matched = GLASS, msgspec.structs.replace(GLASS, coarse="matched")
+    assert crack_cost(own, 20.5e-3) == pytest.approx(1.0, abs=0.01)
+    assert crack_cost(own, 61.5e-3) == pytest.approx(1.0, abs=0.01)
+    assert crack_cost(matched, 20.5e-3) == crack_cost(own, 20.5e-3)
+    assert crack_cost(matched, 61.5e-3) / crack_cost(own, 61.5e-3) == pytest.approx(2.0, rel=1e-9)
+
+
+def test_regions_each_have_their_own_coarse_bonds() -> None:
+    """Bonds of two materials, of which one does not break when wide."""
+    model = two_materials()
+    bonds = average_horizon.fill(model).whole().bonds
+    own = np.repeat(np.arange(len(model.grid)), np.diff(bonds.start))
+    wide = np.maximum(model.grid.delta[own], model.grid.delta[bonds.neighbour]) > 1e-3
+    strong = (model.material_of[own] == 1) | (model.material_of[bonds.neighbour] == 1)
+    assert (wide & strong).any()
+    assert np.array_equal(np.isinf(bonds.limit), wide & strong)
+    assert not np.isnan(bonds.peak).any()
+
+
+def two_materials() -> Model:
+    """The two zones, of whose upper half coarse bonds do not break."""
+    upper = Region(material=msgspec.structs.replace(GLASS, G0=400.0, coarse="unbreakable"), box=(-1, 8e-3, 1, 1))
+    return plate(two_zones(), 3.0, material=GLASS, regions=(upper,))
+
+
+def test_a_window_knows_the_finest_spacing_of_all() -> None:
+    """A rank whose nodes are all coarse has the strength of the whole model's finest zone."""
+    model = plate(two_zones(), 3.0, material=msgspec.structs.replace(GLASS, coarse="matched"))
+    assert model.window(len(model.grid) - 100, len(model.grid)).finest_horizon == model.finest_horizon == 3e-3
+
+
+def pulled_apart(coarse: str) -> Model:
+    """The plate, torn along x by its ends at rates that break it in some dozens of steps."""
+    ends = (
+        Velocity(box=(-1, -1, 0.5e-3, 1), x=-20.0),
+        Velocity(box=(77e-3, -1, 1, 1), x=20.0),
+    )
+    material = msgspec.structs.replace(GLASS, G0=2.0, coarse=coarse)
+    return plate(two_zones(), 3.0, material=material, conditions=ends, run=Run(steps=150, every=150))
+
+
+@pytest.mark.parametrize(("coarse", "warned"), [("own", True), ("matched", False), ("unbreakable", False)])
+def test_a_run_says_that_bonds_broke_in_a_coarse_zone(coarse: str, warned: bool) -> None:
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        with simulate(pulled_apart(coarse), options=Options(threads=1)) as results:
+            broken = len(results.breaks().step)
+    said = [str(each.message) for each in caught if "outside the finest zone" in str(each.message)]
+    assert broken > 0
+    assert len(said) == warned
+    if warned:
+        assert "where strength is down to 0.71 of that within; the first broke at step" in said[0]
+
+
+def test_building_warns_of_loads_on_coarse_zones() -> None:
+    """Of loads and motions, not of supports, and not where coarse bonds are as strong."""
+    right = (77e-3, -1, 1, 1)
+    for condition, acts in (
+        (Load(name="pull", box=right, traction=(1e6, 0.0)), True),
+        (Velocity(name="hit", box=right, x=1.0), True),
+        (Displacement(name="wall", box=right, x=0.0), False),
+        (Load(name="left", box=(-1, -1, 0.5e-3, 1), traction=(1e6, 0.0)), False),
+    ):
+        for coarse in ("own", "matched", "unbreakable"):
+            material = msgspec.structs.replace(GLASS, coarse=coarse)
+            model = plate(two_zones(), 3.0, material=material, conditions=(condition,))
+            said = list(remarks(model.grid, model.settings))
+            assert len(said) == (acts and coarse == "own")
+            assert all(f"'{condition.name}' acts on coarse nodes" in each for each in said)
+    cohesive = msgspec.structs.replace(GLASS, law="cohesive", f_t=3e7)
+    model = plate(two_zones(), 3.0, material=cohesive, conditions=(Load(box=right, traction=(1e6, 0.0)),))
+    assert not list(remarks(model.grid, model.settings))
+
+
+@pytest.mark.parametrize(("name", "value"), [("coarse", "matched"), ("calibration", "isotropic")])
+def test_the_thesis_mode_has_its_own_bonds(name: str, value: str) -> None:
+    model = plate(two_zones(), 3.0, material=msgspec.structs.replace(GLASS, **{name: value}))
+    with pytest.raises(ModelError, match=rf"\$.material.{name}: found '{value}', expected '.*' in the thesis mode"):
+        prepare(model, Options("thesis"))
+
+
+@pytest.mark.slow
+def test_info_and_plan_print_the_strengths(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scene = tmp_path / "zones.py"
+    scene.write_text(
+        "from pdmesh import *\n"
+        "scene = (Scene(box(0, 0, .04, .04), 2e-3, Material(E=65e9, rho=2235, G0=204), 3, Run(steps=1))\n"
+        "  .zone(box(0, 0, .01, .01), 1e-3).load('right', traction=(1e6, 0)))\n"
+    )
+    assert pdmesh(["build", str(scene), "--trust", "-o", str(tmp_path / "zones.json")]) == 0
+    assert "acts on coarse nodes" in capsys.readouterr().err
+    for command in (["info", str(tmp_path / "zones.json")], ["plan", str(scene), "--trust"]):
+        assert pdmesh(command) == 0
+        lines = capsys.readouterr().out.splitlines()
+        (line,) = [line for line in lines if line.startswith("strength: ")]
+        assert line.endswith("0.707 of the finest zone's)")
+        assert " Pa at 0.001 m (critical stretch " in line
