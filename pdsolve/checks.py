@@ -9,12 +9,13 @@ import warnings
 from typing import NamedTuple
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from pdmesh.model import unused_settings
 from pdmesh.model.cohesive_softening import COARSE, characteristic_length, largest_horizon
 from pdmesh.model.damping import MUCH, remark
-from pdmesh.model.document import MOST
+from pdmesh.model.document import MOST, Displacement
 from pdmesh.model.kd_trees import tree_of
 from pdmesh.model.lattice_calibration import along_axes, lattice_ratios
 from pdmesh.model.neighbours import ROUND_OFF, Neighbours, row_chunks
@@ -27,6 +28,8 @@ from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
 
+POINT = 2  # nodes of a support that is a point
+CONVEX = 1e-3  # of the area: what chords of curves may lack
 USUAL_RATIO = 3.0  # of horizon to spacing
 LEAST = 1e-30  # of a material's numbers, likewise
 SAME = 1e-6  # spacings: nodes this near are at one place but for round-off
@@ -130,6 +133,7 @@ def advise(model: Model, unbonded: NDArray[np.int64], partial_cells: bool, symme
     _shapes(model)
     _probes(model)
     _coarse(model)
+    _smooth_edges(model)
     _few_neighbours(model, partial_cells, symmetric)
 
 
@@ -173,6 +177,24 @@ def _coarse(model: Model) -> None:
                     f"$.horizon: found {widest:g} m, expected {most:.4g} m or less, {COARSE:.2g} of l_ch ="
                     " E G0 / f_t^2: strengths of coarser lattices are not known; a finer spacing shortens it",
                 )
+
+
+def _smooth_edges(model: Model) -> None:
+    """Warn of cohesive plates that bend on point supports, and whose cracks can only start at a smooth edge."""
+    grid, conditions = model.grid, model.settings.conditions
+    if all(material.law != "cohesive" for material in model.materials) or grid.dimension == 3:
+        return
+    on_points = any(0 < len(model.selected(each)) <= POINT for each in conditions if isinstance(each, Displacement))
+    if not grid.outline or grid.holes or len(grid.cracks) or not (on_points or model.settings.contact is not None):
+        return
+    plates = [shapely.Polygon(ring) for ring in grid.outline]
+    if all(each.area > (1 - CONVEX) * each.convex_hull.area for each in plates):
+        warn(
+            model,
+            "found no notch, hole or pre-crack in a plate of cohesive bonds on point supports, expected one if it"
+            " bends: a beam that cracks from its smooth edge carries 16 to 24 % more than f_t and G0 give, the more the"
+            " finer",
+        )
 
 
 def advise_unused(model: Model) -> None:
