@@ -23,7 +23,7 @@ from pdmesh.model.node_grid import Grid
 from pdmesh.model.output_fields import USUAL
 from pdmesh.model.refused_settings import impossible, on_ranks
 from pdmesh.model.triangulated_surface import distances
-from pdsolve.laws import law_named
+from pdsolve.laws import law_named, micropolar
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
@@ -150,13 +150,15 @@ def _few_neighbours(model: Model, partial_cells: bool, symmetric: bool) -> None:
                 f" shear{young}, expected 1.5 or more (3 is usual)",
             )
             return
-        if springs and not symmetric and ratio < USUAL_RATIO:
-            young, nu = along_axes(material, ratio, one_sided=True)
+        beams = material.model == "micropolar" and material.law != "cohesive" and material.influence is None
+        if ratio < USUAL_RATIO and (beams or (springs and not symmetric)):
+            own = micropolar.along_axes(material, ratio) if beams else along_axes(material, ratio, one_sided=True)
+            where = ("with micropolar beams", "") if beams else ("in the thesis mode", ", or the conservative mode")
             warn(
                 model,
-                f"$.horizon.ratio: found {ratio:g} in the thesis mode, whose lattice is not calibrated: E along the"
-                f" axes is {young:.3g} times that given and Poisson's ratio {nu:.3g}, expected {USUAL_RATIO:g} or more,"
-                " or the conservative mode",
+                f"$.horizon.ratio: found {ratio:g} {where[0]}, whose lattice is not calibrated: E along the axes is"
+                f" {own.young:.3g} times that given and Poisson's ratio {own.poisson:.3g}, expected {USUAL_RATIO:g} or"
+                f" more{where[1]}",
             )
             return
 

@@ -200,7 +200,12 @@ def along_axes(material: Material, ratio: float, one_sided: bool = False) -> Ela
         xi, length, c, whole = _family(unit, ratio, False)
         stiffness, found = 1.0, _ratios(unit, ratio, xi, length, c * hu_beta(length, ratio * whole, whole))
     c11, c12 = (stiffness * part * of[material.plane] for part, of in ((found.c11, C11), (found.c12, C66)))
-    if material.plane == "stress":
+    return elasticity(c11, c12, material.plane)
+
+
+def elasticity(c11: float, c12: float, plane: str) -> Elasticity:
+    """Constants of a long bar along an axis, from those of stretching along it, over E."""
+    if plane == "stress":
         return Elasticity((c11**2 - c12**2) / c11, c12 / c11)
     return Elasticity((c11 - c12) * (c11 + 2 * c12) / (c11 + c12), c12 / (c11 + c12))
 

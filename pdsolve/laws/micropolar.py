@@ -21,6 +21,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from pdmesh.model.lattice_calibration import Elasticity, elasticity, hu_beta, offsets
+from pdmesh.model.material import Material
+from pdmesh.model.neighbours import lengths
 from pdsolve.bonds.assembly import Bonds
 from pdsolve.laws.law import INLINE, Failure, Law, Passes
 from pdsolve.model import Model, ModelError
@@ -65,6 +68,21 @@ def stiffnesses(E: float, nu: float, plane: str) -> tuple[float, float]:
     if plane == "stress":
         return 6 * E / (np.pi * (1 - nu)), E * (1 - 3 * nu) / (6 * np.pi * (1 - nu**2))
     return 6 * E / (np.pi * (1 + nu) * (1 - 2 * nu)), E * (1 - 4 * nu) / (6 * np.pi * (1 + nu) * (1 - 2 * nu))
+
+
+def along_axes(material: Material, ratio: float) -> Elasticity:
+    """Young's modulus over E, and Poisson's ratio, of a bar of beams along an axis of a lattice, which is as published.
+
+    The influence is constant, with horizons of `ratio` spacings.
+    """
+    xi = offsets(ratio + 0.5)
+    length, one = lengths(xi), np.ones(len(xi))
+    (c, d), weight = stiffnesses(1.0, material.nu or 0.0, material.plane), hu_beta(length, ratio * one, one)
+    n_x, n_y = (xi / length[:, None]).T
+    along, across = weight * c * length / ratio**3, 12 * weight * d / (ratio * length)
+    c11 = float((along * n_x**4 + across * (n_x * n_y) ** 2).sum() / 2)
+    c12 = float(((along - across) * (n_x * n_y) ** 2).sum() / 2)
+    return elasticity(c11, c12, material.plane)
 
 
 def unknowns(dimension: int) -> tuple[Unknown, ...]:

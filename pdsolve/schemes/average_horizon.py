@@ -184,7 +184,8 @@ def _mean_of_ends(
         own = limits(material, Sizes(critical, length, reach, model.settings.horizon.ratio))
         kept = is_unbreakable(model, material, reach)
         if len(model.materials) == 1:
-            return c, *(np.where(kept, np.inf, each) if kept.any() else each for each in own)
+            peak, limit = own if not kept.any() else (np.where(kept, np.inf, each) for each in own)
+            return c, peak, limit
         for end in (pairs.source, pairs.target):
             half = np.where(model.material_of[end] == number, 0.5, 0.0)
             unbreakable |= kept & (half > 0)
