@@ -14,6 +14,7 @@ from pdmesh.model.document import (
     Acceleration,
     Condition,
     Displacement,
+    InitialDisplacement,
     InitialVelocity,
     Load,
     Pin,
@@ -79,22 +80,52 @@ def initial_velocity(model: Model, width: int | None = None) -> NDArray[np.float
     """Velocities (n, d) at time 0, m/s, from initial and prescribed velocities; (n, width) of more components."""
     d = model.grid.dimension
     velocity = np.zeros((len(model.grid), width or d))
-    for condition in model.settings.conditions:
-        if isinstance(condition, InitialVelocity):
-            rows = model.selected(condition)
-            if len(rows):  # of a rank's window there may be none
-                mass = model.rho[rows] * model.grid.cells[rows]
-                velocity[rows, :d] = first_velocities(condition, model.grid.position[rows], mass)
-        if isinstance(condition, RigidBody):
-            rows = model.selected(condition)
-            velocity[rows, :d] = rigid_velocities(condition, model.grid.position[rows], model.grid.cells[rows])
+    _set_free(model, velocity)
     for condition in model.settings.conditions:
         if isinstance(condition, Velocity):
             factor = condition.profile[0][1] if condition.profile else 1.0
             for axis, value in enumerate(components(condition, d)):
                 if value is not None:
-                    velocity[model.selected(condition), axis] = factor * value
+                    rows = model.selected(condition)
+                    velocity[rows, axis] = factor * model.values(value, rows)
     return velocity
+
+
+def _set_free(model: Model, velocity: NDArray[np.float64]) -> None:
+    """Set velocities (n, w) of nodes that are free from time 0 on, and of rigid bodies; later conditions count."""
+    d = model.grid.dimension
+    for condition in model.settings.conditions:
+        if isinstance(condition, InitialVelocity):
+            rows = model.selected(condition)
+            if len(rows):  # of a rank's window there may be none
+                mass = model.rho[rows] * model.grid.cells[rows]
+                for axis, values in enumerate(first_velocities(condition, model.grid.position[rows], mass)):
+                    if values is not None:
+                        velocity[rows, axis] = values
+        if isinstance(condition, RigidBody):
+            rows = model.selected(condition)
+            velocity[rows, :d] = rigid_velocities(condition, model.grid.position[rows], model.grid.cells[rows])
+
+
+def has_initial_displacement(model: Model) -> bool:
+    """Whether nodes are displaced at time 0."""
+    return any(isinstance(condition, InitialDisplacement) for condition in model.settings.conditions)
+
+
+def initial_displacement(model: Model, drive: Drive, width: int) -> NDArray[np.float64]:
+    """Displacements (n, width) at time 0, m, from initial ones and from what is prescribed then."""
+    displacement = np.zeros((len(model.grid), width))
+    for condition in model.settings.conditions:
+        if isinstance(condition, InitialDisplacement):
+            for axis, value in enumerate(components(condition, model.grid.dimension)):
+                if value is not None:
+                    rows = model.selected(condition)
+                    displacement[rows, axis] = model.values(value, rows)
+    holds = drive.holds
+    some = holds.kind == DISPLACEMENT
+    now = holds.value * factors_at(drive.profiles, 0.0)[holds.profile]
+    displacement[holds.node[some], holds.axis[some]] = now[some]
+    return displacement
 
 
 def refuse_layers(model: Model) -> None:
@@ -186,7 +217,7 @@ def drive(
             continue
         for axis, value in enumerate(components(condition, d)):
             if value is not None:
-                holds.append(entries(rows, axis, value, number, HELD[type(condition)]))
+                holds.append(entries(rows, axis, model.values(value, rows), number, HELD[type(condition)]))
     return drive_of(profiles, loads, holds, (nodes, d), kind)
 
 
@@ -292,7 +323,7 @@ def _body_force(
     """Body force (rows, d), N/m^3, of a load at factor 1; `sizes` are the nodes' areas and what adds them up."""
     areas, total = sizes
     if load.body_force is not None:
-        return np.tile(np.array(load.body_force), (len(rows), 1))
+        return model.vectors(load.body_force, rows)
     if load.force is not None:
         return np.tile(np.array(load.force) / total(areas[rows]), (len(rows), 1))
     extent = load.length if model.grid.dimension == 2 else load.surface
@@ -300,7 +331,8 @@ def _body_force(
         spread = np.full(len(rows), extent / total(areas[rows]))
     else:
         spread = 1 / (load.rows * model.grid.delta[rows])
-    return np.asarray(spread[:, None] * np.array(load.traction))
+    assert load.traction is not None
+    return np.asarray(spread[:, None] * model.vectors(load.traction, rows))
 
 
 @njit

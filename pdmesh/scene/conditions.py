@@ -13,6 +13,7 @@ import shapely
 from numpy.typing import NDArray
 
 from pdmesh.model.document import AnyCondition, Concentration, Load, MediumRegion, Point, Region, Spring
+from pdmesh.scene.functions_of_place import Function, sampled
 from pdmesh.scene.shapes import Circle, Curve, Points, SceneError, Surface, near, polyline
 
 MOST_SPACINGS = 32
@@ -81,6 +82,7 @@ class PlacedCondition:
 
     place: Place
     action: AnyCondition
+    functions: tuple[Function, ...] = ()  # of place, that give values of the condition
 
     def on(
         self, position: NDArray[np.float64], delta: NDArray[np.float64], shifts: Sequence[Shift] = ()
@@ -104,7 +106,9 @@ class PlacedCondition:
             at = shapely.points(position[rows])
             feet = shapely.line_interpolate_point(self.place.shape, shapely.line_locate_point(self.place.shape, at))
             found["edge"] = tuple(map(tuple, (shapely.get_coordinates(feet) - position[rows]).tolist()))
-        return msgspec.structs.replace(self.action, **found)
+        return sampled(
+            msgspec.structs.replace(self.action, **found), self.functions, position[rows], describe(self.action)
+        )
 
 
 @dataclass(frozen=True)

@@ -35,6 +35,7 @@ from pdmesh.model.document import (
 from pdmesh.scene import actions, checks
 from pdmesh.scene.conditions import MaterialRegion, Place, PlacedCondition, PlacedRegion, Profile, name_of
 from pdmesh.scene.diffusion_conditions import DiffusionConditions
+from pdmesh.scene.functions_of_place import ValueOfPlace, without_functions
 from pdmesh.scene.mechanical_conditions import MechanicalConditions
 from pdmesh.scene.plate import BodyBeside, Plate, Refinement, Zone
 from pdmesh.scene.shapes import Circle, Curve, Points, SceneError, Shape, Surface, coordinates, polyline, surface
@@ -141,8 +142,8 @@ class Scene(Plate, MechanicalConditions[Where], DiffusionConditions[Where]):
     def fix(
         self,
         where: Where,
-        x: float | None = 0.0,
-        y: float | None = 0.0,
+        x: ValueOfPlace | None = 0.0,
+        y: ValueOfPlace | None = 0.0,
         rows: int = 1,
         profile: Profile = (),
         name: str = "",
@@ -213,9 +214,10 @@ class Scene(Plate, MechanicalConditions[Where], DiffusionConditions[Where]):
         self, kind: type[AnyCondition], values: dict[str, Any], where: Where, rows: int, name: str, **more: Any
     ) -> Scene:
         name = name or name_of(where, str(kind.__struct_config__.tag))
-        action = actions.action(kind, name, values | more)
+        plain, functions = without_functions(values)
+        action = actions.action(kind, name, plain | more, len(self.AXES))
         place = self._place(where, f"{kind.__struct_config__.tag} '{name}'")
-        condition = PlacedCondition(Place(place, rows), action)
+        condition = PlacedCondition(Place(place, rows), action, functions)
         return replace(self, conditions=(*self.conditions, condition))
 
     def _place(self, where: Where, place: str) -> Curve | Surface | shapely.Point:
