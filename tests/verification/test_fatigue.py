@@ -88,6 +88,17 @@ def test_what_a_cycle_leaves_out_costs_no_life() -> None:
 
 
 @pytest.mark.slow
+def test_a_closed_crack_adds_nothing_to_the_range_of_its_tip() -> None:
+    """Faces press on each other below a load of 0: R = -1 has the life of R = 0, as by K; R = 0.5 has 2^m times it."""
+    lives = []
+    for ratio in (0.0, -1.0, -0.3, 0.5):
+        with simulate(notched(2, A=1e9, m=3.0, ratio=ratio), None, ONE) as results:
+            lives.append(summary(results)["fatigue_steps"][-1]["cycles"])
+    assert lives[1] == lives[2] == lives[0]  # measured: equal; 2^m and 1.3^m times shorter where faces pass through
+    assert lives[3] == pytest.approx(2**3 * lives[0], rel=1e-9)
+
+
+@pytest.mark.slow
 def test_a_run_that_goes_on_is_the_same_to_the_last_bit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("pdsolve.run.simulation.PATIENCE", 1.0)
     whole, stopped = tmp_path / "whole.sqlite", tmp_path / "stopped.sqlite"
