@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol
 
+import msgspec
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -23,6 +24,7 @@ from pdmesh.model.document import (
     Velocity,
 )
 from pdmesh.model.kd_trees import tree_of
+from pdmesh.model.load_resultants import shares_of
 from pdmesh.model.material_constants import pressure_speed
 from pdmesh.model.node_arrays import Grid
 from pdmesh.model.rigid_bodies import first_velocities, rigid_velocities
@@ -208,6 +210,9 @@ def drive(
             continue
         rows, number = model.selected(condition), len(profiles)
         rows = rows[(rows >= begin) & (rows < end)]
+        if isinstance(condition, Load) and condition.shares is not None and not (exact_total and _fine(model)):
+            rows = rows[shares_of(condition, model.grid.ids[rows]) == 1.0]  # the first row alone, as a load without
+            condition = msgspec.structs.replace(condition, shares=None)
         profiles.append(() if isinstance(condition, Spring | Pin) else condition.profile)
         if isinstance(condition, RigidBody | Spring | Pin):  # operators have their forces
             continue
@@ -313,6 +318,16 @@ def initial_acceleration(drive: Drive, rho: NDArray[np.floating]) -> NDArray[np.
     return acceleration
 
 
+def _fine(model: Model) -> bool:
+    """Whether a model has fine nodes everywhere and bonds that know of shared loads."""
+    return model.settings.run.adapt == "none" and is_corrected(model)
+
+
+def is_corrected(model: Model) -> bool:
+    """Whether the edges of a model can be corrected: those of plain bonds in the plane."""
+    return model.grid.dimension == 2 and model.materials[0].model == "bond"
+
+
 def _body_force(
     load: Load,
     rows: NDArray[np.int64],
@@ -328,7 +343,8 @@ def _body_force(
         return np.tile(np.array(load.force) / total(areas[rows]), (len(rows), 1))
     extent = load.length if model.grid.dimension == 2 else load.surface
     if exact_total and extent is not None:
-        spread = np.full(len(rows), extent / total(areas[rows]))
+        shares = shares_of(load, model.grid.ids[rows]) if load.shares is not None else np.ones(len(rows))
+        spread = shares * (extent / total(areas[rows] * shares))
     else:
         spread = 1 / (load.rows * model.grid.delta[rows])
     assert load.traction is not None

@@ -7,7 +7,7 @@ group                parameters below Peridynamics/
 "spring:NAME"        Springs/NAME/Stiffness x, y, z, or Body stiffness x, y, z; * but Profile
 "gap:NAME"           -, two points
 -                    Load cells/NAME/Of "CONDITION, CONDITION", whose forces it sums
-* of each condition  Rows (1), Profile (constant), Breakable (0)
+* of each condition  Rows (as `pdmesh.Scene.load` has it), Profile (constant), Breakable (0)
 
 Loads and motions may be words instead of numbers: an expression of x, y and z (m), or the name of a file of values
 beside the drawing; both give SI units.
@@ -79,7 +79,10 @@ def rows(parameters: Parameters, folder: str) -> dict[str, Any]:
 
 
 def _shared(parameters: Parameters, folder: str) -> dict[str, Any]:
-    return {**rows(parameters, folder), "profile": parameters.profile(f"{folder}/Profile")}
+    given = rows(parameters, folder)
+    if parameters.maybe(f"{folder}/Rows") is None:
+        del given["rows"]
+    return {**given, "profile": parameters.profile(f"{folder}/Profile")}
 
 
 def _given(parameters: Parameters, folder: str, words: Sequence[str], axes: str) -> dict[str, Any]:

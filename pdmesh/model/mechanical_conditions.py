@@ -6,7 +6,7 @@ Their values may depend on the place (`pdmesh.model.values_of_place`).
 from __future__ import annotations
 
 from pdmesh.model.contact import Spin
-from pdmesh.model.timed_selection import Positive, PositiveInt, Selection, Timed
+from pdmesh.model.timed_selection import Positive, PositiveInt, Selection, Share, Timed
 from pdmesh.model.timed_selection import Vector as NumbersAlongAxes
 from pdmesh.model.values_of_place import Value, Vector
 
@@ -21,7 +21,8 @@ class Load(Condition, frozen=True, kw_only=True, tag="load", tag_field="kind"):
     """A body force: ``body_force`` (N/m^3), ``traction`` (Pa) over ``rows`` rows of nodes, or a total ``force``.
 
     A traction gives traction / (rows delta) at each node; ``length`` (m) of the loaded edge, if known, lets a solver
-    make the total exact. A force (N/m of a plate, N of a body in space) is shared by its nodes by area or volume.
+    make the total exact. With ``shares``, rows farther from an edge have less of a traction, as families there lack
+    less. A force (N/m of a plate, N of a body in space) is shared by its nodes by area or volume.
     """
 
     body_force: Vector | None = None
@@ -30,9 +31,20 @@ class Load(Condition, frozen=True, kw_only=True, tag="load", tag_field="kind"):
     rows: PositiveInt = 1
     length: Positive | None = None
     surface: Positive | None = None  # m^2, of a loaded face in space, likewise
+    shares: tuple[Share, ...] | None = None  # of each of `nodes`, of what a node on a loaded edge has of its traction
 
 
-class Displacement(Condition, frozen=True, kw_only=True, tag="displacement", tag_field="kind"):
+class Grip(Condition, frozen=True, kw_only=True):
+    """A condition that prescribes a motion.
+
+    If it is `corrected`, bonds to its nodes make up for those that end beyond the edge that they are on, in a plate of
+    bonds with fine nodes everywhere.
+    """
+
+    corrected: bool = False
+
+
+class Displacement(Grip, frozen=True, kw_only=True, tag="displacement", tag_field="kind"):
     """Prescribed displacements, m; a missing component is free."""
 
     x: Value | None = None
@@ -40,7 +52,7 @@ class Displacement(Condition, frozen=True, kw_only=True, tag="displacement", tag
     z: Value | None = None
 
 
-class Velocity(Condition, frozen=True, kw_only=True, tag="velocity", tag_field="kind"):
+class Velocity(Grip, frozen=True, kw_only=True, tag="velocity", tag_field="kind"):
     """Velocities prescribed throughout the run, m/s; a missing component is free."""
 
     x: Value | None = None
@@ -48,7 +60,7 @@ class Velocity(Condition, frozen=True, kw_only=True, tag="velocity", tag_field="
     z: Value | None = None
 
 
-class Acceleration(Condition, frozen=True, kw_only=True, tag="acceleration", tag_field="kind"):
+class Acceleration(Grip, frozen=True, kw_only=True, tag="acceleration", tag_field="kind"):
     """Accelerations prescribed throughout the run, m/s^2; a missing component is free."""
 
     x: Value | None = None

@@ -140,6 +140,11 @@ def _check_condition(condition: AnyCondition, place: str) -> None:
     if isinstance(condition, Load) and len(given_of(condition)) != 1:
         found = " and ".join(given_of(condition)) or "none"
         raise GridError(f"{place}: found {found}, expected one of {', '.join(LOADS)}")
+    shares, nodes = getattr(condition, "shares", None), condition.nodes or ()
+    if isinstance(condition, Load) and shares is not None and (not condition.traction or len(shares) != len(nodes)):
+        raise GridError(
+            f"{place}.shares: found {len(shares)}, expected one of each of {len(nodes)} nodes with a traction, or none"
+        )
     if isinstance(condition, (*PRESCRIBED, InitialDisplacement)) and set(components(condition)) == {None}:
         raise GridError(f"{place}: found neither x nor y, expected at least one of them")
     if isinstance(condition, Source) and (condition.rate is None) == (condition.flux is None):
@@ -168,6 +173,8 @@ def _check_components(condition: AnyCondition, dimension: int, place: str) -> No
             raise GridError(f"{place}{wrong}")
     elif isinstance(condition, InitialVelocity) and (wrong := wrong_spin(condition.spin, dimension)) is not None:
         raise GridError(f"{place}.{wrong}")
+    elif dimension == 3 and getattr(condition, "corrected", False):
+        raise GridError(f"{place}.corrected: found true, expected false in {WHOLES[3]}")
     elif isinstance(condition, Pin) and dimension == 3:
         raise GridError(f"{place}: found a pin, expected none in {WHOLES[3]}")
     elif dimension == 2 and getattr(condition, "z", None) not in (None, 0.0):

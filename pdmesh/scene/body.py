@@ -250,7 +250,7 @@ class Body(MechanicalConditions[Where], DiffusionConditions[Where]):
         x: ValueOfPlace | None = 0.0,
         y: ValueOfPlace | None = 0.0,
         z: ValueOfPlace | None = 0.0,
-        rows: int = 1,
+        rows: int | None = None,
         profile: Profile = (),
         name: str = "",
         breakable: bool = False,
@@ -288,12 +288,13 @@ class Body(MechanicalConditions[Where], DiffusionConditions[Where]):
         return {"surface": where.area}
 
     def _with(
-        self, kind: type[AnyCondition], values: dict[str, Any], where: Where, rows: int, name: str, **more: Any
+        self, kind: type[AnyCondition], values: dict[str, Any], where: Where, rows: int | None, name: str, **more: Any
     ) -> Body:
         name = name or name_of(where)
         place = f"{kind.__struct_config__.tag} '{name}'"
         if isinstance(where, str) and where not in SIDES:
             parsed(where, place)
+        rows = 1 if rows is None else rows
         more |= {"rows": rows} if kind in (Load, Spring) else {}
         plain, functions = without_functions(values)
         action = actions.action(kind, name, plain | more, len(self.AXES))

@@ -37,6 +37,10 @@ class MechanicalConditions(Conditioned[W]):
     stands for its `rows` nearest rows of nodes. `profile` holds points (time in s, factor). Bonds of the nodes of a
     condition do not break unless `breakable`.
 
+    Without `rows`, an edge of a plate is held or loaded as if the material went on beyond it: a grip holds the first
+    row, whose bonds make up for those that end there, and a traction is shared by the rows of a horizon. With `rows`
+    these have equal parts and plain bonds: one row is then as soft as 0.4 to 2.7 spacings more of material.
+
     A component of a motion, a traction or a body force may be a number, a function of place f(x, y) or f(x, y, z), m,
     an expression such as "1e6 * (1 - (y/0.02)^2)", or the name of a CSV or .npy file; one function may give all
     components.
@@ -58,7 +62,7 @@ class MechanicalConditions(Conditioned[W]):
         where: W,
         traction: VectorOfPlace | None = None,
         body_force: VectorOfPlace | None = None,
-        rows: int = 1,
+        rows: int | None = None,
         profile: Profile = (),
         name: str = "",
         breakable: bool = False,
@@ -90,7 +94,7 @@ class MechanicalConditions(Conditioned[W]):
         velocity: Components | None = None,
         acceleration: Components | None = None,
         initial_velocity: Components | None = None,
-        rows: int = 1,
+        rows: int | None = None,
         profile: Profile = (),
         name: str = "",
         breakable: bool = False,
@@ -117,7 +121,7 @@ class MechanicalConditions(Conditioned[W]):
         self,
         where: W,
         values: Sequence[ValueOfPlace | None],
-        rows: int = 1,
+        rows: int | None = None,
         profile: Profile = (),
         name: str = "",
         breakable: bool = False,
@@ -146,7 +150,7 @@ class MechanicalConditions(Conditioned[W]):
         kind: type[AnyCondition],
         values: dict[str, Any],
         where: W,
-        rows: int,
+        rows: int | None,
         name: str,
         **more: Any,
     ) -> Self:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pdmesh.model.materials import KINDS
 from pdsolve.bonds.assembly import Filling
+from pdsolve.bonds.gripped_edges import gripped
 from pdsolve.model import Model, ModelError
 from pdsolve.schemes import average_horizon, families, one_sided
 from pdsolve.schemes.scheme import Scheme
@@ -35,7 +36,7 @@ def _symmetric(model: Model) -> Filling:
     """Symmetric bonds for any model."""
     first = model.materials[0]
     springs = first.model == "bond" or (first.model == "micropolar" and first.law == "cohesive")
-    return average_horizon.fill(model) if springs else families.fill(model)
+    return gripped(average_horizon.fill(model), model) if springs else families.fill(model)
 
 
 SCHEMES: dict[str, Scheme] = {
