@@ -76,6 +76,8 @@ def _build(scene: Scene | Body) -> Built:
         without_bonds(grid, settings, scene.source or "scene")
         return Built(grid, settings, (*scene.notes, *moved))
     notes = (*scene.notes, *checks.remarks(scene))
+    if scene.run.adapt != "none":  # whose bonds know nothing of shared loads
+        scene = replace(scene, conditions=tuple(condition.on_one_row() for condition in scene.conditions))
     if scene.run.adapt in ON_ONE_LATTICE:
         scene, more = nested(scene)
         notes = (*notes, *more)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Generic, Self, TypeVar
 
 import msgspec
@@ -85,6 +85,10 @@ class PlacedCondition:
     action: AnyCondition
     functions: tuple[Function, ...] = ()  # of place, that give values of the condition
     pulls: Pulls = ()  # by which rows share a traction on an edge; none: all rows have as much
+
+    def on_one_row(self) -> PlacedCondition:
+        """The condition with one row in place of those that share a traction."""
+        return replace(self, place=replace(self.place, rows=1), pulls=()) if self.pulls else self
 
     def on(
         self, position: NDArray[np.float64], delta: NDArray[np.float64], shifts: Sequence[Shift] = ()

@@ -23,7 +23,8 @@ Pulls: TypeAlias = tuple[float, ...]  # of the columns of a family, 1, 2, ... sp
 
 
 def pulls_of(material: Material, ratio: float) -> Pulls:
-    """Pulls of the columns of a family on a lattice, in a plate, whose horizon has so many spacings."""
+    """Pulls of the columns of a family on a lattice, in a plate, whose horizon has so many spacings; none where no bond
+    pulls across an edge."""
     reach = int(np.ceil(ratio)) + 1
     x, y = (each.ravel() for each in np.meshgrid(np.arange(1, reach + 1), np.arange(-reach, reach + 1), indexing="ij"))
     length, horizon = np.hypot(x, y), np.full(len(x), float(ratio))
@@ -34,7 +35,7 @@ def pulls_of(material: Material, ratio: float) -> Pulls:
     along = x / length
     pull = counted * micromodulus(material, length, horizon) * along * (along**2 - NU * (1 - along**2))
     columns = np.bincount(x, pull)[1:]
-    return tuple((columns / columns.sum()).tolist())
+    return tuple((columns / columns.sum()).tolist()) if (columns > 0).any() else ()
 
 
 def shares(pulls: Pulls, depth: NDArray[np.float64]) -> NDArray[np.float64]:

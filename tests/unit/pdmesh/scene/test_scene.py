@@ -102,7 +102,7 @@ def test_all_conditions_reach_the_file(plate: Scene) -> None:
     assert isinstance(force, Load)
     assert (force.body_force, force.traction, force.breakable) == ((1e9, 0), None, True)
     assert len(force.nodes or ()) == 3 * 2
-    assert held == Displacement(name="bottom", nodes=tuple(range(1, 42)), y=0.0)
+    assert held == Displacement(name="bottom", nodes=tuple(range(1, 42)), y=0.0, corrected=True)
     assert isinstance(speed, Velocity)
     assert (speed.x, speed.y, speed.profile, len(speed.nodes or ())) == (32, None, table, 21)
     assert isinstance(thrust, Acceleration)
