@@ -30,8 +30,8 @@ def bar(strain: float, **fatigue: Any) -> Model:
     run = Run(solver="static", steps=1, every=1, fatigue=Fatigue(**fatigue))
     scene = (
         Scene(box(0, 0, long, wide), H, STEEL, 3.0, run)
-        .fix("left", y=None)
-        .fix("right", x=strain * long, y=None)
+        .fix("left", y=None, rows=1)
+        .fix("right", x=strain * long, y=None, rows=1)
         .fix(box(0, wide / 2 - H / 4, H / 2, wide / 2 + H / 4), x=None)
     )
     return solvable(scene)
