@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from pdmesh.model.document import Acceleration, Displacement, Load, Velocity
 from pdmesh.model.kd_trees import tree_of
 from pdmesh.model.load_resultants import shares_of
+from pdmesh.model.neighbours import row_chunks
 from pdmesh.model.selection import components
 from pdsolve.bonds.assembly import Filling, Part
 from pdsolve.conditions import is_corrected
@@ -51,13 +52,17 @@ def gripped(filling: Filling, model: Model) -> Filling:
     if not held.any():
         return filling
 
+    position, reach = model.grid.position, float((model.horizons + model.grid.delta).max())
+    near = np.isfinite(tree_of(position[held.any(axis=1)]).query(position, distance_upper_bound=reach)[0])
+
     @cache
     def factors() -> NDArray[np.float64]:
         """Factors (n,) of the bonds of free nodes to grips."""
         found = np.ones(len(model.grid))
-        for part in filling.parts():
-            rows, factor = _factors(part, held)
-            found[rows] = factor
+        for rows in row_chunks(len(found)):
+            if near[rows].any():
+                here, factor = _factors(filling.part(rows), held)
+                found[here] = factor
         return found
 
     def part(rows: NDArray[np.int64]) -> Part:
