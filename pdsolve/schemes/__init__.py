@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pdmesh.model.materials import KINDS
 from pdsolve.bonds.assembly import Filling
-from pdsolve.bonds.gripped_edges import gripped
 from pdsolve.model import Model, ModelError
 from pdsolve.schemes import average_horizon, families, one_sided
+from pdsolve.schemes.gripped_edges import gripped
 from pdsolve.schemes.scheme import Scheme
 
 

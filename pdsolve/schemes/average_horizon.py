@@ -37,11 +37,11 @@ from pdmesh.model.material_constants import BONDS_NU, C11, C66, STIFFNESS, criti
 from pdmesh.model.neighbours import ROUND_OFF, Neighbours, Pairs, chosen, row_chunks
 from pdmesh.model.visibility import sight_of
 from pdsolve.bonds.assembly import Filling, Paired, Part, areas, part_of
-from pdsolve.bonds.gripped_edges import inside_edges
 from pdsolve.conditions import unbreakable
 from pdsolve.laws import limits
 from pdsolve.laws.bond_limits import Sizes
 from pdsolve.model import Model
+from pdsolve.schemes.gripped_edges import inside_edges
 
 NU = BONDS_NU["space"]
 LEAST, MOST = 0.2, 8.0  # of the corrections of a node in space; those of a cube are 0.59 to 5.2

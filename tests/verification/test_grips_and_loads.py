@@ -59,8 +59,8 @@ def test_short_bars_stretch_as_much_inside_as_between_their_ends(
 @pytest.mark.slow
 def test_a_grip_a_horizon_deep_needs_no_correction() -> None:
     """Bonds to what is farther inside have all that they would have."""
-    from pdsolve.bonds.gripped_edges import gripped
     from pdsolve.schemes import average_horizon
+    from pdsolve.schemes.gripped_edges import gripped
 
     scene = Scene(box(0, 0, 0.02, 0.01), H, Material(E=E, rho=2500, G0=1e9), 3.0, Run(solver="static"))
     built = build(scene.fix("left", rows=4).fix("right", x=1e-6, y=None, rows=4))
