@@ -18,6 +18,6 @@ run = Run(time_step=0.25 * spacing, steps=round(16 / spacing), every=round(1 / s
 
 scene = (
     Scene(box(0, -0.05, 1, 0.05), spacing, unit, horizon, run)
-    .fix("left", x=0, y=None, name="held")
-    .load("right", traction=(traction, 0), name="pulled")
+    .fix("left", x=0, y=None, rows=1, name="held")
+    .load("right", traction=(traction, 0), rows=1, name="pulled")
 )

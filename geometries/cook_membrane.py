@@ -22,6 +22,6 @@ outline = Polygon([(0, 0), (48, 44), (48, 60), (0, 44)])
 
 scene = (
     Scene(outline, spacing, solid, horizon, Run(solver="static", static=Static()), units="m")
-    .fix("left", name="left")
-    .load([(48, 44), (48, 60)], traction=(0, load / 16), name="right")
+    .fix("left", rows=1, name="left")
+    .load([(48, 44), (48, 60)], traction=(0, load / 16), rows=1, name="right")
 )

@@ -24,6 +24,6 @@ scene = (
     Scene(box(0, 0, width, height), spacing, pmma, horizon, run)
     .crack([(0, (height + offset) / 2), (crack, (height + offset) / 2)])
     .crack([(width, (height - offset) / 2), (width - crack, (height - offset) / 2)])
-    .fix("bottom")
-    .fix("top", x=0, y=opening, profile=ramp(1.0))
+    .fix("bottom", rows=1)
+    .fix("top", x=0, y=opening, rows=1, profile=ramp(1.0))
 )

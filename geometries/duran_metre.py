@@ -32,6 +32,6 @@ scene = (
         Run(time_step=step, steps=steps, every=-(-steps // frames), fields=("ux", "uy", "damage"), adapt=adapt),
     )
     .crack([(0, middle), (crack, middle)])
-    .load("top", traction=(0, traction))
-    .load("bottom", traction=(0, -traction))
+    .load("top", traction=(0, traction), rows=1)
+    .load("bottom", traction=(0, -traction), rows=1)
 )

@@ -28,6 +28,6 @@ scene = (
     Scene(box(-6 * half, -6 * half, 6 * half, 6 * half), coarse, pmma, horizon, run)
     .zone(box(-1.8 * half, -1.8 * half, 1.8 * half, 1.8 * half), fine, "around the crack")
     .crack([(-x, -y), (x, y)])
-    .load("top", traction=(0, tension))
-    .load("bottom", traction=(0, -tension))
+    .load("top", traction=(0, tension), rows=1)
+    .load("bottom", traction=(0, -tension), rows=1)
 )

@@ -33,5 +33,5 @@ scene = (
     )
     .crack([(0, low), (0.05, low)])
     .crack([(0, high), (0.05, high)])
-    .move([(0, low), (0, high)], velocity=(speed, None), name="impact")
+    .move([(0, low), (0, high)], velocity=(speed, None), rows=1, name="impact")
 )

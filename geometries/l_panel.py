@@ -26,6 +26,6 @@ run = Run(solver="static", static=Static(load_steps=load_steps))
 
 scene = (
     Scene(outline, spacing, concrete, horizon, run)
-    .fix("bottom", name="foot")
+    .fix("bottom", rows=1, name="foot")
     .fix(Point(x, arm), x=None, y=lift, profile=ramp(1), breakable=True, name="arm")
 )

@@ -27,6 +27,6 @@ scene = (
     .initial_temperature(box(-1, -1, 1, 1), room + hot)
     .exchange("bottom", coefficient=h / (rho * c), outside=room)
     .exchange("left", coefficient=h / (rho * c), outside=room)
-    .fix("top", x=None, name="middle")
-    .fix("right", y=None, name="level")
+    .fix("top", x=None, rows=1, name="middle")
+    .fix("right", y=None, rows=1, name="level")
 )

@@ -16,6 +16,6 @@ pull = ((0.0, 0.0), (1.0, 1.0))
 
 scene = (
     Scene(box(0, 0, 1, 1), spacing, rubber, horizon, Run(solver="static", static=Static(load_steps=5)))
-    .fix("left", name="held")
-    .fix("right", x=stretch, y=0, profile=pull, name="pulled")
+    .fix("left", rows=1, name="held")
+    .fix("right", x=stretch, y=0, rows=1, profile=pull, name="pulled")
 )

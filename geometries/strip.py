@@ -25,6 +25,6 @@ run = Run(time_step=6.4e-8, steps=800, every=40, start="static")
 scene = (
     Scene(box(0, -half, length, half), spacing, glass, horizon, run)
     .crack([(0, 0), (crack, 0)])
-    .fix("top", x=0, y=strain * half)
-    .fix("bottom", x=0, y=-strain * half)
+    .fix("top", x=0, y=strain * half, rows=1)
+    .fix("bottom", x=0, y=-strain * half, rows=1)
 )

@@ -398,7 +398,7 @@ def closing(model: Model, balance: float, put_in: float, spent: float, symmetric
     and breaking bonds.
     """
     taken = spent - balance * put_in
-    if symmetric and 0 < spent and taken < TAKEN * spent and balance > SEEN:
+    if symmetric and spent > 0 and taken < TAKEN * spent and balance > SEEN:
         warn(
             model,
             f"bonds that broke took {taken / spent:.2f} of their energy from the motion, expected {TAKEN:g} at least:"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol
 
+import msgspec
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -14,6 +15,7 @@ from pdmesh.model.document import (
     Acceleration,
     Condition,
     Displacement,
+    InitialDisplacement,
     InitialVelocity,
     Load,
     Pin,
@@ -22,6 +24,7 @@ from pdmesh.model.document import (
     Velocity,
 )
 from pdmesh.model.kd_trees import tree_of
+from pdmesh.model.load_resultants import shares_of
 from pdmesh.model.material_constants import pressure_speed
 from pdmesh.model.node_arrays import Grid
 from pdmesh.model.rigid_bodies import first_velocities, rigid_velocities
@@ -79,22 +82,52 @@ def initial_velocity(model: Model, width: int | None = None) -> NDArray[np.float
     """Velocities (n, d) at time 0, m/s, from initial and prescribed velocities; (n, width) of more components."""
     d = model.grid.dimension
     velocity = np.zeros((len(model.grid), width or d))
-    for condition in model.settings.conditions:
-        if isinstance(condition, InitialVelocity):
-            rows = model.selected(condition)
-            if len(rows):  # of a rank's window there may be none
-                mass = model.rho[rows] * model.grid.cells[rows]
-                velocity[rows, :d] = first_velocities(condition, model.grid.position[rows], mass)
-        if isinstance(condition, RigidBody):
-            rows = model.selected(condition)
-            velocity[rows, :d] = rigid_velocities(condition, model.grid.position[rows], model.grid.cells[rows])
+    _set_free(model, velocity)
     for condition in model.settings.conditions:
         if isinstance(condition, Velocity):
             factor = condition.profile[0][1] if condition.profile else 1.0
             for axis, value in enumerate(components(condition, d)):
                 if value is not None:
-                    velocity[model.selected(condition), axis] = factor * value
+                    rows = model.selected(condition)
+                    velocity[rows, axis] = factor * model.values(value, rows)
     return velocity
+
+
+def _set_free(model: Model, velocity: NDArray[np.float64]) -> None:
+    """Set velocities (n, w) of nodes that are free from time 0 on, and of rigid bodies; later conditions count."""
+    d = model.grid.dimension
+    for condition in model.settings.conditions:
+        if isinstance(condition, InitialVelocity):
+            rows = model.selected(condition)
+            if len(rows):  # of a rank's window there may be none
+                mass = model.rho[rows] * model.grid.cells[rows]
+                for axis, values in enumerate(first_velocities(condition, model.grid.position[rows], mass)):
+                    if values is not None:
+                        velocity[rows, axis] = values
+        if isinstance(condition, RigidBody):
+            rows = model.selected(condition)
+            velocity[rows, :d] = rigid_velocities(condition, model.grid.position[rows], model.grid.cells[rows])
+
+
+def has_initial_displacement(model: Model) -> bool:
+    """Whether nodes are displaced at time 0."""
+    return any(isinstance(condition, InitialDisplacement) for condition in model.settings.conditions)
+
+
+def initial_displacement(model: Model, drive: Drive, width: int) -> NDArray[np.float64]:
+    """Displacements (n, width) at time 0, m, from initial ones and from what is prescribed then."""
+    displacement = np.zeros((len(model.grid), width))
+    for condition in model.settings.conditions:
+        if isinstance(condition, InitialDisplacement):
+            for axis, value in enumerate(components(condition, model.grid.dimension)):
+                if value is not None:
+                    rows = model.selected(condition)
+                    displacement[rows, axis] = model.values(value, rows)
+    holds = drive.holds
+    some = holds.kind == DISPLACEMENT
+    now = holds.value * factors_at(drive.profiles, 0.0)[holds.profile]
+    displacement[holds.node[some], holds.axis[some]] = now[some]
+    return displacement
 
 
 def refuse_layers(model: Model) -> None:
@@ -177,6 +210,9 @@ def drive(
             continue
         rows, number = model.selected(condition), len(profiles)
         rows = rows[(rows >= begin) & (rows < end)]
+        if isinstance(condition, Load) and condition.shares is not None and not (exact_total and _fine(model)):
+            rows = rows[shares_of(condition, model.grid.ids[rows]) == 1.0]  # the first row alone, as a load without
+            condition = msgspec.structs.replace(condition, shares=None)
         profiles.append(() if isinstance(condition, Spring | Pin) else condition.profile)
         if isinstance(condition, RigidBody | Spring | Pin):  # operators have their forces
             continue
@@ -186,7 +222,7 @@ def drive(
             continue
         for axis, value in enumerate(components(condition, d)):
             if value is not None:
-                holds.append(entries(rows, axis, value, number, HELD[type(condition)]))
+                holds.append(entries(rows, axis, model.values(value, rows), number, HELD[type(condition)]))
     return drive_of(profiles, loads, holds, (nodes, d), kind)
 
 
@@ -282,6 +318,16 @@ def initial_acceleration(drive: Drive, rho: NDArray[np.floating]) -> NDArray[np.
     return acceleration
 
 
+def _fine(model: Model) -> bool:
+    """Whether a model has fine nodes everywhere and bonds that know of shared loads."""
+    return model.settings.run.adapt == "none" and is_corrected(model)
+
+
+def is_corrected(model: Model) -> bool:
+    """Whether the edges of a model can be corrected: those of plain bonds in the plane."""
+    return model.grid.dimension == 2 and model.materials[0].model == "bond"
+
+
 def _body_force(
     load: Load,
     rows: NDArray[np.int64],
@@ -292,15 +338,17 @@ def _body_force(
     """Body force (rows, d), N/m^3, of a load at factor 1; `sizes` are the nodes' areas and what adds them up."""
     areas, total = sizes
     if load.body_force is not None:
-        return np.tile(np.array(load.body_force), (len(rows), 1))
+        return model.vectors(load.body_force, rows)
     if load.force is not None:
         return np.tile(np.array(load.force) / total(areas[rows]), (len(rows), 1))
     extent = load.length if model.grid.dimension == 2 else load.surface
     if exact_total and extent is not None:
-        spread = np.full(len(rows), extent / total(areas[rows]))
+        shares = shares_of(load, model.grid.ids[rows]) if load.shares is not None else np.ones(len(rows))
+        spread = shares * (extent / total(areas[rows] * shares))
     else:
         spread = 1 / (load.rows * model.grid.delta[rows])
-    return np.asarray(spread[:, None] * np.array(load.traction))
+    assert load.traction is not None
+    return np.asarray(spread[:, None] * model.vectors(load.traction, rows))
 
 
 @njit

@@ -33,6 +33,7 @@ from pdmesh.model.document import (
     in_steps,
     read_file,
     settings_of,
+    tables_beside,
 )
 from pdmesh.model.document import read_document as parse_document
 from pdmesh.model.node_grid import Grid, document_of, grid_of
@@ -40,6 +41,7 @@ from pdmesh.model.number_bounds import beyond
 from pdmesh.model.output_fields import OF_CONTENT
 from pdmesh.model.rigid_bodies import densities, without_bonds
 from pdmesh.model.suggestions import explained
+from pdmesh.model.values_of_place import Value, is_of_place, values_at, vectors_at
 
 PARTS = {"mechanics": ("material",), "diffusion": ("medium",), "thermoelastic": ("material", "medium")}
 NEEDED = {"material": "E, rho and G0", "medium": "D"}
@@ -239,6 +241,18 @@ class Model:
         """The smallest horizon of all nodes, m; of a window too, that of the whole model."""
         return float(self.settings.horizon.ratio * np.min(self.grid.delta, initial=np.inf))
 
+    def values(self, value: Value, rows: NDArray[np.int64]) -> NDArray[np.float64] | float:
+        """A value of a condition on these rows (k,) of the grid: one number, or (k,) if it depends on the place."""
+        if isinstance(value, float | int):
+            return value
+        return values_at(value, self.grid.part(rows).position)
+
+    def vectors(self, vector: Sequence[Value], rows: NDArray[np.int64]) -> NDArray[np.float64]:
+        """A vector of a condition on these rows: (k, d)."""
+        position = np.zeros((len(rows), len(vector)))  # of numbers alone, whose places do not matter
+        varies = any(map(is_of_place, vector))
+        return vectors_at(vector, self.grid.part(rows).position if varies else position)
+
     def selected(self, some: Selection) -> NDArray[np.int64]:
         """The rows of the grid a condition or a region acts on."""
         return self.grid.chosen(some.nodes, some.box)
@@ -287,8 +301,9 @@ def read_model(path: Path, settings: Path | None = None, assignments: Sequence[t
     GridError or ModelError.
     """
     document = read_file(path)
-    merged = overlaid(settings_of(document), path, settings, assignments)
-    if document.version == SPACE_VERSION:
+    space = document.version == SPACE_VERSION
+    merged = overlaid(settings_of(document), path, settings, assignments, 3 if space else 2)
+    if space:
         _refuse_planes(path, settings, assignments)
     grid = grid_of(document, str(path))
     examine(grid, str(path))
@@ -307,9 +322,17 @@ def _refuse_planes(path: Path, settings: Path | None, assignments: Sequence[tupl
 
 
 def overlaid(
-    below: Settings, path: Path, settings: Path | None = None, assignments: Sequence[tuple[str, str]] = ()
+    below: Settings,
+    path: Path,
+    settings: Path | None = None,
+    assignments: Sequence[tuple[str, str]] = (),
+    dimension: int = 2,
 ) -> Settings:
-    """Settings of the file at `path`, overridden by a TOML file and then by assignments. Raises ModelError."""
+    """Settings of the file at `path`, overridden by a TOML file and then by assignments.
+
+    Tables of a model in the plane (2) or in space (3) are read beside the file that names them. Raises ModelError,
+    GridError.
+    """
     layers = msgspec.to_builtins(below, builtin_types=())
     if settings is not None:
         above = _read_toml(settings)
@@ -321,10 +344,12 @@ def overlaid(
             value = _fields(value, layers["run"])
         layers = _laid_over(layers, _nested(name, value))
     try:
-        return msgspec.convert(layers, Settings)
+        merged = msgspec.convert(layers, Settings)
     except msgspec.ValidationError as error:
         names = " + ".join(map(str, filter(None, [path, settings])))
         raise ModelError(f"{names}: {explained(error, Settings, lambda: layers)}") from None
+    tables = tables_beside(merged.conditions, settings or path, dimension)
+    return msgspec.structs.replace(merged, conditions=tables)
 
 
 def _without_other_end(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:

@@ -36,8 +36,10 @@ def diffusing(scene: S, places: Mapping[str, Iterable[tuple[str, Any, str]]], pa
         given: dict[str, Any] = {word.removeprefix("Heat ").lower(): value}
         scene = supply(where, **given, name=name, **_shared(parameters, folder))
     for name, where, folder in places["exchange"]:
-        value, word = either(parameters, folder, "Coefficient", "h")
-        outside = parameters.number(f"{folder}/Outside", None if word == "h" else 0.0)
+        _, word = either(parameters, folder, "Coefficient", "h")
+        value, outside = parameters.number(f"{folder}/{word}"), parameters.of_place(f"{folder}/Outside")
+        if outside is None:
+            outside = parameters.number(f"{folder}/Outside", None if word == "h" else 0.0)
         exchange = scene.convection if word == "h" else scene.exchange
         scene = exchange(where, value, outside, name=name, **_shared(parameters, folder))
     return scene

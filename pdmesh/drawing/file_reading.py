@@ -15,6 +15,7 @@ from pdmesh.grid import building
 from pdmesh.grid.building import Built, looked_at
 from pdmesh.model.document import read_file
 from pdmesh.scene.body import Body
+from pdmesh.scene.files_of_values import with_files
 from pdmesh.scene.scene import Scene
 from pdmesh.scene.shapes import SceneError
 
@@ -29,9 +30,19 @@ def read_scene(
     """The plate or body in a .geo, .py, STEP or BREP file, or the one that a .json model was built from.
 
     `refine` adds zones ``crack:DISTANCE[:SPACING]`` and `cracks` adds cracks ``x0,y0,x1,y1``, in the drawing's unit.
-    `trust` allows a Python scene to run, and a drawing to run commands and read other files. Raises UntrustedError,
-    SceneError or GridError.
+    `trust` allows a Python scene to run, and a drawing to run commands and read other files. Files of values that
+    conditions name are read beside the file. Raises UntrustedError, SceneError or GridError.
     """
+    scene = _read_scene(path, assignments, refine, trust, cracks)
+    try:
+        return with_files(scene, path.parent)
+    except SceneError as error:
+        raise SceneError(f"{path}: {error}") from None
+
+
+def _read_scene(
+    path: Path, assignments: Sequence[tuple[str, str]], refine: Sequence[str], trust: bool, cracks: Sequence[str]
+) -> Scene | Body:
     if path.suffix.lower() == ".json":
         return _again(path, assignments, refine, trust, cracks)
     scene = _read(path, [(name, value) for name, value in assignments if name != ADAPT], trust)
@@ -154,7 +165,7 @@ def _again(
         copy = folder / f"drawing{source.suffix}"
         copy.write_text(document.drawing, encoding="utf-8", newline="")
         try:
-            scene = read_scene(copy, [*words, *assignments], [*refined, *refine], trust, [*cracked, *cracks])
+            scene = _read_scene(copy, [*words, *assignments], [*refined, *refine], trust, [*cracked, *cracks])
         except SceneError as error:
             raise type(error)(f"{path}: {str(error).replace(str(copy), source.name)}") from None
     notes = tuple(note.replace(str(copy), f"{path}: {source.name}") for note in scene.notes)

@@ -3,11 +3,14 @@
 group                parameters below Peridynamics/
 "load:NAME"          Loads/NAME/Traction x, y, z, or Body force x, y, z, or Force x, y, z; *
 "fix:NAME"           Fixes/NAME/Components (all), Displacement x, y, z; *
-"move:NAME"          Moves/NAME/Velocity x, y, z, or Acceleration, or Initial velocity; *
+"move:NAME"          Moves/NAME/Velocity x, y, z, or Acceleration, or Initial velocity, or Initial displacement; *
 "spring:NAME"        Springs/NAME/Stiffness x, y, z, or Body stiffness x, y, z; * but Profile
 "gap:NAME"           -, two points
 -                    Load cells/NAME/Of "CONDITION, CONDITION", whose forces it sums
-* of each condition  Rows (1), Profile (constant), Breakable (0)
+* of each condition  Rows (as `pdmesh.Scene.load` has it), Profile (constant), Breakable (0)
+
+Loads and motions may be words instead of numbers: an expression of x, y and z (m), or the name of a file of values
+beside the drawing; both give SI units.
 """
 
 from __future__ import annotations
@@ -16,7 +19,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from itertools import combinations
 from typing import Any, TypeVar
 
-from pdmesh.drawing.parameters import PREFIX, Parameters
+from pdmesh.drawing.parameters import MOTIONS, PREFIX, Parameters
 from pdmesh.scene.body import Body
 from pdmesh.scene.scene import Scene
 from pdmesh.scene.shapes import SceneError
@@ -25,7 +28,7 @@ S = TypeVar("S", Scene, Body)
 KINDS = ("load", "fix", "move", "spring")
 LOADS, MOVES, SPRINGS = (
     ("Traction", "Body force", "Force"),
-    ("Velocity", "Acceleration", "Initial velocity"),
+    MOTIONS,
     ("Stiffness", "Body stiffness"),
 )
 
@@ -76,12 +79,18 @@ def rows(parameters: Parameters, folder: str) -> dict[str, Any]:
 
 
 def _shared(parameters: Parameters, folder: str) -> dict[str, Any]:
-    return {**rows(parameters, folder), "profile": parameters.profile(f"{folder}/Profile")}
+    given = rows(parameters, folder)
+    if parameters.maybe(f"{folder}/Rows") is None:
+        del given["rows"]
+    return {**given, "profile": parameters.profile(f"{folder}/Profile")}
 
 
 def _given(parameters: Parameters, folder: str, words: Sequence[str], axes: str) -> dict[str, Any]:
     """Vectors of which a component is given, as arguments of a scene's method; other components are None."""
-    every = {word: tuple(parameters.maybe(f"{folder}/{word} {axis}") for axis in axes) for word in words}
+    every = {
+        word: tuple(parameters.of_place(f"{folder}/{word} {axis}", word == "Initial displacement") for axis in axes)
+        for word in words
+    }
     return {word.lower().replace(" ", "_"): vector for word, vector in every.items() if set(vector) != {None}}
 
 
@@ -95,7 +104,7 @@ def _held(parameters: Parameters, folder: str, axes: str) -> dict[str, Any]:
     some = ["".join(chosen) for count in range(len(axes), 0, -1) for chosen in combinations(axes, count)]
     held, values = parameters.text(f"{folder}/Components", axes, of=some), {}
     for axis in axes:
-        value = parameters.maybe_length(f"{folder}/Displacement {axis}")
+        value = parameters.of_place(f"{folder}/Displacement {axis}", is_length=True)
         if value and axis not in held:
             raise SceneError(
                 f"parameter '{PREFIX}{folder}/Displacement {axis}': found one, expected none of a component that is"

@@ -31,7 +31,8 @@ SHARED = ("Rows", "Profile", "Breakable", "Box", "Edge", "Face")  # of every con
 LOAD = ("Node", *(f"{kind} {axis}" for kind in ("Traction", "Body force", "Force") for axis in "xyz"))
 FIX = ("Node", "Components", *(f"Displacement {axis}" for axis in "xyz"))
 SPRING = tuple(f"{kind} {axis}" for kind in ("Stiffness", "Body stiffness") for axis in "xyz")
-MOVE = tuple(f"{kind} {axis}" for kind in ("Velocity", "Acceleration", "Initial velocity") for axis in "xyz")
+MOTIONS = ("Velocity", "Acceleration", "Initial velocity", "Initial displacement")
+MOVE = tuple(f"{kind} {axis}" for kind in MOTIONS for axis in "xyz")
 MATERIAL = {  # parameters of a material: in the model, and in drawings
     name: declared.drawn or name[0].upper() + name[1:].replace("_", " ") for name, declared in DECLARED.items()
 }
@@ -186,6 +187,13 @@ class Parameters:
             raise SceneError(f"parameter '{PREFIX}{name}': found {value}, expected a finite number")
         return value
 
+    def of_place(self, name: str, is_length: bool = False) -> float | str | None:
+        """A finite number, or an expression or the name of a file of values, which are in SI units; None if it is not
+        given. A number may be a length in the drawing's unit."""
+        if isinstance(self._values.get(PREFIX + name), str):
+            return self.text(name) or None
+        return self.maybe_length(name) if is_length else self.maybe(name)
+
     def number(self, name: str, default: float | None = None) -> float:
         """A finite number. Raises SceneError if it is not given and there is no default."""
         value = self.maybe(name)
@@ -278,14 +286,14 @@ def _fields() -> tuple[inspection.Field, ...]:
     return found.fields
 
 
-def content(parameters: Parameters, folder: str) -> float:
+def content(parameters: Parameters, folder: str) -> float | str:
     """The Concentration, mol/m^3, or the Temperature, K, of a condition. Raises SceneError for neither and for both."""
     return either(parameters, folder, "Concentration", "Temperature")[0]
 
 
-def either(parameters: Parameters, folder: str, *names: str) -> tuple[float, str]:
+def either(parameters: Parameters, folder: str, *names: str) -> tuple[float | str, str]:
     """The one of these parameters that is given, and its name. Raises SceneError for none and for several."""
-    given = [(value, name) for name in names if (value := parameters.maybe(f"{folder}/{name}")) is not None]
+    given = [(value, name) for name in names if (value := parameters.of_place(f"{folder}/{name}")) is not None]
     if len(given) != 1:
         found, one = ", ".join(name for _, name in given) or "none", " and ".join([", ".join(names[:-1]), names[-1]])
         raise SceneError(f"parameter '{PREFIX}{folder}/{names[0]}': found {found}, expected one of {one}")

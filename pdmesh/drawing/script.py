@@ -138,9 +138,9 @@ def _run(path: Path, values: Mapping[str, float | str]) -> bytes:
         return pickle.dumps(_reason(error, path))
     try:
         exec(compile(tree, str(path), "exec"), names)
+        scene = _without_functions(names.get("scene"), path)
     except BaseException as error:
         return pickle.dumps(_reason(error, path) + known(error, tree, names))
-    scene = names.get("scene")
     if not isinstance(scene, Scene | Body):
         found = "none" if scene is None else f"a {type(scene).__name__}"
         return pickle.dumps(f"scene: found {found}, expected a file that defines scene = Scene(...), or Body(...)")
@@ -149,6 +149,16 @@ def _run(path: Path, values: Mapping[str, float | str]) -> bytes:
         return pickle.dumps((kind.__name__, {field.name: getattr(scene, field.name) for field in fields(kind)}))
     except Exception as error:
         return pickle.dumps(f"scene: found an object that cannot be handed over ({error}), expected shapes and numbers")
+
+
+def _without_functions(scene: object, path: Path) -> object:
+    """A scene whose values of place can be handed over: the tables of files beside it, and of functions."""
+    if not isinstance(scene, Scene | Body):
+        return scene
+    from pdmesh.drawing.tabulated_functions import tabulated  # here, as it draws on what reads drawings
+    from pdmesh.scene.files_of_values import with_files
+
+    return tabulated(with_files(scene, path.parent))
 
 
 def _reason(error: BaseException, path: Path) -> str:

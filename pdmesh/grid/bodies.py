@@ -35,6 +35,7 @@ from pdmesh.model.triangulated_surface import distances
 from pdmesh.scene.body import Body, CrackFace, SolidCondition, Where
 from pdmesh.scene.conditions import describe
 from pdmesh.scene.faces import SIDES, face
+from pdmesh.scene.functions_of_place import sampled
 from pdmesh.scene.heat import medium_of
 from pdmesh.scene.shapes import SceneError
 from pdmesh.scene.solids import Sheet, Shell
@@ -270,7 +271,7 @@ def _condition(condition: SolidCondition, body: Body, cloud: Cloud) -> AnyCondit
         way = np.zeros((len(rows), 3))
         way[:, axis] = float(body.shell.bounds[(end + 1) // 2, axis]) - cloud.position[rows, axis]
         changed["edge"] = tuple(map(tuple, way.tolist()))
-    return msgspec.structs.replace(action, **changed)
+    return sampled(msgspec.structs.replace(action, **changed), condition.functions, cloud.position[rows], place)
 
 
 def _found(where: Where, condition: SolidCondition, body: Body, cloud: Cloud) -> tuple[NDArray[np.bool_], float | None]:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from pdmesh.grid import implicit_lattice, soundness
 from pdmesh.grid.adaptive_scene import nested, undivided
 from pdmesh.grid.bodies import build_body
@@ -13,9 +15,12 @@ from pdmesh.model.document import ON_ONE_LATTICE, Document, Settings, write_file
 from pdmesh.model.monitors import contradiction
 from pdmesh.model.node_grid import Grid, document_of
 from pdmesh.model.rigid_bodies import without_bonds
+from pdmesh.model.selection import two_motions
+from pdmesh.model.values_of_place import PlaceError
 from pdmesh.scene import checks
 from pdmesh.scene.body import Body
-from pdmesh.scene.conditions import Shift
+from pdmesh.scene.conditions import Shift, describe
+from pdmesh.scene.files_of_values import with_files
 from pdmesh.scene.scene import Scene
 from pdmesh.scene.shapes import SceneError
 
@@ -46,8 +51,23 @@ class Built:
 def build(scene: Scene | Body) -> Built:
     """The grid of a plate, or of a body whose solids are shells.
 
-    Raises SceneError if it does not represent the drawing.
+    Files of values that are still named are read from the current folder. Raises SceneError if it does not represent
+    the drawing.
     """
+    try:
+        built = _build(with_files(scene, Path()))
+    except PlaceError as error:
+        raise SceneError(f"conditions: {error}") from None
+    twice = two_motions(built.settings.conditions, lambda one: built.grid.chosen(one.nodes, one.box))
+    if twice is not None:
+        number, axis, other, row = twice
+        one, earlier = (describe(built.settings.conditions[at]) for at in (number, other))
+        place = ", ".join(f"{value:g}" for value in built.grid.part(np.array([row])).position[0])
+        raise SceneError(f"{one}: {axis}: found the node at ({place}) m in {earlier} too, expected one of them")
+    return built
+
+
+def _build(scene: Scene | Body) -> Built:
     wrong = contradiction(scene.run, [condition.action.name for condition in scene.conditions])
     if wrong is not None:
         raise SceneError(f"run.{wrong}")
@@ -56,6 +76,8 @@ def build(scene: Scene | Body) -> Built:
         without_bonds(grid, settings, scene.source or "scene")
         return Built(grid, settings, (*scene.notes, *moved))
     notes = (*scene.notes, *checks.remarks(scene))
+    if scene.run.adapt != "none":  # whose bonds know nothing of shared loads
+        scene = replace(scene, conditions=tuple(condition.on_one_row() for condition in scene.conditions))
     if scene.run.adapt in ON_ONE_LATTICE:
         scene, more = nested(scene)
         notes = (*notes, *more)

@@ -26,13 +26,20 @@ from pdmesh.files import read_bytes, write_atomically
 from pdmesh.model.contact import BodyNodes as BodyNodes
 from pdmesh.model.contact import Contact as Contact
 from pdmesh.model.contact import RigidBody as RigidBody
-from pdmesh.model.contact import Spin
 from pdmesh.model.fatigue import Fatigue as Fatigue
 from pdmesh.model.grid_file_nodes import BEGIN, NodeColumns, NodeRecord, columns_of, taken_out, written
 from pdmesh.model.grid_file_nodes import END as END_OF_NODES
 from pdmesh.model.ground_supports import Pin as Pin
 from pdmesh.model.ground_supports import Spring as Spring
 from pdmesh.model.material import Material as Material
+from pdmesh.model.mechanical_conditions import Absorb as Absorb
+from pdmesh.model.mechanical_conditions import Acceleration as Acceleration
+from pdmesh.model.mechanical_conditions import Condition as Condition
+from pdmesh.model.mechanical_conditions import Displacement as Displacement
+from pdmesh.model.mechanical_conditions import InitialDisplacement as InitialDisplacement
+from pdmesh.model.mechanical_conditions import InitialVelocity as InitialVelocity
+from pdmesh.model.mechanical_conditions import Load as Load
+from pdmesh.model.mechanical_conditions import Velocity as Velocity
 from pdmesh.model.medium import Concentration as Concentration
 from pdmesh.model.medium import Exchange as Exchange
 from pdmesh.model.medium import InitialConcentration as InitialConcentration
@@ -56,6 +63,8 @@ from pdmesh.model.timed_selection import Selection as Selection
 from pdmesh.model.timed_selection import Share
 from pdmesh.model.timed_selection import Timed as Timed
 from pdmesh.model.timed_selection import Vector as Vector
+from pdmesh.model.value_files import with_tables
+from pdmesh.model.values_of_place import PlaceError
 
 FORMAT_VERSION, SPACE_VERSION = 1, 2  # of plates; of bodies in space
 
@@ -96,67 +105,18 @@ class Region(Selection, frozen=True, kw_only=True):
     material: Material
 
 
-class Condition(Timed, frozen=True, kw_only=True):
-    """A condition on nodes. Their bonds do not break unless `breakable`."""
-
-    breakable: bool = False
-
-
-class Load(Condition, frozen=True, kw_only=True, tag="load", tag_field="kind"):
-    """A body force: ``body_force`` (N/m^3), ``traction`` (Pa) over ``rows`` rows of nodes, or a total ``force``.
-
-    A traction gives traction / (rows delta) at each node; ``length`` (m) of the loaded edge, if known, lets a solver
-    make the total exact. A force (N/m of a plate, N of a body in space) is shared by its nodes by area or volume.
-    """
-
-    body_force: Vector | None = None
-    traction: Vector | None = None
-    force: Vector | None = None
-    rows: PositiveInt = 1
-    length: Positive | None = None
-    surface: Positive | None = None  # m^2, of a loaded face in space, likewise
-
-
-class Displacement(Condition, frozen=True, kw_only=True, tag="displacement", tag_field="kind"):
-    """Prescribed displacements, m; a missing component is free."""
-
-    x: float | None = None
-    y: float | None = None
-    z: float | None = None
-
-
-class Velocity(Condition, frozen=True, kw_only=True, tag="velocity", tag_field="kind"):
-    """Velocities prescribed throughout the run, m/s; a missing component is free."""
-
-    x: float | None = None
-    y: float | None = None
-    z: float | None = None
-
-
-class Acceleration(Condition, frozen=True, kw_only=True, tag="acceleration", tag_field="kind"):
-    """Accelerations prescribed throughout the run, m/s^2; a missing component is free."""
-
-    x: float | None = None
-    y: float | None = None
-    z: float | None = None
-
-
-class InitialVelocity(Selection, frozen=True, kw_only=True, tag="initial velocity", tag_field="kind"):
-    """Velocities at time 0, m/s; from then on the nodes are free. They turn about their centre of mass."""
-
-    x: float = 0.0
-    y: float = 0.0
-    z: float = 0.0
-    spin: Spin = 0.0
-
-
-class Absorb(Selection, frozen=True, kw_only=True, tag="absorb", tag_field="kind"):
-    """An absorbing layer along an edge; damping grows with the distance from the nodes outside the layer."""
-
-    depth: Positive | None = None  # m; None: as far as one of its nodes is from all that are not in it
-
-
-OfMechanics = Load | Displacement | Velocity | Acceleration | InitialVelocity | Absorb | RigidBody | Spring | Pin
+OfMechanics = (
+    Load
+    | Displacement
+    | Velocity
+    | Acceleration
+    | InitialVelocity
+    | InitialDisplacement
+    | Absorb
+    | RigidBody
+    | Spring
+    | Pin
+)
 AnyCondition = OfMechanics | OfDiffusion
 
 
@@ -347,7 +307,24 @@ def read_document(data: bytes | str, name: str) -> Document:
 
 
 def read_file(path: Path) -> Document:
-    """Read the document in the file at `path`. Raises GridError; warns with GridWarning if it was edited."""
+    """Read the document in the file at `path`, with the tables of files beside it.
+
+    Raises GridError; warns with GridWarning if it was edited.
+    """
+    document = _read_file(path)
+    conditions = tables_beside(document.conditions, path, 3 if document.version == SPACE_VERSION else 2)
+    return msgspec.structs.replace(document, conditions=conditions)
+
+
+def tables_beside(conditions: tuple[AnyCondition, ...], path: Path, dimension: int) -> tuple[AnyCondition, ...]:
+    """The conditions of the file at `path` with the tables of files beside it. Raises GridError."""
+    try:
+        return with_tables(conditions, path.parent, dimension, "$.conditions")
+    except PlaceError as error:
+        raise GridError(f"{path}: {error}") from None
+
+
+def _read_file(path: Path) -> Document:
     try:
         data = read_bytes(path)
     except OSError as error:

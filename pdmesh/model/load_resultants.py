@@ -12,6 +12,7 @@ from pdmesh.model.document import Document, Load
 from pdmesh.model.node_grid import Grid
 from pdmesh.model.selection import selected
 from pdmesh.model.suggestions import called
+from pdmesh.model.values_of_place import vectors_at
 
 
 class Resultant(NamedTuple):
@@ -37,12 +38,24 @@ def nodal_forces(load: Load, grid: Grid, rows: NDArray[np.int64]) -> NDArray[np.
     """Force of a load on each of its nodes, rows (k,): (k, d), N in space, N/m in a plate."""
     size = grid.cells[rows]
     if load.body_force is not None:
-        return np.asarray(size[:, None] * np.array(load.body_force))
+        return np.asarray(size[:, None] * vectors_at(load.body_force, grid.position[rows]))
     if load.force is not None:
         return np.asarray((size / size.sum())[:, None] * np.array(load.force))
     extent = load.length or load.surface
+    if load.shares is not None:
+        size = size * shares_of(load, grid.ids[rows])
     share = size / size.sum() * extent if extent else size / (load.rows * grid.delta[rows])
-    return np.asarray(share[:, None] * np.array(load.traction))
+    assert load.traction is not None
+    return np.asarray(share[:, None] * vectors_at(load.traction, grid.position[rows]))
+
+
+def shares_of(load: Load, ids: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Shares (k,) of a load's nodes with these ids (k,); 1 of a load without shares."""
+    if load.shares is None or load.nodes is None:
+        return np.ones(len(ids))
+    nodes = np.array(load.nodes, dtype=np.int64)
+    order = np.argsort(nodes, kind="stable")
+    return np.array(load.shares)[order[np.searchsorted(nodes, ids, sorter=order)]]
 
 
 def _turning(arm: NDArray[np.float64], force: NDArray[np.float64]) -> NDArray[np.float64]:

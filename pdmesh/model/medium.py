@@ -8,6 +8,9 @@ from typing import Annotated, Literal
 import msgspec
 
 from pdmesh.model.timed_selection import Amount, Positive, Selection, Timed, Vector
+from pdmesh.model.values_of_place import Expression, Table, Value
+
+AmountOfPlace = Amount | Expression | Table
 
 
 class Medium(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
@@ -80,7 +83,7 @@ class Concentration(Timed, frozen=True, kw_only=True, tag="concentration", tag_f
     `edge` holds the vector from each of `nodes` to the edge, m; with it, the nodes themselves are not prescribed.
     """
 
-    value: Amount
+    value: AmountOfPlace
     edge: tuple[Vector, ...] | None = None
 
 
@@ -90,8 +93,8 @@ class Source(Timed, frozen=True, kw_only=True, tag="source", tag_field="kind"):
     A flux is distributed over its nodes' cells, so that the total is flux times length.
     """
 
-    rate: float | None = None
-    flux: float | None = None
+    rate: Value | None = None
+    flux: Value | None = None
     length: Positive | None = None
     surface: Positive | None = None
 
@@ -103,7 +106,7 @@ class Exchange(Timed, frozen=True, kw_only=True, tag="exchange", tag_field="kind
     """
 
     coefficient: Positive
-    value: Amount = 0.0
+    value: AmountOfPlace = 0.0
     length: Positive | None = None
     surface: Positive | None = None
 
@@ -111,7 +114,7 @@ class Exchange(Timed, frozen=True, kw_only=True, tag="exchange", tag_field="kind
 class InitialConcentration(Selection, frozen=True, kw_only=True, tag="initial concentration", tag_field="kind"):
     """A concentration at time 0, mol/m^3."""
 
-    value: Amount
+    value: AmountOfPlace
 
 
 class Solid(Selection, frozen=True, kw_only=True, tag="solid", tag_field="kind"):

@@ -13,6 +13,7 @@ from pdmesh.model.document import (
     Absorb,
     Acceleration,
     GridError,
+    InitialDisplacement,
     InitialVelocity,
     Pin,
     RigidBody,
@@ -29,6 +30,7 @@ from pdmesh.model.monitors import ARC, CRACK
 from pdmesh.model.output_fields import OF_CONTENT
 from pdmesh.model.output_fields import USUAL as USUAL_FIELDS
 from pdmesh.model.refusals import Impossible, Places
+from pdmesh.model.refused_conditions import displaced, of_kinds, spinning
 from pdmesh.model.refused_fatigue import of_fatigue
 
 SHORTEST = 3.0  # spacings in the horizon, whose families have the diagonals of coarse cells
@@ -36,7 +38,7 @@ FEWEST = 12.0  # spacings in the horizon with which collocation need not be aske
 # Measured in the plate of docs/collocation.md
 LOSSY = "with fewer the seam is damped, which took 64 % of the work from a struck plate with 4"
 USUAL = Material(E=1.0, rho=1.0, G0=1.0)
-MOVING = (Velocity, Acceleration, InitialVelocity, Absorb, RigidBody)
+MOVING = (Velocity, Acceleration, InitialVelocity, InitialDisplacement, Absorb, RigidBody)
 
 
 def _swelling(settings: Settings, every: list[tuple[str, Material]]) -> Iterator[Impossible]:
@@ -129,17 +131,19 @@ def impossible(settings: Settings, dimension: int) -> Iterator[Impossible]:
         yield from _swelling(settings, every)
     if settings.contact is not None:
         yield from _touching(settings, every)
+    yield from displaced(settings)
     yield from _of_run(settings, every)
 
 
 def on_ranks(settings: Settings) -> Iterator[Impossible]:
     """Settings that a run on many ranks does not support."""
     why = "on many ranks"
+    yield from of_kinds(settings, (InitialDisplacement,), f"none {why}")
     if settings.physics == "thermoelastic":
         yield Impossible("$.physics", settings.physics, f"mechanics or diffusion {why}")
     usual = {"solver": "explicit", "start": "unloaded", "adapt": "none", "cracks": "bonds", "device": "cpu"}
     yield from _unusual(settings, usual, f" {why}")
-    yield from _spinning(settings, f" {why}")
+    yield from spinning(settings, f" {why}")
     for material in (settings.material, *(region.material for region in settings.regions)):
         if material is not None and material.model not in ("bond", "ordinary"):
             yield Impossible("$.material.model", f"'{material.model}'", f"'bond' or 'ordinary' {why}")
@@ -154,21 +158,7 @@ def _unusual(settings: Settings, usual: dict[str, str], why: str) -> Iterator[Im
             yield Impossible(f"$.run.{name}", getattr(settings.run, name), f"{expected}{why}")
     if settings.contact is not None:
         yield Impossible("$.contact", "some", f"none{why}")
-    yield from _of_kinds(settings, (RigidBody, Spring, Pin), f"none{why}")
-
-
-def _spinning(settings: Settings, why: str) -> Iterator[Impossible]:
-    """Nodes that turn about a centre that is not known where they are not all of the model's."""
-    for number, condition in enumerate(settings.conditions):
-        if isinstance(condition, InitialVelocity) and condition.spin not in (0, (0, 0, 0)):
-            yield Impossible(f"$.conditions[{number}].spin", str(condition.spin), f"0{why}")
-
-
-def _of_kinds(settings: Settings, kinds: tuple[type, ...], expected: str) -> Iterator[Impossible]:
-    """Conditions of these kinds, which are not supported, and what is."""
-    for number, condition in enumerate(settings.conditions):
-        if isinstance(condition, kinds):
-            yield Impossible(f"$.conditions[{number}]", str(condition.__struct_config__.tag), expected)
+    yield from of_kinds(settings, (RigidBody, Spring, Pin), f"none{why}")
 
 
 def _of_run(settings: Settings, every: Places) -> Iterator[Impossible]:
@@ -248,7 +238,7 @@ def _hybrid_of_lists(settings: Settings, why: str) -> Iterator[Impossible]:
         yield Impossible("$.run.damping", f"{settings.run.damping:g}", f"0{why}")
     if settings.run.hybrid.wake != "fine":
         yield Impossible("$.run.hybrid.wake", settings.run.hybrid.wake, f"fine{why}")
-    yield from _of_kinds(settings, (Absorb,), f"a load, a displacement or a velocity{why}")
+    yield from of_kinds(settings, (Absorb,), f"a load, a displacement or a velocity{why}")
 
 
 def _at_rest(settings: Settings, every: Places) -> Iterator[Impossible]:
@@ -266,7 +256,7 @@ def _at_rest(settings: Settings, every: Places) -> Iterator[Impossible]:
             "false, as the method is relaxation: it has no way to tell a slow motion from one that nothing holds",
         )
     yield from _in_steps(settings, every)
-    yield from _of_kinds(settings, MOVING, f"load or displacement, {why}")
+    yield from of_kinds(settings, MOVING, f"load or displacement, {why}")
     for place, material in every:
         yield from _quoted(material, place, KINDS[material.model].at_rest(material, run.cracks == "bonds"))
 
@@ -359,8 +349,8 @@ def _adaptive(settings: Settings, every: Places) -> Iterator[Impossible]:
     if run.adapt == "hybrid" and run.hybrid.wake == "lattice":
         yield from _coarse_again(settings, every)
     refused = (Acceleration, Spring, Pin) if run.adapt == "hybrid" else (Acceleration, Absorb, Spring, Pin)
-    yield from _of_kinds(settings, refused, f"a load, a displacement or a velocity{why}")
-    yield from _spinning(settings, why)
+    yield from of_kinds(settings, refused, f"a load, a displacement or a velocity{why}")
+    yield from spinning(settings, why)
     if run.adapt == "split" and not run.split.merge < run.split.threshold:
         less = f"less than the threshold, {run.split.threshold:g}{why}"
         yield Impossible("$.run.split.merge", f"{run.split.merge:g}", less)

@@ -12,6 +12,7 @@ from pdmesh.model import selection
 from pdmesh.model.contact import RigidBody, wrong_spin
 from pdmesh.model.document import Acceleration, Displacement, GridError, InitialVelocity, Settings, Velocity
 from pdmesh.model.node_grid import Grid
+from pdmesh.model.values_of_place import values_at
 
 OUTSIDE = 1e-6  # of a radius, by which a node may be outside of it
 
@@ -101,9 +102,27 @@ def rigid_velocities(body: RigidBody, x: NDArray[np.float64], mass: NDArray[np.f
     return _turning(held * np.array([body.x, body.y, body.z]), spin, x, mass)
 
 
-def first_velocities(start: InitialVelocity, x: NDArray[np.float64], mass: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Velocities (k, d), m/s, at time 0 of nodes at x (k, d) that turn about the centre of these masses (k,)."""
-    return _turning(np.array([start.x, start.y, start.z]), spin_of(start), x, mass)
+def first_velocities(
+    start: InitialVelocity, x: NDArray[np.float64], mass: NDArray[np.float64]
+) -> list[NDArray[np.float64] | None]:
+    """Velocities (k,), m/s, along each axis at time 0 of nodes at x (k, d) that turn about the centre of these masses
+    (k,); None along one that leaves what an earlier condition gave. Raises PlaceError."""
+    way = np.column_stack([values_at(value or 0.0, x) for value in (start.x, start.y, start.z)])
+    found = _turning(way, spin_of(start), x, mass)
+    return [found[:, axis] if sets else None for axis, sets in enumerate(components_set(start)[: x.shape[1]])]
+
+
+def components_set(start: InitialVelocity) -> tuple[bool, ...]:
+    """Whether an initial velocity sets its component along x, y and z.
+
+    It leaves one that is missing, or 0 beside another that is not, to earlier conditions; a spin sets those across it.
+    """
+    given, spin = (start.x, start.y, start.z), spin_of(start)
+    moves = any(value not in (None, 0.0) for value in given)
+    turns = [bool(np.delete(spin, axis).any()) for axis in range(3)]
+    return tuple(
+        turn or not (value is None or (value == 0.0 and moves)) for value, turn in zip(given, turns, strict=True)
+    )
 
 
 def _turning(

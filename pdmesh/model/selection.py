@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -16,6 +16,7 @@ from pdmesh.model.document import (
     Displacement,
     Exchange,
     GridError,
+    InitialDisplacement,
     InitialVelocity,
     Load,
     Pin,
@@ -28,12 +29,14 @@ from pdmesh.model.document import (
 )
 from pdmesh.model.ground_supports import wrong_spring
 from pdmesh.model.monitors import contradiction
+from pdmesh.model.values_of_place import PlaceError, Value, named, values_at, varying, wrong_value
 
 if TYPE_CHECKING:
     from pdmesh.model.node_arrays import Grid
 
 WHOLES = {2: "a plate", 3: "a body in space"}
 LOADS = ("body_force", "traction", "force")
+PRESCRIBED = (Displacement, Velocity, Acceleration)
 SLACK = 1e-9  # of a node's spacing: how far beside a box it is still in it
 
 
@@ -54,16 +57,16 @@ class Cloud(Protocol):
 
 
 def components(
-    condition: Displacement | Velocity | Acceleration | InitialVelocity, dimension: int = 3
-) -> tuple[float | None, ...]:
+    condition: Displacement | Velocity | Acceleration | InitialVelocity | InitialDisplacement, dimension: int = 3
+) -> tuple[Value | None, ...]:
     """The components that a condition prescribes along each axis; None leaves one free."""
     return (condition.x, condition.y, condition.z)[:dimension]
 
 
-def given_of(load: Load) -> dict[str, Sequence[float]]:
+def given_of(load: Load) -> dict[str, Sequence[Value]]:
     """What is given of a load's body_force (N/m^3), traction (Pa) and force (N/m or N), by name."""
-    each = {"body_force": load.body_force, "traction": load.traction, "force": load.force}
-    return {name: vector for name, vector in each.items() if vector is not None}
+    each = ((name, getattr(load, name)) for name in LOADS)
+    return {name: vector for name, vector in each if vector is not None}
 
 
 def rows_of(cloud: Cloud, ids: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -94,6 +97,15 @@ def check(settings: Settings, grid: Grid, name: str) -> None:
         _check_selection(condition, grid, place)
         _check_condition(condition, place)
         _check_components(condition, grid.dimension, place)
+        _check_values(condition, grid, place)
+    twice = two_motions(settings.conditions, lambda one: grid.chosen(one.nodes, one.box))
+    if twice is not None:
+        number, axis, other, row = twice
+        kinds = [str(settings.conditions[at].__struct_config__.tag) for at in (number, other)]
+        raise GridError(
+            f"{name}: $.conditions[{number}].{axis}: found node {int(grid.ids[row])} with a prescribed {kinds[0]} there"
+            f" and a prescribed {kinds[1]} by $.conditions[{other}], expected one of them"
+        )
     for number, region in enumerate(settings.regions):
         _check_selection(region, grid, f"{name}: $.regions[{number}]")
     for number, probe in enumerate(settings.run.probes):
@@ -128,9 +140,12 @@ def _check_condition(condition: AnyCondition, place: str) -> None:
     if isinstance(condition, Load) and len(given_of(condition)) != 1:
         found = " and ".join(given_of(condition)) or "none"
         raise GridError(f"{place}: found {found}, expected one of {', '.join(LOADS)}")
-    if isinstance(condition, Displacement | Velocity | Acceleration) and not any(
-        value is not None for value in components(condition)
-    ):
+    shares, nodes = getattr(condition, "shares", None), condition.nodes or ()
+    if isinstance(condition, Load) and shares is not None and (not condition.traction or len(shares) != len(nodes)):
+        raise GridError(
+            f"{place}.shares: found {len(shares)}, expected one of each of {len(nodes)} nodes with a traction, or none"
+        )
+    if isinstance(condition, (*PRESCRIBED, InitialDisplacement)) and set(components(condition)) == {None}:
         raise GridError(f"{place}: found neither x nor y, expected at least one of them")
     if isinstance(condition, Source) and (condition.rate is None) == (condition.flux is None):
         raise GridError(f"{place}: found neither or both of rate and flux, expected one of them")
@@ -158,13 +173,49 @@ def _check_components(condition: AnyCondition, dimension: int, place: str) -> No
             raise GridError(f"{place}{wrong}")
     elif isinstance(condition, InitialVelocity) and (wrong := wrong_spin(condition.spin, dimension)) is not None:
         raise GridError(f"{place}.{wrong}")
+    elif dimension == 3 and getattr(condition, "corrected", False):
+        raise GridError(f"{place}.corrected: found true, expected false in {WHOLES[3]}")
     elif isinstance(condition, Pin) and dimension == 3:
         raise GridError(f"{place}: found a pin, expected none in {WHOLES[3]}")
-    elif dimension == 2 and getattr(condition, "z", None):
+    elif dimension == 2 and getattr(condition, "z", None) not in (None, 0.0):
         raise GridError(f"{place}.z: found one, expected none in {WHOLES[2]}")
 
 
-def _check_length(found: Sequence[float], expected: int, place: str) -> None:
+def _check_values(condition: AnyCondition, grid: Grid, place: str) -> None:
+    """Raise GridError for an expression or a table that has no finite value at one of the condition's nodes."""
+    for name, at, value in varying(condition):
+        wrong = wrong_value(value, grid.dimension)
+        if wrong is None:
+            try:
+                values_at(value, grid.part(grid.chosen(condition.nodes, condition.box)).position)
+            except PlaceError as error:
+                wrong = str(error)
+        if wrong is not None:
+            raise GridError(f"{place}.{named(name, at)}: {wrong}")
+
+
+def two_motions(
+    conditions: Sequence[AnyCondition], rows_of_one: Callable[[Selection], NDArray[np.int64]]
+) -> tuple[int, str, int, int] | None:
+    """The first node and component with prescribed motions of two kinds: the later condition's number, the axis, the
+    earlier condition's number, and the node's row; None if there is none."""
+    known: list[tuple[int, type, tuple[Value | None, ...], NDArray[np.int64]]] = []
+    for number, condition in enumerate(conditions):
+        if not isinstance(condition, PRESCRIBED):
+            continue
+        own, rows = components(condition), rows_of_one(condition)
+        for other, kind, theirs, others in known:
+            both = [axis for axis, a, b in zip("xyz", own, theirs, strict=True) if a is not None and b is not None]
+            if kind is type(condition) or not both:
+                continue
+            common = np.intersect1d(rows, others)
+            if len(common):
+                return number, both[0], other, int(common[0])
+        known.append((number, type(condition), own, rows))
+    return None
+
+
+def _check_length(found: Sequence[object], expected: int, place: str) -> None:
     if len(found) != expected:
         whole = WHOLES[2 if expected in (2, 4) else 3]
         raise GridError(f"{place}: found {len(found)} numbers, expected {expected} in {whole}")

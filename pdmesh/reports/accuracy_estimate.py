@@ -33,6 +33,7 @@ from pdmesh.model.document import (
     Velocity,
     in_steps,
 )
+from pdmesh.model.values_of_place import largest
 from pdmesh.reports.bonds_and_step import stable_step
 from pdmesh.scene.plate import Refinement
 from pdmesh.scene.scene import Scene
@@ -157,7 +158,8 @@ def _knock(scene: Scene) -> float:
     critical = np.sqrt(4 * np.pi * G0 / (9 * E * scene.horizon * scene.finest))
     given = [one.action for one in scene.conditions if isinstance(one.action, Velocity | InitialVelocity)]
     sudden = [each for each in given if not getattr(each, "profile", ())]
-    fastest = max((float(np.hypot(each.x or 0.0, each.y or 0.0)) for each in sudden), default=0.0)
+    corners = shapely.get_coordinates(scene.shape)
+    fastest = max((float(np.hypot(largest(each.x, corners), largest(each.y, corners))) for each in sudden), default=0.0)
     return float(fastest / np.sqrt(E / rho) / critical)
 
 

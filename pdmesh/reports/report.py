@@ -234,7 +234,9 @@ def _words(fields: dict[str, Any]) -> str:
 def _asked(entry: dict[str, Any], medium: dict[str, Any]) -> dict[str, Any]:
     """The prescribed values of a condition. Those on a content have units: of heat with W where the medium has a heat
     capacity, else with K."""
-    asked = {key: value for key, value in entry.items() if key not in ("kind", "name", "nodes", "box", "edge")}
+    asked = {
+        key: value for key, value in entry.items() if key not in ("kind", "name", "nodes", "box", "edge", "shares")
+    }
     if entry["kind"] not in HEAT:
         return asked
     units, capacity = IN_MOL, 1.0

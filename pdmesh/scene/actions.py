@@ -2,61 +2,77 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar
 
 import msgspec
 import numpy as np
 
-from pdmesh.model.document import Acceleration, AnyCondition, InitialVelocity, MediumRegion, Velocity
+from pdmesh.model.document import (
+    Acceleration,
+    AnyCondition,
+    InitialDisplacement,
+    InitialVelocity,
+    MediumRegion,
+    Velocity,
+)
 from pdmesh.model.suggestions import explained
+from pdmesh.model.values_of_place import is_file, is_of_place, named, varying, wrong_value
 from pdmesh.scene.conditions import checked_profile
+from pdmesh.scene.functions_of_place import Component, ValueOfPlace, components_of
 from pdmesh.scene.shapes import SceneError
 
 T = TypeVar("T")
-Components = Sequence[float | None]
+Components = Sequence[ValueOfPlace | None] | Callable[..., Any]  # a function gives all components
 
 
-def action(kind: type[AnyCondition], name: str, values: dict[str, Any]) -> AnyCondition:
-    """The condition of a kind with these values. Raises SceneError."""
+def action(kind: type[AnyCondition], name: str, values: dict[str, Any], dimension: int = 3) -> AnyCondition:
+    """The condition of a kind with these values, in a plate (2) or in space (3). Raises SceneError."""
     place = f"{kind.__struct_config__.tag} '{name}'"
     if "profile" in values:
         values = values | {"profile": checked_profile(values["profile"], f"{place}: profile")}
-    return converted({"kind": kind.__struct_config__.tag, "name": name} | values, kind, place)
+    found = converted({"kind": kind.__struct_config__.tag, "name": name} | values, kind, place)
+    for key, at, value in varying(found):
+        wrong = None if isinstance(value, str) and is_file(value) else wrong_value(value, dimension)
+        if wrong is not None:
+            raise SceneError(f"{place}: {named(key, at)}: {wrong}")
+    return found
+
+
+MOTIONS: dict[str, type[AnyCondition]] = {
+    "velocity": Velocity,
+    "acceleration": Acceleration,
+    "initial_velocity": InitialVelocity,
+    "initial_displacement": InitialDisplacement,
+}
 
 
 def motion(
-    name: str,
-    axes: str,
-    velocity: Components | None,
-    acceleration: Components | None,
-    initial_velocity: Components | None,
-    **held: Any,
+    name: str, axes: str, moves: Mapping[str, Components | None], **held: Any
 ) -> tuple[type[AnyCondition], dict[str, Any]]:
-    """Kind and values of the one motion along `axes` that is given; `held` are profile and breakable.
+    """Kind and values of the one of some `MOTIONS` along `axes` that is given; `held` are profile and breakable.
 
-    They do not apply to an initial velocity. Raises SceneError.
+    They do not apply to an initial velocity or displacement. Raises SceneError.
     """
-    given: list[tuple[type[AnyCondition], Components | None]] = [
-        (Velocity, velocity),
-        (Acceleration, acceleration),
-        (InitialVelocity, initial_velocity),
-    ]
-    chosen = [(kind, value) for kind, value in given if value is not None]
+    chosen = [(MOTIONS[word], vector) for word, vector in moves.items() if vector is not None]
     if len(chosen) != 1:
-        raise SceneError(
-            f"move '{name}': found {len(chosen)} of velocity, acceleration and initial_velocity, expected one"
-        )
-    ((kind, components),) = chosen
+        raise SceneError(f"move '{name}': found {len(chosen)} of {', '.join(MOTIONS)}, expected one")
+    ((kind, vector),) = chosen
+    components = components_of(vector, len(axes))
+    if len(components) != len(axes) or all(each is None for each in components):
+        expected = f"{len(axes)} components, None of one that is free"
+        raise SceneError(f"move '{name}': found {len(components)} components, expected {expected}")
     along = dict(zip(axes, components, strict=True))
-    if kind is not InitialVelocity:
-        return kind, along | held
-    if any(held.values()):
-        raise SceneError(f"move '{name}': found a profile or breakable, expected none of an initial velocity")
-    return kind, {axis: value or 0.0 for axis, value in along.items()}
+    if kind in (InitialVelocity, InitialDisplacement):
+        if any(held.values()):
+            raise SceneError(
+                f"move '{name}': found a profile or breakable, expected none of an initial velocity or displacement"
+            )
+        return kind, along
+    return kind, along | held
 
 
-def vector(given: Sequence[float], count: int, place: str) -> tuple[float, ...]:
+def vector(given: Any, count: int, place: str) -> tuple[float, ...]:
     """So many finite numbers. Raises SceneError, beginning with `place`."""
     try:
         found = np.asarray(given, dtype=float)
@@ -65,6 +81,19 @@ def vector(given: Sequence[float], count: int, place: str) -> tuple[float, ...]:
     if found.shape != (count,) or not np.isfinite(found).all():
         raise SceneError(f"{place}: found {given!r:.80}, expected {count} finite numbers")
     return tuple(found.tolist())
+
+
+def vector_of_place(given: Any, count: int, place: str) -> tuple[Any, ...]:
+    """So many finite numbers, expressions, tables or functions of place. Raises SceneError, beginning with `place`."""
+    try:
+        found = components_of(given, count)
+    except TypeError:
+        found = ()
+    numbers = [each for each in found if not (is_of_place(each) or callable(each) or isinstance(each, Component))]
+    if len(found) == count and len(numbers) < count:
+        vector(numbers, len(numbers), place)
+        return found
+    return vector(found, count, place)
 
 
 def medium(name: str, D: float) -> MediumRegion:

@@ -32,6 +32,7 @@ from pdmesh.scene.checks import composed, described, passable, ratio
 from pdmesh.scene.conditions import Profile
 from pdmesh.scene.diffusion_conditions import DiffusionConditions
 from pdmesh.scene.faces import SIDES, parsed
+from pdmesh.scene.functions_of_place import Function, ValueOfPlace, without_functions
 from pdmesh.scene.heat import Heat, Physics, physics_of
 from pdmesh.scene.mechanical_conditions import MechanicalConditions
 from pdmesh.scene.shapes import SceneError, checked_spacing
@@ -76,6 +77,7 @@ class SolidCondition:
     where: Where
     rows: int
     action: AnyCondition
+    functions: tuple[Function, ...] = ()  # of place, that give values of the condition
 
 
 @dataclass(frozen=True)
@@ -245,10 +247,10 @@ class Body(MechanicalConditions[Where], DiffusionConditions[Where]):
     def fix(
         self,
         where: Where,
-        x: float | None = 0.0,
-        y: float | None = 0.0,
-        z: float | None = 0.0,
-        rows: int = 1,
+        x: ValueOfPlace | None = 0.0,
+        y: ValueOfPlace | None = 0.0,
+        z: ValueOfPlace | None = 0.0,
+        rows: int | None = None,
         profile: Profile = (),
         name: str = "",
         breakable: bool = False,
@@ -286,14 +288,16 @@ class Body(MechanicalConditions[Where], DiffusionConditions[Where]):
         return {"surface": where.area}
 
     def _with(
-        self, kind: type[AnyCondition], values: dict[str, Any], where: Where, rows: int, name: str, **more: Any
+        self, kind: type[AnyCondition], values: dict[str, Any], where: Where, rows: int | None, name: str, **more: Any
     ) -> Body:
         name = name or name_of(where)
         place = f"{kind.__struct_config__.tag} '{name}'"
         if isinstance(where, str) and where not in SIDES:
             parsed(where, place)
+        rows = 1 if rows is None else rows
         more |= {"rows": rows} if kind in (Load, Spring) else {}
-        action = actions.action(kind, name, values | more)
+        plain, functions = without_functions(values)
+        action = actions.action(kind, name, plain | more, len(self.AXES))
         wrong = wrong_spring(action, 3) if isinstance(action, Spring) else None
         if wrong is not None:
             raise SceneError(f"{place}{wrong}")
@@ -301,7 +305,7 @@ class Body(MechanicalConditions[Where], DiffusionConditions[Where]):
             actions.vector(where.coords[0], 3, place)
         elif not isinstance(where, str | Sheet):
             checked(where, place)
-        condition = SolidCondition(where, rows, action)
+        condition = SolidCondition(where, rows, action, functions)
         return replace(self, conditions=(*self.conditions, condition))
 
 

@@ -270,7 +270,7 @@ def _numbers_of(condition: PlacedCondition, place: str) -> list[float]:
         return [value for value in msgspec.to_builtins(action).values() if isinstance(value, float | int)]
     if action.x is None and action.y is None:
         raise SceneError(f"{place}: found no component, expected x, y or both")
-    return [value for value in (action.x, action.y) if value is not None]
+    return [value for value in (action.x, action.y) if isinstance(value, float | int)]
 
 
 def _of_load(condition: PlacedCondition, load: Load, place: str) -> list[float]:
@@ -282,7 +282,7 @@ def _of_load(condition: PlacedCondition, load: Load, place: str) -> list[float]:
     if load.traction is not None and not isinstance(condition.place.shape, Curve):
         what = "on a surface" if isinstance(condition.place.shape, Surface) else "at a point"
         raise SceneError(f"{place}: found a traction {what}, expected a force or a body force there, or a curve")
-    return [value for vector in given.values() for value in vector]
+    return [value for vector in given.values() for value in vector if isinstance(value, float | int)]
 
 
 def _stiffness(condition: PlacedCondition, spring: Spring, place: str) -> tuple[float, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Generic, Self, TypeVar
 
 import msgspec
@@ -13,6 +13,8 @@ import shapely
 from numpy.typing import NDArray
 
 from pdmesh.model.document import AnyCondition, Concentration, Load, MediumRegion, Point, Region, Spring
+from pdmesh.scene.edge_shares import Pulls, shares
+from pdmesh.scene.functions_of_place import Function, sampled
 from pdmesh.scene.shapes import Circle, Curve, Points, SceneError, Surface, near, polyline
 
 MOST_SPACINGS = 32
@@ -27,7 +29,7 @@ class Conditioned(Generic[W]):
     """What conditions can be added to, as `pdmesh.Scene` and `pdmesh.Body` are."""
 
     def _with(
-        self, kind: type[AnyCondition], values: dict[str, Any], where: W, rows: int, name: str, **more: Any
+        self, kind: type[AnyCondition], values: dict[str, Any], where: W, rows: int | None, name: str, **more: Any
     ) -> Self:
         """With a condition of this kind and with these values; `more` are its profile and whether it is breakable."""
         raise NotImplementedError
@@ -81,6 +83,12 @@ class PlacedCondition:
 
     place: Place
     action: AnyCondition
+    functions: tuple[Function, ...] = ()  # of place, that give values of the condition
+    pulls: Pulls = ()  # by which rows share a traction on an edge; none: all rows have as much
+
+    def on_one_row(self) -> PlacedCondition:
+        """The condition with one row in place of those that share a traction."""
+        return replace(self, place=replace(self.place, rows=1), pulls=()) if self.pulls else self
 
     def on(
         self, position: NDArray[np.float64], delta: NDArray[np.float64], shifts: Sequence[Shift] = ()
@@ -88,6 +96,8 @@ class PlacedCondition:
         """The condition with its nodes' ids, which count from 1. Raises SceneError if it finds no node, which says
         where the nearest is and, by the lattices' `shifts`, what may have moved it."""
         rows = np.flatnonzero(self.place.nodes(position, delta))
+        parts = shares(self.pulls, shapely.distance(shapely.points(position[rows]), self.place.shape) / delta[rows])
+        rows, parts = rows[parts > 0], parts[parts > 0]
         if not len(rows):
             reach = "in its shape" if isinstance(self.place.shape, Surface) else f"within {self.place.rows} rows"
             nearest = _nearest(self.place.shape, position, shifts)
@@ -98,13 +108,16 @@ class PlacedCondition:
         found: dict[str, object] = {"nodes": tuple((rows + 1).tolist())}
         if isinstance(self.action, Load) and self.action.traction is not None:
             found |= {"rows": self.place.rows, "length": float(self.place.shape.length)}
+            found |= {"rows": 1, "shares": tuple(parts.tolist())} if self.pulls else {}
         if isinstance(self.action, Spring) and self.action.stiffness is not None:
             found |= {"rows": self.place.rows, "length": float(self.place.shape.length)}
         if isinstance(self.action, Concentration) and isinstance(self.place.shape, Curve):
             at = shapely.points(position[rows])
             feet = shapely.line_interpolate_point(self.place.shape, shapely.line_locate_point(self.place.shape, at))
             found["edge"] = tuple(map(tuple, (shapely.get_coordinates(feet) - position[rows]).tolist()))
-        return msgspec.structs.replace(self.action, **found)
+        return sampled(
+            msgspec.structs.replace(self.action, **found), self.functions, position[rows], describe(self.action)
+        )
 
 
 @dataclass(frozen=True)

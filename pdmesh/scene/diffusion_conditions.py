@@ -13,6 +13,7 @@ from pdmesh.model.document import (
 )
 from pdmesh.model.medium import Medium
 from pdmesh.scene.conditions import Conditioned, Profile, W
+from pdmesh.scene.functions_of_place import ValueOfPlace, divided
 from pdmesh.scene.heat import Heat, capacity
 from pdmesh.scene.shapes import SceneError
 
@@ -20,25 +21,26 @@ from pdmesh.scene.shapes import SceneError
 class DiffusionConditions(Conditioned[W]):
     """What `pdmesh.Scene` and `pdmesh.Body` add to themselves where something diffuses or is heated.
 
-    `rows`, `profile` and `name` are those of `load`. A flux goes through a curve of a plate or a sheet of a body.
+    `rows`, `profile` and `name` are those of `load`, and values may depend on the place likewise.
+    A flux goes through a curve of a plate or a sheet of a body.
     """
 
     medium: Medium | Heat | None
     material: Material | None
 
-    def begin(self, where: W, concentration: float, name: str = "") -> Self:
+    def begin(self, where: W, concentration: ValueOfPlace, name: str = "") -> Self:
         """With a concentration (mol/m^3) in a shape or a solid at time 0."""
         return self._with(InitialConcentration, {"value": concentration}, where, 1, name)
 
-    def hold(self, where: W, concentration: float, rows: int = 1, profile: Profile = (), name: str = "") -> Self:
+    def hold(self, where: W, concentration: ValueOfPlace, rows: int = 1, profile: Profile = (), name: str = "") -> Self:
         """With a concentration (mol/m^3) prescribed on a side or a curve, or at the nodes of a surface or a solid."""
         return self._with(Concentration, {"value": concentration}, where, rows, name, profile=profile)
 
     def supply(
         self,
         where: W,
-        flux: float | None = None,
-        rate: float | None = None,
+        flux: ValueOfPlace | None = None,
+        rate: ValueOfPlace | None = None,
         rows: int = 1,
         profile: Profile = (),
         name: str = "",
@@ -54,7 +56,7 @@ class DiffusionConditions(Conditioned[W]):
         self,
         where: W,
         coefficient: float,
-        outside: float = 0.0,
+        outside: ValueOfPlace = 0.0,
         rows: int = 1,
         profile: Profile = (),
         name: str = "",
@@ -64,33 +66,33 @@ class DiffusionConditions(Conditioned[W]):
         values = {"coefficient": coefficient, "value": outside} | self._size(where, f"exchange '{name}'")
         return self._with(Exchange, values, where, rows, name, profile=profile)
 
-    def initial_temperature(self, where: W, T: float, name: str = "") -> Self:
+    def initial_temperature(self, where: W, T: ValueOfPlace, name: str = "") -> Self:
         """With a temperature T (K) in a shape or a solid at time 0; elsewhere that is T0 of the material."""
         return self.begin(where, T, name)
 
-    def temperature(self, where: W, T: float, rows: int = 1, profile: Profile = (), name: str = "") -> Self:
+    def temperature(self, where: W, T: ValueOfPlace, rows: int = 1, profile: Profile = (), name: str = "") -> Self:
         """With a temperature T (K) prescribed on a side or a curve, or at the nodes of a surface or a solid."""
         return self.hold(where, T, rows, profile, name)
 
     def heat(
         self,
         where: W,
-        flux: float | None = None,
-        rate: float | None = None,
+        flux: ValueOfPlace | None = None,
+        rate: ValueOfPlace | None = None,
         rows: int = 1,
         profile: Profile = (),
         name: str = "",
     ) -> Self:
         """With heat supplied: a flux (W/m^2), or a rate (W/m^3) there or throughout."""
         rho_c = capacity(self.medium, self.material, f"source '{name or self._named(where, 'source')}'")
-        flux, rate = (None if each is None else each / rho_c for each in (flux, rate))
+        flux, rate = (None if each is None else divided(each, rho_c) for each in (flux, rate))
         return self.supply(where, flux, rate, rows, profile, name)
 
     def convection(
         self,
         where: W,
         h: float | None = None,
-        outside: float | None = None,
+        outside: ValueOfPlace | None = None,
         rows: int = 1,
         profile: Profile = (),
         name: str = "",

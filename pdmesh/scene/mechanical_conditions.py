@@ -22,10 +22,11 @@ from pdmesh.model.document import (
 )
 from pdmesh.scene import actions
 from pdmesh.scene.conditions import Conditioned, Profile, W
+from pdmesh.scene.functions_of_place import ValueOfPlace, VectorOfPlace
 from pdmesh.scene.shapes import SceneError
 
 Vector = Sequence[float]  # along each axis
-Components = Sequence[float | None]  # likewise; None leaves one free
+Components = actions.Components  # likewise; None leaves one free
 
 
 class MechanicalConditions(Conditioned[W]):
@@ -35,6 +36,14 @@ class MechanicalConditions(Conditioned[W]):
     curve or a sheet, or a `shapely.Point`, which stands for the one node nearest to it. A curve, a sheet or a side
     stands for its `rows` nearest rows of nodes. `profile` holds points (time in s, factor). Bonds of the nodes of a
     condition do not break unless `breakable`.
+
+    Without `rows`, an edge of a plate is held or loaded as if the material went on beyond it: a grip holds the first
+    row, whose bonds make up for those that end there, and a traction is shared by the rows of a horizon. With `rows`
+    these have equal parts and plain bonds: one row is then as soft as 0.4 to 2.7 spacings more of material.
+
+    A component of a motion, a traction or a body force may be a number, a function of place f(x, y) or f(x, y, z), m,
+    an expression such as "1e6 * (1 - (y/0.02)^2)", or the name of a CSV or .npy file; one function may give all
+    components.
     """
 
     AXES: ClassVar[str]
@@ -51,9 +60,9 @@ class MechanicalConditions(Conditioned[W]):
     def load(
         self,
         where: W,
-        traction: Vector | None = None,
-        body_force: Vector | None = None,
-        rows: int = 1,
+        traction: VectorOfPlace | None = None,
+        body_force: VectorOfPlace | None = None,
+        rows: int | None = None,
         profile: Profile = (),
         name: str = "",
         breakable: bool = False,
@@ -85,15 +94,18 @@ class MechanicalConditions(Conditioned[W]):
         velocity: Components | None = None,
         acceleration: Components | None = None,
         initial_velocity: Components | None = None,
-        rows: int = 1,
+        rows: int | None = None,
         profile: Profile = (),
         name: str = "",
         breakable: bool = False,
+        *,
+        initial_displacement: Components | None = None,
     ) -> Self:
-        """With one of: a prescribed velocity (m/s), acceleration (m/s^2), or velocity at time 0 (m/s), which has no
-        profile. None leaves a component free."""
-        moves, name = (velocity, acceleration, initial_velocity), name or self._named(where, "move")
-        kind, values = actions.motion(name, self.AXES, *moves, profile=profile, breakable=breakable)
+        """With one of: a prescribed velocity (m/s) or acceleration (m/s^2), or a velocity (m/s) or displacement (m) at
+        time 0, which have no profile. None leaves a component free."""
+        moves = {"velocity": velocity, "acceleration": acceleration, "initial_velocity": initial_velocity}
+        moves["initial_displacement"], name = initial_displacement, name or self._named(where, "move")
+        kind, values = actions.motion(name, self.AXES, moves, profile=profile, breakable=breakable)
         return self._with(kind, values, where, rows, name)
 
     def gap(self, name: str, one: Vector, other: Vector) -> Self:
@@ -108,8 +120,8 @@ class MechanicalConditions(Conditioned[W]):
     def _fixed(
         self,
         where: W,
-        values: Sequence[float | None],
-        rows: int = 1,
+        values: Sequence[ValueOfPlace | None],
+        rows: int | None = None,
         profile: Profile = (),
         name: str = "",
         breakable: bool = False,
@@ -134,13 +146,20 @@ class MechanicalConditions(Conditioned[W]):
         return own
 
     def _acting(
-        self, kind: type[AnyCondition], values: dict[str, Vector | None], where: W, rows: int, name: str, **more: Any
+        self,
+        kind: type[AnyCondition],
+        values: dict[str, Any],
+        where: W,
+        rows: int | None,
+        name: str,
+        **more: Any,
     ) -> Self:
         """With the one of some vectors that is given."""
         name = name or self._named(where, str(kind.__struct_config__.tag))
         place = f"{kind.__struct_config__.tag} '{name}'"
+        of_numbers = actions.vector if kind is Spring else actions.vector_of_place
         found = {
-            key: actions.vector(vector, len(self.AXES), f"{place}: {key}")
+            key: of_numbers(vector, len(self.AXES), f"{place}: {key}")
             for key, vector in values.items()
             if vector is not None
         }

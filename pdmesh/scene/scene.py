@@ -32,15 +32,20 @@ from pdmesh.model.document import (
     Region,
     Solid,
 )
+from pdmesh.model.mechanical_conditions import Grip
 from pdmesh.scene import actions, checks
 from pdmesh.scene.conditions import MaterialRegion, Place, PlacedCondition, PlacedRegion, Profile, name_of
 from pdmesh.scene.diffusion_conditions import DiffusionConditions
+from pdmesh.scene.edge_shares import Pulls, pulls_of
+from pdmesh.scene.functions_of_place import ValueOfPlace, without_functions
 from pdmesh.scene.mechanical_conditions import MechanicalConditions
 from pdmesh.scene.plate import BodyBeside, Plate, Refinement, Zone
 from pdmesh.scene.shapes import Circle, Curve, Points, SceneError, Shape, Surface, coordinates, polyline, surface
 from pdmesh.scene.slits import Crack
 
 DEEP = 12.0  # horizons: of a layer that absorbs
+ON_EDGE = 1e-3  # of a spacing: a curve this near to the edge is on it
+PLAIN = Material(E=1.0, rho=1.0, G0=1.0)  # where a scene has none yet: only its micromodulus matters
 
 Where: TypeAlias = str | Curve | Surface | Circle | shapely.Point | Points
 
@@ -141,9 +146,9 @@ class Scene(Plate, MechanicalConditions[Where], DiffusionConditions[Where]):
     def fix(
         self,
         where: Where,
-        x: float | None = 0.0,
-        y: float | None = 0.0,
-        rows: int = 1,
+        x: ValueOfPlace | None = 0.0,
+        y: ValueOfPlace | None = 0.0,
+        rows: int | None = None,
         profile: Profile = (),
         name: str = "",
         breakable: bool = False,
@@ -210,13 +215,26 @@ class Scene(Plate, MechanicalConditions[Where], DiffusionConditions[Where]):
         return {"length": float(curve.length)}
 
     def _with(
-        self, kind: type[AnyCondition], values: dict[str, Any], where: Where, rows: int, name: str, **more: Any
+        self, kind: type[AnyCondition], values: dict[str, Any], where: Where, rows: int | None, name: str, **more: Any
     ) -> Scene:
         name = name or name_of(where, str(kind.__struct_config__.tag))
-        action = actions.action(kind, name, values | more)
-        place = self._place(where, f"{kind.__struct_config__.tag} '{name}'")
-        condition = PlacedCondition(Place(place, rows), action)
+        plain, functions = without_functions(values)
+        pulls: Pulls
+        place, pulls = self._place(where, f"{kind.__struct_config__.tag} '{name}'"), ()
+        if rows is None and issubclass(kind, Grip) and self._is_edge(place):
+            more["corrected"] = True
+        if rows is None and plain.get("traction") is not None and self._is_edge(place):
+            pulls = pulls_of(self.material or PLAIN, self.horizon)
+        action = actions.action(kind, name, plain | more, len(self.AXES))
+        rows = (len(pulls) or 1) if rows is None else rows
+        condition = PlacedCondition(Place(place, rows), action, functions, pulls)
         return replace(self, conditions=(*self.conditions, condition))
+
+    def _is_edge(self, place: Curve | Surface | shapely.Point) -> bool:
+        """Whether a place is a curve along the edge of the plate or of a hole."""
+        if not isinstance(place, Curve):
+            return False
+        return bool(self.everything.boundary.buffer(ON_EDGE * self.finest).covers(place))
 
     def _place(self, where: Where, place: str) -> Curve | Surface | shapely.Point:
         if isinstance(where, str):

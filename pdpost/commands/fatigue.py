@@ -72,7 +72,7 @@ def _told(one: Life) -> dict[str, Any]:
 
 def _lines(one: Life) -> list[str]:
     wrong = one.error / one.cycles if one.error and one.cycles else None
-    off = "" if wrong is None else f", with an error from the length of jumps that is estimated at {wrong:.1%}"
+    off = "" if wrong is None else f", with an error from jumps and from K that is estimated at {wrong:.1%}"
     lines = [f"{one.cycles:.6g} cycles in all{off}"]
     if one.first is not None:
         lines.append(f"first bonds broke after {one.first:.6g} cycles, stretched by a range of {one.range:.4g}")

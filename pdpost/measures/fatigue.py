@@ -30,7 +30,7 @@ from pdsolve.results import Results, ResultsError
 
 Array = NDArray[np.float64]
 
-SETTLED = 2.0  # horizons that a crack grows until the life ahead of it is that of a crack that grows
+SETTLED = 2.0  # horizons that a crack of bonds grows until the life ahead of it is that of a crack that grows
 FEWEST = 3  # points of a line
 FLAT = 1e-6  # m log(K1 / K0), below which both are as good as one
 FIRST, ROUNDS = 3.0, 20  # slope to begin with, and how often it is taken anew
@@ -42,7 +42,7 @@ class Growth(NamedTuple):
 
     name: str
     cycles: Array  # (t,)
-    length: Array  # (t,) m, that the crack has grown
+    length: Array  # (t,) m, that the crack has grown since the start of the run
     K: Array  # (t,) Pa m^0.5
     dK: Array  # (t,) Pa m^0.5
     rate: Array  # (t - 1,) m a cycle
@@ -154,10 +154,12 @@ def growth(
         known = np.flatnonzero((one.value["J"] > 0) & np.isfinite(one.place).all(axis=1))
         if len(known) < 2 or one.last is None:
             continue
-        place = one.place[known]
+        begins = one.front.at(0.0)
+        place = one.place[known] if begins is None else np.vstack([begins.place, one.place[known]])
         K = np.sqrt(one.value["J"][known] * one.last.effective)
-        way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(place, axis=0).T))])
-        settled = way[:-1] >= SETTLED * model.horizon.ratio * float(results.nodes(int(steps[0])).delta.min())
+        way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(place, axis=0).T))])[-len(known) :]
+        least = SETTLED * model.horizon.ratio * float(results.nodes(int(steps[0])).delta.min())
+        settled = way[:-1] >= (least if model.run.cracks == "bonds" else 0.0)
         n = N[one.step[known]]
         with np.errstate(divide="ignore", invalid="ignore"):
             rate = np.diff(way) / np.diff(n)

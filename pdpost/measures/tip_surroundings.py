@@ -25,7 +25,7 @@ from pdsolve.results import Nodes, Results
 
 TOUCHES = 1e-3  # spacings: a crack that ends so near to another ends on it
 BESIDE, SLANT = 1.5, 0.1  # spacings beside a tip's line, and of the way back: what is nearer to it is its own crack
-FREE = ("initial velocity",)  # conditions that leave their nodes alone
+FREE = ("initial velocity", "initial displacement")  # conditions that leave their nodes alone
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,14 @@ class Place(NamedTuple):
     done: float  # cycles of it
 
 
+def shares(law: Fatigue, grows: NDArray[np.bool_]) -> Array:
+    """Range of stretch (b,) over the stretch under the largest loads; `grows`: next to damage.
+
+    There, faces of cracks carry what presses them together: loads below 0 add nothing. Elsewhere nothing is closed.
+    """
+    return np.where(grows, 1 - max(law.ratio, 0.0), 1 - law.ratio)
+
+
 def wear(law: Fatigue, eps: Array, grows: NDArray[np.bool_]) -> Array:
     """Share of life (b,) that a cycle takes of bonds at these ranges of stretch (b,); `grows`: next to damage."""
     with np.errstate(under="ignore"):

@@ -6,7 +6,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from pdmesh.model.document import Absorb, InitialVelocity
+from pdmesh.model.document import Absorb, InitialDisplacement, InitialVelocity
 from pdmesh.model.kd_trees import tree_of
 from pdmesh.model.visibility import SLACK, plate_of
 from pdsolve.model import Model
@@ -27,7 +27,9 @@ class Obstacles:
         self.slack = SLACK * float(grid.delta.min())
         shape = plate_of(grid, model.name)
         self._shape, self._edge = shape, None if shape is None else shape.boundary
-        acting = [c for c in model.settings.conditions if not isinstance(c, InitialVelocity | Absorb)]
+        acting = [
+            c for c in model.settings.conditions if not isinstance(c, InitialDisplacement | InitialVelocity | Absorb)
+        ]
         self._acted_on = np.unique(np.concatenate([np.zeros(0, np.int64), *(model.selected(c) for c in acting)]))
 
     def inside(self, place: NDArray[np.float64], way: NDArray[np.float64]) -> bool:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.document import Concentration, Exchange, InitialConcentration, Solid, Source, Timed
+from pdmesh.model.values_of_place import Value
 from pdsolve.conditions import Drive, Entries, chosen, drive_of, entries, held, hold_values
 from pdsolve.diffusion.edge_fluxes import Cloud, beside_edge, is_coarse, outward, over_cells, parts
 from pdsolve.diffusion.families import diffusivities, extended
@@ -19,6 +20,17 @@ ON_EDGE = 1e-3  # of a spacing
 Profile = tuple[tuple[float, float], ...]
 
 
+class OnEdge(NamedTuple):
+    """A value on an edge, beside nodes of a model."""
+
+    model: Model
+    value: Value
+
+    def values(self, rows: NDArray[np.int64]) -> NDArray[np.float64] | float:
+        """The value beside these nodes, (k,) where it depends on the place."""
+        return self.model.values(self.value, rows)
+
+
 class Flux(NamedTuple):
     """What goes through an edge of k nodes."""
 
@@ -26,6 +38,7 @@ class Flux(NamedTuple):
     rows: NDArray[np.int64]  # (k,)
     profile: int
     walled: NDArray[np.bool_]  # (k,) nodes at which it is a prescribed value outside
+    value: OnEdge  # the flux, mol/(m^2 s), or what is outside, mol/m^3
 
 
 class BoundaryConditions(NamedTuple):
@@ -37,7 +50,7 @@ class BoundaryConditions(NamedTuple):
     free: NDArray[np.bool_]  # (n,) nodes that are not held
     exchange: NDArray[np.float64]  # (n,) 1/s: what goes out for each mol/m^3
     edges: Held
-    at_edges: list[tuple[float, int]]  # what each held edge holds, mol/m^3, and its profile
+    at_edges: list[tuple[OnEdge, int]]  # what each held edge holds, and its profile
     fluxes: list[Flux]
 
     def drive(self) -> Drive:
@@ -49,9 +62,9 @@ class BoundaryConditions(NamedTuple):
 def with_edges(done: BoundaryConditions, to_edge: NDArray[np.float64], edge: NDArray[np.int64]) -> BoundaryConditions:
     """Conditions with a conductance, 1/s, from each node (n,) to the `edge` (n,) of that number; -1: to none."""
     supplied = list(done.supplied)
-    for number, (value, profile) in enumerate(done.at_edges):
+    for number, (held_there, profile) in enumerate(done.at_edges):
         rows = np.flatnonzero((edge == number) & (to_edge > 0))
-        supplied.append(entries(rows, 0, to_edge[rows] * value, profile))
+        supplied.append(entries(rows, 0, to_edge[rows] * held_there.values(rows), profile))
     return done._replace(supplied=supplied, exchange=done.exchange + np.where(edge >= 0, to_edge, 0.0))
 
 
@@ -62,7 +75,7 @@ def boundary_conditions(model: Model, volume: NDArray[np.float64]) -> BoundaryCo
     profiles: list[Profile] = []
     held: list[Entries] = []
     supplied: list[Entries] = []
-    at_edges: list[tuple[float, int]] = []
+    at_edges: list[tuple[OnEdge, int]] = []
     edges = [nothing(len(extended(model)))]
     fluxes: list[Flux] = []
     for number, condition in enumerate(model.settings.conditions):
@@ -71,24 +84,26 @@ def boundary_conditions(model: Model, volume: NDArray[np.float64]) -> BoundaryCo
         rows, profile = model.selected(condition), len(profiles)
         profiles.append(condition.profile)
         if isinstance(condition, Concentration):
-            _possible(model, f"$.conditions[{number}].value", _largest(condition.value, condition))
+            most = float(np.max(model.values(condition.value, rows)))
+            _possible(model, f"$.conditions[{number}].value", _largest(most, condition))
             if condition.edge is not None and _has_edges(model):
                 rows, faces = _edge(model, number, condition, len(at_edges))
                 edges.append(faces)
-                at_edges.append((condition.value, profile))
+                at_edges.append((OnEdge(model, condition.value), profile))
                 on_edge[rows] = True
-            held.append(entries(rows, 0, condition.value, profile))
+            held.append(entries(rows, 0, model.values(condition.value, rows), profile))
             free[rows] = False
             continue
         if isinstance(condition, Source) and condition.rate is not None:
-            supplied.append(entries(rows, 0, condition.rate, profile))
+            supplied.append(entries(rows, 0, model.values(condition.rate, rows), profile))
         else:
             walled = np.zeros(len(rows), dtype=bool)
             if isinstance(condition, Exchange) and _has_edges(model):
                 faces, walled = _outside(model, condition, rows, volume[rows], len(at_edges))
                 edges.append(faces)
-                at_edges.append((condition.value, profile))
-            fluxes.append(Flux(condition, rows, profile, walled))
+                at_edges.append((OnEdge(model, condition.value), profile))
+            through = condition.flux if isinstance(condition, Source) else condition.value
+            fluxes.append(Flux(condition, rows, profile, walled, OnEdge(model, through or 0.0)))
     supplied = [chosen(each, free[each.node]) for each in supplied]
     together = Faces(*(np.concatenate(column) for column in zip(*edges[::-1], strict=True)))  # the last one holds
     return BoundaryConditions(profiles, held, supplied, free, exchange, Held(on_edge, together), at_edges, fluxes)
@@ -97,7 +112,7 @@ def boundary_conditions(model: Model, volume: NDArray[np.float64]) -> BoundaryCo
 def with_fluxes(done: BoundaryConditions, cloud: Cloud, corrected: bool) -> BoundaryConditions:
     """Conditions with the fluxes through edges; `corrected`: where they leave linear fields exact."""
     supplied, exchange = list(done.supplied), done.exchange.copy()
-    for condition, rows, profile, walled in done.fluxes:
+    for condition, rows, profile, walled, value in done.fluxes:
         extent, coarse = _extent(condition), ~walled
         coarse &= isinstance(condition, Exchange) and is_coarse(
             cloud.delta[rows], cloud.diffusivity[rows], condition.coefficient
@@ -106,11 +121,11 @@ def with_fluxes(done: BoundaryConditions, cloud: Cloud, corrected: bool) -> Boun
         found = spread or beside_edge(cloud, rows, extent, walled)
         share = extent * found.share / cloud.volume[found.rows]
         if isinstance(condition, Source):
-            rate = (condition.flux or 0.0) * share
+            rate = value.values(found.rows) * share
         else:
             coefficient = share / (1 / condition.coefficient + found.resistance)
             np.add.at(exchange, found.rows, coefficient)
-            rate = coefficient * condition.value
+            rate = coefficient * value.values(found.rows)
         supplied.append(chosen(entries(found.rows, 0, rate, profile), done.free[found.rows]))
     exchange[~done.free] = 0
     return done._replace(supplied=supplied, exchange=exchange)
@@ -189,8 +204,10 @@ def begin(model: Model, drive: Drive) -> tuple[NDArray[np.float64], NDArray[np.u
     for number, condition in enumerate(model.settings.conditions):
         place = f"$.conditions[{number}]"
         if isinstance(condition, InitialConcentration):
-            _possible(model, f"{place}.value", condition.value)
-            content[model.selected(condition)] = condition.value
+            rows = model.selected(condition)
+            values = model.values(condition.value, rows)
+            _possible(model, f"{place}.value", float(np.max(values, initial=0.0)))
+            content[rows] = values
     for number, condition in enumerate(model.settings.conditions):
         if isinstance(condition, Solid):
             if medium.C_solid is None:

@@ -20,6 +20,7 @@ from pdsolve.adaptivity.hybrid.outlook import decided, of_long_steps
 from pdsolve.adaptivity.quadtree.operator import Leaves
 from pdsolve.checks import advise, advise_unused
 from pdsolve.codegen.processor import processor_kind
+from pdsolve.conditions import has_initial_displacement
 from pdsolve.errors import LateZoneError, UnstableError
 from pdsolve.model import Model, model_of, on_device
 from pdsolve.numerics.memory import give_back
@@ -31,6 +32,8 @@ from pdsolve.run.after_path import motion_after, motion_follows, name_of
 from pdsolve.run.body_zones import Refining
 from pdsolve.run.cell_splitting import Splitting
 from pdsolve.run.coarse_breaks import warn_of_coarse_breaks
+from pdsolve.run.doubtful_conditions import advise_conditions
+from pdsolve.run.initial_displacements import displaced
 from pdsolve.run.late_zones import Sooner
 from pdsolve.run.node_changes import Adapt, zone_back
 from pdsolve.run.on_ranks import resuming
@@ -136,8 +139,11 @@ def _noted(model: Model, options: Options, request: Request) -> tuple[Recorder, 
     """The records of a run that begins, which alone keep its system and its state."""
     with stopping.patience(stopping.AT_ONCE) if request.sooner else nullcontext():  # where a run before was saved
         found = _prepared(model, options)
+    if has_initial_displacement(model):
+        found = displaced(found)
     system, state = started(found) if model.settings.run.start == "static" else found
     advise_unused(model)
+    advise_conditions(system.model, system.time_step)
     if system.transport is None:
         advise(system.model, system.unbonded, system.scheme.partial_cells, system.scheme.symmetric)
     return _records(system, state, request)

@@ -105,6 +105,7 @@ def _rested(taken: LoadSteps | SteppedRest | None) -> dict[str, Any]:
             "first_break": taken.first if isinstance(taken, FatigueSteps) and taken.rested else None,
             "first_range": taken.range if isinstance(taken, FatigueSteps) and taken.rested else None,
             "cycles_error": taken.error if isinstance(taken, ParisSteps) else None,
+            "cycles_error_of_jumps": taken.jump_error if isinstance(taken, ParisSteps) else None,
             "ended": taken.why or None,
         }
     if isinstance(taken, ArcLengthSteps | CrackLengthSteps | PathSteps):

@@ -6,6 +6,7 @@ from pdmesh.model.materials import KINDS
 from pdsolve.bonds.assembly import Filling
 from pdsolve.model import Model, ModelError
 from pdsolve.schemes import average_horizon, families, one_sided
+from pdsolve.schemes.gripped_edges import gripped
 from pdsolve.schemes.scheme import Scheme
 
 
@@ -42,7 +43,7 @@ def _symmetric(model: Model) -> Filling:
     """Symmetric bonds for any model."""
     first = model.materials[0]
     springs = first.model == "bond" or (first.model == "micropolar" and first.law == "cohesive")
-    return average_horizon.fill(model) if springs else families.fill(model)
+    return gripped(average_horizon.fill(model), model) if springs else families.fill(model)
 
 
 SCHEMES: dict[str, Scheme] = {

@@ -49,6 +49,7 @@ from pdsolve.laws import limits
 from pdsolve.laws.bond_limits import Sizes
 from pdsolve.model import Model
 from pdsolve.schemes.coarse_strength import is_unbreakable, strength_reach
+from pdsolve.schemes.gripped_edges import inside_edges
 
 NU = BONDS_NU["space"]
 LEAST, MOST = 0.2, 8.0  # of the corrections of a node in space; those of a cube are 0.59 to 5.2
@@ -75,7 +76,7 @@ class Rule:
         self.area, self._model, self._corrections = areas(model, "cells"), model, corrections
         self._margin = 0.5 if corrections.partial_cells else 0.0  # spacings
         self.sight, self.held = sight_of(grid, model.name), unbreakable(model)
-        self._farthest = float((model.horizons + self._margin * grid.delta).max())
+        self.farthest = float((model.horizons + self._margin * grid.delta).max())
         stiffest = max(STIFFNESS[each.plane, each.micromodulus] * each.E for each in model.materials)
         self._nothing = ROUND_OFF * stiffest
 
@@ -100,7 +101,7 @@ class Rule:
         if not len(rows):
             return rows
         position = self._model.grid.position
-        far, _ = tree_of(position[rows]).query(position, distance_upper_bound=self._farthest * (1 + ROUND_OFF))
+        far, _ = tree_of(position[rows]).query(position, distance_upper_bound=self.farthest * (1 + ROUND_OFF))
         return np.flatnonzero(np.isfinite(far))
 
     def _reach(self, pairs: Pairs) -> NDArray[np.float64]:
@@ -116,11 +117,11 @@ class Rule:
         kept = np.flatnonzero(self._strong(modulus, reach))
         kept = kept[self.sight.inside(chosen(pairs, kept))]
         pairs, modulus, peak, limit, reach = chosen(pairs, kept), modulus[kept], peak[kept], limit[kept], reach[kept]
-        far = self.sight.apart(pairs, self._model.materials[0].detour, self._farthest)
-        round_a_tip = (far > pairs.length) & (far < 2 * self._farthest)
+        far = self.sight.apart(pairs, self._model.materials[0].detour, self.farthest)
+        round_a_tip = (far > pairs.length) & (far < 2 * self.farthest)
         if round_a_tip.any():
             modulus[round_a_tip] = self.strength(chosen(pairs._replace(length=far), round_a_tip))
-        intact = (far < 2 * self._farthest) & self._strong(modulus, reach)
+        intact = (far < 2 * self.farthest) & self._strong(modulus, reach)
         return Paired(pairs, intact, modulus, peak, limit, self.area[pairs.target])
 
     def lack(self, rows: NDArray[np.int64], found: Paired) -> NDArray[np.float64]:
@@ -150,7 +151,7 @@ def fill(model: Model, corrections: Corrections = ALL) -> Filling:
             found = rule.looked(rule.neighbours.pairs(rows))
             lack[rows] = rule.lack(rows, found)
             together = found if len(rows) == nodes else None
-        return lack, together
+        return inside_edges(lack, model, rule.farthest), together
 
     def part(rows: NDArray[np.int64]) -> Part:
         lack, together = surfaces()

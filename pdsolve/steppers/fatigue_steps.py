@@ -1,8 +1,9 @@
 """Fatigue at rest: a body under loads that repeat, its bonds tiring in jumps of cycles until the next ones break.
 
 The body rests under the largest loads of the cycle. At the least ones, which are `ratio` of these, bonds that are
-linear stretch `ratio` times as far, so that one equilibrium says what both ends of the cycle are. It stays the same
-from one break to the next: a jump goes there at once.
+linear stretch `ratio` times as far, so that one equilibrium says what both ends of the cycle are. Below a ratio of 0
+the faces of a crack are closed at the least loads: the range of bonds next to damage is that of a ratio of 0, as that
+of K is. It stays the same from one break to the next: a jump goes there at once.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.fatigue import Fatigue
-from pdsolve.bonds.fatigue_life import LEFT, Place, jump
+from pdsolve.bonds.fatigue_life import LEFT, Place, jump, shares
 from pdsolve.bonds.static_breakage import Breakable
 from pdsolve.checkpoint_validation import entry
 from pdsolve.errors import CheckpointError
@@ -76,8 +77,9 @@ class FatigueSteps(CycleSteps):
         """Let bonds tire until the next ones break, and settle without these. Returns iterations in all."""
         bonds, law, motion = self._breakable, self._law, self._motion
         stretches = bonds.stretches(state.value)
-        eps = np.where(bonds.intact, np.abs(stretches) * (1 - law.ratio), 0.0)
-        cycles, self._at = jump(self._life, law, eps, self._grows(), self._at, law.cycles - self._cycles)
+        grows = self._grows()
+        eps = np.where(bonds.intact, np.abs(stretches) * shares(law, grows), 0.0)
+        cycles, self._at = jump(self._life, law, eps, grows, self._at, law.cycles - self._cycles)
         self._cycles = min(self._cycles + cycles, law.cycles)
         which = np.flatnonzero(bonds.intact & (self._life <= LEFT))
         if not len(which):

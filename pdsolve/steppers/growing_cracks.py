@@ -61,6 +61,12 @@ class Before(NamedTuple):
         growth.back(self.cracks, self.broken)
 
 
+def apart(growth: Growing, judged: list[tuple[Any, Any]]) -> float:
+    """How far K by interaction integrals and by J are apart, the most of all tips, over K; 0 where only J is known."""
+    both = [(v.share * growth.toughness(tip), v.released) for tip, v in judged if np.isfinite(v.K1) and v.released > 0]
+    return max((abs(whole / released - 1) for whole, released in both), default=0.0)
+
+
 def intensities(growth: Growing, judged: list[tuple[Any, Any]]) -> NDArray[np.float64]:
     """K (k,) of tips, Pa m^0.5, with the size of sqrt(J E') where they have J."""
     whole = [verdict.share * growth.toughness(tip) for tip, verdict in judged]

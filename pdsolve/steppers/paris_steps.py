@@ -6,8 +6,9 @@ The body rests under the largest loads of the cycle. Every tip has grown a part 
 cycle in which the first tip has grown all of it. A step after which a tip grows more than `STEEPEST` times as fast is
 taken back and begins anew with particles of half the length, down to a spacing: up to that its cycles are right to some
 3 %. Later particles are as short. Of the first step the mean of both its ends counts. The differences
-between that mean and the middles are summed: an estimate of the error of the cycles, which comes out larger than the
-error where intensities grow faster than geometrically. Symbols:
+between that mean and the middles are summed: an estimate of the error from the length of particles, which comes out
+larger than it where intensities grow faster than geometrically. K of a lattice is off by about as much as its two
+integrals are apart, and cycles by m times that: these are summed too. Symbols:
 
     dK    range of K: (1 - R) K with a load ratio R of 0 or more; below 0 the crack is closed, and dK = K
     r     growth of a tip, m a cycle; within a step that of its middle, r sqrt(r / r of the step before)^(l / l before)
@@ -29,7 +30,7 @@ from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
 from pdsolve.steppers.cycle_steps import CycleSteps
 from pdsolve.steppers.equilibrium import Settled, UnsettledError
-from pdsolve.steppers.growing_cracks import Before, Growing, intensities
+from pdsolve.steppers.growing_cracks import Before, Growing, apart, intensities
 from pdsolve.steppers.load_steps import LoadSteps
 
 ALIKE = 1e-6  # of a particle: tips this near to the end of theirs grow together
@@ -58,7 +59,9 @@ class ParisSteps(CycleSteps):
     def __init__(self, law: Fatigue, operator: Operator, motion: LoadSteps, growth: Growing) -> None:
         super().__init__(law, operator, motion, "a particle a step")
         self._growth = growth
-        self.error = 0.0  # cycles by the middles of steps and by the mean of both their ends: differences, summed
+        self.jump_error = 0.0  # cycles by the middles of steps and by the mean of both their ends: differences, summed
+        self.K_error = 0.0  # cycles, of how far the two integrals for K are apart: differences, summed
+        self._apart = 0.0  # of K, the largest, where both were known last
         self._tips: dict[int, _Known] = {}  # by their particle
         self._share = 1.0  # of the length of particles
         self._at_first = 0.0  # cycles of this step if its tips grew on as at its beginning
@@ -90,7 +93,10 @@ class ParisSteps(CycleSteps):
         if not before.tips:  # no step before the first says how growth changes: the mean of both ends does
             cycles, mean = mean, self._at_first / float(np.sqrt(ahead))
             self._cycles = before.cycles + cycles
-        self.error += abs(cycles - mean)
+        self.jump_error += abs(cycles - mean)
+        self._apart = apart(growth, judged) or self._apart
+        assert law.m is not None
+        self.K_error += abs(cycles) * law.m * self._apart
         if steepest > STEEPEST:
             found = (
                 f"found growth {steepest:.3g} times as fast as before this step, expected {STEEPEST:g} times at most"
@@ -159,10 +165,15 @@ class ParisSteps(CycleSteps):
         self._motion.method.forget()
         self._tips, self._cycles = dict(before.tips), before.cycles
 
+    @property
+    def error(self) -> float:
+        """The estimated error of the cycles, of particles and of K together."""
+        return self.jump_error + self.K_error
+
     def keep(self) -> dict[str, NDArray[Any]]:
         """Growth of tips and steps so far, for a checkpoint."""
         tips = np.array([(n, *known) for n, known in self._tips.items()], dtype=float).reshape(-1, 4)
-        numbers = np.array([self._cycles, self._share, self.error])
+        numbers = np.array([self._cycles, self._share, self.jump_error, self.K_error, self._apart])
         return super().keep() | {"paris_tips": tips, "paris_cycles": numbers}
 
     def back(self, kept: Mapping[str, NDArray[Any]], step: int) -> None:
@@ -170,7 +181,8 @@ class ParisSteps(CycleSteps):
         super().back(kept, step)
         tips = entry(kept, "paris_tips", (None, 4), float)
         self._tips = {int(number): _Known(*known) for number, *known in tips.tolist()}
-        self._cycles, self._share, self.error = entry(kept, "paris_cycles", (3,), float).tolist()
+        numbers = entry(kept, "paris_cycles", (5,), float).tolist()
+        self._cycles, self._share, self.jump_error, self.K_error, self._apart = numbers
 
 
 def mean_cycles(steepest: float) -> float:

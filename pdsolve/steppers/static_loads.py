@@ -11,6 +11,7 @@ from pdmesh.model.document import Condition, Displacement, Load
 from pdmesh.model.materials.kind import softens
 from pdmesh.model.monitors import ARC, CRACK
 from pdmesh.model.selection import components, given_of
+from pdmesh.model.values_of_place import is_of_place
 from pdsolve.conditions import factors
 from pdsolve.model import Model, ModelError, counted
 from pdsolve.steppers.path_steps import CRACK_STEPS
@@ -124,15 +125,18 @@ def _refuse_loads(model: Model, times: list[float], needed: bool = True) -> None
     holds: dict[tuple[int, str], tuple[int, list[float]]] = {}
     for number, condition in enumerate(model.settings.conditions):
         if isinstance(condition, Load):
-            loads |= any(map(np.any, given_of(condition).values())) and any(factors(condition, times))
+            acts = any(is_of_place(value) or value for vector in given_of(condition).values() for value in vector)
+            loads |= acts and any(factors(condition, times))
         if not isinstance(condition, Displacement):
             continue
         for axis, value in zip("xyz", components(condition), strict=True):
             if value is None:
                 continue
-            way = [value * factor for factor in factors(condition, times)]
-            loads |= any(way)
-            for row in model.selected(condition).tolist():
+            rows = model.selected(condition)
+            every, at_times = np.broadcast_to(model.values(value, rows), len(rows)).tolist(), factors(condition, times)
+            loads |= any(every) and any(at_times)
+            for row, one in zip(rows.tolist(), every, strict=True):
+                way = [one * factor for factor in at_times]
                 other, before = holds.setdefault((row, axis), (number, way))
                 if before != way:
                     raise ModelError(

@@ -138,7 +138,18 @@ def test_schema_names_every_key() -> None:
         "contact",
         "bodies",
     }
-    kinds = {"load", "displacement", "velocity", "acceleration", "initial velocity", "absorb", "rigid", "spring", "pin"}
+    kinds = {
+        "load",
+        "displacement",
+        "velocity",
+        "acceleration",
+        "initial displacement",
+        "initial velocity",
+        "absorb",
+        "rigid",
+        "spring",
+        "pin",
+    }
     kinds |= {"concentration", "source", "exchange", "initial concentration", "solid"}
     tags = {
         entry["properties"]["kind"]["enum"][0] for entry in found["$defs"].values() if "kind" in entry["properties"]

@@ -30,8 +30,8 @@ def bar(strain: float, **fatigue: Any) -> Model:
     run = Run(solver="static", steps=1, every=1, fatigue=Fatigue(**fatigue))
     scene = (
         Scene(box(0, 0, long, wide), H, STEEL, 3.0, run)
-        .fix("left", y=None)
-        .fix("right", x=strain * long, y=None)
+        .fix("left", y=None, rows=1)
+        .fix("right", x=strain * long, y=None, rows=1)
         .fix(box(0, wide / 2 - H / 4, H / 2, wide / 2 + H / 4), x=None)
     )
     return solvable(scene)
@@ -85,6 +85,17 @@ def test_what_a_cycle_leaves_out_costs_no_life() -> None:
     half = life(1e-3, A1=1e12, m1=6.0, blocks=((1e3, 1.0), (1e3, 0.5)))
     assert half == pytest.approx(2 * whole / (1 + 2**-6), rel=2e-3)  # measured: 2e-4, of the block that it ends in
     assert life(1e-3, A1=1e12, m1=6.0, endurance=1.1e-3) == np.inf
+
+
+@pytest.mark.slow
+def test_a_closed_crack_adds_nothing_to_the_range_of_its_tip() -> None:
+    """Faces press on each other below a load of 0: R = -1 has the life of R = 0, as by K; R = 0.5 has 2^m times it."""
+    lives = []
+    for ratio in (0.0, -1.0, -0.3, 0.5):
+        with simulate(notched(2, A=1e9, m=3.0, ratio=ratio), None, ONE) as results:
+            lives.append(summary(results)["fatigue_steps"][-1]["cycles"])
+    assert lives[1] == lives[2] == lives[0]  # measured: equal; 2^m and 1.3^m times shorter where faces pass through
+    assert lives[3] == pytest.approx(2**3 * lives[0], rel=1e-9)
 
 
 @pytest.mark.slow

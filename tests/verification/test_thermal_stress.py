@@ -24,10 +24,10 @@ def heated(plane: str, *, clamped: bool, fields: tuple[str, ...] | None = None) 
     scene = (
         Scene(box(0, 0, LONG, HIGH), 1e-3, material, medium=Medium(D=1e-5), run=run)
         .initial_temperature(box(-1, -1, 1, 1), T0 + DT)
-        .fix("left", y=None)
+        .fix("left", y=None, rows=1)
         .fix(box(-1e-4, -1e-4, 1e-4, 1e-4), x=None)
     )
-    built = build(scene.fix("right", y=None) if clamped else scene)
+    built = build(scene.fix("right", y=None, rows=1) if clamped else scene)
     return simulate(Model(built.grid, built.settings), None, Options(threads=1))
 
 

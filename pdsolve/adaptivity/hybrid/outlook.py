@@ -11,15 +11,18 @@ from __future__ import annotations
 
 import dataclasses
 import warnings
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
-from pdmesh.model.document import Adapt, Displacement, Hybrid, InitialVelocity, Load, Velocity
+from pdmesh.model.document import Adapt, Displacement, Hybrid, InitialVelocity, Load, Selection, Velocity
 from pdmesh.model.material_constants import pressure_speed, rayleigh_speed
 from pdmesh.model.refused_settings import impossible
 from pdmesh.model.selection import components, given_of
+from pdmesh.model.values_of_place import Value, is_of_place, largest
 from pdsolve.adaptivity.hybrid.coarse_cells import Plate, cells_of, plate_of, tips_of
 from pdsolve.adaptivity.hybrid.lattice import COARSE, FINE
 from pdsolve.adaptivity.hybrid.springs import springs_of
@@ -131,13 +134,20 @@ def _strain(model: Model) -> float:
         most = max((abs(float(factor)) for _, factor in getattr(condition, "profile", ())), default=1.0)
         if isinstance(condition, Load):
             across = {"traction": np.ones(2), "body_force": sides, "force": 1 / sides[::-1]}  # to stress
-            stress = [np.abs(vector[:2]) * across[name] for name, vector in given_of(condition).items()]
+            stress = [_largest(model, condition, v[:2]) * across[name] for name, v in given_of(condition).items()]
             found = max(found, most * SWING * float(np.max(stress)) / softest)
         elif isinstance(condition, Velocity | InitialVelocity | Displacement):
-            each = np.array([abs(value or 0.0) for value in components(condition, 2)])
+            each = _largest(model, condition, components(condition, 2))
             held = isinstance(condition, Displacement)
             found = max(found, most * float(np.max(each / sides if held else each / speed)))
     return found
+
+
+def _largest(model: Model, condition: Selection, vector: Sequence[Value | None]) -> NDArray[np.float64]:
+    """The largest sizes (d,) of a condition's components on its nodes."""
+    some = any(map(is_of_place, vector))
+    position = model.grid.part(model.selected(condition)).position if some else np.zeros((0, len(vector)))
+    return np.array([largest(value, position) for value in vector])
 
 
 def _running(plate: Plate, begins: bool) -> float:

@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 
 from pdmesh.model.document import Displacement, InitialVelocity, Velocity
 from pdmesh.model.selection import components
+from pdmesh.model.values_of_place import is_of_place
 from pdsolve.adaptivity.hybrid.lattice import BELOW, LEFT
+from pdsolve.conditions import initial_velocity
 
 if TYPE_CHECKING:
     from pdsolve.adaptivity.hybrid.coarse_cells import Plate
@@ -22,24 +24,32 @@ SAME = 1e-9  # of the largest value: round-off
 def between(plate: Plate) -> NDArray[np.int64]:
     """Places (k,) of fine nodes that would not move as prescribed if they hung between coarse nodes.
 
-    A held node may hang between held ones alone; initial velocities are to be linear between coarse nodes.
+    A held node may hang between held ones alone; initial velocities, and what is prescribed, are to be linear between
+    coarse nodes.
     """
-    model, nodes = plate.model, len(plate.model.grid)
-    found, velocity = [np.zeros(0, dtype=np.int64)], np.zeros((nodes, 2))
-    given = False
+    model, found = plate.model, [np.zeros(0, dtype=np.int64)]
     for condition in model.settings.conditions:
-        if isinstance(condition, InitialVelocity):
-            velocity[model.selected(condition)], given = components(condition, 2), True
-        elif isinstance(condition, Displacement | Velocity):
-            rows = model.selected(condition)
-            place = plate.places_of(rows)
-            held = _mean(partial(_are_among, rows), plate, place)
-            found.append(place[held[:, 0] < 1.0])
-    if given and velocity.any():
-        place = plate.place
-        away = np.abs(_mean(velocity.__getitem__, plate, place) - velocity).max(axis=1)
-        found.append(place[away > SAME * np.abs(velocity).max()])
+        if not isinstance(condition, Displacement | Velocity):
+            continue
+        rows = model.selected(condition)
+        place = plate.places_of(rows)
+        held = _mean(partial(_are_among, rows), plate, place)
+        found.append(place[held[:, 0] < 1.0])
+        given = [value or 0.0 for value in components(condition, 2)]
+        if any(map(is_of_place, given)):
+            values = np.zeros((len(model.grid), 2))
+            values[rows] = model.vectors(given, rows)
+            found.append(_not_linear(values, plate, rows))
+    if any(isinstance(condition, InitialVelocity) for condition in model.settings.conditions):
+        found.append(_not_linear(initial_velocity(model), plate, np.arange(len(model.grid))))
     return np.unique(np.concatenate(found))
+
+
+def _not_linear(values: NDArray[np.float64], plate: Plate, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Places of these rows (k,) whose values (n, 2) are not the mean of those of the coarse nodes they lie between."""
+    place = plate.places_of(rows)
+    away = np.abs(_mean(values.__getitem__, plate, place) - values[rows]).max(axis=1, initial=0.0)
+    return np.asarray(place[away > SAME * np.abs(values).max(initial=0.0)])
 
 
 def _are_among(some: NDArray[np.int64], rows: NDArray[np.int64]) -> NDArray[np.float64]:

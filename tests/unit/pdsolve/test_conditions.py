@@ -124,7 +124,7 @@ def test_the_books_balance_whatever_is_held(conditions: tuple[AnyCondition, ...]
 
 def test_two_loads_add_and_the_later_hold_wins() -> None:
     push = Load(box=LEFT, body_force=(1.0, 0.0))
-    problem = driven(push, push, Displacement(box=LEFT, y=1.0), Velocity(box=LEFT, y=2.0))
+    problem = driven(push, push, Velocity(box=LEFT, y=1.0), Velocity(box=LEFT, y=2.0))
     assert problem.system.drive.force[left(problem), 0].tolist() == [2.0] * 6
     assert len(problem.system.drive.holds.node) == 6
     assert problem.state.rate[left(problem), 1].tolist() == [2.0] * 6

@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.document import Displacement, InitialVelocity, Velocity
+from pdmesh.model.selection import components
+from pdmesh.model.values_of_place import is_of_place
 from pdsolve.adaptivity.hybrid.space.box import Box
 from pdsolve.adaptivity.hybrid.space.layout import places
 from pdsolve.conditions import initial_velocity
@@ -19,8 +21,8 @@ SAME = 1e-9  # of the largest value: round-off
 def between(model: Model, box: Box, site: NDArray[np.int64], node: NDArray[np.int32]) -> NDArray[np.int64]:
     """Fine nodes (k, 3) that would not move as prescribed if they hung between coarse nodes.
 
-    A held node may hang between held ones alone; initial velocities are to be linear between coarse nodes. `site` (n,)
-    is where the rows of the grid are, `node` (sites,) the row at each site or -1.
+    A held node may hang between held ones alone; initial velocities, and what is prescribed, are to be linear between
+    coarse nodes. `site` (n,) is where the rows of the grid are, `node` (sites,) the row at each site or -1.
     """
     found = [np.zeros(0, dtype=np.int64)]
     for condition in model.settings.conditions:
@@ -28,6 +30,12 @@ def between(model: Model, box: Box, site: NDArray[np.int64], node: NDArray[np.in
             rows, held = model.selected(condition), np.zeros((len(site), 1))
             held[rows] = 1.0
             found.append(rows[_mean(held, rows, box, site, node)[:, 0] < 1.0])
+            given = [value or 0.0 for value in components(condition, 3)]
+            if any(map(is_of_place, given)):
+                values = np.zeros((len(site), 3))
+                values[rows] = model.vectors(given, rows)
+                away = np.abs(_mean(values, rows, box, site, node) - values[rows]).max(axis=1)
+                found.append(rows[away > SAME * np.abs(values).max()])
     if any(isinstance(condition, InitialVelocity) for condition in model.settings.conditions):
         velocity, rows = initial_velocity(model), np.arange(len(site))
         away = np.abs(_mean(velocity, rows, box, site, node) - velocity).max(axis=1)

@@ -90,7 +90,7 @@ def test_every_parameter_has_its_place() -> None:
     side = next(move for move in moves if isinstance(move, Velocity))
     assert (side.x, side.y, side.profile) == (32, None, ((0, 0), (2e-6, 1)))
     core = next(move for move in moves if isinstance(move, InitialVelocity))
-    assert (core.x, core.y) == (0, -3)
+    assert (core.x, core.y) == (None, -3)
     assert model.material is not None
     assert (model.material.nu, model.material.law, model.material.kr) == (0.2, "bilinear", 1.6)
     assert (model.material.keep_G0, model.material.micromodulus) == (False, "constant")

@@ -102,7 +102,7 @@ def test_all_conditions_reach_the_file(plate: Scene) -> None:
     assert isinstance(force, Load)
     assert (force.body_force, force.traction, force.breakable) == ((1e9, 0), None, True)
     assert len(force.nodes or ()) == 3 * 2
-    assert held == Displacement(name="bottom", nodes=tuple(range(1, 42)), y=0.0)
+    assert held == Displacement(name="bottom", nodes=tuple(range(1, 42)), y=0.0, corrected=True)
     assert isinstance(speed, Velocity)
     assert (speed.x, speed.y, speed.profile, len(speed.nodes or ())) == (32, None, table, 21)
     assert isinstance(thrust, Acceleration)
@@ -218,7 +218,7 @@ BAD: dict[str, tuple[Callable[[Scene], Any], str]] = {
         naming("'box at (0.005, 0.005) m'", found=("traction", "surface")),
     ),
     "nan load": (lambda plate: plate.load("top", traction=(0, NAN)), naming("load 'top'", found="nan")),
-    "load of words": (lambda plate: plate.load("top", traction=("a", 1)), naming("load 'top': traction", expected="2")),
+    "load of words": (lambda plate: plate.load("top", traction=("a", 1)), naming("load 'top': traction", found="a")),
     "unknown side": (lambda plate: plate.load("up", traction=(0, 1)), naming("load 'up'", expected="left")),
     "no straight side": (lambda _: Scene(Circle(0, 0, 0.01), 1e-3).fix("top"), "no straight edge at the top"),
     "no rows": (lambda plate: plate.load("top", traction=(0, 1), rows=0), "rows: found 0"),

@@ -1,0 +1,93 @@
+"""Python functions of place in conditions of scenes, which become tables of the values at the condition's nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple, TypeVar
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.values_of_place import AXES, LARGEST, LEAST, Table, Value, is_file, replaced
+from pdmesh.scene.shapes import SceneError
+
+ValueOfPlace = Value | Callable[..., Any]  # of a component: f(x, y) or f(x, y, z), m, gives a number
+VectorOfPlace = Sequence[ValueOfPlace] | Callable[..., Any]  # along each axis: the function gives all components
+C = TypeVar("C", bound=msgspec.Struct)
+
+
+class Function(NamedTuple):
+    """A function that gives one value of a condition."""
+
+    name: str  # of the field
+    number: int | None  # within it, of a vector
+    value: Callable[..., Any]
+    component: int | None  # of what it returns; None: all
+
+
+class Component(NamedTuple):
+    """One component of what a function returns."""
+
+    value: Callable[..., Any]
+    number: int
+
+
+def components_of(vector: Any, count: int) -> tuple[Any, ...]:
+    """The components of a vector, which may be one function of all of them."""
+    return tuple(Component(vector, at) for at in range(count)) if callable(vector) else tuple(vector)
+
+
+def without_functions(values: Mapping[str, Any]) -> tuple[dict[str, Any], tuple[Function, ...]]:
+    """Fields of a condition with 0 in place of functions, and these."""
+    plain: dict[str, Any] = {}
+    functions: list[Function] = []
+    for name, value in values.items():
+        several = isinstance(value, tuple) and not isinstance(value, Component)
+        parts = list(value) if several else [value]
+        for at, part in enumerate(parts):
+            if isinstance(part, Component) or callable(part):
+                own, which = part if isinstance(part, Component) else (part, None)
+                functions.append(Function(name, at if several else None, own, which))
+                parts[at] = 0.0
+        plain[name] = tuple(parts) if several else parts[0]
+    return plain, tuple(functions)
+
+
+def sampled(condition: C, functions: Sequence[Function], position: NDArray[np.float64], place: str) -> C:
+    """The condition with tables of its functions at the places (k, d) of its nodes, m. Raises SceneError."""
+    places = tuple(map(tuple, position.tolist()))
+    for one in functions:
+        values = tuple(_number(one, at, place) for at in places)
+        condition = replaced(condition, one.name, one.number, Table(places, values))
+    return condition
+
+
+def _number(one: Function, at: tuple[float, ...], place: str) -> float:
+    """What a function gives at a place, m. Raises SceneError for anything but a finite number."""
+    try:
+        found = one.value(*at)
+        value = float(found if one.component is None else found[one.component])
+    except Exception as error:  # a user's program may raise anything
+        where = ", ".join(f"{number:g}" for number in at)
+        raise SceneError(
+            f"{place}: {one.name}: found a function that raises {type(error).__name__} at ({where}) m ({error}),"
+            f" expected a number for each place ({', '.join(AXES[: len(at)])})"
+        ) from None
+    if not abs(value) <= LARGEST:
+        where = ", ".join(f"{number:g}" for number in at)
+        raise SceneError(f"{place}: {one.name}: found {value:g} at ({where}) m, expected finite numbers")
+    return value if abs(value) >= LEAST else 0.0
+
+
+def divided(value: ValueOfPlace, by: float) -> ValueOfPlace:
+    """The value over a number; one of place stays one. Raises SceneError for the name of a file."""
+    if isinstance(value, Table):
+        return msgspec.structs.replace(value, values=tuple(each / by for each in value.values))
+    if isinstance(value, str):
+        if is_file(value):
+            raise SceneError(f"found the file '{value:.80}' of a heat supply, expected a function or an expression")
+        return f"({value}) / {by!r}"
+    if callable(value):
+        return lambda *at: value(*at) / by
+    return value / by

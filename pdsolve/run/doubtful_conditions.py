@@ -1,0 +1,61 @@
+"""Conditions that act otherwise than their author probably means."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pdmesh.model.document import InitialVelocity, Timed
+from pdmesh.model.rigid_bodies import components_set
+from pdmesh.model.selection import components
+from pdmesh.model.suggestions import called
+from pdsolve.checks import warn
+from pdsolve.model import Model
+
+LITTLE = 0.1  # of the peak of a profile: a run in which less acts may be one of other units
+
+
+def advise_conditions(model: Model, time_step: float) -> None:
+    """Warn of conditions that hardly act in a run in steps of `time_step`, s, and of zeros that set nothing."""
+    _profiles(model, time_step)
+    _zeros(model)
+
+
+def _profiles(model: Model, time_step: float) -> None:
+    """Warn of conditions whose profile stays far below its peak in a run in steps of `time_step`, s."""
+    run = model.settings.run
+    if run.solver == "static" and model.settings.physics == "mechanics":
+        return  # whose load steps go to the end of the profiles
+    end = run.steps * time_step
+    for number, condition in enumerate(model.settings.conditions):
+        if not isinstance(condition, Timed) or len(condition.profile) < 2:
+            continue
+        time, factor = np.array(condition.profile, dtype=float).T
+        acts = np.abs([*factor[time <= end], np.interp(end, time, factor)]).max()
+        peak, at = float(np.abs(factor).max()), float(time[np.abs(factor).argmax()])
+        if acts < LITTLE * peak:
+            named = f"{condition.__struct_config__.tag} '{called(condition.name, number)}'"
+            warn(
+                model,
+                f"$.conditions[{number}].profile: found {acts / peak:.2g} of the peak of {named} within"
+                f" the run's {end:.3g} s, expected more of it: the peak comes at {at:.3g} s; a longer"
+                " run.duration or a shorter profile reaches it (at rest: run.solver static)",
+            )
+
+
+def _zeros(model: Model) -> None:
+    """Warn of a component of an initial velocity that is 0 where an earlier one is not, as it leaves that."""
+    earlier: list[tuple[int, InitialVelocity]] = []
+    for number, condition in enumerate(model.settings.conditions):
+        if not isinstance(condition, InitialVelocity):
+            continue
+        for axis, value, sets in zip("xyz", components(condition), components_set(condition), strict=True):
+            for other, before in earlier if value == 0.0 and not sets else ():
+                common = np.intersect1d(model.selected(condition), model.selected(before))
+                if getattr(before, axis) not in (None, 0.0) and len(common):
+                    warn(
+                        model,
+                        f"$.conditions[{number}].{axis}: found 0 beside another component, which leaves what"
+                        f" $.conditions[{other}] gives {len(common)} of its nodes; one condition with all components"
+                        " sets a node's velocity to 0 along an axis",
+                    )
+        earlier.append((number, condition))
