@@ -35,6 +35,7 @@ from pdmesh.model.document import (
     settings_of,
 )
 from pdmesh.model.document import read_document as parse_document
+from pdmesh.model.material_columns import MaterialColumns
 from pdmesh.model.node_grid import Grid, document_of, grid_of
 from pdmesh.model.number_bounds import beyond
 from pdmesh.model.output_fields import OF_CONTENT
@@ -190,7 +191,7 @@ class Model:
         if run.until is None and run.quiet is not None:
             raise ModelError(f"{self.name}: $.run.quiet: found {run.quiet:g}, expected none, as until is not quiet")
 
-    @property
+    @cached_property
     def materials(self) -> tuple[Material, ...]:
         """The plate's material, then those of its regions; in a body in space, with plane "space"."""
         assert self.settings.material is not None
@@ -204,14 +205,16 @@ class Model:
         return f"{self.name}: $.material" if number == 0 else f"{self.name}: $.regions[{number - 1}].material"
 
     @cached_property
+    def material_columns(self) -> MaterialColumns:
+        """The numbers of `materials` as arrays."""
+        return MaterialColumns(self.materials)
+
+    @cached_property
     def material_of(self) -> NDArray[np.int64]:
         """The number in `materials` of each node's material (n,); without regions it takes no memory."""
         if not self.settings.regions:
             return np.broadcast_to(np.int64(0), len(self.grid))
-        numbers = np.zeros(len(self.grid), dtype=np.int64)
-        for number, region in enumerate(self.settings.regions):
-            numbers[self.selected(region)] = number + 1
-        return numbers
+        return selection.last_selecting(self.settings.regions, self.grid)
 
     @property
     def has_rigid_bodies(self) -> bool:

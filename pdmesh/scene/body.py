@@ -29,7 +29,7 @@ from pdmesh.model.medium import Medium
 from pdmesh.model.rigid_bodies import contradiction
 from pdmesh.scene import actions
 from pdmesh.scene.checks import composed, described, passable, ratio
-from pdmesh.scene.conditions import Profile
+from pdmesh.scene.conditions import Profile, unchecked
 from pdmesh.scene.diffusion_conditions import DiffusionConditions
 from pdmesh.scene.faces import SIDES, parsed
 from pdmesh.scene.heat import Heat, Physics, physics_of
@@ -240,7 +240,9 @@ class Body(MechanicalConditions[Where], DiffusionConditions[Where]):
         """The body with another material in a solid."""
         name = name or name_of(solid)
         part = SolidRegion(checked(solid, f"material '{name}'"), Region(name=name, material=material))
-        return replace(self, regions=(*self.regions, part))
+        composed(material, f"material '{name}'")
+        physics_of(self.medium, self.material, [each.region for each in (*self.regions[:1], part)])
+        return unchecked(self, regions=(*self.regions, part))
 
     def fix(
         self,

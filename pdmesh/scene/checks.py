@@ -19,6 +19,7 @@ from pdmesh.model.document import (
     Material,
     OfDiffusion,
     Pin,
+    Region,
     Run,
     Settings,
     Spring,
@@ -29,7 +30,7 @@ from pdmesh.model.rigid_bodies import contradiction as contradiction_of_rigid
 from pdmesh.model.selection import LOADS, given_of
 from pdmesh.model.suggestions import explained
 from pdmesh.scene.conditions import PlacedCondition, PlacedRegion, describe
-from pdmesh.scene.heat import Heat
+from pdmesh.scene.heat import Heat, physics_of
 from pdmesh.scene.plate import Plate
 from pdmesh.scene.shapes import Curve, SceneError, Surface, checked_spacing
 
@@ -55,8 +56,7 @@ def check(scene: Plate) -> None:
     _bodies(scene)
     placed: tuple[PlacedRegion[Any], ...] = (*scene.regions, *scene.media)
     for region in placed:
-        if scene.whole.disjoint(region.shape):
-            raise SceneError(f"{region.kind} '{region.region.name}': found outside the plate, expected inside")
+        _inside(region, scene)
     for condition in scene.conditions:
         _condition(condition, scene)
     for gap in scene.run.gaps:
@@ -65,6 +65,18 @@ def check(scene: Plate) -> None:
                 raise SceneError(
                     f"gap '{gap.name}': found ({end[0]:g}, {end[1]:g}) m away from the plate, expected in it"
                 )
+
+
+def check_region(region: PlacedRegion[Region], scene: Plate) -> None:
+    """Raise SceneError for a region of another material that the scene, checked already, cannot have."""
+    composed(region.region.material, f"material '{region.region.name}'")
+    physics_of(scene.medium, scene.material, [part.region for part in (*scene.regions[:1], region)])
+    _inside(region, scene)
+
+
+def _inside(region: PlacedRegion[Any], scene: Plate) -> None:
+    if scene.whole.disjoint(region.shape):
+        raise SceneError(f"{region.kind} '{region.region.name}': found outside the plate, expected inside")
 
 
 def _numbers(scene: Plate) -> None:

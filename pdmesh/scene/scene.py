@@ -33,7 +33,15 @@ from pdmesh.model.document import (
     Solid,
 )
 from pdmesh.scene import actions, checks
-from pdmesh.scene.conditions import MaterialRegion, Place, PlacedCondition, PlacedRegion, Profile, name_of
+from pdmesh.scene.conditions import (
+    MaterialRegion,
+    Place,
+    PlacedCondition,
+    PlacedRegion,
+    Profile,
+    name_of,
+    unchecked,
+)
 from pdmesh.scene.diffusion_conditions import DiffusionConditions
 from pdmesh.scene.mechanical_conditions import MechanicalConditions
 from pdmesh.scene.plate import BodyBeside, Plate, Refinement, Zone
@@ -92,7 +100,9 @@ class Scene(Plate, MechanicalConditions[Where], DiffusionConditions[Where]):
         """The scene with another material in the shape."""
         name = name or name_of(shape, "material")
         area = surface(shape, self.finest, f"material '{name}'")
-        return replace(self, regions=(*self.regions, MaterialRegion(area, Region(name=name, material=material))))
+        part = MaterialRegion(area, Region(name=name, material=material))
+        checks.check_region(part, self)
+        return unchecked(self, regions=(*self.regions, part))
 
     def body(
         self,
