@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, get_args,
 import msgspec
 from msgspec import Meta
 
+from pdmesh.model.plain_numbers import PlainStruct
 from pdmesh.model.timed_selection import Positive
 
 USUAL_LAW = "brittle"
@@ -140,6 +141,7 @@ class Material(_Flat, frozen=True, forbid_unknown_fields=True, omit_defaults=Tru
     """Material of the plate or of a region: `Elastic`, and what it chooses of the structs in `CHOSEN`."""
 
     def __post_init__(self) -> None:
+        PlainStruct.__post_init__(self)  # type: ignore[arg-type]
         if self.law == USUAL_LAW:  # the very word: defaults are left out of files by identity
             msgspec.structs.force_setattr(self, "law", USUAL_LAW)
 

@@ -6,6 +6,7 @@ material whose numbers are arrays. A plate with a material for each node costs a
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
@@ -24,8 +25,12 @@ class MaterialGroup(NamedTuple):
 
     def at(self, numbers: NDArray[np.int64]) -> Material:
         """The material whose numbers that differ are arrays (b,): those of the materials with these numbers (b,)."""
-        columns: dict[str, Any] = {name: column[numbers] for name, column in self.columns.items()}
-        return msgspec.structs.replace(self.first, **columns) if columns else self.first
+        if not self.columns:
+            return self.first
+        material = copy.copy(self.first)
+        for name, column in self.columns.items():
+            msgspec.structs.force_setattr(material, name, column[numbers])
+        return material
 
 
 class MaterialColumns:

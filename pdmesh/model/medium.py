@@ -7,10 +7,11 @@ from typing import Annotated, Literal
 
 import msgspec
 
+from pdmesh.model.plain_numbers import PlainStruct
 from pdmesh.model.timed_selection import Amount, Positive, Selection, Timed, Vector
 
 
-class Medium(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+class Medium(PlainStruct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """The liquid in which a solid may dissolve, or any medium of diffusion or of heat.
 
     A solid of `C_solid` dissolves into liquid below `C_sat`. With ``enthalpy``, the rate is that at which diffusion

@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 
 from pdmesh.model.document import Acceleration, AnyCondition, InitialVelocity, MediumRegion, Velocity
+from pdmesh.model.plain_numbers import plain
 from pdmesh.model.suggestions import explained
 from pdmesh.scene.conditions import checked_profile
 from pdmesh.scene.shapes import SceneError
@@ -74,6 +75,7 @@ def medium(name: str, D: float) -> MediumRegion:
 
 def converted(given: dict[str, Any], kind: type[T], place: str) -> T:
     """A struct of the grid file with these fields. Raises SceneError, beginning with `place`."""
+    given = plain(given)
     try:
         return msgspec.convert(given, kind)
     except msgspec.ValidationError as error:

@@ -26,6 +26,7 @@ from pdmesh.model.document import (
 from pdmesh.model.document import Solid as Dissolving
 from pdmesh.model.ground_supports import wrong_spring
 from pdmesh.model.medium import Medium
+from pdmesh.model.plain_numbers import PlainFields
 from pdmesh.model.rigid_bodies import contradiction
 from pdmesh.scene import actions
 from pdmesh.scene.checks import composed, described, passable, ratio
@@ -44,7 +45,7 @@ R = TypeVar("R", Region, MediumRegion)
 
 
 @dataclass(frozen=True)
-class SolidZone:
+class SolidZone(PlainFields):
     """A part of the body whose nodes have at most this spacing; where zones overlap the finest counts."""
 
     name: str
@@ -70,7 +71,7 @@ class SolidRegion(Generic[R]):
 
 
 @dataclass(frozen=True)
-class SolidCondition:
+class SolidCondition(PlainFields):
     """A condition of the grid file whose nodes are still to be found: in a solid, or in rows along a face."""
 
     where: Where
@@ -79,7 +80,7 @@ class SolidCondition:
 
 
 @dataclass(frozen=True)
-class SolidBeside:
+class SolidBeside(PlainFields):
     """A body besides the first one, with a lattice of its own."""
 
     name: str
@@ -90,7 +91,7 @@ class SolidBeside:
 
 
 @dataclass(frozen=True)
-class Body(MechanicalConditions[Where], DiffusionConditions[Where]):
+class Body(PlainFields, MechanicalConditions[Where], DiffusionConditions[Where]):
     """Description of a body in space; lengths in metres. Each method returns a body with an addition.
 
     Nodes are the centres of cubes `spacing` wide that fill the bounding box of the solid; those with their centre in it
@@ -118,6 +119,7 @@ class Body(MechanicalConditions[Where], DiffusionConditions[Where]):
     notes: tuple[str, ...] = ()  # what there is to say of the file
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         checked(self.solid, "body")
         if self.medium is not None:
             passable(self.medium)

@@ -13,6 +13,7 @@ import shapely
 from numpy.typing import NDArray
 
 from pdmesh.model.document import AnyCondition, Concentration, Load, MediumRegion, Point, Region, Spring
+from pdmesh.model.plain_numbers import PlainFields
 from pdmesh.scene.shapes import Circle, Curve, Points, SceneError, Surface, near, polyline
 
 MOST_SPACINGS = 32
@@ -61,7 +62,7 @@ class Shift:
 
 
 @dataclass(frozen=True)
-class Place:
+class Place(PlainFields):
     """The place of a condition: rows of nodes along a curve, the nodes in a surface, or the one nearest to a point."""
 
     shape: Curve | Surface | shapely.Point

@@ -60,6 +60,7 @@ class Scene(Plate, MechanicalConditions[Where], DiffusionConditions[Where]):
     AXES: ClassVar[str] = "xy"
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         checks.check(self)
 
     def hole(self, shape: Shape) -> Scene:
