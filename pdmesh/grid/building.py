@@ -16,6 +16,7 @@ from pdmesh.model.rigid_bodies import without_bonds
 from pdmesh.scene import checks
 from pdmesh.scene.body import Body
 from pdmesh.scene.conditions import Shift
+from pdmesh.scene.fracture_energies import known
 from pdmesh.scene.scene import Scene
 from pdmesh.scene.shapes import SceneError
 
@@ -52,9 +53,11 @@ def build(scene: Scene | Body) -> Built:
     if wrong is not None:
         raise SceneError(f"run.{wrong}")
     if isinstance(scene, Body):
+        scene = known(scene)
         grid, settings, moved = build_body(scene)
         without_bonds(grid, settings, scene.source or "scene")
         return Built(grid, settings, (*scene.notes, *moved))
+    scene = known(scene)
     notes = (*scene.notes, *checks.remarks(scene))
     if scene.run.adapt in ON_ONE_LATTICE:
         scene, more = nested(scene)

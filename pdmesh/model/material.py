@@ -14,9 +14,10 @@ import msgspec
 from msgspec import Meta
 
 from pdmesh.model.plain_numbers import PlainStruct
-from pdmesh.model.timed_selection import Positive
+from pdmesh.model.timed_selection import Amount, Positive
 
 USUAL_LAW = "brittle"
+UNKNOWN = 0.0  # G0 until it follows from the critical stretch; see `pdmesh.model.fracture_energy`
 
 
 class Declared(NamedTuple):
@@ -33,7 +34,8 @@ class Elastic(msgspec.Struct, frozen=True):
 
     E: Annotated[Positive, Declared("Pa", "E")]  # Young's modulus
     rho: Annotated[Positive, Declared("kg/m^3", "rho")]  # density
-    G0: Annotated[Positive, Declared("J/m^2", "G0")]  # fracture energy
+    G0: Annotated[Amount, Declared("J/m^2", "G0")] = UNKNOWN  # fracture energy; without it, critical_stretch
+    critical_stretch: Annotated[Positive | None, Declared("", "Critical stretch")] = None  # of the finest brittle bonds
     nu: Annotated[  # Poisson's ratio; None: of bonds as published, 1/3 or 1/4
         Annotated[float, Meta(gt=-1, lt=1)] | None, Declared("", "nu")
     ] = None

@@ -24,6 +24,7 @@ from pdmesh.model.document import (
     Settings,
     Spring,
 )
+from pdmesh.model.fracture_energy import wrong_energy
 from pdmesh.model.ground_supports import wrong_spring
 from pdmesh.model.medium import Medium, contradiction
 from pdmesh.model.rigid_bodies import contradiction as contradiction_of_rigid
@@ -254,6 +255,9 @@ def _bodies(scene: Plate) -> None:
 def composed(material: Material, place: str) -> None:
     """Raise SceneError for an impossible material, or one in other units."""
     described(material, Material, place)
+    wrong = wrong_energy(material)
+    if wrong is not None:
+        raise SceneError(f"{place}: {wrong}")
     wave = math.sqrt(material.E / material.rho)
     if wave > FASTEST_WAVE or material.rho < LIGHTEST:
         raise SceneError(
