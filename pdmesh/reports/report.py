@@ -14,6 +14,7 @@ from pdmesh.grid.bodies import build_body
 from pdmesh.grid.bodies_beside import build_scene
 from pdmesh.grid.lattice import grid_of_nodes, place_nodes
 from pdmesh.model import selection, zone_strengths
+from pdmesh.model.bond_counts import pair_count
 from pdmesh.model.consistency import examine
 from pdmesh.model.document import ON_ONE_LATTICE, Document, GridError, Material, Settings, settings_of
 from pdmesh.model.fracture_energy import stretch_of_lattice, with_fracture_energy
@@ -73,7 +74,7 @@ def info(document: Document, name: str, mode: str = DEFAULT_MODE) -> dict[str, A
         "nodes_at_holes": {str(hole): int((grid.hole_id == hole).sum()) for hole in np.unique(grid.hole_id[at_hole])},
         "mode": mode,
         **_run(bonds - cut, run),
-        "bonds_cut_by_cracks": cut,
+        "bonds_cut_by_cracks": pair_count(cut),
         "bounding_box": [*low.tolist(), *high.tolist()],
         **_extent(grid, plate),
         "crack_segments": len(grid.cracks),
@@ -154,7 +155,7 @@ def info_lines(result: dict[str, Any]) -> list[str]:
         f" ({', '.join(f'{number} of {spacing} m' for spacing, number in result['nodes_by_spacing'].items())})",
         f"{place}; {what} {result[f'{what}_of_nodes']:.10g} {unit}"
         + ("" if shape is None else f", of the shape {shape:.10g} {unit}"),
-        f"{result['bonds']} directed bonds in the {result['mode']} mode at horizon ratio {result['horizon_ratio']:g};"
+        f"{result['bonds']} bonds in the {result['mode']} mode at horizon ratio {result['horizon_ratio']:g};"
         f" {result['bonds_cut_by_cracks']} cut by {result['crack_segments']} crack"
         f" {'segments' if len(box) == 4 else 'triangles'}",
         _step_line(result),
@@ -393,7 +394,7 @@ def _cost(spacings: dict[str, int], nodes: int, counted: int, run: Plan | None) 
 def _run(counted: int, run: Plan | None) -> dict[str, Any]:
     """Cost of a run; without a plan, the bonds are those within a horizon."""
     return {
-        "bonds": counted if run is None else run.bonds,
+        "bonds": pair_count(counted if run is None else run.bonds),
         "at_rest": run is not None and run.at_rest,
         "smallest_stable_step": None if run is None else run.stable_time_step,
         "time_step": None if run is None else run.time_step,

@@ -102,7 +102,7 @@ def queries(results: Results) -> list[Query]:
         ),
         Query(
             "bonds broken in each microsecond",
-            "SELECT CAST(1e6 * step * value AS INTEGER) AS microsecond, count(*) AS bonds FROM bond_break"
+            "SELECT CAST(1e6 * step * value AS INTEGER) AS microsecond, count(*) / 2 AS bonds FROM bond_break"
             " JOIN meta ON key = 'time_step' GROUP BY microsecond",
         ),
     ]
