@@ -23,6 +23,7 @@ from pdmesh.model.node_grid import Grid
 from pdmesh.model.output_fields import USUAL
 from pdmesh.model.refused_settings import impossible, on_ranks
 from pdmesh.model.triangulated_surface import distances
+from pdsolve import material_checks
 from pdsolve.laws import law_named, micropolar
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.operators.protocol import Operator
@@ -133,6 +134,8 @@ def advise(model: Model, unbonded: NDArray[np.int64], partial_cells: bool, symme
     _shapes(model)
     _probes(model)
     _coarse(model)
+    for remark_on_material in material_checks.remarks(model):
+        warn(model, remark_on_material)
     _smooth_edges(model)
     _few_neighbours(model, partial_cells, symmetric)
 

@@ -56,7 +56,8 @@ def build(scene: Scene | Body) -> Built:
         scene = known(scene)
         grid, settings, moved = build_body(scene)
         without_bonds(grid, settings, scene.source or "scene")
-        return Built(grid, settings, (*scene.notes, *moved))
+        units = checks.remarks_on_materials(scene, scene.horizon, scene.finest, 3)
+        return Built(grid, settings, (*scene.notes, *moved, *units))
     scene = known(scene)
     notes = (*scene.notes, *checks.remarks(scene))
     if scene.run.adapt in ON_ONE_LATTICE:

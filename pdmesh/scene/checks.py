@@ -24,7 +24,7 @@ from pdmesh.model.document import (
     Settings,
     Spring,
 )
-from pdmesh.model.fracture_energy import wrong_energy
+from pdmesh.model.fracture_energy import LARGE_STRETCH, stretch_of_lattice, wrong_energy
 from pdmesh.model.ground_supports import wrong_spring
 from pdmesh.model.medium import Medium, contradiction
 from pdmesh.model.rigid_bodies import contradiction as contradiction_of_rigid
@@ -44,7 +44,8 @@ MOST_STEPS = 20  # of 2 between the coarsest and the finest spacing
 MOST_ROWS = 1_000_000
 OVERLAP = 1e-6  # of a spacing squared: more that two bodies share is no round-off
 RESOLVED = 1e-11  # of a place: what is as small as that is not told apart
-FASTEST_WAVE, LIGHTEST = 1e5, 0.1  # m/s, kg/m^3: beyond, a material is taken for N-mm-tonne
+FASTEST_WAVE = 1e5  # m/s: above, with a density of a solid in t/mm^3, a material is taken for N-mm-tonne
+DENSITIES = 1e-11, 1e-7  # t/mm^3
 
 
 def check(scene: Plate) -> None:
@@ -142,9 +143,29 @@ def remarks(scene: Plate) -> tuple[str, ...]:
     """Remarks on interpretations of a scene that its author may not have intended."""
     x0, y0, x1, y1 = scene.shape.bounds
     notes = [note for slit in scene.slits for note in slit.notes]
+    notes += remarks_on_materials(scene, scene.horizon, scene.finest, 2)
     if max(x1 - x0, y1 - y0) > LARGE_PLATE and scene.units != "m":
         notes.append(f"warning: found a plate of {x1 - x0:g} x {y1 - y0:g} m; the parameter Units: {SAY_UNIT}")
     return tuple(notes)
+
+
+def remarks_on_materials(scene: Any, ratio: float, finest: float, dimension: int) -> list[str]:
+    """Remarks on the materials of a scene whose numbers may be in other units."""
+    every = [] if scene.material is None else [("material", scene.material)]
+    every += [(f"material '{part.region.name}'", part.region.material) for part in scene.regions]
+    notes: list[str] = []
+    for place, material in every:
+        wave, stretch = math.sqrt(material.E / material.rho), stretch_of_lattice(material, ratio, finest, dimension)
+        if wave > FASTEST_WAVE:
+            notes.append(f"warning: {place}: waves of {wave:.2g} m/s; E and rho are in Pa and kg/m^3")
+        if stretch is not None and stretch > LARGE_STRETCH:
+            notes.append(
+                f"warning: {place}: bonds break at a stretch of {stretch:.2g}, expected less than {LARGE_STRETCH:g}: is"
+                f" E = {material.E:g} in Pa, not in MPa or GPa?"
+            )
+        if notes:
+            break
+    return notes
 
 
 def _spacings(scene: Plate) -> None:
@@ -259,7 +280,7 @@ def composed(material: Material, place: str) -> None:
     if wrong is not None:
         raise SceneError(f"{place}: {wrong}")
     wave = math.sqrt(material.E / material.rho)
-    if wave > FASTEST_WAVE or material.rho < LIGHTEST:
+    if wave > FASTEST_WAVE and DENSITIES[0] <= material.rho <= DENSITIES[1]:
         raise SceneError(
             f"{place}: found E = {material.E:g} and rho = {material.rho:g}, waves of {wave:.2g} m/s, expected Pa and"
             " kg/m^3 (steel: 2e11 and 7800), not MPa and t/mm^3"
