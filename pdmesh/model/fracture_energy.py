@@ -14,7 +14,8 @@ from pdmesh.model.lattice_calibration import calibration, has_partial_cells
 from pdmesh.model.material import UNKNOWN, USUAL_LAW, Material
 from pdmesh.model.material_constants import SQUARED, critical_stretch
 
-LARGE_STRETCH = 0.1  # at which bonds break: beyond, E is taken for one in GPa or MPa
+LARGE_STRETCH = 0.1  # at which bonds break: beyond, an E below that of rubber is taken for one in GPa or MPa
+SOFT = 1e6  # Pa, the Young's modulus of rubber
 LEAST = 1e-20  # of a critical stretch, whose G0 is lost in round-off below
 
 

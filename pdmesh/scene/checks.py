@@ -24,7 +24,7 @@ from pdmesh.model.document import (
     Settings,
     Spring,
 )
-from pdmesh.model.fracture_energy import LARGE_STRETCH, stretch_of_lattice, wrong_energy
+from pdmesh.model.fracture_energy import LARGE_STRETCH, SOFT, stretch_of_lattice, wrong_energy
 from pdmesh.model.ground_supports import wrong_spring
 from pdmesh.model.medium import Medium, contradiction
 from pdmesh.model.rigid_bodies import contradiction as contradiction_of_rigid
@@ -158,7 +158,7 @@ def remarks_on_materials(scene: Any, ratio: float, finest: float, dimension: int
         wave, stretch = math.sqrt(material.E / material.rho), stretch_of_lattice(material, ratio, finest, dimension)
         if wave > FASTEST_WAVE:
             notes.append(f"warning: {place}: waves of {wave:.2g} m/s; E and rho are in Pa and kg/m^3")
-        if stretch is not None and stretch > LARGE_STRETCH:
+        if stretch is not None and stretch > LARGE_STRETCH and material.E < SOFT:
             notes.append(
                 f"warning: {place}: bonds break at a stretch of {stretch:.2g}, expected less than {LARGE_STRETCH:g}: is"
                 f" E = {material.E:g} in Pa, not in MPa or GPa?"

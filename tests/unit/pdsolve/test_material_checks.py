@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
+import msgspec
 import numpy as np
 import pytest
-from messages import mentions
+from clouds import cubic_grid
+from messages import mentions, naming
 from plates import GLASS, STEEL, plate, square_grid
 
 from pdmesh import Material, Scene, box, build
-from pdmesh.model.document import Region
+from pdmesh.model.document import Region, Run
+from pdsolve.checks import refuse_fields
 from pdsolve.laws import LAWS
 from pdsolve.laws.bond_limits import Limits, Sizes
 from pdsolve.laws.law import Pair
-from pdsolve.material_checks import negative_secant, remarks
+from pdsolve.laws.material_checks import negative_secant, remarks
+from pdsolve.model import ModelError
 
 
 def test_E_in_GPa_is_noticed() -> None:
@@ -55,3 +62,13 @@ def test_no_shipped_law_has_one() -> None:
     for name, law in LAWS.items():
         assert law.pair is not None
         assert negative_secant(law.pair, name, 1e-3, 3e-3) is None
+
+
+def test_fields_along_z_may_be_asked_of_a_body() -> None:
+    """And not of a plate; an operator without fields of its own."""
+    operator: Any = SimpleNamespace(fields=lambda _: {})
+    run = Run(steps=1, fields=("ux", "uz", "vz", "az"))
+    glass = msgspec.structs.replace(GLASS, plane="space")
+    refuse_fields(plate(cubic_grid(3), 2.0, material=glass, run=run), operator, None)  # type: ignore[arg-type]
+    with pytest.raises(ModelError, match=naming("$.run.fields", found="'uz'")):
+        refuse_fields(plate(square_grid(3, 3), run=run), operator, None)  # type: ignore[arg-type]

@@ -10,10 +10,11 @@ import pytest
 from drawn import alone, at, lattice, run
 
 from pdpost.exports import csv_columns
-from pdpost.measures.crack_summary import crack, numbers, sentences
+from pdpost.measures.crack_summary import _crumbs, crack, numbers, sentences
 from pdpost.measures.cracked_nodes import cracked_since, damage_at, separation_at
 from pdpost.measures.cracks import clusters, growth, is_split
 from pdpost.measures.fields import values
+from pdpost.measures.fragments import Fragment, Fragments
 from pdpost.reading.tables import queries
 from pdsolve.results import Breaks, Frame, Results, Writer
 from pdsolve.study.run_measures import _cracked
@@ -166,3 +167,12 @@ def test_since_when_nodes_are_cracked(small_results: Path) -> None:
                 cracked = separation_at(results, step) > threshold
                 assert np.array_equal(cracked, (since >= 0) & (since <= step))
         assert (cracked_since(results) > 0).sum() > 10
+
+
+def test_pieces_beside_crumbs_are_said_to_be_few() -> None:
+    """A plate of 100 mm^2: two pieces of 2 mm^2, and the rest in crumbs and cracked nodes."""
+    piece = Fragment(2, 2e-6, (0.0, 0.0))
+    (said,) = _crumbs(Fragments((piece, piece), 40, 60e-6, 36e-6))
+    assert said.startswith("96% of the plate is in no piece")
+    assert "60 mm^2 in 40 crumbs" in said
+    assert _crumbs(Fragments((piece, piece), 1, 1e-6, 1e-6)) == []
