@@ -14,11 +14,13 @@ from typing import TYPE_CHECKING, Any
 
 from pdmesh import commandline
 from pdmesh.file_kinds import Kind
+from pdmesh.model.bond_counts import pair_count
 from pdmesh.plain_text import visible
 from pdmesh.printing import say
 from pdmesh.spelling import nearest
 from pdsolve.ranks import launch
 from pdsolve.run.progress import Watch
+from pdsolve.run.wall_time import wall_time
 
 if TYPE_CHECKING:
     from pdmesh.model.document import Settings
@@ -283,13 +285,14 @@ def _show_plan(found: Plan, args: argparse.Namespace) -> int:
         steps = f"about {found.steps} steps along the equilibrium path"
     if found.in_jumps:
         steps = f"at most {found.steps} steps of jumps of cycles"
+    bonds = pair_count(found.bonds)
     lines = [
-        f"{found.nodes} nodes, {found.bonds} bonds, {steps}",
+        f"{found.nodes} nodes, {bonds} bonds, {steps}",
         f"about {found.memory / 1e6:.3g} MB of memory and {found.wall_time:.3g} s for the steps",
     ]
     if found.most is not None:
         lines.append(f"that is the start: cells that split add to it, up to {found.most} nodes if all of them do")
-    commandline.report(found._asdict(), lines, args)
+    commandline.report(found._asdict() | {"bonds": bonds}, lines, args)
     return commandline.OK
 
 
@@ -315,21 +318,12 @@ def _show_what_is_left(path: Path, args: argparse.Namespace) -> int:
     return commandline.OK
 
 
-def _taken_by(summary: dict[str, Any]) -> str:
-    """What took the steps of a run, in words."""
-    if summary["device"] != "cpu":
-        return str(summary["device"])
-    return f"{summary['threads']} thread{'s' if summary['threads'] > 1 else ''}"
-
-
 def _lines_of_masses(path: Path, summary: dict[str, Any]) -> list[str]:
     masses, share = summary["masses"], summary["dissolved_share"]
-    threads = _taken_by(summary)
     lines = [
         f"{path}: {summary['nodes']} nodes, {summary['bonds']} bonds, {summary['steps']} steps of"
         f" {summary['method']} to {summary['time']:.4g} s",
-        f"wall time {summary['wall_time']:.2f} s on {threads},"
-        f" {summary['bond_updates_per_second'] / 1e6:.0f} million bond updates a second ({summary['kernel']})",
+        wall_time(summary),
         _amounts(summary),
     ]
     if share is not None:
@@ -372,8 +366,7 @@ def _lines(path: Path, summary: dict[str, Any]) -> list[str]:
         summary.get("load_steps") or summary.get("path_steps") or summary.get("fatigue_steps"),
     )
     what, until = _how_far(summary)
-    threads = _taken_by(summary)
-    how = f" {summary['bond_updates_per_second'] / 1e6:.0f} million bond updates a second ({summary['kernel']})"
+    how = None
     if rested:
         iterations, residual = sum(step["iterations"] for step in rested), max(step["residual"] for step in rested)
         how = f" {iterations} iterations of {summary['method']}, residual {residual:.1e} at most"
@@ -382,7 +375,7 @@ def _lines(path: Path, summary: dict[str, Any]) -> list[str]:
     lines = [
         f"{path}: {summary['nodes']} nodes, {summary['bonds']} bonds, {summary['steps']} {what} to"
         f" {until}, {summary['mode']} mode, {summary['precision']}",
-        f"wall time {summary['wall_time']:.2f} s on {threads},{how}",
+        wall_time(summary, how),
         f"broken bonds {summary['broken_bonds']}; energy, {unit}:"
         f" work {energy['work']:.4g} = kinetic {energy['kinetic']:.4g} + strain {energy['strain']:.4g}"
         f" + dissipated {energy['dissipated']:.4g}{damped} (balance {summary['balance']:+.1e} of what was put in)",

@@ -20,10 +20,10 @@ from pdmesh.model.kd_trees import tree_of
 from pdmesh.model.lattice_calibration import along_axes, lattice_ratios
 from pdmesh.model.neighbours import ROUND_OFF, Neighbours, row_chunks
 from pdmesh.model.node_grid import Grid
-from pdmesh.model.output_fields import USUAL
+from pdmesh.model.output_fields import usual
 from pdmesh.model.refused_settings import impossible, on_ranks
 from pdmesh.model.triangulated_surface import distances
-from pdsolve.laws import law_named, micropolar
+from pdsolve.laws import law_named, material_checks, micropolar
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
@@ -104,11 +104,12 @@ def refuse_on_ranks(model: Model) -> None:
 
 def refuse_fields(model: Model, operator: Operator, state: State) -> None:
     """Raise ModelError for a requested field that the model does not have."""
-    asked = [name for name in model.settings.run.fields if name not in USUAL]
+    known = usual(model.grid.dimension)
+    asked = [name for name in model.settings.run.fields if name not in known]
     there = operator.fields(state) if asked else {}
     for name in asked:
         if name not in there:
-            expected = ", ".join((*USUAL, *there))
+            expected = ", ".join((*known, *there))
             raise ModelError(f"{model.name}: $.run.fields: found '{name}', expected one of {expected}")
 
 
@@ -133,6 +134,8 @@ def advise(model: Model, unbonded: NDArray[np.int64], partial_cells: bool, symme
     _shapes(model)
     _probes(model)
     _coarse(model)
+    for remark_on_material in material_checks.remarks(model):
+        warn(model, remark_on_material)
     _smooth_edges(model)
     _few_neighbours(model, partial_cells, symmetric)
 

@@ -36,6 +36,9 @@ from pdmesh.model.document import (
     tables_beside,
 )
 from pdmesh.model.document import read_document as parse_document
+from pdmesh.model.fracture_energy import with_fracture_energy
+from pdmesh.model.material import UNKNOWN
+from pdmesh.model.material_columns import MaterialColumns
 from pdmesh.model.node_grid import Grid, document_of, grid_of
 from pdmesh.model.number_bounds import beyond
 from pdmesh.model.output_fields import OF_CONTENT
@@ -85,6 +88,7 @@ class Model:
 
     def __post_init__(self) -> None:
         self._check_physics()
+        self._resolve_fracture_energies()
         large = beyond(self.settings, "$")
         if large is not None:
             raise ModelError(f"{self.name}: {large}")
@@ -107,6 +111,24 @@ class Model:
                         f"{self.name}: $.regions[{number}].material.{name}: found '{own}', expected '{elsewhere}' as"
                         " elsewhere"
                     )
+
+    def _resolve_fracture_energies(self) -> None:
+        """Give materials with a critical stretch their fracture energy. Raises ModelError."""
+        every = () if self.settings.material is None else (self.settings.material, *self._of_regions())
+        if all(one.critical_stretch is None and one.G0 != UNKNOWN for one in every):
+            return
+        size = self.settings.horizon.ratio, float(self.grid.delta.min()), self.grid.dimension
+        try:
+            known = [with_fracture_energy(one, *size) for one in every]
+        except ValueError as error:
+            raise ModelError(f"{self.name}: $.material.{error}") from None
+        pairs = zip(self.settings.regions, known[1:], strict=True)
+        regions = tuple(msgspec.structs.replace(region, material=material) for region, material in pairs)
+        settings = msgspec.structs.replace(self.settings, material=known[0], regions=regions)
+        object.__setattr__(self, "settings", settings)
+
+    def _of_regions(self) -> Iterator[Material]:
+        return (region.material for region in self.settings.regions)
 
     def _check_physics(self) -> None:
         settings, physics = self.settings, self.settings.physics
@@ -192,11 +214,11 @@ class Model:
         if run.until is None and run.quiet is not None:
             raise ModelError(f"{self.name}: $.run.quiet: found {run.quiet:g}, expected none, as until is not quiet")
 
-    @property
+    @cached_property
     def materials(self) -> tuple[Material, ...]:
         """The plate's material, then those of its regions; in a body in space, with plane "space"."""
         assert self.settings.material is not None
-        every = self.settings.material, *(region.material for region in self.settings.regions)
+        every = self.settings.material, *self._of_regions()
         if self.grid.dimension == 2:
             return every
         return tuple(msgspec.structs.replace(material, plane="space") for material in every)
@@ -206,14 +228,16 @@ class Model:
         return f"{self.name}: $.material" if number == 0 else f"{self.name}: $.regions[{number - 1}].material"
 
     @cached_property
+    def material_columns(self) -> MaterialColumns:
+        """The numbers of `materials` as arrays."""
+        return MaterialColumns(self.materials)
+
+    @cached_property
     def material_of(self) -> NDArray[np.int64]:
         """The number in `materials` of each node's material (n,); without regions it takes no memory."""
         if not self.settings.regions:
             return np.broadcast_to(np.int64(0), len(self.grid))
-        numbers = np.zeros(len(self.grid), dtype=np.int64)
-        for number, region in enumerate(self.settings.regions):
-            numbers[self.selected(region)] = number + 1
-        return numbers
+        return selection.last_selecting(self.settings.regions, self.grid)
 
     @property
     def has_rigid_bodies(self) -> bool:
@@ -353,12 +377,14 @@ def overlaid(
 
 
 def _without_other_end(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
-    """Settings `below` without the duration if `above` gives steps, and without the steps if it gives a duration."""
-    run, ends = above.get("run"), ("steps", "duration")
-    given = [name for name in ends if isinstance(run, dict) and name in run]
-    if len(given) != 1 or not isinstance(below.get("run"), dict):
-        return below
-    return below | {"run": {name: value for name, value in below["run"].items() if name not in ends}}
+    """Settings `below` without the duration if `above` gives steps, and the other way round; likewise G0 and the
+    critical stretch."""
+    for part, either in (("run", ("steps", "duration")), ("material", ("G0", "critical_stretch"))):
+        new, old = above.get(part), below.get(part)
+        given = [name for name in either if isinstance(new, dict) and name in new]
+        if len(given) == 1 and isinstance(old, dict):
+            below = below | {part: {name: value for name, value in old.items() if name not in either}}
+    return below
 
 
 def _read_toml(path: Path) -> dict[str, Any]:

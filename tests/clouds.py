@@ -76,6 +76,12 @@ class Case(NamedTuple):
         """Whether stiffness jumps where a softened bond goes from tension to compression."""
         return self.law == "cohesive"
 
+    @property
+    def curved(self) -> bool:
+        """Whether the force of an intact bond is no straight line."""
+        pair = EVERY[self.law].pair
+        return pair is not None and pair.held is not None
+
     def __str__(self) -> str:
         return f"{self.law}-{self.operator}-{self.dimension}D-{self.precision}"
 
@@ -89,7 +95,12 @@ CASES = [  # but for beams, which have a third unknown and small rotations (test
     ),
     *(Case(law, "listed", 2, "float64") for law in VARIANTS if law not in MODELS),
     *(Case(law, "blocks", 2, kind) for law in (*LAWS, "ordinary", "correspondence") for kind in ("float64", "float32")),
-    *(Case(law, "blocks", 3, kind) for law in (*LAWS, "ordinary") for kind in ("float64", "float32")),
+    *(  # in space only bonds with straight force lines are summed in blocks
+        Case(law, "blocks", 3, kind)
+        for law in (*LAWS, "ordinary")
+        if law == "ordinary" or not Case(law, "blocks", 3, "").curved
+        for kind in ("float64", "float32")
+    ),
     Case("neo-hooke", "blocks", 2, "float64"),
     *(Case("wan", "blocks", 2, kind) for kind in ("float64", "float32")),
     Case("wan", "listed", 3, "float64"),

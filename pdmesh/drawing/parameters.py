@@ -271,11 +271,13 @@ def material(parameters: Parameters, folder: str, base: Material | None) -> Mate
     found = {name: parameters.of_type(own, kind) for name, own, kind in every}
     given = {name: value for name, value in found.items() if value is not None}
     if base is not None:
-        given = msgspec.to_builtins(base) | given
+        either = {"G0", "critical_stretch"}
+        own = msgspec.to_builtins(base)
+        given = {name: value for name, value in own.items() if not (name in either and either & given.keys())} | given
     if not given:
         return None
     for name in ("E", "rho", "G0"):
-        if name not in given:
+        if name not in given and not (name == "G0" and "critical_stretch" in given):
             raise SceneError(f"parameter '{PREFIX}{folder}/{name}': found none, expected a number")
     return _converted(given, Material, folder)
 

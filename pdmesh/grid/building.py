@@ -21,6 +21,7 @@ from pdmesh.scene import checks
 from pdmesh.scene.body import Body
 from pdmesh.scene.conditions import Shift, describe
 from pdmesh.scene.files_of_values import with_files
+from pdmesh.scene.fracture_energies import known
 from pdmesh.scene.scene import Scene
 from pdmesh.scene.shapes import SceneError
 
@@ -72,9 +73,12 @@ def _build(scene: Scene | Body) -> Built:
     if wrong is not None:
         raise SceneError(f"run.{wrong}")
     if isinstance(scene, Body):
+        scene = known(scene)
         grid, settings, moved = build_body(scene)
         without_bonds(grid, settings, scene.source or "scene")
-        return Built(grid, settings, (*scene.notes, *moved))
+        units = checks.remarks_on_materials(scene, scene.horizon, scene.finest, 3)
+        return Built(grid, settings, (*scene.notes, *moved, *units))
+    scene = known(scene)
     notes = (*scene.notes, *checks.remarks(scene))
     if scene.run.adapt != "none":  # whose bonds know nothing of shared loads
         scene = replace(scene, conditions=tuple(condition.on_one_row() for condition in scene.conditions))

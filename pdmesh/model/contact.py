@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 import msgspec
 
+from pdmesh.model.plain_numbers import PlainStruct
 from pdmesh.model.timed_selection import Amount, Id, Positive, Share, Timed
 
 Spin = float | tuple[float, float, float]  # rad/s, anticlockwise; of a body in space about x, y, z
@@ -14,14 +15,14 @@ Restitution = Annotated[float, msgspec.Meta(ge=0.1, le=1)]  # the stable step fa
 REST = "plate"  # the body of the nodes that no other has
 
 
-class BodyNodes(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class BodyNodes(PlainStruct, frozen=True, forbid_unknown_fields=True):
     """A body besides the first one, by the ids of its nodes."""
 
     name: str
     nodes: tuple[Id, ...]
 
 
-class Contact(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+class Contact(PlainStruct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """How bodies, and the faces of cracks, push each other apart."""
 
     stiffness: Positive = 15.0  # of a pair of nodes, in micromoduli over their horizon

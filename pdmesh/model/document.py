@@ -51,6 +51,7 @@ from pdmesh.model.medium import Source as Source
 from pdmesh.model.monitors import Gap as Gap
 from pdmesh.model.monitors import LoadCell as LoadCell
 from pdmesh.model.output_fields import USUAL, Column
+from pdmesh.model.plain_numbers import PlainStruct
 from pdmesh.model.repeated_keys import repeated_key
 from pdmesh.model.suggestions import explained
 from pdmesh.model.timed_selection import MOST_STEPS as MOST_STEPS
@@ -93,7 +94,7 @@ class GridWarning(UserWarning):
     """A grid file that can be used but may not be what was built; one line."""
 
 
-class Horizon(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class Horizon(PlainStruct, frozen=True, forbid_unknown_fields=True):
     """Radius of a node's interactions over its spacing."""
 
     ratio: Annotated[float, msgspec.Meta(ge=1, le=64)] = 3.0  # m = horizon / delta of the node
@@ -123,7 +124,7 @@ AnyCondition = OfMechanics | OfDiffusion
 Tolerance = Annotated[float, msgspec.Meta(ge=1e-14, le=0.1)]  # less is round-off, more is no rest
 
 
-class Static(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+class Static(PlainStruct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """Settings of a static solution."""
 
     method: Literal["newton", "relaxation"] = "newton"
@@ -135,7 +136,7 @@ class Static(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defau
     opening: Positive | None = None  # m, of that gap in the end
 
 
-class ParticleRules(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+class ParticleRules(PlainStruct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """Rules for the growth of cracks of particles."""
 
     criterion: Literal["intensity", "stress"] = "intensity"  # what lets them grow
@@ -147,7 +148,7 @@ class ParticleRules(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omi
     most: PositiveInt | None = None  # particles that a run adds, at most
 
 
-class Split(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+class Split(PlainStruct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """Which cells split into four and which four merge, if `Run.adapt` is split."""
 
     by: Literal["energy", "stretch"] = "energy"  # of nodes, over the plate's largest; of bonds, over the critical one
@@ -160,7 +161,7 @@ class Split(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaul
     levels: Annotated[int, msgspec.Meta(ge=1, le=MOST_LEVELS)] = 1  # how often a cell of the grid can be split
 
 
-class Hybrid(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+class Hybrid(PlainStruct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """Settings of a run with `adapt` = hybrid."""
 
     kappa: Annotated[float, msgspec.Meta(gt=0, lt=1)] = 0.7  # of what breaks a bond: cells around coarse bonds
@@ -168,7 +169,7 @@ class Hybrid(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defau
     wake: Literal["fine", "lattice"] = "fine"  # cells behind crack tips: they stay fine, or become coarse again
 
 
-class Collocation(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+class Collocation(PlainStruct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """Settings of a run with `adapt` = collocation."""
 
     kappa: Annotated[float, msgspec.Meta(gt=0, lt=1)] = 0.95  # of what breaks a bond: coarse pairs there become fine
@@ -181,7 +182,7 @@ class Collocation(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_
 DeviceName = Annotated[str, msgspec.Meta(pattern=r"^(cpu|opencl(:\d{1,3})?)$")]
 
 
-class Run(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+class Run(PlainStruct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """Duration, solver and output of a run."""
 
     time_step: Positive | None = None  # s; None: from the stability bound
@@ -226,7 +227,7 @@ def in_steps(run: Run, step: float) -> Run:
     return msgspec.structs.replace(run, steps=math.ceil(steps), duration=None)
 
 
-class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class Settings(PlainStruct, frozen=True, forbid_unknown_fields=True):
     """Settings that the thesis kept outside its file; also the layout of a settings TOML and of ``--set``."""
 
     material: Material | None = None
@@ -244,7 +245,7 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 Many = Annotated[int, msgspec.Meta(ge=2, le=10**6)]
 
 
-class Lattice(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+class Lattice(PlainStruct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """All nodes of a rectangle, or of a box in space, which a file holds in place of millions of them.
 
     Ids count from 1, row by row from the lower left corner, in space layer by layer from the lowest. In a rectangle
@@ -276,7 +277,7 @@ class Document(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     bodies: tuple[BodyNodes, ...] = ()  # of which no bonds join two; nodes of none are the first body
     source: str = ""  # the drawing the grid was built from
     drawing: str = ""  # its text, so that the grid can be built again
-    parameters: dict[str, float | str] = {}  # of that drawing, as used
+    parameters: dict[str, float | str] = msgspec.field(default_factory=dict)  # of that drawing, as used
     digest: str = ""  # of the text before it; only files hold it
 
 

@@ -18,13 +18,14 @@ from typing import Annotated, NamedTuple
 
 import msgspec
 
+from pdmesh.model.plain_numbers import PlainStruct
 from pdmesh.model.timed_selection import Amount, Positive, Share
 
 Exponent = Annotated[float, msgspec.Meta(ge=1, le=100)]
 MOST_CYCLES = 1e15
 
 
-class Fatigue(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+class Fatigue(PlainStruct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """How bonds tire, and the cycle of the loads."""
 
     A: Positive | None = None  # share of life that a cycle of unit strain takes, next to damage; None: A1 everywhere

@@ -13,9 +13,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, get_args,
 import msgspec
 from msgspec import Meta
 
-from pdmesh.model.timed_selection import Positive
+from pdmesh.model.plain_numbers import PlainStruct
+from pdmesh.model.timed_selection import Amount, Positive
 
 USUAL_LAW = "brittle"
+UNKNOWN = 0.0  # G0 until it follows from the critical stretch; see `pdmesh.model.fracture_energy`
 
 
 class Declared(NamedTuple):
@@ -32,7 +34,8 @@ class Elastic(msgspec.Struct, frozen=True):
 
     E: Annotated[Positive, Declared("Pa", "E")]  # Young's modulus
     rho: Annotated[Positive, Declared("kg/m^3", "rho")]  # density
-    G0: Annotated[Positive, Declared("J/m^2", "G0")]  # fracture energy
+    G0: Annotated[Amount, Declared("J/m^2", "G0")] = UNKNOWN  # fracture energy; without it, critical_stretch
+    critical_stretch: Annotated[Positive | None, Declared("", "Critical stretch")] = None  # of the finest brittle bonds
     nu: Annotated[  # Poisson's ratio; None: of bonds as published, 1/3 or 1/4
         Annotated[float, Meta(gt=-1, lt=1)] | None, Declared("", "nu")
     ] = None
@@ -140,6 +143,7 @@ class Material(_Flat, frozen=True, forbid_unknown_fields=True, omit_defaults=Tru
     """Material of the plate or of a region: `Elastic`, and what it chooses of the structs in `CHOSEN`."""
 
     def __post_init__(self) -> None:
+        PlainStruct.__post_init__(self)  # type: ignore[arg-type]
         if self.law == USUAL_LAW:  # the very word: defaults are left out of files by identity
             msgspec.structs.force_setattr(self, "law", USUAL_LAW)
 

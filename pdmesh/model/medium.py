@@ -7,13 +7,14 @@ from typing import Annotated, Literal
 
 import msgspec
 
+from pdmesh.model.plain_numbers import PlainStruct
 from pdmesh.model.timed_selection import Amount, Positive, Selection, Timed, Vector
 from pdmesh.model.values_of_place import Expression, Table, Value
 
 AmountOfPlace = Amount | Expression | Table
 
 
-class Medium(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+class Medium(PlainStruct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """The liquid in which a solid may dissolve, or any medium of diffusion or of heat.
 
     A solid of `C_solid` dissolves into liquid below `C_sat`. With ``enthalpy``, the rate is that at which diffusion

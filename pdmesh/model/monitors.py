@@ -6,8 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-import msgspec
-
+from pdmesh.model.plain_numbers import PlainStruct
 from pdmesh.model.timed_selection import Vector
 
 if TYPE_CHECKING:
@@ -16,14 +15,14 @@ if TYPE_CHECKING:
 CRACK, ARC = "crack", "arc"  # controls: the length of cracks of particles; that of the path of an elastic body
 
 
-class Gap(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+class Gap(PlainStruct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """A monitored opening: how much longer the distance between the nodes nearest to two places has become."""
 
     name: str
     ends: tuple[Vector, Vector]  # m
 
 
-class LoadCell(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+class LoadCell(PlainStruct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """The sum of the forces of some conditions."""
 
     name: str

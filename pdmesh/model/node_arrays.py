@@ -90,6 +90,13 @@ class Grid:
         """The ids among these (k,) that no node has."""
         return ids[~np.isin(ids, self.ids)]
 
+    def rows_of(self, ids: NDArray[np.int64]) -> NDArray[np.int64]:
+        """The rows (k,) of the nodes with these ids (k,); -1 where no node has the id."""
+        order = np.argsort(self.ids, kind="stable")
+        at = np.searchsorted(self.ids, ids, sorter=order)
+        rows = order[np.minimum(at, len(order) - 1)]
+        return np.where(self.ids[rows] == ids, rows, -1)
+
     def chosen(self, ids: Sequence[int] | None, box: ArrayLike | None) -> NDArray[np.int64]:
         """The rows of the nodes with these ids or, without ids, of those in a box."""
         return np.flatnonzero(selected(self, ids, box))

@@ -22,8 +22,8 @@ from pdmesh.model.document import (
     Spring,
     Velocity,
 )
-from pdmesh.model.material import DECLARED, USUAL_LAW, Expansion, Material, missing, switch_of
-from pdmesh.model.materials import KINDS, Refusal, Refusals
+from pdmesh.model.material import USUAL_LAW, Expansion, Material, missing, switch_of
+from pdmesh.model.materials import KINDS, Refusal, Refusals, refused_by
 from pdmesh.model.materials.kind import softens
 from pdmesh.model.medium import Medium, contradiction, of_motion
 from pdmesh.model.monitors import ARC, CRACK
@@ -421,9 +421,8 @@ def _of_particles(settings: Settings, every: Places) -> Iterator[Impossible]:
 def _unheard(material: Material) -> Refusals:
     """Settings that a material's kind does not use."""
     kind = KINDS[material.model]
-    others = (name for other in KINDS.values() for name in other.parameters if name not in kind.parameters)
-    for name in others:
-        if DECLARED[name].refused and getattr(material, name) != getattr(USUAL, name):
+    for name, usual in refused_by(kind.name):
+        if getattr(material, name) != usual:
             yield Refusal(name, f"none with model '{kind.name}'")
     if material.sight == "visibility" and material.gamma != USUAL.gamma:
         yield Refusal("gamma", "none with sight 'visibility'")

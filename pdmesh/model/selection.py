@@ -90,6 +90,25 @@ def selected(cloud: Cloud, ids: Sequence[int] | None, box: ArrayLike | None) -> 
     return in_box(cloud, box)
 
 
+def last_selecting(selections: Sequence[Selection], grid: Grid) -> NDArray[np.int64]:
+    """For each node of a grid (n,) the last of the selections that it is in, counted from 1; 0 if it is in none."""
+    numbers, (owner, ids) = np.zeros(len(grid), dtype=np.int64), _listed(selections)
+    rows = grid.rows_of(ids) if len(ids) else ids  # in one go, as there may be a selection for each node
+    np.maximum.at(numbers, rows[rows >= 0], owner[rows >= 0] + 1)
+    for number, selection in enumerate(selections):
+        if selection.nodes is None:
+            inside = grid.chosen(None, selection.box)
+            numbers[inside] = np.maximum(numbers[inside], number + 1)
+    return numbers
+
+
+def _listed(selections: Sequence[Selection]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The numbers of the selections that list nodes, each as often as it has nodes, and the ids of these."""
+    lists = [np.array(selection.nodes or (), dtype=np.int64) for selection in selections]
+    owner = np.repeat(np.arange(len(lists)), [len(one) for one in lists])
+    return owner, np.concatenate([*lists, np.zeros(0, dtype=np.int64)])
+
+
 def check(settings: Settings, grid: Grid, name: str) -> None:
     """Raise GridError for a condition or region, of the file called `name`, without nodes or without effect."""
     for number, condition in enumerate(settings.conditions):
@@ -106,8 +125,10 @@ def check(settings: Settings, grid: Grid, name: str) -> None:
             f"{name}: $.conditions[{number}].{axis}: found node {int(grid.ids[row])} with a prescribed {kinds[0]} there"
             f" and a prescribed {kinds[1]} by $.conditions[{other}], expected one of them"
         )
-    for number, region in enumerate(settings.regions):
-        _check_selection(region, grid, f"{name}: $.regions[{number}]")
+    listed = _listed(settings.regions)
+    if not all(region.nodes for region in settings.regions) or len(grid.missing(listed[1])):
+        for number, region in enumerate(settings.regions):
+            _check_selection(region, grid, f"{name}: $.regions[{number}]")
     for number, probe in enumerate(settings.run.probes):
         _check_length(probe, grid.dimension, f"{name}: $.run.probes[{number}]")
     for number, gap in enumerate(settings.run.gaps):

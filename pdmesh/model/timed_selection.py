@@ -6,6 +6,8 @@ from typing import Annotated
 
 import msgspec
 
+from pdmesh.model.plain_numbers import PlainStruct
+
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 Id = Annotated[int, msgspec.Meta(ge=-(2**62), le=2**62)]
 MOST_STEPS = 2**31 - 1  # what a broken bond can remember
@@ -17,7 +19,7 @@ Vector = Annotated[tuple[float, ...], msgspec.Meta(min_length=2, max_length=3)] 
 Box = Annotated[tuple[float, ...], msgspec.Meta(min_length=4, max_length=6)]  # its low corner, then its high one, m
 
 
-class Selection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True, kw_only=True):
+class Selection(PlainStruct, frozen=True, forbid_unknown_fields=True, omit_defaults=True, kw_only=True):
     """Some of a grid's nodes, listed by id or inside a box."""
 
     name: str = ""

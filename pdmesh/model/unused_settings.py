@@ -112,10 +112,16 @@ def in_vain(settings: Settings, names: Iterable[str]) -> str | None:
 
 def remarks(settings: Settings) -> list[str]:
     """Remarks on given settings without effect, one line for each reason; settings at their default are left out."""
-    lines = list(_said(settings, "$"))
+    lines, usual = list(_said(settings, "$")), USUAL.material
+    unheard: dict[tuple[str | None, ...], list[str]] = {}  # parameters of materials of these words
     for number, region in enumerate(settings.regions):
+        words = tuple(value if isinstance(value, str) else None for value in msgspec.structs.astuple(region.material))
         own = msgspec.structs.replace(settings, material=region.material, run=USUAL.run, medium=None)
-        lines += _said(own, f"$.regions[{number}]")
+        if words not in unheard:
+            leaves = (leaf for one in unused(own) for name in one.names for leaf in _leaves(name))
+            unheard[words] = [leaf.removeprefix("material.") for leaf in leaves if leaf.startswith("material.")]
+        if any(getattr(region.material, name) != getattr(usual, name) for name in unheard[words]):
+            lines += _said(own, f"$.regions[{number}]")
     return lines
 
 

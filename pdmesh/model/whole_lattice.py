@@ -153,6 +153,10 @@ class WholeLattice(Grid):
         """The ids among these (k,) that no node has."""
         return super().missing(ids) if self._listed else ids[(ids < 1) | (ids > len(self))]
 
+    def rows_of(self, ids: NDArray[np.int64]) -> NDArray[np.int64]:
+        """The rows (k,) of the nodes with these ids (k,); -1 where no node has the id."""
+        return super().rows_of(ids) if self._listed else np.where((ids < 1) | (ids > len(self)), -1, ids - 1)
+
     def chosen(self, ids: Sequence[int] | None, box: ArrayLike | None) -> NDArray[np.int64]:
         """The rows of the nodes with these ids or, without ids, of those in a box."""
         if self._listed:

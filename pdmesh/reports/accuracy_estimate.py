@@ -35,6 +35,7 @@ from pdmesh.model.document import (
 )
 from pdmesh.model.values_of_place import largest
 from pdmesh.reports.bonds_and_step import stable_step
+from pdmesh.scene.fracture_energies import known
 from pdmesh.scene.plate import Refinement
 from pdmesh.scene.scene import Scene
 from pdmesh.scene.shapes import SceneError, surface
@@ -113,6 +114,7 @@ def proposal(scene: Scene, within: float) -> Proposal:
     """
     if scene.material is None:
         raise SceneError("material: found none, expected E, rho and G0 for a proposal")
+    scene = known(scene)
     size, named = feature(scene)
     found: list[Proposal] = []
     errors: list[SceneError] = []

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from pdmesh.files import write_atomically
 from pdmesh.model import selection
+from pdmesh.model.bond_counts import pair_count
 from pdmesh.model.document import SPACE_VERSION, Document
 from pdmesh.model.node_grid import Grid, grid_of
 from pdmesh.model.visibility import plate_of
@@ -154,6 +155,6 @@ def _bonds(axes: Axes, grid: Grid, ratio: float, window: tuple[NDArray[np.float6
             axes.add_collection(
                 LineCollection(list(ends[some]), colors=colour, linewidths=0.3, alpha=0.7, zorder=order)
             )
-    axes.plot([], [], color="#9db7d5", label=f"{counts['intact']} bonds")
+    axes.plot([], [], color="#9db7d5", label=f"{pair_count(counts['intact'])} bonds")
     if counts["cut"]:
-        axes.plot([], [], color=CUT, linewidth=0.5, label=f"{counts['cut']} bonds cut by a crack")
+        axes.plot([], [], color=CUT, linewidth=0.5, label=f"{pair_count(counts['cut'])} bonds cut by a crack")

@@ -14,8 +14,10 @@ from pdmesh.grid.bodies import build_body
 from pdmesh.grid.bodies_beside import build_scene
 from pdmesh.grid.lattice import grid_of_nodes, place_nodes
 from pdmesh.model import selection, zone_strengths
+from pdmesh.model.bond_counts import pair_count
 from pdmesh.model.consistency import examine
 from pdmesh.model.document import ON_ONE_LATTICE, Document, GridError, Material, Settings, settings_of
+from pdmesh.model.fracture_energy import stretch_of_lattice, with_fracture_energy
 from pdmesh.model.lattice_calibration import along_axes, has_partial_cells, lattice_ratios
 from pdmesh.model.load_resultants import resultants
 from pdmesh.model.node_grid import Grid, grid_of
@@ -52,6 +54,12 @@ def info(document: Document, name: str, mode: str = DEFAULT_MODE) -> dict[str, A
     grid = grid_of(document, name)
     examine(grid, name)
     selection.check(document, grid, name)
+    if document.material is not None and document.material.critical_stretch is not None:
+        try:
+            size = document.horizon.ratio, float(grid.delta.min()), grid.dimension
+            document = msgspec.structs.replace(document, material=with_fracture_energy(document.material, *size))
+        except ValueError as error:
+            raise GridError(f"{name}: $.material.{error}") from None
     plate, at_hole = (plate_of(grid, name) if grid.dimension == 2 else None), grid.hole_id >= 0
     ratio = document.horizon.ratio
     bonds, cut = count(grid, ratio)
@@ -66,7 +74,7 @@ def info(document: Document, name: str, mode: str = DEFAULT_MODE) -> dict[str, A
         "nodes_at_holes": {str(hole): int((grid.hole_id == hole).sum()) for hole in np.unique(grid.hole_id[at_hole])},
         "mode": mode,
         **_run(bonds - cut, run),
-        "bonds_cut_by_cracks": cut,
+        "bonds_cut_by_cracks": pair_count(cut),
         "bounding_box": [*low.tolist(), *high.tolist()],
         **_extent(grid, plate),
         "crack_segments": len(grid.cracks),
@@ -77,6 +85,7 @@ def info(document: Document, name: str, mode: str = DEFAULT_MODE) -> dict[str, A
         "area_rule": document.area_rule,
         "physics": document.physics,
         "material": _fields(document.material),
+        "critical_stretch": _critical_stretch(document, grid),
         "softening": softening(document.material, ratio, float(grid.delta.min()), grid.dimension),
         "strengths": zone_strengths.described(zone_strengths.zone_strengths(grid, settings_of(document), mode)),
         "lattice": _lattice(document.material, ratio, grid.dimension, mode),
@@ -107,6 +116,18 @@ def _lattice(material: Material | None, ratio: float, dimension: int, mode: str)
     return {"E_over_given": found.young, "nu": found.poisson}
 
 
+def _critical_stretch(document: Document, grid: Grid) -> dict[str, float]:
+    """The stretch at which brittle bonds break in the conservative mode, by the spacing of their nodes, m."""
+    if document.material is None:
+        return {}
+    spacings = np.unique(np.round(grid.delta, 15)) if any(grid.delta.strides) else grid.delta[:1]
+    own, ratio, finest = document.material, document.horizon.ratio, float(spacings.min())
+    spacings = spacings[:1] if own.coarse == "unbreakable" else spacings
+    of = {f"{one:g}": finest if own.coarse == "matched" else float(one) for one in spacings}
+    found = {name: stretch_of_lattice(own, ratio, one, grid.dimension) for name, one in of.items()}
+    return {spacing: stretch for spacing, stretch in found.items() if stretch is not None}
+
+
 def _extent(grid: Grid, plate: Any) -> dict[str, float | None]:
     """Area of a plate, m^2, or volume of a body, m^3: of its nodes and of the drawn shape."""
     own = grid.size
@@ -134,7 +155,7 @@ def info_lines(result: dict[str, Any]) -> list[str]:
         f" ({', '.join(f'{number} of {spacing} m' for spacing, number in result['nodes_by_spacing'].items())})",
         f"{place}; {what} {result[f'{what}_of_nodes']:.10g} {unit}"
         + ("" if shape is None else f", of the shape {shape:.10g} {unit}"),
-        f"{result['bonds']} directed bonds in the {result['mode']} mode at horizon ratio {result['horizon_ratio']:g};"
+        f"{result['bonds']} bonds in the {result['mode']} mode at horizon ratio {result['horizon_ratio']:g};"
         f" {result['bonds_cut_by_cracks']} cut by {result['crack_segments']} crack"
         f" {'segments' if len(box) == 4 else 'triangles'}",
         _step_line(result),
@@ -149,6 +170,9 @@ def info_lines(result: dict[str, Any]) -> list[str]:
         lines.append(f"physics: {result['physics']}")
     if result["material"]:
         lines.append("material: " + _words(_telling(result["material"])))
+    if result["critical_stretch"]:
+        each = (f"{stretch:.4g} of {spacing} m" for spacing, stretch in result["critical_stretch"].items())
+        lines.append(f"critical stretch of brittle bonds: {', '.join(each)}")
     lines += [f"body '{name}': {nodes} nodes" for name, nodes in result["bodies"].items()]
     if result["contact"]:
         lines.append("contact: " + _words(result["contact"]))
@@ -372,7 +396,7 @@ def _cost(spacings: dict[str, int], nodes: int, counted: int, run: Plan | None) 
 def _run(counted: int, run: Plan | None) -> dict[str, Any]:
     """Cost of a run; without a plan, the bonds are those within a horizon."""
     return {
-        "bonds": counted if run is None else run.bonds,
+        "bonds": pair_count(counted if run is None else run.bonds),
         "at_rest": run is not None and run.at_rest,
         "smallest_stable_step": None if run is None else run.stable_time_step,
         "time_step": None if run is None else run.time_step,

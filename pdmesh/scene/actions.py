@@ -16,6 +16,7 @@ from pdmesh.model.document import (
     MediumRegion,
     Velocity,
 )
+from pdmesh.model.plain_numbers import plain
 from pdmesh.model.suggestions import explained
 from pdmesh.model.values_of_place import is_file, is_of_place, named, varying, wrong_value
 from pdmesh.scene.conditions import checked_profile
@@ -103,6 +104,7 @@ def medium(name: str, D: float) -> MediumRegion:
 
 def converted(given: dict[str, Any], kind: type[T], place: str) -> T:
     """A struct of the grid file with these fields. Raises SceneError, beginning with `place`."""
+    given = plain(given)
     try:
         return msgspec.convert(given, kind)
     except msgspec.ValidationError as error:

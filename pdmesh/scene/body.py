@@ -26,10 +26,11 @@ from pdmesh.model.document import (
 from pdmesh.model.document import Solid as Dissolving
 from pdmesh.model.ground_supports import wrong_spring
 from pdmesh.model.medium import Medium
+from pdmesh.model.plain_numbers import PlainFields
 from pdmesh.model.rigid_bodies import contradiction
 from pdmesh.scene import actions
 from pdmesh.scene.checks import composed, described, passable, ratio
-from pdmesh.scene.conditions import Profile
+from pdmesh.scene.conditions import Profile, unchecked
 from pdmesh.scene.diffusion_conditions import DiffusionConditions
 from pdmesh.scene.faces import SIDES, parsed
 from pdmesh.scene.functions_of_place import Function, ValueOfPlace, without_functions
@@ -45,7 +46,7 @@ R = TypeVar("R", Region, MediumRegion)
 
 
 @dataclass(frozen=True)
-class SolidZone:
+class SolidZone(PlainFields):
     """A part of the body whose nodes have at most this spacing; where zones overlap the finest counts."""
 
     name: str
@@ -71,7 +72,7 @@ class SolidRegion(Generic[R]):
 
 
 @dataclass(frozen=True)
-class SolidCondition:
+class SolidCondition(PlainFields):
     """A condition of the grid file whose nodes are still to be found: in a solid, or in rows along a face."""
 
     where: Where
@@ -81,7 +82,7 @@ class SolidCondition:
 
 
 @dataclass(frozen=True)
-class SolidBeside:
+class SolidBeside(PlainFields):
     """A body besides the first one, with a lattice of its own."""
 
     name: str
@@ -92,7 +93,7 @@ class SolidBeside:
 
 
 @dataclass(frozen=True)
-class Body(MechanicalConditions[Where], DiffusionConditions[Where]):
+class Body(PlainFields, MechanicalConditions[Where], DiffusionConditions[Where]):
     """Description of a body in space; lengths in metres. Each method returns a body with an addition.
 
     Nodes are the centres of cubes `spacing` wide that fill the bounding box of the solid; those with their centre in it
@@ -120,6 +121,7 @@ class Body(MechanicalConditions[Where], DiffusionConditions[Where]):
     notes: tuple[str, ...] = ()  # what there is to say of the file
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         checked(self.solid, "body")
         if self.medium is not None:
             passable(self.medium)
@@ -242,7 +244,9 @@ class Body(MechanicalConditions[Where], DiffusionConditions[Where]):
         """The body with another material in a solid."""
         name = name or name_of(solid)
         part = SolidRegion(checked(solid, f"material '{name}'"), Region(name=name, material=material))
-        return replace(self, regions=(*self.regions, part))
+        composed(material, f"material '{name}'")
+        physics_of(self.medium, self.material, [each.region for each in (*self.regions[:1], part)])
+        return unchecked(self, regions=(*self.regions, part))
 
     def fix(
         self,

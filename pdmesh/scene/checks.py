@@ -19,17 +19,19 @@ from pdmesh.model.document import (
     Material,
     OfDiffusion,
     Pin,
+    Region,
     Run,
     Settings,
     Spring,
 )
+from pdmesh.model.fracture_energy import LARGE_STRETCH, SOFT, stretch_of_lattice, wrong_energy
 from pdmesh.model.ground_supports import wrong_spring
 from pdmesh.model.medium import Medium, contradiction
 from pdmesh.model.rigid_bodies import contradiction as contradiction_of_rigid
 from pdmesh.model.selection import LOADS, given_of
 from pdmesh.model.suggestions import explained
 from pdmesh.scene.conditions import PlacedCondition, PlacedRegion, describe
-from pdmesh.scene.heat import Heat
+from pdmesh.scene.heat import Heat, physics_of
 from pdmesh.scene.plate import Plate
 from pdmesh.scene.shapes import Curve, SceneError, Surface, checked_spacing
 
@@ -42,7 +44,8 @@ MOST_STEPS = 20  # of 2 between the coarsest and the finest spacing
 MOST_ROWS = 1_000_000
 OVERLAP = 1e-6  # of a spacing squared: more that two bodies share is no round-off
 RESOLVED = 1e-11  # of a place: what is as small as that is not told apart
-FASTEST_WAVE, LIGHTEST = 1e5, 0.1  # m/s, kg/m^3: beyond, a material is taken for N-mm-tonne
+FASTEST_WAVE = 1e5  # m/s: above, with a density of a solid in t/mm^3, a material is taken for N-mm-tonne
+DENSITIES = 1e-11, 1e-7  # t/mm^3
 
 
 def check(scene: Plate) -> None:
@@ -55,8 +58,7 @@ def check(scene: Plate) -> None:
     _bodies(scene)
     placed: tuple[PlacedRegion[Any], ...] = (*scene.regions, *scene.media)
     for region in placed:
-        if scene.whole.disjoint(region.shape):
-            raise SceneError(f"{region.kind} '{region.region.name}': found outside the plate, expected inside")
+        _inside(region, scene)
     for condition in scene.conditions:
         _condition(condition, scene)
     for gap in scene.run.gaps:
@@ -65,6 +67,18 @@ def check(scene: Plate) -> None:
                 raise SceneError(
                     f"gap '{gap.name}': found ({end[0]:g}, {end[1]:g}) m away from the plate, expected in it"
                 )
+
+
+def check_region(region: PlacedRegion[Region], scene: Plate) -> None:
+    """Raise SceneError for a region of another material that the scene, checked already, cannot have."""
+    composed(region.region.material, f"material '{region.region.name}'")
+    physics_of(scene.medium, scene.material, [part.region for part in (*scene.regions[:1], region)])
+    _inside(region, scene)
+
+
+def _inside(region: PlacedRegion[Any], scene: Plate) -> None:
+    if scene.whole.disjoint(region.shape):
+        raise SceneError(f"{region.kind} '{region.region.name}': found outside the plate, expected inside")
 
 
 def _numbers(scene: Plate) -> None:
@@ -103,27 +117,55 @@ def passable(medium: Medium | Heat) -> None:
         raise SceneError(f"medium: {key}: found {found}, expected {expected}")
 
 
-def described(struct: Any, kind: type, place: str) -> None:
+def described(struct: Any, kind: type[msgspec.Struct], place: str) -> None:
     """Raise SceneError for an object of the wrong type, or with a value that the grid file does not allow."""
     if not isinstance(struct, kind):
         raise SceneError(f"{place}: found {struct!r:.80}, expected {kind.__name__}(...)")
     try:
-        fields = msgspec.to_builtins(struct)
+        fields = {name: _builtin(getattr(struct, name), f"{place}: {name}") for name in kind.__struct_fields__}
         msgspec.convert(fields, kind)
-    except (msgspec.ValidationError, TypeError) as error:
+    except msgspec.ValidationError as error:
         raise SceneError(f"{place}: {explained(error, kind, lambda: fields)}") from None
     for name, value in fields.items():
         if isinstance(value, float | int) and not abs(value) <= MOST:
             raise SceneError(f"{place}: {name}: found {value:g}, expected at most {MOST:g} in SI units")
 
 
+def _builtin(value: Any, place: str) -> Any:
+    """A value as files hold it. Raises SceneError, beginning with `place`, for one that no file holds."""
+    try:
+        return msgspec.to_builtins(value)
+    except TypeError:
+        raise SceneError(f"{place}: found {value!r:.80}, expected a number or a word") from None
+
+
 def remarks(scene: Plate) -> tuple[str, ...]:
     """Remarks on interpretations of a scene that its author may not have intended."""
     x0, y0, x1, y1 = scene.shape.bounds
     notes = [note for slit in scene.slits for note in slit.notes]
+    notes += remarks_on_materials(scene, scene.horizon, scene.finest, 2)
     if max(x1 - x0, y1 - y0) > LARGE_PLATE and scene.units != "m":
         notes.append(f"warning: found a plate of {x1 - x0:g} x {y1 - y0:g} m; the parameter Units: {SAY_UNIT}")
     return tuple(notes)
+
+
+def remarks_on_materials(scene: Any, ratio: float, finest: float, dimension: int) -> list[str]:
+    """Remarks on the materials of a scene whose numbers may be in other units."""
+    every = [] if scene.material is None else [("material", scene.material)]
+    every += [(f"material '{part.region.name}'", part.region.material) for part in scene.regions]
+    notes: list[str] = []
+    for place, material in every:
+        wave, stretch = math.sqrt(material.E / material.rho), stretch_of_lattice(material, ratio, finest, dimension)
+        if wave > FASTEST_WAVE:
+            notes.append(f"warning: {place}: waves of {wave:.2g} m/s; E and rho are in Pa and kg/m^3")
+        if stretch is not None and stretch > LARGE_STRETCH and material.E < SOFT:
+            notes.append(
+                f"warning: {place}: bonds break at a stretch of {stretch:.2g}, expected less than {LARGE_STRETCH:g}: is"
+                f" E = {material.E:g} in Pa, not in MPa or GPa?"
+            )
+        if notes:
+            break
+    return notes
 
 
 def _spacings(scene: Plate) -> None:
@@ -234,8 +276,11 @@ def _bodies(scene: Plate) -> None:
 def composed(material: Material, place: str) -> None:
     """Raise SceneError for an impossible material, or one in other units."""
     described(material, Material, place)
+    wrong = wrong_energy(material)
+    if wrong is not None:
+        raise SceneError(f"{place}: {wrong}")
     wave = math.sqrt(material.E / material.rho)
-    if wave > FASTEST_WAVE or material.rho < LIGHTEST:
+    if wave > FASTEST_WAVE and DENSITIES[0] <= material.rho <= DENSITIES[1]:
         raise SceneError(
             f"{place}: found E = {material.E:g} and rho = {material.rho:g}, waves of {wave:.2g} m/s, expected Pa and"
             " kg/m^3 (steel: 2e11 and 7800), not MPa and t/mm^3"

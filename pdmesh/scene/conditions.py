@@ -13,6 +13,7 @@ import shapely
 from numpy.typing import NDArray
 
 from pdmesh.model.document import AnyCondition, Concentration, Load, MediumRegion, Point, Region, Spring
+from pdmesh.model.plain_numbers import PlainFields
 from pdmesh.scene.edge_shares import Pulls, shares
 from pdmesh.scene.functions_of_place import Function, sampled
 from pdmesh.scene.shapes import Circle, Curve, Points, SceneError, Surface, near, polyline
@@ -22,6 +23,7 @@ SLACK = 1e-6  # of a spacing: what still counts as lying on an edge
 
 Profile = tuple[Point, ...]
 R = TypeVar("R", Region, MediumRegion)
+S = TypeVar("S")  # a scene
 W = TypeVar("W")  # where a condition may be: sides, and curves and surfaces of a plate or solids and sheets of a body
 
 
@@ -39,6 +41,16 @@ class Conditioned(Generic[W]):
         raise NotImplementedError
 
 
+def unchecked(scene: S, **changed: Any) -> S:
+    """The scene with changes that are checked already; all that was derived from its shapes stays.
+
+    Scenes check all their parts when they are made, so that n parts added one by one would take n^2 checks.
+    """
+    changed_scene = object.__new__(type(scene))
+    changed_scene.__dict__.update(scene.__dict__ | changed)
+    return changed_scene
+
+
 @dataclass(frozen=True)
 class Shift:
     """A lattice that was moved so that no crack meets a node."""
@@ -52,7 +64,7 @@ class Shift:
 
 
 @dataclass(frozen=True)
-class Place:
+class Place(PlainFields):
     """The place of a condition: rows of nodes along a curve, the nodes in a surface, or the one nearest to a point."""
 
     shape: Curve | Surface | shapely.Point
@@ -66,8 +78,12 @@ class Place:
         if isinstance(self.shape, Curve) and len(np.unique(delta)) > MOST_SPACINGS:  # a mesh, with no rows to speak of
             return near(position, self.shape, self.rows * delta * (1 - SLACK))
         if isinstance(self.shape, Surface):
-            slack = SLACK * float(delta.min())
-            return np.asarray(shapely.contains_xy(self.shape.buffer(slack, join_style="mitre"), position))
+            area = self.shape.buffer(SLACK * float(delta.min()), join_style="mitre")
+            x0, y0, x1, y1 = area.bounds
+            x, y = position.T
+            inside = np.asarray((x >= x0) & (x <= x1) & (y >= y0) & (y <= y1))
+            inside[inside] = shapely.contains_xy(area, position[inside])
+            return inside
         inside = np.zeros(len(position), dtype=bool)
         for spacing in np.unique(delta):
             some, slack = delta == spacing, SLACK * float(spacing)

@@ -12,6 +12,7 @@ from pdmesh.model.document import (
     Source,
 )
 from pdmesh.model.medium import Medium
+from pdmesh.model.plain_numbers import plain
 from pdmesh.scene.conditions import Conditioned, Profile, W
 from pdmesh.scene.functions_of_place import ValueOfPlace, divided
 from pdmesh.scene.heat import Heat, capacity
@@ -85,7 +86,7 @@ class DiffusionConditions(Conditioned[W]):
     ) -> Self:
         """With heat supplied: a flux (W/m^2), or a rate (W/m^3) there or throughout."""
         rho_c = capacity(self.medium, self.material, f"source '{name or self._named(where, 'source')}'")
-        flux, rate = (None if each is None else divided(each, rho_c) for each in (flux, rate))
+        flux, rate = (None if each is None else divided(plain(each), rho_c) for each in (flux, rate))
         return self.supply(where, flux, rate, rows, profile, name)
 
     def convection(
@@ -105,7 +106,7 @@ class DiffusionConditions(Conditioned[W]):
         assert h is not None
         assert outside is not None
         rho_c = capacity(self.medium, self.material, f"exchange '{name}'")
-        return self.exchange(where, h / rho_c, outside, rows, profile, name)
+        return self.exchange(where, plain(h) / rho_c, outside, rows, profile, name)
 
     def _size(self, where: W, place: str) -> dict[str, float]:
         """Length (m) or area (m^2) that a flux goes through, by the name that the condition has for it.

@@ -14,13 +14,14 @@ from typing import Literal
 
 from pdmesh.model.document import MOST, Material, Region
 from pdmesh.model.medium import Medium
+from pdmesh.model.plain_numbers import PlainFields
 from pdmesh.scene.shapes import SceneError
 
 Physics = Literal["mechanics", "diffusion", "thermoelastic"]
 
 
 @dataclass(frozen=True)
-class Heat:
+class Heat(PlainFields):
     """A medium that conducts heat; with the density rho of the scene's material, D = k / (rho c). Raises SceneError."""
 
     k: float  # W/(m K)
@@ -29,6 +30,7 @@ class Heat:
     deformation: bool = False  # whether stretching cools and compression heats
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         for name, value in (("k", self.k), ("c", self.c)):
             if not isinstance(value, float | int) or not 0 < value <= MOST:
                 raise SceneError(f"medium: {name}: found {value!r:.40}, expected a positive number of at most {MOST:g}")

@@ -11,6 +11,7 @@ from shapely import Polygon
 
 from pdmesh.model.document import Contact, Material, MediumRegion, RigidBody, Run
 from pdmesh.model.medium import Medium
+from pdmesh.model.plain_numbers import PlainFields
 from pdmesh.model.svg_picture import svg
 from pdmesh.scene.conditions import MaterialRegion, PlacedCondition, PlacedRegion
 from pdmesh.scene.edges import METRE, edge
@@ -23,7 +24,7 @@ DEFAULT_RUN = Run()
 
 
 @dataclass(frozen=True)
-class Zone:
+class Zone(PlainFields):
     """A part of the plate whose nodes have at most this spacing; where zones overlap, the finest counts.
 
     With `grown`, it is grown by the horizon of the nodes it replaces, so that no outside node interacts with it;
@@ -37,7 +38,7 @@ class Zone:
 
 
 @dataclass(frozen=True)
-class Refinement:
+class Refinement(PlainFields):
     """A zone without a drawing: everything within `distance` of the cracks, the notch roots or the holes."""
 
     target: Literal["crack", "notch", "hole"]
@@ -46,7 +47,7 @@ class Refinement:
 
 
 @dataclass(frozen=True)
-class BodyBeside:
+class BodyBeside(PlainFields):
     """A body besides the plate, on a lattice of its own."""
 
     name: str
@@ -59,7 +60,7 @@ class BodyBeside:
 
 
 @dataclass(frozen=True)
-class Plate:
+class Plate(PlainFields):
     """An engineer's description of a plate, not yet checked; see Scene."""
 
     outline: Shape

@@ -34,7 +34,15 @@ from pdmesh.model.document import (
 )
 from pdmesh.model.mechanical_conditions import Grip
 from pdmesh.scene import actions, checks
-from pdmesh.scene.conditions import MaterialRegion, Place, PlacedCondition, PlacedRegion, Profile, name_of
+from pdmesh.scene.conditions import (
+    MaterialRegion,
+    Place,
+    PlacedCondition,
+    PlacedRegion,
+    Profile,
+    name_of,
+    unchecked,
+)
 from pdmesh.scene.diffusion_conditions import DiffusionConditions
 from pdmesh.scene.edge_shares import Pulls, pulls_of
 from pdmesh.scene.functions_of_place import ValueOfPlace, without_functions
@@ -57,6 +65,7 @@ class Scene(Plate, MechanicalConditions[Where], DiffusionConditions[Where]):
     AXES: ClassVar[str] = "xy"
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         checks.check(self)
 
     def hole(self, shape: Shape) -> Scene:
@@ -97,7 +106,9 @@ class Scene(Plate, MechanicalConditions[Where], DiffusionConditions[Where]):
         """The scene with another material in the shape."""
         name = name or name_of(shape, "material")
         area = surface(shape, self.finest, f"material '{name}'")
-        return replace(self, regions=(*self.regions, MaterialRegion(area, Region(name=name, material=material))))
+        part = MaterialRegion(area, Region(name=name, material=material))
+        checks.check_region(part, self)
+        return unchecked(self, regions=(*self.regions, part))
 
     def body(
         self,

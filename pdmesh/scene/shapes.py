@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from shapely import LineString, MultiLineString, MultiPolygon, Polygon
 
 from pdmesh.model.document import LARGEST
+from pdmesh.model.plain_numbers import PlainFields, plain
 
 NOTHING = 1e-100  # m
 MOST_CHORDS = 2**16  # of a quarter circle
@@ -33,7 +34,7 @@ class UntrustedError(SceneError):
 
 
 @dataclass(frozen=True)
-class Circle:
+class Circle(PlainFields):
     """A disc; its chords adapt to the spacing of the nodes around it."""
 
     x: float
@@ -103,9 +104,10 @@ def _checked(numbers: NDArray[np.float64], place: str) -> NDArray[np.float64]:
 
 def checked_spacing(value: float, place: str) -> float:
     """A positive and finite length, m. Raises SceneError."""
-    if not isinstance(value, float | int) or not 0 < value < np.inf:
-        raise SceneError(f"{place}: found {value!r}, expected more than 0 m")
-    return value
+    number = plain(value)
+    if not isinstance(number, float | int) or not 0 < number < np.inf:
+        raise SceneError(f"{place}: found {number!r}, expected more than 0 m")
+    return number
 
 
 def parts(shape: shapely.Geometry) -> tuple[Polygon, ...]:

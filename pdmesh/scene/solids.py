@@ -13,6 +13,7 @@ import shapely
 from numpy.typing import NDArray
 
 from pdmesh.model.document import LARGEST
+from pdmesh.model.plain_numbers import PlainFields
 from pdmesh.scene.shapes import SceneError
 
 ROUND_OFF = 1e-12  # of a triangle's longest side squared
@@ -42,7 +43,7 @@ class Joined(Solid):
 
 
 @dataclass(frozen=True)
-class Box(Solid):
+class Box(PlainFields, Solid):
     """A box between opposite corners."""
 
     low: Place  # m
@@ -50,7 +51,7 @@ class Box(Solid):
 
 
 @dataclass(frozen=True)
-class Cylinder(Solid):
+class Cylinder(PlainFields, Solid):
     """A cylinder between the centres of its ends, or a cone if the second radius differs."""
 
     start: Place  # m
@@ -60,7 +61,7 @@ class Cylinder(Solid):
 
 
 @dataclass(frozen=True)
-class Sphere(Solid):
+class Sphere(PlainFields, Solid):
     """A sphere around `centre`."""
 
     centre: Place  # m

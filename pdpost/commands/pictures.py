@@ -45,7 +45,8 @@ class Drawn(NamedTuple):
 
 
 FIELDS = {  # as fields.FIELDS, which is not imported for --help
-    "damage": "draw the share of broken bonds at the nodes of a frame",
+    "damage": "draw the share of bonds that the run broke at the nodes of a frame",
+    "separation": "draw the share of bonds that are gone, those cut by pre-cracks counted",
     "energy": "draw the potential energy of the nodes",
     "displacement": "draw the displacement of the nodes",
     "velocity": "draw the velocity of the nodes",

@@ -43,6 +43,8 @@ def of_frame(results: Results, step: int, also: Sequence[str] = ()) -> dict[str,
     SI."""
     nodes = results.nodes(step)
     stored = {name: results.field(name, step) for name in results.stored(step)}
+    if "damage" in stored:  # in files bonds that pre-cracks cut count
+        stored["damage"] = fields.values(results, "damage", step).astype(np.float32)
     more = {
         f"{name}_{part}": values for name in also for part, values in fields.components(results, name, step).items()
     }

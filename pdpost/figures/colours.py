@@ -16,6 +16,7 @@ from pdpost.measures import fields
 from pdpost.reading.embedded_model import counts_load_steps, moment
 from pdsolve.results import Results
 
+SHARES = ("damage", "separation")  # fields of bonds that are gone
 USUAL = 99.5  # per cent of the nodes; colours end there where the others reach more than twice as far
 ROUND_OFF = 1e-6  # of the largest: what is so little beyond the colours is not told of
 PARTS = {"largest": "largest principal", "smallest": "smallest principal", "mises": "von Mises"}
@@ -38,16 +39,16 @@ def colours(name: str, part: str, values: NDArray[np.float64], largest: float | 
     The range ends at `largest` or, without it, at the usual largest value.
     """
     finite = values[np.isfinite(values)]
-    high = largest or (1.0 if name == "damage" else usual(finite))
+    high = largest or (1.0 if name in SHARES else usual(finite))
     signed = fields.signed(name, part)
     low = -high if signed else 0.0
     slack = ROUND_OFF * high
     above, below = bool((finite > high + slack).any()), bool((finite < low - slack).any())
     beyond = ("both" if below else "max") if above else ("min" if below else "neither")
     factor, label = unit(fields.FIELDS[name].unit, high)
-    if name == "damage":
+    if name in SHARES:
         factor, label = 1.0, ""
-    cmap = "magma_r" if name == "damage" else "coolwarm" if signed else "viridis"
+    cmap = "magma_r" if name in SHARES else "coolwarm" if signed else "viridis"
     text = caption(name, part)
     text = text[0].lower() + text[1:]
     return Colours(low, high, cmap, factor, f"{text}, {label}" if label else text, beyond)

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from pdmesh.model.bond_counts import pair_count
 from pdmesh.model.suggestions import called
 from pdmesh.plain_figure import Figure
 from pdmesh.plain_text import for_html
@@ -90,14 +91,14 @@ def _film(results: Results, name: str) -> bytes:
 def _grid(results: Results, nodes: Nodes) -> dict[str, str]:
     low, high = nodes.position.min(axis=0) * 1e3, nodes.position.max(axis=0) * 1e3
     levels, counts = np.unique(nodes.delta, return_counts=True)
-    bonds, whole = int((nodes.family - nodes.cut).sum()), float(nodes.area.sum())
+    bonds, whole = pair_count(int((nodes.family - nodes.cut).sum())), float(nodes.area.sum())
     extent = {"area": f"{whole * 1e6:.6g} mm²"} if len(low) == 2 else {"volume": f"{whole * 1e9:.6g} mm³"}
     return {
         "nodes": str(len(nodes.ids)) + _later(results),
         "spacings": ", ".join(f"{count} of {level * 1e3:.4g} mm" for level, count in zip(levels, counts, strict=True)),
         "from, to": f"{_text(low.tolist(), '.4g')} to {_text(high.tolist(), '.4g')} mm",
         **extent,
-        "bonds": f"{bonds}, and {int(nodes.cut.sum())} cut by pre-cracks",
+        "bonds": f"{bonds}, and {pair_count(int(nodes.cut.sum()))} cut by pre-cracks",
         "pre-cracks": _pre_cracks(results),
     }
 
@@ -147,7 +148,7 @@ def _balance(results: Results) -> list[str]:
     last = {name: f"{getattr(books, name)[-1]:.5g} J{per}" for name in names}
     last = {"put in" if name == "work" else name: value for name, value in last.items()}
     last["balance error"] = f"{books.error[-1]:+.2e} of the most put in"
-    last["broken bonds"] = str(len(results.breaks().step))
+    last["broken bonds"] = str(pair_count(len(results.breaks().step)))
     said = "".join(f"<li>{for_html(sentence)}</li>" for sentence in remarks(results))
     parts = [
         _table(last),

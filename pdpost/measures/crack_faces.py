@@ -27,7 +27,7 @@ from scipy.spatial import cKDTree
 from pdmesh.model.neighbours import Pairs
 from pdmesh.model.output_fields import CRACKED
 from pdmesh.model.triangulated_surface import Screen
-from pdpost.measures.cracked_nodes import damage_at
+from pdpost.measures.cracked_nodes import separation_at
 from pdpost.measures.lattice_neighbours import NEAR, neighbours
 from pdsolve.results import Nodes, Results
 
@@ -98,7 +98,7 @@ def opened(results: Results, step: int, threshold: float = CRACKED) -> Opened:
     found[some] = np.maximum(found[some], _cracked_at(damage, pairs[some], step, threshold))
     found[found > step] = CLOSED
     found[_cut(nodes, pairs, results.cracks().reshape(-1, 3, 3))] = PRE_CRACK
-    return Opened(pairs, found, damage_at(results, step) <= threshold)
+    return Opened(pairs, found, separation_at(results, step) <= threshold)
 
 
 class Damage:

@@ -21,7 +21,7 @@ from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
 from pdmesh.model.output_fields import CRACKED
-from pdpost.measures.cracked_nodes import LINKED, ROUND_OFF, cracked_since, damage_at
+from pdpost.measures.cracked_nodes import LINKED, ROUND_OFF, cracked_since, separation_at
 from pdsolve.results import Results
 
 ABREAST = 0.5  # local spacings: nodes no further apart along a crack are beside each other
@@ -54,7 +54,7 @@ def grown(results: Results, step: int, threshold: float = CRACKED) -> Grown:
     position, delta = nodes.position[rows], nodes.delta[rows]
     links = _touching(position, delta)
     spread = _spread(links, since[rows], _roots(links, position, delta, since[rows]))
-    return Grown(position, delta, damage_at(results, step)[rows], *spread, links)
+    return Grown(position, delta, separation_at(results, step)[rows], *spread, links)
 
 
 def _touching(position: NDArray[np.float64], delta: NDArray[np.float64]) -> csr_array:

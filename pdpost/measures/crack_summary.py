@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.output_fields import CRACKED
-from pdpost.measures.cracks import DIRECTIONS, Growth, growth
+from pdpost.measures.cracks import DIRECTIONS, PIECE, Growth, growth
 from pdpost.measures.directions import Direction, directions
 from pdpost.measures.fragments import Fragments, fragments
 from pdpost.measures.paths import heading
@@ -24,6 +24,7 @@ from pdpost.reading.time_text import time_text
 from pdsolve.results import Results
 
 LISTED = 6  # branches and forks in sentences
+MUCH_IN_CRUMBS = 0.5  # of the plate: then the number of pieces says little
 NOTHING = 0.005  # of all that was spent: less before cracks grew is not mentioned
 
 
@@ -153,6 +154,7 @@ def sentences(found: Summary) -> list[str]:
     if len(found.fragments.pieces) > 1:
         areas = ", ".join(f"{piece.area * 1e6:.4g}" for piece in found.fragments.pieces)
         lines.append(f"{len(found.fragments.pieces)} pieces of {areas} mm^2, cracked nodes left out")
+    lines += _crumbs(found.fragments)
     return lines or ["nothing broke"]
 
 
@@ -169,6 +171,18 @@ def _way(branch: Branch, found: Summary) -> str:
     else:
         fast = f", {mean:.4g} m/s ({mean / rayleigh:.2f} of the Rayleigh speed)"
     return f"{branch.length * 1e3:.3g} mm long, from {ways[0]} to {ways[1]}{fast}"
+
+
+def _crumbs(found: Fragments) -> list[str]:
+    """Words for what is in no piece, where that is much: crumbs and cracked nodes."""
+    whole = sum(piece.area for piece in found.pieces) + found.crumbs_area + found.cracked_area
+    share = (found.crumbs_area + found.cracked_area) / whole
+    if share <= MUCH_IN_CRUMBS:
+        return []
+    return [
+        f"{share:.0%} of the plate is in no piece: {found.cracked_area * 1e6:.4g} mm^2 of cracked nodes, and"
+        f" {found.crumbs_area * 1e6:.4g} mm^2 in {found.crumbs} crumbs of at most {PIECE:.0%} of the nodes each"
+    ]
 
 
 def _spent(release: Release) -> list[str]:

@@ -1,16 +1,26 @@
 """Which nodes are cracked and since which step, from the steps in which their bonds broke.
 
-Damage is 1 - intact / initial bonds; bonds cut by a pre-crack count as broken. A node is cracked above `CRACKED`. A
-node that is born cracked takes the place of an earlier cracked node, and is cracked since that one was.
+Separation is 1 - intact / initial bonds, where bonds cut by a pre-crack count as broken. A node is cracked above a
+separation of `CRACKED`. A node that is born cracked takes the place of an earlier cracked node, and is cracked since
+that one was.
+
+Damage is what the run breaks: the broken ones of the bonds that pre-cracks leave.
 """
 
 from __future__ import annotations
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.model.document import Horizon, Material
 from pdmesh.model.kd_trees import tree_of
+from pdmesh.model.lattice_calibration import has_partial_cells
+from pdmesh.model.neighbours import Neighbours
+from pdmesh.model.node_grid import Grid
 from pdmesh.model.output_fields import CRACKED
+from pdmesh.model.visibility import sight_of
+from pdpost.reading.embedded_model import read
 from pdsolve.results import Lives, Results
 
 LINKED = 1.5  # spacings between two nodes of a crack
@@ -18,18 +28,59 @@ ROUND_OFF = 1e-6
 SAME_PLACE = 1e-12  # m: ends of pre-cracks as near as that are one
 
 
+class _Bonded(msgspec.Struct):
+    """The keys of the grid file that say who is bonded."""
+
+    horizon: Horizon = Horizon()
+    material: Material | None = None
+
+
+def separation_at(results: Results, step: int) -> NDArray[np.float64]:
+    """Separation (n,) of the living nodes after any step, also between frames; see above."""
+    family, gone = _bonds_at(results, step)
+    return np.asarray(gone / np.maximum(family, 1))
+
+
 def damage_at(results: Results, step: int) -> NDArray[np.float64]:
-    """Damage (n,) of the living nodes after any step, also between frames."""
+    """Damage (n,) of the living nodes after any step, also between frames; see above."""
+    family, gone = _bonds_at(results, step)
+    cut = _cut_by_pre_cracks(results, step)
+    return np.asarray((gone - cut) / np.maximum(family - cut, 1))
+
+
+def _bonds_at(results: Results, step: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Bonds (n,) of the living nodes, and those of them that are gone after a step."""
     lives, breaks, rows = results.lives(), results.breaks(), results.rows(step)
     before = breaks.step <= step
     row = lives.at(breaks.node[before], breaks.step[before])
     gone = lives.nodes.cut + np.bincount(row, minlength=len(lives.birth))
-    damage: NDArray[np.float64] = gone[rows] / np.maximum(lives.nodes.family[rows], 1)
-    return damage
+    return lives.nodes.family[rows], gone[rows]
+
+
+def _cut_by_pre_cracks(results: Results, step: int) -> NDArray[np.int64]:
+    """Bonds (n,) of the living nodes that pre-cracks cut.
+
+    Nodes that are born during a run are also born without bonds that broke before; pre-cracks cut those of their pairs
+    that cross one.
+    """
+    lives, rows, cracks = results.lives(), results.rows(step), results.cracks()
+    nodes, cut = results.nodes(step), lives.nodes.cut[rows]
+    born = np.flatnonzero((lives.birth[rows] > 0) & (cut > 0))
+    if not len(born):
+        return cut
+    crossing = np.zeros(len(rows), dtype=np.int64)
+    if len(cracks):
+        bonded, nowhere = read(results, _Bonded), np.full(len(rows), -1)
+        margin = 0.5 if bonded.material is not None and has_partial_cells(bonded.material) else 0.0
+        around = Neighbours(nodes.position, nodes.delta, (bonded.horizon.ratio + margin) * nodes.delta, mutual=True)
+        grid = Grid(nodes.ids, nodes.position, nodes.delta, nowhere >= 0, nowhere, cracks)
+        pairs = around.pairs(born)
+        crossing = np.bincount(pairs.source[sight_of(grid).cut(pairs)], minlength=len(rows))
+    return np.where(lives.birth[rows] > 0, np.minimum(cut, crossing), cut)
 
 
 def cracked_since(results: Results, threshold: float = CRACKED, step: int | None = None) -> NDArray[np.int64]:
-    """The step (n,) from which each node's damage exceeds `threshold`; -1 for nodes that stay sound.
+    """The step (n,) from which each node's separation exceeds `threshold`; -1 for nodes that stay sound.
 
     The nodes are those at `step`, by default those of the last frame.
     """

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pdmesh.model import output_fields
 from pdmesh.model.gradients import green, hooke, thinning
 from pdmesh.model.output_fields import CRACKED
-from pdpost.measures.cracked_nodes import damage_at
+from pdpost.measures.cracked_nodes import damage_at, separation_at
 from pdpost.measures.strain import gradients, stiffness, thermal
 from pdpost.reading.stored_fields import OF_DIFFUSION, diffuses, expect_physics_of, scalar, vector
 from pdsolve.results import Results
@@ -56,6 +56,7 @@ FIELDS = {
     field.name: field
     for field in (
         _stored("damage", "Damage"),
+        Field("separation", "Damage, pre-cracks counted", ""),
         _stored("energy", "Strain energy"),
         _stored("displacement", "Displacement", VECTOR),
         _stored("velocity", "Velocity", VECTOR),
@@ -102,7 +103,7 @@ def torn(results: Results, name: str, step: int) -> NDArray[np.bool_]:
     """
     if not FIELDS[name].fitted:
         return np.zeros(len(results.rows(step)), dtype=bool)
-    return damage_at(results, step) > CRACKED
+    return separation_at(results, step) > CRACKED
 
 
 def signed(name: str, part: str) -> bool:
@@ -124,6 +125,9 @@ def components(results: Results, name: str, step: int) -> dict[str, NDArray[np.f
     field = FIELDS[name]
     if name == "damage" and not diffuses(results):
         return {"": damage_at(results, step)}
+    if name == "separation":
+        expect_physics_of(results, name)
+        return {"": separation_at(results, step)}
     if not field.components:
         return {"": scalar(results, name, step)}
     if field.components == VECTOR:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pdmesh.model.output_fields import CRACKED
-from pdpost.measures.cracked_nodes import damage_at
+from pdpost.measures.cracked_nodes import separation_at
 from pdpost.measures.cracks import PIECE, clusters
 from pdsolve.results import Results
 
@@ -31,7 +31,7 @@ class Fragments(NamedTuple):
 
 def fragments(results: Results, step: int, threshold: float = CRACKED) -> Fragments:
     """The fragments after `step`: sound nodes linked along rows and columns, as in `cracks.is_split`."""
-    nodes, cracked = results.nodes(step), damage_at(results, step) > threshold
+    nodes, cracked = results.nodes(step), separation_at(results, step) > threshold
     sound = np.flatnonzero(~cracked)
     piece = clusters(nodes.position[sound], nodes.delta[sound], link=1.0)
     found, crumbs, crumbs_area = [], 0, 0.0

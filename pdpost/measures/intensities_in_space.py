@@ -22,7 +22,7 @@ from pdmesh.model.front_integrals import FoundInSpace, FrontPlace, SampledInSpac
 from pdmesh.model.gradients import PAIRS, gradients_of, green, hooke
 from pdmesh.model.tip_fields import Elastic
 from pdpost.measures.crack_fronts import Polyline
-from pdpost.measures.cracked_nodes import ROUND_OFF, damage_at
+from pdpost.measures.cracked_nodes import ROUND_OFF, separation_at
 from pdpost.measures.front_places import Cracks, FrontPoints, cracks_at, front_points
 from pdpost.measures.front_surroundings import ObstaclesInSpace
 from pdpost.measures.strain import intact, stiffness
@@ -191,7 +191,7 @@ def _sample(results: Results, step: int, rows: NDArray[np.int64]) -> SampledInSp
         return gradients_of(nodes.position, nodes.area, values, own.start, own.neighbour, rows)
 
     gradient = fitted(vector(results, "displacement", step))
-    gradient[damage_at(results, step)[rows] > CRUMB] = np.nan
+    gradient[separation_at(results, step)[rows] > CRUMB] = np.nan
     strain = green(gradient)
     if "sxx" in results.stored(step):
         stress = vector(results, "stress", step)[rows]

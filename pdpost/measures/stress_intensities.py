@@ -20,7 +20,7 @@ from pdmesh.model.domain_integrals import Found, Motion, Ring, Sampled, integral
 from pdmesh.model.gradients import green
 from pdmesh.model.tip_fields import Elastic
 from pdpost.measures import fields
-from pdpost.measures.cracked_nodes import ROUND_OFF, damage_at
+from pdpost.measures.cracked_nodes import ROUND_OFF, separation_at
 from pdpost.measures.strain import fitted, intact, stiffness
 from pdpost.measures.tip_surroundings import Front, Obstacles, Room, Tip, fronts, nearest
 from pdpost.reading.embedded_model import at_rest, read
@@ -135,7 +135,7 @@ class State:
         results, nodes = self._results, self._results.nodes(step)
         families = intact(results, results.families(step), step)
         gradient = fitted(nodes, vector(results, "displacement", step), families)
-        gradient[damage_at(results, step) > CRUMB] = np.nan
+        gradient[separation_at(results, step) > CRUMB] = np.nan
         motion = None
         if not self._rest:
             velocity, acceleration = (vector(results, name, step) for name in ("velocity", "acceleration"))

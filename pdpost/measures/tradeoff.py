@@ -16,7 +16,7 @@ from scipy.spatial import QhullError, cKDTree
 
 from pdmesh.model.output_fields import CRACKED
 from pdpost.measures.balance import damping
-from pdpost.measures.cracked_nodes import damage_at
+from pdpost.measures.cracked_nodes import separation_at
 from pdpost.measures.cracks import DIRECTIONS, Event, growth
 from pdpost.measures.paths import Polyline, distance, heading, path
 from pdpost.measures.plate_geometry import check_alike
@@ -125,7 +125,7 @@ def displacement(results: Results, reference: Results) -> float | None:
     for run in runs:
         step = _step(run, time)
         nodes = run.nodes(step)
-        near = (damage_at(run, step) > CRACKED) | (nodes.cut > 0)
+        near = (separation_at(run, step) > CRACKED) | (nodes.cut > 0)
         if near.any():
             reach = AWAY * float(max(coarse.delta.max(), fine.delta.max()))
             away &= cKDTree(nodes.position[near]).query(coarse.position)[0] > reach

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.model.bond_counts import pair_count
 from pdpost.measures.diffused_amounts import masses
 from pdpost.reading.embedded_model import run_of
 from pdpost.reading.frame_steps import frames
@@ -21,7 +22,7 @@ class Verified(NamedTuple):
     """Contents of a database that has been read and found consistent."""
 
     nodes: int  # at the end
-    bonds: int  # directed, at their nodes' births
+    bonds: int  # pairs of nodes, at their births
     broken: int  # of them
     frames: int
     fields: int  # of the last frame
@@ -58,8 +59,8 @@ def verified(results: Results) -> Verified:
         raise DamagedError(f"{results.name}: found a run that is finished without a summary, expected one")
     return Verified(
         len(results.nodes().ids),
-        len(families.neighbour),
-        len(breaks.step),
+        pair_count(len(families.neighbour)),
+        pair_count(len(breaks.step)),
         len(steps),
         len(results.stored(int(steps[-1]))),
         int(books["step"][-1]) if len(books) else int(steps[-1]),

@@ -80,6 +80,16 @@ def tables(results: Results) -> list[Table]:
     return found
 
 
+_MOST_DAMAGED = (
+    "SELECT s.node, s.x, s.y, (s.damage * n.family - n.cut) / max(n.family - n.cut, 1) AS damage FROM node_state s"
+    " JOIN node n ON n.node = s.node WHERE s.step = (SELECT max(step) FROM frame) ORDER BY 4 DESC, s.node LIMIT 10"
+)
+_MOST_SEPARATED = (  # where nodes are born during the run, whose `cut` has what broke before
+    "SELECT node, x, y, damage FROM node_state WHERE step = (SELECT max(step) FROM frame)"
+    " ORDER BY damage DESC, node LIMIT 10"
+)
+
+
 def queries(results: Results) -> list[Query]:
     """Three example queries that this database can answer."""
     ids = results.nodes().ids
@@ -88,12 +98,11 @@ def queries(results: Results) -> list[Query]:
         Query("a node against time", f"SELECT time, uy FROM node_state WHERE node = {node}"),
         Query(
             "the most damaged nodes at the end",
-            "SELECT node, x, y, damage FROM node_state WHERE step = (SELECT max(step) FROM frame)"
-            " ORDER BY damage DESC, node LIMIT 10",
+            _MOST_DAMAGED if len(results.epochs()) == 1 else _MOST_SEPARATED,
         ),
         Query(
             "bonds broken in each microsecond",
-            "SELECT CAST(1e6 * step * value AS INTEGER) AS microsecond, count(*) AS bonds FROM bond_break"
+            "SELECT CAST(1e6 * step * value AS INTEGER) AS microsecond, count(*) / 2 AS bonds FROM bond_break"
             " JOIN meta ON key = 'time_step' GROUP BY microsecond",
         ),
     ]

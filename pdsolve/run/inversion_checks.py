@@ -56,8 +56,12 @@ class MotionChecks:
         self._apart: NDArray[np.bool_] | None = None  # (n,) nodes whose triangle was not bonded at the start
         self._smallest = float(model.grid.delta.min())
         breaking, ratio = [np.inf], model.settings.horizon.ratio
-        for number, material in enumerate(model.materials):
-            spacing = np.unique(model.grid.delta[model.material_of == number])
+        spacings = np.unique(model.grid.delta)
+        there = np.zeros((len(model.materials), len(spacings)), dtype=np.bool_)
+        there[model.material_of, np.searchsorted(spacings, model.grid.delta)] = True
+        numbers, columns = np.nonzero(there)
+        for some, material in model.material_columns.of(numbers):
+            spacing = spacings[columns[some]]
             sizes = Sizes(critical_stretch(material, ratio * spacing), spacing, ratio * spacing, ratio)
             breaking += (limits(material, sizes).peak * spacing).tolist()
         self._breaking = min(breaking)  # m, lengthening that breaks or softens a bond

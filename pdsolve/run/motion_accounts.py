@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from pdmesh.model.bond_counts import pair_count
 from pdsolve.checks import advise_damped, advise_made, closing
 from pdsolve.diffusion.swelling import Swelling
 from pdsolve.errors import UnstableError
@@ -73,7 +74,7 @@ class MotionAccounts:
 
     def words(self, broken: int) -> str:
         """State of the accounts in words, with so many broken bonds, for a progress display."""
-        fine, text = self._system.zone_summary, f"broken bonds {broken}, balance {self.balance:+.1e}"
+        fine, text = self._system.zone_summary, f"broken bonds {pair_count(broken)}, balance {self.balance:+.1e}"
         if fine is not None:
             text += f", fine {fine.fine_share:.1%}"
             text += f", clipped stretch {fine.clipped_stretch:.2f}" if fine.clipped_stretch else ""
@@ -123,7 +124,7 @@ class MotionAccounts:
         """Results of the run for its summary."""
         names = "kinetic", "strain", "dissipated", "damped", "friction", "work"
         return {
-            "broken_bonds": self.broken,
+            "broken_bonds": pair_count(self.broken),
             "energy": {name: getattr(self.last, name) for name in names},
             "balance": self.balance,
             **({"energy_unit": "J"} if self._system.model.grid.dimension == 3 else {}),

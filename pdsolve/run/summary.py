@@ -8,6 +8,7 @@ import numba
 import numpy as np
 
 from pdmesh import VERSION
+from pdmesh.model.bond_counts import pair_count
 from pdsolve.adaptivity.quadtree.operator import Leaves
 from pdsolve.codegen.processor import processor_kind
 from pdsolve.run.recorder import Recorder
@@ -49,7 +50,7 @@ def summary(notes: Recorder, step: int, stopped_early: bool) -> dict[str, Any]:
     system, wall = notes.system, notes.wall()
     return {
         "nodes": len(system.model.grid),
-        "bonds": system.bonds,
+        "bonds": pair_count(system.bonds),
         "steps": step,
         "time": step * system.time_step,
         "time_step": system.time_step,

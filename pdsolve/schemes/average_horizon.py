@@ -168,38 +168,49 @@ def _mean_of_ends(
 
     The peak keeps the mean energy up to it, the limit the mean total energy; equal ends keep their own values.
     """
+    if len(model.materials) == 1:
+        modulus, peak, limit, kept = _of_end(model, pairs, reach, pairs.source, corrections)
+        return modulus, np.where(kept, np.inf, peak), np.where(kept, np.inf, limit)
     modulus, up_to_peak, whole = (np.zeros(len(pairs.length)) for _ in range(3))
     widest_peak, widest = np.zeros(len(pairs.length)), np.zeros(len(pairs.length))
     unbreakable = np.zeros(len(pairs.length), dtype=bool)
-    i, j, length = pairs
-    delta = model.grid.delta
-    for number, material in enumerate(model.materials):
-        calibrated = _calibration(model, material, corrections)
-        if _has_partial_cells(material, corrections):
-            counted = (hu_beta(length, reach, delta[i]) + hu_beta(length, reach, delta[j])) / 2
-        else:
-            counted = np.where(length <= reach * (1 + ROUND_OFF), 1.0, 0.0)
-        c = counted * calibrated.stiffness * micromodulus(material, length, reach)
-        c = c * calibrated.shells.at(length / reach * model.settings.horizon.ratio)
-        critical = calibrated.stretch * critical_stretch(material, strength_reach(model, material, reach))
-        own = limits(material, Sizes(critical, length, reach, model.settings.horizon.ratio))
-        kept = is_unbreakable(model, material, reach)
-        if len(model.materials) == 1:
-            peak, limit = own if not kept.any() else (np.where(kept, np.inf, each) for each in own)
-            return c, peak, limit
-        for end in (pairs.source, pairs.target):
-            half = np.where(model.material_of[end] == number, 0.5, 0.0)
-            unbreakable |= kept & (half > 0)
-            modulus += half * c
-            up_to_peak += half * c * own.peak**2
-            whole += half * c * own.peak * own.limit
-            widest_peak += half * own.peak
-            widest += half * own.limit
+    for end in (pairs.source, pairs.target):
+        c, peak, limit, kept = _of_end(model, pairs, reach, end, corrections)
+        unbreakable |= kept
+        modulus += 0.5 * c
+        up_to_peak += 0.5 * c * peak**2
+        whole += 0.5 * c * peak * limit
+        widest_peak += 0.5 * peak
+        widest += 0.5 * limit
     with np.errstate(invalid="ignore", divide="ignore"):
         peak = np.where(modulus > 0, np.sqrt(up_to_peak / modulus), widest_peak)
         limit = np.where(modulus > 0, whole / (modulus * peak), widest)
     peak[unbreakable] = limit[unbreakable] = np.inf
     return modulus, peak, np.where(limit <= peak * (1 + SAME), peak, limit)
+
+
+def _of_end(
+    model: Model, pairs: Pairs, reach: NDArray[np.float64], end: NDArray[np.int64], corrections: Corrections
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+    """Modulus, peak and limit of each pair (b,), with the material of its node `end` (b,), and whether that keeps it
+    from breaking."""
+    modulus, peak, limit = (np.zeros(len(pairs.length)) for _ in range(3))
+    kept = np.zeros(len(pairs.length), dtype=np.bool_)
+    ratio, delta = model.settings.horizon.ratio, model.grid.delta
+    for some, material in model.material_columns.of(model.material_of[end]):
+        length, far = pairs.length[some], reach[some]
+        calibrated = _calibration(model, material, corrections)
+        if _has_partial_cells(material, corrections):
+            here, there = delta[pairs.source[some]], delta[pairs.target[some]]
+            counted = (hu_beta(length, far, here) + hu_beta(length, far, there)) / 2
+        else:
+            counted = np.where(length <= far * (1 + ROUND_OFF), 1.0, 0.0)
+        c = counted * calibrated.stiffness * micromodulus(material, length, far)
+        modulus[some] = c * calibrated.shells.at(length / far * ratio)
+        critical = calibrated.stretch * critical_stretch(material, strength_reach(model, material, far))
+        peak[some], limit[some] = limits(material, Sizes(critical, length, far, ratio))
+        kept[some] = is_unbreakable(model, material, far)
+    return modulus, peak, limit, kept
 
 
 def _has_partial_cells(material: Material, corrections: Corrections) -> bool:
@@ -272,11 +283,11 @@ def _energy_factor(position: NDArray[np.float64], pairs: Pairs, lack: NDArray[np
 
 def _full_energy(model: Model, rows: NDArray[np.int64], corrections: Corrections) -> NDArray[np.float64]:
     """Twice the energy density (k,) of the rows in a full lattice of their material, at unit stretch, Pa."""
-    full = []
-    for material in model.materials:
+    full = np.zeros(len(rows))
+    for some, material in model.material_columns.of(model.material_of[rows]):
         calibrated = _calibration(model, material, corrections)
         modulus = C11[material.plane] * calibrated.ratios.c11
         if model.grid.dimension == 3:
             modulus = (1 + 2 * NU**2) * modulus + 2 * (NU**2 - 2 * NU) * C66[material.plane] * calibrated.ratios.c12
-        full.append(modulus * material.E * calibrated.stiffness)
-    return np.array(full)[model.material_of[rows]]
+        full[some] = modulus * material.E * calibrated.stiffness
+    return full

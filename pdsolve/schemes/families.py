@@ -33,6 +33,7 @@ from pdsolve.model import Model
 from pdsolve.schemes.coarse_strength import is_unbreakable, strength_reach
 from pdsolve.schemes.separation_energy import bonds_in_space, cost, patch, patch_in_space
 
+SPENT = ("stretch", "energy")  # failures whose limit follows from what a crack costs
 USUAL = {"ordinary": "constant", "correspondence": "cubic spline", "micropolar": "constant"}
 
 
@@ -91,17 +92,17 @@ def _counts(
     return found * _shells(material, ratio).at(length / reach * ratio)
 
 
-Limit = Callable[[NDArray[np.float64]], NDArray[np.float64]]  # of a horizon (b,), m
+Limit = Callable[[NDArray[np.int64], NDArray[np.float64]], NDArray[np.float64]]  # of materials and horizons (b,), m
 
 
 def fill(model: Model) -> Filling:
     """The families of the model. Raises ModelError, GridError."""
     law_of(model)
-    return filled(model, [_limit(material, model.settings.horizon.ratio) for material in model.materials])
+    return filled(model, _limits(model))
 
 
-def filled(model: Model, limits: list[Limit]) -> Filling:
-    """The families of a model, whose bonds fail at the `limits` of each material."""
+def filled(model: Model, limits: Limit) -> Filling:
+    """The families of a model, whose bonds fail at the mean of the `limits` of the materials of both ends."""
     grid, horizon, area, held = model.grid, model.horizons, areas(model, "cells"), unbreakable(model)
     first, whole = model.materials[0], whole_cells(model.materials[0])
     margin = 0.0 if whole else grid.delta / 2
@@ -118,11 +119,9 @@ def filled(model: Model, limits: list[Limit]) -> Filling:
         pairs = neighbours.pairs(rows)
         pairs = chosen(pairs, counts(pairs) > ROUND_OFF)
         pairs = chosen(pairs, sight.inside(pairs))
-        reach, limit = (horizon[pairs.source] + horizon[pairs.target]) / 2, np.zeros(len(pairs.source))
-        for number, of in enumerate(limits):
-            own = _limits(model, model.materials[number], of, reach)
-            for end in (pairs.source, pairs.target):
-                limit += np.where(model.material_of[end] == number, own / 2, 0.0)
+        reach = (horizon[pairs.source] + horizon[pairs.target]) / 2
+        here, there = (limits(model.material_of[end], reach) for end in (pairs.source, pairs.target))
+        limit = here / 2 + there / 2
         part = counts(pairs._replace(length=sight.apart(pairs, first.detour, farthest)))
         nothing = np.zeros(len(limit))
         paired = Paired(pairs, part > ROUND_OFF, nothing, limit, limit, part * area[pairs.target])
@@ -131,26 +130,36 @@ def filled(model: Model, limits: list[Limit]) -> Filling:
     return Filling(area, part, counts)
 
 
-def _limits(model: Model, material: Material, of: Limit, reach: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Failure limits (b,) of bonds with these horizons (b,), m, as `coarse` of the material says."""
-    near = strength_reach(model, material, reach)
-    limit = of(near)
-    if material.failure == "energy":  # of one stretch, it falls with the square or the cube of the horizon
-        limit = limit * (near / reach) ** dimension_of(material.plane)
-    return np.where(is_unbreakable(model, material, reach), np.inf, limit)
+def _limits(model: Model) -> Limit:
+    """Failure limits of bonds by the number of a material."""
+    ratio = model.settings.horizon.ratio
+    strength = np.array([one.strength or np.inf for one in model.materials])
+    cost_of = np.array([_cost(_unit(one), ratio) if one.failure in SPENT else np.nan for one in model.materials])
+
+    def limits(numbers: NDArray[np.int64], reach: NDArray[np.float64]) -> NDArray[np.float64]:
+        limit = np.full_like(reach, np.inf)
+        for some, material in model.material_columns.of(numbers):
+            spent, far = cost_of[numbers[some]], reach[some]
+            near = strength_reach(model, material, far)
+            if material.failure == "stress":
+                limit[some] = strength[numbers[some]]
+            elif material.failure == "stretch":
+                limit[some] = np.sqrt(material.G0 / (spent * material.E * near))
+            elif material.failure == "energy":
+                d = dimension_of(material.plane)  # of one stretch, it falls with the square or the cube of the horizon
+                limit[some] = material.G0 / (spent * near ** (d + 1)) * (near / far) ** d
+            limit[some] = np.where(is_unbreakable(model, material, far), np.inf, limit[some])
+        return limit
+
+    return limits
 
 
-def _limit(material: Material, ratio: float) -> Limit:
-    """Failure limit of a material's bonds, for families of this ratio of horizon to spacing."""
-    if material.failure == "none":
-        return lambda reach: np.full_like(reach, np.inf)
-    if material.failure == "stress":
-        return lambda reach: np.full_like(reach, material.strength or np.inf)
-    unit = msgspec.structs.replace(material, E=1.0, rho=1.0, G0=1.0, solid="linear", form="total")
-    spent = _cost(unit, ratio)
-    if material.failure == "stretch":
-        return lambda reach: np.sqrt(material.G0 / (spent * material.E * reach))
-    return lambda reach: material.G0 / (spent * reach ** (dimension_of(material.plane) + 1))
+def _unit(material: Material) -> Material:
+    """The material on which the cost of a crack in units of its constants depends."""
+    return msgspec.structs.replace(
+        material, E=1.0, rho=1.0, G0=1.0, solid="linear", form="total", yield_stress=None, hardening=0.0, alpha=None,
+        T0=None,
+    )  # fmt: skip
 
 
 @lru_cache
@@ -170,6 +179,6 @@ def _cost(material: Material, ratio: float) -> float:
         bonds = bonds_in_space(model, xi[kept], weight[kept], size)
     else:
         model = patch(material, ratio)
-        bonds = filled(model, [lambda reach: np.full_like(reach, size)]).whole().bonds
+        bonds = filled(model, lambda _, reach: np.full_like(reach, size)).whole().bonds
     spent = cost(law_of(model), model, bonds)
     return spent / (ratio * size**2) if material.failure == "stretch" else spent / (ratio ** (dimension + 1) * size)

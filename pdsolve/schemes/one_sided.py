@@ -39,8 +39,7 @@ class Rule:
         pairs = chosen(pairs, self._sight.inside(pairs))
         reach = model.horizons[pairs.source]
         stiffness, peak, limit = (np.zeros(len(pairs.length)) for _ in range(3))
-        for number, material in enumerate(model.materials):
-            own = model.material_of[pairs.source] == number
+        for own, material in model.material_columns.of(model.material_of[pairs.source]):
             stiffness[own] = micromodulus(material, pairs.length[own], reach[own])
             critical = critical_stretch(material, reach[own])
             sizes = Sizes(critical, pairs.length[own], reach[own], model.settings.horizon.ratio)

@@ -19,12 +19,12 @@ class Measure(NamedTuple):
 
 MEASURES = {
     "nodes": Measure("", "nodes", True),
-    "bonds": Measure("", "directed bonds at the start", True),
+    "bonds": Measure("", "bonds at the start", True),
     "steps": Measure("", "steps, or load steps", True),
     "time": Measure("s", "time that was reached", True),
     "time_step": Measure("s", "time step", True),
     "wall_time": Measure("s", "time that solving took", True),
-    "broken_bonds": Measure("", "directed bonds that broke", True),
+    "broken_bonds": Measure("", "bonds that broke", True),
     "kinetic": Measure("J/m", "kinetic energy at the end", True),
     "strain": Measure("J/m", "strain energy at the end", True),
     "dissipated": Measure("J/m", "energy that broken bonds took", True),

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from pdmesh.model.bond_counts import pair_count
 from pdsolve.codegen import jit_cache
 from pdsolve.numerics.thread_team import cores
 from pdsolve.run.estimate import slower
@@ -43,7 +44,7 @@ def plan_study(path: Path, trust: bool = False) -> dict[str, Any]:
         "memory_bytes": max(one.memory for _, _, one in planned),  # of the largest
         "different": [
             {"values": {name: case.values.get(name) for name in study.varied}, "times": number}
-            | {"nodes": one.nodes, "bonds": one.bonds, "steps": one.steps, "time_step": one.time_step}
+            | {"nodes": one.nodes, "bonds": pair_count(one.bonds), "steps": one.steps, "time_step": one.time_step}
             | {"memory_bytes": one.memory, "solve_seconds": one.wall_time}
             for case, number, one in planned
         ],

@@ -31,7 +31,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.mark.slow
 def test_what_a_run_says(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["held.json", "--static", "--dry-run"]) == 0
-    assert mentions(capsys.readouterr().out, "66 nodes", "1110 bonds", "10 load steps", "0.2 s")
+    assert mentions(capsys.readouterr().out, "66 nodes", "555 bonds", "10 load steps", "0.2 s")
     assert main(["held.json", "--static", "--set", "run.static.load_steps=4", "--threads", "1"]) == 0
     said = capsys.readouterr().out
     assert "4 load steps to 2 s" in said

@@ -79,7 +79,7 @@ def test_the_run_breaks_bonds_and_keeps_energy(copy: Path) -> None:
 
 @pytest.mark.slow
 def test_the_contracts_hold(copy: Path) -> None:
-    """In the plane in double precision, to save time: the page's law is no worse than those that are there."""
+    """In all its cases: the page's law is no worse than those that are there."""
     said = python(
         copy,
         "-m",
@@ -87,11 +87,13 @@ def test_the_contracts_hold(copy: Path) -> None:
         "-q",
         "-p",
         "no:cacheprovider",
+        "-m",
+        "slow or not slow",
         "tests/contracts/test_laws.py",
         "-k",
-        "saturating and 2D and 64",
+        "saturating",
     )
-    assert " passed" in said
+    assert "60 passed" in said  # 6 cells, of which 3 in double precision have two tests more
 
 
 @pytest.mark.slow

@@ -11,6 +11,7 @@ from failures import saying
 from messages import mentions
 from plates import plate, square_grid
 
+from pdmesh.model.bond_counts import pair_count
 from pdmesh.model.document import InitialVelocity, Load, Run
 from pdsolve.model import Model
 from pdsolve.options import Options
@@ -147,7 +148,7 @@ def test_fragments_that_fly(failure: Callable[..., None]) -> None:
     with saying() as says, simulate(model, options=Options(precision="float32", threads=1)) as results:
         broken = results.summary()["broken_bonds"]
         first = int(results.breaks().step.min())
-    assert broken > 1000  # measured 1902, all of them
+    assert broken > 500  # measured 951, all of them
     says = says[:1]  # pieces that turn over come later
     assert mentions(says[0], "float32")
     assert int(says[0].split("step ")[1].split(":")[0]) < first
@@ -157,7 +158,7 @@ def test_fragments_that_fly(failure: Callable[..., None]) -> None:
     failure(
         fails="A fragment in float32 flies 1.1 m and turns 18 times in 1e5 steps. Round-off breaks the first bond at "
         "step "
-        f"{first}, and {broken} of {flying.system.bonds} directed bonds until the end.",
+        f"{first}, and {broken} of {pair_count(flying.system.bonds)} bonds until the end.",
         noticed="By a warning, before the first bond breaks: as soon as the round-off of displacements exceeds 0.5 % "
         "of what "
         "breaks a bond.",

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from functools import cache
+
+from pdmesh.model.material import DECLARED, Material
 from pdmesh.model.materials.bond import BOND
 from pdmesh.model.materials.correspondence import CORRESPONDENCE
 from pdmesh.model.materials.kind import Kind, Refusal, Refusals
@@ -10,4 +13,13 @@ from pdmesh.model.materials.ordinary import ORDINARY
 
 KINDS: dict[str, Kind] = {kind.name: kind for kind in (ORDINARY, CORRESPONDENCE, MICROPOLAR, BOND)}
 
-__all__ = ["KINDS", "Kind", "Refusal", "Refusals"]
+
+@cache
+def refused_by(kind: str) -> tuple[tuple[str, object], ...]:
+    """Parameters that a kind refuses, as only others have them, and their values where they are left out."""
+    own, usual = KINDS[kind].parameters, Material(E=1.0, rho=1.0, G0=1.0)
+    others = (name for other in KINDS.values() for name in other.parameters if name not in own)
+    return tuple((name, getattr(usual, name)) for name in others if DECLARED[name].refused)
+
+
+__all__ = ["KINDS", "Kind", "Refusal", "Refusals", "refused_by"]

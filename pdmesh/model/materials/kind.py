@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import msgspec
@@ -64,7 +65,7 @@ class Kind:
     one_sided: Callable[[Material], Refusals]  # the thesis mode
     adaptive: Callable[[Material, Material, str], Refusals]  # by the plate's own material and `Run.adapt`
 
-    @property
+    @cached_property
     def parameters(self) -> tuple[str, ...]:
         """Names of its parameters."""
         return tuple(name for struct in self.structs for name in struct.__struct_fields__)

@@ -39,8 +39,7 @@ def criticals(tree: Tree) -> NDArray[np.float64]:
     That of a finer cell is higher in proportion to the square of its critical stretch.
     """
     model, found = tree.model, np.zeros(tree.count)
-    for number, material in enumerate(model.materials):
-        own = model.material_of == number
+    for own, material in model.material_columns.of(model.material_of):
         stretch = critical_stretch(material, model.horizons[own])
         found[own] = C11[material.plane] * material.E / 2 * stretch**2
     return found

@@ -119,7 +119,7 @@ def test_a_drawing_is_built_for_it(tmp_path: Path, capsys: pytest.CaptureFixture
     capsys.readouterr()
     assert solve_command([str(path), "--dry-run"]) == 0
     said = capsys.readouterr().out
-    assert said.startswith("1020 nodes, 38084 bonds, 1700 steps of 2.5e-08 s")
+    assert said.startswith("1020 nodes, 19042 bonds, 1700 steps of 2.5e-08 s")
     assert mentions(said, "4080 nodes")
     assert build_command(["plan", str(GEOMETRIES / "duran50.geo"), "--set", "Run/Adapt=split"]) == 0
     planned = capsys.readouterr().out

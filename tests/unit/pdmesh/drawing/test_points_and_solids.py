@@ -21,7 +21,7 @@ STEEL = [("Material/E", "2e11"), ("Material/rho", "7800"), ("Material/G0", "10")
 
 
 def bonds(built: Built) -> int:
-    """Directed bonds that no crack cuts."""
+    """Bonds that no crack cuts."""
     return int(info(built.document, "plate", "conservative")["bonds"])
 
 

@@ -21,10 +21,8 @@ from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
 from pdsolve.run.static_start import started
 
-SHARED = {"E", "rho", "G0", "nu", "alpha", "T0", "model", "micromodulus", "plane", "sight", "gamma", "failure"} | {
-    "calibration",
-    "coarse",
-}
+SHARED = {"E", "rho", "G0", "critical_stretch", "nu", "alpha", "T0", "model", "micromodulus", "plane", "sight"}
+SHARED |= {"gamma", "failure", "calibration", "coarse"}
 CRACKED = dataclasses.replace(square_grid(60, 60, y0=-29.5e-3), cracks=np.array([[-1e-3, 0.0, 28e-3, 0.0]]))
 ON_PLATES = (*RUNS, "thesis mode")
 YES = [

@@ -23,6 +23,7 @@ from pdpost.figures.labels import prefixed
 from pdpost.figures.style import FigureError
 from pdpost.measures import plate_geometry
 from pdpost.measures.bond_pairs import pairs
+from pdpost.measures.cracked_nodes import damage_at
 from pdpost.measures.fields import FIELDS, FieldError
 from pdsolve.results import Breaks, Families, Frame, Results, ResultsError, Writer
 from pdsolve.run.measures import Ledger
@@ -57,7 +58,7 @@ def test_the_damage_picture(small_results: Path) -> None:
     """A cell of each node's size and value, equal axes, colours from 0 to 1, the time in the title."""
     with Results.open(small_results) as results:
         figure = field_figure.field(results, "damage", 40)
-        nodes, values = results.nodes(), results.field("damage", 40)
+        nodes, values = results.nodes(), damage_at(results, 40).astype(np.float32)
     axes = figure.axes[0]
     cells = axes.collections[0]
     assert axes.get_aspect() == 1.0

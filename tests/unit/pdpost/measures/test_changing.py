@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from plates import square_grid
 
 from pdpost.measures import histories, strain, tradeoff
-from pdpost.measures.cracked_nodes import cracked_since, damage_at
+from pdpost.measures.cracked_nodes import cracked_since, damage_at, separation_at
 from pdsolve.results import Breaks, Epoch, Frame, Nodes, Results, Writer
 from pdsolve.run.measures import Ledger
 
@@ -46,9 +46,26 @@ def test_a_node_that_is_born_cracked_is_so_since_the_one_before() -> None:
     assert cracked_since(results, step=9).tolist() == [5, 0, -1, -1, -1]
     assert cracked_since(results, step=15).tolist() == [5, -1, 0, 0, 10, -1, 12, -1, 0, -1]
     assert cracked_since(results).tolist() == [0, 0, 10, -1, 12, -1, 0, -1, 5]
-    assert damage_at(results, 11).tolist() == [0.5, 0, 0.4, 0.4, 0.4, 0, 0, 0, 0.4, 0]
-    assert damage_at(results, 24)[-1] == 0.4
-    assert damage_at(results, 25)[-1] == 0.5
+    assert separation_at(results, 11).tolist() == [0.5, 0, 0.4, 0.4, 0.4, 0, 0, 0, 0.4, 0]
+    assert separation_at(results, 24)[-1] == 0.4
+    assert separation_at(results, 25)[-1] == 0.5
+    assert damage_at(results, 9).tolist() == pytest.approx([0.4, 0, 0.2, 0, 0])  # of what pre-cracks left
+    assert damage_at(results, 11).tolist() == [0.5, 0, 0.4, 0.4, 0.4, 0, 0, 0, 0.4, 0]  # there is none in the model
+
+
+def test_a_node_that_is_born_beside_a_pre_crack_has_its_own_damage_alone() -> None:
+    """A row of nodes 1 mm apart, a crack between the first two: of the 4 bonds that the second one, born anew at step
+    10, lacks, the crack cut 1, and 3 of the other 9 broke before."""
+    nodes = row([1, 2, 3, 4], [0, 1, 2, 3], 1.0, [3, 1, 1, 1])
+    crack = np.array([[0.5e-3, -1e-3, 0.5e-3, 1e-3]])
+    writer = Writer.create(None, nodes, alone, crack, {"time_step": 1e-6, "model": "{}"})
+    born = row([5], [1], 1.0, [4])
+    changes = [epoch(10, 4, born, [1], 4)]
+    writer.write(Frame(30, 3e-5, {}, NO_BREAKS, [], [], {}, epochs=changes, rows=np.array([0, 2, 3, 4])))
+    results = Results(writer.connection, "memory")
+    assert damage_at(results, 5).tolist() == [0, 0, 0, 0]
+    assert separation_at(results, 30).tolist() == [0.3, 0.1, 0.1, 0.4]
+    assert damage_at(results, 30) == pytest.approx([0, 0, 0, 3 / 9])
 
 
 def test_who_is_born_is_of_the_material_of_the_nearest_at_the_start() -> None:

@@ -9,9 +9,13 @@ import numpy as np
 import pytest
 from drawn import alone, at, lattice, run
 
-from pdpost.measures.crack_summary import crack, numbers, sentences
-from pdpost.measures.cracked_nodes import cracked_since, damage_at
+from pdpost.exports import csv_columns
+from pdpost.measures.crack_summary import _crumbs, crack, numbers, sentences
+from pdpost.measures.cracked_nodes import cracked_since, damage_at, separation_at
 from pdpost.measures.cracks import clusters, growth, is_split
+from pdpost.measures.fields import values
+from pdpost.measures.fragments import Fragment, Fragments
+from pdpost.reading.tables import queries
 from pdsolve.results import Breaks, Frame, Results, Writer
 from pdsolve.study.run_measures import _cracked
 
@@ -132,17 +136,43 @@ def test_clusters_and_splits_of_nodes() -> None:
     assert not is_split(nodes, np.zeros(180, dtype=bool))
 
 
-def test_damage_between_frames() -> None:
+def test_separation_between_frames() -> None:
     results = run(lattice(), [(3, 5, 0), (7, 6, 0)])
-    assert [int((damage_at(results, step) > 0.35).sum()) for step in (0, 2, 3, 6, 7, 100)] == [5, 5, 6, 6, 7, 7]
+    assert [int((separation_at(results, step) > 0.35).sum()) for step in (0, 2, 3, 6, 7, 100)] == [5, 5, 6, 6, 7, 7]
+
+
+def test_a_pre_crack_is_not_damage(small_results: Path) -> None:
+    """Damage is 0 at the start, and at the end the share of the bonds that pre-cracks left that broke."""
+    with Results.open(small_results) as results:
+        nodes, breaks = results.nodes(), results.breaks()
+        broken = np.bincount(np.searchsorted(nodes.ids, breaks.node), minlength=len(nodes.ids))
+        assert nodes.cut.max() > 0
+        assert separation_at(results, 0).max() == pytest.approx((nodes.cut / nodes.family).max())
+        assert damage_at(results, 0).max() == 0
+        assert damage_at(results, 60) == pytest.approx(broken / (nodes.family - nodes.cut))
+        assert values(results, "damage", 0).max() == 0
+        assert values(results, "separation", 0) == pytest.approx(results.field("damage", 0), abs=1e-7)
+        assert csv_columns.of_frame(results, 0)["damage"].max() == 0
+        (sql,) = (query.sql for query in queries(results) if "damaged" in query.asks)
+        rows = {row[0]: row[3] for row in results.connection.execute(sql)}
+        assert list(rows.values()) == pytest.approx(np.sort(damage_at(results, 60))[::-1][:10])
 
 
 def test_since_when_nodes_are_cracked(small_results: Path) -> None:
-    """The same as damage step by step says, for thresholds that a share of the bonds meets exactly too."""
+    """The same as separation step by step says, for thresholds that a share of the bonds meets exactly too."""
     with Results.open(small_results) as results:
         for threshold in (0.0, 0.25, 0.35, 0.5, 4 / 7):
             since = cracked_since(results, threshold)
             for step in (0, 20, 33, 60):
-                cracked = damage_at(results, step) > threshold
+                cracked = separation_at(results, step) > threshold
                 assert np.array_equal(cracked, (since >= 0) & (since <= step))
         assert (cracked_since(results) > 0).sum() > 10
+
+
+def test_pieces_beside_crumbs_are_said_to_be_few() -> None:
+    """A plate of 100 mm^2: two pieces of 2 mm^2, and the rest in crumbs and cracked nodes."""
+    piece = Fragment(2, 2e-6, (0.0, 0.0))
+    (said,) = _crumbs(Fragments((piece, piece), 40, 60e-6, 36e-6))
+    assert said.startswith("96% of the plate is in no piece")
+    assert "60 mm^2 in 40 crumbs" in said
+    assert _crumbs(Fragments((piece, piece), 1, 1e-6, 1e-6)) == []

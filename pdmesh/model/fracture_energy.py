@@ -1,0 +1,64 @@
+"""Fracture energies that follow from the critical stretch of brittle bonds, and the other way round.
+
+The critical stretch s_c of a lattice with the horizon h is f sqrt(a G0 / (E h)); a is that of the continuum
+(`material_constants.SQUARED`), f that of the lattice's calibration. A given s_c is that of the finest nodes. Coarser
+ones then have the same G0, and a lower critical stretch.
+"""
+
+from __future__ import annotations
+
+import msgspec
+import numpy as np
+
+from pdmesh.model.lattice_calibration import calibration, has_partial_cells
+from pdmesh.model.material import UNKNOWN, USUAL_LAW, Material
+from pdmesh.model.material_constants import SQUARED, critical_stretch
+
+LARGE_STRETCH = 0.1  # at which bonds break: beyond, an E below that of rubber is taken for one in GPa or MPa
+SOFT = 1e6  # Pa, the Young's modulus of rubber
+LEAST = 1e-20  # of a critical stretch, whose G0 is lost in round-off below
+
+
+def wrong_energy(material: Material) -> str | None:
+    """What is wrong with the fracture energy and the critical stretch of a material, with its key; None if nothing."""
+    stretch = material.critical_stretch
+    if stretch is None:
+        expected = "a fracture energy, or the critical_stretch of brittle bonds"
+        return f"G0: found none above 0, expected {expected}" if material.G0 == UNKNOWN else None
+    if material.G0 != UNKNOWN:
+        return f"critical_stretch: found {stretch:g} beside G0, expected one of them"
+    if material.model != "bond" or material.law != USUAL_LAW:
+        kind = f"model '{material.model}'" if material.model != "bond" else f"law '{material.law}'"
+        return f"critical_stretch: found {stretch:g}, expected G0 with {kind}"
+    if not LEAST <= stretch <= 1 / LEAST:
+        return f"critical_stretch: found {stretch:g}, expected {LEAST:g} to {1 / LEAST:g}"
+    return None
+
+
+def with_fracture_energy(material: Material, ratio: float, spacing: float, dimension: int) -> Material:
+    """The material with the G0 of its critical stretch at a spacing, m, and a `ratio` of the horizon to it.
+
+    Raises ValueError for one without either, and for a critical stretch of bonds that are not brittle.
+    """
+    wrong = wrong_energy(material)
+    if wrong is not None:
+        raise ValueError(wrong)
+    if material.critical_stretch is None:
+        return material
+    own = _in_dimension(material, dimension)
+    stretch = material.critical_stretch / calibration(ratio, own, has_partial_cells(own)).stretch
+    G0 = stretch**2 * material.E * ratio * spacing / SQUARED[own.plane, own.micromodulus]
+    return msgspec.structs.replace(material, G0=float(G0), critical_stretch=None)
+
+
+def stretch_of_lattice(material: Material, ratio: float, spacing: float, dimension: int) -> float | None:
+    """The critical stretch of brittle bonds of the conservative mode at a spacing, m; None for other materials."""
+    if material.model != "bond" or material.law != USUAL_LAW or material.G0 == UNKNOWN:
+        return None
+    own = _in_dimension(material, dimension)
+    factor = calibration(ratio, own, has_partial_cells(own)).stretch
+    return factor * float(critical_stretch(own, np.array([ratio * spacing]))[0])
+
+
+def _in_dimension(material: Material, dimension: int) -> Material:
+    return msgspec.structs.replace(material, plane="space") if dimension == 3 else material

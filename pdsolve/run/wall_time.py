@@ -1,0 +1,20 @@
+"""How long a run took, and on what, in words."""
+
+from __future__ import annotations
+
+from typing import Any
+
+
+def wall_time(summary: dict[str, Any], how: str | None = None) -> str:
+    """The wall time in the summary of a run, what it ran on, and `how`, by default at what speed."""
+    if how is None:
+        millions = summary["bond_updates_per_second"] / 1e6
+        how = f" {millions:.0f} million directed bond updates a second ({summary['kernel']})"
+    return f"wall time {summary['wall_time']:.2f} s on {_device(summary)},{how}"
+
+
+def _device(summary: dict[str, Any]) -> str:
+    """What took the steps of a run, in words."""
+    if summary["device"] != "cpu":
+        return str(summary["device"])
+    return f"{summary['threads']} thread{'s' if summary['threads'] > 1 else ''}"
