@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from pdmesh import commandline
 from pdpost.commands import number_options
 from pdpost.commands.shared import (
+    YIELDS,
     add_every,
     add_frame,
     add_window,
@@ -25,8 +26,6 @@ if TYPE_CHECKING:
     from pdsolve.results import Results
 
 UNITS = {"J": "J/m^2", "K1": "Pa m^0.5", "K2": "Pa m^0.5", "T": "Pa", "angle": "degrees"}
-
-YIELDS = "K means nothing here, as the body yields"
 
 
 def add(commands: Commands) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from pdmesh import commandline
 from pdpost.commands import number_options
-from pdpost.commands.shared import counted
+from pdpost.commands.shared import YIELDS, counted
 
 if TYPE_CHECKING:
     from pdpost.measures.intensities_in_space import AlongFront
@@ -73,7 +73,6 @@ def _words(one: AlongFront) -> str:
     """The largest and the mean of a front's values."""
     import numpy as np
 
-    from pdpost.commands.sif import YIELDS
     from pdpost.reading.time_text import time_text
 
     known = one.known

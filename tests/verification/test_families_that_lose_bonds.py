@@ -58,7 +58,7 @@ def test_no_family_is_stiffer_than_all_at_the_start() -> None:
 @pytest.mark.slow
 def test_a_step_that_became_too_long_is_said_to_be_the_cause() -> None:
     """With whole families the step is not; with stiffer ones it is."""
-    system, state = prepare(torn(), Options(threads=1))
+    system, state = prepare(torn(), Options(threads=1, kernel="listed"))
     operator, node = bonded(system.operator), 200
     entry = books(system, state, 0)
     assert intact_stable_step(system.model, operator) == pytest.approx(system.bound * np.sqrt(1.8), rel=1e-9)
