@@ -47,6 +47,7 @@ COMMANDS: dict[str, list[str]] = {  # the words behind a command
     "export": ["-o", "out.csv"],
     "bonds": ["-o", "out.png"],
     "damage": ["-o", "out.png", "--scale", "auto"],
+    "separation": ["-o", "out.png"],
     "verify": [],
     "content": ["-o", "out.png"],
     "concentration": ["-o", "out.png"],

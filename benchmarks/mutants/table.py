@@ -94,7 +94,7 @@ MUTANTS = (
     ),
     Mutant(
         "pdsolve/schemes/average_horizon.py",
-        "intact = (far < 2 * self._farthest) & self._strong(modulus, reach)",
+        "intact = (far < 2 * self.farthest) & self._strong(modulus, reach)",
         "intact = self._strong(modulus, reach)",
         f"{UNIT}/test_average_horizon.py",
     ),

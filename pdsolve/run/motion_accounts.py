@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from pdmesh.model.bond_counts import pair_count
-from pdsolve.checks import advise_damped, advise_made, closing
+from pdsolve.checks import advise_damped, advise_made, advise_spent, closing
 from pdsolve.diffusion.swelling import Swelling
 from pdsolve.errors import UnstableError
 from pdsolve.results import Frame, Results
@@ -36,6 +36,7 @@ class MotionAccounts:
 
     def _start(self, system: System, step: int, results: Results | None) -> None:
         self._system, self._strained = system, False  # whether a warning of large plastic strains is given
+        self._nodes_changed = False  # which makes or loses energy
         self._most = 0.0  # J/m, the largest work, given or taken
         if results is not None:
             done = results.history()
@@ -51,7 +52,7 @@ class MotionAccounts:
 
     def follow(self, system: System) -> None:
         """Continue with changed nodes."""
-        self._system, self._looked = system, False
+        self._system, self._looked, self._nodes_changed = system, False, True
         if self._watch is not None:  # it has the nodes before, which are many
             self._given, self._watch = self._watch.given, None
 
@@ -139,7 +140,9 @@ class MotionAccounts:
         """Issue warnings that follow from the final accounts."""
         system, last = self._system, self.last
         put_in = last.put_in(system.initial_energy, self._most)
-        closing(system.model, self.balance, put_in, last.dissipated, system.scheme.symmetric)
+        closing(system.model, self.balance, last.dissipated, system.scheme.symmetric)
+        if system.scheme.symmetric and not self._nodes_changed:
+            advise_spent(system.model, self.balance * put_in, put_in, last.dissipated)
         advise_made(system.model, last.refinement, put_in)
         advise_damped(system.model, last.damped + last.friction, put_in)
 

@@ -57,9 +57,9 @@ RELATIVE = {  # what leads to the current folder, by name, or as an empty entry 
     "DASK_CONFIG": "dask.yaml", "LD_LIBRARY_PATH": "/usr/lib:", "MATPLOTLIBRC": "matplotlibrc", "MPLCONFIGDIR": ".",
     "NUMBA_CACHE_DIR": "kernels", "XDG_CACHE_HOME": ".", "XDG_CONFIG_HOME": ".", "PYTHONSTARTUP": "startup.py",
 }  # fmt: skip
-ALIKE = """damage energy displacement velocity acceleration strain stress plastic rotation volume concentration content
-    solid temperature nodes bonds watch slice render history balance reaction crack sif fatigue report export notch
-    verify"""
+ALIKE = """damage separation energy displacement velocity acceleration strain stress plastic rotation volume
+    concentration content solid temperature nodes bonds watch slice render history balance reaction crack sif fatigue
+    report export notch verify"""
 WORDS = {  # a call of each command; those that find nothing to show in these results may say so
     "pdmesh build": "plate.geo -o built.json",
     "pdmesh info": "plate.json",

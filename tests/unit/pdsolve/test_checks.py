@@ -14,7 +14,7 @@ from plates import GLASS, plate, square_grid, two_scale_grid
 
 from pdmesh.model.document import Lattice, Region, Run
 from pdmesh.model.node_grid import Grid, whole_lattice
-from pdsolve.checks import advise, closing, nearest, refuse
+from pdsolve.checks import advise, advise_spent, closing, nearest, refuse
 from pdsolve.model import Model, ModelError
 from pdsolve.options import Options
 from pdsolve.run.inversion_checks import MotionChecks
@@ -136,12 +136,21 @@ def test_digits_that_do_not_suffice_are_told_once() -> None:
 
 @pytest.mark.parametrize(
     ("balance", "spent", "symmetric", "told"),
-    [(0.09, 10.0, True, 0), (0.09, 1.0, True, 1), (-0.11, 1.0, True, 1), (-0.4, 1.0, False, 0), (0.0, -1.0, False, 1)],
+    [(0.09, 1.0, True, 0), (-0.11, 1.0, True, 1), (-0.4, 1.0, False, 0), (0.0, -1.0, False, 1), (9.0, -1.0, True, 2)],
 )
 def test_energy_that_does_not_add_up(balance: float, spent: float, symmetric: bool, told: int) -> None:
     with saying() as lines:
-        closing(plate(square_grid(9, 8)), balance, 5.0, spent, symmetric)
+        closing(plate(square_grid(9, 8)), balance, spent, symmetric)
     assert len(lines) == told
+
+
+@pytest.mark.parametrize(("created", "told"), [(0.19, 0), (0.21, 1), (-0.5, 0)])
+def test_bonds_that_take_too_little_are_said(created: float, told: int) -> None:
+    """Of 1 J/m that is booked; of more, the error of the balance is small beside what was put in."""
+    for put_in, count in ((5.0, told), (500.0, 0)):
+        with saying() as lines:
+            advise_spent(plate(square_grid(9, 8)), created, put_in, 1.0)
+        assert len(lines) == count
 
 
 def test_a_node_that_passes_another_is_seen_on_lattices_with_and_without_gaps() -> None:
