@@ -40,7 +40,7 @@ over G0 H, at the program's own time step and at shorter ones (`python -m benchm
 In the conservative mode a bond that softens or breaks in a step adds the force that makes the work of the step the
 area below its curve. What is left are nodes that slow within a step, while bonds still pull: it is gone with shorter
 steps. In the thesis mode a bond is gone in the step in which it passes its limit, so that a fast cut costs nothing.
-Collocation has that rule too, and families other than ordinary ones.
+Families other than ordinary ones have that rule too.
 """
 
 

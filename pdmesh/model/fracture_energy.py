@@ -16,6 +16,7 @@ from pdmesh.model.material_constants import SQUARED, critical_stretch
 
 LARGE_STRETCH = 0.1  # at which bonds break: beyond, an E below that of rubber is taken for one in GPa or MPa
 SOFT = 1e6  # Pa, the Young's modulus of rubber
+TOUGH = 1e7  # J/m^2, more than any solid has: bonds that are not to break
 LEAST = 1e-20  # of a critical stretch, whose G0 is lost in round-off below
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pdmesh.model.fracture_energy import LARGE_STRETCH, SOFT
+from pdmesh.model.fracture_energy import LARGE_STRETCH, SOFT, TOUGH
 from pdmesh.model.material_constants import critical_stretch
 from pdsolve.laws import LAWS, limits
 from pdsolve.laws.bond_limits import Sizes
@@ -25,7 +25,7 @@ def remarks(model: Model) -> list[str]:
         own = numbers[some]
         length, horizon = np.full(len(own), spacing), np.full(len(own), ratio * spacing)
         peak, limit = limits(material, Sizes(critical_stretch(material, horizon), length, horizon, ratio))
-        stiffness = np.array([model.materials[number].E for number in own])
+        stiffness = np.array([model.materials[n].E if model.materials[n].G0 < TOUGH else SOFT for n in own])
         worst = int(np.argmax(np.where(stiffness < SOFT, peak, 0.0)))
         if peak[worst] > LARGE_STRETCH and stiffness[worst] < SOFT:
             one, place = model.materials[own[worst]], model.place_of(int(own[worst])).removeprefix(f"{model.name}: ")

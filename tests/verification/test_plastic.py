@@ -106,8 +106,8 @@ def test_a_run_that_goes_on_flows_to_the_same_bits(
 PERFECT = 2 * 250e6 / 3**0.5  # Pa, that flows in plane strain where one side is free: 2 k
 
 
-def pulled_bar(strain: float, steps: int, **settings: object) -> tuple[float, float]:
-    """The force on a bar of 31 x 11 nodes over that at which it flows, and what of the work is not booked."""
+def pulled_bar(strain: float, steps: int, **settings: object) -> float:
+    """The force on a bar of 31 x 11 nodes over that at which it flows."""
     grid = square_grid(31, 11)
     x, y = grid.position.T
     left, right = (tuple((np.flatnonzero(some) + 1).tolist()) for some in (x < 2.5e-3, x > 27.5e-3))
@@ -119,7 +119,7 @@ def pulled_bar(strain: float, steps: int, **settings: object) -> tuple[float, fl
     system, state = prepare(in_load_steps(model, "float64"), Options(threads=1))
     system.stepper.march(state, 1, steps + 1)
     force = -forces(system.operator, state)[np.array(right) - 1, 0].sum() * 1e-6
-    return float(force / (0.011 * PERFECT)), books(system, state, steps).balance(0.0)
+    return float(force / (0.011 * PERFECT))
 
 
 @pytest.mark.slow
@@ -129,11 +129,9 @@ def pulled_bar(strain: float, steps: int, **settings: object) -> tuple[float, fl
 def test_a_bar_that_flows_is_as_strong_as_its_section(control: str, strain: float) -> None:
     """2 k H, whatever controls zero-energy modes. Elastic control: 1.156 and 1.531 (wan) at a strain of 2 %.
 
-    Measured: 1.0069 and 1.0071, wan 1.0094, none 1.0000; the balance is 2e-4 at most.
+    Measured: 1.0069 and 1.0071, wan 1.0094, none 1.0000.
     """
-    force, missing = pulled_bar(strain, 2, control=control)
-    assert force == pytest.approx(1, abs=0.01)
-    assert abs(missing) <= 1e-3
+    assert pulled_bar(strain, 2, control=control) == pytest.approx(1, abs=0.01)
 
 
 def ring(shares: float, steps: int) -> tuple[Prepared, float]:

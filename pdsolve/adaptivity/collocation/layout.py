@@ -13,7 +13,7 @@ node there is no room to keep it.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,9 @@ from pdsolve.adaptivity.hybrid.springs import Springs, e_of
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import unbreakable
+from pdsolve.laws.calls import bind
+from pdsolve.laws.pair import no_bonds
+from pdsolve.laws.pair_laws import brittle
 from pdsolve.model import Model, ModelError
 from pdsolve.numerics.dilation import in_square
 from pdsolve.operators.stencils import Stencil
@@ -51,6 +54,7 @@ class Layout(NamedTuple):
 class LatticeConstants(NamedTuple):
     """Constant arrays for compiled code; k bonds in a full family."""
 
+    law: Any  # columns of no bonds, by whose type the law's functions are compiled
     at: Layout
     h: float  # m
     rho: float  # kg/m^3
@@ -114,7 +118,9 @@ def ground_of(
     xi = 2 * h * found.xi.astype(float)
     square = np.maximum((xi**2).sum(axis=1), h**2)
     theta = found.theta / (4 * h**2 * material.rho)
+    bind(brittle.LAW)
     ground = LatticeConstants(
+        law=no_bonds(brittle.LAW),
         at=at,
         h=h,
         rho=material.rho,

@@ -24,6 +24,7 @@ from pdsolve.adaptivity.collocation.zone import BROKEN, COARSE, DISSIPATED, FINE
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import apply_loads
+from pdsolve.laws.calls import added_pull, broken_energy
 from pdsolve.numerics.thread_team import meet
 from pdsolve.operators.simd_lattice.kernel import INNER
 from pdsolve.steppers.holds import hold_component, release_component
@@ -122,7 +123,7 @@ def _room(ground, zone):  # type: ignore[no-untyped-def]
 def _break(ground, zone, step):  # type: ignore[no-untyped-def]
     """Break bonds over their limit, book their energy, and recompute forces there; returns whether fine nodes are
     needed."""
-    any_broken = False
+    any_broken, already = False, zone.number[BROKEN]
     zone.number[HOT] = 0
     for n in range(len(zone.rows)):
         if zone.flags[n] == 0:
@@ -136,24 +137,50 @@ def _break(ground, zone, step):  # type: ignore[no-untyped-def]
                 any_broken = True
                 _break_one(ground, zone, step, p, k)
     if any_broken:
-        for n in range(len(zone.rows)):
-            row = zone.rows[n]
-            if zone.again[row]:
-                _add(ground, zone, row)
-        zone.again[:] = 0
+        _sum_again(ground, zone, already)
     return zone.number[HOT] != 0
+
+
+@njit(**INNER)
+def _sum_again(ground, zone, already):  # type: ignore[no-untyped-def]
+    """Recompute the forces of rows with broken bonds, and let the bonds beyond the first `already` pull once more."""
+    for row in zone.rows:
+        if zone.again[row]:
+            _add(ground, zone, row)
+    zone.again[:] = 0
+    for n in range(already, zone.number[BROKEN]):
+        _match_work(ground, zone, zone.breaks.node[n], zone.breaks.spring[n])
+
+
+@njit(**INNER)
+def _stretches(ground, zone, p, k):  # type: ignore[no-untyped-def]
+    """The stretch of bond k of node p now and one step ago, and its limit."""
+    e, e0 = e_of_bond(ground, zone.u, p, k), e_before(ground, zone.u, zone.v, p, k)
+    return e / (1 + np.sqrt(1 + e)), e0 / (1 + np.sqrt(1 + e0)), ground.limit / (1 + np.sqrt(1 + ground.limit))
+
+
+@njit(**INNER)
+def _match_work(ground, zone, p, k):  # type: ignore[no-untyped-def]
+    """Add the pull that matches the work of bond k of node p, which has broken, to the forces on both its ends."""
+    j, half = p + ground.ways[k], len(ground.ways) // 2
+    stretch, before, limit = _stretches(ground, zone, p, k)
+    pull = added_pull(ground.law, stretch, before, 0.0, limit, limit) / (1 + stretch)
+    for axis in range(2):
+        along = pull * (ground.table[k, axis] + zone.u[axis, j] - zone.u[axis, p])
+        zone.f[axis, p] += stiffness(ground, p, k) * along
+        zone.f[axis, j] -= stiffness(ground, j, k + half if k < half else k - half) * along
 
 
 @njit(**INNER)
 def _break_one(ground, zone, step, p, k):  # type: ignore[no-untyped-def]
     """Break bond k of node p, and book the energy it has dissipated."""
     j, half, count = p + ground.ways[k], len(ground.ways) // 2, zone.number[BROKEN]
-    e, e0 = e_of_bond(ground, zone.u, p, k), e_before(ground, zone.u, zone.v, p, k)
-    spent = e / (1 + np.sqrt(1 + e)) * (e0 / (1 + np.sqrt(1 + e0)))
+    stretch, before, limit = _stretches(ground, zone, p, k)
     spring = stiffness(ground, p, k) * ground.there[0, p] / ground.table[k, 4]
-    zone.total[DISSIPATED] += spring * spent / 2
+    energy = broken_energy(ground.law, spring / 4, stretch, before, limit, limit)
+    zone.total[DISSIPATED] += 2 * energy
     for node in (p, j) if zone.node[j] == FINE else (p, p):
-        zone.spent[node] += spring * spent / 4
+        zone.spent[node] += energy
     break_bond(ground, zone, p, k)
     zone.again[p // ROW] = zone.again[j // ROW] = 1
     zone.breaks.step[count] = step
