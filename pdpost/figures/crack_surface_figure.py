@@ -60,7 +60,8 @@ def _surface(axes: Axes3D, results: Results, found: SummaryInSpace) -> Opening:
             Poly3DCollection(quads * metre, facecolors=colours, edgecolors=colours, linewidths=0.2, zorder=1)
         )
     front = [line * metre for line in found.fronts]
-    axes.add_collection3d(Line3DCollection(front, colors=FRONT, linewidths=1.0, zorder=2))
+    if front:  # else it has crossed the body, or opened nothing
+        axes.add_collection3d(Line3DCollection(front, colors=FRONT, linewidths=1.0, zorder=2))
     box = (low + ENDS * (high - low)) * metre
     axes.add_collection3d(Line3DCollection([box[list(side)] for side in SIDES], colors=BOX, linewidths=0.6, zorder=0))
     axes.computed_zorder = False

@@ -9,6 +9,7 @@ import csv
 import json
 import sys
 import xml.etree.ElementTree as ElementTree
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -31,10 +32,10 @@ corners = [(-7e-3, -3e-3, 0), (-2e-3, -3e-3, 0), (-2e-3, 3e-3, 0), (-7e-3, 3e-3,
 ramp = ((0, 0), (2e-6, 1))
 glass = Material(E=65e9, rho=2235, G0=204, micromodulus="constant")
 scene = (
-    Body(Box((-6e-3, -2e-3, -4e-3), (6e-3, 2e-3, 4e-3)), 5e-4, glass, run=Run(duration=60e-6))
+    Body(Box((-6e-3, -2e-3, -4e-3), (6e-3, 2e-3, 4e-3)), 5e-4, glass, run=Run(duration=80e-6))
     .crack([[corners[i] for i in (0, 1, 2)], [corners[i] for i in (0, 2, 3)]])
-    .move("top", velocity=(None, None, 0.15), profile=ramp)
-    .move("bottom", velocity=(None, None, -0.15), profile=ramp)
+    .move("top", velocity=(None, None, 0.10), profile=ramp)
+    .move("bottom", velocity=(None, None, -0.10), profile=ramp)
 )
 """
 LIGAMENT = 32e-6  # m^2
@@ -61,12 +62,12 @@ def numbers(results: Path, capsys: pytest.CaptureFixture[str], *more: str) -> di
 
 @pytest.mark.slow
 def test_area_speed_and_fragments(block: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Measured: area 1.035 of the ligament's, as the crack bends at its end; masses 0.990 of a half; 1.19 G0, as bonds
-    break beside a running crack too; a median of 0.49 of the Rayleigh speed."""
+    """Measured: area 1.001 of the ligament's; masses 0.999 of a half; 1.17 G0, as bonds break beside a running crack
+    too; a median of 0.42 of the Rayleigh speed."""
     found = numbers(block, capsys)
     assert found["area"] == pytest.approx(LIGAMENT, rel=0.05)
     assert found["pre_crack_area"] == pytest.approx(16e-6, rel=0.02)
-    assert found["dissipated_over_area"] / found["G0"] == pytest.approx(1.19, rel=0.05)
+    assert found["dissipated_over_area"] / found["G0"] == pytest.approx(1.17, rel=0.05)
     assert 0.3 < found["speed"]["median"] / found["rayleigh_speed"] < 0.8
     pieces = found["fragments"]["pieces"]
     assert [piece["mass"] for piece in pieces] == pytest.approx([HALF, HALF], rel=0.02)
@@ -196,7 +197,7 @@ def test_paraview_opens_frames_with_their_cracks(block: Path, tmp_path: Path) ->
         assert piece is not None
         faces.append(int(piece.get("NumberOfPolys", "-1")))
     assert faces[0] > 0  # of the pre-crack
-    assert faces == sorted(faces)
+    assert all(later > 0.98 * before for before, later in pairwise(faces))  # crumbs that come loose take some along
     assert faces[-1] > 2 * faces[0]
 
 
@@ -228,11 +229,11 @@ def test_vtk_reads_the_last_frame_with_its_crack(
 def test_what_opened_is_the_notch_of_another_run(
     block: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The triangles have 1.035 of the ligament's area, and part the block into its two halves from the start."""
+    """The triangles have 1.001 of the ligament's area, and part the block into its two halves from the start."""
     model, again = tmp_path / "next.json", tmp_path / "next.sqlite"
     assert pdpost(["notch", str(block), "--json", "-o", str(model)]) == 0
     said = json.loads(capsys.readouterr().out)
-    assert said["area"] == pytest.approx(LIGAMENT, rel=0.05)  # measured 1.035
+    assert said["area"] == pytest.approx(LIGAMENT, rel=0.05)  # measured 1.001
     corners = np.array(json.loads(model.read_text())["notch"]).reshape(-1, 3, 3)
     assert corners.reshape(-1, 9).tolist() == said["triangles"]
     area = np.linalg.norm(np.cross(corners[2:, 1] - corners[2:, 0], corners[2:, 2] - corners[2:, 0]), axis=1).sum() / 2
