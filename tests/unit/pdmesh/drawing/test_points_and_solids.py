@@ -285,7 +285,7 @@ def test_a_slit_of_double_nodes_cuts_bonds(tmp_path: Path) -> None:
     for slit in (False, True):
         path.write_text(plate(slit))
         counts.append(bonds(build_file(path, STEEL)))
-    assert counts == [1740, 1572]
+    assert counts == [870, 786]
 
 
 def test_a_slit_that_ends_inside(tmp_path: Path) -> None:
