@@ -232,8 +232,8 @@ MUTANTS = (
     ),
     Mutant(
         "pdsolve/laws/bond_arrays.py",
-        "x = bond.xi[a] + bond.eta[a] - now.dt * (",
-        "x = bond.xi[a] + bond.eta[a] - 0 * (",
+        "eta = bond.eta[a] - now.dt * (",
+        "eta = bond.eta[a] - 0 * (",
         f"{UNIT}/test_kernels.py::test_a_breaking_bond_takes_its_energy_along",
     ),
     Mutant(

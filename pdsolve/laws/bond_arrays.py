@@ -107,7 +107,7 @@ class Bond(NamedTuple):
 @njit(**INNER)
 def deformed(bonds, value, i, j, k):  # type: ignore[no-untyped-def]
     """Bond k, from node i to node j, at these values."""
-    xi = reference(bonds.xi, k)
+    xi = _reference(bonds.xi, k)
     eta = _displaced(bonds, value, xi, i, j)
     squared, along, more = xi[0] * xi[0], xi[0] * eta[0], eta[0] * eta[0]
     for a in range(1, len(xi)):
@@ -125,11 +125,13 @@ def deformed(bonds, value, i, j, k):  # type: ignore[no-untyped-def]
 @njit(**INNER)
 def stretch_before(bond, now, i, j):  # type: ignore[no-untyped-def]
     """The stretch of the bond from i to j one step ago."""
-    squared = now.dt * 0
+    along, more = now.dt * 0, now.dt * 0
     for a in range(len(bond.xi)):
-        x = bond.xi[a] + bond.eta[a] - now.dt * (now.rate[j, a] - now.rate[i, a])
-        squared += x * x
-    return np.sqrt(squared) / bond.length - 1
+        eta = bond.eta[a] - now.dt * (now.rate[j, a] - now.rate[i, a])
+        along += bond.xi[a] * eta
+        more += eta * eta
+    e = (2 * along + more) / (bond.length * bond.length)
+    return e / (np.sqrt(1 + e) + 1)
 
 
 def _displaced(bonds: AnyList, value: NDArray[Any], xi: Any, i: int, j: int) -> tuple[Any, ...]:
@@ -158,8 +160,7 @@ def _less_of(eta, free, xi):  # type: ignore[no-untyped-def]
     return lambda eta, free, xi: (eta[0] - free * xi[0], eta[1] - free * xi[1], eta[2] - free * xi[2])
 
 
-def reference(xi: tuple[NDArray[Any], ...], k: int) -> tuple[Any, ...]:
-    """Entry k of each of some arrays, as a tuple."""
+def _reference(xi: tuple[NDArray[Any], ...], k: int) -> tuple[Any, ...]:
     return tuple(component[k] for component in xi)
 
 
@@ -167,7 +168,7 @@ def _difference(xi: tuple[NDArray[Any], ...], value: NDArray[Any], i: int, j: in
     return tuple(value[j, : len(xi)] - value[i, : len(xi)])
 
 
-@overload(reference, jit_options=INNER)
+@overload(_reference, jit_options=INNER)
 def _reference_of(xi, k):  # type: ignore[no-untyped-def]
     if len(xi) == 2:
         return lambda xi, k: (xi[0][k], xi[1][k])

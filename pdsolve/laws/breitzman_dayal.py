@@ -41,8 +41,6 @@ class Columns(NamedTuple):
     solid: Solid
     failure: int
     least: float  # the least limit of all
-    horizon: NDArray[np.float64]  # (n,) m
-    stiffest: NDArray[np.float64]  # (2,) as in `correspondence`
     d: int
 
 
@@ -161,7 +159,7 @@ def _gradient(law, bond, m, i, j):  # type: ignore[no-untyped-def]
 def _stress(law, bond, m, i, j):  # type: ignore[no-untyped-def]
     """P_i / w_i + P_j / w_j, nine components."""
     h = _gradient(law, bond, m, i, j)
-    p, q = respond(law.solid, i, h, h[0] * 0).P, respond(law.solid, j, h, h[0] * 0).P
+    p, q = respond(law.solid, i, h).P, respond(law.solid, j, h).P
     a = 1 / law.total[i] if law.inverse[i, 0] != 0 or law.inverse[j, 0] != 0 else law.total[i] * 0
     b = 1 / law.total[j] if a != 0 else a
     return (
@@ -215,7 +213,7 @@ def fails(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
 def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
     if law.broken[k] != 0 or (law.inverse[i, 0] == 0 and law.inverse[j, 0] == 0):
         return 0.0, 0.0
-    held = holds(law.solid, i, _gradient(law, bond, m, i, j), m[i, 0] * 0)[0]
+    held = holds(law.solid, i, _gradient(law, bond, m, i, j))[0]
     return law.weight[k] / law.total[i] * held, 0.0
 
 
@@ -229,6 +227,5 @@ LAW = Law(
     failure=Failure(alert, fails),
     again=Again(gather_again, close_again),
     mend=mend,
-    stiffens=correspondence.STIFFENS,
     fields=fields,
 )

@@ -16,10 +16,7 @@ have no energy, such as neighbours that move against each other.
 
 A bond fails by the largest principal value of the mean of its ends' stresses, by its stretch, or by its energy, half of
 its force times its elongation. A node whose intact bonds nearly lie on a line, or are gone, has no stress of its own;
-only the control of deviations remains there. So it is with what is left of a family that would be stiffer than all
-families at the start: with g = w K^-1 xi, so that H = sum eta g^T, the stiffness of a family goes as q = sum g^2 +
-(sum g)^2; that of wan's control goes as r = tr K^-1 sum w, and may be `CONTROLLED` times as large. Many such families
-side by side can be stiffer than one, by `STIFFENS`, which shortens the stable step.
+only the control of deviations remains there.
 """
 
 from __future__ import annotations
@@ -31,7 +28,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from pdsolve.bonds.assembly import Bonds
-from pdsolve.laws.bond_arrays import AnyList, Left, Tabled, left, list_of, shapes
+from pdsolve.laws.bond_arrays import AnyList, Tabled, left, list_of, shapes
 from pdsolve.laws.calls import bond_force as force_of
 from pdsolve.laws.calls import nodal_numbers as nodal_numbers_of
 from pdsolve.laws.calls import numbers as numbers_of
@@ -56,10 +53,6 @@ from pdsolve.model import Model
 
 NEVER, STRETCH, ENERGY, STRESS = range(4)
 FAILURES = {"stretch": STRETCH, "energy": ENERGY, "stress": STRESS}
-STIFFENS = 1.8  # largest eigenvalue over that of the start; measured 1.9 in rubble, over 1.08 that the bound has anyway
-STIFFENS_WAN = 2.4  # likewise, measured 2.3
-CONTROLLED = 2.0  # times the largest r at the start
-ROUND = 1e-4  # q of equal families differ by less, even in single precision
 FLAT = 0.01  # least over sum of a family's moments: less is as good as a line
 
 
@@ -76,8 +69,6 @@ class Columns(NamedTuple):
     failure: int
     least: float  # the least limit of all
     d: int
-    horizon: NDArray[np.float64]  # (n,) m
-    stiffest: NDArray[np.float64]  # (2,) largest q and r, times the horizon squared, that families have
 
 
 def columns(model: Model, bonds: Bonds) -> Columns:
@@ -98,14 +89,8 @@ def columns(model: Model, bonds: Bonds) -> Columns:
         failure=FAILURES.get(first.failure, NEVER),
         least=float(bonds.limit.min(initial=np.inf)),
         d=d,
-        horizon=np.broadcast_to(model.horizons, (nodes,)).astype(float),
-        stiffest=np.full(2, np.inf),
     )
-    every, listed = np.arange(nodes), list_of(bonds)
-    mend(law, listed, every)
-    some = left(listed, law.weight, law.broken, every)
-    q, r = _stiffness(law, listed, some, every).max(axis=1, initial=0.0)
-    law.stiffest[:] = q * (1 + ROUND), (CONTROLLED * r if first.control == "wan" else np.inf)
+    mend(law, list_of(bonds), np.arange(nodes))
     return law
 
 
@@ -121,25 +106,11 @@ def silling(model: Model, total: NDArray[np.float64], d: int) -> NDArray[np.floa
 
 def mend(law: Columns, bonds: AnyList, rows: NDArray[np.int64]) -> None:
     """Recompute K^-1 of these nodes (k,) from the intact bonds."""
-    some = left(bonds, law.weight, law.broken, rows)
-    K = shapes(bonds, some, len(rows))
+    K = shapes(bonds, left(bonds, law.weight, law.broken, rows), len(rows))
     values = np.linalg.eigvalsh(K)
     sound = values[:, 0] > FLAT * values.sum(axis=1)
     law.inverse[rows] = 0
     law.inverse[rows[sound]] = np.linalg.inv(K[sound]).reshape(-1, law.d * law.d)
-    if np.isfinite(law.stiffest[0]):
-        law.inverse[rows[(_stiffness(law, bonds, some, rows) > law.stiffest[:, None]).any(axis=0)]] = 0
-
-
-def _stiffness(law: Columns, bonds: AnyList, some: Left, rows: NDArray[np.int64]) -> NDArray[np.float64]:
-    """q and r times the horizon squared (2, k) of these nodes (k,), from their intact bonds."""
-    inverse = law.inverse[rows].astype(float).reshape(-1, law.d, law.d)
-    xi = np.array([x[some.which] for x in bonds.xi], dtype=float)
-    g = some.weight * np.einsum("kab,bk->ak", inverse[some.own], xi)
-    sums = np.array([np.bincount(some.own, one, minlength=len(rows)) for one in g])
-    q = np.bincount(some.own, (g**2).sum(axis=0), minlength=len(rows)) + (sums**2).sum(axis=0)
-    r = np.bincount(some.own, some.weight, minlength=len(rows)) * np.trace(inverse, axis1=1, axis2=2)
-    return np.asarray(np.array([q, r]) * law.horizon[rows] ** 2)
 
 
 def scale(law: Columns, bonds: Bonds) -> NDArray[np.float64]:
@@ -214,7 +185,7 @@ def stressed(law, i, m, at):  # type: ignore[no-untyped-def]
 def answer(law, i, m, at):  # type: ignore[no-untyped-def]
     """P, nine components, of the gradient in m[i] from `at` on; stores stress and J behind it."""
     d = law.d
-    found = respond(law.solid, i, lifted(m, i, at, d), m[i, at] * 0)
+    found = respond(law.solid, i, lifted(m, i, at, d))
     last = at + d * d
     for a in range(4 if d == 2 else 6):
         m[i, last + a] = found.sigma[a]
@@ -337,12 +308,12 @@ def failing(law, bond, m, i, j, k, at):  # type: ignore[no-untyped-def]
     return along * bond.stretch / bond.q > 2 * law.weight[k] * law.limit[k]
 
 
-def remember(law, bonds, now, i, m):  # type: ignore[no-untyped-def]
-    keep(law.solid, i, lifted(m, i, law.d * law.d, law.d), m[i, 0] * 0)
+def remember(law, now, i, m):  # type: ignore[no-untyped-def]
+    keep(law.solid, i, lifted(m, i, law.d * law.d, law.d))
 
 
 def hold(law, i, m):  # type: ignore[no-untyped-def]
-    return holds(law.solid, i, lifted(m, i, law.d * law.d, law.d), m[i, 0] * 0)
+    return holds(law.solid, i, lifted(m, i, law.d * law.d, law.d))
 
 
 def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
@@ -375,6 +346,5 @@ LAW = Law(
     nodes=NodeMemory(("history",), remember, hold),
     lanes=Lanes(finish, nears, tabled, standing, by_lanes),
     mend=mend,
-    stiffens=STIFFENS,
     fields=fields,
 )

@@ -9,8 +9,8 @@ a stress P is
     T_ij = sqrt(w) sum_r (P t_r - Z a_r) Q_r + Z w eta        f = sum T_ij - V_j / V_i T_ji
 
 where Z (`pdsolve.laws.correspondence`) controls the part that the polynomial does not fit. First order without the
-constant term is the law of that file. A family that cannot determine the order, as beside a crack, or would be stiffer
-with it than all families at the start, has the highest possible one.
+constant term is the law of that file. A family that cannot determine the order, as beside a crack, has the highest
+possible one.
 """
 
 from __future__ import annotations
@@ -30,7 +30,6 @@ from pdsolve.laws.law import INLINE, INNER, Failure, Law, NodeMemory, Passes
 from pdsolve.laws.materials.solid import Solid, holds, keep, solid_of
 from pdsolve.model import Model, ModelError
 
-STIFFENS = 3.0  # as in `correspondence`; of order 2
 CARRIED = 1e-5  # of the largest diagonal entry of R: with less, a family does not tell a monomial from others
 
 
@@ -54,7 +53,6 @@ class Columns(NamedTuple):
     least: float
     order: int
     carried: NDArray[np.int64]  # (n,) the order that each node's family carries
-    stiffest: NDArray[np.float64]  # (1,) q times the horizon squared of the stiffest family at the start
     d: int
 
 
@@ -89,10 +87,9 @@ def columns(model: Model, bonds: Bonds) -> Columns:
         least=float(bonds.limit.min(initial=np.inf)),
         order=first.order,
         carried=np.zeros(nodes, np.int64),
-        stiffest=np.full(1, np.inf),
         d=d,
     )
-    law.stiffest[0] = _refit(law, list_of(bonds), np.arange(nodes)) * (1 + correspondence.ROUND)
+    mend(law, list_of(bonds), np.arange(nodes))
     if nodes and law.carried.max() < first.order:
         raise ModelError(
             f"{model.place_of(0)}.order: found {first.order}, expected {law.carried.max()} at most, which is what"
@@ -139,35 +136,17 @@ def fit(
 
 def mend(law: Columns, bonds: AnyList, rows: NDArray[np.int64]) -> None:
     """Refit these nodes (k,) to the intact bonds."""
-    _refit(law, bonds, rows)
-
-
-def _refit(law: Columns, bonds: AnyList, rows: NDArray[np.int64]) -> float:
-    """Refit these nodes (k,) to the intact bonds; returns q times the horizon squared of the stiffest."""
-    most = 0.0
     for i in rows.tolist():
         own = slice(bonds.start[i], bonds.start[i + 1])
         intact = law.broken[own] == 0
         xi = np.column_stack([x[own][intact] for x in bonds.xi]).astype(float)
-        root, itself, order = law.root[own][intact].astype(float), float(law.itself[i]), law.order
-        while True:
-            Q, t, order = fit(xi, root, order, itself, law.horizon[i])
-            q = _stiffness(root[:, None] * (Q[: len(xi)] @ t)) * law.horizon[i] ** 2
-            if q <= law.stiffest[0]:
-                break
-            order -= 1
-        most = max(most, q)
-        law.carried[i] = order
-        law.q[own] = law.own[i] = law.t[i] = 0
-        law.q[own][intact, : len(t)] = Q[: len(xi)]
-        law.own[i, : len(t)] = Q[len(xi)] if len(Q) > len(xi) else 0
-        law.t[i, : len(t)] = t
-    return most
-
-
-def _stiffness(g: NDArray[np.float64]) -> float:
-    """q of a family whose gradient is the sum of eta g^T, g (k, d)."""
-    return float((g**2).sum() + (g.sum(axis=0) ** 2).sum())
+        Q, t, law.carried[i] = fit(
+            xi, law.root[own][intact].astype(float), law.order, float(law.itself[i]), law.horizon[i]
+        )
+        law.q[own] = 0
+        law.q[own][intact] = Q[: len(xi)]
+        law.own[i] = Q[len(xi)] if len(Q) > len(xi) else 0
+        law.t[i] = t
 
 
 def scale(law: Columns, bonds: Bonds) -> NDArray[np.float64]:
@@ -259,12 +238,12 @@ def _stresses(law):  # type: ignore[no-untyped-def]
     return 2 * law.d * law.q.shape[1] + law.d * law.d
 
 
-def remember(law, bonds, now, i, m):  # type: ignore[no-untyped-def]
-    keep(law.solid, i, correspondence.lifted(m, i, _stresses(law) - law.d * law.d, law.d), m[i, 0] * 0)
+def remember(law, now, i, m):  # type: ignore[no-untyped-def]
+    keep(law.solid, i, correspondence.lifted(m, i, _stresses(law) - law.d * law.d, law.d))
 
 
 def hold(law, i, m):  # type: ignore[no-untyped-def]
-    held, spent = holds(law.solid, i, correspondence.lifted(m, i, _stresses(law) - law.d * law.d, law.d), m[i, 0] * 0)
+    held, spent = holds(law.solid, i, correspondence.lifted(m, i, _stresses(law) - law.d * law.d, law.d))
     if law.itself[i] > 0:
         for a in range(law.d):
             missed = _missed(law, m, i, law.own[i], law.itself[i], held * 0, a)
@@ -302,6 +281,5 @@ LAW = Law(
     failure=Failure(alert, fails),
     nodes=NodeMemory(("history",), remember, hold),
     mend=mend,
-    stiffens=STIFFENS,
     fields=fields,
 )

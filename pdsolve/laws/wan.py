@@ -219,12 +219,12 @@ def fails(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
     return failing(law, bond, m, i, j, k, 3 * law.d * law.d)
 
 
-def remember(law, bonds, now, i, m):  # type: ignore[no-untyped-def]
-    keep(law.solid, i, lifted(m, i, 2 * law.d * law.d, law.d), m[i, 0] * 0)
+def remember(law, now, i, m):  # type: ignore[no-untyped-def]
+    keep(law.solid, i, lifted(m, i, 2 * law.d * law.d, law.d))
 
 
 def hold(law, i, m):  # type: ignore[no-untyped-def]
-    return holds(law.solid, i, lifted(m, i, 2 * law.d * law.d, law.d), m[i, 0] * 0)
+    return holds(law.solid, i, lifted(m, i, 2 * law.d * law.d, law.d))
 
 
 def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
@@ -249,6 +249,5 @@ LAW = Law(
     nodes=NodeMemory(("history",), remember, hold),
     lanes=Lanes(finish, nears, tabled, standing, by_lanes),
     mend=mend,
-    stiffens=correspondence.STIFFENS_WAN,
     fields=fields,
 )

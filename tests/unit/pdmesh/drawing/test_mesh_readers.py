@@ -85,7 +85,7 @@ def test_meshes_saved_with_all_their_cells(version: float, options: dict[str, fl
     built = build_file(path, [*STEEL, *([("Loads/right/Traction x", "1e6")] * named)])
     assert len(built.grid) == 12
     assert built.grid.size == pytest.approx(12e-6)
-    assert [len(condition.nodes or ()) for condition in built.settings.conditions] == [2] * named
+    assert [len(condition.nodes or ()) for condition in built.settings.conditions] == [4] * named
 
 
 @pytest.mark.slow
@@ -94,7 +94,7 @@ def test_parametric_nodes_of_version_2(tmp_path: Path) -> None:
     assert b"$ParametricNodes" in path.read_bytes()
     built = build_file(path, [*STEEL, ("Loads/right/Traction x", "1e6"), ("Materials/half/E", "1e11")])
     assert len(built.grid) == 12
-    assert len(built.settings.conditions[0].nodes or ()) == 2
+    assert len(built.settings.conditions[0].nodes or ()) == 4
     assert len(built.settings.regions[0].nodes or ()) == 6
 
 
@@ -258,7 +258,7 @@ def test_exodus(suffix: str, kind: str, tmp_path: Path) -> None:
     assert len(built.grid) == 6
     assert built.grid.size == pytest.approx(24e-6)
     by_name = {condition.name: condition.nodes for condition in built.settings.conditions}
-    assert by_name == {"top": (5, 6), "nodeset_6": (1, 4)}
+    assert by_name == {"top": (2, 3, 5, 6), "nodeset_6": (1, 4)}
     assert built.settings.regions[0].nodes == (5, 6)
 
 
