@@ -106,8 +106,10 @@ def test_the_line_of_one_specimen_predicts_the_growth_of_another() -> None:
     assert rate == pytest.approx(LINE["C"] * dK**4, rel=0.02)  # measured: .985 to 1.004; .91 at the end without
     assert len(second) == 2
     rate, dK = settled_points(second, line.m)
-    assert len(rate) == 10
-    assert rate == pytest.approx(line.at(dK), rel=0.05)  # measured: 1.003 to 1.022 of what was given
+    assert len(rate) == 16
+    assert rate == pytest.approx(line.at(dK), rel=0.09)  # measured: 1.084 in the first growth of the drawn crack
+    later = np.arange(16) % 8 > 0  # of each of its two tips
+    assert rate[later] == pytest.approx(line.at(dK[later]), rel=0.05)  # measured: 1.003 to 1.022
 
 
 @pytest.mark.slow

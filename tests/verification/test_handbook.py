@@ -14,7 +14,7 @@ MEASURED = {  # K1, and the root of J, over the handbook's, 80 spacings wide
     "double-edge crack in tension": (0.9846, 0.9905),
     "slanted crack, 45 degrees": (0.9960, 0.9952),
     "compact tension": (1.0078, 0.9995),
-    "three-point bend, span 4 W": (1.0010, 0.9928),
+    "three-point bend, span 4 W": (1.0090, 1.0008),
 }
 
 
