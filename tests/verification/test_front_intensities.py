@@ -63,7 +63,7 @@ def test_a_penny_under_shear() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore:.*run.damping took:pdsolve.model.ModelWarning")
+@pytest.mark.filterwarnings("ignore:.*(run.damping took|is E in Pa):pdsolve.model.ModelWarning")
 def test_a_suddenly_loaded_penny_settles_to_what_it_feels_at_rest() -> None:
     """Eight spacings in radius, in a damped cube of three times its width, pulled while a wave goes 12 spacings."""
     radius, half = 8.0, 24.0
