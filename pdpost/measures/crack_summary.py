@@ -105,6 +105,7 @@ def numbers(found: Summary) -> dict[str, object]:
                 "speed_high": branch.speed.high,
                 "length": branch.length,
                 "mean_speed": _mean_speed(branch, found),
+                "mean_speed_points": len(branch.time) if branch.inside is None else branch.inside,
             }
             for branch in found.branches
         ],
@@ -164,12 +165,14 @@ def _way(branch: Branch, found: Summary) -> str:
     mean, rayleigh = _mean_speed(branch, found), found.rayleigh_speed
     if found.at_rest:
         fast = ""
-    elif not branch.line.all():
+    elif not branch.line[: branch.inside].all():
         fast = ", wider than a crack: no speed"
     elif mean is None:
         fast = ", faster than a crack runs: it broke at once"
     else:
         fast = f", {mean:.4g} m/s ({mean / rayleigh:.2f} of the Rayleigh speed)"
+        if branch.inside is not None:
+            fast += f" until it is a horizon from the edge, at {time_text(branch.time[branch.inside - 1])}"
     return f"{branch.length * 1e3:.3g} mm long, from {ways[0]} to {ways[1]}{fast}"
 
 
