@@ -145,6 +145,8 @@ class MotionAccounts:
         model, broken = system.model, system.operator.broken()
         of_material = model.materials, model.material_of
         found = broken_area(model.grid, model.settings.horizon.ratio, *of_material, broken.source, broken.target)
+        if not found.cost > 0:  # bonds as long as a horizon, of a conical micromodulus, cost nothing
+            return {}
         created = self.balance * self.last.put_in(system.initial_energy, max(self._most, self._clamped))
         sure = system.scheme.symmetric and model.settings.contact is None
         return {"cracks": {**found._asdict(), "spent": self.last.dissipated - (created if sure else 0.0)}}
