@@ -26,9 +26,7 @@ from pdsolve.results import Results
 
 LISTED = 6  # branches and forks in sentences
 MUCH_IN_CRUMBS = 0.5  # of the plate: then the number of pieces says little
-LEANING = (
-    ": cracks lean to rows and diagonals of the grid, less with a larger horizon.ratio, not with --cracks particles"
-)
+LEANING = ": cracks of broken bonds lean to rows and diagonals of the grid, those of --cracks particles do not"
 NOTHING = 0.005  # of all that was spent: less before cracks grew is not mentioned
 
 
