@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -18,13 +19,24 @@ from numpy.typing import NDArray
 from pages import GUIDE
 from plates import ROOT
 
-from pdpost.figures import animation, bond_figure, colours, field_figure, level_figure, sheets, style, tradeoff_figure
+from pdpost.figures import (
+    animation,
+    bond_figure,
+    colours,
+    crack_figure,
+    field_figure,
+    level_figure,
+    sheets,
+    style,
+    tradeoff_figure,
+)
 from pdpost.figures.labels import prefixed
 from pdpost.figures.style import FigureError
-from pdpost.measures import plate_geometry
+from pdpost.measures import crack_summary, plate_geometry
 from pdpost.measures.bond_pairs import pairs
 from pdpost.measures.cracked_nodes import damage_at
 from pdpost.measures.fields import FIELDS, FieldError
+from pdpost.measures.tips import tips
 from pdsolve.results import Breaks, Families, Frame, Results, ResultsError, Writer
 from pdsolve.run.measures import Ledger
 
@@ -381,3 +393,18 @@ def test_the_nodes_by_level(small_results: Path, tmp_path: Path) -> None:
     dots = figure.axes[0].collections[0]
     assert np.asarray(dots.get_offsets()) == pytest.approx(nodes.position * 1e3)
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["1 mm: 252 nodes", "pre-crack"]
+
+
+def test_the_legend_of_a_crack_covers_no_branch(small_results: Path) -> None:
+    """It stands below the plate, on which branches may run anywhere."""
+    from drawn import lattice, run
+
+    branches = tips(run(lattice(), [(x, x, y) for x in range(5, 16) for y in (-1, 0, 1)]))
+    wide = [replace(one, line=np.zeros_like(one.line)) for one in branches]
+    with Results.open(small_results) as results:
+        figure = crack_figure.crack(results, replace(crack_summary.crack(results), branches=wide))
+    assert figure.axes[0].get_legend() is None
+    (legend,) = figure.legends
+    assert [text.get_text() for text in legend.get_texts()] == ["wider than a crack"]
+    figure.canvas.draw()
+    assert not legend.get_window_extent().overlaps(figure.axes[0].get_window_extent())
