@@ -60,5 +60,5 @@ def test_a_path_that_leans_to_the_grid_is_told_to(monkeypatch: pytest.MonkeyPatc
         [Predicted((0.02, 0.03), 5, -70.5, -71, -70, 25.4), Predicted((0.02, 0.03), 5, -1e-4, -1, 1, -0.3)], results()
     )
     assert lines[0].startswith("from (20, 30) mm: sif at load step 5, before bonds broke, predicts -70.5 degrees; the")
-    assert "25.4 degrees from it: cracks lean to rows and diagonals" in lines[0]
+    assert "25.4 degrees from it: cracks of broken bonds lean to rows" in lines[0]
     assert lines[1].endswith("predicts +0.0 degrees; the path lies 0.3 degrees from it")
