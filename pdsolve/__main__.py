@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from pdmesh import commandline
 from pdmesh.file_kinds import Kind
-from pdmesh.model.bond_counts import pair_count
+from pdmesh.model.bond_counts import crack_energy, pair_count
 from pdmesh.plain_text import visible
 from pdmesh.printing import say
 from pdmesh.spelling import nearest
@@ -380,6 +380,8 @@ def _lines(path: Path, summary: dict[str, Any]) -> list[str]:
         f" work {energy['work']:.4g} = kinetic {energy['kinetic']:.4g} + strain {energy['strain']:.4g}"
         f" + dissipated {energy['dissipated']:.4g}{damped} (balance {summary['balance']:+.1e} of what was put in)",
     ]
+    if summary.get("cracks"):
+        lines.append(crack_energy(summary["cracks"], unit))
     heat = summary.get("diffusion")
     if heat is not None:
         lines.append(f"content, {_amounts(heat)}, {heat['method']}")

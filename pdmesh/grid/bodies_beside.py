@@ -53,7 +53,8 @@ def build_scene(scene: Scene) -> tuple[Grid, Settings, tuple[Shift, ...]]:
 
 def _as_plate(scene: Scene, body: BodyBeside) -> Scene:
     try:
-        return Scene(body.shape, body.spacing, body.material or scene.material, scene.horizon, units=scene.units)
+        own = body.material or scene.material
+        return Scene(body.shape, body.spacing, own, scene.horizon, units=scene.units, medium=scene.medium)
     except SceneError as error:
         raise SceneError(f"body '{body.name}': {error}") from None
 

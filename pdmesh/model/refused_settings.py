@@ -374,9 +374,13 @@ def _touching(settings: Settings, every: Places) -> Iterator[Impossible]:
     """Settings that bodies in contact do not support."""
     why = ", as bodies touch"
     if settings.physics == "thermoelastic":
-        yield Impossible("$.physics", "thermoelastic", f"mechanics{why}")
+        words = f"mechanics{why}: contact is that of mechanics alone, and no heat passes from body to body"
+        yield Impossible("$.physics", "thermoelastic", words)
     run = settings.run
-    for name, expected in {"start": "unloaded", "adapt": "none", "cracks": "bonds", "fatigue": None}.items():
+    if run.adapt != "none":
+        words = f"none{why}: adaptive cells are those of one body alone, and coarse ones would miss contact"
+        yield Impossible("$.run.adapt", run.adapt, words)
+    for name, expected in {"start": "unloaded", "cracks": "bonds", "fatigue": None}.items():
         if getattr(run, name) != expected:
             found = getattr(run, name) if expected else "some"
             yield Impossible(f"$.run.{name}", found, f"{expected or 'none'}{why}")

@@ -221,14 +221,15 @@ class Body(PlainFields, MechanicalConditions[Where], DiffusionConditions[Where])
                 if found is not None:
                     raise SceneError(f"body '{name}': {word}: found one, expected none of a body that has its own")
             return other if other.material is not None else replace(other, material=material or self.material)
-        return Body(other, self.spacing if spacing is None else spacing, material or self.material, self.horizon)
+        own = self.spacing if spacing is None else spacing
+        return Body(other, own, material or self.material, self.horizon, medium=self.medium)
 
     def _beside(self, other: SolidBeside) -> Body:
         if not other.name or other.name in (REST, *(each.name for each in self.bodies)):
             raise SceneError(
                 f"body '{other.name}': found no name, or one that another body has, expected one of its own"
             )
-        if other.body.bodies or other.body.medium is not None or other.body.horizon != self.horizon:
+        if other.body.bodies or other.body.medium not in (None, self.medium) or other.body.horizon != self.horizon:
             raise SceneError(
                 f"body '{other.name}': found bodies, a medium or another horizon ratio of its own, expected none"
             )

@@ -72,7 +72,10 @@ def _crack(args: argparse.Namespace) -> int:
 
 
 def _one(args: argparse.Namespace, results: Results, threshold: float, path: Path | None) -> int:
+    from dataclasses import asdict
+
     from pdpost.measures import crack_summary
+    from pdpost.measures.predicted_directions import predicted
 
     check_window(results, args)
     found = crack_summary.crack(results, _step(args, results), threshold, args.along)
@@ -81,8 +84,11 @@ def _one(args: argparse.Namespace, results: Results, threshold: float, path: Pat
 
         style.save(crack_figure.crack(results, found, args.window), path)
     header, rows = crack_summary.table(found)
-    lines = crack_summary.sentences(found)
-    return number_options.deliver(args, crack_summary.numbers(found), lines, header, rows, path)
+    first = found.growth.first_break
+    expected = [] if first is None else predicted(results, found.directions, first.step)
+    lines = [*crack_summary.sentences(found), *crack_summary.predictions(expected, results)]
+    told = {**crack_summary.numbers(found), "predicted": [asdict(one) for one in expected]}
+    return number_options.deliver(args, told, lines, header, rows, path)
 
 
 def _of_body(args: argparse.Namespace, results: Results, threshold: float, path: Path | None) -> int:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pdmesh import commandline
@@ -13,6 +12,8 @@ from pdpost.commands.shared import add_every, add_frame, add_results, chosen_fra
 
 if TYPE_CHECKING:
     from pdpost.commands.shared import Commands
+
+LISTED = 12  # conditions in the line about a file
 
 
 def add(commands: Commands) -> None:
@@ -57,7 +58,7 @@ def _tensors(text: str) -> tuple[str, ...]:
 
 
 def _export(args: argparse.Namespace) -> int:
-    from pdpost.exports import frame_files, surface_files, xdmf
+    from pdpost.exports import frame_files, node_sets, surface_files, xdmf
     from pdpost.reading.frame_steps import chosen
     from pdpost.reading.stored_fields import diffuses
     from pdsolve.results import Results
@@ -96,9 +97,12 @@ def _export(args: argparse.Namespace) -> int:
             writes: dict[str, Callable[..., None]] = {".pvd": parts, ".xdmf": series, ".msh": frame_files.msh}
             writes[kind](results, path, steps, args.also, args.squares, progress)
         count = len(results.nodes(steps[-1]).ids)
-    commandline.report(_told(path, steps, count), [f"{path}: {count} nodes, {len(steps)} frames"], args)
+        sets = {name: int(there.sum()) for name, there in node_sets.node_sets(results, steps[-1]).items()}
+    lines = [f"{path}: {count} nodes, {len(steps)} frames"]
+    if sets:
+        named = ", ".join(f"{name} ({nodes})" for name, nodes in list(sets.items())[:LISTED])
+        more = f" and {len(sets) - LISTED} more" if len(sets) > LISTED else ""
+        lines.append(f"conditions, with their nodes: {named}{more}")
+    told = {"output": str(path), "nodes": count, "frames": len(steps), "steps": steps, "conditions": sets}
+    commandline.report(told, lines, args)
     return commandline.OK
-
-
-def _told(path: Path, steps: list[int], nodes: int) -> dict[str, object]:
-    return {"output": str(path), "nodes": nodes, "frames": len(steps), "steps": steps}

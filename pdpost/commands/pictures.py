@@ -124,8 +124,9 @@ def _field(args: argparse.Namespace) -> int:
             figure = field_figure.field(results, name, step, shown=shown, **how)
         unit = fields.FIELDS[name].unit
         reported = {"component": part or None, **numbers(shown), "unit": unit}
-        largest = reported["largest"]
-        words = "nothing known" if largest is None else f"up to {largest:.4g} {unit}".rstrip()
+        low, high = reported["smallest"], reported["largest"]
+        ends = f"{low:.4g} to" if low is not None and fields.signed(name, part) else "up to"
+        words = "nothing known" if high is None else f"{ends} {high:.4g} {unit}".rstrip()
         if reported["torn"]:
             words += f", {reported['torn']} torn nodes left out"
         return Drawn(figure, reported, words, lambda: csv_columns.of_field(results, name, step))

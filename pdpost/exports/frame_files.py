@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from pdmesh.files import replacing, write_atomically
 from pdmesh.plain_text import for_file_name
 from pdpost.exports import msh as msh_file
+from pdpost.exports import node_sets
 from pdpost.exports import xdmf as xdmf_file
 from pdpost.exports.csv_columns import csv, of_frame
 from pdpost.measures import fields
@@ -67,9 +68,13 @@ def node_data(results: Results, step: int) -> dict[str, NDArray[np.generic]]:
 
 
 def vtu(results: Results, step: int, path: Path, also: Sequence[str] = (), squares: bool = False) -> None:
-    """Write a frame as VTU. Each node is a vertex or, with `squares`, a square (in a body a cube) of its size."""
+    """Write a frame as VTU, with a set of nodes for each condition: 1 at its nodes, by its name.
+
+    Each node is a vertex or, with `squares`, a square (in a body a cube) of its size.
+    """
     points, cells = _points(results, step, squares)
-    data = _each(point_data(results, step, also) | node_data(results, step), cells[1].shape[1])
+    data = point_data(results, step, also) | node_data(results, step) | node_sets.columns(results, step)
+    data = _each(data, cells[1].shape[1])
     mesh = meshio.Mesh(points, [cells], point_data=data)
     with replacing(path) as part:
         meshio.write(part, mesh, file_format="vtu")
@@ -157,7 +162,9 @@ def msh(
         for number, step in enumerate(progress(steps)):
             rows = lives.at(results.nodes(step).ids, step)
             points = (rows[:, None] * len(corners) + corners).ravel()
-            yield msh_file.Frame(times[step], number, points, _each(point_data(results, step, also), len(corners)))
+            sets = {} if number else node_sets.columns(results, step)
+            data = _each({**point_data(results, step, also), **sets}, len(corners))
+            yield msh_file.Frame(times[step], number, points, data)
 
     msh_file.write(path, *_placed(lives.nodes, squares), frames())
 

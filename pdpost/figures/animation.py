@@ -66,8 +66,10 @@ def frames(
     steps = chosen(results, every)
     still = hidden(shape(results, steps[0], 0.0), hide)
     box = window or box_of([shape(results, step, scale, still) for step in (steps if scale else steps[:1])])
-    if largest is None and name != "damage":
-        largest = max(_usual(results, name, step, part, box) for step in steps) or None
+    extremes = np.zeros(1) if largest is None else np.array([-largest, largest])
+    if largest is None and name not in colours.SHARES:
+        each = [_range(results, name, step, part, box) for step in steps]
+        largest, extremes = max(usual for usual, *_ in each) or None, np.ravel([ends for _, *ends in each])
     shot = field_figure.values_of(results, name, steps[-1], part)  # where most is torn
     words = [(colour, words.split(":")[0]) for colour, words in field_figure.explained(shot)]
     last = still._replace(grown=hidden(shape(results, steps[-1], 0.0), hide).grown)
@@ -75,7 +77,6 @@ def frames(
     on = sheet(box, room=LINE * (len(words) + lines))
     canvas = FigureCanvasAgg(on.figure)
     on.figure.set_dpi(dpi)
-    extremes = np.array([0.0]) if largest is None else np.array([-largest, largest])
     range_of = colours.colours(name, part, extremes, largest)
     mappable = field_figure.bar(on, range_of)
     mark(on, still._replace(scale=scale))
@@ -115,8 +116,8 @@ def _in_space(
         yield from slice_figure.film(results, name, part, every, dpi, largest, progress)
         return
     steps = chosen(results, every)
-    if largest is None and name != "damage":
-        largest = slice_figure.largest_of(results, name, part, steps)
+    if largest is None and name not in colours.SHARES:
+        largest, *_ = slice_figure.field_range(results, name, part, steps)
     yield from crack_render.film(results, name, part, progress(steps), clip, dpi, largest)
 
 
@@ -217,8 +218,9 @@ def _palette(name: str, part: str) -> Image.Image:
     return palette
 
 
-def _usual(results: Results, name: str, step: int, part: str, box: Box) -> float:
-    """End of the colour range of a frame, over the nodes in an undeformed box."""
+def _range(results: Results, name: str, step: int, part: str, box: Box) -> tuple[float, float, float]:
+    """End of the colour range of a frame, and its smallest and largest value, over the nodes in an undeformed box."""
     shot = field_figure.values_of(results, name, step, part)
     values = shot.values[seen(results.nodes(step).position, box) & ~shot.torn]
-    return colours.usual(values[np.isfinite(values)])
+    finite = values[np.isfinite(values)]
+    return colours.usual(finite), float(finite.min(initial=0.0)), float(finite.max(initial=0.0))

@@ -31,12 +31,18 @@ class Colours(NamedTuple):
     factor: float  # from SI to the unit of the label
     label: str
     beyond: str  # which ends are arrows: "neither", "min", "max", "both"
+    ends: str = ""  # what the field reaches beyond the colours, in words
+
+    @property
+    def words(self) -> str:
+        """The label of a bar: of what the colours are, and what the field reaches where they end before."""
+        return f"{self.label}\n({self.ends})" if self.ends else self.label
 
 
 def colours(name: str, part: str, values: NDArray[np.float64], largest: float | None = None) -> Colours:
     """Range and palette of a component: damage 0 to 1, signed values symmetric about 0, others from 0.
 
-    The range ends at `largest` or, without it, at the usual largest value.
+    The range ends at `largest` or, without it, at the usual largest value; the label then names what is beyond.
     """
     finite = values[np.isfinite(values)]
     high = largest or (1.0 if name in SHARES else usual(finite))
@@ -51,7 +57,13 @@ def colours(name: str, part: str, values: NDArray[np.float64], largest: float | 
     cmap = "magma_r" if name in SHARES else "coolwarm" if signed else "viridis"
     text = caption(name, part)
     text = text[0].lower() + text[1:]
-    return Colours(low, high, cmap, factor, f"{text}, {label}" if label else text, beyond)
+    ends = [f"{word} {factor * value:.4g}" for word, value, far in _extremes(finite, below, above) if far]
+    return Colours(low, high, cmap, factor, f"{text}, {label}" if label else text, beyond, ", ".join(ends))
+
+
+def _extremes(finite: NDArray[np.float64], below: bool, above: bool) -> tuple[tuple[str, float, bool], ...]:
+    """Smallest and largest of values (k,), with whether colours end before them."""
+    return ("smallest", finite.min(initial=np.inf), below), ("largest", finite.max(initial=-np.inf), above)
 
 
 def usual(values: NDArray[np.float64]) -> float:

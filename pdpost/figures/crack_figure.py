@@ -61,8 +61,8 @@ def crack(results: Results, found: Summary | None = None, window: Box | None = N
         forks = on.factor * np.array([fork.place for fork in found.forks]).T
         plate.plot(*forks, "o", ms=4.5, mfc="white", mec="black", mew=0.8, zorder=6)
     if not all(one.line.all() for one in found.branches):
-        plate.plot([], [], ":", color="0.25", lw=1.0, label="wider than a crack")
-        plate.legend(loc="best", frameon=True, fontsize="small")
+        key = plate.plot([], [], ":", color="0.25", lw=1.0, label="wider than a crack")
+        figure.legend(handles=key, loc="outside lower center", frameon=False, fontsize="small")  # on no branch
     for draw, axes in zip(charts, places, strict=True):
         draw(shown, axes, found)
         axes.set_xlim(places[0].get_xlim())

@@ -55,7 +55,7 @@ def cut_open(
     if cracks is not None:
         _add_surface(pyvista, plotter, cracks)
     seen = taken(plotter, (nodes.position.min(axis=0) + nodes.position.max(axis=0)) / 2, whole)
-    return framed(seen, written, mappable(shown), shown.label, shown.beyond)
+    return framed(seen, written, mappable(shown), shown.label if whole else shown.words, shown.beyond)
 
 
 def frame_cut_open(

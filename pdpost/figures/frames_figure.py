@@ -84,7 +84,7 @@ def panels(
         if number + columns < len(each):
             on.axes.set_xlabel("")
             on.axes.tick_params(labelbottom=False)
-    figure.colorbar(mappable, ax=drawn, label=range_of.label, extend=range_of.beyond, fraction=0.05, aspect=25)
+    figure.colorbar(mappable, ax=drawn, label=range_of.words, extend=range_of.beyond, fraction=0.05, aspect=25)
     handles, _ = drawn[0].get_legend_handles_labels()
     patches = [(colour, words.split(":")[0]) for shot in shots for colour, words in field_figure.explained(shot)]
     handles += [Patch(color=colour, label=words) for colour, words in dict.fromkeys(patches)]

@@ -41,7 +41,7 @@ def render(
     plotter = plotter_of(pyvista)
     add_body(pyvista, plotter, nodes, values, shown, level, plane)
     seen = taken(plotter, nodes.position.mean(axis=0))
-    return framed(seen, title, mappable(shown) if level is None else None, shown.label, shown.beyond)
+    return framed(seen, title, mappable(shown) if level is None else None, shown.words, shown.beyond)
 
 
 def framed(

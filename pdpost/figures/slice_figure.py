@@ -13,7 +13,7 @@ from matplotlib.collections import PolyCollection
 from numpy.typing import NDArray
 
 from pdmesh.plain_figure import Figure
-from pdpost.figures.colours import Colours, at, caption, colours, mappable, usual
+from pdpost.figures.colours import SHARES, Colours, at, caption, colours, mappable, usual
 from pdpost.figures.labels import scaled
 from pdpost.measures.slices import AXES, Cut, cut, middle, values
 from pdpost.reading.frame_steps import chosen
@@ -39,7 +39,7 @@ def plane(results: Results, found: Cut, name: str, part: str, step: int, largest
     _paint(axes, found, range_of, painted, metre)
     axes.autoscale_view()
     axes.margins(0.01)
-    figure.colorbar(painted, ax=axes, label=range_of.label, extend=range_of.beyond)
+    figure.colorbar(painted, ax=axes, label=range_of.words, extend=range_of.beyond)
     _named(axes, found, metres)
     axes.set_title(f"{caption(name, part)} at {_place(found, metre, metres)} {at(results, step)}")
     return figure
@@ -67,7 +67,7 @@ class Sections:
         rest.set_axis_off()
         self._colours = mappable(range_of)
         self.figure.colorbar(
-            self._colours, ax=rest, location="top", fraction=0.2, label=range_of.label, extend=range_of.beyond
+            self._colours, ax=rest, location="top", fraction=0.2, label=range_of.words, extend=range_of.beyond
         )
 
     def draw(self, step: int, shown: NDArray[np.float64]) -> list[Artist]:
@@ -105,9 +105,10 @@ def film(
 ) -> Iterator[Pixels]:
     """Pictures of `sections` for every `every`-th frame with one colour range, in the format of `animation.frames`."""
     steps = chosen(results, every)
-    if largest is None and name != "damage":
-        largest = largest_of(results, name, part, steps)
-    extremes = np.array([0.0]) if largest is None else np.array([-largest, largest])
+    extremes = np.zeros(1) if largest is None else np.array([-largest, largest])
+    if largest is None and name not in SHARES:
+        largest, *ends = field_range(results, name, part, steps)
+        extremes = np.array(ends)
     drawn = Sections(results, name, part, colours(name, part, extremes, largest))
     canvas = FigureCanvasAgg(drawn.figure)
     drawn.figure.set_dpi(dpi)
@@ -119,10 +120,11 @@ def film(
             artist.remove()
 
 
-def largest_of(results: Results, name: str, part: str, steps: list[int]) -> float | None:
-    """End of the colour range of all frames; None if there is nothing to show."""
-    each = (values(results, name, step, part or None) for step in steps)
-    return max(usual(one[np.isfinite(one)]) for one in each) or None
+def field_range(results: Results, name: str, part: str, steps: list[int]) -> tuple[float | None, float, float]:
+    """End of the colour range of all frames, None if there is nothing to show, and the smallest and largest value."""
+    each = [one[np.isfinite(one)] for one in (values(results, name, step, part or None) for step in steps)]
+    ends = [(float(one.min(initial=0.0)), float(one.max(initial=0.0))) for one in each]
+    return max(map(usual, each)) or None, min(low for low, _ in ends), max(high for _, high in ends)
 
 
 def _paint(axes: Axes, found: Cut, range_of: Colours, painted: ScalarMappable, metre: float) -> PolyCollection:

@@ -13,11 +13,12 @@ from pdpost.measures.cracks import DIRECTIONS, PIECE, Growth, growth
 from pdpost.measures.directions import Direction, directions
 from pdpost.measures.fragments import Fragments, fragments
 from pdpost.measures.paths import heading
+from pdpost.measures.predicted_directions import LEANS, Predicted
 from pdpost.measures.release import Release, release
 from pdpost.measures.speed import Speeds
 from pdpost.measures.tips import Branch, Fork, forks, tips
 from pdpost.measures.waves import rayleigh_of
-from pdpost.reading.embedded_model import at_rest
+from pdpost.reading.embedded_model import at_rest, moment
 from pdpost.reading.frame_steps import last_step
 from pdpost.reading.table_columns import Columns, columns_of
 from pdpost.reading.time_text import time_text
@@ -25,6 +26,7 @@ from pdsolve.results import Results
 
 LISTED = 6  # branches and forks in sentences
 MUCH_IN_CRUMBS = 0.5  # of the plate: then the number of pieces says little
+LEANING = ": cracks of broken bonds lean to rows and diagonals of the grid, those of --cracks particles do not"
 NOTHING = 0.005  # of all that was spent: less before cracks grew is not mentioned
 
 
@@ -105,6 +107,7 @@ def numbers(found: Summary) -> dict[str, object]:
                 "speed_high": branch.speed.high,
                 "length": branch.length,
                 "mean_speed": _mean_speed(branch, found),
+                "mean_speed_points": len(branch.time) if branch.inside is None else branch.inside,
             }
             for branch in found.branches
         ],
@@ -164,12 +167,14 @@ def _way(branch: Branch, found: Summary) -> str:
     mean, rayleigh = _mean_speed(branch, found), found.rayleigh_speed
     if found.at_rest:
         fast = ""
-    elif not branch.line.all():
+    elif not branch.line[: branch.inside].all():
         fast = ", wider than a crack: no speed"
     elif mean is None:
         fast = ", faster than a crack runs: it broke at once"
     else:
         fast = f", {mean:.4g} m/s ({mean / rayleigh:.2f} of the Rayleigh speed)"
+        if branch.inside is not None:
+            fast += f" until it is a horizon from the edge, at {time_text(branch.time[branch.inside - 1])}"
     return f"{branch.length * 1e3:.3g} mm long, from {ways[0]} to {ways[1]}{fast}"
 
 
@@ -202,6 +207,18 @@ def _left(way: Direction) -> str:
     band = f" ({way.low:+.1f} to {way.high:+.1f})" if way.low < way.high else ""
     angle, whole = (f"{round(number, 1) + 0.0:+.1f}" for number in (way.angle, way.whole))
     return f"{angle} degrees{band} from the notch over its first {way.length * 1e3:.3g} mm, {whole} as a whole"
+
+
+def predictions(found: Sequence[Predicted], results: Results) -> list[str]:
+    """What stress intensities predicted, and how far the paths lie from it, a line each."""
+    lines = []
+    for one in found:
+        line = (
+            f"from {_place(one.tip)}: sif at {moment(results, one.step)}, before bonds broke, predicts"
+            f" {round(one.angle, 1) + 0.0:+.1f} degrees; the path lies {abs(one.off):.1f} degrees from it"
+        )
+        lines.append(f"{line}{LEANING}" if abs(one.off) > LEANS else line)
+    return lines
 
 
 def _place(point: Sequence[float] | NDArray[np.float64]) -> str:

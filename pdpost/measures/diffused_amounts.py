@@ -23,8 +23,8 @@ class Masses(NamedTuple):
 
     step: NDArray[np.int64]  # (t,)
     time: NDArray[np.float64]  # (t,) s
-    inside: NDArray[np.float64]  # (t,) in nodes that are not held, what is solid counted
-    through: NDArray[np.float64]  # (t,) gone out through held nodes
+    inside: NDArray[np.float64]  # (t,) in all nodes, what is solid counted
+    through: NDArray[np.float64]  # (t,) gone out through nodes of prescribed content
     supplied: NDArray[np.float64]  # (t,)
     solid: NDArray[np.float64]  # (t,) m^d
     dissolved: NDArray[np.float64]  # (t,) mol that was solid

@@ -12,19 +12,24 @@ pre-crack. The arms of cracks of particles are branches directly; their tips are
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from pdmesh.model.crack_particles import Particles, until
+from pdmesh.model.document import Horizon
 from pdmesh.model.kd_trees import tree_of
 from pdmesh.model.output_fields import CRACKED
 from pdpost.measures.crack_labels import Grown, grown
 from pdpost.measures.cracked_nodes import ROUND_OFF, pre_crack_tips
+from pdpost.measures.plate_geometry import plate
 from pdpost.measures.skeleton import SLAB, Chain, Skeleton
 from pdpost.measures.speed import WINDOW, Speeds, speeds, window
+from pdpost.reading.embedded_model import read
 from pdsolve.results import Results
 
 NEAR_TIP = 3.0  # spacings within which a crack begins or ends at the tip of a pre-crack
@@ -47,6 +52,7 @@ class Branch:
     begin: int  # number of the joint it begins at
     end: int  # number of the joint it ends at
     exact: bool = False  # whether these are particles, so that the tip was at each, and nowhere between
+    inside: int | None = None  # how many points come before the edge that the crack runs into; None: all
 
     @property
     def length(self) -> float:
@@ -55,9 +61,14 @@ class Branch:
 
     @property
     def mean_speed(self) -> float | None:
-        """Length over time, m/s, from the first point to the last; None if no time passes or it is not a line."""
-        took = float(self.time[-1] - self.time[0])
-        return self.length / took if took > 0 and self.line.all() else None
+        """Length over time, m/s; None if no time passes or it is not a line.
+
+        A crack that runs into an edge has arrived when its tip is a horizon away. The last nodes, whose families the
+        edge cuts, come off later, as the two sides part.
+        """
+        along, time, line = (column[: self.inside] for column in (self.along, self.time, self.line))
+        took = float(time[-1] - time[0])
+        return float(along[-1] - along[0]) / took if took > 0 and line.all() else None
 
 
 @dataclass(frozen=True)
@@ -68,6 +79,12 @@ class Fork:
     time: float  # s, when the crack came there
     angle: float  # degrees between the outer arms
     arms: tuple[float, ...]  # degrees of each arm from the direction the crack came with, to the left positive
+
+
+class _Model(msgspec.Struct):
+    """The key of the grid file that says how far bonds reach."""
+
+    horizon: Horizon = Horizon()
 
 
 class _Point(NamedTuple):
@@ -102,7 +119,17 @@ def tips(results: Results, step: int | None = None, threshold: float = CRACKED) 
         found.append(branch)
         arrival = float(branch.time[-1]), float(branch.along[-1])
         reached[chain[-1]] = min(arrival, reached.get(chain[-1], arrival))
+    if found:
+        edges, ratio = plate(results).shape.boundary, read(results, _Model).horizon.ratio
+        found = [replace(branch, inside=_inside(branch, edges, ratio)) for branch in found]
     return sorted(found, key=lambda branch: -branch.length)
+
+
+def _inside(branch: Branch, edges: shapely.Geometry, ratio: float) -> int | None:
+    """Points of a branch before its tip is a horizon, `ratio` spacings, from the edge it runs into; None: all."""
+    away = shapely.distance(edges, shapely.points(branch.place)) > ratio * branch.spacing * (1 - ROUND_OFF)
+    before = int(np.flatnonzero(away).max(initial=0)) + 1
+    return before if before < len(away) and branch.time[before - 1] > branch.time[0] else None
 
 
 def forks(branches: Sequence[Branch]) -> list[Fork]:

@@ -13,8 +13,8 @@ class Masses(NamedTuple):
 
     step: int
     time: float  # s
-    inside: float  # mol in nodes that are not held, what is solid counted
-    through: float  # mol that has gone out through held nodes
+    inside: float  # mol in all nodes, what is solid counted
+    through: float  # mol that has gone out through nodes whose content is prescribed
     supplied: float  # mol
     solid: float  # m^d that is solid
     dissolved: float  # mol that was solid at the start and is not now
@@ -28,7 +28,10 @@ class Masses(NamedTuple):
 
 
 def masses(transport: Transport, state: State, step: int, solid_at_start: float | None) -> Masses:
-    """Mass balance after `step`; `solid_at_start` in m^d, None at the start."""
+    """Mass balance after `step`; `solid_at_start` in m^d, None at the start.
+
+    Nodes of prescribed content are of the body: what raises their content has come in through them.
+    """
     medium, operator, volume = transport.operator.medium, transport.operator, transport.operator.volume
     solid, surface = 0.0, 0.0
     if medium.C_solid is not None:
@@ -36,6 +39,8 @@ def masses(transport: Transport, state: State, step: int, solid_at_start: float 
         solid = float((volume * share).sum())
         surface = operator.exchange.contrast(share) / transport.crossing
     gone = 0.0 if solid_at_start is None else (solid_at_start - solid) * (medium.C_solid or 0.0)
-    inside = float((volume * state.value[:, 0])[transport.free].sum())
+    amount = volume * state.value[:, 0]
+    inside, held = float(amount.sum()), float(amount[~transport.free].sum())
     through, supplied = (float((volume * column).sum()) for column in (state.dissipated, state.work))
+    through -= held - transport.held
     return Masses(step, step * transport.time_step, inside, through, supplied, solid, gone, surface)

@@ -46,6 +46,7 @@ class Transport:
     blocked: NDArray[np.int64]  # (n,) bonds that cracks block
     crossing: float  # m/s: contrast of a unit of surface
     threads: int
+    held: float  # mol in nodes whose content is prescribed, at time 0
 
 
 def prepare(model: Model, threads: int | None = None, listed: bool = False) -> tuple[Transport, State]:
@@ -74,8 +75,8 @@ def prepare(model: Model, threads: int | None = None, listed: bool = False) -> t
     if run.solver == "implicit":
         stepper = Theta(operator, drive, step, run.theta, medium.C_sat is None and operator.count.sum() <= FACTORED)
     steps = stepper, step, most
-    of = stored.blocked, crossing(model), threads
-    transport = Transport(counted(model, step), operator, drive, done.free, *steps, *of)
+    of, held = (stored.blocked, crossing(model), threads), float((volume * content)[~done.free].sum())
+    transport = Transport(counted(model, step), operator, drive, done.free, *steps, *of, held=held)
     second, (rate, dissipated, work, damped) = np.zeros((len(content), 0)), np.zeros((4, len(content)))
     return transport, State(content[:, None], rate[:, None], second, dissipated, work, damped)
 

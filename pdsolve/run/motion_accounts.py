@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from pdmesh.model.bond_counts import pair_count
+from pdmesh.model.broken_area import broken_area
 from pdsolve.checks import advise_damped, advise_made, advise_spent, closing
 from pdsolve.diffusion.swelling import Swelling
 from pdsolve.errors import UnstableError
@@ -127,8 +128,28 @@ class MotionAccounts:
             "broken_bonds": pair_count(self.broken),
             "energy": {name: getattr(self.last, name) for name in names},
             "balance": self.balance,
+            **self._broken_area(),
             **({"energy_unit": "J"} if self._system.model.grid.dimension == 3 else {}),
         }
+
+    def _broken_area(self) -> dict[str, Any]:
+        """Area of the cracks, G0 times it, and what bonds took, for a summary; nothing where nodes change, or cracks
+        cost another energy.
+
+        Bonds took what is booked as dissipated, less what the balance has too much.
+        """
+        system, run = self._system, self._system.model.settings.run
+        plain = run.adapt == "none" and run.cracks == "bonds" and run.fatigue is None
+        if not plain or self._nodes_changed or system.options.team is not None or not self.broken:
+            return {}
+        model, broken = system.model, system.operator.broken()
+        of_material = model.materials, model.material_of
+        found = broken_area(model.grid, model.settings.horizon.ratio, *of_material, broken.source, broken.target)
+        if not found.cost > 0:  # bonds as long as a horizon, of a conical micromodulus, cost nothing
+            return {}
+        created = self.balance * self.last.put_in(system.initial_energy, max(self._most, self._clamped))
+        sure = system.scheme.symmetric and model.settings.contact is None
+        return {"cracks": {**found._asdict(), "spent": self.last.dissipated - (created if sure else 0.0)}}
 
     def close(self) -> None:
         """Issue warnings that follow from the final accounts."""

@@ -17,6 +17,7 @@ from typing import NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.model.bond_counts import pair_count
 from pdsolve.bonds.static_breakage import Breaking
 from pdsolve.conditions import DISPLACEMENT, Drive, factors_at, put_loads
 from pdsolve.model import Model, ModelError, ModelWarning
@@ -143,7 +144,7 @@ class LoadSteps:
     def expect_supports(self) -> None:
         """Raise UnsettledError where broken bonds leave a body without supports."""
         broken = self._operator.broken()
-        self._support(broken, f"after {len(broken.step)} directed bonds broke: ")
+        self._support(broken, f"after {pair_count(len(broken.step))} bonds broke: ")
 
     def keep(self) -> Array:
         """Convergence data (k, 5) of the load steps so far, for a checkpoint."""
@@ -270,14 +271,16 @@ class LoadSteps:
         try:
             return self._settle(state, step, iterations, enough)
         except UnsettledError as error:
-            raise UnsettledError(f"after {len(self._operator.broken().step)} directed bonds broke: {error}") from None
+            raise UnsettledError(
+                f"after {pair_count(len(self._operator.broken().step))} bonds broke: {error}"
+            ) from None
 
     def _let_grow(self, state: State, step: int, settled: Settled) -> tuple[Settled, int]:
         """Let cracks grow and settle until none grows; returns how it settled, and how often."""
         times, iterations = 0, settled.iterations
         while self._grow is not None and self._grow(state, step):
             broken = self._operator.broken()
-            self._support(broken, f"after {len(broken.step)} directed bonds were cut: ")
+            self._support(broken, f"after {pair_count(len(broken.step))} bonds were cut: ")
             settled = self._settle(state, step, iterations)
             iterations += settled.iterations
             times += 1

@@ -124,12 +124,13 @@ class Follower:
         raise UnsettledError(f"found no rest at {factor:.4g} of the loads after {2 * MOST} iterations")
 
     def follow(
-        self, last: Path, guess: Path | None, more: float, tell: Tell, secants: int = 0
+        self, last: Path, guess: Path | None, more: float, tell: Tell, secants: int = 0, steady: int = STEADY
     ) -> tuple[Path, int, float]:
         """The equilibrium where the control is by `more` larger than at the last one, its iterations and its residual.
 
         `guess` is a place to begin with; None: along the last direction of the secants. So many first iterations take
-        `secants` for tangents, which leads from further away. Raises UnsettledError.
+        `secants` for tangents, which leads from further away; fewer if no more than `steady` bonds turn in one. Raises
+        UnsettledError.
         """
         free = self._free
         if guess is None:
@@ -150,7 +151,7 @@ class Follower:
             last_one = secants + (MOST if left > before / 2 else CONVERGING)
             if not np.isfinite(left) or iteration >= last_one:
                 break
-            if turns.note(found.releases > 0, iteration >= secants) <= STEADY and iteration:
+            if turns.note(found.releases > 0, iteration >= secants) <= steady and iteration:
                 secants = min(secants, iteration)
             mean = found._replace(slope=np.where(turns.torn(), (found.slope + found.secant) / 2, found.slope))
             matrix = self.bonds.tangent(mean, iteration < secants)

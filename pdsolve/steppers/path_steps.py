@@ -28,7 +28,7 @@ from pdsolve.steppers.cracks_at_no_fail_bonds import held_crack
 from pdsolve.steppers.equilibrium import UnsettledError
 from pdsolve.steppers.load_steps import Going
 from pdsolve.steppers.path_control import Control, Dissipation, Opening
-from pdsolve.steppers.path_following import FEW, FIRST, GROWTH, LEAST, NEAR, Follower, Path, Proportional
+from pdsolve.steppers.path_following import FEW, FIRST, GROWTH, LEAST, NEAR, STEADY, Follower, Path, Proportional
 from pdsolve.steppers.path_records import PathRecords
 from pdsolve.steppers.rigid_body_modes import loose
 from pdsolve.steppers.touching import and_touching, resting
@@ -38,6 +38,9 @@ Array = NDArray[np.float64]
 CRACK_STEPS = 80  # of dissipation in which a crack would go through the body's smallest extent
 COARSEST = 1e-6  # tolerance of residuals: path steps are not solved better
 SECANTS = 20  # iterations with which a step that does not converge begins again
+PATIENT = 300  # likewise, after the least step, where bonds alike all over a body turn in circles under tangents
+NEVER = -1  # turning bonds among which those go over to tangents
+COARSER = 8.0  # times: what the largest step is divided by, up to three times, where even these find no rest
 PARTS = 20  # in which loads that do not grow are put on where bonds soften under them
 SMALL = 1e-3  # of the loads: the first look at an elastic body
 ALIKE = 3.0  # times: steps of dissipation that one parabola may go through
@@ -212,14 +215,8 @@ class PathSteps(PathRecords):
             try:
                 new, count, residual = self._found(step, guess, secants)
                 break
-            except UnsettledError:
-                if self._more < LEAST * self._most:
-                    if np.isfinite(self._opening):
-                        gap = self._model.settings.run.static.control
-                        said = f"found that the gap '{gap}' does not grow along the path, expected one that does, or"
-                        raise UnsettledError(f"{said} no run.static.control") from None
-                    raise
-                self._more, secants = (self._more, SECANTS) if not secants else (self._more / 2, 0)
+            except UnsettledError as error:
+                secants = self._begin_again(secants, error)
         if count <= FEW:
             self._more = min(self._more * GROWTH, self._most)
         if new.factor > 1:
@@ -232,11 +229,29 @@ class PathSteps(PathRecords):
         self.ended |= self._opened(new)
         return new, iterations + count, residual
 
+    def _begin_again(self, secants: int, error: UnsettledError) -> int:
+        """Secants to begin the step again with, after it did not converge with so many; sets how much more is spent.
+
+        Raises the error where nothing is left to try.
+        """
+        if secants < PATIENT and self._more >= LEAST * self._most:
+            self._more, secants = (self._more, SECANTS) if not secants else (self._more / 2, 0)
+        elif np.isfinite(self._opening):
+            said = f"found that the gap '{self._model.settings.run.static.control}' does not grow along the path"
+            raise UnsettledError(f"{said}, expected one that does, or no run.static.control") from None
+        elif secants < PATIENT:
+            self._more, secants = self._most, PATIENT
+        elif self._more > self._most / COARSER**3:
+            self._more /= COARSER
+        else:
+            raise error
+        return secants
+
     def _found(self, step: int, guess: Path | None, secants: int) -> tuple[Path, int, float]:
         """The next equilibrium, from a guess."""
-        follower, tell = self._follower, self._tell(step)
+        follower, tell, steady = self._follower, self._tell(step), NEVER if secants == PATIENT else STEADY
         return resting(
-            self._contact, lambda: follower.follow(self._last, guess, self._more, tell, secants), follower.left
+            self._contact, lambda: follower.follow(self._last, guess, self._more, tell, secants, steady), follower.left
         )
 
     def _warn_of_holds(self, step: int) -> None:

@@ -9,10 +9,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from plates import plate, square_grid
+from shapely import Point, box
 
+from pdmesh import Scene, build, ramp
 from pdmesh.model.document import Displacement, Material, Region, Run, Static, Velocity
 from pdmesh.model.material_constants import dimension_of
 from pdmesh.model.node_grid import Grid
+from pdpost.reading.stored_fields import vector
+from pdsolve.model import Model
 from pdsolve.options import Options
 from pdsolve.run.measures import books
 from pdsolve.run.prepare import prepare
@@ -142,3 +146,32 @@ def test_work_of_a_bar_in_space_at_rest_is_missed_by_the_square_of_the_step() ->
     """The error of the trapezoidal rule and of Simpson's beside it."""
     coarse, fine = (at_rest(HEIGHT / 5, steps)[1] for steps in (20, 40))
     assert fine < coarse / 3  # measured: 1.4e-3, 3.3e-4
+
+
+def pulled_evenly(rows: int, load_steps: int) -> tuple[float, float, float]:
+    """A bar of bonds all alike, pulled at rest: its first stiffness over E, its peak over f_t, and its last force."""
+    h = 0.05 / rows  # m
+    ends = h / 2, h / 2, LENGTH - h / 2, 0.05 - h / 2  # whole numbers of spacings between nodes
+    material = msgspec.structs.replace(CONCRETE, G0=120.0, shape="linear")
+    run = Run(solver="static", static=Static(load_steps=load_steps))
+    scene = Scene(box(*ends), h, material, 3.0, run).fix("left", x=0, y=None, rows=3).fix(Point(ends[:2]), x=0, y=0)
+    built = build(scene.fix("right", x=1.5e-4, y=None, profile=ramp(1), rows=3))
+    with simulate(Model(built.grid, built.settings), None, Options(threads=1)) as found:
+        table, first = found.reactions(), int(found.frames()[0][1])
+        middle = np.abs(found.nodes(first).position[:, 0] - LENGTH / 2) < LENGTH / 4
+        along = vector(found, "displacement", first)[middle, 0]
+        strain = np.polyfit(found.nodes(first).position[middle, 0], along, 1)[0]
+    force = np.abs(table["force_x"][table["condition"] == 2]) / (ends[3] - ends[1])
+    return float(force[1] / strain / material.E), float(force.max() / F_T), float(force[-1] / force.max())
+
+
+@pytest.mark.slow
+@PULLED_EVENLY
+@pytest.mark.filterwarnings("ignore:.*no notch:pdsolve.model.ModelWarning")
+@pytest.mark.parametrize(("rows", "load_steps", "stiff"), [(5, 16, 1.102), (5, 20, 1.102), (10, 20, 1.070)])
+def test_an_even_bar_passes_its_peak(rows: int, load_steps: int, stiff: float) -> None:
+    """All bonds along it soften together, so that tangents turn in circles. Corrected edges are stiff, and strong."""
+    stiffness, peak, left = pulled_evenly(rows, load_steps)
+    assert stiffness == pytest.approx(stiff, abs=0.002)  # measured 1.1018; 1.0702
+    assert peak == pytest.approx(1, abs=0.08)  # measured 1.072; 1.073
+    assert left < 0.1  # measured 0.022; 0.047

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import pdmesh
-from benchmarks.tear import GLASS, cut, torn
+from benchmarks.tear import GLASS, TIME, cut, torn
 from pdmesh.model.document import Material, Run
 from pdpost.measures.tips import forks, tips
 from pdsolve.model import Model, read_model
@@ -72,6 +72,22 @@ def test_a_cut_of_a_body(kernel: str) -> None:
         assert found.booked == pytest.approx(0.946, abs=0.001)  # of nine by nine nodes the edges are much
         assert found.taken == pytest.approx(found.booked, abs=0.01)  # measured -.006, .006
         assert found.bonds == 3079
+
+
+@pytest.mark.filterwarnings("ignore:.*above the bound:pdsolve.model.ModelWarning")  # in the thesis mode
+@pytest.mark.parametrize(("mode", "share"), [("conservative", 0.95), ("thesis", 0.0)])
+def test_a_run_says_what_a_cut_cost_beside_g0_times_its_area(mode: str, share: float) -> None:
+    """The balance is perfect in both modes, of which one takes nothing of the motion: half of a plate leaves."""
+    scene = pdmesh.Scene(pdmesh.box(0, 0, 0.02, 0.01), 1e-3, GLASS, 3.0, Run(duration=TIME, time_step=1.9e-7))
+    left = pdmesh.box(-1e-4, -1e-4, 0.0095, 0.0101)
+    built = pdmesh.build(scene.move(left, initial_velocity=(-50.0, 0.0)))
+    with simulate(Model(built.grid, built.settings), options=Options(mode)) as results:  # type: ignore[arg-type]
+        found = results.summary()
+    assert abs(found["balance"]) < 1e-3
+    cracks = found["cracks"]
+    assert cracks["area"] == pytest.approx(0.01, rel=0.02)  # measured 1.014
+    assert cracks["cost"] == pytest.approx(204.0 * cracks["area"])
+    assert cracks["spent"] / cracks["cost"] == pytest.approx(share, abs=0.01)  # measured 0.953; 0
 
 
 def test_in_the_thesis_mode_bonds_are_gone_at_once() -> None:

@@ -15,6 +15,7 @@ from pdmesh.model.materials.kind import (
 )
 
 SAME = 1e-12  # of Poisson's ratios: nearer than round-off
+NO_ROTATIONS = "load steps solve for displacements, not for the rotations that nodes of 'micropolar' have too"
 NEAR = 1e-3  # of Poisson's ratios: bonds whose shear is this soft are springs
 
 
@@ -39,14 +40,16 @@ def in_space(material: Material) -> Refusals:
 
 
 def from_rest(material: Material) -> Refusals:
-    """Solvers of plates at rest whose bonds do not soften know displacements alone."""
-    yield Refusal("model", "one without rotations at rest with 'micropolar'")
+    """Load steps, by which a start at rest is solved, know displacements alone."""
+    yield Refusal("model", f"another where the start is at rest: {NO_ROTATIONS}")
 
 
 def at_rest(material: Material, breaks: bool) -> Refusals:
     """Path steps follow bonds that soften; load steps know no rotations."""
-    if not (breaks and softens(material)):
-        yield Refusal("model", "one without rotations at rest with 'micropolar', unless law is 'cohesive'")
+    if not softens(material):
+        yield Refusal("model", f"another at rest, or law 'cohesive' with it: {NO_ROTATIONS}")
+    elif not breaks:
+        yield Refusal("model", f"another at rest with cracks of particles: {NO_ROTATIONS}")
 
 
 MICROPOLAR = Kind(

@@ -188,3 +188,20 @@ def test_every_command_refuses_in_one_line(tmp_path: Path, capsys: pytest.Captur
         assert mentions(said, "$.run.damping", found="1", expected="none")
         assert said.count("\n") == 1
     assert [file.name for file in tmp_path.iterdir()] == ["a.json"]
+
+
+@pytest.mark.parametrize(
+    ("run", "law", "expected"),
+    [
+        (Run(solver="static"), {}, "another at rest, or law 'cohesive' with it"),
+        (Run(solver="static", cracks="particles"), {"law": "cohesive", "f_t": 3e6}, "another at rest with cracks of"),
+        (Run(start="static"), {}, "another where the start is at rest"),
+    ],
+)
+def test_nodes_that_rotate_are_refused_at_rest_for_their_rotations(
+    run: Run, law: dict[str, Any], expected: str
+) -> None:
+    """The message said "expected one without rotations at rest", which named no model and no cause."""
+    beams = msgspec.structs.replace(GLASS, model="micropolar", nu=0.2, **law)
+    said = [str(wrong) for wrong in impossible(of(beams, run), 2) if wrong.place == "$.material.model"]
+    assert any(expected in each and "rotations that nodes of 'micropolar' have" in each for each in said)

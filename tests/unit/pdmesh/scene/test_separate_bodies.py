@@ -11,12 +11,13 @@ import numpy as np
 import pytest
 from messages import naming
 
-from pdmesh import Body, GridError, Material, Run, Scene, SceneError, box, build
+from pdmesh import Body, GridError, Heat, Material, Run, Scene, SceneError, box, build
 from pdmesh.drawing.plate_of_groups import scene_of
 from pdmesh.drawing.plate_places import Group
 from pdmesh.model.contact import Contact
 from pdmesh.model.document import InitialVelocity, Region, RigidBody, read_document
 from pdmesh.model.node_grid import grid_of
+from pdmesh.model.refused_settings import impossible
 from pdmesh.model.selection import check
 from pdmesh.reports.report import info, info_lines
 from pdmesh.scene.solids import brick
@@ -235,3 +236,37 @@ def test_a_rigid_body_that_a_condition_holds_is_refused_where_it_is_built() -> N
     assert build(wall).grid.bodies is not None
     with pytest.raises(GridError, match=naming("$.conditions[", "rigid", "held")):
         build(wall.fix(box(30 * MM, 0, 40 * MM, 10 * MM), x=0.0))
+
+
+WARM = Material(E=70e9, rho=2500.0, G0=8.0, alpha=9e-6, T0=293.0)
+TOGETHER: dict[str, tuple[Callable[[], Scene | Body], str, str]] = {
+    "heat in a plate": (
+        lambda: (
+            Scene(box(0, 0, 20 * MM, 10 * MM), MM, WARM, medium=Heat(k=1.0, c=800.0))
+            .body(box(21 * MM, 0, 26 * MM, 10 * MM), "striker")
+            .temperature("left", 300.0)
+        ),
+        "$.physics: found thermoelastic, expected mechanics",
+        "contact is that of mechanics alone",
+    ),
+    "heat in space": (
+        lambda: Body(brick((0, 0, 0), (5 * MM, 5 * MM, 5 * MM)), MM, WARM, medium=Heat(k=1.0, c=800.0)).body(
+            brick((6 * MM, 0, 0), (9 * MM, 5 * MM, 5 * MM)), "striker"
+        ),
+        "$.physics: found thermoelastic, expected mechanics",
+        "contact is that of mechanics alone",
+    ),
+    "a fine zone": (
+        lambda: scene().adapt("hybrid"),
+        "$.run.adapt: found hybrid, expected none",
+        "adaptive cells are those of one body alone",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", TOGETHER)
+def test_what_bodies_in_contact_do_not_take_is_refused_for_its_reason(case: str) -> None:
+    """Not for a medium that the body beside lacks, or in words that fit any setting."""
+    model, place, reason = TOGETHER[case]
+    built = build(model())
+    assert any(place in str(wrong) and reason in str(wrong) for wrong in impossible(built.settings, 2))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree
@@ -13,7 +14,8 @@ import pytest
 from messages import naming
 from tampered import tampered
 
-from pdpost.exports import frame_files
+from pdpost.__main__ import main
+from pdpost.exports import frame_files, node_sets
 from pdpost.exports.frame_files import ExportError
 from pdpost.measures.cracked_nodes import damage_at
 from pdsolve.results import Results, ResultsError
@@ -209,3 +211,22 @@ def test_vtk_reads_a_series(small_results: Path, tmp_path: Path) -> None:
     assert vtk_to_numpy(grid.GetPoints().GetData())[:, :2] == pytest.approx(nodes.position)
     assert np.array_equal(vtk_to_numpy(data.GetArray("displacement")), u)
     assert np.array_equal(vtk_to_numpy(data.GetArray("node")), nodes.ids)
+
+
+def test_conditions_are_sets_of_nodes_by_their_names(
+    small_results: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "a.vtu"
+    assert main(["export", str(small_results), "-o", str(path), "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)["conditions"]
+    with Results.open(small_results) as results:
+        named = json.loads(results.model())["conditions"]
+        sets = node_sets.node_sets(results, 0)
+    assert len(said) == len(named) > 1
+    mesh = meshio.read(path)
+    for number, (name, nodes) in enumerate(said.items()):
+        assert name == f"{named[number]['kind']} {named[number].get('name') or number}"
+        assert mesh.point_data[name].sum() == sets[name].sum() == nodes > 0
+    assert main(["export", str(small_results), "-o", str(path), "--force"]) == 0
+    first = next(iter(said))
+    assert f"conditions, with their nodes: {first} ({said[first]})" in capsys.readouterr().out

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -18,13 +19,24 @@ from numpy.typing import NDArray
 from pages import GUIDE
 from plates import ROOT
 
-from pdpost.figures import bond_figure, colours, field_figure, level_figure, sheets, style, tradeoff_figure
+from pdpost.figures import (
+    animation,
+    bond_figure,
+    colours,
+    crack_figure,
+    field_figure,
+    level_figure,
+    sheets,
+    style,
+    tradeoff_figure,
+)
 from pdpost.figures.labels import prefixed
 from pdpost.figures.style import FigureError
-from pdpost.measures import plate_geometry
+from pdpost.measures import crack_summary, plate_geometry
 from pdpost.measures.bond_pairs import pairs
 from pdpost.measures.cracked_nodes import damage_at
 from pdpost.measures.fields import FIELDS, FieldError
+from pdpost.measures.tips import tips
 from pdsolve.results import Breaks, Families, Frame, Results, ResultsError, Writer
 from pdsolve.run.measures import Ledger
 
@@ -136,9 +148,30 @@ def test_colours_end_at_the_usual_largest() -> None:
     assert colours.usual(values) == 2.0
     shown = colours.colours("stress", "xx", values)
     assert (shown.low, shown.high, shown.beyond) == (-2.0, 2.0, "min")
+    assert shown.words == "stress, xx, Pa\n(smallest -100)"
     assert colours.colours("energy", "", np.array([1.0, np.nan, 3e3])).label == "strain energy, kJ/m³"
     assert colours.colours("acceleration", "magnitude", np.array([2e7])).label == "acceleration, 10⁶ m/s²"
     assert colours.colours("strain", "xx", np.array([2e-3])).label == "strain, xx, 10⁻³"
+
+
+def test_the_largest_that_a_picture_names_is_the_field_s() -> None:
+    """The bar ends at 2 kJ/m^3, where all but one node are, and says what the last one has."""
+    values = np.full(1000, 2e3)
+    values[7] = 123456.0
+    shown = colours.colours("energy", "", values)
+    assert (shown.high, shown.words) == (2e3, "strain energy, kJ/m³\n(largest 123.5)")
+    assert colours.colours("energy", "", values, 1e3).words == "strain energy, kJ/m³\n(largest 123.5)"
+    assert colours.colours("energy", "", values, 1e6).words == "strain energy, MJ/m³"
+    velocity = colours.colours("velocity", "x", np.concatenate([values, [-3e4, -3e4]]), 1e3)
+    assert velocity.words == "velocity, x, 10³ m/s\n(smallest -30, largest 123.5)"
+
+
+def test_a_film_names_the_largest_of_all_frames(small_results: Path) -> None:
+    with Results.open(small_results) as results:
+        steps = results.frames()[0].tolist()
+        box = sheets.box_of([sheets.shape(results, steps[0], 0.0)])
+        ranges = [animation._range(results, "energy", step, "", box) for step in steps]
+        assert max(high for *_, high in ranges) == max(results.field("energy", step).max() for step in steps)
 
 
 def torn_plate() -> tuple[Results, NDArray[np.float64]]:
@@ -360,3 +393,18 @@ def test_the_nodes_by_level(small_results: Path, tmp_path: Path) -> None:
     dots = figure.axes[0].collections[0]
     assert np.asarray(dots.get_offsets()) == pytest.approx(nodes.position * 1e3)
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["1 mm: 252 nodes", "pre-crack"]
+
+
+def test_the_legend_of_a_crack_covers_no_branch(small_results: Path) -> None:
+    """It stands below the plate, on which branches may run anywhere."""
+    from drawn import lattice, run
+
+    branches = tips(run(lattice(), [(x, x, y) for x in range(5, 16) for y in (-1, 0, 1)]))
+    wide = [replace(one, line=np.zeros_like(one.line)) for one in branches]
+    with Results.open(small_results) as results:
+        figure = crack_figure.crack(results, replace(crack_summary.crack(results), branches=wide))
+    assert figure.axes[0].get_legend() is None
+    (legend,) = figure.legends
+    assert [text.get_text() for text in legend.get_texts()] == ["wider than a crack"]
+    figure.canvas.draw()
+    assert not legend.get_window_extent().overlaps(figure.axes[0].get_window_extent())

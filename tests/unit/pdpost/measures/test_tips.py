@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from drawn import at_steps, lattice, run
@@ -244,6 +246,22 @@ def test_a_known_speed(angle: float) -> None:
     within = (branch.speed.low <= 1000) & (branch.speed.high >= 1000)
     assert within.mean() > 0.85
     assert branch.length == pytest.approx(60e-3, rel=0.03)
+
+
+def test_a_mean_speed_ends_where_the_crack_reaches_the_edge() -> None:
+    """The last nodes come off 30 us after the tip passed; a crack that stops inside has all of its points."""
+    nodes = bare(60, 40, below=5)
+    along, across = nodes.position.T - nodes.position.min(axis=0)[:, None]
+    steps = np.maximum(np.round(along / 1e-4), 1)
+    right = along.max()
+    late = np.where(along > right - 1.5e-3, steps + 300, steps)
+    line = np.abs(across - np.median(across)) < 1e-3
+    through = tips(at_steps(nodes, np.where(line, late, -1), time_step=1e-7))[0]
+    assert through.mean_speed == pytest.approx(1000.0, rel=0.02)  # measured 1001.8
+    whole = replace(through, inside=None).mean_speed
+    assert whole == pytest.approx(660, abs=20)  # measured 663.7
+    short = tips(at_steps(nodes, np.where(line & (along < right - 10e-3), steps, -1), time_step=1e-7))[0]
+    assert short.inside is None
 
 
 @pytest.mark.slow

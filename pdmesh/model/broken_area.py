@@ -1,0 +1,108 @@
+"""The area of the cracks that broken bonds make, by the measure of the lattice.
+
+The bonds that a crack cuts in a full lattice hold G0 times its area, in the mean of cracks along a row and at 45
+degrees, when each is at the critical stretch. A bond's share of this sum is its share of the area. Beside edges and
+holes a bond stands for those that are missing there, by the sums of the bonds of its two nodes.
+
+    share = c |xi| s_c^2 A_i A_j / 2, for E = 1 and G0 = 1
+
+Two materials count by the mean of their G0. What bonds have taken from the motion is another number, whatever law
+they have.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.lattice_calibration import calibration, has_partial_cells, hu_beta
+from pdmesh.model.material import Material
+from pdmesh.model.material_constants import critical_stretch, dimension_of, micromodulus
+from pdmesh.model.neighbours import ROWS, Neighbours, lengths
+from pdmesh.model.node_arrays import Grid
+
+MISSING = 4.0  # times: most that a bond stands for, where nearly all others of its nodes are missing
+
+
+class BrokenArea(NamedTuple):
+    """Cracks that bonds have made by breaking."""
+
+    area: float  # m, in a body in space m^2
+    cost: float  # J/m or J: G0 times this area
+
+
+class _Shares:
+    """Shares of bonds in the area of a crack, in lattices of one material and one ratio of horizon to spacing."""
+
+    def __init__(self, material: Material, ratio: float) -> None:
+        self._unit = msgspec.structs.replace(material, E=1.0, G0=1.0)
+        self._ratio, self._partial = ratio, has_partial_cells(material)
+        factors = calibration(ratio, material, self._partial)
+        stretch = factors.stretch * float(critical_stretch(self._unit, np.array([ratio]))[0])
+        self._factors, self._half = factors, factors.stiffness * stretch**2 / 2
+        side = np.arange(-np.ceil(ratio + 1), np.ceil(ratio + 2))
+        ways = np.stack(np.meshgrid(*(side,) * dimension_of(material.plane), indexing="ij"), axis=-1)
+        family = lengths(ways.reshape(-1, dimension_of(material.plane)))
+        self.whole = float(self.of(family[family > 0]).sum())
+
+    @property
+    def reach(self) -> float:
+        """How far bonds reach, spacings."""
+        return self._ratio + 0.5 * self._partial
+
+    def of(self, length: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Shares (b,) of bonds `length` (b,) spacings long between whole cells, of a spacing's area; 0 of none."""
+        horizon, one = np.full(len(length), self._ratio), np.ones(len(length))
+        c = micromodulus(self._unit, length, horizon) * self._factors.shells.at(length)
+        seen = hu_beta(length, horizon, one) if self._partial else length <= self.reach * (1 + 1e-9)
+        return np.asarray(self._half * c * seen * length)
+
+
+def broken_area(
+    grid: Grid,
+    ratio: float,
+    materials: tuple[Material, ...],
+    material_of: NDArray[np.int64],
+    source: NDArray[np.int64],
+    target: NDArray[np.int64],
+) -> BrokenArea:
+    """The area of cracks whose broken bonds go from the rows `source` (b,) to `target` (b,), each in both directions.
+
+    `material_of` (n,) are numbers of `materials`.
+    """
+    d = grid.dimension
+    own = [
+        _Shares(msgspec.structs.replace(material, plane="space") if d == 3 else material, ratio)
+        for material in materials
+    ]
+    position, delta, cells = grid.position, grid.delta, grid.cells
+    G0 = np.array([material.G0 for material in materials])[material_of]
+
+    def shares(
+        source: NDArray[np.int64], target: NDArray[np.int64], length: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Shares of directed pairs (b,) by the material of their sources, over the spacing's area, cells counted."""
+        h, number, out = delta[source], material_of[source], np.zeros(len(source))
+        for each, of_material in enumerate(own):
+            some = np.flatnonzero(number == each)
+            out[some] = of_material.of(length[some] / h[some])
+        return np.asarray(out * cells[target] / h**d)
+
+    rows, which = np.unique(source, return_inverse=True)
+    there, reach = np.zeros(len(rows)), max(each.reach for each in own)
+    near = Neighbours(position, delta, reach * delta)
+    body = None if grid.bodies is None else grid.bodies.number
+    for first in range(0, len(rows), ROWS):
+        pairs = near.pairs(rows[first : first + ROWS])
+        found = shares(*pairs)
+        if body is not None:
+            found = np.where(body[pairs.source] == body[pairs.target], found, 0.0)
+        there += np.bincount(np.searchsorted(rows, pairs.source), found, len(rows))
+    whole = np.array([each.whole for each in own])[material_of[rows]]
+    stands_for = np.clip(whole / np.maximum(there, whole / MISSING), 1.0, MISSING)
+    length = lengths(position[target] - position[source])
+    each_way = shares(source, target, length) * cells[source] / delta[source] * stands_for[which] / 2
+    return BrokenArea(float(each_way.sum()), float((each_way * (G0[source] + G0[target]) / 2).sum()))

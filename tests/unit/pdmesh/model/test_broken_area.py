@@ -1,0 +1,63 @@
+"""The area of broken bonds is that of the cuts they make, whichever way, of plates and blocks, at edges too."""
+
+from __future__ import annotations
+
+import msgspec
+import numpy as np
+import pytest
+from plates import GLASS, square_grid
+
+from pdmesh.model.broken_area import broken_area
+from pdmesh.model.document import Material
+from pdmesh.model.neighbours import Neighbours
+from pdmesh.model.node_grid import Grid
+
+
+def block(side: int) -> Grid:
+    place = np.arange(side) + 0.5
+    position = np.stack(np.meshgrid(place, place, place, indexing="ij"), axis=-1).reshape(-1, 3)
+    nowhere = np.full(len(position), -1)
+    return Grid(np.arange(len(position)), position, np.ones(len(position)), nowhere >= 0, nowhere, np.zeros((0, 9)))
+
+
+def cut(grid: Grid, way: tuple[float, ...], ratio: float, material: Material = GLASS) -> float:
+    """The area of a cut through the middle of a grid across `way`, over that of the cut itself."""
+    reach = ratio + 0.5 * (material.micromodulus == "constant")
+    pairs = Neighbours(grid.position, grid.delta, reach * grid.delta).pairs(np.arange(len(grid)))
+    side = (grid.position - grid.position.mean(axis=0)) @ np.array(way) > 0
+    some = side[pairs.source] != side[pairs.target]
+    number = np.zeros(len(grid), dtype=np.int64)
+    found = broken_area(grid, ratio, (material,), number, pairs.source[some], pairs.target[some])
+    assert found.cost == pytest.approx(material.G0 * found.area)
+    return found.area
+
+
+@pytest.mark.parametrize(
+    ("profile", "ratio", "row", "diagonal"),
+    [
+        ("conical", 2.0, 1.032, 0.973),
+        ("conical", 3.0, 1.003, 0.998),
+        ("constant", 3.0, 0.999, 1.004),
+        ("constant", 4.0, 1.004, 0.999),
+    ],
+)
+def test_a_cut_of_a_plate_has_its_length(profile: str, ratio: float, row: float, diagonal: float) -> None:
+    """Right is 1: both directions differ by what the lattice's own energy differs by, in the mean they are right."""
+    material = msgspec.structs.replace(GLASS, micromodulus=profile)
+    grid = square_grid(60, 60, 1e-3)
+    along, across = cut(grid, (0.0, 1.0), ratio, material), cut(grid, (1.0, 1.0 + 1e-9), ratio, material)
+    assert along / 60e-3 == pytest.approx(row, abs=0.001)  # measured
+    assert across / (60e-3 * np.sqrt(2)) == pytest.approx(diagonal, abs=0.001)  # measured
+
+
+def test_a_cut_of_a_block_has_its_area() -> None:
+    assert cut(block(12), (0.0, 0.0, 1.0), 3.0) / 144 == pytest.approx(1.012, abs=0.001)  # measured
+
+
+def test_of_two_materials_half_of_each_counts() -> None:
+    grid, tough = square_grid(20, 20, 1e-3), msgspec.structs.replace(GLASS, G0=3 * GLASS.G0)
+    pairs = Neighbours(grid.position, grid.delta, 3 * grid.delta).pairs(np.arange(len(grid)))
+    upper = (grid.position[:, 1] > grid.position[:, 1].mean()).astype(np.int64)
+    some = upper[pairs.source] != upper[pairs.target]
+    found = broken_area(grid, 3.0, (GLASS, tough), upper, pairs.source[some], pairs.target[some])
+    assert found.cost == pytest.approx(2 * GLASS.G0 * found.area)
