@@ -65,7 +65,7 @@ def prepare(model: Model, threads: int | None = None, listed: bool = False) -> t
     bonds = (lambda: stored.bonds) if run.adapt == "collocation" else partial(Families, model)
     if done.fluxes:
         inside = Fick(stored.exchange, bonds, medium, None, change)
-        done = with_fluxes(done, _cloud(stored.bonds, inside), medium.surface_correction)
+        done = with_fluxes(done, _cloud(stored.bonds, inside))
     operator, drive = Fick(stored.exchange, bonds, medium, done.exchange, change), done.drive()
     content, operator.solid = begin(model, drive)
     most = bound(operator, done.free)
