@@ -153,6 +153,22 @@ def test_rows_behind_each_other_share_an_exchange() -> None:
     assert np.ptp(operator.outside) < 1e-9 * operator.outside[0]
 
 
+def test_a_strong_exchange_leaves_explicit_steps_long() -> None:
+    """Nodes on an edge take the outside to be a quarter of a spacing away in explicit steps, not in implicit ones."""
+    bounds, rates = [], []
+    for solver in ("explicit", "implicit"):
+        run = Run(solver=solver, time_step=1e-3, steps=1)  # type: ignore[arg-type]
+        scene = Scene(box(0, 0, 8 * H, 8 * H), H, medium=Medium(D=1e-6), horizon=3.0, run=run)
+        built = build(scene.exchange("left", coefficient=1e3, outside=0.0))
+        system, _ = prepare(Model(built.grid, built.settings), 1)
+        bounds.append(system.bound)
+        rates.append(float(system.operator.outside.max()))
+    free = Scene(box(0, 0, 8 * H, 8 * H), H, medium=Medium(D=1e-6), horizon=3.0)
+    built = build(free)
+    assert bounds[0] > 0.1 * prepare(Model(built.grid, built.settings), 1)[0].bound
+    assert rates[1] > 1e4 * rates[0]
+
+
 def test_a_weak_exchange_of_listed_nodes_takes_its_whole_extent() -> None:
     """Without an edge in the file it is where cells end: a disc loses h 2 pi a times the difference, to 1e-4."""
     position = lattice(H, 10 * H, 2)
