@@ -258,4 +258,4 @@ def _entering(
         missing = -pull[several] - np.einsum("rdw,rw->rd", some, first)
         change = np.einsum("rwd,rd->rw", np.linalg.pinv(some, rcond=ALIKE / 2), missing)
         found[:, several] = np.maximum(first + change, 0.0).T
-    return found
+    return np.asarray(found)

@@ -56,7 +56,7 @@ class Faces(NamedTuple):
 
     def chosen(self, which: NDArray[np.bool_]) -> Faces:
         """The faces selected by a mask (f,)."""
-        return Faces(*(column[which] for column in self))
+        return Faces(self.middle[which], self.normal[which], self.area[which], self.edge[which], self.beyond[which])
 
 
 class Edges(NamedTuple):
@@ -182,10 +182,14 @@ class _Near(NamedTuple):
 
     def nearest(self, rows: int) -> Rows:
         """The nearest face of each row; any one of a row that has none."""
-        return self.face[np.searchsorted(self.at, np.arange(rows)).clip(max=len(self.face) - 1)]
+        return np.asarray(self.face[self.first(rows)])
+
+    def first(self, rows: int) -> Rows:
+        """Where the nearest face of each row is in this list; anywhere for a row that has none."""
+        return np.asarray(np.searchsorted(self.at, np.arange(rows)).clip(max=len(self.at) - 1))
 
     def chosen(self, which: NDArray[np.bool_]) -> _Near:
-        return _Near(*(column[which] for column in self))
+        return _Near(self.at[which], self.face[which], self.length[which], self.away[which])
 
 
 def _near(bonds: Bonds, faces: Faces, rows: Rows) -> _Near:
@@ -209,9 +213,9 @@ def _prescribed(bonds: Bonds, faces: Faces, free: NDArray[np.bool_], rows: Rows)
     bonded = np.bincount(np.searchsorted(rows, pairs.source), ~free[pairs.target], minlength=len(rows)) > 0
     some = (bonded | (faces.edge[nearest] >= 0)) & (size > FLAT * total)
     normal = np.where(some[:, None], normal / np.where(some, size, 1.0)[:, None], 0.0)
-    depth = np.bincount(near.at, weight * (normal[near.at] * near.away).sum(axis=1), minlength=len(rows))
+    depth = _depths(near, weight, normal)
     depth = np.maximum(depth / np.where(some, total, 1.0), NEAREST * bonds.delta[rows])
-    first = _first(near, len(rows))
+    first = near.length[near.first(len(rows))]
     none = np.zeros(len(rows))
     return Wall(normal, depth, faces.edge[nearest], none, first).without(~some)
 
@@ -233,17 +237,21 @@ def _exchanging(bonds: Bonds, faces: Faces, rows: Rows, earlier: Sequence[Array]
     normal, total, size = _mean_normal(near.at, weight, normals, len(rows))
     some = size > FLAT * total
     normal = np.where(some[:, None], normal / np.where(some, size, 1.0)[:, None], 0.0)
-    depth = np.bincount(near.at, weight * (normal[near.at] * near.away).sum(axis=1), minlength=len(rows))
+    depth = _depths(near, weight, normal)
     depth = np.maximum(depth / np.where(some, total, 1.0), 0.0)
-    return Wall(normal, depth, faces.edge[nearest], faces.beyond[nearest], _first(near, len(rows))).without(~some)
+    return Wall(normal, depth, faces.edge[nearest], faces.beyond[nearest], near.length[near.first(len(rows))]).without(
+        ~some
+    )
 
 
 def _mean_normal(at: Rows, weight: Array, normals: Array, rows: int) -> tuple[Array, Array, Array]:
     """Weighted sums (r, d) of normals, the sums (r,) of weights, and the lengths (r,) of the first."""
     normal = summed(np.arange(rows), at, weight[:, None] * normals)
-    return normal, np.bincount(at, weight, minlength=rows), np.sqrt((normal**2).sum(axis=1))
+    total = np.bincount(at, weight, minlength=rows).astype(float)
+    return normal, total, np.asarray(np.sqrt((normal**2).sum(axis=1)))
 
 
-def _first(near: _Near, rows: int) -> Array:
-    """The distance (r,) of the nearest face, m; any one of a row that has none."""
-    return near.length[np.searchsorted(near.at, np.arange(rows)).clip(max=len(near.length) - 1)]
+def _depths(near: _Near, weight: Array, normal: Array) -> Array:
+    """Weighted sums (r,) of the ways to faces along the normals (r, d) of rows."""
+    along = weight * (normal[near.at] * near.away).sum(axis=1)
+    return np.bincount(near.at, along, minlength=len(normal)).astype(float)
