@@ -98,7 +98,7 @@ def test_a_slab_of_any_strength_cools_by_the_series(Bi: float) -> None:
     cooling = cooled(scene.exchange("left", coefficient=Bi * D / a, outside=0.0), a)
     exact, mean = zip(*(slab(1 - cooling.position[:, 0] / a, Fo, Bi) for Fo in cooling.Fo), strict=True)
     off, lost = errors(cooling, list(exact), list(mean))
-    assert off < 0.01  # measured, as listed: .0003, .0009, .0022, .0040, .0054, .0055, .0061, .0066
+    assert off < 0.01  # measured, as listed: .0003, .0009, .0022, .0040, .0054, .0055, .0061, .0063
     assert lost < 0.01  # measured: .0005 at most
 
 
