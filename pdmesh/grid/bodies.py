@@ -19,6 +19,7 @@ from pdmesh.model.document import (
     ON_ONE_LATTICE,
     AnyCondition,
     Concentration,
+    Exchange,
     Horizon,
     InitialVelocity,
     Lattice,
@@ -31,6 +32,7 @@ from pdmesh.model.document import (
     Spring,
 )
 from pdmesh.model.node_grid import Grid, whole_lattice
+from pdmesh.model.surface_feet import ways_to
 from pdmesh.model.triangulated_surface import distances
 from pdmesh.scene.body import Body, CrackFace, SolidCondition, Where
 from pdmesh.scene.conditions import describe
@@ -266,11 +268,15 @@ def _condition(condition: SolidCondition, body: Body, cloud: Cloud) -> AnyCondit
         changed |= {"rows": condition.rows, "surface": surface}
     if isinstance(action, Spring) and action.stiffness is not None:
         changed |= {"rows": condition.rows, "surface": surface}
-    if isinstance(action, Concentration) and isinstance(where, str):
+    if isinstance(action, Concentration | Exchange) and isinstance(where, str):
         axis, end = SIDES[where]
         way = np.zeros((len(rows), 3))
         way[:, axis] = float(body.shell.bounds[(end + 1) // 2, axis]) - cloud.position[rows, axis]
         changed["edge"] = tuple(map(tuple, way.tolist()))
+    if isinstance(action, Concentration | Exchange) and isinstance(where, Sheet):
+        way, above = ways_to(cloud.position[rows], where.triangles, np.inf)
+        rows, way = (rows[above], way[above]) if above.any() else (rows, way)
+        changed |= {"nodes": tuple((rows + 1).tolist()), "edge": tuple(map(tuple, way.tolist()))}
     return sampled(msgspec.structs.replace(action, **changed), condition.functions, cloud.position[rows], place)
 
 

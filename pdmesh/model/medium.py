@@ -103,13 +103,15 @@ class Source(Timed, frozen=True, kw_only=True, tag="source", tag_field="kind"):
 class Exchange(Timed, frozen=True, kw_only=True, tag="exchange", tag_field="kind"):
     """A flux through an edge (``length``, m) or a ``surface`` (m^2), proportional to a concentration difference.
 
-    It is ``coefficient`` (m/s) times (``value`` - C); `profile` is that of the value, mol/m^3.
+    It is ``coefficient`` (m/s) times (``value`` - C); `profile` is that of the value, mol/m^3. `edge` holds the vector
+    from each of `nodes` to the edge, m; without it, the edge is where the nodes' cells end.
     """
 
     coefficient: Positive
     value: AmountOfPlace = 0.0
     length: Positive | None = None
     surface: Positive | None = None
+    edge: tuple[Vector, ...] | None = None
 
 
 class InitialConcentration(Selection, frozen=True, kw_only=True, tag="initial concentration", tag_field="kind"):

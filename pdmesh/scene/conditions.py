@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from pdmesh.model.document import AnyCondition, Concentration, Load, MediumRegion, Point, Region, Spring
+from pdmesh.model.document import AnyCondition, Concentration, Exchange, Load, MediumRegion, Point, Region, Spring
 from pdmesh.model.plain_numbers import PlainFields
 from pdmesh.scene.edge_shares import Pulls, shares
 from pdmesh.scene.functions_of_place import Function, sampled
@@ -127,7 +127,7 @@ class PlacedCondition:
             found |= {"rows": 1, "shares": tuple(parts.tolist())} if self.pulls else {}
         if isinstance(self.action, Spring) and self.action.stiffness is not None:
             found |= {"rows": self.place.rows, "length": float(self.place.shape.length)}
-        if isinstance(self.action, Concentration) and isinstance(self.place.shape, Curve):
+        if isinstance(self.action, Concentration | Exchange) and isinstance(self.place.shape, Curve):
             at = shapely.points(position[rows])
             feet = shapely.line_interpolate_point(self.place.shape, shapely.line_locate_point(self.place.shape, at))
             found["edge"] = tuple(map(tuple, (shapely.get_coordinates(feet) - position[rows]).tolist()))

@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 from pdmesh.model.document import Concentration, Exchange, InitialConcentration, Solid, Source, Timed
 from pdmesh.model.values_of_place import Value
 from pdsolve.conditions import Drive, Entries, chosen, drive_of, entries, held, hold_values
-from pdsolve.diffusion.edge_fluxes import Cloud, beside_edge, is_coarse, outward, over_cells, parts
-from pdsolve.diffusion.families import diffusivities, extended
-from pdsolve.diffusion.surfaces import Faces, Held, nothing
+from pdsolve.diffusion.edge_fluxes import Cloud, beside_edge, over_cells
+from pdsolve.diffusion.exchange_faces import ON_EDGE, extent_of, outer_faces, ways_to_edge
+from pdsolve.diffusion.families import extended
+from pdsolve.diffusion.walls import NEAREST, Edges, Faces, nothing
 from pdsolve.model import Model, ModelError
-
-ON_EDGE = 1e-3  # of a spacing
 
 Profile = tuple[tuple[float, float], ...]
 
@@ -37,7 +36,8 @@ class Flux(NamedTuple):
     condition: Source | Exchange
     rows: NDArray[np.int64]  # (k,)
     profile: int
-    walled: NDArray[np.bool_]  # (k,) nodes at which it is a prescribed value outside
+    walled: NDArray[np.bool_]  # (k,) nodes through whose wall it goes; see `surfaces`
+    spread: bool  # whether nodes behind the edge take shares that leave linear fields exact
     value: OnEdge  # the flux, mol/(m^2 s), or what is outside, mol/m^3
 
 
@@ -49,7 +49,7 @@ class BoundaryConditions(NamedTuple):
     supplied: list[Entries]  # mol/(m^3 s), of nodes that are not held
     free: NDArray[np.bool_]  # (n,) nodes that are not held
     exchange: NDArray[np.float64]  # (n,) 1/s: what goes out for each mol/m^3
-    edges: Held
+    edges: Edges
     at_edges: list[tuple[OnEdge, int]]  # what each held edge holds, and its profile
     fluxes: list[Flux]
 
@@ -60,12 +60,14 @@ class BoundaryConditions(NamedTuple):
 
 
 def with_edges(done: BoundaryConditions, to_edge: NDArray[np.float64], edge: NDArray[np.int64]) -> BoundaryConditions:
-    """Conditions with a conductance, 1/s, from each node (n,) to the `edge` (n,) of that number; -1: to none."""
-    supplied = list(done.supplied)
-    for number, (held_there, profile) in enumerate(done.at_edges):
-        rows = np.flatnonzero((edge == number) & (to_edge > 0))
-        supplied.append(entries(rows, 0, to_edge[rows] * held_there.values(rows), profile))
-    return done._replace(supplied=supplied, exchange=done.exchange + np.where(edge >= 0, to_edge, 0.0))
+    """Conditions with conductances (w, n), 1/s, from each node to the `edge` (w, n) of that number; -1: to none."""
+    supplied, exchange = list(done.supplied), done.exchange
+    for conductance, of_edge in zip(to_edge, edge, strict=True):
+        for number, (held_there, profile) in enumerate(done.at_edges):
+            rows = np.flatnonzero((of_edge == number) & (conductance > 0))
+            supplied.append(entries(rows, 0, conductance[rows] * held_there.values(rows), profile))
+        exchange = exchange + np.where(of_edge >= 0, conductance, 0.0)
+    return done._replace(supplied=supplied, exchange=exchange)
 
 
 def boundary_conditions(model: Model, volume: NDArray[np.float64]) -> BoundaryConditions:
@@ -76,6 +78,7 @@ def boundary_conditions(model: Model, volume: NDArray[np.float64]) -> BoundaryCo
     held: list[Entries] = []
     supplied: list[Entries] = []
     at_edges: list[tuple[OnEdge, int]] = []
+    extents: list[float] = []
     edges = [nothing(len(extended(model)))]
     fluxes: list[Flux] = []
     for number, condition in enumerate(model.settings.conditions):
@@ -90,6 +93,7 @@ def boundary_conditions(model: Model, volume: NDArray[np.float64]) -> BoundaryCo
                 rows, faces = _edge(model, number, condition, len(at_edges))
                 edges.append(faces)
                 at_edges.append((OnEdge(model, condition.value), profile))
+                extents.append(0.0)
                 on_edge[rows] = True
             held.append(entries(rows, 0, model.values(condition.value, rows), profile))
             free[rows] = False
@@ -97,28 +101,28 @@ def boundary_conditions(model: Model, volume: NDArray[np.float64]) -> BoundaryCo
         if isinstance(condition, Source) and condition.rate is not None:
             supplied.append(entries(rows, 0, model.values(condition.rate, rows), profile))
         else:
-            walled = np.zeros(len(rows), dtype=bool)
+            walled, spread = np.zeros(len(rows), dtype=bool), _is_corrected(model)
             if isinstance(condition, Exchange) and _has_edges(model):
-                faces, walled = _outside(model, condition, rows, volume[rows], len(at_edges))
+                spread = False
+                rows, walled, faces, extent = outer_faces(model, number, rows, volume[rows], len(at_edges))
                 edges.append(faces)
                 at_edges.append((OnEdge(model, condition.value), profile))
+                extents.append(extent)
             through = condition.flux if isinstance(condition, Source) else condition.value
-            fluxes.append(Flux(condition, rows, profile, walled, OnEdge(model, through or 0.0)))
+            fluxes.append(Flux(condition, rows, profile, walled, spread, OnEdge(model, through or 0.0)))
     supplied = [chosen(each, free[each.node]) for each in supplied]
-    together = Faces(*(np.concatenate(column) for column in zip(*edges[::-1], strict=True)))  # the last one holds
-    return BoundaryConditions(profiles, held, supplied, free, exchange, Held(on_edge, together), at_edges, fluxes)
+    faces = Faces(*(np.concatenate(column) for column in zip(*edges[::-1], strict=True)))  # the last one holds
+    nearest = 0.0 if model.settings.run.solver in ("implicit", "static") else NEAREST
+    together = Edges(on_edge, faces, np.array(extents), nearest)
+    return BoundaryConditions(profiles, held, supplied, free, exchange, together, at_edges, fluxes)
 
 
-def with_fluxes(done: BoundaryConditions, cloud: Cloud, corrected: bool) -> BoundaryConditions:
-    """Conditions with the fluxes through edges; `corrected`: where they leave linear fields exact."""
+def with_fluxes(done: BoundaryConditions, cloud: Cloud) -> BoundaryConditions:
+    """Conditions with the fluxes through edges."""
     supplied, exchange = list(done.supplied), done.exchange.copy()
-    for condition, rows, profile, walled, value in done.fluxes:
-        extent, coarse = _extent(condition), ~walled
-        coarse &= isinstance(condition, Exchange) and is_coarse(
-            cloud.delta[rows], cloud.diffusivity[rows], condition.coefficient
-        )
-        spread = over_cells(cloud, rows, walled) if coarse.any() or not corrected else None
-        found = spread or beside_edge(cloud, rows, extent, walled)
+    for condition, rows, profile, walled, spread, value in done.fluxes:
+        extent = extent_of(condition)
+        found = beside_edge(cloud, rows, extent, walled) if spread else over_cells(cloud, rows, walled)
         share = extent * found.share / cloud.volume[found.rows]
         if isinstance(condition, Source):
             rate = value.values(found.rows) * share
@@ -133,54 +137,25 @@ def with_fluxes(done: BoundaryConditions, cloud: Cloud, corrected: bool) -> Boun
 
 def _has_edges(model: Model) -> bool:
     """Whether values are prescribed on edges as such; otherwise on the nodes beside them."""
-    medium, run = model.settings.medium, model.settings.run
-    return medium is not None and medium.surface_correction and run.adapt != "collocation"
+    return _is_corrected(model) and model.settings.run.adapt != "collocation"
+
+
+def _is_corrected(model: Model) -> bool:
+    """Whether bonds near surfaces are corrected."""
+    return model.settings.medium is not None and model.settings.medium.surface_correction
 
 
 def _edge(model: Model, number: int, condition: Concentration, edge: int) -> tuple[NDArray[np.int64], Faces]:
     """Nodes on the edge, which have the prescribed value themselves, and the faces of the first row beside it."""
-    nodes, grid = np.array(condition.nodes or (), dtype=np.int64), model.grid
-    given = condition.edge or ()
-    if len(given) != len(nodes) or any(len(way) != grid.dimension for way in given):
-        raise ModelError(
-            f"{model.name}: $.conditions[{number}].edge: found {len(given)} ways, expected {len(nodes)}, one for each"
-            f" of its nodes, in {grid.dimension} dimensions"
-        )
-    rows = model.selected(condition)
-    order = np.argsort(nodes, kind="stable")
-    way = np.array(given)[order[np.searchsorted(nodes, grid.ids[rows], sorter=order)]]
+    grid, rows = model.grid, model.selected(condition)
+    way = ways_to_edge(model, number, rows)
     far, delta = np.sqrt((way**2).sum(axis=1)), grid.delta[rows]
     on, first = far < ON_EDGE * delta, (far >= ON_EDGE * delta) & (far < delta * (1 - ON_EDGE))
     middle, normal = grid.position[rows] + way, way / np.where(on, 1.0, far)[:, None]
     axes = extended(model)
     area = delta ** (len(axes) - 1)
-    return rows[on], Faces(middle[:, axes], normal[:, axes], area, np.full(len(rows), edge)).chosen(first)
-
-
-def _outside(
-    model: Model, condition: Exchange, rows: NDArray[np.int64], volume: NDArray[np.float64], edge: int
-) -> tuple[Faces, NDArray[np.bool_]]:
-    """Faces D / coefficient outside the nodes (k,) at which spacings do not resolve the exchange; and which these are.
-
-    Only where an edge is free.
-    """
-    grid, D, axes = model.grid, diffusivities(model)[rows], extended(model)
-    delta, position = grid.delta, grid.position[:, axes]
-    coarse = is_coarse(delta[rows], D, condition.coefficient)
-    if not coarse.any():
-        return nothing(len(axes)), coarse
-    normal, free = outward(position, delta, 2 * delta, rows)
-    depth = parts(volume, delta[rows])[1] / _extent(condition)
-    way = depth - delta[rows] / 2 + D / condition.coefficient
-    middle = position[rows] + way[:, None] * normal
-    area = delta[rows] ** (len(axes) - 1)
-    walled = coarse & free
-    return Faces(middle, normal, area, np.full(len(rows), edge)).chosen(walled), walled
-
-
-def _extent(condition: Source | Exchange) -> float:
-    """Length, m, or area, m^2, that a flux goes through."""
-    return condition.length or condition.surface or 0.0
+    held = np.full(len(rows), edge), np.zeros(len(rows))
+    return rows[on], Faces(middle[:, axes], normal[:, axes], area, *held).chosen(first)
 
 
 def _largest(value: float, condition: Timed) -> float:

@@ -24,7 +24,6 @@ Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
 CLEAR = 0.2  # of D A, by which the sum of R . n may miss it at a free edge
-COARSE = 0.5  # exchange times spacing over D, beyond which a spacing does not resolve what it does
 BESIDE = 0.5  # of a spacing: how near to the next cell's place a node is that makes an edge one inside a body
 
 
@@ -57,20 +56,19 @@ def parts(volume: Array, delta: Array) -> tuple[Array, Array]:
     return area / area.sum(), area.sum() / finer
 
 
-def is_coarse(delta: Array, diffusivity: Array, coefficient: float) -> NDArray[np.bool_]:
-    """Whether an exchange of this coefficient, m/s, changes a field within a spacing, of each node (k,)."""
-    return np.asarray(coefficient * delta > COARSE * diffusivity)
-
-
-def outward(position: Array, delta: Array, reach: Array, rows: Rows) -> tuple[Array, NDArray[np.bool_]]:
-    """Outward unit normals (k, d) of an edge at its nodes, and whether (k,) no node is beyond it."""
+def outward(
+    position: Array, delta: Array, reach: Array, rows: Rows
+) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_]]:
+    """Outward unit normals (k, d) of an edge at its nodes, whether (k,) no node is beyond it, and whether one of these
+    nodes is."""
     tree = tree_of(position)
     gain = np.zeros(position.shape)
     for row, near in zip(rows, tree.query_ball_point(position[rows], reach[rows]), strict=True):
         gain[row] = position[near].mean(axis=0) - position[row]
     normal = -_normals(position[rows], gain[rows], reach[rows])
-    distance, _ = tree.query(position[rows] + normal * delta[rows, None])
-    return normal, np.asarray(distance > BESIDE * delta[rows])
+    distance, next_one = tree.query(position[rows] + normal * delta[rows, None])
+    free = np.asarray(distance > BESIDE * delta[rows])
+    return normal, free, ~free & np.isin(next_one, rows)
 
 
 def over_cells(cloud: Cloud, rows: Rows, walled: NDArray[np.bool_]) -> Spread:

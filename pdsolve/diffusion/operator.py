@@ -13,7 +13,7 @@ from pdsolve.checkpoint_validation import entry
 from pdsolve.diffusion.dissolution import potential, solid_share
 from pdsolve.diffusion.lattice import OnLattice
 from pdsolve.diffusion.listed import BondList, ChangedBonds
-from pdsolve.diffusion.surfaces import Bonds
+from pdsolve.diffusion.walls import Bonds
 from pdsolve.model import ModelError
 from pdsolve.operators.protocol import Kept
 from pdsolve.state import Broken, State, Unknown

@@ -22,34 +22,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import combinations_with_replacement
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.kd_trees import tree_of
-from pdmesh.model.neighbours import ROWS, Pairs, chosen
+from pdmesh.model.neighbours import Pairs, chosen
+from pdsolve.diffusion.walls import ALIKE, FLAT, Bonds, Edges, Wall, beside, parts_of, summed, walls
 
 LEAST, MOST = 0.25, 10.0  # eigenvalues of M
-FLAT = 1e-9  # of M and of conductances: what is round-off
-ADJACENT = 1.2  # of their size: how far apart nodes are whose cells share a face
-STEEP = 3  # the power of its distance with which a face counts less
-NEAREST = 0.25  # of a spacing: the least distance from a node to the wall
-
-
-class Bonds(Protocol):
-    """The bonds of n nodes to correct."""
-
-    position: NDArray[np.float64]  # (n, d) m, along the axes that the nodes extend along
-    delta: NDArray[np.float64]  # (n,) m, spacing
-    reach: NDArray[np.float64]  # (n,) m, largest distance of a neighbour
-    diffusivity: NDArray[np.float64]  # (n,) m^2/s
-
-    def of(self, rows: NDArray[np.int64]) -> tuple[Pairs, NDArray[np.float64]]:
-        """Bonds (b,) of these nodes, which increase, and their conductances (b,), 1/(s m^d)."""
-
-    def conductance(self, pairs: Pairs) -> NDArray[np.float64]:
-        """Conductance that bonds (b,) of these lengths between these nodes would have."""
 
 
 class Change(NamedTuple):
@@ -58,33 +39,8 @@ class Change(NamedTuple):
     source: NDArray[np.int64]  # (b,)
     target: NDArray[np.int64]  # (b,)
     conductance: NDArray[np.float64]  # (b,) 1/(s m^d), to be added
-    to_edge: NDArray[np.float64]  # (n,) 1/s: what comes to a node for each mol/m^3 at an edge that is held
-    edge: NDArray[np.int64]  # (n,) the number of that edge
-
-
-class Faces(NamedTuple):
-    """Faces of free cells with a prescribed value or next to prescribed cells, f of them."""
-
-    middle: NDArray[np.float64]  # (f, d) m
-    normal: NDArray[np.float64]  # (f, d) out of the free cell
-    area: NDArray[np.float64]  # (f,) m^(d - 1)
-    edge: NDArray[np.int64]  # (f,) number of the edge that is held there, -1 where cells are
-
-    def chosen(self, which: NDArray[np.bool_]) -> Faces:
-        """The faces selected by a mask (f,)."""
-        return Faces(self.middle[which], self.normal[which], self.area[which], self.edge[which])
-
-
-class Held(NamedTuple):
-    """Edges with a prescribed value."""
-
-    nodes: NDArray[np.bool_]  # (n,) held nodes that are on one
-    faces: Faces  # of free cells at one
-
-
-def nothing(dimension: int) -> Faces:
-    """An empty set of faces."""
-    return Faces(np.zeros((0, dimension)), np.zeros((0, dimension)), np.zeros(0), np.zeros(0, dtype=np.int64))
+    to_edge: NDArray[np.float64]  # (w, n) 1/s: what comes to a node for each mol/m^3 at the edge of each of its walls
+    edge: NDArray[np.int64]  # (w, n) the number of that edge
 
 
 class _Known(NamedTuple):
@@ -93,145 +49,127 @@ class _Known(NamedTuple):
     volume: NDArray[np.float64]  # (n,) m^d
     free: NDArray[np.bool_]  # (n,) not held
     on_edge: NDArray[np.bool_]  # (n,) held where they are: the wall goes through them
-    normal: NDArray[np.float64]  # (n, d) towards the wall
-    depth: NDArray[np.float64]  # (n,) m to the wall; infinite where no held node is in the family
-    edge: NDArray[np.int64]  # (n,) number of the edge that the wall is, -1 where it is that of held cells
+    walls: list[Wall]  # the first where values are prescribed, the others of exchanges
     tensor: NDArray[np.float64]  # (n, d, d) M
+
+    def walled(self) -> NDArray[np.bool_]:
+        """Mask (n,) of nodes before a wall."""
+        return np.asarray(np.any([np.isfinite(wall.depth) for wall in self.walls], axis=0))
 
 
 def correction(
-    bonds: Bonds, volume: NDArray[np.float64], free: NDArray[np.bool_], held: Held, lacking: NDArray[np.bool_]
+    bonds: Bonds, volume: NDArray[np.float64], free: NDArray[np.bool_], edges: Edges, lacking: NDArray[np.bool_]
 ) -> Change:
-    """Changes for nodes with volumes (n,), m^d, of which the `free` (n,) are not prescribed, and for prescribed edges.
+    """Changes for nodes with volumes (n,), m^d, of which the `free` (n,) are not prescribed, and for `edges`.
 
     The bonds of nodes `lacking` (n,) may differ in energy from those of a full lattice; M of the others is I.
     """
     n, d = bonds.position.shape
-    edges = held.faces
-    known = _Known(
-        volume, free, held.nodes, np.zeros((n, d)), np.full(n, np.inf), np.full(n, -1), np.tile(np.eye(d), (n, 1, 1))
-    )
-    beside = _beside(bonds, bonds.position[~free]) | _beside(bonds, edges.middle)
-    faces = _faces(bonds, known, edges, np.flatnonzero(free & beside))
-    for some in _parts(np.flatnonzero(free & beside)) if len(faces.area) else ():
-        known.normal[some], known.depth[some], known.edge[some] = _walls(bonds, faces, free, some)
-    for some in _parts(np.flatnonzero(free & lacking)):
+    known = _Known(volume, free, edges.nodes, walls(bonds, free, edges), np.tile(np.eye(d), (n, 1, 1)))
+    for some in parts_of(np.flatnonzero(free & lacking)):
         known.tensor[some] = _tensors(bonds, known, some)
     uneven = (np.abs(known.tensor - np.eye(d)) > FLAT).any(axis=(1, 2))
-    to_edge = np.zeros(n)
+    enters = np.zeros((len(known.walls), n))
     found: list[list[NDArray[Any]]] = [[np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0)]]
-    for some in _parts(np.flatnonzero(free & (np.isfinite(known.depth) | _beside(bonds, bonds.position[uneven])))):
-        *changed, to_edge[some] = _changes(bonds, known, some)
+    for some in parts_of(np.flatnonzero(free & (known.walled() | beside(bonds, bonds.position[uneven])))):
+        *changed, enters[:, some] = _changes(bonds, known, some)
         found.append(changed)
     source, target, change = (np.concatenate(column) for column in zip(*found, strict=True))
     outward = ~free[target]
     source, target = np.concatenate([source, target[outward]]), np.concatenate([target, source[outward]])
     change = np.concatenate([change, change[outward]])
     order = np.lexsort((target, source))
-    return Change(source[order], target[order], change[order], to_edge, known.edge)
+    to_edge = np.stack([enters[0], *_exchanged(bonds, known, edges, enters[1:])])
+    edge = np.stack([wall.edge for wall in known.walls])
+    return Change(source[order], target[order], change[order], to_edge, edge)
 
 
-def _parts(rows: NDArray[np.int64]) -> Iterator[NDArray[np.int64]]:
-    return (rows[first : first + ROWS] for first in range(0, len(rows), ROWS))
+def _exchanged(bonds: Bonds, known: _Known, edges: Edges, enters: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
+    """What comes to nodes (n,), 1/s, for each mol/m^3 outside, by walls; `enters` (w, n), m/s, for each mol/m^4 there.
+
+    All nodes of an exchange together take what its whole extent lets through.
+    """
+    share = np.zeros(len(edges.extent))
+    for each, wall in zip(enters, known.walls[1:], strict=True):
+        np.add.at(share, wall.edge[wall.edge >= 0], (each * known.volume / bonds.diffusivity)[wall.edge >= 0])
+    whole = np.where(share > 0, edges.extent, 1.0)
+    for each, wall in zip(enters, known.walls[1:], strict=True):
+        way = wall.depth + wall.beyond * np.where(share > 0, share / whole, 1.0)[wall.edge]
+        yield each / np.maximum(way, edges.nearest * bonds.delta)
 
 
-def _beside(bonds: Bonds, places: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Mask (n,) of nodes that may be bonded to one at these places (k, d)."""
-    if not len(places):
-        return np.zeros(len(bonds.position), dtype=bool)
-    farthest = float(bonds.reach.max())
-    far, _ = tree_of(places).query(bonds.position, distance_upper_bound=farthest * (1 + FLAT))
-    return np.asarray(np.isfinite(far))
+class _Images(NamedTuple):
+    """Some of b bonds, which have an image of their target behind a wall, m of them."""
+
+    at: NDArray[np.int64]  # (m,) of the bonds
+    wall: int  # of their source
+    conductance: NDArray[np.float64]  # (m,) 1/(s m^d)
+    way: NDArray[np.float64]  # (m, d) m, from the source to the image
+    back: NDArray[np.float64]  # (m, d) m, from the target to the image of the source
+    sign: NDArray[np.float64]  # (m,) of the image: -1 at a prescribed value, 1 where nothing goes through
+    enters: NDArray[np.float64]  # (m,) m: what the wall gives to the source in a field that rises by 1 in a metre
 
 
-def _summed(rows: NDArray[np.int64], source: NDArray[np.int64], values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Sums (r, ...) of values (b, ...) over the bonds of each row; rows increase."""
-    at, flat = np.searchsorted(rows, source), values.reshape(len(values), -1)
-    sums = [np.bincount(at, column, minlength=len(rows)) for column in flat.T.astype(float)]
-    return np.stack(sums, axis=-1, dtype=np.float64).reshape(len(rows), *values.shape[1:])
-
-
-def _faces(bonds: Bonds, known: _Known, edges: Faces, rows: NDArray[np.int64]) -> Faces:
-    """Prescribed edges, and the faces between free nodes of these rows and prescribed cells beside them."""
-    found = [edges]
-    for some in _parts(rows):
-        i, j, length = bonds.of(some)[0]
-        size = bonds.delta[i] + bonds.delta[j]
-        face = np.flatnonzero(~known.free[j] & (length <= ADJACENT * size / 2))
-        one, other = i[face], j[face]
-        share = np.where(known.on_edge[other], 1.0, bonds.delta[one] / size[face])[:, None]  # of the way to the other
-        middle = bonds.position[one] * (1 - share) + bonds.position[other] * share
-        area = np.minimum(bonds.delta[one], bonds.delta[other]) ** (bonds.position.shape[1] - 1)
-        normal = (bonds.position[other] - bonds.position[one]) / length[face, None]
-        found.append(Faces(middle, normal, area, np.full(len(face), -1)))
-    return Faces(*(np.concatenate(column) for column in zip(*found, strict=True)))
-
-
-def _walls(
-    bonds: Bonds, faces: Faces, free: NDArray[np.bool_], rows: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
-    """Normals (r, d), distances (r,), m, and edges (r,) of the nodes' walls; infinite distance without a wall."""
-    tree, farthest = tree_of(faces.middle), float(bonds.reach[rows].max())
-    near = tree_of(bonds.position[rows]).sparse_distance_matrix(tree, farthest, output_type="ndarray")
-    at, face, length = near["i"], near["j"], near["v"]
-    order = np.lexsort((face, length, at))
-    at, face, length = at[order], face[order], length[order]
-    away = faces.middle[face] - bonds.position[rows[at]]
-    nearest = face[np.searchsorted(at, np.arange(len(rows))).clip(max=len(face) - 1)]
-    alike = (faces.normal[face] * faces.normal[nearest][at]).sum(axis=1) > -FLAT
-    seen = ((faces.normal[face] * away).sum(axis=1) > 0) & alike
-    weight = np.where(seen, faces.area[face] / length**STEEP, 0.0)
-    total = np.bincount(at, weight, minlength=len(rows))
-    normal = _summed(np.arange(len(rows)), at, weight[:, None] * faces.normal[face])
-    size = np.sqrt((normal**2).sum(axis=1))
-    pairs, _ = bonds.of(rows)
-    bonded = np.bincount(np.searchsorted(rows, pairs.source), ~free[pairs.target], minlength=len(rows)) > 0
-    some = (bonded | (faces.edge[nearest] >= 0)) & (size > FLAT * total)
-    normal = np.where(some[:, None], normal / np.where(some, size, 1.0)[:, None], 0.0)
-    depth = np.bincount(at, weight * (normal[at] * away).sum(axis=1), minlength=len(rows))
-    depth = np.maximum(depth / np.where(some, total, 1.0), NEAREST * bonds.delta[rows])
-    return normal, np.where(some, depth, np.inf), np.where(some, faces.edge[nearest], -1)
-
-
-def _images(
-    bonds: Bonds, known: _Known, pairs: Pairs
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Conductances (b,) of bonds to the images of their targets, and these bonds seen from either end (b, d), m."""
-    i, j, length = pairs
-    xi = bonds.position[j] - bonds.position[i]
-    one, other = known.normal[i], known.normal[j]
-    on = known.on_edge[j]
-    some = (known.free[j] & ((one * other).sum(axis=1) > 0)) | (on & np.isfinite(known.depth[i]))
-    p, q = (np.where(some & ~known.on_edge[end], known.depth[end], 0.0) for end in (i, j))
-    far = np.sqrt(length**2 + 4 * p * q)
-    g = np.where(some, bonds.conductance(Pairs(i, j, np.where(some, far, 1.0))), 0.0)
-    return g, xi + 2 * q[:, None] * one, 2 * p[:, None] * other - xi
+def _images(bonds: Bonds, known: _Known, pairs: Pairs) -> Iterator[_Images]:
+    """The images of the targets of bonds (b,)."""
+    xi = bonds.position[pairs.target] - bonds.position[pairs.source]
+    for a, one in enumerate(known.walls):
+        facing = [(one.normal[pairs.source] * other.normal[pairs.target]).sum(axis=1) for other in known.walls]
+        for b, other in enumerate(known.walls):
+            if (a == 0) != (b == 0):
+                continue
+            if a == 0:
+                some = known.free[pairs.target] & (facing[0] > 0)
+                some |= known.on_edge[pairs.target] & np.isfinite(one.depth[pairs.source])
+            else:
+                some = known.free[pairs.target] & (facing[b] > ALIKE) & (facing[b] >= np.max(facing[1:], axis=0))
+            if not some.any():
+                continue
+            at = np.flatnonzero(some)
+            i, j, length = chosen(pairs, at)
+            p, q = (np.where(known.on_edge[end], 0.0, w.depth[end]) for w, end in ((one, i), (other, j)))
+            far = np.sqrt(length**2 + 4 * p * q)
+            sign = np.full(len(at), -1.0)
+            if a > 0:
+                L, M = one.beyond[i], other.beyond[j]
+                sign = ((L - p) / (L + p) + (M - q) / (M + q)) / 2
+            apart = far > FLAT * bonds.delta[i]  # a node on its wall is its own image
+            g = np.where(apart, bonds.conductance(Pairs(i, j, np.where(apart, far, 1.0))), 0.0)
+            normal, back = one.normal[i], other.normal[j]
+            ways = xi[at] + 2 * q[:, None] * normal, 2 * p[:, None] * back - xi[at]
+            yield _Images(at, a, g, *ways, sign, p + q + sign * (q - p))
 
 
 def _parted(bonds: Bonds, known: _Known, pairs: Pairs) -> NDArray[np.bool_]:
     """Whether a prescribed layer separates the two ends of pairs (b,): each is behind the other's wall."""
     i, j, _ = pairs
+    wall = known.walls[0]
     xi = bonds.position[j] - bonds.position[i]
-    ahead = (known.normal[i] * xi).sum(axis=1) > known.depth[i]
-    return np.asarray(ahead & (-(known.normal[j] * xi).sum(axis=1) > known.depth[j]))
+    ahead = (wall.normal[i] * xi).sum(axis=1) > wall.depth[i]
+    return np.asarray(ahead & (-(wall.normal[j] * xi).sum(axis=1) > wall.depth[j]))
 
 
 def _tensors(bonds: Bonds, known: _Known, rows: NDArray[np.int64]) -> NDArray[np.float64]:
     """M (r, d, d) of these nodes; of nodes before a wall from their bonds to free nodes and to the images of these."""
     pairs, g = bonds.of(rows)
-    walled = np.isfinite(known.depth)
+    walled, held = known.walled(), np.isfinite(known.walls[0].depth)
     own = walled[pairs.source]
-    kept = ~own | ((known.free | known.on_edge)[pairs.target] & ~_parted(bonds, known, pairs))
+    kept = ~held[pairs.source] | ((known.free | known.on_edge)[pairs.target] & ~_parted(bonds, known, pairs))
     before = chosen(pairs, np.flatnonzero(own & kept))
     alone = rows[walled[rows]]
     seen = Pairs(*(np.concatenate(two) for two in zip(before, (alone, alone, np.zeros(len(alone))), strict=True)))
-    mirrored, way, _ = _images(bonds, known, seen)
-    i, j = (np.concatenate([end[kept], other]) for end, other in zip(pairs[:2], seen[:2], strict=True))
-    xi = np.concatenate([(bonds.position[pairs.target] - bonds.position[pairs.source])[kept], way])
+    images = list(_images(bonds, known, seen))
+    i, j = (
+        np.concatenate([end[kept], *(other[each.at] for each in images)])
+        for end, other in zip(pairs[:2], seen[:2], strict=True)
+    )
+    xi = (bonds.position[pairs.target] - bonds.position[pairs.source])[kept]
+    xi = np.concatenate([xi, *(each.way for each in images)])
     D = bonds.diffusivity
     square = (xi**2).sum(axis=1)
     n = xi / np.sqrt(np.where(square > 0, square, 1.0))[:, None]
-    energy = np.concatenate([g[kept], mirrored]) * known.volume[j] * square * (1 / D[i] + 1 / D[j]) / 4
+    mirrored = np.concatenate([g[kept], *(each.conductance for each in images)])
+    energy = mirrored * known.volume[j] * square * (1 / D[i] + 1 / D[j]) / 4
     return _solved(rows, i, n, energy)
 
 
@@ -246,7 +184,7 @@ def _solved(
     entries = list(combinations_with_replacement(range(d), 2))
     twice = np.array([1.0 if a == b else 2.0 for a, b in entries])
     products = np.stack([n[:, a] * n[:, b] for a, b in entries], axis=1)
-    left = _summed(rows, source, energy[:, None, None] * products[:, :, None] * (products * twice)[:, None, :])
+    left = summed(rows, source, energy[:, None, None] * products[:, :, None] * (products * twice)[:, None, :])
     right = np.array([float(a == b) for a, b in entries])
     good = np.linalg.cond(left) < 1 / FLAT
     left[~good] = np.eye(len(entries))
@@ -276,20 +214,48 @@ def _weights(
 def _changes(
     bonds: Bonds, known: _Known, rows: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
-    """Changed bonds of these free nodes: source, target, change of conductance; and conductances to edges (r,), 1/s."""
+    """Changed bonds of these free nodes: source, target, change of conductance; and what comes through each of their
+    walls (w, r): 1/s for each mol/m^3 at the first one, m/s for each mol/m^4 of slope at those of exchanges."""
     pairs, g = bonds.of(rows)
     i, j, _ = pairs
     xi, free = bonds.position[j] - bonds.position[i], known.free[j]
-    image, way, back = _images(bonds, known, pairs)
-    new = g * _weights(known, i, j, xi, -xi) - image * _weights(known, i, j, way, back)
+    new = g * _weights(known, i, j, xi, -xi)
+    guess = np.zeros((len(known.walls), len(rows)))
+    for each in _images(bonds, known, pairs):
+        a, b = i[each.at], j[each.at]
+        image = each.conductance * _weights(known, a, b, each.way, each.back)
+        new[each.at] += each.sign * image
+        guess[each.wall] += summed(rows, a, image * known.volume[b] * each.enters)
     new = np.where(free & ~_parted(bonds, known, pairs), np.where(g > 0, np.maximum(new, 0.0), new), 0.0)
-    pull = _summed(rows, i, (new * known.volume[j])[:, None] * xi)
+    pull = summed(rows, i, (new * known.volume[j])[:, None] * xi)
     held = np.where(free, 0.0, np.abs(g)) * known.volume[j]
-    share = _summed(rows, i, held)
-    least = _summed(rows, i, np.where(free, 0.0, g) * known.volume[j])  # of a layer whose nodes hold the value
-    to_wall = np.maximum(-(pull * known.normal[rows]).sum(axis=1) / known.depth[rows], least)
-    at_edge = known.edge[rows] >= 0
-    each = (np.where(at_edge, least, to_wall) / np.where(share > 0, share, 1.0))[np.searchsorted(rows, i)]
-    new = np.where(free, new, each * np.abs(g))
+    share = summed(rows, i, held)
+    least = summed(rows, i, np.where(free, 0.0, g) * known.volume[j])  # of a layer whose nodes hold the value
+    enters = _entering(known, rows, pull, guess)
+    wall = known.walls[0]
+    enters[0] = np.maximum(enters[0] / wall.depth[rows], least)
+    at_edge = wall.edge[rows] >= 0
+    each_held = (np.where(at_edge, least, enters[0]) / np.where(share > 0, share, 1.0))[np.searchsorted(rows, i)]
+    new = np.where(free, new, each_held * np.abs(g))
     changed = np.abs(new - g) > FLAT * np.abs(g)
-    return i[changed], j[changed], (new - g)[changed], np.where(at_edge, to_wall, 0.0)
+    enters[0] = np.where(at_edge, enters[0], 0.0)
+    return i[changed], j[changed], (new - g)[changed], enters
+
+
+def _entering(
+    known: _Known, rows: NDArray[np.int64], pull: NDArray[np.float64], guess: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """What walls (w, r) give to nodes in a field that rises by 1 in a metre away from each, m/s.
+
+    Their sum along the normals is minus what bonds give, `pull` (r, d), so that linear fields are exact. Where several
+    walls leave that open, they give what `guess` (w, r), of their images, says.
+    """
+    normals = np.stack([wall.normal[rows] for wall in known.walls], axis=2)  # (r, d, w)
+    found = np.maximum(-(pull[:, :, None] * normals).sum(axis=1).T, 0.0)
+    several = np.flatnonzero((normals != 0).any(axis=1).sum(axis=1) > 1)
+    if len(several):
+        some, first = normals[several], guess[:, several].T
+        missing = -pull[several] - np.einsum("rdw,rw->rd", some, first)
+        change = np.einsum("rwd,rd->rw", np.linalg.pinv(some, rcond=ALIKE / 2), missing)
+        found[:, several] = np.maximum(first + change, 0.0).T
+    return np.asarray(found)

@@ -21,6 +21,7 @@ from pdsolve.diffusion.families import Families, grouped
 from pdsolve.diffusion.lattice import on_lattice
 from pdsolve.diffusion.listed import BondList, ChangedBonds
 from pdsolve.diffusion.operator import Exchange, Fick
+from pdsolve.diffusion.walls import Bonds
 from pdsolve.model import Model, ModelError, counted
 from pdsolve.numerics.thread_team import crew
 from pdsolve.options import Options
@@ -66,7 +67,7 @@ def prepare(model: Model, threads: int | None = None, listed: bool = False) -> t
     bonds = (lambda: stored.bonds) if run.adapt == "collocation" else partial(Families, model)
     if done.fluxes:
         inside = Fick(stored.exchange, bonds, medium, None, change)
-        done = with_fluxes(done, _cloud(stored.bonds, inside), medium.surface_correction)
+        done = with_fluxes(done, _cloud(stored.bonds, inside))
     operator, drive = Fick(stored.exchange, bonds, medium, done.exchange, change), done.drive()
     content, operator.solid = begin(model, drive)
     most = bound(operator, done.free)
@@ -81,7 +82,7 @@ def prepare(model: Model, threads: int | None = None, listed: bool = False) -> t
     return transport, State(content[:, None], rate[:, None], second, dissipated, work, damped)
 
 
-def _cloud(bonds: surfaces.Bonds, operator: Fick) -> Cloud:
+def _cloud(bonds: Bonds, operator: Fick) -> Cloud:
     """The nodes, and what they gain in linear fields."""
     x, volume = bonds.position, operator.volume
     gain = np.zeros(x.T.shape)
@@ -104,7 +105,7 @@ class Stored(NamedTuple):
     """The bonds of n nodes in their storage, and what a surface correction asks of them."""
 
     exchange: Exchange
-    bonds: surfaces.Bonds
+    bonds: Bonds
     lacking: NDArray[np.bool_]  # (n,) nodes whose bonds may differ from those of a full lattice
     blocked: NDArray[np.int64]  # (n,) bonds that cracks block
 

@@ -200,6 +200,29 @@ def test_threads_do_not_show_and_broken_bonds_are_known(small: Model) -> None:
     assert abs(ledger.balance(one.system.initial_energy)) < 0.05
 
 
+@pytest.mark.filterwarnings("ignore:.*balance of energy")  # of a run that has just begun
+@pytest.mark.parametrize("how", ["temperature", "exchange"])
+def test_an_edge_that_is_hot_at_once_stays_fine(how: str) -> None:
+    """Energies as with fine nodes everywhere; 1.5 to 2 times those where the cells beside the edge are coarse."""
+    D, hot = 1e-3, 20.0
+    rest = Run(duration=4e-6, every=100, adapt="hybrid")
+    scene = Scene(box(0, 0, 0.02, 0.016), H, GLASS, 4.0, rest, medium=Medium(D=D))
+    if how == "temperature":
+        scene = scene.temperature("left", T0 + hot)
+    else:
+        scene = scene.exchange("left", coefficient=10 * D / H, outside=T0 + hot)
+    built, energy = build(scene), {}
+    for adapt in ("none", "hybrid"):
+        run = msgspec.structs.replace(built.settings.run, adapt=adapt)
+        model = Model(built.grid, msgspec.structs.replace(built.settings, run=run))
+        with simulate(model, None, ONE) as results:
+            history = results.history()[-1]
+            energy[adapt] = history["strain"] + history["kinetic"]
+            nodes = len(results.nodes(int(results.frames()[0][-1])).ids)
+    assert nodes < 0.6 * len(built.grid)
+    assert energy["hybrid"] == pytest.approx(energy["none"], rel=0.05), energy
+
+
 def test_auto_takes_fine_nodes_and_a_plan_knows_the_zone(small: Model) -> None:
     run = msgspec.structs.replace(small.settings.run, adapt="auto")
     auto = Model(small.grid, msgspec.structs.replace(small.settings, run=run))

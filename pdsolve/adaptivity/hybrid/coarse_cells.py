@@ -239,9 +239,9 @@ def quarters(there: NDArray[np.bool_]) -> NDArray[np.int8]:
     return found
 
 
-def cells_of(plate: Plate, reach: int, tips: bool = True) -> NDArray[np.uint8]:
-    """Initial cells (c,): fine near `tips` of pre-cracks, where an outline cuts cells, and where a motion is prescribed
-    that coarse cells do not have; coarse elsewhere.
+def cells_of(plate: Plate, reach: int, tips: bool = True, steep: NDArray[np.int64] | None = None) -> NDArray[np.uint8]:
+    """Initial cells (c,): fine near `tips` of pre-cracks, where an outline cuts cells, around the nodes `steep` (rows
+    of the grid), and where a motion is prescribed that coarse cells do not have; coarse elsewhere.
 
     An edge along a line between cells cuts none, except at re-entrant corners.
     """
@@ -258,6 +258,8 @@ def cells_of(plate: Plate, reach: int, tips: bool = True) -> NDArray[np.uint8]:
     for below, left in ((0, 0), (0, 1), (1, 0), (1, 1)):
         corner = AROUND + (node_y - BELOW - below) // 2, AROUND + (node_x - LEFT - left) // 2
         cells[corner] = np.where(cells[corner] == COARSE, FINE, cells[corner])
+    if steep is not None and len(steep):
+        cells[in_disc(_around(plate, steep), (reach + RING + 1) / 2) & (cells == COARSE)] = FINE
     for tip_x, tip_y in tips_of(plate).tolist() if tips else ():
         low_x, low_y = (max(int(tip) // 2 - TIPS, 0) + AROUND for tip in (tip_x, tip_y))
         here = cells[low_y:-AROUND, low_x:-AROUND][: 2 * TIPS, : 2 * TIPS]
@@ -265,6 +267,16 @@ def cells_of(plate: Plate, reach: int, tips: bool = True) -> NDArray[np.uint8]:
         away_x, away_y = (np.maximum(np.abs(tip - 2 * one - 1) - 1, 0) for tip, one in ((tip_x, x), (tip_y, y)))
         here[(np.hypot(away_x, away_y) < TIPS) & (here == COARSE)] = FINE
     return cells.ravel()
+
+
+def _around(plate: Plate, rows: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Mask (rows, columns) of the cells, with those around the plate, that these nodes are in or beside."""
+    at = plate.at
+    found = np.zeros((at.ny // 2 + 2 * AROUND, at.nx // 2 + 2 * AROUND), dtype=bool)
+    y, x = np.divmod(plate.places_of(rows), at.stride)
+    for below, left in ((0, 0), (0, 1), (1, 0), (1, 1)):
+        found[AROUND + (y - BELOW - below) // 2, AROUND + (x - LEFT - left) // 2] = True
+    return found
 
 
 def _in_plate(plate: Plate) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:

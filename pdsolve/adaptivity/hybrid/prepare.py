@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.document import InitialVelocity, Velocity
+from pdmesh.model.document import Concentration, Exchange, InitialVelocity, Source, Velocity
 from pdsolve import conditions
 from pdsolve.adaptivity.hybrid.alike_rows import node_rows
 from pdsolve.adaptivity.hybrid.arrays import PLACE, VALUE, Entries, LatticeConstants, zone_of
@@ -39,7 +39,8 @@ def hybrid_of(
 
     Raises ModelError for a model that the method does not support.
     """
-    swells, model = model.swells, model.moving_part() if model.swells else model
+    swells, steep = model.swells, steep_rows(model)
+    model = model.moving_part() if swells else model
     plate = plate_of(model, mode)
     springs = springs_of(model.materials, model.settings.horizon.ratio, plate.h)
     found = irregular(plate, springs)
@@ -49,8 +50,8 @@ def hybrid_of(
     ground = ground_of(plate, springs, found, step_of(model, bound), kind)
     begin_coarse(ground)
     cut = np.append(found.family - np.count_nonzero(found.springs, axis=1), 0)
-    cells = cells_of(plate, ground.reach)
-    ground.stays[:] = cells_of(plate, ground.reach, tips=False) == FINE
+    cells = cells_of(plate, ground.reach, steep=steep)
+    ground.stays[:] = cells_of(plate, ground.reach, tips=False, steep=steep) == FINE
     area = CellAreas(plate)
     driven = drive(model, area, True, np.float64)
     rows = ROOM + 6 * int(np.count_nonzero(cells == FINE))
@@ -65,6 +66,16 @@ def hybrid_of(
     starts = any(isinstance(one, InitialVelocity | Velocity) for one in model.settings.conditions)
     hybrid.start(initial_velocity(model) if starts else None)
     return HybridOperator(hybrid, cut), bound
+
+
+def steep_rows(model: Model) -> NDArray[np.int64]:
+    """Rows of the nodes at which a content that swells a plate may leap within a spacing: it is held, exchanged or
+    supplied through an edge there. A coarse cell would know no more than its mean."""
+    found = [np.zeros(0, dtype=np.int64)]
+    for one in model.settings.conditions if model.swells else ():
+        if isinstance(one, Concentration | Exchange) or (isinstance(one, Source) and one.flux is not None):
+            found.append(model.selected(one))
+    return np.unique(np.concatenate(found))
 
 
 def ground_of(

@@ -1,0 +1,88 @@
+"""Faces of exchanges through free edges, beside the outer nodes of a condition."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.document import Concentration, Exchange, Source
+from pdmesh.model.kd_trees import tree_of
+from pdsolve.diffusion.edge_fluxes import outward, parts
+from pdsolve.diffusion.families import diffusivities, extended
+from pdsolve.diffusion.walls import Faces
+from pdsolve.model import Model, ModelError
+
+ON_EDGE = 1e-3  # of a spacing
+AHEAD = 0.5  # of a spacing outside an edge: the middle of where nodes are looked for
+AROUND = 1.0  # of a spacing around it
+BEYOND = 0.25  # of a spacing outside an edge: from there on nodes are beyond it
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.int64]
+
+
+def extent_of(condition: Source | Exchange) -> float:
+    """Length, m, or area, m^2, that a flux goes through."""
+    return condition.length or condition.surface or 0.0
+
+
+def ways_to_edge(model: Model, number: int, rows: Rows) -> Array:
+    """Vectors (k, d) from these rows of a condition to its edge, m. Raises ModelError."""
+    condition, grid = model.settings.conditions[number], model.grid
+    assert isinstance(condition, Concentration | Exchange)
+    nodes, given = np.array(condition.nodes or (), dtype=np.int64), condition.edge or ()
+    if len(given) != len(nodes) or any(len(way) != grid.dimension for way in given):
+        raise ModelError(
+            f"{model.name}: $.conditions[{number}].edge: found {len(given)} ways, expected {len(nodes)}, one for each"
+            f" of its nodes, in {grid.dimension} dimensions"
+        )
+    order = np.argsort(nodes, kind="stable")
+    return np.asarray(np.array(given)[order[np.searchsorted(nodes, grid.ids[rows], sorter=order)]])
+
+
+def outer_faces(
+    model: Model, number: int, rows: Rows, volume: Array, edge: int
+) -> tuple[Rows, NDArray[np.bool_], Faces, float]:
+    """The outer nodes (k,) of an exchange, at which of them its edge is free, the faces there, and their extent.
+
+    `volume` is that of its nodes `rows`. Raises ModelError.
+    """
+    condition, grid = model.settings.conditions[number], model.grid
+    assert isinstance(condition, Exchange)
+    axes, delta = extended(model), grid.delta[rows]
+    position = grid.position[:, axes]
+    if condition.edge is None:
+        normal, free, inner = outward(position, grid.delta, 2 * grid.delta, rows)
+        free &= not inner.any()  # of nodes in several rows each has its share
+        way = normal * (parts(volume, delta)[1] / extent_of(condition) - delta / 2)[:, None]
+    else:
+        way = ways_to_edge(model, number, rows)[:, axes]
+        outer = np.sqrt((way**2).sum(axis=1)) < delta * (1 - ON_EDGE)
+        rows, delta, volume, way = rows[outer], delta[outer], volume[outer], way[outer]
+        normal = _normals(position, grid.delta, rows, way)
+        free = _is_free(position, delta, position[rows] + way, normal)
+    D = diffusivities(model)[rows]
+    area = delta ** (len(axes) - 1)
+    same = np.full(len(rows), edge)
+    faces = Faces(position[rows] + way, normal, area, same, D / condition.coefficient).chosen(free)
+    part, _ = parts(volume, delta)
+    return rows, free, faces, extent_of(condition) * float(part[free].sum())
+
+
+def _normals(position: Array, delta: Array, rows: Rows, way: Array) -> Array:
+    """Outward normals (k, d) of an edge: along the ways to it, and across the edge at nodes that are on it."""
+    far = np.sqrt((way**2).sum(axis=1))
+    on = far < ON_EDGE * delta[rows]
+    normal = way / np.where(on, 1.0, far)[:, None]
+    if on.any():
+        normal[on] = outward(position, delta, 2 * delta, rows)[0][on]
+    return np.asarray(normal)
+
+
+def _is_free(position: Array, delta: Array, foot: Array, normal: Array) -> NDArray[np.bool_]:
+    """Mask (k,) of places on an edge beyond which there is no node."""
+    found = np.ones(len(foot), dtype=bool)
+    near = tree_of(position).query_ball_point(foot + AHEAD * delta[:, None] * normal, AROUND * delta)
+    for at, some in enumerate(near):
+        found[at] = not (((position[some] - foot[at]) @ normal[at]) > BEYOND * delta[at]).any()
+    return found

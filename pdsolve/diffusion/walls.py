@@ -1,0 +1,257 @@
+"""Walls: the planes at which nodes see a prescribed value, or an exchange with the outside.
+
+Faces are the places, areas and normals of edges. The wall of a node is the mean of the faces that face it, nearer ones
+counting more. A wall at which a value is prescribed is that of all prescribed faces around a node. Faces of exchanges
+make a wall for each direction that they face in, so that a node in a corner has two or three.
+
+An exchange of the coefficient h leaves the slope h (T - T_outside) / D at its wall: in a field that is linear along the
+normal, T_outside stands `beyond` = D / h behind it (Robin's condition).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.kd_trees import tree_of
+from pdmesh.model.neighbours import ROWS, Pairs
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.int64]
+
+FLAT = 1e-9  # of M and of conductances: what is round-off
+ADJACENT = 1.2  # of their size: how far apart nodes are whose cells share a face
+STEEP = 3  # the power of its distance with which a face counts less
+NEAREST = 0.25  # of a spacing: the least distance from a node to the wall
+ALIKE = 0.5  # cosine: faces within that angle are one wall of an exchange
+ON_FACE = 1e-3  # of a spacing: nodes that are nearer to a face of an exchange are on it
+
+
+class Bonds(Protocol):
+    """The bonds of n nodes to correct."""
+
+    position: Array  # (n, d) m, along the axes that the nodes extend along
+    delta: Array  # (n,) m, spacing
+    reach: Array  # (n,) m, largest distance of a neighbour
+    diffusivity: Array  # (n,) m^2/s
+
+    def of(self, rows: Rows) -> tuple[Pairs, Array]:
+        """Bonds (b,) of these nodes, which increase, and their conductances (b,), 1/(s m^d)."""
+
+    def conductance(self, pairs: Pairs) -> Array:
+        """Conductance that bonds (b,) of these lengths between these nodes would have."""
+
+
+class Faces(NamedTuple):
+    """Faces of free cells with a prescribed value or an exchange, or next to prescribed cells, f of them."""
+
+    middle: Array  # (f, d) m
+    normal: Array  # (f, d) out of the free cell
+    area: Array  # (f,) m^(d - 1)
+    edge: Rows  # (f,) number of the edge that is held there, -1 where cells are
+    beyond: Array  # (f,) m, D over the coefficient of an exchange; 0 where a value is prescribed
+
+    def chosen(self, which: NDArray[np.bool_]) -> Faces:
+        """The faces selected by a mask (f,)."""
+        return Faces(self.middle[which], self.normal[which], self.area[which], self.edge[which], self.beyond[which])
+
+
+class Edges(NamedTuple):
+    """Edges with a prescribed value or an exchange, e of them."""
+
+    nodes: NDArray[np.bool_]  # (n,) held nodes that are on one
+    faces: Faces  # of free cells at one
+    extent: Array  # (e,) m^(d - 1), through which an exchange goes; 0 where a value is prescribed
+    nearest: float  # of a spacing: the least distance from a node to the outside of an exchange
+
+
+class Wall(NamedTuple):
+    """One wall of each of n nodes."""
+
+    normal: Array  # (n, d) towards it; 0 without a wall
+    depth: Array  # (n,) m to it; infinite without a wall
+    edge: Rows  # (n,) number of the edge that it is, -1 where it is that of held cells
+    beyond: Array  # (n,) m, see `Faces`
+    near: Array  # (n,) m, to the nearest of its faces; infinite without a wall
+
+    def without(self, which: NDArray[np.bool_]) -> Wall:
+        """The wall without that of the nodes `which` (n,)."""
+        return Wall(
+            np.where(which[:, None], 0.0, self.normal),
+            np.where(which, np.inf, self.depth),
+            np.where(which, -1, self.edge),
+            np.where(which, 0.0, self.beyond),
+            np.where(which, np.inf, self.near),
+        )
+
+
+def no_wall(nodes: int, dimension: int) -> Wall:
+    """Nodes without a wall."""
+    far = np.full(nodes, np.inf)
+    return Wall(np.zeros((nodes, dimension)), far, np.full(nodes, -1), np.zeros(nodes), far.copy())
+
+
+def nothing(dimension: int) -> Faces:
+    """An empty set of faces."""
+    none = np.zeros(0)
+    return Faces(np.zeros((0, dimension)), np.zeros((0, dimension)), none, np.zeros(0, dtype=np.int64), none)
+
+
+def parts_of(rows: Rows) -> Iterator[Rows]:
+    """Rows in parts that stay near the processor."""
+    return (rows[first : first + ROWS] for first in range(0, len(rows), ROWS))
+
+
+def beside(bonds: Bonds, places: Array) -> NDArray[np.bool_]:
+    """Mask (n,) of nodes that may be bonded to one at these places (k, d)."""
+    if not len(places):
+        return np.zeros(len(bonds.position), dtype=bool)
+    farthest = float(bonds.reach.max())
+    far, _ = tree_of(places).query(bonds.position, distance_upper_bound=farthest * (1 + FLAT))
+    return np.asarray(np.isfinite(far))
+
+
+def summed(rows: Rows, source: Rows, values: Array) -> Array:
+    """Sums (r, ...) of values (b, ...) over the bonds of each row; rows increase."""
+    at, flat = np.searchsorted(rows, source), values.reshape(len(values), -1)
+    sums = [np.bincount(at, column, minlength=len(rows)) for column in flat.T.astype(float)]
+    return np.stack(sums, axis=-1, dtype=np.float64).reshape(len(rows), *values.shape[1:])
+
+
+def walls(bonds: Bonds, free: NDArray[np.bool_], edges: Edges) -> list[Wall]:
+    """The wall of each node at which values are prescribed, and after it those of exchanges; nodes `free` (n,) are not
+    prescribed.
+
+    Of two that face in one direction the nearer one counts.
+    """
+    n, d = bonds.position.shape
+    prescribed = edges.faces.beyond == 0
+    held, exchanged = edges.faces.chosen(prescribed), edges.faces.chosen(~prescribed)
+    near = np.flatnonzero(free & (beside(bonds, bonds.position[~free]) | beside(bonds, held.middle)))
+    faces, first = _faces(bonds, free, edges.nodes, held, near), no_wall(n, d)
+    for some in parts_of(near) if len(faces.area) else ():
+        _put(first, some, _prescribed(bonds, faces, free, some))
+    found = [first]
+    near = np.flatnonzero(free & beside(bonds, exchanged.middle))
+    while len(exchanged.area) and len(found) <= d:
+        wall = no_wall(n, d)
+        for some in parts_of(near):
+            _put(wall, some, _exchanging(bonds, exchanged, some, [each.normal[some] for each in found[1:]]))
+        if not np.isfinite(wall.depth).any():
+            break
+        same = (wall.normal * found[0].normal).sum(axis=1) > ALIKE
+        found[0], wall = (
+            found[0].without(same & (wall.near < found[0].near)),
+            wall.without(same & (wall.near >= found[0].near)),
+        )
+        found.append(wall)
+    return found
+
+
+def _put(wall: Wall, rows: Rows, values: Wall) -> None:
+    for column, of_rows in zip(wall, values, strict=True):
+        column[rows] = of_rows
+
+
+def _faces(bonds: Bonds, free: NDArray[np.bool_], on_edge: NDArray[np.bool_], held: Faces, rows: Rows) -> Faces:
+    """Prescribed edges, and the faces between free nodes of these rows and prescribed cells beside them."""
+    found = [held]
+    for some in parts_of(rows):
+        i, j, length = bonds.of(some)[0]
+        size = bonds.delta[i] + bonds.delta[j]
+        face = np.flatnonzero(~free[j] & (length <= ADJACENT * size / 2))
+        one, other = i[face], j[face]
+        share = np.where(on_edge[other], 1.0, bonds.delta[one] / size[face])[:, None]  # of the way to the other
+        middle = bonds.position[one] * (1 - share) + bonds.position[other] * share
+        area = np.minimum(bonds.delta[one], bonds.delta[other]) ** (bonds.position.shape[1] - 1)
+        normal = (bonds.position[other] - bonds.position[one]) / length[face, None]
+        found.append(Faces(middle, normal, area, np.full(len(face), -1), np.zeros(len(face))))
+    return Faces(*(np.concatenate(column) for column in zip(*found, strict=True)))
+
+
+class _Near(NamedTuple):
+    """Faces within reach of r rows, nearest first of each row."""
+
+    at: Rows  # (b,) of the rows
+    face: Rows  # (b,)
+    length: Array  # (b,) m
+    away: Array  # (b, d) m, from the node
+
+    def nearest(self, rows: int) -> Rows:
+        """The nearest face of each row; any one of a row that has none."""
+        return np.asarray(self.face[self.first(rows)])
+
+    def first(self, rows: int) -> Rows:
+        """Where the nearest face of each row is in this list; anywhere for a row that has none."""
+        return np.asarray(np.searchsorted(self.at, np.arange(rows)).clip(max=len(self.at) - 1))
+
+    def chosen(self, which: NDArray[np.bool_]) -> _Near:
+        return _Near(self.at[which], self.face[which], self.length[which], self.away[which])
+
+
+def _near(bonds: Bonds, faces: Faces, rows: Rows) -> _Near:
+    tree, farthest = tree_of(faces.middle), float(bonds.reach[rows].max())
+    near = tree_of(bonds.position[rows]).sparse_distance_matrix(tree, farthest, output_type="ndarray")
+    order = np.lexsort((near["j"], near["v"], near["i"]))
+    at, face, length = near["i"][order], near["j"][order], near["v"][order]
+    return _Near(at, face, length, faces.middle[face] - bonds.position[rows[at]])
+
+
+def _prescribed(bonds: Bonds, faces: Faces, free: NDArray[np.bool_], rows: Rows) -> Wall:
+    """Walls of rows from faces at which values are prescribed."""
+    near = _near(bonds, faces, rows)
+    nearest = near.nearest(len(rows))
+    normals = faces.normal[near.face]
+    alike = (normals * faces.normal[nearest][near.at]).sum(axis=1) > -FLAT
+    seen = ((normals * near.away).sum(axis=1) > 0) & alike
+    weight = np.where(seen, faces.area[near.face] / near.length**STEEP, 0.0)
+    normal, total, size = _mean_normal(near.at, weight, normals, len(rows))
+    pairs, _ = bonds.of(rows)
+    bonded = np.bincount(np.searchsorted(rows, pairs.source), ~free[pairs.target], minlength=len(rows)) > 0
+    some = (bonded | (faces.edge[nearest] >= 0)) & (size > FLAT * total)
+    normal = np.where(some[:, None], normal / np.where(some, size, 1.0)[:, None], 0.0)
+    depth = _depths(near, weight, normal)
+    depth = np.maximum(depth / np.where(some, total, 1.0), NEAREST * bonds.delta[rows])
+    first = near.length[near.first(len(rows))]
+    none = np.zeros(len(rows))
+    return Wall(normal, depth, faces.edge[nearest], none, first).without(~some)
+
+
+def _exchanging(bonds: Bonds, faces: Faces, rows: Rows, earlier: Sequence[Array]) -> Wall:
+    """Walls of rows from faces of exchanges that face otherwise than `earlier` walls of these rows, (r, d) each."""
+    near, delta = _near(bonds, faces, rows), bonds.delta[rows]
+    normals = faces.normal[near.face]
+    seen = (normals * near.away).sum(axis=1) > -ON_FACE * delta[near.at]
+    for normal in earlier:
+        seen &= (normals * normal[near.at]).sum(axis=1) <= ALIKE
+    near, normals = near.chosen(seen), normals[seen]
+    if not len(near.at):
+        return no_wall(len(rows), bonds.position.shape[1])
+    nearest = near.nearest(len(rows))
+    alike = (normals * faces.normal[nearest][near.at]).sum(axis=1) > ALIKE
+    length = np.maximum(near.length, ON_FACE * delta[near.at])
+    weight = np.where(alike, faces.area[near.face] / length**STEEP, 0.0)
+    normal, total, size = _mean_normal(near.at, weight, normals, len(rows))
+    some = size > FLAT * total
+    normal = np.where(some[:, None], normal / np.where(some, size, 1.0)[:, None], 0.0)
+    depth = _depths(near, weight, normal)
+    depth = np.maximum(depth / np.where(some, total, 1.0), 0.0)
+    return Wall(normal, depth, faces.edge[nearest], faces.beyond[nearest], near.length[near.first(len(rows))]).without(
+        ~some
+    )
+
+
+def _mean_normal(at: Rows, weight: Array, normals: Array, rows: int) -> tuple[Array, Array, Array]:
+    """Weighted sums (r, d) of normals, the sums (r,) of weights, and the lengths (r,) of the first."""
+    normal = summed(np.arange(rows), at, weight[:, None] * normals)
+    total = np.bincount(at, weight, minlength=rows).astype(float)
+    return normal, total, np.asarray(np.sqrt((normal**2).sum(axis=1)))
+
+
+def _depths(near: _Near, weight: Array, normal: Array) -> Array:
+    """Weighted sums (r,) of the ways to faces along the normals (r, d) of rows."""
+    along = weight * (normal[near.at] * near.away).sum(axis=1)
+    return np.bincount(near.at, along, minlength=len(normal)).astype(float)
