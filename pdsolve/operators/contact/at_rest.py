@@ -94,7 +94,7 @@ class RestingContact(PenaltyContact):
 
     def _gap(self, u: Array) -> Array:
         i, j, x = self._pairs.i, self._pairs.j, self._joined.nodes.x
-        return np.asarray(((x[j] - x[i] + (u[j] - u[i])) * self._normal).sum(axis=1))
+        return np.asarray(((x[j] - x[i] + (u[j] - u[i])) * self._normal).sum(axis=1) - self._pairs.beyond)
 
     def _along(self, u: Array) -> Array:
         """Way (p, d) along the face since the last equilibrium, m."""
