@@ -3,8 +3,8 @@
 The nodes of a round or an inclined body are steps, its drawn surface is smooth. Contact counts the gap of the drawn
 surfaces: a node next to one has its normal, and its depth d under it along this normal. Nodes deeper than a spacing lie
 behind others and do not touch, so that on a face of any direction a spacing of depth carries, one node a cell on the
-mean. Nodes of a face along the axes that lies half a spacing above them, and those at an edge, are as they are without
-a drawing: half a spacing deep, with the normal of their bonds.
+mean. Nodes of a flat face along the axes, and those at an edge, are as they are without a drawing: half a spacing deep,
+with the normal of their bonds.
 
 A circle or a sphere is drawn by chords; where all corners of a body are on one, that is its surface.
 """
@@ -27,6 +27,7 @@ FINEST = {2: 1 / 16, 3: 1 / 2}  # spacings: longest side of a piece
 NEAR = 2.0  # spacings: a node deeper than that is not at the surface
 SMOOTH = 0.95  # mean normal within a spacing that is longer than that is of no edge: one of 90 degrees has .71
 CHORD, ARC = 0.25, 0.02  # of a spacing, of a radius: the most that a chord cuts off of a circle or a sphere
+STRAIGHT = 1e-9  # mean normal within a spacing that is shorter than 1 by more is of a curve
 ON_AXIS, ROUND_OFF = 1e-9, 1e-6  # of a normal; of a spacing, or of a radius
 
 
@@ -36,6 +37,7 @@ class DrawnFaces(NamedTuple):
     normal: Array  # (n, d) out of the drawn surface; 0 of nodes that have that of their bonds
     beyond: Array  # (n,) how much deeper than half a spacing they lie under it, m
     behind: NDArray[np.bool_]  # (n,) at a drawn surface but behind other nodes
+    round: NDArray[np.bool_]  # (n,) at a curved one
 
 
 class Pieces(NamedTuple):
@@ -52,12 +54,13 @@ class Surface(NamedTuple):
     normal: Array  # (k, d) of length 1, at the nearest place
     depth: Array  # (k,) m; infinite far from it
     smooth: NDArray[np.bool_]  # (k,) whether it has no edge there
+    round: NDArray[np.bool_]  # (k,) whether it is curved there
 
 
 def drawn_faces(grid: Grid, surface: NDArray[np.bool_]) -> DrawnFaces:
     """The drawn faces of several bodies; `surface` (n,) masks the nodes that lack neighbours to one side."""
     nodes, d = len(grid), grid.dimension
-    found = DrawnFaces(np.zeros((nodes, d)), np.zeros(nodes), np.zeros(nodes, dtype=np.bool_))
+    found = DrawnFaces(np.zeros((nodes, d)), np.zeros(nodes), *np.zeros((2, nodes), dtype=np.bool_))
     rows = np.flatnonzero(surface)
     if grid.bodies is None or not grid.outline or not len(rows):
         return found
@@ -76,13 +79,14 @@ def drawn_faces(grid: Grid, surface: NDArray[np.bool_]) -> DrawnFaces:
 
 def _lay(found: DrawnFaces, grid: Grid, rows: Rows, surface: Surface) -> None:
     """Set what the surface of one body says of its nodes in these rows (k,)."""
-    delta, (normal, depth, smooth) = grid.delta[rows], surface
-    level = (np.abs(normal).max(axis=1) > 1 - ON_AXIS) & (np.abs(depth / delta - 0.5) < ROUND_OFF)
-    laid = smooth & ~level & (np.abs(depth) < NEAR * delta)
+    delta, (normal, depth, smooth, curved) = grid.delta[rows], surface
+    along_axis = np.abs(normal).max(axis=1) > 1 - ON_AXIS
+    laid = smooth & (curved | ~along_axis) & (np.abs(depth) < NEAR * delta)
     behind = laid & (depth > (1 + ROUND_OFF) * delta)
     found.behind[rows[behind]] = True
     laid &= ~behind
     found.normal[rows[laid]], found.beyond[rows[laid]] = normal[laid], (depth - delta / 2)[laid]
+    found.round[rows[laid]] = curved[laid]
 
 
 def _on_ball(grid: Grid, rows: Rows, facets: Array) -> Surface | None:
@@ -102,7 +106,7 @@ def _on_ball(grid: Grid, rows: Rows, facets: Array) -> Surface | None:
         return None
     arm = grid.position[rows] - middle - fit[:-1]
     far = np.sqrt((arm**2).sum(axis=1))
-    return Surface(arm / np.maximum(far, 1e-300)[:, None], radius.mean() - far, far > 0)
+    return Surface(arm / np.maximum(far, 1e-300)[:, None], radius.mean() - far, far > 0, far > 0)
 
 
 def _on_pieces(grid: Grid, rows: Rows, pieces: Pieces) -> Surface:
@@ -119,7 +123,7 @@ def _on_pieces(grid: Grid, rows: Rows, pieces: Pieces) -> Surface:
         for axis, column in enumerate(normals.T):
             mean[some, axis] = np.bincount(pairs["i"], column[pairs["j"]], len(some)) / count
     length = np.sqrt((mean**2).sum(axis=1))
-    return Surface(mean / np.maximum(length, 1e-300)[:, None], depth, length > SMOOTH)
+    return Surface(mean / np.maximum(length, 1e-300)[:, None], depth, length > SMOOTH, length < 1 - STRAIGHT)
 
 
 def _bodies(grid: Grid, rows: Rows, pieces: Pieces) -> Rows:

@@ -40,6 +40,7 @@ class PenaltyContact(Bondless):
 
     name = "contact"
     symmetric = True
+    of_round = 1.0  # stiffness of a pair of two bodies at a curved surface over that of others
 
     def __init__(self, model: Model, volume: NDArray[np.float64], operator: Operator) -> None:
         """`volume` (n,), m^d; raises ModelError for bodies that overlap, or operators of more than displacements."""
@@ -172,6 +173,7 @@ class PenaltyContact(Bondless):
         k = 2 / (1 / self._k[i] + 1 / self._k[j]) * self._cell[i] * self._cell[j]
         drawn, parted = self._joined.drawn, self._parted(i, j)
         beyond = np.where(parted, drawn.beyond[i] + drawn.beyond[j], 0.0)
+        k *= np.where(parted & (drawn.round[i] | drawn.round[j]), self.of_round, 1.0)
         wide = np.maximum(self._delta[i], self._delta[j])
         rows, ends = np.unique(np.concatenate([i, j]), return_inverse=True)
         first, second = ends.reshape(2, -1)
