@@ -1,7 +1,7 @@
 """A disc of concrete that steel platens press until it splits along its diameter, at rest: the Brazilian test.
 
-Source: the splitting test, as in ASTM C496, has a strength of 2 F / (pi D t). The disc has 100 mm; platens touch it
-over 10 mm, as bearing strips do, and rub. Nothing else holds it.
+Source: the splitting test, as in ASTM C496, has a strength of 2 F / (pi D t). The disc has 100 mm; platens of 10 mm
+touch it along a line, as drawn, and rub. Nothing else holds it.
 Calibrated: nothing. Bonds have nu = 1/3. They soften by their stretch, to which the pressure along the loaded diameter
 adds, three times the tension.
 """

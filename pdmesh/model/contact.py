@@ -28,7 +28,7 @@ class Contact(PlainStruct, frozen=True, forbid_unknown_fields=True, omit_default
     stiffness: Positive = 15.0  # of a pair of nodes, in micromoduli over their horizon
     distance: Share = 1.0  # at which pairs begin to touch, in spacings
     friction: Amount = 0.0  # Coulomb's coefficient
-    restitution: Restitution = 1.0  # rebound over approach of bodies that contact alone deforms; 1: nothing is lost
+    restitution: Restitution = 1.0  # of pairs of nodes: rigid bodies show it, those that deform rebound with more
 
 
 class RigidBody(Timed, frozen=True, kw_only=True, tag="rigid", tag_field="kind"):

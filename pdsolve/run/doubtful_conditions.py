@@ -1,6 +1,8 @@
-"""Conditions that act otherwise than their author probably means."""
+"""Conditions, and the restitution of contact, that act otherwise than their author probably means."""
 
 from __future__ import annotations
+
+import warnings
 
 import numpy as np
 
@@ -9,15 +11,17 @@ from pdmesh.model.rigid_bodies import components_set
 from pdmesh.model.selection import components
 from pdmesh.model.suggestions import called
 from pdsolve.checks import warn
-from pdsolve.model import Model
+from pdsolve.model import Model, ModelNote
 
 LITTLE = 0.1  # of the peak of a profile: a run in which less acts may be one of other units
 
 
 def advise_conditions(model: Model, time_step: float) -> None:
-    """Warn of conditions that hardly act in a run in steps of `time_step`, s, and of zeros that set nothing."""
+    """Warn of conditions that hardly act in a run in steps of `time_step`, s, of zeros that set nothing, and of a
+    restitution that bodies do not show."""
     _profiles(model, time_step)
     _zeros(model)
+    _restitution(model)
 
 
 def _profiles(model: Model, time_step: float) -> None:
@@ -40,6 +44,20 @@ def _profiles(model: Model, time_step: float) -> None:
                 f" the run's {end:.3g} s, expected more of it: the peak comes at {at:.3g} s; a longer"
                 " run.duration or a shorter profile reaches it (at rest: run.solver static)",
             )
+
+
+def _restitution(model: Model) -> None:
+    """Say that bodies that deform rebound with more than the restitution of contact."""
+    contact, bodies = model.settings.contact, model.grid.bodies
+    if contact is None or contact.restitution == 1 or bodies is None or len(bodies.rigid) == len(bodies.names):
+        return
+    warnings.warn(
+        f"{model.name}: $.contact.restitution: found {contact.restitution:g} with bodies that deform, which show"
+        " more: it is that of the pairs of nodes in contact, and what bodies store themselves comes back in full; rigid"
+        " bodies show it",
+        ModelNote,
+        stacklevel=2,
+    )
 
 
 def _zeros(model: Model) -> None:

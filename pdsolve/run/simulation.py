@@ -35,6 +35,7 @@ from pdsolve.run.coarse_breaks import warn_of_coarse_breaks
 from pdsolve.run.doubtful_conditions import advise_conditions
 from pdsolve.run.initial_displacements import displaced
 from pdsolve.run.late_zones import Sooner
+from pdsolve.run.narrow_contact import warn_of_narrow_contact
 from pdsolve.run.node_changes import Adapt, zone_back
 from pdsolve.run.on_ranks import resuming
 from pdsolve.run.on_ranks import start as on_ranks
@@ -356,6 +357,7 @@ def _finish(notes: Recorder, make: Callable[[], Writer], request: Request) -> Re
     results = Results(last.connection, "results in memory") if request.output is None else Results.open(request.output)
     if not notes.system.model.diffuses:
         warn_of_coarse_breaks(notes.system.asked, results)
+        warn_of_narrow_contact(notes.system, notes.state)
     return results
 
 

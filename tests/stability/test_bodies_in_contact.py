@@ -6,6 +6,7 @@ Contact pushes by springs between nodes, with normals from the nodes around them
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -76,7 +77,7 @@ def test_a_penalty_that_is_too_stiff_for_the_step(failure: Callable[..., None], 
     )
 
 
-def shear(slope: float) -> float:
+def shear(slope: float, outlined: bool = False) -> float:
     """Force along two parallel faces over the mean one across, the largest while one slides two spacings, no friction.
 
     The faces have this slope to the rows of the nodes; the upper one is .05 of a spacing deep in the lower one.
@@ -85,6 +86,10 @@ def shear(slope: float) -> float:
     above = y - slope * (x - 0.24) - 0.2
     upper = (above > 0) & (above < 0.08) & (np.abs(x - 0.24) < 0.1)
     grid = grid_of([np.column_stack([x, y])[some] for some in (above < 0, upper)], H)
+    if outlined:
+        line = np.array([[x, 0.2 + slope * (x - 0.24)] for x in (-0.1, 0.14, 0.34, 1.1)])
+        low, up = np.array([[1.1, -0.1], [-0.1, -0.1]]), line[1:3] + np.array([0.0, 0.08])
+        grid = replace(grid, outline=(np.concatenate([line, low]), np.concatenate([line[1:3], up[::-1]])))
     system, state = prepare(moving(grid, (0.0, 0.0), Contact()), Options(threads=1))
     assert system.contact is not None
     own = grid.bodies.number == 1  # type: ignore[union-attr]
@@ -103,28 +108,31 @@ def shear(slope: float) -> float:
 def test_faces_that_interlock(failure: Callable[..., None]) -> None:
     """Inclined faces that interlock.
 
-    A face that is inclined to the rows of nodes is a stair. Normals from the nodes around smooth its steps, but not
-    wholly: two such faces catch each other like teeth.
+    A face that is inclined to the rows of nodes is a stair. Without its outline, normals from the nodes around smooth
+    its steps, but not wholly: two such faces catch each other like teeth.
     """
-    along, inclined = shear(0.0), shear(0.2)
+    along, inclined, drawn = shear(0.0), shear(0.2), shear(0.2, outlined=True)
     assert along < 0.01
     assert 0.3 < inclined < 3
+    assert drawn < 0.1  # .02
     failure(
         fails=f"Two faces slide on each other without friction. Along a row of nodes the largest tangential force is"
         f" {along:.3f} of the mean normal force. On faces that rise by 1 in 5 it is {inclined:.1f} of it.",
         noticed="Not at all: energy balances, and the force is equal and opposite.",
         says=[],
-        cure="Draw bodies so that the faces that slide lie along x or y; a finer lattice has smaller teeth, not fewer.",
+        cure=f"Draw the bodies: contact then has the faces from their outlines, and it is {drawn:.2f}. In a grid file"
+        " without outlines, lay faces that slide along x or y; a finer lattice has smaller teeth, not fewer.",
     )
 
 
-def spun(shape: object, radius: float | None = None) -> float:
+def spun(shape: object, radius: float | None = None, outlined: bool = True) -> float:
     """Spin, over that at the start, of a rigid body that hits a plate askew without friction."""
     scene = Scene(box(0, 0, 1, 0.1), H, UNIT)
     scene = scene.rigid(box(0, -0.1, 1, 0), "anvil", held=("x", "y", "spin"))
     scene = scene.rigid(shape, "striker", 0.03, (5e-3, -5e-3), 0.05, radius=radius)  # type: ignore[arg-type]
     built = build(scene)
-    system, state = prepare(Model(built.grid, built.settings), Options(threads=1))
+    grid = built.grid if outlined else replace(built.grid, outline=())
+    system, state = prepare(Model(grid, built.settings), Options(threads=1))
     Prepared(system, state).march(1, 1201)
     own = system.model.grid.bodies.number == 2  # type: ignore[union-attr]
     place, rate = system.model.grid.position[own] + state.value[own], state.rate[own]
@@ -135,22 +143,22 @@ def spun(shape: object, radius: float | None = None) -> float:
 
 @pytest.mark.slow
 def test_a_round_body_on_a_lattice(failure: Callable[..., None]) -> None:
-    """Round bodies on a lattice.
+    """Round bodies without an outline.
 
     The nodes of a disc are those of a lattice: its edge has steps, and the normals of their corners are not those of
-    the circle.
+    the circle. Contact has the circle from the outlines of the drawing; a grid file without them has steps.
     """
     disc = Point(0.3, 0.2 + 0.1 * H).buffer(0.1, 64)
-    kept, by_radius = spun(disc), spun(disc, 0.1)
+    kept, drawn, by_radius = spun(disc, outlined=False), spun(disc), spun(disc, 0.1)
     assert by_radius == pytest.approx(1, abs=1e-6)  # 4e-8
+    assert drawn == pytest.approx(1, abs=0.05)  # 1.03
     assert kept < 0.6
     assert np.isfinite(kept)
     failure(
-        fails=f"A spinning rigid disc of radius ten spacings hits a plate without friction. It keeps {kept:.2f} of"
-        " its spin,"
-        " and should keep all of it.",
+        fails=f"A spinning rigid disc of radius ten spacings, in a grid file without outlines, hits a plate without"
+        f" friction. It keeps {kept:.2f} of its spin, and should keep all of it.",
         noticed="Not at all: momentum and energy balance.",
         says=[],
-        cure=f"The `radius` of a rigid body, whose surface is a circle then: it keeps {by_radius:.2f}. A body that"
-        " deforms has none: a finer lattice has smaller steps.",
+        cure=f"The key `outline` of the grid file, which holds what was drawn: it keeps {drawn:.2f}. Or the `radius`"
+        f" of a rigid body, whose surface is a circle then: it keeps {by_radius:.2f}.",
     )

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from pdsolve.checkpoint_validation import entry
 from pdsolve.model import Model, ModelError
-from pdsolve.operators.contact.kernel import geometry
+from pdsolve.operators.contact.contact_widths import Pressed, Width, round_widths
+from pdsolve.operators.contact.kernel import PairList, geometry
 from pdsolve.operators.contact.operator import SKIN, PenaltyContact
 from pdsolve.operators.contact.pair_matrix import pair_matrix
 from pdsolve.operators.protocol import Kept, Operator
@@ -44,19 +45,54 @@ class Touch(NamedTuple):
 
 
 class RestingContact(PenaltyContact):
-    """Contact of n nodes at rest; see `Operator`."""
+    """Contact of n nodes at rest; see `Operator`.
+
+    Pairs at round surfaces are four times as stiff as in motion, where they bound the step: their own depth would be an
+    eighth of that of a contact with a half-width of four spacings, and spread its pressure.
+    """
+
+    of_round = 4.0
 
     def __init__(self, model: Model, volume: Array, operator: Operator) -> None:
         """`volume` (n,), m^d; raises ModelError for bodies that overlap, or operators of more than displacements."""
+        self._closing: Array | None = None  # (bodies, bodies) m, gap of nodes of bodies that touch as drawn
         super().__init__(model, volume, operator)
         if self._settings.restitution < 1:
             found = f"{self._settings.restitution:g} at rest"
             raise ModelError(f"{model.name}: $.contact.restitution: found {found}, expected 1: nothing bounces")
         self.symmetric = not self._settings.friction
+        if self._joined.drawn.round.any():
+            self._bound = self.of_round * self._bound
         self._at = np.zeros((len(volume), model.grid.dimension))  # m, displacements of the last equilibrium
         self.seen = self._at.copy()  # m, those of normals and weights
         self._stiffness, self._normal = np.zeros(0), np.zeros((0, model.grid.dimension))
+        self.widths: dict[tuple[int, int], Width] = {}  # of round bodies, under their largest force
         self.see(self._at)
+        if self._joined.drawn.round.any():
+            self._close_gaps()
+            self.see(self._at)
+
+    def _close_gaps(self) -> None:
+        """Let the nearest nodes of round bodies touch that hold each other: they lie beside where the drawing does."""
+        assert self._body is not None
+        pairs, drawn = self._pairs, self._joined.drawn
+        gap = self._gap(self.seen) - pairs.touch
+        near = self._parted(pairs.i, pairs.j) & (drawn.round[pairs.i] | drawn.round[pairs.j])
+        near &= (self._stiffness > 0) & (gap < HOLDS * pairs.touch)
+        first, second = self._body[pairs.i[near]], self._body[pairs.j[near]]
+        bodies = int(self._body.max()) + 1
+        least = np.full((bodies, bodies), np.inf)
+        np.minimum.at(least, (first, second), gap[near])
+        np.minimum.at(least, (second, first), gap[near])
+        self._closing = np.where(np.isfinite(least), np.maximum(least, 0.0), 0.0)
+
+    def _listed(self, i: NDArray[np.int64], j: NDArray[np.int64]) -> PairList:
+        """These pairs (p,), at rest."""
+        pairs = super()._listed(i, j)
+        if self._closing is not None and self._body is not None:
+            curved = self._joined.drawn.round[i] | self._joined.drawn.round[j]
+            pairs.beyond[:] += np.where(curved, self._closing[self._body[i], self._body[j]], 0.0)
+        return pairs
 
     def begin(self, state: State) -> None:
         """Take this equilibrium over: friction's springs go on from it. Books their heat."""
@@ -67,9 +103,25 @@ class RestingContact(PenaltyContact):
             for end in (self._pairs.i, self._pairs.j):
                 self._spent -= np.bincount(end, work / 2, len(self._spent))
             self._pairs.slip[:] = now.slip
+        self.measure_widths(state)
         self._at = state.value.astype(np.float64)
         self.see(self._at)
         self._pairs.drag[:] = -self._stiffness[:, None] * self._touch(state.value).slip
+
+    def measure_widths(self, state: State) -> None:
+        """Take over the widths of contact of round bodies that are pressed harder than before."""
+        if self._body is None:
+            return
+        force = self._stiffness * self._touch(state.value).depth
+        some = np.flatnonzero(force > 0)
+        i, j, drawn = self._pairs.i[some], self._pairs.j[some], self._joined.drawn
+        place = (self._joined.nodes.x[i] + self._joined.nodes.x[j]) / 2
+        first, second = np.sort([self._body[i], self._body[j]], axis=0)
+        curved = drawn.round[i] | drawn.round[j]
+        widths = round_widths(Pressed(place, force[some], self._pairs.h[some], first, second, curved))
+        for pair, width in widths.items():
+            if pair not in self.widths or width.force > self.widths[pair].force:
+                self.widths[pair] = width
 
     def moved(self, value: NDArray[Any]) -> float:
         """The farthest that a surface node has come since the last look, over the finest spacing there."""
@@ -94,7 +146,7 @@ class RestingContact(PenaltyContact):
 
     def _gap(self, u: Array) -> Array:
         i, j, x = self._pairs.i, self._pairs.j, self._joined.nodes.x
-        return np.asarray(((x[j] - x[i] + (u[j] - u[i])) * self._normal).sum(axis=1))
+        return np.asarray(((x[j] - x[i] + (u[j] - u[i])) * self._normal).sum(axis=1) - self._pairs.beyond)
 
     def _along(self, u: Array) -> Array:
         """Way (p, d) along the face since the last equilibrium, m."""

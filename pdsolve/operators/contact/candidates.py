@@ -9,11 +9,14 @@ from pdmesh.model.kd_trees import tree_of
 from pdmesh.model.neighbours import lengths, row_chunks
 from pdmesh.model.node_grid import Bodies, Grid
 from pdsolve.model import Model
+from pdsolve.operators.contact.drawn_faces import drawn_faces
 from pdsolve.operators.contact.kernel import Faces, Nodes, learn_faces, surface_nodes
 from pdsolve.operators.protocol import Operator
 
 EVERY, SOON = 25, 5  # steps after which broken bonds are asked for, where none had broken and where some had
 CORNER = {2: 3, 3: 7}  # nearest bonds of a node at one: nodes with fewer are loose, they have no normal
+LENGTH = {2: 1 + 2**0.5, 3: 1 + 4 / 2**0.5 + 4 / 3**0.5}  # of the normal of a flat face of a lattice
+ALONG = 1e-6  # smallest over largest moment of the nearest nodes: below it they are in a plane, or a line
 NEAREST = {2: 1.5, 3: 1.8}  # spacings: of the bonds that tell a normal, to 8 nodes of a plane and 26 of space
 
 
@@ -35,12 +38,14 @@ class Joined:
         length = lengths(x[target] - x[source])
         near = length <= NEAREST[x.shape[1]] * mean
         source, target = source[near], target[near]
-        self._number = self._found(source, target)  # of each nearest bond among all
+        self._number, self._near_source = self._found(source, target), source  # of each nearest bond among all
         start = np.searchsorted(source, np.arange(self._nodes + 1))
         near_by, intact = target.astype(np.int32), np.ones(len(source), dtype=np.bool_)
         self.nodes = Nodes(x, start, near_by, 1 / length[near], intact)
         self.surface = np.zeros(self._nodes, dtype=np.bool_)
         surface_nodes(self.nodes, self.surface)
+        self.drawn = drawn_faces(model.grid, self.surface)
+        self._marred = np.zeros(self._nodes, dtype=np.bool_)  # nodes that lost one of their nearest bonds
 
     def _found(self, source: NDArray[np.int64], target: NDArray[np.int64]) -> NDArray[np.int64]:
         """Numbers (k,) of the bonds between these rows (k,); those of no bond are arbitrary."""
@@ -60,7 +65,35 @@ class Joined:
         near, inverse, known = nodes.near[bonds].astype(np.int64), nodes.inverse[bonds], np.zeros(m, dtype=np.bool_)
         found = Faces(rows, start, near, inverse, np.zeros((m, 3)), np.zeros(m), np.zeros((m, 3)), known)
         learn_faces(nodes, found)
+        self._lay(found)
         return found
+
+    def _lay(self, faces: Faces) -> None:
+        """Give intact nodes the normals of their drawn surface, which turn with the nearest nodes.
+
+        A normal is a sum over the vectors to these, with the factors nearest to the usual ones, one over the length.
+        """
+        d = self.nodes.x.shape[1]
+        wanted = np.where(self._marred[faces.rows, None], 0.0, self.drawn.normal[faces.rows])
+        count = np.diff(faces.start)
+        laid = wanted.any(axis=1) & (count > 0)
+        node = np.repeat(np.arange(len(faces.rows)), count)
+        bonds = np.flatnonzero(laid[node])
+        node, apart = node[bonds], self.nodes.x[faces.near[bonds]] - self.nodes.x[faces.rows[node[bonds]]]
+        moment = np.zeros((len(faces.rows), d, d))
+        np.add.at(moment, node, apart[:, :, None] * apart[:, None, :])
+        spread = np.linalg.eigvalsh(moment)
+        laid &= spread[:, 0] > ALONG * spread[:, -1]  # else all are in a line or a plane
+        some = np.flatnonzero(laid)
+        more = np.zeros((len(faces.rows), d))
+        change = -LENGTH[d] * wanted[some] + faces.still[some, :d]
+        more[some] = np.linalg.solve(moment[some], change[:, :, None])[:, :, 0]
+        faces.inverse[bonds] += (apart * more[node]).sum(axis=1)
+        faces.still[some, :d], faces.bent[some] = LENGTH[d] * wanted[some], 0.0
+
+    def behind(self, rows: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Mask (k,) of rows whose nodes are behind others at their drawn surface, as long as they have all bonds."""
+        return np.asarray(self.drawn.behind[rows] & ~self._marred[rows])
 
     def forget(self) -> None:
         """Ask for broken bonds anew the next time."""
@@ -80,6 +113,7 @@ class Joined:
         self.intact[:] = True
         self.intact[self._found(broken.source[past], broken.target[past])] = False
         self.nodes.intact[:] = self.intact[self._number]
+        self._marred[:] = np.bincount(self._near_source[~self.nodes.intact], minlength=self._nodes) > 0
         surface_nodes(self.nodes, self.surface)
         return True
 

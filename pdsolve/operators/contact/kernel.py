@@ -6,7 +6,9 @@ the reference: 0 inside a body, it points out of a face. The n of a pair is that
 j, g = r . n, t = r - g n and the depth p = max(d - g, 0) its energy is k w(t) f p^2 / 2. The weights w of the nodes
 that a node meets add up to 1 over a flat face, so that nodes do not interlock: in the plane w = 1 - |t| / h. f is 0
 for normals that point the same way, 1 where they face each other. d is the distance of touch or, for nodes that began
-nearer, what it was then. The force is the gradient of the energy at a constant n; it is equal and opposite.
+nearer, what it was then; g is less by how much deeper than half a spacing the nodes of two bodies lie under their drawn
+surfaces, see `pdsolve.operators.contact.drawn_faces`. The force is the gradient of the energy at a constant n; it is
+equal and opposite.
 
 Friction: a spring as stiff as that of the pair, which slips where it is longer than mu p.
 
@@ -72,6 +74,7 @@ class PairList(NamedTuple):
     k: NDArray[np.float64]  # (p,) N/m
     h: NDArray[np.float64]  # (p,) m
     touch: NDArray[np.float64]  # (p,) m
+    beyond: NDArray[np.float64]  # (p,) m, how much deeper than half a spacing both are under their drawn surfaces
     apart: NDArray[np.float64]  # (p, 3) from i to j in the reference, m, z 0 in the plane
     slip: NDArray[np.float64]  # (p, d) m
     drag: NDArray[np.float64]  # (p, d) N
@@ -192,21 +195,23 @@ def _pressed(pairs, u, q, slack):  # type: ignore[no-untyped-def]
     """
     nothing = (0.0, 0.0, 0.0)
     d, i, j, far, h = u.shape[1], pairs.i[q], pairs.j[q], pairs.touch[q] + slack, pairs.h[q]
+    beyond = pairs.beyond[q]
     x, y, z = _three(pairs.apart, q)
     x += np.float64(u[j, 0]) - np.float64(u[i, 0])
     y += np.float64(u[j, 1]) - np.float64(u[i, 1])
     if d == 3:
         z += np.float64(u[j, 2]) - np.float64(u[i, 2])
     r, square, reach = (x, y, z), x * x + y * y + z * z, h * (1.0 if d == 2 else WIDE)
-    if square >= reach * reach + far * far:
+    if square >= reach * reach + (far + abs(beyond)) ** 2:
         return 0.0, 0.0, nothing, nothing
     one, two, faces = pairs.first[q], pairs.second[q], pairs.faces
     first, second = _normal_now(faces, u, one), _normal_now(faces, u, two)
     x, y, z, length = _between(r, first, second, faces.bent[one], faces.bent[two])
     along = r[0] * x + r[1] * y + r[2] * z
-    if along * along >= far * far * length or square * length - along * along >= reach * reach * length:
+    near = along - beyond * np.sqrt(length) if beyond != 0.0 else along  # of half a spacing under both surfaces
+    if near * near >= far * far * length or square * length - along * along >= reach * reach * length:
         return 0.0, 0.0, nothing, nothing
-    if along <= 0.0:
+    if near <= 0.0:
         pairs.touch[q] = 0.0
         return 0.0, 0.0, nothing, nothing
     facing, inverse = _facing(first, second), 1.0 / np.sqrt(length)
@@ -215,7 +220,7 @@ def _pressed(pairs, u, q, slack):  # type: ignore[no-untyped-def]
     w, slope = _weight(np.sqrt(_dot(across, across)), h, d)
     if facing == 0.0 or w == 0.0:
         return 0.0, 0.0, nothing, nothing
-    depth, k = pairs.touch[q] - gap, pairs.k[q] * facing
+    depth, k = pairs.touch[q] - gap + beyond, pairs.k[q] * facing
     pull = k * slope / 2 * depth * depth
     return k * w, depth, (x, y, z), (across[0] * pull, across[1] * pull, across[2] * pull)
 
@@ -226,11 +231,11 @@ def nearer(pairs):  # type: ignore[no-untyped-def]
     d, faces = pairs.slip.shape[1], pairs.faces
     for q in range(len(pairs.i)):
         reach, r = pairs.h[q] * (1.0 if d == 2 else WIDE), _three(pairs.apart, q)
-        if _dot(r, r) < reach * reach + pairs.touch[q] ** 2:
+        if _dot(r, r) < reach * reach + (pairs.touch[q] + abs(pairs.beyond[q])) ** 2:
             one, two = pairs.first[q], pairs.second[q]
             first, second = _three(faces.still, one), _three(faces.still, two)
             x, y, z, length = _between(r, first, second, faces.bent[one], faces.bent[two])
-            gap = (r[0] * x + r[1] * y + r[2] * z) / np.sqrt(length)
+            gap = (r[0] * x + r[1] * y + r[2] * z) / np.sqrt(length) - pairs.beyond[q]
             pairs.touch[q] = max(min(pairs.touch[q], gap), 0.0)
 
 

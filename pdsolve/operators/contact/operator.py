@@ -40,6 +40,7 @@ class PenaltyContact(Bondless):
 
     name = "contact"
     symmetric = True
+    of_round = 1.0  # stiffness of a pair of two bodies at a curved surface over that of others
 
     def __init__(self, model: Model, volume: NDArray[np.float64], operator: Operator) -> None:
         """`volume` (n,), m^d; raises ModelError for bodies that overlap, or operators of more than displacements."""
@@ -47,6 +48,7 @@ class PenaltyContact(Bondless):
         grid, self._settings, self.bonded = model.grid, model.settings.contact, operator
         self.unknowns: tuple[Unknown, ...] = (Unknown("u", grid.dimension, 2),)
         self._joined, self._delta, self._volume = Joined(model, operator), grid.delta, volume
+        self._body = None if grid.bodies is None else grid.bodies.number
         self._each = 1 / volume  # 1/m^d
         self._cell, self._k = grid.delta**grid.dimension, pair_stiffness(model, self._settings)
         self._bound, self.rigid = touch_bound(model, volume), RigidMotion(model, volume)
@@ -149,8 +151,11 @@ class PenaltyContact(Bondless):
         skin = SKIN * self._finest if len(delta) else 0.0
         self._before = u[self._rows].astype(np.float64)
         self._still = np.zeros_like(self._before)
-        i, j = candidates(self._joined, u, self._rows, delta * np.hypot(wide, self._settings.distance) + skin)
+        reach = delta * np.hypot(wide, self._settings.distance) + skin
+        reach += 2 * self._joined.drawn.beyond.max(initial=0.0)
+        i, j = candidates(self._joined, u, self._rows, reach)
         by_nodes = self.round.own[i] == self.round.own[j]
+        by_nodes &= ~(self._parted(i, j) & (self._joined.behind(i) | self._joined.behind(j)))
         before, pairs = self._pairs, self._listed(i[by_nodes], j[by_nodes])
         self.round.search(u, self._rows, SKIN * self._finest, self._lost)
         nodes = len(self._volume)
@@ -166,6 +171,9 @@ class PenaltyContact(Bondless):
         """These pairs (p,), at rest."""
         mean, nothing = (self._delta[i] + self._delta[j]) / 2, np.zeros((len(i), self.unknowns[0].width))
         k = 2 / (1 / self._k[i] + 1 / self._k[j]) * self._cell[i] * self._cell[j]
+        drawn, parted = self._joined.drawn, self._parted(i, j)
+        beyond = np.where(parted, drawn.beyond[i] + drawn.beyond[j], 0.0)
+        k *= np.where(parted & (drawn.round[i] | drawn.round[j]), self.of_round, 1.0)
         wide = np.maximum(self._delta[i], self._delta[j])
         rows, ends = np.unique(np.concatenate([i, j]), return_inverse=True)
         first, second = ends.reshape(2, -1)
@@ -173,7 +181,12 @@ class PenaltyContact(Bondless):
         apart[:, : x.shape[1]] = x[j] - x[i]
         touch, faces = self._settings.distance * mean, self._joined.faces(rows)
         most, short = np.zeros((2, len(i)))
-        return PairList(i, j, k, wide, touch, apart, nothing, nothing.copy(), most, short, first, second, faces)
+        springs = nothing, nothing.copy(), most, short
+        return PairList(i, j, k, wide, touch, beyond, apart, *springs, first, second, faces)
+
+    def _parted(self, i: NDArray[np.int64], j: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Mask (p,) of pairs of two bodies."""
+        return np.zeros(len(i), dtype=np.bool_) if self._body is None else self._body[i] != self._body[j]
 
     def _pressed(self, value: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Energies (n,), J, of all springs and of those of friction; stiffness, depth, normal of pairs (p, 2 + d)."""
@@ -304,7 +317,7 @@ def _refuse_overlap(model: Model, contact: Contact, pairs: PairList) -> None:
     some = np.flatnonzero(grid.bodies.parted(pairs.i, pairs.j))
     i, j = pairs.i[some], pairs.j[some]
     touch = contact.distance * (grid.delta[i] + grid.delta[j]) / 2
-    depth = touch - np.sqrt(((grid.position[j] - grid.position[i]) ** 2).sum(axis=1))
+    depth = touch + pairs.beyond[some] - np.sqrt(((grid.position[j] - grid.position[i]) ** 2).sum(axis=1))
     if not len(some) or not (depth > (1 - DEEP) * touch).any():
         return
     at = int(np.argmax(depth))

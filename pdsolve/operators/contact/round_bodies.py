@@ -53,6 +53,7 @@ class RoundBodies:
         assert model.settings.contact is not None
         self._settings, self._joined, self._rigid, self._k = model.settings.contact, joined, rigid, stiffness
         self._half = model.settings.contact.distance * model.grid.delta / 2
+        self._deep = self._half + joined.drawn.beyond
         self._radius = [(b, body.radius) for b, body in enumerate(rigid.bodies) if body.radius is not None]
         self.own = np.zeros(len(volume), dtype=np.bool_)  # nodes of round bodies
         for b, _ in self._radius:
@@ -66,7 +67,9 @@ class RoundBodies:
         for near, (b, radius) in zip(self._near, self._radius, strict=True):
             assert bodies is not None
             half = self._half[near.rows]
-            depth = radius + half - lengths(self._arm(b, np.zeros_like(self._joined.nodes.x), near.rows))
+            depth = (
+                radius + self._deep[near.rows] - lengths(self._arm(b, np.zeros_like(self._joined.nodes.x), near.rows))
+            )
             if not (depth > half).any():
                 continue
             at = int(np.argmax(depth))
@@ -87,12 +90,12 @@ class RoundBodies:
 
         What a node holds less than before is added to what it has `lost` (n,), J.
         """
-        rows = rows[~self.own[rows]]
+        rows = rows[~self.own[rows] & ~self._joined.behind(rows)]
         for number, (b, radius) in enumerate(self._radius):
             far = lengths(self._arm(b, u, rows))
-            close = rows[far < radius + self._half[rows] + slack]
+            close = rows[far < radius + self._deep[rows] + slack]
             before, held = self._near[number], self._held(number, u)
-            near = _at_rest(close, radius + self._half[close])
+            near = _at_rest(close, radius + self._deep[close])
             _, here, there = np.intersect1d(close, before.rows, assume_unique=True, return_indices=True)
             for name in Near._fields[1:]:
                 getattr(near, name)[here] = getattr(before, name)[there]

@@ -146,6 +146,7 @@ def two(run: Run, **more: Any) -> Model:
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:.*contact.restitution.*with bodies that deform")
 @pytest.mark.parametrize(("friction", "restitution"), [(0.0, 1.0), (0.4, 1.0), (0.1, 0.8)])
 def test_a_resumed_run_has_the_same_bits(friction: float, restitution: float, tmp_path: Path) -> None:
     run = Run(steps=120, every=10, ledger=10)

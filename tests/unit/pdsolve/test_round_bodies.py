@@ -106,6 +106,7 @@ def test_a_ball_keeps_its_spin_on_a_block_in_space() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:.*contact.restitution.*with bodies that deform")
 def test_a_resumed_run_has_the_same_bits(tmp_path: Path) -> None:
     model = struck(run=Run(steps=240, every=20, ledger=20), friction=0.005, restitution=0.8)
     whole, count = simulate(model, options=Options(threads=1)), 0

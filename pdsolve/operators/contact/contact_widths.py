@@ -1,0 +1,71 @@
+"""How wide round bodies touch, in spacings of their nodes."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.graphs import connected
+from pdmesh.model.kd_trees import tree_of
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.int64]
+
+ASIDE = 2.5  # spacings: pairs that press and are nearer than that are of one place
+CELL = 1 / 12  # second moment of a cell, in squares of its width
+OVER_MOMENT = {2: 4.0, 3: 5.0}  # square of the half-width over the second moment of Hertz's pressure along it
+
+
+class Pressed(NamedTuple):
+    """Pairs that press, p of them."""
+
+    place: Array  # (p, d) between the nodes, m
+    force: Array  # (p,) N/m, in space N
+    spacing: Array  # (p,) of the coarser node, m
+    first: Rows  # (p,) the smaller number of their bodies
+    second: Rows  # (p,) the larger one
+    round: NDArray[np.bool_]  # (p,) whether a drawn surface is curved there
+
+    def part(self, some: NDArray[Any]) -> Pressed:
+        """Those of a mask or of numbers."""
+        place, force, spacing = self.place[some], self.force[some], self.spacing[some]
+        return Pressed(place, force, spacing, self.first[some], self.second[some], self.round[some])
+
+
+class Width(NamedTuple):
+    """How two round bodies touch."""
+
+    half: float  # spacings, the smallest half-width of all places where they do
+    force: float  # N/m, in space N, in all
+
+
+def round_widths(pairs: Pressed) -> dict[tuple[int, int], Width]:
+    """The widths of contact of each two bodies that touch where one of them is round."""
+    some = pairs.first != pairs.second
+    pairs = pairs.part(some)
+    if not len(pairs.force):
+        return {}
+    near = tree_of(pairs.place).query_pairs(ASIDE * float(pairs.spacing.max()), output_type="ndarray").T
+    one, other = near[
+        :, (pairs.first[near[0]] == pairs.first[near[1]]) & (pairs.second[near[0]] == pairs.second[near[1]])
+    ]
+    found: dict[tuple[int, int], Width] = {}
+    of_place = connected(len(pairs.force), one, other)
+    for number in np.unique(of_place[pairs.round]):
+        mine = np.flatnonzero(of_place == number)
+        bodies = int(pairs.first[mine[0]]), int(pairs.second[mine[0]])
+        half, force = _half_width(pairs.part(mine)), float(pairs.force[mine].sum())
+        before = found.get(bodies, Width(np.inf, 0.0))
+        found[bodies] = Width(min(half, before.half), force + before.force)
+    return found
+
+
+def _half_width(pairs: Pressed) -> float:
+    """The smaller half-width, in spacings, of the ellipse, or in the plane of the strip, that Hertz has for them."""
+    middle = np.average(pairs.place, axis=0, weights=pairs.force)
+    apart = (pairs.place - middle) / pairs.spacing[:, None]
+    moment = np.average(apart[:, :, None] * apart[:, None, :], axis=0, weights=pairs.force)
+    along = np.linalg.eigvalsh(moment)[1]  # the first is across the face
+    return float(np.sqrt(OVER_MOMENT[apart.shape[1]] * (along + CELL)))

@@ -1,0 +1,185 @@
+"""Drawn surfaces of bodies beside their nodes: how deep nodes lie under them, and their normals.
+
+The nodes of a round or an inclined body are steps, its drawn surface is smooth. Contact counts the gap of the drawn
+surfaces: a node next to one has its normal, and its depth d under it along this normal. Nodes deeper than a spacing lie
+behind others and do not touch, so that on a face of any direction a spacing of depth carries, one node a cell on the
+mean. Nodes of a flat face along the axes, and those at an edge, are as they are without a drawing: half a spacing deep,
+with the normal of their bonds.
+
+A circle or a sphere is drawn by chords; where all corners of a body are on one, that is its surface.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdmesh.model.kd_trees import tree_of
+from pdmesh.model.node_grid import Grid
+from pdmesh.model.triangulated_surface import outward
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.int64]
+
+FINEST = {2: 1 / 16, 3: 1 / 2}  # spacings: longest side of a piece
+NEAR = 2.0  # spacings: a node deeper than that is not at the surface
+SMOOTH = 0.95  # mean normal within a spacing that is longer than that is of no edge: one of 90 degrees has .71
+CHORD, ARC = 0.25, 0.02  # of a spacing, of a radius: the most that a chord cuts off of a circle or a sphere
+STRAIGHT = 1e-9  # mean normal within a spacing that is shorter than 1 by more is of a curve
+ON_AXIS, ROUND_OFF = 1e-9, 1e-6  # of a normal; of a spacing, or of a radius
+
+
+class DrawnFaces(NamedTuple):
+    """What the drawing says of n nodes."""
+
+    normal: Array  # (n, d) out of the drawn surface; 0 of nodes that have that of their bonds
+    beyond: Array  # (n,) how much deeper than half a spacing they lie under it, m
+    behind: NDArray[np.bool_]  # (n,) at a drawn surface but behind other nodes
+    round: NDArray[np.bool_]  # (n,) at a curved one
+
+
+class Pieces(NamedTuple):
+    """Small pieces of facets, s of them."""
+
+    middle: Array  # (s, d) m
+    normal: Array  # (s, d) of length 1, out of the body
+    facet: Rows  # (s,) number of the facet
+
+
+class Surface(NamedTuple):
+    """The surface of one body beside k nodes."""
+
+    normal: Array  # (k, d) of length 1, at the nearest place
+    depth: Array  # (k,) m; infinite far from it
+    smooth: NDArray[np.bool_]  # (k,) whether it has no edge there
+    round: NDArray[np.bool_]  # (k,) whether it is curved there
+
+
+def drawn_faces(grid: Grid, surface: NDArray[np.bool_]) -> DrawnFaces:
+    """The drawn faces of several bodies; `surface` (n,) masks the nodes that lack neighbours to one side."""
+    nodes, d = len(grid), grid.dimension
+    found = DrawnFaces(np.zeros((nodes, d)), np.zeros(nodes), *np.zeros((2, nodes), dtype=np.bool_))
+    rows = np.flatnonzero(surface)
+    if grid.bodies is None or not grid.outline or not len(rows):
+        return found
+    facets = _facets(grid)
+    number, near = grid.bodies.number[rows], NEAR * float(grid.delta[rows].max())
+    pieces = _pieces(facets, grid.position[rows], near, FINEST[d] * float(grid.delta[rows].min()))
+    body_of = _bodies(grid, rows, pieces)
+    for body in np.unique(number):
+        own = rows[number == body]
+        mine = Pieces(*(column[body_of[pieces.facet] == body] for column in pieces))
+        if len(mine.facet):
+            ball = _on_ball(grid, own, facets[np.unique(mine.facet)])
+            _lay(found, grid, own, ball or _on_pieces(grid, own, mine))
+    return found
+
+
+def _lay(found: DrawnFaces, grid: Grid, rows: Rows, surface: Surface) -> None:
+    """Set what the surface of one body says of its nodes in these rows (k,)."""
+    delta, (normal, depth, smooth, curved) = grid.delta[rows], surface
+    along_axis = np.abs(normal).max(axis=1) > 1 - ON_AXIS
+    laid = smooth & (curved | ~along_axis) & (np.abs(depth) < NEAR * delta)
+    behind = laid & (depth > (1 + ROUND_OFF) * delta)
+    found.behind[rows[behind]] = True
+    laid &= ~behind
+    found.normal[rows[laid]], found.beyond[rows[laid]] = normal[laid], (depth - delta / 2)[laid]
+    found.round[rows[laid]] = curved[laid]
+
+
+def _on_ball(grid: Grid, rows: Rows, facets: Array) -> Surface | None:
+    """The circle or sphere that has facets (f, d, d) for chords, beside nodes of these rows (k,); None if none has."""
+    corners = facets.reshape(-1, facets.shape[-1])
+    if len(corners) <= 2 * corners.shape[1]:
+        return None
+    middle = corners.mean(axis=0)
+    apart = corners - middle
+    columns = np.column_stack([2 * apart, np.ones(len(apart))])
+    fit, _, rank, _ = np.linalg.lstsq(columns, (apart**2).sum(axis=1), rcond=None)
+    if rank < columns.shape[1]:  # in a line, or in a plane
+        return None
+    radius = np.sqrt(((apart - fit[:-1]) ** 2).sum(axis=1))
+    cut = radius.mean() - np.sqrt(((facets.mean(axis=1) - middle - fit[:-1]) ** 2).sum(axis=1).min())
+    if np.ptp(radius) > ROUND_OFF * radius.mean() or cut > min(CHORD * grid.delta[rows].min(), ARC * radius.mean()):
+        return None
+    arm = grid.position[rows] - middle - fit[:-1]
+    far = np.sqrt((arm**2).sum(axis=1))
+    return Surface(arm / np.maximum(far, 1e-300)[:, None], radius.mean() - far, far > 0, far > 0)
+
+
+def _on_pieces(grid: Grid, rows: Rows, pieces: Pieces) -> Surface:
+    """The surface of these pieces beside the nodes of one body, of these rows (k,)."""
+    middles, normals = pieces.middle, pieces.normal
+    places, delta, tree = grid.position[rows], grid.delta[rows], tree_of(middles)
+    nearest = tree.query(places)[1]
+    depth = ((middles[nearest] - places) * normals[nearest]).sum(axis=1)
+    mean = normals[nearest]
+    for spacing in np.unique(delta):  # trees find all within one distance
+        some = np.flatnonzero((delta == spacing) & (np.abs(depth) < spacing))
+        pairs = tree_of(places[some]).sparse_distance_matrix(tree, spacing, output_type="ndarray")
+        count = np.maximum(np.bincount(pairs["i"], minlength=len(some)), 1)
+        for axis, column in enumerate(normals.T):
+            mean[some, axis] = np.bincount(pairs["i"], column[pairs["j"]], len(some)) / count
+    length = np.sqrt((mean**2).sum(axis=1))
+    return Surface(mean / np.maximum(length, 1e-300)[:, None], depth, length > SMOOTH, length < 1 - STRAIGHT)
+
+
+def _bodies(grid: Grid, rows: Rows, pieces: Pieces) -> Rows:
+    """The body of each facet, that of the node of these rows that is nearest inside of most of its pieces; else -1."""
+    assert grid.bodies is not None
+    nearest, body_of = np.full(len(pieces.facet), np.inf), np.zeros(len(pieces.facet), dtype=np.int64)
+    for body in np.unique(grid.bodies.number[rows]):
+        own = rows[grid.bodies.number[rows] == body]
+        way, at = tree_of(grid.position[own]).query(pieces.middle)
+        inside = ((pieces.middle - grid.position[own[at]]) * pieces.normal).sum(axis=1) > 0
+        inside &= (way < NEAR * grid.delta[own[at]]) & (way < nearest)
+        nearest[inside], body_of[inside] = way[inside], body + 1
+    bodies, facets = len(grid.bodies.names) + 1, int(pieces.facet.max(initial=-1)) + 1
+    votes = np.bincount(pieces.facet * bodies + body_of, minlength=facets * bodies).reshape(facets, bodies)
+    return np.asarray(np.where(votes[:, 1:].any(axis=1), votes[:, 1:].argmax(axis=1), -1))
+
+
+def _facets(grid: Grid) -> Array:
+    """Segments (f, 2, 2) or triangles (f, 3, 3) of all surfaces, m; bodies are to the left of segments."""
+    if grid.dimension == 3:
+        return outward(grid.faces)
+    sides = []
+    for number, ring in enumerate((*grid.outline, *grid.holes)):
+        ends = np.stack([ring, np.roll(ring, -1, axis=0)], axis=1)
+        clockwise = np.linalg.det(ends - ring[0]).sum() < 0
+        sides.append(ends[:, ::-1] if clockwise == (number < len(grid.outline)) else ends)
+    facets = np.concatenate(sides)
+    return np.asarray(facets[(facets[:, 0] != facets[:, 1]).any(axis=1)])
+
+
+def _normals(facets: Array) -> Array:
+    """Normals (f, d) of length 1 of facets (f, d, d), out of their bodies."""
+    sides = np.diff(facets, axis=1)
+    across = np.cross(sides[:, 0], sides[:, 1]) if facets.shape[1] == 3 else sides[:, 0] @ np.array([[0, -1], [1, 0]])
+    return np.asarray(across / np.sqrt((across**2).sum(axis=1))[:, None])
+
+
+def _pieces(facets: Array, places: Array, reach: float, finest: float) -> Pieces:
+    """Facets (f, d, d) halved until no side is longer than `finest`, m, as far as they are near places (k, d)."""
+    tree, normal = tree_of(places), _normals(facets)
+    first, second = np.triu_indices(facets.shape[1], 1)
+    facet, found, of = np.arange(len(facets)), [facets[:0]], [np.zeros(0, dtype=np.int64)]
+    while len(facets):
+        middle = facets.mean(axis=1)
+        radius = np.sqrt(((facets - middle[:, None]) ** 2).sum(axis=2).max(axis=1))
+        near = tree.query(middle)[0] <= reach + radius
+        facets, facet = facets[near], facet[near]
+        long = np.sqrt(((facets[:, first] - facets[:, second]) ** 2).sum(axis=2))
+        small = long.max(axis=1, initial=0.0) <= finest
+        found.append(facets[small])
+        of.append(facet[small])
+        rest, side = facets[~small], long[~small].argmax(axis=1)
+        each = np.arange(len(rest))
+        half = (rest[each, first[side]] + rest[each, second[side]]) / 2
+        one, two = rest, rest.copy()
+        one[each, first[side]], two[each, second[side]] = half, half
+        facets, facet = np.concatenate([one, two]), np.tile(facet[~small], 2)
+    number = np.concatenate(of)
+    return Pieces(np.concatenate(found).mean(axis=1), normal[number], number)

@@ -1,0 +1,27 @@
+"""A warning of round bodies at rest that touch more narrowly than their nodes resolve."""
+
+from __future__ import annotations
+
+from pdsolve.checks import warn
+from pdsolve.operators.contact.at_rest import RestingContact
+from pdsolve.run.system import System
+from pdsolve.state import State
+
+RESOLVED = 4.0  # spacings: half-width from which on it is Hertz's
+
+
+def warn_of_narrow_contact(system: System, state: State) -> None:
+    """Warn of the narrowest contact of two round bodies under the largest force of a run at rest."""
+    contact, bodies = system.contact, system.model.grid.bodies
+    if not isinstance(contact, RestingContact) or bodies is None:
+        return
+    contact.measure_widths(state)
+    narrow = {pair: width.half for pair, width in contact.widths.items() if width.half < RESOLVED}
+    if narrow:
+        (first, second), half = min(narrow.items(), key=lambda item: item[1])
+        warn(
+            system.model,
+            f"$.bodies: found '{bodies.names[first]}' and '{bodies.names[second]}' that touch over a half-width of"
+            f" {half:.1f} spacings, expected {RESOLVED:g} or more of round bodies: the width and the pressure of a"
+            " narrower contact are not resolved; a finer spacing resolves them",
+        )
