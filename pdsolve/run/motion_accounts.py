@@ -15,7 +15,6 @@ from pdsolve.results import Frame, Results
 from pdsolve.run.inversion_checks import MotionChecks
 from pdsolve.run.measures import Asked, Ledger, books
 from pdsolve.run.operator_factory import intact_stable_step
-from pdsolve.run.plastic_checks import plastic_strain_exceeds, warn_of_plastic_strain
 from pdsolve.run.reactions import Reaction, grips, reactions
 from pdsolve.run.system import System
 from pdsolve.state import State
@@ -35,7 +34,8 @@ class MotionAccounts:
         self.last, self._clamped = books(system, state, step, asked), self._heat(state)
 
     def _start(self, system: System, step: int, results: Results | None) -> None:
-        self._system, self._strained = system, False  # whether a warning of large plastic strains is given
+        self._system, materials = system, system.model.materials
+        self._flows = any(material.solid == "j2" and material.form != "rate" for material in materials)  # to warn of
         self._nodes_changed = False  # which makes or loses energy
         self._most = 0.0  # J/m, the largest work, given or taken
         if results is not None:
@@ -102,9 +102,10 @@ class MotionAccounts:
         self._most = max(self._most, abs(self.last.work))
         assert self._watch is not None
         self._watch.look(state.value[:, : system.model.grid.dimension], asked.broken, step)
-        if not self._strained and (strain := plastic_strain_exceeds(system.operator)):
-            self._strained = True
-            warn_of_plastic_strain(system.model, step, strain)
+        if self._flows:
+            from pdsolve.run.plastic_checks import warn_of_plastic_strain  # few bodies flow
+
+            self._flows = not warn_of_plastic_strain(system, step)
         self._ledgers.append(self.last)
         for row in dict.fromkeys(self._probed):
             node = int(system.model.grid.ids[row])
