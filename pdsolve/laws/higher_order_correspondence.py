@@ -317,6 +317,6 @@ LAW = Law(
     failure=Failure(alert, fails),
     nodes=NodeMemory(("history",), remember, hold),
     mend=mend,
-    torn_stiffness=correspondence.torn_stiffness,  # type: ignore[arg-type]
+    torn_stiffness=correspondence.torn_stiffness,
     fields=fields,
 )

@@ -118,8 +118,9 @@ def mend(law: Columns, bonds: AnyList, rows: NDArray[np.int64]) -> None:
             terms = some.weight * slip[a] * xi[b]
             sums[:, a, b] = np.bincount(some.own, terms, minlength=len(rows))
             sizes[:, a, b] = np.bincount(some.own, np.abs(terms), minlength=len(rows))
-    moved = (np.abs(sums) > LINEAR_PART * sizes).any(axis=(1, 2))  # else p stays to the bit, as in runs that go on
-    linear = np.where(moved[:, None, None], sums @ law.inverse[rows].reshape(-1, d, d), 0.0)[some.own]
+    # p without a linear part stays to the bit, as in runs that go on
+    moved = np.asarray(np.abs(sums) > LINEAR_PART * sizes).any(axis=(1, 2))
+    linear = np.where(np.reshape(moved, (-1, 1, 1)), sums @ law.inverse[rows].reshape(-1, d, d), 0.0)[some.own]
     law.slip[:, some.which] = slip - np.einsum("kab,bk->ak", linear, xi)
 
 

@@ -263,6 +263,6 @@ LAW = Law(
     nodes=NodeMemory(("history",), remember, hold),
     lanes=Lanes(finish, nears, tabled, standing, by_lanes),
     mend=mend,
-    torn_stiffness=correspondence.torn_stiffness,  # type: ignore[arg-type]
+    torn_stiffness=correspondence.torn_stiffness,
     fields=fields,
 )
