@@ -133,7 +133,7 @@ def mend(law: Columns, bonds: AnyList, rows: NDArray[np.int64]) -> None:
     torn = np.bincount(some.own, law.broken[some.which] != 0, minlength=len(rows)) > 0
     usable = torn[:, None] & (values > LINE * total)
     scaled = ways * np.divide(1.0, values, out=np.zeros_like(values), where=usable)[:, None, :]
-    law.inverse[rows] = (scaled @ ways.transpose(0, 2, 1)).reshape(len(rows), -1)
+    law.inverse[rows] = (scaled @ ways.transpose(0, 2, 1)).reshape(-1, law.d * law.d)
     law.inverse[rows[sound]] = np.linalg.inv(K[sound]).reshape(-1, law.d * law.d)
     law.share[rows] = sound
     if np.isfinite(law.stiffest[0]):
@@ -315,8 +315,9 @@ def looked_at(law, bond, c, here, there):  # type: ignore[no-untyped-def]
 
 
 def standing(law: Columns, rows: NDArray[np.int64]) -> NDArray[np.floating]:
-    """Nodal constants for `finish`: K^-1, lambda, mu, the share of the stress, Z."""
-    one = law.solid.first[rows], law.solid.shear[rows], law.share[rows], law.control[rows]
+    """Nodal constants for `finish`: K^-1, lambda, mu, the share of the stress, whether it is above 0, Z."""
+    share = law.share[rows]
+    one = law.solid.first[rows], law.solid.shear[rows], share, np.ceil(share), law.control[rows]
     return np.vstack([law.inverse[rows].T, *one])
 
 
@@ -328,7 +329,7 @@ def by_lanes(law: Columns) -> bool:
 
 def finish(law, sums, own):  # type: ignore[no-untyped-def]
     H, P, s, J = closed(law, sums, own)
-    Z, A = own[7], product(P, own[:4])
+    Z, A = own[8], product(P, own[:4])
     return (
         *(A[0] - Z * H[0], A[1] - Z * H[1], A[2] - Z * H[2], A[3] - Z * H[3]),
         *(H[0], H[1], H[2], H[3], s[0], s[1], s[2], s[3], J),
@@ -338,8 +339,8 @@ def finish(law, sums, own):  # type: ignore[no-untyped-def]
 @njit(**INLINE)
 def closed(law, sums, own):  # type: ignore[no-untyped-def]
     """Gradient of a node, P and stress, four components each, and J, from its sums and constants."""
-    H, none, share = product(sums, own[:4]), sums[0] * 0.0, own[6]
-    h = (H[0], H[1], none, H[2], H[3], none, none, none, none)
+    H, none, share, any_share = product(sums, own[:4]), sums[0] * 0.0, own[6], own[7]
+    h = (any_share * H[0], any_share * H[1], none, any_share * H[2], any_share * H[3], none, none, none, none)
     found = elastic(law.solid.kind[0], h, own[4], own[5], law.solid.plane_stress)
     P, s = found.P, found.sigma
     P = (share * P[0], share * P[1], share * P[3], share * P[4])

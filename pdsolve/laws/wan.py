@@ -185,13 +185,13 @@ def tabled(law: Columns, bonds: Bonds) -> Tabled:
 
 
 def standing(law: Columns, rows: NDArray[np.int64]) -> NDArray[np.floating]:
-    """Nodal constants for `finish`: K^-1, lambda, mu, the share of the stress, and Z, four components."""
+    """Nodal constants for `finish`: K^-1, lambda, mu, the share of the stress, whether it is above 0, and Z."""
     first, shear, share = law.solid.first[rows], law.solid.shear[rows], law.share[rows]
     flat = first * (2 * shear / (first + 2 * shear)) if law.solid.plane_stress else first
     K = np.where(share > 0, law.control[rows].T, 0)
     trace, double = flat * (K[0] + K[3]), 2 * shear
     Z = double * K[0] + trace, double * K[1], double * K[2], double * K[3] + trace
-    return np.vstack([law.inverse[rows].T, first, shear, share, *Z])
+    return np.vstack([law.inverse[rows].T, first, shear, share, np.ceil(share), *Z])
 
 
 def by_lanes(law: Columns) -> bool:
@@ -201,7 +201,7 @@ def by_lanes(law: Columns) -> bool:
 
 def finish(law, sums, own):  # type: ignore[no-untyped-def]
     H, P, s, J = closed(law, sums[:4], own)
-    Z = own[7:]
+    Z = own[8:]
     if law.solid.kind[0] == SVK:
         P, Z = _turned_in_the_plane(sums, H, P, Z)
     A, B = product(P, own[:4]), product(Z, H)
