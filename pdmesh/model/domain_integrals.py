@@ -34,6 +34,7 @@ class Sampled(NamedTuple):
     strain: NDArray[np.float64]  # (n, 3) xx, yy, xy
     stress: NDArray[np.float64]  # (n, 3) Pa, likewise
     motion: Motion | None = None  # None: at rest
+    work: NDArray[np.float64] | None = None  # (n,) of the stress, J/m^3; None: that of an elastic solid
 
 
 class Motion(NamedTuple):
@@ -121,15 +122,15 @@ def _turned(at: Sampled, rows: NDArray[np.int64], tip: NDArray[np.float64], turn
             motion.acceleration[rows] @ turn.T,
             turn @ motion.rates[rows] @ turn.T,
         )
-    place = (at.position[rows] - tip) @ turn.T
+    place, work = (at.position[rows] - tip) @ turn.T, None if at.work is None else at.work[rows]
     gradient = turn @ at.gradient[rows] @ turn.T
-    return Sampled(place, at.area[rows], gradient, tensor(at.strain), tensor(at.stress), motion)
+    return Sampled(place, at.area[rows], gradient, tensor(at.strain), tensor(at.stress), motion, work)
 
 
 def _own(here: Sampled, q: NDArray[np.float64], slope: NDArray[np.float64]) -> float:
     """J, J/m^2, in its area form, from the fields sampled around a tip."""
     along = here.gradient[:, :, 0]
-    energy = _product(here.stress, here.strain) / 2
+    energy = _product(here.stress, here.strain) / 2 if here.work is None else here.work
     total = _pulled(here.stress, along, slope)
     if here.motion is not None:
         density, velocity, acceleration, rates = here.motion

@@ -61,6 +61,7 @@ class SampledInSpace(NamedTuple):
     strain: NDArray[np.float64]  # (n, 3, 3)
     stress: NDArray[np.float64]  # (n, 3, 3) Pa
     motion: Motion | None = None  # None: at rest
+    work: NDArray[np.float64] | None = None  # (n,) of the stress, J/m^3; None: that of an elastic solid
 
 
 class FoundInSpace(NamedTuple):
@@ -163,7 +164,7 @@ def _own(around: _Around) -> float:
     """J times the length of the front that q counts, J/m."""
     _, bend, q, slope, at = around
     H, s = at.gradient, at.stress
-    energy = np.einsum("nij,nij->n", s, at.strain) / 2
+    energy = np.einsum("nij,nij->n", s, at.strain) / 2 if at.work is None else at.work
     total = np.einsum("nij,ni,nj->n", s, H[:, :, 0], slope)
     if at.motion is not None:
         density, v, a, rates = at.motion

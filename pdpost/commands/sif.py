@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from pdmesh import commandline
 from pdpost.commands import number_options
 from pdpost.commands.shared import (
+    YIELDS,
     add_every,
     add_frame,
     add_window,
@@ -137,11 +138,12 @@ def _words(one: Series) -> str:
         return f"{one.front.name}: at none of these frames"
     at = int(known[-1])
     values = {name: (one.value[name][at], one.low[name][at], one.high[name][at]) for name in UNITS}
-    said = []
+    said, elastic = [], bool(np.isfinite(values["K1"][0]))
     for name, factor, unit in (("J", 1.0, "J/m^2"), ("K1", 1e-6, "MPa m^0.5"), ("K2", 1e-6, "MPa m^0.5")):
-        middle, low, high = (factor * value for value in values[name])
-        said.append(f"{name} {middle:.4g} {unit} ({low:.4g} to {high:.4g})")
-    said += [f"T {values['T'][0] * 1e-6:.3g} MPa"]
+        if elastic or name == "J":
+            middle, low, high = (factor * value for value in values[name])
+            said.append(f"{name} {middle:.4g} {unit} ({low:.4g} to {high:.4g})")
+    said += [f"T {values['T'][0] * 1e-6:.3g} MPa" if elastic else YIELDS]
     if np.isfinite(values["angle"][0]):
         said += [f"turns by {values['angle'][0]:+.1f} degrees"]
     if one.differs[at]:

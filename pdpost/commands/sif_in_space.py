@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from pdmesh import commandline
 from pdpost.commands import number_options
-from pdpost.commands.shared import counted
+from pdpost.commands.shared import YIELDS, counted
 
 if TYPE_CHECKING:
     from pdpost.measures.intensities_in_space import AlongFront
@@ -71,21 +71,19 @@ def _rows(one: AlongFront) -> Any:
 
 def _words(one: AlongFront) -> str:
     """The largest and the mean of a front's values."""
+    import numpy as np
+
     from pdpost.reading.time_text import time_text
 
     known = one.known
     at = int(known[one.value["J"][known].argmax()])
     place = ", ".join(f"{x * 1e3 + 0.0:.4g}" for x in one.place[at])
-    said = []
-    for name, factor, unit in (
-        ("J", 1.0, "J/m^2"),
-        *((each, 1e-6, "MPa m^0.5") for each in ("K1", "K2", "K3")),
-    ):
+    said, intensities = [], ("K1", "K2", "K3") if np.isfinite(one.value["K1"][at]) else ()
+    for name, factor, unit in (("J", 1.0, "J/m^2"), *((each, 1e-6, "MPa m^0.5") for each in intensities)):
         middle, low, high = (factor * side[name][at] for side in (one.value, one.low, one.high))
         said.append(f"{name} {middle:.4g} {unit} ({low:.4g} to {high:.4g})")
-    means = ", ".join(f"{name} {one.value[name][known].mean() * 1e-6:.4g}" for name in ("K1", "K2", "K3"))
+    means = ", ".join(f"{name} {one.value[name][known].mean() * 1e-6:.4g}" for name in intensities)
     points = f"{len(known)} of {len(one.along)} points known"
-    return (
-        f"{one.name}, {time_text(one.time)}, {points}: largest J at ({place}) mm: {', '.join(said)};"
-        f" in the mean {means} MPa m^0.5"
+    return f"{one.name}, {time_text(one.time)}, {points}: largest J at ({place}) mm: {', '.join(said)};" + (
+        f" in the mean {means} MPa m^0.5" if means else f" {YIELDS}"
     )

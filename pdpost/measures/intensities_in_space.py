@@ -25,7 +25,7 @@ from pdpost.measures.crack_fronts import Polyline
 from pdpost.measures.cracked_nodes import ROUND_OFF, separation_at
 from pdpost.measures.front_places import Cracks, FrontPoints, cracks_at, front_points
 from pdpost.measures.front_surroundings import ObstaclesInSpace
-from pdpost.measures.strain import intact, stiffness
+from pdpost.measures.strain import intact, stiffness, stress_work
 from pdpost.measures.stress_intensities import CRUMB
 from pdpost.measures.tip_surroundings import Room
 from pdpost.reading.embedded_model import at_rest, read
@@ -133,7 +133,8 @@ def along_fronts(
             for here, wide, solid in zip(points.places, some, solids, strict=True)
         ]
         refused = _refused(points, room, ratio, ring)
-        series.append(_along(results, step, f"front {number}", points, got, solids, refused))
+        found_here = _along(results, step, f"front {number}", points, got, solids, refused)
+        series.append(found_here if at.work is None else _yielded(found_here))
     return series
 
 
@@ -203,7 +204,9 @@ def _sample(results: Results, step: int, rows: NDArray[np.int64]) -> SampledInSp
         velocity, acceleration = (vector(results, name, step) for name in ("velocity", "acceleration"))
         density = read(results, _Model).material.rho
         motion = Motion(density, velocity[rows], acceleration[rows], fitted(velocity))
-    return SampledInSpace(nodes.position[rows], nodes.area[rows], gradient, _tensor(strain), _tensor(stress), motion)
+    work = stress_work(results, step)
+    parts = _tensor(strain), _tensor(stress), motion, None if work is None else work[rows]
+    return SampledInSpace(nodes.position[rows], nodes.area[rows], gradient, *parts)
 
 
 def _of_rows(families: Families, rows: NDArray[np.int64]) -> Families:
@@ -247,6 +250,15 @@ def _along(
     return AlongFront(
         name, step, time, points.along, place, frames[:, 0], frames[:, 1], value, low, high, of_K, refused
     )
+
+
+def _yielded(one: AlongFront) -> AlongFront:
+    """A front of a body that has yielded, of which J alone has a meaning."""
+    value, low, high = (
+        {name: numbers if name == "J" else np.full_like(numbers, np.nan) for name, numbers in each.items()}
+        for each in (one.value, one.low, one.high)
+    )
+    return one._replace(value=value, low=low, high=high, of_K=np.full_like(one.of_K, np.nan))
 
 
 def _frames(places: list[FrontPlace]) -> NDArray[np.float64]:

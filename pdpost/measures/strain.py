@@ -21,7 +21,7 @@ from pdmesh.model.kd_trees import tree_of
 from pdmesh.model.material_constants import poisson
 from pdmesh.model.selection import selected
 from pdpost.reading.embedded_model import physics_of, read
-from pdpost.reading.stored_fields import vector
+from pdpost.reading.stored_fields import scalar, vector
 from pdsolve.results import Families, Nodes, Results, ResultsError
 
 
@@ -112,6 +112,29 @@ def thermal(results: Results, step: int) -> NDArray[np.float64]:
     which, materials = _materials(results, step)
     alpha, T0 = (np.array(each)[which] for each in zip(*((m.alpha, m.T0) for m in materials), strict=True))
     return np.asarray(alpha * (results.field(content, step).astype(float) - T0))
+
+
+def stress_work(results: Results, step: int) -> NDArray[np.float64] | None:
+    """Work of the stress on the nodes (n,) until `step`, J/m^3, where some have flowed; else None.
+
+    It is the elastic energy of the stress, and the yield stress times the plastic strain. Raises ResultsError if the
+    frame lacks the plastic strain of a plastic solid, or the stress.
+    """
+    which, materials = _materials(results, step)
+    if not any(material.solid == "j2" for material in materials):
+        return None
+    alpha = scalar(results, "plastic", step)
+    if not (alpha > 0).any():
+        return None
+    E, nu, yields, hardening = (
+        np.array(each)[which]
+        for each in zip(*((m.E, poisson(m), m.yield_stress or 0.0, m.hardening) for m in materials), strict=True)
+    )
+    names = ("sxx", "syy", "szz", "sxy", "sxz", "syz")[: 6 if results.dimension == 3 else 4]
+    s = np.array([results.field(name, step).astype(float) for name in names])
+    squared = (s[:3] ** 2).sum(axis=0) + 2 * (s[3:] ** 2).sum(axis=0)
+    elastic = ((1 + nu) * squared - nu * s[:3].sum(axis=0) ** 2) / (2 * E)
+    return np.asarray(elastic + alpha * (yields + hardening * alpha / 2))
 
 
 def _materials(results: Results, step: int) -> tuple[NDArray[np.int64], tuple[Material, ...]]:

@@ -3,7 +3,8 @@
 Each is computed on three rings around the tip: the value is that of the middle ring, the band is the range of the
 three. The fields are those of `fields` and `strain`: gradients fitted to the intact bonds, and the stress computed from
 them. In a run in time, velocities and accelerations enter too. The auxiliary fields are those of a stationary crack, so
-the intensities of a running crack are those of a stationary one with the same fields. J needs no auxiliary fields.
+the intensities of a running crack are those of a stationary one with the same fields. J needs no auxiliary fields. Of a
+body that has yielded, J alone is known, from the work of its stress.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from pdmesh.model.gradients import green
 from pdmesh.model.tip_fields import Elastic
 from pdpost.measures import fields
 from pdpost.measures.cracked_nodes import ROUND_OFF, separation_at
-from pdpost.measures.strain import fitted, intact, stiffness
+from pdpost.measures.strain import fitted, intact, stiffness, stress_work
 from pdpost.measures.tip_surroundings import Front, Obstacles, Room, Tip, fronts, nearest
 from pdpost.reading.embedded_model import at_rest, read
 from pdpost.reading.stored_fields import vector
@@ -41,10 +42,14 @@ class Rings(NamedTuple):
     rings: tuple[Ring, ...]
     found: tuple[Found, ...]
     effective: float  # Pa, E' of the plate there: E, or E / (1 - nu^2) in plane strain
+    flows: bool  # whether nodes of the plate have yielded: only J has a meaning then
 
 
 class Series(NamedTuple):
-    """Fracture parameters of a tip at t frames; NaN where the tip does not exist or has no room."""
+    """Fracture parameters of a tip at t frames; NaN where the tip does not exist or has no room.
+
+    All but J are NaN, too, where the body has yielded.
+    """
 
     front: Front
     step: NDArray[np.int64]  # (t,)
@@ -129,7 +134,7 @@ class State:
         every, near = stiffness(self._results, step), nearest(nodes, tip.place)
         elastic = Elastic(float(every.E[near]), float(every.nu[near]), every.plane)
         found = tuple(integrals(self._sampled, tip.place, tip.way, ring, elastic) for ring in rings)
-        return Rings(tip, rings, found, elastic.effective)
+        return Rings(tip, rings, found, elastic.effective, self._sampled.work is not None)
 
     def _sample(self, step: int) -> Sampled:
         results, nodes = self._results, self._results.nodes(step)
@@ -143,7 +148,7 @@ class State:
             motion = Motion(self._model.material.rho, velocity, acceleration, rates)
         stress = fields.components(results, "stress", step)
         parts = np.column_stack([stress[part] for part in ("xx", "yy", "xy")])
-        return Sampled(nodes.position, nodes.area, gradient, green(gradient), parts, motion)
+        return Sampled(nodes.position, nodes.area, gradient, green(gradient), parts, motion, stress_work(results, step))
 
 
 def _nearest(every: list[Front], steps: Sequence[int], time_step: float, near: tuple[float, float]) -> Front:
@@ -203,7 +208,7 @@ def _series(front: Front, steps: NDArray[np.int64], time_step: float, got: list[
         if rings is None:
             continue
         places[at] = rings.tip.place
-        for name in NAMES:
+        for name in NAMES[:1] if rings.flows else NAMES:
             some = [float(getattr(found, name)) for found in rings.found]
             columns[name][:, at] = some[1], min(some), max(some)
         of_K[at] = (columns["K1"][0, at] ** 2 + columns["K2"][0, at] ** 2) / rings.effective

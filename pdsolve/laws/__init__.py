@@ -15,6 +15,7 @@ from pdsolve.laws import (
     higher_order_correspondence,
     micropolar,
     ordinary,
+    plastic_correspondence,
     wan,
 )
 from pdsolve.laws.bond_limits import Limits, Sizes
@@ -66,6 +67,8 @@ def law_of(model: Model, matches_work: bool = True) -> Law:
     if others and any(law not in MIXED for law in laws.values()):
         raise ModelError(f"{model.name}: law: found {' and '.join(laws)} in one plate, expected one of them")
     found = bilinear.LAW if others else first
+    if found in (correspondence.LAW, wan.LAW) and any(material.solid == "j2" for material in model.materials):
+        return plastic_correspondence.LAW
     return found if matches_work else replace(found, matches_work=False)
 
 

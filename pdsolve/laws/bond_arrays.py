@@ -107,7 +107,7 @@ class Bond(NamedTuple):
 @njit(**INNER)
 def deformed(bonds, value, i, j, k):  # type: ignore[no-untyped-def]
     """Bond k, from node i to node j, at these values."""
-    xi = _reference(bonds.xi, k)
+    xi = reference(bonds.xi, k)
     eta = _displaced(bonds, value, xi, i, j)
     squared, along, more = xi[0] * xi[0], xi[0] * eta[0], eta[0] * eta[0]
     for a in range(1, len(xi)):
@@ -160,7 +160,8 @@ def _less_of(eta, free, xi):  # type: ignore[no-untyped-def]
     return lambda eta, free, xi: (eta[0] - free * xi[0], eta[1] - free * xi[1], eta[2] - free * xi[2])
 
 
-def _reference(xi: tuple[NDArray[Any], ...], k: int) -> tuple[Any, ...]:
+def reference(xi: tuple[NDArray[Any], ...], k: int) -> tuple[Any, ...]:
+    """Entry k of each of some arrays, as a tuple."""
     return tuple(component[k] for component in xi)
 
 
@@ -168,7 +169,7 @@ def _difference(xi: tuple[NDArray[Any], ...], value: NDArray[Any], i: int, j: in
     return tuple(value[j, : len(xi)] - value[i, : len(xi)])
 
 
-@overload(_reference, jit_options=INNER)
+@overload(reference, jit_options=INNER)
 def _reference_of(xi, k):  # type: ignore[no-untyped-def]
     if len(xi) == 2:
         return lambda xi, k: (xi[0][k], xi[1][k])

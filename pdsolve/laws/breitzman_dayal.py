@@ -29,6 +29,8 @@ from pdsolve.laws.law import INLINE, Again, Failure, Law, Passes
 from pdsolve.laws.materials.solid import Solid, holds, respond
 from pdsolve.model import Model
 
+STIFFENS = 1.8  # largest eigenvalue of torn families over that of the start
+
 
 class Columns(NamedTuple):
     """Columns of n nodes and b bonds, in d dimensions."""
@@ -41,6 +43,9 @@ class Columns(NamedTuple):
     solid: Solid
     failure: int
     least: float  # the least limit of all
+    horizon: NDArray[np.float64]  # (n,) m
+    stiffest: NDArray[np.float64]  # (1,) as in `correspondence`
+    share: NDArray[np.floating]  # (n,) likewise
     d: int
 
 
@@ -54,10 +59,17 @@ def columns(model: Model, bonds: Bonds) -> Columns:
 
 
 def mend(law: Columns, bonds: AnyList, rows: NDArray[np.int64]) -> None:
-    """Recompute K^-1 and w of these nodes (k,) from the intact bonds."""
+    """Recompute K^-1 and w of these nodes (k,) from the intact bonds; nodes of torn, stiffer families have no K^-1."""
     correspondence.mend(law, bonds, rows)  # type: ignore[arg-type]
+    law.inverse[rows[law.share[rows] < 1]] = 0
     some = left(bonds, law.weight, law.broken, rows)
-    law.total[rows] = np.bincount(some.own, some.weight, minlength=len(rows))
+    whole = np.bincount(some.own, law.weight[some.which], minlength=len(rows))
+    law.total[rows] = np.maximum(np.bincount(some.own, some.weight, minlength=len(rows)), whole / 2)
+
+
+def torn_stiffness(law: Columns, start: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Bound of the stiffness (n,) of nodes that have lost bonds, N/m^4: a bond left has more of the family's weight."""
+    return STIFFENS * start
 
 
 def scale(law: Columns, bonds: Bonds) -> NDArray[np.float64]:
@@ -159,7 +171,7 @@ def _gradient(law, bond, m, i, j):  # type: ignore[no-untyped-def]
 def _stress(law, bond, m, i, j):  # type: ignore[no-untyped-def]
     """P_i / w_i + P_j / w_j, nine components."""
     h = _gradient(law, bond, m, i, j)
-    p, q = respond(law.solid, i, h).P, respond(law.solid, j, h).P
+    p, q = respond(law.solid, i, h, h[0] * 0).P, respond(law.solid, j, h, h[0] * 0).P
     a = 1 / law.total[i] if law.inverse[i, 0] != 0 or law.inverse[j, 0] != 0 else law.total[i] * 0
     b = 1 / law.total[j] if a != 0 else a
     return (
@@ -213,7 +225,7 @@ def fails(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
 def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
     if law.broken[k] != 0 or (law.inverse[i, 0] == 0 and law.inverse[j, 0] == 0):
         return 0.0, 0.0
-    held = holds(law.solid, i, _gradient(law, bond, m, i, j))[0]
+    held = holds(law.solid, i, _gradient(law, bond, m, i, j), m[i, 0] * 0)[0]
     return law.weight[k] / law.total[i] * held, 0.0
 
 
@@ -227,5 +239,6 @@ LAW = Law(
     failure=Failure(alert, fails),
     again=Again(gather_again, close_again),
     mend=mend,
+    torn_stiffness=torn_stiffness,
     fields=fields,
 )

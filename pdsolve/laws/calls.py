@@ -11,7 +11,7 @@ from typing import Any
 from numba.extending import overload, register_jitable
 from numpy.typing import NDArray
 
-from pdsolve.laws.bond_arrays import INLINE, INNER, Bond, Now
+from pdsolve.laws.bond_arrays import INLINE, INNER, AnyList, Bond, Now
 from pdsolve.laws.law import Again, Failure, Function, Law, NodeMemory, Pair, Passes, Softening
 
 
@@ -105,9 +105,9 @@ def threshold(law: Any, bond: Bond, now: Now, m: NDArray[Any], i: int, j: int, k
     return float(_bound[type(law)]["threshold"](law, bond, now, m, i, j, k))
 
 
-def remember(law: Any, now: Now, i: int, m: NDArray[Any]) -> None:
-    """Update the history of node i."""
-    _bound[type(law)]["remember"](law, now, i, m)
+def remember(law: Any, bonds: AnyList, now: Now, i: int, m: NDArray[Any]) -> None:
+    """Update the history of node i and its bonds."""
+    _bound[type(law)]["remember"](law, bonds, now, i, m)
 
 
 def hold(law: Any, i: int, m: NDArray[Any]) -> tuple[float, float]:
@@ -214,7 +214,7 @@ def _no_threshold(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
     return -1.0
 
 
-def _remember_no_node(law, now, i, m):  # type: ignore[no-untyped-def]
+def _remember_no_node(law, bonds, now, i, m):  # type: ignore[no-untyped-def]
     pass
 
 

@@ -16,7 +16,11 @@ have no energy, such as neighbours that move against each other.
 
 A bond fails by the largest principal value of the mean of its ends' stresses, by its stretch, or by its energy, half of
 its force times its elongation. A node whose intact bonds nearly lie on a line, or are gone, has no stress of its own;
-only the control of deviations remains there.
+only the control of deviations remains there. A family that has lost bonds can be stiffer than all families were at the
+start: with g = w K^-1 xi, so that H = sum eta g^T, its stiffness goes as q = sum g^2 + (sum g)^2. Above the q of a
+straight face along an axis, it has the share (q_face / q)^`POWER` of its stress; in a solid with a history, it has none
+of it. H is still fitted there, so that the control resists no rotation. Torn families side by side can be `BESIDE`
+times as stiff as one. That is no more than an intact body mostly is, so that the stable step stays the same.
 """
 
 from __future__ import annotations
@@ -28,7 +32,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from pdsolve.bonds.assembly import Bonds
-from pdsolve.laws.bond_arrays import AnyList, Tabled, left, list_of, shapes
+from pdsolve.laws.bond_arrays import AnyList, Left, Tabled, left, list_of, shapes
 from pdsolve.laws.calls import bond_force as force_of
 from pdsolve.laws.calls import nodal_numbers as nodal_numbers_of
 from pdsolve.laws.calls import numbers as numbers_of
@@ -41,6 +45,7 @@ from pdsolve.laws.materials.solid import (
     LINEAR,
     SVK,
     Solid,
+    dissipated,
     elastic,
     holds,
     keep,
@@ -53,13 +58,18 @@ from pdsolve.model import Model
 
 NEVER, STRETCH, ENERGY, STRESS = range(4)
 FAILURES = {"stretch": STRETCH, "energy": ENERGY, "stress": STRESS}
+BESIDE = 2.0  # largest eigenvalue of torn families over (lambda + 2 mu) q; measured 1.8 to 2.1 with default influences
+POWER = 8  # with less, families just above the limit are stiffer side by side; with more, they differ by round-off
+ROUND = 1e-4  # q of equal families differ by less, even in single precision
 FLAT = 0.01  # least over sum of a family's moments: less is as good as a line
+LINE = 1e-4  # likewise: less is a line, or single bonds, to round-off
 
 
 class Columns(NamedTuple):
     """Columns of n nodes and b bonds, in d dimensions."""
 
     inverse: NDArray[np.floating]  # (n, d d) K^-1, 0 where there is none
+    share: NDArray[np.floating]  # (n,) of their stress that torn families have; 1 of intact ones
     control: NDArray[np.floating]  # (n,) Z of silling, N/m^6 in the plane
     weight: NDArray[np.floating]  # (b,) w, m^d
     limit: NDArray[np.floating]  # (b,) of the stretch, the energy or the stress, at which the bond fails
@@ -69,6 +79,10 @@ class Columns(NamedTuple):
     failure: int
     least: float  # the least limit of all
     d: int
+    horizon: NDArray[np.float64]  # (n,) m
+    stiffest: NDArray[
+        np.float64
+    ]  # (1,) largest q, times the horizon squared, with which torn families have all of their stress
 
 
 def columns(model: Model, bonds: Bonds) -> Columns:
@@ -80,6 +94,7 @@ def columns(model: Model, bonds: Bonds) -> Columns:
     control = silling(model, total, d) if first.control == "silling" else np.zeros(nodes)
     law = Columns(
         inverse=np.zeros((nodes, d * d), kind),
+        share=np.zeros(nodes, kind),
         control=control.astype(kind),
         weight=bonds.weight,
         limit=bonds.limit,
@@ -89,8 +104,12 @@ def columns(model: Model, bonds: Bonds) -> Columns:
         failure=FAILURES.get(first.failure, NEVER),
         least=float(bonds.limit.min(initial=np.inf)),
         d=d,
+        horizon=np.broadcast_to(model.horizons, (nodes,)).astype(float),
+        stiffest=np.full(1, np.inf),
     )
-    mend(law, list_of(bonds), np.arange(nodes))
+    every, listed = np.arange(nodes), list_of(bonds)
+    mend(law, listed, every)
+    law.stiffest[0] = _largest_stiffness(law, listed) * (1 + ROUND)
     return law
 
 
@@ -105,12 +124,64 @@ def silling(model: Model, total: NDArray[np.float64], d: int) -> NDArray[np.floa
 
 
 def mend(law: Columns, bonds: AnyList, rows: NDArray[np.int64]) -> None:
-    """Recompute K^-1 of these nodes (k,) from the intact bonds."""
-    K = shapes(bonds, left(bonds, law.weight, law.broken, rows), len(rows))
-    values = np.linalg.eigvalsh(K)
-    sound = values[:, 0] > FLAT * values.sum(axis=1)
-    law.inverse[rows] = 0
+    """Recompute K^-1 and the share of the stress of these nodes (k,) from the intact bonds."""
+    some = left(bonds, law.weight, law.broken, rows)
+    K = shapes(bonds, some, len(rows))
+    values, ways = np.linalg.eigh(K)
+    total = values.sum(axis=1, keepdims=True)
+    sound = values[:, 0] > FLAT * total[:, 0]
+    torn = np.bincount(some.own, law.broken[some.which] != 0, minlength=len(rows)) > 0
+    usable = torn[:, None] & (values > LINE * total)
+    scaled = ways * np.divide(1.0, values, out=np.zeros_like(values), where=usable)[:, None, :]
+    law.inverse[rows] = (scaled @ ways.transpose(0, 2, 1)).reshape(-1, law.d * law.d)
     law.inverse[rows[sound]] = np.linalg.inv(K[sound]).reshape(-1, law.d * law.d)
+    law.share[rows] = sound
+    if np.isfinite(law.stiffest[0]):
+        share = (law.stiffest[0] / np.maximum(_stiffness(law, bonds, some, rows), law.stiffest[0] or 1.0)) ** POWER
+        share = np.where(torn, np.floor(share) if law.history.shape[1] else share, 1.0)
+        law.share[rows[sound]] = share[sound]
+
+
+def _largest_stiffness(law: Columns, bonds: AnyList) -> float:
+    """q, times the horizon squared, of a straight face along an axis, but no more than the largest at the start."""
+    every = np.arange(len(law.share))
+    q = _stiffness(law, bonds, left(bonds, law.weight, law.broken, every), every)
+    sound = np.flatnonzero(law.share > 0)
+    if not len(sound):
+        return 0.0
+    inner = sound[q[sound].argmin()]
+    own = slice(bonds.start[inner], bonds.start[inner + 1])
+    xi, weight = np.column_stack([x[own] for x in bonds.xi]).astype(float), law.weight[own].astype(float)
+    faces = [0.0]
+    for side in (*np.eye(law.d), *-np.eye(law.d)):
+        half = weight * (xi @ side >= -ROUND * law.horizon[inner])
+        K = (half * xi.T) @ xi
+        if np.linalg.eigvalsh(K)[0] > FLAT * np.trace(K):
+            faces.append(stiffness_of(half[:, None] * xi @ np.linalg.inv(K)) * law.horizon[inner] ** 2)
+    return min(float(q[sound].max()), max(faces) or np.inf)
+
+
+def stiffness_of(g: NDArray[np.float64]) -> float:
+    """q of a family whose gradient is the sum of eta g^T, g (k, d)."""
+    return float((g**2).sum() + (g.sum(axis=0) ** 2).sum())
+
+
+def _stiffness(law: Columns, bonds: AnyList, some: Left, rows: NDArray[np.int64]) -> NDArray[np.float64]:
+    """q times the horizon squared of these nodes (k,), from their intact bonds."""
+    inverse = law.inverse[rows].astype(float).reshape(-1, law.d, law.d)
+    xi = np.array([x[some.which] for x in bonds.xi], dtype=float)
+    g = some.weight * np.einsum("kab,bk->ak", inverse[some.own], xi)
+    sums = np.array([np.bincount(some.own, one, minlength=len(rows)) for one in g])
+    q = np.bincount(some.own, (g**2).sum(axis=0), minlength=len(rows)) + (sums**2).sum(axis=0)
+    return np.asarray(q * law.horizon[rows] ** 2)
+
+
+def torn_stiffness(law: Columns, start: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Bound of the stiffness (n,) of nodes that have lost bonds, N/m^4."""
+    first, twice = (np.asarray(moduli, dtype=float) for moduli in (law.solid.first, 2 * law.solid.shear))
+    if law.solid.plane_stress:
+        first = first * twice / (first + twice)
+    return np.asarray(BESIDE / 2 * (first + twice) * law.stiffest[0] / law.horizon**2)
 
 
 def scale(law: Columns, bonds: Bonds) -> NDArray[np.float64]:
@@ -184,16 +255,24 @@ def stressed(law, i, m, at):  # type: ignore[no-untyped-def]
 @njit(**INLINE)
 def answer(law, i, m, at):  # type: ignore[no-untyped-def]
     """P, nine components, of the gradient in m[i] from `at` on; stores stress and J behind it."""
-    d = law.d
-    found = respond(law.solid, i, lifted(m, i, at, d))
-    last = at + d * d
+    d, share = law.d, law.share[i]
+    last, none = at + d * d, m[i, at] * 0
+    if share == 0:  # whose gradient may be any
+        for a in range(4 if d == 2 else 6):
+            m[i, last + a] = none
+        m[i, last + (4 if d == 2 else 6)] = none + 1
+        return (none, none, none, none, none, none, none, none, none)
+    found = respond(law.solid, i, lifted(m, i, at, d), none)
     for a in range(4 if d == 2 else 6):
-        m[i, last + a] = found.sigma[a]
-    F = found.F
+        m[i, last + a] = share * found.sigma[a]
+    F, P = found.F, found.P
     m[i, last + (4 if d == 2 else 6)] = (
         F[0] * (F[4] * F[8] - F[5] * F[7]) - F[1] * (F[3] * F[8] - F[5] * F[6]) + F[2] * (F[3] * F[7] - F[4] * F[6])
     )
-    return found.P
+    return (
+        *(share * P[0], share * P[1], share * P[2], share * P[3], share * P[4]),
+        *(share * P[5], share * P[6], share * P[7], share * P[8]),
+    )
 
 
 @njit(**INLINE)
@@ -236,8 +315,10 @@ def looked_at(law, bond, c, here, there):  # type: ignore[no-untyped-def]
 
 
 def standing(law: Columns, rows: NDArray[np.int64]) -> NDArray[np.floating]:
-    """Nodal constants for `finish`: K^-1, lambda, mu, Z."""
-    return np.vstack([law.inverse[rows].T, law.solid.first[rows], law.solid.shear[rows], law.control[rows]])
+    """Nodal constants for `finish`: K^-1, lambda, mu, the share of the stress, whether it is above 0, Z."""
+    share = law.share[rows]
+    one = law.solid.first[rows], law.solid.shear[rows], share, np.ceil(share), law.control[rows]
+    return np.vstack([law.inverse[rows].T, *one])
 
 
 def by_lanes(law: Columns) -> bool:
@@ -247,22 +328,23 @@ def by_lanes(law: Columns) -> bool:
 
 
 def finish(law, sums, own):  # type: ignore[no-untyped-def]
-    H, found = closed(law, sums, own)
-    P, Z = found.P, own[6]
-    A = product((P[0], P[1], P[3], P[4]), own[:4])
-    s = found.sigma
+    H, P, s, J = closed(law, sums, own)
+    Z, A = own[8], product(P, own[:4])
     return (
         *(A[0] - Z * H[0], A[1] - Z * H[1], A[2] - Z * H[2], A[3] - Z * H[3]),
-        *(H[0], H[1], H[2], H[3], s[0], s[1], s[2], s[3], det(found.F)),
+        *(H[0], H[1], H[2], H[3], s[0], s[1], s[2], s[3], J),
     )
 
 
 @njit(**INLINE)
 def closed(law, sums, own):  # type: ignore[no-untyped-def]
-    """Gradient of a node, four components, and its response, from its sums and constants."""
-    H, none = product(sums, own[:4]), sums[0] * 0.0
-    h = (H[0], H[1], none, H[2], H[3], none, none, none, none)
-    return H, elastic(law.solid.kind[0], h, own[4], own[5], law.solid.plane_stress)
+    """Gradient of a node, P and stress, four components each, and J, from its sums and constants."""
+    H, none, share, any_share = product(sums, own[:4]), sums[0] * 0.0, own[6], own[7]
+    h = (any_share * H[0], any_share * H[1], none, any_share * H[2], any_share * H[3], none, none, none, none)
+    found = elastic(law.solid.kind[0], h, own[4], own[5], law.solid.plane_stress)
+    P, s = found.P, found.sigma
+    P = (share * P[0], share * P[1], share * P[3], share * P[4])
+    return H, P, (share * s[0], share * s[1], share * s[2], share * s[3]), det(found.F)
 
 
 def nodal_numbers(law, xi, m, i):  # type: ignore[no-untyped-def]
@@ -308,12 +390,28 @@ def failing(law, bond, m, i, j, k, at):  # type: ignore[no-untyped-def]
     return along * bond.stretch / bond.q > 2 * law.weight[k] * law.limit[k]
 
 
-def remember(law, now, i, m):  # type: ignore[no-untyped-def]
-    keep(law.solid, i, lifted(m, i, law.d * law.d, law.d))
+def remember(law, bonds, now, i, m):  # type: ignore[no-untyped-def]
+    remembered(law, i, m, law.d * law.d, m[i, 0] * 0)
 
 
 def hold(law, i, m):  # type: ignore[no-untyped-def]
-    return holds(law.solid, i, lifted(m, i, law.d * law.d, law.d))
+    return held_by(law, i, m, law.d * law.d, m[i, 0] * 0)
+
+
+@njit(**INNER)
+def remembered(law, i, m, at, beside):  # type: ignore[no-untyped-def]
+    """Update the history of node i by the gradient in m[i] from `at` on; a node without stress has none."""
+    if law.share[i] != 0:
+        keep(law.solid, i, lifted(m, i, at, law.d), beside)
+
+
+@njit(**INNER)
+def held_by(law, i, m, at, beside):  # type: ignore[no-untyped-def]
+    """Energy densities, J/m^3, that node i stores and has dissipated, with the gradient in m[i] from `at` on."""
+    if law.share[i] == 0:
+        return m[i, 0] * 0, m[i, 0] * 0 + dissipated(law.solid, i)
+    held, spent = holds(law.solid, i, lifted(m, i, at, law.d), beside)
+    return law.share[i] * held, spent
 
 
 def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
@@ -346,5 +444,6 @@ LAW = Law(
     nodes=NodeMemory(("history",), remember, hold),
     lanes=Lanes(finish, nears, tabled, standing, by_lanes),
     mend=mend,
+    torn_stiffness=torn_stiffness,
     fields=fields,
 )

@@ -10,7 +10,9 @@ a stress P is
 
 where Z (`pdsolve.laws.correspondence`) controls the part that the polynomial does not fit. First order without the
 constant term is the law of that file. A family that cannot determine the order, as beside a crack, has the highest
-possible one.
+possible one. One that has lost bonds has the highest one with which it is no stiffer than `BESIDE` allows at the stable
+step of the start, or than a family of first order at the start; stiffer ones of first order have a share of their
+stress, as in that file.
 """
 
 from __future__ import annotations
@@ -24,10 +26,10 @@ from numpy.typing import NDArray
 from pdsolve.bonds.assembly import Bonds, find
 from pdsolve.laws import correspondence
 from pdsolve.laws.bond_arrays import AnyList, list_of
-from pdsolve.laws.correspondence import FAILURES, NEVER, STRESS, STRETCH
+from pdsolve.laws.correspondence import BESIDE, FAILURES, NEVER, POWER, ROUND, STRESS, STRETCH
 from pdsolve.laws.largest_principal_stress import principal
 from pdsolve.laws.law import INLINE, INNER, Failure, Law, NodeMemory, Passes
-from pdsolve.laws.materials.solid import Solid, holds, keep, solid_of
+from pdsolve.laws.materials.solid import Solid, solid_of
 from pdsolve.model import Model, ModelError
 
 CARRIED = 1e-5  # of the largest diagonal entry of R: with less, a family does not tell a monomial from others
@@ -53,6 +55,8 @@ class Columns(NamedTuple):
     least: float
     order: int
     carried: NDArray[np.int64]  # (n,) the order that each node's family carries
+    share: NDArray[np.floating]  # (n,) of the stress, as in `correspondence`
+    stiffest: NDArray[np.float64]  # (1,) largest q, times the horizon squared, of families that have lost bonds
     d: int
 
 
@@ -87,9 +91,13 @@ def columns(model: Model, bonds: Bonds) -> Columns:
         least=float(bonds.limit.min(initial=np.inf)),
         order=first.order,
         carried=np.zeros(nodes, np.int64),
+        share=np.zeros(nodes, kind),
+        stiffest=np.full(1, np.inf),
         d=d,
     )
-    mend(law, list_of(bonds), np.arange(nodes))
+    every, listed = np.arange(nodes), list_of(bonds)
+    first_order = _refit(law._replace(order=1), listed, every)
+    law.stiffest[0] = max(_refit(law, listed, every) / BESIDE, first_order) * (1 + ROUND)
     if nodes and law.carried.max() < first.order:
         raise ModelError(
             f"{model.place_of(0)}.order: found {first.order}, expected {law.carried.max()} at most, which is what"
@@ -136,17 +144,45 @@ def fit(
 
 def mend(law: Columns, bonds: AnyList, rows: NDArray[np.int64]) -> None:
     """Refit these nodes (k,) to the intact bonds."""
+    _refit(law, bonds, rows)
+
+
+def _refit(law: Columns, bonds: AnyList, rows: NDArray[np.int64]) -> float:
+    """Refit these nodes (k,) to the intact bonds; returns q times the horizon squared of the stiffest."""
+    most = 0.0
     for i in rows.tolist():
         own = slice(bonds.start[i], bonds.start[i + 1])
         intact = law.broken[own] == 0
         xi = np.column_stack([x[own][intact] for x in bonds.xi]).astype(float)
-        Q, t, law.carried[i] = fit(
-            xi, law.root[own][intact].astype(float), law.order, float(law.itself[i]), law.horizon[i]
-        )
-        law.q[own] = 0
-        law.q[own][intact] = Q[: len(xi)]
-        law.own[i] = Q[len(xi)] if len(Q) > len(xi) else 0
-        law.t[i] = t
+        root, itself, order = law.root[own][intact].astype(float), float(law.itself[i]), law.order
+        limit = np.inf if intact.all() else law.stiffest[0]
+        while True:
+            Q, t, order = fit(xi, root, order, itself, law.horizon[i])
+            q = correspondence.stiffness_of(root[:, None] * (Q[: len(xi)] @ t)) * law.horizon[i] ** 2
+            if q <= limit or order == 1:
+                break
+            order -= 1
+        if order == 0 and not intact.all():
+            Q = _spanned(xi, root, itself, law.horizon[i])
+        share = min(1.0, limit / max(q, law.stiffest[0])) ** POWER if order > 0 else 0.0
+        law.share[i] = np.floor(share) if law.history.shape[1] else share
+        most = max(most, q)
+        law.carried[i] = order
+        law.q[own] = law.own[i] = law.t[i] = 0
+        law.q[own][intact, : Q.shape[1]] = Q[: len(xi)]
+        law.own[i, : Q.shape[1]] = Q[len(xi)] if len(Q) > len(xi) else 0
+        law.t[i, : len(t)] = t
+    return most
+
+
+def _spanned(xi: NDArray[np.float64], root: NDArray[np.float64], itself: float, horizon: float) -> NDArray[np.float64]:
+    """Q (k, p) of a family that determines no gradient, so that the control resists no linear displacement."""
+    linear, roots = xi / horizon, root
+    if itself > 0:
+        linear, roots = np.vstack([linear, np.zeros((1, xi.shape[1]))]), np.append(root, itself)
+        linear = np.column_stack([np.ones(len(linear)), linear])
+    U, sizes, _ = np.linalg.svd(roots[:, None] * linear, full_matrices=False)
+    return np.asarray(U[:, sizes > CARRIED * sizes.max(initial=0.0)])
 
 
 def scale(law: Columns, bonds: Bonds) -> NDArray[np.float64]:
@@ -238,12 +274,12 @@ def _stresses(law):  # type: ignore[no-untyped-def]
     return 2 * law.d * law.q.shape[1] + law.d * law.d
 
 
-def remember(law, now, i, m):  # type: ignore[no-untyped-def]
-    keep(law.solid, i, correspondence.lifted(m, i, _stresses(law) - law.d * law.d, law.d))
+def remember(law, bonds, now, i, m):  # type: ignore[no-untyped-def]
+    correspondence.remembered(law, i, m, _stresses(law) - law.d * law.d, m[i, 0] * 0)
 
 
 def hold(law, i, m):  # type: ignore[no-untyped-def]
-    held, spent = holds(law.solid, i, correspondence.lifted(m, i, _stresses(law) - law.d * law.d, law.d))
+    held, spent = correspondence.held_by(law, i, m, _stresses(law) - law.d * law.d, m[i, 0] * 0)
     if law.itself[i] > 0:
         for a in range(law.d):
             missed = _missed(law, m, i, law.own[i], law.itself[i], held * 0, a)
@@ -281,5 +317,6 @@ LAW = Law(
     failure=Failure(alert, fails),
     nodes=NodeMemory(("history",), remember, hold),
     mend=mend,
+    torn_stiffness=correspondence.torn_stiffness,
     fields=fields,
 )

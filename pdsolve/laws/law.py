@@ -6,10 +6,10 @@ type of the law's columns, so that one compiled loop serves every law and a seco
 
     gather, close, gather_again, close_again    what nodes have between the passes (`Passes` or `Sums`, then `Again`)
     alert, fails                                which bonds fail now (`Failure`)
-    remember                                    what nodes remember (`NodeMemory`)
     age                                         what bonds remember, and how they break, of pair laws, which have no
                                                 first pass
     pull                                        the force density of a bond on its node, N/m^3
+    remember                                    what nodes remember (`NodeMemory`)
     energy, hold                                the energy densities of bonds and nodes, J/m^3
 
 Symbols, for the bond k from node i to node j:
@@ -113,10 +113,10 @@ class Failure:
 
 @dataclass(frozen=True)
 class NodeMemory:
-    """History of nodes."""
+    """History of nodes, and of bonds that only their own node changes."""
 
     columns: tuple[str, ...]  # that `remember` changes; those without an entry are not there
-    remember: Function  # (law, now, i, m)
+    remember: Function  # (law, bonds, now, i, m), of the bonds as loops have them
     hold: Function  # (law, i, m) what node i itself adds to its energy density, J/m^3: held, and spent so far
 
 
@@ -157,6 +157,8 @@ class Law:
     nodes: NodeMemory | None = None
     lanes: Lanes | None = None
     mend: Callable[[Any, AnyList, NDArray[np.int64]], None] | None = None  # columns of nodes (k,) that have lost bonds
+    torn_stiffness: Callable[[Any, NDArray[np.float64]], NDArray[np.float64]] | None = None  # bound (n,) of nodes that
+    # have lost bonds, N/m^4, from the bound at the start; None: they are no stiffer
     fields: Callable[[Any, Array, Array], Mapping[str, NDArray[np.float64]]] | None = None  # (columns, value, m), SI
     unknowns: Callable[[int], tuple[Unknown, ...]] = displacement
     age: Function | None = None  # (law, bond, now, m, i, j, k, f) of pair laws; returns what node i spends, J/m^3

@@ -26,6 +26,17 @@ def with_square(sums: Any, w: Any, a: Any) -> tuple[Any, Any]:
     return sums[: d * d], tuple(s + (w * a[r]) * a[c] for s, (r, c) in zip(sums[d * d :], pairs, strict=True))
 
 
+def with_moments(sums: Any, w: Any, a: Any, x: Any, p: Any) -> Any:
+    """Add w a x^T, w a a^T, w p a^T and w p p^T to the sums; the second and the last are symmetric, as in
+    `with_square`."""
+    d = len(a)
+    every = [(r, c) for r in range(d) for c in range(d)]
+    pairs = [(0, 0), (0, 1), (1, 1)] if d == 2 else [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]
+    products = [(a[r], x[c]) for r, c in every] + [(a[r], a[c]) for r, c in pairs]
+    products += [(p[r], a[c]) for r, c in every] + [(p[r], p[c]) for r, c in pairs]
+    return tuple(s + w * one * other for s, (one, other) in zip(sums, products, strict=True))
+
+
 def summed(A: Any, B: Any) -> Any:
     """A + B, four or nine components each."""
     return tuple(a + b for a, b in zip(A, B, strict=True))
@@ -77,6 +88,11 @@ def blank_square(like: Any, none: Any) -> Any:
 def blank_symmetric(like: Any, none: Any) -> Any:
     """A symmetric zero matrix as a tuple."""
     return (none,) * (3 * len(like) - 3)
+
+
+def blank_moments(like: Any, none: Any) -> Any:
+    """The sums of `with_moments` without a bond."""
+    return (none,) * (2 * len(like) ** 2 + 2 * (3 * len(like) - 3))
 
 
 def blank(like: Any, none: Any) -> Any:
@@ -131,6 +147,27 @@ def _with_square(sums, w, a):  # type: ignore[no-untyped-def]
             sums[13] + x * a[2],
             sums[14] + y * a[2],
         )
+
+    return space
+
+
+@overload(with_moments, jit_options=INLINE)
+def _with_moments(sums, w, a, x, p):  # type: ignore[no-untyped-def]
+    if len(a) == 2:
+
+        def plane(sums, w, a, x, p):  # type: ignore[no-untyped-def]
+            A = with_dyad(sums[:4], w, a, x)
+            A, B = with_square(A + sums[4:7], w, a)
+            D, C = with_square(with_dyad(sums[7:11], w, p, a) + sums[11:], w, p)
+            return A + B + D + C
+
+        return plane
+
+    def space(sums, w, a, x, p):  # type: ignore[no-untyped-def]
+        A = with_dyad(sums[:9], w, a, x)
+        A, B = with_square(A + sums[9:15], w, a)
+        D, C = with_square(with_dyad(sums[15:24], w, p, a) + sums[24:], w, p)
+        return A + B + D + C
 
     return space
 
@@ -275,6 +312,15 @@ def _blank_symmetric(like, none):  # type: ignore[no-untyped-def]
     if len(like) == 2:
         return lambda like, none: (none, none, none)
     return lambda like, none: (none, none, none, none, none, none)
+
+
+@overload(blank_moments, jit_options=INLINE)
+def _blank_moments(like, none):  # type: ignore[no-untyped-def]
+    def blanks(like, none):  # type: ignore[no-untyped-def]
+        half = blank_square(like, none) + blank_symmetric(like, none)
+        return half + half
+
+    return blanks
 
 
 @overload(blank, jit_options=INLINE)

@@ -1,7 +1,8 @@
 """Correspondence with a control derived from the solid's own elasticity, without a factor to choose.
 
 J. Wan, Z. Chen, X. Chu, H. Liu, Acta Mech. Sin. 35 (2019) 1021-1034: with the elasticity tensor C, the force density of
-`pdsolve.laws.correspondence` has Z = C : K^-1. Z is anisotropic if a family is. With a solid for large rotations (svk,
+`pdsolve.laws.correspondence` has Z = C : K^-1. Z is anisotropic if a family is; it is that of the whole family, also
+once bonds are lost, so that what is left is no stiffer. With a solid for large rotations (svk,
 neo hooke, rates), Z rotates with the node: with F = I + H = R U, and M the sum of w z z^T, z = eta - H xi,
 
     R Z R^T in place of Z        P + R [g] in place of P        (tr U I - U) g = axial vector of Z R^T M R
@@ -19,11 +20,19 @@ from numpy.typing import NDArray
 from pdsolve.bonds.assembly import Bonds
 from pdsolve.laws import correspondence
 from pdsolve.laws.bond_arrays import AnyList, Tabled
-from pdsolve.laws.correspondence import closed, deviation, failing, lifted, looked_at, stressed
+from pdsolve.laws.correspondence import (
+    closed,
+    deviation,
+    failing,
+    held_by,
+    lifted,
+    looked_at,
+    remembered,
+    stressed,
+)
 from pdsolve.laws.law import INLINE, INNER, Failure, Lanes, Law, NodeMemory, Sums
-from pdsolve.laws.materials.solid import NEO_HOOKE, SVK, holds, keep
+from pdsolve.laws.materials.solid import NEO_HOOKE, SVK
 from pdsolve.laws.materials.tensors import (
-    det,
     difference,
     full,
     grown,
@@ -47,17 +56,19 @@ from pdsolve.model import Model
 
 
 class Columns(correspondence.Columns):
-    """Columns of n nodes and b bonds, in d dimensions; the inherited columns of the control are unused."""
+    """Columns of n nodes and b bonds, in d dimensions; `control` (n, d d) is K^-1 of whole families."""
 
 
 def columns(model: Model, bonds: Bonds) -> Columns:
     """Columns of these bonds (b,) and their nodes."""
-    return Columns(*correspondence.columns(model, bonds))
+    law = correspondence.columns(model, bonds)
+    return Columns(*law._replace(control=law.inverse.copy()))
 
 
 def mend(law: Columns, bonds: AnyList, rows: NDArray[np.int64]) -> None:
-    """Recompute K^-1 of these nodes (k,) from the intact bonds."""
+    """Recompute K^-1 and the share of the stress of these nodes (k,); those without a share have no gradient."""
     correspondence.mend(law, bonds, rows)
+    law.inverse[rows[law.share[rows] == 0]] = 0
 
 
 def scale(law: Columns, bonds: Bonds) -> NDArray[np.float64]:
@@ -108,14 +119,16 @@ def close(law, i, m):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def _control(law, i, m):  # type: ignore[no-untyped-def]
-    """C : K^-1 of a node, nine components, of the number type of m."""
+    """C : K^-1 of a node, nine components, of the number type of m; nothing without a share of the stress."""
     d, none = law.d, m[i, 0] * 0
+    if law.share[i] == 0:
+        return (none, none, none, none, none, none, none, none, none)
     twice, first, trace = 2 * law.solid.shear[i], law.solid.first[i], none
     if law.solid.plane_stress:
         first *= twice / (first + twice)
     for c in range(d):
-        trace += first * law.inverse[i, (d + 1) * c]
-    k = law.inverse[i]
+        trace += first * law.control[i, (d + 1) * c]
+    k = law.control[i]
     if d == 2:
         xx, yy, xy = trace + twice * k[0], trace + twice * k[3], none + twice * k[1]
         return (xx, xy, none, xy, yy, none, none, none, none)
@@ -172,11 +185,13 @@ def tabled(law: Columns, bonds: Bonds) -> Tabled:
 
 
 def standing(law: Columns, rows: NDArray[np.int64]) -> NDArray[np.floating]:
-    """Nodal constants for `finish`: K^-1, lambda, mu, and Z, four components."""
-    first, shear, K = law.solid.first[rows], law.solid.shear[rows], law.inverse[rows].T
+    """Nodal constants for `finish`: K^-1, lambda, mu, the share of the stress, whether it is above 0, and Z."""
+    first, shear, share = law.solid.first[rows], law.solid.shear[rows], law.share[rows]
     flat = first * (2 * shear / (first + 2 * shear)) if law.solid.plane_stress else first
+    K = np.where(share > 0, law.control[rows].T, 0)
     trace, double = flat * (K[0] + K[3]), 2 * shear
-    return np.vstack([K, first, shear, double * K[0] + trace, double * K[1], double * K[2], double * K[3] + trace])
+    Z = double * K[0] + trace, double * K[1], double * K[2], double * K[3] + trace
+    return np.vstack([law.inverse[rows].T, first, shear, share, np.ceil(share), *Z])
 
 
 def by_lanes(law: Columns) -> bool:
@@ -185,15 +200,14 @@ def by_lanes(law: Columns) -> bool:
 
 
 def finish(law, sums, own):  # type: ignore[no-untyped-def]
-    H, found = closed(law, sums[:4], own)
-    P, Z = (found.P[0], found.P[1], found.P[3], found.P[4]), own[6:]
+    H, P, s, J = closed(law, sums[:4], own)
+    Z = own[8:]
     if law.solid.kind[0] == SVK:
         P, Z = _turned_in_the_plane(sums, H, P, Z)
     A, B = product(P, own[:4]), product(Z, H)
-    s = found.sigma
     return (
         *(A[0] - B[0], A[1] - B[1], A[2] - B[2], A[3] - B[3], Z[0], Z[1], Z[2], Z[3]),
-        *(H[0], H[1], H[2], H[3], s[0], s[1], s[2], s[3], det(found.F)),
+        *(H[0], H[1], H[2], H[3], s[0], s[1], s[2], s[3], J),
     )
 
 
@@ -219,12 +233,12 @@ def fails(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
     return failing(law, bond, m, i, j, k, 3 * law.d * law.d)
 
 
-def remember(law, now, i, m):  # type: ignore[no-untyped-def]
-    keep(law.solid, i, lifted(m, i, 2 * law.d * law.d, law.d))
+def remember(law, bonds, now, i, m):  # type: ignore[no-untyped-def]
+    remembered(law, i, m, 2 * law.d * law.d, m[i, 0] * 0)
 
 
 def hold(law, i, m):  # type: ignore[no-untyped-def]
-    return holds(law.solid, i, lifted(m, i, 2 * law.d * law.d, law.d))
+    return held_by(law, i, m, 2 * law.d * law.d, m[i, 0] * 0)
 
 
 def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
@@ -249,5 +263,6 @@ LAW = Law(
     nodes=NodeMemory(("history",), remember, hold),
     lanes=Lanes(finish, nears, tabled, standing, by_lanes),
     mend=mend,
+    torn_stiffness=correspondence.torn_stiffness,
     fields=fields,
 )

@@ -64,7 +64,11 @@ class BondList:
         if law.scale is None:
             return stiffness_bound(exact, columns.stiffness, self.symmetric)
         self._take(columns, exact)
-        width = sum(unknown.width for unknown in self.unknowns)
+        return self._resistance(law, exact)
+
+    def _resistance(self, law: Law, bonds: Bonds) -> NDArray[np.float64]:
+        """Bound of each node's stiffness, N/m^4, with the intact bonds, of a law with a first pass."""
+        assert law.scale is not None
 
         def pulls(value: NDArray[np.float64]) -> NDArray[np.float64]:
             out = np.zeros_like(value)
@@ -72,7 +76,9 @@ class BondList:
             self._pull(now, self._between(now), out)
             return out
 
-        return resistance(pulls, law.scale(columns, exact), exact, width)
+        width = sum(unknown.width for unknown in self.unknowns)
+        still = pulls(np.zeros((self._nodes, width)))
+        return resistance(lambda value: pulls(value) - still, law.scale(self.columns, bonds), bonds, width)
 
     def only(self, first: int, last: int) -> None:
         """Sum and break the bonds of the nodes `first` to `last` - 1 alone, of a law without a first pass."""
@@ -95,10 +101,10 @@ class BondList:
             matched, share_spent = self._match_work(now, between, torn)
             released = np.zeros(self._nodes)
             between = self._fail(now, between, torn, released)
-        if step > 0 and self._remembered_by_nodes():
-            self._share(loops.remember_rows, now, between)
         pulls = out if torn is None else np.zeros_like(out)
         self._pull(now, between, pulls)
+        if step > 0 and self._remembered_by_nodes():  # after forces, which are those of the history so far
+            self._share(loops.remember_rows, now, between)
         if torn is not None:
             self._book(state, dt, before - pulls, matched, released, share_spent)
             out += pulls + matched
@@ -207,6 +213,12 @@ class BondList:
     def stiffness_bound(self) -> NDArray[np.float64]:
         """A bound (n,) of each node's stiffness, N/m^4; see `Operator`."""
         return self._stiffness_bound
+
+    def intact_stiffness_bound(self) -> NDArray[np.float64]:
+        """A bound (n,) of each node's stiffness with the bonds that are left, N/m^4."""
+        if self.law.scale is None:
+            return self._stiffness_bound
+        return self._resistance(self.law, self._bonds)
 
     def tangent(self, state: State) -> csr_array:
         """The tangent (n w, n w), N/m^4: minus the derivative of the force densities by the values."""

@@ -209,4 +209,4 @@ def match_rows(bonds, law, now, m, failing, out, spent, rows, first, last):  # t
 def remember_rows(bonds, law, now, m, first, last):  # type: ignore[no-untyped-def]
     """Update the history of the nodes `first` to `last` - 1."""
     for i in range(first, last):
-        remember(law, now, i, m)
+        remember(law, bonds, now, i, m)

@@ -28,7 +28,7 @@ from pdsolve.operators.device.runtime import Session
 from pdsolve.operators.protocol import Operator
 from pdsolve.options import Options
 from pdsolve.ranks.diffusing import EulerOnRanks
-from pdsolve.run.operator_factory import held_by_ground, in_blocks, operator_of, stable, touched
+from pdsolve.run.operator_factory import held_by_ground, in_blocks, operator_of, stable_step, touched
 from pdsolve.run.system import Prepared, System
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import State
@@ -58,7 +58,7 @@ def system_of(model: Model, options: Options, scheme: Scheme) -> Prepared:
     filling = bonds_of(model, scheme)
     bonds, filled = operator_of(model, options, scheme, filling, model.settings.run.cracks == "particles")
     operator, touching = touched(model, filled.area, held_by_ground(model, filled.area, bonds))
-    bound = stable(operator.stiffness_bound(), model.rho)
+    bound = stable_step(model, operator)
     found = assembled(model, options, scheme, operator, filled, (step_of(model, bound), bound))
     if touching is not None:
         touching.rigid.start(found.state, found.system.drive, found.system.time_step)

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from pdmesh.model.materials.solids import SOLIDS
 from pdsolve.bonds.static_breakage import FamilyBonds, StaticBreakage
 from pdsolve.conditions import Drive, drive, widened
 from pdsolve.laws import law_of
@@ -56,7 +57,8 @@ def at_rest(model: Model, options: Options, scheme: Scheme, breaks: bool = True)
     else:
         free, most = driven.force.size - len(driven.holds.node), FACTORED_IN[model.grid.dimension]
         pairs = law.pair is not None and contact is None
-        method = Newton(operator, area, static.tolerance, static.iterations, free, most, pairs)
+        flows = any(SOLIDS[material.solid].flows for material in model.materials)
+        method = Newton(operator, area, static.tolerance, static.iterations, free, most, pairs, flows)
     if contact is not None:
         method = Touching(method, operator, contact)
     breakable = no_fail.breakable() if breaks and law.pair is not None else None

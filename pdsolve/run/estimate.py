@@ -23,7 +23,7 @@ from pdsolve.laws import law_of
 from pdsolve.model import Model, counted
 from pdsolve.options import Options, threads_of
 from pdsolve.run.assembly import step_of
-from pdsolve.run.operator_factory import bond_counts, stable
+from pdsolve.run.operator_factory import bond_counts, stable, stable_step
 from pdsolve.run.prepare import prepare, scheme_of
 from pdsolve.run.static_start import still
 from pdsolve.run.system import System
@@ -117,7 +117,7 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
     in_blocks = paired and model.grid.dimension == 2 and (moves or not model.swells)
     if prepared is not None and not moves:
         in_blocks |= paired and prepared.operator.name == "blocks"
-        count, bound = prepared.count, prepared.bound
+        count, bound = prepared.count, stable_step(model, prepared.operator)
         step = step_of(model, bound)
     elif paired and not (moves or model.swells) and settings.run.solver != "static":
         count, stiffness_bound, in_blocks = bond_counts(model, options, scheme)

@@ -15,6 +15,7 @@ from pdsolve.errors import UnstableError
 from pdsolve.results import Frame, Results
 from pdsolve.run.inversion_checks import MotionChecks
 from pdsolve.run.measures import Asked, Ledger, books
+from pdsolve.run.operator_factory import intact_stable_step
 from pdsolve.run.reactions import Reaction, grips, reactions
 from pdsolve.run.system import System
 from pdsolve.state import State
@@ -34,7 +35,9 @@ class MotionAccounts:
         self.last, self._clamped = books(system, state, step, asked), self._heat(state)
 
     def _start(self, system: System, step: int, results: Results | None) -> None:
-        self._system, self._nodes_changed = system, False  # changed nodes make or lose energy
+        self._system, materials = system, system.model.materials
+        self._flows = any(material.solid == "j2" and material.form != "rate" for material in materials)  # to warn of
+        self._nodes_changed = False  # which makes or loses energy
         self._most = 0.0  # J/m, the largest work, given or taken
         if results is not None:
             done = results.history()
@@ -100,6 +103,10 @@ class MotionAccounts:
         self._most = max(self._most, abs(self.last.work))
         assert self._watch is not None
         self._watch.look(state.value[:, : system.model.grid.dimension], asked.broken, step)
+        if self._flows:
+            from pdsolve.run.plastic_checks import warn_of_plastic_strain  # few bodies flow
+
+            self._flows = not warn_of_plastic_strain(system, step)
         self._ledgers.append(self.last)
         for row in dict.fromkeys(self._probed):
             node = int(system.model.grid.ids[row])
@@ -194,6 +201,9 @@ def _suspect(system: System) -> str:
     if system.time_step > system.bound:
         return ""
     if system.scheme.symmetric:
+        left = intact_stable_step(system.model, system.operator)
+        if system.time_step > left:
+            return f", and with the bonds that are left up to {left:.4g} s; take a shorter step (run.time_step)"
         return "; the step is not the cause: check loads and prescribed motion"
     return (
         f"; the cause is the one-sided bonds of the {system.scheme.name} mode, which make energy: --mode conservative"

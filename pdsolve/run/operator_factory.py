@@ -194,6 +194,21 @@ def _tiled(model: Model, options: Options, scheme: Scheme, unbreakable: bool) ->
     return tiled(model, np.dtype(options.precision).type, unbreakable)
 
 
+def stable_step(model: Model, operator: Operator) -> float:
+    """The longest surely stable step of a motion, s, in which families may lose bonds; infinite without bonds."""
+    start, bonds = operator.stiffness_bound(), bonded(operator)
+    breaks = model.settings.run.cracks == "bonds" and any(material.failure != "none" for material in model.materials)
+    if breaks and isinstance(bonds, BondList) and bonds.law.torn_stiffness is not None:
+        start = np.maximum(start, bonds.law.torn_stiffness(bonds.columns, start))
+    return stable(start, model.rho)
+
+
+def intact_stable_step(model: Model, operator: Operator) -> float:
+    """The longest surely stable step, s, with the bonds that are left, which may be shorter than at the start."""
+    bonds = bonded(operator)
+    return stable(bonds.intact_stiffness_bound(), model.rho) if isinstance(bonds, BondList) else float("inf")
+
+
 def stable(resistance: NDArray[np.float64], rho: NDArray[np.float64]) -> float:
     """The longest surely stable step, s, for an operator's `stiffness_bound` (n,); infinite without bonds."""
     largest = float((resistance / rho).max(initial=0.0))

@@ -85,7 +85,7 @@ class LoadSteps:
         self.watch: Callable[[Going], None] | None = None
         self._inner = 0.0  # N/m^3, of `Asked`
         self._loaded: Callable[[State], object] = lambda state: None
-        self._warned, self._loose = False, cast("Loose | None", None)
+        self._warned, self._told_loose, self._loose = False, False, cast("Loose | None", None)
         self._braced: Braced | None = None  # of bodies that are supported
         source, target = operator.bonds(start=True)
         self._bonds = source * len(area) + target
@@ -155,7 +155,8 @@ class LoadSteps:
         self.rested = [Rested(int(s), int(i), r, int(b), least) for s, i, r, b, least in kept.tolist()]
         if self._breaking is not None:
             self._breaking.restore(broken)
-        self._support(broken, "")
+        count = len(broken.step)
+        self._support(broken, f"after {count} directed bonds broke: " if count else "")
 
     def _take(self, state: State, step: int) -> None:
         before = self._drive.force.astype(float) if self.rested else np.zeros(self._drive.force.shape)
@@ -224,16 +225,28 @@ class LoadSteps:
             value, kept = state.value.copy(), self._operator.keep()
             try:
                 settled = self._part(state, loads, places, self._tell(step, iterations))
-            except UnsettledError:
-                if part / 2 < self.method.smallest:
-                    raise
+            except UnsettledError as error:
                 state.value[:], part = value, part / 2
                 self._operator.back(kept, self._operator.broken())
+                if part < self.method.smallest:
+                    raise self._limit(error, state, done) from None
                 continue
             done, iterations = end, iterations + settled.iterations
             part *= GROWTH if settled.iterations < 2 * FEW else 1.0
         self._note(state)
         return Settled(iterations, settled.residual)
+
+    def _limit(self, error: UnsettledError, state: State, done: float) -> UnsettledError:
+        """The error of a load step that comes to rest up to the share `done` only: a limit load, where nodes flow."""
+        plastic = self._operator.fields(state).get("plastic")
+        flowing = 0 if plastic is None else int((plastic > 0).sum())
+        if not flowing or not self._drive.force[~self.held].any():
+            return error
+        return UnsettledError(
+            f"found the limit load: no equilibrium above {done:.3g} of this load step, as {flowing} of"
+            f" {len(self._area)} nodes flow; expected smaller loads, prescribed displacements, or"
+            " material.hardening"
+        )
 
     def _part(self, state: State, loads: list[Array], places: list[Array], tell: Tell) -> Settled:
         """Find equilibrium half the way to the last of three loads, and there; books the work."""
@@ -323,7 +336,10 @@ class LoadSteps:
         return tell
 
     def _support(self, broken: Broken, when: str) -> None:
-        """Check for unsupported bodies. Raises ModelError at the start, UnsettledError later."""
+        """Check for unsupported bodies, and hold softly what breaking bonds cut free.
+
+        Raises ModelError at the start, UnsettledError for loads on what is cut free.
+        """
         model, nodes = self._model, len(self._area)
         intact = np.ones(len(self._bonds), dtype=bool)
         intact[np.searchsorted(self._bonds, broken.source * nodes + broken.target)] = False
@@ -342,14 +358,20 @@ class LoadSteps:
             self.method.hold_softly(alone)  # which touch holds once it presses, in all directions but along a face
             if not found.said:
                 return
-        if not model.settings.run.static.floating:
+        if not model.settings.run.static.floating and not when:
             said = f"found {found.said}, expected supports, or --float (run.static.floating)"
-            if when:
-                raise UnsettledError(when + said)
             raise ModelError(f"{model.name}: $.conditions: {said}")
         self._loose = found
         self._balance(when)
+        if not model.settings.run.static.floating:
+            self._tell_loose(f"{when}found {found.said}, without loads: it stays where it comes to rest")
         self.method.hold_softly(found.nodes)
+
+    def _tell_loose(self, said: str) -> None:
+        """Report, once, what breaking bonds cut free."""
+        if not self._told_loose:
+            self._told_loose = True
+            warnings.warn(f"{self._model.name}: {said}", ModelWarning, stacklevel=2)
 
     def _balance(self, when: str) -> None:
         """Check that loads on unsupported bodies balance. Raises UnsettledError."""

@@ -39,6 +39,9 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 MOST = 15  # iterations with new tangents; an equilibrium that needs more is too far away
+MOST_FLOWING = 25  # likewise, where nodes flow, which begin to one after the other
+OVERSHOT = 0.5  # of the slope of the energy at the start of a step: with more beyond its least, it is too long
+RUNAWAY = 100  # times the displacements of the first iteration: a body that flows without end
 FACTORED = 60_000  # free components
 FACTORED_IN = {2: FACTORED, 3: 3_000}  # by dimension: in space each has ten times as many neighbours
 NEARLY_LINEAR = 4  # iterations: an equilibrium that took no more leaves its tangent to the next one
@@ -68,10 +71,13 @@ class Newton:
         free: int = 0,
         factored: int = FACTORED,
         pairs: bool = False,
+        flows: bool = False,
     ) -> None:
         """`area` (n,) m^2 makes equations symmetric if bonds are; `free` is the number of free components; `pairs`:
-        whether forces are those of bonds one by one."""
-        self._operator, self._area, self._tolerance, self._most = operator, area, tolerance, most or MOST
+        whether forces are those of bonds one by one; `flows`: whether nodes do, so that the energy of a step is convex
+        and a step is also good that does not lead far beyond its least."""
+        self._operator, self._area, self._tolerance = operator, area, tolerance
+        self._most, self._flows = most or (MOST_FLOWING if flows else MOST), flows
         self._least = round_off(float(operator.stiffness_bound().max(initial=0.0)), tolerance)
         self._before = 0.0  # m, norm of the displacements that the last equilibrium began with
         self._factored = free <= factored
@@ -128,13 +134,17 @@ class Newton:
         self.forget()
         raise UnsettledError(
             f"found no rest after {done} iterations of {self.said}, expected a residual"
-            f" of {self._tolerance:g} of the external forces; check the supports, or take smaller load steps"
+            f" of {self._tolerance:g} of the external forces; take smaller load steps (run.static.load_steps)"
         )
 
     def _renew(self, state: State, asked: Asked, before: int, tell: Tell) -> tuple[Settled | None, int]:
         """Iterate with a new tangent each time; returns None without rest, and the iterations after those `before`."""
-        free = ~asked.held
+        free, usual = ~asked.held, 0.0  # m, norm of displacements after an iteration
         weight = np.repeat(self._area, free.shape[1])[free.ravel()] if self._operator.symmetric else 1.0
+
+        def weighted(out: Array) -> Array:
+            return np.asarray(weight * (out + asked.load)[free])
+
         out = forces(self._operator, state)
         residual = left_over(state, asked, out, self._least, self._before)
         for done in range(before, before + self._most + 1):
@@ -149,17 +159,21 @@ class Newton:
                 self._take_tangent(state, free, residual)
             self._fresh = False
             assert self._inverse is not None
-            value, step, size = state.value[free], self._inverse(weight * (out + asked.load)[free]), 1.0
+            pushed = weighted(out)
+            value, step, size = state.value[free], self._inverse(pushed), 1.0
             for _ in range(HALVINGS):
                 state.value[free] = value + size * step
                 out = forces(self._operator, state)
                 found = left_over(state, asked, out, self._least, self._before)
-                if found < residual:
+                if found < residual or (self._flows and weighted(out) @ step > -OVERSHOT * (pushed @ step)):
                     break
                 size /= 2
             else:
                 break
             residual = found
+            usual = usual or max(norm(state.value), self._before)
+            if self._flows and norm(state.value) > RUNAWAY * usual:
+                break
         return None, done
 
     def _lead(self, state: State, asked: Asked) -> None:

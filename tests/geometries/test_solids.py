@@ -50,7 +50,7 @@ def test_a_beam_of_steel_flows() -> None:
         assert results.field("plastic", 16).max() == pytest.approx(3.86e-3, rel=0.02)
     share = np.where(np.abs(y[middle]) > 0.0499, 0.5, 1.0) * y[middle] * 0.01  # cells at the edges are halves
     found = [float((one * share).sum() / 46.8787e4) for one in stress]
-    assert found == pytest.approx([0.978, 1.415, 1.501, 1.537], abs=0.003)  # ten spacings high
+    assert found == pytest.approx([0.978, 1.4066, 1.4852, 1.5169], abs=0.002)  # ten spacings high: 1.0 % off
 
 
 @pytest.mark.slow

@@ -35,12 +35,12 @@ def node(
 
 @njit
 def _respond(solid: Any, h: Any) -> Any:
-    return solids.respond(solid, 0, h)
+    return solids.respond(solid, 0, h, 0.0)
 
 
 @njit
 def _keep(solid: Any, h: Any) -> None:
-    solids.keep(solid, 0, h)
+    solids.keep(solid, 0, h, 0.0)
 
 
 def response(solid: Solid, h: NDArray[np.float64]) -> Response:
@@ -136,7 +136,19 @@ def test_rates_are_objective() -> None:
         keep(stretched, np.diag([0.5 * step / 1000, 0, 0]))
         keep(sheared, np.array([[0, 4 * step / 1000, 0], [0, 0, 0], [0, 0, 0]]))
     assert stretched.history[0, 9] == pytest.approx(1.216395, abs=1e-6)
-    assert sheared.history[0, 12] == pytest.approx(np.sin(4.0), abs=5e-3)  # first order in what is added; measured 3e-3
+    assert sheared.history[0, 12] == pytest.approx(np.sin(4.0), abs=5e-6)  # measured 1e-6
+
+
+def test_steps_of_a_rate_are_of_second_order() -> None:
+    """Simple shear of 2, sin 2 = 0.9093 of the shear modulus: 0.9100 in 20 steps; turned on one side only, 0.9797."""
+    errors = []
+    for steps in (20, 40):
+        sheared = node(LINEAR, 2.5, 0.25, rate=True)
+        for step in range(1, steps + 1):
+            keep(sheared, np.array([[0, 2 * step / steps, 0], [0, 0, 0], [0, 0, 0]]))
+        errors.append(sheared.history[0, 12] - np.sin(2.0))
+    assert errors[0] == pytest.approx(7.4e-4, rel=0.02)  # measured
+    assert errors[0] / errors[1] == pytest.approx(4, rel=0.02)  # measured
 
 
 def test_a_rate_that_flows_is_j2_where_strains_are_small() -> None:

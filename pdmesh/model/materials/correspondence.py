@@ -26,6 +26,8 @@ def wrong(material: Material) -> Refusals:
         yield Refusal("control", "silling, wan or none where a node has a history")
     if beyond and material.control not in ("silling", "none"):
         yield Refusal("control", "silling or none with order above 1, or with the constant term")
+    elif beyond and solid.flows and material.control != "none":
+        yield Refusal("control", "none of a solid that flows, with order above 1 or with the constant term")
 
 
 def from_rest(material: Material) -> Refusals:

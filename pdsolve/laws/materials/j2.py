@@ -2,6 +2,13 @@
 Inelasticity, 1998, boxes 3.1 and 3.2; plane stress by Newton's method for e_zz).
 
     f = |s| - sqrt(2/3) (sigma_y + H alpha)    more = f / (2 mu + 2/3 H)    alpha += sqrt(2/3) more
+
+Elastic deviations that yield with the stress (`pdsolve.laws.plastic_correspondence`) have an energy density b / (4 mu),
+and flow `ease` times as fast:
+
+    f = sqrt(|s|^2 + ease b) - sqrt(2/3) (sigma_y + H alpha)    s = s' / (1 + x)    b = b' / (1 + ease x)^2
+
+of the trial s', b', with x = 2 mu more / sqrt(|s|^2 + ease b), found by Newton's method.
 """
 
 from __future__ import annotations
@@ -14,39 +21,50 @@ from pdsolve.laws.materials.tensors import contracted
 
 ROUNDS = 30
 NEAR = 1e-12  # of the yield stress: sigma_zz that counts as none
+CLOSE = 1e-9  # change of x in the last round, whose square is lost
 ROOT = np.sqrt(2 / 3)
 
 
 @njit(**INNER)
-def returned(trial, alpha, shear, yields, hardening):  # type: ignore[no-untyped-def]
-    """The stress, six components, and the plastic increment `more`, from a trial stress."""
+def returned(trial, alpha, shear, yields, hardening, beside, ease):  # type: ignore[no-untyped-def]
+    """The stress, six components, the plastic increment `more`, and x, from a trial stress and b."""
     p = (trial[0] + trial[1] + trial[2]) / 3
     s = (trial[0] - p, trial[1] - p, trial[2] - p, trial[3], trial[4], trial[5])
-    size = np.sqrt(contracted(s, s))
-    over = size - ROOT * (yields + hardening * alpha)
-    if over.real <= 0:
-        return trial, over * 0
-    more = over / (2 * shear + 2 * hardening / 3)
-    c = 1 - 2 * shear * more / size
-    return (p + c * s[0], p + c * s[1], p + c * s[2], c * s[3], c * s[4], c * s[5]), more
+    square, b = contracted(s, s), ease * beside
+    x, limit = square * 0, ROOT * (yields + hardening * alpha)
+    size = np.sqrt(square + b)
+    if (size - limit).real <= 0:
+        return trial, x, x
+    soft = hardening / (3 * shear)
+    for _ in range(ROUNDS):  # of 1 / sqrt(...) = (1 - soft x) / limit, which is nearly a line
+        c, e = 1 / (1 + x), 1 / (1 + ease * x)
+        size = 1 / np.sqrt(square * c * c + b * e * e)
+        slope = size * size * size * (square * c * c * c + ease * b * e * e * e) + soft / limit
+        change = (size - (1 - soft * x) / limit) / slope
+        x -= change
+        if abs(change.real) <= CLOSE * (1 + abs(x.real)):
+            break
+    c, more = 1 / (1 + x), x * limit / (1 - soft * x) / (2 * shear)
+    return (p + c * s[0], p + c * s[1], p + c * s[2], c * s[3], c * s[4], c * s[5]), more, x
 
 
 @njit(**INNER)
-def thinned(trial, alpha, first, shear, yields, hardening):  # type: ignore[no-untyped-def]
+def thinned(trial, alpha, first, shear, yields, hardening, beside, ease):  # type: ignore[no-untyped-def]
     """The strain zz to add for a trial stress, six components, so that the stress zz vanishes."""
-    bulk = first + 2 * shear / 3
+    bulk, soft = first + 2 * shear / 3, hardening / (3 * shear)
     stiff = first + 2 * shear
     zz = -trial[2] / stiff
     for _ in range(ROUNDS):
         here = (trial[0] + first * zz, trial[1] + first * zz, trial[2] + stiff * zz, trial[3], trial[4], trial[5])
-        found, more = returned(here, alpha, shear, yields, hardening)
+        found, more, x = returned(here, alpha, shear, yields, hardening, beside, ease)
         slope = here[0] * 0 + stiff
         if more.real > 0:
             p = (here[0] + here[1] + here[2]) / 3
             s = (here[0] - p, here[1] - p, here[2] - p, here[3], here[4], here[5])
-            size = np.sqrt(contracted(s, s))
-            c, n = 1 - 2 * shear * more / size, s[2] / size
-            slope = bulk + 4 / 3 * shear * c - 2 * shear * (1 / (1 + hardening / (3 * shear)) - (1 - c)) * n * n
+            c, e = 1 / (1 + x), 1 / (1 + ease * x)
+            square, b = contracted(s, s) * c * c, ease * beside * e * e
+            steep = square * c + ease * b * e + (square + b) * soft / (1 - soft * x)
+            slope = bulk + 4 / 3 * shear * c - 2 * shear * s[2] * s[2] * c * c * c * c / steep
         zz -= found[2] / slope
         if abs(found[2].real) <= NEAR * yields and abs(found[2]) <= 1e3 * NEAR * yields:
             break

@@ -4,7 +4,9 @@ Deformations are displacement gradients in space; in the plane, the rows and col
 material's zz. The response is from the start (total), or incremental (rate, T. J. R. Hughes, J. Winget, Int. J. Numer.
 Methods Eng. 15 (1980) 1862-1867): with F in the middle of a step, L = dF F^-1, D and W its parts,
 
-    sigma' = R sigma R^T + lambda tr D I + 2 mu D        R = (I - W / 2)^-1 (I + W / 2)
+    sigma' = Q (Q sigma Q^T + lambda tr D I + 2 mu D) Q^T        Q Q = (I - W / 2)^-1 (I + W / 2)
+
+so that a turn is exact, and steps of stretch and turn together are of second order.
 
 The history of a node is: for j2, total: plastic strain (6), alpha; for rates: F (9), sigma (6), alpha.
 """
@@ -40,6 +42,8 @@ from pdsolve.model import Model
 
 LINEAR, SVK, NEO_HOOKE, J2 = range(4)
 KINDS = {"linear": LINEAR, "svk": SVK, "neo hooke": NEO_HOOKE, "j2": J2}
+FLOWING = 1 / 8  # factor of silling's control, over the secant stiffness, that is enough where nodes flow
+WAN = 1.5  # factor of silling's control that is about as strong as wan's
 ALPHA_TOTAL, ALPHA_RATE = 6, 15  # where alpha is in what is remembered
 
 
@@ -54,6 +58,7 @@ class Solid(NamedTuple):
     history: NDArray[np.floating]  # (n, 0, 7 or 16)
     plane_stress: bool
     rate: bool
+    ease: float = 1.0  # of the control of deviations to flow, that of the stress being 1; see `j2`
 
 
 class Response(NamedTuple):
@@ -63,6 +68,7 @@ class Response(NamedTuple):
     sigma: Any  # Cauchy's, six
     F: Any  # with zz, nine
     more: Any  # alpha since what is remembered, over sqrt(2/3)
+    flow: Any  # x of `j2.returned`, 0 where nothing flows
 
 
 def solid_of(model: Model, kind: Any, dimension: int) -> Solid:
@@ -77,15 +83,16 @@ def solid_of(model: Model, kind: Any, dimension: int) -> Solid:
     first_, shear, flow, hardening, past = (np.asarray(c, dtype=kind) for c in (*moduli.T, *yields.T, history))
     kinds = np.array([KINDS[material.solid] for material in model.materials], dtype=np.int8)[of]
     flat = dimension == 2 and first.plane == "stress"
-    return Solid(kinds, first_, shear, flow, hardening, past, flat, rate)
+    factor = WAN if first.control == "wan" else first.control_factor
+    return Solid(kinds, first_, shear, flow, hardening, past, flat, rate, max(1.0, factor / FLOWING))
 
 
 @njit(**INLINE)
-def respond(solid, i, h):  # type: ignore[no-untyped-def]
-    """Response of node i to the gradient h, nine components."""
+def respond(solid, i, h, beside):  # type: ignore[no-untyped-def]
+    """Response of node i to the gradient h, nine components; `beside`, Pa^2, is b of `j2`."""
     first, shear, kind = solid.first[i], solid.shear[i], solid.kind[i]
     if solid.rate:
-        return _rated(solid, i, grown(h))
+        return _rated(solid, i, grown(h), beside)
     if kind == NEO_HOOKE:
         E = neo_hooke.strain(h, first, shear, solid.plane_stress)
         return _finite(neo_hooke.stress(h, E, first, shear), h, E, solid.plane_stress)
@@ -94,10 +101,10 @@ def respond(solid, i, h):  # type: ignore[no-untyped-def]
         trial, alpha = hooke(first, shear, e), solid.history[i, ALPHA_TOTAL]
         zz = h[0] * 0
         if solid.plane_stress:
-            zz = j2.thinned(trial, alpha, first, shear, solid.yields[i], solid.hardening[i])
+            zz = j2.thinned(trial, alpha, first, shear, solid.yields[i], solid.hardening[i], beside, solid.ease)
             trial = hooke(first, shear, with_zz(e, e[2] + zz))
-        sigma, more = j2.returned(trial, alpha, shear, solid.yields[i], solid.hardening[i])
-        return Response(full(sigma), sigma, _with_zz(grown(h), zz), more)
+        sigma, more, x = j2.returned(trial, alpha, shear, solid.yields[i], solid.hardening[i], beside, solid.ease)
+        return Response(full(sigma), sigma, _with_zz(grown(h), zz), more, x)
     return elastic(kind, h, first, shear, solid.plane_stress)
 
 
@@ -109,15 +116,15 @@ def elastic(kind, h, first, shear, plane_stress):  # type: ignore[no-untyped-def
         return _finite(P, h, svk.strain(h, first, shear, plane_stress), plane_stress)
     e = linear.strain(h, first, shear, plane_stress)
     sigma = hooke(first, shear, e)
-    return Response(full(sigma), sigma, _with_zz(grown(h), e[2]), h[0] * 0)
+    return Response(full(sigma), sigma, _with_zz(grown(h), e[2]), h[0] * 0, h[0] * 0)
 
 
 @njit(**INNER)
-def holds(solid, i, h):  # type: ignore[no-untyped-def]
+def holds(solid, i, h, beside):  # type: ignore[no-untyped-def]
     """Energy densities of node i, J/m^3: stored, and dissipated by plastic flow so far."""
     first, shear, kind = solid.first[i], solid.shear[i], solid.kind[i]
     if solid.rate or kind == J2:
-        found = respond(solid, i, h)
+        found = respond(solid, i, h, beside)
         alpha = solid.history[i, ALPHA_RATE if solid.rate else ALPHA_TOTAL] + j2.ROOT * found.more
         spent = h[0] * 0
         if kind == J2:
@@ -136,9 +143,18 @@ def holds(solid, i, h):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def keep(solid, i, h):  # type: ignore[no-untyped-def]
+def dissipated(solid, i):  # type: ignore[no-untyped-def]
+    """Energy density that node i has dissipated by plastic flow up to what it remembers, J/m^3."""
+    if solid.kind[i] != J2:
+        return 0.0
+    alpha = solid.history[i, ALPHA_RATE if solid.rate else ALPHA_TOTAL]
+    return float(alpha * (solid.yields[i] + solid.hardening[i] * alpha / 2))
+
+
+@njit(**INNER)
+def keep(solid, i, h, beside):  # type: ignore[no-untyped-def]
     """Update the history of node i after the gradient h."""
-    found, past = respond(solid, i, h), solid.history[i]
+    found, past = respond(solid, i, h, beside), solid.history[i]
     if solid.rate:
         _put(past, 0, found.F)
         _put(past, 9, found.sigma)
@@ -150,6 +166,20 @@ def keep(solid, i, h):  # type: ignore[no-untyped-def]
         if solid.plane_stress:
             past[2] = -past[0] - past[1]
         past[ALPHA_TOTAL] += j2.ROOT * found.more
+
+
+@njit(**INNER)
+def _half_turn(x, y, z):  # type: ignore[no-untyped-def]
+    """Q, nine components, from the components xy, xz, yz of W / 2: the half of a turn by 2 atan of their norm."""
+    half = 1 / (1 + np.sqrt(1 + x * x + y * y + z * z))
+    x, y, z, one = half * x, half * y, half * z, x * 0 + 1
+    return product(inverse((one, -x, -y, x, one, -z, y, z, one)), (one, x, y, -x, one, z, -y, -z, one))
+
+
+@njit(**INNER)
+def _turned(Q, sigma):  # type: ignore[no-untyped-def]
+    """Q sigma Q^T, six components."""
+    return symmetric(product(product(Q, full(sigma)), transposed(Q)))
 
 
 @njit(**INNER)
@@ -179,11 +209,11 @@ def _finite(P, h, E, plane_stress):  # type: ignore[no-untyped-def]
         F = _with_zz(F, np.sqrt(1 + 2 * E[2]) - 1)
     s, c = symmetric(product(P, transposed(F))), 1 / det(F)
     sigma = (c * s[0], c * s[1], c * s[2], c * s[3], c * s[4], c * s[5])
-    return Response(P, sigma, F, h[0] * 0)
+    return Response(P, sigma, F, h[0] * 0, h[0] * 0)
 
 
 @njit(**INNER)
-def _rated(solid, i, F):  # type: ignore[no-untyped-def]
+def _rated(solid, i, F, beside):  # type: ignore[no-untyped-def]
     """Response incremental from the history."""
     p, first, shear, one = solid.history[i], solid.first[i], solid.shear[i], F[0] * 0 + 1
     flat = solid.plane_stress
@@ -193,19 +223,14 @@ def _rated(solid, i, F):  # type: ignore[no-untyped-def]
     way, half = difference(F, before), mean(before, F)
     L = product(way, inverse(half))
     D = symmetric(L)
-    w = ((L[1] - L[3]) / 4, (L[2] - L[6]) / 4, (L[5] - L[7]) / 4)  # half of W
-    R = product(
-        inverse((one, -w[0], -w[1], w[0], one, -w[2], w[1], w[2], one)),
-        (one, w[0], w[1], -w[0], one, w[2], -w[1], -w[2], one),
-    )
+    R = _half_turn((L[1] - L[3]) / 4, (L[2] - L[6]) / 4, (L[5] - L[7]) / 4)
     sigma = (p[9], p[10], p[11], p[12], p[13], p[14])
-    turned = symmetric(product(product(R, full(sigma)), transposed(R)))
-    trial = added(turned, hooke(first, shear, D))
-    alpha, plastic, more = p[ALPHA_RATE], solid.kind[i] == J2, F[0] * 0
+    trial = _turned(R, added(_turned(R, sigma), hooke(first, shear, D)))
+    alpha, plastic, more, x = p[ALPHA_RATE], solid.kind[i] == J2, F[0] * 0, F[0] * 0
     if flat:
         d = -trial[2] / (first + 2 * shear)
         if plastic:
-            d = j2.thinned(trial, alpha, first, shear, solid.yields[i], solid.hardening[i])
+            d = j2.thinned(trial, alpha, first, shear, solid.yields[i], solid.hardening[i], beside, solid.ease)
         trial = (
             trial[0] + first * d,
             trial[1] + first * d,
@@ -216,7 +241,7 @@ def _rated(solid, i, F):  # type: ignore[no-untyped-def]
         )
         F = _with_zz(F, before[8] * d / (1 - d / 2))
     if plastic:
-        trial, more = j2.returned(trial, alpha, shear, solid.yields[i], solid.hardening[i])
+        trial, more, x = j2.returned(trial, alpha, shear, solid.yields[i], solid.hardening[i], beside, solid.ease)
     c, s = det(F), trial
     P = product(full((c * s[0], c * s[1], c * s[2], c * s[3], c * s[4], c * s[5])), transposed(inverse(F)))
-    return Response(P, trial, F, more)
+    return Response(P, trial, F, more, x)

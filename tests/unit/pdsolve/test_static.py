@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import re
+import warnings
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import numpy as np
 import pytest
-from messages import naming
+from messages import mentions, naming
 from plates import GLASS, STEEL, plate, square_grid
 
 from pdmesh.model.document import AnyCondition, Displacement, Load, Run, Static, Velocity
@@ -248,24 +249,33 @@ def halves(**static: Any) -> Model:
 
 
 @pytest.mark.filterwarnings("ignore:.*snap-back")
-def test_a_piece_that_is_cut_free_is_named_and_the_frames_before_are_kept(tmp_path: Path) -> None:
-    path = tmp_path / "torn.sqlite"
-    with pytest.raises(UnsettledError, match=naming(re.compile(r"load step \d"), "broke", found="free to turn")):
-        simulate(halves(), path, Options(threads=1))
-    with Results.open(path) as results:
-        assert results.meta()["status"] == "unsettled"
-        assert len(results.frames()[0]) > 1
-
-
-@pytest.mark.filterwarnings("ignore:.*snap-back")
-def test_a_piece_that_is_cut_free_may_be_held_softly() -> None:
-    with simulate(halves(floating=True), None, Options(threads=1)) as results:
-        history = results.history()
-        uy = results.field("uy", 6).reshape(16, 9)
+@pytest.mark.parametrize("floating", [False, True])
+def test_a_pull_until_a_piece_is_cut_free_ends_without_force(floating: bool) -> None:
+    """Named in a warning, unless it was asked for; there is no support that could be missing."""
+    with warnings.catch_warnings(record=True) as said:
+        warnings.filterwarnings("always", ".*free to turn")
+        warnings.filterwarnings("ignore", ".*snap-back")
+        with simulate(halves(floating=floating), None, Options(threads=1)) as results:
+            history, forces = results.history(), results.reactions()
+            uy = results.field("uy", 6).reshape(16, 9)
+    assert [mentions(each.message, "broke", found="free to turn") for each in said] == [True] * (not floating)
     assert uy[8:].mean() == pytest.approx(2e-4, rel=0.1)  # it has turned a little
+    pull = np.abs(forces["force_y"][forces["condition"] == forces["condition"].max()])
+    assert pull[-1] <= 1e-6 * pull.max()  # measured
     assert history["strain"][-1] < 1e-3 * history["work"][-1]
     spent = history["dissipated"][-1] + history["damped"][-1]
     assert spent == pytest.approx(history["work"][-1], rel=1e-3)
+
+
+@pytest.mark.filterwarnings("ignore:.*snap-back")
+def test_a_piece_that_is_cut_free_under_loads_is_named_and_the_frames_before_are_kept(tmp_path: Path) -> None:
+    path, model = tmp_path / "torn.sqlite", halves()
+    weight = Load(box=(-1.0, 5e-3, 1.0, 1.0), body_force=(1e3, 0.0))
+    with pytest.raises(UnsettledError, match=naming(re.compile(r"load step \d"), "broke", "balance")):
+        simulate(conditions_of(model, *model.settings.conditions, weight), path, Options(threads=1))
+    with Results.open(path) as results:
+        assert results.meta()["status"] == "unsettled"
+        assert len(results.frames()[0]) > 1
 
 
 def test_relaxation_that_does_not_settle_says_after_how_many_iterations(tmp_path: Path) -> None:

@@ -1,0 +1,319 @@
+"""Correspondence of solids that flow: the control of zero-energy modes yields with its node.
+
+A control that stays elastic makes bodies stronger the further they flow, wherever the plastic strain varies. Here a
+bond's deviation z = eta - H xi (`pdsolve.laws.correspondence`) has a plastic part p. With F = I + H = R U, and Z the
+control tensor of the node (silling: a multiple of I; wan: C : K^-1), elastic deviations and their energy density are
+
+    y = R^T z - p        psi = sum w y . Z y / 2
+
+The node yields by |s|^2 + ease 4 mu psi, the return to the yield surface scales y by c (`pdsolve.laws.materials.j2`),
+and p grows by (1 - c) y. This is associated flow: the tangent is symmetric, and the energy dissipated is the integral
+of the yield stress over alpha. While a node flows, its control is as strong, over the secant stiffness of the solid, as
+silling's with a factor of 1/8 (`FLOWING`). R is I in solids for small strains; in others, the derivative of psi through
+R adds R [g] to P, as in `pdsolve.laws.wan`.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pdsolve.bonds.assembly import Bonds, find
+from pdsolve.laws import correspondence
+from pdsolve.laws.bond_arrays import AnyList, deformed, left, reference
+from pdsolve.laws.correspondence import failing, held_by, lifted, remembered
+from pdsolve.laws.law import INNER, Failure, Law, NodeMemory, Sums
+from pdsolve.laws.materials.solid import NEO_HOOKE, SVK, Solid, respond
+from pdsolve.laws.materials.tensors import (
+    contracted,
+    det,
+    difference,
+    full,
+    grown,
+    inverse,
+    rotation,
+    symmetric,
+    transposed,
+)
+from pdsolve.laws.small_tensors import (
+    blank_moments,
+    mapped,
+    mapped_both,
+    product,
+    square,
+    summed,
+    with_moments,
+)
+from pdsolve.model import Model
+
+LINEAR_PART = 1e-5  # of the terms of a sum: more is not round-off, even in single precision
+
+
+class Columns(NamedTuple):
+    """Columns of n nodes and b bonds, in d dimensions."""
+
+    inverse: NDArray[np.floating]  # (n, d d) K^-1, 0 where there is none
+    share: NDArray[np.floating]  # (n,) of the stress, 1 or 0 of nodes that have lost bonds, as in `correspondence`
+    whole: NDArray[np.floating]  # (n, d d) Z of the family at the start, N/m^6 in the plane
+    control: NDArray[np.floating]  # (n, d d) likewise, 0 of nodes that have lost bonds and have no stress
+    weight: NDArray[np.floating]  # (b,) w, m^d
+    slip: NDArray[np.floating]  # (d, b) p, the plastic part of a deviation, m, unrotated
+    slips: tuple[NDArray[np.floating], ...]  # its rows
+    back: NDArray[np.int64]  # (b,) the bond the other way
+    limit: NDArray[np.floating]  # (b,) of the stretch, the energy or the stress, at which the bond fails
+    broken: NDArray[np.int32]  # (b,) step in which it did, 0 while intact
+    solid: Solid
+    history: NDArray[np.floating]  # that of the solid
+    failure: int
+    least: float  # the least limit of all
+    horizon: NDArray[np.float64]  # (n,) m
+    stiffest: NDArray[np.float64]  # (1,) as in `correspondence`
+    d: int
+
+
+def columns(model: Model, bonds: Bonds) -> Columns:
+    """Columns of these bonds (b,) and their nodes."""
+    elastic, nodes = correspondence.columns(model, bonds), len(bonds.start) - 1
+    source, slip = np.repeat(np.arange(nodes), np.diff(bonds.start)), np.zeros_like(bonds.xi.T, order="C")
+    shared = {name: getattr(elastic, name) for name in Columns._fields if hasattr(elastic, name)}
+    whole = _control(model, elastic)
+    return Columns(
+        **shared
+        | {
+            "whole": whole,
+            "control": whole.copy(),
+            "slip": slip,
+            "slips": tuple(slip),
+            "back": find(bonds, bonds.neighbour.astype(np.int64), source),
+        }
+    )
+
+
+def _control(model: Model, law: correspondence.Columns) -> NDArray[np.floating]:
+    """Z (n, d d) of whole families."""
+    d, unit = law.d, np.eye(law.d).ravel()
+    if model.materials[0].control != "wan":
+        return np.asarray(law.control[:, None] * unit, law.control.dtype)
+    first, twice = law.solid.first, 2 * law.solid.shear
+    if law.solid.plane_stress:
+        first = first * twice / (first + twice)
+    trace = first * law.inverse[:, :: d + 1].sum(axis=1)
+    return np.asarray(trace[:, None] * unit + twice[:, None] * law.inverse, law.control.dtype)
+
+
+def mend(law: Columns, bonds: AnyList, rows: NDArray[np.int64]) -> None:
+    """Recompute K^-1 and Z of these nodes (k,) from the intact bonds, and what of p has no linear part of theirs."""
+    correspondence.mend(law, bonds, rows)  # type: ignore[arg-type]
+    some, d = left(bonds, law.weight, law.broken, rows), law.d
+    torn = np.bincount(some.own, law.broken[some.which] != 0, minlength=len(rows)) > 0
+    without = rows[torn & (law.share[rows] == 0)]
+    law.control[rows], law.control[without], law.inverse[without] = law.whole[rows], 0, 0
+    xi, slip = (np.array([x[some.which] for x in of], dtype=float) for of in (bonds.xi, law.slips))
+    sums, sizes = np.empty((2, len(rows), d, d))
+    for a in range(d):
+        for b in range(d):
+            terms = some.weight * slip[a] * xi[b]
+            sums[:, a, b] = np.bincount(some.own, terms, minlength=len(rows))
+            sizes[:, a, b] = np.bincount(some.own, np.abs(terms), minlength=len(rows))
+    # p without a linear part stays to the bit, as in runs that go on
+    moved = np.asarray(np.abs(sums) > LINEAR_PART * sizes).any(axis=(1, 2))
+    linear = np.where(np.reshape(moved, (-1, 1, 1)), sums @ law.inverse[rows].reshape(-1, d, d), 0.0)[some.own]
+    law.slip[:, some.which] = slip - np.einsum("kab,bk->ak", linear, xi)
+
+
+def torn_stiffness(law: Columns, start: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Bound of the stiffness (n,) of nodes that have lost bonds, N/m^4."""
+    return correspondence.torn_stiffness(law, start)  # type: ignore[arg-type]
+
+
+def scale(law: Columns, bonds: Bonds) -> NDArray[np.float64]:
+    """Relative stiffness of nodes (n,), N/m^4."""
+    return correspondence.scale(law, bonds)  # type: ignore[arg-type]
+
+
+def width(law: Columns, dimension: int) -> int:
+    """Width of `m`: A, c R Z R^T, c R Z, and H, sigma, J as in `correspondence`, c, 4 mu psi."""
+    return 4 * dimension**2 + (4 if dimension == 2 else 6) + 3
+
+
+def fields(law: Columns, value: NDArray[np.floating], m: NDArray[np.floating]) -> dict[str, NDArray[np.float64]]:
+    """Stored fields (n,) by result column: stress, rotation, volume and the solid's history."""
+    return correspondence.shown(law.d, law.solid, m, 3 * law.d * law.d)
+
+
+def numbers(law, i, j, k):  # type: ignore[no-untyped-def]
+    return law.weight[k], reference(law.slips, k), reference(law.slips, law.back[k])
+
+
+def nothing(law, xi, none):  # type: ignore[no-untyped-def]
+    return blank_moments(xi, none)
+
+
+def accumulate(law, bond, c, sums):  # type: ignore[no-untyped-def]
+    return with_moments(sums, c[0], bond.eta, bond.xi, c[1])
+
+
+def close(law, i, m):  # type: ignore[no-untyped-def]
+    d = law.d
+    g = d * d
+    back, Z = lifted(law.inverse, i, 0, d), lifted(law.control, i, 0, d)
+    S, B, D, C = _moments(m, i, d)
+    h = product(S, back)
+    R = _rotation(law, i, h)
+    M = product(transposed(R), product(difference(full(B), full(symmetric(product(S, transposed(h))))), R))
+    D = product(D, R)
+    E = difference(summed(M, full(C)), summed(D, transposed(D)))  # sum of w y y^T
+    beside = 2 * law.solid.shear[i] * contracted(symmetric(Z), symmetric(E))
+    if beside.real < 0:  # round-off of sums that cancel
+        beside *= 0
+    P = _put_response(law, i, m, 3 * g, h, beside)
+    c = m[i, _behind(law)]
+    if _turns(law, i):
+        P = summed(P, _couple(h, R, product(Z, difference(M, D)), c))
+    RZ = product(R, Z)
+    Y = product(RZ, transposed(R))
+    A = difference(product(P, back), _scaled(c, product(Y, h)))
+    for a in range(d):
+        for b in range(d):
+            m[i, d * a + b] = A[3 * a + b]
+            m[i, g + d * a + b] = c * Y[3 * a + b]
+            m[i, 2 * g + d * a + b] = c * RZ[3 * a + b]
+
+
+@njit(**INNER)
+def _moments(m, i, d):  # type: ignore[no-untyped-def]
+    """Sums of w eta xi^T, w eta eta^T, w p eta^T and w p p^T of a node: nine, six, nine and six components."""
+    none = m[i, 0] * 0
+    if d == 2:
+        B, C = (m[i, 4], m[i, 6], none, m[i, 5], none, none), (m[i, 11], m[i, 13], none, m[i, 12], none, none)
+        return lifted(m, i, 0, d), B, lifted(m, i, 7, d), C
+    B = (m[i, 9], m[i, 10], m[i, 11], m[i, 12], m[i, 13], m[i, 14])
+    C = (m[i, 24], m[i, 25], m[i, 26], m[i, 27], m[i, 28], m[i, 29])
+    return lifted(m, i, 0, d), B, lifted(m, i, 15, d), C
+
+
+@njit(**INNER)
+def _turns(law, i):  # type: ignore[no-untyped-def]
+    """Whether the solid of node i is for large rotations."""
+    return law.solid.rate or law.solid.kind[i] == SVK or law.solid.kind[i] == NEO_HOOKE
+
+
+@njit(**INNER)
+def _rotation(law, i, h):  # type: ignore[no-untyped-def]
+    """R of node i, nine components."""
+    if _turns(law, i):
+        return rotation(grown(h))
+    none = h[0] * 0
+    one = none + 1
+    return (one, none, none, none, one, none, none, none, one)
+
+
+@njit(**INNER)
+def _couple(h, R, N, c):  # type: ignore[no-untyped-def]
+    """R [g], nine components; N is Z times the sum of w y (R^T z)^T."""
+    U, none = symmetric(product(transposed(R), grown(h))), h[0] * 0
+    G = inverse(full((U[1] + U[2], U[0] + U[2], U[0] + U[1], -U[3], -U[4], -U[5])))
+    t = (c * (N[5] - N[7]), c * (N[6] - N[2]), c * (N[1] - N[3]))
+    x = G[0] * t[0] + G[1] * t[1] + G[2] * t[2]
+    y = G[3] * t[0] + G[4] * t[1] + G[5] * t[2]
+    z = G[6] * t[0] + G[7] * t[1] + G[8] * t[2]
+    return product(R, (none, -z, y, z, none, -x, -y, x, none))
+
+
+@njit(**INNER)
+def _scaled(c, A):  # type: ignore[no-untyped-def]
+    return (c * A[0], c * A[1], c * A[2], c * A[3], c * A[4], c * A[5], c * A[6], c * A[7], c * A[8])
+
+
+@njit(**INNER)
+def _put_response(law, i, m, at, h, beside):  # type: ignore[no-untyped-def]
+    """Respond to the gradient h; stores it in m[i] from `at` on, then stress, J, c and `beside`."""
+    d, found, share = law.d, respond(law.solid, i, h, beside), law.share[i]
+    for a in range(d):
+        for b in range(d):
+            m[i, at + d * a + b] = h[3 * a + b]
+    at += d * d
+    for a in range(4 if d == 2 else 6):
+        m[i, at + a] = share * found.sigma[a]
+    at += 4 if d == 2 else 6
+    m[i, at], m[i, at + 1], m[i, at + 2] = det(found.F), 1 / (1 + law.solid.ease * found.flow * share), beside
+    return _scaled(share, found.P)
+
+
+def nodal_numbers(law, xi, m, i):  # type: ignore[no-untyped-def]
+    g = len(xi) * len(xi)
+    return square(m, i, 0, xi), square(m, i, g, xi), square(m, i, 2 * g, xi)
+
+
+def bond_force(law, bond, c, here, there):  # type: ignore[no-untyped-def]
+    w, p, q = c
+    f = mapped_both(w, summed(here[0], there[0]), bond.xi, summed(here[1], there[1]), bond.eta)
+    return summed(f, summed(mapped(-w, here[2], p, w * 0, p), mapped(w, there[2], q, w * 0, q)))
+
+
+def alert(law, i, m):  # type: ignore[no-untyped-def]
+    return correspondence.may_fail(law, i, m, 4 * law.d * law.d)
+
+
+def fails(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
+    return failing(law, bond, m, i, j, k, 4 * law.d * law.d)
+
+
+@njit(**INNER)
+def _behind(law):  # type: ignore[no-untyped-def]
+    """Position of c in `m`; 4 mu psi follows it."""
+    return 4 * law.d * law.d + (5 if law.d == 2 else 7)
+
+
+def remember(law, bonds, now, i, m):  # type: ignore[no-untyped-def]
+    d, at = law.d, _behind(law)
+    h = lifted(m, i, 3 * d * d, d)
+    if m[i, at] < 1:
+        back = transposed(_rotation(law, i, h))
+        for k in range(bonds.start[i], bonds.start[i + 1]):
+            bond = deformed(bonds, now.value, i, bonds.neighbour[k], k)
+            for a in range(d):
+                y = -law.slip[a, k]
+                for b in range(d):
+                    z = bond.eta[b]
+                    for c in range(d):
+                        z -= h[3 * b + c] * bond.xi[c]
+                    y += back[3 * a + b] * z
+                law.slip[a, k] += (1 - m[i, at]) * y
+    remembered(law, i, m, 3 * d * d, m[i, at + 1])
+
+
+def hold(law, i, m):  # type: ignore[no-untyped-def]
+    return held_by(law, i, m, 3 * law.d * law.d, m[i, _behind(law) + 1])
+
+
+def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
+    if law.broken[k] != 0:
+        return 0.0, 0.0
+    d, held = len(bond.xi), bond.stretch * 0
+    g, c = d * d, m[i, _behind(law)]
+    for a in range(d):
+        for b in range(d):
+            z, p = correspondence.deviation(bond, m, i, 3 * g, a), law.slip[a, k]
+            held += c * m[i, g + d * a + b] * z * correspondence.deviation(bond, m, i, 3 * g, b)
+            held -= 2 * c * m[i, 2 * g + d * a + b] * z * law.slip[b, k]
+            held += c * c * law.control[i, d * a + b] * p * law.slip[b, k]
+    return law.weight[k] * held / 2, 0.0
+
+
+LAW = Law(
+    Columns=Columns,
+    columns=columns,
+    passes=Sums(numbers, nothing, accumulate, close, nodal_numbers, bond_force),
+    energy=energy,
+    width=width,
+    scale=scale,
+    failure=Failure(alert, fails),
+    nodes=NodeMemory(("history", "slip"), remember, hold),
+    mend=mend,
+    torn_stiffness=torn_stiffness,
+    fields=fields,
+)
