@@ -51,6 +51,7 @@ class RestingContact(PenaltyContact):
     eighth of that of a contact with a half-width of four spacings, and spread its pressure.
     """
 
+    drawn_in_space = True
     of_round = 4.0
 
     def __init__(self, model: Model, volume: Array, operator: Operator) -> None:

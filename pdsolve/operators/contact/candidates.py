@@ -23,7 +23,8 @@ NEAREST = {2: 1.5, 3: 1.8}  # spacings: of the bonds that tell a normal, to 8 no
 class Joined:
     """The bonds of n nodes, as contact knows them: which join two nodes up to a step."""
 
-    def __init__(self, model: Model, operator: Operator) -> None:
+    def __init__(self, model: Model, operator: Operator, drawn: bool) -> None:
+        """`drawn`: whether round and inclined bodies touch by their drawn surfaces."""
         self._operator, self._nodes, self._gone = operator, len(model.grid), 0
         self.until, self.wait = 0, EVERY  # step before which broken bonds are known; steps until they are asked for
         ends = [operator.bonds(int(rows[0]), int(rows[-1]) + 1, start=True) for rows in row_chunks(self._nodes)]
@@ -44,7 +45,7 @@ class Joined:
         self.nodes = Nodes(x, start, near_by, 1 / length[near], intact)
         self.surface = np.zeros(self._nodes, dtype=np.bool_)
         surface_nodes(self.nodes, self.surface)
-        self.drawn = drawn_faces(model.grid, self.surface)
+        self.drawn = drawn_faces(model.grid, self.surface & drawn)
         self._marred = np.zeros(self._nodes, dtype=np.bool_)  # nodes that lost one of their nearest bonds
 
     def _found(self, source: NDArray[np.int64], target: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -40,6 +40,7 @@ class PenaltyContact(Bondless):
 
     name = "contact"
     symmetric = True
+    drawn_in_space = False  # a ball that spins on few nodes gains energy there, as the normals of its surface turn
     of_round = 1.0  # stiffness of a pair of two bodies at a curved surface over that of others
 
     def __init__(self, model: Model, volume: NDArray[np.float64], operator: Operator) -> None:
@@ -47,7 +48,8 @@ class PenaltyContact(Bondless):
         assert model.settings.contact is not None
         grid, self._settings, self.bonded = model.grid, model.settings.contact, operator
         self.unknowns: tuple[Unknown, ...] = (Unknown("u", grid.dimension, 2),)
-        self._joined, self._delta, self._volume = Joined(model, operator), grid.delta, volume
+        drawn = grid.dimension == 2 or self.drawn_in_space
+        self._joined, self._delta, self._volume = Joined(model, operator, drawn), grid.delta, volume
         self._body = None if grid.bodies is None else grid.bodies.number
         self._each = 1 / volume  # 1/m^d
         self._cell, self._k = grid.delta**grid.dimension, pair_stiffness(model, self._settings)
