@@ -352,7 +352,7 @@ def _how_far(summary: dict[str, Any]) -> tuple[str, str]:
         load = f"{last['factor']:.4g} of the loads, {abs(last['pull']) / most:.1%} of their largest"
         return "path steps", f"{load}, {summary['ended']}" if summary.get("ended") else load
     if "fatigue_steps" in summary:
-        ended = f", {summary['ended']}" if summary["ended"] else ""
+        ended = f", {summary['ended'] or 'its last step'}"
         return "steps of jumps", f"{summary['fatigue_steps'][-1]['cycles']:.6g} cycles{ended}"
     factor, unit = (1e6, "us") if summary["time"] < 1e-2 else (1e3, "ms") if summary["time"] < 0.1 else (1.0, "s")
     return "steps", f"{summary['time'] * factor:.4g} {unit}"

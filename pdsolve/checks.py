@@ -9,7 +9,6 @@ import warnings
 from typing import NamedTuple
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
 from pdmesh.model import unused_settings
@@ -192,6 +191,8 @@ def _smooth_edges(model: Model) -> None:
     on_points = any(0 < len(model.selected(each)) <= POINT for each in conditions if isinstance(each, Displacement))
     if not grid.outline or grid.holes or len(grid.cracks) or not (on_points or model.settings.contact is not None):
         return
+    import shapely  # here, as few plates are asked for their hull
+
     plates = [shapely.Polygon(ring) for ring in grid.outline]
     if all(each.area > (1 - CONVEX) * each.convex_hull.area for each in plates):
         warn(

@@ -44,7 +44,8 @@ from pdmesh.model.number_bounds import beyond
 from pdmesh.model.output_fields import OF_CONTENT
 from pdmesh.model.rigid_bodies import densities, without_bonds
 from pdmesh.model.suggestions import explained
-from pdmesh.model.values_of_place import Value, is_of_place, values_at, vectors_at
+from pdmesh.model.values_at_places import values_at, vectors_at
+from pdmesh.model.values_of_place import Value, is_of_place
 
 PARTS = {"mechanics": ("material",), "diffusion": ("medium",), "thermoelastic": ("material", "medium")}
 NEEDED = {"material": "E, rho and G0", "medium": "D"}
@@ -141,7 +142,8 @@ class Model:
             for name in REGIONS[part]:
                 if part not in PARTS[physics] and getattr(settings, name):
                     other = next(each for each, parts in PARTS.items() if parts == (part,))
-                    raise ModelError(f"{self.name}: $.{name}: found some, expected none, or physics = '{other}'")
+                    both = ", or 'thermoelastic' with its alpha and T0" if physics == "diffusion" else ""
+                    raise ModelError(f"{self.name}: $.{name}: found some, expected none, or physics = '{other}'{both}")
         kinds = tuple(kind for part in PARTS[physics] for kind in CONDITIONS[part])
         for number, condition in enumerate(settings.conditions):
             if not isinstance(condition, kinds):

@@ -12,7 +12,7 @@ from pdmesh.model.document import Document, Load
 from pdmesh.model.node_grid import Grid
 from pdmesh.model.selection import selected
 from pdmesh.model.suggestions import called
-from pdmesh.model.values_of_place import vectors_at
+from pdmesh.model.values_at_places import vectors_at
 
 
 class Resultant(NamedTuple):

@@ -12,7 +12,7 @@ from pdmesh.model import selection
 from pdmesh.model.contact import RigidBody, wrong_spin
 from pdmesh.model.document import Acceleration, Displacement, GridError, InitialVelocity, Settings, Velocity
 from pdmesh.model.node_grid import Grid
-from pdmesh.model.values_of_place import values_at
+from pdmesh.model.values_at_places import values_at
 
 OUTSIDE = 1e-6  # of a radius, by which a node may be outside of it
 

@@ -29,7 +29,8 @@ from pdmesh.model.document import (
 )
 from pdmesh.model.ground_supports import wrong_spring
 from pdmesh.model.monitors import contradiction
-from pdmesh.model.values_of_place import PlaceError, Value, named, values_at, varying, wrong_value
+from pdmesh.model.values_at_places import values_at
+from pdmesh.model.values_of_place import PlaceError, Value, named, varying, wrong_value
 
 if TYPE_CHECKING:
     from pdmesh.model.node_arrays import Grid

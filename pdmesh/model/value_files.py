@@ -12,14 +12,16 @@ import re
 import tokenize
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import msgspec
-import numpy as np
-from numpy.typing import NDArray
 
 from pdmesh.files import read_bytes
 from pdmesh.model.values_of_place import AXES, PlaceError, Table, is_file, named, replaced, varying, wrong_value
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 MOST_BYTES = 2**25  # of a file
 MOST_ROWS = 200_000  # of its table
@@ -84,6 +86,8 @@ def _table(header: list[str], rows: NDArray[np.float64], column: str, name: str)
 
 def _columns(data: bytes, name: str) -> tuple[list[str] | None, NDArray[np.float64]]:
     """Names and numbers (k, c) of the columns of a CSV file; None without a header. Raises PlaceError."""
+    import numpy as np  # here, as few models have such files
+
     try:
         lines = data.decode("utf-8-sig").splitlines()
     except UnicodeDecodeError:
@@ -113,6 +117,8 @@ def _numbers(words: list[str]) -> list[float] | None:
 
 def _array(data: bytes, name: str) -> NDArray[np.float64]:
     """The numbers (k, c) of a .npy file, which may hold nothing but numbers. Raises PlaceError."""
+    import numpy as np  # here, as few models have such files
+
     stream = io.BytesIO(data)
     try:
         version = np.lib.format.read_magic(stream)

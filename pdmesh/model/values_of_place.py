@@ -1,22 +1,20 @@
-"""Values of conditions that depend on the place: expressions of x, y and z, and tables between whose places they are
-interpolated.
+"""Values of conditions that depend on the place: expressions of x, y and z, and tables of places; what may be in them.
 
 An expression comes from a file of anyone. It is parsed, not evaluated by Python: numbers, `x`, `y`, `z` (m), `pi`, the
 operators ``+ - * / ^ **``, comparisons (1 or 0) and the functions below are all that it may hold.
+
+`values_at_places` has their values. It needs numpy, which what only names materials and conditions does not import.
 """
 
 from __future__ import annotations
 
 import ast
-from collections.abc import Callable, Iterator, Sequence
+import operator
+from collections.abc import Callable, Iterator
 from functools import lru_cache
 from typing import Annotated, Any
 
 import msgspec
-import numpy as np
-from numpy.typing import NDArray
-
-from pdmesh.model.kd_trees import tree_of
 
 AXES = "xyz"
 LONGEST = 1000  # letters of an expression
@@ -24,33 +22,25 @@ MOST_PARTS = 500  # of its syntax tree
 FILES = (".csv", ".npy")  # ends of names of tables; see `value_files`
 LARGEST = 1e30  # of a value
 LEAST = 1e-100  # smaller values are 0
-SAME = 1e-9  # of a table's extent: a node this near to a place has its value
-BEYOND = 0.1  # of a table's extent: a node this far outside of it has the value of its border
-FLAT = 1e-9  # of a table's extent: directions in which its places extend less count as none
 
-FUNCTIONS: dict[str, tuple[int, Callable[..., Any]]] = {
-    **{name: (1, getattr(np, name)) for name in ("sin", "cos", "tan", "sinh", "cosh", "tanh", "sqrt", "exp", "log")},
-    **{name: (1, getattr(np, name)) for name in ("log10", "floor", "ceil", "sign", "abs")},
-    "asin": (1, np.arcsin),
-    "acos": (1, np.arccos),
-    "atan": (1, np.arctan),
-    "atan2": (2, np.arctan2),
-    "min": (2, np.minimum),
-    "max": (2, np.maximum),
-    "where": (3, np.where),
+FUNCTIONS = {  # and how many values each takes
+    **dict.fromkeys(("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "sqrt", "exp", "log"), 1),
+    **dict.fromkeys(("log10", "floor", "ceil", "sign", "abs"), 1),
+    **dict.fromkeys(("atan2", "min", "max"), 2),
+    "where": 3,
 }
 OPERATORS: dict[type, Callable[..., Any]] = {
-    ast.Add: np.add,
-    ast.Sub: np.subtract,
-    ast.Mult: np.multiply,
-    ast.Div: np.divide,
-    ast.Pow: np.power,
-    ast.USub: np.negative,
-    ast.UAdd: np.positive,
-    ast.Lt: np.less,
-    ast.LtE: np.less_equal,
-    ast.Gt: np.greater,
-    ast.GtE: np.greater_equal,
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.Pow: operator.pow,
+    ast.USub: operator.neg,
+    ast.UAdd: operator.pos,
+    ast.Lt: operator.lt,
+    ast.LtE: operator.le,
+    ast.Gt: operator.gt,
+    ast.GtE: operator.ge,
 }
 
 
@@ -74,40 +64,6 @@ NAMES = ("x", "y", "z", "traction", "body_force", "value", "rate", "flux")  # of
 
 class PlaceError(ValueError):
     """A value of place that cannot be; the message says what was found and expected."""
-
-
-def values_at(value: Value, position: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The values (k,) at places (k, d), m. Raises PlaceError for one that is not a finite number."""
-    if isinstance(value, Table):
-        found = _interpolated(value, position)
-    elif isinstance(value, str):
-        with np.errstate(all="ignore"):
-            terms = {**dict(zip(AXES, position.T, strict=False)), "pi": np.float64(np.pi)}
-            found = np.broadcast_to(np.asarray(_evaluated(_parsed(value), terms), dtype=float), len(position)).copy()
-    else:
-        return np.full(len(position), value, dtype=float)
-    wrong = np.flatnonzero(~(np.abs(found) <= LARGEST))
-    if len(wrong):
-        place = ", ".join(f"{number:g}" for number in position[wrong[0]])
-        raise PlaceError(
-            f"found {found[wrong[0]]:g} at ({place}) m, expected finite numbers of at most {LARGEST:g} at all nodes"
-        )
-    found[np.abs(found) < LEAST] = 0.0
-    return found
-
-
-def vectors_at(vector: Sequence[Value], position: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The vectors (k, d) at places (k, d), m. Raises PlaceError."""
-    if not any(map(is_of_place, vector)):
-        return np.tile(np.array(vector, dtype=float), (len(position), 1))
-    return np.column_stack([values_at(value, position) for value in vector])
-
-
-def largest(value: Value | None, position: NDArray[np.float64]) -> float:
-    """The largest size of a value at places (k, d), m; 0 of none."""
-    if value is None or isinstance(value, float | int):
-        return abs(value or 0.0)
-    return float(np.abs(values_at(value, position)).max(initial=0.0))
 
 
 def is_of_place(value: Value | None) -> bool:
@@ -151,7 +107,7 @@ def wrong_value(value: str | Table, dimension: int) -> str | None:
         elif is_file(value):
             return f"found the file '{value:.80}', which was not read, expected its values or an expression"
         else:
-            _check_names(_parsed(value), AXES[:dimension])
+            _check_names(parsed(value), AXES[:dimension])
     except PlaceError as error:
         return str(error)
     return None
@@ -164,7 +120,7 @@ def _check_names(tree: ast.expr, known: str) -> None:
 
 
 @lru_cache(64)
-def _parsed(text: str) -> ast.expr:
+def parsed(text: str) -> ast.expr:
     """The syntax tree of an expression. Raises PlaceError for anything but numbers, places and known functions."""
     try:
         tree = ast.parse(text.strip().replace("^", "**"), mode="eval").body
@@ -193,42 +149,14 @@ def _check_part(part: ast.AST, called: set[int]) -> None:
         case ast.Compare(ops=[op]) if type(op) in OPERATORS:
             return
         case ast.Call(func=ast.Name(id=name), args=args, keywords=[]) if name in FUNCTIONS:
-            if len(args) == FUNCTIONS[name][0]:
+            if len(args) == FUNCTIONS[name]:
                 return
-            raise PlaceError(f"found {name} of {len(args)} values, expected {FUNCTIONS[name][0]}")
+            raise PlaceError(f"found {name} of {len(args)} values, expected {FUNCTIONS[name]}")
         case ast.cmpop():
             return
     text = ast.unparse(part) if isinstance(part, ast.expr) else type(part).__name__
     known = ", ".join(sorted(FUNCTIONS))
     raise PlaceError(f"found {text!r:.60} in an expression, expected numbers, x, y, z, pi, + - * / ^ < > and {known}")
-
-
-def _evaluated(part: ast.expr, terms: dict[str, Any]) -> Any:
-    """The value of a checked part of an expression."""
-    match part:
-        case ast.Constant(value=value):
-            return np.float64(_number(value))
-        case ast.Name(id=name):
-            if name not in terms:
-                raise PlaceError(f"found {name} in an expression, expected x and y in a plate")
-            return terms[name]
-        case ast.BinOp(left=left, op=op, right=right):
-            return OPERATORS[type(op)](_evaluated(left, terms), _evaluated(right, terms))
-        case ast.UnaryOp(op=op, operand=operand):
-            return OPERATORS[type(op)](_evaluated(operand, terms))
-        case ast.Compare(left=left, ops=[op], comparators=[right]):
-            return np.where(OPERATORS[type(op)](_evaluated(left, terms), _evaluated(right, terms)), 1.0, 0.0)
-        case ast.Call(func=ast.Name(id=name), args=args):
-            return FUNCTIONS[name][1](*(_evaluated(each, terms) for each in args))
-    raise PlaceError(f"found {type(part).__name__} in an expression, expected numbers, places and functions")
-
-
-def _number(value: Any) -> float:
-    """A number of an expression. Raises PlaceError for one that no float holds."""
-    try:
-        return float(value)
-    except OverflowError:
-        raise PlaceError("found a number that no float holds, expected at most 1.8e308") from None
 
 
 def _check_table(table: Table, dimension: int) -> None:
@@ -242,37 +170,5 @@ def _check_table(table: Table, dimension: int) -> None:
         )
     if any(len(place) != len(axes) for place in table.places):
         raise PlaceError(f"found places of another number of coordinates in a table, expected {', '.join(axes)}")
-    if not (np.abs(np.array(table.places)) <= LARGEST).all() or not (np.abs(table.values) <= LARGEST).all():
+    if not all(abs(number) <= LARGEST for numbers in (*table.places, table.values) for number in numbers):
         raise PlaceError(f"found numbers that are not finite in a table, expected at most {LARGEST:g}")
-
-
-def _interpolated(table: Table, position: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Values (k,) of a table at places (k, d). Raises PlaceError for a place outside of the table."""
-    axes = table.axes or AXES[: position.shape[1]]
-    at = position[:, [AXES.index(axis) for axis in axes]]
-    places, values = np.array(table.places, dtype=float).reshape(-1, len(axes)), np.array(table.values, dtype=float)
-    extent = float(np.ptp(places, axis=0).max())
-    far, nearest = tree_of(places).query(at)
-    if (far <= SAME * extent).all() or len(places) == 1:
-        return np.asarray(values[nearest])
-    middle = places.mean(axis=0)
-    ways = np.linalg.svd(places - middle, full_matrices=False)
-    ways = ways[2][ways[1] > FLAT * ways[1][0]]  # in which the places extend
-    inside, at = (places - middle) @ ways.T, (at - middle) @ ways.T
-    if len(ways) == 1:
-        order = np.argsort(inside[:, 0], kind="stable")
-        found = np.interp(at[:, 0], inside[order, 0], values[order], left=np.nan, right=np.nan)
-    else:
-        from scipy.interpolate import LinearNDInterpolator  # slow to import, and few models need it
-
-        found = LinearNDInterpolator(inside, values)(at)
-    outside = np.flatnonzero(np.isnan(found))
-    if len(outside):
-        far, nearest = tree_of(inside).query(at[outside])
-        if far.max() > BEYOND * extent:
-            place = ", ".join(f"{number:g}" for number in position[outside[far.argmax()]])
-            raise PlaceError(
-                f"found a node at ({place}) m, {far.max():.3g} m outside of its table, expected a table that covers it"
-            )
-        found[outside] = values[nearest]
-    return np.asarray(found)

@@ -33,7 +33,7 @@ from pdmesh.model.document import (
     Velocity,
     in_steps,
 )
-from pdmesh.model.values_of_place import largest
+from pdmesh.model.values_at_places import largest
 from pdmesh.reports.bonds_and_step import stable_step
 from pdmesh.scene.fracture_energies import known
 from pdmesh.scene.plate import Refinement

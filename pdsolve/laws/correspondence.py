@@ -138,7 +138,7 @@ def mend(law: Columns, bonds: AnyList, rows: NDArray[np.int64]) -> None:
     law.share[rows] = sound
     if np.isfinite(law.stiffest[0]):
         share = (law.stiffest[0] / np.maximum(_stiffness(law, bonds, some, rows), law.stiffest[0] or 1.0)) ** POWER
-        share = np.where(torn, np.floor(share) if law.history.shape[1] else share, 1.0)
+        share = np.where(torn, np.floor(share) if law.solid.history.shape[1] else share, 1.0)
         law.share[rows[sound]] = share[sound]
 
 

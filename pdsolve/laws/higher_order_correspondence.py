@@ -164,7 +164,7 @@ def _refit(law: Columns, bonds: AnyList, rows: NDArray[np.int64]) -> float:
             order -= 1
         if order == 0 and not intact.all():
             Q = _spanned(xi, root, itself, law.horizon[i])
-        share = min(1.0, limit / max(q, law.stiffest[0])) ** POWER if order > 0 else 0.0
+        share = 0.0 if order == 0 else 1.0 if q <= limit else (limit / q) ** POWER
         law.share[i] = np.floor(share) if law.history.shape[1] else share
         most = max(most, q)
         law.carried[i] = order

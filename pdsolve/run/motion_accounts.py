@@ -37,7 +37,7 @@ class MotionAccounts:
     def _start(self, system: System, step: int, results: Results | None) -> None:
         self._system, materials = system, system.model.materials
         self._flows = any(material.solid == "j2" and material.form != "rate" for material in materials)  # to warn of
-        self._nodes_changed = False  # which makes or loses energy
+        self._nodes_changed = results is not None and len(results.epochs()) > 1  # which makes or loses energy
         self._most = 0.0  # J/m, the largest work, given or taken
         if results is not None:
             done = results.history()

