@@ -38,9 +38,9 @@ GEOMETRIES = ROOT / "geometries"
 PAGE = ROOT / "docs" / "adaptivity.md"
 STEPS = (1.0, 0.9625, 0.925, 0.8875)  # of the surely stable step: ratios of 0.80, 0.77, 0.74 and 0.71
 KINDS_BEGIN = "## Fine zones of all kinds on the same scenes"  # where what benchmarks/kinds.py writes begins
-FIRST, BORDER = "## The first bond", "## An exact border for laws with nodal fields"
+FIRST, REMOVED = "## The first bond", "## Removed after version 1.0.0"
 WAKE = "## The wake, measured"
-OTHERS = (split.TITLE, KINDS_BEGIN, FIRST, BORDER, WAKE)  # sections that other commands write
+OTHERS = (split.TITLE, KINDS_BEGIN, FIRST, REMOVED, WAKE)  # sections that other commands write
 CRACKED = 0.35  # damage of a node on the path
 LOOK = 100  # steps between two looks
 
@@ -311,18 +311,16 @@ displacement field is in equilibrium, at edges too, and momentum and energy are 
 
 **What it supports**: nodes on one lattice; horizons up to 6 spacings (5.5 with a constant micromodulus); the
 conservative mode in double and single precision; both laws of bonds; several materials, whose micromoduli may differ;
-one linear peridynamic solid of any Poisson's ratio, in double precision
-([how](#an-exact-border-for-laws-with-nodal-fields)); holes, notches and any outline; pre-cracks without width in any
-direction; loads; held displacements and velocities; unbreakable regions; damping and layers that absorb, which take
-from coarse cells what they take from fine ones.
+holes, notches and any outline; pre-cracks without width in any direction; loads; held displacements and velocities;
+unbreakable regions; damping and layers that absorb, which take from coarse cells what they take from fine ones.
 Frames, histories and the pictures of `pdpost` contain the coarse nodes and the current fine nodes. In the results,
 nodes that appear or disappear do so in the first step after the preceding ledger entry or frame. `pdmesh build` lays
 nodes of the finest spacing everywhere. Where a crack would meet a node, it moves the crack by half a spacing at most,
 and says so.
 
-**What it refuses**, in one line: imported meshes and other nodes that are on no lattice, several spacings, the thesis
-mode, held accelerations and equilibrium (`--static`); with a linear peridynamic solid also single precision. By default
-the number of threads follows from the number of nodes; the bits of the results do not depend on it.
+**What it refuses**, in one line: state-based models, imported meshes and other nodes that are on no lattice, several
+spacings, the thesis mode, held accelerations and equilibrium (`--static`). By default the number of threads follows from
+the number of nodes; the bits of the results do not depend on it.
 
 **When not to use it**: where much of the plate is crushed or softens, because most of it then becomes fine; where 12 h
 around a tip, or the surroundings of holes, are most of the plate; with horizons of more than 4 spacings, for which the

@@ -224,14 +224,6 @@ def _in_space(settings: Settings, every: Places) -> Iterator[Impossible]:
 def _hybrid_in_space(settings: Settings, every: Places) -> Iterator[Impossible]:
     """Settings that moving fine zones support in plates alone."""
     why = ", as run.adapt is hybrid in a body in space"
-    yield from _hybrid_of_lists(settings, why)
-    for place, material in every:
-        if material.law != USUAL_LAW:
-            yield Impossible(f"{place}.law", material.law, f"{USUAL_LAW}{why}")
-
-
-def _hybrid_of_lists(settings: Settings, why: str) -> Iterator[Impossible]:
-    """Settings that moving fine zones support of bonds in plates alone."""
     if settings.physics != "mechanics":
         yield Impossible("$.physics", settings.physics, f"mechanics{why}")
     if settings.run.damping:
@@ -239,6 +231,9 @@ def _hybrid_of_lists(settings: Settings, why: str) -> Iterator[Impossible]:
     if settings.run.hybrid.wake != "fine":
         yield Impossible("$.run.hybrid.wake", settings.run.hybrid.wake, f"fine{why}")
     yield from of_kinds(settings, (Absorb,), f"a load, a displacement or a velocity{why}")
+    for place, material in every:
+        if material.law != USUAL_LAW:
+            yield Impossible(f"{place}.law", material.law, f"{USUAL_LAW}{why}")
 
 
 def _at_rest(settings: Settings, every: Places) -> Iterator[Impossible]:
@@ -332,9 +327,8 @@ def _adaptive(settings: Settings, every: Places) -> Iterator[Impossible]:
     ):
         if found != expected:
             yield Impossible(place, found, expected + why)
-    of_solids = run.adapt == "hybrid" and any(material.model == "ordinary" for _, material in every)
-    if (run.adapt == "collocation" or of_solids) and settings.regions:
-        yield Impossible("$.regions", f"{len(every)} materials", f"one{why}{' and ordinary' if of_solids else ''}")
+    if run.adapt == "collocation" and settings.regions:
+        yield Impossible("$.regions", f"{len(every)} materials", f"one{why}")
     ratio = settings.horizon.ratio
     if run.adapt == "collocation" and ratio < FEWEST and not run.collocation.damped:
         yield Impossible(
@@ -344,8 +338,6 @@ def _adaptive(settings: Settings, every: Places) -> Iterator[Impossible]:
         )
     for place, material in every:
         yield from _plain(material, place, KINDS[material.model].adaptive(material, every[0][1], run.adapt))
-    if of_solids:
-        yield from _hybrid_of_lists(settings, f"{why} and the model ordinary")
     if run.adapt == "hybrid" and run.hybrid.wake == "lattice":
         yield from _coarse_again(settings, every)
     refused = (Acceleration, Spring, Pin) if run.adapt == "hybrid" else (Acceleration, Absorb, Spring, Pin)

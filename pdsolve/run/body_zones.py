@@ -1,4 +1,4 @@
-"""Runs of bodies, and of plates of families, whose cells become fine around what breaks."""
+"""Runs of bodies whose cells become fine around what breaks."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.arrays import EVERY
+from pdsolve.adaptivity.hybrid.space.operator import SpaceHybrid
 from pdsolve.adaptivity.hybrid.space.prepare import drive_of_nodes
 from pdsolve.errors import CheckpointError
 from pdsolve.operators.protocol import Kept
 from pdsolve.run.assembly import assembled
 from pdsolve.run.energy_steps import energy, pushed
 from pdsolve.run.node_changes import Change
-from pdsolve.run.system import Prepared, System, Zoned
+from pdsolve.run.system import Prepared, System
 from pdsolve.state import State, zero_state
 
 
@@ -49,20 +50,20 @@ class Refining:
         return Prepared(fresh, zero_state(len(after.volume), after.unknowns[0].width))
 
 
-def zone_of(system: System) -> Zoned:
+def zone_of(system: System) -> SpaceHybrid:
     """The operator of such a run."""
-    assert isinstance(system.operator, Zoned)
+    assert isinstance(system.operator, SpaceHybrid)
     return system.operator
 
 
-def _on(system: System, after: Zoned, step: int) -> System:
+def _on(system: System, after: SpaceHybrid, step: int) -> System:
     """The system of other nodes."""
     steps, driven = (system.time_step, system.bound), drive_of_nodes(after, step * system.time_step)
     found = assembled(after.model, system.options, system.scheme, after, after.counted, steps, driven).system
     return dataclasses.replace(found, whole=system.whole)
 
 
-def _moved(before: Zoned, after: Zoned, state: State, rows: NDArray[np.int64]) -> State:
+def _moved(before: SpaceHybrid, after: SpaceHybrid, state: State, rows: NDArray[np.int64]) -> State:
     """The state on the nodes `after` a refinement: interpolated, with what was booked where it was; `rows` (n,) are
     those before, -1 for new nodes."""
     old, nodes = rows >= 0, len(rows)

@@ -38,9 +38,6 @@ DEFAULT = Options()
 # each node
 MEMORY = {"thesis": (196e6, 1030.0), "conservative": (181e6, 1030.0)}
 IN_SPACE = 1700.0  # bytes for each node of a body in tiles whose file lists it
-RELISTED = (
-    8.0  # time of state-based zones over that of the start, as pieces are listed anew: 4 to 12 in two glass plates
-)
 LATTICE = {"float64": 480.0, "float32": 385.0}  # bytes for each node of a box in space whose file holds a lattice
 LISTED = 130.0  # bytes for each bond of a law that is no pair's
 SPLITTING = 640.0  # the same where cells split: all pairs are kept, and two lists there while they do
@@ -152,9 +149,7 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
 
 def _with_zone(plan: Plan, model: Model) -> Plan:
     """The plan of a plate, or a body, with a zone on this model of the nodes at the start."""
-    finest = int(np.isclose(model.grid.delta, model.grid.delta.min()).sum())
-    state_based = any(material.model != "bond" for material in model.materials)
-    return plan._replace(finest=finest, wall_time=(RELISTED if state_based else 1.0) * plan.wall_time)
+    return plan._replace(finest=int(np.isclose(model.grid.delta, model.grid.delta.min()).sum()))
 
 
 def _path_steps(run: Run) -> int:

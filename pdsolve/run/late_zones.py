@@ -43,14 +43,9 @@ def after(model: Model, before: tuple[Sooner, ...], late: LateZoneError) -> tupl
     step = max(late.step - EVERY - 1, 0) // run.every * run.every
     if wider.settings.run.adapt == "none":
         return (now if before else wider), ()
-    if step == 0 or not _widens(model) or run.hybrid.wake != "fine":
+    if step == 0 or model.grid.dimension == 3 or run.hybrid.wake != "fine":
         return wider, ()
     return model, (*(one for one in before if one.step < step), Sooner(step, kappa_of(wider)))
-
-
-def _widens(model: Model) -> bool:
-    """Whether cells can become fine sooner from some step on."""
-    return model.grid.dimension == 2 and model.materials[0].model == "bond"
 
 
 def say(model: Model, late: LateZoneError, wider: Model, sooner: tuple[Sooner, ...], back: int) -> None:

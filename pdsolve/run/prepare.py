@@ -11,7 +11,6 @@ from pdsolve.adaptivity.factory import moving_of
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.adaptivity.hybrid.outlook import decided
 from pdsolve.adaptivity.hybrid.space.prepare import body_of, drive_of_nodes
-from pdsolve.adaptivity.hybrid.state_based.prepare import plate_with_zone
 from pdsolve.adaptivity.quadtree.incremental_bonds import filled
 from pdsolve.adaptivity.quadtree.operator import SURE, Leaves, tree_over
 from pdsolve.adaptivity.two_lattice_operator import FusedMarch
@@ -65,8 +64,7 @@ def _prepared(model: Model, options: Options) -> Prepared:
     if model.settings.run.adapt == "split":
         return _split(model, options, scheme)
     if model.settings.run.adapt != "none":
-        plain = model.grid.dimension == 2 and model.materials[0].model == "bond"
-        return (_moving if plain else _refining)(model, options, scheme)
+        return (_moving if model.grid.dimension == 2 else _refining)(model, options, scheme)
     if model.settings.run.solver == "static":
         return at_rest(in_load_steps(model, options.precision), options, scheme)
     return system_of(model, options, scheme)
@@ -201,10 +199,9 @@ def _split(model: Model, options: Options, scheme: Scheme) -> Prepared:
 
 
 def _refining(model: Model, options: Options, scheme: Scheme) -> Prepared:
-    """A prepared body, or plate of families, with a moving fine zone. Raises ModelError for an unsupported one."""
-    space = model.grid.dimension == 3
-    threads = threads_of(options, len(model.grid), True) if space else 1
-    operator = body_of(model, options, threads) if space else plate_with_zone(model, options)
+    """A prepared body with a moving fine zone. Raises ModelError for an unsupported one."""
+    threads = threads_of(options, len(model.grid), True)
+    operator = body_of(model, options, threads)
     options = options._replace(threads=threads)
     bound = stable(operator.stiffness_bound(), operator.model.rho)
     steps, driven = (step_of(model, bound), bound), drive_of_nodes(operator, 0.0)

@@ -17,6 +17,7 @@ from pdmesh import stopping
 from pdsolve.adaptivity.hybrid.arrays import EVERY
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.adaptivity.hybrid.outlook import decided, of_long_steps
+from pdsolve.adaptivity.hybrid.space.operator import SpaceHybrid
 from pdsolve.adaptivity.quadtree.operator import Leaves
 from pdsolve.checks import advise, advise_unused
 from pdsolve.codegen.processor import processor_kind
@@ -45,7 +46,7 @@ from pdsolve.run.prepare import prepare
 from pdsolve.run.recorder import Past, Recorder, restore
 from pdsolve.run.static_start import started
 from pdsolve.run.summary import meta, summary
-from pdsolve.run.system import Prepared, System, Zoned
+from pdsolve.run.system import Prepared, System
 from pdsolve.state import State
 from pdsolve.steppers.equilibrium import UnsettledError
 from pdsolve.steppers.load_steps import Going
@@ -208,7 +209,7 @@ def _moved_on(path: Results, output: Path | None, threads: int | None, watch: Wa
 
 def changing(system: System) -> Adapt | None:
     """What changes the nodes of a run as its model requires; None if nothing does, or the operator itself does."""
-    if isinstance(system.operator, Zoned):
+    if isinstance(system.operator, SpaceHybrid):
         return Refining()
     return Splitting(system) if isinstance(system.operator, Leaves) else None
 

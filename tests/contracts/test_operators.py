@@ -75,13 +75,6 @@ def cubic(run: Run, sides: tuple[int, int, int] = (14, 12, 10), **material: Any)
     return plate(grid, 3.0, run=run, conditions=start, material=glass, regions=(tough,))
 
 
-def solid(run: Run) -> Model:
-    """A spinning plate of a linear solid with a crack from its left edge, most of whose nodes are coarse."""
-    glass = msgspec.structs.replace(GLASS, model="ordinary", nu=0.3)
-    start = (InitialVelocity(box=(0.0, 0.0, 1.0, 0.02), x=0.5), InitialVelocity(box=(0.02, 0.0, 1.0, 1.0), y=-0.3))
-    return plate(rectangle(80, 60, H, [(0.0, 30.5, 10.0, 30.5)]), 3.0, run=run, conditions=start, material=glass)
-
-
 @cache
 def on_cells(run: Run) -> Model:
     """A block with a crack at its left end, most of whose nodes are coarse, that spins slowly; its corner is at 0."""
@@ -112,14 +105,12 @@ CASES = {
     "space, blocks, float32": Case(cubic, Run(), "blocks", "float32", 3e-5),
     "split": Case(notched, Run(adapt="split", split=Split())),
     "hybrid": Case(notched, Run(adapt="hybrid")),
-    "state-based hybrid": Case(solid, Run(adapt="hybrid")),
     "space, hybrid": Case(on_cells, Run(adapt="hybrid")),
     "collocation": Case(stencilled, Run(adapt="collocation", collocation=Collocation(damped=True))),
 }
 DOUBLE = [name for name, case in CASES.items() if case.precision == "float64"]
 ENERGETIC = (  # stencils have no energy
-    "listed", "blocks", "together", "space, listed", "space, blocks", "split", "hybrid", "state-based hybrid",
-    "space, hybrid",
+    "listed", "blocks", "together", "space, listed", "space, blocks", "split", "hybrid", "space, hybrid",
 )  # fmt: skip
 DEAR = ("hybrid", "collocation", "float32", "space, blocks", "softening")  # kernels that take long to compile
 

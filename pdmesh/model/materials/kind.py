@@ -41,8 +41,10 @@ def nothing_at_rest(material: Material, breaks: bool) -> Refusals:
 
 def bonds_alone(material: Material, first: Material, adapt: str) -> Refusals:
     """Refuses a kind that no cells that split and no fine zones take."""
-    models = "bond or ordinary" if adapt == "hybrid" and material.plane != "space" else "bond"
-    yield Refusal("model", f"{models}, as run.adapt is {adapt}{' in space' if material.plane == 'space' else ''}")
+    in_space = material.plane == "space"
+    zones_removed = material.model == "ordinary" and adapt == "hybrid" and not in_space
+    last = "; version 1.0.0 was the last with zones of ordinary solids" if zones_removed else ""
+    yield Refusal("model", f"bond (or --adapt none{last}), as run.adapt is {adapt}{' in space' if in_space else ''}")
 
 
 def symmetric_alone(material: Material) -> Refusals:

@@ -17,7 +17,6 @@ from pdsolve.adaptivity.hybrid.space.materials import moduli, weakest, weakness
 from pdsolve.adaptivity.hybrid.space.operator import SpaceHybrid
 from pdsolve.adaptivity.hybrid.space.prescribed_motion import between
 from pdsolve.adaptivity.hybrid.space.zone import cells_at_start
-from pdsolve.adaptivity.hybrid.state_based.operator import StateBasedHybrid
 from pdsolve.codegen.space_slots import INVERSE, PULL
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import Drive, Entries, drive, drive_of, put_loads
@@ -119,7 +118,7 @@ def tau_of(law: Law, table: NDArray[np.floating], h: float) -> float:
     return abs(float(force)) / (coarse_springs.elastic_of(table).c11 * h**2 * SHEAR)
 
 
-def drive_of_nodes(operator: SpaceHybrid | StateBasedHybrid, time: float) -> Drive:
+def drive_of_nodes(operator: SpaceHybrid, time: float) -> Drive:
     """Conditions of the whole body on the current nodes, with the body forces of `time`, s."""
     every, model = operator.whole.driven, operator.whole.model
     assert every is not None
