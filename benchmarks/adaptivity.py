@@ -39,8 +39,7 @@ PAGE = ROOT / "docs" / "adaptivity.md"
 STEPS = (1.0, 0.9625, 0.925, 0.8875)  # of the surely stable step: ratios of 0.80, 0.77, 0.74 and 0.71
 KINDS_BEGIN = "## Fine zones of all kinds on the same scenes"  # where what benchmarks/kinds.py writes begins
 FIRST, REMOVED = "## The first bond", "## Removed after version 1.0.0"
-WAKE = "## The wake, measured"
-OTHERS = (split.TITLE, KINDS_BEGIN, FIRST, REMOVED, WAKE)  # sections that other commands write
+OTHERS = (split.TITLE, KINDS_BEGIN, FIRST, REMOVED)  # sections that other commands write
 CRACKED = 0.35  # damage of a node on the path
 LOOK = 100  # steps between two looks
 
@@ -260,9 +259,8 @@ pre-cracks and interfaces have the same bonds as in a uniform run.
 of places where the outline cuts cells or turns inwards, and around nodes with a prescribed motion that the coarse
 nodes beside them do not have. Every 8 steps more cells become fine: those within 8 h of a node with a bond that has
 broken or begun to soften, and those within 8 h of a coarse bond stretched to more than 0.7 of the stretch that breaks
-or softens it. Fine cells stay fine, unless `run.hybrid.wake` is `lattice` (see below). A broken bond never heals: it
-has one bit, which is set once. Arrays of fine nodes are written only where cells become fine; what is constant of
-fine nodes is kept by different rows of 16.
+or softens it. Fine cells stay fine. A broken bond never heals: it has one bit, which is set once. Arrays of fine nodes
+are written only where cells become fine; what is constant of fine nodes is kept by different rows of 16.
 
 **Far cells.** In plates of more than a million cells of 2 h (4 million nodes if uniform) and one material, in double
 precision, without damping or swelling, cells farther than 32 h from outlines that cut cells, pre-cracks, fine cells and
@@ -276,30 +274,6 @@ times 2 m h wide and come from cells of 2 h: in such plates the waves that matte
 mm breaks its first bond in the same step with far cells as without, does the same work, and takes 2.5 times less user
 time and 0.9 GB in place of 1.5. A rectangle of one material may have up to 400 million nodes: 4 x 4 m at 0.25 mm takes
 200 steps in 5.8 GB.
-
-**The wake.** With `run.hybrid.wake` `lattice`, cells far behind crack tips become coarse again; the default is
-`fine`. Every 40 steps these are the fine cells farther than 16 h from nodes that lost their first bond in the last
-100 steps and from ends of cracks, and farther than 8 h from bonds stretched to more than half of what breaks them.
-Cells that are fine because of an outline or a prescribed motion stay fine. Everything follows from the bits of fine
-bonds: a coarse spring is cut where the bond between its two nodes has broken; the mass of a cut cell goes to the
-corners that a node's short intact bonds lead to; a hanging node on a cut edge belongs to the side with more of its
-intact bonds. Clipped bonds that pass a cut cell, or that join two faces of a crack, have no pieces. New springs,
-pieces and bonds of hanging nodes are tried before: where one is stretched to more than half of what breaks it, cells
-stay fine. So no bond breaks when cells become coarse. Momentum is conserved to round-off, and the change of energy is
-in the ledger's `refinement` (`tests/verification/test_wake.py`). Beside stretched springs and, with `lattice`,
-stretched pieces, cells become fine again. A bond that joins the faces of a crack, and that its opening has meanwhile
-stretched beyond the limit, is then broken. Frames show a coarse node's cut springs as damage. Such runs look at
-their nodes every 50 steps, so that the results have all broken bonds.
-
-Coarse nodes take the kinetic energy of the fine ones too: the velocities, which are means, are sharpened so that waves
-lose none to the second order, and what short waves had goes to the shortest waves of coarse nodes, within a bound.
-Cells near a bond that is pressed or stretched between the faces of a crack stay fine, as coarse cells do not have it.
-
-In [eight runs of each of three plates](#the-wake-measured), changes of cells took or made up to 1.0 % of the energy
-that is dissipated (`fine`: up to 0.6 %). A run says at its end if they made or took more than 5 % of the energy put in.
-It is not the default, as it pays only where cracks are long: at 0.25 mm of the steel the loop takes 0.8 times the time
-with `fine`, in the other two 1.2 times. It needs brittle bonds of one material in the plane, and a horizon of at least
-3 spacings. A run that is late begins anew with `fine`.
 
 **The first bond** of a struck plate breaks as in uniform runs to a few tenths of a per cent ([below](#the-first-bond)).
 
@@ -319,8 +293,8 @@ nodes of the finest spacing everywhere. Where a crack would meet a node, it move
 and says so.
 
 **What it refuses**, in one line: state-based models, imported meshes and other nodes that are on no lattice, several
-spacings, the thesis mode, held accelerations and equilibrium (`--static`). By default the number of threads follows from
-the number of nodes; the bits of the results do not depend on it.
+spacings, the thesis mode, held accelerations and equilibrium (`--static`). By default the number of threads follows
+from the number of nodes; the bits of the results do not depend on it.
 
 **When not to use it**: where much of the plate is crushed or softens, because most of it then becomes fine; where 12 h
 around a tip, or the surroundings of holes, are most of the plate; with horizons of more than 4 spacings, for which the

@@ -384,14 +384,12 @@ def advise_damped(model: Model, damped: float, put_in: float) -> None:
 def advise_made(model: Model, made: float, put_in: float) -> None:
     """Warn, at the end of a run with a moving fine zone, if changes of cells have `made` or lost much energy, J/m,
     compared with the supplied energy `put_in`."""
-    hybrid = model.settings.run.hybrid
     if model.settings.run.adapt != "hybrid" or put_in <= 0 or abs(made) <= MADE * put_in:
         return
-    other = "run.hybrid.wake fine avoids most of it" if hybrid.wake == "lattice" else "a smaller run.hybrid.kappa helps"
     warn(
         model,
         f"changes of cells made {100 * made / put_in:+.2g} % of the energy put in, expected {100 * MADE:g} % at most;"
-        f" {other}",
+        " a smaller run.hybrid.kappa helps",
     )
 
 

@@ -18,7 +18,7 @@ import hashlib
 import math
 import warnings
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, ClassVar, Literal, get_args
 
 import msgspec
 
@@ -164,9 +164,10 @@ class Split(PlainStruct, frozen=True, forbid_unknown_fields=True, omit_defaults=
 class Hybrid(PlainStruct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """Settings of a run with `adapt` = hybrid."""
 
+    REMOVED: ClassVar = {"wake": "1.0.0"}  # settings, and the last version that had each; see `suggestions.explained`
+
     kappa: Annotated[float, msgspec.Meta(gt=0, lt=1)] = 0.7  # of what breaks a bond: cells around coarse bonds
     # stretched to that become fine
-    wake: Literal["fine", "lattice"] = "fine"  # cells behind crack tips: they stay fine, or become coarse again
 
 
 class Collocation(PlainStruct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):

@@ -33,7 +33,6 @@ from pdmesh.model.refusals import Impossible, Places
 from pdmesh.model.refused_conditions import displaced, of_kinds, spinning
 from pdmesh.model.refused_fatigue import of_fatigue
 
-SHORTEST = 3.0  # spacings in the horizon, whose families have the diagonals of coarse cells
 FEWEST = 12.0  # spacings in the horizon with which collocation need not be asked to damp its seam
 # Measured in the plate of docs/collocation.md
 LOSSY = "with fewer the seam is damped, which took 64 % of the work from a struck plate with 4"
@@ -228,8 +227,6 @@ def _hybrid_in_space(settings: Settings, every: Places) -> Iterator[Impossible]:
         yield Impossible("$.physics", settings.physics, f"mechanics{why}")
     if settings.run.damping:
         yield Impossible("$.run.damping", f"{settings.run.damping:g}", f"0{why}")
-    if settings.run.hybrid.wake != "fine":
-        yield Impossible("$.run.hybrid.wake", settings.run.hybrid.wake, f"fine{why}")
     yield from of_kinds(settings, (Absorb,), f"a load, a displacement or a velocity{why}")
     for place, material in every:
         if material.law != USUAL_LAW:
@@ -338,28 +335,12 @@ def _adaptive(settings: Settings, every: Places) -> Iterator[Impossible]:
         )
     for place, material in every:
         yield from _plain(material, place, KINDS[material.model].adaptive(material, every[0][1], run.adapt))
-    if run.adapt == "hybrid" and run.hybrid.wake == "lattice":
-        yield from _coarse_again(settings, every)
     refused = (Acceleration, Spring, Pin) if run.adapt == "hybrid" else (Acceleration, Absorb, Spring, Pin)
     yield from of_kinds(settings, refused, f"a load, a displacement or a velocity{why}")
     yield from spinning(settings, why)
     if run.adapt == "split" and not run.split.merge < run.split.threshold:
         less = f"less than the threshold, {run.split.threshold:g}{why}"
         yield Impossible("$.run.split.merge", f"{run.split.merge:g}", less)
-
-
-def _coarse_again(settings: Settings, every: Places) -> Iterator[Impossible]:
-    """Settings with which fine cells do not become coarse again."""
-    why = ", as run.hybrid.wake is lattice"
-    if settings.physics != "mechanics":
-        yield Impossible("$.physics", settings.physics, f"mechanics{why}")
-    if settings.regions:
-        yield Impossible("$.regions", f"{len(every)} materials", f"one{why}")
-    if settings.horizon.ratio < SHORTEST:
-        yield Impossible("$.horizon.ratio", f"{settings.horizon.ratio:g}", f"at least {SHORTEST:g}{why}")
-    for place, material in every:
-        if softens(material):
-            yield Impossible(f"{place}.law", material.law, f"{USUAL_LAW}{why}")
 
 
 def _touching(settings: Settings, every: Places) -> Iterator[Impossible]:

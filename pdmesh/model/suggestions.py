@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from typing import Any
+from typing import Any, NamedTuple, TypeVar
 
 import msgspec
 import msgspec.inspect as inspection
@@ -18,6 +18,17 @@ LARGE = re.compile(r"Number out of range(?: - at `([^`]*)`)?")
 STEP = re.compile(r"\.\w+|\[[^\]]*\]")
 
 
+T = TypeVar("T")
+
+
+class Removed(NamedTuple):
+    """A setting that this version no longer has."""
+
+    place: str  # of the object that has it, such as .run.hybrid
+    name: str
+    last: str  # version that had it
+
+
 def called(name: str | None, number: int, what: str = "condition") -> str:
     """The name of a condition or another part of a file or, if it has none, its number, from 0."""
     return name or f"{what} {number}"
@@ -26,9 +37,13 @@ def called(name: str | None, number: int, what: str = "condition") -> str:
 def explained(error: Exception, kind: type, given: Callable[[], Any]) -> str:
     """The message of an error in parsing a `kind`; for an unknown word, it ends with the known ones.
 
-    After a word with a fixed set of values come all of them, after a field's name the most similar one. A value of the
-    wrong type is quoted from `given`.
+    After a word with a fixed set of values come all of them, after a field's name the most similar one, or the last
+    version that had it. A value of the wrong type is quoted from `given`.
     """
+    removed = removed_setting(error, kind)
+    if removed is not None:
+        version = f"version {removed.last} was the last that had it"
+        return f"${removed.place}.{removed.name}: removed ({version}); leave it out"
     unfit = UNFIT.fullmatch(str(error)) if isinstance(error, msgspec.ValidationError) else None
     if unfit is not None and "[...]" not in unfit[1]:
         with suppress(msgspec.DecodeError, UnicodeDecodeError, RecursionError):  # of what comes after it in a file
@@ -39,15 +54,53 @@ def explained(error: Exception, kind: type, given: Callable[[], Any]) -> str:
     said = UNKNOWN.fullmatch(str(error)) if isinstance(error, msgspec.ValidationError) else None
     if said is None:
         return str(error)
-    met = [inspection.type_info(kind)]
-    for step in STEP.findall(said[3] or ""):
-        met = [inner for outer in met for inner in _inside(outer, step)]
-    met = [inner for outer in met for inner in _plain(outer)]
+    met = _types_at(kind, said[3] or "")
     if said[1].startswith("Object"):
         near = nearest(said[2], [field.encode_name for one in met for field in getattr(one, "fields", ())])
         return f"{error}, expected one such as `{near}`" if near else str(error)
     words = [str(value) for one in met for value in getattr(one, "values", ())]
     return f"{error}, expected {', '.join(words[:-1])} or {words[-1]}" if len(words) > 1 else str(error)
+
+
+def removed_setting(error: Exception, kind: type) -> Removed | None:
+    """The removed setting that an error in parsing a `kind` is about; None if it is about something else.
+
+    A struct names its removed settings in `REMOVED`, with the last version that had each.
+    """
+    said = UNKNOWN.fullmatch(str(error)) if isinstance(error, msgspec.ValidationError) else None
+    if said is None or not said[1].startswith("Object"):
+        return None
+    place, name = said[3] or "", said[2]
+    for one in _types_at(kind, place):
+        last = getattr(getattr(one, "cls", None), "REMOVED", {}).get(name)
+        if last is not None:
+            return Removed(place, name, last)
+    return None
+
+
+def decode_older(text: str, kind: type[T]) -> tuple[T, str]:
+    """The `kind` in a JSON text that an older version may have written, and the text without removed settings.
+
+    Raises msgspec.DecodeError.
+    """
+    while True:
+        try:
+            return msgspec.json.decode(text, type=kind), text
+        except msgspec.ValidationError as error:
+            removed = removed_setting(error, kind)
+            if removed is None:
+                raise
+            tree = msgspec.json.decode(text)
+            del _at(tree, removed.place)[removed.name]
+            text = msgspec.json.encode(tree).decode()
+
+
+def _types_at(kind: type, path: str) -> list[inspection.Type]:
+    """The types that a path of `.name` and `[index]` leads to from a `kind`; those of a union each."""
+    met = [inspection.type_info(kind)]
+    for step in STEP.findall(path):
+        met = [inner for outer in met for inner in _inside(outer, step)]
+    return [inner for outer in met for inner in _plain(outer)]
 
 
 def _at(given: Any, path: str) -> Any:

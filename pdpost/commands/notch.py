@@ -50,6 +50,7 @@ def _notch(args: argparse.Namespace) -> int:
     import msgspec
 
     from pdmesh.model.document import read_document, write_file
+    from pdpost.reading.embedded_model import model_text
     from pdsolve.results import Results
 
     if args.assignments:
@@ -59,7 +60,7 @@ def _notch(args: argparse.Namespace) -> int:
     check_csv(args, path)
     with Results.open(args.results) as results:
         step, time = chosen_frame(results, args)
-        document = read_document(results.model(), results.name)
+        document = read_document(model_text(results), results.name)
         found = (_triangles if results.dimension == 3 else _polylines)(results, step)
     if path is not None:
         write_file(msgspec.structs.replace(document, notch=found.notch), path)

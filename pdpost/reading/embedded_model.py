@@ -11,6 +11,7 @@ import numpy as np
 from pdmesh.model.document import LARGEST, Crack, Run, Selection, Settings, Vector
 from pdmesh.model.number_bounds import beyond
 from pdmesh.model.repeated_keys import repeated_key
+from pdmesh.model.suggestions import decode_older
 from pdpost.reading.time_text import time_text
 from pdsolve.results import Results, ResultsError
 
@@ -54,9 +55,9 @@ def read(results: Results, kind: type[T]) -> T:
         return known
     try:
         text = results.model()
-        found = msgspec.json.decode(text, type=kind)
+        found, _ = decode_older(text, kind)
         if _Model not in results.decoded:
-            rest = msgspec.json.decode(text, type=_Model)
+            rest, _ = decode_older(text, _Model)
             if (repeated := repeated_key(text)) is not None:
                 raise ResultsError(f"{results.name}: model: {repeated}: found twice, expected once")
             _check(results, rest)
@@ -65,6 +66,12 @@ def read(results: Results, kind: type[T]) -> T:
         raise ResultsError(f"{results.name}: found no model to read ({error}), expected a grid file") from None
     results.decoded[kind] = found
     return found
+
+
+def model_text(results: Results) -> str:
+    """The text of the model without settings that this version no longer has. Raises ResultsError."""
+    read(results, _Named)
+    return decode_older(results.model(), _Model)[1]
 
 
 def whole(results: Results) -> dict[str, Any]:

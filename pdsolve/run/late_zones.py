@@ -33,9 +33,8 @@ class Sooner(NamedTuple):
 def after(model: Model, before: tuple[Sooner, ...], late: LateZoneError) -> tuple[Model, tuple[Sooner, ...]]:
     """The model to solve after fine cells came too late, and from when on they are to come sooner.
 
-    A run whose wake becomes coarse begins anew with one that stays fine, and a run that has no frame before that with a
-    wider zone. So does one for which no wider zone is left, first with the widest from the start, then with fine nodes
-    everywhere.
+    A run that has no frame before that begins anew with a wider zone. So does one for which no wider zone is left,
+    first with the widest from the start, then with fine nodes everywhere.
     """
     run = model.settings.run
     now = with_kappa(model, before[-1].kappa) if before else model
@@ -43,7 +42,7 @@ def after(model: Model, before: tuple[Sooner, ...], late: LateZoneError) -> tupl
     step = max(late.step - EVERY - 1, 0) // run.every * run.every
     if wider.settings.run.adapt == "none":
         return (now if before else wider), ()
-    if step == 0 or model.grid.dimension == 3 or run.hybrid.wake != "fine":
+    if step == 0 or model.grid.dimension == 3:
         return wider, ()
     return model, (*(one for one in before if one.step < step), Sooner(step, kappa_of(wider)))
 
@@ -52,8 +51,6 @@ def say(model: Model, late: LateZoneError, wider: Model, sooner: tuple[Sooner, .
     """Warn of what is done about cells that came too late: of the step that is gone back to."""
     if wider.settings.run.adapt == "none":
         how = "fine nodes everywhere (run.adapt none)"
-    elif wider.settings.run.hybrid.wake != model.settings.run.hybrid.wake:
-        how = "run.hybrid.wake fine"
     else:
         how = f"run.hybrid.kappa {sooner[-1].kappa if sooner else kappa_of(wider):g}"
     words = f"begins anew with {how}"

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from pdsolve.adaptivity.hybrid.wake_cells import PAST
 from pdsolve.run.node_changes import Adapt, zone_moved
 from pdsolve.run.recorder import Recorder
-from pdsolve.run.system import System
 
 PIECE, SLOW = 0.25, 1e7  # s that a piece is to take; bonds or links a second, as is supposed until it is measured
-SEEN = PAST // 2  # steps between two looks at nodes, where cells behind tips become coarse: none goes unseen
 
 
 class Pace:
@@ -29,11 +26,6 @@ class Pace:
     def is_soon(self, steps: int) -> bool:
         """Whether so many steps take at most as long as three batches."""
         return steps * self._each < 3 * PIECE
-
-
-def seen_every(system: System, steps: int) -> int:
-    """Steps between two looks at the nodes of a fine zone whose cells become coarse again; else `steps`."""
-    return SEEN if system.hybrid is not None and system.model.settings.run.hybrid.wake == "lattice" else steps
 
 
 def adapted(notes: Recorder, adapt: Adapt, step: int) -> int:

@@ -41,7 +41,7 @@ from pdsolve.run.node_changes import Adapt, zone_back
 from pdsolve.run.on_ranks import resuming
 from pdsolve.run.on_ranks import start as on_ranks
 from pdsolve.run.on_ranks.recorder import RecorderOnRanks
-from pdsolve.run.pace import Pace, adapted, follow_zone, grown, next_multiple, seen_every
+from pdsolve.run.pace import Pace, adapted, follow_zone, grown, next_multiple
 from pdsolve.run.prepare import prepare
 from pdsolve.run.recorder import Past, Recorder, restore
 from pdsolve.run.static_start import started
@@ -367,7 +367,6 @@ def _march(notes: Recorder, writer: Behind, request: Request) -> str:
     watch, adapt = request.watch, request.adapt
     run, step = notes.system.model.settings.run, notes.written
     interrupted, done, looked, pace = False, False, step, Pace(notes.system.bonds)
-    seen = seen_every(notes.system, run.steps)
 
     def asked() -> bool:
         """Whether the watcher wants the run to stop."""
@@ -386,7 +385,6 @@ def _march(notes: Recorder, writer: Behind, request: Request) -> str:
         looks = run.steps if adapt is None else adapted(notes, adapt, step)
         looks = min(looks, grown(notes, step, run.steps))
         looks = min(looks, late_zones.widen(notes.system, request.sooner, step, run.steps)) if request.sooner else looks
-        looks = min(looks, next_multiple(step, seen))
         chunk = pace.steps(EVERY if notes.system.hybrid else 1, int(PATIENCE / max(notes.system.bonds, 1)))
         records = next_multiple(step, run.every), next_multiple(step, run.ledger or run.every), run.steps
         ends = (step + chunk, looks, *records)
@@ -397,10 +395,9 @@ def _march(notes: Recorder, writer: Behind, request: Request) -> str:
         writer.look()
         noted = step in records
         interrupted = asked() and (noted or _can_stop(notes.system, step, pace.is_soon(min(records) - step)))
-        if noted or step % seen == 0:
+        if noted:
             follow_zone(notes, looked)
             looked = step
-        if noted:
             notes.take(step)
         done = _is_enough(notes, step) if noted else step < min(ends)
         whole = noted and (step % run.every == 0 or step == run.steps or done)

@@ -6,17 +6,13 @@ import sqlite3
 from contextlib import closing
 from pathlib import Path
 
-import msgspec
 import numpy as np
 import pytest
 from messages import naming
-from plates import shipped
 from whole import contents, kill_when
 from zones import struck
 
-from pdmesh.model.bond_counts import pair_count
 from pdpost.measures.cracked_nodes import separation_at
-from pdsolve.model import Model
 from pdsolve.results import Results, writer
 from pdsolve.run.pace import Pace
 from pdsolve.run.simulation import Options, Progress, resume, simulate
@@ -114,28 +110,3 @@ def test_a_stop_between_two_entries_of_the_ledger_is_heard(
         assert (results.meta()["status"], results.checkpoint()[0] > 45) == ("interrupted", True)
     resume(path).close()
     assert contents(path) == contents(whole)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("ledger", [20, 320])
-def test_files_hold_cells_that_become_coarse_again(ledger: int, tmp_path: Path) -> None:
-    """Areas are those of the plate; damage of a frame is what births and bonds say, between which all may have
-    happened; a stopped run goes on to the same tables."""
-    built = shipped("kalthoff_winkler_steel.py", [("--adapt", "hybrid"), ("spacing", "5e-4")])
-    wake = msgspec.structs.replace(built.settings.run.hybrid, wake="lattice")
-    run = msgspec.structs.replace(built.settings.run, hybrid=wake, steps=640, every=max(80, ledger), ledger=ledger)
-    model = Model(built.grid, msgspec.structs.replace(built.settings, run=run), "steel")
-    whole, stopped = tmp_path / "whole.sqlite", tmp_path / "stopped.sqlite"
-    with simulate(model, whole, Options(threads=1)) as results:
-        results.verify()
-        for step in results.frames()[0].tolist():
-            assert results.nodes(step).area.sum() == pytest.approx(0.1 * 0.2, rel=1e-12)
-            assert separation_at(results, step) == pytest.approx(results.field("damage", step), abs=1e-6)
-        known, broken = pair_count(len(results.breaks().step)), results.summary()["broken_bonds"]
-        assert pair_count(int(results.history()["broken"][-1])) == broken
-        assert 0 <= broken - known <= 3  # measured 2 of 11219, of nodes that came and went between two looks
-        if ledger == 20:
-            assert np.diff(results.history()["fine_share"]).min() < 0
-    simulate(model, stopped, Options(threads=1), lambda progress: progress.step > 470).close()
-    resume(stopped).close()
-    assert contents(stopped) == contents(whole)

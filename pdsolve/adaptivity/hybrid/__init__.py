@@ -17,11 +17,7 @@ and energy are conserved.
     clipped_bonds      whole bonds, and pieces of others
     bond_breaking      softening and breaking of fine bonds
     forces             forces on all nodes, with kick and drift
-    crack_faces        cracks through coarse cells
     regrid             cells become fine
-    wake_cells         which cells may become coarse again
-    wake_motion        velocities that coarse nodes then have
-    wake               they do
     march              time steps
     prepare            prepares a model
     node_lists         lists of the current nodes and of their bonds, and their values

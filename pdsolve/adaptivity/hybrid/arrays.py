@@ -18,14 +18,13 @@ from pdsolve.codegen.vector_code import ROW
 EVERY = 8  # steps between two looks at what has broken and what is stretched
 AHEAD = 8  # h: cells this near to a node that has lost a bond become fine
 TIPS = 12  # h: likewise to the tip of a pre-crack, at the start
-WAKE = 40  # steps between two looks for cells that may become coarse again
 RING = 4  # h beyond the family's reach: likewise to a cell that an outline cuts, at the start
 
 PLACE, AXIS, PROFILE, KIND = range(4)  # of `Entries.what`
 VALUE, SPEED, LAST, FORCE = range(4)  # of `Entries.value`
 # of `Zone.number`
 ROWS, COARSE_ROWS, PIECES, BORDERS, BREAKS, LOADS, HOLDS, STIRS, REGRIDS, KNOWN, ENTRIES = range(11)
-NEW, DIRTY, AROUND, SHORT, FREED, FAR_ROWS, TIED, FAR_AROUND = range(11, 19)
+NEW, DIRTY, AROUND, SHORT, FAR_ROWS, TIED, FAR_AROUND = range(11, 18)
 # of `Zone.total`
 WORK, DISSIPATED, REFINEMENT, CLIPPED, LARGEST = range(5)
 
@@ -64,10 +63,6 @@ class LatticeConstants(NamedTuple):
     edge_cut: NDArray[np.float64]  # (2, q) where a pre-crack cuts the edge to the east, and to the north; 0: nowhere
     cut_cells: NDArray[np.bool_]  # (c,) cells that a pre-crack crosses
     cracks: NDArray[np.float64]  # (j, 4) segments in fine spacings
-    alike: NDArray[np.int64]  # (2, 4) which fine bonds are like halves of a coarse node's first four springs, and like
-    # those
-    stays: NDArray[np.bool_]  # (c,) cells that are to stay fine
-    calm: float  # e below which what becomes coarse is to be; 0: nothing does
 
 
 class Nodes(NamedTuple):
@@ -99,9 +94,7 @@ class Pieces(NamedTuple):
 
     owner: NDArray[np.int64]  # (p,)
     end: NDArray[np.int64]  # (p, 4) of both ends: fine node and -1, or two coarse nodes
-    # (p, 8) w of both ends, xi, 1 / |xi|^2, k, and 0 if it is to last, -1 beside a crack that has run, where cells
-    # become fine before it breaks
-    value: NDArray[np.float64]
+    value: NDArray[np.float64]  # (p, 8) w of both ends, xi, 1 / |xi|^2, k, and 0 if it is to last
     relief: NDArray[np.float64]  # (p, 2) added to the displacements between its ends, where nodes swell, m
 
 
@@ -155,8 +148,6 @@ class Zone(NamedTuple):
     dirty: NDArray[np.int64]  # scratch: fine nodes that concerns
     around: NDArray[np.int64]  # scratch: coarse nodes that it concerns
     far_around: NDArray[np.int64]  # scratch: far nodes that it concerns
-    failed: NDArray[np.int64]  # (n,) scratch: fine places where cells are not to become coarse
-    freed: NDArray[np.int64]  # entries of rows that have become idle
     number: NDArray[np.int64]
     total: NDArray[np.float64]
     s: NDArray[np.float64]  # (threads, .) scratch of the vector code
@@ -253,13 +244,11 @@ def zone_of(
         loads=nothing,
         holds=nothing,
         mark=reserved(at.places, of=np.bool_),
-        new=reserved(2 * at.cells, of=np.int64),  # where the wake is tried, cells are listed twice
+        new=reserved(at.cells, of=np.int64),
         dirty=reserved(at.places, of=np.int64),
         around=reserved(at.coarse_places, of=np.int64),
         far_around=reserved(at.far_places, of=np.int64),
-        failed=reserved(3 * at.places, of=np.int64),  # a node, its pieces, and a coarse one there
-        freed=reserved(at.places // ROW, of=np.int64),
-        number=np.zeros(19, dtype=np.int64),
+        number=np.zeros(18, dtype=np.int64),
         total=np.zeros(5),
         s=reserved(threads, 3 * ROW, of=kind),
         turns=np.zeros(64, dtype=np.int64),

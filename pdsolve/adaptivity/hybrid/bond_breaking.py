@@ -8,8 +8,7 @@ from numba import njit
 from pdsolve.adaptivity.hybrid.arrays import BREAKS, DISSIPATED, STIRS
 from pdsolve.adaptivity.hybrid.clipped_bonds import own_entry, share_of, stretch_of
 from pdsolve.adaptivity.hybrid.energy import strain_e
-from pdsolve.adaptivity.hybrid.lattice import FREE
-from pdsolve.adaptivity.hybrid.precracks import has_bond, lasts, peak_and_limit, stiffness
+from pdsolve.adaptivity.hybrid.precracks import lasts, peak_and_limit
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.laws.calls import added_pull, broken_energy
 from pdsolve.laws.pair_laws.bilinear import spent_share
@@ -54,47 +53,11 @@ def _note(zone, step, p, k):  # type: ignore[no-untyped-def]
     zone.number[BREAKS] += 1
 
 
-@njit(forceinline=True, **INNER)
-def _is_there(fine, p, j, k):  # type: ignore[no-untyped-def]
-    """Whether bond k from p to j pulls on two free nodes, which stay where they are: `break_bonds` then breaks it."""
-    entry = fine.entry[p // ROW]
-    if fine.kind[p] != FREE or fine.kind[j] != FREE:
-        return False
-    return entry < -1 or (entry >= 0 and fine.own[entry, k, p % ROW] > 0)
-
-
-@njit(**INNER)
-def break_bridges(ground, zone, dirty, now, step):  # type: ignore[no-untyped-def]
-    """Break bonds that joined the faces of a crack through coarse cells, if its opening has stretched them beyond their
-    limit meanwhile; `dirty` nodes are marked, and have displacements. Returns the energy booked, J/m, as cells had none
-    of it."""
-    u, booked = zone.fine.u[now], 0.0
-    for p in dirty:
-        for k in range(len(ground.ways) // 2):
-            j = p + ground.ways[k]
-            if not zone.mark[j] or not has_bond(ground, zone.lost, p, k) or lasts(ground, p) or lasts(ground, j):
-                continue
-            if _is_there(zone.fine, p, j, k):
-                continue
-            eta_x, eta_y = displaced(u, zone.fine.shrink, ground.table[k, 0], ground.table[k, 1], p, j)
-            limit = peak_and_limit(ground, p, k)[1]
-            if strain_e(ground.table, k, eta_x, eta_y) <= limit:
-                continue
-            energy = stiffness(ground, p, k) / ground.table[k, 4] * stretch_of(limit) ** 2 / 4
-            zone.lost[p] |= np.uint64(1) << np.uint64(k)
-            for end, spring in ((p, k), (j, k + len(ground.ways) // 2)):
-                _stir(zone, end)
-                _book(zone, end, energy)
-                _note(zone, step, end, spring)
-                booked += energy
-    return booked
-
-
 @njit(**INNER)
 def _own_row(zone, row):  # type: ignore[no-untyped-def]
     """Index of a row's own stiffnesses, which it gets if it has none."""
     if zone.fine.entry[row] < 0:
-        zone.fine.entry[row] = own_entry(zone.fine.entry, zone.number, zone.freed, row)
+        zone.fine.entry[row] = own_entry(zone.fine.entry, zone.number, row)
     return zone.fine.entry[row]
 
 

@@ -10,10 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from pdsolve.adaptivity.hybrid.arrays import ENTRIES, FREED, PIECES
-from pdsolve.adaptivity.hybrid.crack_faces import any_near, bridges, is_cut
+from pdsolve.adaptivity.hybrid.arrays import ENTRIES, PIECES
 from pdsolve.adaptivity.hybrid.lattice import (
-    COARSE,
     EMPTY,
     FINE,
     IDLE,
@@ -71,13 +69,12 @@ def _is_passed(at, cells, cut, x, y, n):  # type: ignore[no-untyped-def]
 @njit(**INNER)
 def set_row(ground, zone, row):  # type: ignore[no-untyped-def]
     """Set the stiffnesses of the marked nodes of a row; returns whether all of the row are those of the table."""
-    fine, some = zone.fine, is_active(zone.fine.kind, row)
-    if not some:
-        _free(zone, row)
+    fine = zone.fine
+    if not is_active(fine.kind, row):
         return
     if ground.varied and fine.entry[row] == -1:
         _begin_edges(ground, fine.edge[zone.number[ENTRIES]], row)
-    entry = own_entry(fine.entry, zone.number, zone.freed, row)
+    entry = own_entry(fine.entry, zone.number, row)
     own, same = fine.own[entry], True
     for lane in range(ROW):
         p = row * ROW + lane
@@ -97,19 +94,6 @@ def set_row(ground, zone, row):  # type: ignore[no-untyped-def]
         masks[0, k], masks[1, k] = there, half
     fine.masked[entry] = alike
     fine.entry[row] = -2 - entry if same else entry
-
-
-@njit(**INNER)
-def _free(zone, row):  # type: ignore[no-untyped-def]
-    """Give back the stiffnesses of a row that has become idle."""
-    fine, entry = zone.fine, zone.fine.entry[row]
-    if entry == -1:
-        return
-    own = entry if entry >= 0 else -2 - entry
-    fine.own[own] = 0.0
-    fine.entry[row], fine.wide[row] = -1, 0
-    zone.freed[zone.number[FREED]] = own
-    zone.number[FREED] += 1
 
 
 @njit(**INNER)
@@ -169,16 +153,13 @@ def _set_lane(ground, cells, lost, kind, p, own, lane):  # type: ignore[no-untyp
 
 
 @njit(**INNER)
-def own_entry(entries, number, freed, row):  # type: ignore[no-untyped-def]
-    """Index of a row's own stiffnesses; a row that has none takes a freed one, or a new one."""
+def own_entry(entries, number, row):  # type: ignore[no-untyped-def]
+    """Index of a row's own stiffnesses; a row that has none takes a new one."""
     entry = entries[row]
     if entry >= 0:
         return entry
     if entry < -1:
         return -2 - entry
-    if number[FREED] > 0:
-        number[FREED] -= 1
-        return freed[number[FREED]]
     number[ENTRIES] += 1
     return number[ENTRIES] - 1
 
@@ -192,7 +173,6 @@ def add_pieces(ground, cells, lost, kind, p, pieces, count):  # type: ignore[no-
     passed, there = _cells_around(ground, cells, ix, iy)
     if passed == EVERY:
         return count
-    cracked = ground.calm > 0 and any_near(ground, lost, p, ground.reach + 2)
     for k in range(half):
         sides, whole, some = _shares(ground, place, k, passed, there)
         if some == whole or not has_bond(ground, lost, p, k):
@@ -200,7 +180,7 @@ def add_pieces(ground, cells, lost, kind, p, pieces, count):  # type: ignore[no-
         first = cut.first[place, k]
         for side in range(2):
             n, last = first[side], first[side + 1]
-            if there & cut.sides[place, k, side] == 0 or _meets_crack(ground, cells, lost, x, y, n, last):
+            if there & cut.sides[place, k, side] == 0:
                 continue
             while n < last:
                 if not _is_passed(at, cells, cut, x, y, n):
@@ -209,20 +189,20 @@ def add_pieces(ground, cells, lost, kind, p, pieces, count):  # type: ignore[no-
                 begin = n
                 while n < last and _is_passed(at, cells, cut, x, y, n):
                     n += 1
-                if (begin == first[side] and n == last) or (cracked and bridges(ground, lost, p, k)):
+                if begin == first[side] and n == last:
                     continue
-                _set_piece(ground, lost, kind, p, k, (begin, n - 1), pieces, count)
+                _set_piece(ground, kind, p, k, (begin, n - 1), pieces, count)
                 pieces.value[count, 5] /= sides
-                pieces.value[count, 6] *= -1 if cracked else 1
                 count += 1
     return count
 
 
 @njit(**INNER)
-def _set_piece(ground, lost, kind, p, k, stretches, pieces, count):  # type: ignore[no-untyped-def]
+def _set_piece(ground, kind, p, k, stretches, pieces, count):  # type: ignore[no-untyped-def]
     """Set the piece of bond k of fine node p from the first to the last of two stretches."""
     pieces.owner[count] = p
-    _set_ends(ground, lost, kind, p, k, stretches, pieces, count)
+    for which in range(2):
+        _set_end(ground, kind, p, k, stretches[which], which, pieces, count)
     value, length = pieces.value[count], ground.cut.t[stretches[1], 1] - ground.cut.t[stretches[0], 0]
     value[2], value[3] = length * ground.table[k, 0], length * ground.table[k, 1]
     value[4] = ground.table[k, 4] / length**2
@@ -231,23 +211,7 @@ def _set_piece(ground, lost, kind, p, k, stretches, pieces, count):  # type: ign
 
 
 @njit(**INNER)
-def _meets_crack(ground, cells, lost, x, y, first, last):  # type: ignore[no-untyped-def]
-    """Whether stretches of a bond lie in a coarse cell through which a crack has run: then the bond has no pieces."""
-    for n in range(first, last):
-        to_x, to_y = x + ground.cut.cell[n, 0], y + ground.cut.cell[n, 1]
-        if cells[cell_place(ground.at, to_x, to_y)] == COARSE and is_cut(ground, lost, to_x, to_y):
-            return True
-    return False
-
-
-@njit(forceinline=True, **INNER)
-def _set_ends(ground, lost, kind, p, k, stretches, pieces, count):  # type: ignore[no-untyped-def]
-    for which in range(2):
-        _set_end(ground, lost, kind, p, k, stretches[which], which, pieces, count)
-
-
-@njit(**INNER)
-def _set_end(ground, lost, kind, p, k, n, which, pieces, count):  # type: ignore[no-untyped-def]
+def _set_end(ground, kind, p, k, n, which, pieces, count):  # type: ignore[no-untyped-def]
     """Set one end of a piece: a fine node, or a place between two coarse nodes."""
     at, cut = ground.at, ground.cut
     ix, iy, direction = fine_column(at, p), fine_row(at, p), cut.ends[n, which, 2]
@@ -256,15 +220,8 @@ def _set_end(ground, lost, kind, p, k, n, which, pieces, count):  # type: ignore
         end[2 * which], end[2 * which + 1] = fine_place(at, ix + which * ground.dx[k], iy + which * ground.dy[k]), -1
         pieces.value[count, which] = 0.0
         return
-    a, b, w = end_on(
-        ground,
-        lost,
-        kind,
-        (ix >> 1) + cut.ends[n, which, 0],
-        (iy >> 1) + cut.ends[n, which, 1],
-        direction,
-        cut.w[n, which],
-    )
+    x, y = (ix >> 1) + cut.ends[n, which, 0], (iy >> 1) + cut.ends[n, which, 1]
+    a, b, w = end_on(ground, kind, x, y, direction, cut.w[n, which])
     end[2 * which], end[2 * which + 1] = a, b
     pieces.value[count, which] = w
 

@@ -239,8 +239,8 @@ def quarters(there: NDArray[np.bool_]) -> NDArray[np.int8]:
     return found
 
 
-def cells_of(plate: Plate, reach: int, tips: bool = True, steep: NDArray[np.int64] | None = None) -> NDArray[np.uint8]:
-    """Initial cells (c,): fine near `tips` of pre-cracks, where an outline cuts cells, around the nodes `steep` (rows
+def cells_of(plate: Plate, reach: int, steep: NDArray[np.int64] | None = None) -> NDArray[np.uint8]:
+    """Initial cells (c,): fine near tips of pre-cracks, where an outline cuts cells, around the nodes `steep` (rows
     of the grid), and where a motion is prescribed that coarse cells do not have; coarse elsewhere.
 
     An edge along a line between cells cuts none, except at re-entrant corners.
@@ -260,7 +260,7 @@ def cells_of(plate: Plate, reach: int, tips: bool = True, steep: NDArray[np.int6
         cells[corner] = np.where(cells[corner] == COARSE, FINE, cells[corner])
     if steep is not None and len(steep):
         cells[in_disc(_around(plate, steep), (reach + RING + 1) / 2) & (cells == COARSE)] = FINE
-    for tip_x, tip_y in tips_of(plate).tolist() if tips else ():
+    for tip_x, tip_y in tips_of(plate).tolist():
         low_x, low_y = (max(int(tip) // 2 - TIPS, 0) + AROUND for tip in (tip_x, tip_y))
         here = cells[low_y:-AROUND, low_x:-AROUND][: 2 * TIPS, : 2 * TIPS]
         y, x = np.indices(here.shape) + np.array([low_y - AROUND, low_x - AROUND])[:, None, None]

@@ -296,8 +296,7 @@ class Hybrid:
             kept |= {"edge": zone.fine.edge[own], "own": zone.fine.own[own], "usual": entries < 0}
         stirs = zone.stirs[: zone.number[STIRS]].copy()
         kept |= {"holds": zone.holds.value.copy(), "stirs": stirs, "spent": zone.spent[self.spenders()]}
-        number = zone.number.copy()
-        number[ENTRIES:] = 0  # where rows are, and of the last change
+        number = zone.number[:ENTRIES].copy()  # the others say where rows are, and what changed last
         return kept | {"cells": zone.cells.copy(), "total": zone.total.copy(), "number": number}
 
     def _put_bits(self, node: NDArray[np.int64], spring: NDArray[np.integer]) -> None:
@@ -341,11 +340,9 @@ class Hybrid:
 
     def _check_cells(self, cells: NDArray[np.uint8]) -> None:
         """Raise CheckpointError for cells (c,) that those of the start do not become."""
-        start, ground = self.zone.cells, self.ground
+        start = self.zone.cells
         may = (start == COARSE) & (cells == FINE)
         may |= (start == FAR) & ((cells == COARSE) | (cells == FINE))
-        if ground.calm > 0:
-            may |= (start == FINE) & (cells == COARSE) & ~ground.stays
         if not ((cells == start) | may).all():
             raise CheckpointError("found cells that are others than at the start, expected coarse ones to become fine")
 
@@ -366,7 +363,9 @@ class Hybrid:
 
     def _put_numbers(self, kept: Kept, node: NDArray[np.int64], spring: NDArray[np.int32]) -> None:
         """Restore the counts of a checkpoint with these broken bonds, and the nodes with softened or broken bonds."""
-        zone, number = self.zone, like(kept, "number", self.zone.number)
+        zone, number = self.zone, entry(kept, "number", (None,), np.int64)
+        if len(number) < ENTRIES:
+            raise CheckpointError(f"found {len(number)} values in 'number', expected {ENTRIES} at least")
         stirs = entry(kept, "stirs", (None,), np.int64, 0, len(zone.stirs) - 1)
         fine = zone.fine.kind
         if (number[[BREAKS, STIRS]] != [len(node), len(stirs)]).any() or not 0 <= number[KNOWN] <= len(stirs):
@@ -374,7 +373,7 @@ class Hybrid:
         if len(np.unique(stirs)) < len(stirs) or (fine[stirs] == IDLE).any():
             raise CheckpointError("found stirred nodes twice or that are not fine, expected fine ones, once")
         gone = (fine[node] == IDLE) | (fine[node + self.ground.ways[spring]] == IDLE)
-        if gone.any() and self.ground.calm == 0:
+        if gone.any():
             raise CheckpointError("found a broken bond of a node that is not fine, expected fine ones")
         zone.stirs[: len(stirs)], zone.stirred[stirs] = stirs, True
         zone.spent[:] = 0.0

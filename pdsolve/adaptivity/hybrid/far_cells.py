@@ -179,7 +179,7 @@ def _begin(ground, zone, now):  # type: ignore[no-untyped-def]
 def set_listed(ground, zone):  # type: ignore[no-untyped-def]
     """Set kinds, masses and springs of the listed nodes; tied ones have no motion of their own."""
     for q in zone.around[: zone.number[AROUND]]:
-        set_coarse(ground, zone.cells, zone.lost, zone.fine, zone.coarse, q)
+        set_coarse(ground, zone.cells, zone.fine, zone.coarse, q)
         if zone.coarse.kind[q] == BORDER:
             zone.coarse.v[0, q] = zone.coarse.v[1, q] = 0.0
     for q in zone.far_around[: zone.number[FAR_AROUND]]:

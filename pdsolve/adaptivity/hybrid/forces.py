@@ -67,7 +67,7 @@ def _clipped(zone, u, uc, f, fc):  # type: ignore[no-untyped-def]
         eta_y = place_of(u, uc, pieces, n, 1, 1) - place_of(u, uc, pieces, n, 0, 1) + relief[n, 1]
         x, y = value[n, 2], value[n, 3]
         e = value[n, 4] * (2 * (x * eta_x + y * eta_y) + eta_x * eta_x + eta_y * eta_y)
-        largest = max(largest, e * max(value[n, 6], 0.0))
+        largest = max(largest, e * value[n, 6])
         pull = value[n, 5] * e / 2
         px, py = pull * (x + eta_x), pull * (y + eta_y)
         for which, sign in ((0, 1.0), (1, -1.0)):

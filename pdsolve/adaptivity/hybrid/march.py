@@ -1,7 +1,6 @@
 """Time steps by leapfrog (as in `pdsolve.steppers.verlet`) of free fine nodes and coarse nodes.
 
-Every few steps, cells are refined near nodes with a broken or softened bond, and near stretched coarse bonds. Less
-often, cells far behind crack tips become coarse again if they are to.
+Every few steps, cells are refined near nodes with a broken or softened bond, and near stretched coarse bonds.
 """
 
 from __future__ import annotations
@@ -16,24 +15,20 @@ from pdsolve.adaptivity.hybrid.arrays import (
     ENTRIES,
     EVERY,
     FAR_ROWS,
-    FREED,
     HOLDS,
     KNOWN,
     NEW,
-    PIECES,
     REGRIDS,
     ROWS,
     SHORT,
     STIRS,
     TIED,
-    WAKE,
 )
-from pdsolve.adaptivity.hybrid.energy import piece_e, strain_e
+from pdsolve.adaptivity.hybrid.energy import strain_e
 from pdsolve.adaptivity.hybrid.far_cells import divide
 from pdsolve.adaptivity.hybrid.forces import again, follow, forces
 from pdsolve.adaptivity.hybrid.kicks_and_holds import begin_holds, drift, end_holds, hold
 from pdsolve.adaptivity.hybrid.lattice import (
-    COARSE,
     FINE,
     IDLE,
     coarse_column,
@@ -45,7 +40,6 @@ from pdsolve.adaptivity.hybrid.lattice import (
 from pdsolve.adaptivity.hybrid.node_rows import of_node
 from pdsolve.adaptivity.hybrid.precracks import lasts
 from pdsolve.adaptivity.hybrid.regrid import finish, mark_dirty, mark_disc, refine
-from pdsolve.adaptivity.hybrid.wake import coarsen
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.numerics.thread_team import meet
@@ -61,7 +55,7 @@ def _look_for_broken(ground, zone):  # type: ignore[no-untyped-def]
     at, count = ground.at, 0
     for n in range(zone.number[KNOWN], zone.number[STIRS]):
         p = zone.stirs[n]
-        count = mark_disc(at, zone.cells, zone.new, count, fine_column(at, p), fine_row(at, p), AHEAD, COARSE, FINE)
+        count = mark_disc(at, zone.cells, zone.new, count, fine_column(at, p), fine_row(at, p), AHEAD)
     return count
 
 
@@ -85,19 +79,8 @@ def _look_for_hot(ground, zone, now, count):  # type: ignore[no-untyped-def]
                 eta_x, eta_y = displaced(u, coarse.shrink, table[k, 0], table[k, 1], q, j)
                 if strain_e(table, k, eta_x, eta_y) > _hot(ground, q):
                     x, y = 2 * coarse_column(at, q), 2 * coarse_row(at, q)
-                    count = mark_disc(at, zone.cells, zone.new, count, x, y, AHEAD, COARSE, FINE)
+                    count = mark_disc(at, zone.cells, zone.new, count, x, y, AHEAD)
                     break
-    return count
-
-
-@njit(**INNER)
-def _look_for_clipped(ground, zone, now, count):  # type: ignore[no-untyped-def]
-    """List the cells to refine near stretched clipped bonds; returns their new `count`."""
-    at, pieces = ground.at, zone.pieces
-    for n in range(zone.number[PIECES]):
-        if pieces.value[n, 6] != 0 and piece_e(pieces, zone.fine.u[now], zone.coarse.u[now], n) > ground.least[2]:
-            p = pieces.owner[n]
-            count = mark_disc(at, zone.cells, zone.new, count, fine_column(at, p), fine_row(at, p), AHEAD, COARSE, FINE)
     return count
 
 
@@ -118,7 +101,7 @@ def _lasts(ground, q):  # type: ignore[no-untyped-def]
 def _has_room(zone, rows):  # type: ignore[no-untyped-def]
     """Whether the arrays have room for `rows` more fine rows, for new irregular rows, and for all bonds to break."""
     events = ROW * (zone.number[ROWS] + rows) * zone.fine.own.shape[1]
-    entries = zone.number[ENTRIES] - zone.number[FREED] + rows + SPARE
+    entries = zone.number[ENTRIES] + rows + SPARE
     return entries <= len(zone.fine.own) and zone.number[BREAKS] + events <= len(zone.breaks.step)
 
 
@@ -134,21 +117,17 @@ def _divide(ground, zone, now):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _adapt(ground, zone, now, step, looks, starts):  # type: ignore[no-untyped-def]
+def _adapt(ground, zone, now, looks):  # type: ignore[no-untyped-def]
     """Refine where noted, or where found if it `looks`; or note that room is lacking."""
     if looks:
         zone.number[NEW] = _look_for_hot(ground, zone, now, _look_for_broken(ground, zone))
-        if ground.calm > 0:
-            zone.number[NEW] = _look_for_clipped(ground, zone, now, zone.number[NEW])
         _divide(ground, zone, now)
     begins, rows = zone.number[REGRIDS] == 0, 0
     if begins or zone.number[NEW] > 0:
         rows = mark_dirty(ground, zone)
     zone.number[SHORT] = not _has_room(zone, rows)
     if zone.number[SHORT] == 0 and (begins or zone.number[NEW] > 0):
-        refine(ground, zone, now, step)
-    if not starts and zone.number[SHORT] == 0 and step % WAKE == 0 and ground.calm > 0 and zone.number[BREAKS] > 0:
-        coarsen(ground, zone, now, step)
+        refine(ground, zone, now)
 
 
 @njit(**INNER)
@@ -178,7 +157,7 @@ def march(ground, zone, profiles, now, first, last, drifted, thread, gate):  # t
         if not starts or ends:
             if starts or step % EVERY == 0:
                 if thread == 0:
-                    _adapt(ground, zone, now, step, step >= first + drifted, starts)
+                    _adapt(ground, zone, now, step >= first + drifted)
                 meet(gate)
                 if zone.number[SHORT] != 0:
                     return ROOM, step, now

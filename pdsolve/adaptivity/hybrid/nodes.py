@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from numba import njit
 
-from pdsolve.adaptivity.hybrid.crack_faces import cut_at, has_broken, is_cut, joined_to, share
 from pdsolve.adaptivity.hybrid.far_nodes import far_around
 from pdsolve.adaptivity.hybrid.lattice import (
     BORDER,
@@ -54,10 +53,10 @@ def set_fine(at, mass, cells, fine, p):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def end_on(ground, lost, kind, x, y, direction, w):  # type: ignore[no-untyped-def]
+def end_on(ground, kind, x, y, direction, w):  # type: ignore[no-untyped-def]
     """The coarse nodes that a place on an edge moves with, and the share of the second.
 
-    Where a crack cuts the edge, the place moves with nodes on its own side. It is extrapolated from the two next
+    Where a pre-crack cuts the edge, the place moves with nodes on its own side. It is extrapolated from the two next
     ones, so that a rotating face is not stretched, or follows one where there are no two. `kind` is that of coarse
     nodes.
     """
@@ -65,24 +64,24 @@ def end_on(ground, lost, kind, x, y, direction, w):  # type: ignore[no-untyped-d
     if w == 0:
         return q, q, 0.0
     step = 1 if direction == 0 else ground.at.coarse_stride
-    other, cut = q + step, cut_at(ground, lost, direction, q)
+    other, cut = q + step, ground.edge_cut[direction, q]
     if cut == 0:
         return q, other, w
     if w < cut:
         inner = q - step
-        return (q, inner, -w) if kind[inner] == FREE and cut_at(ground, lost, direction, inner) == 0 else (q, q, 0.0)
+        return (q, inner, -w) if kind[inner] == FREE and ground.edge_cut[direction, inner] == 0 else (q, q, 0.0)
     inner = other + step
-    whole = kind[inner] == FREE and cut_at(ground, lost, direction, other) == 0
+    whole = kind[inner] == FREE and ground.edge_cut[direction, other] == 0
     return (other, inner, w - 1) if whole else (other, other, 0.0)
 
 
 @njit(**INNER)
-def border_end(ground, lost, kind, p):  # type: ignore[no-untyped-def]
+def border_end(ground, kind, p):  # type: ignore[no-untyped-def]
     """The coarse nodes that fine node p, on a line between cells, moves with, and the share of the second; see
     `end_on`."""
     ix, iy = fine_column(ground.at, p), fine_row(ground.at, p)
     odd_x, odd_y = ix % 2, iy % 2
-    return end_on(ground, lost, kind, ix // 2, iy // 2, 0 if odd_x else 1, 0.5 * (odd_x + odd_y))
+    return end_on(ground, kind, ix // 2, iy // 2, 0 if odd_x else 1, 0.5 * (odd_x + odd_y))
 
 
 @njit(**INNER)
@@ -95,7 +94,7 @@ def _begin_own(coarse, row, table):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def set_coarse(ground, cells, lost, fine, coarse, q):  # type: ignore[no-untyped-def]
+def set_coarse(ground, cells, fine, coarse, q):  # type: ignore[no-untyped-def]
     """Kind, mass and springs of a coarse node, which is on the border next to far cells.
 
     Its row gets its own stiffnesses when they first differ.
@@ -107,11 +106,11 @@ def set_coarse(ground, cells, lost, fine, coarse, q):  # type: ignore[no-untyped
         for sx in (-1, 0):
             c = cell_place(at, x + sx, y + sy)
             if cells[c] == COARSE:
-                mass += ground.cell[2, ground.mix[c]] * _share_of(ground, lost, x, y, sx, sy)
+                mass += ground.cell[2, ground.mix[c]] * corner_part(ground, x + sx, y + sy, -sx, -sy)
     tied = far_around(at, cells, x, y) > 0
     coarse.kind[q] = IDLE if mass == 0 else BORDER if tied else FREE
     for k in range(8):
-        stiffness = spring_of(ground, cells, lost, q, x, y, k)
+        stiffness = spring_of(ground, cells, q, x, y, k)
         if coarse.entry[row] < 0 and stiffness != ground.coarse_table[k, 5]:
             _begin_own(coarse, row, ground.coarse_table)
         if coarse.entry[row] >= 0:
@@ -120,43 +119,28 @@ def set_coarse(ground, cells, lost, fine, coarse, q):  # type: ignore[no-untyped
         for dy in (-1, 0, 1):
             for dx in (-1, 0, 1):
                 ix, iy = 2 * x + dx, 2 * y + dy
-                mass += _passed_on(ground, lost, coarse.kind, fine, fine_place(at, ix, iy), q)
+                mass += _passed_on(ground, coarse.kind, fine, fine_place(at, ix, iy), q)
     coarse.mass[q] = mass
     coarse.light[q] = 1 / mass if mass > 0 and not tied else 0.0
 
 
 @njit(**INNER)
-def _share_of(ground, lost, x, y, sx, sy):  # type: ignore[no-untyped-def]
-    """Mass that coarse node x, y has of the cell beside it at sx, sy, over a quarter of the cell's."""
-    if not is_cut(ground, lost, x + sx, y + sy):
-        return corner_part(ground, x + sx, y + sy, -sx, -sy)
-    found, corner = 0.0, -sx - 2 * sy
-    for n in range(9):
-        joined = joined_to(ground, lost, x + sx, y + sy, n)
-        found += share(joined, n, corner) * (1 + n % 3 % 2) * (1 + n // 3 % 2) / 4
-    return found
-
-
-@njit(**INNER)
-def _passed_on(ground, lost, kind, fine, p, q):  # type: ignore[no-untyped-def]
+def _passed_on(ground, kind, fine, p, q):  # type: ignore[no-untyped-def]
     """Mass that a fine node passes to coarse node q."""
     if fine.kind[p] != BORDER:
         return 0.0
-    a, b, w = border_end(ground, lost, kind, p)
+    a, b, w = border_end(ground, kind, p)
     w = max(w, 0.0)  # mass goes to the next one
     return fine.mass[p] * ((1 - w if a == q else 0.0) + (w if b == q else 0.0))
 
 
 @njit(**INNER)
-def spring_of(ground, cells, lost, q, x, y, k):  # type: ignore[no-untyped-def]
-    """Stiffness of coarse spring k of a node: half from each coarse cell along an edge; 0 if a crack cuts it."""
+def spring_of(ground, cells, q, x, y, k):  # type: ignore[no-untyped-def]
+    """Stiffness of coarse spring k of a node: half from each coarse cell along an edge; 0 if a pre-crack cuts it."""
     at = ground.at
     dx, dy = ground.coarse_dx[k], ground.coarse_dy[k]
     one, which = (q, k) if k < 4 else (q + ground.coarse_ways[k], k - 4)
     if (ground.coarse_bits[one] >> which) & 1:
-        return 0.0
-    at_x, at_y = (x, y) if k < 4 else (x + dx, y + dy)
-    if has_broken(ground, lost, fine_place(at, 2 * at_x, 2 * at_y), which):
         return 0.0
     x0, y0 = x + min(dx, 0), y + min(dy, 0)
     c = cell_place(at, x0, y0)
@@ -216,16 +200,13 @@ def corner_part(ground, x, y, right, above):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def interpolate(ground, lost, kind, values, ix, iy, x, y, out):  # type: ignore[no-untyped-def]
+def interpolate(ground, kind, values, ix, iy, x, y, out):  # type: ignore[no-untyped-def]
     """Interpolate values (2, q) of coarse nodes, with kinds `kind`, at a fine place of cell x, y, into out (2,).
 
-    In a cell crossed by a crack, values are extrapolated from a neighbouring cell on the place's own side; without
+    In a cell crossed by a pre-crack, values are extrapolated from a neighbouring cell on the place's own side; without
     one, they are the mean over the visible corners.
     """
     at = ground.at
-    if is_cut(ground, lost, x, y):
-        _of_joined(ground, lost, kind, values, ix, iy, x, y, out)
-        return
     if not ground.cut_cells[cell_place(at, x, y)]:
         _bilinear(at, values, ix, iy, x, y, out)
         return
@@ -239,27 +220,6 @@ def interpolate(ground, lost, kind, values, ix, iy, x, y, out):  # type: ignore[
             _bilinear(at, values, ix, iy, x + dx, y + dy, out)
             return
     _one_sided(at, ground.cracks, values, ix, iy, x, y, out)
-
-
-@njit(**INNER)
-def _of_joined(ground, lost, kind, values, ix, iy, x, y, out):  # type: ignore[no-untyped-def]
-    """Values extrapolated from a cell beside, both of whose corners in common the place is joined to; without one, by
-    its shares of the corners."""
-    at, n = ground.at, ix - 2 * x + 3 * (iy - 2 * y)
-    joined = joined_to(ground, lost, x, y, n)
-    for dx, dy, one, other in ((0, -1, 0, 1), (0, 1, 2, 3), (-1, 0, 0, 2), (1, 0, 1, 3)):
-        q = coarse_place(at, x + dx, y + dy)
-        whole = share(joined, n, one) > 0 and share(joined, n, other) > 0
-        whole &= not ground.cut_cells[cell_place(at, x + dx, y + dy)]
-        for corner in (q, q + 1, q + at.coarse_stride, q + at.coarse_stride + 1):
-            whole &= kind[corner] == FREE
-        if whole and not is_cut(ground, lost, x + dx, y + dy):
-            _bilinear(at, values, ix, iy, x + dx, y + dy, out)
-            return
-    for axis in range(2):
-        out[axis] = 0.0
-        for corner in range(4):
-            out[axis] += share(joined, n, corner) * values[axis, coarse_place(at, x + corner % 2, y + corner // 2)]
 
 
 @njit(**INNER)

@@ -59,11 +59,7 @@ def decided(model: Model, options: Options) -> Model:
 
 
 def widened(model: Model) -> Model:
-    """The model with a wake that stays fine, or else with cells that become fine sooner, or with fine nodes everywhere
-    where there is no wider zone left."""
-    hybrid = model.settings.run.hybrid
-    if hybrid.wake != "fine":
-        return adapted(model, "hybrid", hybrid=msgspec.structs.replace(hybrid, wake="fine"))
+    """The model with cells that become fine sooner, or with fine nodes everywhere where no wider zone is left."""
     kappa = next((one for one in WIDER if one < kappa_of(model)), None)
     return uniform(model) if kappa is None else with_kappa(model, kappa)
 

@@ -19,7 +19,7 @@ from pdsolve.adaptivity.hybrid.irregular_bonds import Irregular, irregular
 from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, FINE, LEFT
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.adaptivity.hybrid.precracks import begin_coarse, lengthened
-from pdsolve.adaptivity.hybrid.springs import COARSE_OFFSETS, Springs, coarse_springs, e_of, springs_of, stretches
+from pdsolve.adaptivity.hybrid.springs import Springs, coarse_springs, e_of, springs_of, stretches
 from pdsolve.conditions import Drive, drive, initial_velocity
 from pdsolve.laws.calls import bind
 from pdsolve.laws.pair import no_bonds
@@ -28,7 +28,6 @@ from pdsolve.model import Model
 from pdsolve.numerics.memory import give_back
 from pdsolve.operators.simd_lattice.layout import aligned
 
-CALM = 0.5  # of the stretch that softens or breaks a bond: what becomes coarse is less stretched
 ROOM = 64  # rows of fine nodes beyond those of the start, at least
 
 
@@ -51,7 +50,6 @@ def hybrid_of(
     begin_coarse(ground)
     cut = np.append(found.family - np.count_nonzero(found.springs, axis=1), 0)
     cells = cells_of(plate, ground.reach, steep=steep)
-    ground.stays[:] = cells_of(plate, ground.reach, tips=False, steep=steep) == FINE
     area = CellAreas(plate)
     driven = drive(model, area, True, np.float64)
     rows = ROOM + 6 * int(np.count_nonzero(cells == FINE))
@@ -121,17 +119,7 @@ def ground_of(
         edge_cut=np.zeros((2, at.coarse_places)),
         cut_cells=np.zeros(at.cells, dtype=np.bool_),
         cracks=lengthened(plate.cracks),
-        alike=_alike(first),
-        stays=np.zeros(at.cells, dtype=np.bool_),
-        calm=e_of(CALM * min(one.peak for one in springs)) if model.settings.run.hybrid.wake == "lattice" else 0.0,
     )
-
-
-def _alike(springs: Springs) -> NDArray[np.int64]:
-    """`LatticeConstants.alike`; bonds that a family does not have are the last of 64, which none has."""
-    number = {(dx, dy): k for k, (dx, dy) in enumerate(zip(springs.dx.tolist(), springs.dy.tolist(), strict=True))}
-    first = COARSE_OFFSETS[:4]
-    return np.array([[number.get((size * dx, size * dy), 63) for dx, dy in first] for size in (1, 2)])
 
 
 def _cells(plate: Plate, springs: tuple[Springs, ...]) -> tuple[NDArray[np.float64], NDArray[np.int32]]:

@@ -22,7 +22,6 @@ from pdsolve.adaptivity.hybrid.arrays import (
     ROWS,
     STIRS,
 )
-from pdsolve.adaptivity.hybrid.bond_breaking import break_bridges
 from pdsolve.adaptivity.hybrid.clipped_bonds import put_pieces, set_row
 from pdsolve.adaptivity.hybrid.damping import set_damping, undamp
 from pdsolve.adaptivity.hybrid.energy import energy_of
@@ -52,21 +51,21 @@ from pdsolve.operators.simd_lattice.kernel import INNER
 
 
 @njit(**INNER)
-def mark_disc(at, cells, new, count, ix, iy, radius, of, to):  # type: ignore[no-untyped-def]
-    """List the cells of a kind within `radius` of a place (fine spacings); returns how many are listed then.
+def mark_disc(at, cells, new, count, ix, iy, radius):  # type: ignore[no-untyped-def]
+    """List the coarse cells within `radius` of a place (fine spacings); returns how many are listed then.
 
-    They become another kind at once: coarse ones fine, which `refine` takes from the list.
+    They are marked as fine at once, so that none is listed twice; `refine` takes them from the list.
     """
     for y in range(int(np.floor((iy - radius) / 2)), int(np.ceil((iy + radius) / 2))):
         for x in range(int(np.floor((ix - radius) / 2)), int(np.ceil((ix + radius) / 2))):
             if not (0 <= x < at.nx // 2 and 0 <= y < at.ny // 2):
                 continue
             c = cell_place(at, x, y)
-            if cells[c] != of:
+            if cells[c] != COARSE:
                 continue
             away_x, away_y = max(abs(ix - (2 * x + 1)) - 1, 0), max(abs(iy - (2 * y + 1)) - 1, 0)
             if away_x * away_x + away_y * away_y < radius * radius:
-                cells[c] = to
+                cells[c] = FINE
                 new[count] = c
                 count += 1
     return count
@@ -134,7 +133,7 @@ def _list_around(at, zone, x0, y0, x1, y1):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def refine(ground, zone, now, step):  # type: ignore[no-untyped-def]
+def refine(ground, zone, now):  # type: ignore[no-untyped-def]
     """Make the marked cells in `zone.new` fine at displacements `now`.
 
     New nodes take the coarse displacements and velocities; the change of energy is booked.
@@ -147,18 +146,11 @@ def refine(ground, zone, now, step):  # type: ignore[no-untyped-def]
     for c in new:
         zone.cells[c] = COARSE
     before = energy_of(ground, zone, now, dirty, dirty_coarse)
-    _, x, y = _motion_of(zone, dirty, dirty_coarse)
     _begin_new(ground, zone, new, dirty, now)
-    if ground.calm > 0 and zone.number[REGRIDS] > 0:
-        for p in dirty:
-            zone.mark[p] = True
-        zone.total[REFINEMENT] += break_bridges(ground, zone, dirty, now, step)
     set_nodes(ground, zone, dirty, dirty_coarse, now)
     if zone.number[REGRIDS] == 0:
         begin_far(ground, zone)
     put_pieces(ground, zone, dirty)
-    if ground.calm > 0:
-        _let_keep(zone, dirty, dirty_coarse, x, y)
     relieve(ground, zone)
     for p in dirty:
         zone.mark[p] = True
@@ -169,31 +161,6 @@ def refine(ground, zone, now, step):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _motion_of(zone, dirty, dirty_coarse):  # type: ignore[no-untyped-def]
-    """Mass, kg/m, and momentum, N s/m, of these nodes, fine and coarse."""
-    mass = x = y = 0.0
-    for nodes, places in ((zone.fine, dirty), (zone.coarse, dirty_coarse)):
-        for p in places:
-            if nodes.kind[p] == FREE:
-                mass += nodes.mass[p]
-                x += nodes.mass[p] * nodes.v[0, p]
-                y += nodes.mass[p] * nodes.v[1, p]
-    return mass, x, y
-
-
-@njit(**INNER)
-def _let_keep(zone, dirty, dirty_coarse, x, y):  # type: ignore[no-untyped-def]
-    """Give these nodes alike what is left of the momentum x, y, N s/m, that they had: at cracks, masses of coarse nodes
-    are those of the bonds that have not broken by now, and velocities are extrapolated."""
-    mass, now_x, now_y = _motion_of(zone, dirty, dirty_coarse)
-    for nodes, places in ((zone.fine, dirty), (zone.coarse, dirty_coarse)):
-        for p in places:
-            if nodes.kind[p] == FREE:
-                nodes.v[0, p] += (x - now_x) / mass
-                nodes.v[1, p] += (y - now_y) / mass
-
-
-@njit(**INNER)
 def set_nodes(ground, zone, dirty, dirty_coarse, now):  # type: ignore[no-untyped-def]
     """Set kinds, masses and springs of these nodes."""
     fine, coarse, last = zone.fine, zone.coarse, -1
@@ -201,12 +168,12 @@ def set_nodes(ground, zone, dirty, dirty_coarse, now):  # type: ignore[no-untype
         set_fine(ground.at, of_node(ground.nodes, ground.nodes.mass, p), zone.cells, fine, p)
         set_damping(ground, fine, p, p)
     for q in dirty_coarse:
-        set_coarse(ground, zone.cells, zone.lost, fine, coarse, q)
+        set_coarse(ground, zone.cells, fine, coarse, q)
         x, y = coarse_column(ground.at, q), coarse_row(ground.at, q)
         set_damping(ground, coarse, q, fine_place(ground.at, 2 * x, 2 * y))
     for p in dirty:
         if fine.kind[p] == BORDER:
-            a, b, w = border_end(ground, zone.lost, coarse.kind, p)
+            a, b, w = border_end(ground, coarse.kind, p)
             off = off_line(ground, fine.shrink, a, b, w)
             for axis in range(2):
                 fine.u[now, axis, p] = (1 - w) * coarse.u[now, axis, a] + w * coarse.u[now, axis, b] + off[axis]
@@ -228,13 +195,13 @@ def _begin_new(ground, zone, new, dirty, now):  # type: ignore[no-untyped-def]
         x, y = coarse_cell_at(at, zone.cells, ix, iy)
         if x < 0:
             continue
-        interpolate(ground, zone.lost, coarse.kind, coarse.u[now], ix, iy, x, y, two)
+        interpolate(ground, coarse.kind, coarse.u[now], ix, iy, x, y, two)
         off = 0.0, 0.0
         if ix % 2 != iy % 2 and not ground.cut_cells[cell_place(at, x, y)]:
             q = coarse_place(at, ix // 2, iy // 2)
             off = off_line(ground, fine.shrink, q, q + (1 if ix % 2 else at.coarse_stride), 0.5)
         fine.u[now, 0, p], fine.u[now, 1, p] = two[0] + off[0], two[1] + off[1]
-        interpolate(ground, zone.lost, coarse.kind, coarse.v, ix, iy, x, y, two)
+        interpolate(ground, coarse.kind, coarse.v, ix, iy, x, y, two)
         fine.v[0, p], fine.v[1, p] = two[0], two[1]
     for c in new:
         zone.cells[c] = FINE
@@ -252,7 +219,7 @@ def _list_fine(ground, zone):  # type: ignore[no-untyped-def]
         for p in range(row * ROW, row * ROW + ROW):
             if fine.kind[p] != BORDER:
                 continue
-            a, b, w = border_end(ground, zone.lost, coarse.kind, p)
+            a, b, w = border_end(ground, coarse.kind, p)
             zone.border.node[borders], zone.border.w[borders] = p, w
             zone.border.end[borders, 0], zone.border.end[borders, 1] = a, b
             zone.border.off[borders] = off_line(ground, fine.shrink, a, b, w)

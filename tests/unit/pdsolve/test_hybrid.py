@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -38,7 +39,8 @@ from pdmesh.scene.units import UNITS
 from pdsolve.__main__ import main as solve_command
 from pdsolve.adaptivity.hybrid.coarse_cells import plate_of
 from pdsolve.adaptivity.hybrid.springs import coarse_springs, fine_springs, stretches
-from pdsolve.model import Model, ModelError
+from pdsolve.checks import advise_made
+from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.options import Options
 from pdsolve.run.measures import books
 from pdsolve.run.prepare import prepare, scheme_of
@@ -258,3 +260,15 @@ def test_a_lattice_is_solved_as_its_listed_nodes_without_arrays_of_them(tmp_path
             runs[-1] += [results.history()["work"], results.nodes(20).area, results.nodes(20).cut]
     assert all(np.array_equal(one, other) for one, other in zip(*runs, strict=True))
     assert {"ids", "position", "border", "areas"}.isdisjoint(vars(held))
+
+
+def test_a_run_warns_of_much_energy_made_by_changes_of_cells() -> None:
+    """Once it is more than a twentieth of the energy put in, with what helps."""
+    model = plate(cracked(), 4, run=Run(adapt="hybrid"))
+    with pytest.warns(ModelWarning, match=r"changes of cells made \+6 % .* run\.hybrid\.kappa"):
+        advise_made(model, 6.0, 100.0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        advise_made(model, -4.9, 100.0)
+        advise_made(model, 1e-30, 0.0)
+        advise_made(plate(cracked(), 4, run=Run(adapt="split")), -50.0, 100.0)

@@ -22,6 +22,7 @@ from pdmesh.model.suggestions import explained
             naming("'x'", "`$.material.plane`", expected=("strain", "stress")),
         ),
         ('{"run": {"stepz": 3}}', naming("`stepz`", "`$.run`", expected="`steps`")),
+        ('{"run": {"hybrid": {"wake": "fine"}}}', naming("run.hybrid.wake", "version 1.0.0")),
         ('{"rum": 3}', naming("`rum`", expected="`run`")),
         (
             '{"conditions": [{"kind": "load", "bodyforce": 3, "box": [0, 0, 1, 1]}]}',
