@@ -14,7 +14,7 @@
 # make materials  what materials go with and their settings, what bodies do not have: sections of pages
 # make forks   where a crack of particles forks, over time steps and grids: a section of a page
 # make split   what cells that split cost against threshold and interval: docs/split.png and a section of a page
-# make bench    chart speed against accuracy: benchmarks/accuracy.json, rest.json, paths.json and .png; check what plans promise
+# make bench    check what plans promise: benchmarks/planning.json
 # make bench-speed  measure the solver on all plates: benchmarks/speed.json and .png
 # make bench-quick  the same on one plate; fails where the fast kernel is too slow
 # make compare AGAINST=DIR  solve all scenes here and with another checkout, and compare bit by bit
@@ -144,15 +144,10 @@ gmsh-libraries: $(VENV)/install.done
 		fi; }
 
 bench: $(VENV)/test.done gmsh-libraries
-	$(BIN)/python -W ignore -m benchmarks.accuracy -o benchmarks/accuracy.json
 	$(BIN)/python -W ignore -m benchmarks.planning --check
-	$(BIN)/python -W ignore -m benchmarks.rest -o benchmarks/rest.json
-	$(BIN)/python -W ignore -m benchmarks.paths -o benchmarks/paths.json
 
 bench-speed: gmsh-libraries
 	$(BIN)/python -m benchmarks.speed -o benchmarks/speed.json $(if $(AGAINST),--against $(AGAINST))
-	$(BIN)/python -W ignore -m benchmarks.laws -o benchmarks/laws.json
-	$(BIN)/python -m benchmarks.savings
 
 bench-quick: $(VENV)/install.done
 	$(BIN)/python -m benchmarks.speed --quick

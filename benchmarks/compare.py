@@ -38,6 +38,7 @@ STEPS, EVERY, LEDGER = 400, 200, 50
 LAWS = ("as shipped", "bilinear")
 MODES, KERNELS, PRECISIONS = ("thesis", "conservative"), ("blocks", "listed"), ("float64", "float32")
 FORMER = {"u": "value", "v": "rate", "a": "second", "softened_worst": "worst"}  # names in checkpoints
+STATE = ("value", "rate", "second", "dissipated", "damped", "work", "held_force")
 Found = dict[str, NDArray[Any]]
 
 
@@ -138,8 +139,8 @@ def everything(results: Any) -> Found:
         table = getattr(results, name)()
         found |= {f"{name}: {column}": np.ascontiguousarray(table[column]) for column in table.dtype.names}
     kept = {FORMER.get(name, name): values for name, values in results.checkpoint()[1].items()}
-    for name in ("value", "rate", "second", "dissipated", "damped", "work", "held_force"):
-        found[f"checkpoint: {name}"] = kept[name].ravel()
+    own = [name for name in STATE if name in kept] or [name for name in kept if name != "number"]  # of a fine zone
+    found |= {f"checkpoint: {name}": kept[name].ravel() for name in own}
     if len(kept.get("worst", ())):
         found["checkpoint: worst"] = np.sort(kept["worst"])
     return found

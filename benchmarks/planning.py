@@ -21,9 +21,8 @@ from typing import Any
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
-from benchmarks.accuracy import FINE_ZONE, HALF, RADIUS, relative
-from benchmarks.cracked import RUNS, SHORTER
 from benchmarks.runs import GEOMETRIES
 from pdmesh import Circle, Scene, box
 from pdmesh.drawing.file_reading import read_scene
@@ -38,6 +37,11 @@ from pdsolve.results import Results
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import simulate
 
+TESTS = Path(__file__).parent.parent / "tests"
+sys.path += [str(TESTS), str(TESTS / "verification")]
+
+HALF, RADIUS, FINE_ZONE = 4.0, 1.0, 2.0  # m, of the plate with a hole
+RUNS, SHORTER = 5, 0.01  # of each proposal and of the reference; by which share of a step each further run is shorter
 RATIOS = {"none": (3.0, 4.0), "hybrid": (4.0,)}
 FRAMES = 20
 WITHIN = (0.1, 0.05, 0.03)
@@ -86,6 +90,11 @@ def errors(scene: Scene, references: list[Path], folder: Path) -> list[float]:
         path.unlink()
         found.append(np.nan if off is None else off)
     return found
+
+
+def relative(found: NDArray[np.float64], exact: NDArray[np.float64], area: NDArray[np.float64]) -> float:
+    """L2 norm of the error over that of the solution."""
+    return float(np.sqrt(np.sum(area[:, None] * (found - exact) ** 2) / np.sum(area[:, None] * exact**2)))
 
 
 def kirsch() -> Iterator[dict[str, Any]]:

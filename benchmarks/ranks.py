@@ -5,9 +5,9 @@ in turns; the least time of a step counts, as the machine may be busy. The excha
 ranks having waited for each other. What follows for more ranks than are here is computed from that and from a network
 of LATENCY and BANDWIDTH, and is marked so.
 
-`--step` takes steps on the ranks alone, or in one process on one thread, and prints as JSON, for
-`benchmarks.rank_curves`, the processor time of the rank that works longest, without that in which it waits for others,
-and the least time of an exchange: neither depends on what else the machine does.
+`--step` takes steps on the ranks alone, or in one process on one thread, and prints as JSON the processor time of the
+rank that works longest, without that in which it waits for others, and the least time of an exchange: neither depends
+on what else the machine does.
 
 `--cuts` counts by geometry, without a run, what the rank with most of a cube of CUBE^3 nodes has to do with others, if
 the cube is cut into slabs, as it is, and if it is bisected across its longest axis again and again; and measures the

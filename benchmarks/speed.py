@@ -27,7 +27,7 @@ import numpy as np
 from llvmlite.binding import get_host_cpu_name
 from tqdm import tqdm
 
-from benchmarks import beside, bound, lammps_peri
+from benchmarks import beside, bound
 from benchmarks.claims import Case
 from benchmarks.processes import processes
 from benchmarks.runs import built
@@ -306,10 +306,6 @@ def main(arguments: list[str] | None = None) -> int:
             for mode in MODES:
                 rows.append(measure(name, grid, law, mode, args.rounds, threads))
                 tell(rows[-1])
-    others = {}
-    if lammps_peri.available():
-        others["LAMMPS peri/pmb, 1 thread"] = lammps_peri.ns_per_bond()
-        print(f"LAMMPS peri/pmb, 1 thread: {others['LAMMPS peri/pmb, 1 thread']:.3g} ns a bond")
     numba.set_num_threads(threads)
     runs = []
     with tempfile.TemporaryDirectory() as folder:
@@ -327,7 +323,7 @@ def main(arguments: list[str] | None = None) -> int:
     }
     least = {precision: bound.ns_per_bond(precision) for precision in ("float64", "float32")}
     print("; ".join(f"the least of a thread, {precision}: {ns:.3g} ns a bond" for precision, ns in least.items()))
-    found = {"machine": machine, "bound": least, "intact": rows, "others": others, "runs": runs, "processes": waiting}
+    found = {"machine": machine, "bound": least, "intact": rows, "runs": runs, "processes": waiting}
     if args.against:
         found["against"] = list(beside.compared(args.against))
         for measured in found["against"]:

@@ -10,8 +10,8 @@ import pytest
 from media import CORRODING, disc, ids, model, row
 from numpy.typing import NDArray
 from scipy.special import erf
+from screws import screw
 
-from benchmarks.screw import screw
 from pdmesh.model.document import Concentration, Run, Solid
 from pdmesh.model.medium import Medium
 from pdsolve.diffusion.masses import masses

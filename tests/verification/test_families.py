@@ -9,13 +9,13 @@ import msgspec
 import numpy as np
 import pytest
 from atrest import strip
+from effective_length import LAWS, OVER, STRIP, length_of
 from kirsch import solved
 from plates import GLASS, plate, square_grid
 from strips import torn
 
 import pdsolve.laws
 from benchmarks import ties
-from benchmarks.effective_length import LAWS, OVER, STRIP, length_of
 from pdmesh.model.document import Material
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from periodic import joined
 from plates import GLASS, interface_grid, plate
+from pulses import sent_back
 from systems import accelerate, at_step
 
-from benchmarks.pulses import sent_back
 from pdmesh.model.document import Collocation
 from pdsolve.model import ModelWarning
 from pdsolve.options import Options

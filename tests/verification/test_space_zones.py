@@ -9,9 +9,9 @@ import msgspec
 import numpy as np
 import pytest
 from blocks import GLASS, HEIGHT, LENGTH, SMALL, WIDTH, H, blob, block, place
+from pulses_in_space import bonds_of, sent_back
 
 import pdmesh
-from benchmarks.pulses_in_space import bonds_of, sent_back
 from pdmesh import Body, Box, Cylinder, Run, ramp
 from pdmesh.drawing.solids import meshed
 from pdsolve.adaptivity.hybrid.space.box import COARSE, FINE

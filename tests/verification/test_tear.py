@@ -11,9 +11,9 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
+from tears import GLASS, TIME, cut, torn
 
 import pdmesh
-from benchmarks.tear import GLASS, TIME, cut, torn
 from pdmesh.model.document import Material, Run
 from pdpost.measures.tips import forks, tips
 from pdsolve.model import Model, read_model

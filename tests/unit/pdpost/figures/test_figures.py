@@ -17,7 +17,6 @@ from matplotlib.figure import Figure
 from messages import mentions, naming
 from numpy.typing import NDArray
 from pages import GUIDE
-from plates import ROOT
 
 from pdpost.figures import (
     animation,
@@ -272,13 +271,11 @@ def test_fonts_are_true_type_and_text_is_text(small_results: Path, tmp_path: Pat
 
 
 def test_the_guide_names_the_colours_that_are_drawn() -> None:
-    """Bonds in the guide's table, and the chart of speed against accuracy, in the words of Okabe and Ito's palette."""
+    """Bonds in the guide's table, and charts of cost against error, in the words of Okabe and Ito's palette."""
     assert (bond_figure.INTACT, bond_figure.BROKEN) == (style.SKY_BLUE, style.VERMILION)
     (bonds,) = (line for line in GUIDE["pictures"].splitlines() if line.startswith("| `bonds`"))
     assert re.search("intact.* sky blue, .*broken.* vermilion", bonds)
     assert mentions(GUIDE["speed"], "vermilion ring", "blue")
-    chart = (ROOT / "benchmarks" / "accuracy.py").read_text()
-    assert style.VERMILION in chart
     best = tradeoff_figure.BLUE
     assert best == style.BLUE
     assert mentions(GUIDE["pictures"], "light grey", "dark grey")

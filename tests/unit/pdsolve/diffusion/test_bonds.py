@@ -9,8 +9,8 @@ import msgspec
 import numpy as np
 import pytest
 from media import lattice, model, row
+from screws import screw
 
-from benchmarks.screw import screw
 from pdmesh.model.document import MediumRegion
 from pdmesh.model.medium import Medium
 from pdmesh.model.neighbours import Pairs, chosen

@@ -1,20 +1,16 @@
 """What of a pulse comes back from the flat seam of a fine zone in space.
 
-`python -m benchmarks.pulses_in_space` writes a table to docs/guide/adaptivity.md. A pulse exp(-(x / w)^2) of pressure
-or shear runs upright to a seam through a lattice without ends across: of a column 8 cells thick, the middle cell alone
-moves by its forces, and all others as it does. Shares are those of the largest velocity before the seam when what comes
-back is where the pulse began.
+A pulse exp(-(x / w)^2) of pressure or shear runs upright to a seam through a lattice without ends across: of a column 8
+cells thick, the middle cell alone moves by its forces, and all others as it does. Shares are those of the largest
+velocity before the seam when what comes back is where the pulse began.
 """
 
 from __future__ import annotations
-
-from pathlib import Path
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.pages import put_section
 from pdmesh.model.document import Material
 from pdmesh.model.lattice_calibration import offsets
 from pdmesh.model.material_constants import micromodulus
@@ -27,14 +23,6 @@ from pdsolve.adaptivity.hybrid.space.prepare import full_block, operator_on, tau
 from pdsolve.laws.pair_laws.brittle import LAW
 from pdsolve.operators.space_lattice.layout import table_of
 
-PAGE = Path(__file__).parent.parent / "docs" / "guide" / "adaptivity.md"
-WIDTHS = (1, 2, 4)  # horizons
-TEXT = """## What the seam of a body sends back
-
-Of the velocity of pulses exp(-(x / w)^2) that run upright to a flat seam, %, with m spacings of h in the horizon: the
-largest before the seam when what is sent back is where the pulse began, 80 h away. Narrow pulses have a tail without a
-seam too. `python -m benchmarks.pulses_in_space` writes this table.
-"""
 ACROSS = 8  # cells
 AWAY = 80  # spacings from the pulse to the seam; what is sent back, and how wide it is, depends on it
 STEP = 0.4  # h sqrt(rho / C11)
@@ -94,28 +82,3 @@ def _alike(
     """Rows (n,) of the nodes in the middle that move as all nodes do."""
     box = operator.whole.fine.box
     return np.searchsorted(operator.sites, ((ACROSS + z % 2) * box.sy + ACROSS + y % 2) * box.sx + x)
-
-
-def shown(share: float) -> str:
-    """A share in per cent."""
-    return f"{100 * share:.2g}" if share > 1e-4 else "< .01"
-
-
-def main() -> None:
-    """Measure and write the table."""
-    rows = []
-    for ratio, backwards, seam in ((3.0, False, True), (3.0, True, True), (2.0, False, True), (3.0, False, False)):
-        way = ("coarse to fine" if backwards else "fine to coarse") if seam else "no seam"
-        shares = [
-            shown(sent_back(ratio, int(ratio) * width, shear, backwards, seam))
-            for shear in (False, True)
-            for width in WIDTHS
-        ]
-        rows.append(f"| m = {ratio:g}, {way} | " + " | ".join(shares) + " |")
-        print(rows[-1], flush=True)
-    head = "| | " + " | ".join(f"{kind}, w = {width} m h" for kind in ("P", "S") for width in WIDTHS) + " |"
-    put_section(PAGE, "\n".join([TEXT, head, "|---" * (1 + 2 * len(WIDTHS)) + "|", *rows]))
-
-
-if __name__ == "__main__":
-    main()

@@ -11,10 +11,10 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.adaptivity import with_run
 from pdmesh import Scene, box
 from pdmesh.grid.building import build
 from pdmesh.model.document import Collocation, Material, Run
@@ -68,7 +68,8 @@ def _sent_back(adapt: str, drawn: bool, collocation: Collocation, width: int) ->
     lattice = "hybrid" if adapt == "collocation" or (adapt == "none" and not drawn) else adapt
     built = build(scene.adapt(lattice))  # type: ignore[arg-type]
     step = STEP * H * (MATERIAL.rho / MATERIAL.E) ** 0.5
-    model = with_run(Model(built.grid, built.settings), adapt=adapt, collocation=collocation, time_step=step)
+    run = msgspec.structs.replace(built.settings.run, adapt=adapt, collocation=collocation, time_step=step)
+    model = Model(built.grid, msgspec.structs.replace(built.settings, run=run))
     plate = _plate(model, H * seam)
     shape, rate = _pulse(H * (seam - start), H * width)
     plate.put(shape, rate, lambda x: rate(x - SPEED * step / 2))
