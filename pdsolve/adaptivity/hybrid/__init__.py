@@ -10,7 +10,6 @@ and energy are conserved.
     springs            springs of a node, fine and coarse, and where bonds cross from cell to cell
     arrays             what a run changes
     precracks          bonds that pre-cracks cut, surfaces
-    alike_nodes        nodes at edges and pre-cracks that share their bonds
     irregular_bonds    bonds at edges, pre-cracks and interfaces
     simd_rows          vector code: forces on 16 nodes
     nodes              free, border and idle nodes, their masses, initial motion of new ones

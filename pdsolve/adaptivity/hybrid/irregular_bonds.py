@@ -1,6 +1,7 @@
 """Bonds of nodes without a regular full family: at edges, faces of pre-cracks and interfaces.
 
-The scheme makes these bonds for that part of the plate, so that fine nodes equal those of a uniform run.
+The scheme makes these bonds for that part of the plate, so that fine nodes equal those of a uniform run. Nodes of a
+rectangle that lie in the same way to all edges and pre-cracks that are near share their bonds.
 """
 
 from __future__ import annotations
@@ -14,7 +15,6 @@ from numpy.typing import NDArray
 
 from pdmesh.model import selection
 from pdmesh.model.neighbours import ROWS
-from pdsolve.adaptivity.hybrid.alike_nodes import first_alike
 from pdsolve.adaptivity.hybrid.coarse_cells import Plate, quarters, strips
 from pdsolve.adaptivity.hybrid.lattice import BELOW, LEFT
 from pdsolve.adaptivity.hybrid.springs import Springs, e_of
@@ -25,6 +25,7 @@ from pdsolve.schemes.average_horizon import Rule
 
 KEPT = 8  # parts whose pairs are held in memory; those of others are looked for twice
 WIDE = 2**20  # places that are looked at together, with those around them
+SAME = 1e-9  # of its area: an outline that encloses so much of a rectangle is that
 ROUND_OFF = 1e-12  # relative: stiffnesses this near to those of a full lattice are those
 
 
@@ -172,3 +173,54 @@ def _numbers(limits: NDArray[np.float64], known: dict[bytes, int]) -> NDArray[np
     for one in np.argsort(first).tolist():
         numbers[one] = known.setdefault(limits[first[one]].tobytes(), len(known))
     return np.asarray(numbers[which])
+
+
+def first_alike(plate: Plate, rows: NDArray[np.int64], reach: int) -> NDArray[np.int64]:
+    """Number (s,) of the first of these rows (s,) of the grid with the same bonds, and neighbours with the same bonds,
+    but for round-off, in families of this `reach`, h."""
+    every = np.arange(len(rows))
+    if not _is_rectangle(plate):
+        return every
+    far, (nx, ny) = 2 * reach + 2, plate.counts
+    y, x = np.divmod(rows, nx)
+    kind = np.zeros(len(rows), dtype=np.int64)
+    for away in (x, nx - 1 - x, y, ny - 1 - y):
+        kind = (far + 1) * kind + np.minimum(away, far)
+    at = np.column_stack([x, y]) + np.array(plate.first)
+    for crack in plate.cracks:
+        near = np.flatnonzero(_distance(at, crack) < 1.5 * far)
+        beside = np.zeros(len(rows), dtype=np.int64)
+        beside[near] = 1 + (_beside(at[near], crack, 2 * far) if (crack[:2] == crack[2:]).any() else near)
+        kind = np.unique(kind, return_inverse=True)[1] * (1 + beside.max(initial=0)) + beside
+    _, first, which = np.unique(kind, return_index=True, return_inverse=True)
+    return np.asarray(first[which])
+
+
+def _beside(at: NDArray[np.int64], crack: NDArray[np.float64], far: int) -> NDArray[np.int64]:
+    """A number for each of these places (k, 2) that tells how they lie to a crack along an axis, up to `far` from its
+    ends."""
+    found = np.zeros(len(at), dtype=np.int64)
+    for end in (crack[:2], crack[2:]):
+        for away in np.clip(at - np.floor(end).astype(np.int64), -far, far).T:
+            found = (2 * far + 1) * found + away + far
+    return found
+
+
+def _is_rectangle(plate: Plate) -> bool:
+    """Whether nodes, of one material, fill a rectangle from which nothing is cut."""
+    grid = plate.model.grid
+    if plate.listed is not None or plate.model.settings.regions or len(grid.holes) or grid.bodies is not None:
+        return False
+    rings = [np.asarray(ring) for ring in grid.outline]
+    if len(rings) != 1:
+        return not rings
+    x, y = rings[0].T
+    area = abs(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))) / 2
+    return bool(abs(area - np.ptp(x) * np.ptp(y)) < SAME * area)
+
+
+def _distance(at: NDArray[np.number], segment: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Distances (k,) of places (k, 2) from a segment (4,), in one unit."""
+    start, way = segment[:2], segment[2:] - segment[:2]
+    share = np.clip((at - start) @ way / max(float(way @ way), np.finfo(float).tiny), 0.0, 1.0)
+    return np.asarray(np.hypot(*(at - start - share[:, None] * way).T))

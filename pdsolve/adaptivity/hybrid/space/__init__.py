@@ -10,6 +10,7 @@ are a second lattice under the same kernel. The remaining parts of clipped bonds
     coarse_springs    constants of the springs, and the lattice of those that there are
     pieces            forces and energies of clipped bonds and of nodes on the border
     zone              which cells are fine at the start, and which become fine
+    history           what happened before cells became fine
     operator          the operator of the current nodes
     prepare           prepares a model
 """

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.arrays import AHEAD
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
-from pdsolve.adaptivity.hybrid.history import History
 from pdsolve.adaptivity.hybrid.irregular_bonds import part_of
 from pdsolve.adaptivity.hybrid.space import arrangement, coarse_springs, pieces
 from pdsolve.adaptivity.hybrid.space.box import BORDER, COARSE, FINE, FREE
+from pdsolve.adaptivity.hybrid.space.history import History
 from pdsolve.adaptivity.hybrid.space.layout import Linked, Whole, Zone, arranged, listed, near, places
 from pdsolve.adaptivity.hybrid.space.materials import MeanDensities, masses
 from pdsolve.adaptivity.hybrid.space.zone import mark_balls

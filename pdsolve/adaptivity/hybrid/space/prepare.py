@@ -7,11 +7,11 @@ from numpy.typing import NDArray
 
 from pdmesh.model.document import Hybrid
 from pdsolve.adaptivity.hybrid.coarse_cells import refused
-from pdsolve.adaptivity.hybrid.history import NOTHING
 from pdsolve.adaptivity.hybrid.space import coarse_springs
 from pdsolve.adaptivity.hybrid.space.arrangement import BLOCK, Fine, kinds_of
 from pdsolve.adaptivity.hybrid.space.box import FINE, VOID, box_of
 from pdsolve.adaptivity.hybrid.space.divisions import divisions
+from pdsolve.adaptivity.hybrid.space.history import NOTHING
 from pdsolve.adaptivity.hybrid.space.layout import Whole, begun
 from pdsolve.adaptivity.hybrid.space.materials import moduli, weakest, weakness
 from pdsolve.adaptivity.hybrid.space.operator import SpaceHybrid
