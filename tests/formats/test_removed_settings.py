@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import json
-import sqlite3
-from contextlib import closing
 from pathlib import Path
 
 import pytest
+from tampered import tampered
 
 from pdmesh.model.document import Hybrid, write_file
 from pdmesh.model.node_grid import document_of
@@ -58,8 +57,9 @@ def test_a_database_that_names_one_is_read_and_not_resumed(
     small_results: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """`pdpost` leaves the setting out; resuming says what solving says."""
-    with closing(sqlite3.connect(small_results)) as connection, connection:
-        (text,) = connection.execute("SELECT value FROM meta WHERE key = 'model'").fetchone()
+    with Results.open(small_results) as results:
+        text = results.model()
+    with tampered(small_results) as connection:
         connection.execute("UPDATE meta SET value = ? WHERE key = 'model'", (with_wake(text),))
         connection.execute("UPDATE meta SET value = 'interrupted' WHERE key = 'status'")
     with Results.open(small_results) as results:
