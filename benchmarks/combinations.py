@@ -50,11 +50,11 @@ def refusals(material: Material) -> Iterator[str]:
     """What is refused of a material in space, in each run, in the thesis mode and on ranks; "" where nothing is."""
     for dimension, run in ((3, Run()), *((2, run) for run in RUNS.values())):
         wrong = next(impossible(Settings(material=material, run=run), dimension), None)
-        yield "" if wrong is None else f"`{wrong.place.removeprefix('$.')}`: {wrong.expected}"
+        yield "" if wrong is None else f"`{wrong.place.removeprefix('$.')}`: {wrong.use}"
     wrong_name = next(KINDS[material.model].one_sided(material), None)
     yield "" if wrong_name is None else f"`material.{wrong_name.name}`: {wrong_name.expected}"
     wrong = next(on_ranks(Settings(material=material)), None)
-    yield "" if wrong is None else f"`{wrong.place.removeprefix('$.')}`: {wrong.expected}"
+    yield "" if wrong is None else f"`{wrong.place.removeprefix('$.')}`: {wrong.use}"
 
 
 def combinations() -> str:

@@ -73,9 +73,9 @@ def refused() -> dict[str, str]:
             for command in TRIED:
                 code, sentence = said(command)
                 if code == 2:
-                    found[command] = sentence.strip().partition(": ")[2].partition("; ")[0]
+                    found[command] = sentence.strip().partition(": ")[2]
                 elif code != 0:
-                    raise RuntimeError(f"{command}: found exit code {code}, expected 0 or 2: {sentence}")
+                    raise RuntimeError(f"{command}: exit code is {code}, not 0 or 2: {sentence}")
         finally:
             os.chdir(before)
     return found

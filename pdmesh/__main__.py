@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from pdmesh import commandline
 from pdmesh.file_kinds import Kind
 from pdmesh.printing import say
-from pdmesh.scene.units import UNITS
+from pdmesh.quantities import UNITS
 
 if TYPE_CHECKING:
     from pdmesh.model.document import Document
@@ -23,6 +23,7 @@ DRAWING = "a drawing (.geo, STEP, BREP), a scene in Python, a mesh, or a grid fi
 def parser() -> argparse.ArgumentParser:
     """The command line of pdmesh."""
     program = commandline.program("pdmesh", "Turn a drawing of a plate into a peridynamic node grid.")
+    program.set_by = _parameter
     commands = program.add_subparsers(dest="command", required=True, metavar="COMMAND")
     build = commands.add_parser(
         "build", help="build a node grid from a drawing, a scene or a mesh, and write it as JSON"
@@ -64,6 +65,15 @@ def parser() -> argparse.ArgumentParser:
     return program
 
 
+def _parameter(word: str) -> str:
+    """The parameter of drawings that an unknown option may mean, as --set gives it; "" if there is none."""
+    from pdmesh.drawing.parameters import NAMES
+    from pdmesh.spelling import meant
+
+    name = meant(word, NAMES, cutoff=1.0)
+    return f"--set {name}=VALUE" if name else ""
+
+
 def _add_mode(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--mode",
@@ -76,14 +86,17 @@ def _add_mode(command: argparse.ArgumentParser) -> None:
 def _add_drawing(command: argparse.ArgumentParser, output: str) -> None:
     command.add_argument("drawing", type=Path, help=DRAWING)
     commandline.add_common_options(
-        command, output=output, assignment="override a parameter of the drawing, such as Zones/fine/Spacing=5e-4"
+        command,
+        output=output,
+        assignment="override a parameter of the drawing, such as Zones/fine/Spacing=5e-4, or a"
+        " setting as pdsolve names it, such as material.E=65e9",
     )
     command.add_argument(
         "--refine",
         action="append",
         default=[],
         metavar="WHAT:DISTANCE[:SPACING]",
-        help="refine the grid within a distance (m) of every crack, notch or hole, such as crack:4e-3",
+        help="refine the grid within a distance of every crack, notch or hole, such as crack:4e-3 or crack:4mm",
     )
     command.add_argument(
         "--crack",
@@ -91,7 +104,8 @@ def _add_drawing(command: argparse.ArgumentParser, output: str) -> None:
         default=[],
         dest="cracks",
         metavar="X0,Y0,X1,Y1",
-        help="add a pre-crack between two points; more points make kinks (--crack=-1,0,2,0 if the first is negative)",
+        help="add a pre-crack between two points, such as 0,20,50,20mm; more points make kinks (--crack=-1,0,2,0 if the"
+        " first is negative)",
     )
     command.add_argument(
         "--unit",
@@ -110,8 +124,11 @@ def _add_drawing(command: argparse.ArgumentParser, output: str) -> None:
 
 def _assigned(args: argparse.Namespace) -> list[tuple[str, str]]:
     """Assignments of --set, with --unit as the parameter Units."""
+    from pdmesh.drawing.parameters import OF_SETTINGS
+
     adapt = [("--adapt", args.adapt)] if args.adapt else []
-    return [*([("Units", args.unit)] if args.unit else []), *adapt, *args.assignments]
+    given = [(OF_SETTINGS.get(name, name), value) for name, value in args.assignments]
+    return [*([("Units", args.unit)] if args.unit else []), *adapt, *given]
 
 
 def _build(args: argparse.Namespace) -> int:
@@ -175,10 +192,13 @@ def _preview(args: argparse.Namespace) -> int:
     from pdmesh.model.node_grid import grid_of
     from pdmesh.reports import preview
 
-    path = commandline.output_path(args.output, args.drawing, ".png", args.force)
+    none = args.json and args.output is None
+    path = None if none else commandline.output_path(args.output, args.drawing, ".png", args.force)
     document = _document(args)
-    preview.save(preview.draw(document, str(args.drawing), args.bonds), path)
-    commandline.report({"output": str(path), "nodes": len(grid_of(document, str(args.drawing)))}, [str(path)], args)
+    if path is not None:
+        preview.save(preview.draw(document, str(args.drawing), args.bonds), path)
+    output, nodes = None if path is None else str(path), len(grid_of(document, str(args.drawing)))
+    commandline.report({"output": output, "nodes": nodes}, [str(path)], args)
     return commandline.OK
 
 
@@ -189,7 +209,7 @@ def _plan_study(args: argparse.Namespace) -> int:
     more = (("--adapt", args.adapt), ("--within", args.within), ("--mode", args.mode != "conservative"))
     for name, value in (*given, *more):
         if value:
-            raise commandline.UsageError(f"{name}: found it beside a study, expected it in {args.drawing}")
+            raise commandline.UsageError(f"{name} cannot be combined with a study; set it in {args.drawing}")
     result = plan_study(args.drawing, args.trust)
     return _say(result, study_plan_lines(result), args)
 
@@ -211,7 +231,7 @@ def _plan(args: argparse.Namespace) -> int:
         from pdmesh.scene.scene import Scene
 
         if not isinstance(scene, Scene):
-            raise SceneError("--within: found a body in space, expected a plate: errors were measured there")
+            raise SceneError("--within is for plates, where errors were measured; leave it out for a body in space")
         found = accuracy_estimate.proposal(scene, args.within)
         reason = accuracy_estimate.because(found.within, found.feature, found.named)
         result = {"proposal": accuracy_estimate.described(found), **plan(found.scene, args.mode)}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import re
 import signal
 import sys
 import threading
@@ -20,16 +21,29 @@ from pdmesh.file_kinds import Kind, mistaken
 from pdmesh.files import irregular
 from pdmesh.plain_text import for_line
 from pdmesh.printing import UnprintedError, leave_stdout, remark, say
-from pdmesh.spelling import nearest
+from pdmesh.spelling import meant
 
 LIBRARIES = tuple(["gmsh", "matplotlib", "meshio", "msgspec", "numba", "numpy", "pillow", "scipy", "shapely", "tqdm"])
-ALIKE = 0.6  # words that are no less are taken for the same one misspelt
 WITHOUT_MEMORY = ("Cannot allocate memory", "cannot allocate memory", "failed to map segment", "can't start new thread")
 OK, FAILURE, BAD_INPUT, UNSTABLE = 0, 1, 2, 3
 BY_SIGNAL = 128  # an exit code less the number of the signal that ended a program, as shells have it
 INTERRUPTED = BY_SIGNAL + signal.SIGINT
 # What asks a program to end: Ctrl-C, a scheduler or a shutdown, a terminal that is closed, which Windows has not
 STOPS = (signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if sys.platform != "win32" else []))
+OF_ARGPARSE = tuple(  # its messages in our words
+    (re.compile(pattern), words)
+    for pattern, words in (
+        (r"^argument (?:COMMAND|([^:]+)): ", r"\1: "),
+        (r"^: ", ""),
+        (r": expected (?:one|at least one|\d+) arguments?$", " has no value; give one"),
+        (r": ignored explicit argument ('.*')$", r" takes no value; leave \1 out"),
+        (r": not allowed with argument (.*)$", r" cannot be combined with \1; use one of them"),
+        (r": invalid (?:int|_count) value: ('.*')$", r": cannot use \1; use a whole number"),
+        (r": invalid float value: ('.*')$", r": cannot use \1; use a number"),
+        (r"^the following arguments are required: (.*)$", r"\1 is missing; give it"),
+        (r"^ambiguous option: (.*) could match (.*)$", r"\1 may stand for \2; write it in full"),
+    )
+)
 
 
 class UsageError(ValueError):
@@ -48,8 +62,12 @@ class Parser(argparse.ArgumentParser):
     """An argument parser that reports an error in one line."""
 
     others: dict[str, Callable[[], argparse.ArgumentParser]]  # of words that other parsers take over, for completion
+    # How --set gives what an unknown option may mean; "" if it means nothing
+    set_by: Callable[[str], str] | None = None
 
     def error(self, message: str) -> NoReturn:
+        for pattern, words in OF_ARGPARSE:
+            message = pattern.sub(words, message)
         self.exit(BAD_INPUT, f"{for_line(f'{self.prog}: {message} (--help says more)')}\n")
 
     def _print_message(self, message: str, file: Any = None) -> None:
@@ -59,10 +77,16 @@ class Parser(argparse.ArgumentParser):
     def parse_args(self, args: Any = None, namespace: Any = None) -> Any:  # argparse types it in two ways
         found, surplus = self.parse_known_args(args, namespace)
         if surplus:
-            word, near = surplus[0], nearest(surplus[0].partition("=")[0], self._options(found), ALIKE)
-            option = f"an option such as {near}" if near else "an option of this command"
-            self.error(f"found '{word}', expected {option if word.startswith('-') else 'nothing there'}")
+            self.error(f"unknown argument '{surplus[0]}'; {self._instead(surplus[0].partition('=')[0], found)}")
         return found
+
+    def _instead(self, word: str, found: argparse.Namespace) -> str:
+        """What to do about an unknown argument."""
+        if not word.startswith("-"):
+            return "leave it out"
+        options = [option for option in self._options(found) if option.startswith("--")]
+        other = meant(word, options, cutoff=1.0) or (self.set_by and self.set_by(word)) or meant(word, options)
+        return f"did you mean {other}?" if other else "leave it out"
 
     def _options(self, found: argparse.Namespace) -> list[str]:
         """The options of this parser and of the chosen command."""
@@ -75,9 +99,10 @@ class Parser(argparse.ArgumentParser):
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if action.choices is None or value in action.choices:
             return
-        near, known = nearest(str(value), map(str, action.choices), ALIKE), ", ".join(map(str, action.choices))
-        expected = f"one such as '{near}', of {known}" if near else f"one of {known}"
-        raise argparse.ArgumentError(action, f"found '{value}', expected {expected}")
+        known = list(map(str, action.choices))
+        near = meant(str(value), known)
+        hint = f" (did you mean '{near}'?)" if near else ""
+        raise argparse.ArgumentError(action, f"'{value}' is unknown; use one of {', '.join(known)}{hint}")
 
 
 class _Version(argparse.Action):
@@ -131,7 +156,9 @@ def add_common_options(parser: argparse.ArgumentParser, output: str, assignment:
         metavar="NAME=VALUE",
         help=assignment,
     )
-    parser.add_argument("--json", action="store_true", help="print the result as JSON on stdout")
+    parser.add_argument(
+        "--json", action="store_true", help="print the result as JSON on stdout; a picture is drawn only with -o then"
+    )
     parser.add_argument("-q", "--quiet", action="store_true", help="print nothing but errors and warnings")
 
 
@@ -144,7 +171,7 @@ def add_trust(parser: argparse.ArgumentParser) -> None:
 def _assignment(text: str) -> tuple[str, str]:
     name, equals, value = text.partition("=")
     if not equals or not name.strip():
-        raise argparse.ArgumentTypeError(f"found '{text}', expected NAME=VALUE")
+        raise argparse.ArgumentTypeError(f"cannot read '{text}'; use NAME=VALUE")
     return name.strip(), value.strip()
 
 
@@ -155,7 +182,7 @@ def share(text: str) -> float:
     except ValueError:
         found = -1.0
     if not 0 < found < 1:
-        raise argparse.ArgumentTypeError(f"found '{text}', expected a share such as 2% or 0.02")
+        raise argparse.ArgumentTypeError(f"cannot read '{text}'; use a share such as 2% or 0.02")
     return found
 
 
@@ -173,23 +200,26 @@ def output_path(given: Path | None, source: Path, suffix: str, force: bool, besi
     UsageError if a file exists and `force` is not set, if it is no regular file, or if the folder is missing.
     """
     if not source.name:
-        raise UsageError(f"{source}: found a folder, expected a file")
+        raise UsageError(f"{source} is a folder; name a file")
     path = given if given is not None else Path(source.name).with_suffix(suffix)
     try:
         found = irregular(path)
     except OSError as error:  # a name that is too long, links in a ring
         raise UsageError(f"{path}: {error.strerror}") from None
     if source.suffix != suffix and path.exists() and source.exists() and path.samefile(source):
-        raise UsageError(f"{path}: found the input itself, expected another file to write to")
+        raise UsageError(f"{path} is the input itself; name another file to write to")
     if path.is_dir() or not path.parent.is_dir():
-        raise UsageError(f"{path}: found {'a' if path.is_dir() else 'no'} folder, expected a file's name in a folder")
+        raise UsageError(
+            f"{path}: {'this is a folder' if path.is_dir() else f'no folder {path.parent}'}; name a file in an"
+            " existing folder"
+        )
     if found is not None:
-        raise UsageError(f"{path}: found {found}, expected a regular file or none; nothing else is written to")
+        raise UsageError(f"{path} is {found}, not a regular file, and is not overwritten; name another file")
     if path.exists() and not force:
-        raise UsageError(f"{path}: found a file there already, expected none (--force overwrites it)")
+        raise UsageError(f"{path} already exists; use --force to overwrite it")
     if path.is_symlink() and (given is None or beside):
         how = "remove it" if beside else "-o follows it"
-        raise UsageError(f"{path}: found a link there, expected a regular file or none ({how})")
+        raise UsageError(f"{path} is a link; {how}")
     return path
 
 
@@ -282,7 +312,7 @@ def check_environment() -> None:
     for name, low, high in (("NUMBA_NUM_THREADS", 1, 4096), ("SOURCE_DATE_EPOCH", 0, 253402300799)):
         text = os.environ.get(name, "")
         if text and not (text.isascii() and text.isdecimal() and low <= int(text[:20]) <= high):
-            raise UsageError(f"{name}: found '{text[:40]}', expected a whole number from {low} to {high}, or none")
+            raise UsageError(f"{name} is '{text[:40]}'; set it to a whole number from {low} to {high}, or unset it")
 
 
 def expect_memory(least: int) -> None:
@@ -319,7 +349,7 @@ def said(error: Exception, exits: Callable[[], dict[type[Exception], int]]) -> t
     if isinstance(error, UsageError | trust.SettingsError):
         return BAD_INPUT, str(error)
     if _lacks_memory(error):
-        return FAILURE, "found too little memory, expected more (is there a limit, ulimit -v?)"
+        return FAILURE, "not enough memory; use fewer nodes, or raise the limit (ulimit -v)"
     if isinstance(error, OSError):
         return FAILURE, f"{error.filename or ''}: {error.strerror or error}".lstrip(": ")
     code = next((code for kind, code in exits().items() if isinstance(error, kind)), None)

@@ -16,7 +16,7 @@ class Completion(argparse.Action):
         try:
             import shtab
         except ImportError:
-            parser.error("--completion: found no package shtab, expected it: pip install 'pdsuite[completion]'")
+            parser.error("--completion needs the package shtab; install it: pip install 'pdsuite[completion]'")
         for word, other in getattr(parser, "others", {}).items():
             _complete_word(parser, word, other())
         _complete_files(parser, shtab, str(shell))

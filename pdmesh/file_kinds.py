@@ -69,11 +69,11 @@ def mistaken(path: Path, *expected: Kind) -> str | None:
     wanted = " or ".join(kind.value for kind in expected)
     try:
         if path.is_dir():
-            return f"{path}: found a folder, expected {wanted}"
+            return f"{path} is a folder; name {wanted}"
         kind = None if irregular(path) else kind_of(path)
     except OSError:
         return None  # whoever reads it says why it cannot be read
     if kind is None or kind in expected:
         return None
     named = shlex.quote(str(path)) + " --trust" * (kind is Kind.DRAWING and path.suffix.lower() == ".py")
-    return f"{path}: found {kind.value}, expected {wanted}; {TAKEN[kind].format(path=named)}"
+    return f"{path} is {kind.value}, and {wanted} is needed; {TAKEN[kind].format(path=named)}"

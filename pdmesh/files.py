@@ -25,12 +25,12 @@ def check_regular(path: Path, largest: int = LARGEST) -> None:
     """Raise OSError, with a message in ``strerror``, unless there is a regular file of at most `largest` bytes."""
     found = os.stat(path)
     if stat.S_ISDIR(found.st_mode):
-        raise IsADirectoryError(errno.EISDIR, "found a folder, expected a file", str(path))
+        raise IsADirectoryError(errno.EISDIR, "is a folder; name a file", str(path))
     kind = KINDS.get(stat.S_IFMT(found.st_mode))
     if kind:
-        raise OSError(errno.EINVAL, f"found {kind}, expected a file", str(path))
+        raise OSError(errno.EINVAL, f"is {kind}; name a regular file", str(path))
     if found.st_size > largest:
-        raise OSError(errno.EFBIG, f"found {found.st_size} bytes, expected at most {largest}", str(path))
+        raise OSError(errno.EFBIG, f"has {found.st_size} bytes; at most {largest} are read", str(path))
 
 
 def read_bytes(path: Path, largest: int = LARGEST) -> bytes:
@@ -64,7 +64,7 @@ def replacing(path: Path) -> Iterator[Path]:
 
     found = irregular(path)
     if found is not None:
-        raise OSError(errno.EEXIST, f"found {found}, expected a regular file or none", str(path))
+        raise OSError(errno.EEXIST, f"is {found}; name a regular file", str(path))
     target, part = Path(os.path.realpath(path)), None
     try:
         handle, part = mkstemp(dir=target.parent, prefix=".", suffix=".part")

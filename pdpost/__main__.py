@@ -11,6 +11,7 @@ from pathlib import Path
 
 from pdmesh import commandline
 from pdmesh.file_kinds import Kind
+from pdmesh.spelling import meant
 from pdpost.commands import (
     animate_and_watch,
     bodies,
@@ -39,7 +40,8 @@ OF_BODIES = (
 
 def parser() -> argparse.ArgumentParser:
     """The command line of pdpost."""
-    program = commandline.program("pdpost", "Show what a peridynamic run has found.")
+    program = commandline.program("pdpost", "Draw and measure the results of a peridynamic run.")
+    program.set_by = _matplotlib
     commands = program.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for group in (
         pictures,
@@ -61,6 +63,12 @@ def parser() -> argparse.ArgumentParser:
     ):
         group.add(commands)
     return program
+
+
+def _matplotlib(word: str) -> str:
+    """The setting of matplotlib that an unknown option may mean, as --set gives it; "" if there is none."""
+    name = meant(word, ("savefig.dpi", "font.size", "figure.figsize", "image.cmap"), cutoff=1.0)
+    return f"--set {name}=VALUE" if name else ""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -111,7 +119,7 @@ def _refuse_bodies(args: argparse.Namespace) -> None:
         with suppress(ResultsError, StudyError, OSError), Results.open(stands_for([path])[0].path) as results:
             dimension = results.dimension
         if dimension == 3:
-            raise ResultsError(f"{path}: found a body in space, expected a plate; {OF_BODIES} show bodies")
+            raise ResultsError(f"{path} is a body in space, and this command draws plates; {OF_BODIES} show bodies")
 
 
 def _exits() -> dict[type[Exception], int]:

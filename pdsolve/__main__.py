@@ -14,13 +14,12 @@ from typing import TYPE_CHECKING, Any
 
 from pdmesh import commandline
 from pdmesh.file_kinds import Kind
-from pdmesh.model.bond_counts import crack_energy, pair_count
+from pdmesh.model.bond_counts import pair_count
 from pdmesh.plain_text import visible
 from pdmesh.printing import say
-from pdmesh.spelling import nearest
+from pdmesh.spelling import ALIKE, nearest
 from pdsolve.ranks import launch
 from pdsolve.run.progress import Watch
-from pdsolve.run.wall_time import wall_time
 
 if TYPE_CHECKING:
     from pdmesh.model.document import Settings
@@ -28,11 +27,21 @@ if TYPE_CHECKING:
     from pdsolve.run.estimate import Plan
 
 
+NAMES = {"assignments": "--set", "one_file": "--one-file-up-to"}  # of options whose arguments are called otherwise
+
+
 def parser() -> argparse.ArgumentParser:
     """The command line of pdsolve."""
     program = commandline.program("pdsolve", "Solve a peridynamic model and write its results as an SQLite database.")
     program.epilog = "`pdsolve study study.toml` solves many models (`pdsolve study --help`)."
     program.others = {"study": _study_parser}
+    program.set_by = _setting
+    program.add_argument(
+        "--help-settings",
+        action=_HelpSettings,
+        nargs=0,
+        help="print all settings with unit, default, values and meaning, as tables in Markdown, and end",
+    )
     program.add_argument("model", type=Path, help="a grid file in JSON; with --resume, a database of results")
     commandline.add_common_options(
         program,
@@ -69,15 +78,9 @@ def parser() -> argparse.ArgumentParser:
         action="append",
         default=[],
         metavar="X,Y",
-        help="record the motion of the node nearest to a point (run.probes)",
+        help="record the motion of the node nearest to a point, m, or such as 5,20mm (run.probes)",
     )
-    program.add_argument(
-        "--until",
-        metavar="split|quiet:S",
-        help="stop when the plate has split in two, or when no bond has broken for S seconds (run.until)",
-    )
-    program.add_argument("--static", action="store_true", help="solve for equilibrium, in load steps (run.solver)")
-    program.add_argument("--float", action="store_true", help="hold unsupported bodies softly (run.static.floating)")
+    _add_ends(program)
     program.add_argument("--dry-run", action="store_true", help="estimate memory and time of the run, solve nothing")
     program.add_argument(
         "--resume",
@@ -85,6 +88,16 @@ def parser() -> argparse.ArgumentParser:
         help="continue a run from its last checkpoint, bit-identical on the same kind of processor",
     )
     return program
+
+
+def _setting(word: str) -> str:
+    """The setting that an unknown option may mean, as --set gives it; "" if there is none."""
+    from pdmesh.model.document import Settings
+    from pdmesh.model.suggestions import dotted_names
+    from pdmesh.spelling import meant
+
+    name = meant(word, dotted_names(Settings), cutoff=1.0)
+    return f"--set {name}=VALUE" if name else ""
 
 
 def _add_machine(program: argparse.ArgumentParser) -> None:
@@ -114,6 +127,27 @@ class _Device(argparse.Action):
         if values == "list":
             parser.exit(commandline.run("pdsolve", _list_devices, _exits))
         setattr(namespace, self.dest, values)
+
+
+def _add_ends(program: argparse.ArgumentParser) -> None:
+    """Add the options of when a run ends, and of equilibrium."""
+    program.add_argument(
+        "--until",
+        metavar="split|quiet:S",
+        help="stop when the plate has split in two, or when no bond has broken for S seconds, such as 20us (run.until)",
+    )
+    program.add_argument("--static", action="store_true", help="solve for equilibrium, in load steps (run.solver)")
+    program.add_argument("--float", action="store_true", help="hold unsupported bodies softly (run.static.floating)")
+
+
+class _HelpSettings(argparse.Action):
+    """Print the settings of a model and end."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        from pdmesh.model.settings_table import markdown, settings
+
+        say("\n".join(markdown(settings())))
+        parser.exit(commandline.OK)
 
 
 def _list_devices() -> int:
@@ -153,6 +187,7 @@ def _solve(args: argparse.Namespace, ranks: Team | None) -> int:
         from pdsolve.results import ResultsWarning, is_empty, state_of
         from pdsolve.run.after_path import name_of
         from pdsolve.run.simulation import Options, resume, simulate
+        from pdsolve.run.summary_lines import summary_lines
 
     large_arrays_apart()
     _refuse_other_options(args)
@@ -171,7 +206,7 @@ def _solve(args: argparse.Namespace, ranks: Team | None) -> int:
             options = options if args.one_file is None else options._replace(one_file=args.one_file)
             model = read_model(args.model, args.settings, [*args.assignments, *_flags(args)])
             if args.float and "static" not in (model.settings.run.solver, model.settings.run.start):
-                raise commandline.UsageError("--float: found a run in time, expected --static or run.start static")
+                raise commandline.UsageError("--float is for equilibrium; use --static or run.start static with it")
             _refuse_unused(args, model.settings)
             if args.dry_run:
                 from pdsolve.run.estimate import estimate_run
@@ -187,7 +222,7 @@ def _solve(args: argparse.Namespace, ranks: Team | None) -> int:
                 results = simulate(model, path, options, watch, visible(shlex.join(["pdsolve", *sys.argv[1:]])))
         with results:
             path, meta, summary = Path(results.name), results.meta(), results.summary()
-    lines = _lines(path, summary)
+    lines = summary_lines(path, summary)
     if meta["status"] == "interrupted":
         words = f"interrupted; to go on: pdsolve --resume {path}"
         if ranks is None:
@@ -204,7 +239,9 @@ def _refuse_other_options(args: argparse.Namespace) -> None:
     own = ("output", "settings", "mode", "precision", "assignments", "every", "fields", "probe", "until")
     changed = [name for name in (*own, "static", "float", "adapt", "cracks", "one_file") if getattr(args, name)]
     if args.resume and changed:
-        raise commandline.UsageError(f"--resume: found {changed[0]} given anew, expected a run to keep its own")
+        raise commandline.UsageError(
+            f"--resume keeps the options of the run; leave out {NAMES.get(changed[0], f'--{changed[0]}')}"
+        )
 
 
 def _begun_anew(args: argparse.Namespace, is_empty: Callable[[Path], bool]) -> argparse.Namespace:
@@ -264,7 +301,7 @@ def _flags(args: argparse.Namespace) -> list[tuple[str, str]]:
     if args.fields is not None:
         flags.append(("run.fields", args.fields))
     if args.probe:
-        flags.append(("run.probes", f"[{', '.join(f'[{place}]' for place in args.probe)}]"))
+        flags.append(("run.probes", f"[{', '.join(_place(place) for place in args.probe)}]"))
     if args.static:
         flags.append(("run.solver", "static"))
     if args.float:
@@ -272,13 +309,33 @@ def _flags(args: argparse.Namespace) -> list[tuple[str, str]]:
     if args.until is not None:
         kind, _, quiet = args.until.partition(":")
         if (kind == "quiet") != bool(quiet):
-            raise commandline.UsageError(f"--until: found '{args.until}', expected split or quiet:SECONDS")
-        flags += [("run.until", kind), *([("run.quiet", quiet)] if quiet else [])]
+            raise commandline.UsageError(f"--until: cannot read '{args.until}'; use split or quiet:SECONDS")
+        flags += [("run.until", kind), *([("run.quiet", _time(quiet))] if quiet else [])]
     return flags
 
 
+def _place(text: str) -> str:
+    """A place X,Y or X,Y,Z as a list in TOML, m. Raises UsageError."""
+    from pdmesh.quantities import UNITS, quantities
+
+    try:
+        return f"[{', '.join(map(repr, quantities(text, UNITS)))}]"
+    except ValueError:
+        raise commandline.UsageError(f"--probe: cannot read '{text}'; use X,Y in m, or such as 5,20mm") from None
+
+
+def _time(text: str) -> str:
+    """A time as a number in TOML, s. Raises UsageError."""
+    from pdmesh.quantities import TIMES, quantity
+
+    try:
+        return repr(quantity(text, TIMES))
+    except ValueError:
+        raise commandline.UsageError(f"--until: cannot read '{text}'; use seconds, or such as 20us") from None
+
+
 def _show_plan(found: Plan, args: argparse.Namespace) -> int:
-    steps = f"{found.steps} steps of {found.time_step:.4g} s (surely stable up to {found.stable_time_step:.4g} s)"
+    steps = f"{found.steps} steps of {found.time_step:.4g} s (stable up to {found.stable_time_step:.4g} s)"
     if found.at_rest:
         steps = f"{found.steps} load steps of {found.time_step:.4g} s, times without cracks"
     if found.along_path:
@@ -318,91 +375,6 @@ def _show_what_is_left(path: Path, args: argparse.Namespace) -> int:
     return commandline.OK
 
 
-def _lines_of_masses(path: Path, summary: dict[str, Any]) -> list[str]:
-    masses, share = summary["masses"], summary["dissolved_share"]
-    lines = [
-        f"{path}: {summary['nodes']} nodes, {summary['bonds']} bonds, {summary['steps']} steps of"
-        f" {summary['method']} to {summary['time']:.4g} s",
-        wall_time(summary),
-        _amounts(summary),
-    ]
-    if share is not None:
-        lines.append(
-            f"dissolved {share:.2%}, {masses['dissolved']:.6g} mol; solid left {masses['solid']:.6g},"
-            f" its surface {masses['surface']:.6g}"
-        )
-    return lines
-
-
-def _amounts(summary: dict[str, Any]) -> str:
-    """Where a substance or heat is, and where it has gone."""
-    found = summary.get("amounts") or summary["masses"] | {"unit": "mol"}  # files of earlier releases
-    return (
-        f"{found['unit']}: inside {found['inside']:.6g}, gone out {found['through']:.6g}, supplied"
-        f" {found['supplied']:.6g} (balance {summary['balance']:+.1e})"
-    )
-
-
-def _how_far(summary: dict[str, Any]) -> tuple[str, str]:
-    """The kind of a run's steps, and where they ended."""
-    if "load_steps" in summary:
-        return "load steps", f"{summary['time']:.4g} s"
-    if "path_steps" in summary:
-        last, most = summary["path_steps"][-1], max(abs(step["pull"]) for step in summary["path_steps"]) or 1.0
-        load = f"{last['factor']:.4g} of the loads, {abs(last['pull']) / most:.1%} of their largest"
-        return "path steps", f"{load}, {summary['ended']}" if summary.get("ended") else load
-    if "fatigue_steps" in summary:
-        ended = f", {summary['ended'] or 'its last step'}"
-        return "steps of jumps", f"{summary['fatigue_steps'][-1]['cycles']:.6g} cycles{ended}"
-    factor, unit = (1e6, "us") if summary["time"] < 1e-2 else (1e3, "ms") if summary["time"] < 0.1 else (1.0, "s")
-    return "steps", f"{summary['time'] * factor:.4g} {unit}"
-
-
-def _lines(path: Path, summary: dict[str, Any]) -> list[str]:
-    if summary.get("physics") == "diffusion":
-        return _lines_of_masses(path, summary)
-    energy, rested = (
-        summary["energy"],
-        summary.get("load_steps") or summary.get("path_steps") or summary.get("fatigue_steps"),
-    )
-    what, until = _how_far(summary)
-    how = None
-    if rested:
-        iterations, residual = sum(step["iterations"] for step in rested), max(step["residual"] for step in rested)
-        how = f" {iterations} iterations of {summary['method']}, residual {residual:.1e} at most"
-    unit = summary.get("energy_unit", "J/m")
-    damped = "".join(f" + {name} {energy[name]:.4g}" for name in ("damped", "friction") if energy[name])
-    lines = [
-        f"{path}: {summary['nodes']} nodes, {summary['bonds']} bonds, {summary['steps']} {what} to"
-        f" {until}, {summary['mode']} mode, {summary['precision']}",
-        wall_time(summary, how),
-        f"broken bonds {summary['broken_bonds']}; energy, {unit}:"
-        f" work {energy['work']:.4g} = kinetic {energy['kinetic']:.4g} + strain {energy['strain']:.4g}"
-        f" + dissipated {energy['dissipated']:.4g}{damped} (balance {summary['balance']:+.1e} of what was put in)",
-    ]
-    if summary.get("cracks"):
-        lines.append(crack_energy(summary["cracks"], unit))
-    heat = summary.get("diffusion")
-    if heat is not None:
-        lines.append(f"content, {_amounts(heat)}, {heat['method']}")
-    fine = summary.get("hybrid")
-    if fine is not None:
-        coarse = "pairs of coarse nodes" if summary["kernel"] == "collocation" else "clipped bonds"
-        lines.append(
-            f"{summary['kernel']}: {fine['fine_share']:.1%} of the {'plate' if unit == 'J/m' else 'body'} is fine;"
-            f" {coarse} were stretched to {fine['clipped_stretch']:.2f} of what breaks a bond; refining made"
-            f" {fine['refinement']:+.3g} {unit}"
-        )
-    if "particles" in summary:
-        lines.append(f"cracks have {summary['particles']} particles")
-        lines += summary["remarks"]
-    cells = summary.get("split")
-    if cells is not None:
-        made = f"splitting and merging made {cells['refinement']:+.3g} J/m"
-        lines.append(f"split: {cells['fine_share']:.1%} of the plate is fine; {made}")
-    return lines
-
-
 def main(argv: Sequence[str] | None = None) -> int:
     """Run pdsolve; returns its exit code."""
     words = commandline.words(argv)
@@ -410,8 +382,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         from pdsolve.study import command
 
         return launch.alone("pdsolve study", lambda: command.main(words[1:]))
-    if nearest(words[0] if words else "", ["study"], commandline.ALIKE) and not Path(words[0]).exists():
-        parser().error(f"found '{words[0]}', expected a model's file, or the word study")
+    if nearest(words[0] if words else "", ["study"], ALIKE) and not Path(words[0]).exists():
+        parser().error(f"'{words[0]}' is no file; give a model's file, or the word study")
     return launch.together(lambda ranks: _alone(words, ranks), _exits)
 
 

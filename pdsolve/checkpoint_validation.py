@@ -34,19 +34,19 @@ def entry(
     """
     kind, found = np.dtype(kind), kept.get(name)
     if found is None:
-        raise CheckpointError(f"found no '{name}', expected that of this model")
+        raise CheckpointError(f"'{name}' is missing, which this model has")
     if found.dtype != kind:
-        raise CheckpointError(f"found '{name}' of type {found.dtype.name}, expected {kind.name}")
+        raise CheckpointError(f"'{name}' has type {found.dtype.name}; it must be {kind.name}")
     wanted = int(np.prod([length for length in shape if length is not None]))
     fits = found.size == wanted if None not in shape else not wanted or found.size % wanted == 0
     if not fits or (not wanted and found.size):
         several = "" if None not in shape else "a multiple of "
-        raise CheckpointError(f"found '{name}' of {found.size} values, expected {several}{wanted}")
+        raise CheckpointError(f"'{name}' has {found.size} values; it must have {several}{wanted}")
     if kind != np.bool_:
         wrong = ~((found >= np.float64(low)) & (found <= np.float64(high))).ravel()  # of NaN too
         if wrong.any():
             value = found.ravel()[wrong.argmax()]
-            raise CheckpointError(f"found {value:.6g} in '{name}', expected numbers from {low:.6g} to {high:.6g}")
+            raise CheckpointError(f"'{name}' has {value:.6g}; it must be numbers from {low:.6g} to {high:.6g}")
     length = found.size // wanted if wanted else 0
     return found.reshape([length if one is None else one for one in shape])
 
@@ -65,15 +65,13 @@ def expect_broken(broken: Broken, step: int, nodes: int) -> None:
     ):
         wrong = (values < low) | (values > high)
         if wrong.any():
-            raise CheckpointError(f"found {what} {values[wrong.argmax()]}, expected {low} to {high}")
+            raise CheckpointError(f"{what} is {values[wrong.argmax()]}; it must be {low} to {high}")
     if len(np.unique(broken.source * nodes + broken.target)) != len(broken.source):
-        raise CheckpointError("found a bond that breaks twice, expected each once")
+        raise CheckpointError("a bond breaks twice")
 
 
 def expect_found(there: NDArray[np.bool_], source: NDArray[np.int64], target: NDArray[np.int64]) -> None:
     """Raise CheckpointError unless all bonds (k,) of these rows are `there` (k,)."""
     if not there.all():
         at = int((~there).argmax())
-        raise CheckpointError(
-            f"found a bond from row {source[at]} to row {target[at]}, expected one that the model has"
-        )
+        raise CheckpointError(f"a bond goes from row {source[at]} to row {target[at]}, which the model does not have")

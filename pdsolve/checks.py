@@ -80,18 +80,18 @@ def refuse(model: Model, partial_cells: bool) -> None:
         for name in ("E", "rho", "G0"):
             value = getattr(material, name)
             if value < LEAST:
-                raise ModelError(f"{place}.{name}: found {value:g}, expected {LEAST:g} to {MOST:g} in SI units")
+                raise ModelError(f"{place}.{name} is {value:g}; use {LEAST:g} to {MOST:g} in SI units")
         ratio = model.settings.horizon.ratio
         if material.law == "cohesive" and (widest := _widest(model, number)) >= largest_horizon(material, ratio):
             raise ModelError(
-                f"{place}.f_t: found l_ch = E G0 / f_t^2 = {characteristic_length(material):.4g} m with a horizon of"
-                f" {widest:g} m, expected a horizon below {largest_horizon(material, ratio):.4g} m: bonds hold more"
-                " than G0 when they begin to soften"
+                f"{place}.f_t gives l_ch = E G0 / f_t^2 = {characteristic_length(material):.4g} m with a horizon of"
+                f" {widest:g} m; use a horizon below {largest_horizon(material, ratio):.4g} m: bonds hold more than"
+                " G0 when they begin to soften"
             )
         if not lattice_ratios(ratio, material.micromodulus, material.plane, partial_cells).c11 > ROUND_OFF:
             raise ModelError(
-                f"{model.name}: $.horizon.ratio: found {ratio:g}, where bonds of a {material.micromodulus}"
-                " micromodulus have no stiffness, expected more than 1 (3 is usual)"
+                f"{model.name}: $.horizon.ratio is {ratio:g}, where bonds of a {material.micromodulus} micromodulus"
+                " have no stiffness; use more than 1 (3 is usual)"
             )
 
 
@@ -109,7 +109,7 @@ def refuse_fields(model: Model, operator: Operator, state: State) -> None:
     for name in asked:
         if name not in there:
             expected = ", ".join((*known, *there))
-            raise ModelError(f"{model.name}: $.run.fields: found '{name}', expected one of {expected}")
+            raise ModelError(f"{model.name}: $.run.fields has '{name}'; use one of {expected}")
 
 
 def advise(model: Model, unbonded: NDArray[np.int64], partial_cells: bool, symmetric: bool) -> None:
@@ -122,8 +122,8 @@ def advise(model: Model, unbonded: NDArray[np.int64], partial_cells: bool, symme
     if stiffest > softest and not symmetric:
         warn(
             model,
-            f"$.regions: found E from {softest:g} to {stiffest:g} Pa, expected one E in the thesis mode: a bond has the"
-            " constants of its own node there, and carries no stress from one material to the other",
+            f"$.regions: E goes from {softest:g} to {stiffest:g} Pa, and the thesis mode needs one E: a bond has"
+            " the constants of its own node there, and carries no stress from one material to the other",
         )
     _digits(model)
     if model.grid.lattice is None:
@@ -148,8 +148,8 @@ def _few_neighbours(model: Model, partial_cells: bool, symmetric: bool) -> None:
             young = f": E along the axes is {along_axes(material, ratio).young:.3g} times that given" if springs else ""
             warn(
                 model,
-                f"$.horizon.ratio: found {ratio:g}, where only the {number} nearest nodes pull and nothing resists"
-                f" shear{young}, expected 1.5 or more (3 is usual)",
+                f"$.horizon.ratio is {ratio:g}, where only the {number} nearest nodes pull and nothing resists"
+                f" shear{young}; use 1.5 or more (3 is usual)",
             )
             return
         beams = material.model == "micropolar" and material.law != "cohesive" and material.influence is None
@@ -158,8 +158,8 @@ def _few_neighbours(model: Model, partial_cells: bool, symmetric: bool) -> None:
             where = ("with micropolar beams", "") if beams else ("in the thesis mode", ", or the conservative mode")
             warn(
                 model,
-                f"$.horizon.ratio: found {ratio:g} {where[0]}, whose lattice is not calibrated: E along the axes is"
-                f" {own.young:.3g} times that given and Poisson's ratio {own.poisson:.3g}, expected {USUAL_RATIO:g} or"
+                f"$.horizon.ratio is {ratio:g} {where[0]}, whose lattice is not calibrated: E along the axes is"
+                f" {own.young:.3g} times that given and Poisson's ratio {own.poisson:.3g}; use {USUAL_RATIO:g} or"
                 f" more{where[1]}",
             )
             return
@@ -178,8 +178,8 @@ def _coarse(model: Model) -> None:
             if widest > most:
                 warn(
                     model,
-                    f"$.horizon: found {widest:g} m, expected {most:.4g} m or less, {COARSE:.2g} of l_ch ="
-                    " E G0 / f_t^2: strengths of coarser lattices are not known; a finer spacing shortens it",
+                    f"$.horizon is {widest:g} m, more than {most:.4g} m, {COARSE:.2g} of l_ch = E G0 / f_t^2:"
+                    " strengths of coarser lattices are not known; use a finer spacing",
                 )
 
 
@@ -197,8 +197,8 @@ def _smooth_edges(model: Model) -> None:
     if all(each.area > (1 - CONVEX) * each.convex_hull.area for each in plates):
         warn(
             model,
-            "found no notch, hole or pre-crack in a plate of cohesive bonds on point supports, expected one if it"
-            " bends: a beam that cracks from its smooth edge carries 16 to 24 % more than f_t and G0 give, the more the"
+            "a plate of cohesive bonds on point supports has no notch, hole or pre-crack; add one if it bends: a"
+            " beam that cracks from its smooth edge carries 16 to 24 % more than f_t and G0 give, the more the"
             " finer",
         )
 
@@ -229,8 +229,8 @@ def _digits(model: Model) -> None:
     if known > needed:
         warn(
             model,
-            f"$.nodes: found coordinates up to {farthest:.3g} m, known to {known:.2g} m, expected {needed:.2g} m or"
-            f" better for horizons of {least:.3g} m; round-off decides who sees whom, move the plate to the origin",
+            f"$.nodes: coordinates up to {farthest:.3g} m are known to {known:.2g} m, and horizons of {least:.3g} m"
+            f" need {needed:.2g} m: round-off decides who sees whom; move the plate to the origin",
         )
 
 
@@ -242,13 +242,13 @@ def _places(model: Model, found: Nearest) -> None:
     pair = f"{named(model, row)} and {named(model, int(found.row[row]))}"
     if near[row] < SAME:
         raise ModelError(
-            f"{model.name}: $.nodes: found {pair}, {found.distance[row]:.3g} m apart, which is the same place but"
-            " for round-off, expected them apart"
+            f"{model.name}: $.nodes: {pair} are {found.distance[row]:.3g} m apart, which is the same place but for"
+            " round-off; move them apart"
         )
     if near[row] < CLOSE:
         warn(
             model,
-            f"$.nodes: found {pair}, {near[row]:.2g} spacings apart, expected about one; so stiff a bond makes the"
+            f"$.nodes: {pair} are {near[row]:.2g} spacings apart, and about one is usual; so stiff a bond makes the"
             " stable time step small",
         )
     jump = np.where(np.isfinite(found.distance), grid.delta / grid.delta[found.row], 1.0)
@@ -257,8 +257,8 @@ def _places(model: Model, found: Nearest) -> None:
     if jump[row] > JUMP:
         warn(
             model,
-            f"$.nodes: found spacings of {grid.delta[row]:g} and {grid.delta[found.row[row]]:g} m next to each other,"
-            f" {named(model, row)}, expected steps of at most 2 (pdmesh grades zones so); the jump reflects waves",
+            f"$.nodes: spacings of {grid.delta[row]:g} and {grid.delta[found.row[row]]:g} m are next to each other,"
+            f" {named(model, row)}; use steps of at most 2 (pdmesh grades zones so): the jump reflects waves",
         )
 
 
@@ -294,9 +294,9 @@ def _cracks(model: Model) -> NDArray[np.int64]:
         if on.any():
             warn(
                 model,
-                f"$.notch[{number}]: found through {on.sum()} nodes, the first {named(model, int(rows[on.argmax()]))},"
-                " expected between nodes (pdmesh shifts its lattice); all bonds of such a node are cut, or those to one"
-                " side by round-off",
+                f"$.notch[{number}] runs through {on.sum()} nodes, the first"
+                f" {named(model, int(rows[on.argmax()]))}; put it between nodes (pdmesh shifts its lattice): all"
+                " bonds of such a node are cut, or those to one side by round-off",
             )
         hit |= on
     return np.asarray(rows[hit])
@@ -314,14 +314,14 @@ def _faces(model: Model, hit: NDArray[np.int64]) -> NDArray[np.int64]:
     if len(hit):
         warn(
             model,
-            f"$.notch: found through {len(hit)} nodes, the first {named(model, int(hit[0]))}, expected between"
-            " nodes; all bonds of such a node are cut",
+            f"$.notch runs through {len(hit)} nodes, the first {named(model, int(hit[0]))}; put it between nodes:"
+            " all bonds of such a node are cut",
         )
     return hit
 
 
 def _probes(model: Model) -> None:
-    """Warn of probes outside the plate."""
+    """Raise ModelError for a probe outside the plate or the body."""
     grid = model.grid
     places = np.reshape(model.settings.run.probes, (-1, grid.dimension))
     if not len(places):
@@ -329,10 +329,10 @@ def _probes(model: Model) -> None:
     away, row = grid.nearest(places)
     for number in np.flatnonzero(away > grid.delta[row]).tolist():
         place = ", ".join(f"{value:g}" for value in places[number])
-        warn(
-            model,
-            f"$.run.probes[{number}]: found ({place}) m, off the plate; the nearest node is watched,"
-            f" {named(model, int(row[number]))}",
+        whole = "plate" if grid.dimension == 2 else "body"
+        raise ModelError(
+            f"{model.name}: $.run.probes[{number}]: ({place}) m is outside of the {whole}; use a place in it, such as"
+            f" that of the nearest node, {named(model, int(row[number]))}"
         )
 
 
@@ -340,8 +340,8 @@ def _lonely(model: Model, lonely: NDArray[np.int64]) -> None:
     if len(lonely):
         warn(
             model,
-            f"$.nodes: found {len(lonely)} without a bond, the first {named(model, int(lonely[0]))}, expected"
-            " neighbours within the horizon, inside the plate; nothing holds such a node back",
+            f"$.nodes: {len(lonely)} have no bond, the first {named(model, int(lonely[0]))}; nothing holds such a"
+            " node back: give it neighbours within the horizon, inside the plate",
         )
 
 
@@ -354,15 +354,15 @@ def _shapes(model: Model) -> None:
     if widest > extent / 2 * (1 + ROUND_OFF):
         warn(
             model,
-            f"$.horizon: found {widest:g} m in a plate of {extent:g} m, expected less than half of it; every node is a"
+            f"$.horizon is {widest:g} m in a plate of {extent:g} m; use less than half of it: every node is a"
             " surface node, and the plate too stiff",
         )
     if _is_flat(grid, extent):
         one, more = ("row", "rows") if model.grid.dimension == 2 else ("layer", "layers")
         warn(
             model,
-            f"$.nodes: found all {len(grid)} in one {one}, expected several {more}; bonds along a {one} do not"
-            " resist motion across it",
+            f"$.nodes: all {len(grid)} are in one {one}; use several {more}: bonds along a {one} do not resist"
+            " motion across it",
         )
 
 
@@ -388,8 +388,8 @@ def advise_made(model: Model, made: float, put_in: float) -> None:
         return
     warn(
         model,
-        f"changes of cells made {100 * made / put_in:+.2g} % of the energy put in, expected {100 * MADE:g} % at most;"
-        " a smaller run.hybrid.kappa helps",
+        f"changes of cells made {100 * made / put_in:+.2g} % of the energy put in, more than {100 * MADE:g} %; a smaller"
+        " run.hybrid.kappa helps",
     )
 
 
@@ -403,8 +403,8 @@ def advise_spent(model: Model, created: float, put_in: float, spent: float) -> N
     if created > (1 - TAKEN) * spent > 0:
         warn(
             model,
-            f"bonds that broke took {1 - created / spent:.2f} of their energy from the motion, expected {TAKEN:g} at"
-            " least: they break within a step or two; a smaller run.time_step resolves it",
+            f"bonds that broke took {1 - created / spent:.2f} of their energy from the motion, and {TAKEN:g} is the"
+            " least: they break within a step or two; use a smaller run.time_step",
         )
 
 
@@ -416,19 +416,19 @@ def closing(model: Model, balance: float, spent: float, symmetric: bool) -> None
     if spent < 0:
         warn(
             model,
-            f"found {spent:.3g} J/m spent on breaking bonds, expected 0 or more: compressed bonds broke within one"
-            " step, as in a plate that is crushed; a smaller time step resolves it",
+            f"breaking bonds dissipated {spent:.3g} J/m, which is below 0: compressed bonds broke within one step,"
+            " as in a plate that is crushed; use a smaller time step",
         )
     coupled = model.settings.run.adapt == "collocation"
     if coupled and abs(balance) > MUCH:
         warn(
             model,
-            f"the balance of energy is off by {balance:+.2g} of what was put in, expected {MUCH:g} at most: stencils"
-            " beside bonds make or lose it; a larger run.collocation.margin or horizon reduces that",
+            f"the energy balance error is {balance:+.2g} of the energy put in, more than {MUCH:g}: stencils beside"
+            " bonds make or lose it; use a larger run.collocation.margin or horizon",
         )
     if symmetric and not coupled and abs(balance) > LOST:
         warn(
             model,
-            f"the balance of energy is off by {balance:+.2g} of what was put in, expected {LOST:g} at most; check"
-            " the time step, and loads or prescribed motion that begin suddenly",
+            f"the energy balance error is {balance:+.2g} of the energy put in, more than {LOST:g}; check the time"
+            " step, and loads or prescribed motion that begin suddenly",
         )

@@ -134,7 +134,7 @@ def refuse_layers(model: Model) -> None:
     """Raise ModelError for an absorbing layer that covers all nodes."""
     for number, condition in enumerate(model.settings.conditions):
         if isinstance(condition, Absorb) and len(model.selected(condition)) == len(model.grid):
-            raise ModelError(f"{model.name}: $.conditions[{number}]: found all nodes, expected a layer along an edge")
+            raise ModelError(f"{model.name}: $.conditions[{number}] has all nodes; use a layer along an edge")
 
 
 def damping(model: Model, first: int = 0, last: int | None = None) -> NDArray[np.float64]:

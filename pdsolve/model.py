@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -51,7 +52,7 @@ PARTS = {"mechanics": ("material",), "diffusion": ("medium",), "thermoelastic": 
 NEEDED = {"material": "E, rho and G0", "medium": "D"}
 REGIONS = {"material": ("material", "regions"), "medium": ("medium", "media")}
 CONDITIONS = {"material": get_args(OfMechanics), "medium": get_args(OfDiffusion)}
-NESTED = "found values nested too deep to be read, expected those of the grid file"
+NESTED = "values are nested too deep to be read; use those of the grid file"
 
 
 class ModelWarning(UserWarning):
@@ -109,8 +110,7 @@ class Model:
                 own, elsewhere = (getattr(each, name) for each in (region.material, self.settings.material))
                 if own != elsewhere:
                     raise ModelError(
-                        f"{self.name}: $.regions[{number}].material.{name}: found '{own}', expected '{elsewhere}' as"
-                        " elsewhere"
+                        f"{self.name}: $.regions[{number}].material.{name} is '{own}'; use '{elsewhere}' as elsewhere"
                     )
 
     def _resolve_fracture_energies(self) -> None:
@@ -136,20 +136,22 @@ class Model:
         for part, needed in NEEDED.items():
             if part in PARTS[physics] and getattr(settings, part) is None:
                 raise ModelError(
-                    f"{self.name}: $.{part}: found none, expected {needed}"
-                    f" (in the file, a --settings TOML or --set {part}.{needed.split(',')[0]}=...)"
+                    f"{self.name}: $.{part} is missing; give {needed} (in the file, a --settings TOML or --set"
+                    f" {part}.{needed.split(',')[0]}=...)"
                 )
             for name in REGIONS[part]:
                 if part not in PARTS[physics] and getattr(settings, name):
                     other = next(each for each, parts in PARTS.items() if parts == (part,))
                     both = ", or 'thermoelastic' with its alpha and T0" if physics == "diffusion" else ""
-                    raise ModelError(f"{self.name}: $.{name}: found some, expected none, or physics = '{other}'{both}")
+                    raise ModelError(
+                        f"{self.name}: $.{name} cannot be used; leave it out, or use physics = '{other}'{both}"
+                    )
         kinds = tuple(kind for part in PARTS[physics] for kind in CONDITIONS[part])
         for number, condition in enumerate(settings.conditions):
             if not isinstance(condition, kinds):
                 expected = ", ".join(str(kind.__struct_config__.tag) for kind in kinds)
                 raise ModelError(
-                    f"{self.name}: $.conditions[{number}]: found {condition.__struct_config__.tag}, expected one of"
+                    f"{self.name}: $.conditions[{number}] is {condition.__struct_config__.tag}; use one of"
                     f" {expected}, as the physics is {physics}"
                 )
 
@@ -198,7 +200,7 @@ class Model:
         assert self.settings.material is not None
         if self.settings.material.plane == refused:
             expected = "stress or strain" if self.grid.dimension == 2 else "space"
-            raise ModelError(f"{self.name}: $.material.plane: found '{refused}', expected {expected} in {what}")
+            raise ModelError(f"{self.name}: $.material.plane is '{refused}'; use {expected} in {what}")
 
     def _check_places(self) -> None:
         if _ascend(self.grid.position):
@@ -208,13 +210,15 @@ class Model:
         if same.any():
             at = int(same.argmax())
             first, second = sorted(self.grid.ids[order[at : at + 2]].tolist())
-            raise ModelError(f"{self.name}: $.nodes: found {first} and {second} at the same place, expected them apart")
+            raise ModelError(f"{self.name}: $.nodes: {first} and {second} are at the same place; move them apart")
 
     def _check_end(self, run: Run) -> None:
         if run.until == "quiet" and run.quiet is None:
-            raise ModelError(f"{self.name}: $.run.quiet: found none, expected seconds, as until is quiet")
+            raise ModelError(f"{self.name}: $.run.quiet is missing; give seconds, as until is quiet")
         if run.until is None and run.quiet is not None:
-            raise ModelError(f"{self.name}: $.run.quiet: found {run.quiet:g}, expected none, as until is not quiet")
+            raise ModelError(
+                f"{self.name}: $.run.quiet ({run.quiet:g}) is not used, as until is not quiet; leave it out"
+            )
 
     @cached_property
     def materials(self) -> tuple[Material, ...]:
@@ -344,7 +348,7 @@ def _refuse_planes(path: Path, settings: Path | None, assignments: Sequence[tupl
         material = layer.get("material")
         plane = material.get("plane", "space") if isinstance(material, dict) else "space"
         if plane != "space":
-            raise ModelError(f"{path}: material.plane: found '{plane}', expected space, or none, in a body in space")
+            raise ModelError(f"{path}: material.plane is '{plane}'; use space, or none, in a body in space")
 
 
 def overlaid(
@@ -404,9 +408,21 @@ def _toml_value(name: str, text: str) -> Any:
     try:
         return tomllib.loads(f"value = {text}")["value"]
     except ValueError:
-        return text  # a bare word
+        return _with_unit(name, text)
     except RecursionError:
         raise ModelError(f"--set {name}: {NESTED}") from None
+
+
+def _with_unit(name: str, text: str) -> float | str:
+    """A number such as ``65GPa`` in the unit of its setting; any other text as it is, a bare word."""
+    from pdmesh.quantities import KINDS, NUMBER, quantity
+
+    if NUMBER.fullmatch(text) is not None:
+        from pdmesh.model.settings_table import unit_of  # reads source files
+
+        with suppress(ValueError):
+            return quantity(text, KINDS.get(unit_of(name), {}))
+    return text
 
 
 def _fields(text: str, run: Any) -> list[str]:

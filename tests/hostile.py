@@ -49,29 +49,27 @@ def model(text: str, source: str = "plate.geo") -> str:
 
 ATTACKS = {
     # commands
-    "SystemCall": drawing(TOUCH, "line 1: found 'SystemCall'"),
-    "System": drawing('System "touch touched";\n', "found 'System'"),
-    "NonBlockingSystemCall": drawing(
-        'NonBlockingSystemCall "touch touched; sleep 0";\n', "found 'NonBlockingSystemCall'"
-    ),
-    "OnelabRun": drawing('OnelabRun("touch touched #");\n', "found 'OnelabRun'", real=False),
-    "the command of a field": drawing(FIELD, "line 2: found 'Field'"),
+    "SystemCall": drawing(TOUCH, "line 1: 'SystemCall'"),
+    "System": drawing('System "touch touched";\n', "'System'"),
+    "NonBlockingSystemCall": drawing('NonBlockingSystemCall "touch touched; sleep 0";\n', "'NonBlockingSystemCall'"),
+    "OnelabRun": drawing('OnelabRun("touch touched #");\n', "'OnelabRun'", real=False),
+    "the command of a field": drawing(FIELD, "line 2: 'Field'"),
     "the command of a field, in a variable": drawing(
         FIELD.replace("= ExternalProcess", '= Box;\ns = "ExternalProcess"'),
-        "found 'Field[...].CommandLine'",
+        "'Field[...].CommandLine'",
         real=False,
     ),
-    "a plugin": drawing("Plugin(MathEval).Run;\n", "zones: found none", real=False),
-    "a client": drawing('Solver.Executable0 = "touched";\n', "found 'Solver.Executable0'", real=False),
+    "a plugin": drawing("Plugin(MathEval).Run;\n", "zones: there is none", real=False),
+    "a client": drawing('Solver.Executable0 = "touched";\n', "'Solver.Executable0'", real=False),
     "an option that a parameter sets": drawing(
-        'DefineConstant[a = {1, Name "x", GmshOption "General.LogFileName"}];\n', "found 'GmshOption'", real=False
+        'DefineConstant[a = {1, Name "x", GmshOption "General.LogFileName"}];\n', "'GmshOption'", real=False
     ),
     "a script in a string": drawing(
-        "Geometry.DoubleClickedPointCommand = \"SystemCall 'x';\";\n", "zones: found none", False
+        "Geometry.DoubleClickedPointCommand = \"SystemCall 'x';\";\n", "zones: there is none", False
     ),
-    "a word made of strings": drawing('StringToName["SystemCall"] "touch touched";\n', "found 'StringToName'"),
-    "the same, short": drawing('S2N[StrCat("System", "Call")] "touch touched";\n', "found 'S2N'"),
-    "the same, in pieces": drawing('DefineConstant[a]; S2N["SystemCall"] "touch touched";\n', "found 'S2N'"),
+    "a word made of strings": drawing('StringToName["SystemCall"] "touch touched";\n', "'StringToName'"),
+    "the same, short": drawing('S2N[StrCat("System", "Call")] "touch touched";\n', "'S2N'"),
+    "the same, in pieces": drawing('DefineConstant[a]; S2N["SystemCall"] "touch touched";\n', "'S2N'"),
     "a name that is defined first": drawing('SystemCall = 1;\nSystemCall "touch touched";\n', "Gmsh says:"),
     "a name that is defined first, in a list": drawing(
         'DefineConstant[System]; System "touch touched";\n', "Gmsh says:"
@@ -83,91 +81,85 @@ ATTACKS = {
         'If(0)\nListFromFile = 1;\nEndIf\na() = ListFromFile("secret");\n', "Gmsh says:", real=False
     ),
     # files
-    "Save": drawing('Point(1) = {0, 0, 0}; Mesh.Format = 1; Save "touched";\n', "zones: found none"),
-    "Save of a view": drawing('View "a" { SP(0, 0, 0){1}; };\nSave View[0] "touched";\n', "zones: found none"),
-    "Print": drawing('Print.Format = 10; Point(1) = {0, 0, 0}; Print "touched";\n', "zones: found none", real=False),
+    "Save": drawing('Point(1) = {0, 0, 0}; Mesh.Format = 1; Save "touched";\n', "zones: there is none"),
+    "Save of a view": drawing('View "a" { SP(0, 0, 0){1}; };\nSave View[0] "touched";\n', "zones: there is none"),
+    "Print": drawing('Print.Format = 10; Point(1) = {0, 0, 0}; Print "touched";\n', "zones: there is none", real=False),
     "Save behind a head": drawing(
         'Point(1) = {0, 0, 0};\nIf (1) Save "touched"; EndIf\nFor i In {0:0}\nSave "touched";\nEndFor\n', "none", False
     ),
     "Save that is a name too": drawing(
-        'Save = 1; Point(1) = {0, 0, 0};\nSave "touched";\n', "zones: found none", False
+        'Save = 1; Point(1) = {0, 0, 0};\nSave "touched";\n', "zones: there is none", False
     ),
-    "Save that has no end": drawing('Point(1) = {0, 0, 0}; Save "touched"\n', "found 'Save'", real=False),
-    "a command behind what is left out": drawing('View "a" { SP(0, 0, 0){1}; };' + TOUCH, "line 1: found 'SystemCall'"),
-    "a command within what is left out": drawing('View "a" { ' + TOUCH + " };\n", "zones: found none", False),
-    "a command joined by what is left out": drawing("SystemCall\nSleep 1; 'touch touched';\n", "found 'System", False),
-    "CreateDir": drawing('CreateDir "touched";\n', "found 'CreateDir'"),
-    "Printf": drawing('Printf("x") > "touched";\n', "found 'Printf'"),
-    "Printf of numbers": drawing('Printf("%g", Sqrt(2)) >> "touched";\n', "found 'Printf'"),
-    "Printf in brackets": drawing('Printf("%g", Sin(1)) > StrCat("tou", "ched");\n', "found 'Printf'"),
+    "Save that has no end": drawing('Point(1) = {0, 0, 0}; Save "touched"\n', "'Save'", real=False),
+    "a command behind what is left out": drawing('View "a" { SP(0, 0, 0){1}; };' + TOUCH, "line 1: 'SystemCall'"),
+    "a command within what is left out": drawing('View "a" { ' + TOUCH + " };\n", "zones: there is none", False),
+    "a command joined by what is left out": drawing("SystemCall\nSleep 1; 'touch touched';\n", "'System", False),
+    "CreateDir": drawing('CreateDir "touched";\n', "'CreateDir'"),
+    "Printf": drawing('Printf("x") > "touched";\n', "'Printf'"),
+    "Printf of numbers": drawing('Printf("%g", Sqrt(2)) >> "touched";\n', "'Printf'"),
+    "Printf in brackets": drawing('Printf("%g", Sin(1)) > StrCat("tou", "ched");\n', "'Printf'"),
     "Printf in two lines far apart": drawing(
         'name = "touched"; name = 3; x = 1;\nFor i In {0:1} y = 5\n> name;\nEndFor Printf("hi")\n;\n',
-        "line 2: found 'y' behind 'For'",
+        "line 2: 'y' behind 'For'",
     ),
-    "a log": drawing('General.LogFileName = "touched"; Printf("a");\n', "found 'General.LogFileName'"),
-    "a log, by increments": drawing('General.LogFileName += "touched";\n', "found 'General.LogFileName'", real=False),
-    "a temporary file": drawing(
-        'General.TmpFileName = "secret"; Delete All;\n', "found 'General.TmpFileName'", real=False
-    ),
-    "Delete All": drawing("Delete All;\n", "found 'All'", real=False),
-    "a list from a file": drawing('a() = ListFromFile("secret");\n', "found 'ListFromFile'", real=False),
-    "a file of a field": drawing(
-        'Field[1] = Structured;\nField[1].FileName = "secret";\n', "found 'Field'", real=False
-    ),
-    "whether there is a file": drawing('a = FileExists("/etc/passwd");\n', "found 'FileExists'", real=False),
-    "the environment": drawing('DefineConstant[a = {GetEnv("HOME"), Name "b"}];\n', "found 'GetEnv'", real=False),
-    "Include of an absolute path": drawing('Include "/etc/passwd";\n', "found 'Include \"/etc/passwd\"'", real=False),
-    "Include of a computed path": drawing('n = "a.geo"; Include Str(n);\n', "found 'Include Str'", real=False),
-    "ShapeFromFile": drawing(
-        'SetFactory("OpenCASCADE"); v() = ShapeFromFile("../a.step");\n', "found 'ShapeFromFile", False
-    ),
-    "a window": drawing("SplitCurrentWindowHorizontal 0.5;\n", "found 'SplitCurrentWindowHorizontal'", real=False),
-    "a question at the terminal": drawing('a = GetValue("Password?", 1);\n', "found 'GetValue'", real=False),
+    "a log": drawing('General.LogFileName = "touched"; Printf("a");\n', "'General.LogFileName'"),
+    "a log, by increments": drawing('General.LogFileName += "touched";\n', "'General.LogFileName'", real=False),
+    "a temporary file": drawing('General.TmpFileName = "secret"; Delete All;\n', "'General.TmpFileName'", real=False),
+    "Delete All": drawing("Delete All;\n", "'All'", real=False),
+    "a list from a file": drawing('a() = ListFromFile("secret");\n', "'ListFromFile'", real=False),
+    "a file of a field": drawing('Field[1] = Structured;\nField[1].FileName = "secret";\n', "'Field'", real=False),
+    "whether there is a file": drawing('a = FileExists("/etc/passwd");\n', "'FileExists'", real=False),
+    "the environment": drawing('DefineConstant[a = {GetEnv("HOME"), Name "b"}];\n', "'GetEnv'", real=False),
+    "Include of an absolute path": drawing('Include "/etc/passwd";\n', "'Include \"/etc/passwd\"'", real=False),
+    "Include of a computed path": drawing('n = "a.geo"; Include Str(n);\n', "'Include Str'", real=False),
+    "ShapeFromFile": drawing('SetFactory("OpenCASCADE"); v() = ShapeFromFile("../a.step");\n', "'ShapeFromFile", False),
+    "a window": drawing("SplitCurrentWindowHorizontal 0.5;\n", "'SplitCurrentWindowHorizontal'", real=False),
+    "a question at the terminal": drawing('a = GetValue("Password?", 1);\n', "'GetValue'", real=False),
     # readers that disagree
-    "a carriage return in a comment": drawing("// \r /*\n" + TOUCH + "// */\n", "line 2: found 'SystemCall'"),
-    "a string without escapes": drawing('a = "x\\"; ' + TOUCH + 'b = "y";\n', "line 1: found 'SystemCall'"),
-    "a string of apostrophes": drawing("a = 'x\\'; " + TOUCH + "b = 'y';\n", "line 1: found 'SystemCall'"),
-    "a string of two lines": drawing('a = "x\n"; ' + TOUCH + 'b = "y";\n', "line 2: found 'SystemCall'"),
+    "a carriage return in a comment": drawing("// \r /*\n" + TOUCH + "// */\n", "line 2: 'SystemCall'"),
+    "a string without escapes": drawing('a = "x\\"; ' + TOUCH + 'b = "y";\n', "line 1: 'SystemCall'"),
+    "a string of apostrophes": drawing("a = 'x\\'; " + TOUCH + "b = 'y';\n", "line 1: 'SystemCall'"),
+    "a string of two lines": drawing('a = "x\n"; ' + TOUCH + 'b = "y";\n', "line 2: 'SystemCall'"),
     "a string that is too long": drawing(
         f'General.AbortOnError = 0;\nGeneral.Verbosity = 0;\na = "{"a" * 1023};; {TOUCH}b = 1;\n', "a string of"
     ),
-    "comments as blanks": drawing('/* a */ SystemCall /* b */ "touch touched";\n', "found 'SystemCall'"),
-    "a comment that seems to end": drawing("/*/ a */ " + TOUCH, "found 'SystemCall'"),
-    "a form feed as a blank": drawing('SystemCall\f"touch touched";\n', "found 'SystemCall'"),
+    "comments as blanks": drawing('/* a */ SystemCall /* b */ "touch touched";\n', "'SystemCall'"),
+    "a comment that seems to end": drawing("/*/ a */ " + TOUCH, "'SystemCall'"),
+    "a form feed as a blank": drawing('SystemCall\f"touch touched";\n', "'SystemCall'"),
     "a command behind a number": drawing(
         "General.AbortOnError = 0; a = 2e1SystemCall; " + TOUCH, "'General.AbortOnError'"
     ),
     "a quote that skipping loses": drawing(
-        "E = 1;\nIf(0)\n E\" EndIf SystemCall 'touch touched'; b = \"; EndIf\n", "zones: found none"
+        "E = 1;\nIf(0)\n E\" EndIf SystemCall 'touch touched'; b = \"; EndIf\n", "zones: there is none"
     ),
     "a quote that a nested test loses": drawing(
-        "If(0)\nIf (\"E; EndIf EndIf SystemCall 'touch touched'; a = \") EndIf EndIf\n", "zones: found none"
+        "If(0)\nIf (\"E; EndIf EndIf SystemCall 'touch touched'; a = \") EndIf EndIf\n", "zones: there is none"
     ),
     "a quote that skipping a loop loses": drawing(
-        "For i In {1:0}\nField[1].F\" EndFor SystemCall 'touch touched'; b = \"; EndFor\n", "zones: found none"
+        "For i In {1:0}\nField[1].F\" EndFor SystemCall 'touch touched'; b = \"; EndFor\n", "zones: there is none"
     ),
-    "the end of a test in a name": drawing("If(0)\n aEndIf2 = 1;\nEndIf\n", "found 'aEndIf2'", real=False),
+    "the end of a test in a name": drawing("If(0)\n aEndIf2 = 1;\nEndIf\n", "'aEndIf2'", real=False),
     "a loop back into a string": drawing(
-        "For i In {0:1} a = \"\nSystemCall 'touch touched'; b = \"; EndFor\n", "line 1: found 'a' behind 'For'"
+        "For i In {0:1} a = \"\nSystemCall 'touch touched'; b = \"; EndFor\n", "line 1: 'a' behind 'For'"
     ),
     "a loop back into a string, closed": drawing(
-        "For i In {0:1} a = \"\nSystemCall 'touch touched'; b = \"; c = 1;\nEndFor\n", "line 1: found 'a' behind 'For'"
+        "For i In {0:1} a = \"\nSystemCall 'touch touched'; b = \"; c = 1;\nEndFor\n", "line 1: 'a' behind 'For'"
     ),
     "a loop back into a comment": drawing(
-        'For i In {0:1} /*\nSystemCall "touch touched"; /* */\nEndFor\n', "zones: found none"
+        'For i In {0:1} /*\nSystemCall "touch touched"; /* */\nEndFor\n', "zones: there is none"
     ),
     "a macro that begins in a comment": drawing(
-        'Macro M /*\nSystemCall "touch touched"; /* */\nReturn\nCall M;\n', "zones: found none"
+        'Macro M /*\nSystemCall "touch touched"; /* */\nReturn\nCall M;\n', "zones: there is none"
     ),
     "a macro that begins in a string": drawing(
-        "Macro M a = '\nSystemCall \"touch touched\"; b = ';\nReturn\nCall M;\n", "line 1: found 'a' behind 'Macro'"
+        "Macro M a = '\nSystemCall \"touch touched\"; b = ';\nReturn\nCall M;\n", "line 1: 'a' behind 'Macro'"
     ),
-    "a macro with a name of strings": drawing('Macro ("x", "System" ); Call x;\n', "found 'Macro", real=False),
+    "a macro with a name of strings": drawing('Macro ("x", "System" ); Call x;\n', "'Macro", real=False),
     "a loop back into a line of 9 kB": drawing(
-        f'For i In {{0:1}} /*{" " * 9000}SystemCall "touch touched"; */\nEndFor\n', "zones: found none"
+        f'For i In {{0:1}} /*{" " * 9000}SystemCall "touch touched"; */\nEndFor\n', "zones: there is none"
     ),
-    "bytes that are no letters": drawing('Sy\u00dftemCall "touch touched";\n', "found the character 'ß'", real=False),
-    "a zero byte": Attack({"plate.geo": b"a = 1;\n\0\n"}, "found a zero byte", real=False),
+    "bytes that are no letters": drawing('Sy\u00dftemCall "touch touched";\n', "the character 'ß'", real=False),
+    "a zero byte": Attack({"plate.geo": b"a = 1;\n\0\n"}, "a zero byte", real=False),
     # what is read along with a drawing
     "options beside the drawing": Attack({"plate.geo": PLATE, "plate.geo.opt": TOUCH}, ""),
     "options, for its parameters": Attack(
@@ -178,28 +170,24 @@ ATTACKS = {
     "options beside what is merged": Attack(
         {"plate.geo": PLATE + 'Merge "a.geo";\n', "a.geo": "b = 1;\n", "a.geo.opt": TOUCH}, ""
     ),
-    "options that are merged": Attack(
-        {"plate.geo": PLATE + 'Merge "a.opt";\n', "a.opt": TOUCH}, "line 5: found 'Merge"
-    ),
-    "a script in a STEP file": Attack({"plate.geo": 'Include "a.step";\n', "a.step": TOUCH}, "line 1: found 'Include"),
-    "a script in a .stp file": Attack(
-        {"plate.geo": 'Include "a.stp";\n', "a.stp": STEP + TOUCH}, "found 'Include", False
-    ),
-    "a script in a BREP file": Attack({"plate.geo": 'Include "a.brep";\n', "a.brep": TOUCH}, "found 'Include"),
-    "a suffix in odd case": Attack({"plate.geo": 'Merge "a.sTep";\n', "a.sTep": TOUCH}, "line 1: found 'Merge"),
+    "options that are merged": Attack({"plate.geo": PLATE + 'Merge "a.opt";\n', "a.opt": TOUCH}, "line 5: 'Merge"),
+    "a script in a STEP file": Attack({"plate.geo": 'Include "a.step";\n', "a.step": TOUCH}, "line 1: 'Include"),
+    "a script in a .stp file": Attack({"plate.geo": 'Include "a.stp";\n', "a.stp": STEP + TOUCH}, "'Include", False),
+    "a script in a BREP file": Attack({"plate.geo": 'Include "a.brep";\n', "a.brep": TOUCH}, "'Include"),
+    "a suffix in odd case": Attack({"plate.geo": 'Merge "a.sTep";\n', "a.sTep": TOUCH}, "line 1: 'Merge"),
     "a suffix in odd case, with its box": Attack(
-        {"plate.geo": 'MergeWithBoundingBox "a.Brep";\n', "a.Brep": TOUCH}, "found 'MergeWithBoundingBox"
+        {"plate.geo": 'MergeWithBoundingBox "a.Brep";\n', "a.Brep": TOUCH}, "'MergeWithBoundingBox"
     ),
-    "a script called a STEP file": Attack({"a.step": TOUCH}, "expected a STEP file", False, ("build", "a.step")),
+    "a script called a STEP file": Attack({"a.step": TOUCH}, "a STEP file", False, ("build", "a.step")),
     "a mesh called a drawing": Attack(
         {"plate.geo": 'Merge "a.geo";\n', "a.geo": "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n"},
-        "a.geo: line 1: found the",
+        "a.geo: line 1: the",
         False,
     ),
-    "a program that is merged": Attack({"plate.geo": 'Merge "a.py";\n', "a.py": "x\n"}, "found 'Merge", real=False),
+    "a program that is merged": Attack({"plate.geo": 'Merge "a.py";\n', "a.py": "x\n"}, "'Merge", real=False),
     "a command two files away": Attack(
         {"plate.geo": 'Include "a.geo";\n', "a.geo": 'Include "b.geo";\n', "b.geo": "\n\n" + TOUCH},
-        "b.geo: line 3: found",
+        "b.geo: line 3",
     ),
     "a name defined in another file": Attack(
         {"plate.geo": 'Include "a.geo";\nSystem "touch touched";\n', "a.geo": "System = 1;\n"}, "Gmsh says"
@@ -207,46 +195,44 @@ ATTACKS = {
     "a file that includes itself": Attack(
         {"plate.geo": 'Include "plate.geo";\n'}, "a file that does not read itself", False
     ),
-    "a link to another folder": Attack(
-        {"plate.geo": 'Include "a.geo";\n', "a.geo": "to:../secret"}, "found 'Include", False
-    ),
-    "a link that the folder is": Attack({"plate.geo": 'Include "f/secret";\n', "f": "to:.."}, "found 'Include", False),
-    "a folder above": Attack({"plate.geo": 'Merge "../secret";\n'}, "found 'Merge", real=False),
+    "a link to another folder": Attack({"plate.geo": 'Include "a.geo";\n', "a.geo": "to:../secret"}, "'Include", False),
+    "a link that the folder is": Attack({"plate.geo": 'Include "f/secret";\n', "f": "to:.."}, "'Include", False),
+    "a folder above": Attack({"plate.geo": 'Merge "../secret";\n'}, "'Merge", real=False),
     "a module of Python beside the drawing": Attack(
         {"plate.geo": PLATE, "json.py": "open('touched', 'w')\n"}, "", False
     ),
     # models that build themselves again
-    "a model's drawing": Attack({"plate.json": model(TOUCH)}, "found 'SystemCall'", words=AGAIN),
-    "a model's field": Attack({"plate.json": model(FIELD)}, "found 'Field'", words=("plan", "plate.json")),
+    "a model's drawing": Attack({"plate.json": model(TOUCH)}, "'SystemCall'", words=AGAIN),
+    "a model's field": Attack({"plate.json": model(FIELD)}, "'Field'", words=("plan", "plate.json")),
     "a model's comment": Attack(
-        {"plate.json": model("// \r /*\n" + TOUCH + "// */\n")}, "line 2: found 'SystemCall'", words=AGAIN
+        {"plate.json": model("// \r /*\n" + TOUCH + "// */\n")}, "line 2: 'SystemCall'", words=AGAIN
     ),
-    "a model's odd suffix": Attack({"plate.json": model(TOUCH, "a.sTep")}, "expected a STEP file", False, AGAIN),
+    "a model's odd suffix": Attack({"plate.json": model(TOUCH, "a.sTep")}, "a STEP file", False, AGAIN),
     "a model's file elsewhere": Attack(
-        {"plate.json": model('Include "a.geo";\n'), "a.geo": TOUCH}, "found 'Include", False, AGAIN
+        {"plate.json": model('Include "a.geo";\n'), "a.geo": TOUCH}, "'Include", False, AGAIN
     ),
     "a model's path": Attack({"plate.json": model(TOUCH, "../a.geo")}, "$.source", False, AGAIN),
 }
 BREAKING = {  # what would break or fill the process
-    "a format that reads memory": drawing('Printf("%s%s%s%s");\n', "found 'Printf'", real=False),
-    "a format that writes memory": drawing('a = Sprintf("%n", 1);\n', "found 'Sprintf'", real=False),
-    "a format in a variable": drawing('f = "%n"; Printf(f, 1);\n', "found 'Printf'", real=False),
-    "a format of 1e9 digits": drawing('Error("%999999999f", 1);\n', "found 'Error'", real=False),
+    "a format that reads memory": drawing('Printf("%s%s%s%s");\n', "'Printf'", real=False),
+    "a format that writes memory": drawing('a = Sprintf("%n", 1);\n', "'Sprintf'", real=False),
+    "a format in a variable": drawing('f = "%n"; Printf(f, 1);\n', "'Printf'", real=False),
+    "a format of 1e9 digits": drawing('Error("%999999999f", 1);\n', "'Error'", real=False),
     "a number of any length": drawing(
         'Printf("%f", 1e300); Error("%.2F, ", 1e300);\n', "Gmsh says: 1E+300,", real=False
     ),
-    "a text of any length": drawing('a = Sprintf("%f", 1e300);\n', "line 1: found '%f' in", real=False),
-    "a text behind a number": drawing(f'Printf("%g {"x" * 245}", 1);\n', "found 'Printf'", real=False),
-    "a text of long letters": drawing(f'Printf("%g {"ä" * 125}", 1);\n', "found 'Printf'", real=False),
-    "a text of many numbers": drawing(f'a = Sprintf("{"%99g" * 11}", {{1:11}});\n', "found 'Sprintf'", real=False),
-    "a message of a number that is not there": drawing('Warning("%g");\n', "found 'Warning'", real=False),
-    "a name of any length": drawing("a = 1; x = a" + "~{1}" * 200 + ";\n", "found 5 of '~{...}'", real=False),
+    "a text of any length": drawing('a = Sprintf("%f", 1e300);\n', "line 1: '%f' in", real=False),
+    "a text behind a number": drawing(f'Printf("%g {"x" * 245}", 1);\n', "'Printf'", real=False),
+    "a text of long letters": drawing(f'Printf("%g {"ä" * 125}", 1);\n', "'Printf'", real=False),
+    "a text of many numbers": drawing(f'a = Sprintf("{"%99g" * 11}", {{1:11}});\n', "'Sprintf'", real=False),
+    "a message of a number that is not there": drawing('Warning("%g");\n', "'Warning'", real=False),
+    "a name of any length": drawing("a = 1; x = a" + "~{1}" * 200 + ";\n", "5 of '~{...}'", real=False),
     "a long name": drawing("a" * 5000 + " = 1;\n", "of 5000 bytes", real=False),
     "a write before a list": drawing("a[] = {1}; a[-100000000] = 1;\n", "Gmsh stopped before the end", real=False),
     "more memory than there is": drawing("a() = {}; a(500000000) = 1;\n", "plate.geo: Gmsh s", real=False),
-    "ends without a beginning": drawing("EndIf EndIf If(1) EndIf\n", "line 1: found 'EndIf'", real=False),
-    "an early end": drawing("Exit;\n", "found 'Exit'", real=False),
-    "silence": drawing('General.Verbosity = 0;\nPhysical Point("a") = {9};\n', "found 'General.Verbosity'", real=False),
+    "ends without a beginning": drawing("EndIf EndIf If(1) EndIf\n", "line 1: 'EndIf'", real=False),
+    "an early end": drawing("Exit;\n", "'Exit'", real=False),
+    "silence": drawing('General.Verbosity = 0;\nPhysical Point("a") = {9};\n', "'General.Verbosity'", real=False),
 }
 SOON = {  # one of each kind that is real: the quick tests do without the others
     *("SystemCall", "the command of a field", "a word made of strings", "a name that is defined first", "CreateDir"),

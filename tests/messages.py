@@ -11,12 +11,10 @@ Parts = Part | tuple[Part, ...]
 def naming(*parts: Part, found: Parts = (), expected: Parts = ()) -> str:
     """A pattern, for `match`, of a message that names all parts, in any order, as whole words.
 
-    Those of `found` stand behind that word and before "expected", those of `expected` behind it.
+    `found` are parts of the problem, such as a value, and `expected` what may be used in its place.
     """
-    looks = [f"(?=.*{_whole(part)})" for part in parts]
-    looks += [f"(?=.*\\bfound\\b(?:(?!expected ).)*?{_whole(part)})" for part in _several(found)]
-    looks += [f"(?=.*\\bexpected\\b.*{_whole(part)})" for part in _several(expected)]
-    return "(?s)^" + "".join(looks)
+    every = (*parts, *_several(found), *_several(expected))
+    return "(?s)^" + "".join(f"(?=.*{_whole(part)})" for part in every)
 
 
 def mentions(message: object, *parts: Part, found: Parts = (), expected: Parts = ()) -> bool:

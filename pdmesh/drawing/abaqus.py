@@ -40,7 +40,7 @@ def _remarks(model: Model) -> tuple[str, ...]:
     placed = {instance.part for instance in model.instances.values()}
     idle = [part.name for key, part in model.parts.items() if key not in placed]
     if model.parts and not placed:
-        raise SceneError(f"{model.path}: found parts and no *INSTANCE of any, expected an assembly")
+        raise SceneError(f"{model.path} has parts but no *INSTANCE of any; add an assembly")
     notes = unused("part", idle, "no instance in the assembly, not built")
     return (*notes, *_unread(model.unread))
 
@@ -58,7 +58,7 @@ def _mesh(model: Model, notes: tuple[str, ...]) -> Mesh:
     for instance in [None, *model.instances.values()]:
         copies.append(_copied(model, instance, points, every))
     if not sum(map(len, points)):
-        raise SceneError(f"{model.path}: found no points, expected *NODE")
+        raise SceneError(f"{model.path} has no points; add *NODE")
     blocks = [Block(elements.type.cell, nodes) for elements, nodes in every]
     every_set = SetRows({copy.name.upper(): copy for copy in copies})
     element_sets, node_sets = _sets(every_set, "element_sets"), _sets(every_set, "node_sets")
@@ -97,13 +97,13 @@ def _copied(
     for elements in (one for scope in scopes for one in scope.elements):
         rows, missing = nodes.find(elements.nodes.ravel())
         if len(missing):
-            raise elements.keyword.error(f"*ELEMENT: found {missing[0]}, which is defined nowhere")
+            raise elements.keyword.error(f"*ELEMENT: {missing[0]} is not defined; define it, or correct the name")
         every.append((elements, rows.reshape(elements.nodes.shape)))
         numbers.append(elements.ids)
     own = np.concatenate(numbers)
     known, count = np.unique(own, return_counts=True)
     if count.max(initial=0) > 1:
-        twice = f"*ELEMENT: found element {known[count.argmax()]} {count.max()} times, expected once"
+        twice = f"*ELEMENT: element {known[count.argmax()]} is defined {count.max()} times; define it once"
         raise SceneError(f"{model.path}: {twice}")
     return Copy.of(name, scopes, nodes, Numbered.of(own, first + np.arange(len(own))))
 

@@ -32,7 +32,7 @@ class Keyword:
     def word(self, name: str) -> str:
         """A parameter that must be there. Raises SceneError."""
         if not self.options.get(name):
-            raise self.error(f"*{self.name}: found no {name}=, expected one")
+            raise self.error(f"*{self.name}: {name}= is missing; add it")
         return self.options[name]
 
     def numbers(self, line: int, text: str) -> list[float]:
@@ -40,7 +40,7 @@ class Keyword:
         values = [finite_number(word.strip() or "0") for word in text.rstrip().rstrip(",").split(",")]
         numbers = [value for value in values if value is not None]
         if len(numbers) < len(values):
-            raise self.error(f"*{self.name}: found '{text.strip():.60}', expected finite numbers", line)
+            raise self.error(f"*{self.name}: '{text.strip():.60}' is not a list of numbers; use finite numbers", line)
         return numbers
 
     def integer(self, line: int, word: str) -> int:
@@ -48,7 +48,7 @@ class Keyword:
         number = whole_number(word.strip())
         if number is None:
             wanted = "a whole number of at most 18 digits"
-            raise self.error(f"*{self.name}: found '{word.strip():.60}', expected {wanted}", line)
+            raise self.error(f"*{self.name}: '{word.strip():.60}' is not an integer; use {wanted}", line)
         return number
 
     def integers(self, line: int, text: str) -> list[int]:
@@ -63,7 +63,10 @@ def keywords(path: Path, trust: bool, within: tuple[Path, ...] = ()) -> Iterator
     for number, text in _lines(path):
         if not text.startswith("*"):
             if current is None:
-                raise SceneError(f"{path}: line {number}: found '{text.strip():.40}', expected a keyword (*NODE ...)")
+                raise SceneError(
+                    f"{path}: line {number}: '{text.strip():.40}' comes before any keyword; begin with a keyword"
+                    " (*NODE ...)"
+                )
             current.rows.append((number, text))
             continue
         if current is not None:
@@ -71,9 +74,9 @@ def keywords(path: Path, trust: bool, within: tuple[Path, ...] = ()) -> Iterator
         current = _keyword(path, number, text)
         if current.name == "INCLUDE":
             if not trust:
-                raise current.error(f"found '*INCLUDE', expected a mesh in one file{ADVICE}")
+                raise current.error(f"'*INCLUDE' is not read; put the mesh in one file{ADVICE}")
             if len(within) >= DEEPEST:
-                raise current.error(f"found {DEEPEST} files that include each other, expected fewer")
+                raise current.error(f"{DEEPEST} files include each other; include fewer")
             yield from keywords(path.parent / current.word("INPUT"), trust, (*within, path))
             current = Keyword(path, number, "INCLUDE", {})
     if current is not None:

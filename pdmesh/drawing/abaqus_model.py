@@ -71,15 +71,17 @@ class Instance:
                 points = points + np.pad(numbers, (0, 3 - len(numbers)))
             elif len(numbers) == 7 and not turned:  # also as the first, behind a blank line for no translation
                 if numbers[:3] == numbers[3:6]:
-                    raise self.keyword.error("*INSTANCE: found an axis of two points at one place", line)
+                    raise self.keyword.error(
+                        "*INSTANCE: the two points of the axis are at one place; move them apart", line
+                    )
                 with np.errstate(over="ignore", invalid="ignore"):  # which is refused below
                     points = _turned(points, np.array(numbers[:3]), np.array(numbers[3:6]), numbers[6])
                 turned = True
             else:
                 wanted = "x, y, z of a translation, then x, y, z of two points of an axis and an angle"
-                raise self.keyword.error(f"*INSTANCE: found {len(numbers)} numbers, expected {wanted}", line)
+                raise self.keyword.error(f"*INSTANCE: {len(numbers)} numbers given; give {wanted}", line)
         if not np.isfinite(points).all():
-            raise self.keyword.error("*INSTANCE: found points that it moves out of all numbers, expected metres")
+            raise self.keyword.error("*INSTANCE: it moves points beyond all numbers; give lengths in metres")
         return points
 
 
@@ -110,9 +112,9 @@ class Model:
     def take(self, keyword: Keyword) -> None:
         """Add what a keyword defines. Raises SceneError."""
         if keyword.name in MAKING:
-            raise keyword.error(f"found '*{keyword.name}', which is not read, expected nodes and elements as they are")
+            raise keyword.error(f"'*{keyword.name}' is not read; give nodes and elements one by one")
         if "INPUT" in keyword.options and keyword.name in ("NODE", "ELEMENT", "NSET", "ELSET", "SURFACE"):
-            raise keyword.error(f"*{keyword.name}: found INPUT=, expected a mesh in one file")
+            raise keyword.error(f"*{keyword.name}: INPUT= is not read; put the mesh in one file")
         match keyword.name:
             case "PART":
                 self._begin_part(keyword)
@@ -128,17 +130,17 @@ class Model:
     def _begin_part(self, keyword: Keyword) -> None:
         name = keyword.word("NAME")
         if name.upper() in self.parts:
-            raise keyword.error(f"*PART: found NAME={name} twice, expected a name of its own")
+            raise keyword.error(f"*PART: NAME={name} is used twice; give each part a name of its own")
         self.current = self.parts[name.upper()] = Scope(name)
 
     def _place(self, keyword: Keyword) -> None:
         if "LIBRARY" in keyword.options:
-            raise keyword.error("*INSTANCE: found LIBRARY=, expected the instance of a part in the file")
+            raise keyword.error("*INSTANCE: LIBRARY= is not read; use the instance of a part in the file")
         name, part = keyword.word("NAME"), keyword.word("PART")
         if name.upper() in self.instances:
-            raise keyword.error(f"*INSTANCE: found NAME={name} twice, expected a name of its own")
+            raise keyword.error(f"*INSTANCE: NAME={name} is used twice; give each instance a name of its own")
         if part.upper() not in self.parts:
-            raise keyword.error(f"*INSTANCE: found PART={part}, which is defined nowhere")
+            raise keyword.error(f"*INSTANCE: PART={part} is not defined; define it, or correct the name")
         own = Scope(name)
         self.instances[name.upper()] = Instance(name, part.upper(), keyword, own)
         self.current = own
@@ -165,7 +167,7 @@ def _take_elements(scope: Scope, keyword: Keyword) -> None:
     word = keyword.word("TYPE")
     kind = element_type(word)
     if kind is None:
-        raise keyword.error(f"*ELEMENT: found TYPE={word}, which is not read, expected one such as CPS4, S4R or C3D8")
+        raise keyword.error(f"*ELEMENT: TYPE={word} is not read; use one such as CPS4, S4R or C3D8")
     rows: list[list[int]] = []
     for line, text in keyword.rows:
         numbers = keyword.integers(line, text)
@@ -175,10 +177,10 @@ def _take_elements(scope: Scope, keyword: Keyword) -> None:
             rows.append(numbers)
         if len(rows[-1]) > kind.nodes + 1 and kind.kind != "line" and kind.nodes not in (15, 27):
             found = len(rows[-1]) - 1
-            raise keyword.error(f"*ELEMENT: found {found} nodes, expected {kind.nodes} of {word}", line)
+            raise keyword.error(f"*ELEMENT: {found} nodes given; {word} has {kind.nodes}", line)
     if rows and len(rows[-1]) <= kind.nodes:
         found, line = len(rows[-1]) - 1, keyword.rows[-1][0]
-        raise keyword.error(f"*ELEMENT: found {found} nodes, expected {kind.nodes} of {word}", line)
+        raise keyword.error(f"*ELEMENT: {found} nodes given; {word} has {kind.nodes}", line)
     table = np.array([row[: kind.nodes + 1] for row in rows], dtype=np.int64).reshape(-1, kind.nodes + 1)
     scope.elements.append(Elements(keyword, kind, table[:, 0], table[:, 1:]))
     if "ELSET" in keyword.options:
@@ -194,7 +196,9 @@ def _take_set(scope: Scope, keyword: Keyword) -> None:
             numbers = keyword.integers(line, text)
             first, last, step = (*numbers, 1)[:3] if len(numbers) in (2, 3) else (0, 0, 0)
             if step == 0 or (last - first) * step < 0:
-                raise keyword.error(f"*{keyword.name}: found '{text.strip():.60}', expected first, last, step", line)
+                raise keyword.error(
+                    f"*{keyword.name}: '{text.strip():.60}' is not a range; use first, last, step", line
+                )
             members.ranges.append((keyword, line, range(first, last + (1 if step > 0 else -1), step)))
         else:
             members.entries += [(keyword, line, word) for word in words(text) if word]

@@ -110,7 +110,7 @@ class SetRows:
                 del begun[name]
             elif other in begun:
                 keyword, line, word = resolution.others[other]
-                raise keyword.error(f"*{keyword.name}: found '{word}', which is defined by itself", line)
+                raise keyword.error(f"*{keyword.name}: '{word}' is defined by itself; list its members", line)
             else:
                 begun[other] = self._begin(other, self.copies[other.instance].sets[other.kind][other.name])
 
@@ -131,7 +131,7 @@ class SetRows:
             elif name.name in self.copies[instance].sets[of.kind]:
                 others.setdefault(name, entry)
             else:
-                raise keyword.error(f"*{keyword.name}: found '{word}', which is defined nowhere", line)
+                raise keyword.error(f"*{keyword.name}: '{word}' is not defined; define it, or correct the name", line)
         return [*self._rows(of, members, numbers)], others
 
     def _rows(self, of: SetName, members: Members, numbers: dict[str, list[tuple[Entry, int]]]) -> Iterator[Rows]:
@@ -141,7 +141,7 @@ class SetRows:
             rows, missing = self.copies[instance].numbers(of.kind).find(np.array([number for _, number in some]))
             for (keyword, line, word), number in some if len(missing) else ():
                 if number == missing[0]:
-                    raise keyword.error(f"*{keyword.name}: found {word}, which is defined nowhere", line)
+                    raise keyword.error(f"*{keyword.name}: {word} is not defined; define it, or correct the name", line)
             yield rows
         ranges: dict[str, list[range]] = {}
         for keyword, line, some_numbers in members.ranges:
@@ -164,7 +164,9 @@ class SetRows:
         """The instance that a keyword names, "" for none. Raises SceneError."""
         instance = keyword.options.get("INSTANCE", "").upper()
         if instance not in self.copies:
-            raise keyword.error(f"*{keyword.name}: found INSTANCE={instance}, which is defined nowhere", line)
+            raise keyword.error(
+                f"*{keyword.name}: INSTANCE={instance} is not defined; define it, or correct the name", line
+            )
         return instance
 
 

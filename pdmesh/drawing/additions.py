@@ -11,11 +11,11 @@ from typing import TypeVar
 
 from pdmesh.drawing.parameters import unit_of
 from pdmesh.model.document import ADAPTS
+from pdmesh.quantities import UNITS, Unit, quantities, quantity
 from pdmesh.scene.body import Body
 from pdmesh.scene.plate import Refinement
 from pdmesh.scene.scene import Scene
 from pdmesh.scene.shapes import SceneError
-from pdmesh.scene.units import Unit
 
 REFINE, CRACK = "--refine ", "--crack "  # begin the names under which a model keeps what was added
 ADAPT = "--adapt"  # likewise, the name of how it is to be solved
@@ -44,9 +44,9 @@ def adapted(scene: S, adapt: str | None) -> S:
     if adapt is None:
         return scene
     if adapt not in ADAPTS:
-        raise SceneError(f"{ADAPT}: found '{adapt}', expected one of {', '.join(ADAPTS)}")
+        raise SceneError(f"{ADAPT} is '{adapt}'; use one of {', '.join(ADAPTS)}")
     if isinstance(scene, Body) and adapt not in ("none", "auto", "hybrid"):
-        raise SceneError(f"{ADAPT}: found '{adapt}', expected none, auto or hybrid of a body in space")
+        raise SceneError(f"{ADAPT} is '{adapt}'; use none, auto or hybrid for a body in space")
     scene = scene.adapt(adapt)  # type: ignore[arg-type]
     return replace(scene, parameters=tuple((dict(scene.parameters) | {ADAPT: adapt}).items()))
 
@@ -64,21 +64,21 @@ def refinement(word: str, unit: Unit) -> Refinement:
     """The refinement that ``crack:4e-3`` or ``hole:4e-3:2.5e-4`` describes. Raises SceneError."""
     target, *numbers = word.split(":")
     try:
-        distance, *spacing = (unit.metres(float(number)) for number in numbers)
+        distance, *spacing = (quantity(number, UNITS, unit) for number in numbers)
     except ValueError:
         distance, spacing = 0.0, []
     if target not in ("crack", "notch", "hole") or len(numbers) not in (1, 2) or not distance > 0:
         raise SceneError(
-            f"--refine: found '{word}', expected crack, notch or hole, then :DISTANCE or :DISTANCE:SPACING"
+            f"--refine: cannot read '{word}'; use crack, notch or hole, then :DISTANCE or :DISTANCE:SPACING"
         )
     return Refinement(target, distance, spacing[0] if spacing else None)  # type: ignore[arg-type]
 
 
 def _points(word: str, unit: Unit) -> list[tuple[float, float]]:
     try:
-        numbers = [float(unit.metres(float(number))) for number in word.split(",")]
+        numbers = list(quantities(word, UNITS, unit))
     except ValueError:
         numbers = []
     if len(numbers) < 4 or len(numbers) % 2:
-        raise SceneError(f"--crack: found '{word}', expected the places of its ends and kinks, x0,y0,x1,y1 or more")
+        raise SceneError(f"--crack: cannot read '{word}'; give the places of its ends and kinks, x0,y0,x1,y1 or more")
     return list(zip(numbers[::2], numbers[1::2], strict=True))

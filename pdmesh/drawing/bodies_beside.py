@@ -24,7 +24,7 @@ def with_bodies(scene: S, shapes: Mapping[str, Any], parameters: Parameters) -> 
         if wrong:
             what = "rigid" if rigid else "not rigid"
             raise SceneError(
-                f"parameter '{PREFIX}{folder}/{wrong[0]}': found one, expected none of a body that is {what}"
+                f"parameter '{PREFIX}{folder}/{wrong[0]}' cannot be used for a body that is {what}; leave it out"
             )
         spacing = parameters.maybe_length(f"{folder}/Spacing")
         velocity: Any = tuple(parameters.number(f"{folder}/{speed}", 0.0) for speed in _speeds(scene))
@@ -59,7 +59,5 @@ def _spin(scene: Scene | Body, parameters: Parameters, name: str) -> Any:
     try:
         x, y, z = map(float, text.split())
     except ValueError:
-        raise SceneError(
-            f"parameter '{PREFIX}{name}': found '{text}', expected three numbers 'x y z' in a body"
-        ) from None
+        raise SceneError(f"parameter '{PREFIX}{name}' is '{text}'; use three numbers 'x y z' in a body") from None
     return x, y, z

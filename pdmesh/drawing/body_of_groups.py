@@ -68,7 +68,7 @@ def body_of(found: Mapping[str, Any], values: Mapping[str, float | str], source:
     named.refuse_unknown(values, own=True)
     for name in values:
         if name.removeprefix(PREFIX).startswith(OF_PLATES) or name.endswith(ON_PLATES):
-            raise SceneError(f"parameter '{name}': found one in a body in space, expected none: only plates have it")
+            raise SceneError(f"parameter '{name}' is for plates only; leave it out for a body in space")
     parameters = Parameters(values, named.unit_of(values))
     physical = [Physical(group["name"], group["dimension"], group["number"]) for group in found["groups"]]
     meant = meaning(physical, found["zones"], KINDS, parameters, KINDS_OF_PLATES)
@@ -78,7 +78,7 @@ def body_of(found: Mapping[str, Any], values: Mapping[str, float | str], source:
         for name in groups["zone"]
     }
     if not spacings:
-        raise SceneError("zones: found none, and no volume in the drawing, expected one at least, such as 'zone:NAME'")
+        raise SceneError("zones: there is none, and no volume in the drawing; add one, such as 'zone:NAME'")
     coarsest = max(spacings.values())
     body = Body(
         _shell(found, found["whole"], parameters),
@@ -113,7 +113,7 @@ def body_of(found: Mapping[str, Any], values: Mapping[str, float | str], source:
     for name, group in groups["material"].items():
         material = named.material(parameters, f"Materials/{name}", body.material)
         if material is None:
-            raise SceneError(f"parameter '{PREFIX}Materials/{name}/E': found none, expected a number")
+            raise SceneError(f"parameter '{PREFIX}Materials/{name}/E' is missing; give a number")
         body = body.region(_shell(found, group, parameters), material, name)
     for name, group in groups["medium"].items():
         body = body.diffusivity(_shell(found, group, parameters), parameters.number(f"Media/{name}/D"), name)
@@ -146,7 +146,7 @@ def _where(found: Mapping[str, Any], group: Mapping[str, Any], parameters: Param
         return shape(found, group, parameters)
     points = _points(group, parameters)
     if len(points) != 1:
-        raise SceneError(f'group "{group["name"]}": found {len(points)} points, expected one: a support at one node')
+        raise SceneError(f'group "{group["name"]}" has {len(points)} points; use one, as it is a support at one node')
     return shapely.Point(points[0])
 
 
@@ -159,7 +159,9 @@ def _places(found: Mapping[str, Any], groups: Mapping[str, Any], parameters: Par
     for name in sorted(parameters.below(str(top)) - set(groups)):
         word, *others = picked(parameters, f"{top}/{name}")
         if others:
-            raise SceneError(f"parameter '{PREFIX}{top}/{name}/{others[0]}': found a {word} too, expected one of them")
+            raise SceneError(
+                f"parameter '{PREFIX}{top}/{name}/{others[0]}' cannot be combined with a {word}; use one of them"
+            )
         places.append((name, _placed(found, parameters, f"{top}/{name}/{word}"), f"{top}/{name}"))
     return places
 
@@ -179,9 +181,7 @@ def _box(parameters: Parameters, name: str) -> Shell:
     try:
         x0, y0, z0, x1, y1, z1 = (parameters.unit.metres(float(word)) for word in text.split())
     except ValueError:
-        raise SceneError(
-            f"parameter '{place}': found '{text}', expected six numbers 'x0 y0 z0 x1 y1 z1' in a body"
-        ) from None
+        raise SceneError(f"parameter '{place}' is '{text}'; use six numbers 'x0 y0 z0 x1 y1 z1' in a body") from None
     if not (x0 < x1 and y0 < y1 and z0 < z1):
-        raise SceneError(f"parameter '{place}': found '{text}', expected x0 < x1, y0 < y1 and z0 < z1")
+        raise SceneError(f"parameter '{place}' is '{text}'; use x0 < x1, y0 < y1 and z0 < z1")
     return brick((x0, y0, z0), (x1, y1, z1))

@@ -49,7 +49,7 @@ def _read_scene(
     if isinstance(scene, Body):
         for option, given in (("--refine", refine), ("--crack", cracks)):
             if given:
-                raise SceneError(f"{path}: {option}: found a body in space, expected a plate")
+                raise SceneError(f"{path}: {option} is for plates; leave it out for a body in space")
         try:
             return adapted(scene, dict(assignments).get(ADAPT))
         except SceneError as error:
@@ -80,7 +80,7 @@ def build_file(
         solid = isinstance(found, Body)
         for option, given in (("--refine", refine), (ADAPT, not solid and adapt)):
             if given:
-                raise SceneError(f"{path}: {option}: found a mesh, expected a drawing")
+                raise SceneError(f"{path}: {option} is for drawings; leave it out for a mesh")
         finished = (
             partial(building.build, adapted(found, adapt))
             if isinstance(found, Body)
@@ -117,7 +117,7 @@ def file_parameters(path: Path, assignments: Sequence[tuple[str, str]] = (), tru
         from pdmesh.drawing.geo import cad_parameters
 
         return cad_parameters(path, assignments)
-    raise SceneError(f"{path}: found suffix '{path.suffix}', expected .geo, .py, .json or {', '.join(CAD)}")
+    raise SceneError(f"{path}: suffix '{path.suffix}' is not known; use .geo, .py, .json or {', '.join(CAD)}")
 
 
 def _read(path: Path, assignments: Sequence[tuple[str, str]], trust: bool) -> Scene | Body:
@@ -126,7 +126,7 @@ def _read(path: Path, assignments: Sequence[tuple[str, str]], trust: bool) -> Sc
         from pdmesh.drawing.script import read_script
 
         if any(name == "Units" for name, _ in assignments):
-            raise SceneError(f"{path}: --unit: found a Python scene, expected none: its lengths are in metres")
+            raise SceneError(f"{path}: --unit is not for a Python scene, whose lengths are in metres; leave it out")
         return read_script(path, assignments, trust)
     if suffix == ".geo":
         from pdmesh.drawing.geo import read_geo
@@ -142,11 +142,9 @@ def _read(path: Path, assignments: Sequence[tuple[str, str]], trust: bool) -> Sc
         found = read_mesh(path, assignments, (), trust)
         if isinstance(found, Body):
             return found
-        raise SceneError(
-            f"{path}: found a mesh of a plate, which has its nodes, expected a drawing or a mesh of solids"
-        )
+        raise SceneError(f"{path} is a mesh of a plate, which has its nodes; use a drawing, or a mesh of solids")
     known = f"{', '.join(CAD)}, or a mesh's: {', '.join(MESHES)}"
-    raise SceneError(f"{path}: found suffix '{path.suffix}', expected .geo, .py, .json, {known}")
+    raise SceneError(f"{path}: suffix '{path.suffix}' is not known; use .geo, .py, .json, {known}")
 
 
 def _again(
@@ -155,11 +153,13 @@ def _again(
     """The scene of a model that carries its drawing, read with the parameters it was built with."""
     document = read_file(path)
     if not document.drawing or not document.source:
-        raise SceneError(f"{path}: $.drawing: found none, expected the text of the drawing it was built from")
+        raise SceneError(
+            f"{path}: $.drawing is missing, the text of the drawing it was built from; use the drawing itself"
+        )
     source = Path(document.source)
     plain = source.name == document.source and document.source.isprintable()
     if not plain or source.suffix.lower() not in (".geo", ".py", *CAD):
-        raise SceneError(f"{path}: $.source: found {document.source!r}, expected the name of a .geo, .py or CAD file")
+        raise SceneError(f"{path}: $.source is {document.source!r}; give the name of a .geo, .py or CAD file")
     words, refined, cracked = sorted_out(document.parameters)
     with scratch() as folder:
         copy = folder / f"drawing{source.suffix}"

@@ -20,10 +20,10 @@ from pdmesh.drawing.plate_places import Group, face, in_metres
 from pdmesh.drawing.sandbox.child import read_copies, read_trusted
 from pdmesh.drawing.sandbox.copies import Copy, cad_copy, drawing_bytes, drawing_copies
 from pdmesh.drawing.sandbox.tokens import decoded
+from pdmesh.quantities import UNITS
 from pdmesh.scene.body import Body
 from pdmesh.scene.scene import Scene
 from pdmesh.scene.shapes import CHORD_TOLERANCE, SceneError, Surface
-from pdmesh.scene.units import UNITS
 
 TIME_LIMIT = 60.0  # s, for a drawing
 CAD_SECONDS, CAD_SECONDS_PER_BYTE = 60.0, 1e-5  # a broken file may never end
@@ -118,7 +118,7 @@ def read_outline(path: Path, spacing: float, unit: str = "m") -> Surface:
     """
     found = _shapes(path, CHORD_TOLERANCE * UNITS[unit].of(spacing), unit)
     if "points" in found:
-        raise SceneError(f"{path}: found volumes, expected a plate")
+        raise SceneError(f"{path} has volumes, and a plate is needed; remove them")
     surfaces = [curves for group in _groups(found) for curves in in_metres(group, UNITS[unit]).surfaces]
     return shapely.union_all([face(curves, str(path)) for curves in surfaces])
 
@@ -143,14 +143,12 @@ def _found(path: Path, assignments: Sequence[tuple[str, str]], copies: Mapping[s
     found = read_copies(copies, named, TIME_LIMIT) if copies else read_trusted(path, named, TIME_LIMIT)
     _refuse_unknown(path, found)
     for name, text in found["not numbers"]:
-        raise SceneError(f"{path}: parameter '{name}': found '{text}', expected a number")
+        raise SceneError(f"{path}: parameter '{name}' is '{text}'; use a number")
     _refuse_messages(path, found)
     for entry in found["parameters"]:
         value, low, high = _value(entry), entry.get("min", -1e200), entry.get("max", 1e200)
         if isinstance(value, float) and not low * (1 - 1e-12) <= value <= high * (1 + 1e-12):
-            raise SceneError(
-                f"{path}: parameter '{entry['name']}': found {value:g}, expected a number from {low:g} to {high:g}"
-            )
+            raise SceneError(f"{path}: parameter '{entry['name']}' is {value:g}; use a number from {low:g} to {high:g}")
     return found
 
 
@@ -161,7 +159,7 @@ def _shapes(path: Path, tolerance: float, unit: str) -> Mapping[str, Any]:
     found = read_copies(copies, [], limit, tolerance, OPEN_CASCADE_UNITS.get(unit, unit.upper()))
     _refuse_messages(path, found)
     if "points" not in found and not any(group["surfaces"] for group in found["groups"]):
-        raise SceneError(f"{path}: found no surface, expected a plate")
+        raise SceneError(f"{path} has no surface; draw a plate")
     return found
 
 

@@ -62,10 +62,10 @@ def meaning(
         if group.dimension not in kinds[kind][0]:
             raise _refused(group, kind, name, kinds)
         if kinds[kind][1] and "/" in name:
-            raise SceneError(f"{group}: found '/' in a name that parameters have too, expected a name without")
+            raise SceneError(f"{group}: the name has a '/' and is used by parameters too; use a name without '/'")
         if name in found[kind]:
             one, other = (SHAPES[each.dimension].lower() for each in (groups[found[kind][name]], group))
-            raise SceneError(f'group "{group.name}": found as a {one} and as a {other}, expected one of them')
+            raise SceneError(f'group "{group.name}" is both a {one} and a {other}; use one of them')
         found[kind][name] = place
     ours = sum(map(len, found.values())) > len(zones)
     for place in others:
@@ -78,7 +78,7 @@ def meaning(
         spacing = f"Zones/{zone['name']}/Spacing"
         if parameters.maybe(spacing) is None:
             raise SceneError(
-                f"zones: found none, and no parameter '{PREFIX}{spacing}', expected a group 'zone:NAME' or a spacing"
+                f"zones: there is none, and no parameter '{PREFIX}{spacing}'; add a group 'zone:NAME', or a spacing"
                 f" for all {SHAPES[kinds['zone'][0][0]].lower()}s (--set {spacing}=...)"
             )
     return Meaning(found, tuple(_notes(groups, zones, unused, kinds)))
@@ -106,7 +106,7 @@ def _refuse_almost(group: Physical, kinds: Kinds, of_plates: Collection[str], ou
     drawings with groups of `ours`."""
     word, colon, name = group.name.partition(":")
     if word in of_plates and colon and name:
-        raise SceneError(f"{group}: found '{word}:' in a body in space, expected one of {', '.join(kinds)}")
+        raise SceneError(f"{group}: '{word}:' cannot be used in a body in space; use one of {', '.join(kinds)}")
     kind, separator, rest = _almost(group.name, kinds)
     if kind and (separator in (":", "/") if separator else ours and group.name == kind):
         raise _refused(group, kind, rest, kinds)
@@ -114,7 +114,7 @@ def _refuse_almost(group: Physical, kinds: Kinds, of_plates: Collection[str], ou
 
 def _refused(group: Physical, kind: str, name: str, kinds: Kinds) -> SceneError:
     forms = " or ".join(SHAPES[dimension] for dimension in kinds[kind][0])
-    return SceneError(f'{group}: expected Physical {forms}("{kind}:{name or "NAME"}")')
+    return SceneError(f'{group} has the wrong dimension or form; use Physical {forms}("{kind}:{name or "NAME"}")')
 
 
 def _use(group: Physical, place: int, found: dict[str, dict[str, int]], kinds: Kinds, parameters: Parameters) -> bool:
@@ -135,8 +135,8 @@ def _refuse_missing(found: dict[str, dict[str, int]], kinds: Kinds, parameters: 
         for name in found[kind]:
             for word in picked(parameters, f"{folder}/{name}"):
                 raise SceneError(
-                    f"parameter '{PREFIX}{folder}/{name}/{word}': found a group '{kind}:{name}' too, expected one of"
-                    " them"
+                    f"parameter '{PREFIX}{folder}/{name}/{word}' cannot be combined with a group '{kind}:{name}';"
+                    " use one of them"
                 )
         missing = sorted(parameters.below(folder) - set(found[kind]))
         if kind == "zone" and not found[kind] and len(missing) == 1:
@@ -148,7 +148,7 @@ def _refuse_missing(found: dict[str, dict[str, int]], kinds: Kinds, parameters: 
             meant = f" (or is {PREFIX}{folder}/{near} meant?)" if near else ""
             edge = f", or {PREFIX}{folder}/{name}/Edge" if 1 in dimensions else ""
             raise SceneError(
-                f'Physical {SHAPES[dimensions[0]]}("{kind}:{name}"): found none, expected one for'
+                f'Physical {SHAPES[dimensions[0]]}("{kind}:{name}") is missing; draw it for'
                 f" {PREFIX}{folder}/{name}{meant}{edge}"
             )
 

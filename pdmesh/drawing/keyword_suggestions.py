@@ -10,7 +10,7 @@ from typing import Any
 
 from pdmesh.scene.body import Body
 from pdmesh.scene.scene import Scene
-from pdmesh.spelling import nearest
+from pdmesh.spelling import meant
 
 UNKNOWN = re.compile(r"[Uu]nexpected keyword argument '(\w+)'")
 
@@ -22,10 +22,11 @@ def known(error: BaseException, tree: ast.Module, names: Mapping[str, Any]) -> s
     """
     if isinstance(error, AttributeError) and isinstance(error.obj, Scene | Body):
         methods = [name for name in dir(error.obj) if not name.startswith("_")]
-        return f", expected one such as '{nearest(error.name or '', methods)}'"
+        return f"; did you mean '{meant(error.name or '', methods, cutoff=0.0)}'?"
     said = UNKNOWN.search(str(error)) if isinstance(error, TypeError) else None
     for words in _called_with(said[1], tree, names) if said else ():
-        return f", expected one of {', '.join(words)}"
+        near = meant(said[1], words) if said else ""
+        return f"; use one of {', '.join(words)}" + (f" (did you mean '{near}'?)" if near else "")
     return ""
 
 

@@ -42,7 +42,7 @@ def acted_on(scene: S, places: Mapping[str, Iterable[tuple[str, Any, str]]], par
         given = _filled(_given(parameters, folder, LOADS, scene.AXES))
         if not given:
             raise SceneError(
-                f"parameter '{PREFIX}{folder}/Traction x': found none, expected a number (or Traction"
+                f"parameter '{PREFIX}{folder}/Traction x' is missing; give a number (or Traction"
                 f" {' or '.join(scene.AXES[1:])}, or of Body force or Force)"
             )
         scene = scene.load(where, name=name, **given, **_shared(parameters, folder))
@@ -62,7 +62,7 @@ def monitored(scene: S, gaps: Mapping[str, Sequence[Sequence[float]]], parameter
     """The scene with openings between pairs of points, m, by name, and with load cells. Raises SceneError."""
     for name, points in gaps.items():
         if len(points) != 2:
-            raise SceneError(f"gap '{name}': found {len(points)} points, expected two")
+            raise SceneError(f"gap '{name}' has {len(points)} points; use two")
         scene = scene.gap(name, *points)
     for name in sorted(parameters.below("Load cells")):
         words = parameters.text(f"Load cells/{name}/Of").split(",")
@@ -107,8 +107,8 @@ def _held(parameters: Parameters, folder: str, axes: str) -> dict[str, Any]:
         value = parameters.of_place(f"{folder}/Displacement {axis}", is_length=True)
         if value and axis not in held:
             raise SceneError(
-                f"parameter '{PREFIX}{folder}/Displacement {axis}': found one, expected none of a component that is"
-                f" not held (Components '{held}')"
+                f"parameter '{PREFIX}{folder}/Displacement {axis}' is for a component that is not held (Components"
+                f" '{held}'); leave it out"
             )
         values[axis] = (value or 0.0) if axis in held else None
     return values

@@ -104,7 +104,7 @@ def _mesh(path: Path, about: dict[str, Any], arrays: dict[str, NDArray[Any]]) ->
     if "library" in about:
         raise SceneError(f"{path}: {path.suffix} cannot be read here: {about['library']}")
     if "error" in about:
-        wanted = "" if "expected" in about["error"] else ", expected a mesh in the format of its suffix"
+        wanted = "" if "; " in about["error"] else "; use a mesh in the format of its suffix"
         raise SceneError(f"{path}: {about['error']}{wanted}")
     cells = tuple(Block(kind, arrays[f"cells {number}"]) for number, kind in enumerate(about["types"]))
     none = np.zeros(0, dtype=np.int64)
@@ -115,11 +115,11 @@ def _mesh(path: Path, about: dict[str, Any], arrays: dict[str, NDArray[Any]]) ->
     for members in sets.values():
         for block, chosen in zip(cells, members, strict=True):
             if chosen.size and not 0 <= chosen.min() <= chosen.max() < len(block.data):
-                raise SceneError(f"{path}: found a set of cells that are not there, expected a whole mesh")
+                raise SceneError(f"{path}: a set has cells that do not exist; use a whole mesh")
     point_sets = {name: arrays[f"points {place}"] for place, name in enumerate(about["point sets"])}
     for rows in point_sets.values():
         if rows.size and not 0 <= rows.min() <= rows.max() < len(arrays["points"]):
-            raise SceneError(f"{path}: found a set of points that are not there, expected a whole mesh")
+            raise SceneError(f"{path}: a set has points that do not exist; use a whole mesh")
     volumes = tuple(
         arrays.get(f"volumes {number}", np.full(len(block.data), np.nan)) for number, block in enumerate(cells)
     )
@@ -153,11 +153,11 @@ def _refuse_references(path: Path) -> None:
     if suffix in (".xdmf", ".vtu"):
         data = read_bytes(path)
         if re.search(rb"<!\s*(?:DOCTYPE|ENTITY)", data, re.IGNORECASE):
-            raise SceneError(f"{path}: found a definition of entities, expected none{ADVICE}")
+            raise SceneError(f"{path} defines entities, which are not read; remove them{ADVICE}")
         if suffix == ".xdmf":
             _refuse_data_items(path, data)
     elif suffix == ".ply" and b"end_header" not in read_bytes(path)[: 2**20]:
-        raise SceneError(f"{path}: found no end of the header, expected a whole mesh")  # meshio looks for it for ever
+        raise SceneError(f"{path}: the header has no end; use a whole mesh")  # meshio looks for it for ever
 
 
 def _refuse_data_items(path: Path, data: bytes) -> None:
@@ -170,5 +170,5 @@ def _refuse_data_items(path: Path, data: bytes) -> None:
             name = (item.text or "").strip().split(":")[0]
             other = path.parent / name
             if name != Path(name).name or not other.resolve().is_relative_to(path.parent.resolve()):
-                raise SceneError(f"{path}: found data in '{name}', expected them in a file beside it{ADVICE}")
+                raise SceneError(f"{path}: data are in '{name}'; put them in a file beside it{ADVICE}")
             check_regular(other)

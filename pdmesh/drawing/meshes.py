@@ -79,7 +79,7 @@ def read_mesh(
         values = given(assignments)
         if mesh.of_dimension(3)[0]:
             if cracks:
-                raise SceneError("--crack: found a body in space, expected a plate")
+                raise SceneError("--crack is for plates; leave it out for a body in space")
             return body_of_mesh(mesh, values, path.name)
         return _plate(mesh, values, path, cracks)
     except SceneError as error:
@@ -90,7 +90,7 @@ def _check_points(mesh: Mesh) -> None:
     """Raise SceneError for a coordinate that no area or distance can be computed of."""
     for row, axis in np.argwhere(~(np.abs(mesh.points) < FARTHEST))[:1].tolist():
         value = f"{mesh.points[row, axis]:g}"
-        raise SceneError(f"points: point {row}: found coordinate {value}, expected a finite one below {FARTHEST:g}")
+        raise SceneError(f"points: point {row} has the coordinate {value}; use a finite one below {FARTHEST:g}")
 
 
 def _plate(
@@ -103,9 +103,9 @@ def _plate(
     faces, lines, points = (_Cells.of(mesh, dimension, places) for dimension in (2, 1, 0))
     areas = np.asarray(shapely.area(faces.shapes))
     if not (areas > 0).all():
-        raise SceneError(f"cell {int((areas <= 0).argmax())}: found no area, expected cells with an inside")
+        raise SceneError(f"cell {int((areas <= 0).argmax())} has no area; use cells with an inside")
     for cell in np.flatnonzero(~shapely.is_valid(faces.shapes))[:1].tolist():
-        raise SceneError(f"cell {cell}: found sides that cross, expected corners one after the other around it")
+        raise SceneError(f"cell {cell}: its sides cross; list its corners one after the other around it")
     delta = np.sqrt(areas)
     if mesh.volumes:
         areas = np.concatenate(mesh.volumes)
@@ -145,9 +145,9 @@ def _refuse_others(mesh: Mesh) -> None:
     """Raise SceneError for cells in space, and for a mesh without faces."""
     points = mesh.points
     if points.shape[1] > 2 and np.ptp(points[:, 2]) > FLAT * np.ptp(points[:, :2], axis=0).max():
-        raise SceneError("points: found z of several values, expected a plane mesh, or one of solids")
+        raise SceneError("points: z has several values; use a plane mesh, or one of solids")
     if not mesh.of_dimension(2)[0]:
-        raise SceneError("found no triangle and no quad, expected some")
+        raise SceneError("the mesh has no triangle and no quad; add some")
 
 
 def _groups(
@@ -196,7 +196,7 @@ def _union(cells: NDArray[Any]) -> shapely.Geometry:
     whole = shapely.union_all(cells)
     area = float(shapely.area(cells).sum())
     if not abs(whole.area - area) <= OVERLAP * area:
-        raise SceneError(f"cells: found {area:g} of area in all, on {whole.area:g}, expected cells that do not overlap")
+        raise SceneError(f"cells overlap: {area:g} of area in all, on {whole.area:g}; use cells that do not overlap")
     return whole
 
 

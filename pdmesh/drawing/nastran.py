@@ -34,11 +34,11 @@ class _Card(NamedTuple):
         for word in self.fields[:1] if self.name == "GRID" else self._ids():
             number = whole_number(word)
             if number is None or not 0 < number <= LARGEST:
-                wanted = f"expected a whole number from 1 to {LARGEST}"
-                raise SceneError(f"{self.place}: {self.name}: found '{word:.60}', {wanted}")
+                wanted = f"use a whole number from 1 to {LARGEST}"
+                raise SceneError(f"{self.place}: {self.name}: '{word:.60}' is not an id; {wanted}")
         for word in filter(None, self.fields[2:5] if self.name == "GRID" else ()):
             if finite_number(SHORT.sub("E", word)) is None:
-                raise SceneError(f"{self.place}: GRID: found '{word:.60}', expected a finite coordinate")
+                raise SceneError(f"{self.place}: GRID: '{word:.60}' is not a coordinate; use a finite number")
 
     def _ids(self) -> list[str]:
         """The element's own number, then those of its property and nodes that are there."""
@@ -79,11 +79,11 @@ def checked_bulk(path: Path) -> tuple[bytes, tuple[str, ...]]:
 def _refuse_others(place: str, card: str, second: str) -> None:
     """Raise SceneError for a card that Gmsh reads wrongly or leaves out; a GRID has its system in the second field."""
     if card == "INCLUDE":
-        raise SceneError(f"{place}: found INCLUDE, expected a mesh in one file")
+        raise SceneError(f"{place}: INCLUDE is not read; put the mesh in one file")
     if card in ("GRID", "GRDSET") and second.strip() not in ("", "0"):
-        raise SceneError(f"{place}: {card}: found coordinate system {second.strip()}, expected the basic one, 0")
+        raise SceneError(f"{place}: {card}: coordinate system {second.strip()} is not read; use the basic one, 0")
     if CELL.match(card) and card not in READ:
-        raise SceneError(f"{place}: found {card}, which is not read, expected one of {', '.join(READ[1:])}")
+        raise SceneError(f"{place}: {card} is not read; use one of {', '.join(READ[1:])}")
 
 
 def _field(line: str, star: str, number: int) -> str:

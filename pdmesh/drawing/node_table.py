@@ -28,7 +28,7 @@ def read_table(path: Path) -> Mesh:
     for number, line in enumerate(text_lines(path), start=1):
         if HEADER.match(line):
             if names is not None:
-                raise SceneError(f"{path}: line {number}: found 'header:', expected one, before the first point")
+                raise SceneError(f"{path}: line {number}: a second or late 'header:'; use one, before the first point")
             names = _columns(path, number, line.partition(":")[2])
             continue
         words = line.partition("#")[0].replace(",", " ").split()
@@ -37,13 +37,13 @@ def read_table(path: Path) -> Mesh:
             rows.append(_row(path, number, words, names))
             numbers.append(number)
     if names is None or not rows:
-        raise SceneError(f"{path}: found no points, expected lines of x, y, z, block and volume")
+        raise SceneError(f"{path} has no points; use lines of x, y, z, block and volume")
     table = np.array(rows)
     of = {name: table[:, at] for at, name in enumerate(names)}
     exact = (of["block"] == np.rint(of["block"])) & (np.abs(of["block"]) < LARGEST)
     for at in np.flatnonzero(~exact)[:1].tolist():
         wanted = "a whole number of at most 15 digits"
-        raise SceneError(f"{path}: line {numbers[at]}: block: found {of['block'][at]:g}, expected {wanted}")
+        raise SceneError(f"{path}: line {numbers[at]}: block is {of['block'][at]:g}; use {wanted}")
     points = np.column_stack([of[axis] for axis in "xyz" if axis in of])
     cells = Block("vertex", np.arange(len(points))[:, None])
     order = np.argsort(of["block"], kind="stable")
@@ -57,7 +57,9 @@ def _columns(path: Path, number: int, text: str) -> tuple[str, ...]:
     words = text.replace(",", " ").split()
     names = tuple(NAMES.get(word.lower(), word) for word in words)
     if not {"x", "y", "block", "volume"} <= set(names) or len(set(names)) < len(names):
-        raise SceneError(f"{path}: line {number}: found '{text.strip():.60}', expected header: x y z block_id volume")
+        raise SceneError(
+            f"{path}: line {number}: cannot read '{text.strip():.60}'; use the header: x y z block_id volume"
+        )
     return names
 
 
@@ -65,5 +67,5 @@ def _row(path: Path, number: int, words: list[str], names: tuple[str, ...] | Non
     row = [value for value in map(finite_number, words) if value is not None]
     if names is None or not len(row) == len(words) == len(names):
         wanted = " ".join(names or COLUMNS[5])
-        raise SceneError(f"{path}: line {number}: found '{' '.join(words):.60}', expected numbers {wanted}")
+        raise SceneError(f"{path}: line {number}: cannot read '{' '.join(words):.60}'; use numbers {wanted}")
     return row

@@ -14,11 +14,11 @@ from pdmesh.model.document import ADAPTS, Contact, Run
 from pdmesh.model.material import DECLARED, Material
 from pdmesh.model.medium import Medium
 from pdmesh.model.suggestions import explained
+from pdmesh.quantities import UNITS, Unit
 from pdmesh.scene.conditions import Profile, parse_profile
 from pdmesh.scene.heat import Heat
 from pdmesh.scene.shapes import SceneError
-from pdmesh.scene.units import UNITS, Unit
-from pdmesh.spelling import nearest
+from pdmesh.spelling import meant
 
 T = TypeVar("T")
 
@@ -93,6 +93,17 @@ NAMES = (
     "Area rule",
     "Units",
 )
+OF_SETTINGS = {  # parameters by the names that settings of the solver have
+    "horizon.ratio": "Horizon ratio",
+    "area_rule": "Area rule",
+    **{f"material.{name}": f"Material/{drawn}" for name, drawn in MATERIAL.items()},
+    **{f"contact.{name}": f"Contact/{drawn}" for name, drawn in CONTACT.items()},
+    **{f"medium.{drawn.lower() if len(drawn) > 1 else drawn}": f"Medium/{drawn}" for drawn in ("D", "Power", "Broken")},
+    **{f"run.{name.lower().replace(' ', '_')}": f"Run/{name}" for name in FOLDERS["Run"]},
+    "run.every": "Run/Frame every",
+    "run.collocation.damped": "Run/Collocation damped",
+    **{f"run.static.{name.lower().replace(' ', '_')}": f"Run/{name}" for name in ("Load steps", "Control", "Opening")},
+}
 
 
 @dataclass(frozen=True)
@@ -136,17 +147,16 @@ def refuse_unknown(names: Iterable[str], own: bool) -> None:
         group = words[1] if len(words) > 2 else ANY
         likely = [known.replace(ANY, group) for known in NAMES] + ["/".join([OWN, *words[1:]])] * own
         also = f" (a drawing's own numbers go below '{PREFIX}{OWN}/')" if own else ""
-        raise SceneError(
-            f"parameter '{name}': found an unknown name,"
-            f" expected{one_like(name, [PREFIX + known for known in likely])}{also}"
-        )
+        raise SceneError(f"parameter '{name}' is unknown;{one_like(name, [PREFIX + known for known in likely])}{also}")
 
 
 def refuse_space(names: Iterable[str]) -> None:
     """Raise SceneError for a component or a face, which plates do not have."""
     for name in names:
         if name.endswith((" z", "/Face")) and not name.startswith(f"{PREFIX}{OWN}/"):
-            raise SceneError(f"parameter '{name}': found one, expected none in a plate (volumes make a body in space)")
+            raise SceneError(
+                f"parameter '{name}' is for bodies; leave it out in a plate (volumes make a body in space)"
+            )
 
 
 def _is(words: Sequence[str], known: str) -> bool:
@@ -175,16 +185,16 @@ class Parameters:
     def _get(self, name: str, kind: type, expected: str) -> Any:
         value = self._values.get(PREFIX + name)
         if value is not None and not isinstance(value, kind):
-            raise SceneError(f"parameter '{PREFIX}{name}': found {value!r}, expected {expected}")
+            raise SceneError(f"parameter '{PREFIX}{name}' is {value!r}; use {expected}")
         if isinstance(value, str) and not value.isprintable():
-            raise SceneError(f"parameter '{PREFIX}{name}': found {value!r:.80}, expected a word that can be printed")
+            raise SceneError(f"parameter '{PREFIX}{name}' is {value!r:.80}; use a word that can be printed")
         return value
 
     def maybe(self, name: str) -> float | None:
         """A finite number, or None if it is not given."""
         value: float | None = self._get(name, float, "a number")
         if value is not None and not np.isfinite(value):
-            raise SceneError(f"parameter '{PREFIX}{name}': found {value}, expected a finite number")
+            raise SceneError(f"parameter '{PREFIX}{name}' is {value}; use a finite number")
         return value
 
     def of_place(self, name: str, is_length: bool = False) -> float | str | None:
@@ -199,7 +209,7 @@ class Parameters:
         value = self.maybe(name)
         value = default if value is None else value
         if value is None:
-            raise SceneError(f"parameter '{PREFIX}{name}': found none, expected a number")
+            raise SceneError(f"parameter '{PREFIX}{name}' is missing; give a number")
         return value
 
     def maybe_length(self, name: str) -> float | None:
@@ -215,16 +225,14 @@ class Parameters:
         """A whole number."""
         value = self.number(name, float(default))
         if value != round(value) or abs(value) > MOST:
-            raise SceneError(
-                f"parameter '{PREFIX}{name}': found {value:g}, expected a whole number of {MOST:.0e} at most"
-            )
+            raise SceneError(f"parameter '{PREFIX}{name}' is {value:g}; use a whole number of {MOST:.0e} at most")
         return round(value)
 
     def flag(self, name: str, default: bool) -> bool:
         """A number that is 0 or 1."""
         value = self.number(name, float(default))
         if value not in (0.0, 1.0):
-            raise SceneError(f"parameter '{PREFIX}{name}': found {value:g}, expected 0 or 1")
+            raise SceneError(f"parameter '{PREFIX}{name}' is {value:g}; use 0 or 1")
         return value == 1.0
 
     def text(self, name: str, default: str = "", of: Sequence[str] = ()) -> str:
@@ -232,9 +240,7 @@ class Parameters:
         value = self._get(name, str, "a word")
         value = default if value is None else str(value)
         if of and value not in of:
-            raise SceneError(
-                f"parameter '{PREFIX}{name}': found '{value}', expected one of {', '.join(filter(None, of))}"
-            )
+            raise SceneError(f"parameter '{PREFIX}{name}' is '{value}'; use one of {', '.join(filter(None, of))}")
         return value
 
     def of_type(self, name: str, kind: inspection.Type) -> float | bool | str | None:
@@ -256,13 +262,13 @@ class Parameters:
 
 def unknown(name: str, known: Iterable[str]) -> str:
     """Message about a parameter that is not in a drawing."""
-    return f"parameter '{name}' is not in the drawing, expected{one_like(name, known)}"
+    return f"parameter '{name}' is not in the drawing;{one_like(name, known)}"
 
 
 def one_like(name: str, known: Iterable[str]) -> str:
-    """End of a message about an unknown name: the most similar of the `known` ones."""
-    near = nearest(name, known)
-    return f" one such as '{near}'" if near else " none"
+    """End of a message about an unknown name: the most similar of the `known` ones, or what else to do."""
+    near = meant(name, known, cutoff=0.0)
+    return f" did you mean '{near}'?" if near else " leave it out"
 
 
 def material(parameters: Parameters, folder: str, base: Material | None) -> Material | None:
@@ -278,7 +284,7 @@ def material(parameters: Parameters, folder: str, base: Material | None) -> Mate
         return None
     for name in ("E", "rho", "G0"):
         if name not in given and not (name == "G0" and "critical_stretch" in given):
-            raise SceneError(f"parameter '{PREFIX}{folder}/{name}': found none, expected a number")
+            raise SceneError(f"parameter '{PREFIX}{folder}/{name}' is missing; give a number")
     return _converted(given, Material, folder)
 
 
@@ -298,7 +304,7 @@ def either(parameters: Parameters, folder: str, *names: str) -> tuple[float | st
     given = [(value, name) for name in names if (value := parameters.of_place(f"{folder}/{name}")) is not None]
     if len(given) != 1:
         found, one = ", ".join(name for _, name in given) or "none", " and ".join([", ".join(names[:-1]), names[-1]])
-        raise SceneError(f"parameter '{PREFIX}{folder}/{names[0]}': found {found}, expected one of {one}")
+        raise SceneError(f"parameter '{PREFIX}{folder}/{names[0]}': {found} given; give one of {one}")
     return given[0]
 
 
@@ -307,7 +313,7 @@ def medium(parameters: Parameters) -> Medium | Heat | None:
     if parameters.maybe("Medium/k") is not None or parameters.maybe("Medium/c") is not None:
         others = sorted(parameters.below("Medium") - {"k", "c", "Broken", "Deformation"})
         if others:
-            raise SceneError(f"parameter '{PREFIX}Medium/{others[0]}': found one, expected none beside k and c")
+            raise SceneError(f"parameter '{PREFIX}Medium/{others[0]}' cannot be combined with k and c; leave it out")
         k, c = (parameters.number(f"Medium/{name}") for name in "kc")
         return Heat(k, c, parameters.number("Medium/Broken", 1.0), parameters.flag("Medium/Deformation", False))
     given: dict[str, Any] = {"D": parameters.maybe("Medium/D"), "k_diss": parameters.maybe("Medium/k diss")}
@@ -318,7 +324,7 @@ def medium(parameters: Parameters) -> Medium | Heat | None:
     if not given and not parameters.below("Medium"):
         return None
     if "D" not in given:
-        raise SceneError(f"parameter '{PREFIX}Medium/D': found none, expected a number")
+        raise SceneError(f"parameter '{PREFIX}Medium/D' is missing; give a number")
     if parameters.maybe("Medium/Power") is not None:
         given["power"] = parameters.whole("Medium/Power", 1)
     if parameters.maybe("Medium/Capped") is not None:
@@ -364,10 +370,10 @@ def _steps(step: float, duration: float | None) -> int:
     if duration is None or not step > 0 or not duration >= 0:
         found = "none" if duration is None else f"{duration:g} s"
         raise SceneError(
-            f"{PREFIX}Run: found Time step {step:g} s and Duration {found}, expected both, positive, or Duration alone"
+            f"{PREFIX}Run: Time step is {step:g} s and Duration {found}; give both, positive, or Duration alone"
         )
     if duration / step > 1e9:
-        raise SceneError(f"{PREFIX}Run: found {duration / step:.1g} steps, expected at most 1e9")
+        raise SceneError(f"{PREFIX}Run: the run takes {duration / step:.1g} steps; use at most 1e9")
     return round(duration / step)
 
 

@@ -92,7 +92,7 @@ def scene_of(
     _check_places(named_groups)
     zones = tuple(_zone(name, group, parameters) for name, group in named_groups["zone"].items())
     if not zones:
-        raise SceneError("zones: found none, and no surface in the drawing, expected one at least, such as 'zone:NAME'")
+        raise SceneError("zones: there is none, and no surface in the drawing; add one, such as 'zone:NAME'")
     material = named.material(parameters, "Material", None)
     scene = Scene(
         outline=shapely.union_all([zone.shape for zone in zones]),
@@ -140,7 +140,7 @@ def _reaching_beyond(zones: Sequence[Zone]) -> tuple[str, ...]:
         beyond = zone.shape - coarser
         if all(not part.buffer(-zone.spacing / 2).is_empty for part in (zone.shape & coarser, beyond)):
             notes.append(
-                f"warning: zone '{zone.name}': found {beyond.area:.4g} m^2 of it beyond the coarser zones, which become"
+                f"warning: zone '{zone.name}': {beyond.area:.4g} m^2 of it are beyond the coarser zones and become"
                 " plate too (if they should not: BooleanIntersection with the plate)"
             )
     return tuple(notes)
@@ -149,7 +149,7 @@ def _reaching_beyond(zones: Sequence[Zone]) -> tuple[str, ...]:
 def _zone(name: str, group: Group, parameters: Parameters) -> Zone:
     shape, spacing = surface_of(f"zone '{name}'", group), parameters.length(f"Zones/{name}/Spacing")
     if not spacing > 0:
-        raise SceneError(f"zone '{name}': spacing: found {spacing:g} m, expected more than 0 m")
+        raise SceneError(f"zone '{name}': spacing is {spacing:g} m; use more than 0 m")
     return Zone(name, shape, spacing, parameters.flag(f"Zones/{name}/Grown", True))
 
 
@@ -159,10 +159,10 @@ def _check_places(groups: dict[str, dict[str, Group]]) -> None:
     if points:
         cloud = np.concatenate(points)
         if not np.isfinite(cloud).all():
-            raise SceneError("drawing: found a coordinate that is not finite, expected metres")
+            raise SceneError("drawing: a coordinate is not finite; use metres")
         if np.ptp(cloud[:, 2]) > FLAT * max(np.ptp(cloud[:, 0]), np.ptp(cloud[:, 1])):
             raise SceneError(
-                f"drawing: found z from {cloud[:, 2].min():g} to {cloud[:, 2].max():g} m, expected a plane of one z"
+                f"drawing: z goes from {cloud[:, 2].min():g} to {cloud[:, 2].max():g} m; draw a plane of one z"
             )
 
 
@@ -202,6 +202,6 @@ def _with_regions(scene: Scene, groups: dict[str, dict[str, Group]], parameters:
     for name, group in groups["material"].items():
         material = named.material(parameters, f"Materials/{name}", scene.material)
         if material is None:
-            raise SceneError(f"parameter '{PREFIX}Materials/{name}/E': found none, expected a number")
+            raise SceneError(f"parameter '{PREFIX}Materials/{name}/E' is missing; give a number")
         scene = scene.region(surface_of(f"material '{name}'", group), material, name)
     return scene

@@ -13,10 +13,10 @@ from shapely import LineString, MultiLineString
 from pdmesh.drawing.group_names import picked
 from pdmesh.drawing.parameters import PREFIX, Parameters
 from pdmesh.model.document import LARGEST
+from pdmesh.quantities import Unit
 from pdmesh.scene.edges import point_in
 from pdmesh.scene.scene import Scene
 from pdmesh.scene.shapes import Curve, SceneError, Surface, parts
-from pdmesh.scene.units import Unit
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ def _picked(scene: Scene, parameters: Parameters, folder: str) -> Curve | Surfac
     word, *others = picked(parameters, folder)
     name, text = f"{folder}/{word}", parameters.text(f"{folder}/{word}")
     if others:
-        raise SceneError(f"parameter '{PREFIX}{folder}/{others[0]}': found a {word} too, expected one of them")
+        raise SceneError(f"parameter '{PREFIX}{folder}/{others[0]}' cannot be combined with a {word}; use one of them")
     match word:
         case "Box":
             return _box(parameters, name)
@@ -69,7 +69,7 @@ def _where(place: str, group: Group) -> Curve | Surface | shapely.Point:
     if group.dimension == 1:
         return MultiLineString(lines_of(place, group.curves))
     if len(group.curves) != 1:
-        raise SceneError(f"{place}: found {len(group.curves)} points, expected one: a support at one node")
+        raise SceneError(f"{place} has {len(group.curves)} points; use one, as it is a support at one node")
     return shapely.Point(point_of(group.curves[0]))
 
 
@@ -78,9 +78,9 @@ def _box(parameters: Parameters, name: str) -> Surface:
     try:
         x0, y0, x1, y1 = (parameters.unit.metres(float(word)) for word in text.split())
     except ValueError:
-        raise SceneError(f"parameter '{place}': found '{text}', expected four numbers 'x0 y0 x1 y1'") from None
+        raise SceneError(f"parameter '{place}' is '{text}'; use four numbers 'x0 y0 x1 y1'") from None
     if not (-LARGEST <= x0 < x1 <= LARGEST and -LARGEST <= y0 < y1 <= LARGEST):
-        raise SceneError(f"parameter '{place}': found '{text}', expected x0 < x1 and y0 < y1, at most {LARGEST:g} m")
+        raise SceneError(f"parameter '{place}' is '{text}'; use x0 < x1 and y0 < y1, at most {LARGEST:g} m")
     return shapely.box(x0, y0, x1, y1)
 
 
@@ -95,7 +95,7 @@ def lines_of(place: str, curves: Iterable[Any]) -> list[LineString]:
     lines = [LineString(np.asarray(points)[:, :2]) for points in curves]
     lines = [line for line in lines if line.length > 0]
     if not lines:
-        raise SceneError(f"{place}: found no curve of any length, expected at least one")
+        raise SceneError(f"{place} has no curve of any length; add one")
     merged = shapely.line_merge(MultiLineString(lines))
     return list(merged.geoms) if isinstance(merged, MultiLineString) else [merged]
 
@@ -112,12 +112,12 @@ def face(curves: Iterable[Any], place: str) -> shapely.Polygon:
     crossing = [line for line in lines if not line.is_simple]
     if crossing or not MultiLineString(lines).is_simple:
         reason = shapely.is_valid_reason(shapely.Polygon(crossing[0])) if crossing else "curves that cross"
-        raise SceneError(f"{place}: found {reason}, expected an outline that does not cross itself")
+        raise SceneError(f"{place}: {reason}; use an outline that does not cross itself")
     for loose in (dangles, cuts):
         if not loose.is_empty:
             x, y = shapely.get_coordinates(loose)[0]
-            raise SceneError(f"{place}: found an outline open at ({x:g}, {y:g}) m, expected closed curves")
+            raise SceneError(f"{place}: the outline is open at ({x:g}, {y:g}) m; use closed curves")
     faces = parts(polygons)
     if not faces:
-        raise SceneError(f"{place}: found an outline that does not close, expected closed curves")
+        raise SceneError(f"{place}: the outline does not close; use closed curves")
     return max(faces, key=lambda part: float(shapely.Polygon(part.exterior).area))

@@ -18,7 +18,7 @@ ALIKE = 1e-3  # relative: thicknesses and areas that are the same
 OVERLAP = 1e-6  # of the area
 LEAST, CLOSEST = 1e-180, 1e-60  # volume, and distance of two points: quotients and powers of them are finite
 FINEST = 1e-9  # spacing, of the size of a lattice
-ADVICE = "expected the nodes of a lattice, each the middle of its cell (or the mesh they are made from)"
+ADVICE = "use the nodes of a lattice, each the middle of its cell (or the mesh they are made from)"
 SQUARE = np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)])
 CUBE = np.array([(*corner, end) for end in (0, 1) for corner in ((0, 0), (1, 0), (1, 1), (0, 1))])
 
@@ -35,13 +35,13 @@ def with_cells(mesh: Mesh) -> Mesh:
     unknown = int(np.isnan(volume).sum())
     if not len(rows) or unknown:
         raise SceneError(
-            f"found {unknown} points without a volume, expected cells, or an attribute 'volume' of each point"
-            " (or a text file of lines x y z block volume)"
+            f"{unknown} points have no volume; use cells, or an attribute 'volume' of each point (or a text file of"
+            " lines x y z block volume)"
         )
     if len(rows) < 2:
-        raise SceneError("points: found fewer than two, expected the nodes of a plate or a body")
+        raise SceneError("points: there are fewer than two; use the nodes of a plate or a body")
     for at in np.flatnonzero(~((volume > LEAST) & (volume < 1 / LEAST)))[:1].tolist():
-        raise SceneError(f"point {at}: volume: found {volume[at]:g}, expected more than 0 and less than {1 / LEAST:g}")
+        raise SceneError(f"point {at}: volume is {volume[at]:g}; use more than 0 and less than {1 / LEAST:g}")
     places = mesh.points[rows]
     size = np.ptp(places, axis=0)
     if places.shape[1] == 3 and size[2] > FLAT * size.max():
@@ -68,7 +68,7 @@ def _squares(mesh: Mesh, places: NDArray[np.float64], volume: NDArray[np.float64
     else:
         whole = shapely.union_all(shapely.polygons(corners)).area
         if abs(whole - float(area.sum())) > OVERLAP * whole:
-            raise SceneError(f"points: found neighbours {apart.min():.4g} to {apart.max():.4g} apart, {ADVICE}")
+            raise SceneError(f"points: neighbours are {apart.min():.4g} to {apart.max():.4g} apart; {ADVICE}")
     return _with_blocks(mesh, "quad", corners.reshape(-1, 2), np.arange(4 * len(places)).reshape(-1, 4), area, notes)
 
 
@@ -77,7 +77,7 @@ def _cubes(mesh: Mesh, places: NDArray[np.float64], volume: NDArray[np.float64])
     apart = _apart(places)
     lattice = _lattice(places, float(np.median(apart)))
     if lattice is None:
-        raise SceneError(f"points: found neighbours {apart.min():.4g} to {apart.max():.4g} apart, {ADVICE}")
+        raise SceneError(f"points: neighbours are {apart.min():.4g} to {apart.max():.4g} apart; {ADVICE}")
     origin, side, at = lattice
     corner = (at[:, None] + CUBE).reshape(-1, 3)
     every, cells = np.unique(corner, axis=0, return_inverse=True)
@@ -93,7 +93,7 @@ def _apart(places: NDArray[np.float64]) -> NDArray[np.float64]:
     apart = tree_of(places).query(places, k=2)[0][:, 1]
     if not apart.min() > CLOSEST:
         at = ", ".join(f"{value:g}" for value in places[int(apart.argmin())])
-        raise SceneError(f"points: found two at ({at}), expected one at each place")
+        raise SceneError(f"points: two are at ({at}); use one at each place")
     return np.asarray(apart)
 
 

@@ -64,7 +64,7 @@ def _refuse_halves(scene: Scene | Body, path: Path) -> None:
         try:
             str(word).encode("utf-8")
         except UnicodeEncodeError:
-            raise SceneError(f"{path}: found {str(word)[:40]!a}, half of a character, expected whole ones") from None
+            raise SceneError(f"{path} has {str(word)[:40]!a}, half of a character; use whole ones") from None
 
 
 def script_parameters(path: Path, assignments: Sequence[tuple[str, str]] = (), trust: bool = False) -> list[Parameter]:
@@ -90,16 +90,18 @@ def _parsed(path: Path, trust: bool) -> tuple[str, ast.Module]:
     except ValueError as error:
         raise SceneError(f"{path}: cannot be read: {error}") from None
     if not trust:
-        raise UntrustedError(f"{path}: found a Python program, expected a drawing (--trust runs it)")
+        raise UntrustedError(
+            f"{path} is a Python program, which is not run unasked; use --trust to run it, or use a drawing"
+        )
     try:
         text = content.decode("utf-8")
         return text, ast.parse(text, str(path))
     except SyntaxError as error:
-        raise SceneError(f"{path}: line {error.lineno}: {error.msg}, expected Python") from None
+        raise SceneError(f"{path}: line {error.lineno}: {error.msg}; correct the Python code") from None
     except ValueError as error:
-        raise SceneError(f"{path}: {error}, expected Python") from None
+        raise SceneError(f"{path}: {error}; correct the Python code") from None
     except (RecursionError, MemoryError):
-        raise SceneError(f"{path}: found an expression too long or nested too deep, expected Python") from None
+        raise SceneError(f"{path}: an expression is too long or nested too deep for Python; split it") from None
 
 
 def _in_child(path: Path, values: Mapping[str, float | str]) -> tuple[str, dict[str, Any]]:
@@ -110,7 +112,7 @@ def _in_child(path: Path, values: Mapping[str, float | str]) -> tuple[str, dict[
         command = [sys.executable, "-P", "-m", "pdmesh.drawing.script", str(job), str(result)]
         ended = subprocess.run(command, check=False, env=trust.environment()).returncode
         if not result.exists():
-            raise SceneError(f"{path}: found a program that {how_it_ended(ended)}, expected it to define scene")
+            raise SceneError(f"{path}: the program {how_it_ended(ended)}; it must define scene")
         found = pickle.loads(result.read_bytes())  # of a program that could do anything in any case
     if isinstance(found, str):
         raise SceneError(f"{path}: {found}")
@@ -143,12 +145,12 @@ def _run(path: Path, values: Mapping[str, float | str]) -> bytes:
         return pickle.dumps(_reason(error, path) + known(error, tree, names))
     if not isinstance(scene, Scene | Body):
         found = "none" if scene is None else f"a {type(scene).__name__}"
-        return pickle.dumps(f"scene: found {found}, expected a file that defines scene = Scene(...), or Body(...)")
+        return pickle.dumps(f"scene: {found}; define scene = Scene(...), or Body(...)")
     kind = Scene if isinstance(scene, Scene) else Body
     try:
         return pickle.dumps((kind.__name__, {field.name: getattr(scene, field.name) for field in fields(kind)}))
     except Exception as error:
-        return pickle.dumps(f"scene: found an object that cannot be handed over ({error}), expected shapes and numbers")
+        return pickle.dumps(f"scene: an object cannot be handed over ({error}); use shapes and numbers")
 
 
 def _without_functions(scene: object, path: Path) -> object:
@@ -214,9 +216,7 @@ def _converted(name: str, word: str, default: float | str, path: Path) -> float 
     except ValueError:
         value = float("nan")
     if not math.isfinite(value) or (whole and value != round(value)):
-        raise SceneError(
-            f"{path}: parameter '{name}': found '{word}', expected a {'whole' if whole else 'finite'} number"
-        )
+        raise SceneError(f"{path}: parameter '{name}' is '{word}'; use a {'whole' if whole else 'finite'} number")
     return round(value) if whole else value
 
 

@@ -116,7 +116,7 @@ def _once(nodes: Rows) -> tuple[NDArray[np.bool_], Rows]:
 def _refuse_crowded(count: Rows, faces: _Faces) -> None:
     if count.max(initial=0) > 2:
         cell = int(faces.cell[int(count.argmax())])
-        raise SceneError(f"cell {cell}: found a face of {int(count.max())} cells, expected cells that do not overlap")
+        raise SceneError(f"cell {cell}: one face belongs to {int(count.max())} cells; use cells that do not overlap")
 
 
 def _triangles(nodes: Rows) -> Rows:
@@ -141,7 +141,7 @@ def _volumes(places: NDArray[np.float64], nodes: Rows, faces: _Faces) -> NDArray
     size = np.zeros(len(volume))
     np.maximum.at(size, faces.cell, np.abs(turned).max(axis=(1, 2)))
     for cell in np.flatnonzero(volume <= 1e-12 * size**3)[:1].tolist():
-        raise SceneError(f"cell {cell}: found no volume, expected cells with an inside")
+        raise SceneError(f"cell {cell} has no volume; use cells with an inside")
     return np.asarray(volume)
 
 

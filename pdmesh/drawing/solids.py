@@ -72,7 +72,7 @@ def _shells(solids: Mapping[str, Solid], spacing: float) -> dict[str, Shell]:
     shells = {}
     for name, group in groups.items():
         if group not in there:
-            raise SceneError(f"{name}: found nothing left of it, expected a solid with an inside")
+            raise SceneError(f"{name}: nothing is left of it; use a solid with an inside")
         shells[name] = shell_of(found, there[group])
     return shells
 
@@ -97,7 +97,7 @@ def _said(solid: Solid, lines: list[str], place: str) -> str:
         else:
             said = f"Cone(v) = {{{_words(*ends, solid.end_radius)}}};"
     else:
-        raise SceneError(f"{place}: found {type(solid).__name__}, expected Box, Cylinder, Sphere, or some of them")
+        raise SceneError(f"{place} is {type(solid).__name__}; use Box, Cylinder, Sphere, or some of them")
     lines.append(f"v = newv; {said} {name}() = {{v}};")
     return name
 

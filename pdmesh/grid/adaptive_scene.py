@@ -59,7 +59,7 @@ def undivided(scene: Scene) -> tuple[Scene, tuple[str, ...]]:
         return scene, ()
     levels = round(float(np.log2(ratio)))
     if levels > MOST_LEVELS:
-        raise SceneError(f"run.adapt split: found zones {ratio:g} times finer, expected at most {2**MOST_LEVELS}")
+        raise SceneError(f"run.adapt split: zones are {ratio:g} times finer; use at most {2**MOST_LEVELS}")
     run = msgspec.structs.replace(scene.run, split=msgspec.structs.replace(scene.run.split, levels=levels))
     note = f"nodes of {scene.spacing:g} m everywhere: the solver splits them down to {scene.finest:g} m where it must"
     return replace(scene, zones=(), refinements=(), run=run), (note,)
@@ -83,7 +83,7 @@ def _way(scene: Scene, slit: Slit) -> tuple[float, float]:
         best = worth if best is None else min(best, worth)
     if best is None:
         raise SceneError(
-            f"crack '{slit.name}': found a node of spacing {h:g} m on it wherever it is moved, expected it between them"
+            f"crack '{slit.name}': a node of spacing {h:g} m lies on it wherever it is moved; put it between them"
         )
     x, y = WAYS[best[2]]
     return x * h, y * h

@@ -120,8 +120,7 @@ def _refuse_overlap(bodies: list[tuple[str, Body]]) -> None:
                 deep = distances(inner, theirs, float(np.ptp(theirs, axis=(0, 1)).max())).max()
                 rest = other if name != REST and other == REST else name
                 raise SceneError(
-                    f"{place}: found it {deep + level.cubes.spacing / 2:.4g} m deep in body '{rest}', expected bodies"
-                    " that touch at most"
+                    f"{place} is {deep + level.cubes.spacing / 2:.4g} m deep in body '{rest}'; bodies may touch at most"
                 )
 
 
@@ -197,10 +196,10 @@ def _clear_of_nodes(crack: CrackFace, cloud: Cloud) -> tuple[CrackFace, tuple[st
     triangles, place = crack.sheet.triangles, f"crack '{crack.name}'"
     if not crack.sheet.areas.all():
         flat = int(np.flatnonzero(crack.sheet.areas == 0)[0])
-        raise SceneError(f"{place}: found triangle {flat} without area, expected three corners apart")
+        raise SceneError(f"{place}: triangle {flat} has no area; use three corners apart")
     near = distances(cloud.position, triangles, float(cloud.delta.max()))
     if not (near < cloud.delta).any():
-        raise SceneError(f"{place}: found outside the body, expected inside")
+        raise SceneError(f"{place} is outside the body; put it inside")
     on = np.flatnonzero(near < CLEARANCE * cloud.delta)
     if not len(on):
         return crack, ()
@@ -215,8 +214,8 @@ def _clear_of_nodes(crack: CrackFace, cloud: Cloud) -> tuple[CrackFace, tuple[st
             return replace(crack, sheet=Sheet(moved)), (remark,)
     x, y, z = cloud.position[on[0]]
     raise SceneError(
-        f"{place}: found through {len(on)} nodes, the first at ({x:g}, {y:g}, {z:g}) m, expected between nodes, which"
-        " are the middles of cubes around the body's own, after a move of less than half a spacing"
+        f"{place} runs through {len(on)} nodes, the first at ({x:g}, {y:g}, {z:g}) m; put it between nodes, which"
+        " are the middles of cubes around the body's own, by a move of less than half a spacing"
     )
 
 
@@ -243,7 +242,10 @@ def _nodes(solid: object, place: str, cloud: Cloud) -> tuple[int, ...]:
     assert isinstance(solid, Shell)
     rows = np.flatnonzero(cloud.within(solid, place))
     if not len(rows):
-        raise SceneError(f"{place}: found no node in its solid, {_nearest(solid.triangles, cloud)}; expected some")
+        raise SceneError(
+            f"{place}: no node is in its solid, {_nearest(solid.triangles, cloud)}; enlarge the solid, or use finer"
+            " nodes"
+        )
     return tuple((rows + 1).tolist())
 
 
@@ -261,8 +263,8 @@ def _condition(condition: SolidCondition, body: Body, cloud: Cloud) -> AnyCondit
     rows = np.flatnonzero(found)
     if not len(rows):
         within = "in its solid" if isinstance(where, Shell) else f"within {condition.rows} rows"
-        nearest = f" {_nearest(where.triangles, cloud)};" if isinstance(where, Shell | Sheet) else ""
-        raise SceneError(f"{place}: found no node {within},{nearest} expected some")
+        nearest = f", {_nearest(where.triangles, cloud)}" if isinstance(where, Shell | Sheet) else ""
+        raise SceneError(f"{place}: no node is {within}{nearest}; use a larger region, or finer nodes")
     changed: dict[str, object] = {"nodes": tuple((rows + 1).tolist())}
     if isinstance(action, Load) and action.traction is not None:
         changed |= {"rows": condition.rows, "surface": surface}
@@ -291,10 +293,10 @@ def _found(where: Where, condition: SolidCondition, body: Body, cloud: Cloud) ->
     what = "at a point" if isinstance(where, shapely.Point) else "in a solid"
     if isinstance(action, Load) and action.traction is not None:
         raise SceneError(
-            f"{place}: found a traction {what}, expected a force or a body force there, or a side or a sheet"
+            f"{place}: a traction {what} is not possible; use a force or a body force there, or a side or a sheet"
         )
     if isinstance(action, Spring) and action.stiffness is not None:
-        raise SceneError(f"{place}: found a stiffness {what}, expected a body_stiffness, or a side or a sheet")
+        raise SceneError(f"{place}: a stiffness {what} is not possible; use a body_stiffness, or a side or a sheet")
     if isinstance(where, shapely.Point):
         return _at(where.coords[0], place, cloud), None
     assert isinstance(where, Shell)
@@ -308,8 +310,8 @@ def _at(point: Sequence[float], place: str, cloud: Cloud) -> NDArray[np.bool_]:
     if away[nearest] > FAR * cloud.delta[nearest]:
         x, y, z = cloud.position[nearest]
         raise SceneError(
-            f"{place}: found ({', '.join(f'{value:g}' for value in point)}) m away from the body, the nearest"
-            f" node is at ({x:g}, {y:g}, {z:g}) m; expected in it"
+            f"{place}: ({', '.join(f'{value:g}' for value in point)}) m is away from the body, whose nearest node"
+            f" is at ({x:g}, {y:g}, {z:g}) m; put it in the body"
         )
     return np.asarray(np.arange(len(away)) == nearest)
 

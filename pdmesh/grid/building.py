@@ -64,7 +64,7 @@ def build(scene: Scene | Body) -> Built:
         number, axis, other, row = twice
         one, earlier = (describe(built.settings.conditions[at]) for at in (number, other))
         place = ", ".join(f"{value:g}" for value in built.grid.part(np.array([row])).position[0])
-        raise SceneError(f"{one}: {axis}: found the node at ({place}) m in {earlier} too, expected one of them")
+        raise SceneError(f"{one}: {axis}: the node at ({place}) m is in {earlier} too; use one of them")
     return built
 
 

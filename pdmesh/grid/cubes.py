@@ -79,7 +79,7 @@ def _cuts(triangles: NDArray[np.float64], cubes: Cubes, place: str) -> Cuts:
         odd = np.array(np.divmod(int((each % 2).argmax()), int(wide[1])))
         x, y = cubes.corner[:2] + (odd + 0.5) * cubes.spacing
         raise SceneError(
-            f"{place}: found a surface open, or crossing itself, near x = {x:g}, y = {y:g} m, expected a closed one"
+            f"{place}: the surface is open, or crosses itself, near x = {x:g}, y = {y:g} m; use a closed one"
         )
     rank = np.arange(len(line)) - np.repeat(np.cumsum(each) - each, each)
     return Cuts(line, height, rank % 2 == 1)

@@ -72,7 +72,7 @@ def place_nodes(body: Body) -> list[Cubic]:
     open_at = gap(body.shell.triangles)
     if open_at is not None:
         place = ", ".join(f"{value:g}" for value in open_at)
-        raise SceneError(f"body: found a surface open at ({place}) m, expected a closed one")
+        raise SceneError(f"body: the surface is open at ({place}) m; use a closed one")
     surface = outward(body.shell.triangles)
     refined = _refined(body)
     levels: list[Cubic] = []
@@ -88,7 +88,7 @@ def place_nodes(body: Body) -> list[Cubic]:
         levels.append(level)
         lost.append(orphans)
     if not sum(len(level.at) for level in levels):
-        raise SceneError(f"spacing: found no node in the body, expected a spacing below {body.spacing:g} m")
+        raise SceneError(f"spacing: the body has no node; use a spacing below {body.spacing:g} m")
     _refuse_thin(levels)
     return _given(body, levels, lost)
 
@@ -105,8 +105,8 @@ def _refuse_thin(levels: list[Cubic]) -> None:
         if thin.any():
             place = ", ".join(f"{value:g}" for value in level.position[int(thin.argmax())])
             raise SceneError(
-                f"spacing: found {int(thin.sum())} nodes {level.cubes.spacing:g} m apart where the body is"
-                f" thinner than {THINNEST} of them, the first at ({place}) m, expected finer ones there"
+                f"spacing: {int(thin.sum())} nodes {level.cubes.spacing:g} m apart are where the body is thinner"
+                f" than {THINNEST} of them, the first at ({place}) m; use finer ones there"
             )
 
 
@@ -117,7 +117,8 @@ def _cubes(body: Body, step: int) -> Cubes:
     if float(np.prod(count.astype(float))) * 8**step > MOST_CUBES:
         size = " x ".join(f"{side:g}" for side in high - low)
         raise SceneError(
-            f"spacing: found {body.spacing / 2**step:g} m in a box of {size} m, expected at most {MOST_CUBES:.0e} cubes"
+            f"spacing is {body.spacing / 2**step:g} m in a box of {size} m; use a larger one, for at most"
+            f" {MOST_CUBES:.0e} cubes"
         )
     return Cubes((low + high) / 2 - count / 2 * body.spacing, body.spacing / 2**step, count * 2**step)
 
@@ -142,7 +143,7 @@ def _refined(body: Body) -> list[NDArray[np.bool_]]:
                 assert isinstance(zone.solid, Shell)
                 own = inside(zone.solid.triangles, cubes, f"zone '{zone.name}'")
                 if not own.any():
-                    raise SceneError(f"zone '{zone.name}': found the middle of no cube in it, expected some")
+                    raise SceneError(f"zone '{zone.name}': the middle of no cube is in it; enlarge it")
                 asked[zone.grown] |= own
         if finer is not None:
             asked[True] |= _parents(finer)
@@ -206,9 +207,7 @@ def _checked(share: NDArray[np.float64], cubes: Cubes) -> NDArray[np.float64]:
     off = np.abs(share - proper)
     if off.sum() > CROSSED * ((proper > 0) & (proper < FULL)).sum() + SLACK:
         place = ", ".join(f"{value:g}" for value in cubes.middles(np.argwhere(off == off.max())[:1])[0])
-        raise SceneError(
-            f"body: found a surface that crosses itself near ({place}) m, expected the outside of one body"
-        )
+        raise SceneError(f"body: the surface crosses itself near ({place}) m; use the outside of one body")
     proper[proper > FULL] = 1.0  # whole cubes have one volume, to the last bit
     proper[proper < 1 - FULL] = 0.0
     return proper
@@ -254,8 +253,8 @@ def _given(body: Body, levels: list[Cubic], lost: list[tuple[NDArray[np.float64]
     missing, scaled = body.shell.volume - float(volume.sum()), float(volume[cut].sum())
     if abs(missing) > MISSED * max(scaled, 1e-9 * body.shell.volume):
         raise SceneError(
-            f"body: found {volume.sum():g} m^3 within its triangles, expected {body.shell.volume:g} m^3: its surface"
-            " crosses itself, or nodes are too far apart for it"
+            f"body: its nodes fill {volume.sum():g} m^3 and its triangles enclose {body.shell.volume:g} m^3; use a"
+            " surface that does not cross itself, or finer nodes"
         )
     if scaled > 0:
         volume[cut] *= 1 + missing / scaled

@@ -85,12 +85,12 @@ def place_nodes(scene: Scene, start: tuple[float, float] = (0.0, 0.0)) -> Placed
             rows.append(_rows(points[~regular[-1]], level.spacing))
     counts = [len(points) for points in found]
     if not sum(counts):
-        raise SceneError(f"spacing: found no node in the plate, expected a spacing below {scene.spacing:g} m")
+        raise SceneError(f"spacing: the plate has no node; use a spacing below {scene.spacing:g} m")
     delta = np.repeat([level.spacing for level in coarser], counts)
     for zone in scene.zones:
         inside = zone.shape.buffer(zone.spacing / 2)
         if not shapely.contains_xy(inside, np.concatenate(found)[delta <= zone.spacing * (1 + 1e-9)]).any():
-            raise SceneError(f"zone '{zone.name}': found no node, expected a spacing below {zone.spacing:g} m")
+            raise SceneError(f"zone '{zone.name}' has no node; use a spacing below {zone.spacing:g} m")
     return PlacedNodes(np.concatenate(found), delta, np.concatenate(regular), tuple(shifts))
 
 
@@ -138,8 +138,8 @@ def _level_nodes(
             break
     if best < CLEARANCE:
         raise SceneError(
-            f"cracks: found a node of spacing {level.spacing:g} m on one for every shift of the lattice,"
-            " expected cracks between nodes"
+            f"cracks: a node of spacing {level.spacing:g} m lies on one for every shift of the lattice; put cracks"
+            " between nodes"
         )
     return points, ((chosen[0] - start[0]) * level.spacing, (chosen[1] - start[1]) * level.spacing)
 

@@ -84,7 +84,7 @@ def _loose(grid: Grid, settings: Settings, found: list[_Piece], thin: list[Ligam
     for piece in found:
         if piece is largest[piece.face]:
             continue
-        said = f"found {piece.words(grid)} that no bond joins to the rest of the plate, {_where(grid, piece, thin)}"
+        said = f"no bond joins {piece.words(grid)} to the rest of the plate, {_where(grid, piece, thin)}"
         if len(piece.rows) >= CRUMB or acted_on[piece.rows].any():
             raise SceneError(f"plate: {said}")
         warnings.append(f"warning: {said}")
@@ -97,10 +97,10 @@ def _where(grid: Grid, piece: _Piece, thin: list[Ligament]) -> str:
     reach = THINNEST * float(grid.delta[piece.rows].max())
     near_by = [one for one in thin if nodes.distance(shapely.Point(one.place)) <= reach]
     if not near_by:
-        return "expected finer nodes there, or a gap or a crack that parts them"
+        return "which is too thin there; use finer nodes, or a gap or a crack that parts them"
     (x, y), width, spacing = near_by[0]
     return (
-        f"which is {width:.2g} m wide at ({x:.6g}, {y:.6g}) m, where nodes are {spacing:g} m apart; expected"
+        f"which is {width:.2g} m wide at ({x:.6g}, {y:.6g}) m, where nodes are {spacing:g} m apart; use"
         f" {width / THINNEST:.2g} m there, or a gap or a crack that parts them"
     )
 
@@ -113,12 +113,10 @@ def _bare(grid: Grid, found: list[_Piece], faces: list[shapely.Polygon]) -> list
         x, y = shapely.get_coordinates(face.representative_point())[0]
         part = f"a part of the plate around ({x:.6g}, {y:.6g}) m, {face.area:.3g} m^2"
         if near(grid.position, face, ON * float(grid.delta.min())).any():
-            warnings.append(
-                f"warning: found {part}, without a node: it touches another part in a point, where bonds join them"
-            )
+            warnings.append(f"warning: {part}, has no node: it touches another part in a point, where bonds join them")
             continue
         spacing = float(grid.delta[np.hypot(*(grid.position - (x, y)).T).argmin()])
-        said = f"found no node in {part}, expected some; nodes are {spacing:g} m apart there"
+        said = f"no node is in {part}; use finer nodes, which are {spacing:g} m apart there"
         if face.area >= CRUMB * spacing**2:
             raise SceneError(f"plate: {said}")
         warnings.append(f"warning: {said}")
@@ -137,11 +135,11 @@ def _cut(grid: Grid, plate: shapely.Geometry, found: list[_Piece], faces: list[s
 def _narrow(thin: list[Ligament]) -> list[str]:
     """Warnings of ligaments too thin for their nodes, one line each."""
     said = [
-        f"warning: found the plate {width:.2g} m wide at ({x:.6g}, {y:.6g}) m, {width / spacing:.2g} spacings of"
-        f" {spacing:g} m, expected at least {THINNEST:g}: use finer nodes there"
+        f"warning: the plate is {width:.2g} m wide at ({x:.6g}, {y:.6g}) m, {width / spacing:.2g} spacings of"
+        f" {spacing:g} m, and {THINNEST:g} are needed: use finer nodes there"
         for (x, y), width, spacing in thin[:MOST_SAID]
     ]
-    return said + [f"warning: found {len(thin) - MOST_SAID} more places as thin"] * (len(thin) > MOST_SAID)
+    return said + [f"warning: {len(thin) - MOST_SAID} more places are as thin"] * (len(thin) > MOST_SAID)
 
 
 def _unheld(grid: Grid, settings: Settings, found: list[_Piece]) -> list[str]:
@@ -150,7 +148,7 @@ def _unheld(grid: Grid, settings: Settings, found: list[_Piece]) -> list[str]:
     for at, piece in enumerate(found):
         number[piece.rows] = at
     return [
-        f"warning: found {force:.3g} N/m on {found[at].words(grid)} without supports and without balance, expected a"
-        " fix, a move or an opposite load; they fly off or turn"
+        f"warning: {force:.3g} N/m on {found[at].words(grid)} act without supports and without balance, and they fly"
+        " off or turn; add a fix, a move or an opposite load"
         for at, force in unheld(grid, settings, number)
     ]

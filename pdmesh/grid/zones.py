@@ -65,7 +65,7 @@ def _zone(request: Refinement, scene: Scene) -> Zone:
         "hole": lambda: shapely.union_all([hole.exterior for hole in scene.holes]),
     }[request.target]()
     if target.is_empty:
-        raise SceneError(f"refine {request.target}: found none in the scene, expected at least one")
+        raise SceneError(f"refine {request.target}: the scene has none; add one, or leave it out")
     return Zone(f"around {request.target}", grown(target, request.distance), request.spacing or scene.finest)
 
 

@@ -53,7 +53,10 @@ def _total(grid: Grid, size: float, name: str) -> None:
         return
     total, unit = float(grid.areas.sum()), f"m^{grid.dimension}"
     if abs(total - size) > SAME[grid.dimension] * size:
-        _warn(f"{name}: $.areas: found a sum of {total:.9g} {unit}, expected {size:.9g} {unit} as of the outline")
+        _warn(
+            f"{name}: $.areas: their sum is {total:.9g} {unit}, and the outline has {size:.9g} {unit}; correct one"
+            " of them"
+        )
 
 
 def _outside(grid: Grid, plate: shapely.Geometry | None, name: str) -> None:
@@ -64,8 +67,8 @@ def _outside(grid: Grid, plate: shapely.Geometry | None, name: str) -> None:
     at = int(off[0])
     place = ", ".join(f"{value:.6g}" for value in grid.position[at])
     found = (
-        f"{name}: $.nodes: found {len(off)} outside the outline or in a hole, the first {grid.ids[at]} at ({place}) m,"
-        " expected them inside"
+        f"{name}: $.nodes: {len(off)} are outside the outline or in a hole, the first {grid.ids[at]} at ({place})"
+        " m; move them inside"
     )
     if 2 * len(off) > len(grid):
         raise GridError(f"{found}: most nodes are not of these shapes")
@@ -133,7 +136,10 @@ def _ends(grid: Grid, name: str) -> None:
     corners = np.concatenate(grid.outline)
     expected = np.array([*corners.min(axis=0), *corners.max(axis=0)])
     if np.abs(found - expected).max() > OFF * float(grid.delta[0]):
-        _warn(f"{name}: $.lattice: found it between {found.tolist()} m, expected {expected.tolist()} m as the outline")
+        _warn(
+            f"{name}: $.lattice: it lies between {found.tolist()} m, and the outline between {expected.tolist()} m;"
+            " make them agree"
+        )
 
 
 def _cracks(grid: Grid, name: str) -> None:
@@ -151,8 +157,8 @@ def _cracks(grid: Grid, name: str) -> None:
         if len(rows) and (_size(corner) < LONG * spacing or _parts(beside.position, AROUND_ONE * beside.delta, corner)):
             continue
         _warn(
-            f"{name}: $.notch[{number}]: found a crack that parts no neighbouring nodes, expected it between some"
-            " (outside the plate, or along its edge?)"
+            f"{name}: $.notch[{number}]: the crack parts no neighbouring nodes; put it between some (is it outside"
+            " the plate, or along its edge?)"
         )
 
 

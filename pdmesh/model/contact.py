@@ -53,7 +53,7 @@ class RigidBody(Timed, frozen=True, kw_only=True, tag="rigid", tag_field="kind")
 def wrong_spin(spin: Spin, dimension: int) -> str | None:
     """What is wrong with a spin in the plane (2) or in space (3): place, found and expected."""
     if dimension == 2 and isinstance(spin, tuple):
-        return f"spin: found {len(spin)} numbers, expected one in a plate"
+        return f"spin has {len(spin)} numbers; give one in a plate"
     if dimension == 3 and not isinstance(spin, tuple) and spin:
-        return "spin: found one number, expected those about x, y and z in a body in space"
+        return "spin is one number; give those about x, y and z in a body in space"
     return None

@@ -127,7 +127,7 @@ Tolerance = Annotated[float, msgspec.Meta(ge=1e-14, le=0.1)]  # less is round-of
 class Static(PlainStruct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """Settings of a static solution."""
 
-    method: Literal["newton", "relaxation"] = "newton"
+    method: Literal["newton", "relaxation"] = "newton"  # by which equilibrium is solved for
     load_steps: PositiveInt | None = None  # from time 0 to the end of the profiles; None: 10, 1 if nothing varies
     tolerance: Tolerance = 1e-8  # what is left of the forces over those from outside
     iterations: PositiveInt | None = None  # in one go, then it is given up; None: as the method has it
@@ -142,8 +142,8 @@ class ParticleRules(PlainStruct, frozen=True, forbid_unknown_fields=True, omit_d
     criterion: Literal["intensity", "stress"] = "intensity"  # what lets them grow
     direction: Literal["hoop", "principal"] = "hoop"  # stress: of the largest hoop stress, or across the mean's axis
     spacing: Annotated[float, msgspec.Meta(ge=1, le=64)] = 1.0  # between particles, over that of the nodes there
-    toughness: Positive | None = None  # intensity: Pa m^0.5; None: sqrt(E' G0)
-    strength: Positive | None = None  # stress: largest principal value, Pa
+    toughness: Positive | None = None  # Pa m^0.5: of criterion intensity; None: sqrt(E' G0)
+    strength: Positive | None = None  # Pa: largest principal stress, of criterion stress
     branch: Share = 0.95  # stress: second maximum over the first that forks a crack
     most: PositiveInt | None = None  # particles that a run adds, at most
 
@@ -187,7 +187,7 @@ class Run(PlainStruct, frozen=True, forbid_unknown_fields=True, omit_defaults=Tr
     """Duration, solver and output of a run."""
 
     time_step: Positive | None = None  # s; None: from the stability bound
-    steps: Annotated[int, msgspec.Meta(ge=0, le=MOST_STEPS)] = 1000
+    steps: Annotated[int, msgspec.Meta(ge=0, le=MOST_STEPS)] = 1000  # time steps, unless there is a duration
     every: PositiveInt = 50  # steps between two frames
     ledger: PositiveInt | None = None  # steps between two entries of the ledger and the probes; None: as frames
     fields: tuple[Column, ...] = USUAL  # what a frame holds; with all of these also what the model has of its own
@@ -199,7 +199,7 @@ class Run(PlainStruct, frozen=True, forbid_unknown_fields=True, omit_defaults=Tr
     cracks: Literal["bonds", "particles"] = "bonds"  # what breaks: bonds by themselves, or where a crack is grown
     particles: ParticleRules = ParticleRules()
     until: Literal["split", "quiet"] | None = None  # stop early: the plate is in two, or breaks no more
-    quiet: Positive | None = None  # s without a broken bond, after the first, that count as quiet
+    quiet: Positive | None = None  # s: without a broken bond, after the first, that count as quiet
     solver: Literal["explicit", "static", "implicit"] = "explicit"  # static: a load step is a step and a frame
     theta: Annotated[float, msgspec.Meta(ge=0.5, le=1)] = 1.0  # implicit, of diffusion: weight of a step's end
     start: Literal["unloaded", "static"] = "unloaded"  # static: at rest under what acts at time 0
@@ -223,7 +223,8 @@ def in_steps(run: Run, step: float) -> Run:
     steps = max(1.0, run.duration / step - SLACK)
     if steps > MOST_STEPS:
         raise GridError(
-            f"$.run.duration: found {run.duration:g} s in steps of {step:.3g} s, expected at most {MOST_STEPS:g}"
+            f"$.run.duration: {run.duration:g} s in steps of {step:.3g} s are too many steps; use at most"
+            f" {MOST_STEPS:g}"
         )
     return msgspec.structs.replace(run, steps=math.ceil(steps), duration=None)
 
@@ -291,7 +292,7 @@ class GridFile(Document, frozen=True, forbid_unknown_fields=True, kw_only=True):
 def read_document(data: bytes | str, name: str) -> Document:
     """Parse and check the text of a file called `name` in messages. Raises GridError."""
     if not data or data.isspace():
-        raise GridError(f"{name}: found nothing in it, expected a grid file")
+        raise GridError(f"{name} is empty; use a grid file")
     try:
         text = data.encode() if isinstance(data, str) else data
         found = taken_out(text)
@@ -299,10 +300,10 @@ def read_document(data: bytes | str, name: str) -> Document:
     except (msgspec.DecodeError, UnicodeError, RecursionError) as error:
         raise GridError(f"{name}: {explained(error, GridFile, lambda: msgspec.json.decode(data))}") from None
     if (repeated := repeated_key(text)) is not None:
-        raise GridError(f"{name}: {repeated}: found twice, expected once; readers would take the last in silence")
+        raise GridError(f"{name}: {repeated} is there twice, and readers would take the last in silence; keep one")
     if file.version not in (FORMAT_VERSION, SPACE_VERSION):
         raise GridError(
-            f"{name}: $.version: found {file.version}, expected {FORMAT_VERSION}, or {SPACE_VERSION} of a body in space"
+            f"{name}: $.version is {file.version}; use {FORMAT_VERSION}, or {SPACE_VERSION} for a body in space"
         )
     parts = {field: getattr(file, field) for field in file.__struct_fields__}
     return Document(**parts | {"digest": "", "nodes": columns_of(file.nodes) if found is None else found[1]})
@@ -392,8 +393,8 @@ def _compare(name: str, matches: bool) -> None:
     if matches:
         return
     warnings.warn(
-        f"{name}: $.digest: found one that does not match the file, expected that of its content: the file was"
-        " edited by hand, or damaged (a file without this key is not compared)",
+        f"{name}: $.digest does not match the content: the file was edited by hand, or damaged; remove this key to"
+        " accept the content (a file without it is not compared)",
         GridWarning,
         stacklevel=3,
     )

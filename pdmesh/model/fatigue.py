@@ -31,7 +31,7 @@ class Fatigue(PlainStruct, frozen=True, forbid_unknown_fields=True, omit_default
     A: Positive | None = None  # share of life that a cycle of unit strain takes, next to damage; None: A1 everywhere
     m: Exponent | None = None
     C: Positive | None = None  # cracks of particles: m a cycle at 1 Pa m^0.5
-    threshold_K: Annotated[float, msgspec.Meta(ge=0)] = 0.0  # cracks of particles: range of K, Pa m^0.5, without growth
+    threshold_K: Annotated[float, msgspec.Meta(ge=0)] = 0.0  # Pa m^0.5: range of K without growth of particles
     A1: Positive | None = None  # elsewhere; None: bonds tire next to damage alone
     m1: Exponent | None = None
     endurance: Amount = 0.0  # range of stretch of which nothing away from damage tires

@@ -25,14 +25,14 @@ def wrong_energy(material: Material) -> str | None:
     stretch = material.critical_stretch
     if stretch is None:
         expected = "a fracture energy, or the critical_stretch of brittle bonds"
-        return f"G0: found none above 0, expected {expected}" if material.G0 == UNKNOWN else None
+        return f"G0 is missing or 0; give {expected}" if material.G0 == UNKNOWN else None
     if material.G0 != UNKNOWN:
-        return f"critical_stretch: found {stretch:g} beside G0, expected one of them"
+        return f"critical_stretch ({stretch:g}) cannot be combined with G0; give one of them"
     if material.model != "bond" or material.law != USUAL_LAW:
         kind = f"model '{material.model}'" if material.model != "bond" else f"law '{material.law}'"
-        return f"critical_stretch: found {stretch:g}, expected G0 with {kind}"
+        return f"critical_stretch ({stretch:g}) cannot be used with {kind}; give G0"
     if not LEAST <= stretch <= 1 / LEAST:
-        return f"critical_stretch: found {stretch:g}, expected {LEAST:g} to {1 / LEAST:g}"
+        return f"critical_stretch is {stretch:g}; use {LEAST:g} to {1 / LEAST:g}"
     return None
 
 

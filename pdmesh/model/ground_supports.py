@@ -42,13 +42,13 @@ def wrong_spring(spring: Spring, dimension: int) -> str | None:
     given = {"stiffness": spring.stiffness, "body_stiffness": spring.body_stiffness}
     found = {name: along for name, along in given.items() if along is not None}
     if len(found) != 1:
-        return f": found {' and '.join(found) or 'none'}, expected one of {', '.join(given)}"
+        return f": {' and '.join(found) or 'none'} given; give one of {', '.join(given)}"
     ((name, along),) = found.items()
     if len(along) != dimension:
-        return f".{name}: found {len(along)} numbers, expected {dimension}"
+        return f".{name} has {len(along)} numbers; give {dimension}"
     if not any(along):
-        return f".{name}: found 0 along every axis, expected more along one"
+        return f".{name} is 0 along every axis; use more along one"
     extent = "surface" if dimension == 2 else "length"
     if getattr(spring, extent) is not None:
-        return f".{extent}: found one, expected none in {'a plate' if dimension == 2 else 'a body in space'}"
+        return f".{extent} cannot be used in {'a plate' if dimension == 2 else 'a body in space'}; leave it out"
     return None

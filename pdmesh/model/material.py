@@ -39,8 +39,9 @@ class Elastic(msgspec.Struct, frozen=True):
     nu: Annotated[  # Poisson's ratio; None: of bonds as published, 1/3 or 1/4
         Annotated[float, Meta(gt=-1, lt=1)] | None, Declared("", "nu")
     ] = None
+    # bond: forces of pairs; ordinary, correspondence: of all neighbours; micropolar: of pairs with rotations
     model: Literal["bond", "ordinary", "correspondence", "micropolar"] = "bond"
-    micromodulus: Literal["conical", "constant"] = "conical"
+    micromodulus: Literal["conical", "constant"] = "conical"  # stiffness of bonds by their length
     calibration: Literal["mean", "isotropic"] = "mean"  # of lattices; see pdmesh.model.lattice_calibration
     coarse: Literal["own", "matched", "unbreakable"] = "own"  # strength of bonds wider than those of the finest zone
     plane: Literal["stress", "strain", "space"] = "stress"  # space: of a body, which has no other

@@ -22,7 +22,7 @@ class Medium(PlainStruct, frozen=True, forbid_unknown_fields=True, omit_defaults
     `k_diss`.
     """
 
-    D: Positive  # diffusivity, m^2/s
+    D: Positive  # m^2/s: diffusivity
     power: Literal[0, 1, 2] = 1  # of the distance that the micro-diffusivity falls with
     C_solid: Positive | None = None  # mol/m^3; None: nothing dissolves
     C_sat: Positive | None = None  # mol/m^3, that liquid can hold
@@ -30,7 +30,7 @@ class Medium(PlainStruct, frozen=True, forbid_unknown_fields=True, omit_defaults
     k_diss: Positive = 1.0  # kinetic: of bonds from solid to liquid, over that from liquid to liquid
     surface_correction: bool = True  # of bonds near free surfaces, cracks and held layers; see the guide
     broken: Annotated[float, msgspec.Meta(ge=0, le=1)] = 1.0  # share of its conductance that a broken bond keeps
-    heat_capacity: Positive | None = None  # J/(m^3 K), of heat; None: not known, and amounts are in K m^d
+    heat_capacity: Positive | None = None  # J/(m^3 K): of heat; None: not known, and amounts are in K m^d
     deformation: bool = False  # whether stretching cools and compression heats
     capped: bool = True  # kinetic: nothing dissolves into liquid that holds C_sat
     carries: Literal["substance", "heat"] = "substance"  # heat: contents are temperatures, K

@@ -38,15 +38,15 @@ def contradiction(run: Run, conditions: Sequence[str]) -> str | None:
     for key, names in (("gaps", gaps), ("load_cells", [cell.name for cell in run.load_cells])):
         for number, name in enumerate(names):
             if not name or Counter(names)[name] > 1:
-                return f"{key}[{number}].name: found '{name}' {Counter(names)[name]} times, expected a name of its own"
+                return f"{key}[{number}].name: '{name}' is used {Counter(names)[name]} times; use a name of its own"
     for number, gap in enumerate(run.gaps):
         if gap.ends[0] == gap.ends[1]:
-            return f"gaps[{number}].ends: found one place twice, expected two places"
+            return f"gaps[{number}].ends: both are one place; use two places"
     for number, cell in enumerate(run.load_cells):
         missing = [name for name in cell.of if name not in conditions]
         if missing or not cell.of:
             found, known = f"'{missing[0]}'" if missing else "none", ", ".join(filter(None, conditions)) or "a name"
-            return f"load_cells[{number}].of: found {found}, expected names of conditions: {known}"
+            return f"load_cells[{number}].of has {found}; use names of conditions: {known}"
     return _of_control(run, gaps)
 
 
@@ -55,13 +55,17 @@ def _of_control(run: Run, gaps: list[str]) -> str | None:
     static, length = run.static, CRACK if run.cracks == "particles" else ARC
     if static.control == length:
         if length in gaps:
-            return f"gaps[{gaps.index(length)}].name: found '{length}', expected another, as this control is a length"
+            return f"gaps[{gaps.index(length)}].name is '{length}', which is a control by a length; use another"
         unused = "none, as a length is the control"
-        return None if static.opening is None else f"static.opening: found {static.opening:g}, expected {unused}"
+        return (
+            None
+            if static.opening is None
+            else f"static.opening ({static.opening:g}) cannot be used; leave it out: {unused}"
+        )
     if static.control is not None and static.control not in gaps:
         known = ", ".join(gaps) or "a gap (run.gaps has none)"
-        return f"static.control: found '{static.control}', expected {known}, or {length}"
+        return f"static.control is '{static.control}'; use {known}, or {length}"
     if (static.control is None) != (static.opening is None):
         found, other = ("opening", "control") if static.control is None else ("control", "opening")
-        return f"static.{other}: found none, expected one, as there is a static.{found}"
+        return f"static.{other} is missing; give it, as there is a static.{found}"
     return None

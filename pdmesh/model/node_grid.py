@@ -37,11 +37,11 @@ def grid_of(document: Document, name: str) -> Grid:
     if document.lattice is not None:
         return _grid_of_lattice(document, document.lattice, name)
     if not len(nodes):
-        raise GridError(f"{name}: $.nodes: found none, expected at least one")
+        raise GridError(f"{name}: $.nodes is empty; give at least one")
     ids, position, delta = nodes.id, nodes.position, nodes.delta
     first, counts = np.unique(ids, return_counts=True)
     if counts.max() > 1:
-        raise GridError(f"{name}: $.nodes: id {first[counts.argmax()]} found {counts.max()} times, expected once")
+        raise GridError(f"{name}: $.nodes: id {first[counts.argmax()]} is there {counts.max()} times; use it once")
     d = 3 if document.version == SPACE_VERSION else 2
     try:
         bodies = bodies_of(document.bodies, ids)
@@ -51,7 +51,7 @@ def grid_of(document: Document, name: str) -> Grid:
     _check_shapes(name, document)
     if document.areas is not None:
         if len(document.areas) != len(nodes):
-            raise GridError(f"{name}: $.areas: found {len(document.areas)}, expected {len(nodes)}, one for each node")
+            raise GridError(f"{name}: $.areas has {len(document.areas)} values; give {len(nodes)}, one for each node")
         _check_areas(name, document.areas, delta[:, 0], d)
     return Grid(
         ids=ids,
@@ -75,15 +75,15 @@ def _grid_of_lattice(document: Document, lattice: Lattice, name: str) -> Grid:
     d = 3 if document.version == SPACE_VERSION else 2
     if len(lattice.counts) != d or len(lattice.origin) != d:
         found = f"{len(lattice.origin)} numbers of its origin and layers {lattice.layers}"
-        raise GridError(f"{name}: $.lattice: found {found}, expected {'3 and a number' if d == 3 else '2 and none'}")
+        raise GridError(f"{name}: $.lattice has {found}; give {'3 and a number' if d == 3 else '2 and none'}")
     if len(document.nodes) or document.areas is not None or document.bodies:
-        raise GridError(f"{name}: $.lattice: found nodes, areas or bodies besides it, expected none")
+        raise GridError(f"{name}: $.lattice cannot be combined with nodes, areas or bodies; leave them out")
     count = math.prod(lattice.counts)
     if count > MOST_NODES:
-        raise GridError(f"{name}: $.lattice: found {count} nodes, expected at most {MOST_NODES}")
+        raise GridError(f"{name}: $.lattice has {count} nodes; use at most {MOST_NODES}")
     ends = np.array([lattice.origin, np.array(lattice.counts) * lattice.spacing])
     if np.abs(ends).max() > LARGEST:
-        raise GridError(f"{name}: $.lattice: found {np.abs(ends).max():g}, expected at most {LARGEST:g} m")
+        raise GridError(f"{name}: $.lattice reaches {np.abs(ends).max():g} m; use at most {LARGEST:g} m")
     _check_shapes(name, document)
     return whole_lattice(
         lattice,
@@ -104,7 +104,7 @@ def _check_nodes(name: str, position: NDArray[np.float64], delta: NDArray[np.flo
     def refuse(bad: NDArray[np.bool_], field: str, found: NDArray[np.float64], expected: str) -> None:
         if bad.any():
             at = int(bad.argmax())
-            raise GridError(f"{name}: $.nodes[{at}].{field}: found {found[at].tolist()}, expected {expected}")
+            raise GridError(f"{name}: $.nodes[{at}].{field} is {found[at].tolist()}; use {expected}")
 
     refuse(np.abs(position).max(axis=1) > LARGEST, "position", position, f"metres, at most {LARGEST:g}")
     refuse(delta.max(axis=1) > LARGEST, "delta", delta, f"metres, at most {LARGEST:g}")
@@ -120,11 +120,11 @@ def _check_nodes(name: str, position: NDArray[np.float64], delta: NDArray[np.flo
 def _check_areas(name: str, areas: tuple[float, ...], delta: NDArray[np.float64], dimension: int) -> None:
     most, small = MOST_CELLS * delta**dimension, np.array(areas) < LEAST
     for at in np.flatnonzero(small).tolist():
-        raise GridError(f"{name}: $.areas[{at}]: found {areas[at]:g}, expected {LEAST:g} m^{dimension} or more")
+        raise GridError(f"{name}: $.areas[{at}] is {areas[at]:g}; use {LEAST:g} m^{dimension} or more")
     for at in np.flatnonzero(np.array(areas) > most).tolist():
         raise GridError(
-            f"{name}: $.areas[{at}]: found {areas[at]:g}, expected at most {most[at]:g} m^{dimension}, {MOST_CELLS}"
-            f" cells of the spacing {delta[at]:g} m"
+            f"{name}: $.areas[{at}] is {areas[at]:g}; use at most {most[at]:g} m^{dimension}, {MOST_CELLS} cells of"
+            f" the spacing {delta[at]:g} m"
         )
 
 
@@ -134,9 +134,9 @@ def _check_shapes(name: str, document: Document) -> None:
         for number, shape in enumerate(shapes):
             numbers = np.abs(np.asarray(shape, dtype=float))
             if numbers.max(initial=0.0) > LARGEST:
-                raise GridError(f"{name}: $.{key}[{number}]: found {numbers.max():g}, expected at most {LARGEST:g} m")
+                raise GridError(f"{name}: $.{key}[{number}] reaches {numbers.max():g} m; use at most {LARGEST:g} m")
             if key != "notch" and len(shape) < 3:
-                raise GridError(f"{name}: $.{key}[{number}]: found {len(shape)} points, expected at least 3")
+                raise GridError(f"{name}: $.{key}[{number}] has {len(shape)} points; use at least 3")
 
 
 def _check_dimensions(name: str, document: Document) -> None:
@@ -146,20 +146,18 @@ def _check_dimensions(name: str, document: Document) -> None:
     for number, crack in enumerate(document.notch):
         if len(crack) != (9 if space else 6):
             meant = "9 of a triangle" if space else "6 of a segment"
-            raise GridError(f"{name}: $.notch[{number}]: found {len(crack)} numbers, expected {meant} in {whole}")
+            raise GridError(f"{name}: $.notch[{number}] has {len(crack)} numbers; use {meant} in {whole}")
         if not space and crack[:2] == crack[3:5]:
-            raise GridError(f"{name}: $.notch[{number}]: found both ends in one place, expected a segment")
+            raise GridError(f"{name}: $.notch[{number}]: both ends are in one place; use a segment")
     for key, rings in (("outline", document.outline), ("holes", document.holes)):
         for number, ring in enumerate(rings):
             odd = next((point for point in ring if len(point) != d), None)
             if odd is not None:
-                raise GridError(
-                    f"{name}: $.{key}[{number}]: found a point of {len(odd)} numbers, expected {d} in {whole}"
-                )
+                raise GridError(f"{name}: $.{key}[{number}]: a point has {len(odd)} numbers; use {d} in {whole}")
             if space and len(ring) != 3:
-                raise GridError(f"{name}: $.{key}[{number}]: found {len(ring)} points, expected triangles in {whole}")
+                raise GridError(f"{name}: $.{key}[{number}] has {len(ring)} points; use triangles in {whole}")
     if space and document.holes:
-        raise GridError(f"{name}: $.holes: found {len(document.holes)}, expected none in {whole}: its surface has them")
+        raise GridError(f"{name}: $.holes has {len(document.holes)}; leave them out in {whole}: its surface has them")
 
 
 def _cracks(document: Document) -> NDArray[np.float64]:
@@ -210,14 +208,14 @@ def bodies_of(records: tuple[BodyNodes, ...], ids: NDArray[np.int64]) -> Bodies 
     for at, record in enumerate(records):
         asked = np.array(record.nodes, dtype=np.int64)
         if not len(asked):
-            raise ValueError(f"$.bodies[{at}].nodes: found none, expected at least one")
+            raise ValueError(f"$.bodies[{at}].nodes is empty; give at least one")
         rows = order[np.searchsorted(ids, asked, sorter=order).clip(max=len(ids) - 1)]
         for wrong, said in (
             (ids[rows] != asked, "one of the grid's nodes"),
             (number[rows] > 0, "one of no other body"),
         ):
             if wrong.any():
-                raise ValueError(f"$.bodies[{at}].nodes: found id {asked[wrong.argmax()]}, expected {said}")
+                raise ValueError(f"$.bodies[{at}].nodes: id {asked[wrong.argmax()]} cannot be used; give {said}")
         number[rows] = at + 1
     return Bodies(number, (REST, *(record.name for record in records)))
 

@@ -23,7 +23,7 @@ def beyond(value: object, place: str, leave_out: Collection[str] = ()) -> str | 
         if value == 0 or LEAST <= abs(value) <= MOST:
             return None
         expected = f"a number from {-MOST:g} to {MOST:g}" if abs(value) > 1 or value != value else f"{LEAST:g} or more"
-        return f"{place}: found {value:g}, expected {expected}"
+        return f"{place} is {value:g}; use {expected}"
     parts: Iterable[tuple[str, object]] = ()
     if isinstance(value, msgspec.Struct):
         names = (name for name in value.__struct_fields__ if name not in leave_out)

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from pdmesh.messages import unfit
 from pdmesh.model.material import Material
 
 
 class Impossible(NamedTuple):
-    """A setting that is refused: its place, what was found, what was expected."""
+    """A setting that is refused: its place, its value, and what to use."""
 
     place: str  # dotted, from $ on
-    found: str
-    expected: str
+    value: str  # none: it is missing; some: it is not quoted
+    use: str  # none, and why: it cannot be there
 
     def __str__(self) -> str:
-        return f"{self.place}: found {self.found}, expected {self.expected}"
+        return unfit(self.place, self.value, self.use)
 
 
 Places = list[tuple[str, Material]]

@@ -48,7 +48,7 @@ def _of_lines(fatigue: Fatigue) -> Iterator[Impossible]:
     """Halves of a line of growth or initiation, and what is of particles."""
     for name in ("C", "threshold_K"):
         if getattr(fatigue, name):
-            yield Impossible(f"$.run.fatigue.{name}", f"{getattr(fatigue, name):g}", "none, but A, as bonds tire")
+            yield Impossible(f"$.run.fatigue.{name}", f"{getattr(fatigue, name):g}", "A in its place, as bonds tire")
     if fatigue.A is None and fatigue.A1 is None:
         yield Impossible("$.run.fatigue.A", "none", "a number, or A1")
     for pair in (("A", "m"), ("A1", "m1")):

@@ -65,7 +65,7 @@ def _swelling(settings: Settings, every: list[tuple[str, Material]]) -> Iterator
 def _swelling_at_rest(run: Run, every: Places, why: str) -> Iterator[Impossible]:
     """What rest after each step of a content does not take."""
     if run.static.load_steps is not None:
-        expected = f"none, but run.time_step and steps, {why}"
+        expected = f"run.time_step and steps, {why}"
         yield Impossible("$.run.static.load_steps", f"{run.static.load_steps}", expected)
     if run.time_step is None:
         yield Impossible("$.run.time_step", "none", f"one, after which the body is brought to rest, {why}")

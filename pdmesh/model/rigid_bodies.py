@@ -31,7 +31,7 @@ def without_bonds(grid: Grid, settings: Settings, name: str) -> Grid:
     if not found:
         return grid
     if settings.contact is None:
-        raise GridError(f"{name}: $.contact: found none, expected some, as a body is rigid")
+        raise GridError(f"{name}: $.contact is missing, as a body is rigid; give it")
     numbers = []
     for body, rows, number in found:
         place = f"$.conditions[{number}]"
@@ -41,7 +41,7 @@ def without_bonds(grid: Grid, settings: Settings, name: str) -> Grid:
         own = np.unique(grid.bodies.number[rows]) if grid.bodies is not None else np.zeros(1, dtype=np.int64)
         whole = len(grid) if grid.bodies is None else int(np.isin(grid.bodies.number, own).sum())
         if grid.bodies is None or len(own) != 1 or whole != len(rows) or own[0] in numbers:
-            raise GridError(f"{name}: {place}: found {len(rows)} nodes, expected all those of one body")
+            raise GridError(f"{name}: {place} has {len(rows)} nodes; give all those of one body")
         _refuse_radius(body, grid, rows, f"{name}: {place}")
         _refuse_holds(settings, grid, rows, name, place)
         numbers.append(int(own[0]))
@@ -54,9 +54,9 @@ def contradiction(body: RigidBody, dimension: int) -> str | None:
     ways = body.ways(dimension)
     if body.mass is None and not set(ways) <= set(body.held):
         unit = "kg/m" if dimension == 2 else "kg"
-        return f"mass: found none of a rigid body that is free, expected {unit}, or {', '.join(ways)} held"
+        return f"mass is missing for a rigid body that is free; give {unit}, or hold {', '.join(ways)}"
     if not set(body.held) <= set(ways):
-        return f"held: found z, expected {', '.join(ways)} in a plate"
+        return f"held has z; use {', '.join(ways)} in a plate"
     return wrong_spin(body.spin, dimension)
 
 
@@ -69,7 +69,7 @@ def _refuse_radius(body: RigidBody, grid: Grid, rows: NDArray[np.int64], place: 
     wide = float(np.sqrt(grid.dimension) * grid.delta[rows].max())
     if not far * (1 - OUTSIDE) <= body.radius <= far + wide:
         raise GridError(
-            f"{place}.radius: found {body.radius:g} m, expected {far:.4g} to {far + wide:.4g} m, as its nodes are up to"
+            f"{place}.radius is {body.radius:g} m; use {far:.4g} to {far + wide:.4g} m, as its nodes are up to"
             f" {far:.4g} m from their centre"
         )
 
@@ -81,7 +81,7 @@ def _refuse_holds(settings: Settings, grid: Grid, rows: NDArray[np.int64], name:
             continue
         if selection.selected(grid, condition.nodes, condition.box)[rows].any():
             raise GridError(
-                f"{name}: $.conditions[{number}]: found nodes of the rigid body of {place}, expected none: its own"
+                f"{name}: $.conditions[{number}] has nodes of the rigid body of {place}; leave them out: its own"
                 " 'held' holds it"
             )
 

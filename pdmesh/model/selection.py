@@ -123,8 +123,8 @@ def check(settings: Settings, grid: Grid, name: str) -> None:
         number, axis, other, row = twice
         kinds = [str(settings.conditions[at].__struct_config__.tag) for at in (number, other)]
         raise GridError(
-            f"{name}: $.conditions[{number}].{axis}: found node {int(grid.ids[row])} with a prescribed {kinds[0]} there"
-            f" and a prescribed {kinds[1]} by $.conditions[{other}], expected one of them"
+            f"{name}: $.conditions[{number}].{axis}: node {int(grid.ids[row])} has a prescribed {kinds[0]} there"
+            f" and a prescribed {kinds[1]} by $.conditions[{other}]; use one of them"
         )
     listed = _listed(settings.regions)
     if not all(region.nodes for region in settings.regions) or len(grid.missing(listed[1])):
@@ -144,41 +144,41 @@ def check(settings: Settings, grid: Grid, name: str) -> None:
 
 def _check_selection(selection: Selection, grid: Grid, place: str) -> None:
     if (selection.nodes is None) == (selection.box is None):
-        raise GridError(f"{place}: found neither or both of nodes and box, expected one of them")
+        raise GridError(f"{place}: neither or both of nodes and box are given; give one of them")
     if selection.nodes is not None:
         asked = np.array(selection.nodes, dtype=np.int64)
         missing = grid.missing(asked)
         if len(missing):
-            raise GridError(f"{place}.nodes: found id {missing[0]}, expected one of the grid's nodes")
+            raise GridError(f"{place}.nodes: id {missing[0]} does not exist; use the grid's nodes")
         if not selection.nodes:
-            raise GridError(f"{place}.nodes: found none, expected at least one")
+            raise GridError(f"{place}.nodes is empty; give at least one")
     elif selection.box is not None:
         _check_length(selection.box, 2 * grid.dimension, f"{place}.box")
         if not len(grid.chosen(None, selection.box)):
-            raise GridError(f"{place}.box: found no node in {list(selection.box)}, expected at least one")
+            raise GridError(f"{place}.box: no node is in {list(selection.box)}; enlarge the box")
 
 
 def _check_condition(condition: AnyCondition, place: str) -> None:
     if isinstance(condition, Load) and len(given_of(condition)) != 1:
         found = " and ".join(given_of(condition)) or "none"
-        raise GridError(f"{place}: found {found}, expected one of {', '.join(LOADS)}")
+        raise GridError(f"{place}: {found} given; give one of {', '.join(LOADS)}")
     shares, nodes = getattr(condition, "shares", None), condition.nodes or ()
     if isinstance(condition, Load) and shares is not None and (not condition.traction or len(shares) != len(nodes)):
         raise GridError(
-            f"{place}.shares: found {len(shares)}, expected one of each of {len(nodes)} nodes with a traction, or none"
+            f"{place}.shares has {len(shares)} values; give one for each of {len(nodes)} nodes with a traction, or none"
         )
     if isinstance(condition, (*PRESCRIBED, InitialDisplacement)) and set(components(condition)) == {None}:
-        raise GridError(f"{place}: found neither x nor y, expected at least one of them")
+        raise GridError(f"{place}: neither x nor y is given; give at least one of them")
     if isinstance(condition, Source) and (condition.rate is None) == (condition.flux is None):
-        raise GridError(f"{place}: found neither or both of rate and flux, expected one of them")
+        raise GridError(f"{place}: neither or both of rate and flux are given; give one of them")
     if isinstance(condition, Source | Exchange):
         asked = not isinstance(condition, Source) or condition.flux is not None
         if asked and condition.length is condition.surface is None:
-            raise GridError(f"{place}.length: found none, expected that of the edge (or the surface) gone through")
+            raise GridError(f"{place}.length is missing; give that of the edge (or the surface) gone through")
     if isinstance(condition, Timed):
         times = [time for time, _ in condition.profile]
         if any(not before < after for before, after in itertools.pairwise(times)):
-            raise GridError(f"{place}.profile: found times {times}, expected them to increase")
+            raise GridError(f"{place}.profile: times {times} do not increase; put them in order")
 
 
 def _check_components(condition: AnyCondition, dimension: int, place: str) -> None:
@@ -188,7 +188,7 @@ def _check_components(condition: AnyCondition, dimension: int, place: str) -> No
             _check_length(vector, dimension, f"{place}.{key}")
         extent = "surface" if dimension == 2 else "length"
         if getattr(condition, extent) is not None:
-            raise GridError(f"{place}.{extent}: found one, expected none in {WHOLES[dimension]}")
+            raise GridError(f"{place}.{extent} cannot be used in {WHOLES[dimension]}; leave it out")
     elif isinstance(condition, Spring):
         wrong = wrong_spring(condition, dimension)
         if wrong is not None:
@@ -196,11 +196,11 @@ def _check_components(condition: AnyCondition, dimension: int, place: str) -> No
     elif isinstance(condition, InitialVelocity) and (wrong := wrong_spin(condition.spin, dimension)) is not None:
         raise GridError(f"{place}.{wrong}")
     elif dimension == 3 and getattr(condition, "corrected", False):
-        raise GridError(f"{place}.corrected: found true, expected false in {WHOLES[3]}")
+        raise GridError(f"{place}.corrected is true; use false in {WHOLES[3]}")
     elif isinstance(condition, Pin) and dimension == 3:
-        raise GridError(f"{place}: found a pin, expected none in {WHOLES[3]}")
+        raise GridError(f"{place}: a pin cannot be used in {WHOLES[3]}; leave it out")
     elif dimension == 2 and getattr(condition, "z", None) not in (None, 0.0):
-        raise GridError(f"{place}.z: found one, expected none in {WHOLES[2]}")
+        raise GridError(f"{place}.z cannot be used in {WHOLES[2]}; leave it out")
 
 
 def _check_values(condition: AnyCondition, grid: Grid, place: str) -> None:
@@ -240,4 +240,4 @@ def two_motions(
 def _check_length(found: Sequence[object], expected: int, place: str) -> None:
     if len(found) != expected:
         whole = WHOLES[2 if expected in (2, 4) else 3]
-        raise GridError(f"{place}: found {len(found)} numbers, expected {expected} in {whole}")
+        raise GridError(f"{place} has {len(found)} numbers; give {expected} in {whole}")

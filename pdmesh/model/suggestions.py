@@ -1,4 +1,4 @@
-"""Suggestions for unknown words in files and options."""
+"""Messages about values that a file or an option cannot have, and suggestions for unknown words in them."""
 
 from __future__ import annotations
 
@@ -10,12 +10,24 @@ from typing import Any, NamedTuple, TypeVar
 import msgspec
 import msgspec.inspect as inspection
 
-from pdmesh.spelling import nearest
+from pdmesh.messages import listed
+from pdmesh.spelling import meant
 
-UNKNOWN = re.compile(r"(Invalid enum value '|Object contains unknown field `)(.*?)['`](?: - at `\$(.*)`)?", re.DOTALL)
-UNFIT = re.compile(r"Expected .* - at `\$(.*)`", re.DOTALL)
-LARGE = re.compile(r"Number out of range(?: - at `([^`]*)`)?")
+PLACE = r"(?: - at `(?P<key>key` in `)?(?P<place>[^`]*)`)?"
+UNKNOWN = re.compile(rf"Object contains unknown field `(?P<name>.*?)`{PLACE}", re.DOTALL)
+MISSING = re.compile(rf"Object missing required field `(?P<name>.*?)`{PLACE}", re.DOTALL)
+UNFIT = re.compile(rf".*?{PLACE}", re.DOTALL)
+MALFORMED = re.compile(r"JSON is malformed: (.*) \(byte (\d+)\)", re.DOTALL)
+UNSET = object()  # no value
+DIGITS = re.compile(r"\\d(\{[^}]*\})?")  # in a pattern
 STEP = re.compile(r"\.\w+|\[[^\]]*\]")
+TYPES: dict[type, str] = {
+    inspection.BoolType: "true or false",
+    inspection.StrType: "a word",
+    inspection.DictType: "a table of names and values",
+    inspection.StructType: "a table of names and values",
+    inspection.NoneType: "none",
+}
 
 
 T = TypeVar("T")
@@ -24,7 +36,7 @@ T = TypeVar("T")
 class Removed(NamedTuple):
     """A setting that this version no longer has."""
 
-    place: str  # of the object that has it, such as .run.hybrid
+    place: str  # of the object that has it, such as $.run.hybrid
     name: str
     last: str  # version that had it
 
@@ -35,31 +47,29 @@ def called(name: str | None, number: int, what: str = "condition") -> str:
 
 
 def explained(error: Exception, kind: type, given: Callable[[], Any]) -> str:
-    """The message of an error in parsing a `kind`; for an unknown word, it ends with the known ones.
-
-    After a word with a fixed set of values come all of them, after a field's name the most similar one, or the last
-    version that had it. A value of the wrong type is quoted from `given`.
-    """
-    removed = removed_setting(error, kind)
-    if removed is not None:
+    """The message of an error in parsing a `kind`: the place, its value, taken from `given`, and what to use there."""
+    text = str(error)
+    if not isinstance(error, msgspec.ValidationError):
+        return _unreadable(text)
+    if (removed := removed_setting(error, kind)) is not None:
         version = f"version {removed.last} was the last that had it"
-        return f"${removed.place}.{removed.name}: removed ({version}); leave it out"
-    unfit = UNFIT.fullmatch(str(error)) if isinstance(error, msgspec.ValidationError) else None
-    if unfit is not None and "[...]" not in unfit[1]:
-        with suppress(msgspec.DecodeError, UnicodeDecodeError, RecursionError):  # of what comes after it in a file
-            return f"{error}, found {_at(given(), unfit[1])!r:.80}"
-    large = LARGE.fullmatch(str(error))
-    if large is not None:
-        return f"{large[1] or '$'}: found a number that no float holds, such as 1e999, expected at most 1.8e308"
-    said = UNKNOWN.fullmatch(str(error)) if isinstance(error, msgspec.ValidationError) else None
-    if said is None:
-        return str(error)
-    met = _types_at(kind, said[3] or "")
-    if said[1].startswith("Object"):
-        near = nearest(said[2], [field.encode_name for one in met for field in getattr(one, "fields", ())])
-        return f"{error}, expected one such as `{near}`" if near else str(error)
-    words = [str(value) for one in met for value in getattr(one, "values", ())]
-    return f"{error}, expected {', '.join(words[:-1])} or {words[-1]}" if len(words) > 1 else str(error)
+        return f"{removed.place}.{removed.name} was removed ({version}); leave it out"
+    if (unknown := UNKNOWN.fullmatch(text)) is not None:
+        place = unknown["place"] or "$"
+        return f"{place}.{unknown['name']} is unknown; {_instead(unknown['name'], place, kind, given)}"
+    if (missing := MISSING.fullmatch(text)) is not None:
+        place = f"{missing['place'] or '$'}.{missing['name']}"
+        return f"{place} is missing; give {_wanted(place, kind)}"
+    unfit = UNFIT.fullmatch(text)
+    place = (unfit["place"] if unfit is not None else None) or "$"
+    wanted = _wanted(place, kind)
+    if "out of range" in text:
+        return f"{place} is larger than any float (1.8e308); use {wanted}"
+    value = _value(given, place)
+    words = [str(word) for one in _types(place, kind) for word in getattr(one, "values", ())]
+    near = meant(value, words) if isinstance(value, str) and value not in words else ""
+    hint = f" (did you mean '{near}'?)" if near else ""
+    return f"{place} is {'of another type' if value is UNSET else f'{value!r:.80}'}; use {wanted}{hint}"
 
 
 def removed_setting(error: Exception, kind: type) -> Removed | None:
@@ -67,12 +77,12 @@ def removed_setting(error: Exception, kind: type) -> Removed | None:
 
     A struct names its removed settings in `REMOVED`, with the last version that had each.
     """
-    said = UNKNOWN.fullmatch(str(error)) if isinstance(error, msgspec.ValidationError) else None
-    if said is None or not said[1].startswith("Object"):
+    unknown = UNKNOWN.fullmatch(str(error)) if isinstance(error, msgspec.ValidationError) else None
+    if unknown is None:
         return None
-    place, name = said[3] or "", said[2]
-    for one in _types_at(kind, place):
-        last = getattr(getattr(one, "cls", None), "REMOVED", {}).get(name)
+    place, name = unknown["place"] or "$", unknown["name"]
+    for table in _types(place, kind):
+        last = getattr(getattr(table, "cls", None), "REMOVED", {}).get(name)
         if last is not None:
             return Removed(place, name, last)
     return None
@@ -95,25 +105,135 @@ def decode_older(text: str, kind: type[T]) -> tuple[T, str]:
             text = msgspec.json.encode(tree).decode()
 
 
-def _types_at(kind: type, path: str) -> list[inspection.Type]:
-    """The types that a path of `.name` and `[index]` leads to from a `kind`; those of a union each."""
-    met = [inspection.type_info(kind)]
-    for step in STEP.findall(path):
+def _at(tree: Any, place: str) -> Any:
+    """The value at a place such as ``$.run.hybrid``."""
+    for step in STEP.findall(place.removeprefix("$")):
+        tree = tree[step[1:] if step.startswith(".") else int(step[1:-1])]
+    return tree
+
+
+def _value(given: Callable[[], Any], place: str) -> Any:
+    """The value at a place; UNSET if it cannot be told."""
+    with suppress(msgspec.DecodeError, UnicodeDecodeError, RecursionError, LookupError, TypeError, ValueError):
+        return _at(given(), place)
+    return UNSET
+
+
+def _unreadable(text: str) -> str:
+    """The message about a text that is not JSON, from what the reader says."""
+    if (malformed := MALFORMED.fullmatch(text)) is not None:
+        return f"not valid JSON: {malformed[1]} at byte {malformed[2]}; correct it there, or build the file anew"
+    if "truncated" in text:
+        return "not valid JSON: it ends too early; use a whole file"
+    if "out of range" in text:
+        return "a number is larger than any float; use at most 1.8e308"
+    return f"not valid JSON: {text}; build the file anew"
+
+
+def _instead(name: str, place: str, kind: type, given: Callable[[], Any]) -> str:
+    """What to do about an unknown field: another of its table, or of another one, that may have been meant."""
+    tables = [one for one in _types(place, kind) if isinstance(one, inspection.StructType)]
+    value = _value(given, place)
+    if isinstance(value, dict):  # of several kinds of tables, that of its tag
+        tables = [one for one in tables if one.tag_field is None or value.get(one.tag_field) == one.tag]
+    own = list(dict.fromkeys(field.encode_name for one in tables for field in one.fields))
+    elsewhere = [dotted for dotted in dotted_names(kind) if "." in dotted] if len(name) > 1 or name in "ED" else []
+    if near := meant(name, own) or meant(name, elsewhere, cutoff=1.0):
+        return f"did you mean `{near}`?"
+    return f"use {listed(own)}" if own else "leave it out"
+
+
+def dotted_names(kind: type, depth: int = 3) -> list[str]:
+    """The dotted names of all settings in a struct and in those inside of it."""
+    return [".".join(path) for path, _ in leaves(inspection.type_info(kind), depth)]
+
+
+def leaves(
+    outer: inspection.Type, depth: int = 3, path: tuple[str, ...] = ()
+) -> Iterator[tuple[tuple[str, ...], inspection.Field]]:
+    """The fields that are no structs, with the names on the way to them; lists of structs are fields of their own."""
+    for one in _plain(outer):
+        for field in getattr(one, "fields", ()) if isinstance(one, inspection.StructType) else ():
+            below = [*leaves(field.type, depth - 1, (*path, field.encode_name))] if depth > 1 else []
+            yield from below or [((*path, field.encode_name), field)]
+
+
+def _wanted(place: str, kind: type) -> str:
+    """What a place can have, in words."""
+    return " or ".join(described(inspection.UnionType(tuple(_types(place, kind))))) or "a value"
+
+
+def described(kind: inspection.Type) -> list[str]:
+    """What values of a type are, in words."""
+    choices = [str(value) for one in _plain(kind) for value in getattr(one, "values", ())]
+    words = [listed(choices, quote=True)] if choices else []
+    for one in _plain(kind):
+        if isinstance(one, inspection.FloatType | inspection.IntType):
+            words.append(_number(one))
+        elif isinstance(one, inspection.TupleType):
+            words.append(f"a list of {len(one.item_types)} values: {', '.join(map(_first, one.item_types))}")
+        elif isinstance(one, inspection.CollectionType):
+            words.append(f"a list{_several(one)}, each {_first(one.item_type)}")
+        elif isinstance(one, inspection.StrType) and one.pattern is not None:
+            words.append(f"a word such as {DIGITS.sub('N', one.pattern).strip('^$()')}")
+        elif not isinstance(one, inspection.NoneType | inspection.LiteralType):
+            words.append(_tagged(one) or TYPES.get(type(one), "a value"))
+    return list(dict.fromkeys(words))
+
+
+def _tagged(kind: inspection.Type) -> str:
+    """A table that is known by a word in it."""
+    if isinstance(kind, inspection.StructType) and kind.tag_field is not None:
+        return f"a table with {kind.tag_field} = '{kind.tag}'"
+    return ""
+
+
+def _first(kind: inspection.Type) -> str:
+    return " or ".join(described(kind))
+
+
+def _number(kind: inspection.FloatType | inspection.IntType) -> str:
+    """A number within its limits, in words."""
+    word = "a whole number" if isinstance(kind, inspection.IntType) else "a number"
+    low = f"from {_short(kind.ge)}" if kind.ge is not None else ""
+    if kind.gt is not None:
+        low = f"from {kind.gt + 1}" if isinstance(kind, inspection.IntType) else f"above {_short(kind.gt)}"
+    if kind.le is not None:
+        high = f"to {_short(kind.le)}" if low.startswith("from") else f"up to {_short(kind.le)}"
+    else:
+        high = f"below {_short(kind.lt)}" if kind.lt is not None else ""
+    joint = " and " if low and high and not high.startswith("to") else " "
+    return f"{word} {joint.join(filter(None, (low, high)))}".rstrip()
+
+
+def _short(limit: float) -> str:
+    return f"{limit:d}" if isinstance(limit, int) else f"{limit:g}"
+
+
+def _several(kind: inspection.CollectionType) -> str:
+    least, most = kind.min_length, kind.max_length
+    if not least and most is None:
+        return ""
+    if least == most:
+        return f" of {least} values"
+    return f" of {least or 0} to {most} values" if most is not None else f" of at least {least} values"
+
+
+def _types(place: str, kind: type) -> list[inspection.Type]:
+    """The types that a place such as ``$.material.E`` may have, without unions."""
+    met: list[inspection.Type] = [inspection.type_info(kind)]
+    for step in STEP.findall(place.removeprefix("$")):
         met = [inner for outer in met for inner in _inside(outer, step)]
     return [inner for outer in met for inner in _plain(outer)]
-
-
-def _at(given: Any, path: str) -> Any:
-    """The value at the end of a path of `.name` and `[index]`."""
-    for step in STEP.findall(path):
-        given = given[step[1:] if step.startswith(".") else int(step[1:-1])]
-    return given
 
 
 def _inside(outer: inspection.Type, step: str) -> Iterator[inspection.Type]:
     """Types that a step of a path, `.name` or `[index]`, leads to."""
     for one in _plain(outer):
         if step.startswith("."):
+            tag = getattr(one, "tag_field", None)
+            if tag == step[1:]:
+                yield inspection.LiteralType((one.tag,))  # type: ignore[attr-defined]
             yield from (field.type for field in getattr(one, "fields", ()) if field.encode_name == step[1:])
         elif isinstance(one, inspection.TupleType):
             yield from one.item_types

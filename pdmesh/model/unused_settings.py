@@ -106,7 +106,7 @@ def in_vain(settings: Settings, names: Iterable[str]) -> str | None:
     for name in names:
         for one in rows:
             if any(name == unheard or name.startswith(f"{unheard}.") for unheard in one.names):
-                return f"{name}: found it given for {one.switch} {one.found}, expected {one.expected}"
+                return f"{name} is not used with {one.switch} {one.found}; leave it out, or use {one.expected}"
     return None
 
 
@@ -135,7 +135,7 @@ def _said(settings: Settings, place: str) -> Iterator[str]:
         if said:
             named = ", ".join(f"{place}.{name}" for name in said)
             values = ", ".join(_word(value_of(settings, name)) for name in said)
-            yield f"{named}: found {values}, not used as {each.switch} is {each.found}, expected {each.expected}"
+            yield f"{named} ({values}) not used with {each.switch} {each.found}; use {each.expected}"
 
 
 # As everything is that is left out

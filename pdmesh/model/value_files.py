@@ -53,11 +53,13 @@ def read_table(words: str, folder: Path, dimension: int) -> Table:
     """The table of a file in a folder; `words` are ``FILE`` or ``FILE.csv:COLUMN``. Raises PlaceError."""
     name, _, column = (part.strip() for part in words.partition(":"))
     if Path(name).name != name or not name.isprintable() or "\\" in name:
-        raise PlaceError(f"found the file {name!r:.80}, expected the name of one beside the model, without a folder")
+        raise PlaceError(
+            f"the file {name!r:.80} cannot be used; give the name of one beside the model, without a folder"
+        )
     path = folder / name
     try:
         if path.resolve().parent != folder.resolve():
-            raise PlaceError(f"found a link out of the folder, {name}, expected a file beside the model")
+            raise PlaceError(f"{name} is a link out of the folder; use a file beside the model")
         data = read_bytes(path, MOST_BYTES)
     except OSError as error:
         raise PlaceError(f"{name}: cannot be read: {error.strerror or error}") from None
@@ -72,14 +74,12 @@ def read_table(words: str, folder: Path, dimension: int) -> Table:
 def _table(header: list[str], rows: NDArray[np.float64], column: str, name: str) -> Table:
     """The table of named columns. Raises PlaceError for missing, repeated or unknown ones."""
     if len(header) != rows.shape[1] or len(set(header)) != len(header):
-        raise PlaceError(
-            f"{name}: found {rows.shape[1]} columns, expected {len(header)}, {', '.join(header)}, each once"
-        )
+        raise PlaceError(f"{name} has {rows.shape[1]} columns; use {len(header)}, {', '.join(header)}, each once")
     axes = "".join(axis for axis in AXES if axis in header)
     values = [word for word in header if word not in AXES]
     if not axes or not (column in values if column else len(values) == 1):
         expected = f"{column} and " if column else "one column of values (or FILE.csv:COLUMN) and "
-        raise PlaceError(f"{name}: found the columns {', '.join(header):.80}, expected {expected}x, y or z")
+        raise PlaceError(f"{name} has the columns {', '.join(header):.80}; use {expected}x, y or z")
     places, found = rows[:, [header.index(axis) for axis in axes]], rows[:, header.index(column or values[0])]
     return Table(tuple(map(tuple, places.tolist())), tuple(found.tolist()), axes)
 
@@ -91,18 +91,18 @@ def _columns(data: bytes, name: str) -> tuple[list[str] | None, NDArray[np.float
     try:
         lines = data.decode("utf-8-sig").splitlines()
     except UnicodeDecodeError:
-        raise PlaceError(f"{name}: found bytes that are no text, expected a CSV file in UTF-8") from None
+        raise PlaceError(f"{name} is no text; use a CSV file in UTF-8") from None
     rows = [(at, line.split(",")) for at, line in enumerate(lines, 1) if line.strip() and not line.startswith("#")]
     header = None
     if rows and _numbers(rows[0][1]) is None:
         header = [match[1].lower() for word in rows.pop(0)[1] if (match := WORD.match(word))]
     if not 0 < len(rows) <= MOST_ROWS:
-        raise PlaceError(f"{name}: found {len(rows)} rows of numbers, expected 1 to {MOST_ROWS}")
+        raise PlaceError(f"{name} has {len(rows)} rows of numbers; use 1 to {MOST_ROWS}")
     found = []
     for at, words in rows:
         numbers = _numbers(words)
         if numbers is None or len(numbers) != len(rows[0][1]):
-            raise PlaceError(f"{name}: line {at}: expected {len(rows[0][1])} numbers between commas")
+            raise PlaceError(f"{name}: line {at}: not a row of numbers; use {len(rows[0][1])} numbers between commas")
         found.append(numbers)
     return header, np.array(found)
 
@@ -125,12 +125,12 @@ def _array(data: bytes, name: str) -> NDArray[np.float64]:
         read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
         shape, by_column, kind = read(stream)
     except (ValueError, EOFError, SyntaxError, TypeError, RecursionError, MemoryError, tokenize.TokenError):
-        raise PlaceError(f"{name}: found no header of a .npy file, expected one with an array of numbers") from None
+        raise PlaceError(f"{name} has no header of a .npy file; use one with an array of numbers") from None
     at, fits = stream.tell(), len(shape) == 2 and 0 < shape[0] <= MOST_ROWS and 0 < shape[1] <= len(AXES) + 1
     if kind.kind not in "fiu" or not fits or len(data) - at != shape[0] * shape[1] * kind.itemsize:
         raise PlaceError(
-            f"{name}: found an array of shape {shape!r:.60} and type {kind!s:.20}, expected numbers, (k, 3) of a plate"
-            f" or (k, 4) of a body in space, with at most {MOST_ROWS} rows"
+            f"{name} has an array of shape {shape!r:.60} and type {kind!s:.20}; use numbers, (k, 3) of a plate or"
+            f" (k, 4) of a body in space, with at most {MOST_ROWS} rows"
         )
     flat = np.frombuffer(data, kind, offset=at)
     return np.asarray(flat.reshape(shape, order="F" if by_column else "C"), dtype=float)

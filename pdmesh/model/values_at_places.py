@@ -39,7 +39,7 @@ def values_at(value: Value, position: NDArray[np.float64]) -> NDArray[np.float64
     if len(wrong):
         place = ", ".join(f"{number:g}" for number in position[wrong[0]])
         raise PlaceError(
-            f"found {found[wrong[0]]:g} at ({place}) m, expected finite numbers of at most {LARGEST:g} at all nodes"
+            f"the value is {found[wrong[0]]:g} at ({place}) m; use finite numbers of at most {LARGEST:g} at all nodes"
         )
     found[np.abs(found) < LEAST] = 0.0
     return found
@@ -66,7 +66,7 @@ def _evaluated(part: ast.expr, terms: dict[str, Any]) -> Any:
             return np.float64(_number(value))
         case ast.Name(id=name):
             if name not in terms:
-                raise PlaceError(f"found {name} in an expression, expected x and y in a plate")
+                raise PlaceError(f"an expression has {name}; use x and y in a plate")
             return terms[name]
         case ast.BinOp(left=left, op=op, right=right):
             return OPERATORS[type(op)](_evaluated(left, terms), _evaluated(right, terms))
@@ -76,7 +76,7 @@ def _evaluated(part: ast.expr, terms: dict[str, Any]) -> Any:
             return np.where(OPERATORS[type(op)](_evaluated(left, terms), _evaluated(right, terms)), 1.0, 0.0)
         case ast.Call(func=ast.Name(id=name), args=args):
             return _function(name)(*(_evaluated(each, terms) for each in args))
-    raise PlaceError(f"found {type(part).__name__} in an expression, expected numbers, places and functions")
+    raise PlaceError(f"an expression has {type(part).__name__}; use numbers, places and functions")
 
 
 def _number(value: Any) -> float:
@@ -84,7 +84,7 @@ def _number(value: Any) -> float:
     try:
         return float(value)
     except OverflowError:
-        raise PlaceError("found a number that no float holds, expected at most 1.8e308") from None
+        raise PlaceError("a number is larger than a float holds; use at most 1.8e308") from None
 
 
 def _function(name: str) -> Callable[..., Any]:
@@ -118,7 +118,7 @@ def _interpolated(table: Table, position: NDArray[np.float64]) -> NDArray[np.flo
         if far.max() > BEYOND * extent:
             place = ", ".join(f"{number:g}" for number in position[outside[far.argmax()]])
             raise PlaceError(
-                f"found a node at ({place}) m, {far.max():.3g} m outside of its table, expected a table that covers it"
+                f"the node at ({place}) m is {far.max():.3g} m outside of its table; use a table that covers it"
             )
         found[outside] = values[nearest]
     return np.asarray(found)

@@ -105,7 +105,7 @@ def wrong_value(value: str | Table, dimension: int) -> str | None:
         if isinstance(value, Table):
             _check_table(value, dimension)
         elif is_file(value):
-            return f"found the file '{value:.80}', which was not read, expected its values or an expression"
+            return f"the file '{value:.80}' was not read; give its values or an expression"
         else:
             _check_names(parsed(value), AXES[:dimension])
     except PlaceError as error:
@@ -116,7 +116,7 @@ def wrong_value(value: str | Table, dimension: int) -> str | None:
 def _check_names(tree: ast.expr, known: str) -> None:
     for part in ast.walk(tree):
         if isinstance(part, ast.Name) and part.id in AXES and part.id not in known:
-            raise PlaceError(f"found {part.id} in an expression, expected {', '.join(known)} in a plate")
+            raise PlaceError(f"an expression has {part.id}; use {', '.join(known)} in a plate")
 
 
 @lru_cache(64)
@@ -127,10 +127,10 @@ def parsed(text: str) -> ast.expr:
         parts = [part for part in ast.walk(tree) if not isinstance(part, ast.expr_context | ast.operator | ast.unaryop)]
     except (SyntaxError, ValueError, RecursionError, MemoryError):
         raise PlaceError(
-            f"found {text!r:.80}, expected an expression of x, y and z such as '1e6 * (1 - (y/0.02)^2)'"
+            f"cannot read {text!r:.80}; use an expression of x, y and z such as '1e6 * (1 - (y/0.02)^2)'"
         ) from None
     if len(parts) > MOST_PARTS:
-        raise PlaceError(f"found an expression of {len(parts)} parts, expected at most {MOST_PARTS}")
+        raise PlaceError(f"an expression has {len(parts)} parts; use at most {MOST_PARTS}")
     called = {id(part.func) for part in parts if isinstance(part, ast.Call)}
     for part in parts:
         _check_part(part, called)
@@ -151,24 +151,22 @@ def _check_part(part: ast.AST, called: set[int]) -> None:
         case ast.Call(func=ast.Name(id=name), args=args, keywords=[]) if name in FUNCTIONS:
             if len(args) == FUNCTIONS[name]:
                 return
-            raise PlaceError(f"found {name} of {len(args)} values, expected {FUNCTIONS[name]}")
+            raise PlaceError(f"{name} has {len(args)} values; give {FUNCTIONS[name]}")
         case ast.cmpop():
             return
     text = ast.unparse(part) if isinstance(part, ast.expr) else type(part).__name__
     known = ", ".join(sorted(FUNCTIONS))
-    raise PlaceError(f"found {text!r:.60} in an expression, expected numbers, x, y, z, pi, + - * / ^ < > and {known}")
+    raise PlaceError(f"an expression has {text!r:.60}; use numbers, x, y, z, pi, + - * / ^ < > and {known}")
 
 
 def _check_table(table: Table, dimension: int) -> None:
     """Raise PlaceError for a table whose columns do not fit each other or the dimension."""
     axes = table.axes or AXES[:dimension]
     if not set(axes) <= set(AXES[:dimension]):
-        raise PlaceError(f"found a table along {axes}, expected {', '.join(AXES[:dimension])} in a plate")
+        raise PlaceError(f"a table goes along {axes}; use {', '.join(AXES[:dimension])} in a plate")
     if not table.places or len(table.places) != len(table.values):
-        raise PlaceError(
-            f"found {len(table.places)} places and {len(table.values)} values in a table, expected as many of each"
-        )
+        raise PlaceError(f"a table has {len(table.places)} places and {len(table.values)} values; use as many of each")
     if any(len(place) != len(axes) for place in table.places):
-        raise PlaceError(f"found places of another number of coordinates in a table, expected {', '.join(axes)}")
+        raise PlaceError(f"places in a table have another number of coordinates; use {', '.join(axes)}")
     if not all(abs(number) <= LARGEST for numbers in (*table.places, table.values) for number in numbers):
-        raise PlaceError(f"found numbers that are not finite in a table, expected at most {LARGEST:g}")
+        raise PlaceError(f"numbers in a table are not finite; use at most {LARGEST:g}")

@@ -261,9 +261,7 @@ def plate_of(grid: Grid, name: str = "grid") -> shapely.Geometry | None:
         for number, ring in enumerate(rings[key]):
             if not ring.is_valid or not ring.area > 0:
                 reason = shapely.is_valid_reason(ring) if not ring.is_valid else "no inside"
-                raise GridError(
-                    f"{name}: $.{key}[{number}]: found {reason}, expected a ring that does not cross itself"
-                )
+                raise GridError(f"{name}: $.{key}[{number}]: {reason}; use a ring that does not cross itself")
     holes = np.array(rings["holes"])
     return shapely.union_all(  # a part of the plate may be in a hole of another
         [part.difference(shapely.union_all(holes[~shapely.contains(holes, part)])) for part in rings["outline"]]

@@ -113,7 +113,7 @@ def proposal(scene: Scene, within: float) -> Proposal:
     Raises SceneError if no grid promises that, or if the scene has no material.
     """
     if scene.material is None:
-        raise SceneError("material: found none, expected E, rho and G0 for a proposal")
+        raise SceneError("material is missing; give E, rho and G0 for a proposal")
     scene = known(scene)
     size, named = feature(scene)
     found: list[Proposal] = []
@@ -139,7 +139,7 @@ def proposal(scene: Scene, within: float) -> Proposal:
     if errors:
         raise errors[0] from None
     least = min(max(float(curve.error[0]) for curve in curves) for curves in measured().values()) / EXTRAPOLATED
-    raise SceneError(f"--within: found {within:.3g}, expected {least:.3g} or more: finer grids were not measured")
+    raise SceneError(f"--within is {within:.3g}; use {least:.3g} or more, as finer grids were not measured")
 
 
 def _may_move(scene: Scene) -> bool:
@@ -262,7 +262,7 @@ def changed(scene: Scene, finest: float, ratio: float, adapt: str = "none") -> S
     grown = replace(scene, spacing=spacing, zones=zones, refinements=kept, horizon=ratio, conditions=conditions)
     step, old = _stable(scene, ratio, finest), scene.run.time_step or _stable(scene, scene.horizon, scene.finest)
     if not np.isfinite(old) or not np.isfinite(step):
-        raise SceneError(f"horizon: found {scene.horizon:g}, where bonds have no stiffness, expected more (3 is usual)")
+        raise SceneError(f"horizon is {scene.horizon:g}, where bonds have no stiffness; use more (3 is usual)")
     steps = int(np.ceil(in_steps(scene.run, old).steps * old / step))
     every = max(1, round(scene.run.every * old / step))
     run = msgspec.structs.replace(scene.run, time_step=step, steps=steps, duration=None, every=every, adapt=adapt)

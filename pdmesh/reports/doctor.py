@@ -115,7 +115,7 @@ def _devices() -> Finding:
     """Finding about OpenCL devices, which a process of its own asks for: drivers may crash."""
     found, ended = _child(DEVICES)
     cure = "pdsolve --device opencl needs one; all else works"
-    return Finding("OpenCL", not ended, found or ended.removeprefix("device: found "), cure, needed=False)
+    return Finding("OpenCL", not ended, found or ended.removeprefix("device: "), cure, needed=False)
 
 
 def _extras() -> Iterator[Finding]:

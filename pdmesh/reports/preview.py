@@ -39,7 +39,7 @@ def draw(document: Document, name: str, with_bonds: bool = False) -> Figure:
     """
     if document.version == SPACE_VERSION:
         if with_bonds:
-            raise SceneError(f"{name}: --bonds: found a body in space, expected a plate")
+            raise SceneError(f"{name}: --bonds is for plates; leave it out for a body in space")
         return body_preview.draw(document, name)
     grid = grid_of(document, name)
     selection.check(document, grid, name)
@@ -73,7 +73,7 @@ def save(figure: Figure, path: Path) -> None:
     """Write the picture in the format of the path's suffix, with reproducible bytes. Raises SceneError."""
     kind = path.suffix.lower().removeprefix(".")
     if kind not in formats():
-        raise SceneError(f"{path}: found suffix '{path.suffix}', expected one of .{', .'.join(formats())}")
+        raise SceneError(f"{path}: suffix '{path.suffix}' is not known; use one of .{', .'.join(formats())}")
     undated: dict[str, Any] = {"pdf": {"CreationDate": None}, "svg": {"Date": None}, "png": {"Software": None}}
     picture = io.BytesIO()
     figure.savefig(picture, format=kind, metadata=undated.get(kind))

@@ -243,7 +243,7 @@ def _step_line(result: dict[str, Any]) -> str:
     if result["at_rest"]:
         return f"at rest: {step:.4g} s x {steps} load steps"
     why = f"refused by pdsolve ({result['refused']})" if result["refused"] else "no material"
-    sure = f"{why}, so no stable step" if stable is None else f"surely stable step {stable:.4g} s"
+    sure = f"{why}, so no stable step" if stable is None else f"stable time step {stable:.4g} s"
     return f"{sure}; run: {'steps' if step is None else f'{step:.4g} s x'} {steps}"
 
 

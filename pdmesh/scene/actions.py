@@ -57,17 +57,17 @@ def motion(
     """
     chosen = [(MOTIONS[word], vector) for word, vector in moves.items() if vector is not None]
     if len(chosen) != 1:
-        raise SceneError(f"move '{name}': found {len(chosen)} of {', '.join(MOTIONS)}, expected one")
+        raise SceneError(f"move '{name}' has {len(chosen)} of {', '.join(MOTIONS)}; use one")
     ((kind, vector),) = chosen
     components = components_of(vector, len(axes))
     if len(components) != len(axes) or all(each is None for each in components):
         expected = f"{len(axes)} components, None of one that is free"
-        raise SceneError(f"move '{name}': found {len(components)} components, expected {expected}")
+        raise SceneError(f"move '{name}' has {len(components)} components; use {expected}")
     along = dict(zip(axes, components, strict=True))
     if kind in (InitialVelocity, InitialDisplacement):
         if any(held.values()):
             raise SceneError(
-                f"move '{name}': found a profile or breakable, expected none of an initial velocity or displacement"
+                f"move '{name}': an initial velocity or displacement has no profile or breakable; leave them out"
             )
         return kind, along
     return kind, along | held
@@ -80,7 +80,7 @@ def vector(given: Any, count: int, place: str) -> tuple[float, ...]:
     except (TypeError, ValueError):
         found = np.zeros(0)
     if found.shape != (count,) or not np.isfinite(found).all():
-        raise SceneError(f"{place}: found {given!r:.80}, expected {count} finite numbers")
+        raise SceneError(f"{place} is {given!r:.80}; use {count} finite numbers")
     return tuple(found.tolist())
 
 

@@ -137,8 +137,7 @@ class Body(PlainFields, MechanicalConditions[Where], DiffusionConditions[Where])
             halved = np.log2(self.spacing / checked_spacing(zone.spacing, f"zone '{zone.name}': spacing"))
             if halved < -ROUND_OFF or abs(halved - round(halved)) > ROUND_OFF:
                 raise SceneError(
-                    f"zone '{zone.name}': spacing: found {zone.spacing:g} m, expected {self.spacing:g} m"
-                    " over 1, 2, 4, 8, ..."
+                    f"zone '{zone.name}': spacing is {zone.spacing:g} m; use {self.spacing:g} m over 1, 2, 4, 8, ..."
                 )
 
     @property
@@ -151,7 +150,7 @@ class Body(PlainFields, MechanicalConditions[Where], DiffusionConditions[Where])
         """The triangulated surface of this body. Raises SceneError before Gmsh has made it."""
         if not isinstance(self.solid, Shell):
             found = type(self.solid).__name__
-            raise SceneError(f"body: found a {found}, expected its surface: pdmesh.build and read_scene make one")
+            raise SceneError(f"body is {found}, not its surface; use pdmesh.build or read_scene, which make one")
         return self.solid
 
     @property
@@ -219,19 +218,17 @@ class Body(PlainFields, MechanicalConditions[Where], DiffusionConditions[Where])
         if isinstance(other, Body):
             for word, found in (("spacing", spacing), ("material", other.material and material)):
                 if found is not None:
-                    raise SceneError(f"body '{name}': {word}: found one, expected none of a body that has its own")
+                    raise SceneError(f"body '{name}' has a {word} of its own; give it there only")
             return other if other.material is not None else replace(other, material=material or self.material)
         own = self.spacing if spacing is None else spacing
         return Body(other, own, material or self.material, self.horizon, medium=self.medium)
 
     def _beside(self, other: SolidBeside) -> Body:
         if not other.name or other.name in (REST, *(each.name for each in self.bodies)):
-            raise SceneError(
-                f"body '{other.name}': found no name, or one that another body has, expected one of its own"
-            )
+            raise SceneError(f"body '{other.name}' has no name, or one that another body has; use one of its own")
         if other.body.bodies or other.body.medium not in (None, self.medium) or other.body.horizon != self.horizon:
             raise SceneError(
-                f"body '{other.name}': found bodies, a medium or another horizon ratio of its own, expected none"
+                f"body '{other.name}' has bodies, a medium or another horizon ratio of its own; leave them out"
             )
         return replace(self, bodies=(*self.bodies, other), touching=self.touching or Contact())
 
@@ -289,7 +286,7 @@ class Body(PlainFields, MechanicalConditions[Where], DiffusionConditions[Where])
 
     def _size(self, where: Where, place: str) -> dict[str, float]:
         if not isinstance(where, Sheet):
-            raise SceneError(f"{place}: found {type(where).__name__}, expected a sheet that the flux goes through")
+            raise SceneError(f"{place} is {type(where).__name__}; use a sheet that the flux goes through")
         return {"surface": where.area}
 
     def _with(
@@ -320,5 +317,5 @@ def _triangles(found: Any, place: str) -> NDArray[np.float64]:
     except (TypeError, ValueError):
         triangles = np.zeros(0)
     if triangles.ndim != 3 or triangles.shape[1:] != (3, 3) or not np.isfinite(triangles).all() or not len(triangles):
-        raise SceneError(f"{place}: found {found!r:.80}, expected triangles of three places (x, y, z) in metres")
+        raise SceneError(f"{place} is {found!r:.80}; use triangles of three places (x, y, z) in metres")
     return triangles

@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 import shapely
 
+from pdmesh.messages import unfit
 from pdmesh.model.contact import REST
 from pdmesh.model.document import (
     LARGEST,
@@ -64,9 +65,7 @@ def check(scene: Plate) -> None:
     for gap in scene.run.gaps:
         for end in gap.ends:
             if scene.everything.distance(shapely.Point(end[:2])) > scene.spacing:
-                raise SceneError(
-                    f"gap '{gap.name}': found ({end[0]:g}, {end[1]:g}) m away from the plate, expected in it"
-                )
+                raise SceneError(f"gap '{gap.name}': ({end[0]:g}, {end[1]:g}) m is away from the plate; put it in it")
 
 
 def check_region(region: PlacedRegion[Region], scene: Plate) -> None:
@@ -78,7 +77,7 @@ def check_region(region: PlacedRegion[Region], scene: Plate) -> None:
 
 def _inside(region: PlacedRegion[Any], scene: Plate) -> None:
     if scene.whole.disjoint(region.shape):
-        raise SceneError(f"{region.kind} '{region.region.name}': found outside the plate, expected inside")
+        raise SceneError(f"{region.kind} '{region.region.name}' is outside the plate; put it inside")
 
 
 def _numbers(scene: Plate) -> None:
@@ -93,9 +92,9 @@ def _numbers(scene: Plate) -> None:
         passable(scene.medium)
         # collocation wants each coarse cell parted into four, as bodies have them
         if scene.run.adapt != "none" and scene.physics == "diffusion":
-            raise SceneError(f"run.adapt: found {scene.run.adapt}, expected none in a plate of diffusion")
+            raise SceneError(f"run.adapt is {scene.run.adapt}; use none in a plate of diffusion")
     if scene.units not in (None, "m"):
-        raise SceneError(f"units: found {scene.units!r}, expected 'm', or none")
+        raise SceneError(f"units is {scene.units!r}; use 'm', or none")
     described(Settings(area_rule=scene.area_rule), Settings, "area rule")
     ratio(scene.horizon)
 
@@ -103,7 +102,7 @@ def _numbers(scene: Plate) -> None:
 def ratio(horizon: float) -> None:
     """Raise SceneError for an invalid ratio of horizon to spacing."""
     if not isinstance(horizon, float | int) or not 1 <= horizon <= 64:
-        raise SceneError(f"horizon: found {horizon!r}, expected a ratio to the spacing of 1 to 64")
+        raise SceneError(f"horizon is {horizon!r}; use a ratio to the spacing of 1 to 64")
 
 
 def passable(medium: Medium | Heat) -> None:
@@ -114,13 +113,13 @@ def passable(medium: Medium | Heat) -> None:
     wrong = contradiction(medium)
     if wrong is not None:
         key, found, expected = wrong
-        raise SceneError(f"medium: {key}: found {found}, expected {expected}")
+        raise SceneError(unfit(f"medium: {key}", found, expected))
 
 
 def described(struct: Any, kind: type[msgspec.Struct], place: str) -> None:
     """Raise SceneError for an object of the wrong type, or with a value that the grid file does not allow."""
     if not isinstance(struct, kind):
-        raise SceneError(f"{place}: found {struct!r:.80}, expected {kind.__name__}(...)")
+        raise SceneError(f"{place} is {struct!r:.80}; use {kind.__name__}(...)")
     try:
         fields = {name: _builtin(getattr(struct, name), f"{place}: {name}") for name in kind.__struct_fields__}
         msgspec.convert(fields, kind)
@@ -128,7 +127,7 @@ def described(struct: Any, kind: type[msgspec.Struct], place: str) -> None:
         raise SceneError(f"{place}: {explained(error, kind, lambda: fields)}") from None
     for name, value in fields.items():
         if isinstance(value, float | int) and not abs(value) <= MOST:
-            raise SceneError(f"{place}: {name}: found {value:g}, expected at most {MOST:g} in SI units")
+            raise SceneError(f"{place}: {name} is {value:g}; use at most {MOST:g} in SI units")
 
 
 def _builtin(value: Any, place: str) -> Any:
@@ -136,7 +135,7 @@ def _builtin(value: Any, place: str) -> Any:
     try:
         return msgspec.to_builtins(value)
     except TypeError:
-        raise SceneError(f"{place}: found {value!r:.80}, expected a number or a word") from None
+        raise SceneError(f"{place} is {value!r:.80}; use a number or a word") from None
 
 
 def remarks(scene: Plate) -> tuple[str, ...]:
@@ -145,7 +144,7 @@ def remarks(scene: Plate) -> tuple[str, ...]:
     notes = [note for slit in scene.slits for note in slit.notes]
     notes += remarks_on_materials(scene, scene.horizon, scene.finest, 2)
     if max(x1 - x0, y1 - y0) > LARGE_PLATE and scene.units != "m":
-        notes.append(f"warning: found a plate of {x1 - x0:g} x {y1 - y0:g} m; the parameter Units: {SAY_UNIT}")
+        notes.append(f"warning: the plate has {x1 - x0:g} x {y1 - y0:g} m; the parameter Units: {SAY_UNIT}")
     return tuple(notes)
 
 
@@ -160,8 +159,8 @@ def remarks_on_materials(scene: Any, ratio: float, finest: float, dimension: int
             notes.append(f"warning: {place}: waves of {wave:.2g} m/s; E and rho are in Pa and kg/m^3")
         if stretch is not None and stretch > LARGE_STRETCH and material.E < SOFT:
             notes.append(
-                f"warning: {place}: bonds break at a stretch of {stretch:.2g}, expected less than {LARGE_STRETCH:g}: is"
-                f" E = {material.E:g} in Pa, not in MPa or GPa?"
+                f"warning: {place}: bonds break at a stretch of {stretch:.2g}, more than {LARGE_STRETCH:g}: is E ="
+                f" {material.E:g} in Pa, not in MPa or GPa?"
             )
         if notes:
             break
@@ -172,12 +171,12 @@ def _spacings(scene: Plate) -> None:
     spacings = {"spacing": scene.spacing} | {f"zone '{zone.name}': spacing": zone.spacing for zone in scene.zones}
     for request in scene.refinements:
         if request.target not in ("crack", "notch", "hole"):
-            raise SceneError(f"refine: found '{request.target}', expected crack, notch or hole")
+            raise SceneError(f"refine: '{request.target}' is unknown; use crack, notch or hole")
         spacings[f"refine {request.target}: distance"] = request.distance
         spacings[f"refine {request.target}: spacing"] = 1.0 if request.spacing is None else request.spacing
     for place, value in spacings.items():
         if checked_spacing(value, place) > LARGEST:
-            raise SceneError(f"{place}: found {value:g} m, expected at most {LARGEST:g} m")
+            raise SceneError(f"{place} is {value:g} m; use at most {LARGEST:g} m")
     levels = {place: value for place, value in spacings.items() if place.endswith("spacing")}
     if any(request.spacing is None for request in scene.refinements):
         levels = {place: value for place, value in levels.items() if not place.startswith("refine")}
@@ -185,31 +184,28 @@ def _spacings(scene: Plate) -> None:
         steps = math.log2(scene.spacing) - math.log2(value)
         if abs(steps - round(steps)) > 1e-6 or not 0 <= round(steps) <= MOST_STEPS:
             raise SceneError(
-                f"{place}: found {value:g} m, expected the coarsest spacing, {scene.spacing:g} m, over a power of 2,"
-                f" at most {2**MOST_STEPS}"
+                f"{place} is {value:g} m; use the coarsest spacing, {scene.spacing:g} m, over a power of 2, at most"
+                f" {2**MOST_STEPS}"
             )
 
 
 def _plate(scene: Plate) -> None:
     if scene.shape.is_empty:
-        raise SceneError("outline: found nothing left by its holes and notches, expected a plate")
+        raise SceneError("outline: holes and notches leave nothing of it; draw a plate")
     x0, y0, x1, y1 = scene.shape.bounds
     width, height = x1 - x0, y1 - y0
     if scene.spacing > max(width, height):
         unit = "" if scene.units == "m" else f" (the parameter Units: {SAY_UNIT})"
-        raise SceneError(
-            f"spacing: found {scene.spacing:g} m, expected less than the plate's {width:g} x {height:g} m{unit}"
-        )
+        raise SceneError(f"spacing is {scene.spacing:g} m; use less than the plate's {width:g} x {height:g} m{unit}")
     if max(width, height) > LARGEST_PLATE and scene.units != "m":
         raise SceneError(
-            f"outline: found {width:g} x {height:g} m, expected metres, not millimetres, or the parameter Units:"
-            f" {SAY_UNIT}"
+            f"outline has {width:g} x {height:g} m; use metres, not millimetres, or the parameter Units: {SAY_UNIT}"
         )
     limit_nodes(scene.shape, scene.spacing, "spacing", MOST_ON_LATTICE if scene.run.adapt == "hybrid" else MOST_NODES)
     farthest = float(np.abs([x0, y0, x1, y1]).max())
     if scene.finest < RESOLVED * farthest:
         raise SceneError(
-            f"spacing: found {scene.finest:g} m in a plate {farthest:g} m from the origin, expected at least"
+            f"spacing is {scene.finest:g} m in a plate {farthest:g} m from the origin; use at least"
             f" {RESOLVED * farthest:g} m: places are not known better"
         )
 
@@ -221,8 +217,8 @@ def limit_nodes(shape: Surface, spacing: float, place: str, most: float = MOST_N
         side = math.sqrt(area) / spacing
         if side * side > many:
             raise SceneError(
-                f"{place}: found {spacing:g} m, about {side * side:.1g} nodes on {x1 - x0:g} x {y1 - y0:g} m, expected"
-                f" no more than {many:.0e}"
+                f"{place} is {spacing:g} m, about {side * side:.1g} nodes on {x1 - x0:g} x {y1 - y0:g} m; use no"
+                f" more than {many:.0e}"
             )
 
 
@@ -230,14 +226,13 @@ def _zones(scene: Plate) -> None:
     names = [zone.name for zone in scene.zones]
     for zone in scene.zones:
         if names.count(zone.name) > 1:
-            raise SceneError(f"zone '{zone.name}': found {names.count(zone.name)} of this name, expected one")
+            raise SceneError(f"zone '{zone.name}': {names.count(zone.name)} have this name; use it once")
         if not zone.shape.intersection(scene.whole).area > 0:
-            raise SceneError(f"zone '{zone.name}': found outside the plate, expected inside")
+            raise SceneError(f"zone '{zone.name}' is outside the plate; put it inside")
         x0, y0, x1, y1 = zone.shape.bounds
         if zone.spacing > max(x1 - x0, y1 - y0):
             raise SceneError(
-                f"zone '{zone.name}': spacing: found {zone.spacing:g} m, expected less than its size"
-                f" {max(x1 - x0, y1 - y0):g} m"
+                f"zone '{zone.name}': spacing is {zone.spacing:g} m; use less than its size {max(x1 - x0, y1 - y0):g} m"
             )
         limit_nodes(zone.shape.intersection(scene.whole), zone.spacing, f"zone '{zone.name}': spacing")
 
@@ -248,18 +243,18 @@ def _bodies(scene: Plate) -> None:
     for body in scene.bodies:
         place = f"body '{body.name}'"
         if not body.name or body.name in [name for name, _, _ in others]:
-            raise SceneError(f"{place}: found an empty name or one that another body has, expected one of its own")
+            raise SceneError(f"{place} has an empty name or one that another body has; use one of its own")
         checked_spacing(body.spacing, f"{place}: spacing")
         x0, y0, x1, y1 = body.shape.bounds
         if body.spacing > max(x1 - x0, y1 - y0):
-            raise SceneError(f"{place}: spacing: found {body.spacing:g} m, expected less than its size")
+            raise SceneError(f"{place}: spacing is {body.spacing:g} m; use less than its size")
         limit_nodes(body.shape, body.spacing, f"{place}: spacing")
         if body.material is not None:
             composed(body.material, place)
         if len(body.velocity) != 2 or not (np.abs(body.velocity) <= MOST).all():
-            raise SceneError(f"{place}: velocity: found {body.velocity}, expected two finite numbers, m/s")
+            raise SceneError(f"{place}: velocity is {body.velocity}; use two finite numbers, m/s")
         if not (np.ndim(body.spin) == 0 and np.abs(body.spin) <= MOST):
-            raise SceneError(f"{place}: spin: found {body.spin}, expected one finite number, rad/s")
+            raise SceneError(f"{place}: spin is {body.spin}; use one finite number, rad/s")
         wrong = None if body.rigid is None else contradiction_of_rigid(body.rigid, 2)
         if wrong is not None:
             raise SceneError(f"{place}: {wrong}")
@@ -267,9 +262,7 @@ def _bodies(scene: Plate) -> None:
             common = shape.intersection(body.shape)
             if common.area > OVERLAP * min(spacing, body.spacing) ** 2:
                 depth = 2 * shapely.maximum_inscribed_circle(common).length
-                raise SceneError(
-                    f"{place}: found it {depth:.4g} m deep in body '{name}', expected bodies that touch at most"
-                )
+                raise SceneError(f"{place} is {depth:.4g} m deep in body '{name}'; bodies may touch at most")
         others.append((body.name, body.shape, body.spacing))
 
 
@@ -282,7 +275,7 @@ def composed(material: Material, place: str) -> None:
     wave = math.sqrt(material.E / material.rho)
     if wave > FASTEST_WAVE and DENSITIES[0] <= material.rho <= DENSITIES[1]:
         raise SceneError(
-            f"{place}: found E = {material.E:g} and rho = {material.rho:g}, waves of {wave:.2g} m/s, expected Pa and"
+            f"{place}: E = {material.E:g} and rho = {material.rho:g} give waves of {wave:.2g} m/s; use Pa and"
             " kg/m^3 (steel: 2e11 and 7800), not MPa and t/mm^3"
         )
 
@@ -291,15 +284,15 @@ def _condition(condition: PlacedCondition, scene: Plate) -> None:
     action, place = condition.action, describe(condition.action)
     rows = condition.place.rows
     if not isinstance(rows, int) or not 1 <= rows <= MOST_ROWS:
-        raise SceneError(f"{place}: rows: found {rows!r:.40}, expected a whole number of 1 to {MOST_ROWS}")
+        raise SceneError(f"{place}: rows is {rows!r:.40}; use a whole number of 1 to {MOST_ROWS}")
     values = _numbers_of(condition, place)
     values += [value for point in getattr(action, "profile", ()) for value in point]
     if not (np.abs(values) <= MOST).all():
-        raise SceneError(f"{place}: found {values}, expected finite numbers of at most {MOST:g}")
+        raise SceneError(f"{place} has {values}; use finite numbers of at most {MOST:g}")
     if isinstance(action, Condition) and not isinstance(action.breakable, bool):
-        raise SceneError(f"{place}: breakable: found {action.breakable!r}, expected True or False")
+        raise SceneError(f"{place}: breakable is {action.breakable!r}; use True or False")
     if condition.place.shape.distance(scene.everything) > rows * scene.spacing:
-        raise SceneError(f"{place}: found away from the plate, expected in it or along its edge")
+        raise SceneError(f"{place} is away from the plate; put it in it or along its edge")
 
 
 def _numbers_of(condition: PlacedCondition, place: str) -> list[float]:
@@ -314,7 +307,7 @@ def _numbers_of(condition: PlacedCondition, place: str) -> list[float]:
     if isinstance(action, Absorb | OfDiffusion):
         return [value for value in msgspec.to_builtins(action).values() if isinstance(value, float | int)]
     if action.x is None and action.y is None:
-        raise SceneError(f"{place}: found no component, expected x, y or both")
+        raise SceneError(f"{place} has no component; give x, y or both")
     return [value for value in (action.x, action.y) if isinstance(value, float | int)]
 
 
@@ -323,10 +316,10 @@ def _of_load(condition: PlacedCondition, load: Load, place: str) -> list[float]:
     given = given_of(load)
     if len(given) != 1:
         found = " and ".join(given) or "none"
-        raise SceneError(f"{place}: found {found}, expected one of {', '.join(LOADS)}")
+        raise SceneError(f"{place}: {found} given; give one of {', '.join(LOADS)}")
     if load.traction is not None and not isinstance(condition.place.shape, Curve):
         what = "on a surface" if isinstance(condition.place.shape, Surface) else "at a point"
-        raise SceneError(f"{place}: found a traction {what}, expected a force or a body force there, or a curve")
+        raise SceneError(f"{place}: a traction {what} is not possible; use a force or a body force there, or a curve")
     return [value for vector in given.values() for value in vector if isinstance(value, float | int)]
 
 
@@ -336,5 +329,5 @@ def _stiffness(condition: PlacedCondition, spring: Spring, place: str) -> tuple[
     if wrong is not None:
         raise SceneError(f"{place}{wrong}")
     if spring.stiffness is not None and not isinstance(condition.place.shape, Curve):
-        raise SceneError(f"{place}: found a stiffness that is not along a curve, expected a body_stiffness there")
+        raise SceneError(f"{place}: a stiffness is only possible along a curve; use a body_stiffness there")
     return spring.stiffness or spring.body_stiffness or ()

@@ -118,8 +118,8 @@ class PlacedCondition:
             reach = "in its shape" if isinstance(self.place.shape, Surface) else f"within {self.place.rows} rows"
             nearest = _nearest(self.place.shape, position, shifts)
             raise SceneError(
-                f"{describe(self.action)}: found no node {reach}, {nearest}; expected"
-                " some, or a point (scene.pin, shapely.Point, a physical point), which takes the node nearest to it"
+                f"{describe(self.action)}: no node is {reach}, {nearest}; use a larger region, or a point (scene.pin,"
+                " shapely.Point, a physical point), which takes the node nearest to it"
             )
         found: dict[str, object] = {"nodes": tuple((rows + 1).tolist())}
         if isinstance(self.action, Load) and self.action.traction is not None:
@@ -148,7 +148,9 @@ class PlacedRegion(Generic[R]):
         rows = np.flatnonzero(Place(self.shape).nodes(position, delta))
         if not len(rows):
             where = _nearest(self.shape, position, shifts)
-            raise SceneError(f"{self.kind} '{self.region.name}': found no node in its surface, {where}; expected some")
+            raise SceneError(
+                f"{self.kind} '{self.region.name}': no node is in its surface, {where}; enlarge it, or use finer nodes"
+            )
         return msgspec.structs.replace(self.region, nodes=tuple((rows + 1).tolist()))
 
     @property
@@ -213,7 +215,7 @@ def parse_profile(text: str, place: str) -> Profile:
         if isinstance(error, SceneError):
             raise
         raise SceneError(
-            f"{place}: found '{text}', expected 'constant', 'ramp SECONDS' or a table 'TIME FACTOR, TIME FACTOR, ...'"
+            f"{place}: cannot read '{text}'; use 'constant', 'ramp SECONDS' or a table 'TIME FACTOR, TIME FACTOR, ...'"
         ) from None
 
 
@@ -222,10 +224,10 @@ def checked_profile(points: Sequence[Point], place: str) -> Profile:
     try:
         profile = tuple((float(time), float(factor)) for time, factor in points)
     except (TypeError, ValueError):
-        raise SceneError(f"{place}: found {points!r:.80}, expected pairs (time in s, factor)") from None
+        raise SceneError(f"{place} is {points!r:.80}; use pairs (time in s, factor)") from None
     if not np.isfinite(np.array(profile)).all():
-        raise SceneError(f"{place}: found {profile}, expected finite numbers")
+        raise SceneError(f"{place} is {profile}; use finite numbers")
     for (before, _), (after, _) in itertools.pairwise(profile):
         if not after > before:
-            raise SceneError(f"{place}: found time {after:g} s after {before:g} s, expected times that increase")
+            raise SceneError(f"{place}: time {after:g} s comes after {before:g} s; use times that increase")
     return profile

@@ -49,7 +49,7 @@ class DiffusionConditions(Conditioned[W]):
         """With a flux (mol/(m^2 s)), or a rate (mol/(m^3 s)) of supply there or throughout."""
         name = name or self._named(where, "source")
         if (flux is None) == (rate is None):
-            raise SceneError(f"source '{name}': found neither or both of flux and rate, expected one of them")
+            raise SceneError(f"source '{name}': neither or both of flux and rate are given; give one of them")
         size = {} if flux is None else self._size(where, f"source '{name}'")
         return self._with(Source, {"flux": flux, "rate": rate} | size, where, rows, name, profile=profile)
 
@@ -102,7 +102,7 @@ class DiffusionConditions(Conditioned[W]):
         name = name or self._named(where, "exchange")
         for word, value, unit in (("h", h, "W/(m^2 K)"), ("outside", outside, "K")):
             if value is None:
-                raise SceneError(f"exchange '{name}': {word}: found none, expected a number, {unit}")
+                raise SceneError(f"exchange '{name}': {word} is missing; give a number, {unit}")
         assert h is not None
         assert outside is not None
         rho_c = capacity(self.medium, self.material, f"exchange '{name}'")

@@ -22,8 +22,8 @@ from shapely import LineString, MultiLineString
 from shapely.ops import substring
 
 from pdmesh.model.document import LARGEST
+from pdmesh.quantities import UNITS, Unit
 from pdmesh.scene.shapes import Curve, SceneError, Surface, parts
-from pdmesh.scene.units import UNITS, Unit
 
 SIDES = {"left": (0, -1), "right": (0, 1), "bottom": (1, -1), "top": (1, 1)}  # axis, end
 CORNER = np.cos(np.radians(20))  # of the angle between neighbouring chords: edges end where they turn by more
@@ -67,7 +67,7 @@ def point_in(text: str, dimension: int, place: str, unit: Unit) -> tuple[float, 
     try:
         _, points = points_in(f"at {text}", {"at": 1}, dimension, place, "", unit)
     except SceneError:
-        raise SceneError(f"{place}: found '{text}', expected {','.join('XYZ'[:dimension])}, numbers") from None
+        raise SceneError(f"{place}: cannot read '{text}'; use {','.join('XYZ'[:dimension])}, numbers") from None
     return tuple(points[0].tolist())
 
 
@@ -91,11 +91,11 @@ def points_in(
     except ValueError:
         points = np.zeros((0, 0))
     if not first or points.shape != (forms[first], dimension) or not (np.abs(points) <= LARGEST).all():
-        raise SceneError(f"{place}: found '{words}', expected {expected}")
+        raise SceneError(f"{place}: cannot read '{words}'; use {expected}")
     directions = {"normal": 0, "bearing": 1}.get(first, len(points))
     points[:directions] = unit.metres(points[:directions])
     if not np.abs(points[directions:]).any(axis=1).all():
-        raise SceneError(f"{place}: found '{words}', expected a direction that is not 0")
+        raise SceneError(f"{place}: '{words}' has no direction; use one that is not 0")
     return first, points
 
 
@@ -109,8 +109,8 @@ def _side(shape: Surface, finest: float, name: str, place: str) -> Curve:
 
     return _merged(
         _chords(shape, on),
-        f"{place}: found no straight edge at the {name} of the plate, expected one, or points of a curve or a"
-        " shape such as box(x0, y0, x1, y1) in place of its name",
+        f"{place}: the plate has no straight edge at the {name}; use points of a curve, or a shape such as box(x0,"
+        " y0, x1, y1), in place of its name",
     )
 
 
@@ -121,7 +121,7 @@ def _facing(shape: Surface, way: NDArray[np.float64], place: str) -> Curve:
         return np.asarray(outward @ way >= FACING * np.hypot(*way))
 
     x, y = way
-    return _merged(_chords(shape, on), f"{place}: found no edge that faces ({x:g}, {y:g}), expected one")
+    return _merged(_chords(shape, on), f"{place}: no edge faces ({x:g}, {y:g}); use another direction")
 
 
 def _chords(shape: Surface, on: Callable[[NDArray[np.float64]], NDArray[np.bool_]]) -> Iterable[NDArray[np.float64]]:
@@ -143,7 +143,7 @@ def _merged(chords: Iterable[NDArray[np.float64]], none: str) -> Curve:
 def _hole(shape: Surface, at: NDArray[np.float64], place: str) -> LineString:
     holes = [ring for part in parts(shape) for ring in part.interiors]
     if not holes:
-        raise SceneError(f"{place}: found no hole in the plate, expected one")
+        raise SceneError(f"{place}: the plate has no hole; add one, or use another edge")
     x, y = at
     nearest = min(holes, key=lambda ring: float(shapely.Polygon(ring).distance(shapely.Point(x, y))))
     return LineString(nearest)
@@ -174,7 +174,9 @@ def _along(shape: Surface, finest: float, ends: NDArray[np.float64], place: str)
     away = np.array([shapely.distance(ring, at).max() for ring in rings])
     if away.min() > finest:
         found = ", ".join(f"({x:g}, {y:g})" for x, y in ends)
-        raise SceneError(f"{place}: found {found} m, expected two places on one edge of the plate, within a spacing")
+        raise SceneError(
+            f"{place}: {found} m are not on one edge; use two places on one edge of the plate, within a spacing"
+        )
     ring = rings[int(away.argmin())]
     first, last = sorted(shapely.line_locate_point(ring, at).tolist())
     whole = ring.length
@@ -183,7 +185,7 @@ def _along(shape: Surface, finest: float, ends: NDArray[np.float64], place: str)
         around = [substring(ring, last, whole), substring(ring, 0, first)]
         straight = shapely.line_merge(MultiLineString([line for line in around if line.length > 0]))
     if not isinstance(straight, LineString) or not straight.length > 0:
-        raise SceneError(f"{place}: found an edge of length 0, expected two places apart")
+        raise SceneError(f"{place}: the edge has length 0; use two places apart")
     return straight
 
 
@@ -197,5 +199,5 @@ def _bearing(shape: Surface, points: NDArray[np.float64], place: str) -> LineStr
     kept = shapely.line_merge(LineString(hole.exterior).intersection(half))
     if not isinstance(kept, LineString):
         x, y = centre
-        raise SceneError(f"{place}: found a hole at ({x:g}, {y:g}) m whose half is in pieces, expected a round one")
+        raise SceneError(f"{place}: the hole at ({x:g}, {y:g}) m has a half in pieces; use a round one")
     return kept

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from pdmesh.model.graphs import connected
 from pdmesh.model.triangulated_surface import distances
+from pdmesh.quantities import Unit
 from pdmesh.scene.edges import METRE, points_in
 from pdmesh.scene.shapes import SceneError
 from pdmesh.scene.solids import Sheet, Shell
-from pdmesh.scene.units import Unit
 
 SIDES = {"left": (0, -1), "right": (0, 1), "front": (1, -1), "back": (1, 1), "bottom": (2, -1), "top": (2, 1)}
 CORNER = np.cos(np.radians(30))  # of the angle between neighbouring triangles: faces end where they turn by more
@@ -34,7 +34,7 @@ def face(shell: Shell, words: str, place: str, unit: Unit = METRE) -> str | Shee
     if first == "normal":
         kept = normal @ at >= FACING * np.linalg.norm(at)
         if not kept.any():
-            raise SceneError(f"{place}: found no face that faces {tuple(at.tolist())}, expected one")
+            raise SceneError(f"{place}: no face faces {tuple(at.tolist())}; use another direction")
         return Sheet(triangles[kept])
     patch = _patches(triangles, normal)
     away = np.array([distances(points, triangles[patch == k], np.inf)[0] for k in range(patch.max() + 1)])

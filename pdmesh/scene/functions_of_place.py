@@ -71,12 +71,12 @@ def _number(one: Function, at: tuple[float, ...], place: str) -> float:
     except Exception as error:  # a user's program may raise anything
         where = ", ".join(f"{number:g}" for number in at)
         raise SceneError(
-            f"{place}: {one.name}: found a function that raises {type(error).__name__} at ({where}) m ({error}),"
-            f" expected a number for each place ({', '.join(AXES[: len(at)])})"
+            f"{place}: {one.name}: the function raises {type(error).__name__} at ({where}) m ({error}); return a"
+            f" number for each place ({', '.join(AXES[: len(at)])})"
         ) from None
     if not abs(value) <= LARGEST:
         where = ", ".join(f"{number:g}" for number in at)
-        raise SceneError(f"{place}: {one.name}: found {value:g} at ({where}) m, expected finite numbers")
+        raise SceneError(f"{place}: {one.name} is {value:g} at ({where}) m; use finite numbers")
     return value if abs(value) >= LEAST else 0.0
 
 
@@ -86,7 +86,7 @@ def divided(value: ValueOfPlace, by: float) -> ValueOfPlace:
         return msgspec.structs.replace(value, values=tuple(each / by for each in value.values))
     if isinstance(value, str):
         if is_file(value):
-            raise SceneError(f"found the file '{value:.80}' of a heat supply, expected a function or an expression")
+            raise SceneError(f"a heat supply cannot be the file '{value:.80}'; use a function or an expression")
         return f"({value}) / {by!r}"
     if callable(value):
         return lambda *at: value(*at) / by

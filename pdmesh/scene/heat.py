@@ -33,18 +33,18 @@ class Heat(PlainFields):
         super().__post_init__()
         for name, value in (("k", self.k), ("c", self.c)):
             if not isinstance(value, float | int) or not 0 < value <= MOST:
-                raise SceneError(f"medium: {name}: found {value!r:.40}, expected a positive number of at most {MOST:g}")
+                raise SceneError(f"medium: {name} is {value!r:.40}; use a positive number of at most {MOST:g}")
         if not isinstance(self.broken, float | int) or not 0 <= self.broken <= 1:
-            raise SceneError(f"medium: broken: found {self.broken!r:.40}, expected a number from 0 to 1")
+            raise SceneError(f"medium: broken is {self.broken!r:.40}; use a number from 0 to 1")
 
 
 def capacity(medium: Medium | Heat | None, material: Material | None, place: str) -> float:
     """Heat capacity of a volume, rho c, J/(m^3 K). Raises SceneError, beginning with `place`, if it is not known."""
     if not isinstance(medium, Heat):
         found = "none" if medium is None else f"D = {medium.D:g} m^2/s alone"
-        raise SceneError(f"{place}: medium: found {found}, expected k and c, as heat is in watts")
+        raise SceneError(f"{place}: medium has {found}; give k and c, as heat is in watts")
     if material is None:
-        raise SceneError(f"{place}: material: found none, expected one, whose rho times medium.c is the heat capacity")
+        raise SceneError(f"{place}: material is missing; give one, whose rho times medium.c is the heat capacity")
     return material.rho * medium.c
 
 
@@ -75,15 +75,15 @@ def physics_of(medium: Medium | Heat | None, material: Material | None, regions:
             value = getattr(each, other)
             if getattr(each, name) is None and (expands or value is not None):
                 why = "as the other materials expand" if value is None else f"as {other} is {value:g}"
-                raise SceneError(f"{place}: {name}: found none, expected a number, {why}")
+                raise SceneError(f"{place}: {name} is missing; give a number, {why}")
         if isinstance(medium, Heat) and each.rho != every[0][1].rho:
             raise SceneError(
-                f"{place}: rho: found {each.rho:g} kg/m^3, expected {every[0][1].rho:g} kg/m^3 as elsewhere: the"
-                " medium has one heat capacity, or else D and regions of another diffusivity"
+                f"{place}: rho is {each.rho:g} kg/m^3; use {every[0][1].rho:g} kg/m^3 as elsewhere: the medium has"
+                " one heat capacity, or else use D and regions of another diffusivity"
             )
     if expands and medium is None:
         place, first = next(one for one in every if one[1].alpha is not None)
-        raise SceneError(f"medium: found none, expected D, or k and c, of heat, as {place}.alpha is {first.alpha:g}")
+        raise SceneError(f"medium is missing, as {place}.alpha is {first.alpha:g}; give D, or k and c, of heat")
     if medium is None:
         return "mechanics"
     return "thermoelastic" if expands else "diffusion"

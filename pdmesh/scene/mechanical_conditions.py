@@ -134,7 +134,7 @@ class MechanicalConditions(Conditioned[W]):
         free = set(along) if isinstance(along, str) else set()
         if not free < set(self.AXES) or len(free) != len(along):
             expected = "x or y" if len(self.AXES) == 2 else "one or two of x, y and z"
-            raise SceneError(f"roller '{name}': along: found {along!r:.40}, expected {expected}")
+            raise SceneError(f"roller '{name}': along is {along!r:.40}; use {expected}")
         return self._fixed(shapely.Point(*place), [None if axis in free else 0.0 for axis in self.AXES], name=name)
 
     def _rigid(self, name: str, velocity: Vector, held: str | Sequence[str], **given: Any) -> RigidBody:
@@ -164,7 +164,7 @@ class MechanicalConditions(Conditioned[W]):
             if vector is not None
         }
         if len(found) != 1:
-            raise SceneError(f"{place}: found {' and '.join(found) or 'none'}, expected one of {', '.join(values)}")
+            raise SceneError(f"{place}: {' and '.join(found) or 'none'} given; give one of {', '.join(values)}")
         return self._with(kind, dict(found), where, rows, name, **more)
 
     def _run(self, **changed: Any) -> Self:

@@ -13,12 +13,12 @@ from pdmesh.model.document import Contact, Material, MediumRegion, RigidBody, Ru
 from pdmesh.model.medium import Medium
 from pdmesh.model.plain_numbers import PlainFields
 from pdmesh.model.svg_picture import svg
+from pdmesh.quantities import Unit
 from pdmesh.scene.conditions import MaterialRegion, PlacedCondition, PlacedRegion
 from pdmesh.scene.edges import METRE, edge
 from pdmesh.scene.heat import Heat, Physics, physics_of
 from pdmesh.scene.shapes import Curve, Shape, Surface, parts, surface
 from pdmesh.scene.slits import Crack, Slit, slits_of
-from pdmesh.scene.units import Unit
 
 DEFAULT_RUN = Run()
 

@@ -72,7 +72,7 @@ class Scene(Plate, MechanicalConditions[Where], DiffusionConditions[Where]):
         """The scene with a hole. Raises SceneError."""
         place = f"hole {len(self.cutouts) + 1}"
         if not surface(shape, self.finest, place).intersection(self.whole).area > 0:
-            raise SceneError(f"{place}: found outside the plate, expected inside")
+            raise SceneError(f"{place} is outside the plate; put it inside")
         return replace(self, cutouts=(*self.cutouts, shape))
 
     def notch(self, shape: Shape) -> Scene:
@@ -80,9 +80,9 @@ class Scene(Plate, MechanicalConditions[Where], DiffusionConditions[Where]):
         place = f"notch {len(self.cutouts) + 1}"
         cut = surface(shape, self.finest, place)
         if cut.disjoint(self.whole.boundary):
-            raise SceneError(f"{place}: found no point of the plate's edge in it, expected some (else it is a hole)")
+            raise SceneError(f"{place}: no point of the plate's edge is in it; move it to the edge (else it is a hole)")
         if not cut.intersection(self.whole).area > 0:
-            raise SceneError(f"{place}: found outside the plate, expected a shape that cuts from its edge")
+            raise SceneError(f"{place} is outside the plate; use a shape that cuts from its edge")
         return replace(self, cutouts=(*self.cutouts, shape))
 
     def crack(self, points: LineString | Points, name: str = "") -> Scene:
@@ -90,7 +90,7 @@ class Scene(Plate, MechanicalConditions[Where], DiffusionConditions[Where]):
         name = name or f"{len(self.cracks) + 1}"
         line = polyline(points, f"crack '{name}'")
         if not isinstance(line, LineString):
-            raise SceneError(f"crack '{name}': found several lines, expected one polyline")
+            raise SceneError(f"crack '{name}' has several lines; use one polyline")
         return replace(self, cracks=(*self.cracks, Crack(name, line)))
 
     def zone(self, shape: Shape, spacing: float, name: str = "", grown: bool = True) -> Scene:
@@ -180,7 +180,7 @@ class Scene(Plate, MechanicalConditions[Where], DiffusionConditions[Where]):
         name = name or name_of(where, "pin")
         edge = self._place(where, f"pin '{name}'")
         if not isinstance(edge, Curve) or not shapely.is_closed(edge := shapely.line_merge(edge)):
-            raise SceneError(f"pin '{name}': found no closed edge, expected that of a hole, 'hole nearest X,Y'")
+            raise SceneError(f"pin '{name}' has no closed edge; use that of a hole, 'hole nearest X,Y'")
         centre = shapely.Polygon(edge).centroid
         values = {"centre": (centre.x, centre.y), "breakable": breakable}
         return self._with(Pin, values, edge, rows, name)
@@ -197,12 +197,12 @@ class Scene(Plate, MechanicalConditions[Where], DiffusionConditions[Where]):
         """
         if isinstance(where, Circle | Surface):
             if width is not None:
-                raise SceneError(f"absorb '{name}': found a width and a surface, expected one of them")
+                raise SceneError(f"absorb '{name}' has a width and a surface; use one of them")
             return self._with(Absorb, {}, where, 1, name)
         name = name or name_of(where, "absorb")
         width = DEEP * self.horizon * self.spacing if width is None else width
         if not 0 < width <= LARGEST:
-            raise SceneError(f"absorb '{name}': width: found {width:g} m, expected more than 0 m")
+            raise SceneError(f"absorb '{name}': width is {width:g} m; use more than 0 m")
         layer = self._place(where, f"absorb '{name}'").buffer(width, cap_style="flat", join_style="mitre")
         return self._with(Absorb, {"depth": width}, layer, 1, name)
 
@@ -222,7 +222,7 @@ class Scene(Plate, MechanicalConditions[Where], DiffusionConditions[Where]):
     def _size(self, where: Where, place: str) -> dict[str, float]:
         curve = self._place(where, place)
         if not isinstance(curve, Curve):
-            raise SceneError(f"{place}: found a {curve.geom_type.lower()}, expected a curve that the flux goes through")
+            raise SceneError(f"{place} is a {curve.geom_type.lower()}; use a curve that the flux goes through")
         return {"length": float(curve.length)}
 
     def _with(

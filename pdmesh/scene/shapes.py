@@ -56,18 +56,16 @@ def surface(shape: Shape, spacing: float, place: str) -> Surface:
     if isinstance(shape, Circle):
         x, y, radius = _checked(np.array([shape.x, shape.y, shape.radius], dtype=float), place).tolist()
         if not radius > 0:
-            raise SceneError(f"{place}: found {shape}, expected a positive radius")
+            raise SceneError(f"{place} is {shape}; use a positive radius")
         return Circle(x, y, radius).polygon(checked_spacing(spacing, place))
     if not isinstance(shape, Polygon | MultiPolygon):
         points = coordinates(shape, 3, place)
         shape = Polygon(points)
     shape = shapely.transform(shape, lambda points: _checked(points, place))
     if not shape.is_valid:
-        raise SceneError(
-            f"{place}: found {shapely.is_valid_reason(shape)}, expected an outline that does not cross itself"
-        )
+        raise SceneError(f"{place}: {shapely.is_valid_reason(shape)}; use an outline that does not cross itself")
     if shape.is_empty or not shape.area > 0:
-        raise SceneError(f"{place}: found an area of {shape.area:g} m^2, expected a shape with an inside")
+        raise SceneError(f"{place} has an area of {shape.area:g} m^2; use a shape with an inside")
     return shape
 
 
@@ -76,7 +74,7 @@ def polyline(points: Curve | Points, place: str) -> Curve:
     line = points if isinstance(points, LineString | MultiLineString) else LineString(coordinates(points, 2, place))
     line = shapely.transform(line, lambda points: _checked(points, place))
     if not line.length > 0:
-        raise SceneError(f"{place}: found a length of {line.length:g} m, expected more than 0")
+        raise SceneError(f"{place} has a length of {line.length:g} m; use more than 0")
     return line
 
 
@@ -85,20 +83,20 @@ def coordinates(points: Iterable[Sequence[float]], least: int, place: str) -> ND
     try:
         array = np.array([(float(x), float(y)) for x, y in points]).reshape(-1, 2)
     except (TypeError, ValueError):
-        raise SceneError(f"{place}: found {points!r:.80}, expected a list of points (x, y) in metres") from None
+        raise SceneError(f"{place} is {points!r:.80}; use a list of points (x, y) in metres") from None
     _checked(array, place)
     if len(array) < least:
-        raise SceneError(f"{place}: found {len(array)} points, expected at least {least}")
+        raise SceneError(f"{place} has {len(array)} points; use at least {least}")
     return array
 
 
 def _checked(numbers: NDArray[np.float64], place: str) -> NDArray[np.float64]:
     """Coordinates in the allowed range, with negligible ones set to 0. Raises SceneError."""
     if not np.isfinite(numbers).all():
-        raise SceneError(f"{place}: found a coordinate that is not finite, expected metres")
+        raise SceneError(f"{place} has a coordinate that is not finite; use metres")
     largest = float(np.abs(numbers).max(initial=0.0))
     if largest > LARGEST:
-        raise SceneError(f"{place}: found a coordinate of {largest:g}, expected metres, at most {LARGEST:g}")
+        raise SceneError(f"{place} has a coordinate of {largest:g}; use metres, at most {LARGEST:g}")
     return np.where(np.abs(numbers) < NOTHING, 0.0, numbers)
 
 
@@ -106,7 +104,7 @@ def checked_spacing(value: float, place: str) -> float:
     """A positive and finite length, m. Raises SceneError."""
     number = plain(value)
     if not isinstance(number, float | int) or not 0 < number < np.inf:
-        raise SceneError(f"{place}: found {number!r}, expected more than 0 m")
+        raise SceneError(f"{place} is {number!r}; use more than 0 m")
     return number
 
 

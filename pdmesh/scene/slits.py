@@ -71,8 +71,8 @@ def _slit(crack: Crack, around: _Around) -> Slit:
     if along.length > min(ALONG * around.coarsest, line.length / 2):
         (x0, y0), (x1, y1) = shapely.get_coordinates(along)[[0, -1]]
         raise SceneError(
-            f"crack '{crack.name}': found along the plate's edge from ({x0:g}, {y0:g}) to ({x1:g}, {y1:g}) m,"
-            " expected inside the plate"
+            f"crack '{crack.name}' runs along the plate's edge from ({x0:g}, {y0:g}) to ({x1:g}, {y1:g}) m; put it"
+            " inside the plate"
         )
     points = shapely.get_coordinates(line if around.inside.covers(line) else _trimmed(crack, around))
     for end, before in ((0, 1), (-1, -2)):
@@ -100,8 +100,8 @@ def _trimmed(crack: Crack, around: _Around) -> LineString:
         if part.length > longest or shapely.distance(part, ends).min() > 0 or len(kept) != 1:
             x, y = shapely.get_coordinates(part)[-1]
             raise SceneError(
-                f"crack '{crack.name}': found ({x:g}, {y:g}) m outside the plate, expected all of it inside, but for"
-                f" ends of at most {longest:g} m"
+                f"crack '{crack.name}' is at ({x:g}, {y:g}) m outside the plate; put all of it inside, but for ends"
+                f" of at most {longest:g} m"
             )
     return kept[0]
 

@@ -141,19 +141,19 @@ def checked(solid: object, place: str) -> Solid:
         checked(solid.second, place)
         return solid
     if not isinstance(solid, Solid):
-        raise SceneError(f"{place}: found {solid!r:.80}, expected a solid: Box, Cylinder, Sphere, or some of them")
+        raise SceneError(f"{place} is {solid!r:.80}; use a solid: Box, Cylinder, Sphere, or some of them")
     for name, value in vars(solid).items():
         if isinstance(solid, Shell):
             continue
         numbers = np.atleast_1d(np.asarray(0.0 if value is None else value, dtype=float))
         if not np.isfinite(numbers).all() or np.abs(numbers).max() > LARGEST:
-            raise SceneError(f"{place}: {name}: found {value}, expected metres, at most {LARGEST:g}")
+            raise SceneError(f"{place}: {name} is {value}; use metres, at most {LARGEST:g}")
         if "radius" in name and value is not None and not (value > 0 or (name == "end_radius" and value == 0)):
-            raise SceneError(f"{place}: {name}: found {value:g} m, expected more than 0 m")
+            raise SceneError(f"{place}: {name} is {value:g} m; use more than 0 m")
         if "radius" not in name and numbers.shape != (3,):
-            raise SceneError(f"{place}: {name}: found {value}, expected a place (x, y, z) in metres")
+            raise SceneError(f"{place}: {name} is {value}; use a place (x, y, z) in metres")
     if isinstance(solid, Box) and not (np.asarray(solid.high) > np.asarray(solid.low)).all():
-        raise SceneError(f"{place}: found {solid}, expected its high corner beyond the low one along x, y and z")
+        raise SceneError(f"{place} is {solid}; put its high corner beyond the low one along x, y and z")
     if isinstance(solid, Cylinder) and solid.start == solid.end:
-        raise SceneError(f"{place}: found {solid}, expected two ends apart")
+        raise SceneError(f"{place} is {solid}; use two ends apart")
     return solid

@@ -17,8 +17,10 @@ from pdpost.commands.shared import (
     add_window,
     check_window,
     chosen_scale,
+    chosen_stride,
     counted,
     positive,
+    seconds,
 )
 
 if TYPE_CHECKING:
@@ -37,12 +39,16 @@ def add(commands: Commands) -> None:
     _add_field(watch, "the picture (default: the results' name with the field's and .png)")
     watch.add_argument(
         "--patience",
-        type=positive,
+        type=_patience,
         default=600.0,
         metavar="S",
-        help="stop after N seconds without a new frame (default: 600)",
+        help="stop after so many seconds, or such as 10min, without a new frame (default: 600)",
     )
     watch.set_defaults(run=_watch)
+
+
+def _patience(text: str) -> float:
+    return positive(str(seconds(text)))
 
 
 def _add_field(command: argparse.ArgumentParser, output: str) -> None:
@@ -80,6 +86,7 @@ def _animate(args: argparse.Namespace) -> int:
         kind = animation.check_format(path)
         dpi = rcParams["savefig.dpi"] if "savefig.dpi" in given else "figure"
         check_window(results, args)
+        stride = chosen_stride(results, args)
         how = {
             "part": args.component,
             "scale": chosen_scale(results, int(steps[-1]), args),
@@ -87,7 +94,7 @@ def _animate(args: argparse.Namespace) -> int:
             "window": args.window,
             "hide": args.hide,
             "clip": args.clip,
-            "every": args.every,
+            "every": stride,
             "dpi": animation.DPI if dpi == "figure" else float(dpi),
             "progress": counted(args, "drawing"),
         }
@@ -96,7 +103,7 @@ def _animate(args: argparse.Namespace) -> int:
         else:
             film = animation.mp4(animation.frames(results, field, **how), args.rate)
     write_atomically(path, film)
-    count = len(steps[:: args.every])
+    count = len(steps[::stride])
     result = {"output": str(path), "field": field, "frames": count, "rate": args.rate, "end": float(times[-1])}
     commandline.report(result, [f"{path}: {field}, {count} frames, {len(film) / 1e6:.3g} MB"], args)
     return commandline.OK

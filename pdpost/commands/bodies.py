@@ -6,7 +6,16 @@ import argparse
 from typing import TYPE_CHECKING
 
 from pdmesh import commandline
-from pdpost.commands.shared import add_csv, add_frame, add_results, check_csv, chosen_frame, plane, positive, write_csv
+from pdpost.commands.shared import (
+    add_csv,
+    add_frame,
+    add_results,
+    chosen_frame,
+    picture_path,
+    plane,
+    positive,
+    write_csv,
+)
 
 if TYPE_CHECKING:
     from pdmesh.plain_figure import Figure
@@ -25,7 +34,13 @@ def add(commands: Commands) -> None:
         assignment="override a matplotlib setting, such as savefig.dpi=300",
     )
     _add_shared(command)
-    command.add_argument("--plane", type=plane, default=("y", 0.0), metavar="AXIS=M", help="the plane (default: y=0)")
+    command.add_argument(
+        "--plane",
+        type=plane,
+        default=("y", 0.0),
+        metavar="AXIS=M",
+        help="the plane, m, or such as z=1mm (default: y=0)",
+    )
     add_csv(command)
     command.set_defaults(run=_slice)
     about = "draw a body in perspective, without a window (needs the extra render: pip install 'pdsuite[render]')"
@@ -69,9 +84,9 @@ def _slice(args: argparse.Namespace) -> int:
     from pdpost.reading.embedded_model import moment
     from pdsolve.results import Results
 
-    path = commandline.output_path(args.output, args.results, ".slice.png", args.force)
-    style.check_format(path)
-    check_csv(args, path)
+    path = picture_path(args, ".slice.png")
+    if path is not None:
+        style.check_format(path)
     with style.styled(dict(args.assignments)), Results.open(args.results) as results:
         slices.expect_body(results)
         step, time = chosen_frame(results, args)
@@ -79,7 +94,8 @@ def _slice(args: argparse.Namespace) -> int:
         part = fields.component(name, args.component, results.dimension)
         shown = slices.values(results, name, step, part or None)
         found = slices.cut(results, shown, step, *args.plane)
-        style.save(slice_figure.plane(results, found, name, part, step, args.largest), path)
+        if path is not None:
+            style.save(slice_figure.plane(results, found, name, part, step, args.largest), path)
         nodes, when = results.nodes(step), moment(results, step)
         x, y, z = nodes.position[found.rows].T
         table = {"node": nodes.ids[found.rows], "x": x, "y": y, "z": z, name: found.values}
@@ -87,8 +103,9 @@ def _slice(args: argparse.Namespace) -> int:
             write_csv(args, csv_columns.csv(table))
     if args.csv != "-":
         smallest, largest = float(found.values.min()), float(found.values.max())
-        result = {"output": str(path), "step": step, "time": time, "field": name, "nodes": len(found.rows)}
-        line = f"{path}: {name} at {when}, {len(found.rows)} nodes, {smallest:.4g} to {largest:.4g}"
+        output = None if path is None else str(path)
+        result = {"output": output, "step": step, "time": time, "field": name, "nodes": len(found.rows)}
+        line = f"{path or args.csv}: {name} at {when}, {len(found.rows)} nodes, {smallest:.4g} to {largest:.4g}"
         commandline.report({**result, "smallest": smallest, "largest": largest}, [line], args)
     return commandline.OK
 
@@ -99,16 +116,19 @@ def _render(args: argparse.Namespace) -> int:
     from pdpost.reading.embedded_model import moment
     from pdsolve.results import Results
 
-    path = commandline.output_path(args.output, args.results, ".render.png", args.force)
-    style.check_format(path)
+    path = picture_path(args, ".render.png")
+    if path is not None:
+        style.check_format(path)
     _check_render(args)
     with style.styled(dict(args.assignments)), Results.open(args.results) as results:
         slices.expect_body(results)
         step, time = chosen_frame(results, args)
         when = moment(results, step)
         if args.crack or args.explode is not None:
-            style.save(_cracked(results, step, args.explode), path)
-            commandline.report({"output": str(path), "step": step, "time": time}, [f"{path}: {when}"], args)
+            if path is not None:
+                style.save(_cracked(results, step, args.explode), path)
+            output = None if path is None else str(path)
+            commandline.report({"output": output, "step": step, "time": time}, [f"{path}: {when}"], args)
             return commandline.OK
         name = args.field or fields.usual(results, step)
         part = fields.component(name, args.component, results.dimension)
@@ -118,10 +138,10 @@ def _render(args: argparse.Namespace) -> int:
         if args.level is not None:
             title = f"{colours.caption(name, part)} of {args.level:g} {fields.FIELDS[name].unit}".rstrip()
             title = f"{title} {colours.at(results, step)}"
-        style.save(render.render(results.nodes(step), values, shown, title, args.level, args.plane), path)
-    commandline.report(
-        {"output": str(path), "step": step, "time": time, "field": name}, [f"{path}: {name} at {when}"], args
-    )
+        if path is not None:
+            style.save(render.render(results.nodes(step), values, shown, title, args.level, args.plane), path)
+    result = {"output": None if path is None else str(path), "step": step, "time": time, "field": name}
+    commandline.report(result, [f"{path}: {name} at {when}"], args)
     return commandline.OK
 
 
@@ -131,7 +151,7 @@ def _check_render(args: argparse.Namespace) -> None:
     names = ("field", "component", "largest", "level", "plane")
     others = [f"--{name}" for name in names if getattr(args, name) is not None]
     if asked and len(asked + others) > 1:
-        raise commandline.UsageError(f"{asked[0]}: found beside {(asked + others)[1]}, expected one of them")
+        raise commandline.UsageError(f"{asked[0]} cannot be combined with {(asked + others)[1]}; use one of them")
 
 
 def _cracked(results: Results, step: int, explode: float | None) -> Figure:

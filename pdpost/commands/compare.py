@@ -18,6 +18,7 @@ from pdpost.commands.shared import (
     check_window,
     chosen_frame,
     chosen_scale,
+    picture_path,
 )
 
 if TYPE_CHECKING:
@@ -60,10 +61,12 @@ def _compare(args: argparse.Namespace) -> int:
 
     files: list[Path] = args.results
     if len(files) < 2:
-        raise commandline.UsageError(f"compare: found {len(files)} database, expected two or more")
+        raise commandline.UsageError(f"compare: only {len(files)} database is given; give two or more")
     titles = _titles(files, args.titles)
-    path = commandline.output_path(args.output, files[0].with_name("compare.sqlite"), ".png", args.force)
-    style.check_format(path)
+    args.results = files[0].with_name("compare.sqlite")
+    path = picture_path(args, ".png")
+    if path is not None:
+        style.check_format(path)
     part = fields.component(args.field, args.component)
     with style.styled(dict(args.assignments)), ExitStack() as stack:
         runs = [stack.enter_context(Results.open(file)) for file in files]
@@ -77,8 +80,15 @@ def _compare(args: argparse.Namespace) -> int:
         check_window(runs[0], args)
         scale = chosen_scale(runs[0], each[0].step, args)
         how = {"part": part or None, "scale": scale, "largest": args.largest, "window": args.window, "hide": args.hide}
-        style.save(frames_figure.panels(each, args.field, **how), path)
-    result = {"output": str(path), "field": args.field, "component": part or None, "scale": scale, "runs": found}
+        if path is not None:
+            style.save(frames_figure.panels(each, args.field, **how), path)
+    result = {
+        "output": None if path is None else str(path),
+        "field": args.field,
+        "component": part or None,
+        "scale": scale,
+        "runs": found,
+    }
     commandline.report(result, [f"{path}: {args.field} of {', '.join(titles)}"], args)
     return commandline.OK
 
@@ -90,5 +100,5 @@ def _titles(files: list[Path], given: str | None) -> list[str]:
         return names if len(set(names)) == len(names) else list(map(str, files))
     titles = [title.strip() for title in given.split(",")]
     if len(titles) != len(files):
-        raise commandline.UsageError(f"--titles: found {len(titles)}, expected {len(files)}, one for each database")
+        raise commandline.UsageError(f"--titles has {len(titles)} titles; give {len(files)}, one for each database")
     return titles

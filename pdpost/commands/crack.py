@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING
 
 from pdmesh import commandline
 from pdpost.commands import number_options, overlay
-from pdpost.commands.shared import add_csv, add_journal, add_results, add_window, check_window
+from pdpost.commands.shared import (
+    add_csv,
+    add_frame,
+    add_journal,
+    add_results,
+    add_window,
+    check_window,
+    chosen_frame,
+    picture_path,
+)
 
 if TYPE_CHECKING:
     from pdpost.commands.shared import Commands
@@ -32,7 +41,7 @@ def add(commands: Commands) -> None:
         choices=("right", "left", "up", "down"),
         help="the direction in which the crack runs (default: measured)",
     )
-    crack.add_argument("--step", type=int, metavar="N", help="follow the crack until this step (default: the last)")
+    add_frame(crack, default=None)
     add_window(crack)
     crack.add_argument(
         "--compare", type=Path, metavar="OTHER", help="draw the crack path of another run of this plate too"
@@ -58,13 +67,13 @@ def _crack(args: argparse.Namespace) -> int:
     threshold = _threshold(args)
     if is_study(args.results):
         return overlay.overlaid(args, threshold)
-    path = number_options.picture_path(args, ".compare.png" if args.compare else ".crack.png")
+    path = picture_path(args, ".compare.png" if args.compare else ".crack.png")
     look = {name: value for name, value in args.assignments if name != "cracked"}
     with number_options.styled(path, look), Results.open(args.results) as results:
         if results.dimension == 3:
             return _of_body(args, results, threshold, path)
         if args.surface is not None:
-            raise commandline.UsageError(f"--surface: found {args.surface}, expected none of a plate")
+            raise commandline.UsageError(f"--surface ({args.surface}) is for bodies in space; leave it out for a plate")
         if args.compare is None:
             return _one(args, results, threshold, path)
         with Results.open(args.compare) as other:
@@ -97,7 +106,7 @@ def _of_body(args: argparse.Namespace, results: Results, threshold: float, path:
 
     for option in ("along", "window", "compare"):
         if getattr(args, option) is not None:
-            raise commandline.UsageError(f"--{option}: found it for a body in space, expected it for a plate")
+            raise commandline.UsageError(f"--{option} is for plates; leave it out for a body in space")
     if args.surface is not None:
         surface_files.check_suffix(args.surface)
         commandline.output_path(args.surface, args.results, args.surface.suffix, args.force)
@@ -149,9 +158,11 @@ def _two(args: argparse.Namespace, one: Results, other: Results, threshold: floa
 def _step(args: argparse.Namespace, results: Results) -> int:
     from pdpost.reading.frame_steps import last_step
 
+    if args.frame is not None or args.time is not None:
+        return chosen_frame(results, args)[0]
     last = last_step(results)
     if args.step is not None and not 0 <= args.step <= last:
-        raise commandline.UsageError(f"--step: found {args.step}, expected 0 to {last}")
+        raise commandline.UsageError(f"--step is {args.step}; use 0 to {last}")
     return last if args.step is None else int(args.step)
 
 
@@ -167,5 +178,7 @@ def _threshold(args: argparse.Namespace) -> float:
         except ValueError:
             threshold = -1.0
         if not 0 <= threshold < 1:
-            raise commandline.UsageError(f"--set {name}={value}: expected cracked= and a damage from 0 to below 1")
+            raise commandline.UsageError(
+                f"--set {name}={value} is not a setting of this command; use cracked= and a damage from 0 to below 1"
+            )
     return threshold

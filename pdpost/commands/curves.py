@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from pdmesh import commandline
 from pdpost.commands import number_options
-from pdpost.commands.shared import finite_numbers
+from pdpost.commands.shared import lengths, picture_path
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from pdpost.measures.histories import History
     from pdsolve.results import Results
 
+PLACE = "m, or such as 5,20mm, of a body with z"
 Place = tuple[str, tuple[float, ...]]
 
 
@@ -26,7 +27,7 @@ def add(commands: Commands) -> None:
     )
     for name, words, count, text in (
         ("--node", "ID", (1,), "a node by its id"),
-        ("--at", "X,Y", (2, 3), "the node nearest to a place, m (--at=X,Y if X is negative), in a body X,Y,Z"),
+        ("--at", "X,Y", (2, 3), f"the node nearest to a place, {PLACE} (--at=X,Y if X is negative)"),
         ("--box", "X0,Y0,X1,Y1", (4, 6), "the mean of the nodes in a box, m, with their range; in a body six numbers"),
     ):
         history.add_argument(
@@ -79,11 +80,11 @@ def add(commands: Commands) -> None:
 
 def _place(name: str, *counts: int) -> Any:
     def place(text: str) -> Place:
-        given = text.count(",") + 1
-        found = finite_numbers(text, given if given in counts else counts[0])
-        if name == "--node" and found[0] != int(found[0]):
-            raise argparse.ArgumentTypeError(f"found '{text}', expected a whole number")
-        return name, found
+        if name != "--node":
+            return name, lengths(text, *counts)
+        if not text.isdecimal():
+            raise argparse.ArgumentTypeError(f"'{text}' is not an id; use a whole number")
+        return name, (float(text),)
 
     return place
 
@@ -92,7 +93,7 @@ def _history(args: argparse.Namespace) -> int:
     from pdmesh.model.output_fields import FIELDS
     from pdsolve.results import Results
 
-    path = number_options.picture_path(args, ".history.png")
+    path = picture_path(args, ".history.png")
     with number_options.styled(path, dict(args.assignments)), Results.open(args.results) as results:
         moves = len(results.history()) and (args.places or args.components)
         if len(results.masses()) and not moves:
@@ -126,7 +127,7 @@ def _masses(args: argparse.Namespace, results: Results, path: Path | None) -> in
     from pdpost.reading.time_text import time_text
 
     if args.places or args.components:
-        raise commandline.UsageError("history: found a node or a component, expected none: masses are of the whole")
+        raise commandline.UsageError("history: masses are of the whole model; leave out nodes and components")
     books, unit = amounts(results)
     if path is not None:
         from pdpost.figures import charts, style
@@ -196,7 +197,7 @@ def _balance(args: argparse.Namespace) -> int:
     from pdpost.reading.time_text import time_text
     from pdsolve.results import Results
 
-    path = number_options.picture_path(args, ".balance.png")
+    path = picture_path(args, ".balance.png")
     with number_options.styled(path, dict(args.assignments)), Results.open(args.results) as results:
         books, per, said = balance(results), per_thickness(results), remarks(results)
         if path is not None:
@@ -239,8 +240,8 @@ def _reaction(args: argparse.Namespace) -> int:
     if args.gap is not None:
         return _gap(args)
     if args.smooth != 1:
-        raise commandline.UsageError("--smooth: found it without --gap, expected both")
-    path = number_options.picture_path(args, ".reaction.png")
+        raise commandline.UsageError("--smooth needs --gap; give both, or leave it out")
+    path = picture_path(args, ".reaction.png")
     with number_options.styled(path, dict(args.assignments)), Results.open(args.results) as results:
         axis, per, ways = _axis(results, args), per_thickness(results), "xyz"[: results.dimension]
         found = chosen(reactions(results), args.condition)
@@ -281,8 +282,8 @@ def _gap(args: argparse.Namespace) -> int:
     from pdsolve.results import Results
 
     if args.smooth < 1:
-        raise commandline.UsageError(f"--smooth: found {args.smooth}, expected 1 or more")
-    path = number_options.picture_path(args, ".gap.png")
+        raise commandline.UsageError(f"--smooth is {args.smooth}; use 1 or more")
+    path = picture_path(args, ".gap.png")
     with number_options.styled(path, dict(args.assignments)), Results.open(args.results) as results:
         axis, per = _axis(results, args), per_thickness(results)
         opened = named_gap(results, args.gap[0]) if len(args.gap) == 1 else gap(results, *_two_places(args.gap))
@@ -308,7 +309,7 @@ def _gap(args: argparse.Namespace) -> int:
 def _two_places(words: list[str]) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """The places of a gap. Raises UsageError."""
     if len(words) != 2:
-        raise commandline.UsageError(f"--gap: found {len(words)} words, expected a name, or two places X,Y")
+        raise commandline.UsageError(f"--gap has {len(words)} words; give a name, or two places X,Y")
     try:
         one, other = (_place("--gap", 2, 3)(word)[1] for word in words)
     except argparse.ArgumentTypeError as error:
@@ -321,7 +322,7 @@ def _axis(results: Results, args: argparse.Namespace) -> int | None:
     from pdsolve.results import ResultsError
 
     if args.component == "z" and results.dimension == 2:
-        raise ResultsError(f"--component: found z of a plate, {results.name}, expected x or y")
+        raise ResultsError(f"--component is z, and {results.name} is a plate; use x or y")
     return None if args.component is None else "xyz".index(args.component)
 
 

@@ -8,7 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from pdmesh import commandline
-from pdpost.commands.shared import add_every, add_frame, add_results, chosen_frame, counted
+from pdpost.commands.shared import add_every, add_frame, add_results, chosen_frame, chosen_stride, counted
 
 if TYPE_CHECKING:
     from pdpost.commands.shared import Commands
@@ -53,7 +53,7 @@ def add(commands: Commands) -> None:
 def _tensors(text: str) -> tuple[str, ...]:
     names = tuple(text.split(","))
     if not set(names) <= {"strain", "stress"}:
-        raise argparse.ArgumentTypeError(f"found '{text}', expected strain, stress or strain,stress")
+        raise argparse.ArgumentTypeError(f"cannot read '{text}'; use strain, stress or strain,stress")
     return names
 
 
@@ -64,27 +64,27 @@ def _export(args: argparse.Namespace) -> int:
     from pdsolve.results import Results
 
     if args.assignments:
-        raise commandline.UsageError(f"--set {args.assignments[0][0]}: found a setting, export has none")
+        raise commandline.UsageError(f"--set {args.assignments[0][0]}: export has no settings; leave it out")
     path = commandline.output_path(args.output, args.results, ".pvd", args.force)
     kind = frame_files.check_suffix(path)
     one = kind in (".vtu", ".csv")
     for word, wrong, holds in (
-        ("--frame or --time", not one and (args.frame != -1 or args.time is not None), "all frames"),
-        ("--every", one and args.every != 1, "one frame"),
+        ("--frame, --step or --time", not one and (args.frame, args.step, args.time) != (-1, None, None), "all frames"),
+        ("--every or --stride", one and (args.every, args.stride) != (None, None), "one frame"),
         ("--squares", kind == ".csv" and args.squares, "points"),
         ("--inline", kind != ".xdmf" and args.inline, "its numbers itself"),
     ):
         if wrong:
-            raise commandline.UsageError(f"{word}: found with {kind}, which holds {holds}")
+            raise commandline.UsageError(f"{word} cannot be combined with {kind}, which holds {holds}; leave it out")
     folder = frame_files.beside(path)
     if kind == ".pvd" and folder.is_symlink():
-        raise commandline.UsageError(f"{folder}: found a link there, expected a folder or none (remove it)")
+        raise commandline.UsageError(f"{folder} is a link, and a folder is needed; remove it")
     if kind == ".pvd" and folder.exists() and not (folder.is_dir() and args.force):
-        raise commandline.UsageError(f"{folder}: found something there already, expected none (--force writes into it)")
+        raise commandline.UsageError(f"{folder} already exists; use --force to write into it")
     if kind == ".xdmf" and not args.inline:
         commandline.output_path(xdmf.beside(path), args.results, ".bin", args.force, beside=True)
     with Results.open(args.results) as results:
-        steps = [chosen_frame(results, args)[0]] if one else chosen(results, args.every)
+        steps = [chosen_frame(results, args)[0]] if one else chosen(results, chosen_stride(results, args))
         progress = counted(args, "writing")
         if kind == ".vtu":
             frame_files.vtu(results, steps[0], path, args.also, args.squares)

@@ -6,7 +6,7 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 from pdpost.commands import number_options
-from pdpost.commands.shared import add_every, counted
+from pdpost.commands.shared import add_every, chosen_stride, counted, picture_path
 
 if TYPE_CHECKING:
     from pdpost.commands.shared import Commands
@@ -29,7 +29,7 @@ def add(commands: Commands) -> None:
 
 
 def _fatigue(args: argparse.Namespace) -> int:
-    path = number_options.picture_path(args, ".fatigue.png")
+    path = picture_path(args, ".fatigue.png")
     with number_options.styled(path, dict(args.assignments)):
         runs = [_measured(args, name) for name in (args.results, *args.beside)]
         if path is not None:
@@ -55,7 +55,7 @@ def _measured(args: argparse.Namespace, name: str) -> Life:
 
     with Results.open(Path(name)) as results:
         expect_mechanics(results)
-        return fatigue.lived(results, chosen(results, args.every), counted(args, "summing"))
+        return fatigue.lived(results, chosen(results, chosen_stride(results, args)), counted(args, "summing"))
 
 
 def _told(one: Life) -> dict[str, Any]:
@@ -80,7 +80,7 @@ def _lines(one: Life) -> list[str]:
         f"{tip.name}: grown by {tip.length[-1] * 1e3:.4g} mm until {tip.cycles[-1]:.4g} cycles" for tip in one.found
     ]
     if one.found:
-        lines.append("found too few frames of a growing crack for a line" if one.line is None else _words(one.line))
+        lines.append("the crack grows in too few frames for a line" if one.line is None else _words(one.line))
     return lines
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from pdpost.commands import number_options
 from pdpost.commands.pictures import FIELDS
-from pdpost.commands.shared import add_frame, chosen_frame, place
+from pdpost.commands.shared import add_frame, chosen_frame, picture_path, place
 
 if TYPE_CHECKING:
     from pdpost.commands.shared import Commands
@@ -23,7 +23,7 @@ def add(commands: Commands) -> None:
             required=True,
             type=place,
             metavar="X,Y[,Z]",
-            help=f"where the line {where}, m, of a body with z ({word}=X,... if X is negative)",
+            help=f"where the line {where}, m, or such as 5,20mm, of a body with z ({word}=X,... if X is negative)",
         )
     line.add_argument("--field", choices=FIELDS, default="displacement", help="field to draw (default: displacement)")
     line.add_argument(
@@ -44,7 +44,7 @@ def _line(args: argparse.Namespace) -> int:
     from pdpost.reading.time_text import time_text
     from pdsolve.results import Results
 
-    path = number_options.picture_path(args, ".line.png")
+    path = picture_path(args, ".line.png")
     field = fields.FIELDS[args.field]
     with number_options.styled(path, dict(args.assignments)), Results.open(args.results) as results:
         asked = args.components or [None]

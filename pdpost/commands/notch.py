@@ -54,7 +54,7 @@ def _notch(args: argparse.Namespace) -> int:
     from pdsolve.results import Results
 
     if args.assignments:
-        raise commandline.UsageError(f"--set {args.assignments[0][0]}: found a setting, notch has none")
+        raise commandline.UsageError(f"--set {args.assignments[0][0]}: notch has no settings; leave it out")
     none = args.output is None and (args.json or args.csv is not None)
     path = None if none else commandline.output_path(args.output, args.results, ".notch.json", args.force)
     check_csv(args, path)
@@ -77,7 +77,7 @@ def _polylines(results: Results, step: int) -> _Found:
 
     particles = until(results.particles(), step)
     if not len(particles.place):
-        raise ResultsError(f"{results.name}: found no particles, expected a run with --cracks particles")
+        raise ResultsError(f"{results.name} has no particles; use a run with --cracks particles")
     segments, lines = arms(particles), polylines(particles)
     return _Found(
         notch=tuple((x0, y0, 0.0, x1, y1, 0.0) for x0, y0, x1, y1 in segments.tolist()),
@@ -100,7 +100,7 @@ def _triangles(results: Results, step: int) -> _Found:
     grown = grown_triangles(cracks)
     triangles = np.concatenate([results.cracks(), grown])
     if not len(triangles):
-        raise ResultsError(f"{results.name}: found no crack, expected a body in which neighbours parted")
+        raise ResultsError(f"{results.name} has no crack; use a body in which neighbours parted")
     area = float(cracks.area[cracks.grown].sum())
     return _Found(
         notch=tuple(map(tuple, triangles.tolist())),

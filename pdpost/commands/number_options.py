@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from pdmesh import commandline
 from pdmesh.plain_text import for_csv
-from pdpost.commands.shared import add_csv, add_journal, add_results, check_csv, write_csv
+from pdpost.commands.shared import add_csv, add_journal, add_results, write_csv
 
 if TYPE_CHECKING:
     from pdpost.commands.shared import Commands
@@ -29,14 +29,6 @@ def add_command(commands: Commands, name: str, about: str) -> argparse.ArgumentP
     add_journal(command)
     add_csv(command)
     return command
-
-
-def picture_path(args: argparse.Namespace, suffix: str) -> Path | None:
-    """Path of the picture; None if only numbers were asked for. Raises UsageError."""
-    none = args.output is None and (args.json or args.csv is not None)
-    picture = None if none else commandline.output_path(args.output, args.results, suffix, args.force)
-    check_csv(args, picture)
-    return picture
 
 
 def styled(path: Path | None, settings: Mapping[str, str]) -> AbstractContextManager[None]:

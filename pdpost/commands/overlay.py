@@ -6,7 +6,9 @@ import argparse
 
 from pdmesh import commandline
 from pdpost.commands import number_options
-from pdpost.commands.shared import check_window
+from pdpost.commands.shared import check_window, picture_path
+
+ALONE = ("compare", "along", "frame", "step", "time")  # options that a study does not have
 
 
 def overlaid(args: argparse.Namespace, threshold: float) -> int:
@@ -17,14 +19,14 @@ def overlaid(args: argparse.Namespace, threshold: float) -> int:
     from pdpost.reading.frame_steps import last_step
     from pdsolve.results import Results, ResultsError
 
-    if args.compare is not None or args.step is not None or args.along is not None:
-        raise commandline.UsageError("found a study and --compare, --step or --along, expected a study alone")
-    picture = number_options.picture_path(args, ".paths.png")
+    if any(getattr(args, name) is not None for name in ALONE):
+        raise commandline.UsageError(f"a study cannot be combined with --{', --'.join(ALONE)}; give the study alone")
+    picture = picture_path(args, ".paths.png")
     look = {name: value for name, value in args.assignments if name != "cracked"}
     found = studies.read(args.results)
     with number_options.styled(picture, look), Results.open(found.rows[0].file) as first:
         if first.dimension == 3:
-            raise ResultsError(f"{args.results}: found runs of a body in space, expected those of a plate")
+            raise ResultsError(f"{args.results} has runs of a body in space; use those of a plate")
         check_window(first, args)
         lines = []
         for row in found.rows:

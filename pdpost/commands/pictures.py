@@ -16,12 +16,12 @@ from pdpost.commands.shared import (
     add_results,
     add_scale,
     add_window,
-    check_csv,
     check_window,
     chosen_frame,
     chosen_frames,
     chosen_scale,
     numbers,
+    picture_path,
     write_csv,
 )
 
@@ -156,16 +156,18 @@ def _sheet(args: argparse.Namespace, name: str, part: str) -> int:
     from pdsolve.results import Results
 
     if args.csv is not None:
-        raise commandline.UsageError("--csv: found --frames as well, expected one frame (--frame or --time)")
-    path = commandline.output_path(args.output, args.results, f".{name}.frames.png", args.force)
-    style.check_format(path)
+        raise commandline.UsageError("--csv cannot be combined with --frames; choose one frame (--frame or --time)")
+    path = picture_path(args, f".{name}.frames.png")
+    if path is not None:
+        style.check_format(path)
     with style.styled(dict(args.assignments)), Results.open(args.results) as results:
         steps = chosen_frames(results, args)
         check_window(results, args)
         scale = chosen_scale(results, steps[-1], args)
         how: dict[str, Any] = {"scale": scale, "largest": args.largest, "window": args.window, "hide": args.hide}
-        style.save(frames_figure.frames(results, name, steps, part=part or None, **how), path)
-    result = {"output": str(path), "component": part or None, "steps": steps, "scale": scale}
+        if path is not None:
+            style.save(frames_figure.frames(results, name, steps, part=part or None, **how), path)
+    result = {"output": None if path is None else str(path), "component": part or None, "steps": steps, "scale": scale}
     commandline.report(result, [f"{path}: {name} after steps {', '.join(map(str, steps))}"], args)
     return commandline.OK
 
@@ -211,18 +213,20 @@ def _drawn(args: argparse.Namespace, show: Callable[[Results, int, float], Drawn
     from pdpost.reading.embedded_model import moment
     from pdsolve.results import Results
 
-    path = commandline.output_path(args.output, args.results, f".{args.picture}.png", args.force)
-    style.check_format(path)
-    check_csv(args, path)
+    path = picture_path(args, f".{args.picture}.png")
+    if path is not None:
+        style.check_format(path)
     with style.styled(dict(args.assignments)), Results.open(args.results) as results:
         step, time = chosen_frame(results, args)
         check_window(results, args)
         scale = chosen_scale(results, step, args)
         shown, when = show(results, step, scale), moment(results, step)
-        style.save(shown.figure, path)
+        if path is not None:
+            style.save(shown.figure, path)
         if args.csv is not None:
             write_csv(args, csv_columns.csv(shown.table()))
     if args.csv != "-":
-        result = {"output": str(path), "step": step, "time": time, "scale": scale, **shown.reported}
-        commandline.report(result, [f"{path}: {args.picture} at {when}, {shown.words}"], args)
+        output = None if path is None else str(path)
+        result = {"output": output, "step": step, "time": time, "scale": scale, **shown.reported}
+        commandline.report(result, [f"{path or args.csv}: {args.picture} at {when}, {shown.words}"], args)
     return commandline.OK

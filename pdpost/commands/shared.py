@@ -39,7 +39,7 @@ def add_journal(command: argparse.ArgumentParser) -> None:
 
 
 def add_frame(command: argparse.ArgumentParser, several: bool = False, default: int | None = -1) -> None:
-    """Add --frame and --time, and --frames if `several`. The `default` is a frame number; None means all frames."""
+    """Add --frame, --step and --time, and --frames if `several`. The `default` is a frame; None means all frames."""
     which = command.add_mutually_exclusive_group()
     which.add_argument(
         "--frame",
@@ -48,7 +48,10 @@ def add_frame(command: argparse.ArgumentParser, several: bool = False, default: 
         metavar="N",
         help="frame number, counted from 0, or from the end if negative",
     )
-    which.add_argument("--time", type=float, metavar="S", help="the frame nearest to this time of the run, s")
+    which.add_argument("--step", type=int, metavar="N", help="the frame after this time step or load step of the run")
+    which.add_argument(
+        "--time", type=seconds, metavar="S", help="the frame nearest to this time of the run, s or such as 20us"
+    )
     if several:
         which.add_argument(
             "--frames", type=_frames, metavar="N,N,...", help="draw several frames on one sheet, with one colour scale"
@@ -59,7 +62,7 @@ def _frames(text: str) -> list[int]:
     try:
         return [int(word) for word in text.split(",")]
     except ValueError:
-        raise argparse.ArgumentTypeError(f"found '{text}', expected numbers of frames, such as 10,50,90") from None
+        raise argparse.ArgumentTypeError(f"cannot read '{text}'; use numbers of frames, such as 10,50,90") from None
 
 
 def chosen_frames(results: Results, args: argparse.Namespace) -> list[int]:
@@ -73,7 +76,7 @@ def chosen_frames(results: Results, args: argparse.Namespace) -> list[int]:
 
 
 def chosen_frame(results: Results, args: argparse.Namespace) -> tuple[int, float]:
-    """Step and time (s) chosen by --frame or --time. Raises ResultsError naming the frames there are."""
+    """Step and time (s) chosen by --frame, --step or --time. Raises ResultsError naming the frames there are."""
     import numpy as np
 
     from pdpost.reading.frame_steps import frames
@@ -81,15 +84,20 @@ def chosen_frame(results: Results, args: argparse.Namespace) -> tuple[int, float
 
     steps, times = frames(results)
     count = len(steps)
-    if args.time is not None:
+    if args.step is not None:
+        if args.step not in steps:
+            near = " or ".join(str(steps[k]) for k in np.unique(np.abs(steps - args.step).argsort(kind="stable")[:2]))
+            raise ResultsError(f"{args.results} has no frame of step {args.step}; use {near}, the nearest")
+        at = int(np.flatnonzero(steps == args.step)[0])
+    elif args.time is not None:
         slack = 1e-9 * times[-1]  # of what is typed
         if not times[0] - slack <= args.time <= times[-1] + slack:
-            raise ResultsError(f"--time: found {args.time:g}, expected seconds, {times[0]:g} to {times[-1]:g}")
+            raise ResultsError(f"--time is {args.time:g} s, outside the run; use {times[0]:g} to {times[-1]:g} s")
         at = int(np.abs(times - args.time).argmin())
     elif -count <= args.frame < count:
         at = args.frame
     else:
-        raise ResultsError(f"{args.results}: found no frame {args.frame}, expected 0 to {count - 1} or -{count} to -1")
+        raise ResultsError(f"{args.results} has no frame {args.frame}; use 0 to {count - 1} or -{count} to -1")
     return int(steps[at]), float(times[at])
 
 
@@ -114,7 +122,7 @@ def _scale(text: str) -> float | None:
     except ValueError:
         scale = -1.0
     if not 0 <= scale < float("inf"):
-        raise argparse.ArgumentTypeError(f"found '{text}', expected a number from 0, or auto")
+        raise argparse.ArgumentTypeError(f"cannot read '{text}'; use a number from 0, or auto")
     return scale
 
 
@@ -141,45 +149,56 @@ def add_window(command: argparse.ArgumentParser) -> None:
         "--window",
         type=_window,
         metavar="X0,Y0,X1,Y1",
-        help="draw this part of the plate alone, m (--window=X0,... if X0 is negative; default: all of it)",
+        help="draw this part of the plate alone, m, or with a unit, such as 0,0,50,20mm (--window=X0,... if X0 is"
+        " negative; default: all of it)",
     )
 
 
 def _window(text: str) -> tuple[float, float, float, float]:
-    import math
-
-    try:
-        x0, y0, x1, y1 = (float(part) for part in text.split(","))
-    except ValueError:
-        x0, y0, x1, y1 = math.nan, 0.0, 0.0, 0.0
-    if not (all(map(math.isfinite, (x0, y0, x1, y1))) and x0 < x1 and y0 < y1):
-        expected = "the lower left and the upper right corner, four finite numbers with commas in between"
-        raise argparse.ArgumentTypeError(f"found '{text}', expected {expected}")
+    x0, y0, x1, y1 = lengths(text, 4)
+    if not (x0 < x1 and y0 < y1):
+        raise argparse.ArgumentTypeError(f"'{text}' is empty; use the lower left and then the upper right corner")
     return x0, y0, x1, y1
 
 
-def finite_numbers(text: str, count: int) -> tuple[float, ...]:
-    """`count` finite numbers from a text with commas between them. Raises ArgumentTypeError."""
-    import math
+def lengths(text: str, *counts: int) -> tuple[float, ...]:
+    """Lengths, m, from a text such as ``0,20,50mm``, as many as one of the `counts`. Raises ArgumentTypeError."""
+    from pdmesh.quantities import UNITS, quantities
 
     try:
-        found = tuple(float(part) for part in text.split(","))
+        values = quantities(text, UNITS)
     except ValueError:
-        found = ()
-    if len(found) != count or not all(map(math.isfinite, found)):
-        raise argparse.ArgumentTypeError(f"found '{text}', expected {count} finite numbers with commas in between")
-    return found
+        values = ()
+    if len(values) not in counts:
+        several = " or ".join(map(str, counts))
+        raise argparse.ArgumentTypeError(
+            f"cannot read '{text}'; use {several} finite numbers with commas in between, in m, or with one of the"
+            f" units {', '.join(UNITS)} behind the last"
+        )
+    return values
+
+
+def seconds(text: str) -> float:
+    """A time, s, from a text such as ``20us``, as an option's type."""
+    from pdmesh.quantities import TIMES, quantity
+
+    try:
+        return quantity(text, TIMES)
+    except ValueError:
+        raise argparse.ArgumentTypeError(
+            f"cannot read '{text}'; use a number, in s, or with one of the units {', '.join(TIMES)}"
+        ) from None
 
 
 def point(text: str) -> tuple[float, float]:
     """A place x,y, m, as an option's type."""
-    x, y = finite_numbers(text, 2)
+    x, y = lengths(text, 2)
     return x, y
 
 
 def place(text: str) -> tuple[float, ...]:
     """A place x,y or x,y,z, m, as an option's type."""
-    return finite_numbers(text, 3 if text.count(",") == 2 else 2)
+    return lengths(text, 2, 3)
 
 
 def check_window(results: Results, args: argparse.Namespace) -> None:
@@ -187,13 +206,15 @@ def check_window(results: Results, args: argparse.Namespace) -> None:
     if args.window is None:
         return
     _expect_plate(results, "--window")
+    from shapely import box
+
     from pdpost.measures.plate_geometry import plate
     from pdsolve.results import ResultsError
 
-    x0, y0, x1, y1 = plate(results).shape.bounds
-    if args.window[0] >= x1 or args.window[2] <= x0 or args.window[1] >= y1 or args.window[3] <= y0:
-        found = ",".join(f"{edge:g}" for edge in args.window)
-        raise ResultsError(f"--window: found {found}, expected some of the plate, {x0:g},{y0:g},{x1:g},{y1:g}")
+    shape, window = plate(results).shape, box(*args.window)
+    if not shape.intersects(window) or shape.touches(window):
+        asked, whole = (",".join(f"{edge:g}" for edge in edges) for edges in (args.window, shape.bounds))
+        raise ResultsError(f"--window {asked} shows nothing of the plate; use some of {whole} (m)")
 
 
 def _expect_plate(results: Results, option: str) -> None:
@@ -201,18 +222,20 @@ def _expect_plate(results: Results, option: str) -> None:
     from pdsolve.results import ResultsError
 
     if results.dimension == 3:
-        raise ResultsError(f"{option}: found it of a body in space, expected none (pdpost export is for ParaView)")
+        raise ResultsError(f"{option} is for plates; leave it out for a body in space (pdpost export is for ParaView)")
 
 
 def plane(text: str) -> tuple[str, float]:
     """A plane across an axis, such as z=1e-3. Raises ArgumentTypeError."""
     axis, _, number = text.partition("=")
+    from pdmesh.quantities import UNITS, quantity
+
     try:
-        at = float(number)
+        at = quantity(number, UNITS) if axis in ("x", "y", "z") else None
     except ValueError:
-        at = float("inf")
-    if axis not in ("x", "y", "z") or not abs(at) < float("inf"):
-        raise argparse.ArgumentTypeError(f"found '{text}', expected a plane such as z=1e-3, in metres")
+        at = None
+    if at is None:
+        raise argparse.ArgumentTypeError(f"cannot read '{text}'; use a plane such as z=1e-3, in m, or z=1mm")
     return axis, at
 
 
@@ -238,7 +261,7 @@ def add_colours(command: argparse.ArgumentParser) -> None:
 def _lines(text: str) -> tuple[str, ...]:
     names = tuple(text.split(","))
     if not set(names) <= {"cracks", "zone"}:
-        raise argparse.ArgumentTypeError(f"found '{text}', expected cracks, zone or cracks,zone")
+        raise argparse.ArgumentTypeError(f"cannot read '{text}'; use cracks, zone or cracks,zone")
     return names
 
 
@@ -249,7 +272,7 @@ def positive(text: str) -> float:
     except ValueError:
         number = 0.0
     if not 0 < number < float("inf"):
-        raise argparse.ArgumentTypeError(f"found '{text}', expected a number above 0")
+        raise argparse.ArgumentTypeError(f"cannot use '{text}'; use a number above 0")
     return number
 
 
@@ -273,12 +296,21 @@ def add_csv(command: argparse.ArgumentParser) -> None:
 def check_csv(args: argparse.Namespace, *others: Path | None) -> None:
     """Raise UsageError if --csv names a file that is also in `others`, or stdout when --json writes to it."""
     if args.csv == "-" and args.json:
-        raise commandline.UsageError("--csv -: found --json as well, expected one of them on stdout")
+        raise commandline.UsageError("--csv - and --json both write to stdout; use one of them")
     if args.csv is None or args.csv == "-":
         return
     path = commandline.output_path(Path(args.csv), args.results, ".csv", args.force)
     if path.resolve() in {other.resolve() for other in others if other is not None}:
-        raise commandline.UsageError(f"--csv: found {path}, which is written to as well, expected another file")
+        raise commandline.UsageError(f"--csv: {path} is written to as well; name another file")
+
+
+def picture_path(args: argparse.Namespace, suffix: str) -> Path | None:
+    """Path of the picture; None if only numbers were asked for. Raises UsageError."""
+    none = args.output is None and (args.json or getattr(args, "csv", None) is not None)
+    picture = None if none else commandline.output_path(args.output, args.results, suffix, args.force)
+    if hasattr(args, "csv"):
+        check_csv(args, picture)
+    return picture
 
 
 def write_csv(args: argparse.Namespace, table: bytes) -> None:
@@ -302,13 +334,37 @@ def numbers(shown: Shown) -> dict[str, float | int | None]:
 
 
 def add_every(command: argparse.ArgumentParser) -> None:
-    """Add --every N: take every Nth frame."""
-    command.add_argument("--every", type=_count, default=1, metavar="N", help="take every Nth frame (default: 1)")
+    """Add --every N and --stride N: which frames are taken."""
+    which = command.add_mutually_exclusive_group()
+    which.add_argument(
+        "--every",
+        type=_count,
+        metavar="N",
+        help="steps of the run between two frames that are taken, as in pdsolve (default: all frames)",
+    )
+    which.add_argument("--stride", type=_count, metavar="N", help="take every Nth frame")
+
+
+def chosen_stride(results: Results, args: argparse.Namespace) -> int:
+    """Which frames --every or --stride takes, as a number of frames. Raises ResultsError naming the steps there are."""
+    from pdpost.reading.frame_steps import frames
+    from pdsolve.results import ResultsError
+
+    if args.every is None:
+        return args.stride or 1
+    steps, _ = frames(results)
+    apart = int(steps[1] - steps[0]) if len(steps) > 1 else args.every
+    if args.every % apart:
+        raise ResultsError(
+            f"--every is {args.every} steps, and frames are {apart} steps apart; use a multiple of {apart}, or --stride"
+            " N for every Nth frame"
+        )
+    return int(args.every // apart)
 
 
 def _count(text: str) -> int:
     if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"found '{text}', expected a whole number from 1")
+        raise argparse.ArgumentTypeError(f"cannot use '{text}'; use a whole number from 1")
     return int(text)
 
 

@@ -14,8 +14,10 @@ from pdpost.commands.shared import (
     add_window,
     check_window,
     chosen_frame,
+    chosen_stride,
     counted,
-    finite_numbers,
+    lengths,
+    picture_path,
     place,
 )
 
@@ -52,9 +54,9 @@ def add(commands: Commands) -> None:
 
 
 def _ring(text: str) -> tuple[float, float]:
-    inner, outer = finite_numbers(text, 2)
+    inner, outer = lengths(text, 2)
     if not 0 <= inner < outer:
-        raise argparse.ArgumentTypeError(f"found '{text}', expected two radii, the larger one last")
+        raise argparse.ArgumentTypeError(f"cannot use '{text}'; use two radii, the larger one last")
     return inner, outer
 
 
@@ -67,7 +69,7 @@ def _sif(args: argparse.Namespace) -> int:
     from pdpost.reading.embedded_model import expect_mechanics
     from pdsolve.results import Results
 
-    path = number_options.picture_path(args, ".sif.png")
+    path = picture_path(args, ".sif.png")
     ring = None if args.ring is None else Ring(*args.ring)
     with number_options.styled(path, dict(args.assignments)), Results.open(args.results) as results:
         expect_mechanics(results)
@@ -76,7 +78,8 @@ def _sif(args: argparse.Namespace) -> int:
         if results.dimension == 3:
             return sif_in_space.deliver_fronts(args, results, steps, path)
         if args.tip is not None and len(args.tip) != 2:
-            raise commandline.UsageError(f"--tip: found {len(args.tip)} numbers, expected 2, a place in m")
+            raise commandline.UsageError(f"--tip has {len(args.tip)} numbers; use 2, a place in m")
+        _expect_on_plate(results, args.tip)
         found = stress_intensities.follow(results, steps, args.tip, ring, counted(args, "summing"))
         spent = release(results, tips(results, max(steps)))
         beside = spent.at(found[0].time)
@@ -95,14 +98,34 @@ def _sif(args: argparse.Namespace) -> int:
     return number_options.deliver(args, result, lines, header, rows, path)
 
 
+def _expect_on_plate(results: Results, place: tuple[float, float] | None) -> None:
+    """Raise UsageError for a place that is farther from the plate than a spacing."""
+    from shapely import Point
+
+    from pdpost.measures.plate_geometry import plate
+
+    if place is None:
+        return
+    shape = plate(results).shape
+    if shape.distance(Point(place)) > results.nodes(0).delta.max():
+        x0, y0, x1, y1 = shape.bounds
+        raise commandline.UsageError(
+            f"--tip {place[0]:g},{place[1]:g} is outside of the plate; use a place in it, from {x0:g},{y0:g} to"
+            f" {x1:g},{y1:g} (m)"
+        )
+
+
 def _steps(results: Results, args: argparse.Namespace) -> list[int]:
     """Steps of the frames asked for."""
     from pdpost.reading.frame_steps import chosen
 
-    if args.frame is None and args.time is None:
-        return chosen(results, args.every)
-    if args.every != 1:
-        raise commandline.UsageError("--every: found with --frame or --time, which are one frame")
+    if args.frame is None and args.step is None and args.time is None:
+        return chosen(results, chosen_stride(results, args))
+    if args.every is not None or args.stride is not None:
+        raise commandline.UsageError(
+            "--every and --stride cannot be combined with --frame, --step or --time, which are one frame; use one of"
+            " them"
+        )
     return [chosen_frame(results, args)[0]]
 
 

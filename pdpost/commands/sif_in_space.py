@@ -43,7 +43,7 @@ def deliver_fronts(args: argparse.Namespace, results: Results, steps: list[int],
 
 def _reason(why: str) -> str:
     """What is in the way, without where."""
-    return why.removeprefix("found ").split(" from the front")[0].rsplit(" ", 2)[0]
+    return why.split(" from the front")[0].rsplit(" ", 3)[0]
 
 
 def _told(one: AlongFront) -> dict[str, Any]:

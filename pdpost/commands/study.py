@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from pdmesh import commandline
 from pdpost.commands import number_options
-from pdpost.commands.shared import add_csv, add_journal
+from pdpost.commands.shared import add_csv, add_journal, picture_path
 
 if TYPE_CHECKING:
     from pdpost.commands.shared import Commands
@@ -45,7 +45,7 @@ def _study(args: argparse.Namespace) -> int:
     from pdpost.measures import scatter
     from pdpost.reading import studies
 
-    path = number_options.picture_path(args, ".study.png")
+    path = picture_path(args, ".study.png")
     with number_options.styled(path, dict(args.assignments)):
         found = studies.read(args.results)
         measures, over = scatter.chosen(found, args.measure, args.over)

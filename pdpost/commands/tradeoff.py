@@ -122,8 +122,8 @@ def _kinds(points: list[Point], asked: list[str]) -> list[str]:
     missing = [kind for kind in asked if kind not in there]
     if missing or not there:
         raise commandline.UsageError(
-            f"{'--by ' + missing[0] if missing else 'errors'}: found nothing to compare in the reference,"
-            f" expected one of {', '.join(there) or 'none'}"
+            f"{'--by ' + missing[0] if missing else 'errors'}: the reference has nothing to compare; use one of"
+            f" {', '.join(there) or 'none'}"
         )
     return asked or there
 

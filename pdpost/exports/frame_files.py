@@ -100,7 +100,7 @@ def pvd(
     }
     for file in (path.parent / name for names in files.values() for name in names):
         if file.is_symlink():
-            raise ExportError(f"{file}: found a link, expected a regular file or none; remove it")
+            raise ExportError(f"{file} is a link, not a regular file; remove it")
     folder.mkdir(exist_ok=True)
     times = _times(results)
     lines = []
@@ -182,7 +182,7 @@ def table(results: Results, step: int, path: Path, also: Sequence[str] = ()) -> 
 def check_suffix(path: Path) -> str:
     """The suffix of `path`. Raises ExportError, naming the supported suffixes."""
     if path.suffix.lower() not in SUFFIXES:
-        raise ExportError(f"{path}: found suffix '{path.suffix}', expected one of {', '.join(SUFFIXES)}")
+        raise ExportError(f"{path}: suffix '{path.suffix}' is not known; use one of {', '.join(SUFFIXES)}")
     return path.suffix.lower()
 
 

@@ -32,7 +32,7 @@ TYPES = {"f": "Float64", "i": "Int64"}
 def check_suffix(path: Path) -> None:
     """Raise ExportError for a suffix that no surface is written with."""
     if path.suffix.lower() not in SUFFIXES:
-        raise ExportError(f"{path}: found the suffix '{path.suffix}', expected {' or '.join(SUFFIXES)}")
+        raise ExportError(f"{path}: suffix '{path.suffix}' is not known; use {' or '.join(SUFFIXES)}")
 
 
 def write(path: Path, found: Surface, speed: NDArray[np.float64]) -> None:

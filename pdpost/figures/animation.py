@@ -185,7 +185,9 @@ def mp4(shots: Iterable[Pixels], rate: float = RATE) -> bytes:
         said.seek(0)
         words = " ".join(said.read().decode(errors="replace").split())
         if process.returncode or not film.exists():
-            raise FigureError(f"{program}: found exit code {process.returncode} ({words}), expected a film")
+            raise FigureError(
+                f"{program} failed with exit code {process.returncode} ({words}); check the film's size and format"
+            )
         return film.read_bytes()
 
 
@@ -193,7 +195,7 @@ def ffmpeg() -> str:
     """Path of ffmpeg. Raises FigureError if it is not installed."""
     program = shutil.which("ffmpeg", path=trust.environment().get("PATH", os.defpath))
     if program is None:
-        raise FigureError("found no ffmpeg, expected it on the PATH for .mp4 (a .gif needs none)")
+        raise FigureError("ffmpeg is missing, which .mp4 needs; install it on the PATH, or use .gif, which needs none")
     return program
 
 
@@ -201,7 +203,7 @@ def check_format(path: Path) -> str:
     """The format of the suffix of `path`: "gif" or "mp4". Raises FigureError for others, and for MP4 without ffmpeg."""
     kind = path.suffix.lower().removeprefix(".")
     if kind not in ("gif", "mp4"):
-        raise FigureError(f"{path}: found suffix '{path.suffix}', expected .gif or .mp4")
+        raise FigureError(f"{path}: suffix '{path.suffix}' is not known; use .gif or .mp4")
     if kind == "mp4":
         ffmpeg()
     return kind

@@ -121,7 +121,7 @@ def fragments_apart(nodes: Nodes, found: Opened, by: float, written: str) -> Fig
     middle, plotter = nodes.position.mean(axis=0), plotter_of(pyvista)
     large = np.flatnonzero(count >= SMALLEST)
     if not len(large):
-        raise FigureError(f"--explode: found no fragment of {SMALLEST} nodes, expected some")
+        raise FigureError(f"--explode: there is no fragment of {SMALLEST} nodes; draw a frame with some")
     for number, one in enumerate(large[np.argsort(-count[large], kind="stable")]):
         own = piece == one
         way = by * (nodes.position[own].mean(axis=0) - middle)

@@ -57,7 +57,7 @@ def _growth(axes: Axes, runs: Sequence[Life], named: bool) -> None:
         ranges = np.concatenate([one.dK for one in run.found])
         ends, of = np.array([ranges.min(), ranges.max()]), f"{for_legend(run.name)}: " if named else ""
         if run.line is not None:
-            words = f"{of}found, m = {run.line.m:.3g}"
+            words = f"{of}measured, m = {run.line.m:.3g}"
             axes.plot(ends * 1e-6, run.line.at(ends), color="black", lw=0.9, ls=dashes, label=words)
         given = run.slope(ends)
         if given is not None:

@@ -124,7 +124,7 @@ def _settings(model: dict[str, Any], meta: Mapping[str, Any]) -> dict[str, str]:
     found["horizon"] = f"{model.get('horizon', {}).get('ratio', 3.0):g} spacings"
     second, prefix = prefixed(float(meta["time_step"]))
     step, sure = (f"{meta[name] * second:.4g} {prefix}s" for name in ("time_step", "stable_time_step"))
-    found["time step"] = f"{step}, surely stable up to {sure}"
+    found["time step"] = f"{step}, stable up to {sure}"
     found |= {name: _text(value) for name, value in run.items() if name != "time_step"}
     found |= {name.removeprefix("Peridynamics/"): _text(value) for name, value in model.get("parameters", {}).items()}
     return {"drawing": model.get("source", ""), **found}

@@ -108,7 +108,7 @@ def taken(plotter: Any, middle: NDArray[np.float64], whole: bool = False) -> NDA
         return picture
     drawn = np.any(picture < 255, axis=2)
     if not np.any(drawn):
-        raise FigureError("render: found nothing to be seen, expected another level, plane or frame")
+        raise FigureError("render: nothing is to be seen; use another level, plane or frame")
     rows, columns = (np.flatnonzero(np.any(drawn, axis=axis)) for axis in (1, 0))
     return picture[max(rows[0] - EDGE, 0) : rows[-1] + EDGE, max(columns[0] - EDGE, 0) : columns[-1] + EDGE]
 
@@ -119,7 +119,7 @@ def needed_pyvista() -> Any:
         import pyvista
         from vtkmodules.vtkCommonCore import vtkLogger
     except ImportError:
-        raise FigureError("render: found no PyVista, expected it: pip install 'pdsuite[render]'") from None
+        raise FigureError("render needs PyVista; install it: pip install 'pdsuite[render]'") from None
     vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)  # where there is no display it says so, and does without
     return pyvista
 

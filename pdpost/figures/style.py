@@ -96,7 +96,7 @@ def _checked(style: Mapping[str, object]) -> dict[str, Any]:
     journal = style.pop("journal", None)
     for name, value in style.items():
         if name not in matplotlib.rcParams or not name.startswith(KINDS):
-            raise FigureError(f"--set {name}: found no such matplotlib setting, expected one such as savefig.dpi")
+            raise FigureError(f"--set {name} is no matplotlib setting; use one such as savefig.dpi")
         if name.startswith(OF_TEX):
             raise FigureError(
                 f"--set {name}: TeX is not used, as it would run names in a model as a program; leave it out"
@@ -108,7 +108,7 @@ def _checked(style: Mapping[str, object]) -> dict[str, Any]:
         low, high = BOUNDS.get(name, (-LARGEST, LARGEST))
         for number in np.ravel(np.array(known, dtype=object)):
             if isinstance(number, int | float) and not (math.isfinite(number) and low <= number <= high):
-                raise FigureError(f"--set {name}={value}: found {number:g}, expected {low:g} to {high:g}")
+                raise FigureError(f"--set {name}={value} is out of range; use {low:g} to {high:g}")
     chosen = STYLE | ({} if journal is None else _preset(str(journal))) | style
     if style:
         _try(chosen, ", ".join(f"{name}={value}" for name, value in style.items()))
@@ -118,7 +118,7 @@ def _checked(style: Mapping[str, object]) -> dict[str, Any]:
 def _preset(name: str) -> dict[str, Any]:
     """Settings of a journal's preset. Raises FigureError."""
     if name not in JOURNALS:
-        raise FigureError(f"--journal: found '{name}', expected one of {', '.join(JOURNALS)}")
+        raise FigureError(f"--journal is '{name}'; use one of {', '.join(JOURNALS)}")
     width, size, fonts = JOURNALS[name]
     known = {font.name for font in font_manager.fontManager.ttflist}
     serif = fonts[0].startswith("Times")
@@ -178,7 +178,7 @@ def check_format(path: Path) -> str:
     """Format of the path's suffix. Raises FigureError, naming the supported formats."""
     kind = path.suffix.lower().removeprefix(".")
     if kind not in formats():
-        raise FigureError(f"{path}: found suffix '{path.suffix}', expected one of .{', .'.join(formats())}")
+        raise FigureError(f"{path}: suffix '{path.suffix}' is not known; use one of .{', .'.join(formats())}")
     return kind
 
 
@@ -198,4 +198,6 @@ def _try(style: Mapping[str, Any], named: str) -> None:
                 written(figure, kind, dpi=20)
     except Exception as error:
         found = " ".join(str(error).split())[:200] or type(error).__name__
-        raise FigureError(f"--set {named}: found settings that no picture can be drawn with ({found})") from None
+        raise FigureError(
+            f"--set {named}: no picture can be drawn with these settings ({found}); change them"
+        ) from None

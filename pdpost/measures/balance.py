@@ -73,7 +73,7 @@ def balance(results: Results) -> Balance:
     books = results.history()
     if not len(books):
         expect_mechanics(results)
-        raise ResultsError(f"{results.name}: found an empty ledger, expected at least one entry")
+        raise ResultsError(f"{results.name}: the energy balance is empty; use a run with at least one entry")
     initial = float(results.meta()["initial_energy"])
     damped, friction = damping(books), rubbing(books)
     total = books["kinetic"] + books["strain"] + books["dissipated"] + np.nan_to_num(damped) + friction

@@ -51,7 +51,7 @@ def masses(results: Results) -> Masses:
     """The mass balance of a run. Raises ResultsError for a run of mechanics."""
     table = results.masses()
     if not len(table):
-        raise ResultsError(f"{results.name}: found no masses, expected results of a model of diffusion")
+        raise ResultsError(f"{results.name} has no masses; use results of a model of diffusion")
     columns = {name: np.ascontiguousarray(table[name]) for name in table.dtype.names or ()}
     columns["step"] = columns["step"].astype(np.int64)
     inside, through, supplied, solid = (columns[name] for name in ("inside", "through", "supplied", "solid"))

@@ -139,7 +139,7 @@ def cycles(results: Results) -> Array:
     """Cycles (s + 1,) after each step until the last checkpoint, those of step 0 first. Raises ResultsError."""
     kept = results.checkpoint()[1] if results.has_checkpoint() else {}
     if "cycled" not in kept:
-        raise ResultsError(f"{results.name}: found no cycles, expected a run with run.fatigue")
+        raise ResultsError(f"{results.name} has no cycles; use a run with run.fatigue")
     return np.concatenate([[0.0], kept["cycled"].reshape(-1, len(Cycled._fields))[:, CYCLES]])
 
 
@@ -165,7 +165,7 @@ def growth(
             rate = np.diff(way) / np.diff(n)
         found.append(Growth(one.front.name, n, way, K, (1 - ratio) * K, rate, settled))
     if not found:
-        raise ResultsError(f"{results.name}: found no tip at two frames or more, expected a crack that grows")
+        raise ResultsError(f"{results.name}: no tip grows over two frames or more; use a crack that grows")
     return found
 
 

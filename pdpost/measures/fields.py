@@ -77,13 +77,13 @@ FIELDS = {
 def component(name: str, given: str | None, dimension: int = 2) -> str:
     """The component to show: the given one or the first; "" for a scalar. Raises FieldError."""
     if name not in FIELDS:
-        raise FieldError(f"found no field '{name}', expected one of {', '.join(FIELDS)}")
+        raise FieldError(f"field '{name}' is unknown; use one of {', '.join(FIELDS)}")
     there = FIELDS[name].parts(dimension)
     if given is None:
         return there[0] if there else ""
     if given not in there:
         expected = f"one of {', '.join(there)}" if there else "none, it is a scalar"
-        raise FieldError(f"{name}: found no component '{given}', expected {expected}")
+        raise FieldError(f"{name} has no component '{given}'; use {expected}")
     return given
 
 

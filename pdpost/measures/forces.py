@@ -52,14 +52,17 @@ def reactions(results: Results) -> list[Reaction]:
     wrong = (rows["condition"] < 0) | (rows["condition"] >= len(conditions))
     if wrong.any():
         number = int(rows["condition"][wrong][0])
-        raise ResultsError(f"{results.name}: found forces of condition {number}, expected one of {len(conditions)}")
+        raise ResultsError(
+            f"{results.name} has forces of condition {number}, which its model lacks: it has {len(conditions)};"
+            " solve the model anew"
+        )
     for number in np.unique(rows["condition"]).astype(int).tolist():
         mine, condition = rows[rows["condition"] == number], conditions[number]
         force, moved = (np.column_stack([mine[f"{what}_{way}"] for way in ways]) for what in WHAT)
         name = called(condition.get("name"), number)
         found.append(Reaction(number, name, condition["kind"], mine["step"].astype(int), mine["time"], force, moved))
     if not found:
-        raise ResultsError(f"{results.name}: found no condition that acts, expected a load or something that is held")
+        raise ResultsError(f"{results.name}: no condition acts; use a load or something that is held")
     return found + [_summed(cell, number, found) for number, cell in enumerate(model.run.load_cells)]
 
 
@@ -77,5 +80,5 @@ def chosen(all_of_them: list[Reaction], names: list[str]) -> list[Reaction]:
     for name in names:
         if name not in by_name:
             there = ", ".join(one.name if one.kind == CELL else f"{one.number} ({one.name})" for one in all_of_them)
-            raise ResultsError(f"--condition: found no condition '{name}', expected one of {there}")
+            raise ResultsError(f"--condition: there is no condition '{name}'; use one of {there}")
     return [by_name[name] for name in names] or all_of_them

@@ -55,7 +55,7 @@ def named_gap(results: Results, name: str) -> Gap:
     """The gap of this name in the model. Raises ResultsError naming those that there are."""
     gaps = {each.name: each for each in read(results, _Monitored).run.gaps}
     if name not in gaps:
-        raise ResultsError(f"--gap: found no gap '{name}', expected {', '.join(gaps) or 'two places: it has no gap'}")
+        raise ResultsError(f"--gap: there is no gap '{name}'; use {', '.join(gaps) or 'two places: it has no gap'}")
     one, other = gaps[name].ends
     return gap(results, one, other)
 
@@ -69,7 +69,7 @@ def gap(results: Results, one: Place, other: Place) -> Gap:
     ends = [[at_place(results, place, "displacement", component) for component in ways] for place in (one, other)]
     nodes = ends[0][0].nodes[0], ends[1][0].nodes[0]
     if nodes[0] == nodes[1]:
-        raise ResultsError(f"--gap: found node {nodes[0]} nearest to both places, expected two nodes")
+        raise ResultsError(f"--gap: node {nodes[0]} is nearest to both places; use places nearest to two nodes")
     first, second = (np.array(end[0].place) for end in ends)
     times = [end[0].time for end in ends]
     time = times[0][np.isin(times[0], times[1])]
@@ -88,8 +88,8 @@ def against(found: Gap, reaction: Reaction, axis: int, smooth: int = 1) -> Pulle
     force = reaction.force[np.isin(reaction.time, both), axis]
     if len(both) < max(2, smooth):
         raise ResultsError(
-            f"--gap: found {len(both)} times that both the force and the gap are known of, expected"
-            f" {max(2, smooth)} or more (pdsolve --probe X,Y notes places as often as forces)"
+            f"--gap: the force and the gap are both known at {len(both)} times; {max(2, smooth)} or more are needed"
+            " (pdsolve --probe X,Y records places as often as forces)"
         )
     mean = np.ones(smooth) / smooth
     return Pulled(reaction.name, axis, *(np.convolve(column, mean, "valid") for column in (opening, force)))

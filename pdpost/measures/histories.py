@@ -42,9 +42,7 @@ def of_node(results: Results, node: int, quantity: str = "displacement", compone
     nodes = results.lives().nodes
     (rows,) = np.nonzero(nodes.ids == node)
     if not len(rows):
-        raise ResultsError(
-            f"{results.name}: found no node {node}, expected one of {nodes.ids.min()} to {nodes.ids.max()}"
-        )
+        raise ResultsError(f"{results.name} has no node {node}; use one of {nodes.ids.min()} to {nodes.ids.max()}")
     place = tuple(nodes.position[rows[-1]].tolist())
     label = f"node {node}"
     probes = results.probes()
@@ -70,8 +68,8 @@ def at_place(results: Results, place: Place, quantity: str = "displacement", com
     if not far[row] <= OUTSIDE * nodes.delta[row]:
         low, high = nodes.position.min(axis=0), nodes.position.max(axis=0)
         raise ResultsError(
-            f"{results.name}: found no node near {_written(place)}: node {nodes.ids[row]} is {far[row]:.3g} m"
-            f" away; expected a place {'on' if len(place) == 2 else 'in'} the {_kind(results)}, from {_written(low)} to"
+            f"{results.name}: no node is near {_written(place)}: node {nodes.ids[row]} is {far[row]:.3g} m away;"
+            f" use a place {'on' if len(place) == 2 else 'in'} the {_kind(results)}, from {_written(low)} to"
             f" {_written(high)}"
         )
     if len(results.epochs()) == 1:
@@ -103,8 +101,8 @@ def in_box(
     if not inside.any():
         low, high = nodes.position.min(axis=0), nodes.position.max(axis=0)
         raise ResultsError(
-            f"{results.name}: found no node in the box {_written(box)}, expected some; the {_kind(results)} goes from"
-            f" {_written(low)} to {_written(high)}"
+            f"{results.name}: no node is in the box {_written(box)}; the {_kind(results)} goes from {_written(low)}"
+            f" to {_written(high)}"
         )
     ids = tuple(dict.fromkeys(nodes.ids[inside].tolist()))
     label = f"mean of {len(ids)} nodes" if len(ids) > 1 else f"node {ids[0]}"
@@ -142,7 +140,7 @@ def _component(ways: NDArray[np.float64], component: str) -> NDArray[np.float64]
     if component == "magnitude":
         return reduce(np.hypot, ways.T)
     if component not in "xyz"[: ways.shape[1]]:
-        raise FieldError(f"found no component '{component}' in a plate, expected x, y or magnitude")
+        raise FieldError(f"a plate has no component '{component}'; use x, y or magnitude")
     return np.asarray(ways[:, "xyz".index(component)])
 
 
@@ -150,7 +148,7 @@ def _expect(results: Results, option: str, given: tuple[float, ...], places: int
     """Raise ResultsError if a place has not as many coordinates as the nodes."""
     expected = places * results.dimension
     if len(given) != expected:
-        raise ResultsError(f"{option}: found {len(given)} numbers, expected {expected} in a {_kind(results)}")
+        raise ResultsError(f"{option} has {len(given)} numbers; use {expected} in a {_kind(results)}")
 
 
 def _kind(results: Results) -> str:

@@ -79,7 +79,7 @@ def follow_fronts(
     Raises ResultsError if none has any.
     """
     if near is not None and len(near) != 3:
-        raise ResultsError(f"--tip: found {len(near)} numbers, expected 3, a place in m")
+        raise ResultsError(f"--tip has {len(near)} numbers; use 3, a place in m")
     found: list[AlongFront] = []
     why: ResultsError | None = None
     for step in progress(list(steps)):
@@ -106,7 +106,7 @@ def along_fronts(
     found = [front_points(nodes, cracks, line, ratio) for line in lines]
     numbered = [(number, points) for number, points in enumerate(found) if len(points.places)]
     if not numbered:
-        raise ResultsError(f"{results.name}: found no front of a crack inside the body, expected one")
+        raise ResultsError(f"{results.name}: no front of a crack is inside the body; use a frame with one")
     rooms = _rooms(results, step, cracks, [points for _, points in numbered], ring)
     tubes = [
         [_tubes(room, ratio * spacing, ring) for room, spacing in zip(some, points.spacing, strict=True)]
@@ -178,7 +178,7 @@ def _refused(points: FrontPoints, rooms: list[Room], ratio: float, ring: tuple[f
             continue
         place = ", ".join(f"{x:.4g}" for x in here.place)
         wide = f"{LEAST:g} horizons, {least:.3g} m" if ring is None else f"{least:.3g} m"
-        said.append(f"found {room.limit} {room.radius:.3g} m from the front at ({place}) m, expected room of {wide}")
+        said.append(f"{room.limit} is {room.radius:.3g} m from the front at ({place}) m; room of {wide} is needed")
     return tuple(said)
 
 

@@ -42,11 +42,11 @@ def line(results: Results, name: str, step: int, start: tuple[float, ...], end: 
     """
     for word, place in (("--from", start), ("--to", end)):
         if len(place) != results.dimension:
-            raise ResultsError(f"{word}: found {len(place)} numbers, expected {results.dimension}, a place in m")
+            raise ResultsError(f"{word} has {len(place)} numbers; use {results.dimension}, a place in m")
     ends = np.array([start, end], dtype=float)
     length = float(np.sqrt(((ends[1] - ends[0]) ** 2).sum()))
     if not length > 0:
-        raise ResultsError(f"--to: found {_told(end)}, where the line begins, expected another place")
+        raise ResultsError(f"--to is {_told(end)}, where the line begins; use another place")
     nodes = results.nodes(step)
     rows = np.flatnonzero(_from_line(nodes.position, *ends) <= AROUND * nodes.delta.max())
     count = min(int(np.ceil(PER_SPACING * length / nodes.delta[rows].min(initial=length))) + 1, MOST)
@@ -55,8 +55,8 @@ def line(results: Results, name: str, step: int, start: tuple[float, ...], end: 
     on = _covered(nodes, places) if results.dimension == 3 else _on_plate(results, nodes, places)
     if not len(rows) or not on.any():
         raise ResultsError(
-            f"{results.name}: found no place of the {'body' if results.dimension == 3 else 'plate'} from"
-            f" {_told(start)} to {_told(end)}, expected some of {_told(_bounds(results, nodes))}"
+            f"{results.name}: no place from {_told(start)} to {_told(end)} is in the"
+            f" {'body' if results.dimension == 3 else 'plate'}; use some of {_told(_bounds(results, nodes))}"
         )
     known = fields.components(results, name, step)
     silent = fields.torn(results, name, step)[rows]

@@ -35,7 +35,7 @@ def distance(one: Sequence[Polyline], other: Sequence[Polyline]) -> tuple[float,
     about 2000 points. Raises PathError if one is empty.
     """
     if not one or not other:
-        raise PathError("found no path of a crack, expected one in both runs")
+        raise PathError("one of the runs has no path of a crack; compare runs with cracks")
     there, back = _from_to(one, other), _from_to(other, one)
     return (there[0] + back[0]) / 2, max(there[1], back[1])
 

@@ -88,8 +88,9 @@ def check_alike(results: Results, other: Results) -> None:
     a0, b0, a1, b1 = expected.bounds
     place = shapely.point_on_surface(off)
     raise ResultsError(
-        f"{results.name}: found a plate from ({x0:g}, {y0:g}) to ({x1:g}, {y1:g}) m, expected that of {other.name},"
-        f" from ({a0:g}, {b0:g}) to ({a1:g}, {b1:g}) m; they differ at ({place.x:.4g}, {place.y:.4g}) m"
+        f"{results.name} is a plate from ({x0:g}, {y0:g}) to ({x1:g}, {y1:g}) m, and {other.name} one from ({a0:g},"
+        f" {b0:g}) to ({a1:g}, {b1:g}) m; compare runs of one plate (they differ at ({place.x:.4g}, {place.y:.4g})"
+        " m)"
     )
 
 
@@ -107,7 +108,7 @@ def cells(nodes: Nodes, shape: shapely.Geometry) -> Cells:
     try:
         found = shapely.voronoi_polygons(shapely.multipoints(points), extend_to=frame, ordered=True)
     except shapely.errors.GEOSException as error:
-        raise ResultsError(f"nodes: found some that have no cell ({error}), expected them apart") from None
+        raise ResultsError(f"nodes: some have no cell ({error}); move them apart") from None
     found = shapely.get_parts(found)
     shapely.prepare(around)
     outside = ~shapely.covers(around, found)

@@ -74,10 +74,10 @@ def chosen(study: Read, measures: Sequence[str], over: str | None) -> tuple[list
     known = [name for name, kind in kinds.items() if kind == "measure"]
     for name in measures:
         if name not in known:
-            raise StudyError(f"--measure: found '{name}', expected one of {', '.join(known)}")
+            raise StudyError(f"--measure is '{name}'; use one of {', '.join(known)}")
     parameters = [name for name, kind in kinds.items() if kind != "measure"]
     if over is not None and over not in parameters:
-        raise StudyError(f"--over: found '{over}', expected one of {', '.join(parameters) or 'none'}")
+        raise StudyError(f"--over is '{over}'; use one of {', '.join(parameters) or 'none'}")
     return list(measures) or _telling(study), over or _axis(study)
 
 

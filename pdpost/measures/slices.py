@@ -28,7 +28,7 @@ class Cut(NamedTuple):
 def expect_body(results: Results) -> None:
     """Raise ResultsError for a plate."""
     if results.dimension != 3:
-        raise ResultsError(f"{results.name}: found a plate, expected a body in space")
+        raise ResultsError(f"{results.name} is a plate; use a body in space")
 
 
 def values(results: Results, name: str, step: int, part: str | None = None) -> NDArray[np.float64]:
@@ -59,7 +59,7 @@ def cut(results: Results, shown: NDArray[np.float64], step: int, axis: str, at: 
     rows = np.flatnonzero((above >= -0.5) & (above < 0.5))
     if not len(rows):
         low, high = float((along - nodes.delta / 2).min()), float((along + nodes.delta / 2).max())
-        raise ResultsError(f"{results.name}: found no node at {axis} = {at:g} m, expected {low:g} to {high:g} m")
+        raise ResultsError(f"{results.name} has no node at {axis} = {at:g} m; use {low:g} to {high:g} m")
     others = [each for each in range(3) if each != number]
     place = nodes.position[rows][:, others]
     return Cut(rows, place, nodes.delta[rows], shown[rows], "".join(AXES[each] for each in others), at)

@@ -107,7 +107,7 @@ def thermal(results: Results, step: int) -> NDArray[np.float64]:
     content = next((name for name in ("T", "c") if name in results.stored(step)), None)
     if content is None:
         raise ResultsError(
-            f"{results.name}: found no field 'T' or 'c' at step {step}, expected one (pdsolve --fields +T, or +c)"
+            f"{results.name} has no field 'T' or 'c' at step {step}; solve it with one (pdsolve --fields +T, or +c)"
         )
     which, materials = _materials(results, step)
     alpha, T0 = (np.array(each)[which] for each in zip(*((m.alpha, m.T0) for m in materials), strict=True))

@@ -95,7 +95,7 @@ def follow(
     time_step = float(results.meta()["time_step"])
     chosen = every if near is None else [_nearest(every, steps, time_step, near)] if every else []
     if not chosen:
-        raise ResultsError(f"{results.name}: found no tip of a crack inside the plate, expected one")
+        raise ResultsError(f"{results.name}: no tip of a crack is inside the plate; use a frame with one")
     obstacles = Obstacles(results, every)
     state = State(results)
     got: list[list[Rings | None]] = [[] for _ in chosen]
@@ -170,13 +170,13 @@ def _too_small(results: Results, step: int, tip: Tip, room: Room, ring: Ring | N
     x, y = tip.place
     spacing, ratio = _spacing(results, step, tip), read(results, _Model).horizon.ratio
     if ring is not None and ring.outer - ring.inner < spacing:
-        wide = f"{ring.outer - ring.inner:.3g} m wide, expected at least a spacing, {spacing:.3g} m"
-        return f"found a ring around the tip at ({x:.4g}, {y:.4g}) m {wide}"
+        wide = f"{ring.outer - ring.inner:.3g} m wide; use at least a spacing, {spacing:.3g} m"
+        return f"the ring around the tip at ({x:.4g}, {y:.4g}) m is {wide}"
     least = LEAST * ratio * spacing if ring is None else ring.outer
     if room.radius >= least * (1 - ROUND_OFF):
         return ""
     where = f"{room.radius:.3g} m from" if room.radius > ROUND_OFF * spacing else "at"
-    found = f"found {room.limit} {where} the tip at ({x:.4g}, {y:.4g}) m, expected room of"
+    found = f"{room.limit} is {where} the tip at ({x:.4g}, {y:.4g}) m; it needs room of"
     if ring is not None:
         return f"{found} {least:.3g} m"
     enough = room.radius / (LEAST * ratio)

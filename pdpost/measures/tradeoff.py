@@ -68,7 +68,7 @@ def cost(results: Results, file: Path) -> Cost:
     """The cost of a run. Raises ResultsError if it is not finished."""
     summary = results.summary()
     if not summary:
-        raise ResultsError(f"{results.name}: found a run without a summary, expected one that is over")
+        raise ResultsError(f"{results.name} is a run without a summary; let it end first (pdsolve --resume)")
     updates = float(results.bond_updates(int(summary["steps"])))
     return Cost(float(summary["wall_time"]), updates, float(file.stat().st_size))
 
@@ -192,6 +192,6 @@ def _share(found: float, expected: float) -> float | None:
 def _energy(results: Results, time: float) -> float:
     books = results.history()
     if not len(books):
-        raise ResultsError(f"{results.name}: found no energies, expected those of a run of mechanics")
+        raise ResultsError(f"{results.name} has no energies; use a run of mechanics")
     total = books["kinetic"] + books["strain"] + books["dissipated"] + np.nan_to_num(damping(books))
     return float(np.interp(time, books["time"], total))

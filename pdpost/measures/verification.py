@@ -45,7 +45,7 @@ def verified(results: Results) -> Verified:
             _expect_times(results, table, step, time, float(meta["time_step"]))
     odd = steps[:-1][steps[:-1] % run.every != 0]
     if len(odd):
-        raise DamagedError(f"{results.name}: found a frame at step {odd[0]}, expected one every {run.every}")
+        raise DamagedError(f"{results.name}: there is a frame at step {odd[0]}; frames are every {run.every} steps")
     for step in steps.tolist():
         for name in results.stored(step):
             results.field(name, step)
@@ -56,7 +56,7 @@ def verified(results: Results) -> Verified:
     _expect_masses(results)
     status = str(meta.get("status", ""))
     if status == "finished" and not results.summary():
-        raise DamagedError(f"{results.name}: found a run that is finished without a summary, expected one")
+        raise DamagedError(f"{results.name}: it is finished without a summary; every finished run has one")
     return Verified(
         len(results.nodes().ids),
         pair_count(len(families.neighbour)),
@@ -74,10 +74,12 @@ def _expect_order(results: Results, books: NDArray[np.void], steps: NDArray[np.i
     booked = books["step"].astype(np.int64)
     back = np.flatnonzero(np.diff(booked) <= 0)
     if len(back):
-        raise DamagedError(f"{results.name}: the ledger: found step {booked[back[0] + 1]} after {booked[back[0]]}")
+        raise DamagedError(f"{results.name}: energy balance: step {booked[back[0] + 1]} comes after {booked[back[0]]}")
     missing = np.setdiff1d(steps, booked)
     if len(booked) and len(missing):
-        raise DamagedError(f"{results.name}: the ledger: found no entry of step {missing[0]}, expected one a frame")
+        raise DamagedError(
+            f"{results.name}: energy balance: there is no entry of step {missing[0]}; every frame has one"
+        )
 
 
 def _expect_times(
@@ -88,7 +90,7 @@ def _expect_times(
     if off.any():
         at = int(off.argmax())
         raise DamagedError(
-            f"{results.name}: {table}: found {time[at]:g} s at step {int(step[at])}, expected steps of {time_step:g} s"
+            f"{results.name}: {table}: time is {time[at]:g} s at step {int(step[at])}; steps are of {time_step:g} s"
         )
 
 
@@ -103,15 +105,15 @@ def _expect_bonds(results: Results) -> None:
     if strange.any() or len(np.unique(torn)) < len(torn):
         at = int(strange.argmax())
         raise DamagedError(
-            f"{results.name}: table bond_break: found a bond of {breaks.node[at]} and {breaks.neighbour[at]}, expected"
-            " each bond that breaks to be one of a family, and to break once"
+            f"{results.name}: table bond_break: the bond of {breaks.node[at]} and {breaks.neighbour[at]} is of no"
+            " family, or breaks twice"
         )
     for step, kept in zip(books["step"].tolist(), books["broken"].tolist(), strict=True):
         there = int(np.searchsorted(breaks.step, step, side="right"))
         if kept != there:
             raise DamagedError(
-                f"{results.name}: the ledger: found {kept:g} broken bonds at step {step:g}, expected {there} as in the"
-                " table bond_break"
+                f"{results.name}: energy balance: {kept:g} bonds are broken at step {step:g}; the table bond_break"
+                f" has {there}"
             )
     for step in results.frames()[0].tolist() if len(books) else ():
         if "damage" not in results.stored(step):
@@ -121,8 +123,8 @@ def _expect_bonds(results: Results) -> None:
         off = np.abs(results.field("damage", step) - expected) > 1e-6
         if off.any():
             raise DamagedError(
-                f"{results.name}: found damage {results.field('damage', step)[off][0]:g} of node"
-                f" {nodes.ids[off.argmax()]} at step {step}, expected {expected[off][0]:g} by its broken bonds"
+                f"{results.name}: damage of node {nodes.ids[off.argmax()]} at step {step} is"
+                f" {results.field('damage', step)[off][0]:g}; its broken bonds give {expected[off][0]:g}"
             )
 
 
@@ -137,8 +139,8 @@ def _expect_energies(results: Results) -> None:
         most = max(abs(float(entry["strain"])), abs(held), FIELDS_CLOSE * abs(float(entry["work"])))
         if not abs(held - entry["strain"]) <= FIELDS_CLOSE * most:
             raise DamagedError(
-                f"{results.name}: found strain energy of {held:g} in the nodes at step {step}, expected"
-                f" {entry['strain']:g} as in the ledger"
+                f"{results.name}: strain energy of the nodes at step {step} is {held:g}; the energy balance has"
+                f" {entry['strain']:g}"
             )
 
 
@@ -148,4 +150,4 @@ def _expect_masses(results: Results) -> None:
         off = ~(np.abs(error) <= MASS_CLOSE)
         if off.any():
             step = results.masses()["step"][off.argmax()]
-            raise DamagedError(f"{results.name}: table mass: found {error[off][0]:+.1e} of it missing at step {step:g}")
+            raise DamagedError(f"{results.name}: table mass: {error[off][0]:+.1e} of it is missing at step {step:g}")

@@ -8,10 +8,11 @@ from typing import Any, TypeVar
 import msgspec
 import numpy as np
 
+from pdmesh.messages import unfit
 from pdmesh.model.document import LARGEST, Crack, Run, Selection, Settings, Vector
 from pdmesh.model.number_bounds import beyond
 from pdmesh.model.repeated_keys import repeated_key
-from pdmesh.model.suggestions import decode_older
+from pdmesh.model.suggestions import decode_older, explained
 from pdpost.reading.time_text import time_text
 from pdsolve.results import Results, ResultsError
 
@@ -59,11 +60,12 @@ def read(results: Results, kind: type[T]) -> T:
         if _Model not in results.decoded:
             rest, _ = decode_older(text, _Model)
             if (repeated := repeated_key(text)) is not None:
-                raise ResultsError(f"{results.name}: model: {repeated}: found twice, expected once")
+                raise ResultsError(f"{results.name}: model: {repeated} is there twice; keep one")
             _check(results, rest)
             results.decoded[_Model] = rest
     except (msgspec.DecodeError, RecursionError) as error:
-        raise ResultsError(f"{results.name}: found no model to read ({error}), expected a grid file") from None
+        words = explained(error, kind, lambda: msgspec.json.decode(text))
+        raise ResultsError(f"{results.name}: model: {words}") from None
     results.decoded[kind] = found
     return found
 
@@ -80,7 +82,7 @@ def whole(results: Results) -> dict[str, Any]:
     try:
         found: dict[str, Any] = json.loads(results.model())
     except (ValueError, RecursionError) as error:
-        raise ResultsError(f"{results.name}: found no model to read ({error}), expected a grid file") from None
+        raise ResultsError(f"{results.name} has no model to read ({error}); use results with a grid file") from None
     return found
 
 
@@ -88,7 +90,7 @@ def _check(results: Results, model: _Model) -> None:
     """Raise ResultsError for impossible numbers, and for conditions and regions without nodes."""
 
     def refuse(place: str, found: object, expected: str) -> None:
-        raise ResultsError(f"{results.name}: model: {place}: found {found}, expected {expected}")
+        raise ResultsError(f"{results.name}: model: {unfit(place, found, expected)}")
 
     large = beyond(model, "$", leave_out=("outline", "holes", "notch"))
     if large is not None:
@@ -112,8 +114,8 @@ def expect_mechanics(results: Results) -> None:
     physics = physics_of(results)
     if physics != "mechanics":
         raise ResultsError(
-            f"{results.name}: found a model of {physics}, expected one of mechanics (pdpost history, concentration,"
-            " content and solid show it)"
+            f"{results.name} is of a model of {physics}, and mechanics is needed; use pdpost history,"
+            " concentration, content and solid"
         )
 
 

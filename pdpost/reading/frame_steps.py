@@ -12,7 +12,7 @@ def frames(results: Results) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Steps (t,) and times (t,), s, of the frames. Raises ResultsError if there is none yet."""
     steps, times = results.frames()
     if not len(steps):
-        raise ResultsError(f"{results.name}: found no frame yet, expected at least one")
+        raise ResultsError(f"{results.name} has no frame yet; wait for the first")
     return steps, times
 
 

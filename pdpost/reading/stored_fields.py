@@ -36,7 +36,7 @@ def _columns(results: Results, name: str, step: int) -> list[NDArray[np.float64]
     if missing and there:
         expect_physics_of(results, name)
         expected = f"one of {', '.join(there)} (pdsolve --fields +{','.join(missing)} stores it)"
-        raise ResultsError(f"{results.name}: found no field '{missing[0]}', expected {expected}")
+        raise ResultsError(f"{results.name} has no field '{missing[0]}'; use {expected}")
     return [results.field(column, step).astype(float) for column in columns]
 
 
@@ -45,4 +45,4 @@ def expect_physics_of(results: Results, name: str) -> None:
     if (name in OF_DIFFUSION) != diffuses(results):
         found, other = ("diffusion", "mechanics")[:: 1 - 2 * (name in OF_DIFFUSION)]
         shown = f" (this has {', '.join(OF_DIFFUSION)})" if found == "diffusion" else ""
-        raise ResultsError(f"{results.name}: found a model of {found}, expected one of {other} for {name}{shown}")
+        raise ResultsError(f"{results.name} is of a model of {found}; {name} needs one of {other}{shown}")

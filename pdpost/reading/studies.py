@@ -34,7 +34,7 @@ def read(path: Path) -> Read:
         rows, columns = table.rows(), table.columns()
     done = [row for row in rows if row.status == FINISHED]
     if not done:
-        raise StudyError(f"{path}: found no run that is finished, expected at least one of {len(rows)}")
+        raise StudyError(f"{path}: no run is finished; at least one of {len(rows)} is needed")
     parameters = [name for name, column in columns.items() if column.kind != "measure"]
     varied = [name for name in parameters if len({row.values[name] for row in done}) > 1]
     failed = sum(row.error is not None for row in rows)

@@ -42,8 +42,8 @@ def frames(
         silent = clock() - since
         if silent >= patience:
             raise SilentError(
-                f"{path}: found nothing new for {silent:.0f} s, expected a frame; its status is '{status}'"
-                " (was the run killed? --patience waits longer)"
+                f"{path}: nothing new came for {silent:.0f} s; its status is '{status}' (was the run killed?"
+                " --patience waits longer)"
             )
         if silent >= word:
             tell(f"{path}: nothing new for {silent:.0f} s; the run is '{status}'")

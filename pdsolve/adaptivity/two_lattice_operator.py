@@ -92,7 +92,7 @@ class TwoLatticeOperator(ABC, Generic[N]):
         Raises RuntimeError if the nodes have changed.
         """
         if not self.current:
-            raise RuntimeError(f"{self.name}: found nodes that have become others, expected these to be asked for")
+            raise RuntimeError(f"{self.name}: nodes have become others; ask for the present ones")
         self._put(state)
 
     @abstractmethod

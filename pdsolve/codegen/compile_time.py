@@ -1,4 +1,4 @@
-"""How long kernels are compiled in a command: said while it lasts, as nothing else happens."""
+"""How long kernels are compiled: no part of a run's time, and said while it lasts, as nothing else happens."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import cache
 from typing import Any
 
 from numba.core import event
@@ -13,42 +14,71 @@ from numba.core import event
 PATIENCE = 1.0  # s of compiling that nobody hears of
 
 
-class _Listener(event.Listener):
+class _Clock(event.Listener):
     """Sums the time of compilations, s; those inside another one are part of it."""
 
-    def __init__(self, say: Callable[[str], None]) -> None:
-        self.total = 0.0
-        self.said = False
-        self._say = say
-        self._depth = 0
-        self._begun = 0.0
-        self._timer = threading.Timer(PATIENCE, self._tell)
+    def __init__(self) -> None:
+        self._total, self._depth, self._begun = 0.0, 0, 0.0
 
     def on_start(self, event: Any) -> None:
         self._depth += 1
         if self._depth == 1:
-            self._begun = time.monotonic()
-            if not self.said:
-                self._timer = threading.Timer(PATIENCE, self._tell)
-                self._timer.daemon = True
-                self._timer.start()
+            self._begun = time.perf_counter()
+
+    def on_end(self, event: Any) -> None:
+        self._depth -= 1
+        if self._depth == 0:
+            self._total += time.perf_counter() - self._begun
+
+    @property
+    def seconds(self) -> float:
+        return self._total + (time.perf_counter() - self._begun if self._depth else 0.0)
+
+
+@cache
+def _clock() -> _Clock:
+    """The clock of this process, which runs from now on."""
+    clock = _Clock()
+    event.register("numba:compile", clock)
+    return clock
+
+
+def compile_seconds() -> float:
+    """Seconds that this process has compiled kernels for, since the first call."""
+    return _clock().seconds
+
+
+def running_time() -> float:
+    """Seconds on a clock that stands still while kernels are compiled; only differences mean something."""
+    return time.perf_counter() - compile_seconds()
+
+
+class _Listener(event.Listener):
+    """Says once that kernels are compiled, when that has taken `PATIENCE`."""
+
+    def __init__(self, say: Callable[[str], None]) -> None:
+        self._said, self._say, self._depth = False, say, 0
+        self._timer = threading.Timer(PATIENCE, self._tell)
+
+    def on_start(self, event: Any) -> None:
+        self._depth += 1
+        if self._depth == 1 and not self._said:
+            self._timer = threading.Timer(PATIENCE, self._tell)
+            self._timer.daemon = True
+            self._timer.start()
 
     def on_end(self, event: Any) -> None:
         self._depth -= 1
         if self._depth == 0:
             self._timer.cancel()
-            self.total += time.monotonic() - self._begun
 
     def _tell(self) -> None:
-        self.said = True
-        self._say("compiling for this processor, once")
+        self._said = True
+        self._say("compiling kernels for this processor, once")
 
 
 @contextmanager
 def compile_time_said(say: Callable[[str], None]) -> Iterator[None]:
-    """A context that says that kernels are compiled, if that takes more than a second, and at its end how long."""
-    listener = _Listener(say)
-    with event.install_listener("numba:compile", listener):
+    """A context that says that kernels are compiled, if that takes more than a second."""
+    with event.install_listener("numba:compile", _Listener(say)):
         yield
-    if listener.said:
-        say(f"compiling for this processor, once: {listener.total:.0f} s")

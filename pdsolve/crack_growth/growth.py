@@ -65,7 +65,7 @@ class Growth:
         self._began = _Began(-1, 0.0, 0)
         tips = self.tips()
         if not tips:
-            raise ModelError(f"{model.name}: $.notch: found no tip of a crack inside the plate, expected one to grow")
+            raise ModelError(f"{model.name}: $.notch: no tip of a crack is inside the plate; add one that can grow")
         for tip in tips if self.rules.criterion == "intensity" else ():
             refused = self._too_small(tip, tips)
             if refused:
@@ -139,16 +139,16 @@ class Growth:
         rules, way, length = self.rules, self._way(tip), self.length(tip, share)
         for angle in verdict.angles:
             if rules.most is not None and len(self.particles.place) - self._first >= rules.most:
-                found = (
-                    f"found a crack that would go on from {_at(tip.place)} after {rules.most} particles, expected no"
-                )
-                self.remark("most", f"step {step}: {found} more (run.particles.most); cracks stay as they are")
+                reached = f"a crack would go on from {_at(tip.place)} after {rules.most} particles, and stops there"
+                self.remark("most", f"step {step}: {reached}; a larger run.particles.most lets it grow")
                 return
             toward = float(np.arctan2(way[1], way[0])) + angle
             place = self._ground.end(tip.place, toward, length, arms(self.particles))
             if self._folds(tip, place):
-                found = f"found a crack that turns back on itself at {_at(tip.place)}, expected a path"
-                self.remark(f"folds {tip.particle}", f"step {step}: {found}; it stays there")
+                self.remark(
+                    f"folds {tip.particle}",
+                    f"step {step}: a crack turns back on itself at {_at(tip.place)}, and stops there",
+                )
                 return
             self.particles = grown(self.particles, place, tip.particle, step)
 
@@ -170,10 +170,12 @@ class Growth:
         began = self._began if self._began.step == step else _Began(step, share, 0)
         self._began = began = began._replace(particles=began.particles + new)
         if began.particles > self._long and share > RISES * began.share:
-            found = f"found cracks that run on under the same load: after {began.particles} particles a tip feels"
+            found = f"cracks run on under the same load: after {began.particles} particles a tip feels"
             found += f" {share:.3g} of what lets it grow, at first {began.share:.3g}"
-            expected = "expected growth that load steps can follow; their path from there on is not known at rest"
-            self.remark("runs", f"load step {step}: {found}, {expected}")
+            expected = (
+                "load steps follow stable growth only; their path from there on is not known in quasi-static analysis"
+            )
+            self.remark("runs", f"load step {step}: {found}; {expected}")
 
     def _cut(self, new: NDArray[np.float64], state: State, step: int) -> None:
         """Cut the bonds that cross new arms (k, 4)."""
@@ -232,10 +234,10 @@ class Growth:
         own = self.particles
         same = np.array_equal(parent[:first], own.parent[:first]) and np.array_equal(place[:first], own.place[:first])
         if not same or step[:first].any():
-            raise CheckpointError(f"found other particles than the {first} of pre-cracks, expected those first")
+            raise CheckpointError(f"particles are not the {first} of pre-cracks first")
         later = np.arange(first, len(step))
         if ((parent[first:] < 0) | (parent[first:] >= later) | (step[first:] < 1)).any() or (np.diff(step) < 0).any():
-            raise CheckpointError("found a particle that grew from none or a later one, expected one before it")
+            raise CheckpointError("a particle grew from none or a later one; it must grow from one before it")
         return Particles(place, normal, parent, step)
 
     def rows(self, after: int) -> list[tuple[float, ...]]:
@@ -266,7 +268,7 @@ class Growth:
         least = LEAST * self._horizon(tip)
         if radius >= least:
             return ""
-        return f"found {what} {radius:.3g} m from the tip at {_at(tip.place)}, expected room of {least:.3g} m"
+        return f"{what} is {radius:.3g} m from the tip at {_at(tip.place)}; it needs room of {least:.3g} m"
 
     @property
     def remarks(self) -> list[str]:
@@ -294,7 +296,7 @@ def _kept_remarks(kept: Mapping[str, NDArray[Any]]) -> dict[str, str]:
     try:
         return msgspec.json.decode(letters, type=dict[str, str])
     except (msgspec.DecodeError, UnicodeDecodeError):
-        raise CheckpointError("found 'particle_remarks' that are none, expected texts with names") from None
+        raise CheckpointError("'particle_remarks' are none; they must be texts with names") from None
 
 
 def _at(place: NDArray[np.float64]) -> str:

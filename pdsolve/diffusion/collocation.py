@@ -120,8 +120,8 @@ class Collocated:
         if len(lost):
             place = ", ".join(f"{x:.6g}" for x in self._model.grid.position[self._coarse[lost[0]]])
             raise ModelError(
-                f"{self._model.name}: $.run.adapt: found {len(lost)} coarse nodes near an edge that are not held, the"
-                f" first at ({place}) m, expected fine nodes or a held layer of {np.abs(found.xi).max()} there"
+                f"{self._model.name}: $.run.adapt: {len(lost)} coarse nodes near an edge are not held, the first at"
+                f" ({place}) m; use fine nodes or a held layer of {np.abs(found.xi).max()} there"
             )
 
     def rates(self, potential: NDArray[np.float64], out: NDArray[np.float64]) -> None:
@@ -140,7 +140,7 @@ class Collocated:
 
     def tangent(self) -> csr_array:
         """Not available: implicit steps require symmetric bonds."""
-        raise ModelError(f"{self._model.name}: $.run.adapt: found collocation, expected none for implicit steps")
+        raise ModelError(f"{self._model.name}: $.run.adapt is collocation; use none for implicit steps")
 
     def contrast(self, share: NDArray[np.float64]) -> float:
         """Sum over bonds of the differences of `share` (n,), which is 0 on coarse nodes, weighted by conductance,
@@ -168,14 +168,14 @@ def _two(families: Families) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Rows of the fine and of the coarse nodes. Raises ModelError for nodes of other spacings."""
     model, delta = families.model, families.model.grid.delta
     levels = np.unique(delta)
-    place = f"{model.name}: $.run.adapt: found"
+    place = f"{model.name}: $.run.adapt is collocation with"
     if len(levels) != 2 or abs(levels[1] / levels[0] - 2) > ON_LATTICE:
         said = ", ".join(f"{level:g}" for level in levels[:4])
-        raise ModelError(f"{place} spacings of {said} m, expected two, one twice the other, for collocation")
+        raise ModelError(f"{place} spacings of {said} m; use two, one twice the other")
     fine, coarse = (np.flatnonzero(delta == level) for level in levels)
     D = families.diffusivity
     if (D[0] != D).any() or len(model.grid.cracks) or _blocked(families, fine):
-        raise ModelError(f"{place} several media, or what blocks bonds, expected one medium without, for collocation")
+        raise ModelError(f"{place} several media, or what blocks bonds; use one medium without")
     return fine, coarse
 
 
@@ -259,7 +259,7 @@ def _linear(at: NDArray[np.int64], every: NDArray[np.int64], model: Model) -> Be
     found = np.column_stack(rows)
     if (found < 0).any():
         raise ModelError(
-            f"{model.name}: $.run.adapt: found fine nodes at an edge, expected coarse ones all around, for collocation"
+            f"{model.name}: $.run.adapt is collocation with fine nodes at an edge; use coarse ones all around"
         )
     return Between(at, _matrix(found, np.column_stack(weights), len(every)))
 

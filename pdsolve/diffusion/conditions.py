@@ -166,9 +166,7 @@ def _possible(model: Model, place: str, value: float) -> None:
     medium = model.settings.medium
     assert medium is not None
     if medium.C_sat is not None and value > medium.C_sat:
-        raise ModelError(
-            f"{model.name}: {place}: found {value:g} mol/m^3, expected at most C_sat, {medium.C_sat:g} mol/m^3"
-        )
+        raise ModelError(f"{model.name}: {place} is {value:g} mol/m^3; use at most C_sat, {medium.C_sat:g} mol/m^3")
 
 
 def begin(model: Model, drive: Drive) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
@@ -187,14 +185,15 @@ def begin(model: Model, drive: Drive) -> tuple[NDArray[np.float64], NDArray[np.u
         if isinstance(condition, Solid):
             if medium.C_solid is None:
                 raise ModelError(
-                    f"{model.name}: $.conditions[{number}]: found a solid, expected none, or medium.C_solid and C_sat"
+                    f"{model.name}: $.conditions[{number}] is a solid, without medium.C_solid and C_sat; give both,"
+                    " or leave it out"
                 )
             rows = model.selected(condition)
             both = rows[~free[rows]]
             if len(both):
                 raise ModelError(
-                    f"{model.name}: $.conditions[{number}]: found node {model.grid.ids[both[0]]} solid and held,"
-                    " expected one of them"
+                    f"{model.name}: $.conditions[{number}]: node {model.grid.ids[both[0]]} is solid and held; use"
+                    " one of them"
                 )
             content[rows], solid[rows] = medium.C_solid, 1
     hold_values(drive, content, 0.0)

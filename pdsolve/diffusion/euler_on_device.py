@@ -29,7 +29,7 @@ class EulerOnDevice:
         self.session, self._drive, self._state, self._dt = session, drive, state, dt
         lattice, more = operator.exchange, operator.change
         if not isinstance(lattice, OnLattice):
-            raise ModelError("$.run.device: found nodes on no lattice, expected cpu, or nodes on one")
+            raise ModelError("$.run.device: nodes are on no lattice; use cpu, or nodes on one")
         tables, nodes = lattice.tables(), len(operator.volume)
         changes = [tables.change, more]
         self._nodes, self._ahead, self._last = nodes, False, 0

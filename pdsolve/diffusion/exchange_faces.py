@@ -33,8 +33,8 @@ def ways_to_edge(model: Model, number: int, rows: Rows) -> Array:
     nodes, given = np.array(condition.nodes or (), dtype=np.int64), condition.edge or ()
     if len(given) != len(nodes) or any(len(way) != grid.dimension for way in given):
         raise ModelError(
-            f"{model.name}: $.conditions[{number}].edge: found {len(given)} ways, expected {len(nodes)}, one for each"
-            f" of its nodes, in {grid.dimension} dimensions"
+            f"{model.name}: $.conditions[{number}].edge has {len(given)} ways; give {len(nodes)}, one for each of"
+            f" its nodes, in {grid.dimension} dimensions"
         )
     order = np.argsort(nodes, kind="stable")
     return np.asarray(np.array(given)[order[np.searchsorted(nodes, grid.ids[rows], sorter=order)]])

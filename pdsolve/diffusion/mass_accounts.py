@@ -26,7 +26,7 @@ class MassAccounts:
         self._transport = transport
         start = None if results is None else results.masses()
         if start is not None and not len(start):
-            raise CheckpointError("found one without masses at the start, expected these too")
+            raise CheckpointError("masses at the start are missing")
         self._start = masses(transport, state, step, None) if start is None else Masses(*start[0])
         self.last = masses(transport, state, step, self._start.solid)
         self._rows: list[Masses] = []
@@ -55,8 +55,8 @@ class MassAccounts:
         if not np.isfinite(content).all():
             worst = int((~np.isfinite(content)).argmax())
             raise UnstableError(
-                f"unstable at step {step}, {step * transport.time_step:.4g} s, node"
-                f" {transport.model.grid.ids[worst]}: its content is {content[worst]}, expected a number"
+                f"unstable at step {step} ({step * transport.time_step:.4g} s, node"
+                f" {transport.model.grid.ids[worst]}): its content is {content[worst]}; reduce run.time_step"
             )
         self.settle(state, step, asked)
         self._rows.append(self.last)

@@ -156,7 +156,7 @@ class Fick:
         from scipy.sparse import csr_array, diags_array
 
         if self.kinetic:
-            raise ModelError("medium.dissolution: found kinetic, whose rates jump, expected enthalpy for a tangent")
+            raise ModelError("medium.dissolution is kinetic, whose rates jump; use enthalpy for a tangent")
         liquid = diags_array(self.follows(state.value[:, 0]).astype(float))
         rates = sum((part.tangent() for part in self._parts), -diags_array(self.outside))
         return csr_array(-rates @ liquid)

@@ -97,7 +97,7 @@ def expect_usual(model: Model, options: Options) -> None:
     if rest != Options() or options.kernel not in (None, "listed"):
         found = ", ".join(str(value) for value in rest._replace(kernel=options.kernel) if value is not None)
         raise ModelError(
-            f"{model.name}: found {found}, expected the usual mode, precision and kernel of diffusion, or listed"
+            f"{model.name}: {found} cannot be used for diffusion; use the usual mode, precision and kernel, or listed"
         )
 
 
@@ -135,11 +135,11 @@ def _step(model: Model, most: float) -> float:
         return run.time_step
     if run.time_step is None:
         if not np.isfinite(most):
-            raise ModelError(f"{model.name}: $.run.time_step: found none, expected one for a model without bonds")
+            raise ModelError(f"{model.name}: $.run.time_step is missing, which a model without bonds needs; give one")
         return most
     if run.time_step > most * (1 + SLACK):
         raise ModelError(
-            f"{model.name}: $.run.time_step: found {run.time_step:.6g} s, expected at most {most:.6g} s, up to which"
-            " forward Euler is surely stable, or run.solver = 'implicit'"
+            f"{model.name}: $.run.time_step is {run.time_step:.6g} s, more than the stable time step; use at most"
+            f" {most:.6g} s, or run.solver = 'implicit'"
         )
     return run.time_step

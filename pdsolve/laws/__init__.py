@@ -59,13 +59,13 @@ def law_of(model: Model, matches_work: bool = True) -> Law:
         fixed = BONDS_NU[material.plane]
         if law.pair is not None and material.nu is not None and abs(material.nu - fixed) > 0.01:
             warnings.warn(
-                f"{model.name}: nu: found {material.nu:g}, bonds have {fixed:.4g} in plane {material.plane}",
+                f"{model.name}: nu is {material.nu:g}; bonds have {fixed:.4g} in plane {material.plane}",
                 ModelWarning,
                 stacklevel=2,
             )
     first, *others = laws.values()
     if others and any(law not in MIXED for law in laws.values()):
-        raise ModelError(f"{model.name}: law: found {' and '.join(laws)} in one plate, expected one of them")
+        raise ModelError(f"{model.name}: law: {' and '.join(laws)} are in one plate; use one of them")
     found = bilinear.LAW if others else first
     if found in (correspondence.LAW, wan.LAW) and any(material.solid == "j2" for material in model.materials):
         return plastic_correspondence.LAW
@@ -86,7 +86,7 @@ def law_named(material: Material, place: str) -> tuple[str, Law]:
         return material.model, MODELS[material.model]
     if material.law not in LAWS:
         hint = f" (or material.model = '{material.law}')" if material.law in MODELS else ""
-        raise ModelError(f"{place}.law: found '{material.law}', expected one of {', '.join(LAWS)}{hint}")
+        raise ModelError(f"{place}.law is '{material.law}'; use one of {', '.join(LAWS)}{hint}")
     if material.law == "cohesive":
         return f"cohesive, {material.shape}", cohesive.LAWS[material.shape]
     return material.law, LAWS[material.law]

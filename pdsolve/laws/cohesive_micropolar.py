@@ -73,7 +73,7 @@ def columns_of(kind: type[Any]) -> Callable[[Model, Bonds], Any]:
     def columns(model: Model, bonds: Bonds) -> Any:
         """Columns of these bonds (b,). Raises ModelError in space."""
         if bonds.xi.shape[1] != 2:
-            raise ModelError(f"{model.place_of(0)}.model: found 'micropolar' in space, expected it in the plane")
+            raise ModelError(f"{model.place_of(0)}.model is 'micropolar' in space; use it in the plane")
         numbers = *shear_of(model, bonds), 1 / np.broadcast_to(model.horizons, len(bonds.start) - 1)
         stiffness, ratio, turn = (np.asarray(column, dtype=bonds.limit.dtype) for column in numbers)
         count = len(bonds.limit)

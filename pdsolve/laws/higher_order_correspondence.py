@@ -100,8 +100,8 @@ def columns(model: Model, bonds: Bonds) -> Columns:
     law.stiffest[0] = max(_refit(law, listed, every) / BESIDE, first_order) * (1 + ROUND)
     if nodes and law.carried.max() < first.order:
         raise ModelError(
-            f"{model.place_of(0)}.order: found {first.order}, expected {law.carried.max()} at most, which is what"
-            f" families of a horizon of {model.settings.horizon.ratio:g} spacings carry"
+            f"{model.place_of(0)}.order is {first.order}; use {law.carried.max()} at most, which is what families"
+            f" of a horizon of {model.settings.horizon.ratio:g} spacings carry"
         )
     return law
 

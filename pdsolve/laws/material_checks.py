@@ -31,8 +31,8 @@ def remarks(model: Model) -> list[str]:
             one, place = model.materials[own[worst]], model.place_of(int(own[worst])).removeprefix(f"{model.name}: ")
             said.setdefault(
                 "stretch",
-                f"{place}: found E = {one.E:g} Pa and G0 = {one.G0:g} J/m^2, whose bonds carry up to a stretch of"
-                f" {peak[worst]:.2g}, expected less than {LARGE_STRETCH:g}: is E in Pa, not in MPa or GPa?",
+                f"{place}: E = {one.E:g} Pa and G0 = {one.G0:g} J/m^2 give bonds that carry up to a stretch of"
+                f" {peak[worst]:.2g}, more than {LARGE_STRETCH:g}: is E in Pa, not in MPa or GPa?",
             )
         wrong = negative_secant(pair, material.law, float(peak[0]), float(limit[0]))
         if wrong is not None:
@@ -57,6 +57,6 @@ def negative_secant(pair: Pair, name: str, peak: float, limit: float) -> str | N
         return None
     at = stretch[bad[0]]
     return (
-        f"law '{name}': found a secant of {secant[bad[0]]:.3g} at the stretch {at:.3g}, {at / limit:.2g} of the limit,"
-        " expected 0 or more: such bonds push where they are stretched, and runs do not stay stable"
+        f"law '{name}' has a secant of {secant[bad[0]]:.3g} at the stretch {at:.3g}, {at / limit:.2g} of the limit;"
+        " use 0 or more: such bonds push where they are stretched, and runs do not stay stable"
     )

@@ -45,7 +45,7 @@ class Columns(NamedTuple):
 def columns(model: Model, bonds: Bonds) -> Columns:
     """Columns of these bonds (b,). Raises ModelError in space."""
     if bonds.xi.shape[1] != 2:
-        raise ModelError(f"{model.place_of(0)}.model: found 'micropolar' in space, expected it in the plane")
+        raise ModelError(f"{model.place_of(0)}.model is 'micropolar' in space; use it in the plane")
     own = np.repeat(np.arange(len(bonds.start) - 1), np.diff(bonds.start))
     horizon = np.broadcast_to(model.horizons, len(bonds.start) - 1)
     reach, length = (horizon[own] + horizon[bonds.neighbour]) / 2, np.hypot(*bonds.xi.T.astype(float))

@@ -85,7 +85,7 @@ def coefficients(xi: NDArray[np.int64], alpha: float | None) -> NDArray[np.float
     p = np.prod((xi[:, None, :] / reach) ** powers, axis=2)
     w = np.ones(len(xi)) if alpha is None else np.exp(-(xi**2).sum(axis=1) / (alpha * reach) ** 2)
     if np.linalg.matrix_rank(p) < len(powers):
-        raise StencilError(f"stencil: found {len(xi)} nodes, expected enough for all {len(powers)} monomials")
+        raise StencilError(f"stencil: {len(xi)} nodes are too few for all {len(powers)} monomials; use more")
     # by the root of the weights, as squares of them would cost half of the digits
     root = np.sqrt(w)
     found = np.linalg.pinv(root[:, None] * p) * root
@@ -133,7 +133,7 @@ def stencil_of(ratio: float, J: NDArray[np.float64], dimension: int) -> Stencil:
             continue
         if found.least < SOFT * _long(found):
             refused = StencilError(
-                f"stencil: found {len(xi)} nodes with alpha {alpha}, soft to some wave, expected less"
+                f"stencil: {len(xi)} nodes with alpha {alpha} are soft to some wave; use a smaller alpha"
             )
         elif apart == 1:
             return found
@@ -195,7 +195,7 @@ def _checked(xi: NDArray[np.int64], theta: NDArray[np.float64], words: str) -> S
     least, most = float(found.min()), float(found.max())
     if least < -NEGATIVE * most:
         raise StencilError(
-            f"stencil: found {len(xi)} nodes with {words}, whose symbol is {least / most:.2g} of its largest value"
-            " for some wave, expected none below 0: it is not stable"
+            f"stencil: {len(xi)} nodes with {words} have a symbol of {least / most:.2g} of its largest value for"
+            " some wave, which is below 0: it is not stable"
         )
     return Stencil(xi, theta, least, most)

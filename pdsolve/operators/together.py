@@ -25,7 +25,7 @@ class Together:
         self.symmetric = all(part.symmetric for part in parts)
         for part in parts:
             if part.unknowns != self.unknowns:
-                raise ValueError(f"{part.name}: found unknowns {part.unknowns}, expected {self.unknowns}")
+                raise ValueError(f"{part.name} has unknowns {part.unknowns}; use {self.unknowns}")
 
     def place(self, state: State) -> State:
         """The state in the layout of the last part; the others copy it."""

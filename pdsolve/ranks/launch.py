@@ -17,13 +17,13 @@ from pdmesh.commandline import BAD_INPUT, FAILURE
 from pdmesh.printing import remark
 from pdsolve.numerics.team import NUMBERS, Floor, Team, is_first, is_one_of_many, team
 
-MISSING = "found ranks but no MPI for Python, expected it: pip install 'pdsuite[mpi]'"
+MISSING = "ranks need MPI for Python; install it: pip install 'pdsuite[mpi]'"
 
 
 ROOM = 1 << 29  # bytes of addresses: with less, OpenBLAS asks the system for more for ever
 OF_A_RANK = 3 << 28  # likewise, of a process that has loaded MPI
 Exits = Callable[[], dict[type[Exception], int]]  # the exit codes of expected errors
-KILLED = "pdsolve: found a rank killed, expected it to go on (too little memory?); --resume goes on from the checkpoint"
+KILLED = "pdsolve: a rank was killed (too little memory?); --resume goes on from the checkpoint"
 WITNESS = "import sys; sys.stdin.read() or print(sys.argv[1], file=sys.stderr)"
 
 
@@ -89,7 +89,7 @@ def alone(name: str, command: Callable[[], int]) -> int:
     if not is_one_of_many():
         return command()
     if is_first():
-        remark(f"{name}: found many ranks, expected one process: pdsolve alone is for mpiexec")
+        remark(f"{name} runs on many ranks; use one process: pdsolve alone is for mpiexec")
     return BAD_INPUT
 
 

@@ -39,7 +39,7 @@ def slabs_of(model: Model, ranks: int, unit: int = LANES) -> list[Slab]:
     units = -(-nodes // unit)
     if units < ranks:
         raise ModelError(
-            f"{model.name}: $.nodes: found {nodes} on {ranks} ranks, expected at least {unit} a rank: fewer ranks"
+            f"{model.name}: $.nodes: {nodes} on {ranks} ranks are too few; use at least {unit} a rank: fewer ranks"
         )
     cuts = [min(unit * at, nodes) for at in cuts_of(costs_of(model, unit), ranks)]
     widest = float(model.grid.delta.max())

@@ -44,11 +44,11 @@ class ResultsWarning(UserWarning):
 
 MOST_SAID = 200  # letters of what SQLite says: it may quote a damaged value in full
 HINTS = {
-    "SQLITE_BUSY": ", expected one that no other program keeps to itself",
-    "SQLITE_INTERRUPT": ", expected a whole one: its pages lead in circles",
-    "SQLITE_TOOBIG": ", expected no value larger than the file",
-    "SQLITE_CORRUPT": ", expected a whole one (was the file cut short?)",
-    "SQLITE_NOTADB": ", expected one written by pdsolve",
+    "SQLITE_BUSY": "; close the program that keeps it to itself",
+    "SQLITE_INTERRUPT": "; use a whole one: its pages lead in circles",
+    "SQLITE_TOOBIG": "; use a whole one: a value is larger than the file",
+    "SQLITE_CORRUPT": "; use a whole one (was the file cut short?)",
+    "SQLITE_NOTADB": "; use one written by pdsolve",
 }
 
 

@@ -24,22 +24,22 @@ def written_families(tables: Tables, nodes: Nodes) -> tuple[NDArray[np.int64], N
     for first, *_, bonds, further in tables.all(TABLE):
         count = _inflated(tables, bonds, CHUNK)
         follows = first == (row if tables.epochs else row // CHUNK)
-        wrong = None if follows else "found chunks that do not follow each other, expected them in their order"
+        wrong = None if follows else "chunks do not follow each other"
         tables.expect(TABLE, wrong or wrong_chunk(row, count, rows))
         if count.any() and not np.array_equal(count, expected[row : row + len(count)]):  # of diffusion none is written
-            tables.impossible(TABLE, "found other numbers of bonds than in the table node")
+            tables.impossible(TABLE, "numbers of bonds are not those of the table node")
         total = int(count.sum())
         ahead = _inflated(tables, further, total)
         if len(ahead) != total:
-            tables.impossible(TABLE, f"found {len(ahead)} neighbours or more, expected {total}")
+            tables.impossible(TABLE, f"{len(ahead)} neighbours or more are there; {total} belong there")
         neighbour = np.repeat(np.arange(row, row + len(count)), count) + ahead
         if ((neighbour < 0) | (neighbour >= rows)).any():
-            tables.impossible(TABLE, f"found neighbours that do not exist, expected some of {rows} nodes")
+            tables.impossible(TABLE, f"neighbours do not exist; there are {rows} nodes")
         neighbours.append(neighbour)
         counts.append(count)
         row += len(count)
     if row != rows:
-        tables.impossible(TABLE, f"found bonds of {row} nodes, expected those of {rows}")
+        tables.impossible(TABLE, f"bonds of {row} nodes are there; there are {rows} nodes")
     return np.concatenate(counts), np.concatenate(neighbours)
 
 
@@ -48,5 +48,5 @@ def _inflated(tables: Tables, packed: bytes, most: int) -> NDArray[np.int64]:
     try:
         data = zlib.decompressobj().decompress(packed, 4 * (most + 1))
     except zlib.error as error:
-        tables.impossible(TABLE, f"found bonds that cannot be read ({error}), expected deflated ones")
+        tables.impossible(TABLE, f"bonds cannot be read ({error}); they must be deflated")
     return np.frombuffer(data[: len(data) // 4 * 4], dtype="<i4").astype(np.int64)

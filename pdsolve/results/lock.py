@@ -93,7 +93,7 @@ def writing_to(path: Path) -> Iterator[None]:
 
 
 def _busy(path: Path, name: str) -> BusyError:
-    return BusyError(f"{path}: found a run writing to it ({name}), expected none; wait for its end, or stop it")
+    return BusyError(f"{path}: a run is writing to it ({name}); wait for its end, or stop it")
 
 
 def _locked(path: Path, place: Path) -> int | None:
@@ -126,7 +126,7 @@ def _locked(path: Path, place: Path) -> int | None:
         os.close(handle)  # of a run that has ended in this moment
     if not _is_ours(handle):
         os.close(handle)
-        raise WriteError(f"{place}: found no lock of pdsolve, expected one or none for {path.name}; move it away")
+        raise WriteError(f"{place} is no lock of pdsolve for {path.name}; move it away")
     with suppress(OSError):  # a full disk: the name is missing, the lock holds
         os.ftruncate(handle, 0)
         os.write(handle, f"{_holder()}\n".encode())

@@ -73,8 +73,8 @@ def read_only(path: Path) -> sqlite3.Connection:
             break
     for beside in _beside(os.path.realpath(path)):
         raise ResultsError(
-            f"{path}: found {os.path.basename(beside)} of a run that was killed, which cannot be put back here,"
-            " expected a folder that can be written to; copy both files to one"
+            f"{path}: {os.path.basename(beside)} of a run that was killed cannot be put back here; copy both files"
+            " to a folder that can be written to"
         )
     return _opened(path, "mode=ro&immutable=1")
 
@@ -99,9 +99,9 @@ def recover(path: Path) -> None:
         try:
             roll_back(path, _is_intact_without_journal(path))
         except OSError as error:
-            raise ResultsError(f"{path}: found {_name(path, JOURNAL)}, which cannot be put back: {error}") from None
+            raise ResultsError(f"{path}: {_name(path, JOURNAL)} cannot be put back: {error}") from None
         if time.monotonic() > until:
-            raise ResultsError(f"{path}: found {_name(path, JOURNAL)} in use, expected no other program to use it")
+            raise ResultsError(f"{path}: {_name(path, JOURNAL)} is in use; close the other program")
         time.sleep(PAUSE)
 
 
@@ -169,8 +169,8 @@ def _expect_own_name(path: Path) -> None:
     if beside or logged:
         at = f"beside another name of it, {os.path.basename(beside)}" if beside else "beside another name of it"
         raise ResultsError(
-            f"{path}: found a hard link to a database that is not complete without the file {at}, expected the name"
-            " that its run was given; read or resume it by that"
+            f"{path} is a hard link to a database that is not complete without the file {at}; read or resume it by"
+            " the name that its run was given"
         )
 
 

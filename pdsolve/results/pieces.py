@@ -51,7 +51,7 @@ def pieces_of(text: str, name: str) -> tuple[Pieces, ...]:
     steps = [one.after for one in found]
     ours = all(OF_RANK.fullmatch(file) for one in found for file in one.files)
     if not found or not found[0].files or sorted(steps) != steps or not ours:
-        raise ResultsError(f"{name}: table meta: found no pieces, expected the names of the files of all ranks")
+        raise ResultsError(f"{name}: table meta: pieces are missing, the names of the files of all ranks")
     return found
 
 
@@ -59,7 +59,7 @@ def beside(index: Path, file: str) -> Path:
     """Where a database of a rank is. Raises ResultsError if it is not beside the index."""
     path = index.parent / Path(file).name
     if path.is_symlink() or not path.is_file():
-        raise ResultsError(f"{index}: found no {path.name} beside it, expected the files of all its ranks")
+        raise ResultsError(f"{index}: {path.name} is missing beside it; put the files of all its ranks there")
     return path
 
 

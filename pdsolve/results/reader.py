@@ -47,7 +47,7 @@ class Results:
     def open(cls, path: Path) -> Results:
         """The results in the file at `path`, read only. Raises ResultsError if it is not a database of results."""
         if not path.is_file():
-            raise ResultsError(f"{path}: found no such file, expected a database of results")
+            raise ResultsError(f"{path}: no such file; name a database of results")
         with explained(path):
             connection, results = read_only(path), None
             try:
@@ -90,8 +90,8 @@ class Results:
         """
         if self._tables.version != SCHEMA_VERSION and not older:
             raise ResultsError(
-                f"{self.name}: found schema version {self._tables.version}, which can be read but not gone on with,"
-                f" expected {SCHEMA_VERSION}; solve it anew"
+                f"{self.name} has schema version {self._tables.version}, which can be read but not gone on with"
+                f" ({SCHEMA_VERSION} can); solve it anew"
             )
         self._tables.verify()
 
@@ -139,7 +139,7 @@ class Results:
         """The grid file the run was made from, in full. Raises ResultsError if there is none."""
         rows = self._meta_rows("WHERE key = 'model'")
         if not rows:
-            raise ResultsError(f"{self.name}: found no model, expected the grid file that was solved")
+            raise ResultsError(f"{self.name} has no model; use results with the grid file that was solved")
         return str(rows["model"])
 
     def summary(self) -> dict[str, Any]:
@@ -149,7 +149,7 @@ class Results:
         except (ValueError, RecursionError):
             summary = None
         if not isinstance(summary, dict):
-            self._tables.impossible("meta", "found a summary that is none, expected names and values as JSON")
+            self._tables.impossible("meta", "the summary is none; it must be names and values as JSON")
         return summary
 
     @cached_property
@@ -194,7 +194,7 @@ class Results:
         lives, epoch = self.lives(), self.epoch(step)
         if self._nodes is None or self._nodes[0] is not lives or self._nodes[1] != epoch:
             rows = lives.rows(epoch)
-            self._tables.expect("node", None if len(rows) else f"found no node at step {epoch}, expected at least one")
+            self._tables.expect("node", None if len(rows) else f"step {epoch} has no node; it must have at least one")
             whole = len(rows) == len(lives.birth)
             nodes = lives.nodes if whole else taken(lives.nodes, rows)
             for column in nodes:
@@ -231,8 +231,8 @@ class Results:
         whole = gone[~lives.broke(self.breaks(), own[gone], ids[neighbour[gone]])] if len(gone) else gone
         if len(whole):
             raise ResultsError(
-                f"{self.name}: found a bond of node {ids[own[whole[0]]]} to one that is gone at step {step}, expected"
-                " nodes whose bonds change to be born anew"
+                f"{self.name}: a bond of node {ids[own[whole[0]]]} leads to one that is gone at step {step}; nodes"
+                " whose bonds change must be born anew"
             )
         kept = place >= 0
         return np.bincount(own[kept], minlength=len(bonds))[rows], place[kept]
@@ -271,7 +271,7 @@ class Results:
             self._expect_field(name, step)
         sizes = [len(row[-1]) for row in found]
         if any(size != 4 * CHUNK for size in sizes[:-1]) or any(size % 4 or size > 4 * CHUNK for size in sizes[-1:]):
-            self._tables.impossible("field_chunk", f"found a chunk cut short, expected {CHUNK} values in each")
+            self._tables.impossible("field_chunk", f"a chunk is cut short; each has {CHUNK} values")
         values = np.frombuffer(b"".join(row[-1] for row in found), dtype="<f4")
         count, there = self._tables.count("node"), [row[2] for row in found]
         if count is not None and len(self.epochs()) == 1:
@@ -288,9 +288,7 @@ class Results:
     def _finite(self, name: str, step: int, values: NDArray[np.float32]) -> NDArray[np.float32]:
         """The values (n,) of a field. Raises DamagedError for impossible ones."""
         if np.isinf(values).any() or (name in USUAL and np.isnan(values).any()):
-            self._tables.impossible(
-                "field_chunk", f"found {name} at step {step} that is no number, expected finite ones"
-            )
+            self._tables.impossible("field_chunk", f"{name} at step {step} is no number; it must be finite")
         return values
 
     def stored(self, step: int) -> list[str]:
@@ -323,10 +321,10 @@ class Results:
         steps, _ = self.frames()
         if step not in steps:
             there = f"{len(steps)} frames from {steps[0]} to {steps[-1]}" if len(steps) else "none yet"
-            raise ResultsError(f"{self.name}: found no frame of step {step}, expected one of {there}")
+            raise ResultsError(f"{self.name} has no frame of step {step}; use one of {there}")
         if name not in (stored := self.stored(step)):
             fields = f"{', '.join(stored)} (pdsolve --fields stores others)"
-            raise ResultsError(f"{self.name}: found no field '{name}', expected one of {fields}")
+            raise ResultsError(f"{self.name} has no field '{name}'; use one of {fields}")
 
     def breaks(self) -> Breaks:
         """All bonds broken so far, read once: the arrays are shared and read-only."""
@@ -381,7 +379,7 @@ class Results:
         """Step and arrays of the last checkpoint. Raises ResultsError if there is none."""
         rows = self._tables.all("checkpoint")
         if not rows:
-            raise ResultsError(f"{self.name}: found no checkpoint, expected one to go on from")
+            raise ResultsError(f"{self.name} has no checkpoint to go on from; solve it anew")
         self._tables.expect("checkpoint", validation.wrong_checkpoint(rows))
         return rows[0][1], {name: np.frombuffer(data, dtype=kind).copy() for name, _, kind, *_, data in rows}
 
@@ -395,7 +393,7 @@ class Results:
         """Step of the last checkpoint. Raises ResultsError if there is none."""
         rows = self._tables.rows("SELECT step FROM checkpoint LIMIT 1")
         if not rows:
-            raise ResultsError(f"{self.name}: found no checkpoint, expected one to go on from")
+            raise ResultsError(f"{self.name} has no checkpoint to go on from; solve it anew")
         return int(rows[0][0])
 
     def count(self, table: str) -> int | None:

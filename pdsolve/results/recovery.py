@@ -60,8 +60,8 @@ class State(NamedTuple):
         until = "no frame" if self.frame is None else f"frames up to step {self.frame}"
         how = "it is to be solved anew" if self.kind is Kind.EMPTY else "pdsolve --resume solves what came later again"
         return (
-            f"found its log ({self.log.read + self.log.lost} transactions) damaged after {self.log.read}, expected a"
-            f" whole one; {until} can be read, {how}"
+            f"its log ({self.log.read + self.log.lost} transactions) is damaged after {self.log.read}; {until} can"
+            f" be read, {how}"
         )
 
 
@@ -120,6 +120,6 @@ def _expect_no_log(path: Path) -> None:
     for file in (Path(os.path.realpath(path) + end) for end in (LOG, JOURNAL)):
         if file.is_file() and file.stat().st_size:
             raise ResultsError(
-                f"{path}: found {file.name} without its database, expected both (was it renamed? rename {file.name}"
-                " alike; otherwise remove it)"
+                f"{path}: {file.name} is there without its database (was it renamed? rename {file.name} alike;"
+                " otherwise remove it)"
             )

@@ -27,7 +27,7 @@ def remove(path: Path, of_ranks: bool = True) -> None:
     try:
         found = irregular(path)
         if found is not None:
-            raise WriteError(f"{path}: found {found}, expected a database or nothing")
+            raise WriteError(f"{path} is {found}; name a database or nothing")
         expect_sound(path)
         place = Path(os.path.realpath(path))
         pieces = _of_ranks(place) if of_ranks else []
@@ -53,7 +53,7 @@ def _of_ranks(place: Path) -> list[Path]:
         with database.open("rb") as data:
             head = data.read(len(SQLITE))
         if head.strip(b"\0") and head != SQLITE:
-            raise WriteError(f"{database}: found no database, expected one of a rank; move it away")
+            raise WriteError(f"{database} is no database of a rank; move it away")
         if _is_piece(database, place.name):
             ours.append(database)
     return [file for file in found if file.with_name(file.name.removesuffix(_end(file))) in ours]
@@ -65,15 +65,13 @@ def expect_piece(database: Path, index: str) -> None:
         return
     _expect_regular(database)
     if not _is_piece(database, index):
-        raise WriteError(
-            f"{database}: found a database that is not of a rank of {index}, expected nothing; move it away"
-        )
+        raise WriteError(f"{database} is a database that is not of a rank of {index}; move it away")
 
 
 def _expect_regular(database: Path) -> None:
     """Raise WriteError for a link, for what is no regular file, and for one that has another name too."""
     if database.is_symlink() or irregular(database) is not None or database.stat().st_nlink > 1:
-        raise WriteError(f"{database}: found no regular file, expected a database of a rank; move it away")
+        raise WriteError(f"{database} is no regular file; move it away")
 
 
 def _is_piece(database: Path, index: str) -> bool:

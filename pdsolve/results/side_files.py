@@ -30,7 +30,7 @@ VERSION = 3007000  # of an index
 BLOCK, LEAST = 4096, 3  # bytes: an index grows by blocks, and begins with so few
 HEADER = struct.Struct(">8s5I")  # of a journal: magic, records, nonce, pages, bytes of a sector, bytes of a page
 UNKNOWN = 0xFFFFFFFF  # records: as many as there are in the file
-WHOLE = "expected the journal of a run that was killed; move it away, or ask for another copy"
+WHOLE = "which must be put back first: it is of a run that was killed; move it away, or ask for another copy"
 STRIDE = 200  # bytes between those of a page that its checksum adds up
 MOST = 2**31 - 2**16  # bytes of a database that is put back in memory
 LOCKS = 0x40000000, 512  # the first byte that SQLite locks in a database, and how many: an exclusive lock
@@ -43,7 +43,7 @@ def expect_sound(path: Path) -> None:
         name = os.path.basename(real) + end
         wrong = _wrong(real, end)
         if wrong is not None:
-            raise ResultsError(f"{path}: found {name} beside it, {wrong}; move {name} away, or ask for another copy")
+            raise ResultsError(f"{path}: {name} beside it is {wrong}; move {name} away, or ask for another copy")
 
 
 def _wrong(real: str, end: str) -> str | None:
@@ -54,13 +54,13 @@ def _wrong(real: str, end: str) -> str | None:
         return None
     except OSError as error:
         link = os.path.islink(real + end)
-        return f"{'a link' if link else f'which cannot be read ({error.strerror})'}, expected a regular file or none"
+        return f"{'a link' if link else f'unreadable ({error.strerror})'}, not a regular file"
     try:
         status = os.fstat(handle)
         if not stat.S_ISREG(status.st_mode):
-            return "which is no regular file, expected one or none"
+            return "no regular file"
         if status.st_nlink > 1:
-            return "a hard link to another file, expected one with one name or none"
+            return "a hard link to another file"
         return _wrong_content(real, end, os.read(handle, HEADER.size), status.st_size)
     finally:
         os.close(handle)
@@ -77,14 +77,14 @@ def _wrong_content(real: str, end: str, head: bytes, size: int) -> str | None:
         return None
     if end == INDEX:
         ours = size <= LEAST or (size % BLOCK == 0 and struct.unpack_from("=I", head)[0] == VERSION)
-        return None if ours else "which is no index of a log, expected one or none"
+        return None if ours else "no index of a log"
     if end == JOURNAL:
         ours = head.startswith(MAGIC) or _is_unsynchronized(head)
-        return None if ours else "which is no journal of SQLite, expected one or none"
+        return None if ours else "no journal of SQLite"
     if head[:4] not in LOGS:
-        return "which is no log of SQLite, expected one or none"
+        return "no log of SQLite"
     if os.path.exists(real) and not is_logged(real) and os.path.exists(real + end):  # its writer may just have ended
-        return "a log although the database has none, expected none"
+        return "a log although the database has none"
     return None
 
 
@@ -157,8 +157,8 @@ def rolled_back(path: Path, intact: bool = False) -> bytes | None:
             size = os.fstat(database.fileno()).st_size
             if size > MOST:
                 raise ResultsError(
-                    f"{path}: found the journal of a run that was killed beside {size / 2**30:.0f} GiB, expected it to"
-                    " be put back first, by pdsolve --resume"
+                    f"{path}: the journal of a run that was killed is beside {size / 2**30:.0f} GiB; put it back"
+                    " first, by pdsolve --resume"
                 )
             image = BytesIO(database.read())
             if not intact:
@@ -218,26 +218,26 @@ def _original(path: Path, journal: BinaryIO, size: int) -> Original:
     status = os.fstat(journal.fileno())
     name, length = f"{os.path.basename(os.path.realpath(path))}{JOURNAL}", status.st_size
     if not stat.S_ISREG(status.st_mode) or status.st_nlink != 1:
-        raise ResultsError(f"{path}: found {name} that is no regular file of one name, {WHOLE}")
+        raise ResultsError(f"{path}: {name} is no regular file of one name; {WHOLE}")
     head = _read(journal, HEADER.size, 0)
     unsynchronized = _is_unsynchronized(head)
     if not (head.startswith(MAGIC) or unsynchronized) or len(head) < HEADER.size:
-        raise ResultsError(f"{path}: found {name} without the header of a journal, {WHOLE}")
+        raise ResultsError(f"{path}: {name} is without the header of a journal; {WHOLE}")
     _, _, _, pages, sector, page = HEADER.unpack(head)
     if not _is_power(sector, 32) or not _is_power(page, 512):
-        raise ResultsError(f"{path}: found {name} with sectors of {sector} bytes and pages of {page}, {WHOLE}")
+        raise ResultsError(f"{path}: {name} has sectors of {sector} bytes and pages of {page}; {WHOLE}")
     if unsynchronized:
         return Original(page, None, [])
     records = list(_records(journal, length, sector, page))
     joined = any(number == LOCKS[0] // page + 1 for number, _ in records)  # the record before such a name
     if joined or _read(journal, len(MAGIC), max(length - len(MAGIC), 0)) == MAGIC:
         raise ResultsError(
-            f"{path}: found {name} that names a super-journal, a file for SQLite to delete, {WHOLE} (do not open it"
-            " with other programs)"
+            f"{path}: {name} names a super-journal, a file for SQLite to delete; {WHOLE} (do not open it with other"
+            " programs)"
         )
     places = [(number, at) for number, at in records if number <= pages]
     if pages * page > size + len(places) * page:
-        raise ResultsError(f"{path}: found {name} of a database of {pages} pages, which are in neither file, {WHOLE}")
+        raise ResultsError(f"{path}: {name} is of a database of {pages} pages, which are in neither file; {WHOLE}")
     return Original(page, pages, places)
 
 

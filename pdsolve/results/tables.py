@@ -37,7 +37,7 @@ class Meta(dict[str, Any]):
         self.name = name
 
     def __missing__(self, key: str) -> Any:
-        raise ResultsError(f"{self.name}: table meta: found no {key}, expected what pdsolve writes of a run")
+        raise ResultsError(f"{self.name}: table meta: {key} is missing, which pdsolve writes of a run")
 
 
 class Tables:
@@ -65,13 +65,15 @@ class Tables:
             self._look_at_version()
             if not there:
                 raise EmptyError(
-                    f"{self.name}: found nothing in it, expected results; its run has just begun, or was stopped before"
-                    " its first frame (solve it anew), or it was renamed without its log (NAME-wal)"
+                    f"{self.name} has nothing in it: its run has just begun, or was stopped before its first frame"
+                    " (solve it anew), or it was renamed without its log (NAME-wal)"
                 )
             if found != APPLICATION_ID:
-                raise ResultsError(f"{self.name}: found a database of another program, expected one written by pdsolve")
+                raise ResultsError(f"{self.name} is a database of another program; use one written by pdsolve")
             if not WITHOUT_CHECKSUMS <= self.version <= SCHEMA_VERSION:
-                raise ResultsError(f"{self.name}: found schema version {self.version}, expected {SCHEMA_VERSION}")
+                raise ResultsError(
+                    f"{self.name} has schema version {self.version}; this version reads {SCHEMA_VERSION}"
+                )
             newer = {"checksum": self.checked, "epoch": self.epochs, "crack_particle": self.particles}
             if any(expected != (name in there) for name, expected in newer.items()):
                 self.damaged("schema")
@@ -118,7 +120,7 @@ class Tables:
         with self.snapshot():
             ((found,), *_) = self.rows("PRAGMA integrity_check(1)")
             if found != "ok":
-                raise DamagedError(f"{self.name}: found {' '.join(found.split())}, expected a whole database")
+                raise DamagedError(f"{self.name}: {' '.join(found.split())}; use a whole database")
             there = {name for (name,) in self.rows("SELECT name FROM sqlite_master")}
             for table in TABLES:
                 if table != "checksum" and table in there:
@@ -211,4 +213,4 @@ class Tables:
 
     def damaged(self, table: str) -> NoReturn:
         """Raise DamagedError for a table whose checksum does not match."""
-        raise DamagedError(f"{self.name}: found its {table} damaged, expected what its checksum says was written")
+        raise DamagedError(f"{self.name}: its {table} is damaged and does not match its checksum; use a whole copy")

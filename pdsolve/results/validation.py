@@ -29,7 +29,7 @@ TYPES: Mapping[str, tuple[type, ...]] = {  # of a column in SQL: what its values
     "BLOB": (bytes,),
     "": (str, float, int, bytes, type(None)),
 }
-NO_NODE = "found no node, expected at least one; the file is damaged, solve the model anew"
+NO_NODE = "there is no node; the file is damaged, solve the model anew"
 LARGEST_INT = 2**62  # what ids may be
 NUMBERS = {  # of meta: the bounds of what must be a number, the first of them left out
     "time_step": (0.0, MOST),
@@ -60,19 +60,19 @@ def wrong_schema(connection: sqlite3.Connection, current: bool) -> str | None:
         if kind == "index" and sql is None and str(name).startswith("sqlite_autoindex_") and table in ours[0]:
             continue
         if (kind, name) not in [("table", known) for known in ours[0] if known != VIEW] + [("view", VIEW)]:
-            return f"found the {kind} {str(name)[:80]!r}, expected those of pdsolve alone (keep yours in another file)"
+            return f"the {kind} {str(name)[:80]!r} is not pdsolve's; keep yours in another file"
         if current and not any(plain(sql) == one[name] for one in ours):
-            return f"found another {kind} {name}, expected that of pdsolve"
+            return f"the {kind} {name} is not that of pdsolve"
         if not current and kind == "table":
             known = [*_known_columns()[name], *OLDER.get(name, ())]
             if any(column not in known for column in table_columns(connection, name)) or "VIRTUAL" in sql[:20].upper():
-                return f"found another table {name}, expected that of pdsolve"
+                return f"the table {name} is not that of pdsolve"
     names = [name for kind, name, *_ in found if kind != "index"]
     missing = [name for name in ours[0] if name not in names] if current else []
     if missing:
-        return f"found no {missing[0]}, expected those of pdsolve"
+        return f"{missing[0]} is missing, which pdsolve writes"
     twice = [name for name in names if names.count(name) > 1]
-    return f"found {twice[0]} twice, expected it once" if twice else None
+    return f"{twice[0]} is there twice; it must be there once" if twice else None
 
 
 VIEW = "node_state"
@@ -108,10 +108,10 @@ def checked_rows(rows: Iterable[Row], columns: Sequence[tuple[str, str, int]]) -
     for row in rows:
         at = next((at for at, value in enumerate(row) if type(value) not in kinds[at]), None)
         if at is not None:
-            yield f"found a {type(row[at]).__name__} as {columns[at][0]}, expected {columns[at][1] or 'a value'}"
+            yield f"{columns[at][0]} is a {type(row[at]).__name__}; it must be {columns[at][1] or 'a value'}"
             continue
         large = next((at for at, value in enumerate(row) if type(value) in (float, int) and not _bearable(value)), None)
-        yield row if large is None else f"found {columns[large][0]} of {row[large]:g}, expected at most 1e100"
+        yield row if large is None else f"{columns[large][0]} is {row[large]:g}; it must be at most 1e100"
 
 
 def _bearable(value: float) -> bool:
@@ -124,7 +124,7 @@ def wrong_nodes(nodes: Nodes, row: NDArray[np.int64], birth: NDArray[np.int64]) 
     if not count:
         return NO_NODE
     if not np.array_equal(row, np.arange(count)):
-        return "found rows that are not numbered from 0 on, expected them one after the other"
+        return "rows are not numbered from 0 on, one after the other"
     for name, bad in (
         ("a place", ~(np.abs(nodes.position) <= LARGEST).all(axis=1)),
         ("a spacing", ~((nodes.delta > 0) & (nodes.delta <= LARGEST))),
@@ -134,19 +134,19 @@ def wrong_nodes(nodes: Nodes, row: NDArray[np.int64], birth: NDArray[np.int64]) 
         ("a birth", (birth < 0) | (birth > MOST_STEPS)),
     ):
         if bad.any():
-            return f"found {name} of node {nodes.ids[bad.argmax()]} that cannot be, expected finite positive numbers"
+            return f"{name} of node {nodes.ids[bad.argmax()]} cannot be; it must be finite and positive"
     if count > 1 and not (np.diff(nodes.ids) > 0).all():
         order = np.lexsort((birth, nodes.ids))
         same = (np.diff(nodes.ids[order]) == 0) & (np.diff(birth[order]) == 0)
         if same.any():
-            return f"found node {nodes.ids[order[same.argmax()]]} twice, expected an id to be one node's at a time"
+            return f"node {nodes.ids[order[same.argmax()]]} is there twice; an id is one node's at a time"
     return None
 
 
 def wrong_deaths(step: NDArray[np.int64], row: NDArray[np.int64], birth: NDArray[np.int64]) -> str | None:
     """Error in the steps and rows of deaths (d,), for nodes with these births (n,)."""
     if ((row < 0) | (row >= len(birth))).any() or (step <= birth[row]).any() or len(np.unique(row)) < len(row):
-        return "found a death of a node that is not there then, expected one of those born before"
+        return "a node dies that is not there then; it must be one of those born before"
     return None
 
 
@@ -155,51 +155,51 @@ def wrong_epochs(rows: Sequence[Row]) -> str | None:
     steps = [row[0] for row in rows]
     rises = all(one < other for one, other in pairwise(steps))
     if steps[:1] != [0] or not rises or not all(0 <= number <= 2**53 for row in rows for number in row):
-        return f"found epochs at steps {str(steps)[:60]}, expected rising ones from 0 on"
+        return f"epochs at steps {str(steps)[:60]} do not rise from 0 on"
     return None
 
 
 def wrong_frames(steps: NDArray[np.int64], times: NDArray[np.float64]) -> str | None:
     """Error in the steps and times (t,), s, of frames."""
     if (np.diff(steps) <= 0).any() or ((steps < 0) | (steps > MOST_STEPS)).any():
-        return "found frames of steps that do not rise, expected them in their order"
+        return "steps of frames do not rise"
     if not (np.abs(times) <= MOST).all() or (np.diff(times) < 0).any():
-        return "found frames whose times do not rise, expected finite seconds in their order"
+        return "times of frames do not rise, or are not finite"
     return None
 
 
 def wrong_breaks(breaks: Breaks, ids: NDArray[np.int64]) -> str | None:
     """Error in broken bonds (b,), for nodes with these ids (n,)."""
     if ((breaks.step < 0) | (breaks.step > MOST_STEPS)).any() or (np.diff(breaks.step) < 0).any():
-        return "found bonds that break at steps that do not rise, expected them in their order"
+        return "steps at which bonds break do not rise"
     strange = ~np.isin(np.concatenate(breaks[1:]), ids)
     if strange.any():
-        return f"found a bond of node {np.concatenate(breaks[1:])[strange.argmax()]}, expected nodes that there are"
+        return f"a bond of node {np.concatenate(breaks[1:])[strange.argmax()]} cannot be; there is no such node"
     return None
 
 
 def wrong_places(places: NDArray[np.float64]) -> str | None:
     """Error in coordinates, m."""
-    return None if (np.abs(places) <= LARGEST).all() else f"found a place beyond {LARGEST:g} m, expected metres"
+    return None if (np.abs(places) <= LARGEST).all() else f"a place is beyond {LARGEST:g} m; it must be in metres"
 
 
 def wrong_particles(step: NDArray[np.int64], parent: NDArray[np.int64], number: NDArray[np.int64]) -> str | None:
     """Error in crack particles: steps, parents and numbers (p,)."""
     if not np.array_equal(number, np.arange(len(number))):
-        return "found particles that are not numbered from 0 on, expected them one after the other"
+        return "particles are not numbered from 0 on, one after the other"
     if ((step < 0) | (step > MOST_STEPS) | (parent < -1) | (parent >= number)).any():
-        return "found a particle that grew from a later one, expected an earlier one or -1"
+        return "a particle grew from a later one; it must be an earlier one or -1"
     return None
 
 
 def wrong_meta(key: object, value: object) -> str | None:
     """Error in a row of the table `meta`."""
     if key in WORDS and not isinstance(value, str):
-        return f"found {str(value)[:40]!r} as {key}, expected text"
+        return f"{key} is {str(value)[:40]!r}; it must be text"
     if key in NUMBERS:
         low, high = NUMBERS[str(key)]
         if not isinstance(value, float | int) or not low < value <= high:
-            return f"found {str(value)[:40]!r} as {key}, expected a number above {low:g}, at most {high:g}"
+            return f"{key} is {str(value)[:40]!r}; it must be a number above {low:g}, at most {high:g}"
     return None
 
 
@@ -207,14 +207,14 @@ def wrong_checkpoint(rows: Sequence[Row]) -> str | None:
     """Error in the rows (name, step, type, CRC or None, data) of a checkpoint."""
     for name, step, kind, *_, data in rows:
         if step != rows[0][1] or not 0 <= step <= MOST_STEPS:
-            return f"found step {step} of '{name[:40]}', expected one step for all"
+            return f"'{name[:40]}' is of step {step}; all must be of one step"
         if kind not in CHECKPOINTED or len(data) % np.dtype(kind).itemsize:
-            return f"found '{name[:40]}' of {len(data)} bytes of {kind[:20]!r}, expected an array of numbers"
+            return f"'{name[:40]}' is {len(data)} bytes of {kind[:20]!r}; it must be an array of numbers"
     return None
 
 
 def wrong_chunk(first: int, bonds: Any, rows: int) -> str | None:
     """Error in the numbers of bonds (n,) of the nodes from row `first` on, of `rows` in all."""
     if not len(bonds) or len(bonds) > CHUNK or first + len(bonds) > rows or (bonds < 0).any() or (bonds >= rows).any():
-        return f"found bonds of {len(bonds)} nodes from row {first} on, expected those of {rows} rows"
+        return f"bonds of {len(bonds)} nodes from row {first} on are there; there are {rows} rows"
     return None

@@ -253,8 +253,8 @@ class Writer:
             waited = time.monotonic() - since
             if self.stop() and waited >= LEAST_WAIT:
                 raise WriteError(
-                    f"{self.path}: found it locked by another program for {waited:.0f} s, expected it to let go;"
-                    " the database holds the run up to its last checkpoint"
+                    f"{self.path} was locked by another program for {waited:.0f} s; close it; the database holds"
+                    " the run up to its last checkpoint"
                 )
             if waited >= word:
                 warnings.warn(
@@ -357,7 +357,7 @@ class Writer:
                 blob.write(piece.tobytes())
                 at += piece.nbytes
         if at != size:
-            raise RuntimeError(f"found {at} bytes of {key[0]}, expected {size}")
+            raise RuntimeError(f"{key[0]} has {at} bytes; it must have {size}")
 
     def _alone(self) -> bool:
         """Merge SQLite's log; False if a reader prevents it.

@@ -58,8 +58,8 @@ class Token(NamedTuple):
         """Raise GoneError if the database is no longer at `path`."""
         if not self.is_of(path):
             raise GoneError(
-                f"{path}: found it removed or renamed while a run was writing to it, expected it to stay; the run stops"
-                " (one that was renamed has all until here: pdsolve --resume it)"
+                f"{path} was removed or renamed while a run was writing to it; the run stops (one that was renamed"
+                " has all until here: pdsolve --resume it)"
             )
 
     def expect_own(self, connection: sqlite3.Connection, path: Path) -> None:
@@ -67,9 +67,7 @@ class Token(NamedTuple):
         self.expect_in_place(path)
         rows = connection.execute("SELECT value FROM meta WHERE key = ?", (KEY,)).fetchall()
         if rows != [(self.text,)]:
-            raise TakenError(
-                f"{path}: found another run writing to it, expected none; this one stops, the other goes on"
-            )
+            raise TakenError(f"{path}: another run is writing to it; this one stops, the other goes on")
 
 
 def _began(process: int) -> int:

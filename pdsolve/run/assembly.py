@@ -104,15 +104,16 @@ def step_of(model: Model, bound: float) -> float:
     """The time step of a run, s; warns of one above the surely stable `bound`. Raises ModelError."""
     step, damped = float(model.settings.run.time_step or bound), model.settings.run.damping
     if not np.isfinite(step):
-        raise ModelError(f"{model.name}: $.run.time_step: found none, expected one for a model without bonds")
+        raise ModelError(f"{model.name}: $.run.time_step is missing, which a model without bonds needs; give one")
     if damped * step > STILL:
         raise ModelError(
-            f"{model.name}: $.run.damping: found {damped:g} 1/s, which stops all motion within a step of {step:.3g} s,"
-            f" expected at most {STILL / step:.3g}"
+            f"{model.name}: $.run.damping is {damped:g} 1/s, which stops all motion within a step of {step:.3g} s;"
+            f" use at most {STILL / step:.3g}"
         )
     if step > bound:
         warnings.warn(
-            f"{model.name}: the time step {step:.4g} s is above the bound that is surely stable, {bound:.4g} s",
+            f"{model.name}: the time step {step:.4g} s is above the stable time step, {bound:.4g} s; use a smaller"
+            " run.time_step",
             ModelWarning,
             stacklevel=3,
         )

@@ -83,7 +83,7 @@ def at_rest(model: Model, options: Options, scheme: Scheme, breaks: bool = True)
 def _along_path(model: Model, options: Options, scheme: Scheme) -> Prepared:
     """A model whose bonds soften, to be followed along its equilibrium path. Raises ModelError."""
     if not scheme.symmetric:
-        raise ModelError(f"mode: found {scheme.name}, expected conservative, as bonds soften at rest")
+        raise ModelError(f"mode is {scheme.name}; use conservative, as bonds soften in quasi-static analysis")
     filling = scheme.fill(model)
     bonded, filled = operator_of(model, options._replace(kernel="listed"), scheme, filling)
     area = filling.area
@@ -107,4 +107,4 @@ def _refuse_size(model: Model, driven: Drive) -> None:
     most, (nodes, width) = MOST_ALONG_PATH[model.grid.dimension], driven.force.shape
     if driven.force.size - len(driven.holds.node) > most:
         why = "as the tangent is factored along a path"
-        raise ModelError(f"{model.name}: $.nodes: found {nodes}, expected at most {most // width}, {why}")
+        raise ModelError(f"{model.name}: $.nodes has {nodes} nodes; use at most {most // width}, {why}")

@@ -45,7 +45,7 @@ class Refining:
         """The system of a checkpoint's cells. Raises CheckpointError for cells that no run from here can have."""
         after = zone_of(system).restored(kept)
         if not np.array_equal(after.model.grid.ids, kept["ids"]):
-            raise CheckpointError("found ids of nodes that are not those of its cells, expected these")
+            raise CheckpointError("ids of nodes are not those of its cells")
         fresh = _on(system, after, 0)
         return Prepared(fresh, zero_state(len(after.volume), after.unknowns[0].width))
 

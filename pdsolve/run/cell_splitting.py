@@ -100,8 +100,8 @@ class Splitting:
         sure = stable(operator.stiffness_bound(), model.rho)
         if sure < system.time_step <= system.bound:
             raise UnstableError(
-                f"{model.name}: found cells whose surely stable step is {sure:.4g} s, expected the run's,"
-                f" {system.time_step:.4g} s; give a smaller run.time_step"
+                f"{model.name}: cells have a stable time step of {sure:.4g} s, less than the run's,"
+                f" {system.time_step:.4g} s; use a smaller run.time_step"
             )
         return Prepared(dataclasses.replace(rest.system, whole=tree.model), rest.state)
 
@@ -123,7 +123,7 @@ class Splitting:
         ids = entry(kept, "ids", (None,), np.int64)
         memory, cells = remembered(kept, len(ids)), self.tree.leaves(ids)
         if cells is None:
-            raise CheckpointError("found ids of cells that are no whole plate, expected those of its leaves in order")
+            raise CheckpointError("ids of cells are no whole plate; they must be those of its leaves in order")
         found = self._cloud(system, cells)
         leaves(found.system).memory = memory
         return found

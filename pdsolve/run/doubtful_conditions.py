@@ -40,9 +40,9 @@ def _profiles(model: Model, time_step: float) -> None:
             named = f"{condition.__struct_config__.tag} '{called(condition.name, number)}'"
             warn(
                 model,
-                f"$.conditions[{number}].profile: found {acts / peak:.2g} of the peak of {named} within"
-                f" the run's {end:.3g} s, expected more of it: the peak comes at {at:.3g} s; a longer"
-                " run.duration or a shorter profile reaches it (at rest: run.solver static)",
+                f"$.conditions[{number}].profile: {acts / peak:.2g} of the peak of {named} acts within the run's"
+                f" {end:.3g} s: the peak comes at {at:.3g} s; use a longer run.duration or a shorter profile"
+                " (quasi-static: run.solver static)",
             )
 
 
@@ -52,8 +52,8 @@ def _restitution(model: Model) -> None:
     if contact is None or contact.restitution == 1 or bodies is None or len(bodies.rigid) == len(bodies.names):
         return
     warnings.warn(
-        f"{model.name}: $.contact.restitution: found {contact.restitution:g} with bodies that deform, which show"
-        " more: it is that of the pairs of nodes in contact, and what bodies store themselves comes back in full; rigid"
+        f"{model.name}: $.contact.restitution is {contact.restitution:g} with bodies that deform, which show more:"
+        " it is that of the pairs of nodes in contact, and what bodies store themselves comes back in full; rigid"
         " bodies show it",
         ModelNote,
         stacklevel=2,
@@ -72,8 +72,8 @@ def _zeros(model: Model) -> None:
                 if getattr(before, axis) not in (None, 0.0) and len(common):
                     warn(
                         model,
-                        f"$.conditions[{number}].{axis}: found 0 beside another component, which leaves what"
-                        f" $.conditions[{other}] gives {len(common)} of its nodes; one condition with all components"
-                        " sets a node's velocity to 0 along an axis",
+                        f"$.conditions[{number}].{axis} is 0 beside another component, which leaves what"
+                        f" $.conditions[{other}] gives {len(common)} of its nodes; one condition with all"
+                        " components sets a node's velocity to 0 along an axis",
                     )
         earlier.append((number, condition))

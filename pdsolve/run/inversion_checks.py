@@ -102,8 +102,8 @@ class MotionChecks:
         self._said = True
         warn(
             self._model,
-            f"step {step}: found a triangle turned inside out with its bonds intact, {words}, expected less"
-            " compression; bonds do not keep nodes apart",
+            f"step {step}: a triangle turned inside out with its bonds intact, {words}: bonds do not keep nodes"
+            " apart; use less compression",
         )
 
     def say_vague(self, extent: Extent, step: int) -> None:
@@ -114,9 +114,8 @@ class MotionChecks:
             self._vague = True
             warn(
                 self._model,
-                f"step {step}: found displacements up to {largest:.3g} m, which {extent.kind} knows"
-                f" to {known:.2g} m, expected {FRACTION * self._breaking:.2g} m or better: {self._breaking:.2g} m break"
-                " a bond",
+                f"step {step}: displacements reach {largest:.3g} m, which {extent.kind} knows to {known:.2g} m, and"
+                f" {FRACTION * self._breaking:.2g} m are needed: {self._breaking:.2g} m break a bond",
             )
 
     def crushed(self, u: NDArray[np.floating], broken: Broken) -> str | None:

@@ -88,5 +88,5 @@ def back(meta: Mapping[str, Any], path: Path) -> tuple[Sooner, ...]:
     except (TypeError, ValueError, OverflowError):
         found = (Sooner(-1, 0.0),)
     if not all(one.step >= 0 and 0 < one.kappa < 1 for one in found):
-        raise ResultsError(f"{path}: found {str(meta[KEY])[:40]!r} as {KEY}, expected steps and shares of a stretch")
+        raise ResultsError(f"{path}: {KEY} is {str(meta[KEY])[:40]!r}; it must be steps and shares of a stretch")
     return found

@@ -185,7 +185,7 @@ def unstable_words(system: System, books: Ledger, most: float, node: int) -> str
     return (
         f"unstable at step {books.step}, {books.time:.4g} s, node {node}: energy is"
         f" {_created(system, books, most):.3g} times what was put in; the time step is {system.time_step:.4g} s,"
-        f" surely stable up to {system.bound:.4g} s"
+        f" stable up to {system.bound:.4g} s"
         f"{_suspect(system)}"
     )
 

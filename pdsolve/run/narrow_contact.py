@@ -21,7 +21,7 @@ def warn_of_narrow_contact(system: System, state: State) -> None:
         (first, second), half = min(narrow.items(), key=lambda item: item[1])
         warn(
             system.model,
-            f"$.bodies: found '{bodies.names[first]}' and '{bodies.names[second]}' that touch over a half-width of"
-            f" {half:.1f} spacings, expected {RESOLVED:g} or more of round bodies: the width and the pressure of a"
-            " narrower contact are not resolved; a finer spacing resolves them",
+            f"$.bodies: '{bodies.names[first]}' and '{bodies.names[second]}' touch over a half-width of {half:.1f}"
+            f" spacings, less than the {RESOLVED:g} of round bodies: the width and the pressure of a narrower"
+            " contact are not resolved; use a finer spacing",
         )

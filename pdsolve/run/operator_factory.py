@@ -67,7 +67,7 @@ def operator_of(
         return state_based.Families(*of, where), counted
     if options.kernel == "blocks":
         raise ModelError(
-            "kernel: found blocks, expected listed: blocks need nodes on a lattice, a law that is written for them, and"
+            "kernel is blocks; use listed: blocks need nodes on a lattice, a law that is written for them, and"
             " compiled code"
         )
     return BondList(law, model, bonds, scheme.symmetric, options.precision, threads), counted
@@ -80,18 +80,16 @@ def _on_device(
     if law.lanes is not None:
         return _families_on_device(model, options, scheme, filling, law, statistics)
     if law.pair is None or law.pair.held is not None:
-        raise ModelError(
-            f"{model.name}: $.run.device: found a law that is no straight line, expected cpu of such a law"
-        )
+        raise ModelError(f"{model.name}: $.run.device: the law is no straight line; use cpu for such a law")
     session, kind = Session(model.settings.run.device), np.dtype(options.precision).type
     if model.grid.dimension == 3:
         raise ModelError(
-            f"{model.name}: $.run.device: found a body whose bonds are listed one by one, expected cpu, or equal cells"
-            " on one cubic lattice that is wider than a horizon, material.sight visibility, and one micromodulus"
+            f"{model.name}: $.run.device: the body's bonds are listed one by one; use cpu, or equal cells on one"
+            " cubic lattice that is wider than a horizon, material.sight visibility, and one micromodulus"
         )
     blocks = blocks_of(law, statistics.parts(), len(model.grid), kind, 1)
     if blocks is None:
-        raise ModelError(f"{model.name}: $.run.device: found nodes on no lattice, expected cpu, or nodes on one")
+        raise ModelError(f"{model.name}: $.run.device: nodes are on no lattice; use cpu, or nodes on one")
     found = PlaneOnDevice(law, blocks, statistics.stiffness_bound, scheme.symmetric, statistics.softens, session)
     return found, statistics.counted(filling.area)
 
@@ -103,7 +101,7 @@ def _families_on_device(
     bonds = listed(statistics.parts(), filling.area).bonds
     where = state_based.placed(law, bonds)
     if where is None:
-        raise ModelError(f"{model.name}: $.run.device: found nodes on no lattice, expected cpu, or nodes on one")
+        raise ModelError(f"{model.name}: $.run.device: nodes are on no lattice; use cpu, or nodes on one")
     of = law, model, bonds, scheme.symmetric, options.precision, where
     return FamiliesOnDevice(*of, Session(model.settings.run.device)), statistics.counted(filling.area)
 
@@ -120,8 +118,8 @@ def touched(model: Model, volume: NDArray[np.float64], bonds: Operator) -> tuple
     longest, step = stable(touch_bound(model, volume), model.rho), model.settings.run.time_step
     if step is not None and step > longest:
         raise ModelError(
-            f"{model.name}: $.contact.stiffness: found {model.settings.contact.stiffness:g} with steps of {step:.3g} s,"
-            f" expected steps up to {longest:.3g} s, or less"
+            f"{model.name}: $.contact.stiffness is {model.settings.contact.stiffness:g} with steps of {step:.3g} s;"
+            f" use steps up to {longest:.3g} s, or less"
         )
     contact = PenaltyContact(model, volume, bonds)
     return Together(contact, bonds), contact
@@ -147,7 +145,7 @@ def for_swelling(model: Model, options: Options) -> Options:
     fast = straight and model.grid.dimension == 2 and run.solver == "explicit"
     expected = (None, "listed", "blocks") if fast else (None, "listed")
     if options.kernel not in expected:
-        raise ModelError(f"{model.name}: kernel: found {options.kernel}, expected listed of bonds that swell")
+        raise ModelError(f"{model.name}: kernel is {options.kernel}; use listed for bonds that swell")
     return options if fast else options._replace(kernel="listed")
 
 

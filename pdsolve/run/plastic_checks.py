@@ -23,8 +23,8 @@ def warn_of_plastic_strain(system: System, step: int) -> bool:
     if largest <= LARGEST:
         return False
     warnings.warn(
-        f"{system.model.name}: step {step}: found a plastic strain of {largest:.3g}, expected at most {LARGEST:g} where"
-        " j2 is for small strains: stress and volume are wrong; material.form = 'rate' is for large ones",
+        f"{system.model.name}: step {step}: the plastic strain is {largest:.3g}, more than {LARGEST:g}, and j2 is"
+        " for small strains: stress and volume are wrong; use material.form = 'rate' for large ones",
         ModelWarning,
         stacklevel=2,
     )

@@ -73,17 +73,17 @@ def _prepared(model: Model, options: Options) -> Prepared:
 def scheme_of(model: Model, options: Options) -> Scheme:
     """The scheme that options name. Raises ModelError for an unsupported model or option."""
     if options.mode not in SCHEMES:
-        raise ModelError(f"mode: found '{options.mode}', expected one of {', '.join(SCHEMES)}")
+        raise ModelError(f"mode is '{options.mode}'; use one of {', '.join(SCHEMES)}")
     if options.precision not in ("float64", "float32"):
-        raise ModelError(f"precision: found '{options.precision}', expected float64 or float32")
+        raise ModelError(f"precision is '{options.precision}'; use float64 or float32")
     if options.kernel not in (None, "blocks", "listed", "hybrid", "collocation"):
-        raise ModelError(f"kernel: found '{options.kernel}', expected blocks or listed")
+        raise ModelError(f"kernel is '{options.kernel}'; use blocks or listed")
     if options.threads is not None and not 1 <= options.threads <= cores():
-        raise ModelError(f"threads: found {options.threads}, expected 1 to {cores()}")
+        raise ModelError(f"threads is {options.threads}; use 1 to {cores()}")
     scheme = SCHEMES[options.mode]
     refuse(model, scheme.partial_cells)
     if model.settings.run.cracks != "bonds" and not scheme.symmetric:
-        raise ModelError(f"{model.name}: mode: found {scheme.name}, expected conservative with cracks of particles")
+        raise ModelError(f"{model.name}: mode is {scheme.name}; use conservative with cracks of particles")
     refuse_layers(model)
     return scheme
 
@@ -115,7 +115,7 @@ def _swelling(model: Model, options: Options, scheme: Scheme) -> Prepared:
     """A model of a motion that a content swells. Raises ModelError for what cannot be solved so."""
     if not scheme.symmetric:
         expected = "conservative, as $.physics is thermoelastic"
-        raise ModelError(f"{model.name}: mode: found {scheme.name}, expected {expected}")
+        raise ModelError(f"{model.name}: mode is {scheme.name}; use {expected}")
     if model.settings.run.adapt == "hybrid":
         return _swelling_zone(model, options, scheme)
     options, rests = for_swelling(model, options), model.settings.run.solver == "static"

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from pdmesh import stopping
 from pdmesh.commandline import STOPS
 from pdmesh.printing import remark
+from pdsolve.codegen.compile_time import compile_seconds
 
 if TYPE_CHECKING:
     from pdsolve.run.simulation import Progress
@@ -54,6 +55,7 @@ class Watch:
         self._bar: Any = None
         self._said = time.monotonic()
         self._runs = False  # or is being prepared
+        self._compiled = 0.0  # s that kernels were compiled for when progress was last shown
         self._patience: tuple[float, ...] = stopping.AT_ONCE  # before
 
     def __enter__(self) -> Callable[[Progress], bool]:
@@ -81,9 +83,16 @@ class Watch:
             raise KeyboardInterrupt
 
     def _show(self, progress: Progress) -> bool:
+        compiled = compile_seconds()
         if not self._runs:
             self._patience = stopping.set_patience(stopping.SAVING)
             self._runs = True
+            if self._bar is not None:
+                self._bar.reset(progress.steps)  # the speed, and what is left, are those of steps alone
+        elif self._bar is not None:
+            self._bar.start_t += compiled - self._compiled
+            self._bar.last_print_t += compiled - self._compiled
+        self._compiled = compiled
         text = progress.words
         if progress.going is not None:
             text = f"{progress.going.iterations} iterations, residual {progress.going.residual:.1e}, {text}"

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.adaptivity.two_lattice_operator import FusedMarch
 from pdsolve.checkpoint_validation import entry, expect_broken, expect_found, like
+from pdsolve.codegen.compile_time import running_time
 from pdsolve.conditions import put_loads
 from pdsolve.diffusion.mass_accounts import MassAccounts
 from pdsolve.diffusion.swelling import Swelling
@@ -145,7 +146,7 @@ def restore(system: System, state: State, step: int, kept: Mapping[str, NDArray[
     if system.load_steps is not None:
         rested = entry(kept, "rested", (step, len(Rested._fields)), float)
         if not np.array_equal(rested[:, 0], np.arange(1, step + 1)):
-            raise CheckpointError(f"found load steps that are not 1 to {step}, expected those until the checkpoint")
+            raise CheckpointError(f"load steps are not 1 to {step}, those until the checkpoint")
         system.load_steps.back(rested, past)
     if isinstance(system.stepper, SteppedRest):
         system.stepper.back(kept, step)
@@ -199,7 +200,7 @@ class Recorder:
         """
         self.system, self.state, self.new = system, state, past is None or past.results is None
         past = past or Past(0, 0.0, 0, 0, None, len(system.model.grid))
-        self._past, self._began = past._replace(results=None), clock.perf_counter()
+        self._past, self._began = past._replace(results=None), running_time()
         self._changes, self._rows, self._count = changes, past.rows, past.ever
         self._updates, self._since = past.updates, past.step  # until the last change, or where a run goes on
         self._latest = past.latest  # likewise
@@ -230,8 +231,8 @@ class Recorder:
         return pieces(self.system) > bodies(self.system)
 
     def wall(self) -> float:
-        """Seconds spent on the run, including those before an interruption."""
-        return self._past.wall + clock.perf_counter() - self._began
+        """Seconds spent on the run, including those before an interruption, without those of compiling kernels."""
+        return self._past.wall + running_time() - self._began
 
     @property
     def is_old(self) -> bool:
@@ -276,7 +277,7 @@ class Recorder:
         before, (system, self.state, origin) = self.system, change
         stay, ids = np.flatnonzero(origin >= 0), system.model.grid.ids
         if system.time_step != before.time_step or (ids[stay] != before.model.grid.ids[origin[stay]]).any():
-            raise ValueError(f"step {step}: found another time step or other ids of nodes that stay, expected the same")
+            raise ValueError(f"step {step}: the time step or the ids of nodes that stay have changed; keep them")
         broken, there = (_until(step, one.operator.broken()) for one in (before, system))
         self._breaks.append(breaks(before, max(self.written, self._since), broken))
         self._updates, self._since = self.updates(step), step

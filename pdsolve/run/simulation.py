@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import time as clock
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from functools import partial
@@ -20,6 +19,7 @@ from pdsolve.adaptivity.hybrid.outlook import decided, of_long_steps
 from pdsolve.adaptivity.hybrid.space.operator import SpaceHybrid
 from pdsolve.adaptivity.quadtree.operator import Leaves
 from pdsolve.checks import advise, advise_unused
+from pdsolve.codegen.compile_time import compile_seconds, running_time
 from pdsolve.codegen.processor import processor_kind
 from pdsolve.conditions import has_initial_displacement
 from pdsolve.errors import LateZoneError, UnstableError
@@ -82,6 +82,7 @@ class Request(NamedTuple):
     team: Team | None = None
     device: str | None = None
     sooner: tuple[Sooner, ...] = ()  # after fine cells have come too late
+    compiled: float = 0.0  # s that kernels were compiled for before
 
 
 def simulate(
@@ -99,7 +100,7 @@ def simulate(
     UnstableError (frames so far are kept), ResultsError.
     """
     with _alone(output):
-        found = _simulate(model, options, Request(output, watch, provenance, adapt))
+        found = _simulate(model, options, Request(output, watch, provenance, adapt, compiled=compile_seconds()))
     return _moved_on(found, output, options.threads, watch)
 
 
@@ -176,7 +177,7 @@ def run(
 ) -> Results:
     """Solve a prepared model; arguments are those of `simulate`. Raises UnstableError, ResultsError."""
     with _alone(output):
-        return _begin(*_records(system, state, Request(output, watch, provenance, adapt)))
+        return _begin(*_records(system, state, Request(output, watch, provenance, adapt, compiled=compile_seconds())))
 
 
 def _begin(notes: Recorder, request: Request) -> Results:
@@ -204,7 +205,9 @@ def _moved_on(path: Results, output: Path | None, threads: int | None, watch: Wa
     target = None if output is None else name_of(output)
     with _alone(target):
         past = Past(step, 0.0, 0, 0, None, len(system.model.grid))
-        return _begin(Recorder(system, state, past, False), Request(target, watch, provenance))
+        return _begin(
+            Recorder(system, state, past, False), Request(target, watch, provenance, compiled=compile_seconds())
+        )
 
 
 def changing(system: System) -> Adapt | None:
@@ -235,12 +238,12 @@ def resume(
     with, as many as before or not; `device` may be another one, None: the same. Raises ResultsError, ModelError,
     UnstableError.
     """
-    request = Request(output, watch, "", adapt, threads, team, device)
+    request = Request(output, watch, "", adapt, threads, team, device, compiled=compile_seconds())
     found, motion = _resumed(output, request), name_of(output)
     if motion_follows(found) and (motion.is_symlink() or (motion.exists() and not is_empty(motion))):
         found.close()
         if motion.is_symlink():
-            raise ResultsError(f"{motion}: found a link, expected the motion of a run or nothing; move it away")
+            raise ResultsError(f"{motion} is a link, and the motion of a run is written there; move it away")
         return _resumed(motion, request)
     return _moved_on(found, output, threads, watch)
 
@@ -299,27 +302,24 @@ def _resume(output: Path, request: Request) -> Results:
         with stopping.patience(stopping.AT_ONCE):
             system, state = prepare(model, options)
         if system.hybrid is None and not kept.keys() >= set(State._fields):
-            raise ResultsError(
-                f"{output}: found a checkpoint by {meta['program']}, expected this version's; solve it anew"
-            )
+            raise ResultsError(f"{output} has a checkpoint that only {meta['program']} reads; solve it anew")
         adapt = request.adapt or changing(system)
         same = float(meta["time_step"]) == system.time_step and np.array_equal(known.family, system.family)
         if not same or not np.array_equal(known.cut, system.family - system.count):
             raise resuming.of_other_bonds(output, meta, system)
-        before = results.breaks().step
-        before = before[before <= step]
+        before = (breaks := results.breaks().step)[breaks <= step]
         wall, latest = float(meta.get("wall_time", 0.0)), int(before.max(initial=0))
         past = Past(step, wall, results.bond_updates(step), latest, None, len(known.ids), results)
         if _changes(system, adapt) != ("ids" in kept):
             words = ("stay", "may change") if adapt is not None else ("may change", "stay")
-            raise ResultsError(f"{output}: found a run whose nodes {words[0]}, expected one whose nodes {words[1]}")
+            raise ResultsError(f"{output}: its nodes {words[0]}, and here they {words[1]}; resume it as it began")
         if _changes(system, adapt):
             with gone_back(output):
                 system, state = zone_back(system, kept) if adapt is None else adapt.back(system, kept)
             lives = results.lives()
             rows = lives.at(system.model.grid.ids, step)
             if not np.array_equal(lives.nodes.family[rows], system.family) or (rows < 0).any():
-                raise ResultsError(f"{output}: found other nodes than this version's at step {step}; solve it anew")
+                raise ResultsError(f"{output} has other nodes than this version's at step {step}; solve it anew")
             past = past._replace(rows=rows, ever=int((lives.birth <= step).sum()))
         with gone_back(output):
             resuming.expect_within(step, model)
@@ -388,9 +388,9 @@ def _march(notes: Recorder, writer: Behind, request: Request) -> str:
         chunk = pace.steps(EVERY if notes.system.hybrid else 1, int(PATIENCE / max(notes.system.bonds, 1)))
         records = next_multiple(step, run.every), next_multiple(step, run.ledger or run.every), run.steps
         ends = (step + chunk, looks, *records)
-        began = clock.perf_counter()
+        began = running_time()
         last = notes.march(step + 1, min(ends) + 1)
-        pace.took(min(ends) - step, clock.perf_counter() - began)
+        pace.took(min(ends) - step, running_time() - began)
         step = last
         writer.look()
         noted = step in records
@@ -404,7 +404,8 @@ def _march(notes: Recorder, writer: Behind, request: Request) -> str:
         if whole or done or interrupted or (noted and notes.is_old):
             writer.write(partial(notes.frame, step, whole, state=step == run.steps or done or interrupted))
     notes.settle(step)
-    writer.done().tell({"summary": json.dumps(summary(notes, step, done))})
+    compiled = {"compile_time": compile_seconds() - request.compiled}
+    writer.done().tell({"summary": json.dumps(summary(notes, step, done) | compiled)})
     notes.accounts.close()
     notes.close()
     return "finished" if done or step == run.steps else "interrupted"

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from typing import Any
 
+SHOWN = 0.5  # s of compiling that are worth a word
+
 
 def wall_time(summary: dict[str, Any], how: str | None = None) -> str:
     """The wall time in the summary of a run, what it ran on, and `how`, by default at what speed."""
     if how is None:
         millions = summary["bond_updates_per_second"] / 1e6
         how = f" {millions:.0f} million directed bond updates a second ({summary['kernel']})"
-    return f"wall time {summary['wall_time']:.2f} s on {_device(summary)},{how}"
+    compiled = summary.get("compile_time", 0.0)  # files of earlier releases have none
+    apart = f"; compiled kernels for {compiled:.0f} s" if compiled >= SHOWN else ""
+    return f"wall time {summary['wall_time']:.2f} s on {_device(summary)},{how}{apart}"
 
 
 def _device(summary: dict[str, Any]) -> str:

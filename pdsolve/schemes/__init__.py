@@ -24,19 +24,18 @@ def _pairs_of_their_own(model: Model) -> one_sided.Rule:
 
 def _refuse_others(model: Model) -> None:
     if model.grid.dimension == 3:
-        raise ModelError(f"{model.name}: found a body in space in the thesis mode, expected the conservative one")
+        raise ModelError(f"{model.name} is a body in space in the thesis mode; use the conservative one")
     if model.settings.contact is not None:
-        raise ModelError(f"{model.name}: $.contact: found some in the thesis mode, expected the conservative one")
+        raise ModelError(f"{model.name}: $.contact cannot be used in the thesis mode; use the conservative one")
     first = model.materials[0]
     for number, material in enumerate(model.materials):
         for name, usual in (("calibration", "mean"), ("coarse", "own")):
             if getattr(material, name) != usual:
                 raise ModelError(
-                    f"{model.place_of(number)}.{name}: found '{getattr(material, name)}', expected '{usual}' in the"
-                    " thesis mode"
+                    f"{model.place_of(number)}.{name} is '{getattr(material, name)}'; use '{usual}' in the thesis mode"
                 )
     for name, expected in KINDS[first.model].one_sided(first):
-        raise ModelError(f"{model.place_of(0)}.{name}: found '{getattr(first, name)}', expected {expected}")
+        raise ModelError(f"{model.place_of(0)}.{name} is '{getattr(first, name)}'; use {expected}")
 
 
 def _symmetric(model: Model) -> Filling:

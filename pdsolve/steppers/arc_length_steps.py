@@ -129,12 +129,12 @@ class ArcLengthSteps(PathRecords):
             try:
                 new, count, residual = self._found(state, guess, ahead / size * way, step)
                 if not norm(new.value - guess.value) < BENT * self._more:
-                    raise UnsettledError("found a path that bends within the shortest step")
+                    raise UnsettledError("the path bends within the shortest step")
                 if new.factor >= 1:
                     new, more, residual = self._reach(state, new, step)
                     count += more
                 if self._worst(state) > 1 + PAST:
-                    raise UnsettledError("found a bond past its limit within the shortest step")
+                    raise UnsettledError("a bond passes its limit within the shortest step")
                 break
             except UnsettledError:
                 state.value[:], self._largest, self._more = last.value, largest, self._more / 2
@@ -150,7 +150,7 @@ class ArcLengthSteps(PathRecords):
         near = last.value + (1 - last.factor) / (beyond.factor - last.factor) * (beyond.value - last.value)
         new, count, residual = self._settle(state, near, 1.0, step)
         if not norm(new.value - near) < BENT * self._more:
-            raise UnsettledError("found a path that bends within the shortest step")
+            raise UnsettledError("the path bends within the shortest step")
         return new, count, residual
 
     def _worst(self, state: State) -> float:
@@ -192,8 +192,8 @@ class ArcLengthSteps(PathRecords):
                 move += turn * b
             value, factor = value + move, factor + turn
         raise UnsettledError(
-            f"found no equilibrium on the path after {iteration} iterations, a residual of {left:.2g}, expected"
-            f" {self._tolerance:g} of the external forces"
+            f"no equilibrium on the path after {iteration} iterations (residual {left:.2g}; tolerance"
+            f" {self._tolerance:g} of the external forces)"
         )
 
     def _way(self, state: State) -> Array:
@@ -213,7 +213,7 @@ class ArcLengthSteps(PathRecords):
         try:
             return matrix, factors(matrix[free][:, free], self._operator.symmetric)
         except RuntimeError:
-            raise UnsettledError("found a singular tangent") from None
+            raise UnsettledError("the tangent is singular") from None
 
     def _outside(self, state: State, at: Path) -> Array:
         """Loads and reactions (n, w), N/m."""

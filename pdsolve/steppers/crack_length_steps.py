@@ -90,7 +90,7 @@ class CrackLengthSteps(PathRecords):
             rest(0.0)
             first = self._share_now(state)
             if first >= 1:
-                raise UnsettledError(f"found a tip with {first:.3g} of what lets it grow under what does not change")
+                raise UnsettledError(f"a tip has {first:.3g} of what lets it grow under what does not change")
         known, factor = (0.0, first), SMALL
         iterations = rest(factor).iterations
         while factor < 1 and (share := self._share_now(state)) < CLOSED:
@@ -145,11 +145,9 @@ class CrackLengthSteps(PathRecords):
                 return Settled(iterations, settled.residual), factor
             slope = (share - known[1]) / (factor - known[0])
             if not slope > 0:
-                raise UnsettledError(
-                    f"found a tip with {share:.3g} of what lets it grow, and no more under larger loads"
-                )
+                raise UnsettledError(f"a tip has {share:.3g} of what lets it grow, and no more under larger loads")
             known, factor = (factor, share), min(factor + (1 - share) / slope, 1.0)
-        raise UnsettledError(f"found no loads after {TRIES} tries with which a tip has what lets it grow")
+        raise UnsettledError(f"no loads let a tip grow after {TRIES} tries")
 
     def _shares(self, judged: list[tuple[Any, Any]]) -> Array:
         """Shares (k,) of what lets tips grow; 0 of those that stay, or go straight on to what is ahead of them."""
@@ -165,7 +163,7 @@ class CrackLengthSteps(PathRecords):
         """The largest share. Raises NoTipError where no tip may go on."""
         share = self._share_now(state)
         if not share > 0:
-            raise NoTipError("found no tip that loads open, with room for intensities around it")
+            raise NoTipError("no tip is opened by the loads, with room for intensities around it")
         return share
 
     def _next(self, state: State) -> list[tuple[Any, Any]]:

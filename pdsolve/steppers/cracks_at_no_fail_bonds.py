@@ -33,7 +33,8 @@ def held_crack(model: Model, bonds: SofteningBonds, value: NDArray[np.float64]) 
             continue
         if np.isin(ends, model.selected(condition)).any():
             return (
-                f"$.conditions[{number}]: found bonds of '{called(condition.name, number)}', which do not break, at the"
-                f" end of a crack, stretched to {peaks[worst]:.2f} times the peak of others, expected breakable = true"
+                f"$.conditions[{number}]: bonds of '{called(condition.name, number)}', which do not break, are"
+                f" stretched to {peaks[worst]:.2f} times the peak of others at the end of a crack; use breakable ="
+                " true"
             )
     return None

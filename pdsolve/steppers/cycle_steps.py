@@ -67,7 +67,7 @@ class CycleSteps:
         """Restore a checkpoint after `step`. Raises CheckpointError."""
         rows = entry(kept, "cycled", (step, len(Cycled._fields)), float)
         if not np.array_equal(rows[:, 0], np.arange(1, step + 1)):
-            raise CheckpointError(f"found steps of cycles that are not 1 to {step}, expected those until there")
+            raise CheckpointError(f"steps of cycles are not 1 to {step}, those until there")
         self.rested = [Cycled(int(s), int(i), r, c, int(b)) for s, i, r, c, b in rows.tolist()]
         if step:
             self._motion.back(entry(kept, "rested", (1, len(Rested._fields)), float), self._operator.broken())

@@ -70,7 +70,7 @@ class FatigueSteps(CycleSteps):
         self._cycles, self.first, self.range, block, done = entry(kept, "fatigue_numbers", (5,), float).tolist()
         self.first = np.inf if self.first == NONE_BROKE else self.first
         if not 0 <= block < max(len(self._law.blocks), 1):
-            raise CheckpointError(f"found block {block:g} of the loading, expected one of {len(self._law.blocks)}")
+            raise CheckpointError(f"block {block:g} of the loading does not exist; there are {len(self._law.blocks)}")
         self._at = Place(int(block), done)
 
     def _jump(self, state: State, step: int, before: Settled) -> Settled:
@@ -123,7 +123,7 @@ def tiring(
     law = model.settings.run.fatigue
     assert law is not None
     if not operator.symmetric:
-        raise ModelError(f"{model.name}: mode: found forces that do not cancel, expected conservative, as bonds tire")
+        raise ModelError(f"{model.name}: mode has forces that do not cancel; use conservative, as bonds tire")
     if breakable is None:
-        raise ModelError(f"{model.name}: $.run.fatigue: found no bond that may break, expected some that tire")
+        raise ModelError(f"{model.name}: $.run.fatigue: no bond may break; let some tire")
     return FatigueSteps(law, operator, motion, breakable, family, count)

@@ -182,8 +182,8 @@ class LoadSteps:
         ways = self.method.ways_down(state, self.held)
         if ways:
             raise UnsettledError(
-                f"found an equilibrium that is not stable, as energy falls in {ways} independent ways: a body under"
-                " dead loads leaves it; expected smaller loads, prescribed displacements, or motion (run.solver)"
+                f"the equilibrium is not stable, as energy falls in {ways} independent ways: a body under dead"
+                " loads leaves it; use smaller loads, prescribed displacements, or motion (run.solver)"
             )
 
     def _tell_jump(self, step: int, less: bool, least: float, spent: float, state: State) -> None:
@@ -195,9 +195,9 @@ class LoadSteps:
         if step > 1 and less and cost > JUMP * least_cost and not self._warned:
             self._warned = True
             warnings.warn(
-                f"{model.name}: load step {step}, {step * self._dt:.4g} s: found a snap-back: cracks released"
-                f" {cost:.3g} J/m and needed only {least:.3g} of the load, expected growth that load steps can"
-                " follow; the result is that of a jump at this load",
+                f"{model.name}: load step {step} ({step * self._dt:.4g} s): snap-back: the crack jumped at this"
+                f" load ({cost:.3g} J/m released), though {least:.3g} of it was enough; the result is that of a"
+                " jump at this load",
                 ModelWarning,
                 stacklevel=2,
             )
@@ -243,9 +243,8 @@ class LoadSteps:
         if not flowing or not self._drive.force[~self.held].any():
             return error
         return UnsettledError(
-            f"found the limit load: no equilibrium above {done:.3g} of this load step, as {flowing} of"
-            f" {len(self._area)} nodes flow; expected smaller loads, prescribed displacements, or"
-            " material.hardening"
+            f"limit load: no equilibrium above {done:.3g} of this load step, as {flowing} of {len(self._area)}"
+            " nodes flow; use smaller loads, prescribed displacements, or material.hardening"
         )
 
     def _part(self, state: State, loads: list[Array], places: list[Array], tell: Tell) -> Settled:
@@ -359,12 +358,12 @@ class LoadSteps:
             if not found.said:
                 return
         if not model.settings.run.static.floating and not when:
-            said = f"found {found.said}, expected supports, or --float (run.static.floating)"
+            said = f"{found.said}; add supports, or use --float (run.static.floating) if the loads balance"
             raise ModelError(f"{model.name}: $.conditions: {said}")
         self._loose = found
         self._balance(when)
         if not model.settings.run.static.floating:
-            self._tell_loose(f"{when}found {found.said}, without loads: it stays where it comes to rest")
+            self._tell_loose(f"{when}{found.said}, without loads: it stays where it comes to rest")
         self.method.hold_softly(found.nodes)
 
     def _tell_loose(self, said: str) -> None:
@@ -378,7 +377,7 @@ class LoadSteps:
         if self._loose is not None:
             said = unbalanced(self._model.grid.position, self._drive.force * self._area[:, None], self._loose)
             if said:
-                raise UnsettledError(f"{when}found loads of {said} that do not balance, expected supports")
+                raise UnsettledError(f"{when}loads of {said} do not balance; add supports")
 
 
 def held_at(drive: Drive, time: float) -> Array:

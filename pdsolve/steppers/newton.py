@@ -133,8 +133,8 @@ class Newton:
         state.value[:] = start
         self.forget()
         raise UnsettledError(
-            f"found no rest after {done} iterations of {self.said}, expected a residual"
-            f" of {self._tolerance:g} of the external forces; take smaller load steps (run.static.load_steps)"
+            f"no equilibrium after {done} iterations of {self.said} (tolerance {self._tolerance:g} of the external"
+            " forces); check the supports, or take smaller load steps (run.static.load_steps)"
         )
 
     def _renew(self, state: State, asked: Asked, before: int, tell: Tell) -> tuple[Settled | None, int]:
@@ -252,8 +252,8 @@ class Newton:
             return factors(inner, self._operator.symmetric)
         except RuntimeError:
             raise UnsettledError(
-                "found a body that is free to move in its own plane without a force, expected supports, or"
-                " run.static.floating (--float)"
+                "a body is free to move in its own plane without a force; add supports, or use run.static.floating"
+                " (--float)"
             ) from None
 
     def _gradients(self, inner: csr_array) -> Callable[[Array], Array]:

@@ -106,4 +106,4 @@ def _factors(matrix: csr_array, symmetric: bool) -> Callable[[Array], Array]:
         try:
             return factors(matrix, symmetric)
         except RuntimeError:
-            raise UnsettledError("found a singular tangent") from None
+            raise UnsettledError("the tangent is singular") from None

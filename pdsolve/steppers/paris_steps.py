@@ -98,9 +98,7 @@ class ParisSteps(CycleSteps):
         assert law.m is not None
         self.K_error += abs(cycles) * law.m * self._apart
         if steepest > STEEPEST:
-            found = (
-                f"found growth {steepest:.3g} times as fast as before this step, expected {STEEPEST:g} times at most"
-            )
+            found = f"growth is {steepest:.3g} times as fast as before this step, more than {STEEPEST:g} times"
             growth.remark("outruns", f"step {step}: {found}, of particles as short as the spacing")
         return settled
 

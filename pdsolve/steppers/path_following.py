@@ -121,7 +121,7 @@ class Follower:
                     break
                 size /= 2
             value = tried
-        raise UnsettledError(f"found no rest at {factor:.4g} of the loads after {2 * MOST} iterations")
+        raise UnsettledError(f"no equilibrium at {factor:.4g} of the loads after {2 * MOST} iterations")
 
     def follow(
         self, last: Path, guess: Path | None, more: float, tell: Tell, secants: int = 0, steady: int = STEADY
@@ -169,8 +169,8 @@ class Follower:
             value, factor = value + size * move, factor + size * turn
             found = self.bonds.respond(value)
         raise UnsettledError(
-            f"found no equilibrium where {self.control.said} {more:.3g} {self.control.unit} more after {iteration}"
-            f" iterations, a residual of {left:.2g}, expected {self._tolerance:g} of the external forces"
+            f"no equilibrium where {self.control.said} {more:.3g} {self.control.unit} more after {iteration}"
+            f" iterations (residual {left:.2g}; tolerance {self._tolerance:g} of the external forces)"
         )
 
     def left(self, at: Path) -> float:

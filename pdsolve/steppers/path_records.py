@@ -79,7 +79,7 @@ class PathRecords:
         """Restore a checkpoint after `step`. Raises CheckpointError."""
         rows = entry(kept, "stepped", (step, len(Stepped._fields)), float)
         if not np.array_equal(rows[:, 0], np.arange(1, step + 1)):
-            raise CheckpointError(f"found path steps that are not 1 to {step}, expected those until the checkpoint")
+            raise CheckpointError(f"path steps are not 1 to {step}, those until the checkpoint")
         self.rested = [Stepped(int(row[0]), int(row[1]), *row[2:]) for row in rows.tolist()]
 
     def words(self) -> str:
@@ -127,7 +127,7 @@ class PathRecords:
             return
         follows = {"path": "goes on at smaller loads", "stop": "ends here", "motion": "ends here, and a motion begins"}
         warnings.warn(
-            f"{self._model.name}: path step {step}: found loads past their largest, {self.lost:.4g} of those"
+            f"{self._model.name}: path step {step}: the loads are past their largest, {self.lost:.4g} of those"
             f" prescribed, where a body under dead loads does not stay at rest; the path {follows[after]}",
             ModelWarning,
             stacklevel=2,

@@ -72,7 +72,7 @@ class PathSteps(PathRecords):
         supported = held | grounded(model, drive.force.shape[1])
         found = loose(model.grid.position, model.grid.ids, joined, supported[:, :d])
         if found.said:
-            raise ModelError(f"{model.name}: $.conditions: found {found.said}, expected supports")
+            raise ModelError(f"{model.name}: $.conditions: {found.said}; add supports")
         static = model.settings.run.static
         control = _controlled(model, bonds)
         self._follower = Follower(
@@ -193,8 +193,8 @@ class PathSteps(PathRecords):
         """The factor by which loads grow from the start until an elastic body has the last opening."""
         opened = self._measure(near) - self._measure(start)
         if not opened > 0:
-            said = f"found that {self._follower.control.said} {opened:.3g} m under growing loads"
-            raise UnsettledError(f"{said}, expected a gap that grows")
+            said = f"{self._follower.control.said} {opened:.3g} m under growing loads"
+            raise UnsettledError(f"{said}; use a gap that grows")
         return (self._opening - self._measure(start)) / opened * (near.factor - start.factor)
 
     def _settle(self, near: Path, factor: float) -> tuple[Path, int, float]:
@@ -237,8 +237,8 @@ class PathSteps(PathRecords):
         if secants < PATIENT and self._more >= LEAST * self._most:
             self._more, secants = (self._more, SECANTS) if not secants else (self._more / 2, 0)
         elif np.isfinite(self._opening):
-            said = f"found that the gap '{self._model.settings.run.static.control}' does not grow along the path"
-            raise UnsettledError(f"{said}, expected one that does, or no run.static.control") from None
+            said = f"the gap '{self._model.settings.run.static.control}' does not grow along the path"
+            raise UnsettledError(f"{said}; use one that does, or no run.static.control") from None
         elif secants < PATIENT:
             self._more, secants = self._most, PATIENT
         elif self._more > self._most / COARSER**3:

@@ -71,9 +71,8 @@ class Relaxation:
                 return settled
             if last >= self._most or not mass.max() < 100 * self._mass.max():
                 raise UnsettledError(
-                    f"found no rest after {last} iterations of {self.said}, expected a residual"
-                    f" of {self._tolerance:g} of the external forces; allow more iterations"
-                    " (run.static.iterations), or a larger tolerance"
+                    f"no equilibrium after {last} iterations of {self.said} (tolerance {self._tolerance:g} of the"
+                    " external forces); allow more iterations (run.static.iterations), or a larger tolerance"
                 )
             done, mass = last, mass * HEAVIER
 

@@ -55,7 +55,7 @@ def loose(
     else:
         own, what, more = swinging, f"{int(swinging.sum())} nodes that bonds hold in one direction only", ""
     free = "turn" if missing.any() and held[own].any(axis=0).all() else "move"
-    return Loose(found, f"{what} around {_place(position[own])} (node {ids[own][0]}) free to {free}{more}", part)
+    return Loose(found, f"{what} around {_place(position[own])} (node {ids[own][0]}) can {free}{more}", part)
 
 
 def _place(position: NDArray[np.float64]) -> str:

@@ -27,7 +27,7 @@ def in_load_steps(model: Model, precision: str) -> Model:
     """
     run = model.settings.run
     if precision != "float64":
-        raise ModelError(f"precision: found {precision}, expected float64, as the solver is static")
+        raise ModelError(f"precision is {precision}; use float64, as the solver is static")
     if follows_path(model) or follows_cracks(model) or follows_arc(model):
         return _in_path_steps(model)
     if run.fatigue is not None:
@@ -40,8 +40,8 @@ def in_load_steps(model: Model, precision: str) -> Model:
     steps = run.static.load_steps or (STEPS if varies else 1)
     if not varies and steps > 1:
         raise ModelError(
-            f"{model.name}: $.run.static.load_steps: found {steps} and nothing that varies with time, expected 1, or a"
-            " condition with a profile"
+            f"{model.name}: $.run.static.load_steps is {steps}, and nothing varies with time; use 1, or a condition"
+            " with a profile"
         )
     step = (end if varies else 1.0) / steps
     changed = msgspec.structs.replace(run, time_step=step, steps=steps, every=1, ledger=1)
@@ -78,8 +78,8 @@ def _in_path_steps(model: Model) -> Model:
         points = condition.profile if varies else ((0.0, 0.0), (1.0, 1.0))
         if len(points) != 2 or points[0][0] != 0 or points[1][0] != (end if varies else 1.0):
             raise ModelError(
-                f"{model.name}: $.conditions[{number}].profile: found {len(points)} points, expected a straight line"
-                " from 0 to the end, as loads follow from what bonds or cracks spend"
+                f"{model.name}: $.conditions[{number}].profile has {len(points)} points; use a straight line from 0"
+                " to the end, as loads follow from what bonds or cracks dissipate"
             )
         conditions.append(msgspec.structs.replace(condition, profile=((0.0, points[0][1]), (1.0, points[1][1]))))
     if follows_cracks(model):
@@ -103,7 +103,7 @@ def in_steps_of_content(model: Model, precision: str) -> Model:
     """The model at rest after each time step of a content that swells it. Raises ModelError for an unsupported one."""
     run = model.settings.run
     if precision != "float64":
-        raise ModelError(f"precision: found {precision}, expected float64, as the solver is static")
+        raise ModelError(f"precision is {precision}; use float64, as the solver is static")
     assert run.time_step is not None
     moves = msgspec.structs.replace(model.settings, run=msgspec.structs.replace(run, solver="explicit"))
     timed = counted(dataclasses.replace(model, settings=moves), run.time_step).settings
@@ -140,11 +140,11 @@ def _refuse_loads(model: Model, times: list[float], needed: bool = True) -> None
                 other, before = holds.setdefault((row, axis), (number, way))
                 if before != way:
                     raise ModelError(
-                        f"{model.name}: $.conditions[{number}].{axis}: found node {model.grid.ids[row]} held otherwise"
-                        f" by $.conditions[{other}], expected one displacement of it, as the solver is static"
+                        f"{model.name}: $.conditions[{number}].{axis}: node {model.grid.ids[row]} is held otherwise"
+                        f" by $.conditions[{other}]; use one displacement of it, as the solver is static"
                     )
     if needed and not loads:
         raise ModelError(
-            f"{model.name}: $.conditions: found none that loads the plate at any load step, expected a load or a"
-            " displacement that is not 0"
+            f"{model.name}: $.conditions: none loads the plate at any load step; add a load or a displacement that"
+            " is not 0"
         )

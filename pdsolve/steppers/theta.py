@@ -89,8 +89,7 @@ class Theta:
             if np.array_equal(follows, free & operator.follows(content)):
                 return content
         raise UnstableError(
-            f"step {step}: found no end of Newton's method in {ITERATIONS} iterations, expected one; take a smaller"
-            " time step"
+            f"step {step}: Newton's method did not end in {ITERATIONS} iterations; use a smaller time step"
         )
 
     def _solve(self, state: State, follows: NDArray[np.bool_], right: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -135,4 +134,4 @@ def gradients(product: Solve, right: NDArray[np.float64], diagonal: NDArray[np.f
         ahead = left / diagonal
         gain, before = float((left * ahead).sum()), gain
         along = ahead + gain / before * along
-    raise UnstableError(f"found no end of conjugate gradients in {MOST} iterations, expected one; take smaller steps")
+    raise UnstableError(f"conjugate gradients did not end in {MOST} iterations; use smaller steps")

@@ -38,7 +38,7 @@ class Touching:
             done += settled.iterations
             if contact.moved(state.value) > FAR:
                 state.value[:] = start
-                raise UnsettledError(f"found bodies in contact that move by more than {FAR:g} spacings")
+                raise UnsettledError(f"bodies in contact move by more than {FAR:g} spacings")
             before = contact.seen
             contact.see(state.value.copy())
             if left_over(state, asked, forces(self._operator, state), 0.0) < STAYS:
@@ -46,8 +46,8 @@ class Touching:
                 return Settled(done, settled.residual)
         state.value[:] = start
         raise UnsettledError(
-            f"found no place in which bodies stay that touch, after {LOOKS} looks at their faces, expected supports or"
-            " friction of what can slide"
+            f"no place in which bodies stay that touch, after {LOOKS} looks at their faces; add supports or"
+            " friction for what can slide"
         )
 
     def forget(self) -> None:
@@ -78,7 +78,7 @@ def resting(contact: RestingContact | None, solve: Callable[[], Solved], left: C
     for _ in range(LOOKS if contact is not None else 0):
         assert contact is not None
         if contact.moved(new.value) > FAR:
-            raise UnsettledError(f"found bodies in contact that move by more than {FAR:g} spacings")
+            raise UnsettledError(f"bodies in contact move by more than {FAR:g} spacings")
         before = contact.seen
         contact.see(new.value)
         if left(new) < STAYS:
@@ -87,5 +87,5 @@ def resting(contact: RestingContact | None, solve: Callable[[], Solved], left: C
         new, more, residual = solve()
         count += more
     if contact is not None:
-        raise UnsettledError(f"found no place in which bodies stay that touch, after {LOOKS} looks at their faces")
+        raise UnsettledError(f"no place in which bodies stay that touch, after {LOOKS} looks at their faces")
     return new, count, residual

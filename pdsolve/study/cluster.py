@@ -9,7 +9,7 @@ from typing import Any
 from pdsolve.study.description import StudyError
 from pdsolve.study.one_run import LOST, Outcome, Task, solved
 
-MISSING = "--scheduler: found no package distributed, expected it: pip install 'pdsuite[study]'"
+MISSING = "--scheduler needs the package distributed; install it: pip install 'pdsuite[study]'"
 PATIENCE = 10.0  # s until a scheduler has answered
 
 
@@ -27,7 +27,9 @@ def solved_by(tasks: Sequence[Task], scheduler: str) -> Iterator[Outcome]:
     try:
         client = Client(scheduler, timeout=PATIENCE)
     except (OSError, ValueError, TypeError) as error:
-        raise StudyError(f"--scheduler {scheduler}: found none that answers ({error}), expected one") from None
+        raise StudyError(
+            f"--scheduler {scheduler} does not answer ({error}); start it, or correct the address"
+        ) from None
     with client:
         futures = dict(zip(client.map(solved, tasks, pure=False), tasks, strict=True))
         for future in as_completed(futures):
@@ -35,8 +37,7 @@ def solved_by(tasks: Sequence[Task], scheduler: str) -> Iterator[Outcome]:
                 outcome = _outcome(future, futures[future].number, KilledWorker)
             except (CancelledError, OSError):
                 raise StudyError(
-                    f"--scheduler {scheduler}: found it ended, expected it to go on; begin it anew, and the same"
-                    " command goes on with the study"
+                    f"--scheduler {scheduler} ended; begin it anew, and the same command goes on with the study"
                 ) from None
             yield outcome
             future.release()

@@ -50,7 +50,7 @@ def parser() -> argparse.ArgumentParser:
 
 def _count(text: str) -> int:
     if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"found '{text}', expected a whole number from 1")
+        raise argparse.ArgumentTypeError(f"cannot use '{text}'; use a whole number from 1")
     return int(text)
 
 
@@ -67,7 +67,9 @@ def _study(args: argparse.Namespace) -> int:
     from pdsolve.study.progress import StudyWatch
 
     if args.scheduler and args.workers:
-        raise commandline.UsageError("--workers: found --scheduler as well, whose workers there are, expected one")
+        raise commandline.UsageError(
+            "--workers cannot be combined with --scheduler, whose workers there are; use one of them"
+        )
     study = read_study(args.study)
     path = commandline.output_path(args.output, args.study, ".sqlite", force=True)  # what is there is gone on with
     crew = Crew(args.workers, args.threads, args.scheduler, args.trust)

@@ -16,6 +16,7 @@ from typing import Annotated, Any, Literal
 
 import msgspec
 
+from pdmesh.model.suggestions import explained
 from pdsolve.study.measure_columns import column_of
 
 Mode = Literal["conservative", "thesis"]
@@ -144,7 +145,7 @@ class Study:
         ranges = list(_ranges(about.vary, str(self.path)))
         count = math.prod(len(values) for _, _, values in ranges) * max(len(about.runs), 1) * about.repeat.times
         if count > MOST:
-            raise StudyError(f"{self.path}: found {count} runs, expected at most {MOST}")
+            raise StudyError(f"{self.path} has {count} runs; use at most {MOST}")
         for listed in about.runs or (Set(),):
             for chosen in itertools.product(*(values for _, _, values in ranges)):
                 parts = _parts(about.set)
@@ -163,21 +164,24 @@ def read_study(path: Path) -> Study:
 
     try:
         text = read_bytes(path).decode("utf-8")
-        about = msgspec.convert(tomllib.loads(text), Description)
+        content = tomllib.loads(text)
+        about = msgspec.convert(content, Description)
         _refuse_odd(msgspec.to_builtins(about, builtin_types=(date, time)), "$")
     except OSError as error:
         raise StudyError(f"{path}: cannot be read: {error.strerror}") from None
-    except (ValueError, RecursionError) as error:  # TOML's, UTF-8's and msgspec's
+    except msgspec.ValidationError as error:
+        raise StudyError(f"{path}: {explained(error, Description, lambda: content)}") from None
+    except (ValueError, RecursionError) as error:  # TOML's and UTF-8's
         raise StudyError(f"{path}: {error}") from None
     again = about.repeat
     if again.times > 1 and not (again.notch or again.step or again.noise):
         raise StudyError(
-            f"{path}: $.repeat: found {again.times} times without notch, step or noise, expected one of them:"
-            " the same run comes to the same bits"
+            f"{path}: $.repeat has {again.times} times without notch, step or noise, which give bit-identical runs;"
+            " add one of them"
         )
     study = Study(path, text, about)
     if not study.drawing.is_file():
-        raise StudyError(f"{path}: $.drawing: found no file {study.drawing}, expected a drawing")
+        raise StudyError(f"{path}: $.drawing: there is no file {study.drawing}; name a drawing")
     study.cases()
     return study
 
@@ -185,9 +189,9 @@ def read_study(path: Path) -> Study:
 def _refuse_odd(value: Any, place: str) -> None:
     """Raise ValueError for TOML values that are no parameters: dates and times, and numbers that no double holds."""
     if isinstance(value, int) and abs(value) > sys.float_info.max:
-        raise ValueError(f"{place}: found an integer of {value.bit_length()} bits, expected one below 1.8e308")
+        raise ValueError(f"{place} is an integer of {value.bit_length()} bits; use one below 1.8e308")
     if isinstance(value, date | time):
-        raise ValueError(f"{place}: found {value}, expected a number, a word, a list or a table")
+        raise ValueError(f"{place} is {value}; use a number, a word, a list or a table")
     parts = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list | tuple) else ()
     for name, part in parts:
         _refuse_odd(part, f"{place}[{name}]" if isinstance(name, int) else f"{place}.{name}")
@@ -210,7 +214,7 @@ def _ranges(vary: Vary, name: str) -> Iterator[tuple[str, str, Sequence[Any]]]:
     for kind, parameter, values in given:
         if not isinstance(values, list | tuple) or not values:
             found = f"{values!r:.60}"
-            raise StudyError(f"{name}: $.vary: {parameter}: found {found}, expected a list of values")
+            raise StudyError(f"{name}: $.vary: {parameter} is {found}; use a list of values")
         yield kind, parameter, values
 
 

@@ -107,15 +107,15 @@ def _clear(study: Study, output: Path) -> None:
     """
     runs = runs_of(output)
     if runs.is_symlink():
-        raise StudyError(f"{runs}: found a link, expected a folder to remove runs from; remove them where it leads to")
+        raise StudyError(f"{runs} is a link; remove its runs where it leads to")
     if output.exists() and output.stat().st_size:
         with Table.open(output) as table:
             rows, digest = table.rows(), table.about().get("drawing_sha256", "")
         files = own_runs(output, runs, rows, digest)
     elif kept(runs, study):
         raise StudyError(
-            f"{runs}: found runs without the table that names them, expected none; remove the folder to solve them"
-            " anew, or go on with them without --force"
+            f"{runs} has runs without the table that names them; remove the folder to solve them anew, or go on"
+            " with them without --force"
         )
     else:
         files = []

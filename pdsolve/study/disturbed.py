@@ -33,21 +33,23 @@ def disturbed(model: Model, repeat: Repeat, repetition: int, time_step: float) -
     grid, settings = model.grid, model.settings
     if repeat.step:
         if settings.run.solver == "static":
-            raise ModelError(f"{model.name}: repeat.step: found it for a run at rest, expected notch or noise")
+            raise ModelError(f"{model.name}: repeat.step cannot be used in quasi-static analysis; use notch or noise")
         step = time_step * (1 - repeat.step * shorter)
         run = in_steps(settings.run, time_step)
         steps = math.ceil(run.steps * time_step / step - NEAR)
         settings = msgspec.structs.replace(settings, run=msgspec.structs.replace(run, time_step=step, steps=steps))
     if repeat.notch:
         if not len(grid.cracks):
-            raise ModelError(f"{model.name}: repeat.notch: found no pre-crack to move, expected one, or step or noise")
+            raise ModelError(
+                f"{model.name}: repeat.notch: there is no pre-crack to move; add one, or use step or noise"
+            )
         if grid.dimension == 3:
-            raise ModelError(f"{model.name}: repeat.notch: found a body in space, expected step or noise")
+            raise ModelError(f"{model.name}: repeat.notch cannot be used for a body in space; use step or noise")
         grid = replace(grid, cracks=_moved(grid, repeat.notch * across * float(grid.delta.min())))
     if repeat.noise:
         if settings.run.adapt != "none":
             raise ModelError(
-                f"{model.name}: repeat.noise: found run.adapt {settings.run.adapt}, expected notch or step"
+                f"{model.name}: repeat.noise cannot be used with run.adapt {settings.run.adapt}; use notch or step"
             )
         inside = ~(grid.border | _outermost(grid))  # a node outside the outline has no bonds
         noise = draw.standard_normal(grid.position.shape) * (repeat.noise * grid.delta * inside)[:, None]

@@ -17,7 +17,7 @@ from pdsolve.study.run_model import model_of_run, options
 
 ALONE = threading.Lock()  # a process solves one run at a time
 
-LOST = "found the process that solved it ended, expected it to go on (too little memory?)"
+LOST = "the process that solved it ended (too little memory?); the same command with --again solves it once more"
 PATIENCE, PAUSE = 30.0, 0.2  # s that a run waits for another process that writes to its database; s between two looks
 
 
@@ -70,15 +70,15 @@ def _gone_on(task: Task) -> Results:
     """Results of a run, continued if possible, else restarted. Raises BusyError, and others."""
     own = provenance(task.case.key, task.digest)
     if task.output.is_symlink():
-        raise ResultsError(f"{task.output}: found a link, expected the run's own database or none; move it away")
+        raise ResultsError(f"{task.output} is a link, and the run's own database is written there; move it away")
     try:
         state = state_of(task.output)
     except ResultsError as error:
         raise ResultsError(f"{error} (remove it, and --again solves it anew)") from None
     if state.kind is Kind.RUNNING:
-        raise BusyError(f"{task.output}: found a run writing to it ({state.holder}), expected none")
+        raise BusyError(f"{task.output}: a run is writing to it ({state.holder}); wait for its end")
     if state.meta and state.meta.get("provenance") not in (own, f"pdsolve study: {task.case.key}"):  # an older one
-        raise ResultsError(f"{task.output}: found results of another run, expected this one's or none")
+        raise ResultsError(f"{task.output} has results of another run; move it away")
     if state.kind in (Kind.UNBEGUN, Kind.STOPPED, Kind.FINISHED):
         try:
             return resume(task.output, task.threads)

@@ -32,10 +32,7 @@ def kept(runs: Path, study: Study) -> dict[str, int]:
 
     Raises StudyError for other files or runs of another drawing; ResultsError for a damaged database.
     """
-    odd = StudyError(
-        f"{runs}: found files in it, expected none before the first run, or runs of this {study.drawing.name}; move"
-        " them away"
-    )
+    odd = StudyError(f"{runs} has files of other runs than those of this {study.drawing.name}; move them away")
     if runs.is_dir() and not all(NUMBERED.fullmatch(path.name) for path in runs.iterdir()):
         raise odd
     found: dict[str, int] = {}
@@ -63,15 +60,12 @@ def own_runs(output: Path, runs: Path, rows: Sequence[Row], digest: str) -> list
         match = NUMBERED.fullmatch(path.name)
         row = None if match is None else named.get(f"{match[1]}.sqlite")
         if row is None or path.is_symlink() or not path.is_file():
-            raise StudyError(
-                f"{path}: found it among the runs of {output.name}, whose table does not name it, expected those alone;"
-                " move it away"
-            )
+            raise StudyError(f"{path} is among the runs of {output.name}, whose table does not name it; move it away")
         if path.name == row.file.name and not _is_run(path, row, digest):
-            raise StudyError(f"{path}: found results of another run than {output.name} says, expected its own")
+            raise StudyError(f"{path} has results of another run than {output.name} says; move it away")
         expect_sound(row.file)
         if (name := holder(row.file)) is not None:
-            raise BusyError(f"{row.file}: found a run writing to it ({name}), expected none")
+            raise BusyError(f"{row.file}: a run is writing to it ({name}); wait for its end")
     return [row.file for row in named.values()]
 
 

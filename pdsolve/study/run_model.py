@@ -101,8 +101,7 @@ def _dimension(drawing: Path, case: Case, trust: bool) -> int:
         dimension, diffuses = 3 if isinstance(scene, Body) else 2, scene.medium is not None
     if diffuses:
         raise StudyError(
-            f"{drawing}: found a model of diffusion, expected one of mechanics, whose cracks and energies a study"
-            " measures"
+            f"{drawing} is a model of diffusion, and a study measures cracks and energies; use one of mechanics"
         )
     return dimension
 

@@ -56,7 +56,7 @@ class Table:
     def open(cls, path: Path) -> Table:
         """The table in the file at `path`, read only. Raises StudyError if it is not a study's table, or damaged."""
         if not is_study(path):
-            raise StudyError(f"{path}: found no table of a study, expected one written by pdsolve study")
+            raise StudyError(f"{path} is no table of a study; use one written by pdsolve study")
         with _explained(path):
             table = cls(read_only(path), path)
         table._expect_whole()
@@ -73,8 +73,8 @@ class Table:
         new = not path.exists() or path.stat().st_size == 0  # a run that was killed has left nothing in it
         if not new and not is_study(path):
             raise StudyError(
-                f"{path}: found a file that is no table of a study, expected one or none (-o names another; if it was a"
-                f" table that was damaged: remove it, and it is made anew from the runs in {runs_of(path).name})"
+                f"{path} is no table of a study and is not overwritten; name another with -o (if it was a table"
+                f" that was damaged: remove it, and it is made anew from the runs in {runs_of(path).name})"
             )
         with _explained(path):
             table = cls(for_writing(path, isolation_level=None), path)
@@ -135,7 +135,7 @@ class Table:
         mark = study.digest
         known = self.about().get("drawing_sha256", mark)
         if known != mark:
-            raise StudyError(f"{self.path}: found runs of another {study.drawing}, expected the same (--force: anew)")
+            raise StudyError(f"{self.path} has runs of another {study.drawing}; use --force to begin anew")
         about = {"program": version, "study": study.text, "drawing": str(study.drawing), "drawing_sha256": mark}
         about["varied"] = json.dumps(study.varied)
         self.connection.executemany("INSERT OR REPLACE INTO study VALUES (?, ?)", list(about.items()))
@@ -238,8 +238,8 @@ def _explained(path: Path) -> Iterator[None]:
             written = code in (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR, sqlite3.SQLITE_READONLY)
             raise (WriteError if written else StudyError)(f"{path}: {said}") from None
         raise StudyError(
-            f"{path}: {said}, expected a whole table; remove it, and pdsolve study makes it anew from the runs in"
-            f" {runs_of(path).name} (without that folder, it solves them all anew)"
+            f"{path}: {said}; remove it, and pdsolve study makes it anew from the runs in {runs_of(path).name}"
+            " (without that folder, it solves them all anew)"
         ) from None
 
 

@@ -59,18 +59,18 @@ def expect_whole(connection: sqlite3.Connection) -> None:
 def _expect_whole(connection: sqlite3.Connection) -> None:
     (said,) = connection.execute("PRAGMA integrity_check(1)").fetchone()
     if said != "ok":
-        raise DamagedTableError(f"found {' '.join(said.split())}")
+        raise DamagedTableError(f"{' '.join(said.split())}")
     kinds = dict(connection.execute("SELECT name, type FROM sqlite_master"))
     for name in (*WHOLE, "run"):
         if kinds.get(name) != "table":
-            raise DamagedTableError(f"found no table {name}")
+            raise DamagedTableError(f"there is no table {name}")
     columns = [name for _, name, *_ in connection.execute("PRAGMA table_info(run)")]
     units = [name for (name,) in connection.execute("SELECT name FROM column_unit")]
     if missing := [name for name in (*OWN, *units) if name not in columns]:
-        raise DamagedTableError(f"found no column {missing[0]} of run")
+        raise DamagedTableError(f"there is no column {missing[0]} of run")
     for number, file in connection.execute("SELECT number, file FROM run"):
         if not isinstance(file, str) or not FILE.fullmatch(file):
-            raise DamagedTableError(f"found the file {str(file)[:60]!r} of run {number}")
+            raise DamagedTableError(f"the file of run {number} is {str(file)[:60]!r}")
     if has(connection):
         _expect_sums(connection)
 
@@ -79,13 +79,13 @@ def _expect_sums(connection: sqlite3.Connection) -> None:
     known = {(name, number): rest for name, number, *rest in connection.execute("SELECT * FROM checksum")}
     for name in WHOLE:
         if known.pop((name, 0), None) != [*_of_all(connection, name)]:
-            raise DamagedTableError(f"found its {name} damaged")
+            raise DamagedTableError(f"its {name} is damaged")
     ((runs,),) = connection.execute("SELECT count(*) FROM run")
     if known.pop(("run", 0), None) != [runs, 0] or len(known) != runs:
-        raise DamagedTableError(f"found {runs} runs, which are not as many as were written")
+        raise DamagedTableError(f"{runs} runs are there, which are not as many as were written")
     for number, crc in _of_runs(connection):
         if known.get(("run", number)) != [1, crc]:
-            raise DamagedTableError(f"found run {number} damaged")
+            raise DamagedTableError(f"run {number} is damaged")
 
 
 def _of_all(connection: sqlite3.Connection, name: str) -> tuple[int, int]:

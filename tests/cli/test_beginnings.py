@@ -52,7 +52,7 @@ def test_resuming_an_empty_file_begins_anew(
     """The second line of the job script of docs/how_to/clusters.md."""
     leave_empty(how)
     assert main(["--resume", str(PLATE), "--set", "run.steps=3"]) == 2
-    assert capsys.readouterr().err.startswith("pdsolve: --resume: found assignments")
+    assert capsys.readouterr().err.startswith("pdsolve: --resume keeps the options of the run; leave out --set")
     assert main(["--resume", str(PLATE)]) == 0
     out, err = capsys.readouterr()
     assert mentions(out.splitlines()[0], "plate.sqlite")
@@ -68,7 +68,7 @@ def test_an_empty_file_without_its_model_is_refused(model: Path, capsys: pytest.
     assert main(["--resume", str(PLATE)]) == 2
     out, err = capsys.readouterr()
     assert (out, len(err.splitlines())) == ("", 1)
-    assert mentions(err, "plate.sqlite", found="nothing in it")
+    assert mentions(err, "plate.sqlite")
     assert PLATE.stat().st_size == 0
 
 
@@ -86,7 +86,7 @@ def test_a_file_with_contents_is_never_taken_over(what: str, model: Path, capsys
     leave_something(what)
     before = PLATE.read_bytes()
     assert main([str(model)]) == 2
-    assert mentions(capsys.readouterr().err, "plate.sqlite", "--force", found="a file", expected="none")
+    assert mentions(capsys.readouterr().err, "plate.sqlite", "--force")
     assert main(["--resume", str(PLATE)]) == 2
     assert PLATE.read_bytes() == before
 

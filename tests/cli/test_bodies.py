@@ -117,7 +117,7 @@ def test_xdmf_and_csv_have_all_three_axes(solved: Path) -> None:
         (
             pdpost,
             ["damage", "body.sqlite", "--scale", "auto"],
-            naming("--scale", found=("body", "space"), expected="none"),
+            naming("--scale", found=("body", "space"), expected="leave it out"),
         ),
         (pdpost, ["damage", "body.sqlite", "--window", "0,0,1,1"], naming("--window", found=("body", "space"))),
         (pdpost, ["damage", "body.sqlite", "--frames", "0,1"], naming("--frames", found=("body", "space"))),

@@ -61,7 +61,7 @@ FAILING: dict[str, tuple[Callable[[pytest.MonkeyPatch], None], str]] = {
     "no package": (_no_package, "pyopencl"),
     "no runtime": (lambda patched: patched.setattr(runtime, "_library", without_runtime()), "no OpenCL runtime"),
     "no float64": (_described(double=False), "float64"),
-    "too little memory": (_described(memory=10_000), "to take"),
+    "too little memory": (_described(memory=10_000), "are needed"),
     "an array too large": (_described(largest=1_000), "arrays"),
     "a kernel that does not build": (
         lambda patched: patched.setattr(source, "text_of", lambda name: "no kernel"),
@@ -80,7 +80,7 @@ def test_a_device_that_cannot_is_told_of_in_one_line(
     fail(monkeypatch)
     assert main([plate, "--device", "opencl", "--precision", precision, "-q"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith("pdsolve: device: found ")
+    assert line.startswith("pdsolve: device")
     assert word in line
     assert not Path("plate.sqlite").exists()
 

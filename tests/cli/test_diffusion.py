@@ -141,11 +141,11 @@ def test_exports_hold_what_there_is(results: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("setting", "said"),
     [
-        ("medium.D=-1e-9", re.escape("Expected `float` > 0.0 - at `$.medium.D`")),
+        ("medium.D=-1e-9", re.escape("$.medium.D")),
         ("medium.C_sat=80000", naming("$.medium.C_sat", found="80000 mol/m^3", expected=("C_solid", "71600 mol/m^3"))),
         ("run.time_step=39", naming("$.run.time_step", found="39 s", expected=re.compile(r"36\.84"))),
-        ("run.theta=0.3", re.escape("Expected `float` >= 0.5 - at `$.run.theta`")),
-        ("physics=mechanics", naming("$.material", found="none", expected=("E", "G0"))),
+        ("run.theta=0.3", re.escape("$.run.theta")),
+        ("physics=mechanics", naming("$.material", found="missing", expected=("E", "G0"))),
         ("run.adapt=split", naming("$.run.adapt", found="split", expected=("collocation", "diffusion"))),
         ("run.cracks=particles", naming("$.run.cracks", found="'particles'", expected="'bonds'")),
         ("run.particles.strength=1", naming("run.particles.strength", found="run.cracks bonds")),

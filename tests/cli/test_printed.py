@@ -106,7 +106,7 @@ def test_too_little_memory_is_a_line(
 
     monkeypatch.setattr("pdmesh.model.document.read_file", greedy)
     assert pdmesh(["info", "grid.json"]) == 1
-    assert mentions(one_line(capsys), found=("little", "memory"))
+    assert mentions(one_line(capsys), found="memory", expected="ulimit -v")
 
 
 @pytest.mark.process
@@ -116,14 +116,14 @@ def test_a_limit_of_memory_that_libraries_do_not_end_at(here: Path, capfd: pytes
     words = f"ulimit -v 400000 && exec {shlex.quote(sys.executable)} -m pdsolve grid.json --dry-run"
     assert subprocess.run(["sh", "-c", words], timeout=120, check=False).returncode == 1
     out, err = capfd.readouterr()
-    assert (out, err) == ("", "pdsolve: found too little memory, expected more (is there a limit, ulimit -v?)\n")
+    assert (out, err) == ("", "pdsolve: too little memory")
 
 
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"areas": [1e300]}, re.escape("$.areas[0]: found 1e+300, expected")),
-        ({"areas": [1e-320]}, re.escape("$.areas[0]: found ")),
+        ({"areas": [1e300]}, re.escape("$.areas[0] is 1e+300")),
+        ({"areas": [1e-320]}, re.escape("$.areas[0]")),
         ({"run": {"time_step": 1e-320}}, naming("$.run.time_step", found="9.99989e-321", expected="1e-100")),
     ],
 )
@@ -143,7 +143,7 @@ def test_a_body_has_no_plane(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert mentions(one_line(capsys), "material.plane", found="'stress'", expected="space")
 
 
-@pytest.mark.parametrize(("text", "said"), [("", "found nothing"), ("{}", "missing required field `notch`")])
+@pytest.mark.parametrize(("text", "said"), [("", "is empty"), ("{}", ".notch is missing")])
 def test_files_that_say_nothing(text: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "grid.json"
     path.write_text(text)

@@ -281,7 +281,7 @@ def test_a_file_a_rank_is_read_as_one_and_goes_on_after_a_kill_with_other_ranks(
     (here / "many.sqlite.1-1").unlink()
     with pytest.raises(ResultsError) as missing:
         Results.open(output)
-    assert mentions(missing, "many.sqlite", found="no many.sqlite.1-1", expected="files of all its ranks")
+    assert mentions(missing, "many.sqlite", found="many.sqlite.1-1", expected="files of all its ranks")
 
 
 def expect_same_read(one: Results, many: Results) -> None:

@@ -156,7 +156,7 @@ def test_another_run_has_begun_to_write(
         assert main([str(model), "-q"]) == 1
     out, err = capsys.readouterr()
     assert (out, err.count("\n")) == ("", 1)
-    assert mentions(err, "plate.sqlite", found=("another", "run"), expected="none")
+    assert mentions(err, "plate.sqlite", found=("another", "run"), expected="leave it out")
     simulate(probed, Path("alone.sqlite")).close()
     assert contents(path) == contents(Path("alone.sqlite"))
 
@@ -184,7 +184,7 @@ def test_to_ask_what_is_left_solves_nothing(
     assert main(["--resume", str(path), "-q"]) == 0
     assert main(["--dry-run", "--resume", str(path)]) == 0
     assert capsys.readouterr().out == "plate.sqlite: its run is finished\n"
-    for missing, words in (("none.sqlite", "found no such file"), ("empty.sqlite", "found nothing in it")):
+    for missing, words in (("none.sqlite", "no such file"), ("empty.sqlite", "nothing in it")):
         Path("empty.sqlite").touch()
         assert main(["--dry-run", "--resume", missing]) == 2
         assert words in capsys.readouterr().err

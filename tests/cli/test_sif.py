@@ -84,17 +84,17 @@ def test_room_that_is_round_off_is_none(pulled: Path) -> None:
     with Results.open(pulled) as results:
         for radius in (0.0, 1.7e-18, 4.9e-19):
             said = _too_small(results, 2, tip, Room(radius, "another tip"), None)
-            assert said.startswith("found another tip at the tip at (0.4875, 0) m, expected room of 3.5 horizons")
+            assert said.startswith("another tip is at the tip at (0.4875, 0) m; it needs room of 3.5 horizons")
             assert "apart have it" not in said
         assert mentions(_too_small(results, 2, tip, Room(0.05, "another tip"), None), "0.0035 m")
 
 
 @pytest.mark.slow
 def test_a_picture_a_table_and_every_other_frame(pulled: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["sif", str(pulled), "--every", "2", "-o", "x.png"]) == 0
+    assert main(["sif", str(pulled), "--stride", "2", "-o", "x.png"]) == 0
     assert mentions(capsys.readouterr().out, "pre-crack 0", "(487.5, 0) mm", "1 s", "J")
     assert (here / "x.png").stat().st_size > 10_000
-    assert main(["sif", str(pulled), "--every", "2", "--csv", "-"]) == 0
+    assert main(["sif", str(pulled), "--stride", "2", "--csv", "-"]) == 0
     header, *rows = csv.reader(io.StringIO(capsys.readouterr().out))
     assert header[:8] == [
         *("tip", "step", "time, s", "x, m", "y, m"),
@@ -105,7 +105,7 @@ def test_a_picture_a_table_and_every_other_frame(pulled: Path, here: Path, capsy
 
 @pytest.mark.slow
 def test_a_ring_of_ones_own(pulled: Path, case: Case, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["sif", str(pulled), "--ring", "0.25,0.45", "--tip", "0,0", "--every", "2", "--json"]) == 0
+    assert main(["sif", str(pulled), "--ring", "0.25,0.45", "--tip", "0,0", "--stride", "2", "--json"]) == 0
     (tip,) = json.loads(capsys.readouterr().out)["tips"]
     assert tip["rings"][1] == {"inner": 0.25, "outer": 0.45}
     assert tip["K1"][1] / case.K1 == pytest.approx(1.03, abs=0.02)
@@ -121,7 +121,7 @@ def said(words: list[str], capsys: pytest.CaptureFixture[str]) -> str:
 
 @pytest.mark.slow
 def test_a_tip_without_room(small_results: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    expected = "m, expected room of 3.5 horizons, 0.0105 m"
+    expected = "m; it needs room of 3.5 horizons, 0.0105 m"
     assert expected in said([str(small_results)], capsys)
     assert list(here.glob("*.png")) == []
 
@@ -149,7 +149,7 @@ def test_tips_without_room_are_named_and_the_others_go_on(here: Path, capsys: py
     assert ("pre-crack 1 at" in out, "pre-crack 0" in out, "pre-crack 0" in err) == (True, False, True)
     both = cracked(4.3e-3, 35e-3, "both.sqlite")
     line = said([both], capsys)
-    assert [line.count(f"pre-crack {number}: found the edge of the plate") for number in (0, 1)] == [1, 1]
+    assert [line.count(f"pre-crack {number}: the edge of the plate is") for number in (0, 1)] == [1, 1]
 
 
 @pytest.mark.slow
@@ -161,13 +161,14 @@ def test_one_frame(pulled: Path, case: Case, capsys: pytest.CaptureFixture[str])
         assert np.array(tip["K1"]) / case.K1 == pytest.approx([0.51], abs=0.02)
     assert mentions(said([str(pulled), "--frame", "3"], capsys), found="frame 3", expected=("0", "2", "-3", "-1"))
     assert mentions(said([str(pulled), "--time", "1", "--every", "2"], capsys), "--every", found=("--frame", "--time"))
+    assert mentions(said([str(pulled), "--tip", "5,0"], capsys), "--tip", found="5,0", expected="plate")
 
 
 @pytest.mark.slow
 def test_a_ring_without_room(pulled: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    expected = "found the edge of the plate 0.487 m from the tip at (0.4875, 0) m, expected room of 0.9 m"
+    expected = "the edge of the plate is 0.487 m from the tip at (0.4875, 0) m; it needs room of 0.9 m"
     assert expected in said([str(pulled), "--ring", "0.1,0.9"], capsys)
-    expected = "found a ring around the tip at (0.4875, 0) m 1e-09 m wide, expected at least a spacing, 0.025 m"
+    expected = "the ring around the tip at (0.4875, 0) m is 1e-09 m wide; use at least a spacing, 0.025 m"
     assert expected in said([str(pulled), "--ring", "0,1e-9"], capsys)
     with pytest.raises(SystemExit) as stop:
         main(["sif", str(pulled), "--ring", "0.9,0.1"])
@@ -190,7 +191,7 @@ def test_frames_without_the_fields(here: Path, case: Case, capsys: pytest.Captur
     run = msgspec.structs.replace(case.model.settings.run, fields=("ux", "damage"))
     settings = msgspec.structs.replace(case.model.settings, run=run)
     simulate(dataclasses.replace(case.model, settings=settings), here / "few.sqlite", Options(threads=1)).close()
-    expected = "few.sqlite: found no field 'uy', expected one of ux, damage (pdsolve --fields +uy stores it)"
+    expected = "few.sqlite has no field 'uy'; use one of ux, damage (pdsolve --fields +uy stores it)"
     assert expected in said(["few.sqlite"], capsys)
 
 

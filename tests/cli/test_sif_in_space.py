@@ -103,7 +103,7 @@ def test_a_tube_of_ones_own(block_of: Path, capsys: pytest.CaptureFixture[str]) 
     [
         (["--ring", "3e-3,9.5e-3"], "surface of the body", "0.0095 m"),
         (["--tip", "0,0"], "2 numbers", "3"),
-        (["--window", "0,0,1,1"], "body", "none"),
+        (["--window", "0,0,1,1"], "body", "plates"),
     ],
 )
 def test_what_is_wrong_is_one_line(

@@ -171,7 +171,7 @@ def test_a_damaged_table_is_refused_and_made_anew_from_its_runs(
     for words in (["study", "study.toml"], ["study", "study.toml", "--again"]):
         assert main(words) == 2
         said = capsys.readouterr().err
-        assert said.startswith("pdsolve study: study.sqlite: found run 2 damaged, ")
+        assert said.startswith("pdsolve study: study.sqlite: run 2 damaged, ")
         assert mentions(said, "remove", "study.runs", "anew")
         assert said.count("\n") == 1
     for words in (
@@ -282,8 +282,8 @@ def test_a_run_that_is_held_is_said_and_waited_for(
     ("text", "said"),
     [
         ('"material.G0" = [204]', None),
-        ('"material.G" = [204]', "Object contains unknown field `G`"),
-        ('"run.steps" = [1.5]', "Expected `int`"),
+        ('"material.G" = [204]', ".G is unknown"),
+        ('"run.steps" = [1.5]', "$.run.steps is 1.5"),
     ],
 )
 def test_a_setting_that_means_nothing_is_refused_before_anything_is_solved(

@@ -417,7 +417,7 @@ def test_two_operators_of_a_parted_plate_are_the_one_of_the_whole() -> None:
 
 
 def test_contents_and_displacements_do_not_add_up() -> None:
-    with pytest.raises(ValueError, match=r"^listed: found unknowns .*'u'.*expected .*'h'"):
+    with pytest.raises(ValueError, match=r"^listed.*unknowns .*'u'.*; use .*'h'"):
         Together(prepare(disc(0.5, 100), Options(threads=1)).system.operator, prepared("listed").system.operator)
 
 

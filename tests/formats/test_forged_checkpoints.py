@@ -129,7 +129,7 @@ def test_arrays_that_are_missing_are_named(
 @pytest.mark.parametrize(
     ("sql", "found"),
     [
-        ("UPDATE checkpoint SET step = 1000", "step 1000"),
+        ("UPDATE checkpoint SET step = 1000", "1000"),
         ("UPDATE bond_break SET neighbour = (SELECT max(node) FROM node) WHERE rowid = 1", "row"),
         ("INSERT INTO bond_break SELECT * FROM bond_break WHERE rowid = 1", "twice"),
     ],

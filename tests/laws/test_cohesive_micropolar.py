@@ -241,7 +241,7 @@ def test_a_path_that_goes_on_is_the_same_to_the_last_bit(tmp_path: Path, monkeyp
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
-        ({"f_t": None}, naming("f_t", found="none", expected="'cohesive'")),
+        ({"f_t": None}, naming("f_t", found="missing", expected="'cohesive'")),
         ({"nu": 0.333}, naming("nu", found="0.333", expected="model 'bond'")),
         ({"nu": 0.35}, naming("nu", found="0.35", expected="0.3333")),
         ({"plane": "strain", "nu": 0.26}, naming("nu", found="0.26", expected="0.25")),

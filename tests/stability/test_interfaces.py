@@ -217,7 +217,7 @@ def test_spacings_that_jump(failure: Callable[..., None]) -> None:
         with saying() as says[spacings]:
             estimate_run(layered(spacings, lengths).system.model, Options(threads=1))
     assert [len(lines) for lines in says.values()] == [0, 1, 0]
-    assert "found spacings of" in says[1, 4][0]
+    assert "spacings of" in says[1, 4][0]
     failure(
         fails="Of a pulse 8 mm wide, steps of 2, 4 and 8 reflect "
         + ", ".join(f"{100 * found[8, jump]:.1f}" for jump in (2, 4, 8))

@@ -145,7 +145,7 @@ def test_an_end_that_is_not_found_halves_the_step(monkeypatch: pytest.MonkeyPatc
     def once(*given: Any) -> Any:
         if given[-2] is None and not failed:
             failed.append(given[-1])
-            raise UnsettledError("found no rest")
+            raise UnsettledError("no rest")
         return found(*given)
 
     with simulate(two_bars(1e3), None, ONE) as results:

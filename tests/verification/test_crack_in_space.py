@@ -173,7 +173,7 @@ def test_without_pyvista_damage_is_drawn_on_planes(
 def test_a_film_of_a_body_cut_open(block: Path, tmp_path: Path) -> None:
     pytest.importorskip("pyvista")
     path = tmp_path / "film.gif"
-    words = ["animate", str(block), "--clip", "y=0", "--every", "5", "--set", "savefig.dpi=50", "-q", "-o", str(path)]
+    words = ["animate", str(block), "--clip", "y=0", "--stride", "5", "--set", "savefig.dpi=50", "-q", "-o", str(path)]
     assert pdpost(words) == 0
     with Image.open(path) as film, Results.open(block) as results:
         assert film.n_frames == len(results.frames()[0][::5])

@@ -181,11 +181,11 @@ def test_what_does_not_come_to_rest_is_an_error(tmp_path: Path, monkeypatch: pyt
 
     def fails(motion: LoadSteps, state: State, step: int, time: float) -> Settled:
         if step == 3:
-            raise UnsettledError("found no rest")
+            raise UnsettledError("no rest")
         return rest_at(motion, state, step, time)
 
     monkeypatch.setattr(LoadSteps, "rest_at", fails)
-    with pytest.raises(UnsettledError, match="path step 3: found no rest"):
+    with pytest.raises(UnsettledError, match="path step 3: no rest"):
         simulate(edge_crack(6), tmp_path / "a.sqlite", ONE)
     with Results.open(tmp_path / "a.sqlite") as results:
         assert results.meta()["status"] == "unsettled"

@@ -274,8 +274,8 @@ def _nearest(line: NDArray[np.float64], at: NDArray[np.float64]) -> NDArray[np.f
 
 
 REFUSED = {
-    "no C": ({"m": 3.0}, {}, naming("fatigue.C", found="none")),
-    "no m": ({"C": 1e-30}, {}, naming("fatigue.m", found="none")),
+    "no C": ({"m": 3.0}, {}, naming("fatigue.C", found="missing")),
+    "no m": ({"C": 1e-30}, {}, naming("fatigue.m", found="missing")),
     "A": ({**LINE, "A": 1.0}, {}, naming("fatigue.A")),
     "blocks": ({**LINE, "blocks": ((1.0, 1.0),)}, {}, naming("fatigue.blocks")),
     "stress": (

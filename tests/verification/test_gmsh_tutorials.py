@@ -48,7 +48,7 @@ BODIES = {
 }
 REFUSED = {
     "t9": naming("zones", found=("none", "surface")),  # views alone
-    "t12": naming(found=("z from 0",), expected="plane"),  # curved shells, for a compound mesh
+    "t12": naming(found=("z goes from 0",), expected="plane"),  # curved shells, for a compound mesh
     "t13": naming("spacing", found="thinner", expected="finer"),  # a shell of an STL file, 2 mm thick
 }
 pytestmark = [

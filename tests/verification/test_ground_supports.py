@@ -156,19 +156,19 @@ def test_forces_are_the_slope_of_the_energy_and_give_the_tangent() -> None:
 def test_what_a_pin_or_a_bed_along_one_axis_leaves_free_is_said() -> None:
     settings = lever().settings
     alone = msgspec.structs.replace(settings, conditions=(settings.conditions[0], settings.conditions[2]))
-    with pytest.raises(ModelError, match=r"\$\.conditions: found the whole plate .* free to turn"):
+    with pytest.raises(ModelError, match=r"\$\.conditions.*the whole plate .* can turn"):
         prepare(Model(lever().grid, alone), Options(threads=1))
 
 
 @pytest.mark.parametrize(
     ("bed", "run", "said"),
     [
-        (Spring(box=BOTTOM, stiffness=(0.0, 1e9)), Run(adapt="hybrid"), r"\$\.conditions\[0\]: found spring"),
-        (Spring(box=BOTTOM, stiffness=(0.0, 1e9)), Run(device="opencl"), r"\$\.conditions\[0\]: found spring"),
-        (Spring(box=BOTTOM), Run(), r"\$\.conditions\[0\]: found none, expected one of stiffness"),
-        (Spring(box=BOTTOM, stiffness=(0.0, 0.0)), Run(), r"\$\.conditions\[0\]\.stiffness: found 0"),
-        (Spring(box=BOTTOM, stiffness=(1.0, 1.0, 1.0)), Run(), r"\$\.conditions\[0\]\.stiffness: found 3 numbers"),
-        (Spring(box=BOTTOM, stiffness=(1.0, 1.0), surface=1.0), Run(), r"\$\.conditions\[0\]\.surface: found one"),
+        (Spring(box=BOTTOM, stiffness=(0.0, 1e9)), Run(adapt="hybrid"), r"\$\.conditions\[0\].*spring"),
+        (Spring(box=BOTTOM, stiffness=(0.0, 1e9)), Run(device="opencl"), r"\$\.conditions\[0\].*spring"),
+        (Spring(box=BOTTOM), Run(), r"\$\.conditions\[0\].*none given"),
+        (Spring(box=BOTTOM, stiffness=(0.0, 0.0)), Run(), r"\$\.conditions\[0\]\.stiffness.*0"),
+        (Spring(box=BOTTOM, stiffness=(1.0, 1.0, 1.0)), Run(), r"\$\.conditions\[0\]\.stiffness.*3 numbers"),
+        (Spring(box=BOTTOM, stiffness=(1.0, 1.0), surface=1.0), Run(), r"\$\.conditions\[0\]\.surface cannot"),
     ],
 )
 def test_what_cannot_be_is_refused(bed: Spring, run: Run, said: str) -> None:

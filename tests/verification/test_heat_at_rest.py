@@ -78,7 +78,7 @@ def test_a_clamped_bar_that_cools_breaks() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore:.*balance of energy")
+@pytest.mark.filterwarnings("ignore:.*energy balance error")
 def test_a_stopped_run_goes_on_to_the_same_bits(tmp_path: Path) -> None:
     whole, path = tmp_path / "whole.sqlite", tmp_path / "stopped.sqlite"
     model = bar(Concentration(nodes=RIGHT, value=400.0), *STANDS, every=4, ledger=2)

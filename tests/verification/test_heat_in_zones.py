@@ -133,7 +133,7 @@ def heated(
     return Model(built.grid, msgspec.structs.replace(settings, run=msgspec.structs.replace(settings.run, adapt=adapt)))
 
 
-@pytest.mark.filterwarnings("ignore:.*balance of energy")
+@pytest.mark.filterwarnings("ignore:.*energy balance error")
 def test_a_plate_that_heats_cracks_as_the_uniform_one() -> None:
     """The first bond, what breaking takes, how far the crack comes, and the temperatures of its nodes."""
     found = {}
@@ -200,7 +200,7 @@ def test_threads_do_not_show_and_broken_bonds_are_known(small: Model) -> None:
     assert abs(ledger.balance(one.system.initial_energy)) < 0.05
 
 
-@pytest.mark.filterwarnings("ignore:.*balance of energy")  # of a run that has just begun
+@pytest.mark.filterwarnings("ignore:.*energy balance error")  # of a run that has just begun
 @pytest.mark.parametrize("how", ["temperature", "exchange"])
 def test_an_edge_that_is_hot_at_once_stays_fine(how: str) -> None:
     """Energies as with fine nodes everywhere; 1.5 to 2 times those where the cells beside the edge are coarse."""

@@ -136,7 +136,7 @@ def lens(by: float) -> Model:
 
 
 def test_a_contact_of_round_bodies_narrower_than_four_spacings_is_warned_of() -> None:
-    expected = r"lens.json: \$.bodies: found 'plate' and 'upper' .* half-width of 1.\d spacings"
+    expected = r"lens.json: \$.bodies.*'plate' and 'upper' .* half-width of 1.\d spacings"
     with pytest.warns(ModelWarning, match=expected) as said:
         simulate(lens(0.1 * H), None, Options(threads=1)).close()
     assert len(said) == 1

@@ -74,7 +74,7 @@ def test_a_cut_of_a_body(kernel: str) -> None:
         assert found.bonds == 3079
 
 
-@pytest.mark.filterwarnings("ignore:.*above the bound:pdsolve.model.ModelWarning")  # in the thesis mode
+@pytest.mark.filterwarnings("ignore:.*above the stable time step:pdsolve.model.ModelWarning")  # in the thesis mode
 @pytest.mark.parametrize(("mode", "share"), [("conservative", 0.95), ("thesis", 0.0)])
 def test_a_run_says_what_a_cut_cost_beside_g0_times_its_area(mode: str, share: float) -> None:
     """The balance is perfect in both modes, of which one takes nothing of the motion: half of a plate leaves."""

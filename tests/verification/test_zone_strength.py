@@ -171,7 +171,7 @@ def test_building_warns_of_loads_on_coarse_zones() -> None:
 @pytest.mark.parametrize(("name", "value"), [("coarse", "matched"), ("calibration", "isotropic")])
 def test_the_thesis_mode_has_its_own_bonds(name: str, value: str) -> None:
     model = plate(two_zones(), 3.0, material=msgspec.structs.replace(GLASS, **{name: value}))
-    with pytest.raises(ModelError, match=rf"\$.material.{name}: found '{value}', expected '.*' in the thesis mode"):
+    with pytest.raises(ModelError, match=rf"\$.material.{name}.*'{value}'"):
         prepare(model, Options("thesis"))
 
 

@@ -121,12 +121,13 @@ def run_reader(
             ).returncode
     except subprocess.TimeoutExpired:
         raise SceneError(
-            f"{path}: {name} was still {_stage(said)} after waiting for {PATIENCE * limit:g} s, expected it to end"
+            f"{path}: {name} was still {_stage(said)} after waiting for {PATIENCE * limit:g} s and was stopped;"
+            " simplify the drawing"
         ) from None
     if OUT_OF_TIME is not None and ended == -OUT_OF_TIME:
         raise SceneError(
-            f"{path}: {name} was still {_stage(said)} after {limit:g} s of processor time, expected it to end; simplify"
-            " the shapes, or take a larger spacing"
+            f"{path}: {name} was still {_stage(said)} after {limit:g} s of processor time; simplify the shapes, or"
+            " use a larger spacing"
         )
     return _last_words(said, ended)
 

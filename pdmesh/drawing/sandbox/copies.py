@@ -28,7 +28,7 @@ CAD = (*STEP, *BREP)
 MERGED = (*CAD, *STL)  # by a drawing
 NOT_INCLUDED = {suffix.lower() for suffix in MERGED}
 ADVICE = " (--trust reads it all the same)"
-OWN_FOLDER = "expected a .geo, STEP, BREP or STL file in the drawing's own folder" + ADVICE
+OWN_FOLDER = "use a .geo, STEP, BREP or STL file in the drawing's own folder" + ADVICE
 CONTENT = {  # how a file begins, and ends: in one that is cut off, a reader may look for the end for ever
     "STEP": (re.compile(rb"\s*ISO-10303-21\s*;"), re.compile(rb"END-ISO-10303-21\s*;\s*$")),
     "BREP": (  # the last shape, and what Draw adds to it
@@ -60,9 +60,9 @@ def drawing_bytes(path: Path, largest: int = LARGEST_DRAWING) -> bytes:
     except OSError as error:
         raise SceneError(f"{path}: cannot be read: {error.strerror}") from None
     if b"\0" in data:
-        raise SceneError(f"{path}: found a zero byte, bytes that are not text, expected a Gmsh .geo script")
+        raise SceneError(f"{path} has a zero byte, so it is no text; use a Gmsh .geo script")
     if not data.endswith((b"\n", b"\r")):
-        raise SceneError(f"{path}: last line: found no line end, expected one (Gmsh drops the statement silently)")
+        raise SceneError(f"{path}: last line has no line end; add one (Gmsh drops the statement silently)")
     return data
 
 
@@ -75,15 +75,15 @@ def cad_bytes(path: Path) -> bytes:
     kind = "STEP" if path.suffix.lower() in STEP else "BREP"
     begins, ends = CONTENT[kind]
     if not begins.match(data):
-        raise SceneError(f"{path}: found another content, expected a {kind} file")
+        raise SceneError(f"{path} has another content than its suffix says; use a {kind} file")
     if not ends.search(data[-200:]):
-        raise SceneError(f"{path}: found no end of the shapes, expected a whole {kind} file")
+        raise SceneError(f"{path}: the shapes have no end; use a whole {kind} file")
     plain = ASIDE.sub(lambda match: b"''" + b"\n" * match[0].count(b"\n"), data) if kind == "STEP" else data
     wrong = NO_NUMBER.search(plain)
     if wrong:
         line = plain.count(b"\n", 0, wrong.end()) + 1
         found = wrong[0][1:].decode()
-        raise SceneError(f"{path}: line {line}: found '{found}', expected a finite number")
+        raise SceneError(f"{path}: line {line}: '{found}' is not a number; use a finite number")
     return data
 
 
@@ -100,9 +100,9 @@ def stl_bytes(path: Path) -> bytes:
     elif STL_TEXT.fullmatch(data):
         finite = NO_NUMBER.search(data) is None
     else:
-        raise SceneError(f"{path}: found another content or no end, expected a whole STL file")
+        raise SceneError(f"{path} has another content or no end; use a whole STL file")
     if not finite:
-        raise SceneError(f"{path}: found a number that is not finite, expected finite ones")
+        raise SceneError(f"{path} has a number that is not finite; use finite ones")
     return data
 
 
@@ -155,7 +155,8 @@ class _Copies:
             other = self._beside(path, token, reading.command)
             if other.resolve() in (*within, real):
                 raise SceneError(
-                    f"{path}: line {token.line}: found {token.text}, expected a file that does not read itself"
+                    f"{path}: line {token.line}: {token.text} leads back to the file itself; read a file that does"
+                    " not read itself"
                 )
             tokens[reading.place] = token._replace(text=f'"{self.add(other, (*within, real))}"')
         drawing.tokens = tokens
@@ -182,9 +183,9 @@ class _Copies:
         if plain and known:
             if other.is_file() and other.resolve().is_relative_to(self.folder):
                 return other
-            expected = OWN_FOLDER if other.exists() else "expected a file of this name in the drawing's own folder"
+            expected = OWN_FOLDER if other.exists() else "use a file of this name in the drawing's own folder"
         shown = f"{command}({token.text})" if command == "ShapeFromFile" else f"{command} {token.text}"
-        raise SceneError(f"{path}: line {token.line}: found '{shown}', {expected}")
+        raise SceneError(f"{path}: line {token.line}: '{shown}' cannot be read; {expected}")
 
     def written(self) -> dict[str, Copy]:
         known = set().union(*(names(drawing) for _, drawing in self.drawings.values()))

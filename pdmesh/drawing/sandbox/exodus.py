@@ -53,7 +53,7 @@ def read(path: Path) -> meshio.Mesh:
     try:
         file = netCDF4.Dataset(str(path))
     except OSError:
-        raise ValueError("found no netCDF file, expected an Exodus II file") from None
+        raise ValueError("this is no netCDF file; use an Exodus II file") from None
     with file:
         file.set_auto_mask(False)
         found = file.variables
@@ -62,7 +62,7 @@ def read(path: Path) -> meshio.Mesh:
         else:
             columns = [np.array(found[f"coord{axis}"][:], dtype=float) for axis in "xyz" if f"coord{axis}" in found]
             if len(columns) < 2:
-                raise ValueError("found no coordinates, expected those of an Exodus II file")
+                raise ValueError("the file has no coordinates; use an Exodus II file")
             points = np.column_stack(columns)
         blocks, volumes, sets = _blocks(found)
         for name, cells in _side_sets(found, blocks).items():
@@ -92,7 +92,7 @@ def _blocks(found: Any) -> tuple[list[Any], list[NDArray[np.float64]], dict[str,
         word = str(connect.elem_type).strip("\0 ").upper()
         kind = next((types.get(cells.shape[1]) for known, types in SHAPES.items() if word.startswith(known)), None)
         if kind is None:
-            raise ValueError(f"found elements '{word}' of {cells.shape[1]} nodes, which are not read")
+            raise ValueError(f"elements '{word}' of {cells.shape[1]} nodes are not read")
         sets.setdefault(name, {})[len(blocks)] = np.arange(len(cells))
         blocks.append((kind, cells))
         volumes.append(_volumes(found, number, len(cells)) if kind == "vertex" else np.full(len(cells), np.nan))

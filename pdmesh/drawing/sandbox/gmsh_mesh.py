@@ -44,7 +44,7 @@ def read(path: Path) -> meshio.Mesh:
         raise ValueError(f"Gmsh says: {said[0] if said else ' '.join(str(error).split())}") from None
     tags, places, _ = gmsh.model.mesh.getNodes()
     if not len(tags):
-        raise ValueError("found no points")
+        raise ValueError("the mesh has no points")
     row = np.full(int(max(tags)) + 1, -1) if max(tags) < 100 * len(tags) else None
     order = np.argsort(tags)
     if row is not None:
@@ -76,9 +76,7 @@ def _blocks(gmsh: Any, rows: Any) -> tuple[list[tuple[str, NDArray[np.int64]]], 
         for kind, elements, nodes in zip(*gmsh.model.mesh.getElements(dimension, entity), strict=True):
             name = TYPES.get(int(kind))
             if name is None:
-                raise ValueError(
-                    f"found elements '{gmsh.model.mesh.getElementProperties(kind)[0]}', which are not read"
-                )
+                raise ValueError(f"elements '{gmsh.model.mesh.getElementProperties(kind)[0]}' are not read")
             key = np.full(len(elements), dimension * 2**40 + entity)
             found.setdefault(name, []).append((elements.astype(np.int64), key, rows(nodes).reshape(len(elements), -1)))
     first: list[int] = []

@@ -82,10 +82,10 @@ def _found(job: dict[str, Any]) -> tuple[dict[str, Any], dict[str, NDArray[Any]]
     except ModuleNotFoundError as error:
         return {"missing": error.name}, {}
     except KeyError as error:
-        return {"error": f"found {error.args[0]}, which is defined nowhere"}, {}
+        return {"error": f"{error.args[0]} is not defined"}, {}
     except (Exception, SystemExit) as error:  # meshio exits where no reader of the suffix can read the file
         says = str(error) if isinstance(error, Exception) and "at least one array" not in str(error) else ""
-        reason = says or "found what meshio cannot read"  # numpy's words where a file is empty say nothing
+        reason = says or "meshio cannot read the file"  # numpy's words where a file is empty say nothing
         return {"error": reason}, {}
 
 
@@ -111,14 +111,14 @@ def _arrays(mesh: Any) -> dict[str, NDArray[Any]]:
     """The points and cells of a mesh. Raises ValueError for cells of points that are not there."""
     points = np.asarray(mesh.points)
     if points.ndim != 2 or points.shape[1] < 2 or not len(points) or points.dtype.kind not in "fiu":
-        raise ValueError("found no points")
+        raise ValueError("the mesh has no points")
     arrays: dict[str, NDArray[Any]] = {"points": points.astype(np.float64)}
     for number, block in enumerate(mesh.cells):
         data = np.asarray(block.data)
         if data.ndim != 2 or data.dtype.kind not in "iu":
-            raise ValueError(f"found cells '{block.type}' that are no lists of points")
+            raise ValueError(f"cells '{block.type}' are no lists of points")
         if data.size and not 0 <= data.min() <= data.max() < len(points):
-            raise ValueError(f"found cells '{block.type}' of points that are not there")
+            raise ValueError(f"cells '{block.type}' have points that do not exist")
         arrays[f"cells {number}"] = data.astype(np.int64)
         if "volume" in mesh.cell_data and block.type == "vertex":
             arrays[f"volumes {number}"] = np.asarray(mesh.cell_data["volume"][number], dtype=np.float64)
@@ -128,7 +128,7 @@ def _arrays(mesh: Any) -> dict[str, NDArray[Any]]:
 def _whole(values: Any, count: int) -> NDArray[Any]:
     found = np.asarray(values).ravel()
     if len(found) != count or not np.isfinite(found).all():
-        raise ValueError("found groups that are not numbers, one for each cell")
+        raise ValueError("groups are not numbers, one for each cell")
     return found.astype(np.int64)
 
 

@@ -55,7 +55,7 @@ class Refused(Exception):
 
     def __init__(self, line: int, found: str, expected: str, trustable: bool = False) -> None:
         self.line, self.found, self.expected, self.trustable = line, found, expected, trustable
-        super().__init__(f"line {line}: found {found}, expected {expected}")
+        super().__init__(f"line {line}: {found} cannot be read; use {expected}")
 
 
 def decoded(data: bytes) -> str:

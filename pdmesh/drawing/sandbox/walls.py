@@ -37,8 +37,8 @@ def warn_of_missing(path: Path, stand: Collection[str]) -> None:
     missing = [name for wall, name in NAMES.items() if wall not in stand]
     if missing:
         warnings.warn(
-            f"{path}: read without {' and '.join(missing)}, which this system lacks, expected walls around the reader;"
-            " read files of others elsewhere",
+            f"{path} is read without {' and '.join(missing)}, which this system lacks; read files of others in a"
+            " sandbox elsewhere",
             TrustWarning,
             stacklevel=2,
         )

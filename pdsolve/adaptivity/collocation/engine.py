@@ -120,8 +120,8 @@ class CollocationEngine:
         largest = self.zone_summary().clipped_stretch
         if largest > 1:
             raise UnstableError(
-                f"step {step}: found a pair of coarse nodes stretched to {largest:.2f} of what breaks a bond, expected"
-                " less than 1: fine nodes came too late; take a smaller run.collocation.kappa or time step"
+                f"step {step}: the fine zone was refined too late (stretch of coarse pairs: {largest:.2f} of"
+                " critical); use a smaller run.collocation.kappa or time step"
             )
 
     def _switch(self) -> None:
@@ -208,7 +208,7 @@ class CollocationEngine:
         ground, active = self.ground, np.zeros(self.ground.at.places, dtype=np.bool_)
         coarse = entry(kept, "coarse", (None,), np.int64)
         if not np.isin(coarse, self.zone.coarse).all():
-            raise CheckpointError("found coarse nodes that are none at the start, expected some of those")
+            raise CheckpointError("coarse nodes are none at the start; they must be some of those")
         active[coarse] = True
         breaks = self._kept_breaks(kept)
         node, spring = breaks.node.astype(np.int64), breaks.spring.astype(np.int64)
@@ -220,7 +220,7 @@ class CollocationEngine:
         self.zone = renumbered(ground, self.plate, self.zone, active, self.manner.band)
         self.area, own = areas_of(ground, self.plate, self.zone.node), self.active()
         if not np.array_equal(entry(kept, "places", own.shape, np.int64), own):
-            raise CheckpointError("found places that are not those of active nodes, expected these")
+            raise CheckpointError("places are not those of active nodes")
         while len(self.zone.breaks.step) < len(node):
             self._grow()
         for column, values in zip(self.zone.breaks, breaks, strict=True):
@@ -230,7 +230,7 @@ class CollocationEngine:
             field[:, own] = entry(kept, name, (2, len(own)), float)
         drive, number = self.drive, like(kept, "number", self.zone.number)
         if number[BROKEN] != len(node) or (number < 0).any():
-            raise CheckpointError(f"found {number[BROKEN]} bonds in 'number', expected {len(node)} that broke")
+            raise CheckpointError(f"'number' has {number[BROKEN]} broken bonds; {len(node)} broke")
         drive.held_speed[:] = like(kept, "held_speed", drive.held_speed)
         drive.held_force[:] = like(kept, "drive_force", drive.held_force)
         self.zone.total[:], self.zone.number[:] = like(kept, "total", self.zone.total), number
@@ -256,7 +256,7 @@ class CollocationEngine:
         inside = there[node] & (other >= 0) & (other < len(there)) & there[other.clip(0, len(there) - 1)]
         whole = self.zone.cut[node // ROW, spring] >> (node % ROW).astype(np.uint16) & 1 == 0
         if not (inside & whole).all() or len(np.unique(node * half + spring)) < len(node):
-            raise CheckpointError("found a broken bond that the plate does not have, or twice, expected its own, once")
+            raise CheckpointError("a broken bond is none of the plate, or there twice")
         return found
 
     def bytes(self) -> int:

@@ -90,11 +90,11 @@ def placed(model: Model, reach: int, refused: str) -> tuple[Layout, NDArray[np.i
     """Places (n,) of a model's nodes, with margins for families `reach` spacings wide. Raises ModelError."""
     grid = model.grid
     if (grid.delta != grid.delta[0]).any():
-        raise ModelError(f"{model.name}: $.nodes: found several spacings, expected one, {refused}")
+        raise ModelError(f"{model.name}: $.nodes has several spacings; use one, {refused}")
     steps = (grid.position - grid.position.min(axis=0)) / float(grid.delta[0])
     column, row = np.round(steps).astype(np.int64).T
     if np.abs(steps - np.column_stack([column, row])).max() > OFF:
-        raise ModelError(f"{model.name}: $.nodes: found nodes that are on no lattice, expected them on one, {refused}")
+        raise ModelError(f"{model.name}: $.nodes has nodes on no lattice; put them on one, {refused}")
     nx, ny, left = int(column.max()) + 1, int(row.max()) + 1, ROW * -(-reach // ROW)
     stride = ROW * -(-(left + nx + reach) // ROW)
     at = Layout(nx, ny, left, reach, stride, (ny + 2 * reach) * stride + 2 * ROW)

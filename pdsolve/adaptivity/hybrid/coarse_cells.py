@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.messages import unfit
 from pdmesh.model.document import Lattice as Nodes
 from pdmesh.model.lattice_calibration import has_partial_cells
 from pdmesh.model.whole_lattice import WholeLattice
@@ -201,7 +202,7 @@ def _on_lattice(model: Model, h: float, origin: NDArray[np.float64]) -> Plate:
     steps = (grid.position - origin) / h
     column, row = np.round(steps).astype(np.int64).T
     if np.abs(steps - np.column_stack([column, row])).max() > OFF:
-        raise refused(model, "$.nodes", "nodes that are on no lattice", "those that pdmesh build makes of a drawing")
+        raise refused(model, "$.nodes", "on no lattice", "those that pdmesh build makes of a drawing")
     nx, ny = (max(4, int(side.max()) + int(side.max()) % 2) for side in (column, row))
     at = lattice_of(nx, ny)
     cracks = (grid.cracks - np.tile(origin, 2)) / h
@@ -330,7 +331,7 @@ def clear(model: Model, cracks: NDArray[np.float64], nx: int, ny: int) -> None:
         along = np.clip((near - (x0, y0)) @ way, 0, long)
         away = np.hypot(*(near - (x0, y0) - along[:, None] * way).T)
         if away.min(initial=1.0) < CLEARANCE:
-            raise refused(model, f"$.notch[{number}]", "a node on it", "it between nodes, as pdmesh build moves it")
+            raise refused(model, f"$.notch[{number}]", "on a node", "places between nodes, as pdmesh build has them")
 
 
 def adapt_of(model: Model) -> str:
@@ -342,4 +343,4 @@ def adapt_of(model: Model) -> str:
 def refused(model: Model, place: str, found: str, expected: str) -> ModelError:
     """A ModelError that names the adaptivity and what it does not support."""
     name = place if place in ("mode", "precision") else f"{model.name}: {place}"
-    return ModelError(f"{name}: found {found}, expected {expected}, as run.adapt is {adapt_of(model)}")
+    return ModelError(unfit(name, found, f"{expected}, as run.adapt is {adapt_of(model)}"))

@@ -150,9 +150,8 @@ class Hybrid:
                 return
             if how == CLIP:
                 raise LateZoneError(
-                    f"step {step}: found a bond at the border of the fine zone stretched to"
-                    f" {self.zone_summary().clipped_stretch:.2f} of what breaks it, expected less than 1: fine"
-                    " nodes came too late",
+                    f"step {step}: the fine zone was refined too late (stretch at its border:"
+                    f" {self.zone_summary().clipped_stretch:.2f} of critical)",
                     step,
                 )
             self.zone = arrays.grown(self.zone)
@@ -344,7 +343,7 @@ class Hybrid:
         may = (start == COARSE) & (cells == FINE)
         may |= (start == FAR) & ((cells == COARSE) | (cells == FINE))
         if not ((cells == start) | may).all():
-            raise CheckpointError("found cells that are others than at the start, expected coarse ones to become fine")
+            raise CheckpointError("cells are not those of the start; coarse ones may only become fine")
 
     def _kept_breaks(self, kept: Kept) -> arrays.Breaks:
         """Broken bonds of a checkpoint, checked to exist at the start and to have broken once in each direction."""
@@ -358,7 +357,7 @@ class Hybrid:
         owner = np.where(spring < half, node, other.clip(0, plate.at.places - 1))
         whole = are_intact(ground.nodes, self.zone.lost, owner, spring % half)
         if not (inside & whole).all() or len(np.unique(node * 2 * half + spring)) < len(node):
-            raise CheckpointError("found a broken bond that the plate does not have, or twice, expected its own, once")
+            raise CheckpointError("a broken bond is none of the plate, or there twice")
         return arrays.Breaks(step, node, spring)
 
     def _put_numbers(self, kept: Kept, node: NDArray[np.int64], spring: NDArray[np.int32]) -> None:
@@ -369,12 +368,12 @@ class Hybrid:
         stirs = entry(kept, "stirs", (None,), np.int64, 0, len(zone.stirs) - 1)
         fine = zone.fine.kind
         if (number[[BREAKS, STIRS]] != [len(node), len(stirs)]).any() or not 0 <= number[KNOWN] <= len(stirs):
-            raise CheckpointError(f"found others in 'number', expected {len(node)} bonds and {len(stirs)} nodes")
+            raise CheckpointError(f"'number' has other counts; there are {len(node)} bonds and {len(stirs)} nodes")
         if len(np.unique(stirs)) < len(stirs) or (fine[stirs] == IDLE).any():
-            raise CheckpointError("found stirred nodes twice or that are not fine, expected fine ones, once")
+            raise CheckpointError("stirred nodes are there twice, or are not fine")
         gone = (fine[node] == IDLE) | (fine[node + self.ground.ways[spring]] == IDLE)
         if gone.any():
-            raise CheckpointError("found a broken bond of a node that is not fine, expected fine ones")
+            raise CheckpointError("a broken bond is of a node that is not fine")
         zone.stirs[: len(stirs)], zone.stirred[stirs] = stirs, True
         zone.spent[:] = 0.0
         zone.number[[BREAKS, STIRS, KNOWN, REGRIDS]] = number[[BREAKS, STIRS, KNOWN, REGRIDS]]

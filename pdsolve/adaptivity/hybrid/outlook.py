@@ -88,11 +88,11 @@ def adapted(model: Model, how: Adapt, **settings: object) -> Model:
 def _choice(model: Model, options: Options) -> tuple[Adapt, str]:
     """The adaptivity that a model gets, and why, in words."""
     if model.grid.dimension == 3:
-        return "none", "its costs are known in a plate alone, found a body in space"
+        return "none", "its costs are known for plates only, and this is a body in space"
     if any(material.model != "bond" for material in model.materials):
-        return "none", "its costs are known of bonds alone, found a model of families"
+        return "none", "its costs are known for bonds only, and this is a model of families"
     if model.swells:
-        return "none", "its costs are known of mechanics alone, found a plate that a content swells"
+        return "none", "its costs are known for mechanics only, and this plate swells by a content"
     hybrid = adapted(model, "hybrid")
     refused = next(iter(impossible(hybrid.settings, 2)), None)
     if refused is not None:
@@ -101,7 +101,7 @@ def _choice(model: Model, options: Options) -> tuple[Adapt, str]:
         found = outlook(hybrid, options)
     except ModelError as error:
         return "none", f"hybrid does not support it, {error}"
-    shares = f"{found.begins:.0%} of the plate is fine at the start, {found.ends:.0%} expected at the end"
+    shares = f"{found.begins:.0%} of the plate is fine at the start, and an estimated {found.ends:.0%} at the end"
     if found.strain >= 1:
         return "none", f"the conditions strain all of it to {found.strain:.2g} of what makes cells fine"
     how: Adapt = "hybrid" if found.cost <= DEAR else "none"
@@ -162,4 +162,6 @@ def of_long_steps(error: BaseException, step: float, bound: float) -> BaseExcept
     no wider zone cures that."""
     if not isinstance(error, LateZoneError) or step <= UNSURE * bound:
         return error
-    return UnstableError(f"{error}; the time step is {step:.3g} s, surely stable up to {bound:.3g} s")
+    return UnstableError(
+        f"{error}; the time step {step:.3g} s exceeds the stable time step {bound:.3g} s; reduce run.time_step"
+    )

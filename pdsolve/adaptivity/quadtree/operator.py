@@ -8,6 +8,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.messages import unfit
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.adaptivity.quadtree.incremental_bonds import Filled
 from pdsolve.adaptivity.quadtree.tree import Cells, Tree
@@ -120,11 +121,11 @@ def _clear(tree: Tree) -> None:
                 raise _refused(
                     tree.model,
                     f"$.notch[{number}]",
-                    f"it through ({x:.6g}, {y:.6g}) m, where splitting makes a node",
-                    "it between all nodes, as in the middle between two rows",
+                    f"at ({x:.6g}, {y:.6g}) m, where splitting makes a node",
+                    "a place between all nodes, as in the middle between two rows",
                 )
 
 
 def _refused(model: Model, place: str, found: str, expected: str) -> ModelError:
     name = place if place in ("precision", "kernel") else f"{model.name}: {place}"
-    return ModelError(f"{name}: found {found}, expected {expected}, as run.adapt is split")
+    return ModelError(unfit(name, found, f"{expected}, as run.adapt is split"))

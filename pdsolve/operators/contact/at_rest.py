@@ -60,7 +60,7 @@ class RestingContact(PenaltyContact):
         super().__init__(model, volume, operator)
         if self._settings.restitution < 1:
             found = f"{self._settings.restitution:g} at rest"
-            raise ModelError(f"{model.name}: $.contact.restitution: found {found}, expected 1: nothing bounces")
+            raise ModelError(f"{model.name}: $.contact.restitution is {found}; use 1: nothing bounces")
         self.symmetric = not self._settings.friction
         if self._joined.drawn.round.any():
             self._bound = self.of_round * self._bound

@@ -265,7 +265,7 @@ class PenaltyContact(Bondless):
         ends = (entry(kept, f"slip_{end}", (len(slip),), np.int64, 0, nodes - 1) for end in ("source", "target"))
         i, j = ends
         if (np.diff(i * nodes + j) <= 0).any() or (i >= j).any():
-            raise CheckpointError("found 'slip_source' and 'slip_target' out of order, expected pairs in order")
+            raise CheckpointError("'slip_source' and 'slip_target' are not pairs in order")
         self._spent[:] = entry(kept, "rubbed", (nodes,), np.float64)
         self._lost[:] = entry(kept, "lost", (nodes,), np.float64)
         self._before = entry(kept, "searched", (None, d), np.float64).copy()
@@ -325,6 +325,6 @@ def _refuse_overlap(model: Model, contact: Contact, pairs: PairList) -> None:
     at = int(np.argmax(depth))
     first, second = (grid.bodies.names[grid.bodies.number[end]] for end in (i[at], j[at]))
     raise ModelError(
-        f"{model.name}: $.bodies: found '{first}' and '{second}' {depth[at]:.3g} m deep in each other at nodes"
-        f" {grid.ids[i[at]]} and {grid.ids[j[at]]}, expected bodies that touch at most"
+        f"{model.name}: $.bodies: '{first}' and '{second}' are {depth[at]:.3g} m deep in each other at nodes"
+        f" {grid.ids[i[at]]} and {grid.ids[j[at]]}; bodies may touch at most"
     )

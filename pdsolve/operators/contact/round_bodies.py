@@ -76,8 +76,8 @@ class RoundBodies:
             row, own = near.rows[at], self._rigid.bodies[b].rows[0]
             first, second = (bodies.names[bodies.number[one]] for one in (own, row))
             raise ModelError(
-                f"{model.name}: $.bodies: found '{first}' and '{second}' {depth[at]:.3g} m deep in each other at node"
-                f" {model.grid.ids[row]}, expected bodies that touch at most"
+                f"{model.name}: $.bodies: '{first}' and '{second}' are {depth[at]:.3g} m deep in each other at node"
+                f" {model.grid.ids[row]}; bodies may touch at most"
             )
 
     @property

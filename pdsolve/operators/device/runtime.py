@@ -59,12 +59,12 @@ def chosen(name: str) -> tuple[Found, Any]:
     every, (_, _, number) = _all(), name.partition(":")
     found = [_described(at, device) for at, device in enumerate(every)]
     if number and int(number) >= len(every):
-        raise ModelError(f"device: found {name}, expected one of opencl:0 to opencl:{len(every) - 1} (--device list)")
+        raise ModelError(
+            f"device {name} does not exist; use one of opencl:0 to opencl:{len(every) - 1} (--device list)"
+        )
     best = int(number) if number else next((one.number for one in found if one.kind == "GPU"), 0)
     if not found[best].double:
-        raise ModelError(
-            f"device: found opencl:{best}, {found[best].name}, without float64 ({DOUBLE}), expected one with it"
-        )
+        raise ModelError(f"device opencl:{best}, {found[best].name}, has no float64 ({DOUBLE}); use one with it")
     return found[best], every[best]
 
 
@@ -83,14 +83,14 @@ class Session:
         """Raise ModelError if the device has less memory than these arrays take, bytes each, or takes none so large."""
         if max(arrays) > self.about.largest:
             raise ModelError(
-                f"device: found {self.about.name}, which takes arrays of {self.about.largest / 1e9:.3g} GB at most,"
-                f" expected {max(arrays) / 1e9:.3g} GB (fewer nodes, --precision float32, or --device cpu)"
+                f"device {self.about.name} takes arrays of {self.about.largest / 1e9:.3g} GB at most, and"
+                f" {max(arrays) / 1e9:.3g} GB are needed; use fewer nodes, --precision float32, or --device cpu"
             )
         most, wanted = int(SPARE * self.about.memory), self._taken + sum(arrays)
         if wanted > most:
             raise ModelError(
-                f"device: found {self.about.name} with {most / 1e9:.3g} GB to take, expected {wanted / 1e9:.3g} GB"
-                " (fewer nodes, --precision float32, or --device cpu)"
+                f"device {self.about.name} has {most / 1e9:.3g} GB, and {wanted / 1e9:.3g} GB are needed; use fewer"
+                " nodes, --precision float32, or --device cpu"
             )
         self._taken = wanted
 
@@ -98,8 +98,8 @@ class Session:
         """Raise ModelError for an array of more numbers than kernels count."""
         if numbers > MOST:
             raise ModelError(
-                f"device: found nodes with {numbers} components, expected at most {MOST} on a device (fewer nodes, or"
-                " --device cpu)"
+                f"device: nodes have {numbers} components, and a device takes at most {MOST}; use fewer nodes, or"
+                " --device cpu"
             )
 
     def build(self, source: str) -> Any:
@@ -107,8 +107,8 @@ class Session:
         cl = _library()
         if self.about.platform.strip() == POCL and shutil.which(LINKER) is None:
             raise ModelError(
-                f"device: found {self.about.name} of PoCL without the linker {LINKER}, with which it builds kernels,"
-                f" expected {LINKER} on the PATH (on Debian and Ubuntu: apt-get install binutils)"
+                f"device {self.about.name} of PoCL lacks the linker {LINKER}, with which it builds kernels; install"
+                f" {LINKER} on the PATH (on Debian and Ubuntu: apt-get install binutils)"
             )
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # a compiler's remarks
@@ -118,11 +118,11 @@ class Session:
                 words = next((line for line in str(error).splitlines() if "error" in line), str(error).splitlines()[0])
                 if UNKNOWN in words:
                     raise ModelError(
-                        f"device: found {self.about.name}, a processor that this {self.about.platform.strip()} does not"
-                        f" know ({words.strip()}), expected one that it builds kernels for (--device cpu needs none)"
+                        f"device {self.about.name} is a processor that this {self.about.platform.strip()} does not"
+                        f" know ({words.strip()}); use one that it builds kernels for (--device cpu needs none)"
                     ) from None
                 raise ModelError(
-                    f"device: found {self.about.name}, whose compiler refuses the kernel, expected one that builds it:"
+                    f"device {self.about.name}: its compiler refuses the kernel; use one that builds it:"
                     f" {words.strip()}"
                 ) from None
 
@@ -178,15 +178,15 @@ class Session:
             yield
         except cl.MemoryError as error:
             raise ModelError(
-                f"device: found {self.about.name} without memory for the run, expected more ({error})"
+                f"device {self.about.name} has no memory for the run ({error}); use fewer nodes, or --device cpu"
             ) from None
         except cl.Error as error:
             if "INVALID_BUFFER_SIZE" in str(error):
                 raise ModelError(
-                    f"device: found {self.about.name}, which takes no array of this size, expected fewer nodes,"
-                    " --precision float32, or --device cpu"
+                    f"device {self.about.name} takes no array of this size; use fewer nodes, --precision float32,"
+                    " or --device cpu"
                 ) from None
-            raise DeviceLostError(f"device: found {self.about.name} lost ({error}), expected it to go on") from None
+            raise DeviceLostError(f"device {self.about.name} is lost ({error}); go on with --resume") from None
 
 
 def _all() -> list[Any]:
@@ -197,8 +197,8 @@ def _all() -> list[Any]:
                 found += platform.get_devices()
     if not found:
         raise ModelError(
-            "device: found no OpenCL runtime with a device, expected a driver of the device, or PoCL:"
-            " pip install pocl-binary-distribution"
+            "device: no OpenCL runtime has a device; install a driver of the device, or PoCL: pip install"
+            " pocl-binary-distribution"
         )
     return found
 
@@ -217,7 +217,9 @@ def _library() -> Any:
             warnings.simplefilter("ignore")
             import pyopencl
     except ImportError:
-        raise ModelError(f"device: found no package pyopencl, expected it ({INSTALL}), or --device cpu") from None
+        raise ModelError(
+            f"device: the package pyopencl is missing; install it ({INSTALL}), or use --device cpu"
+        ) from None
     return pyopencl
 
 

@@ -156,8 +156,8 @@ class SpaceOnDevice(SpaceLattice):
         count = int(used[0])
         if count > self._most:
             raise UnstableError(
-                f"found {count} bonds broken since the last look, expected at most {self._most} on a device:"
-                " smaller run.ledger, or --device cpu"
+                f"{count} bonds broke since the last record, and a device takes at most {self._most}; use a smaller"
+                " run.ledger, or --device cpu"
             )
         if not count:
             return

@@ -38,8 +38,8 @@ class Code:
             found: tuple[Any, ...] = plain(function)(*values)
         except TypeError:
             raise ModelError(
-                f"device: found a law whose {function.__name__} does more than add, multiply and divide, expected one"
-                " that a device computes to the same bits (--device cpu)"
+                f"device: the law's {function.__name__} does more than add, multiply and divide; use one that a"
+                " device computes to the same bits (--device cpu)"
             ) from None
         return found
 
@@ -51,7 +51,7 @@ class Traced:
         self._code, self.text = code, text
 
     def __bool__(self) -> bool:
-        raise TypeError("found a choice between numbers of a device")
+        raise TypeError("a choice between numbers of a device")
 
 
 def _binary(sign: str, swapped: bool) -> Callable[[Traced, Any], Traced]:

@@ -153,8 +153,8 @@ class _Body:
     def _unknown(self, node: ast.AST | str) -> ModelError:
         what = node if isinstance(node, str) else type(node).__name__
         return ModelError(
-            f"device: found a law whose {self._function.__name__} has {what}, expected one that a device computes to"
-            " the same bits (--device cpu)"
+            f"device: the law's {self._function.__name__} has {what}; use one that a device computes to the same"
+            " bits (--device cpu)"
         )
 
 

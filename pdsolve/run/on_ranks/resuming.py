@@ -65,15 +65,15 @@ def warn_of_processor(output: Path, meta: Mapping[str, Any]) -> None:
 def of_other_bonds(output: Path, meta: Mapping[str, Any], system: System) -> ResultsError:
     """The error of a run whose bonds or step are not those of this version."""
     return ResultsError(
-        f"{output}: found a run by {meta['program']} with a step of {meta['time_step']:.6g} s, expected the"
-        f" bonds and the step of this version, {system.time_step:.6g} s; solve it anew"
+        f"{output} is of a run by {meta['program']} with a step of {meta['time_step']:.6g} s, and this version has"
+        f" other bonds or a step of {system.time_step:.6g} s; solve it anew"
     )
 
 
 def expect_within(step: int, model: Model) -> None:
     """Raise CheckpointError for a step after the last one."""
     if step > model.settings.run.steps:
-        raise CheckpointError(f"found step {step}, expected at most the run's {model.settings.run.steps}")
+        raise CheckpointError(f"step is {step}; the run has {model.settings.run.steps}")
 
 
 def is_same(system: OnRanks, results: Results) -> bool:
@@ -142,7 +142,7 @@ def _scatter(system: OnRanks, name: str, parts: Iterator[NDArray[Any]], row: NDA
         team.everywhere(_put, name, each=each)
         first = last
     if first != nodes:
-        raise CheckpointError(f"found '{name}' of {first} nodes, expected {nodes}")
+        raise CheckpointError(f"'{name}' has {first} nodes; it must have {nodes}")
 
 
 def _broken(grid: Grid, breaks: Breaks, step: int) -> Broken:

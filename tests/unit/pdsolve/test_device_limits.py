@@ -88,7 +88,7 @@ def test_without_a_runtime(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize(
     ("changes", "word"),
-    [({"double": False}, "float64"), ({"memory": 10_000}, "to take"), ({"largest": 1_000}, "arrays")],
+    [({"double": False}, "float64"), ({"memory": 10_000}, "are needed"), ({"largest": 1_000}, "arrays")],
     ids=["no float64", "memory", "one array"],
 )
 def test_a_device_that_is_not_enough(changes: dict[str, Any], word: str, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -37,7 +37,7 @@ def bare(tmp_path: Path) -> Path:
 
 
 def test_a_bare_file_needs_a_material(bare: Path) -> None:
-    with pytest.raises(ModelError, match=naming("bare.json", "$.material", found="none", expected=("E", "G0"))):
+    with pytest.raises(ModelError, match=naming("bare.json", "$.material", found="missing", expected=("E", "G0"))):
         read_model(bare)
 
 
@@ -83,19 +83,19 @@ def test_a_duration_is_counted_in_the_sure_step_and_the_end_said_last_counts(bar
 @pytest.mark.parametrize(
     ("name", "value", "message"),
     [
-        ("run.steps", "many", r"Expected `int`, got `str` - at `\$.run.steps`"),
-        ("run.stepz", "3", r"unknown field `stepz` - at `\$.run`"),
-        ("material.E", "-1", r"Expected `float` > 0.0 - at `\$.material.E`"),
+        ("run.steps", "many", r"\$.run.steps"),
+        ("run.stepz", "3", r"\$.run.stepz is unknown"),
+        ("material.E", "-1", r"\$.material.E"),
         ("horizon.ratio", "nan", r"\$.horizon.ratio"),
         (
             "conditions",
             "[{kind = 'load', box = [9, 9, 9, 9], body_force = [0, 1]}]",
             naming("$.conditions[0].box", found=re.compile(r"\[9")),
         ),
-        ("conditions", "[{kind = 'load', nodes = [99], body_force = [0, 1]}]", "nodes: found id 99"),
+        ("conditions", "[{kind = 'load', nodes = [99], body_force = [0, 1]}]", "nodes: id 99"),
         ("conditions", "[{kind = 'load', body_force = [0, 1]}]", naming(found=("neither", "nodes"))),
-        ("conditions", "[{kind = 'load', nodes = [1]}]", naming(found="none", expected="body_force")),
-        ("conditions", "[{kind = 'lode', nodes = [1]}]", r"Invalid value 'lode' - at `\$.conditions\[0\].kind`"),
+        ("conditions", "[{kind = 'load', nodes = [1]}]", naming(expected="body_force")),
+        ("conditions", "[{kind = 'lode', nodes = [1]}]", r"\$.conditions\[0\].kind is 'lode'"),
     ],
 )
 def test_wrong_settings_are_named(bare: Path, name: str, value: str, message: str) -> None:
@@ -208,8 +208,10 @@ def test_numbers_that_are_none_in_a_file(bare: Path, tmp_path: Path) -> None:
 
 
 def test_quiet_needs_its_seconds() -> None:
-    with pytest.raises(ModelError, match=naming("model", "$.run.quiet", found="none", expected=("seconds", "quiet"))):
+    with pytest.raises(
+        ModelError, match=naming("model", "$.run.quiet", found="missing", expected=("seconds", "quiet"))
+    ):
         plate(square_grid(5, 4), run=Run(until="quiet"))
-    with pytest.raises(ModelError, match=naming("model", "$.run.quiet", found="1e-06", expected=("none", "quiet"))):
+    with pytest.raises(ModelError, match=naming("model", "$.run.quiet", found="1e-06", expected="quiet")):
         plate(square_grid(5, 4), run=Run(quiet=1e-6))
     assert plate(square_grid(5, 4), run=Run(until="split", quiet=1e-6)).settings.run.until == "split"

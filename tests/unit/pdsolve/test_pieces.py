@@ -101,14 +101,14 @@ def test_a_file_that_is_missing_is_named(divided: Path) -> None:
     (divided.parent / "all.1-0").unlink()
     with pytest.raises(ResultsError) as missing:
         Results.open(divided)
-    assert mentions(missing, "all", found="no all.1-0", expected="files of all its ranks")
+    assert mentions(missing, "all", found="all.1-0", expected="files of all its ranks")
 
 
 def test_names_that_are_none_are_refused(tmp_path: Path) -> None:
     Writer.begin(tmp_path / "one", births(0, COUNT), np.empty((0, 4)), {**META, KEY: "[]"}).close("finished")
     with pytest.raises(ResultsError) as wrong:
         Results.open(tmp_path / "one")
-    assert mentions(wrong, "one", "meta", found="no pieces", expected="files of all ranks")
+    assert mentions(wrong, "one", "meta", found="pieces", expected="files of all ranks")
 
 
 def test_what_replaces_a_run_removes_the_files_of_its_ranks(divided: Path) -> None:
@@ -123,14 +123,14 @@ def test_no_rank_writes_over_a_database_of_somebody_else(divided: Path) -> None:
     expect_piece(divided.parent / "all.2-0", "all")
     with pytest.raises(ResultsError) as wrong:
         expect_piece(divided.parent / "all.1-0", "other")
-    assert mentions(wrong, "all.1-0", found="not of a rank of other", expected="nothing")
+    assert mentions(wrong, "all.1-0", found="not of a rank of other", expected="move")
 
 
 def test_no_rank_writes_through_a_link(tmp_path: Path) -> None:
     (tmp_path / "all.0-0").symlink_to(tmp_path / "nothing")
     with pytest.raises(ResultsError) as wrong:
         expect_piece(tmp_path / "all.0-0", "all")
-    assert mentions(wrong, "all.0-0", found="no regular file", expected="database of a rank")
+    assert mentions(wrong, "all.0-0", found="no regular file", expected="move")
 
 
 def test_columns_in_pieces_are_written_as_whole_ones() -> None:

@@ -16,7 +16,7 @@ from pdmesh.__main__ import main as build_command
 from pdmesh.drawing.parameters import Parameters, run
 from pdmesh.model.document import Absorb, Acceleration, Region, Run, Split, read_file, write_file
 from pdmesh.model.node_grid import Grid, document_of
-from pdmesh.scene.units import UNITS
+from pdmesh.quantities import UNITS
 from pdsolve.__main__ import main as solve_command
 from pdsolve.adaptivity.quadtree.operator import tree_over
 from pdsolve.model import Model, ModelError
@@ -40,8 +40,8 @@ NOTCH = 1e-3 * np.array([[0.0, 4.25, 4.0, 4.25]])
     [
         (plate(square_grid(9, 9), material=SOFT), naming("material.law", found="bilinear", expected="brittle")),
         (plate(square_grid(9, 9), regions=(Region(box=BOX, material=SOFT),)), r"regions\[0\]\.material\.law"),
-        (plate(square_grid(9, 9), conditions=(Absorb(box=BOX),)), r"conditions\[0\]: found absorb"),
-        (plate(square_grid(9, 9), conditions=(Acceleration(box=BOX, x=1.0),)), r"conditions\[0\]: found acceleration"),
+        (plate(square_grid(9, 9), conditions=(Absorb(box=BOX),)), r"conditions\[0\].*absorb"),
+        (plate(square_grid(9, 9), conditions=(Acceleration(box=BOX, x=1.0),)), r"conditions\[0\].*acceleration"),
         (plate(square_grid(9, 9), run=Run(solver="static")), naming("run.solver", found="static", expected="explicit")),
         (plate(square_grid(9, 9), run=Run(start="static")), naming("run.start", found="static", expected="unloaded")),
         (plate(square_grid(9, 9), area_rule="eq19"), naming("area_rule", found="eq19", expected="cells")),
@@ -70,19 +70,19 @@ def test_what_cannot_be_solved_so_is_refused(model: Model, words: str) -> None:
     [
         (
             ("--adapt", "split", "--set", "run.split.threshold=1.5"),
-            re.escape("Expected `float` <= 1.0 - at `$.run.split.threshold`"),
+            re.escape("$.run.split.threshold"),
         ),
         (
             ("--adapt", "split", "--set", "run.split.threshold=0"),
-            re.escape("Expected `float` > 0.0 - at `$.run.split.threshold`"),
+            re.escape("$.run.split.threshold"),
         ),
         (
             ("--adapt", "split", "--set", "run.split.levels=9"),
-            re.escape("Expected `int` <= 6 - at `$.run.split.levels`"),
+            re.escape("$.run.split.levels"),
         ),
         (
             ("--adapt", "split", "--set", "run.split.treshold=0.5"),
-            re.escape("Object contains unknown field `treshold`"),
+            re.escape(".treshold is unknown"),
         ),
         (
             ("--adapt", "split", "--precision", "float32"),

@@ -79,7 +79,7 @@ def test_nothing_there_and_nothing_in_it(tmp_path: Path) -> None:
     assert state_of(path).kind is Kind.NONE
     path.touch()
     assert state_of(path).kind is Kind.EMPTY
-    with pytest.raises(ResultsError, match=naming("plate.sqlite", found="nothing")):
+    with pytest.raises(ResultsError, match=naming("plate.sqlite")):
         resume(path)
 
 
@@ -248,7 +248,7 @@ def test_a_second_run_without_the_file_of_the_lock(
             resume(path).close()
         return False
 
-    with pytest.raises(TakenError, match=naming("plate.sqlite", found=("run", "writing"), expected="none")):
+    with pytest.raises(TakenError, match=naming("plate.sqlite", found=("run", "writing"), expected="leave it out")):
         simulate(probed, path, watch=resumed)
     assert contents(path) == contents(whole)
 

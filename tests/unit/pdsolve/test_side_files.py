@@ -248,7 +248,7 @@ def test_what_sqlite_has_not_left_is_refused_and_stays(tmp_path: Path, end: str,
     KINDS[kind](Path(f"{path}{end}"), victim)
     before = sorted(entry.name for entry in tmp_path.iterdir())
     for use in (read_only, for_writing, recover):
-        with pytest.raises(ResultsError, match=naming(f"plate.sqlite{end}", expected="none")):
+        with pytest.raises(ResultsError, match=naming(f"plate.sqlite{end}", expected="move")):
             use(path)
     assert sorted(entry.name for entry in tmp_path.iterdir()) == before
     assert victim.read_bytes() == MARK
@@ -264,7 +264,7 @@ def test_a_log_beside_a_database_without_one_is_refused(tmp_path: Path) -> None:
         two.execute("PRAGMA journal_mode = WAL")
         two.execute("CREATE TABLE u (x)")
         shutil.copy(f"{other}-wal", f"{path}-wal")
-    with pytest.raises(ResultsError, match=naming("plate.sqlite-wal", expected="none")):
+    with pytest.raises(ResultsError, match=naming("plate.sqlite-wal", expected="move")):
         read_only(path)
 
 

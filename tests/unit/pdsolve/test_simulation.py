@@ -169,7 +169,7 @@ def test_a_checkpoint_of_another_version_is_refused(small_plate: Model, tmp_path
         patch.setattr("pdsolve.run.recorder.checkpoint", lambda system, state: {"u": state.value, "v": state.rate})
         simulate(small_plate, path, watch=lambda progress: progress.step >= 20).close()
     before = path.read_bytes()
-    with pytest.raises(ResultsError, match=naming("old.sqlite", found=("checkpoint", "pdsolve"), expected="version's")):
+    with pytest.raises(ResultsError, match=naming("old.sqlite", found=("checkpoint", "pdsolve"), expected="anew")):
         resume(path)
     assert path.read_bytes() == before
 

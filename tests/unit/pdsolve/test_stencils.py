@@ -81,7 +81,7 @@ def test_wide_weights_are_refused_and_the_next_narrower_is_taken():
     with pytest.raises(StencilError, match=r"alpha 0\.35"):
         stencil(chosen(5, 2), STRAIN, 0.35)
     assert stencil_of(5, STRAIN, 2).least > 0
-    with pytest.raises(StencilError, match="found 5 nodes"):
+    with pytest.raises(StencilError, match="5 nodes"):
         stencil(ball(1, 2), STRAIN, 0.3)
 
 

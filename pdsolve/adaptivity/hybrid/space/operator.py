@@ -150,9 +150,8 @@ class SpaceHybrid:
         self.history = self.history._replace(largest=max(self.history.largest, largest))
         if step > 0 and largest > self._peak:
             raise LateZoneError(
-                f"step {step}: found a bond at the border of the fine zone stretched to"
-                f" {self.zone_summary().clipped_stretch:.2f} of what breaks it, expected less than 1: fine nodes"
-                " came too late",
+                f"step {step}: the fine zone was refined too late (stretch at its border:"
+                f" {self.zone_summary().clipped_stretch:.2f} of critical)",
                 step,
             )
 
@@ -381,7 +380,7 @@ class SpaceHybrid:
         cells = like(kept, "cells", self._zone.cells)
         new = (self._zone.cells == COARSE) & (cells == FINE)
         if not ((cells == self._zone.cells) | new).all():
-            raise CheckpointError("found cells that are others than at the start, expected coarse ones to become fine")
+            raise CheckpointError("cells are not those of the start; coarse ones may only become fine")
         self._zone.cells[:] = cells
         box = self.whole.fine.box
         where = np.argwhere(new.reshape(box.padded))[:, ::-1] - box.pad
@@ -428,7 +427,7 @@ class SpaceHybrid:
     def back(self, kept: Kept, broken: Broken) -> None:
         """Restore the broken bonds and the books of a checkpoint of these cells."""
         if not np.array_equal(like(kept, "cells", self._zone.cells), self._zone.cells):
-            raise CheckpointError("found cells that are others than those of the nodes, expected the same")
+            raise CheckpointError("cells are not those of the nodes")
         made, largest = entry(kept, "zone_books", (2,), float).tolist()
         layout.cleared(self._lattice, broken.source, broken.target, self._zone.tiles.bits)
         self._clear(broken.source, broken.target)

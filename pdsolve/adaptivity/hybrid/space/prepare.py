@@ -43,7 +43,7 @@ def body_of(model: Model, options: Options, threads: int) -> SpaceHybrid:
             raise refused(model, place, found, expected)
     made = tiled(model, np.float64)
     if made is None:
-        raise refused(model, "$.nodes", "nodes that fit no tiles", "one cubic lattice, more than two horizons long")
+        raise refused(model, "$.nodes", "on nodes that fit no tiles", "one cubic lattice, more than two horizons long")
     law, h = law_of(model), made.sites.spacing
     whole = whole_of(model, made.sites, made.tiles)._replace(cut=made.counted.family - made.counted.bonds)
     box, tiles = whole.fine.box, made.tiles

@@ -38,14 +38,14 @@ def test_numbers() -> None:
 def test_what_is_no_number(lines: str, place: str, tmp_path: Path) -> None:
     for word in NO_NUMBER:
         message = refusal(tmp_path, PLATE + lines.replace("WORD", word))
-        assert f": line 9: {place}: found '{word[:60]}', expected a whole number" in message
+        assert f": line 9: {place}: '{word[:60]}'" in message
 
 
 @pytest.mark.parametrize("options", ["", ", SYSTEM=C", ", SYSTEM=S"])
 def test_coordinates_that_are_not_finite(options: str, tmp_path: Path) -> None:
     for row in ("nan,0", "0,inf", "0,1e999", "0,0,0,0,0,inf", "0,1_0"):
         message = refusal(tmp_path, f"{PLATE}*NODE{options}\n9,{row}\n")
-        assert f": line 9: *NODE: found '9,{row}', expected finite numbers" in message
+        assert f": line 9: *NODE: '9,{row}'" in message
 
 
 @pytest.mark.parametrize("row", ["nan,0", "0,0,0,0,0,inf,90", "1e308,0\n-1e308,0,0,1e308,0,0,30"])
@@ -65,7 +65,7 @@ def test_coordinates_too_large_for_an_area(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("row", ["5", "1,2,3,4", "1,5,0", "5,1,1", "1,,5"])
 def test_a_range_that_is_none(row: str, tmp_path: Path) -> None:
-    assert "line 9: *ELSET: found '" in refusal(tmp_path, f"{PLATE}*ELSET, ELSET=a, GENERATE\n{row}\n")
+    assert "line 9: *ELSET: '" in refusal(tmp_path, f"{PLATE}*ELSET, ELSET=a, GENERATE\n{row}\n")
 
 
 # ---- parts and instances
@@ -79,14 +79,14 @@ def test_an_instance_that_is_turned_and_not_moved(row: str, tmp_path: Path) -> N
 
 @pytest.mark.parametrize("row", ["0,0,0, 0,0,1, 90\n1,2", "0,0,0, 0,0,1, 90\n0,0,0, 0,0,1, 90"])
 def test_an_instance_that_is_turned_first(row: str, tmp_path: Path) -> None:
-    assert "line 13: *INSTANCE: found" in refusal(tmp_path, PARTS.replace("ROW", row))
+    assert "line 13: *INSTANCE" in refusal(tmp_path, PARTS.replace("ROW", row))
 
 
 def test_names_used_twice(tmp_path: Path) -> None:
     again = PARTS.replace("ROW\n", "").replace("*ASSEMBLY", "*PART, NAME=p\n*END PART\n*ASSEMBLY")
-    assert "line 10: *PART: found NAME=p twice" in refusal(tmp_path, again)
+    assert "line 10: *PART: NAME=p twice" in refusal(tmp_path, again)
     again = PARTS.replace("ROW\n", "").replace("*END ASSEMBLY", "*INSTANCE, NAME=ONE, PART=p\n")
-    assert "line 13: *INSTANCE: found NAME=ONE twice" in refusal(tmp_path, again)
+    assert "line 13: *INSTANCE: NAME=ONE twice" in refusal(tmp_path, again)
 
 
 # ---- lines

@@ -14,7 +14,7 @@ from pdmesh.drawing.abaqus import read_abaqus
 def test_members_that_are_no_numbers(lines: str, tmp_path: Path) -> None:
     for word in filter(None, NO_NUMBER):
         message = refusal(tmp_path, PLATE + lines.replace("WORD", word))
-        assert f"line 9: {lines.split(',')[0]}: found '{word[:60]}" in message
+        assert f"line 9: {lines.split(',')[0]}: '{word[:60]}" in message
 
 
 @pytest.mark.parametrize("side", ["S\u00b2", "S" + "1" * 5000, "S", "SPOS"])
@@ -50,8 +50,8 @@ def test_long_chains_of_sets(level: str, members: str, tmp_path: Path) -> None:
 def test_sets_in_a_circle(level: str, tmp_path: Path) -> None:
     circle = "".join(f"*ELSET, ELSET=S{k}\n7, S{k - 1}\n" for k in range(1, 1500)) + "*ELSET, ELSET=S0\ns1499\n"
     text = PLATE + circle if level == "file" else PARTS.replace("ROW\n", "").replace("*END PART", circle + "*END PART")
-    assert "*ELSET: found '" in (message := refusal(tmp_path, text))
-    assert message.endswith("which is defined by itself")
+    assert "*ELSET: '" in (message := refusal(tmp_path, text))
+    assert "is defined by itself" in message
 
 
 def test_members_of_an_instance_by_number_and_name(tmp_path: Path) -> None:
@@ -59,7 +59,7 @@ def test_members_of_an_instance_by_number_and_name(tmp_path: Path) -> None:
     rows = "*ELSET, ELSET=a\none.7\n*ELSET, ELSET=b\nONE.whole, a\n"
     sets = read_abaqus(written(tmp_path, text.replace("*END ASSEMBLY", rows + "*END ASSEMBLY"))).cell_sets
     assert {name: rows[0].tolist() for name, rows in sets.items()} == {"whole": [0], "a": [0], "b": [0]}
-    assert "line 16: *ELSET: found '.7'" in refusal(tmp_path, text.replace("*END ASSEMBLY", "*ELSET, ELSET=a\n.7\n"))
+    assert "line 16: *ELSET: '.7'" in refusal(tmp_path, text.replace("*END ASSEMBLY", "*ELSET, ELSET=a\n.7\n"))
 
 
 def test_names_in_quotes(tmp_path: Path) -> None:

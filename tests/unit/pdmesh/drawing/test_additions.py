@@ -94,7 +94,7 @@ def test_refinements_are_in_the_unit_of_the_drawing(drawings: Path) -> None:
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("word", ["", "1,2", "1,2,3", "1,2,3,x", "1,2,3,4,5", "nan,0,1,1", "0,0,inf,1", "0,0,0,0"])
 def test_words_that_are_no_crack(word: str) -> None:
-    with pytest.raises(SceneError, match=r"duran50.geo: (--crack: found|crack '.*': found)"):
+    with pytest.raises(SceneError, match=r"duran50.geo: (--crack: |crack '.*')"):
         read_scene(GEOMETRIES / "duran50.geo", cracks=[word])
 
 

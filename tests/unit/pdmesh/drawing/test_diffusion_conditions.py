@@ -85,20 +85,20 @@ def test_a_drawing_has_both_kinds_of_conditions() -> None:
 
 
 REFUSED: dict[str, tuple[dict[str, float | str | None], str]] = {
-    "no T0": ({"Material/T0": None}, naming("material", "T0", found="none")),
-    "no c": ({"Medium/c": None}, naming("Peridynamics/Medium/c", found="none")),
-    "D beside k": ({"Medium/D": 1e-7}, naming("Peridynamics/Medium/D", found="one", expected="none")),
+    "no T0": ({"Material/T0": None}, naming("material", "T0", found="missing")),
+    "no c": ({"Medium/c": None}, naming("Peridynamics/Medium/c", found="missing")),
+    "D beside k": ({"Medium/D": 1e-7}, naming("Peridynamics/Medium/D", expected="leave it out")),
     "both of two": (
         {"Holds/left/Concentration": 1.0},
         naming("Peridynamics/Holds/left/Concentration", found=("Concentration", "Temperature"), expected="one"),
     ),
     "neither of two": (
         {"Exchanges/right/h": None},
-        naming("Peridynamics/Exchanges/right/Coefficient", found="none", expected=("Coefficient", "h")),
+        naming("Peridynamics/Exchanges/right/Coefficient", expected=("Coefficient", "h")),
     ),
     "convection to no temperature": (
         {"Exchanges/right/Outside": None},
-        naming("Peridynamics/Exchanges/right/Outside", found="none"),
+        naming("Peridynamics/Exchanges/right/Outside", found="missing"),
     ),
     "watts without c": (
         {"Medium/k": None, "Medium/c": None, "Medium/D": 1e-7},

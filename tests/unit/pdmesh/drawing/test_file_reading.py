@@ -39,10 +39,10 @@ SOURCES = {  # name, content, what is said
     "an end without words": (
         "a.py",
         "import os\nos._exit(0)\n",
-        "found a program that ended with exit code 0, expected",
+        "a program that ended with exit code 0",
     ),
     "an end in another program": ("a.py", "import os\nos.execv('/bin/true', ['true'])\n", "ended with exit code 0"),
-    "a crash": ("a.py", "import os\nos.abort()\n", "found a program that was ended by SIGABRT, expected it to define"),
+    "a crash": ("a.py", "import os\nos.abort()\n", "a program that was ended by SIGABRT"),
     "half of a character": (
         "a.py",
         HEAD + "name = '\\ud800'\nscene = Scene(box(0, 0, 1, 1), 0.1)\n",
@@ -51,7 +51,7 @@ SOURCES = {  # name, content, what is said
     "half of a character in a name": (
         "a.py",
         HEAD + "scene = Scene(box(0, 0, 1, 1), 0.1).load('top', traction=(0, 1), name='\\udcff')\n",
-        "found '\\udcff', half of a character",
+        "'\\udcff', half of a character",
     ),
     "200 000 signs": ("a.py", "x = " + "-" * 200_000 + "1\n", "expression too long or nested too deep"),
     "a sum of 100 000": ("a.py", "x = " + "+".join(["1"] * 100_000) + "\n", "expression too long or nested too deep"),
@@ -60,13 +60,13 @@ SOURCES = {  # name, content, what is said
     "a run that is none": (
         "a.py",
         HEAD + "scene = Scene(box(0, 0, 1, 1), 0.1, run=3)\n",
-        "line 2: run: found 3, expected",
+        "line 2: run: 3",
     ),
-    "the smallest spacing": ("a.py", HEAD + "scene = Scene(box(0, 0, 1, 1), 5e-324)\n", "line 2: spacing: found 4.9"),
+    "the smallest spacing": ("a.py", HEAD + "scene = Scene(box(0, 0, 1, 1), 5e-324)\n", "line 2: spacing: 4.9"),
     "the smallest spacing of a zone": (
         "a.py",
         HEAD + "scene = Scene(box(0, 0, 1, 1), 0.1).zone(box(0, 0, 0.5, 0.5), 5e-324)\n",
-        "line 2: zone '1': spacing: found 4.9",
+        "line 2: zone '1': spacing is 4.9",
     ),
     "what cannot be handed over": (
         "a.py",
@@ -77,43 +77,43 @@ SOURCES = {  # name, content, what is said
     "a coordinate that is no number": (
         "a.step",
         "ISO-10303-21;\nDATA;\n#1 = CARTESIAN_POINT('nan', (NAN, 0.,0.));\nENDSEC;\nEND-ISO-10303-21;\n",
-        "a.step: line 3: found 'NAN', expected a finite number",
+        "a.step: line 3: 'NAN'",
     ),
     "a BREP coordinate that is no number": (
         "a.brep",
         "\nCASCADE Topology V1, (c) Matra-Datavision\n1 -inf 0\n+1 0\n",
-        "a.brep: line 3: found '-inf', expected a finite number",
+        "a.brep: line 3: '-inf'",
     ),
     "a STEP file that is cut off": (
         "a.step",
         "ISO-10303-21;\nDATA;\n",
-        "found no end of the shapes, expected a whole STEP",
+        "no end of the shapes",
     ),
     "a BREP file that is cut off": (
         "a.brep",
         "DBRep_DrawableShape\n\nCASCADE Topology V1, (c) Matra-Datavision\nLocations 0\nCurve2ds 6\n",
-        "found no end of the shapes, expected a whole BREP file",
+        "no end of the shapes",
     ),
-    "nothing in a STEP file": ("a.step", "", "found another content, expected a STEP file"),
+    "nothing in a STEP file": ("a.step", "", "another content"),
     "no shapes in a STEP file": ("a.step", "ISO-10303-21;\nDATA;\nENDSEC;\nEND-ISO-10303-21;\n", "a.step: Gmsh says: "),
     # meshes
     **{
         f"an empty {suffix}": (f"a{suffix}", "", "a" + suffix)
         for suffix in (".inp", ".off", ".stl", ".msh", ".vtu", ".ply")
     },
-    "an .off of nothing": ("a.off", "", "found what meshio cannot read"),
-    "an .inp without points": ("a.inp", "*NODE\n", "found no points"),
-    "an .inp of words": ("a.inp", "hello\n", "line 1: found 'hello', expected a keyword"),
+    "an .off of nothing": ("a.off", "", "what meshio cannot read"),
+    "an .inp without points": ("a.inp", "*NODE\n", "no points"),
+    "an .inp of words": ("a.inp", "hello\n", "line 1: 'hello'"),
     "an .inp with a hole": (
         "a.inp",
         "*NODE\n1, 0, 0\n*ELEMENT, TYPE=CPS3\n1, 1, 2, 3\n",
-        "found 2, which is defined nowhere",
+        "2, which is defined nowhere",
     ),
-    "an .off that is cut off": ("a.off", "OFF\n3 1 0\n0 0 0\n", "expected a mesh in the format of its suffix"),
+    "an .off that is cut off": ("a.off", "OFF\n3 1 0\n0 0 0\n", "a mesh in the format of its suffix"),
     "an .off of words": ("a.off", "OFF\nx y z\n", "invalid literal for int() with base 10: 'x'"),
-    "an .stl that is cut off": ("a.stl", "solid\nfacet\n", "expected a mesh in the format of its suffix"),
-    "an .stl of zeros": ("a.stl", "\0" * 90, "found no points"),
-    "a .ply without an end": ("a.ply", PLY, "found no end of the header"),
+    "an .stl that is cut off": ("a.stl", "solid\nfacet\n", "a mesh in the format of its suffix"),
+    "an .stl of zeros": ("a.stl", "\0" * 90, "no points"),
+    "a .ply without an end": ("a.ply", PLY, "no end of the header"),
     "cells of points that are not there": (
         "a.off",
         "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n",
@@ -122,18 +122,18 @@ SOURCES = {  # name, content, what is said
     "cells that overlap": (
         "a.off",
         "OFF\n4 2 0\n0 0 0\n1 0 0\n0 1 0\n.5 .1 0\n3 0 1 2\n3 0 1 3\n",
-        "a.off: cells: found ",
+        "a.off: cells: ",
     ),
     "a mesh that includes another": (
         "a.inp",
         "** x\r *In*clude , INPUT=/etc/passwd\n",
-        "found '*INCLUDE', expected a mesh in",
+        "'*INCLUDE'",
     ),
-    "entities": ("a.xdmf", "<!DOCTYPE x [<!ENTITY a 'b'>]>\n<x/>\n", "found a definition of entities"),
+    "entities": ("a.xdmf", "<!DOCTYPE x [<!ENTITY a 'b'>]>\n<x/>\n", "a definition of entities"),
     "data in another folder": (
         "a.xdmf",
         XDMF.replace("FILE", "../b.h5"),
-        "found data in '../b.h5', expected them in a file",
+        "data in '../b.h5'",
     ),
     "raw data of another folder": (
         "a.xdmf",
@@ -141,8 +141,8 @@ SOURCES = {  # name, content, what is said
         "'/etc/passwd'",
     ),
     # models
-    "a source that is no name": ("a.json", model("x", "a\nb.geo"), "$.source: found"),
-    "a source with a zero": ("a.json", model("x", "a\0b.geo"), "$.source: found"),
+    "a source that is no name": ("a.json", model("x", "a\nb.geo"), "$.source"),
+    "a source with a zero": ("a.json", model("x", "a\0b.geo"), "$.source"),
 }
 
 
@@ -175,7 +175,7 @@ def test_a_pipe_is_no_drawing(command: str, suffix: str, tmp_path: Path, capsys:
     os.mkfifo(path)
     assert main([command, str(path)]) == 2
     err = capsys.readouterr().err
-    assert mentions(err, found="pipe", expected="file") or (command == "params" and "found suffix" in err)
+    assert mentions(err, found="pipe", expected="file") or (command == "params" and "suffix" in err)
     assert err.count("\n") == 1
 
 
@@ -194,7 +194,7 @@ def test_a_mesh_may_be_trusted_to_include_another(tmp_path: Path) -> None:
     points = np.array([[0, 0, 0], [1e-2, 0, 0], [0, 1e-2, 0.0]])
     meshio.write(tmp_path / "part.inp", meshio.Mesh(points, [("triangle", np.array([[0, 1, 2]]))]))
     (tmp_path / "whole.inp").write_text("*INCLUDE, INPUT=part.inp\n", encoding="utf-8")
-    with pytest.raises(mesh_checks.SceneError, match=r"line 1: found '\*INCLUDE'"):
+    with pytest.raises(mesh_checks.SceneError, match=r"line 1: '\*INCLUDE'"):
         mesh_checks.read(tmp_path / "whole.inp")
     assert len(mesh_checks.read(tmp_path / "whole.inp", trust=True).points) == 3
 

@@ -11,8 +11,8 @@ from messages import mentions, naming
 from pdmesh.drawing import body_of_groups, plate_of_groups
 from pdmesh.drawing.group_names import MOST, Meaning, Physical, meaning
 from pdmesh.drawing.parameters import PREFIX, Parameters
+from pdmesh.quantities import UNITS
 from pdmesh.scene.shapes import SceneError
-from pdmesh.scene.units import UNITS
 
 ZONE = Physical("zone:plate", 2, 1)
 SPACED = {"Zones/plate/Spacing": 1e-3}
@@ -129,13 +129,13 @@ def test_a_group_of_a_zone_may_be_a_region_too() -> None:
 )
 def test_the_group_that_is_missing_is_named(values: dict[str, float], named: str) -> None:
     groups = (ZONE, Physical("Inlet", 1, 2), Physical("steel", 3, 3))
-    with pytest.raises(SceneError, match=naming(named, found="none")):
+    with pytest.raises(SceneError, match=naming(named, found="missing")):
         plate(*groups, values={**SPACED, **values})
 
 
 def test_a_drawing_without_zones_and_spacing_is_told_both() -> None:
     zones = [{"name": "plate", "groups": []}]
-    with pytest.raises(SceneError, match=naming("zones", found="none", expected=("zone:NAME", "Zones/plate/Spacing="))):
+    with pytest.raises(SceneError, match=naming("zones", expected=("zone:NAME", "Zones/plate/Spacing="))):
         plate(ZONE, values={}, zones=zones)
 
 

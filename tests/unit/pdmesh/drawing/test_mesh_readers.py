@@ -273,7 +273,7 @@ def test_particles_of_exodus_are_nodes(kind: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.process
-@pytest.mark.parametrize(("kind", "message"), [("SPHERE", "without a volume"), ("NSIDED", "elements 'NSIDED'")])
+@pytest.mark.parametrize(("kind", "message"), [("SPHERE", "points have no volume"), ("NSIDED", "elements 'NSIDED'")])
 def test_exodus_that_is_refused(kind: str, message: str, tmp_path: Path) -> None:
     path = exodus(tmp_path / "plate.g", kind)
     with pytest.raises(SceneError, match=naming("plate.g", found=message.replace("without", "6 points without"))):

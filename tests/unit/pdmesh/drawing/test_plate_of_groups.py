@@ -127,7 +127,7 @@ def test_profiles(text: str, profile: tuple[tuple[float, float], ...]) -> None:
 
 @pytest.mark.parametrize("text", ["ramp", "ramp x", "ramp 0", "0 0, 0 1", "1", "0 nan", "a b", "0 0 0", "inf 1"])
 def test_bad_profiles(text: str) -> None:
-    with pytest.raises(SceneError, match=r"^here: found"):
+    with pytest.raises(SceneError, match=r"^here"):
         parse_profile(text, "here")
 
 
@@ -248,28 +248,28 @@ BAD = {
     "kind alone": ([Group("crack:", 1)], {}, naming('Curve("crack:")', expected='Curve("crack:NAME")')),
     "crack as a surface": ([Group("crack:a", 2)], {}, r'Physical Surface\("crack:a"\)'),
     "a point": ([Group("load:a", 0)], {}, naming("load 'a'", found="points", expected="one")),
-    "missing group": ([], {"Loads/left/Traction x": 1.0}, naming('Curve("load:left")', found="none")),
-    "missing zone": ([], {"Zones/fine/Spacing": 1e-3}, naming('Surface("zone:fine")', found="none")),
+    "missing group": ([], {"Loads/left/Traction x": 1.0}, naming('Curve("load:left")', found="missing")),
+    "missing zone": ([], {"Zones/fine/Spacing": 1e-3}, naming('Surface("zone:fine")', found="missing")),
     "missing spacing": ([Group("zone:b", 2, surfaces=(ring(0, 0, 1, 1),))], {}, naming("Zones/b/Spacing'")),
     "misspelt": ([], {"Loads/top/Tracton x": 1.0}, naming("Tracton x'", expected=re.compile("top/Traction x'"))),
     "negative spacing": ([], {"Zones/plate/Spacing": -1.0}, naming("spacing", "zone 'plate'", found="-1 m")),
     "word for a number": ([], {"Material/E": "steel"}, naming("Material/E'", found="'steel'", expected="number")),
     "number for a word": ([], {"Material/Force law": 3.0}, naming("Force law'", found="3.0", expected="word")),
     "nan": ([], {"Material/E": float("nan")}, naming("Material/E'", found="nan", expected=("finite", "number"))),
-    "negative E": ([], {"Material/E": -1.0}, r"Peridynamics/Material: Expected `float` > 0.0 - at `\$.E`"),
+    "negative E": ([], {"Material/E": -1.0}, naming("Peridynamics/Material", "$.E", found="-1.0", expected="above 0")),
     "half a row": ([], {"Loads/top/Rows": 1.5}, naming("Rows'", found="1.5", expected=("whole", "number"))),
     "neither 0 nor 1": ([], {"Loads/top/Breakable": 2.0}, naming("Breakable'", found="2", expected=("0", "1"))),
     "a box and a group": ([], {"Loads/top/Box": "0 0 1 1"}, naming("Box'", found="group 'load:top'")),
     "endless box": ([], {"Fixes/a/Box": "-inf 0 1 1"}, naming("Box'", found="'-inf 0 1 1'", expected="x0")),
     "bad box": ([], {"Fixes/a/Box": "0 0 1"}, naming("Fixes/a/Box'", found="'0 0 1'", expected=("four", "numbers"))),
-    "box inside out": ([], {"Fixes/a/Box": "1 0 0 1"}, "expected x0 < x1"),
-    "unknown components": ([], {"Fixes/a/Box": "0 0 1 1", "Fixes/a/Components": "z"}, "Components': found 'z'"),
-    "step without duration": ([], {"Run/Time step": 1e-8}, naming(found=("Time step 1e-08 s", "Duration"))),
-    "unknown solver": ([], {"Run/Solver": "swift"}, "Run: Invalid enum value 'swift'"),
+    "box inside out": ([], {"Fixes/a/Box": "1 0 0 1"}, "x0 < x1"),
+    "unknown components": ([], {"Fixes/a/Box": "0 0 1 1", "Fixes/a/Components": "z"}, "Components' is 'z'"),
+    "step without duration": ([], {"Run/Time step": 1e-8}, naming(found='Duration')),
+    "unknown solver": ([], {"Run/Solver": "swift"}, naming("Run", "$.solver", found="'swift'", expected="'static'")),
     "half a load step": ([], {"Run/Load steps": 2.5}, naming("Load steps'", found="2.5", expected=("whole", "number"))),
-    "driven": ([], {"Run/Damping": -1.0}, "Run: Expected `float` >= 0"),
-    "too many steps": ([], {"Run/Time step": 1e-300, "Run/Duration": 1.0}, "Run: found 1e[+]300 steps"),
-    "half a material": ([], {"Materials/x/E": 1.0}, naming('Surface("material:x")', found="none")),
+    "driven": ([], {"Run/Damping": -1.0}, naming("Run", "$.damping", found="-1.0", expected="from 0")),
+    "too many steps": ([], {"Run/Time step": 1e-300, "Run/Duration": 1.0}, "Run: .* 1e[+]300 steps"),
+    "half a material": ([], {"Materials/x/E": 1.0}, naming('Surface("material:x")', found="missing")),
     "refine what": ([], {"Refine/edge/Distance": 1.0}, naming(expected=re.compile(r"'\w+/Refine/\w+/Distance'"))),
     "area rule": ([], {"Area rule": "voronoi"}, naming("Area rule'", found="'voronoi'")),
     "open outline": (

@@ -63,7 +63,7 @@ def test_constants_can_be_set(path: Path) -> None:
     ("text", "message"),
     [
         ("scene = 5\n", naming("scene", found="int", expected=("defines", "scene"))),
-        ("x = 1\n", "scene: found none"),
+        ("x = 1\n", "scene is missing"),
         ("scene = (\n", "line 1: '\\(' was never closed"),
         ("import nowhere_at_all\n", "line 1: ModuleNotFoundError"),
         ("x = 1\nraise SystemExit(0)\n", "line 2: SystemExit"),

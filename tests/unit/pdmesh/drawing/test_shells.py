@@ -106,7 +106,7 @@ def test_a_reader_that_does_not_end_says_what_it_did(tmp_path: Path, monkeypatch
     monkeypatch.setattr(geo, "TIME_LIMIT", 1.0)
     path = tmp_path / "stuck.geo"
     path.write_text("For i In {1:1e9}\nx = i;\nEndFor\n", encoding="utf-8")
-    with pytest.raises(SceneError, match=r"still reading after 1 s of processor time, expected it to end; simplify"):
+    with pytest.raises(SceneError, match=r"still reading after 1 s of processor time"):
         read_scene(path)
 
 

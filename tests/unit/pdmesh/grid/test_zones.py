@@ -100,7 +100,7 @@ def test_refine_without_drawing(target: str, plate: Scene) -> None:
 
 
 def test_refine_finds_nothing_to_refine(plate: Scene) -> None:
-    with pytest.raises(SceneError, match=naming("refine hole", found="none")):
+    with pytest.raises(SceneError, match=naming("refine hole")):
         levels(plate.refine("hole", 1e-3))
 
 

@@ -53,12 +53,12 @@ def test_gaps_and_load_cells_of_a_scene() -> None:
     ("run", "said"),
     [
         (Run(gaps=(Gap("a", ENDS), Gap("a", ENDS))), naming("gaps[0].name", found=("'a'", "2 times"))),
-        (Run(gaps=(Gap("a", (ENDS[0], ENDS[0])),)), naming("gaps[0].ends", found="twice")),
+        (Run(gaps=(Gap("a", (ENDS[0], ENDS[0])),)), naming("gaps[0].ends")),
         (Run(load_cells=(LoadCell("c", ("lift",)),)), naming("load_cells[0].of", found="'lift'", expected="left")),
-        (Run(load_cells=(LoadCell("c", ()),)), naming("load_cells[0].of", found="none")),
+        (Run(load_cells=(LoadCell("c", ()),)), naming("load_cells[0].of")),
         (Run(static=Static(control="a", opening=1e-3)), naming("static.control", found="'a'", expected="gap")),
-        (Run(static=Static(opening=1e-3)), naming("static.control", found="none")),
-        (Run(gaps=(Gap("a", ENDS),), static=Static(control="a")), naming("static.opening", found="none")),
+        (Run(static=Static(opening=1e-3)), naming("static.control", found="missing")),
+        (Run(gaps=(Gap("a", ENDS),), static=Static(control="a")), naming("static.opening", found="missing")),
     ],
 )
 def test_monitors_that_contradict(run: Run, said: str, tmp_path: Path) -> None:
@@ -154,7 +154,7 @@ def test_supports_and_monitors_of_a_body() -> None:
     ("make", "said"),
     [
         (lambda: BLOCK.roller(0, 0, 0, "xyz", "a"), naming("roller 'a'", found="xyz", expected="one or two")),
-        (lambda: build(BLOCK.pin(1, 1, 1, "far")), naming("displacement 'far'", found="away", expected="in it")),
+        (lambda: build(BLOCK.pin(1, 1, 1, "far")), naming("displacement 'far'", found="away")),
         (lambda: build(BLOCK.load(shapely.Point(0, 0, 0), (1, 0, 0))), naming("load", found="at a point")),
         (lambda: BLOCK.fix(shapely.Point(0, 0)), naming("displacement", found="(0.0, 0.0)", expected="3")),
         (lambda: BLOCK.gap("a", (0, 0), (1, 1)), naming("gap 'a'", found="(0, 0)", expected="3")),

@@ -65,7 +65,7 @@ def test_a_grid_file_with_a_key_twice_is_refused(
         read_document(path.read_bytes(), "plate.json")
     assert pdmesh(["info", str(path)]) == 2
     said = capsys.readouterr().err
-    assert f"plate.json: {place}: found twice" in said
+    assert f"plate.json: {place} is there twice" in said
     assert said.count("\n") == 1
 
 

@@ -31,14 +31,14 @@ def test_ids_in_any_order() -> None:
 @pytest.mark.parametrize(
     ("condition", "message"),
     [
-        (InitialVelocity(), r": found neither or both of nodes and box"),
-        (InitialVelocity(nodes=(7,), box=(0, 0, 1, 1)), r": found neither or both of nodes and box"),
-        (InitialVelocity(nodes=(7, 1)), r"\.nodes: found id 1, expected one of the grid's nodes"),
-        (InitialVelocity(nodes=()), r"\.nodes: found none, expected at least one"),
-        (InitialVelocity(box=(1, 1, 2, 2)), r"\.box: found no node in \[1.*\], expected at least one"),
-        (Load(nodes=(7,), body_force=(0, 1), traction=(0, 1)), r": found body_force and traction, expected one"),
-        (Displacement(nodes=(7,)), r": found neither x nor y, expected at least one of them"),
-        (Displacement(nodes=(7,), x=0.0, profile=((0, 1), (0, 2))), r"\.profile: found times .*, expected them to"),
+        (InitialVelocity(), r".*neither or both of nodes and box"),
+        (InitialVelocity(nodes=(7,), box=(0, 0, 1, 1)), r".*neither or both of nodes and box"),
+        (InitialVelocity(nodes=(7, 1)), r"\.nodes.*id 1"),
+        (InitialVelocity(nodes=()), r"\.nodes is empty"),
+        (InitialVelocity(box=(1, 1, 2, 2)), r"\.box.*\[1.*\]"),
+        (Load(nodes=(7,), body_force=(0, 1), traction=(0, 1)), r".*body_force and traction"),
+        (Displacement(nodes=(7,)), r".*neither x nor y"),
+        (Displacement(nodes=(7,), x=0.0, profile=((0, 1), (0, 2))), r"\.profile.*times .*"),
     ],
 )
 def test_conditions_that_cannot_be(condition: AnyCondition, message: str) -> None:

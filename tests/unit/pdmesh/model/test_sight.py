@@ -6,6 +6,7 @@ Counts of cut bonds and weights on a lattice of spacing 1 were computed independ
 from __future__ import annotations
 
 import dataclasses
+import re
 
 import msgspec
 import numpy as np
@@ -202,13 +203,13 @@ def test_every_law_takes_the_way_round(law: str) -> None:
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"gamma": 2.0}, "material.gamma: found 2, expected none with sight 'visibility'"),
-        ({"sight": "diffraction", "model": "bond", "nu": None}, "material.sight: found 'diffraction', expected"),
+        ({"gamma": 2.0}, "material.gamma (2)"),
+        ({"sight": "diffraction", "model": "bond", "nu": None}, "material.sight is 'diffraction'"),
     ],
 )
 def test_what_cannot_be_is_refused_in_one_line(change: dict[str, object], said: str) -> None:
     model = Model(lattice(STRAIGHT), Settings(material=msgspec.structs.replace(SOLID, **change), horizon=Horizon(3)))
-    with pytest.raises(ModelError, match=said.replace("(", "\\(")):
+    with pytest.raises(ModelError, match=re.escape(said)):
         SCHEMES["conservative" if "gamma" in change else "thesis"].fill(model)
 
 

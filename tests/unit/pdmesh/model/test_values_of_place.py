@@ -63,18 +63,18 @@ def test_expressions_have_the_values_of_their_places(text: str, expected: list[f
 def test_what_is_no_expression_of_a_plate_is_refused_in_one_line(text: str) -> None:
     said = wrong_value(text, 2)
     assert said is not None
-    assert said.startswith("found")
+    assert "; use " in said or "; give " in said
     assert "\n" not in said
 
 
 @pytest.mark.parametrize("text", ["1/x", "9^9^9^9^9", "log(0*x)", "sqrt(-1-x)", "1e31"])
 def test_values_that_are_not_finite_name_the_place(text: str) -> None:
-    with pytest.raises(PlaceError, match=r"found .* at \(0, 0\) m, expected finite numbers"):
+    with pytest.raises(PlaceError, match=r".* at \(0, 0\) m"):
         values_at(text, PLACES)
 
 
 def test_numbers_that_no_float_holds_are_refused() -> None:
-    with pytest.raises(PlaceError, match="no float holds"):
+    with pytest.raises(PlaceError, match=r"1\.8e308"):
         values_at("9" * 400, PLACES)
 
 
@@ -92,7 +92,7 @@ def test_a_table_is_linear_between_its_places_and_constant_across_them() -> None
 def test_a_table_holds_a_little_beyond_its_border_and_is_refused_farther_away() -> None:
     short = Table(((0.0,), (1.9,)), (0.0, 1.9), "y")
     assert values_at(short, PLACES) == pytest.approx([0.0, 1.0, 1.9])
-    with pytest.raises(PlaceError, match=r"a node at \(1, 2\) m, 1\.5 m outside of its table"):
+    with pytest.raises(PlaceError, match=r"\(1, 2\) m is 1\.5 m outside of its table"):
         values_at(Table(((0.0,), (0.5,)), (0.0, 1.0), "y"), PLACES)
 
 
@@ -106,14 +106,14 @@ def test_csv_files_with_and_without_a_header(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "text", "said"),
     [
-        ("a.csv", "y, ux, uy\n0, 1, 2\n", "found the columns y, ux, uy, expected one column of values"),
-        ("a.csv:uz", "y, ux\n0, 1\n", "expected uz and x, y or z"),
-        ("a.csv", "ux\n0\n", "expected one column of values"),
-        ("a.csv", "0,1\n", "found 2 columns, expected 3"),
-        ("a.csv", "0,0,1\n0,1\n", "line 2: expected 3 numbers"),
-        ("a.csv", "0,0,1\nroot,x,0\n", "line 2: expected 3 numbers between commas"),
+        ("a.csv", "y, ux, uy\n0, 1, 2\n", "the columns y, ux, uy"),
+        ("a.csv:uz", "y, ux\n0, 1\n", "uz and x, y or z"),
+        ("a.csv", "ux\n0\n", "one column of values"),
+        ("a.csv", "0,1\n", "2 columns"),
+        ("a.csv", "0,0,1\n0,1\n", "line 2:"),
+        ("a.csv", "0,0,1\nroot,x,0\n", "line 2:"),
         ("a.csv", "0,0,nan\n", "not finite"),
-        ("a.csv", "", "found 0 rows"),
+        ("a.csv", "", "0 rows"),
         ("a.csv", "y,y\n1,2\n", "each once"),
         ("no.csv", "", "no.csv: cannot be read: No such file"),
         ("../a.csv", "0,0,1\n", "without a folder"),
@@ -137,7 +137,7 @@ def test_links_out_of_the_folder_folders_and_large_files_are_refused(tmp_path: P
     (inside / "b.csv").mkdir()
     with (inside / "c.csv").open("wb") as file:
         file.truncate(MOST_BYTES + 1)
-    for name, said in (("a.csv", "found a link"), ("b.csv", "found a folder"), ("c.csv", "expected at most")):
+    for name, said in (("a.csv", "a link"), ("b.csv", "a folder"), ("c.csv", "at most")):
         with pytest.raises(PlaceError, match=said):
             read_table(name, inside, 2)
 
@@ -171,5 +171,5 @@ def _npy(shape: object, kind: str = "<f8", data: bytes = b"") -> bytes:
 )
 def test_npy_files_that_promise_otherwise_are_refused(tmp_path: Path, data: bytes) -> None:
     (tmp_path / "a.npy").write_bytes(data)
-    with pytest.raises(PlaceError, match=r"^a\.npy: found"):
+    with pytest.raises(PlaceError, match=r"^a\.npy"):
         read_table("a.npy", tmp_path, 2)

@@ -37,9 +37,7 @@ def test_bonds_of_a_square_lattice(plate: Scene) -> None:
 def test_why_a_model_is_refused_is_said_with_its_counts() -> None:
     pulled = Scene(box(0, 0, 0.02, 0.01), 1e-3, GLASS, run=Run(solver="static")).load("top", traction=(0, 1e3))
     found = info(document(pulled.pin(0.01, 0.0)), "x")
-    assert found["refused"].startswith(
-        "$.conditions: found the whole plate around (0.01, 0.005) m (node 1) free to turn"
-    )
+    assert found["refused"].startswith("$.conditions: the whole plate around (0.01, 0.005) m (node 1) can turn")
     assert any(found["refused"] in line for line in info_lines(found))
 
 
@@ -141,13 +139,13 @@ def test_info_of_a_bare_grid(plate: Scene) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"conditions": (Load(nodes=(1, 9999), body_force=(0, 1)),)}, r"\$.conditions\[0\].nodes: found id 9999"),
-        ({"conditions": (Load(body_force=(0, 1)),)}, r"\$.conditions\[0\]: found neither or both of nodes and box"),
-        ({"conditions": (Load(box=(1, 1, 2, 2), body_force=(0, 1)),)}, r"\$.conditions\[0\]\.box: found no node"),
-        ({"conditions": (Load(nodes=(1,)),)}, "found none, expected one of body_force"),
+        ({"conditions": (Load(nodes=(1, 9999), body_force=(0, 1)),)}, r"\$.conditions\[0\].nodes.*id 9999"),
+        ({"conditions": (Load(body_force=(0, 1)),)}, r"\$.conditions\[0\].*neither or both of nodes and box"),
+        ({"conditions": (Load(box=(1, 1, 2, 2), body_force=(0, 1)),)}, r"\$.conditions\[0\]\.box.*no node"),
+        ({"conditions": (Load(nodes=(1,)),)}, "none"),
         (
             {"conditions": (Load(nodes=(1,), body_force=(0, 1), profile=((1, 0), (0, 1))),)},
-            "expected them to increase",
+            "do not increase",
         ),
     ],
 )

@@ -8,11 +8,11 @@ import shapely
 from messages import naming
 from shapely import Polygon, box
 
+from pdmesh.quantities import UNITS
 from pdmesh.scene.edges import edge
 from pdmesh.scene.faces import face
 from pdmesh.scene.shapes import Circle, SceneError
 from pdmesh.scene.solids import Sheet, Shell, brick
-from pdmesh.scene.units import UNITS
 
 H = 1e-3
 BRACKET = Polygon([(0, 0), (80, 0), (80, 20), (20, 20), (20, 60), (0, 60)])

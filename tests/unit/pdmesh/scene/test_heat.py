@@ -108,23 +108,23 @@ def test_a_medium_without_alpha_is_diffusion_alone() -> None:
 HALF = {
     "alpha without a medium": (
         lambda: Scene(PLATE, 1e-3, GLASS),
-        naming("medium", "material.alpha", "9e-06", found="none"),
+        naming("medium", "material.alpha", "9e-06", found="missing"),
     ),
     "alpha without a medium in space": (
         lambda: Body(Box((0, 0, 0), (1, 1, 1)), 0.1, GLASS),
-        naming("medium", "material.alpha", found="none"),
+        naming("medium", "material.alpha", found="missing"),
     ),
     "alpha without T0": (
         lambda: Scene(PLATE, 1e-3, msgspec.structs.replace(GLASS, T0=None), medium=HEAT),
-        naming("material", "T0", "9e-06", found="none"),
+        naming("material", "T0", "9e-06", found="missing"),
     ),
     "T0 without alpha": (
         lambda: Scene(PLATE, 1e-3, msgspec.structs.replace(GLASS, alpha=None), medium=HEAT),
-        naming("material", "alpha", "300", found="none"),
+        naming("material", "alpha", "300", found="missing"),
     ),
     "a region that does not expand": (
         lambda: Scene(PLATE, 1e-3, GLASS, medium=HEAT).region(box(0, 0, 0.01, 0.01), COLD, "cold"),
-        naming("material 'cold'", "alpha", found="none"),
+        naming("material 'cold'", "alpha", found="missing"),
     ),
     "a region of another density": (
         lambda: Scene(PLATE, 1e-3, GLASS, medium=HEAT).region(
@@ -138,13 +138,13 @@ HALF = {
     ),
     "convection without h": (
         lambda: plate().convection("left", outside=300.0),
-        naming("exchange 'left'", "h", found="none", expected="W"),
+        naming("exchange 'left'", "h", found="missing", expected="W"),
     ),
     "convection to nothing": (
         lambda: plate().convection("left", 10.0),
-        naming("exchange 'left'", "outside", found="none", expected="K"),
+        naming("exchange 'left'", "outside", found="missing", expected="K"),
     ),
-    "no density": (lambda: build(Scene(PLATE, 1e-3, medium=HEAT)), naming("medium", "material", found="none")),
+    "no density": (lambda: build(Scene(PLATE, 1e-3, medium=HEAT)), naming("medium", "material", found="missing")),
     "no conductivity": (lambda: Heat(k=0.0, c=800.0), naming("k", found="0.0")),
 }  # fmt: skip
 

@@ -76,19 +76,19 @@ def test_a_hole_that_comes_after_the_crack_trims_it_too() -> None:
 
 
 REFUSED = {
-    "too far out": ([(0.01, 0.0105), (0.051, 0.0105)], r"found \(0.051, 0.0105\) m outside.* at most 0.01025 m"),
+    "too far out": ([(0.01, 0.0105), (0.051, 0.0105)], r"\(0.051, 0.0105\) m outside.* at most 0.01025 m"),
     "out of it in the middle": ([(0.01, 0.0195), (0.02, 0.0203), (0.03, 0.0195)], "outside the plate"),
     "all of it outside": ([(0.0401, 0.01), (0.0405, 0.01)], "outside the plate"),
     "along the edge": ([(0, 0.02), (0.01, 0.02)], r"along the plate's edge from \(0, 0.02\) to \(0.01, 0.02\) m"),
-    "as good as along it": ([(0.02, 0), (0.02, 1e-5), (0.03, 1e-5)], "found along the plate's edge"),
-    "along it in part": ([(0.01, 0.01), (0.01, 0), (0.02, 0)], "found along the plate's edge"),
+    "as good as along it": ([(0.02, 0), (0.02, 1e-5), (0.03, 1e-5)], "along the plate's edge"),
+    "along it in part": ([(0.01, 0.01), (0.01, 0), (0.02, 0)], "along the plate's edge"),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("name", REFUSED)
 def test_refused(name: str) -> None:
     points, message = REFUSED[name]
-    with pytest.raises(SceneError, match=f"crack 'a': {message}|crack 'a': .*{message}"):
+    with pytest.raises(SceneError, match=f"crack 'a'.*{message}"):
         Scene(box(0, 0, 0.04, 0.02), 1e-3).crack(points, "a")
 
 

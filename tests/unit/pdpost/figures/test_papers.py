@@ -79,7 +79,7 @@ def test_frames_are_chosen_and_refused(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     words = ["damage", str(small_results), "--frames"]
-    assert main([*words, "1,-1", "--json"]) == 0
+    assert main([*words, "1,-1", "--json", "-o", "small.damage.frames.png"]) == 0
     assert json.loads(capsys.readouterr().out)["steps"] == [20, 60]
     assert Path("small.damage.frames.png").is_file()
     assert main([*words, "1,9", "-o", "x.png"]) == 2

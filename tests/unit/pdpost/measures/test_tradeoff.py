@@ -172,7 +172,7 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: py
     assert [point["displacement"] for point in found["points"]] == pytest.approx([0.05, 0.01], rel=1e-4)
     assert (tmp_path / "tradeoff.png").read_bytes()[:4] == b"\x89PNG"
     assert main(arguments) == 2
-    assert mentions(capsys.readouterr().err, "tradeoff.png", found=("file", "already"))
+    assert mentions(capsys.readouterr().err, "tradeoff.png", found="already exists")
     assert main([*arguments, "--force", "--csv", "-"]) == 0
     assert capsys.readouterr().out.splitlines()[0].startswith("name,nodes,wall_time")
     assert main([*arguments, "--force", "--csv", "-", "--json"]) == 2

@@ -83,7 +83,7 @@ def test_a_crack_that_conducts_nothing_keeps_one_half_cold(dimension: int, solve
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore:.*balance of energy")
+@pytest.mark.filterwarnings("ignore:.*energy balance error")
 def test_a_stopped_run_that_breaks_goes_on_to_the_same_bits(tmp_path: Path) -> None:
     """The bonds that broke before the stop conduct less after it."""
     found = strip(1.0, 2, 3.0, solver="static", time_step=1e-6, steps=9).system.asked

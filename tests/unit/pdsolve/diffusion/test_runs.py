@@ -111,18 +111,21 @@ def changed(**more: object) -> Model:
 REFUSED = {
     "a step above the bound": (
         lambda: small(time_step=0.05),
-        naming("run.time_step", found="0.05 s", expected=(re.compile(r"0\.0368\d*"), "Euler")),
+        naming("run.time_step", found="0.05 s", expected=re.compile("0\\.0368\\d*")),
     ),
     "C_sat above C_solid": (
         lambda: small(Medium(D=1.0, C_solid=1.0, C_sat=2.0)),
         naming("medium.C_sat", found="2 mol/m^3", expected=("C_solid", "1 mol/m^3")),
     ),
-    "C_solid alone": (lambda: small(Medium(D=1.0, C_solid=1.0)), naming("medium.C_sat", found="none")),
+    "C_solid alone": (lambda: small(Medium(D=1.0, C_solid=1.0)), naming("medium.C_sat", found="missing")),
     "a kinetic rule without a solid": (
         lambda: small(Medium(D=1.0, dissolution="kinetic")),
-        naming("medium.C_solid", found="none", expected=("dissolution", "kinetic")),
+        naming("medium.C_solid", found="missing", expected=("dissolution", "kinetic")),
     ),
-    "a solid of nothing": (lambda: small(Medium(D=1.0)), naming("conditions[0]", found="solid", expected="none")),
+    "a solid of nothing": (
+        lambda: small(Medium(D=1.0)),
+        naming("conditions[0]", found="solid", expected="leave it out"),
+    ),
     "held and solid": (
         lambda: changed(conditions=(Solid(box=(0, 0, 1, 1)), Concentration(box=(0, 0, 1, 1), value=0.0))),
         naming("conditions[0]", found=("node", "solid")),
@@ -133,7 +136,7 @@ REFUSED = {
     ),
     "a load": (lambda: changed(conditions=(Load(box=(0, 0, 1, 1), body_force=(1, 0)),)), naming(found="load")),
     "a material": (lambda: changed(material=Material(E=1.0, rho=1.0, G0=1.0)), naming("$.material")),
-    "no medium": (lambda: changed(medium=None), naming("$.medium", found="none", expected="D")),
+    "no medium": (lambda: changed(medium=None), naming("$.medium", found="missing", expected="D")),
     "an end of cracks": (lambda: small(until="split"), naming("run.until", found="'split'", expected="None")),
     "rest": (lambda: small(solver="static"), naming("run.solver", found="static", expected=("explicit", "implicit"))),
     "an implicit kinetic rule": (lambda: small(KINETIC, solver="implicit"), naming(expected=("explicit", "kinetic"))),
@@ -151,7 +154,7 @@ REFUSED = {
     ),
     "an implicit step of no length": (
         lambda: small(solver="implicit", time_step=None),
-        naming("run.time_step", found="none", expected=("solver", "implicit")),
+        naming("run.time_step", found="missing", expected=("solver", "implicit")),
     ),
 }
 

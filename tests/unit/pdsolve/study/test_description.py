@@ -75,12 +75,12 @@ def test_values_are_words_as_the_command_line_has_them() -> None:
     ("text", "said"),
     [
         ("repeat.times = 3", naming("$.repeat", found="3 times")),
-        ("repeat.times = 0", re.escape("Expected `int` >= 1")),
-        ("repeat.noise = 0.5", re.escape("Expected `float` <= 0.1")),
+        ("repeat.times = 0", re.escape("$.repeat.times is 0")),
+        ("repeat.noise = 0.5", re.escape("$.repeat.noise is 0.5")),
         ("vary.model.material.G0 = 3", naming("material.G0", "$.vary", found="3", expected=("list", "values"))),
         ("vary.drawing.length = []", naming("length", "$.vary", found="[]", expected=("list", "values"))),
-        ("vary.mode = ['quick']", re.escape("Invalid enum value 'quick'")),
-        ("varied.mode = ['thesis']", re.escape("unknown field `varied`")),
+        ("vary.mode = ['quick']", re.escape(" is 'quick'")),
+        ("varied.mode = ['thesis']", re.escape(".varied is unknown")),
         (
             f"vary.model.material.G0 = [{10**400}]",
             naming("$.vary.model.material.G0[0]", found="1329 bits", expected="1.8e308"),
@@ -89,7 +89,7 @@ def test_values_are_words_as_the_command_line_has_them() -> None:
             "vary.drawing.length = [1979-05-27]",
             naming("$.vary.drawing.length[0]", found="1979-05-27", expected=("number", "word")),
         ),
-        ("set.threads = 3", re.escape("unknown field `threads`")),
+        ("set.threads = 3", re.escape(".threads is unknown")),
         ("set = ", re.escape("Invalid value")),
         (
             f"vary.model.a = {list(range(400))}\nvary.model.b = {list(range(400))}",
@@ -101,7 +101,7 @@ def test_what_is_no_study_is_refused(tmp_path: Path, text: str, said: str) -> No
     with pytest.raises(StudyError) as error:
         study(tmp_path, text)
     assert re.search(said, str(error.value))
-    assert str(error.value).startswith(f"{tmp_path / 'study.toml'}: ")
+    assert str(error.value).startswith(f"{tmp_path / 'study.toml'}")
 
 
 def test_a_drawing_that_is_missing_is_refused(tmp_path: Path) -> None:

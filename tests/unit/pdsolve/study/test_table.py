@@ -61,13 +61,13 @@ def test_it_holds_what_was_written_and_grows(path: Path, study: Study) -> None:
 @pytest.mark.parametrize(
     ("statement", "said"),
     [
-        ("UPDATE run SET dissipated = 1 WHERE number = 2", "run 2 damaged"),
-        ("UPDATE run SET nodes = NULL WHERE number = 2", "run 2 damaged"),
-        ("UPDATE run SET status = 'finished' WHERE number = 5", "run 5 damaged"),
+        ("UPDATE run SET dissipated = 1 WHERE number = 2", "run 2 is damaged"),
+        ("UPDATE run SET nodes = NULL WHERE number = 2", "run 2 is damaged"),
+        ("UPDATE run SET status = 'finished' WHERE number = 5", "run 5 is damaged"),
         ("DELETE FROM run WHERE number = 6", "5 runs"),
-        ("UPDATE study SET value = 'x' WHERE name = 'drawing_sha256'", "its study damaged"),
-        ("DELETE FROM column_unit WHERE name = 'nodes'", "its column_unit damaged"),
-        ("UPDATE run SET file = '/tmp/mine.sqlite' WHERE number = 1", "the file '/tmp/mine.sqlite' of run 1"),
+        ("UPDATE study SET value = 'x' WHERE name = 'drawing_sha256'", "its study is damaged"),
+        ("DELETE FROM column_unit WHERE name = 'nodes'", "its column_unit is damaged"),
+        ("UPDATE run SET file = '/tmp/mine.sqlite' WHERE number = 1", "the file of run 1 is '/tmp/mine.sqlite'"),
         ("UPDATE run SET file = '../a.runs/0001.sqlite' WHERE number = 1", "of run 1"),
         ("DROP TABLE column_unit", "no table column_unit"),
         ("ALTER TABLE run DROP COLUMN nodes", "no column nodes"),
@@ -80,7 +80,7 @@ def test_a_damaged_one_is_refused(path: Path, study: Study, statement: str, said
         with pytest.raises(StudyError) as error:
             look()
         line = str(error.value)
-        assert line.startswith(f"{path}: found ")
+        assert line.startswith(f"{path}: ")
         assert said in line
         assert "remove it" in line
         assert "study.runs (without that folder" in line

@@ -1,0 +1,68 @@
+"""Numbers with units, as people type them: lengths, times and stresses become metres, seconds and pascals."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+
+class Unit(NamedTuple):
+    """A unit, `over` / `under` of the SI unit: two numbers that keep a decimal fraction exact to rounding."""
+
+    over: int
+    under: int
+
+    def metres(self, length: Any) -> Any:
+        """A length in this unit, or an array of them, in metres; likewise a time in seconds."""
+        return length * self.over / self.under
+
+    def of(self, metres: float) -> float:
+        """A length in metres, expressed in this unit."""
+        return metres * self.under / self.over
+
+
+UNITS = {  # of lengths
+    "m": Unit(1, 1),
+    "cm": Unit(1, 100),
+    "mm": Unit(1, 1000),
+    "um": Unit(1, 1_000_000),
+    "in": Unit(254, 10_000),
+    "ft": Unit(3048, 10_000),
+}
+TIMES = {
+    "s": Unit(1, 1),
+    "ms": Unit(1, 1000),
+    "us": Unit(1, 1_000_000),
+    "ns": Unit(1, 1_000_000_000),
+    "min": Unit(60, 1),
+    "h": Unit(3600, 1),
+}
+STRESSES = {"Pa": Unit(1, 1), "kPa": Unit(1000, 1), "MPa": Unit(1_000_000, 1), "GPa": Unit(1_000_000_000, 1)}
+KINDS = {"m": UNITS, "s": TIMES, "Pa": STRESSES}  # units by the SI unit that they are converted to
+NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\W\d_]*)\s*")
+
+
+def quantities(text: str, units: Mapping[str, Unit], usual: Unit | None = None) -> tuple[float, ...]:
+    """The SI values of numbers between commas, such as ``0,0,50,20mm``.
+
+    A unit counts for all numbers before it that have none; without one, numbers are in the `usual` unit, by default
+    the SI unit. Raises ValueError for what is no number and for another unit.
+    """
+    found, unit = [], usual
+    for word in reversed(text.split(",")):
+        match = NUMBER.fullmatch(word.replace("\N{MICRO SIGN}", "u").replace("\N{GREEK SMALL LETTER MU}", "u"))
+        if match is None or (match[2] and match[2] not in units):
+            raise ValueError(text)
+        unit = units[match[2]] if match[2] else unit
+        value = float(match[1])
+        found.append(value if unit is None else float(unit.metres(value)))
+    if any(abs(value) == float("inf") for value in found):
+        raise ValueError(text)
+    return tuple(reversed(found))
+
+
+def quantity(text: str, units: Mapping[str, Unit], usual: Unit | None = None) -> float:
+    """The SI value of one number, such as ``20us``. Raises ValueError."""
+    (value,) = quantities(text, units, usual) if "," not in text else ()
+    return value

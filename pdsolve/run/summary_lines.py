@@ -1,0 +1,95 @@
+"""The summary of a run for a reader."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from pdmesh.model.bond_counts import crack_energy
+from pdsolve.run.wall_time import wall_time
+
+
+def _lines_of_masses(path: Path, summary: dict[str, Any]) -> list[str]:
+    masses, share = summary["masses"], summary["dissolved_share"]
+    lines = [
+        f"{path}: {summary['nodes']} nodes, {summary['bonds']} bonds, {summary['steps']} steps of"
+        f" {summary['method']} to {summary['time']:.4g} s",
+        wall_time(summary),
+        _amounts(summary),
+    ]
+    if share is not None:
+        lines.append(
+            f"dissolved {share:.2%}, {masses['dissolved']:.6g} mol; solid left {masses['solid']:.6g},"
+            f" its surface {masses['surface']:.6g}"
+        )
+    return lines
+
+
+def _amounts(summary: dict[str, Any]) -> str:
+    """Where a substance or heat is, and where it has gone."""
+    found = summary.get("amounts") or summary["masses"] | {"unit": "mol"}  # files of earlier releases
+    return (
+        f"{found['unit']}: inside {found['inside']:.6g}, gone out {found['through']:.6g}, supplied"
+        f" {found['supplied']:.6g} (balance {summary['balance']:+.1e})"
+    )
+
+
+def _how_far(summary: dict[str, Any]) -> tuple[str, str]:
+    """The kind of a run's steps, and where they ended."""
+    if "load_steps" in summary:
+        return "load steps", f"{summary['time']:.4g} s"
+    if "path_steps" in summary:
+        last, most = summary["path_steps"][-1], max(abs(step["pull"]) for step in summary["path_steps"]) or 1.0
+        load = f"{last['factor']:.4g} of the loads, {abs(last['pull']) / most:.1%} of their largest"
+        return "path steps", f"{load}, {summary['ended']}" if summary.get("ended") else load
+    if "fatigue_steps" in summary:
+        ended = f", {summary['ended'] or 'its last step'}"
+        return "steps of jumps", f"{summary['fatigue_steps'][-1]['cycles']:.6g} cycles{ended}"
+    factor, unit = (1e6, "us") if summary["time"] < 1e-2 else (1e3, "ms") if summary["time"] < 0.1 else (1.0, "s")
+    return "steps", f"{summary['time'] * factor:.4g} {unit}"
+
+
+def summary_lines(path: Path, summary: dict[str, Any]) -> list[str]:
+    """What a run has computed, in lines: its size, time, energies and cracks."""
+    if summary.get("physics") == "diffusion":
+        return _lines_of_masses(path, summary)
+    energy, rested = (
+        summary["energy"],
+        summary.get("load_steps") or summary.get("path_steps") or summary.get("fatigue_steps"),
+    )
+    what, until = _how_far(summary)
+    how = None
+    if rested:
+        iterations, residual = sum(step["iterations"] for step in rested), max(step["residual"] for step in rested)
+        how = f" {iterations} iterations of {summary['method']}, residual {residual:.1e} at most"
+    unit = summary.get("energy_unit", "J/m")
+    damped = "".join(f" + {name} {energy[name]:.4g}" for name in ("damped", "friction") if energy[name])
+    lines = [
+        f"{path}: {summary['nodes']} nodes, {summary['bonds']} bonds, {summary['steps']} {what} to"
+        f" {until}, {summary['mode']} mode, {summary['precision']}",
+        wall_time(summary, how),
+        f"broken bonds {summary['broken_bonds']}; energy, {unit}:"
+        f" work {energy['work']:.4g} = kinetic {energy['kinetic']:.4g} + strain {energy['strain']:.4g}"
+        f" + dissipated {energy['dissipated']:.4g}{damped} (balance error {summary['balance']:+.1e})",
+    ]
+    if summary.get("cracks"):
+        lines.append(crack_energy(summary["cracks"], unit))
+    heat = summary.get("diffusion")
+    if heat is not None:
+        lines.append(f"content, {_amounts(heat)}, {heat['method']}")
+    fine = summary.get("hybrid")
+    if fine is not None:
+        coarse = "of coarse pairs" if summary["kernel"] == "collocation" else "at the zone border"
+        lines.append(
+            f"{summary['kernel']}: {fine['fine_share']:.1%} of the {'plate' if unit == 'J/m' else 'body'} is fine;"
+            f" largest stretch {coarse}: {fine['clipped_stretch']:.2f} of critical; refining made"
+            f" {fine['refinement']:+.3g} {unit}"
+        )
+    if "particles" in summary:
+        lines.append(f"cracks have {summary['particles']} particles")
+        lines += summary["remarks"]
+    cells = summary.get("split")
+    if cells is not None:
+        made = f"splitting and merging made {cells['refinement']:+.3g} J/m"
+        lines.append(f"split: {cells['fine_share']:.1%} of the plate is fine; {made}")
+    return lines
