@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import warnings
 from pathlib import Path
 
@@ -185,9 +186,31 @@ def test_info_and_plan_print_the_strengths(tmp_path: Path, capsys: pytest.Captur
     )
     assert pdmesh(["build", str(scene), "--trust", "-o", str(tmp_path / "zones.json")]) == 0
     assert "acts on coarse nodes" in capsys.readouterr().err
-    for command in (["info", str(tmp_path / "zones.json")], ["plan", str(scene), "--trust"]):
+    model = str(tmp_path / "zones.json")
+    for command in (["info", model], ["plan", str(scene), "--trust"]):
         assert pdmesh(command) == 0
-        lines = capsys.readouterr().out.splitlines()
-        (line,) = [line for line in lines if line.startswith("strength: ")]
+        printed = capsys.readouterr()
+        assert "'right' acts on coarse nodes" in printed.err
+        (line,) = [line for line in printed.out.splitlines() if line.startswith("strength: ")]
         assert line.endswith("0.707 of the finest zone's)")
         assert " Pa at 0.001 m (critical stretch " in line
+    assert pdmesh(["info", model, "--set", "material.coarse=matched"]) == 0
+    printed = capsys.readouterr()
+    assert printed.err == ""
+    assert "of the finest zone's" not in printed.out
+    assert pdmesh(["info", model, "--set", "material.coarse=weak"]) == 2
+    assert "$.material.coarse" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_a_plan_of_a_critical_stretch_has_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scene = tmp_path / "stretched.py"
+    scene.write_text(
+        "from pdmesh import *\n"
+        "steel = Material(E=2e11, rho=7850, critical_stretch=.003)\n"
+        "scene = Scene(box(0, 0, .04, .04), 2e-3, steel, 3, Run(steps=1)).zone(box(0, 0, .01, .01), 1e-3)\n"
+    )
+    assert pdmesh(["plan", str(scene), "--trust", "--json"]) == 0
+    fine, coarse = json.loads(capsys.readouterr().out)["strengths"]
+    assert fine["critical_stretch"] == pytest.approx(0.003)
+    assert coarse["critical_stretch"] == pytest.approx(0.003 / 2**0.5)
