@@ -227,6 +227,17 @@ def test_conditions_are_sets_of_nodes_by_their_names(
     for number, (name, nodes) in enumerate(said.items()):
         assert name == f"{named[number]['kind']} {named[number].get('name') or number}"
         assert mesh.point_data[name].sum() == sets[name].sum() == nodes > 0
+    assert main(["export", str(small_results), "-o", str(tmp_path / "a.csv")]) == 0
+    header, *rows = csv.reader((tmp_path / "a.csv").read_text(encoding="utf-8").splitlines())
+    inline = tmp_path / "a.xdmf"
+    assert main(["export", str(small_results), "-o", str(inline), "--inline"]) == 0
+    with meshio.xdmf.TimeSeriesReader(inline) as reader:
+        reader.read_points_cells()
+        data = [reader.read_data(step)[1] for step in range(reader.num_steps)]
+    for name, nodes in said.items():
+        assert sum(int(row[header.index(name)]) for row in rows) == nodes
+        assert [int(each[name].sum()) for each in data] == [nodes] * len(data)
+    capsys.readouterr()
     assert main(["export", str(small_results), "-o", str(path), "--force"]) == 0
     first = next(iter(said))
     assert f"conditions, with their nodes: {first} ({said[first]})" in capsys.readouterr().out
