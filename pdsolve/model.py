@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -51,6 +52,7 @@ PARTS = {"mechanics": ("material",), "diffusion": ("medium",), "thermoelastic": 
 NEEDED = {"material": "E, rho and G0", "medium": "D"}
 REGIONS = {"material": ("material", "regions"), "medium": ("medium", "media")}
 CONDITIONS = {"material": get_args(OfMechanics), "medium": get_args(OfDiffusion)}
+POINTED = re.compile(r"[+-]?(\d+\.|\.\d+)([eE][+-]?\d+)?")  # .5 and 1., which are no numbers of TOML
 NESTED = "found values nested too deep to be read, expected those of the grid file"
 
 
@@ -404,7 +406,7 @@ def _toml_value(name: str, text: str) -> Any:
     try:
         return tomllib.loads(f"value = {text}")["value"]
     except ValueError:
-        return text  # a bare word
+        return float(text) if POINTED.fullmatch(text) else text  # a bare word
     except RecursionError:
         raise ModelError(f"--set {name}: {NESTED}") from None
 

@@ -15,7 +15,7 @@ from plates import GLASS, plate, square_grid
 from pdmesh.__main__ import main as pdmesh
 from pdmesh.model.document import Displacement, Load, Material, Region, Run, Velocity
 from pdmesh.model.lattice_calibration import along_axes
-from pdmesh.model.node_grid import Grid
+from pdmesh.model.node_grid import Bodies, Grid
 from pdmesh.model.zone_strengths import remarks, zone_strengths
 from pdsolve.model import Model, ModelError
 from pdsolve.options import Options
@@ -164,6 +164,11 @@ def test_building_warns_of_loads_on_coarse_zones() -> None:
             said = list(remarks(model.grid, model.settings))
             assert len(said) == (acts and coarse == "own")
             assert all(f"'{condition.name}' acts on coarse nodes" in each for each in said)
+    beside = two_zones()  # of which the coarse zone is a body of its own
+    number = (beside.delta > beside.delta.min()).astype(np.int64)
+    beside = dataclasses.replace(beside, bodies=Bodies(number, ("left", "right")))
+    model = plate(beside, 3.0, material=GLASS, conditions=(Load(box=right, traction=(1e6, 0.0)),))
+    assert not list(remarks(model.grid, model.settings))
     cohesive = msgspec.structs.replace(GLASS, law="cohesive", f_t=3e7)
     model = plate(two_zones(), 3.0, material=cohesive, conditions=(Load(box=right, traction=(1e6, 0.0)),))
     assert not list(remarks(model.grid, model.settings))

@@ -151,9 +151,9 @@ def test_a_round_body_touches_the_drawn_circle_of_another() -> None:
     built = build(scene)
     system, state = prepare(Model(built.grid, built.settings), Options(threads=1))
     contact: Any = system.contact
+    contact.round.search(np.zeros_like(state.value), np.arange(len(built.grid)), H, np.zeros(len(built.grid)))
     for deep in (-0.1, 0.1):
         moved = np.zeros_like(state.value)
         moved[built.grid.bodies.number == 0, 1] = gap + deep * H  # type: ignore[union-attr]
-        contact.round.search(moved, np.arange(len(built.grid)), 0.0, np.zeros(len(built.grid)))
         depth = float(contact.round._pressed(0, moved).depth.max(initial=0.0))
         assert depth == pytest.approx(max(deep, 0.0) * H, abs=0.02 * H)
