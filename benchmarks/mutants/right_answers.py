@@ -7,6 +7,12 @@ from benchmarks.mutants.mutant import Mutant
 RIGHT_ANSWERS = (
     # bonds that break within a step
     Mutant(
+        "pdsolve/schemes/__init__.py",
+        "            matches_work=False,\n            exact_load=False,",
+        "            matches_work=True,\n            exact_load=False,",
+        "tests/verification/test_tear.py::test_in_the_thesis_mode_bonds_are_gone_at_once",
+    ),
+    Mutant(
         "pdsolve/checks.py",
         "if created > (1 - TAKEN) * spent > 0:",
         "if created > 2 * (1 - TAKEN) * spent > 0:",
@@ -17,6 +23,25 @@ RIGHT_ANSWERS = (
         "        if system.scheme.symmetric and not self._nodes_changed:\n",
         "        if False:\n",
         "tests/unit/pdsolve/test_checks.py::test_a_run_says_that_its_bonds_took_too_little",
+    ),
+    Mutant(
+        "pdsolve/adaptivity/quadtree/operator.py",
+        "law = law_of(model, scheme.matches_work)",
+        "law = law_of(model, False)",
+        "tests/unit/pdsolve/test_quadtree_settings.py::test_bonds_between_cells_match_their_work_as_those_of_the_mode",
+    ),
+    # families that lose bonds
+    Mutant(
+        "pdsolve/laws/correspondence.py",
+        "        law.share[rows[sound]] = share[sound]\n",
+        "",
+        "tests/verification/test_families_that_lose_bonds.py::test_torn_families_are_no_stiffer_than_straight_faces",
+    ),
+    Mutant(
+        "pdsolve/run/motion_accounts.py",
+        "        if system.time_step > left:",
+        "        if False:",
+        "tests/verification/test_families_that_lose_bonds.py::test_a_step_that_became_too_long_is_said_to_be_the_cause",
     ),
     # zones of several spacings
     Mutant(
@@ -32,10 +57,22 @@ RIGHT_ANSWERS = (
         "tests/verification/test_zone_strength.py::test_strength_of_a_coarse_zone",
     ),
     Mutant(
+        "pdsolve/schemes/families.py",
+        " * (near / far) ** d",
+        "",
+        "tests/verification/test_zone_strength.py::test_strength_of_ordinary_bonds",
+    ),
+    Mutant(
         "pdmesh/model/zone_strengths.py",
         "    if acting:\n",
         "    if False:\n",
         "tests/verification/test_zone_strength.py::test_building_warns_of_loads_on_coarse_zones",
+    ),
+    Mutant(
+        "pdsolve/run/coarse_breaks.py",
+        "    if len(outside):\n",
+        "    if False:\n",
+        "tests/verification/test_zone_strength.py::test_a_run_says_that_bonds_broke_in_a_coarse_zone",
     ),
     Mutant(
         "pdmesh/model/zone_strengths.py",
@@ -81,10 +118,29 @@ RIGHT_ANSWERS = (
         "tests/verification/test_small_horizons.py::test_ordinary_families_are_isotropic",
     ),
     Mutant(
+        "pdsolve/schemes/average_horizon.py",
+        "modulus[some] = c * calibrated.shells.at(length / far * ratio)",
+        "modulus[some] = c",
+        "tests/verification/test_small_horizons.py::test_a_bar_in_the_plane",
+    ),
+    Mutant(
         "pdsolve/checks.py",
         "        if ratio < USUAL_RATIO and (beams or (springs and not symmetric)):",
         "        if False:",
         "tests/verification/test_small_horizons.py::test_beams_are_not_calibrated_and_say_so",
+    ),
+    # fatigue
+    Mutant(
+        "pdsolve/bonds/fatigue_life.py",
+        "1 - max(law.ratio, 0.0), 1 - law.ratio)",
+        "1 - law.ratio, 1 - law.ratio)",
+        "tests/verification/test_fatigue.py::test_a_closed_crack_adds_nothing_to_the_range_of_its_tip",
+    ),
+    Mutant(
+        "pdsolve/bonds/fatigue_life.py",
+        "1 - max(law.ratio, 0.0), 1 - law.ratio)",
+        "1 - max(law.ratio, 0.0), 1 - max(law.ratio, 0.0))",
+        "tests/verification/test_fatigue.py::test_what_a_cycle_leaves_out_costs_no_life",
     ),
     # conditions
     Mutant(
@@ -106,6 +162,18 @@ RIGHT_ANSWERS = (
         "tests/unit/pdsolve/test_conditions_of_place.py::test_a_load_of_which_little_acts_is_named",
     ),
     Mutant(
+        "pdsolve/schemes/gripped_edges.py",
+        "factor[some] = np.minimum(1 + lacks[some] /",
+        "factor[some] = np.minimum(1 + 0 * lacks[some] /",
+        "tests/verification/test_grips_and_loads.py::test_short_bars_stretch_as_much_inside_as_between_their_ends",
+    ),
+    Mutant(
+        "pdsolve/schemes/gripped_edges.py",
+        "    found[near[there]] = lack[deep[there]]\n",
+        "",
+        "tests/verification/test_grips_and_loads.py::test_short_bars_stretch_as_much_inside_as_between_their_ends",
+    ),
+    Mutant(
         "pdmesh/scene/edge_shares.py",
         "(column > depth + ROUND_OFF) + 0.5 *",
         "(column > depth + ROUND_OFF) + 1.0 *",
@@ -116,6 +184,18 @@ RIGHT_ANSWERS = (
         "spread = shares * (extent / total(areas[rows] * shares))",
         "spread = shares * (extent / total(areas[rows]))",
         "tests/verification/test_grips_and_loads.py::test_a_traction_without_rows_adds_up_to_itself_times_its_length",
+    ),
+    Mutant(
+        "pdsolve/run/initial_displacements.py",
+        "    state.second[:] += np.where(held(system.drive), 0.0, pull / model.rho[:, None])\n",
+        "",
+        "tests/unit/pdsolve/test_conditions_of_place.py::test_a_displaced_run_begins_with_its_forces_and_with_what_is_prescribed",
+    ),
+    Mutant(
+        "pdsolve/conditions.py",
+        "    displacement[holds.node[some], holds.axis[some]] = now[some]\n",
+        "",
+        "tests/unit/pdsolve/test_conditions_of_place.py::test_a_displaced_run_begins_with_its_forces_and_with_what_is_prescribed",
     ),
     Mutant(
         "pdsolve/run/doubtful_conditions.py",
@@ -130,6 +210,12 @@ RIGHT_ANSWERS = (
         "tests/unit/pdmesh/model/test_values_of_place.py::test_a_table_holds_a_little_beyond_its_border_and_is_refused_farther_away",
     ),
     # heat and diffusion
+    Mutant(
+        "pdsolve/diffusion/surfaces.py",
+        "sign = ((L - p) / (L + p) + (M - q) / (M + q)) / 2",
+        "sign = -((L - p) / (L + p) + (M - q) / (M + q)) / 2",
+        "tests/verification/test_convection.py::test_a_slab_of_any_strength_cools_by_the_series",
+    ),
     Mutant(
         "pdsolve/diffusion/exchange_faces.py",
         "        free &= not inner.any()  # of nodes in several rows each has its share\n",
@@ -150,10 +236,28 @@ RIGHT_ANSWERS = (
         "tests/unit/pdsolve/test_drawn_faces.py::test_nodes_of_a_disc_have_the_normal_and_the_depth_of_its_circle",
     ),
     Mutant(
+        "pdsolve/run/narrow_contact.py",
+        "if width.half < RESOLVED}",
+        "if width.half < RESOLVED / 4}",
+        "tests/verification/test_hertz.py::test_a_contact_of_round_bodies_narrower_than_four_spacings_is_warned_of",
+    ),
+    Mutant(
         "pdsolve/operators/contact/drawn_faces.py",
         "    behind = laid & (depth > (1 + ROUND_OFF) * delta)",
         "    behind = laid & (depth > (9 + ROUND_OFF) * delta)",
         "tests/unit/pdsolve/test_drawn_faces.py::test_nodes_of_a_disc_have_the_normal_and_the_depth_of_its_circle",
+    ),
+    Mutant(
+        "pdsolve/run/doubtful_conditions.py",
+        "    if contact is None or contact.restitution == 1 or",
+        "    if True or",
+        "tests/verification/test_restitution.py::test_a_restitution_that_bodies_do_not_show_is_said",
+    ),
+    Mutant(
+        "pdsolve/operators/contact/round_bodies.py",
+        "self._deep = self._half + joined.drawn.beyond",
+        "self._deep = self._half",
+        "tests/unit/pdsolve/test_round_bodies.py::test_a_round_body_touches_the_drawn_circle_of_another",
     ),
     # numbers that are printed
     Mutant(
@@ -161,6 +265,12 @@ RIGHT_ANSWERS = (
         "return before if before < len(away) and",
         "return None if before < len(away) and",
         "tests/unit/pdpost/measures/test_tips.py::test_a_mean_speed_ends_where_the_crack_reaches_the_edge",
+    ),
+    Mutant(
+        "pdpost/figures/colours.py",
+        'beyond, ", ".join(ends))',
+        'beyond, "")',
+        "tests/unit/pdpost/figures/test_figures.py::test_the_largest_that_a_picture_names_is_the_field_s",
     ),
     Mutant(
         "pdsolve/diffusion/masses.py",
@@ -205,6 +315,12 @@ RIGHT_ANSWERS = (
         "tests/unit/pdmesh/model/test_broken_area.py::test_a_cut_of_a_plate_has_its_length",
     ),
     Mutant(
+        "pdsolve/__main__.py",
+        '        lines.append(crack_energy(summary["cracks"], unit))',
+        "        pass",
+        "tests/verification/test_tear.py::test_a_run_says_what_a_cut_cost_beside_g0_times_its_area",
+    ),
+    Mutant(
         "pdpost/measures/crack_summary.py",
         'f"{line}{LEANING}" if abs(one.off) > LEANS else line',
         "line",
@@ -247,6 +363,13 @@ RIGHT_ANSWERS = (
         "    np.maximum.at(numbers, rows[rows >= 0], owner[rows >= 0] + 1)",
         "    numbers[rows[rows >= 0]] = owner[rows >= 0][::-1] + 1",
         "tests/unit/pdmesh/model/test_material_columns.py::test_the_last_selection_counts",
+    ),
+    # equilibria
+    Mutant(
+        "pdsolve/laws/materials/solid.py",
+        "trial = _turned(R, added(_turned(R, sigma), hooke(first, shear, D)))",
+        "trial = added(_turned(R, _turned(R, sigma)), hooke(first, shear, D))",
+        "tests/laws/test_solids.py::test_rates_are_objective",
     ),
     # pre-cracks and critical stretches
     Mutant(

@@ -97,7 +97,7 @@ def test_a_series_as_xdmf(small_results: Path, tmp_path: Path) -> None:
         assert len(seeks) == 1
         assert np.array_equal(number_of(item, tmp_path)[:, : expected.shape[1]], expected)
     each = 3 * 252 * (3 * 3 * 4 + 2 * 4 + 9 * 8)  # displacement, velocity, acceleration, energy, damage, stress
-    assert (tmp_path / "a.bin").stat().st_size == each + 252 * (3 * 8 + 8 + 8 + 8 + 8)
+    assert (tmp_path / "a.bin").stat().st_size == each + 252 * (3 * 8 + 8 + 8 + 8 + 8 + 2 * 4)  # and two conditions
 
 
 def test_a_series_as_text_is_read_by_meshio(small_results: Path, tmp_path: Path) -> None:
@@ -147,7 +147,8 @@ def test_a_frame_as_csv(small_results: Path, tmp_path: Path) -> None:
         rows = list(csv.DictReader(file))
     assert [int(row["node"]) for row in rows] == nodes.ids.tolist()
     assert np.array_equal(np.array([row["uy"] for row in rows], dtype=np.float32), uy)
-    assert list(rows[0]) == ["node", "x", "y", "delta", "area", "ux", "uy", "vx", "vy", "ax", "ay", "energy", "damage"]
+    fields = ["ux", "uy", "vx", "vy", "ax", "ay", "energy", "damage"]
+    assert list(rows[0]) == ["node", "x", "y", "delta", "area", *fields, "load 0", "load 1"]
 
 
 @pytest.mark.parametrize("suffix", [".vtu", ".xdmf"])
