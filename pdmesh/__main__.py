@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -175,16 +176,41 @@ def _document(args: argparse.Namespace) -> Document:
     from pdmesh.drawing.file_reading import build_file
     from pdmesh.model.document import read_file
 
-    changed = _assigned(args) or args.refine or args.cracks
-    if args.drawing.suffix.lower() == ".json" and not changed:
-        return read_file(args.drawing)
-    return build_file(args.drawing, _assigned(args), args.refine, args.trust, args.cracks).document
+    assigned = _assigned(args)
+    if args.drawing.suffix.lower() == ".json" and not (args.refine or args.cracks):
+        if not assigned:
+            return read_file(args.drawing)
+        if _are_settings(assigned):
+            return _with_settings(args.drawing, assigned)
+    return build_file(args.drawing, assigned, args.refine, args.trust, args.cracks).document
+
+
+def _are_settings(assigned: Sequence[tuple[str, str]]) -> bool:
+    """Whether all names are of settings of a model, such as material.coarse, and none of a drawing's parameters."""
+    from pdmesh.model.document import Settings
+
+    return all("." in name and name.partition(".")[0] in Settings.__struct_fields__ for name, _ in assigned)
+
+
+def _with_settings(path: Path, assigned: Sequence[tuple[str, str]]) -> Document:
+    """The model in a .json file with settings laid over its own, as the solver has them."""
+    import msgspec
+
+    from pdmesh.model.document import GridWarning, read_file
+    from pdsolve import read_model
+
+    document = read_file(path)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", GridWarning)  # it is read twice
+        settings = read_model(path, None, assigned).settings
+    return msgspec.structs.replace(document, **{name: getattr(settings, name) for name in settings.__struct_fields__})
 
 
 def _info(args: argparse.Namespace) -> int:
     from pdmesh.reports.report import info, info_lines
 
     result = info(_document(args), str(args.drawing), args.mode)
+    _warn(result, args)
     return _say(result, info_lines(result), args)
 
 
@@ -226,6 +252,7 @@ def _plan(args: argparse.Namespace) -> int:
     try:
         if args.within is None:
             result = plan(scene, args.mode)
+            _warn(result, args)
             return _say(result, plan_lines(result), args)
         from pdmesh.reports import accuracy_estimate
         from pdmesh.scene.scene import Scene
@@ -237,6 +264,7 @@ def _plan(args: argparse.Namespace) -> int:
         result = {"proposal": accuracy_estimate.described(found), **plan(found.scene, args.mode)}
     except SceneError as error:
         raise SceneError(f"{args.drawing}: {reason}{error}") from None
+    _warn(result, args)
     return _say(result, [*accuracy_estimate.lines(found), "", *plan_lines(result)], args)
 
 
@@ -250,6 +278,12 @@ def _params(args: argparse.Namespace) -> int:
         f"{entry.name:{name}}  {entry.value!s:{value}}  {entry.unit:7} {entry.meaning}".rstrip() for entry in found
     ]
     return _say(result, lines, args)
+
+
+def _warn(result: dict[str, Any], args: argparse.Namespace) -> None:
+    """Print the warnings of a result, which `pdmesh build` gives too."""
+    for remark in result.get("warnings", ()):
+        commandline.warn(f"warning: {args.drawing}: {remark}")
 
 
 def _say(result: dict[str, Any], lines: Sequence[str], args: argparse.Namespace) -> int:
@@ -303,16 +337,21 @@ def _exits() -> dict[type[Exception], int]:
     from pdmesh.model.document import GridError
     from pdmesh.scene.shapes import SceneError
 
-    return dict.fromkeys((SceneError, GridError, *_study_errors()), commandline.BAD_INPUT)
+    return dict.fromkeys((SceneError, GridError, *_solver_errors()), commandline.BAD_INPUT)
 
 
-def _study_errors() -> tuple[type[Exception], ...]:
-    """Exceptions that a study can raise, if the module has been imported."""
-    if "pdsolve.study" not in sys.modules:
-        return ()
-    from pdsolve import ModelError, StudyError
+def _solver_errors() -> tuple[type[Exception], ...]:
+    """Exceptions that a study, or settings of the solver, can raise, if their modules have been imported."""
+    found: list[type[Exception]] = []
+    if "pdsolve.model" in sys.modules:
+        from pdsolve import ModelError
 
-    return (ModelError, StudyError)
+        found.append(ModelError)
+    if "pdsolve.study" in sys.modules:
+        from pdsolve import StudyError
+
+        found.append(StudyError)
+    return tuple(found)
 
 
 if __name__ == "__main__":

@@ -388,8 +388,8 @@ def advise_made(model: Model, made: float, put_in: float) -> None:
         return
     warn(
         model,
-        f"changes of cells made {100 * made / put_in:+.2g} % of the energy put in, more than {100 * MADE:g} %; a smaller"
-        " run.hybrid.kappa helps",
+        f"changes of cells made {100 * made / put_in:+.2g} % of the energy put in, more than {100 * MADE:g} %; a"
+        " smaller run.hybrid.kappa helps",
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
@@ -53,6 +54,7 @@ NEEDED = {"material": "E, rho and G0", "medium": "D"}
 REGIONS = {"material": ("material", "regions"), "medium": ("medium", "media")}
 CONDITIONS = {"material": get_args(OfMechanics), "medium": get_args(OfDiffusion)}
 NESTED = "values are nested too deep to be read; use those of the grid file"
+POINTED = re.compile(r"[+-]?(\d+\.|\.\d+)([eE][+-]?\d+)?")  # .5 and 1., which are no numbers of TOML
 
 
 class ModelWarning(UserWarning):
@@ -408,7 +410,7 @@ def _toml_value(name: str, text: str) -> Any:
     try:
         return tomllib.loads(f"value = {text}")["value"]
     except ValueError:
-        return _with_unit(name, text)
+        return float(text) if POINTED.fullmatch(text) else _with_unit(name, text)
     except RecursionError:
         raise ModelError(f"--set {name}: {NESTED}") from None
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from benchmarks.mutants.diffusion import DIFFUSION
 from benchmarks.mutants.drawings import DRAWINGS
 from benchmarks.mutants.mutant import CONTRACTS, UNIT, Mutant
+from benchmarks.mutants.right_answers import RIGHT_ANSWERS
 
 MUTANTS = (
     *DRAWINGS,
@@ -387,4 +388,5 @@ MUTANTS = (
         "tests/unit/pdpost/measures/test_release.py",
     ),
     *DIFFUSION,
+    *RIGHT_ANSWERS,
 )

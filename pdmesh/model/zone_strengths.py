@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from pdmesh.model import cohesive_softening, selection
 from pdmesh.model.document import (
@@ -98,11 +99,11 @@ def remarks(grid: Grid, settings: Settings) -> Iterator[str]:
     zones = zone_strengths(grid, settings, "conservative") if settings.run.adapt == "none" else []
     if not zones or not (weakest := zones[-1]).share < 1 - SAME:
         return
+    coarse = outside_finest(grid)
     acting = [
         f"'{called(condition.name, number)}'"
         for number, condition in enumerate(settings.conditions)
-        if _pulls(condition)
-        and (grid.delta[selection.selected(grid, condition.nodes, condition.box)] > zones[0].spacing * (1 + SAME)).any()
+        if _pulls(condition) and coarse[selection.selected(grid, condition.nodes, condition.box)].any()
     ]
     if acting:
         verb = "acts" if len(acting) == 1 else "act"
@@ -112,6 +113,14 @@ def remarks(grid: Grid, settings: Settings) -> Iterator[str]:
             f" {', '.join(acting)} {verb} on coarse nodes: cracks may start there or follow the"
             ' border of the zones; material.coarse = "matched" or "unbreakable" prevents it'
         )
+
+
+def outside_finest(grid: Grid) -> NDArray[np.bool_]:
+    """Mask (n,) of nodes that are coarser than the finest of their body."""
+    body = np.zeros(len(grid), dtype=np.int64) if grid.bodies is None else grid.bodies.number
+    finest = np.full(int(body.max()) + 1, np.inf)
+    np.minimum.at(finest, body, grid.delta)
+    return np.asarray(grid.delta > finest[body] * (1 + SAME))
 
 
 def _pulls(condition: Any) -> bool:

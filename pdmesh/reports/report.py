@@ -28,6 +28,7 @@ from pdmesh.model.visibility import plate_of
 from pdmesh.reports.bonds_and_step import count
 from pdmesh.reports.softening import softening
 from pdmesh.scene.body import Body
+from pdmesh.scene.fracture_energies import known
 from pdmesh.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -88,6 +89,7 @@ def info(document: Document, name: str, mode: str = DEFAULT_MODE) -> dict[str, A
         "critical_stretch": _critical_stretch(document, grid),
         "softening": softening(document.material, ratio, float(grid.delta.min()), grid.dimension),
         "strengths": zone_strengths.described(zone_strengths.zone_strengths(grid, settings_of(document), mode)),
+        "warnings": list(zone_strengths.remarks(grid, settings_of(document))),
         "lattice": _lattice(document.material, ratio, grid.dimension, mode),
         "bodies": {}
         if grid.bodies is None
@@ -321,6 +323,7 @@ def _estimate(grid: Grid, settings: Settings, name: str, mode: str) -> tuple[Pla
 
 def plan(scene: Scene | Body, mode: str = DEFAULT_MODE) -> dict[str, Any]:
     """Cost of a scene in a mode, beside its cost with the finest spacing everywhere. Raises SceneError."""
+    scene = known(scene)
     if isinstance(scene, Scene) and scene.run.adapt in ON_ONE_LATTICE:
         return _moving(scene, mode)
     given = scene
@@ -336,6 +339,7 @@ def plan(scene: Scene | Body, mode: str = DEFAULT_MODE) -> dict[str, Any]:
         "mode": mode,
         "scene": _cost(nodes_by_spacing(grid), len(grid), counted, own),
         "strengths": zone_strengths.described(zone_strengths.zone_strengths(grid, settings, mode)),
+        "warnings": list(zone_strengths.remarks(grid, settings)),
         "one_scale": _priced({f"{given.finest:g}": nodes}, nodes, round(ratio * bonds), settings, mode, own),
     }
 

@@ -12,7 +12,7 @@ from pdmesh.model.fracture_energy import with_fracture_energy
 from pdmesh.scene.body import Body, SolidBeside
 from pdmesh.scene.scene import Scene
 
-S = TypeVar("S", Scene, Body)
+S = TypeVar("S", bound=Scene | Body)
 
 
 def known(scene: S) -> S:

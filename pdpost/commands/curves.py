@@ -123,6 +123,7 @@ def _history(args: argparse.Namespace) -> int:
 
 def _masses(args: argparse.Namespace, results: Results, path: Path | None) -> int:
     """The history of a substance that diffuses, or of heat."""
+    from pdmesh.model.content_amounts import amounts_line
     from pdpost.measures.diffused_amounts import amounts
     from pdpost.reading.time_text import time_text
 
@@ -134,10 +135,8 @@ def _masses(args: argparse.Namespace, results: Results, path: Path | None) -> in
 
         style.save(charts.masses(books, unit), path)
     last = {name: float(column[-1]) for name, column in books._asdict().items()}
-    lines = [
-        f"at {time_text(last['time'])}, {unit}: inside {last['inside']:.6g}, gone out {last['through']:.6g}, supplied"
-        f" {last['supplied']:.6g} (balance {last['error']:+.1e})"
-    ]
+    amounts_now = amounts_line(unit, last["inside"], last["through"], last["supplied"], last["error"])
+    lines = [f"at {time_text(last['time'])}, {amounts_now}"]
     if last["left"] == last["left"]:
         lines.append(
             f"solid left {last['left']:.2%}, surface {last['surface'] / float(books.surface[0]):.2%} of that at the"

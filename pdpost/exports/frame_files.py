@@ -130,7 +130,10 @@ def xdmf(
     progress: Progress = iter,
     inline: bool = False,
 ) -> None:
-    """Write frames as XDMF, and their numbers in a .bin file of the same name or, `inline`, in the file as text."""
+    """Write frames as XDMF, and their numbers in a .bin file of the same name or, `inline`, in the file as text.
+
+    Sets of nodes of conditions are as in `vtu`; nodes have them until they change.
+    """
     times = _times(results)
 
     def frames() -> Iterator[xdmf_file.Frame]:
@@ -140,7 +143,8 @@ def xdmf(
             if epoch != (epoch := results.epoch(step)):
                 points, cells = _points(results, step, squares)
                 corners = cells[1].shape[1]
-                cloud = xdmf_file.Cloud(points, cells, _each(node_data(results, step), corners))
+                same = node_data(results, step) | node_sets.columns(results, step)
+                cloud = xdmf_file.Cloud(points, cells, _each(same, corners))
             yield xdmf_file.Frame(times[step], _each(point_data(results, step, also), corners), cloud)
 
     xdmf_file.write(path, frames(), inline)
@@ -175,8 +179,8 @@ def _times(results: Results) -> dict[int, float]:
 
 
 def table(results: Results, step: int, path: Path, also: Sequence[str] = ()) -> None:
-    """Write a frame as CSV."""
-    write_atomically(path, csv(of_frame(results, step, also)))
+    """Write a frame as CSV, with a column for the set of nodes of each condition."""
+    write_atomically(path, csv(of_frame(results, step, also) | node_sets.columns(results, step)))
 
 
 def check_suffix(path: Path) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pdmesh.model.zone_strengths import SAME, zone_strengths
+from pdmesh.model.zone_strengths import SAME, outside_finest, zone_strengths
 from pdsolve.checks import named, warn
 from pdsolve.model import Model
 from pdsolve.results import Results
@@ -17,10 +17,7 @@ def warn_of_coarse_breaks(model: Model, results: Results) -> None:
         zones = zone_strengths(grid, model.settings, "conservative")
     if not zones or not zones[-1].share < 1 - SAME:
         return
-    body = np.zeros(len(grid), dtype=np.int64) if grid.bodies is None else grid.bodies.number
-    finest = np.full(int(body.max()) + 1, np.inf)
-    np.minimum.at(finest, body, grid.delta)
-    coarse = grid.delta > finest[body] * (1 + SAME)
+    coarse = outside_finest(grid)
     breaks, order = results.breaks(), np.argsort(grid.ids)
     ends = (order[np.searchsorted(grid.ids, ids, sorter=order)] for ids in (breaks.node, breaks.neighbour))
     outside = np.flatnonzero(np.logical_or(*(coarse[end] for end in ends)))

@@ -12,6 +12,7 @@ from pdmesh.model.broken_area import broken_area
 from pdsolve.checks import advise_damped, advise_made, advise_spent, closing
 from pdsolve.diffusion.swelling import Swelling
 from pdsolve.errors import UnstableError
+from pdsolve.laws.material_checks import negative_secants
 from pdsolve.results import Frame, Results
 from pdsolve.run.inversion_checks import MotionChecks
 from pdsolve.run.measures import Asked, Ledger, books
@@ -200,6 +201,10 @@ def _suspect(system: System) -> str:
     """The likely cause of an instability other than the time step."""
     if system.time_step > system.bound:
         return ""
+    laws = negative_secants(system.model)
+    if laws:
+        names = " and ".join(f"'{name}'" for name in laws)
+        return f"; the likely cause is the law {names}, whose secant turns negative"
     if system.scheme.symmetric:
         left = intact_stable_step(system.model, system.operator)
         if system.time_step > left:

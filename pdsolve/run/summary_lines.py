@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from pdmesh.model.bond_counts import crack_energy
+from pdmesh.model.content_amounts import amounts_line
 from pdsolve.run.wall_time import wall_time
 
 
@@ -28,10 +29,7 @@ def _lines_of_masses(path: Path, summary: dict[str, Any]) -> list[str]:
 def _amounts(summary: dict[str, Any]) -> str:
     """Where a substance or heat is, and where it has gone."""
     found = summary.get("amounts") or summary["masses"] | {"unit": "mol"}  # files of earlier releases
-    return (
-        f"{found['unit']}: inside {found['inside']:.6g}, gone out {found['through']:.6g}, supplied"
-        f" {found['supplied']:.6g} (balance {summary['balance']:+.1e})"
-    )
+    return amounts_line(found["unit"], found["inside"], found["through"], found["supplied"], summary["balance"])
 
 
 def _how_far(summary: dict[str, Any]) -> tuple[str, str]:

@@ -76,6 +76,24 @@ def test_intensities_along_a_front(block_of: Path, capsys: pytest.CaptureFixture
 
 
 @pytest.mark.slow
+def test_a_front_in_a_body_that_yields_has_J_alone(
+    block_of: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """J is by the work of the stress, which is 0 here; K has no meaning."""
+    monkeypatch.setattr(
+        "pdpost.measures.intensities_in_space.stress_work", lambda results, step: np.zeros(len(results.nodes(step).ids))
+    )
+    assert main(["sif", str(block_of), "--json"]) == 0
+    (front,) = json.loads(capsys.readouterr().out)["fronts"]
+    assert [at for at, value in enumerate(front["J"]) if value is not None] == [2, 3, 4]
+    assert {*front["K1"], *front["K2"], *front["K3"], *front["of_K"]} == {None}
+    assert main(["sif", str(block_of)]) == 0
+    said = capsys.readouterr().out
+    assert mentions(said, "J", "K means nothing here", "yields")
+    assert "K1" not in said
+
+
+@pytest.mark.slow
 def test_a_picture_and_a_table(
     block_of: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

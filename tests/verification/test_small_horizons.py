@@ -19,6 +19,7 @@ from pdmesh.model.document import Material
 from pdmesh.model.lattice_calibration import along_axes, calibration
 from pdmesh.model.material_constants import BONDS_NU
 from pdmesh.model.node_grid import Grid
+from pdsolve.adaptivity.hybrid.springs import fine_springs
 from pdsolve.checks import advise
 from pdsolve.laws import micropolar
 from pdsolve.model import ModelWarning
@@ -185,3 +186,20 @@ def cubic_grid(sides: tuple[int, ...]) -> Grid:
     x = 1e-3 * np.stack(np.meshgrid(*(np.arange(side) for side in sides), indexing="ij"), -1).reshape(-1, 3)
     nowhere = np.full(len(x), -1)
     return Grid(np.arange(len(x)), x, np.full(len(x), 1e-3), nowhere >= 0, nowhere, np.zeros((0, 9)))
+
+
+@pytest.mark.parametrize(
+    ("m", "profile"), [(1.5, "conical"), (1.5, "constant"), (2.0, "conical"), (2.0, "constant"), (2.5, "conical")]
+)
+def test_springs_of_a_fine_zone_are_isotropic_too(m: float, profile: str) -> None:
+    """Of central springs C11 is 3 C66 in an isotropic plate, and C11 that of the material: 9 E / 8 in plane stress."""
+    material = msgspec.structs.replace(GLASS, micromodulus=profile)
+    springs = fine_springs(material, m, 1e-3)
+    x, y, stiffness = springs.table[:, 0], springs.table[:, 1], springs.table[:, 5]
+    length = np.hypot(x, y)
+    c11, c66 = (
+        float((stiffness * length**2 * (x / length) ** p * (y / length) ** q).sum() / 2 / 1e-6)
+        for p, q in ((4, 0), (2, 2))
+    )
+    assert c11 / c66 == pytest.approx(3, rel=1e-12)
+    assert c11 == pytest.approx(9 / 8 * GLASS.E, rel=1e-12)

@@ -26,6 +26,7 @@ MOTIONS = {
     "sheet between coarse nodes": Velocity(box=(-1.0, -1.0, 0.0209, 1.0, 1.0, 0.0211), z=1.0, profile=RAMP),
     "two rows of a face": Velocity(box=(-1.0, -1.0, -1.0, 1.0, 1.0, 0.0011), z=1.0, profile=RAMP),
     "half, from between coarse nodes": InitialVelocity(box=(-1.0, -1.0, -1.0, 1.0, 1.0, 0.0211), z=1.0),
+    "half, of the place": Velocity(box=(-1.0, -1.0, -1.0, 1.0, 1.0, 0.0201), z="1 + cos(pi * x / 1e-3) / 2"),
     "half, from coarse nodes": InitialVelocity(box=(-1.0, -1.0, -1.0, 1.0, 1.0, 0.0201), z=1.0),
 }
 

@@ -16,6 +16,7 @@ from tears import GLASS, TIME, cut, torn
 import pdmesh
 from pdmesh.model.document import Material, Run
 from pdpost.measures.tips import forks, tips
+from pdsolve.__main__ import _lines
 from pdsolve.model import Model, read_model
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
@@ -88,6 +89,8 @@ def test_a_run_says_what_a_cut_cost_beside_g0_times_its_area(mode: str, share: f
     assert cracks["area"] == pytest.approx(0.01, rel=0.02)  # measured 1.014
     assert cracks["cost"] == pytest.approx(204.0 * cracks["area"])
     assert cracks["spent"] / cracks["cost"] == pytest.approx(share, abs=0.01)  # measured 0.953; 0
+    (line,) = [line for line in _lines(Path("half.sqlite"), found) if line.startswith("cracks: area ")]
+    assert line.endswith(f"{cracks['spent'] / cracks['cost']:.2f} of that")
 
 
 def test_in_the_thesis_mode_bonds_are_gone_at_once() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import warnings
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from plates import GLASS, plate, square_grid
 from pdmesh.__main__ import main as pdmesh
 from pdmesh.model.document import Displacement, Load, Material, Region, Run, Velocity
 from pdmesh.model.lattice_calibration import along_axes
-from pdmesh.model.node_grid import Grid
+from pdmesh.model.node_grid import Bodies, Grid
 from pdmesh.model.zone_strengths import remarks, zone_strengths
 from pdsolve.model import Model, ModelError
 from pdsolve.options import Options
@@ -163,6 +164,11 @@ def test_building_warns_of_loads_on_coarse_zones() -> None:
             said = list(remarks(model.grid, model.settings))
             assert len(said) == (acts and coarse == "own")
             assert all(f"'{condition.name}' acts on coarse nodes" in each for each in said)
+    beside = two_zones()  # of which the coarse zone is a body of its own
+    number = (beside.delta > beside.delta.min()).astype(np.int64)
+    beside = dataclasses.replace(beside, bodies=Bodies(number, ("left", "right")))
+    model = plate(beside, 3.0, material=GLASS, conditions=(Load(box=right, traction=(1e6, 0.0)),))
+    assert not list(remarks(model.grid, model.settings))
     cohesive = msgspec.structs.replace(GLASS, law="cohesive", f_t=3e7)
     model = plate(two_zones(), 3.0, material=cohesive, conditions=(Load(box=right, traction=(1e6, 0.0)),))
     assert not list(remarks(model.grid, model.settings))
@@ -185,9 +191,31 @@ def test_info_and_plan_print_the_strengths(tmp_path: Path, capsys: pytest.Captur
     )
     assert pdmesh(["build", str(scene), "--trust", "-o", str(tmp_path / "zones.json")]) == 0
     assert "acts on coarse nodes" in capsys.readouterr().err
-    for command in (["info", str(tmp_path / "zones.json")], ["plan", str(scene), "--trust"]):
+    model = str(tmp_path / "zones.json")
+    for command in (["info", model], ["plan", str(scene), "--trust"]):
         assert pdmesh(command) == 0
-        lines = capsys.readouterr().out.splitlines()
-        (line,) = [line for line in lines if line.startswith("strength: ")]
+        printed = capsys.readouterr()
+        assert "'right' acts on coarse nodes" in printed.err
+        (line,) = [line for line in printed.out.splitlines() if line.startswith("strength: ")]
         assert line.endswith("0.707 of the finest zone's)")
         assert " Pa at 0.001 m (critical stretch " in line
+    assert pdmesh(["info", model, "--set", "material.coarse=matched"]) == 0
+    printed = capsys.readouterr()
+    assert printed.err == ""
+    assert "of the finest zone's" not in printed.out
+    assert pdmesh(["info", model, "--set", "material.coarse=weak"]) == 2
+    assert "$.material.coarse" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_a_plan_of_a_critical_stretch_has_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scene = tmp_path / "stretched.py"
+    scene.write_text(
+        "from pdmesh import *\n"
+        "steel = Material(E=2e11, rho=7850, critical_stretch=.003)\n"
+        "scene = Scene(box(0, 0, .04, .04), 2e-3, steel, 3, Run(steps=1)).zone(box(0, 0, .01, .01), 1e-3)\n"
+    )
+    assert pdmesh(["plan", str(scene), "--trust", "--json"]) == 0
+    fine, coarse = json.loads(capsys.readouterr().out)["strengths"]
+    assert fine["critical_stretch"] == pytest.approx(0.003)
+    assert coarse["critical_stretch"] == pytest.approx(0.003 / 2**0.5)

@@ -26,6 +26,7 @@ from pdmesh.scene.shapes import SceneError
 from pdsolve.conditions import initial_velocity
 from pdsolve.model import Model, ModelError, read_model
 from pdsolve.run.doubtful_conditions import advise_conditions
+from pdsolve.run.initial_displacements import displaced
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Options
 
@@ -152,6 +153,24 @@ def test_initial_displacements_are_those_of_time_0() -> None:
         assert history["strain"][0] == pytest.approx(
             200e9 * 9 / 8 * 1e-12 / 2 * 6e-5, rel=0.05
         )  # measured: 1.037, as stiff as corrected edges are
+
+
+def test_a_displaced_run_begins_with_its_forces_and_with_what_is_prescribed() -> None:
+    """Forces are the slope of the strain energy, by differences; held nodes are where they are held, and at rest."""
+    pulled, held = InitialDisplacement(box=ALL, x="1e-5 * x"), Displacement(nodes=(1, 10), x=2e-8)
+    model = plate(square_grid(9, 9), conditions=(pulled, held))
+    system, state = displaced(prepare(model, Options(threads=1)))
+    expected = 1e-5 * model.grid.position[:, 0]
+    expected[[0, 9]] = 2e-8
+    assert state.value[:, 0] == pytest.approx(expected, rel=1e-12)
+    assert not state.second[[0, 9], 0].any()
+    acceleration, energy = float(state.second[8, 0]), []
+    for step in (-1e-11, 2e-11):
+        state.value[8, 0] += step
+        energy.append(float((system.area * system.operator.energies(state)[0]).sum()))
+    force = -(energy[1] - energy[0]) / 2e-11
+    assert abs(acceleration) > 1
+    assert acceleration == pytest.approx(force / (system.area[8] * model.rho[8]), rel=1e-4)
 
 
 @pytest.mark.parametrize(

@@ -225,8 +225,9 @@ def test_the_command_says_how_much_is_fine(tmp_path: Path, capsys: pytest.Captur
         Velocity(box=(-1.0, -1e-5, 1.0, 1.1e-3), y=1.0),
         InitialVelocity(box=(-1.0, -1.0, 1.0, 7.1e-3), y=1.0),
         InitialVelocity(box=(-1.0, -1.0, 1.0, 8.1e-3), y=1.0),
+        Velocity(box=(-1.0, -1.0, 1.0, 8.1e-3), y="1 + cos(pi * x / 1e-3) / 2"),
     ],
-    ids=["row between coarse nodes", "two rows", "half, from between them", "half, from one of them"],
+    ids=["row between coarse nodes", "two rows", "half, from between them", "half, from one of them", "of the place"],
 )
 def test_motion_may_be_prescribed_anywhere(condition: Velocity | InitialVelocity) -> None:
     """Where coarse nodes do not have it, cells are fine: momentum and work are those of fine nodes everywhere."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -17,9 +18,10 @@ from pdmesh.model.document import Region, Run
 from pdsolve.checks import refuse_fields
 from pdsolve.laws import LAWS
 from pdsolve.laws.bond_limits import Limits, Sizes
-from pdsolve.laws.law import Pair
+from pdsolve.laws.law import Pair, Softening
 from pdsolve.laws.material_checks import negative_secant, remarks
 from pdsolve.model import ModelError
+from pdsolve.run.motion_accounts import unstable_words
 
 
 def test_E_in_GPa_is_noticed() -> None:
@@ -50,12 +52,45 @@ def limits(material: Material, bonds: Sizes) -> Limits:
         (lambda law, stretch, worst, peak, limit: 1 - 2 * stretch / limit, "0.52 of the limit"),
         (lambda law, stretch, worst, peak, limit: stretch * np.nan, "0.016 of the limit"),
         (lambda law, stretch, worst, peak, limit: 1 - stretch / limit, None),
+        (lambda law, stretch, worst, peak, limit: 1 + 2 * stretch / limit, "-0.52 of the limit"),
     ],
 )
 def test_a_negative_secant_is_named(secant: object, found: str | None, monkeypatch: pytest.MonkeyPatch) -> None:
     pair = Pair(limits=limits, secant=secant)  # type: ignore[arg-type]
     said = negative_secant(pair, "brittle", 1e-3, 1e-3)
     assert said is None if found is None else said is not None and mentions(said, "law 'brittle'", found)
+
+
+def test_a_softened_bond_is_looked_at_in_compression_where_it_has_its_secant_there() -> None:
+    """A secant of 1 under tension and -worst / limit under compression."""
+    nothing: Any = lambda *_: 0.0  # noqa: E731
+
+    def secant(law: Any, stretch: Any, worst: Any, peak: float, limit: float) -> Any:
+        return np.where(stretch > 0, 1.0, -worst / limit)
+
+    softening = Softening(nothing, nothing, nothing)
+    pair = Pair(limits=limits, secant=secant, softening=softening)
+    said = negative_secant(pair, "bilinear", 1e-3, 4e-3)
+    assert said is not None
+    assert mentions(said, "-0.016 of the limit", "pull where they are compressed")
+    one_sided = Pair(limits=limits, secant=secant, softening=softening, elastic_in_compression=True)
+    assert negative_secant(one_sided, "bilinear", 1e-3, 4e-3) is None
+
+
+def test_an_unstable_run_names_the_law_whose_secant_turns_negative(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And not loads; without such a law these are named."""
+    model = plate(square_grid(5, 5), material=GLASS)
+    scheme = SimpleNamespace(symmetric=True, name="conservative")
+    bonds = SimpleNamespace()  # of no list
+    system: Any = SimpleNamespace(model=model, time_step=1.0, bound=2.0, scheme=scheme, operator=bonds)
+    system.initial_energy = 0.0
+    books: Any = SimpleNamespace(step=3, time=3.0, work=1.0, kinetic=5.0, strain=0.0)
+    assert "check loads" in unstable_words(system, books, 1.0, 7)
+    wrong = Pair(limits=limits, secant=lambda law, stretch, worst, peak, limit: 1 - 2 * stretch / limit)
+    monkeypatch.setitem(LAWS, "brittle", replace(LAWS["brittle"], pair=wrong))
+    said = unstable_words(system, books, 1.0, 7)
+    assert mentions(said, "unstable at step 3", "the law 'brittle'")
+    assert "check loads" not in said
 
 
 def test_no_shipped_law_has_one() -> None:

@@ -55,6 +55,10 @@ def test_settings_from_assignments_alone(bare: Path) -> None:
     model = read_model(bare, assignments=[("material", "{E = 1e9, rho = 1e3, G0 = 1}"), ("run", "{steps = 3}")])
     assert model.materials[0].E == 1e9
     assert model.settings.run.steps == 3
+    pointed = [("material.E", "1.e9"), ("material.rho", "1000."), ("material.G0", "1"), ("run.steps", "3")]
+    again = read_model(bare, assignments=[*pointed, ("run.time_step", ".5e-7")])  # no numbers of TOML, but of people
+    assert again.materials == model.materials
+    assert again.settings.run.time_step == 5e-8
 
 
 def test_a_model_comes_back_from_its_text() -> None:

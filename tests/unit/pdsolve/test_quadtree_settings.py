@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import re
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -21,7 +22,7 @@ from pdsolve.__main__ import main as solve_command
 from pdsolve.adaptivity.quadtree.operator import tree_over
 from pdsolve.model import Model, ModelError
 from pdsolve.options import Options
-from pdsolve.run.prepare import scheme_of
+from pdsolve.run.prepare import prepare, scheme_of
 
 
 def off_lattice() -> Grid:
@@ -127,3 +128,9 @@ def test_a_drawing_is_built_for_it(tmp_path: Path, capsys: pytest.CaptureFixture
     assert planned.endswith("are those of the start; cells may split into 4080 nodes at most\n")
     assert build_command(["info", str(path)]) == 0
     assert mentions(capsys.readouterr().out, "4080 nodes")
+
+
+@pytest.mark.parametrize("mode", ["conservative", "thesis"])
+def test_bonds_between_cells_match_their_work_as_those_of_the_mode(mode: str) -> None:
+    operator: Any = prepare(plate(square_grid(9, 9), 3, run=Run(adapt="split")), Options(mode)).system.operator
+    assert operator.law.matches_work == operator.columns.matches_work == (mode == "conservative")

@@ -141,3 +141,19 @@ def moved(model: Model, way: float) -> Model:
     assert grid.bodies is not None
     shift = np.where((grid.bodies.number == 2)[:, None], [0.0, way], 0.0)
     return replace(model, grid=replace(grid, position=grid.position + shift))
+
+
+def test_a_round_body_touches_the_drawn_circle_of_another() -> None:
+    """A disc that deforms goes 0.1 of a spacing deep into a rigid one; its top node is 0.1, not 0.5, under its top."""
+    radius, gap = 6.3 * H, 0.3 * H
+    scene = Scene(Point(0, 0).buffer(radius, 64), H, UNIT)
+    scene = scene.rigid(Point(0, radius + R + gap).buffer(R, 64), "disc", MASS, radius=R).contact()
+    built = build(scene)
+    system, state = prepare(Model(built.grid, built.settings), Options(threads=1))
+    contact: Any = system.contact
+    contact.round.search(np.zeros_like(state.value), np.arange(len(built.grid)), H, np.zeros(len(built.grid)))
+    for deep in (-0.1, 0.1):
+        moved = np.zeros_like(state.value)
+        moved[built.grid.bodies.number == 0, 1] = gap + deep * H  # type: ignore[union-attr]
+        depth = float(contact.round._pressed(0, moved).depth.max(initial=0.0))
+        assert depth == pytest.approx(max(deep, 0.0) * H, abs=0.02 * H)

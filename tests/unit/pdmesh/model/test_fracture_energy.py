@@ -10,7 +10,7 @@ import pytest
 from messages import naming
 from plates import GLASS, plate, square_grid
 
-from pdmesh import Material, Scene, SceneError, box, build
+from pdmesh import Body, Box, Material, Scene, SceneError, box, build
 from pdmesh.model.document import read_document
 from pdmesh.model.fracture_energy import stretch_of_lattice, with_fracture_energy
 from pdmesh.reports.report import info, info_lines
@@ -62,6 +62,26 @@ def test_a_scene_with_a_zone_and_a_region(tmp_path: Path) -> None:
     assert "critical stretch of brittle bonds: 0.001 of 0.0005 m, 0.0007071 of 0.001 m" in info_lines(told)
     above = read_model(tmp_path / "plate.json", assignments=[("material.critical_stretch", "3e-3")])
     assert limits(above).max() == pytest.approx(3 * STRETCH)
+
+
+@pytest.mark.parametrize("dimension", [2, pytest.param(3, marks=pytest.mark.slow)])
+def test_a_body_beside_has_it_at_its_own_spacing(dimension: int) -> None:
+    """Not at that of the finest body: G0 goes as the square of the stretch times the spacing."""
+    glass = Material(E=65e9, rho=2235, critical_stretch=STRETCH)
+    tough = msgspec.structs.replace(glass, critical_stretch=2 * STRETCH)
+    scene: Scene | Body
+    if dimension == 2:
+        scene = Scene(box(0, 0, 0.02, 0.01), 1e-3, glass).body(box(0.03, 0, 0.05, 0.01), "b", 2e-3, tough)
+    else:
+        block = Body(Box((0, 0, 0), (0.01, 0.01, 0.01)), 1e-3, glass)
+        scene = block.body(Box((0.02, 0, 0), (0.03, 0.01, 0.01)), "b", 2e-3, tough)
+    settings = build(scene).settings
+    own, (region,) = settings.material, settings.regions
+    assert own is not None
+    assert stretch_of_lattice(own, 3.0, 1e-3, dimension) == pytest.approx(STRETCH, rel=1e-12)
+    assert stretch_of_lattice(region.material, 3.0, 2e-3, dimension) == pytest.approx(2 * STRETCH, rel=1e-12)
+    times = region.material.G0 / own.G0
+    assert times == pytest.approx(8, rel=1e-12)
 
 
 def test_what_it_cannot_be_said_of() -> None:

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from plates import GLASS, plate, square_grid
 
+from pdmesh import Body, Box, Scene, box
 from pdmesh.model.document import Material, Region
 from pdmesh.model.material_columns import MaterialColumns
 from pdmesh.model.material_constants import critical_stretch, micromodulus
 from pdmesh.model.selection import last_selecting
+from pdmesh.scene import checks
 from pdsolve.schemes import average_horizon, one_sided
 
 MATERIALS = (
@@ -76,3 +80,26 @@ def test_a_material_for_each_node_costs_no_more_calls(scheme: object, monkeypatc
         bonds = scheme.fill(model).whole().bonds  # type: ignore[attr-defined]
         assert len(np.unique(bonds.limit)) >= count
     assert calls[143] == calls[2]
+
+
+@pytest.mark.parametrize("kind", ["plate", "body"])
+def test_a_region_more_checks_itself_alone(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Scenes check all their parts when they are made: n regions that were added so took n^2 checks."""
+    checked = 0
+    usual = checks.composed
+
+    def counted(*arguments: object) -> None:
+        nonlocal checked
+        checked += 1
+        usual(*arguments)  # type: ignore[arg-type]
+
+    monkeypatch.setattr("pdmesh.scene.checks.composed", counted)
+    monkeypatch.setattr("pdmesh.scene.body.composed", counted)
+    scene: Any = Scene(box(0, 0, 1, 1), 0.1, GLASS) if kind == "plate" else Body(Box((0, 0, 0), (1, 1, 1)), 0.1, GLASS)
+    of_start = checked
+    for number in range(8):
+        low = number / 10
+        part = box(low, 0, low + 0.1, 1) if kind == "plate" else Box((low, 0, 0), (low + 0.1, 1, 1))
+        scene = scene.region(part, MATERIALS[1])
+    assert checked - of_start == 8
+    assert len(scene.regions) == 8

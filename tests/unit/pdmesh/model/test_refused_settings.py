@@ -84,6 +84,16 @@ def changed(**more: Any) -> Material:
             naming("$.material.failure", found="'stress'"),
         ),
         (of(changed(solid="j2", yield_stress=1e8), Run(start="static")), 2, re.escape("$.material.solid is 'j2'")),
+        (
+            of(changed(solid="j2", yield_stress=1e8, order=2), Run()),
+            2,
+            naming("$.material.control", found="'silling'", expected=("none", "flows")),
+        ),
+        (
+            of(msgspec.structs.replace(GLASS, coarse="matched"), Run(adapt="hybrid")),
+            2,
+            naming("$.material.coarse", found="matched", expected=("own", "run.adapt is hybrid")),
+        ),
         (of(GLASS, Run(solver="static", damping=1.0)), 2, naming("$.run.damping", found="1", expected="leave it out")),
         (
             of(GLASS, Run(solver="static", start="static")),

@@ -97,7 +97,7 @@ def test_a_series_as_xdmf(small_results: Path, tmp_path: Path) -> None:
         assert len(seeks) == 1
         assert np.array_equal(number_of(item, tmp_path)[:, : expected.shape[1]], expected)
     each = 3 * 252 * (3 * 3 * 4 + 2 * 4 + 9 * 8)  # displacement, velocity, acceleration, energy, damage, stress
-    assert (tmp_path / "a.bin").stat().st_size == each + 252 * (3 * 8 + 8 + 8 + 8 + 8)
+    assert (tmp_path / "a.bin").stat().st_size == each + 252 * (3 * 8 + 8 + 8 + 8 + 8 + 2 * 4)  # and two conditions
 
 
 def test_a_series_as_text_is_read_by_meshio(small_results: Path, tmp_path: Path) -> None:
@@ -147,7 +147,8 @@ def test_a_frame_as_csv(small_results: Path, tmp_path: Path) -> None:
         rows = list(csv.DictReader(file))
     assert [int(row["node"]) for row in rows] == nodes.ids.tolist()
     assert np.array_equal(np.array([row["uy"] for row in rows], dtype=np.float32), uy)
-    assert list(rows[0]) == ["node", "x", "y", "delta", "area", "ux", "uy", "vx", "vy", "ax", "ay", "energy", "damage"]
+    fields = ["ux", "uy", "vx", "vy", "ax", "ay", "energy", "damage"]
+    assert list(rows[0]) == ["node", "x", "y", "delta", "area", *fields, "load 0", "load 1"]
 
 
 @pytest.mark.parametrize("suffix", [".vtu", ".xdmf"])
@@ -227,6 +228,17 @@ def test_conditions_are_sets_of_nodes_by_their_names(
     for number, (name, nodes) in enumerate(said.items()):
         assert name == f"{named[number]['kind']} {named[number].get('name') or number}"
         assert mesh.point_data[name].sum() == sets[name].sum() == nodes > 0
+    assert main(["export", str(small_results), "-o", str(tmp_path / "a.csv")]) == 0
+    header, *rows = csv.reader((tmp_path / "a.csv").read_text(encoding="utf-8").splitlines())
+    inline = tmp_path / "a.xdmf"
+    assert main(["export", str(small_results), "-o", str(inline), "--inline"]) == 0
+    with meshio.xdmf.TimeSeriesReader(inline) as reader:
+        reader.read_points_cells()
+        data = [reader.read_data(step)[1] for step in range(reader.num_steps)]
+    for name, nodes in said.items():
+        assert sum(int(row[header.index(name)]) for row in rows) == nodes
+        assert [int(each[name].sum()) for each in data] == [nodes] * len(data)
+    capsys.readouterr()
     assert main(["export", str(small_results), "-o", str(path), "--force"]) == 0
     first = next(iter(said))
     assert f"conditions, with their nodes: {first} ({said[first]})" in capsys.readouterr().out

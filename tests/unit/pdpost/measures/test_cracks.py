@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,11 +11,12 @@ import pytest
 from drawn import alone, at, lattice, run
 
 from pdpost.exports import csv_columns
-from pdpost.measures.crack_summary import _crumbs, crack, numbers, sentences
+from pdpost.measures.crack_summary import Summary, crack, numbers, sentences
 from pdpost.measures.cracked_nodes import cracked_since, damage_at, separation_at
-from pdpost.measures.cracks import clusters, growth, is_split
+from pdpost.measures.cracks import Growth, clusters, growth, is_split
 from pdpost.measures.fields import values
 from pdpost.measures.fragments import Fragment, Fragments
+from pdpost.measures.release import Release
 from pdpost.reading.tables import queries
 from pdsolve.results import Breaks, Frame, Results, Writer
 from pdsolve.study.run_measures import _cracked
@@ -172,7 +174,12 @@ def test_since_when_nodes_are_cracked(small_results: Path) -> None:
 def test_pieces_beside_crumbs_are_said_to_be_few() -> None:
     """A plate of 100 mm^2: two pieces of 2 mm^2, and the rest in crumbs and cracked nodes."""
     piece = Fragment(2, 2e-6, (0.0, 0.0))
-    (said,) = _crumbs(Fragments((piece, piece), 40, 60e-6, 36e-6))
+    crumbs = Fragments((piece, piece), 40, 60e-6, 36e-6)
+    nothing, none = Growth(None, None, None, None, None, None), np.zeros(0)
+    summary = Summary(0, 1e-8, "right", nothing, [], [], [], crumbs, 2000.0, Release(none, none, none, 100.0))
+    pieces, said = sentences(summary)
+    assert pieces.startswith("2 pieces of 2, 2 mm^2")
     assert said.startswith("96% of the plate is in no piece")
     assert "60 mm^2 in 40 crumbs" in said
-    assert _crumbs(Fragments((piece, piece), 1, 1e-6, 1e-6)) == []
+    whole = replace(summary, fragments=Fragments((piece, piece), 1, 1e-6, 1e-6))
+    assert [line for line in sentences(whole) if "no piece" in line] == []
