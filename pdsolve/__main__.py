@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pdmesh import commandline
+from pdmesh import commandline, stopping
 from pdmesh.file_kinds import Kind
 from pdmesh.model.bond_counts import crack_energy, pair_count
 from pdmesh.plain_text import visible
@@ -155,6 +155,7 @@ def _solve(args: argparse.Namespace, ranks: Team | None) -> int:
         from pdsolve.run.simulation import Options, resume, simulate
 
     large_arrays_apart()
+    stopping.expect_long_call()
     _refuse_other_options(args)
     args = _begun_anew(args, is_empty)
     watching = Watch(args.quiet)
