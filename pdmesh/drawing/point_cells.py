@@ -29,7 +29,8 @@ CUBE = np.array([(*corner, end) for end in (0, 1) for corner in ((0, 0), (1, 0),
 def with_cells(mesh: Mesh) -> Mesh:
     """The mesh with a cell around each point, if it has volumes and no other cells. Raises SceneError.
 
-    A mesh whose points are on no lattice in space keeps its volumes and has no cells but points. The spacing is the distance of the points, and their volumes say how thick a plate is.
+    A mesh whose points are on no lattice in space keeps its volumes and has no cells but points. The spacing is the
+    distance of the points, and their volumes say how thick a plate is.
     """
     if not mesh.volumes or any(block.dimension and len(block.data) for block in mesh.cells):
         return replace(mesh, volumes=())

@@ -1,4 +1,4 @@
-"""Points with volumes that are on no lattice in space as a body: its nodes are the points, its surface is around them."""
+"""Points with volumes, on no lattice in space, as a body: its nodes are the points, its surface is around them."""
 
 from __future__ import annotations
 
@@ -52,8 +52,8 @@ def body_of_points(mesh: Mesh, values: Mapping[str, float | str], source: str) -
     cloud = NodeCloud(unit.metres(places), unit.metres(spacing), volumes * length**3)
     word = values.get(f"{PREFIX}Units") or "m"
     said = (
-        f"points: on no lattice: they are the nodes, {middle:.6g} {word} wide; the surface is {outside:.4g} {word} outside"
-        " the outer ones"
+        f"points: on no lattice: they are the nodes, {middle:.6g} {word} wide; the surface is {outside:.4g} {word}"
+        " outside the outer ones"
     )
     notes = (*body.notes, *mesh.notes, said, *unused("group", bare, "no material of its own"))
     return replace(body, nodes=cloud, parameters=tuple(values.items()), notes=notes)
@@ -80,8 +80,10 @@ def _spacings(places: NDArray[np.float64], volumes: NDArray[np.float64]) -> NDAr
 def _around(
     places: NDArray[np.float64], triangles: NDArray[np.int64], whole: float, spacing: float
 ) -> tuple[NDArray[np.float64], float]:
-    """The places (n, 3) of corners of the surface moved out, by at most a spacing and not quite 0, so that it has the volume of all
-    nodes; and how far."""
+    """The corners (n, 3) of the surface, moved out until it has the volume of all nodes; and how far.
+
+    They move by at most a spacing, and not quite by 0.
+    """
     a, b, c = places[triangles].transpose(1, 0, 2)
     normal = np.zeros_like(places)
     np.add.at(normal, triangles.ravel(), np.repeat(np.cross(b - a, c - a), 3, axis=0))
