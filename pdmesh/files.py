@@ -18,6 +18,7 @@ KINDS = {
     stat.S_IFBLK: "a device",
     stat.S_IFSOCK: "a socket",
 }
+LARGE = 2**23  # bytes; larger files are read by calls that may hold the interpreter's lock for long
 LARGEST = 2**34  # bytes that are read; more than any model that fits into a memory
 
 
@@ -31,6 +32,8 @@ def check_regular(path: Path, largest: int = LARGEST) -> None:
         raise OSError(errno.EINVAL, f"is {kind}; name a regular file", str(path))
     if found.st_size > largest:
         raise OSError(errno.EFBIG, f"has {found.st_size} bytes; at most {largest} are read", str(path))
+    if found.st_size > LARGE:
+        stopping.expect_long_call()
 
 
 def read_bytes(path: Path, largest: int = LARGEST) -> bytes:

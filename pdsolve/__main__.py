@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pdmesh import commandline
+from pdmesh import commandline, stopping
 from pdmesh.file_kinds import Kind
 from pdmesh.model.bond_counts import pair_count
 from pdmesh.plain_text import visible
@@ -190,6 +190,7 @@ def _solve(args: argparse.Namespace, ranks: Team | None) -> int:
         from pdsolve.run.summary_lines import summary_lines
 
     large_arrays_apart()
+    stopping.expect_long_call()
     _refuse_other_options(args)
     args = _begun_anew(args, is_empty)
     watching = Watch(args.quiet)

@@ -38,7 +38,7 @@ from pdmesh.scene.body import Body, SolidZone, Where
 from pdmesh.scene.edges import point_in
 from pdmesh.scene.faces import face
 from pdmesh.scene.shapes import SceneError, checked_spacing
-from pdmesh.scene.solids import Sheet, Shell, brick
+from pdmesh.scene.solids import NodeSet, Sheet, Shell, brick
 
 KINDS = {  # kind: dimensions, folder of its parameters
     "zone": ((3,), "Zones"),
@@ -125,7 +125,9 @@ def body_of(found: Mapping[str, Any], values: Mapping[str, float | str], source:
 
 
 def _shell(found: Mapping[str, Any], group: Mapping[str, Any], parameters: Parameters) -> Shell:
-    """Surface of a group, m, with its volume, m^3."""
+    """Surface of a group, m, with its volume, m^3; or the nodes of one."""
+    if "rows" in group:
+        return NodeSet.of(parameters.unit.metres(found["points"][group["rows"]]), group["rows"])
     shell, unit = shell_of(found, group), parameters.unit
     return Shell(unit.metres(shell.triangles), shell.volume * float(unit.metres(1.0)) ** 3)
 

@@ -26,6 +26,7 @@ from pdmesh.drawing.parameters import PREFIX, given, unit_of
 from pdmesh.drawing.plate_of_groups import GROUPS, scene_of
 from pdmesh.drawing.plate_places import Group
 from pdmesh.drawing.point_cells import with_cells
+from pdmesh.drawing.point_cloud import body_of_points
 from pdmesh.drawing.solid_meshes import body_of_mesh
 from pdmesh.grid.lattice import grid_of_nodes, settings_of
 from pdmesh.model.document import Settings
@@ -77,10 +78,11 @@ def read_mesh(
         _check_points(mesh)
         mesh = with_cells(mesh)
         values = given(assignments)
-        if mesh.of_dimension(3)[0]:
+        cloud = bool(mesh.volumes) and not mesh.of_dimension(2)[0]
+        if cloud or mesh.of_dimension(3)[0]:
             if cracks:
                 raise SceneError("--crack is for plates; leave it out for a body in space")
-            return body_of_mesh(mesh, values, path.name)
+            return (body_of_points if cloud else body_of_mesh)(mesh, values, path.name)
         return _plate(mesh, values, path, cracks)
     except SceneError as error:
         raise SceneError(f"{path}: {error}") from None

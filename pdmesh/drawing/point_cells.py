@@ -1,4 +1,7 @@
-"""Points with volumes, as Peridigm and PeriLab have them, as cells: squares in a plane, cubes in space."""
+"""Points with volumes, as Peridigm and PeriLab have them, as cells: squares in a plane, cubes in space.
+
+Points in space that are on no lattice get no cells: they are the nodes (`pdmesh.drawing.point_cloud`).
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,7 @@ ALIKE = 1e-3  # relative: thicknesses and areas that are the same
 OVERLAP = 1e-6  # of the area
 LEAST, CLOSEST = 1e-180, 1e-60  # volume, and distance of two points: quotients and powers of them are finite
 FINEST = 1e-9  # spacing, of the size of a lattice
-ADVICE = "use the nodes of a lattice, each the middle of its cell (or the mesh they are made from)"
+ADVICE = "use in a plane the nodes of a lattice, each the middle of its cell (or the mesh they are made from)"
 SQUARE = np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)])
 CUBE = np.array([(*corner, end) for end in (0, 1) for corner in ((0, 0), (1, 0), (1, 1), (0, 1))])
 
@@ -26,7 +29,8 @@ CUBE = np.array([(*corner, end) for end in (0, 1) for corner in ((0, 0), (1, 0),
 def with_cells(mesh: Mesh) -> Mesh:
     """The mesh with a cell around each point, if it has volumes and no other cells. Raises SceneError.
 
-    The spacing is the distance of the points, and their volumes say how thick a plate is.
+    A mesh whose points are on no lattice in space keeps its volumes and has no cells but points. The spacing is the
+    distance of the points, and their volumes say how thick a plate is.
     """
     if not mesh.volumes or any(block.dimension and len(block.data) for block in mesh.cells):
         return replace(mesh, volumes=())
@@ -73,11 +77,10 @@ def _squares(mesh: Mesh, places: NDArray[np.float64], volume: NDArray[np.float64
 
 
 def _cubes(mesh: Mesh, places: NDArray[np.float64], volume: NDArray[np.float64]) -> Mesh:
-    """A body of cubes that have their corners in common."""
-    apart = _apart(places)
-    lattice = _lattice(places, float(np.median(apart)))
+    """A body of cubes that have their corners in common; the mesh itself without a lattice."""
+    lattice = _lattice(places, float(np.median(_apart(places))))
     if lattice is None:
-        raise SceneError(f"points: neighbours are {apart.min():.4g} to {apart.max():.4g} apart; {ADVICE}")
+        return mesh
     origin, side, at = lattice
     corner = (at[:, None] + CUBE).reshape(-1, 3)
     every, cells = np.unique(corner, axis=0, return_inverse=True)

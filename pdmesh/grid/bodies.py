@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from pdmesh.grid.bodies_beside import joined
 from pdmesh.grid.cubic import Cubic, place_nodes
+from pdmesh.grid.scattered import Scattered
 from pdmesh.model.contact import REST
 from pdmesh.model.document import (
     ON_ONE_LATTICE,
@@ -54,7 +55,7 @@ MOVED = 1 / 32  # of a spacing: how far from all nodes a crack is that was moved
 class Cloud(NamedTuple):
     """All nodes of all levels; n of them."""
 
-    levels: list[Cubic]
+    levels: Sequence[Cubic | Scattered]
     position: NDArray[np.float64]  # (n, 3) m
     delta: NDArray[np.float64]  # (n,) m
 
@@ -114,13 +115,14 @@ def _refuse_overlap(bodies: list[tuple[str, Body]]) -> None:
         if not (high.min(axis=0) - low.max(axis=0) > SLACK * one.spacing).all():
             continue
         place = f"body '{name if other == REST else other}'"
-        for level in place_nodes(one):
-            inner = level.position[level.within(second.shell, place)]
+        for level in _levels(one):
+            within = level.within(second.shell, place)
+            inner = level.position[within]
             if len(inner):
                 deep = distances(inner, theirs, float(np.ptp(theirs, axis=(0, 1)).max())).max()
                 rest = other if name != REST and other == REST else name
                 raise SceneError(
-                    f"{place} is {deep + level.cubes.spacing / 2:.4g} m deep in body '{rest}'; bodies may touch at most"
+                    f"{place} is {deep + float(level.delta.max()) / 2:.4g} m deep in body '{rest}'; bodies may touch at most"
                 )
 
 
@@ -135,9 +137,8 @@ def _alone(body: Body, lists: bool = False) -> tuple[Grid, Settings, tuple[str, 
     if body.run.adapt in ON_ONE_LATTICE and body.zones:
         notes = (f"nodes of {body.finest:g} m everywhere: the solver makes them coarser where it can",)
         body = replace(body, spacing=body.finest, zones=())
-    levels = place_nodes(body)
-    counts = [len(level.at) for level in levels]
-    delta = np.repeat([level.cubes.spacing for level in levels], counts)
+    levels = _levels(body)
+    delta = np.concatenate([level.delta for level in levels])
     cloud = Cloud(levels, np.concatenate([level.position for level in levels]), delta)
     cleared = [_clear_of_nodes(crack, cloud) for crack in body.cracks]
     settings = Settings(
@@ -156,6 +157,11 @@ def _alone(body: Body, lists: bool = False) -> tuple[Grid, Settings, tuple[str, 
     return grid, settings, notes + tuple(remark for _, remarks in cleared for remark in remarks)
 
 
+def _levels(body: Body) -> Sequence[Cubic | Scattered]:
+    """The nodes of a body: its own, or those placed in its solid. Raises SceneError."""
+    return place_nodes(body) if body.nodes is None else [Scattered.of(body)]
+
+
 def _grid(body: Body, cloud: Cloud, cracks: NDArray[np.float64], lists: bool) -> Grid:
     """The nodes of a body with triangles (k, 9) of cracks, m: those of a large box as a lattice,
     if not `lists`."""
@@ -167,10 +173,11 @@ def _grid(body: Body, cloud: Cloud, cracks: NDArray[np.float64], lists: bool) ->
         "parameters": body.parameters,
         "drawing": body.drawing,
     }
-    if not lists and count >= MANY and len(levels) == 1 and levels[0].whole:
-        columns, rows, layers = (np.ptp(levels[0].at, axis=0) + 1).tolist()
+    first = levels[0]
+    if not lists and count >= MANY and len(levels) == 1 and isinstance(first, Cubic) and first.whole:
+        columns, rows, layers = (np.ptp(first.at, axis=0) + 1).tolist()
         origin = tuple(cloud.position[0].tolist())
-        return whole_lattice(Lattice(origin, levels[0].cubes.spacing, columns, rows, layers), **said)
+        return whole_lattice(Lattice(origin, first.cubes.spacing, columns, rows, layers), **said)
     return Grid(
         ids=np.arange(1, count + 1),
         position=cloud.position,

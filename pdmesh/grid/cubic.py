@@ -51,6 +51,11 @@ class Cubic(NamedTuple):
         """The positions (k, 3) of the nodes, m."""
         return self.cubes.middles(self.at)
 
+    @property
+    def delta(self) -> NDArray[np.float64]:
+        """The spacing (k,) of the nodes, m."""
+        return np.full(len(self.at), self.cubes.spacing)
+
     def within(self, shell: Shell, place: str) -> NDArray[np.bool_]:
         """Mask (k,) of the nodes in a solid. Raises SceneError, beginning with `place`."""
         found = inside(shell.triangles, self.cubes, place)

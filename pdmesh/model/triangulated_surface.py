@@ -14,6 +14,8 @@ OUTER = 1e-9  # of the size of a body: a corner this little in front of a triang
 AT_ONCE = 2**20  # products of corners, or of segments, and triangles
 SMALL = 2.0  # spacings from its middle: what a triangle that is found by a tree reaches at most
 RAY = (0.0713914, 0.1371277)  # across a triangle: what a ray from it leans by
+NEAR = 1.001  # radii from its middle: what is beside a triangle but for round-off
+LENGTHS = 6  # parts in which segments are tested, the shortest first
 FEW = 64  # triangles that are looked at one by one, small or not
 
 
@@ -164,7 +166,8 @@ class Screen:
         self._large, self._large_normal = triangles[~small], normal[~small]
         self._small, self._small_normal = triangles[small], normal[small]
         if small.any():
-            self._reach = float(radius[small].max())
+            self._middle, self._radius = middle[small], radius[small]
+            self._reach = float(self._radius.max())
             self._tree = tree_of(middle[small])
             self._away = np.maximum(self._tree.query(position)[0] - self._reach, 0.0)  # at least
 
@@ -208,18 +211,41 @@ class Screen:
     def _look_at_small(self, pairs: Pairs, found: NDArray[np.bool_]) -> None:
         longer = self._away[pairs.source] + self._away[pairs.target] <= pairs.length * (1 + ROUND_OFF)
         asked = np.flatnonzero(longer & ~found)
-        if not len(asked):
-            return
-        p, q = self._ends(pairs, asked)
-        near = (float(pairs.length[asked].max()) / 2 + self._reach) * (1 + ROUND_OFF)
-        count = self._tree.query_ball_point((p + q) / 2, near, return_length=True)
-        part = np.cumsum(count) // AT_ONCE
-        for which in np.split(asked, np.flatnonzero(np.diff(part)) + 1):
-            p, q = self._ends(pairs, which)
-            both = tree_of((p + q) / 2).sparse_distance_matrix(self._tree, near, output_type="ndarray")
-            own, number = both["i"], both["j"]
-            met = meets(p[own], q[own], self._small[number], self._small_normal[number])
-            found[which[own[met]]] = True
+        asked = asked[np.argsort(pairs.length[asked], kind="stable")]
+        for alike in filter(len, np.array_split(asked, LENGTHS)):
+            p, q = self._ends(pairs, alike)
+            near = (float(pairs.length[alike[-1]]) / 2 + self._reach) * (1 + ROUND_OFF)
+            count = self._tree.query_ball_point((p + q) / 2, near, return_length=True)
+            part = np.cumsum(count) // AT_ONCE
+            for which in np.split(alike, np.flatnonzero(np.diff(part)) + 1):
+                self._look_near(pairs, which, near, found)
+
+    def _look_near(self, pairs: Pairs, which: NDArray[np.int64], near: float, found: NDArray[np.bool_]) -> None:
+        """Test some segments with the small triangles within `near`, m, of their middles."""
+        p, q = self._ends(pairs, which)
+        both = tree_of((p + q) / 2).sparse_distance_matrix(self._tree, near, output_type="ndarray")
+        beside = self._beside(p, q, both["i"], both["j"], both["v"])
+        own, number = both["i"][beside], both["j"][beside]
+        met = meets(p[own], q[own], self._small[number], self._small_normal[number])
+        found[which[own[met]]] = True
+
+    def _beside(
+        self,
+        p: NDArray[np.float64],
+        q: NDArray[np.float64],
+        own: NDArray[np.int64],
+        number: NDArray[np.int64],
+        away: NDArray[np.float64],
+    ) -> NDArray[np.bool_]:
+        """Mask (k,) of small triangles that are no farther from the lines of segments than they reach.
+
+        `own` (k,) are rows of the segments from p to q, `number` (k,) those of triangles, and `away` (k,) the distances
+        of their middles, m.
+        """
+        way = (q - p) / np.linalg.norm(q - p, axis=1, keepdims=True)
+        start = ((p + q) / 2 * way).sum(axis=1)
+        along = np.einsum("kd,kd->k", self._middle[number], way[own]) - start[own]
+        return np.asarray(away**2 - along**2 <= (self._radius[number] * NEAR) ** 2)
 
 
 def _beside(

@@ -369,7 +369,7 @@ def _one_scale(scene: Scene | Body, each: float) -> tuple[int, float]:
     With too many nodes, and in space, nodes are not placed; `each` node then has as many pairs as on several scales.
     """
     if isinstance(scene, Body):
-        nodes = round(scene.shell.volume / scene.finest**3)
+        nodes = round(scene.shell.volume / scene.finest**3) if scene.nodes is None else len(scene.nodes.position)
         return nodes, each * nodes
     flat = scene.one_scale()
     nodes = round(flat.shape.area / flat.finest**2)

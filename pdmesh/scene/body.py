@@ -37,7 +37,7 @@ from pdmesh.scene.functions_of_place import Function, ValueOfPlace, without_func
 from pdmesh.scene.heat import Heat, Physics, physics_of
 from pdmesh.scene.mechanical_conditions import MechanicalConditions
 from pdmesh.scene.shapes import SceneError, checked_spacing
-from pdmesh.scene.solids import Sheet, Shell, Solid, checked, name_of
+from pdmesh.scene.solids import NodeCloud, Sheet, Shell, Solid, checked, name_of
 
 DEFAULT_RUN = Run()
 ROUND_OFF = 1e-6  # of a halving
@@ -119,6 +119,7 @@ class Body(PlainFields, MechanicalConditions[Where], DiffusionConditions[Where])
     drawing: str = ""  # its text
     parameters: tuple[tuple[str, float | str], ...] = ()  # that it was read with
     notes: tuple[str, ...] = ()  # what there is to say of the file
+    nodes: NodeCloud | None = None  # None: they are to be placed
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -82,6 +82,27 @@ class Shell(Solid):
         return np.array([corners.min(axis=0), corners.max(axis=0)])
 
 
+@dataclass(frozen=True)
+class NodeSet(Shell):
+    """Nodes of a body that has a `NodeCloud`, by their rows."""
+
+    rows: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, places: NDArray[np.float64], rows: NDArray[np.int64]) -> NodeSet:
+        """The nodes at `places` (k, 3), m, as triangles that have no area."""
+        return cls(np.repeat(places[:, None], 3, axis=1), 0.0, rows)
+
+
+@dataclass(frozen=True)
+class NodeCloud:
+    """The n nodes of a body that are on no lattice."""
+
+    position: NDArray[np.float64]  # (n, 3) m
+    delta: NDArray[np.float64]  # (n,) m, the width of a cube of the usual volume there
+    volume: NDArray[np.float64]  # (n,) m^3
+
+
 def brick(low: Place, high: Place) -> Shell:
     """A box as a shell."""
     ends = np.array([low, high], dtype=float)

@@ -24,6 +24,7 @@ ROOM = 1 << 29  # bytes of addresses: with less, OpenBLAS asks the system for mo
 OF_A_RANK = 3 << 28  # likewise, of a process that has loaded MPI
 Exits = Callable[[], dict[type[Exception], int]]  # the exit codes of expected errors
 KILLED = "pdsolve: a rank was killed (too little memory?); --resume goes on from the checkpoint"
+DISMISSAL = b"all is said"
 WITNESS = "import sys; sys.stdin.read() or print(sys.argv[1], file=sys.stderr)"
 
 
@@ -45,7 +46,7 @@ def together(command: Callable[[Team | None], int], exits: Exits) -> int:
     ranks.floor = Floor(ranks.comm)
     if witness is None:
         return _served(ranks, exits, place)
-    with stopping.last_act(witness.dismiss):
+    with stopping.last_words(witness.handle, DISMISSAL):
         try:
             code = command(ranks)
         except SystemExit as end:
@@ -69,12 +70,14 @@ class Witness:
         self._process = subprocess.Popen(
             command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, env=of_no_rank, start_new_session=True
         )
+        assert self._process.stdin is not None
+        self.handle = self._process.stdin.fileno()
         self.place = platform.node(), self._process.pid
 
     def dismiss(self) -> None:
         """Let the witness end in silence."""
         with suppress(BrokenPipeError):
-            self._process.communicate(b"all is said")
+            self._process.communicate(DISMISSAL)
 
 
 def _silence(place: tuple[str, int]) -> None:

@@ -20,7 +20,8 @@ from pdsolve.results.checksums import Row
 from pdsolve.results.errors import ResultsError
 from pdsolve.results.tables import Tables
 
-OF_RANK = re.compile(r"[^/\\\0]+\.\d+-\d+")  # the name of a database of a rank
+OF_RANK = r"\.\d+-\d+"  # behind the name of an index: the databases of ranks, as `files_of` names them
+NAME = re.compile(r"[^/\\\0]+" + OF_RANK)
 KEY = "pieces"  # of the table meta
 OF_NODES = ("node", "family_chunk", "field_chunk", "checkpoint")  # tables that the index does not have
 
@@ -49,7 +50,7 @@ def pieces_of(text: str, name: str) -> tuple[Pieces, ...]:
     except (ValueError, TypeError, RecursionError):
         found = ()
     steps = [one.after for one in found]
-    ours = all(OF_RANK.fullmatch(file) for one in found for file in one.files)
+    ours = all(NAME.fullmatch(file) for one in found for file in one.files)
     if not found or not found[0].files or sorted(steps) != steps or not ours:
         raise ResultsError(f"{name}: table meta: pieces are missing, the names of the files of all ranks")
     return found

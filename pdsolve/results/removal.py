@@ -11,9 +11,10 @@ from pathlib import Path
 from pdmesh.files import irregular
 from pdsolve.results.errors import WriteError
 from pdsolve.results.opening import read_only
+from pdsolve.results.pieces import OF_RANK
 from pdsolve.results.side_files import INDEX, JOURNAL, LOG, expect_sound
 
-OF_RANK = r"\.\d+-\d+(-journal|-wal|-shm)?"  # behind the name of an index: databases of ranks
+BESIDE = f"({LOG}|{INDEX}|{JOURNAL})?"  # behind the name of a database: its files, or nothing
 INDEX_OF = "piece_of"  # the key of the table meta in which a database of a rank names its index
 SQLITE = b"SQLite format 3\0"
 
@@ -42,7 +43,7 @@ def _of_ranks(place: Path) -> list[Path]:
 
     Other databases of such names, as copies of a user, are not among them. Raises ResultsError for other files.
     """
-    pattern = re.compile(re.escape(place.name) + OF_RANK)
+    pattern = re.compile(re.escape(place.name) + OF_RANK + BESIDE)
     found = [file for file in place.parent.iterdir() if pattern.fullmatch(file.name)] if place.parent.is_dir() else []
     ours = []
     for database in sorted({file.with_name(file.name.removesuffix(_end(file))) for file in found}):

@@ -32,6 +32,7 @@ class Row(NamedTuple):
 GROUND = (
     "pdmesh.spelling",
     "pdmesh.commandline",
+    "pdmesh.compiled_watch",
     "pdmesh.completion",
     "pdmesh.environment_variables",
     "pdmesh.files",

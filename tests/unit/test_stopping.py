@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import ctypes
+import math
+import os
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import pytest
 
-from pdmesh import stopping
+from pdmesh import compiled_watch, stopping
+from pdmesh.compiled_watch import Table
+from pdmesh.files import LARGE, check_regular
 
 PROGRAM = """if True:
     import ctypes, hashlib, signal, sys, threading, time
@@ -21,6 +28,10 @@ PROGRAM = """if True:
     def call():
         "A long call into a library, which runs no handler of Python's; it leaves Python to other threads."
         hashlib.pbkdf2_hmac("sha512", b"", b"", 1 << 30)
+
+    def hold():
+        "A long call that keeps the interpreter's lock."
+        sum(range(1 << 40))
 
     def command():
         with replacing(Path("plate.json")) as part:
@@ -52,6 +63,25 @@ def test_within_a_long_call(tmp_path: Path, number: str, code: int, line: str) -
         said = child.communicate(timeout=60)[1]
     assert time.monotonic() - began < 2.0 + 2.0  # on a busy machine
     assert (child.returncode, said) == (code, f"pdmesh: interrupted{line}\n")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.endurance
+@pytest.mark.parametrize("first", ["stopping._is_ready.wait(60.0)", "stopping.expect_long_call()"])
+def test_while_a_call_holds_the_interpreter(tmp_path: Path, first: str) -> None:
+    """After a second or so no thread of Python is needed any more, or at once where a long call is expected."""
+    with started(tmp_path, f"{first}; print('ready', flush=True); hold()") as child:
+        assert child.stdout is not None
+        assert child.stdout.readline() == "ready\n"
+        time.sleep(0.2)
+        began = time.monotonic()
+        child.send_signal(signal.SIGTERM)
+        try:
+            said = child.communicate(timeout=30)[1]
+        finally:
+            child.kill()
+    assert time.monotonic() - began < 2.0 + 2.0  # on a busy machine; measured 1.53
+    assert (child.returncode, said) == (143, "pdmesh: interrupted by SIGTERM\n")
     assert not list(tmp_path.iterdir())
 
 
@@ -118,3 +148,149 @@ def test_of_a_link_its_own_name_is_noted(tmp_path: Path) -> None:
     name = stopping.begin_file(tmp_path / "short" / "link")
     stopping.finish_file(name)
     assert name == str((tmp_path / "folder").resolve() / "link")
+
+
+# ---- the compiled watch
+
+
+@pytest.fixture
+def ended(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[int]]:
+    """The exit codes with which the compiled code would have ended this process."""
+    codes: list[int] = []
+    end = ctypes.CFUNCTYPE(None, ctypes.c_int)(codes.append)
+    address = ctypes.cast(end, ctypes.c_void_p).value
+    monkeypatch.setattr(compiled_watch, "Table", partial(Table, address))
+    before = signal.signal(signal.SIGINT, lambda *_: None)
+    yield codes
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.fixture
+def pipe() -> Iterator[tuple[int, int]]:
+    ends = os.pipe()
+    yield ends
+    for end in ends:
+        os.close(end)
+
+
+def written(folder: Path, *names: str) -> list[Path]:
+    """New files of these names."""
+    for name in names:
+        (folder / name).write_text("{")
+    return [folder / name for name in names]
+
+
+def interrupted(number: int) -> tuple[int, str]:
+    return 128 + number, "ended"
+
+
+def test_the_compiled_watch_reads_signals_and_ends(
+    tmp_path: Path, ended: list[int], pipe: tuple[int, int], capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Other signals count for nothing; the first one that counts leaves all the time, and names the exit code."""
+    watch = compiled_watch.compiled_watch()
+    assert watch is not None
+    partial_file, finished = written(tmp_path, "part", "finished")
+    table = compiled_watch.Table()
+    table.listen(pipe[0], {2: (130, "by Ctrl-C"), 15: (143, "by SIGTERM \udcff")})
+    table.begin(0, math.inf, 0)
+    table.set_patience((math.inf, 0.05))
+    table.add_file(0, str(partial_file))
+    table.add_file(1, str(finished))
+    table.add_file(1 << 20, str(finished))
+    table.drop_file(1)
+    table.drop_file(1 << 20)
+    heard, words = os.pipe()
+    table.set_words((words, b"all is said"))
+    os.write(pipe[1], bytes([28, 255, 15, 28, 2]))
+    began = time.monotonic()
+    watch(table.address)
+    assert time.monotonic() - began >= 0.05
+    assert ended == [143]
+    assert capfd.readouterr().err == "by SIGTERM \\udcff\n"
+    assert os.read(heard, 99) == b"all is said"
+    assert [path.name for path in tmp_path.iterdir()] == ["finished"]
+    os.close(heard)
+    os.close(words)
+
+
+def test_the_compiled_watch_leaves_at_a_zero(ended: list[int], pipe: tuple[int, int]) -> None:
+    watch = compiled_watch.compiled_watch()
+    assert watch is not None
+    table = compiled_watch.Table()
+    table.listen(pipe[0], {15: (143, "")})
+    table.begin(1, time.monotonic() + 60.0, 15)
+    table.set_patience((60.0,))
+    os.write(pipe[1], bytes([15, 0]))
+    watch(table.address)
+    assert ended == []
+
+
+def test_time_counts_from_a_signal_before_the_code_was_compiled(ended: list[int], pipe: tuple[int, int]) -> None:
+    watch = compiled_watch.compiled_watch()
+    assert watch is not None
+    table = compiled_watch.Table()
+    table.listen(pipe[0], {15: (143, "")})
+    table.begin(1, time.monotonic() - 1.0, 15)
+    table.set_patience((math.inf,))
+    watch(table.address)
+    assert ended == [143]
+
+
+def test_the_compiled_watch_knows_what_changes(
+    tmp_path: Path, ended: list[int], monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Files that were begun before and after it, those that are finished, and the patience."""
+    monkeypatch.setattr(stopping, "_patience", (60.0, 60.0))
+    paths = written(tmp_path, "early", "late", "early finished", "late finished")
+    early, done = stopping.begin_file(paths[0]), stopping.begin_file(paths[2])
+    try:
+        with stopping.forced_end(frozenset([signal.SIGINT]), interrupted):
+            stopping.expect_long_call()
+            late = stopping.begin_file(paths[1])
+            stopping.finish_file(done)
+            stopping.finish_file(stopping.begin_file(paths[3]))
+            stopping.set_patience((0.05, 0.0))
+            signal.raise_signal(signal.SIGINT)
+            time.sleep(0.2)
+            assert ended == [130]
+        stopping.finish_file(late)
+    finally:
+        stopping.finish_file(early)
+    assert capfd.readouterr().err == "ended\n"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["early finished", "late finished"]
+
+
+def test_a_context_ends_the_compiled_watch(ended: list[int], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(stopping, "_patience", (0.2, 0.0))
+    with stopping.forced_end(frozenset([signal.SIGINT]), interrupted):
+        stopping.expect_long_call()
+        signal.raise_signal(signal.SIGINT)
+    time.sleep(0.3)
+    assert ended == []
+
+
+def test_without_a_compiler_a_thread_of_python_watches(monkeypatch: pytest.MonkeyPatch) -> None:
+    codes: list[tuple[int, str]] = []
+    monkeypatch.setattr(compiled_watch, "compiled_watch", lambda: None)
+    monkeypatch.setattr(stopping, "_end", lambda *how: codes.append(how))
+    monkeypatch.setattr(stopping, "_patience", (0.05, 0.0))
+    before = signal.signal(signal.SIGINT, lambda *_: None)
+    try:
+        with stopping.forced_end(frozenset([signal.SIGINT]), interrupted):
+            stopping.expect_long_call()
+            signal.raise_signal(signal.SIGINT)
+            time.sleep(0.2)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert codes == [(130, "ended")]
+
+
+def test_large_files_are_read_by_long_calls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    expected: list[None] = []
+    monkeypatch.setattr(stopping, "expect_long_call", lambda: expected.append(None))
+    for size in (LARGE, LARGE + 1):
+        with open(tmp_path / "plate.json", "wb") as file:
+            file.truncate(size)
+        check_regular(tmp_path / "plate.json")
+    assert len(expected) == 1

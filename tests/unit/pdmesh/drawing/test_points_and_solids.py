@@ -104,7 +104,7 @@ def test_points_in_space_are_a_body(tmp_path: Path) -> None:
         ("0 0 0 1 1\n0 0 0 1 1\n", naming(found="(0, 0)")),
         ("header: x y z\n0 0 0\n", naming("line 1", expected="volume")),
         ("0 0 0 1 1\n1 0 0 1 1\n.3 .8 0 1 1\n", naming("points", expected="lattice")),
-        ("0 0 0 1 1\n1 0 0 1 1\n.3 .8 1 1 1\n0 1 1 1 1\n", naming("points", expected="lattice")),
+        ("0 0 0 1 1\n1 0 0 1 1\n.3 .8 1 1 1\n0 1 1 1 1\n", naming("points", found="4 on no lattice", expected="8")),
         ("0 0 0 1 1\n", naming("points", found="two")),
         ("# header: x y block_id volume\n", naming(found="no points")),
         ("0 0 0 1 1\nheader: x y block_id volume\n1 0 1 1\n", naming("line 2", found="header:", expected="before")),
