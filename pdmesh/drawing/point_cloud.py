@@ -29,11 +29,11 @@ HALVINGS = 50  # of an interval, to round-off
 def body_of_points(mesh: Mesh, values: Mapping[str, float | str], source: str) -> Body:
     """The body whose nodes are the points of a mesh, with their volumes. Raises SceneError."""
     if SPACING in values:
-        raise SceneError(f"parameter '{SPACING}': found one, expected none: the points are the nodes")
+        raise SceneError(f"parameter '{SPACING}' has no use where the points are the nodes; leave it out")
     rows = np.concatenate([block.data[:, 0] for block in mesh.cells])
     places, volumes, unit = mesh.points[rows], np.concatenate(mesh.volumes), unit_of(values)
     if len(places) < FEWEST:
-        raise SceneError(f"points: found {len(places)} on no lattice, expected {FEWEST} or more in space")
+        raise SceneError(f"points: {len(places)} on no lattice are too few; use {FEWEST} or more in space")
     spacing = _spacings(places, volumes)
     triangles = surface_of(places, spacing)
     corners, outside = _around(places, triangles, float(volumes.sum()), float(np.median(spacing)))
@@ -111,7 +111,7 @@ def surface_of(places: NDArray[np.float64], spacing: NDArray[np.float64]) -> NDA
     try:
         cells = Delaunay((places - places.mean(axis=0)) / scale).simplices.astype(np.int64)
     except (QhullError, ValueError):
-        raise SceneError(f"points: found {len(places)} in one plane or on one line, expected a body") from None
+        raise SceneError(f"points: {len(places)} lie in one plane or on one line; use those of a body") from None
     corner = places[cells]
     sides = corner[:, 1:] - corner[:, :1]
     six = np.linalg.det(sides)
@@ -126,9 +126,7 @@ def surface_of(places: NDArray[np.float64], spacing: NDArray[np.float64]) -> NDA
         ) / np.abs(2 * six)
     inside = ~flat & (radius <= WIDEST * spacing[cells].max(axis=1))
     if not inside.any():
-        raise SceneError(
-            f"points: found them farther apart than their volumes, {np.median(spacing):.4g} wide, expected neighbours"
-        )
+        raise SceneError(f"points are farther apart than their volumes, {np.median(spacing):.4g} wide; use neighbours")
     cells, six = cells[inside], six[inside]
     cells[six < 0] = cells[six < 0][:, [0, 2, 1, 3]]
     faces = np.concatenate([cells[:, side] for side in ((0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2))])

@@ -122,7 +122,8 @@ def _refuse_overlap(bodies: list[tuple[str, Body]]) -> None:
                 deep = distances(inner, theirs, float(np.ptp(theirs, axis=(0, 1)).max())).max()
                 rest = other if name != REST and other == REST else name
                 raise SceneError(
-                    f"{place} is {deep + float(level.delta.max()) / 2:.4g} m deep in body '{rest}'; bodies may touch at most"
+                    f"{place} is {deep + float(level.delta.max()) / 2:.4g} m deep in body '{rest}'; bodies may touch"
+                    " at most"
                 )
 
 

@@ -28,7 +28,7 @@ class Scattered(NamedTuple):
         """The nodes that a body has. Raises SceneError for an adaptive method, whose nodes are on a lattice."""
         assert body.nodes is not None
         if body.run.adapt != "none":
-            raise SceneError(f"run.adapt: found {body.run.adapt} of points on no lattice, expected none")
+            raise SceneError(f"run.adapt is {body.run.adapt}; use none for points on no lattice")
         position, delta = body.nodes.position, body.nodes.delta
         near = distances(position, body.shell.triangles, float(delta.max()))
         return cls(position, delta, body.nodes.volume, near < delta)

@@ -364,7 +364,7 @@ class Hybrid:
         """Restore the counts of a checkpoint with these broken bonds, and the nodes with softened or broken bonds."""
         zone, number = self.zone, entry(kept, "number", (None,), np.int64)
         if len(number) < ENTRIES:
-            raise CheckpointError(f"found {len(number)} values in 'number', expected {ENTRIES} at least")
+            raise CheckpointError(f"'number' has {len(number)} values; it needs {ENTRIES} at least")
         stirs = entry(kept, "stirs", (None,), np.int64, 0, len(zone.stirs) - 1)
         fine = zone.fine.kind
         if (number[[BREAKS, STIRS]] != [len(node), len(stirs)]).any() or not 0 <= number[KNOWN] <= len(stirs):
