@@ -16,7 +16,7 @@ from pdsolve.study.description import read_study
 
 
 def test_a_study_that_is_shown_is_one(tmp_path: Path) -> None:
-    (block,) = blocks(DOCS / "studies.md", "toml")
+    (block,) = blocks(DOCS / "how_to" / "parameter_study.md", "toml")
     (tmp_path / "study.toml").write_text(block.text)
     shutil.copy(ROOT / "geometries" / "duran50.geo", tmp_path)
     assert len(read_study(tmp_path / "study.toml").cases()) == 2 * 2 * 5
