@@ -43,6 +43,8 @@ OTHERS = (  # sections that stay: of another command, and measured with version 
     "## Fine zones of all kinds on the same scenes",
     "## The first bond",
     "## Removed after version 1.0.0",
+    "## What the seam of a body sends back",
+    "## What a fine zone saves in a body",
 )
 CRACKED = 0.35  # damage of a node on the path
 LOOK = 100  # steps between two looks

@@ -27,6 +27,8 @@ HERE = Path(__file__).parent.parent
 
 ABOVE = """# Stress intensity factors
 
+Stress intensity factors of cracked plates beside the formulas of handbooks.
+
 `python -m benchmarks.handbook` writes this page. Its plates are {wide} spacings wide (conical, plane stress, one
 scale), are solved at rest, and are compared with formulas for the same geometry.
 

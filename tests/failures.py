@@ -15,6 +15,8 @@ FOLDER = Path(__file__).parent / "stability"
 INTRODUCTION = """\
 # Known limitations
 
+Each limitation (failure) of a method has its cause, the message that notices it, and its cure.
+
 Written by `make failures` from the tests in `tests/stability`: each case below is a test that reproduces the failure
 and the cure. Every number was measured, and every message printed, while the tests ran.
 "thesis" and "conservative" are the modes of

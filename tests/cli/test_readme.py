@@ -37,8 +37,8 @@ def test_a_bare_thesis_file_with_the_settings_of_the_readme_is_the_shipped_scene
 
 def options(parser: argparse.ArgumentParser) -> set[str]:
     """All options of a program and of its commands."""
-    commands = [action.choices.values() for action in parser._actions if isinstance(action.choices, dict)]
-    return set(parser._option_string_actions).union(*(options(each) for group in commands for each in group))
+    commands = [command() for command in getattr(parser, "others", {}).values()]
+    return set(parser._option_string_actions).union(*(options(command) for command in commands))
 
 
 def test_every_scene_and_option_it_names_exists() -> None:

@@ -51,6 +51,10 @@ def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
     done = subprocess.run([sys.executable, *words], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "index.html").is_file()
+    assert "url=../guide/quasi_static.html" in (tmp_path / "guide" / "at_rest.html").read_text(encoding="utf-8")
+    entries = re.search(r'"indexentries":\s*(\{.*?\})', (tmp_path / "searchindex.js").read_text(encoding="utf-8"))
+    assert entries is not None
+    assert '"boundary condition":' in entries[1]
     for page in tmp_path.rglob("*.html"):
         text = page.read_text(encoding="utf-8")
         assert not re.search(r"<(script|img|iframe)[^>]*src=\"(https?:)?//", text), page
