@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import tomllib
 from pathlib import Path
 from typing import Any
 
 from docutils.nodes import SkipNode
 from docutils.utils.math.latex2mathml import tex2mathml
+from sphinx import addnodes
 
 from pdmesh import VERSION
 from pdmesh.model.document import schema
@@ -95,11 +97,21 @@ def _redirect(app: Any, failure: Exception | None) -> None:
             )
 
 
+def _index_words(app: Any, doctree: Any) -> None:
+    """Make the words of `search_words.toml` main index entries of their page, so that the search has it first."""
+    words = WORDS.get(app.env.docname)
+    if words:
+        doctree.insert(0, addnodes.index(entries=[("single", word, "", "main", None) for word in words]))
+
+
 def setup(app: Any) -> None:
     """Formulas as MathML, which browsers draw by themselves: no script, no network. Old addresses redirect."""
+    app.connect("doctree-read", _index_words)
     app.add_html_math_renderer("mathml", (_inline, None), (_displayed, None))
     app.connect("build-finished", _redirect)
 
+
+WORDS = tomllib.loads((Path(__file__).parent / "search_words.toml").read_text(encoding="utf-8"))
 
 # The JSON Schema of the grid file lies beside the pages.
 SCHEMA = Path(__file__).parent / "schema"
