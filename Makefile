@@ -13,7 +13,7 @@
 # make handbook  stress intensities of cracked plates beside the handbook's, measured anew on one page
 # make materials  what materials go with and their settings, what bodies do not have: sections of pages
 # make forks   where a crack of particles forks, over time steps and grids: a section of a page
-# make split   what cells that split cost against threshold and interval: docs/split.png and a section of a page
+# make split   what cells that split cost against threshold and interval: docs/verification/split.png and a section of a page
 # make bench    check what plans promise: benchmarks/planning.json
 # make bench-speed  measure the solver on all plates: benchmarks/speed.json and .png
 # make bench-quick  the same on one plate; fails where the fast kernel is too slow
@@ -22,7 +22,7 @@
 # make mutants  break the code on purpose, in places written down and in a hundred drawn, and see that tests notice
 # make places   tests of files, users, locks, processes, walls and caches where the host has no name, as another user, without HOME and so on (PLACES="spaced wheel")
 # make size    lines of the packages, and through how many files a model goes until its first step
-# make endurance  hundreds of forgeries; then kills, corruptions, full disks and more, in at most an hour: docs/endurance.md
+# make endurance  hundreds of forgeries; then kills, corruptions, full disks and more, in at most an hour: docs/developers/endurance.md
 # make clean   remove what the others made
 
 VENV ?= .venv
@@ -72,7 +72,7 @@ sources: thesis
 	$(BIN)/python -m benchmarks.sources
 
 failures: $(VENV)/test.done
-	$(BIN)/python -m pytest tests/stability --failures-page docs/where_methods_fail.md
+	$(BIN)/python -m pytest tests/stability --failures-page docs/verification/limitations.md
 
 handbook: $(VENV)/install.done
 	$(BIN)/python -m benchmarks.handbook

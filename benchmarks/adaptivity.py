@@ -3,7 +3,8 @@
 Kalthoff and Winkler's plate of steel and Duran's of glass, uniform and hybrid on one lattice, one thread each. Cost:
 CPU time of the loop, both in turn, the least of N. Error: the mean distance of the crack's path from those of uniform
 runs, over the length of the path, and the time of the first bond, for four steps, as a crack is known no better than
-runs that differ by the step alone differ from each other. And all shipped scenes, once. Writes docs/adaptivity.md.
+runs that differ by the step alone differ from each other. And all shipped scenes, once. Writes
+docs/verification/adaptivity.md.
 """
 
 from __future__ import annotations
@@ -35,13 +36,15 @@ from pdsolve.run.simulation import changing
 
 ROOT = Path(__file__).parent.parent
 GEOMETRIES = ROOT / "geometries"
-PAGE = ROOT / "docs" / "adaptivity.md"
+PAGE = ROOT / "docs" / "verification" / "adaptivity.md"
 STEPS = (1.0, 0.9625, 0.925, 0.8875)  # of the surely stable step: ratios of 0.80, 0.77, 0.74 and 0.71
 OTHERS = (  # sections that stay: of another command, and measured with version 1.0.0
     split.TITLE,
     "## Fine zones of all kinds on the same scenes",
     "## The first bond",
     "## Removed after version 1.0.0",
+    "## What the seam of a body sends back",
+    "## What a fine zone saves in a body",
 )
 CRACKED = 0.35  # damage of a node on the path
 LOOK = 100  # steps between two looks
@@ -247,7 +250,7 @@ def _time(found: Found) -> str:
     return "none" if np.isnan(found.first) else f"{1e6 * found.first:.2f}"
 
 
-HEAD = """# Peridynamics where bonds may break, a compact lattice elsewhere
+HEAD = """# Verification of adaptive zones
 
 **How to use it.** Run `pdmesh build plate.geo --adapt hybrid`, then `pdsolve plate.json`. A scene in Python says
 `.adapt()`, a drawing `Peridynamics/Run/Adapt`. If the nodes are on one lattice already, `pdsolve --adapt hybrid` is
@@ -301,7 +304,7 @@ from the number of nodes; the bits of the results do not depend on it.
 
 **When not to use it**: where much of the plate is crushed or softens, because most of it then becomes fine; where 12 h
 around a tip, or the surroundings of holes, are most of the plate; with horizons of more than 4 spacings, for which the
-zone is narrow ([where methods fail](where_methods_fail.md)). `--adapt auto` takes fine nodes everywhere then. A run in
+zone is narrow ([where methods fail](limitations.md)). `--adapt auto` takes fine nodes everywhere then. A run in
 which a clipped bond would break goes back, with fine cells that come earlier from a frame on, and in the end begins
 anew with fine nodes everywhere.
 

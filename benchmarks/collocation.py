@@ -5,7 +5,7 @@ Mossaiby, A. Hermann, C. J. Cyron, P. Trovalusci, Int. J. Fract. 244 (2023)): a 
 nodes in a minute, with --full 0.25 and 0.5 mm, 24 and 12 in a horizon, as in the source, in some ten minutes of one
 core. Uniform runs are of the same kernel, all of their nodes fine. All runs take turns, so that their times compare.
 Besides, the same nodes with four spacings in the horizon: uniform, hybrid and this. Writes its sections of
-docs/collocation.md, and their pictures.
+docs/verification/collocation.md, and their pictures.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from pdsolve.run.measures import books, damage
 from pdsolve.run.node_changes import zone_moved
 from pdsolve.run.prepare import prepare
 
-PAGE = ROOT / "docs" / "collocation.md"
+PAGE = ROOT / "docs" / "verification" / "collocation.md"
 HORIZON, DURATION, LOOKS = 6e-3, 87.5e-6, 35
 RADIUS = 10e-3  # m around the tip of the upper notch, whose energy is compared
 CRACKED, LEVEL = 0.35, 0.06  # damage of a node on the path; m above the middle where tips are timed
@@ -212,7 +212,7 @@ def beside(h: float) -> str:
         f"## Beside the hybrid, {1e3 * h:g} mm between nodes",
         "",
         "For this plate the hybrid's zone is too narrow if the horizon is 5 or 6 spacings, the largest it supports"
-        " ([where methods fail](where_methods_fail.md)), or if the micromodulus is constant. The table has all three"
+        " ([where methods fail](limitations.md)), or if the micromodulus is constant. The table has all three"
         f" with their defaults, a horizon of {FEW:g} spacings ({1e3 * FEW * h:g} mm) and a conical micromodulus, on the"
         f" same {len(model.grid)} nodes. CPU time is that of the loop on one thread, the least of {TURNS} runs in turn."
         " So few spacings need damping beside the seam (`run.collocation.damped`), which takes most of the work.",
@@ -255,7 +255,7 @@ def chart(founds: list[Found], path: Path) -> None:
     figure.savefig(path, dpi=110)
 
 
-HEAD = """# The deck of the multi-adaptive method's source
+HEAD = """# Collocation benchmark
 
 `python -m benchmarks.collocation` writes this page, with `--full` at the resolution of the source. The deck is
 Kalthoff and Winkler's steel plate as G. Ongaro et al. (Int. J. Fract. 244 (2023)) solve it: plane strain, struck edge

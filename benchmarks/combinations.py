@@ -1,6 +1,6 @@
 """What materials go with and their settings, from what they say of themselves: python -m benchmarks.combinations.
 
-Writes sections of docs/guide/models.md. A row of a table is a material that solvers are asked for.
+Writes sections of docs/guide/materials.md. A row of a table is a material that solvers are asked for.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from pdmesh.model.material import DECLARED, switch_of
 from pdmesh.model.materials import KINDS
 from pdmesh.model.refused_settings import impossible, on_ranks
 
-PAGE = Path(__file__).parents[1] / "docs" / "guide" / "models.md"
+PAGE = Path(__file__).parents[1] / "docs" / "guide" / "materials.md"
 SOLID: dict[str, Any] = {"model": "correspondence", "nu": 0.2}
 MATERIALS: dict[str, dict[str, Any]] = {
     "bond, brittle": {},

@@ -1,7 +1,7 @@
 """Faults of all kinds for as long as there is time: `make endurance`, or python -m benchmarks.endurance --minutes 15.
 
-Writes docs/endurance.md: what was tried, what was lost, what ended in a traceback, what came out wrong, and what did
-not fit into the time. All of it happens in a scratch folder.
+Writes docs/developers/endurance.md: what was tried, what was lost, what ended in a traceback, what came out wrong,
+and what did not fit into the time. All of it happens in a scratch folder.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ LANES = (  # parts that are tried one after the other, beside those of the other
         "2 million nodes, Ctrl-C",
     ],
 )
-PAGE = ROOT / "docs" / "endurance.md"
+PAGE = ROOT / "docs" / "developers" / "endurance.md"
 
 
 def limit(end: float) -> Until:
@@ -72,7 +72,7 @@ def page(parts: dict[str, tuple[Part, float]], minutes: float) -> str:
     """The page."""
     rows = [part for part, _ in parts.values()]
     lines = [
-        "# Endurance",
+        "# Endurance test",
         "",
         f"Written by `make endurance` (here `python -m benchmarks.endurance --minutes {minutes:g}`), version {VERSION},"
         f" {os.cpu_count()} cores, Python {platform.python_version()}. *Tried* are the cases that fitted into the"
@@ -142,7 +142,7 @@ def side_by_side(minutes: float) -> Iterator[tuple[str, Part, float]]:
 
 def main(arguments: list[str]) -> int:
     """Try all parts, write the page; 1 where anything fell."""
-    program = argparse.ArgumentParser(description="Try what runs endure, and write docs/endurance.md.")
+    program = argparse.ArgumentParser(description="Try what runs endure, and write docs/developers/endurance.md.")
     program.add_argument("--minutes", type=float, default=55.0, help="how long there is (default: 55)")
     program.add_argument("--part", choices=PARTS, action="append", help="this part alone; the page is not written")
     program.add_argument("--again", action="store_true", help="write what came of --part into the page that is there")

@@ -1,6 +1,7 @@
 """Where the crack of geometries/forked_crack.py forks, over time steps and grids: python -m benchmarks.forks
 
-Writes its section of `docs/guide/particles.md`. One run of a crack that branches says nothing of how sure it is.
+Writes its section of `docs/verification/crack_particles.md`. One run of a crack that branches says nothing of how
+sure it is.
 """
 
 from __future__ import annotations
@@ -83,7 +84,7 @@ def section(found: dict[float, list[Forked]]) -> str:
 def main() -> int:
     """Write the section."""
     found = {spacing: [forked(spacing, step) for step in STEPS] for spacing in SPACINGS}
-    put_section(ROOT / "docs" / "guide" / "particles.md", section(found).strip("\n"))
+    put_section(ROOT / "docs" / "verification" / "crack_particles.md", section(found).strip("\n"))
     return 0
 
 

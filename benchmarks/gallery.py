@@ -20,6 +20,18 @@ from PIL import Image
 
 ROOT = Path(__file__).parent.parent
 PAGE = ROOT / "docs" / "gallery.md"
+NAMES = {  # of people, materials and shapes, as a heading has them
+    "kalthoff winkler": "Kalthoff-Winkler",
+    "duran50": "Duran 50",
+    "duran metre": "Duran glass, one metre",
+    "cook ": "Cook's ",
+    "nooru mohamed": "Nooru-Mohamed",
+    "l panel": "L-shaped panel",
+    "v notch": "V-notch",
+    "soda lime": "soda-lime glass",
+    "figure 18": "bracket",
+    "figure 19": "plate with holes and inclusion",
+}
 TEXTS = Path(__file__).parent / "gallery_texts.md"
 WIDE = 720  # pixels of a picture
 ACROSS = 3  # pictures in a row of the table
@@ -126,9 +138,22 @@ def texts() -> dict[str, str]:
     return {name: text.strip() for name, _, text in (part.partition("\n") for part in parts)}
 
 
+def title(scene: Path) -> str:
+    """The heading of a scene, its name in words."""
+    words = scene.stem.replace("_", " ")
+    for plain, name in NAMES.items():
+        words = words.replace(plain, name)
+    return words[0].upper() + words[1:]
+
+
+def anchor(scene: Path) -> str:
+    """The address of a scene's heading on the page."""
+    return re.sub(r"[^\w -]", "", title(scene).lower()).replace(" ", "-")
+
+
 def front(scenes: list[Path]) -> list[str]:
     """A table of pictures, each of which leads to its scene."""
-    found = {scene.stem: f"[![{caption(scene)}](gallery/{scene.stem}.png)](#{scene.stem})" for scene in scenes}
+    found = {scene.stem: f"[![{caption(scene)}](gallery/{scene.stem}.png)](#{anchor(scene)})" for scene in scenes}
     shown = [found[name] for name in FRONT]
     rows = [f"| {' | '.join(shown[at : at + ACROSS])} |" for at in range(0, len(shown), ACROSS)]
     return [rows[0], "|---" * ACROSS + "|", *rows[1:], ""]
@@ -139,14 +164,15 @@ def page(scenes: list[Path]) -> str:
     lines = [
         "# Gallery",
         "",
-        "The scenes in `geometries/`: what each shows, its equation, its source, what was measured beside it, and its",
-        "commands. Written by `python -m benchmarks.gallery`.",
+        "The gallery has the examples in `geometries/`: what each shows, its equation, its source, what was measured",
+        "beside it, and its commands. Written by `python -m benchmarks.gallery`.",
         "",
         *front(scenes),
     ]
     said = texts()
     for scene in scenes:
-        lines += [f"## {scene.stem}", "", f"![{caption(scene)}](gallery/{scene.stem}.png)", "", said[scene.stem], ""]
+        picture = f"![{caption(scene)}](gallery/{scene.stem}.png)"
+        lines += [f"## {title(scene)}", "", f"`geometries/{scene.name}`", "", picture, "", said[scene.stem], ""]
         lines += ["```bash", *commands(scene), "```", ""]
     return "\n".join(lines)
 

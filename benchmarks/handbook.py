@@ -1,6 +1,7 @@
 """Stress intensities of cracked plates against the handbook's: python -m benchmarks.handbook [--wide N] [-o FILE]
 
-Solves the plates of `specimens.py` and writes `docs/handbook.md`, the table of ours against theirs.
+Solves the plates of `specimens.py` and writes `docs/verification/stress_intensity.md`, the table of ours against
+theirs.
 """
 
 from __future__ import annotations
@@ -24,7 +25,9 @@ from pdsolve.run.simulation import Options, simulate
 SHORT = 3.0  # spacings: the horizon that is shown beside
 HERE = Path(__file__).parent.parent
 
-ABOVE = """# Stress intensities against the handbook
+ABOVE = """# Stress intensity factors
+
+Stress intensity factors of cracked plates beside the formulas of handbooks.
 
 `python -m benchmarks.handbook` writes this page. Its plates are {wide} spacings wide (conical, plane stress, one
 scale), are solved at rest, and are compared with formulas for the same geometry.
@@ -103,7 +106,7 @@ def main() -> int:
     """Write the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--wide", type=int, default=WIDE, help=f"spacings of a plate's width (default: {WIDE})")
-    parser.add_argument("-o", "--output", type=Path, default=HERE / "docs" / "handbook.md")
+    parser.add_argument("-o", "--output", type=Path, default=HERE / "docs" / "verification" / "stress_intensity.md")
     args = parser.parse_args()
     lines = []
     for specimen in SPECIMENS:

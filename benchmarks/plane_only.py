@@ -1,6 +1,6 @@
 """What bodies in space do not have yet, each with the sentence that refuses it: python -m benchmarks.plane_only.
 
-Tries it on a small body and writes a section of docs/guide/bodies.md.
+Tries it on a small body and writes a section of docs/guide/3d.md.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from pdmesh.__main__ import main as pdmesh
 from pdpost.__main__ import main as pdpost
 from pdsolve.__main__ import main as pdsolve
 
-PAGE = Path(__file__).parents[1] / "docs" / "guide" / "bodies.md"
+PAGE = Path(__file__).parents[1] / "docs" / "guide" / "3d.md"
 PROGRAMS: dict[str, Callable[[list[str]], int]] = {"pdmesh": pdmesh, "pdsolve": pdsolve, "pdpost": pdpost}
 SCENE = """
 from pdmesh import Body, Box, Material

@@ -2,8 +2,8 @@
 
 `python -m benchmarks.planning` measures the first and writes pdmesh/reports/accuracy.json; `--check` then asks for
 proposals for two scenes that were not used, solves them and uniform runs of half their finest spacing, and says what
-the error was. Of cracks, which scatter, errors are medians of several runs. benchmarks/README.md says how each number
-is made.
+the error was. Of cracks, which scatter, errors are medians of several runs. docs/developers/benchmarks.md says how
+each number is made.
 """
 
 from __future__ import annotations

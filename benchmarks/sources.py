@@ -1,6 +1,6 @@
 """Solve the examples of the other sources and write a page for each: claimed, accepted, measured.
 
-    python -m benchmarks.sources [-o docs/sources]
+    python -m benchmarks.sources [-o docs/verification/reproductions]
 
 Results are kept in `build/sources` and used again; delete that folder for a fresh run.
 """
@@ -157,7 +157,7 @@ def _bent(X: NDArray[np.float64], Y: NDArray[np.float64]) -> NDArray[np.float64]
 PAGES = (
     Page(
         "correspondence",
-        "Non-ordinary peridynamics: a bar and a branching plate",
+        "Reproduction of correspondence models: a bar and a branching plate",
         "For the bar the source prints no number; it says only that the solution converges. For the plate it says when"
         " the first bond breaks and when the crack reaches the far edge. The place of branching is chaotic, so a single"
         " number cannot be compared closely: `tests/verification/test_branching.py` compares several runs.",
@@ -168,7 +168,7 @@ PAGES = (
     ),
     Page(
         "gradients",
-        "Gradients of higher order, and nonlinear materials",
+        "Reproduction of higher-order gradients and nonlinear materials",
         "The source is a set of slides. Their only numbers are the rotations of the bent square; the nonlinear"
         " materials are only named.",
         (
@@ -208,7 +208,9 @@ def section(example: Example, folder: Path, cache: Path) -> str:
 def main() -> int:
     """Write the pages and their pictures."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("-o", "--output", type=Path, default=Path("docs/sources"), help="folder of the pages")
+    parser.add_argument(
+        "-o", "--output", type=Path, default=Path("docs/verification/reproductions"), help="folder of the pages"
+    )
     parser.add_argument("--cache", type=Path, default=Path("build/sources"), help="folder of the results")
     args = parser.parse_args()
     args.cache.mkdir(parents=True, exist_ok=True)
@@ -218,8 +220,8 @@ def main() -> int:
         sections = [section(example, folder, args.cache) for example in page.examples]
         more = [page.more()] if page.more() else []
         text = "\n".join([f"# {page.title}\n", f"{page.words}\n", provenance(), *more, *sections])
-        (folder / "README.md").write_text(text, encoding="utf-8")
-        print(f"The page: {folder / 'README.md'}")
+        (folder / "index.md").write_text(text, encoding="utf-8")
+        print(f"The page: {folder / 'index.md'}")
     return 0
 
 

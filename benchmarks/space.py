@@ -1,8 +1,8 @@
 """How fast bodies in space are: tiles against the list of bonds, in one interleaved run.
 
-`python -m benchmarks.space` writes space.json and a section of docs/guide/speed.md. Times of one thread are CPU time,
-those of two are by the clock; each is the least of `ROUNDS` interleaved repeats. Bytes are what the process of a large
-body has at its peak beyond that of a small one.
+`python -m benchmarks.space` writes space.json and a section of docs/verification/accuracy_and_cost.md. Times of one
+thread are CPU time, those of two are by the clock; each is the least of `ROUNDS` interleaved repeats. Bytes are what
+the process of a large body has at its peak beyond that of a small one.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
 from pdsolve.run.system import Prepared
 
-PAGE = Path(__file__).parent.parent / "docs" / "guide" / "speed.md"
+PAGE = Path(__file__).parent.parent / "docs" / "verification" / "accuracy_and_cost.md"
 GLASS = Material(E=65e9, rho=2235.0, G0=204.0, micromodulus="constant", plane="space")
 DRAWN = """from pdmesh import Body, Box, Material, Run
 glass = Material(E=65e9, rho=2235.0, G0=204.0, micromodulus="constant", plane="space")

@@ -2,7 +2,7 @@
 
 `python -m benchmarks.speed` writes speed.json and speed.png, with what the processor allows; `--against DIR` measures
 another checkout beside this one; `--quick` measures one plate and fails where the fast kernel is less than `LEAST`
-times the listed one. benchmarks/README.md says how each number is made.
+times the listed one. docs/developers/benchmarks.md says how each number is made.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ The Duran plate of the thesis from 1020 nodes 2 mm apart, whose cells split once
 when the crack starts, when and where it branches, and what the runs cost. A crack that branches is known no better than
 runs that differ by the time step alone differ from each other, so all are medians of several, with their range. Draws
 the chart, the nodes of one run at several times, in the manner of the thesis's figures 70 to 75, and writes its section
-of docs/adaptivity.md.
+of docs/verification/adaptivity.md.
 """
 
 from __future__ import annotations
@@ -30,7 +30,8 @@ from pdsolve.model import Model, ModelWarning
 from pdsolve.run.simulation import Options, simulate
 
 ROOT = Path(__file__).parent.parent
-CHART, PAGE, PICTURES = ROOT / "docs" / "split.png", ROOT / "docs" / "adaptivity.md", ROOT / "docs" / "split"
+PAGE = ROOT / "docs" / "verification" / "adaptivity.md"
+CHART, PICTURES = PAGE.with_name("split.png"), PAGE.with_name("split")
 TITLE = "## Cells that split"
 GLASS = Material(E=65e9, rho=2235.0, G0=204.0)
 COARSE, DURATION, LOOK = 2e-3, 36e-6, 0.25e-6  # m; s; s between two frames
@@ -230,8 +231,8 @@ def pictures(folder: Path) -> list[Path]:
 HEAD = f"""{TITLE}
 
 `--adapt split` is the thesis's adaptive refinement (pp. 97-103), for comparison. The
-[guide](guide/adaptivity.md) lists its keys. It works in both modes. A cell is a node with its square. A cell may split
-into four, whose nodes are a quarter of its spacing from its middle and have the horizon of their own spacing.
+[guide](../guide/adaptivity.md) lists its keys. It works in both modes. A cell is a node with its square. A cell may
+split into four, whose nodes are a quarter of its spacing from its middle and have the horizon of their own spacing.
 
 - *Flags.* Every few steps the solver flags a node if its energy density is above a floor and above a share of the
   plate's largest, which counts up to a ceiling, or if one of its bonds is stretched beyond a share of the critical
@@ -284,7 +285,9 @@ def publish(runs: dict[Way, list[Found]], output: Path, page: Path, folder: Path
 def main(arguments: list[str]) -> int:
     """Measure, draw, write."""
     parser = argparse.ArgumentParser(description="Measure what splitting cells costs and is off by.")
-    parser.add_argument("-o", "--output", type=Path, default=CHART, help="the chart (default: docs/split.png)")
+    parser.add_argument(
+        "-o", "--output", type=Path, default=CHART, help="the chart (default: docs/verification/split.png)"
+    )
     parser.add_argument("--page", type=Path, default=PAGE, help="the page whose section is written")
     parser.add_argument("--pictures", type=Path, default=PICTURES, help="a folder for nodes at several times")
     args = parser.parse_args(arguments)

@@ -1,6 +1,6 @@
 """Solve every scene of the thesis in both modes and write what came out as one page.
 
-    python -m benchmarks.thesis [-o docs/thesis]
+    python -m benchmarks.thesis [-o docs/verification/reproductions/thesis]
 
 Results are kept in `build/thesis` and used again; delete that folder for a fresh run.
 """
@@ -64,7 +64,7 @@ The bilinear scenes keep the thesis's law in both modes (`keep_G0` false), which
 
 def page(folder: Path, cache: Path) -> str:
     """Solve everything, draw the pictures into `folder`, return the page."""
-    parts = [f"# The thesis, reproduced\n\n{INTRODUCTION}", provenance(), _tables(cache)]
+    parts = [f"# Reproduction of A. De Checchi's thesis\n\n{INTRODUCTION}", provenance(), _tables(cache)]
     sections, misses = [], []
     for case in tqdm(CASES, unit=" scene", disable=not sys.stderr.isatty()):
         text, missed = _section(case, folder, cache)
@@ -230,14 +230,16 @@ def _plot_history(times: NDArray[np.float64], histories: list[dict[str, NDArray[
 def main() -> int:
     """Write the page and its pictures."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("-o", "--output", type=Path, default=Path("docs/thesis"), help="folder of the page")
+    parser.add_argument(
+        "-o", "--output", type=Path, default=Path("docs/verification/reproductions/thesis"), help="folder of the page"
+    )
     parser.add_argument("--cache", type=Path, default=Path("build/thesis"), help="folder of the results")
     args = parser.parse_args()
     args.output.mkdir(parents=True, exist_ok=True)
     args.cache.mkdir(parents=True, exist_ok=True)
     text = page(args.output, args.cache)
-    (args.output / "README.md").write_text(text, encoding="utf-8")
-    print(f"The page: {args.output / 'README.md'}")
+    (args.output / "index.md").write_text(text, encoding="utf-8")
+    print(f"The page: {args.output / 'index.md'}")
     return 0
 
 

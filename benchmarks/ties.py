@@ -101,7 +101,7 @@ def felt(law: str, ties: str = "cut", kind: str = "edge", wide: int = 40) -> Fel
 
 
 def section() -> str:
-    """What docs/handbook.md says of ties."""
+    """What docs/verification/stress_intensity.md says of ties."""
     found = {
         (kind, wide, ties, law): felt(law, ties, kind, wide)
         for (kind, wide), every in SHOWN.items()

@@ -1,8 +1,8 @@
 """The curves of the tutorials: what stands on their pages is typed, and its tables are drawn over what is known.
 
 `python -m benchmarks.tutorials` writes docs/tutorials/NAME.png; names of tutorials draw those alone. Each page's bash
-blocks are run in a folder of their own. Curves that a paper or a formula gives are read from docs/data, where each file
-names its source; the numbers in a picture's title are measured.
+blocks are run in a folder of their own. Curves that a paper or a formula gives are read from
+docs/verification/reproductions/data, where each file names its source; the numbers in a picture's title are measured.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 ROOT = Path(__file__).parent.parent
 PAGES = ROOT / "docs" / "tutorials"
-DATA = ROOT / "docs" / "data"
+DATA = ROOT / "docs" / "verification" / "reproductions" / "data"
 OURS, KNOWN = "#0072B2", "#D55E00"
 RAYLEIGH = 0.5755  # of sqrt(E / rho), at a Poisson's ratio of 1/3
 
@@ -230,7 +230,7 @@ TUTORIALS = {
     "block_of_rubber": Tutorial(rubber, "stretch, m", "force over E, per metre"),
     "quenched_slab": Tutorial(quench, "depth over half of the thickness", "T over dT, stress over E alpha dT"),
     "corrosion": Tutorial(screw, "time, 1000 s", "share dissolved"),
-    "body_in_space": Tutorial(ring, "fragment", "mass, g"),
+    "fragmenting_ring": Tutorial(ring, "fragment", "mass, g"),
 }
 
 

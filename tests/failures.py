@@ -13,13 +13,16 @@ from pdsolve.model import ModelWarning
 
 FOLDER = Path(__file__).parent / "stability"
 INTRODUCTION = """\
-# Where methods fail
+# Known limitations
+
+Each limitation (failure) of a method has its cause, the message that notices it, and its cure.
 
 Written by `make failures` from the tests in `tests/stability`: each case below is a test that reproduces the failure
 and the cure. Every number was measured, and every message printed, while the tests ran.
 "thesis" and "conservative" are the modes of
-`pdsolve` (see [the programs](guide/programs.md)). A warning is one line on stderr; an error is one line and an exit
-code of 2, or 3 where a run had to be stopped; `model` in a message stands for the name of the model's file.
+`pdsolve` (see [the programs](../getting_started/overview.md)). A warning is one line on stderr; an error is one line
+and an exit code of 2, or 3 where a run had to be stopped; `model` in a message stands for the name of the model's
+file.
 """
 
 

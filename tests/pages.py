@@ -10,9 +10,13 @@ from plates import ROOT
 
 DOCS = ROOT / "docs"
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-GUIDE = {page.stem: page.read_text(encoding="utf-8") for page in sorted((DOCS / "guide").glob("*.md"))}
-TOLD = "\n".join([README, *GUIDE.values()])
-EVERY = [ROOT / "README.md", ROOT / "benchmarks" / "README.md", *sorted(DOCS.rglob("*.md"))]
+EVERY = [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]
+ALONE = ("docs/how_to/add_material.md", "docs/reference/api/index.md")  # pages whose python has tests of its own
+
+
+def text_of(address: str) -> str:
+    """The text of the page at an address of the site, such as `guide/contact`."""
+    return (DOCS / f"{address}.md").read_text(encoding="utf-8")
 
 
 class Block(NamedTuple):
@@ -37,3 +41,6 @@ def lines(text: str) -> list[str]:
 def named(page: Path) -> str:
     """A page's path in the checkout."""
     return str(page.relative_to(ROOT))
+
+
+TEXTS = {named(page): page.read_text(encoding="utf-8") for page in EVERY if named(page) not in ALONE}

@@ -7,7 +7,7 @@ symmetric, waves are reflected less where spacings differ.
 - Areas are exact cells, unless the model says otherwise.
 - With a constant micromodulus a neighbour's cell counts by its share within the horizon (Hu's beta, the mean of both
   ends' to stay symmetric), in a family that reaches half a spacing beyond the horizon. With a conical one, which is
-  0 at the horizon, it counts in full: less is reflected, and displacements are better (benchmarks/README.md).
+  0 at the horizon, it counts in full: less is reflected, and displacements are better (docs/developers/benchmarks.md).
 - The lattice is calibrated: its mean stiffness and fracture energy are those of the material, and small families are
   made isotropic (`pdmesh.model.lattice_calibration`).
 - Surfaces, the faces of pre-cracks and interfaces are corrected by the energy method. In the plane, each bond has a

@@ -17,7 +17,7 @@ from pdpost.reading.table_columns import columns_of
 from pdsolve import Model, Watch, resume, simulate
 from pdsolve.results import Results
 
-NOTEBOOKS = sorted((ROOT / "docs" / "notebooks").glob("*.ipynb"))
+NOTEBOOKS = sorted((ROOT / "docs").rglob("*.ipynb"))
 
 
 @pytest.mark.slow
@@ -33,7 +33,8 @@ def test_a_notebook_runs_and_warns_of_nothing(path: Path, tmp_path: Path) -> Non
 
 
 def test_the_notebooks_are_three_and_hold_no_output() -> None:
-    assert [path.stem for path in NOTEBOOKS] == ["first_crack", "study_with_scatter", "your_own_law"]
+    names = ["first_simulation_in_python", "add_material_in_python", "parameter_study_in_python"]
+    assert [path.stem for path in NOTEBOOKS] == names
     for path in NOTEBOOKS:
         cells = json.loads(path.read_text())["cells"]
         assert not any(cell.get("outputs") or cell.get("execution_count") for cell in cells)

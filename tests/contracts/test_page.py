@@ -1,4 +1,4 @@
-"""docs/add_a_law.md, done word for word on a copy of the packages."""
+"""docs/how_to/add_material.md, done word for word on a copy of the packages."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from plates import ROOT
 
-PAGE = (ROOT / "docs" / "add_a_law.md").read_text()
+PAGE = (ROOT / "docs" / "how_to" / "add_material.md").read_text()
 
 
 @pytest.fixture(scope="module")

@@ -63,5 +63,5 @@ def test_a_crack_that_runs_forks() -> None:
     assert [run.speed for run in every] == pytest.approx([1010] * 6, rel=0.03)  # measured 998 to 1020
     assert max(run.off for run in every) < 1e-9
     assert max(abs(run.balance) for run in every) < 1e-3
-    page = (ROOT / "docs" / "guide" / "particles.md").read_text()
+    page = (ROOT / "docs" / "verification" / "crack_particles.md").read_text()
     assert all(line.split("|")[1] in page for line in section(found).splitlines() if line.startswith("|"))

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pages import GUIDE
+from pages import text_of
 from plates import GEOMETRIES, shipped
 
 from pdmesh.drawing.file_reading import Built, build_file
@@ -199,7 +199,8 @@ def test_loads_of_both_edges_balance() -> None:
 
 @pytest.mark.slow
 def test_the_scene_of_the_guide_builds(tmp_path: Path) -> None:
-    code = next(block for block in GUIDE["drawings"].split("```python\n")[1:] if "scene = (" in block).split("```")[0]
+    blocks = text_of("guide/geometry").split("```python\n")[1:]
+    code = next(block for block in blocks if "scene = (" in block).split("```")[0]
     path = tmp_path / "plate.py"
     path.write_text(code, encoding="utf-8")
     grid = build_file(path, trust=True).grid

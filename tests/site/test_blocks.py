@@ -1,6 +1,6 @@
 """Every block of every page works as it stands, in the order of its page, in a folder of its own.
 
-`bash` is run here, `python` of the guide in tests/cli/test_readme.py and of a law in tests/contracts/test_page.py.
+`bash` is run here, `python` in tests/cli/test_readme.py, of a law in tests/contracts/test_page.py.
 `toml` becomes the file that its first line names. `c++` is part of a drawing, which is read. `text` is no command.
 What runs long has a coarse form, and what cannot be run here a reason.
 """
@@ -73,6 +73,7 @@ NOT_RUN = {  # commands that no test can run, and why
     "make demo": CI,
     "make test": CI,
     "python -m pytest tests/contracts/test_laws.py tests/contracts/test_spent.py -k saturating": "done on a copy",
+    "pip install .": ".ci/package types it",
     "pip install pdsuite-*.whl": "a wheel",
     "pip install 'pdsuite[completion]'": ".ci/package types it",
     "pip install 'pdsuite[study]'": "a package index",
@@ -132,7 +133,6 @@ def runs() -> list[Run]:
 
 
 RUNS = runs()
-PYTHON = ("README.md", "add_a_law.md", "python.md")  # pages outside the guide whose python is run
 
 
 @pytest.mark.parametrize("page", EVERY, ids=named)
@@ -142,8 +142,7 @@ def test_a_block_says_what_it_is(page: Path) -> None:
     opened = re.findall(r"^ *```(.*)$", text, re.MULTILINE)[::2]
     assert {words.split()[0] if words else "" for words in opened} <= LANGUAGES | DIRECTIVES
     assert len(opened) == len(blocks(page))
-    assert not blocks(page, "python") or page.parent.name == "guide" or page.name in PYTHON
-    assert not blocks(page, "diff") or page.name == "add_a_law.md"
+    assert not blocks(page, "diff") or page.name == "add_material.md"
     for block in blocks(page, "text"):
         for line in lines(block.text):
             assert shutil.which(line.split()[0]) is None, line
@@ -169,7 +168,7 @@ def given(tmp_path_factory: pytest.TempPathFactory, solved: Callable[[str], Path
     """What readers have of their own: drawings, a part from a CAD program, a mesh, a bare grid file, results."""
     pytest.importorskip("gmsh", exc_type=OSError)
     folder = tmp_path_factory.mktemp("given")
-    for drawing in (*(DOCS / "tutorial").glob("*.*"), *(DOCS / "tutorials").glob("*.*")):
+    for drawing in (*(DOCS / "getting_started" / "first_simulation").glob("*.*"), *(DOCS / "tutorials").glob("*.*")):
         if drawing.suffix in (".geo", ".py"):
             shutil.copy(drawing, folder)
     for name in ("plate", "duran50"):
@@ -177,7 +176,7 @@ def given(tmp_path_factory: pytest.TempPathFactory, solved: Callable[[str], Path
     tutorials = Path(sysconfig.get_path("data")) / "share/doc/gmsh/tutorials"  # where Gmsh's wheel has them
     if tutorials.is_dir():
         shutil.copy(tutorials / "t1.geo", folder)
-    (study,) = blocks(DOCS / "studies.md", "toml")
+    (study,) = blocks(DOCS / "how_to" / "parameter_study.md", "toml")
     (folder / "study.toml").write_text(coarse(study.text))
     full = json.loads(duran_json.read_text())
     (folder / "bare.json").write_text(json.dumps({"notch": full["notch"], "nodes": full["nodes"]}))

@@ -16,7 +16,7 @@ from pdsolve.study.description import read_study
 
 
 def test_a_study_that_is_shown_is_one(tmp_path: Path) -> None:
-    (block,) = blocks(DOCS / "studies.md", "toml")
+    (block,) = blocks(DOCS / "how_to" / "parameter_study.md", "toml")
     (tmp_path / "study.toml").write_text(block.text)
     shutil.copy(ROOT / "geometries" / "duran50.geo", tmp_path)
     assert len(read_study(tmp_path / "study.toml").cases()) == 2 * 2 * 5
@@ -51,6 +51,10 @@ def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
     done = subprocess.run([sys.executable, *words], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "index.html").is_file()
+    assert "url=../guide/quasi_static.html" in (tmp_path / "guide" / "at_rest.html").read_text(encoding="utf-8")
+    entries = re.search(r'"indexentries":\s*(\{.*?\})', (tmp_path / "searchindex.js").read_text(encoding="utf-8"))
+    assert entries is not None
+    assert '"boundary condition":' in entries[1]
     for page in tmp_path.rglob("*.html"):
         text = page.read_text(encoding="utf-8")
         assert not re.search(r"<(script|img|iframe)[^>]*src=\"(https?:)?//", text), page

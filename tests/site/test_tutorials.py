@@ -42,7 +42,7 @@ def drawn(name: str, folder: Path) -> str:
 
 
 def test_each_file_of_data_names_its_source_and_is_drawn() -> None:
-    page = (DATA / "README.md").read_text(encoding="utf-8")
+    page = (DATA / "index.md").read_text(encoding="utf-8")
     drawn_by = Path(tutorials.__file__).read_text(encoding="utf-8")
     files = list(DATA.glob("*.csv"))
     assert len(files) == page.count(".csv`") == drawn_by.count(" DATA / ") + drawn_by.count("(DATA / ") > 10
@@ -80,4 +80,4 @@ def test_kirsch_has_three_times_the_stress_at_the_hole(tmp_path: Path) -> None:
 
 def test_grady_has_twenty_fragments(tmp_path: Path) -> None:
     (tmp_path / "ring.json").write_text('{"fragments": {"pieces": [{"mass": 1e-3}, {"mass": 2e-3}]}}')
-    assert drawn("body_in_space", tmp_path) == "2 fragments, Grady 20"
+    assert drawn("fragmenting_ring", tmp_path) == "2 fragments, Grady 20"

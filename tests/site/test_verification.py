@@ -8,7 +8,7 @@ import pytest
 from pages import DOCS
 from plates import ROOT
 
-PAGE = (DOCS / "verification.md").read_text(encoding="utf-8")
+PAGE = (DOCS / "verification" / "index.md").read_text(encoding="utf-8")
 ROWS = [line for line in PAGE.splitlines() if line.startswith("| ") and not line.startswith("| case")]
 FOLDERS = ("unit", "geometries", "stability", "contracts", "laws", "cli")
 

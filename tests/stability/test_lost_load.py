@@ -119,7 +119,7 @@ def test_softening_divides_the_load(failure: Callable[..., None], pdsolve: Calla
         f"edge crack, from displacements, is {found[1]:.2f} and {found[8]:.2f} of the handbook's.",
         noticed="By the balance of energy at the end of a run: work that is missing. There is no warning, as the "
         "thesis "
-        "mode is there to reproduce this, and [Modes](guide/modes.md) says so.",
+        "mode is there to reproduce this, and [Modes](../guide/schemes.md) says so.",
         says=thesis.out[2:],
         cure="The conservative mode corrects surfaces by one factor per bond, equal for both of its ends. The share of "
         f"the load that arrives is {kept[1]:.3f}, {kept[4]:.3f}, {kept[8]:.3f}. The balance of the same run is "

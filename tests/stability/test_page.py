@@ -6,7 +6,7 @@ import pytest
 from failures import cases, described, reason_of, theme_of
 from plates import ROOT
 
-PAGE = (ROOT / "docs" / "where_methods_fail.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "verification" / "limitations.md").read_text(encoding="utf-8")
 
 
 def test_the_page_names_the_cases_that_are_tested(request: pytest.FixtureRequest) -> None:
@@ -15,7 +15,7 @@ def test_the_page_names_the_cases_that_are_tested(request: pytest.FixtureRequest
         pytest.skip("the page is being written")
     headings = [line.removeprefix("### ") for line in PAGE.splitlines() if line.startswith("### ")]
     assert headings == [heading for _, heading in cases()]
-    assert "docs/where_methods_fail.md" in (ROOT / "README.md").read_text(encoding="utf-8")
+    assert "docs/verification/limitations.md" in (ROOT / "README.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("docstring", [docstring for _, docstring in described()], ids=theme_of)

@@ -13,7 +13,7 @@ import pdmesh
 import pdpost
 import pdsolve
 
-PAGE = (Path(__file__).parents[2] / "docs" / "reference" / "python.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[2] / "docs" / "reference" / "api" / "index.md").read_text(encoding="utf-8")
 PACKAGES = {"pdmesh": pdmesh, "pdsolve": pdsolve, "pdpost": pdpost, "pdpost.figures": pdpost.figures}
 
 

@@ -1,7 +1,7 @@
 """The adaptive Duran plate: cells of 2 mm that split once follow the uniform plate of 1 mm for less than half its cost.
 
 A crack that branches is known no better than runs that differ by the time step alone differ from each other, so that
-medians of three are compared. docs/adaptivity.md has more thresholds and intervals.
+medians of three are compared. docs/verification/adaptivity.md has more thresholds and intervals.
 """
 
 from __future__ import annotations

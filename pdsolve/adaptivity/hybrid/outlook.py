@@ -4,7 +4,7 @@ Symbols: F share of the plate that is fine, h spacing, A area, L length that the
 q largest strain that the conditions bring over the strain at which coarse cells become fine, c_R Rayleigh wave speed. A
 crack that runs leaves a strip of STRIP h, so that F grows by STRIP h L / A until the end. With the mean F of a run, its
 steps cost EVEN + FIXED / N + FINE_NODES F times those with fine nodes everywhere. The constants fit the scenes of
-docs/adaptivity.md.
+docs/verification/adaptivity.md.
 """
 
 from __future__ import annotations

@@ -129,7 +129,7 @@ def test_a_library_may_be_settled_alone(here: Path, monkeypatch: pytest.MonkeyPa
 
 
 def test_the_page_names_every_library() -> None:
-    page = (trust.HOME / "docs" / "guide" / "trust.md").read_text("utf-8")
+    page = (trust.HOME / "docs" / "reference" / "security.md").read_text("utf-8")
     for library in LIBRARIES:
         row = f"| {library.name} | {', '.join(f'`{name}`' for name in library.prefixes)} | {library.loads} |"
         assert row in page

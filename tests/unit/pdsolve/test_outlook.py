@@ -23,7 +23,7 @@ from pdsolve.model import Model, ModelWarning
 from pdsolve.results import Results
 from pdsolve.run.simulation import Options, prepare, resume, simulate
 
-# Cost of the steps over that with fine nodes everywhere, as docs/adaptivity.md has it
+# Cost of the steps over that with fine nodes everywhere, as docs/verification/adaptivity.md has it
 MEASURED = {
     "duran50.geo": 1.17,
     "duran_metre.py": 0.33,

@@ -16,7 +16,7 @@ from matplotlib.colors import to_rgb, to_rgba
 from matplotlib.figure import Figure
 from messages import mentions, naming
 from numpy.typing import NDArray
-from pages import GUIDE
+from pages import text_of
 
 from pdpost.figures import (
     animation,
@@ -273,12 +273,12 @@ def test_fonts_are_true_type_and_text_is_text(small_results: Path, tmp_path: Pat
 def test_the_guide_names_the_colours_that_are_drawn() -> None:
     """Bonds in the guide's table, and charts of cost against error, in the words of Okabe and Ito's palette."""
     assert (bond_figure.INTACT, bond_figure.BROKEN) == (style.SKY_BLUE, style.VERMILION)
-    (bonds,) = (line for line in GUIDE["pictures"].splitlines() if line.startswith("| `bonds`"))
+    (bonds,) = (line for line in text_of("guide/figures").splitlines() if line.startswith("| `bonds`"))
     assert re.search("intact.* sky blue, .*broken.* vermilion", bonds)
-    assert mentions(GUIDE["speed"], "vermilion ring", "blue")
+    assert mentions(text_of("verification/accuracy_and_cost"), "vermilion ring", "blue")
     best = tradeoff_figure.BLUE
     assert best == style.BLUE
-    assert mentions(GUIDE["pictures"], "light grey", "dark grey")
+    assert mentions(text_of("guide/figures"), "light grey", "dark grey")
     assert (style.TORN, style.UNKNOWN) == ("#c8c8c8", "#707070")
 
 
