@@ -11,7 +11,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from tears import GLASS, TIME, cut, torn
+from benchmarks.tear import GLASS, TIME, cut, torn
 
 import pdmesh
 from pdmesh.model.document import Material, Run
