@@ -11,8 +11,9 @@ from scipy.spatial.transform import Rotation
 
 from pdmesh.drawing.file_reading import build_file
 from pdsolve.model import Model
-from pdsolve.run.prepare import System, prepare
+from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Options, simulate
+from pdsolve.run.system import System
 from pdsolve.state import State
 
 AXES = np.array([8.0, 7.0, 6.5])  # m, of the ellipsoid
