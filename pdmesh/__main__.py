@@ -231,9 +231,9 @@ def _preview(args: argparse.Namespace) -> int:
 def _plan_study(args: argparse.Namespace) -> int:
     from pdsolve import plan_study, study_plan_lines
 
-    given = (("--set", args.assignments), ("--refine", args.refine), ("--crack", args.cracks), ("--unit", args.unit))
+    options = (("--set", args.assignments), ("--refine", args.refine), ("--crack", args.cracks), ("--unit", args.unit))
     more = (("--adapt", args.adapt), ("--within", args.within), ("--mode", args.mode != "conservative"))
-    for name, value in (*given, *more):
+    for name, value in (*options, *more):
         if value:
             raise commandline.UsageError(f"{name} cannot be combined with a study; set it in {args.drawing}")
     result = plan_study(args.drawing, args.trust)
@@ -259,23 +259,23 @@ def _plan(args: argparse.Namespace) -> int:
 
         if not isinstance(scene, Scene):
             raise SceneError("--within is for plates, where errors were measured; leave it out for a body in space")
-        found = accuracy_estimate.proposal(scene, args.within)
-        reason = accuracy_estimate.because(found.within, found.feature, found.named)
-        result = {"proposal": accuracy_estimate.described(found), **plan(found.scene, args.mode)}
+        proposal = accuracy_estimate.proposal(scene, args.within)
+        reason = accuracy_estimate.because(proposal.within, proposal.feature, proposal.named)
+        result = {"proposal": accuracy_estimate.described(proposal), **plan(proposal.scene, args.mode)}
     except SceneError as error:
         raise SceneError(f"{args.drawing}: {reason}{error}") from None
     _warn(result, args)
-    return _say(result, [*accuracy_estimate.lines(found), "", *plan_lines(result)], args)
+    return _say(result, [*accuracy_estimate.lines(proposal), "", *plan_lines(result)], args)
 
 
 def _params(args: argparse.Namespace) -> int:
     from pdmesh.drawing.file_reading import file_parameters
 
-    found = file_parameters(args.drawing, _assigned(args), args.trust)
-    result = {entry.name: {"value": entry.value, "unit": entry.unit, "meaning": entry.meaning} for entry in found}
-    name, value = (max((len(f"{getattr(entry, key)}") for entry in found), default=0) for key in ("name", "value"))
+    parameters = file_parameters(args.drawing, _assigned(args), args.trust)
+    result = {entry.name: {"value": entry.value, "unit": entry.unit, "meaning": entry.meaning} for entry in parameters}
+    name, value = (max((len(f"{getattr(entry, key)}") for entry in parameters), default=0) for key in ("name", "value"))
     lines = [
-        f"{entry.name:{name}}  {entry.value!s:{value}}  {entry.unit:7} {entry.meaning}".rstrip() for entry in found
+        f"{entry.name:{name}}  {entry.value!s:{value}}  {entry.unit:7} {entry.meaning}".rstrip() for entry in parameters
     ]
     return _say(result, lines, args)
 
@@ -312,9 +312,9 @@ def _schema(args: argparse.Namespace) -> int:
 def _doctor(args: argparse.Namespace) -> int:
     from pdmesh.reports import doctor
 
-    found = doctor.findings()
-    commandline.report({"findings": [one._asdict() for one in found]}, doctor.lines(found), args)
-    return commandline.OK if all(one.good or not one.needed for one in found) else commandline.FAILURE
+    findings = doctor.findings()
+    commandline.report({"findings": [finding._asdict() for finding in findings]}, doctor.lines(findings), args)
+    return commandline.OK if all(finding.good or not finding.needed for finding in findings) else commandline.FAILURE
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -342,16 +342,16 @@ def _exits() -> dict[type[Exception], int]:
 
 def _solver_errors() -> tuple[type[Exception], ...]:
     """Exceptions that a study, or settings of the solver, can raise, if their modules have been imported."""
-    found: list[type[Exception]] = []
+    errors: list[type[Exception]] = []
     if "pdsolve.model" in sys.modules:
         from pdsolve import ModelError
 
-        found.append(ModelError)
+        errors.append(ModelError)
     if "pdsolve.study" in sys.modules:
         from pdsolve import StudyError
 
-        found.append(StudyError)
-    return tuple(found)
+        errors.append(StudyError)
+    return tuple(errors)
 
 
 if __name__ == "__main__":

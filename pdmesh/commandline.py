@@ -75,34 +75,34 @@ class Parser(argparse.ArgumentParser):
             say(message, file or sys.stderr, end="")
 
     def parse_args(self, args: Any = None, namespace: Any = None) -> Any:  # argparse types it in two ways
-        found, surplus = self.parse_known_args(args, namespace)
+        arguments, surplus = self.parse_known_args(args, namespace)
         if surplus:
-            self.error(f"unknown argument '{surplus[0]}'; {self._instead(surplus[0].partition('=')[0], found)}")
-        return found
+            self.error(f"unknown argument '{surplus[0]}'; {self._instead(surplus[0].partition('=')[0], arguments)}")
+        return arguments
 
-    def _instead(self, word: str, found: argparse.Namespace) -> str:
+    def _instead(self, word: str, arguments: argparse.Namespace) -> str:
         """What to do about an unknown argument."""
         if not word.startswith("-"):
             return "leave it out"
-        options = [option for option in self._options(found) if option.startswith("--")]
-        other = meant(word, options, cutoff=1.0) or (self.set_by and self.set_by(word)) or meant(word, options)
-        return f"did you mean {other}?" if other else "leave it out"
+        options = [option for option in self._options(arguments) if option.startswith("--")]
+        option_name = meant(word, options, cutoff=1.0) or (self.set_by and self.set_by(word)) or meant(word, options)
+        return f"did you mean {option_name}?" if option_name else "leave it out"
 
-    def _options(self, found: argparse.Namespace) -> list[str]:
+    def _options(self, arguments: argparse.Namespace) -> list[str]:
         """The options of this parser and of the chosen command."""
         options = list(self._option_string_actions)
         for action in self._actions:
             if isinstance(action, argparse._SubParsersAction):
-                options += action.choices[getattr(found, action.dest)]._option_string_actions
+                options += action.choices[getattr(arguments, action.dest)]._option_string_actions
         return options
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if action.choices is None or value in action.choices:
             return
-        known = list(map(str, action.choices))
-        near = meant(str(value), known)
+        choices = list(map(str, action.choices))
+        near = meant(str(value), choices)
         hint = f" (did you mean '{near}'?)" if near else ""
-        raise argparse.ArgumentError(action, f"'{value}' is unknown; use one of {', '.join(known)}{hint}")
+        raise argparse.ArgumentError(action, f"'{value}' is unknown; use one of {', '.join(choices)}{hint}")
 
 
 class _Version(argparse.Action):
@@ -119,13 +119,13 @@ def dependencies() -> dict[str, str | None]:
     """Required libraries and their versions; None for a missing one."""
     from importlib import metadata
 
-    found: dict[str, str | None] = {}
+    versions: dict[str, str | None] = {}
     for name in LIBRARIES:
         try:
-            found[name] = metadata.version(name)
+            versions[name] = metadata.version(name)
         except metadata.PackageNotFoundError:
-            found[name] = None
-    return found
+            versions[name] = None
+    return versions
 
 
 def program(name: str, description: str) -> Parser:
@@ -178,12 +178,12 @@ def _assignment(text: str) -> tuple[str, str]:
 def share(text: str) -> float:
     """A share such as 2% or 0.02, as an option's type."""
     try:
-        found = float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
+        fraction = float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
     except ValueError:
-        found = -1.0
-    if not 0 < found < 1:
+        fraction = -1.0
+    if not 0 < fraction < 1:
         raise argparse.ArgumentTypeError(f"cannot read '{text}'; use a share such as 2% or 0.02")
-    return found
+    return fraction
 
 
 def expect(path: Path, *kinds: Kind) -> None:
@@ -193,17 +193,17 @@ def expect(path: Path, *kinds: Kind) -> None:
         raise UsageError(said)
 
 
-def output_path(given: Path | None, source: Path, suffix: str, force: bool, beside: bool = False) -> Path:
-    """Output path: `given`, or the source's name with the new suffix in the current folder.
+def output_path(named_path: Path | None, source: Path, suffix: str, force: bool, is_companion: bool = False) -> Path:
+    """Output path: `named_path`, or the source's name with the new suffix in the current folder.
 
-    A link is followed where the user named it: not by default, nor for a file `beside` the one that was named. Raises
+    A link is followed where the user named it: not by default, nor for its companion (`is_companion`). Raises
     UsageError if a file exists and `force` is not set, if it is no regular file, or if the folder is missing.
     """
     if not source.name:
         raise UsageError(f"{source} is a folder; name a file")
-    path = given if given is not None else Path(source.name).with_suffix(suffix)
+    path = named_path if named_path is not None else Path(source.name).with_suffix(suffix)
     try:
-        found = irregular(path)
+        irregular_kind = irregular(path)
     except OSError as error:  # a name that is too long, links in a ring
         raise UsageError(f"{path}: {error.strerror}") from None
     if source.suffix != suffix and path.exists() and source.exists() and path.samefile(source):
@@ -213,12 +213,12 @@ def output_path(given: Path | None, source: Path, suffix: str, force: bool, besi
             f"{path}: {'this is a folder' if path.is_dir() else f'no folder {path.parent}'}; name a file in an"
             " existing folder"
         )
-    if found is not None:
-        raise UsageError(f"{path} is {found}, not a regular file, and is not overwritten; name another file")
+    if irregular_kind is not None:
+        raise UsageError(f"{path} is {irregular_kind}, not a regular file, and is not overwritten; name another file")
     if path.exists() and not force:
         raise UsageError(f"{path} already exists; use --force to overwrite it")
-    if path.is_symlink() and (given is None or beside):
-        how = "remove it" if beside else "-o follows it"
+    if path.is_symlink() and (named_path is None or is_companion):
+        how = "remove it" if is_companion else "-o follows it"
         raise UsageError(f"{path} is a link; {how}")
     return path
 

@@ -17,18 +17,18 @@ class Completion(argparse.Action):
             import shtab
         except ImportError:
             parser.error("--completion needs the package shtab; install it: pip install 'pdsuite[completion]'")
-        for word, other in getattr(parser, "others", {}).items():
-            _complete_word(parser, word, other())
+        for word, make_parser in getattr(parser, "others", {}).items():
+            _complete_word(parser, word, make_parser())
         _complete_files(parser, shtab, str(shell))
         say(shtab.complete(parser, shell=str(shell)))
         parser.exit()
 
 
-def _complete_word(parser: argparse.ArgumentParser, word: str, other: argparse.ArgumentParser) -> None:
-    """Offer `word` as the first word of a command line, followed by the arguments of `other`."""
+def _complete_word(parser: argparse.ArgumentParser, word: str, subparser: argparse.ArgumentParser) -> None:
+    """Offer `word` as the first word of a command line, followed by the arguments of `subparser`."""
     first = next(action for action in parser._actions if not action.option_strings)
     first.choices = [*(first.choices or ()), word]
-    for action in other._actions:
+    for action in subparser._actions:
         if not set(action.option_strings) & set(parser._option_string_actions):
             parser._add_action(action)
 

@@ -103,10 +103,10 @@ PLAIN = re.compile(r"[-+]?[\d.,:e]*\d[\d.,:e]*|true|false|on|off|yes|no|none", r
 
 def library_of(name: str) -> Library | None:
     """The library that reads a variable; None if it is none that these programs load."""
-    whole = name in WHOLE_NAMES
+    is_whole_name = name in WHOLE_NAMES
     for library in LIBRARIES:
         for prefix in library.prefixes:
-            if name == prefix or (not whole and prefix not in WHOLE_NAMES and name.startswith(prefix)):
+            if name == prefix or (not is_whole_name and prefix not in WHOLE_NAMES and name.startswith(prefix)):
                 return library
     return None
 

@@ -24,15 +24,15 @@ LARGEST = 2**34  # bytes that are read; more than any model that fits into a mem
 
 def check_regular(path: Path, largest: int = LARGEST) -> None:
     """Raise OSError, with a message in ``strerror``, unless there is a regular file of at most `largest` bytes."""
-    found = os.stat(path)
-    if stat.S_ISDIR(found.st_mode):
+    status = os.stat(path)
+    if stat.S_ISDIR(status.st_mode):
         raise IsADirectoryError(errno.EISDIR, "is a folder; name a file", str(path))
-    kind = KINDS.get(stat.S_IFMT(found.st_mode))
+    kind = KINDS.get(stat.S_IFMT(status.st_mode))
     if kind:
         raise OSError(errno.EINVAL, f"is {kind}; name a regular file", str(path))
-    if found.st_size > largest:
-        raise OSError(errno.EFBIG, f"has {found.st_size} bytes; at most {largest} are read", str(path))
-    if found.st_size > LARGE:
+    if status.st_size > largest:
+        raise OSError(errno.EFBIG, f"has {status.st_size} bytes; at most {largest} are read", str(path))
+    if status.st_size > LARGE:
         stopping.expect_long_call()
 
 
@@ -65,9 +65,9 @@ def replacing(path: Path) -> Iterator[Path]:
     """
     from tempfile import mkstemp  # slow to import
 
-    found = irregular(path)
-    if found is not None:
-        raise OSError(errno.EEXIST, f"is {found}; name a regular file", str(path))
+    irregular_kind = irregular(path)
+    if irregular_kind is not None:
+        raise OSError(errno.EEXIST, f"is {irregular_kind}; name a regular file", str(path))
     target, part = Path(os.path.realpath(path)), None
     try:
         handle, part = mkstemp(dir=target.parent, prefix=".", suffix=".part")

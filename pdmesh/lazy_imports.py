@@ -17,8 +17,8 @@ def lazily(package: str, homes: Mapping[str, str]) -> tuple[Callable[[str], obje
         if name not in homes:
             raise AttributeError(f"module '{package}' has no attribute '{name}'", name=name, obj=sys.modules[package])
         home = import_module(homes[name])
-        found = home if homes[name] == f"{package}.{name}" else getattr(home, name)
-        setattr(sys.modules[package], name, found)  # from now on as if it had been imported there
-        return found
+        attribute = home if homes[name] == f"{package}.{name}" else getattr(home, name)
+        setattr(sys.modules[package], name, attribute)  # from now on as if it had been imported there
+        return attribute
 
     return get, lambda: sorted({*vars(sys.modules[package]), *homes})

@@ -49,17 +49,17 @@ def quantities(text: str, units: Mapping[str, Unit], usual: Unit | None = None) 
     A unit counts for all numbers before it that have none; without one, numbers are in the `usual` unit, by default
     the SI unit. Raises ValueError for what is no number and for another unit.
     """
-    found, unit = [], usual
+    values, unit = [], usual
     for word in reversed(text.split(",")):
         match = NUMBER.fullmatch(word.replace("\N{MICRO SIGN}", "u").replace("\N{GREEK SMALL LETTER MU}", "u"))
         if match is None or (match[2] and match[2] not in units):
             raise ValueError(text)
         unit = units[match[2]] if match[2] else unit
         value = float(match[1])
-        found.append(value if unit is None else float(unit.metres(value)))
-    if any(abs(value) == float("inf") for value in found):
+        values.append(value if unit is None else float(unit.metres(value)))
+    if any(abs(value) == float("inf") for value in values):
         raise ValueError(text)
-    return tuple(reversed(found))
+    return tuple(reversed(values))
 
 
 def quantity(text: str, units: Mapping[str, Unit], usual: Unit | None = None) -> float:

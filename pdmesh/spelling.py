@@ -64,11 +64,11 @@ OTHER_NAMES = {
 }
 
 
-def nearest(name: str, known: Iterable[str], cutoff: float = 0.0) -> str:
-    """The most similar of the `known` names; "" if none has at least the similarity `cutoff`, from 0 to 1."""
+def nearest(name: str, names: Iterable[str], cutoff: float = 0.0) -> str:
+    """The most similar of these `names`; "" if none has at least the similarity `cutoff`, from 0 to 1."""
     import difflib  # where something is wrong alone
 
-    lower = {other.lower(): other for other in sorted(known, reverse=True)}
+    lower = {candidate.lower(): candidate for candidate in sorted(names, reverse=True)}
     close = difflib.get_close_matches(name.lower(), lower, n=1, cutoff=cutoff)
     return lower[close[0]] if close else ""
 

@@ -73,12 +73,12 @@ def describe_dropped(names: Sequence[str]) -> str:
     )
 
 
-def environment(given: Mapping[str, str] = os.environ) -> dict[str, str]:
+def environment(variables: Mapping[str, str] = os.environ) -> dict[str, str]:
     """The environment for a started process: no variable and no Python path leads to the current folder.
 
     Absolute paths to what nobody else may write to remain the user's choice.
     """
-    safe, _ = safe_variables(given)
+    safe, _ = safe_variables(variables)
     if "PYTHONPATH" in safe:
         safe["PYTHONPATH"] = os.pathsep.join(filter(_may_hold_code, safe["PYTHONPATH"].split(os.pathsep)))
         if not safe["PYTHONPATH"]:
@@ -104,11 +104,11 @@ def child_environment() -> Iterator[None]:
 def _may_hold_code(entry: str) -> bool:
     """Whether an entry of Python's path is not the current folder, or holds these packages."""
     try:
-        here = os.path.realpath(os.getcwd())
+        working_folder = os.path.realpath(os.getcwd())
     except OSError:  # it was removed
         return bool(entry)
-    place = os.path.realpath(entry or here)
-    return place != here or place == str(HOME)
+    place = os.path.realpath(entry or working_folder)
+    return place != working_folder or place == str(HOME)
 
 
 class _Elsewhere:
@@ -129,7 +129,7 @@ def _is_no_error_of_settings(record: Any) -> bool:
 def _elsewhere(execute: Callable[[ModuleType], None]) -> Callable[[ModuleType], None]:
     def execute_elsewhere(module: ModuleType) -> None:
         try:
-            here = os.getcwd()
+            working_folder = os.getcwd()
         except OSError:  # it was removed: nothing is found there
             execute(module)
             return
@@ -146,7 +146,7 @@ def _elsewhere(execute: Callable[[ModuleType], None]) -> Callable[[ModuleType], 
                 f"{module.__name__}: its settings{file} cannot be read: {error}; save them as UTF-8, or remove them"
             ) from error
         finally:
-            os.chdir(here)
+            os.chdir(working_folder)
             config: Any = sys.modules.get("numba.core.config")
             if config is not None:
                 config._config_fname = ""  # it looks for them again when it compiles
@@ -184,16 +184,16 @@ def private_folder() -> Folder:
     return Folder(Path(temporary.name), False)
 
 
-def _caches(given: Mapping[str, str]) -> Iterator[Path]:
+def _caches(variables: Mapping[str, str]) -> Iterator[Path]:
     """Places for caches, in order of preference."""
     import tempfile
 
-    if "NUMBA_CACHE_DIR" in given:
-        yield Path(given["NUMBA_CACHE_DIR"])
+    if "NUMBA_CACHE_DIR" in variables:
+        yield Path(variables["NUMBA_CACHE_DIR"])
     home = Path(os.path.expanduser("~"))
-    usual = {"darwin": home / "Library" / "Caches", "win32": Path(given.get("LOCALAPPDATA", home))}
+    usual = {"darwin": home / "Library" / "Caches", "win32": Path(variables.get("LOCALAPPDATA", home))}
     if home.is_absolute():
-        yield Path(given.get("XDG_CACHE_HOME", usual.get(sys.platform, home / ".cache")))
+        yield Path(variables.get("XDG_CACHE_HOME", usual.get(sys.platform, home / ".cache")))
     temporary = Path(tempfile.gettempdir())
     if temporary.resolve() != Path.cwd().resolve():  # which is the last that Python takes for it
         yield temporary
@@ -208,12 +208,12 @@ def _is_private(folder: Path) -> bool:
 
     A folder that others could write to is emptied, as its content would be executed. Raises OSError.
     """
-    found = folder.lstat()
-    if not stat.S_ISDIR(found.st_mode) or (hasattr(os, "getuid") and found.st_uid != os.getuid()):
+    status = folder.lstat()
+    if not stat.S_ISDIR(status.st_mode) or (hasattr(os, "getuid") and status.st_uid != os.getuid()):
         return False
-    if stat.S_IMODE(found.st_mode) != 0o700:
+    if stat.S_IMODE(status.st_mode) != 0o700:
         folder.chmod(0o700)
-        if hasattr(os, "getuid") and found.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
+        if hasattr(os, "getuid") and status.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
             _empty(folder)
     return os.access(folder, os.R_OK | os.W_OK | os.X_OK)
 

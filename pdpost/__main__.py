@@ -89,8 +89,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _paths(args: argparse.Namespace, name: str) -> list[Path]:
     """Paths given for the option or argument `name`; empty if the command does not have it."""
-    found = getattr(args, name, None)
-    return found if isinstance(found, list) else [] if found is None else [found]
+    value = getattr(args, name, None)
+    return value if isinstance(value, list) else [] if value is None else [value]
 
 
 def _say_what_is_lost(args: argparse.Namespace) -> None:

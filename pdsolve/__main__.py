@@ -153,7 +153,7 @@ class _HelpSettings(argparse.Action):
 def _list_devices() -> int:
     from pdsolve.operators.device.runtime import devices
 
-    say("\n".join(["cpu  the processor: float64 and float32", *(found.words for found in devices())]))
+    say("\n".join(["cpu  the processor: float64 and float32", *(device.words for device in devices())]))
     return commandline.OK
 
 
@@ -216,7 +216,7 @@ def _solve(args: argparse.Namespace, ranks: Team | None) -> int:
             output = args.output or Path(args.model.stem + ".sqlite")
             path = commandline.output_path(args.output, args.model, ".sqlite", args.force or is_empty(output))
             if model.settings.run.after == "motion":
-                commandline.output_path(name_of(path), args.model, ".sqlite", args.force, beside=True)
+                commandline.output_path(name_of(path), args.model, ".sqlite", args.force, is_companion=True)
             if not args.force:
                 state_of(path)  # a log without its database is left alone
             with _says_how_to_go_on(path, args), compile_time_said(lambda words: commandline.note(words, args)):
@@ -237,8 +237,10 @@ def _solve(args: argparse.Namespace, ranks: Team | None) -> int:
 
 def _refuse_other_options(args: argparse.Namespace) -> None:
     """Raise UsageError for an option that would change a run that is to go on."""
-    own = ("output", "settings", "mode", "precision", "assignments", "every", "fields", "probe", "until")
-    changed = [name for name in (*own, "static", "float", "adapt", "cracks", "one_file") if getattr(args, name)]
+    fixed_options = ("output", "settings", "mode", "precision", "assignments", "every", "fields", "probe", "until")
+    changed = [
+        name for name in (*fixed_options, "static", "float", "adapt", "cracks", "one_file") if getattr(args, name)
+    ]
     if args.resume and changed:
         raise commandline.UsageError(
             f"--resume keeps the options of the run; leave out {NAMES.get(changed[0], f'--{changed[0]}')}"
@@ -284,8 +286,8 @@ def _refuse_unused(args: argparse.Namespace, settings: Settings) -> None:
     from pdmesh.model.unused_settings import in_vain
 
     # a table that is emptied takes away what is said
-    given = [name for name, value in (*args.assignments, *_flags(args)) if value != "{}"]
-    said = in_vain(settings, given)
+    setting_names = [name for name, value in (*args.assignments, *_flags(args)) if value != "{}"]
+    said = in_vain(settings, setting_names)
     if said is not None:
         raise commandline.UsageError(said)
 
@@ -335,22 +337,22 @@ def _time(text: str) -> str:
         raise commandline.UsageError(f"--until: cannot read '{text}'; use seconds, or such as 20us") from None
 
 
-def _show_plan(found: Plan, args: argparse.Namespace) -> int:
-    steps = f"{found.steps} steps of {found.time_step:.4g} s (stable up to {found.stable_time_step:.4g} s)"
-    if found.at_rest:
-        steps = f"{found.steps} load steps of {found.time_step:.4g} s, times without cracks"
-    if found.along_path:
-        steps = f"about {found.steps} steps along the equilibrium path"
-    if found.in_jumps:
-        steps = f"at most {found.steps} steps of jumps of cycles"
-    bonds = pair_count(found.bonds)
+def _show_plan(plan: Plan, args: argparse.Namespace) -> int:
+    steps = f"{plan.steps} steps of {plan.time_step:.4g} s (stable up to {plan.stable_time_step:.4g} s)"
+    if plan.at_rest:
+        steps = f"{plan.steps} load steps of {plan.time_step:.4g} s, times without cracks"
+    if plan.along_path:
+        steps = f"about {plan.steps} steps along the equilibrium path"
+    if plan.in_jumps:
+        steps = f"at most {plan.steps} steps of jumps of cycles"
+    bonds = pair_count(plan.bonds)
     lines = [
-        f"{found.nodes} nodes, {bonds} bonds, {steps}",
-        f"about {found.memory / 1e6:.3g} MB of memory and {found.wall_time:.3g} s for the steps",
+        f"{plan.nodes} nodes, {bonds} bonds, {steps}",
+        f"about {plan.memory / 1e6:.3g} MB of memory and {plan.wall_time:.3g} s for the steps",
     ]
-    if found.most is not None:
-        lines.append(f"that is the start: cells that split add to it, up to {found.most} nodes if all of them do")
-    commandline.report(found._asdict() | {"bonds": bonds}, lines, args)
+    if plan.most is not None:
+        lines.append(f"that is the start: cells that split add to it, up to {plan.most} nodes if all of them do")
+    commandline.report(plan._asdict() | {"bonds": bonds}, lines, args)
     return commandline.OK
 
 
@@ -363,16 +365,18 @@ def _show_what_is_left(path: Path, args: argparse.Namespace) -> int:
 
     state = state_of(path)
     lines = [f"{path}: {state.words}"]
-    found: dict[str, Any] = {"output": str(path), "state": state.kind.name.lower(), "step": state.step, "left": 0}
+    report: dict[str, Any] = {"output": str(path), "state": state.kind.name.lower(), "step": state.step, "left": 0}
     if state.kind not in (Kind.RUNNING, Kind.FINISHED):
         with Results.open(path) as results:
             model = model_of(results.model(), str(path))
-        whole = estimate_run(model, options_of(model, state.meta, args.threads))
-        left = whole.steps - (state.step or 0)
-        seconds = whole.wall_time * left / max(whole.steps, 1)
-        lines.append(f"{left} of {whole.steps} steps are left, about {whole.memory / 1e6:.3g} MB and {seconds:.3g} s")
-        found |= whole._asdict() | {"wall_time": seconds, "left": left}
-    commandline.report(found, lines, args)
+        plan = estimate_run(model, options_of(model, state.meta, args.threads))
+        steps_left = plan.steps - (state.step or 0)
+        seconds = plan.wall_time * steps_left / max(plan.steps, 1)
+        lines.append(
+            f"{steps_left} of {plan.steps} steps are left, about {plan.memory / 1e6:.3g} MB and {seconds:.3g} s"
+        )
+        report |= plan._asdict() | {"wall_time": seconds, "left": steps_left}
+    commandline.report(report, lines, args)
     return commandline.OK
 
 

@@ -21,7 +21,7 @@ MOST_OF_NUMBERS = 1e100  # of any unit: whatever is larger no run has gone throu
 
 
 def entry(
-    kept: Mapping[str, NDArray[Any]],
+    checkpoint: Mapping[str, NDArray[Any]],
     name: str,
     shape: Shape,
     kind: DTypeLike,
@@ -32,28 +32,28 @@ def entry(
 
     Raises CheckpointError.
     """
-    kind, found = np.dtype(kind), kept.get(name)
-    if found is None:
+    kind, array = np.dtype(kind), checkpoint.get(name)
+    if array is None:
         raise CheckpointError(f"'{name}' is missing, which this model has")
-    if found.dtype != kind:
-        raise CheckpointError(f"'{name}' has type {found.dtype.name}; it must be {kind.name}")
+    if array.dtype != kind:
+        raise CheckpointError(f"'{name}' has type {array.dtype.name}; it must be {kind.name}")
     wanted = int(np.prod([length for length in shape if length is not None]))
-    fits = found.size == wanted if None not in shape else not wanted or found.size % wanted == 0
-    if not fits or (not wanted and found.size):
+    fits = array.size == wanted if None not in shape else not wanted or array.size % wanted == 0
+    if not fits or (not wanted and array.size):
         several = "" if None not in shape else "a multiple of "
-        raise CheckpointError(f"'{name}' has {found.size} values; it must have {several}{wanted}")
+        raise CheckpointError(f"'{name}' has {array.size} values; it must have {several}{wanted}")
     if kind != np.bool_:
-        wrong = ~((found >= np.float64(low)) & (found <= np.float64(high))).ravel()  # of NaN too
+        wrong = ~((array >= np.float64(low)) & (array <= np.float64(high))).ravel()  # of NaN too
         if wrong.any():
-            value = found.ravel()[wrong.argmax()]
+            value = array.ravel()[wrong.argmax()]
             raise CheckpointError(f"'{name}' has {value:.6g}; it must be numbers from {low:.6g} to {high:.6g}")
-    length = found.size // wanted if wanted else 0
-    return found.reshape([length if one is None else one for one in shape])
+    length = array.size // wanted if wanted else 0
+    return array.reshape([length if size is None else size for size in shape])
 
 
-def like(kept: Mapping[str, NDArray[Any]], name: str, array: NDArray[Any]) -> NDArray[Any]:
+def like(checkpoint: Mapping[str, NDArray[Any]], name: str, array: NDArray[Any]) -> NDArray[Any]:
     """The array `name` of a checkpoint, with the shape and type of `array`. Raises CheckpointError."""
-    return entry(kept, name, array.shape, array.dtype)
+    return entry(checkpoint, name, array.shape, array.dtype)
 
 
 def expect_broken(broken: Broken, step: int, nodes: int) -> None:
@@ -70,8 +70,8 @@ def expect_broken(broken: Broken, step: int, nodes: int) -> None:
         raise CheckpointError("a bond breaks twice")
 
 
-def expect_found(there: NDArray[np.bool_], source: NDArray[np.int64], target: NDArray[np.int64]) -> None:
-    """Raise CheckpointError unless all bonds (k,) of these rows are `there` (k,)."""
-    if not there.all():
-        at = int((~there).argmax())
+def expect_found(present: NDArray[np.bool_], source: NDArray[np.int64], target: NDArray[np.int64]) -> None:
+    """Raise CheckpointError unless all bonds (k,) of these rows are `present` (k,)."""
+    if not present.all():
+        at = int((~present).argmax())
         raise CheckpointError(f"a bond goes from row {source[at]} to row {target[at]}, which the model does not have")

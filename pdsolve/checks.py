@@ -53,18 +53,18 @@ class Nearest(NamedTuple):
 def nearest(model: Model) -> Nearest:
     """The nearest other node of each node, and its distance, m."""
     position, delta = model.grid.position, model.grid.delta
-    found = Nearest(np.zeros(len(position), dtype=np.int64), np.full(len(position), np.inf))
+    nearest_nodes = Nearest(np.zeros(len(position), dtype=np.int64), np.full(len(position), np.inf))
     around = Neighbours(position, delta, AROUND_ONE * delta)
     for rows in row_chunks(len(position)):
         pairs = around.pairs(rows)
         order = np.lexsort((pairs.length, pairs.source))
         row, at = np.unique(pairs.source[order], return_index=True)
-        found.row[row], found.distance[row] = pairs.target[order[at]], pairs.length[order[at]]
-    lonely = np.flatnonzero(np.isinf(found.distance))
+        nearest_nodes.row[row], nearest_nodes.distance[row] = pairs.target[order[at]], pairs.length[order[at]]
+    lonely = np.flatnonzero(np.isinf(nearest_nodes.distance))
     if len(lonely) and len(position) > 1:
         distance, near = tree_of(position).query(position[lonely], 2)
-        found.row[lonely], found.distance[lonely] = near[:, 1], distance[:, 1]
-    return found
+        nearest_nodes.row[lonely], nearest_nodes.distance[lonely] = near[:, 1], distance[:, 1]
+    return nearest_nodes
 
 
 def refuse(model: Model, partial_cells: bool) -> None:
@@ -103,12 +103,12 @@ def refuse_on_ranks(model: Model) -> None:
 
 def refuse_fields(model: Model, operator: Operator, state: State) -> None:
     """Raise ModelError for a requested field that the model does not have."""
-    known = usual(model.grid.dimension)
-    asked = [name for name in model.settings.run.fields if name not in known]
-    there = operator.fields(state) if asked else {}
-    for name in asked:
-        if name not in there:
-            expected = ", ".join((*known, *there))
+    usual_fields = usual(model.grid.dimension)
+    extra_fields = [name for name in model.settings.run.fields if name not in usual_fields]
+    operator_fields = operator.fields(state) if extra_fields else {}
+    for name in extra_fields:
+        if name not in operator_fields:
+            expected = ", ".join((*usual_fields, *operator_fields))
             raise ModelError(f"{model.name}: $.run.fields has '{name}'; use one of {expected}")
 
 
@@ -154,12 +154,12 @@ def _few_neighbours(model: Model, partial_cells: bool, symmetric: bool) -> None:
             return
         beams = material.model == "micropolar" and material.law != "cohesive" and material.influence is None
         if ratio < USUAL_RATIO and (beams or (springs and not symmetric)):
-            own = micropolar.along_axes(material, ratio) if beams else along_axes(material, ratio, one_sided=True)
+            bar = micropolar.along_axes(material, ratio) if beams else along_axes(material, ratio, one_sided=True)
             where = ("with micropolar beams", "") if beams else ("in the thesis mode", ", or the conservative mode")
             warn(
                 model,
                 f"$.horizon.ratio is {ratio:g} {where[0]}, whose lattice is not calibrated: E along the axes is"
-                f" {own.young:.3g} times that given and Poisson's ratio {own.poisson:.3g}; use {USUAL_RATIO:g} or"
+                f" {bar.young:.3g} times that given and Poisson's ratio {bar.poisson:.3g}; use {USUAL_RATIO:g} or"
                 f" more{where[1]}",
             )
             return
@@ -188,13 +188,15 @@ def _smooth_edges(model: Model) -> None:
     grid, conditions = model.grid, model.settings.conditions
     if all(material.law != "cohesive" for material in model.materials) or grid.dimension == 3:
         return
-    on_points = any(0 < len(model.selected(each)) <= POINT for each in conditions if isinstance(each, Displacement))
+    on_points = any(
+        0 < len(model.selected(condition)) <= POINT for condition in conditions if isinstance(condition, Displacement)
+    )
     if not grid.outline or grid.holes or len(grid.cracks) or not (on_points or model.settings.contact is not None):
         return
     import shapely  # here, as few plates are asked for their hull
 
     plates = [shapely.Polygon(ring) for ring in grid.outline]
-    if all(each.area > (1 - CONVEX) * each.convex_hull.area for each in plates):
+    if all(plate.area > (1 - CONVEX) * plate.convex_hull.area for plate in plates):
         warn(
             model,
             "a plate of cohesive bonds on point supports has no notch, hole or pre-crack; add one if it bends: a"
@@ -224,25 +226,25 @@ def named(model: Model, row: int) -> str:
 def _digits(model: Model) -> None:
     """Warn of plates so far from the origin that round-off decides who is within whose horizon."""
     farthest, least = float(np.abs(_ends(model.grid)).max()), float(model.horizons.min())
-    known = float(np.spacing(farthest))
+    precision = float(np.spacing(farthest))
     needed = ROUND_OFF * least / 4  # both ends of a bond, up and down
-    if known > needed:
+    if precision > needed:
         warn(
             model,
-            f"$.nodes: coordinates up to {farthest:.3g} m are known to {known:.2g} m, and horizons of {least:.3g} m"
+            f"$.nodes: coordinates up to {farthest:.3g} m are known to {precision:.2g} m, and horizons of {least:.3g} m"
             f" need {needed:.2g} m: round-off decides who sees whom; move the plate to the origin",
         )
 
 
-def _places(model: Model, found: Nearest) -> None:
+def _places(model: Model, nearest: Nearest) -> None:
     """Check for nodes too close to each other, and for jumps in spacing."""
     grid = model.grid
-    near = found.distance / np.minimum(grid.delta, grid.delta[found.row])
+    near = nearest.distance / np.minimum(grid.delta, grid.delta[nearest.row])
     row = int(near.argmin())
-    pair = f"{named(model, row)} and {named(model, int(found.row[row]))}"
+    pair = f"{named(model, row)} and {named(model, int(nearest.row[row]))}"
     if near[row] < SAME:
         raise ModelError(
-            f"{model.name}: $.nodes: {pair} are {found.distance[row]:.3g} m apart, which is the same place but for"
+            f"{model.name}: $.nodes: {pair} are {nearest.distance[row]:.3g} m apart, which is the same place but for"
             " round-off; move them apart"
         )
     if near[row] < CLOSE:
@@ -251,13 +253,13 @@ def _places(model: Model, found: Nearest) -> None:
             f"$.nodes: {pair} are {near[row]:.2g} spacings apart, and about one is usual; so stiff a bond makes the"
             " stable time step small",
         )
-    jump = np.where(np.isfinite(found.distance), grid.delta / grid.delta[found.row], 1.0)
+    jump = np.where(np.isfinite(nearest.distance), grid.delta / grid.delta[nearest.row], 1.0)
     jump = np.maximum(jump, 1 / jump)
     row = int(jump.argmax())
     if jump[row] > JUMP:
         warn(
             model,
-            f"$.nodes: spacings of {grid.delta[row]:g} and {grid.delta[found.row[row]]:g} m are next to each other,"
+            f"$.nodes: spacings of {grid.delta[row]:g} and {grid.delta[nearest.row[row]]:g} m are next to each other,"
             f" {named(model, row)}; use steps of at most 2 (pdmesh grades zones so): the jump reflects waves",
         )
 
@@ -277,16 +279,18 @@ def _cracks(model: Model) -> NDArray[np.int64]:
         return np.zeros(0, dtype=np.int64)
     reach = float(grid.delta.max())
     near = grid.chosen(None, [*(corners.min(axis=0) - reach), *(corners.max(axis=0) + reach)])
-    some = np.split(near, range(AT_ONCE, len(near), AT_ONCE))
+    chunks = np.split(near, range(AT_ONCE, len(near), AT_ONCE))
     if grid.dimension == 3:
-        return _faces(model, np.concatenate([_on_faces(grid, rows) for rows in some]))
+        return _faces(model, np.concatenate([_on_faces(grid, rows) for rows in chunks]))
     import shapely  # here, as a plate without cracks needs none
 
     segments = grid.cracks.reshape(-1, 2, 2)
     cracks = shapely.multilinestrings(segments)
     shapely.prepare(cracks)
-    beside = (rows[shapely.dwithin(cracks, shapely.points(grid.part(rows).position), ON * reach)] for rows in some)
-    rows = np.concatenate(list(beside))
+    rows_near_cracks = (
+        rows[shapely.dwithin(cracks, shapely.points(grid.part(rows).position), ON * reach)] for rows in chunks
+    )
+    rows = np.concatenate(list(rows_near_cracks))
     part, hit = grid.part(rows), np.zeros(len(rows), dtype=bool)
     points = shapely.points(part.position)
     for number, segment in enumerate(segments):
@@ -358,10 +362,10 @@ def _shapes(model: Model) -> None:
             " surface node, and the plate too stiff",
         )
     if _is_flat(grid, extent):
-        one, more = ("row", "rows") if model.grid.dimension == 2 else ("layer", "layers")
+        noun, plural = ("row", "rows") if model.grid.dimension == 2 else ("layer", "layers")
         warn(
             model,
-            f"$.nodes: all {len(grid)} are in one {one}; use several {more}: bonds along a {one} do not resist"
+            f"$.nodes: all {len(grid)} are in one {noun}; use several {plural}: bonds along a {noun} do not resist"
             " motion across it",
         )
 
@@ -381,14 +385,14 @@ def advise_damped(model: Model, damped: float, put_in: float) -> None:
         warn(model, said)
 
 
-def advise_made(model: Model, made: float, put_in: float) -> None:
-    """Warn, at the end of a run with a moving fine zone, if changes of cells have `made` or lost much energy, J/m,
+def advise_made(model: Model, gain: float, put_in: float) -> None:
+    """Warn, at the end of a run with a moving fine zone, if changes of cells gained or lost much energy (`gain`, J/m),
     compared with the supplied energy `put_in`."""
-    if model.settings.run.adapt != "hybrid" or put_in <= 0 or abs(made) <= MADE * put_in:
+    if model.settings.run.adapt != "hybrid" or put_in <= 0 or abs(gain) <= MADE * put_in:
         return
     warn(
         model,
-        f"changes of cells made {100 * made / put_in:+.2g} % of the energy put in, more than {100 * MADE:g} %; a"
+        f"changes of cells made {100 * gain / put_in:+.2g} % of the energy put in, more than {100 * MADE:g} %; a"
         " smaller run.hybrid.kappa helps",
     )
 

@@ -124,9 +124,9 @@ def initial_displacement(model: Model, drive: Drive, width: int) -> NDArray[np.f
                     rows = model.selected(condition)
                     displacement[rows, axis] = model.values(value, rows)
     holds = drive.holds
-    some = holds.kind == DISPLACEMENT
+    is_displacement = holds.kind == DISPLACEMENT
     now = holds.value * factors_at(drive.profiles, 0.0)[holds.profile]
-    displacement[holds.node[some], holds.axis[some]] = now[some]
+    displacement[holds.node[is_displacement], holds.axis[is_displacement]] = now[is_displacement]
     return displacement
 
 
@@ -146,24 +146,24 @@ def damping(model: Model, first: int = 0, last: int | None = None) -> NDArray[np
     Of several layers, the largest value counts.
     """
     last = len(model.grid) if last is None else last
-    found = np.zeros(last - first)
+    coefficients = np.zeros(last - first)
     if model.settings.run.damping:
-        found[:] = model.settings.run.damping
+        coefficients[:] = model.settings.run.damping
     for condition in model.settings.conditions:
         if isinstance(condition, Absorb):
             rows = model.selected(condition)
             speed = np.array([pressure_speed(material) for material in model.materials])[model.material_of[rows]]
             depth = _depths(model.grid, rows)
-            whole = condition.depth or depth.max(initial=0.0)
-            layer = ABSORBED * speed / whole * np.minimum(depth / whole, 1.0)
-            here = (rows >= first) & (rows < last)
-            rows, layer = rows[here] - first, layer[here]
-            found[rows] = np.maximum(found[rows], model.settings.run.damping + layer)
+            layer_depth = condition.depth or depth.max(initial=0.0)
+            layer = ABSORBED * speed / layer_depth * np.minimum(depth / layer_depth, 1.0)
+            in_range = (rows >= first) & (rows < last)
+            rows, layer = rows[in_range] - first, layer[in_range]
+            coefficients[rows] = np.maximum(coefficients[rows], model.settings.run.damping + layer)
     for condition in model.settings.conditions:
         if isinstance(condition, RigidBody):
             rows = model.selected(condition)
-            found[rows[(rows >= first) & (rows < last)] - first] = 0.0
-    return found
+            coefficients[rows[(rows >= first) & (rows < last)] - first] = 0.0
+    return coefficients
 
 
 def _depths(grid: Grid, rows: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -172,8 +172,8 @@ def _depths(grid: Grid, rows: NDArray[np.int64]) -> NDArray[np.float64]:
     if grid.lattice is None:
         others = np.delete(grid.position, rows, axis=0)
     else:  # the nearest one is beside a node of these rows
-        beside = BESIDE * grid.lattice.spacing
-        around = grid.chosen(None, [*(position.min(axis=0) - beside), *(position.max(axis=0) + beside)])
+        margin = BESIDE * grid.lattice.spacing
+        around = grid.chosen(None, [*(position.min(axis=0) - margin), *(position.max(axis=0) + margin)])
         others = grid.part(np.setdiff1d(around, rows, assume_unique=True)).position
     return np.asarray(tree_of(others).query(position)[0])
 
@@ -190,10 +190,10 @@ def drive(
     areas: Areas,
     exact_total: bool,
     kind: type[np.floating],
-    own: slice = slice(None),
+    local_rows: slice = slice(None),
     total: Callable[[NDArray[np.float64]], float] = np.sum,
 ) -> Drive:
-    """Conditions of the model, with the body forces of time 0; of a window, those of its `own` rows.
+    """Conditions of the model, with the body forces of time 0; of a subdomain, those of its `local_rows`.
 
     A traction becomes traction / (rows delta) at each of its nodes, as in the thesis. With `exact_total`, and if the
     length of the loaded edge (or the area of the loaded face) is known, its nodes share traction times that in
@@ -201,7 +201,7 @@ def drive(
     shared so.
     """
     d, nodes = model.grid.dimension, len(model.grid)
-    begin, end, _ = own.indices(nodes)
+    begin, end, _ = local_rows.indices(nodes)
     profiles: list[Sequence[tuple[float, float]]] = []
     loads: list[Entries] = []
     holds: list[Entries] = []
@@ -234,7 +234,7 @@ def entries(
     kind: int = DISPLACEMENT,
 ) -> Entries:
     """A condition on one component of each of these nodes (e,)."""
-    axes, profiles, kinds = (np.full(len(node), one, dtype=np.int64) for one in (axis, profile, kind))
+    axes, profiles, kinds = (np.full(len(node), number, dtype=np.int64) for number in (axis, profile, kind))
     return Entries(node, axes, np.full(len(node), value, dtype=float), profiles, kinds)
 
 
@@ -256,23 +256,24 @@ def drive_of(
     """
     points = [profile or ((0.0, 1.0),) for profile in profiles]
     table = Profiles(
-        np.cumsum([0, *(len(one) for one in points)]),
-        np.array([time for one in points for time, _ in one], dtype=float),
-        np.array([factor for one in points for _, factor in one], dtype=float),
+        np.cumsum([0, *(len(amplitude) for amplitude in points)]),
+        np.array([time for amplitude in points for time, _ in amplitude], dtype=float),
+        np.array([factor for amplitude in points for _, factor in amplitude], dtype=float),
     )
     nothing = entries(np.zeros(0, dtype=np.int64), 0, 0.0, 0)
-    all_loads, held = (
-        Entries(*(np.concatenate(column) for column in zip(nothing, *some, strict=True))) for some in (loads, holds)
+    all_loads, prescribed = (
+        Entries(*(np.concatenate(column) for column in zip(nothing, *entry_lists, strict=True)))
+        for entry_lists in (loads, holds)
     )
-    number, last = np.arange(len(held.node)), np.zeros(shape, dtype=np.int64)
-    last[held.node, held.axis] = number
-    held = chosen(held, last[held.node, held.axis] == number)
+    number, last = np.arange(len(prescribed.node)), np.zeros(shape, dtype=np.int64)
+    last[prescribed.node, prescribed.axis] = number
+    prescribed = chosen(prescribed, last[prescribed.node, prescribed.axis] == number)
     force, before = (np.zeros(shape, dtype=kind) for _ in range(2))  # of which most is never touched
-    varies = any(len(one) > 1 for one in points)
-    result = Drive(table, all_loads, held, varies, force, before, *np.zeros((2, len(held.node))))
-    for each in (force, before):
-        _add_loads(result, 0.0, each)
-    result.held_force[:] = result.force[held.node, held.axis]
+    varies = any(len(amplitude) > 1 for amplitude in points)
+    result = Drive(table, all_loads, prescribed, varies, force, before, *np.zeros((2, len(prescribed.node))))
+    for array in (force, before):
+        _add_loads(result, 0.0, array)
+    result.held_force[:] = result.force[prescribed.node, prescribed.axis]
     return result
 
 
@@ -286,9 +287,9 @@ def widened(driven: Drive, width: int) -> Drive:
 
 def held(drive: Drive) -> NDArray[np.bool_]:
     """Mask (n, w) of the components with a prescribed motion or value."""
-    found = np.zeros(drive.force.shape, dtype=np.bool_)
-    found[drive.holds.node, drive.holds.axis] = True
-    return found
+    mask = np.zeros(drive.force.shape, dtype=np.bool_)
+    mask[drive.holds.node, drive.holds.axis] = True
+    return mask
 
 
 def hold_values(drive: Drive, value: NDArray[np.float64], time: float) -> None:
@@ -313,8 +314,8 @@ def initial_acceleration(drive: Drive, rho: NDArray[np.floating]) -> NDArray[np.
     acceleration = drive.force / rho[:, None]
     holds = drive.holds
     for e in range(len(holds.node)):
-        held = holds.value[e] * factor_now(drive.profiles, holds.profile[e], 0.0)
-        acceleration[holds.node[e], holds.axis[e]] = held if holds.kind[e] == ACCELERATION else 0.0
+        prescribed = holds.value[e] * factor_now(drive.profiles, holds.profile[e], 0.0)
+        acceleration[holds.node[e], holds.axis[e]] = prescribed if holds.kind[e] == ACCELERATION else 0.0
     return acceleration
 
 
@@ -375,8 +376,8 @@ def factors_at(profiles: Profiles, time: float) -> NDArray[np.float64]:
 def factors(condition: Condition, times: Sequence[float]) -> list[float]:
     """A condition's factors at these times, s."""
     at, factor = np.array(condition.profile or ((0.0, 1.0),), dtype=float).T
-    found: list[float] = np.interp(times, at, factor).tolist()
-    return found
+    factor_values: list[float] = np.interp(times, at, factor).tolist()
+    return factor_values
 
 
 @njit

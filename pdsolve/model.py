@@ -109,25 +109,28 @@ class Model:
             self._check_planes()
         for number, region in enumerate(self.settings.regions):
             for name in ("plane", "sight", "gamma"):
-                own, elsewhere = (getattr(each, name) for each in (region.material, self.settings.material))
-                if own != elsewhere:
+                value, elsewhere = (getattr(material, name) for material in (region.material, self.settings.material))
+                if value != elsewhere:
                     raise ModelError(
-                        f"{self.name}: $.regions[{number}].material.{name} is '{own}'; use '{elsewhere}' as elsewhere"
+                        f"{self.name}: $.regions[{number}].material.{name} is '{value}'; use '{elsewhere}' as elsewhere"
                     )
 
     def _resolve_fracture_energies(self) -> None:
         """Give materials with a critical stretch their fracture energy. Raises ModelError."""
         every = () if self.settings.material is None else (self.settings.material, *self._of_regions())
-        if all(one.critical_stretch is None and one.G0 != UNKNOWN for one in every):
+        if all(
+            material_settings.critical_stretch is None and material_settings.G0 != UNKNOWN
+            for material_settings in every
+        ):
             return
         size = self.settings.horizon.ratio, float(self.grid.delta.min()), self.grid.dimension
         try:
-            known = [with_fracture_energy(one, *size) for one in every]
+            materials = [with_fracture_energy(material_settings, *size) for material_settings in every]
         except ValueError as error:
             raise ModelError(f"{self.name}: $.material.{error}") from None
-        pairs = zip(self.settings.regions, known[1:], strict=True)
+        pairs = zip(self.settings.regions, materials[1:], strict=True)
         regions = tuple(msgspec.structs.replace(region, material=material) for region, material in pairs)
-        settings = msgspec.structs.replace(self.settings, material=known[0], regions=regions)
+        settings = msgspec.structs.replace(self.settings, material=materials[0], regions=regions)
         object.__setattr__(self, "settings", settings)
 
     def _of_regions(self) -> Iterator[Material]:
@@ -143,10 +146,10 @@ class Model:
                 )
             for name in REGIONS[part]:
                 if part not in PARTS[physics] and getattr(settings, name):
-                    other = next(each for each, parts in PARTS.items() if parts == (part,))
+                    needed_physics = next(physics_name for physics_name, parts in PARTS.items() if parts == (part,))
                     both = ", or 'thermoelastic' with its alpha and T0" if physics == "diffusion" else ""
                     raise ModelError(
-                        f"{self.name}: $.{name} cannot be used; leave it out, or use physics = '{other}'{both}"
+                        f"{self.name}: $.{name} cannot be used; leave it out, or use physics = '{needed_physics}'{both}"
                     )
         kinds = tuple(kind for part in PARTS[physics] for kind in CONDITIONS[part])
         for number, condition in enumerate(settings.conditions):
@@ -169,14 +172,17 @@ class Model:
 
     def moving_part(self) -> Model:
         """The mechanics of a model that swells."""
-        mine = tuple(one for one in self.settings.conditions if isinstance(one, OfMechanics))
-        asked = tuple(name for name in self.settings.run.fields if name not in OF_CONTENT)
-        run = msgspec.structs.replace(self.settings.run, fields=asked)
+        mine = tuple(condition for condition in self.settings.conditions if isinstance(condition, OfMechanics))
+        fields = tuple(name for name in self.settings.run.fields if name not in OF_CONTENT)
+        run = msgspec.structs.replace(self.settings.run, fields=fields)
         return self._part(physics="mechanics", medium=None, media=(), conditions=mine, run=run)
 
     def diffusing_part(self, time_step: float) -> Model:
         """The diffusion of a model that swells, in steps of `time_step`, s."""
-        mine, run = tuple(one for one in self.settings.conditions if isinstance(one, OfDiffusion)), self.settings.run
+        mine, run = (
+            tuple(condition for condition in self.settings.conditions if isinstance(condition, OfDiffusion)),
+            self.settings.run,
+        )
         mine = (*self._unstressed(), *mine)
         steps = Run(time_step=time_step, steps=run.steps, every=run.every, ledger=run.ledger)
         if run.solver == "static":
@@ -285,9 +291,9 @@ class Model:
         varies = any(map(is_of_place, vector))
         return vectors_at(vector, self.grid.part(rows).position if varies else position)
 
-    def selected(self, some: Selection) -> NDArray[np.int64]:
+    def selected(self, target: Selection) -> NDArray[np.int64]:
         """The rows of the grid a condition or a region acts on."""
-        return self.grid.chosen(some.nodes, some.box)
+        return self.grid.chosen(target.nodes, target.box)
 
     def window(self, first: int, last: int) -> Model:
         """The model of the rows `first` to `last` - 1, of which a condition or a region may have none."""
@@ -389,8 +395,8 @@ def _without_other_end(below: dict[str, Any], above: dict[str, Any]) -> dict[str
     critical stretch."""
     for part, either in (("run", ("steps", "duration")), ("material", ("G0", "critical_stretch"))):
         new, old = above.get(part), below.get(part)
-        given = [name for name in either if isinstance(new, dict) and name in new]
-        if len(given) == 1 and isinstance(old, dict):
+        names_above = [name for name in either if isinstance(new, dict) and name in new]
+        if len(names_above) == 1 and isinstance(old, dict):
             below = below | {part: {name: value for name, value in old.items() if name not in either}}
     return below
 

@@ -49,8 +49,8 @@ DIFFUSION = (
     ),
     Mutant(
         "pdsolve/diffusion/operator.py",
-        "given = -self.outside * potential",
-        "given = -self.outside * content",
+        "inflow = -self.outside * potential",
+        "inflow = -self.outside * content",
         "tests/unit/pdsolve/diffusion/test_masses.py::test_a_solid_exchanges_what_is_saturated",
     ),
     Mutant(
@@ -79,7 +79,7 @@ DIFFUSION = (
     ),
     Mutant(
         "pdsolve/diffusion/surfaces.py",
-        "np.where(free & ~_parted(bonds, known, pairs), ",
+        "np.where(free & ~_parted(bonds, node_properties, pairs), ",
         "np.where(free, ",
         "tests/unit/pdsolve/diffusion/test_surfaces.py::test_a_layer_parts_what_is_on_both_sides",
     ),

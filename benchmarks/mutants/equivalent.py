@@ -14,8 +14,8 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
     ): "a floor against a division by zero, of circles 1e13 times as wide as a spacing",
     (
         "pdpost/figures/style.py",
-        "if drawn.width <= room:",
-        "(drawn.width < room)",
+        "if bounds.width <= room:",
+        "(bounds.width < room)",
     ): "a figure that is exactly as wide as there is room is drawn once more, and as wide",
     ("pdsolve/__main__.py", "gc.disable()", "pass"): "garbage is collected while nothing is garbage: only slower",
     ("pdsolve/__main__.py", "gc.enable()", "pass"): "cycles that a run leaves are no memory that anybody sees",

@@ -39,7 +39,7 @@ RIGHT_ANSWERS = (
     ),
     Mutant(
         "pdsolve/run/motion_accounts.py",
-        "        if system.time_step > left:",
+        "        if system.time_step > intact_step:",
         "        if False:",
         "tests/verification/test_families_that_lose_bonds.py::test_a_step_that_became_too_long_is_said_to_be_the_cause",
     ),
@@ -113,14 +113,14 @@ RIGHT_ANSWERS = (
     ),
     Mutant(
         "pdsolve/schemes/families.py",
-        "    return found * _shells(material, ratio).at(length / reach * ratio)",
-        "    return found",
+        "    return weights * _shells(material, ratio).at(length / reach * ratio)",
+        "    return weights",
         "tests/verification/test_small_horizons.py::test_ordinary_families_are_isotropic",
     ),
     Mutant(
         "pdsolve/schemes/average_horizon.py",
-        "modulus[some] = c * calibrated.shells.at(length / far * ratio)",
-        "modulus[some] = c",
+        "modulus[material_rows] = c * calibrated.shells.at(length / far * ratio)",
+        "modulus[material_rows] = c",
         "tests/verification/test_small_horizons.py::test_a_bar_in_the_plane",
     ),
     Mutant(
@@ -163,13 +163,13 @@ RIGHT_ANSWERS = (
     ),
     Mutant(
         "pdsolve/schemes/gripped_edges.py",
-        "factor[some] = np.minimum(1 + lacks[some] /",
-        "factor[some] = np.minimum(1 + 0 * lacks[some] /",
+        "factor[mask] = np.minimum(1 + lacks[mask] /",
+        "factor[mask] = np.minimum(1 + 0 * lacks[mask] /",
         "tests/verification/test_grips_and_loads.py::test_short_bars_stretch_as_much_inside_as_between_their_ends",
     ),
     Mutant(
         "pdsolve/schemes/gripped_edges.py",
-        "    found[near[there]] = lack[deep[there]]\n",
+        "    corrections[near[is_inside]] = lack[deep[is_inside]]\n",
         "",
         "tests/verification/test_grips_and_loads.py::test_short_bars_stretch_as_much_inside_as_between_their_ends",
     ),
@@ -193,14 +193,14 @@ RIGHT_ANSWERS = (
     ),
     Mutant(
         "pdsolve/conditions.py",
-        "    displacement[holds.node[some], holds.axis[some]] = now[some]\n",
+        "    displacement[holds.node[is_displacement], holds.axis[is_displacement]] = now[is_displacement]\n",
         "",
         "tests/unit/pdsolve/test_conditions_of_place.py::test_a_displaced_run_begins_with_its_forces_and_with_what_is_prescribed",
     ),
     Mutant(
         "pdsolve/run/doubtful_conditions.py",
-        "            for other, before in earlier if value == 0.0 and not sets else ():",
-        "            for other, before in ():",
+        "            for earlier_number, before in earlier if value == 0.0 and not sets else ():",
+        "            for earlier_number, before in ():",
         "tests/unit/pdsolve/test_conditions_of_place.py::test_a_zero_that_leaves_an_earlier_component_is_named",
     ),
     Mutant(
@@ -243,8 +243,8 @@ RIGHT_ANSWERS = (
     ),
     Mutant(
         "pdsolve/operators/contact/drawn_faces.py",
-        "    behind = laid & (depth > (1 + ROUND_OFF) * delta)",
-        "    behind = laid & (depth > (9 + ROUND_OFF) * delta)",
+        "    covered = laid & (depth > (1 + ROUND_OFF) * delta)",
+        "    covered = laid & (depth > (9 + ROUND_OFF) * delta)",
         "tests/unit/pdsolve/test_drawn_faces.py::test_nodes_of_a_disc_have_the_normal_and_the_depth_of_its_circle",
     ),
     Mutant(
@@ -274,7 +274,7 @@ RIGHT_ANSWERS = (
     ),
     Mutant(
         "pdsolve/diffusion/masses.py",
-        "    through -= held - transport.held\n",
+        "    through -= prescribed_amount - transport.held\n",
         "",
         "tests/unit/pdsolve/diffusion/test_masses.py::test_held_nodes_exchange_nothing_and_are_supplied_nothing",
     ),
@@ -286,7 +286,7 @@ RIGHT_ANSWERS = (
     ),
     Mutant(
         "pdpost/measures/crack_summary.py",
-        "    lines += _crumbs(found.fragments)\n",
+        "    lines += _crumbs(summary.fragments)\n",
         "",
         "tests/unit/pdpost/measures/test_cracks.py::test_pieces_beside_crumbs_are_said_to_be_few",
     ),
@@ -315,27 +315,27 @@ RIGHT_ANSWERS = (
         "tests/unit/pdmesh/model/test_broken_area.py::test_a_cut_of_a_plate_has_its_length",
     ),
     Mutant(
-        "pdsolve/__main__.py",
+        "pdsolve/run/summary_lines.py",
         '        lines.append(crack_energy(summary["cracks"], unit))',
         "        pass",
         "tests/verification/test_tear.py::test_a_run_says_what_a_cut_cost_beside_g0_times_its_area",
     ),
     Mutant(
         "pdpost/measures/crack_summary.py",
-        'f"{line}{LEANING}" if abs(one.off) > LEANS else line',
+        'f"{line}{LEANING}" if abs(prediction.off) > LEANS else line',
         "line",
         "tests/unit/pdpost/measures/test_predicted_directions.py::test_a_path_that_leans_to_the_grid_is_told_to",
     ),
     # numbers of numpy, and laws of one's own
     Mutant(
         "pdmesh/model/plain_numbers.py",
-        "                msgspec.structs.force_setattr(self, name, own)",
+        "                msgspec.structs.force_setattr(self, name, plain_value)",
         "                pass",
         "tests/unit/pdmesh/scene/test_plain_numbers.py::test_numbers_of_numpy_make_the_same_scenes",
     ),
     Mutant(
         "pdmesh/scene/actions.py",
-        "    given = plain(given)\n",
+        "    fields = plain(fields)\n",
         "",
         "tests/unit/pdmesh/scene/test_plain_numbers.py::test_numbers_of_numpy_make_the_same_scenes",
     ),
@@ -347,8 +347,8 @@ RIGHT_ANSWERS = (
     ),
     Mutant(
         "pdmesh/scene/checks.py",
-        'raise SceneError(f"{place}: found {value!r:.80}, expected a number or a word") from None',
-        'raise SceneError(f"found {value!r:.80}, expected a number or a word") from None',
+        'raise SceneError(f"{place} is {value!r:.80}; use a number or a word") from None',
+        'raise SceneError(f"{value!r:.80}; use a number or a word") from None',
         "tests/unit/pdmesh/scene/test_plain_numbers.py::test_what_is_no_number_is_named",
     ),
     # many materials
@@ -374,8 +374,8 @@ RIGHT_ANSWERS = (
     # pre-cracks and critical stretches
     Mutant(
         "pdpost/measures/cracked_nodes.py",
-        "return np.asarray((gone - cut) / np.maximum(family - cut, 1))",
-        "return np.asarray(gone / np.maximum(family, 1))",
+        "return np.asarray((broken_count - cut) / np.maximum(family - cut, 1))",
+        "return np.asarray(broken_count / np.maximum(family, 1))",
         "tests/unit/pdpost/measures/test_cracks.py::test_a_pre_crack_is_not_damage",
     ),
     Mutant(
@@ -386,8 +386,8 @@ RIGHT_ANSWERS = (
     ),
     Mutant(
         "pdmesh/model/fracture_energy.py",
-        "stretch = material.critical_stretch / calibration(ratio, own, has_partial_cells(own)).stretch",
-        "stretch = material.critical_stretch",
+        "        / calibration(ratio, material_in_dimension, has_partial_cells(material_in_dimension)).stretch\n",
+        "",
         "tests/unit/pdmesh/model/test_fracture_energy.py::test_bonds_break_at_the_stretch_that_is_set",
     ),
     Mutant(
@@ -405,8 +405,8 @@ RIGHT_ANSWERS = (
     # refusals and fields
     Mutant(
         "pdsolve/checks.py",
-        "    known = usual(model.grid.dimension)",
-        "    known = usual(2)",
+        "    usual_fields = usual(model.grid.dimension)",
+        "    usual_fields = usual(2)",
         "tests/unit/pdsolve/test_material_checks.py::test_fields_along_z_may_be_asked_of_a_body",
     ),
     Mutant(

@@ -23,8 +23,8 @@ MUTANTS = (
     ),
     Mutant(
         "pdsolve/run/measures.py",
-        "whole = sound[source] & sound[target]",
-        "whole = sound[source] | sound[target]",
+        "sound_bonds = sound[source] & sound[target]",
+        "sound_bonds = sound[source] | sound[target]",
         f"{UNIT}/test_simulation.py::test_pieces_are_not_joined_by_cracked_nodes",
     ),
     Mutant(  # resumed
@@ -65,8 +65,8 @@ MUTANTS = (
     ),
     Mutant(
         "pdpost/measures/cracked_nodes.py",
-        "np.minimum.at(since, one[cracked], since[other[cracked]])",
-        "since[one[cracked]] = birth[one[cracked]]",
+        "np.minimum.at(since, born_row[cracked], since[died_row[cracked]])",
+        "since[born_row[cracked]] = birth[born_row[cracked]]",
         "tests/unit/pdpost/measures/test_changing.py::test_a_node_that_is_born_cracked_is_so_since_the_one_before",
     ),
     Mutant(
@@ -101,7 +101,7 @@ MUTANTS = (
     ),
     Mutant(
         "pdsolve/schemes/average_horizon.py",
-        "(own[pairs.source] + own[pairs.target])",
+        "(correction[pairs.source] + correction[pairs.target])",
         "(lack[pairs.source, first + 1 - axis] + lack[pairs.target, first + 1 - axis])",
         f"{UNIT}/test_average_horizon.py",
     ),
@@ -137,7 +137,7 @@ MUTANTS = (
     ),
     Mutant(
         "pdmesh/model/cohesive_softening.py",
-        "material.G0 - held",
+        "material.G0 - elastic_energy",
         "material.G0",
         "tests/laws/test_cohesive.py::test_halves_moved_apart_spend_G0",
     ),
@@ -155,8 +155,8 @@ MUTANTS = (
     ),
     Mutant(
         "pdsolve/laws/ordinary.py",
-        "    return own + other\n",
-        "    return 2 * own\n",
+        "    return t_i + t_j\n",
+        "    return 2 * t_i\n",
         f"{CONTRACTS}::test_momentum_and_angular_momentum",
     ),
     Mutant(
@@ -179,7 +179,7 @@ MUTANTS = (
     ),
     Mutant(
         "pdsolve/operators/together.py",
-        "        expect_found(found, broken.source, broken.target)\n",
+        "        expect_found(is_found, broken.source, broken.target)\n",
         "",
         "tests/contracts/test_operators.py::test_a_broken_bond_of_no_part_is_refused",
     ),
@@ -209,8 +209,8 @@ MUTANTS = (
     ),
     Mutant(
         "pdsolve/operators/tangent.py",
-        "_slope(bonds, law, now, m, step, i, j, k, j, a, f, other)",
-        "_slope(bonds, law, now, m, step, i, j, k, i, a, f, other)",
+        "_slope(bonds, law, now, m, step, i, j, k, j, a, f, by_neighbour)",
+        "_slope(bonds, law, now, m, step, i, j, k, i, a, f, by_neighbour)",
         f"{CONTRACTS}::test_the_tangent_is_minus_the_slope_of_the_force",
     ),
     Mutant(
@@ -251,8 +251,8 @@ MUTANTS = (
     ),
     Mutant(
         "pdsolve/laws/__init__.py",
-        "found = bilinear.LAW if others else first",
-        "found = first",
+        "common_law = bilinear.LAW if others else first",
+        "common_law = first",
         "tests/laws/test_table.py",
     ),
     Mutant(

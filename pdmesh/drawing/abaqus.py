@@ -70,7 +70,11 @@ def _mesh(model: Model, notes: tuple[str, ...]) -> Mesh:
     for number, (name, side) in enumerate(surfaces, start=len(every)):
         sets.setdefault(name, [NONE] * len(blocks))[number] = np.arange(len(side.data))
     plane, more = _plane([elements for elements, _ in every])
-    part = np.repeat(np.arange(len(points)), [len(some) for some in points]) if len(model.instances) > 1 else None
+    part = (
+        np.repeat(np.arange(len(points)), [len(instance_points) for instance_points in points])
+        if len(model.instances) > 1
+        else None
+    )
     mesh = Mesh(np.concatenate(points), tuple(blocks), sets, node_sets, plane=plane, notes=(*notes, *more))
     return replace(mesh, parts=part)
 
@@ -85,7 +89,7 @@ def _copied(
     model: Model, instance: Instance | None, points: list[NDArray[np.float64]], every: list[tuple[Elements, Rows]]
 ) -> Copy:
     """Append the points and elements of an instance, or of what belongs to none, to those of the mesh."""
-    scopes = (model.root,) if instance is None else (model.parts[instance.part], instance.own)
+    scopes = (model.root,) if instance is None else (model.parts[instance.part], instance.scope)
     ids = np.array([number for scope in scopes for number in scope.ids], dtype=np.int64)
     places = np.array([place for scope in scopes for place in scope.places], dtype=float).reshape(-1, 3)
     name = "" if instance is None else instance.name
@@ -94,28 +98,28 @@ def _copied(
     nodes = Numbered.of(ids[chosen], sum(map(len, points)) + np.arange(len(chosen)))
     points.append(places[chosen] if instance is None else instance.moved(places[chosen]))
     first, numbers = sum(len(rows) for _, rows in every), [NONE]
-    for elements in (one for scope in scopes for one in scope.elements):
+    for elements in (element_block for scope in scopes for element_block in scope.elements):
         rows, missing = nodes.find(elements.nodes.ravel())
         if len(missing):
             raise elements.keyword.error(f"*ELEMENT: {missing[0]} is not defined; define it, or correct the name")
         every.append((elements, rows.reshape(elements.nodes.shape)))
         numbers.append(elements.ids)
-    own = np.concatenate(numbers)
-    known, count = np.unique(own, return_counts=True)
+    element_ids = np.concatenate(numbers)
+    unique_ids, count = np.unique(element_ids, return_counts=True)
     if count.max(initial=0) > 1:
-        twice = f"*ELEMENT: element {known[count.argmax()]} is defined {count.max()} times; define it once"
+        twice = f"*ELEMENT: element {unique_ids[count.argmax()]} is defined {count.max()} times; define it once"
         raise SceneError(f"{model.path}: {twice}")
-    return Copy.of(name, scopes, nodes, Numbered.of(own, first + np.arange(len(own))))
+    return Copy.of(name, scopes, nodes, Numbered.of(element_ids, first + np.arange(len(element_ids))))
 
 
 def _sets(every: SetRows, kind: str) -> dict[str, Rows]:
     """Sets by name: of all instances together, "INSTANCE.SET" where several have one, and the instances themselves."""
-    found: dict[str, list[Rows]] = {}
+    rows_by_name: dict[str, list[Rows]] = {}
     spelled: dict[str, str] = {}
 
     def add(name: str, rows: Rows) -> None:
         if not name.startswith("_"):  # those that Abaqus/CAE names itself
-            found.setdefault(spelled.setdefault(name.upper(), name), []).append(rows)
+            rows_by_name.setdefault(spelled.setdefault(name.upper(), name), []).append(rows)
 
     instances = {key: copy for key, copy in every.copies.items() if key}
     count = Counter(name for copy in instances.values() for name in copy.sets[kind])
@@ -128,7 +132,7 @@ def _sets(every: SetRows, kind: str) -> dict[str, Rows]:
     if len(instances) > 1:
         for copy in instances.values():
             add(copy.name, copy.numbers(kind).rows)
-    return {name: np.unique(np.concatenate(rows)) for name, rows in found.items()}
+    return {name: np.unique(np.concatenate(rows)) for name, rows in rows_by_name.items()}
 
 
 def _surfaces(every: SetRows, blocks: list[Block], first: Rows) -> Iterator[tuple[str, Block]]:
@@ -141,10 +145,10 @@ def _surfaces(every: SetRows, blocks: list[Block], first: Rows) -> Iterator[tupl
                     continue
                 rows = every.of_entry("element_sets", instance, (keyword, line, name))
                 for number, block in enumerate(blocks):
-                    some = rows[(rows >= first[number]) & (rows < first[number + 1])] - first[number]
+                    block_rows = rows[(rows >= first[number]) & (rows < first[number + 1])] - first[number]
                     corners = _side(block, int(side[1:]) - 1)
-                    if len(some) and corners:
-                        yield members.name, Block(OF_CORNERS[len(corners)], block.data[some][:, list(corners)])
+                    if len(block_rows) and corners:
+                        yield members.name, Block(OF_CORNERS[len(corners)], block.data[block_rows][:, list(corners)])
 
 
 def _side(block: Block, number: int) -> tuple[int, ...]:
@@ -161,17 +165,21 @@ def _plane(every: list[Elements]) -> tuple[str, list[str]]:
     """Plane stress or strain, if all elements agree, and remarks on what they say else."""
 
     def names(chosen: Callable[[Elements], bool]) -> str:
-        return ", ".join(sorted({one.keyword.options["TYPE"].upper() for one in every if chosen(one)}))
+        return ", ".join(sorted({elements.keyword.options["TYPE"].upper() for elements in every if chosen(elements)}))
 
-    kinds = {one.type.kind for one in every}
+    kinds = {elements.type.kind for elements in every}
     notes = []
     if "axisymmetric" in kinds:
-        types = names(lambda one: one.type.kind == "axisymmetric")
+        types = names(lambda elements: elements.type.kind == "axisymmetric")
         notes.append(f"warning: {types}: axisymmetric elements, built as a plate: nothing holds around the axis")
     if "line" in kinds:
-        count = sum(len(one.ids) for one in every if one.type.kind == "line")
-        notes.append(f"{count} elements {names(lambda one: one.type.kind == 'line')}: lines, which get no nodes")
+        count = sum(len(elements.ids) for elements in every if elements.type.kind == "line")
+        notes.append(
+            f"{count} elements {names(lambda elements: elements.type.kind == 'line')}: lines, which get no nodes"
+        )
     if {"stress", "strain"} <= kinds and "space" not in kinds:
-        notes.append(f"warning: {names(lambda one: one.type.kind == 'strain')}: plane strain, others plane stress")
+        notes.append(
+            f"warning: {names(lambda elements: elements.type.kind == 'strain')}: plane strain, others plane stress"
+        )
         return "", notes
     return next((kind for kind in ("stress", "strain") if kind in kinds), ""), notes

@@ -60,7 +60,7 @@ class Instance:
     name: str
     part: str
     keyword: Keyword
-    own: Scope
+    scope: Scope
 
     def moved(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Points (n, 3) of the part where the instance has them. Raises SceneError for data that are none."""
@@ -141,9 +141,9 @@ class Model:
             raise keyword.error(f"*INSTANCE: NAME={name} is used twice; give each instance a name of its own")
         if part.upper() not in self.parts:
             raise keyword.error(f"*INSTANCE: PART={part} is not defined; define it, or correct the name")
-        own = Scope(name)
-        self.instances[name.upper()] = Instance(name, part.upper(), keyword, own)
-        self.current = own
+        scope = Scope(name)
+        self.instances[name.upper()] = Instance(name, part.upper(), keyword, scope)
+        self.current = scope
 
 
 def _take_nodes(scope: Scope, keyword: Keyword) -> None:
@@ -176,11 +176,11 @@ def _take_elements(scope: Scope, keyword: Keyword) -> None:
         else:
             rows.append(numbers)
         if len(rows[-1]) > kind.nodes + 1 and kind.kind != "line" and kind.nodes not in (15, 27):
-            found = len(rows[-1]) - 1
-            raise keyword.error(f"*ELEMENT: {found} nodes given; {word} has {kind.nodes}", line)
+            node_count = len(rows[-1]) - 1
+            raise keyword.error(f"*ELEMENT: {node_count} nodes given; {word} has {kind.nodes}", line)
     if rows and len(rows[-1]) <= kind.nodes:
-        found, line = len(rows[-1]) - 1, keyword.rows[-1][0]
-        raise keyword.error(f"*ELEMENT: {found} nodes given; {word} has {kind.nodes}", line)
+        node_count, line = len(rows[-1]) - 1, keyword.rows[-1][0]
+        raise keyword.error(f"*ELEMENT: {node_count} nodes given; {word} has {kind.nodes}", line)
     table = np.array([row[: kind.nodes + 1] for row in rows], dtype=np.int64).reshape(-1, kind.nodes + 1)
     scope.elements.append(Elements(keyword, kind, table[:, 0], table[:, 1:]))
     if "ELSET" in keyword.options:

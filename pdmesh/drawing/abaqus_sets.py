@@ -33,14 +33,14 @@ class Numbered(NamedTuple):
     def find(self, ids: Rows) -> tuple[Rows, Rows]:
         """The rows of these numbers, and those of them that are not there."""
         at = np.minimum(np.searchsorted(self.ids, ids), max(len(self.ids) - 1, 0))
-        there = self.ids[at] == ids if len(self.ids) else np.zeros(len(ids), dtype=bool)
-        return self.rows[at[there]], ids[~there]
+        present = self.ids[at] == ids if len(self.ids) else np.zeros(len(ids), dtype=bool)
+        return self.rows[at[present]], ids[~present]
 
-    def mark(self, some: range, inside: NDArray[np.bool_]) -> None:
+    def mark(self, id_range: range, inside: NDArray[np.bool_]) -> None:
         """Mark those numbers that are in a range."""
-        low, high = min(some[0], some[-1]), max(some[0], some[-1])
+        low, high = min(id_range[0], id_range[-1]), max(id_range[0], id_range[-1])
         first, end = np.searchsorted(self.ids, np.array([low, high + 1])).tolist()
-        step = abs(some.step)
+        step = abs(id_range.step)
         inside[first:end] |= (self.ids[first:end] - low) % step == 0 if step > 1 else True
 
 
@@ -56,7 +56,9 @@ class Copy(NamedTuple):
     def of(cls, name: str, scopes: tuple[Scope, ...], nodes: Numbered, elements: Numbered) -> Copy:
         """What scopes define together; a set of a later one replaces that of its name in an earlier one."""
         kinds = ("element_sets", "node_sets", "surfaces")
-        sets = {kind: {key: one for scope in scopes for key, one in getattr(scope, kind).items()} for kind in kinds}
+        sets = {
+            kind: {key: members for scope in scopes for key, members in getattr(scope, kind).items()} for kind in kinds
+        }
         return cls(name, nodes, elements, sets)
 
     def numbers(self, kind: str) -> Numbered:
@@ -76,7 +78,7 @@ class SetName(NamedTuple):
 class _Resolution:
     """A set whose rows are looked for: its own rows, and the sets that it names, with the entries that name them."""
 
-    own: list[Rows]
+    direct_rows: list[Rows]
     others: dict[SetName, Entry]
     waiting: Iterator[SetName]
 
@@ -86,37 +88,41 @@ class SetRows:
     """Rows of the sets of a mesh, each computed once."""
 
     copies: Mapping[str, Copy]  # by name in capitals; "" is what belongs to no instance
-    known: dict[SetName, Rows] = field(default_factory=dict)
+    rows_by_set: dict[SetName, Rows] = field(default_factory=dict)
 
     def named(self, wanted: SetName) -> Rows:
         """The rows of a set of this name. Raises SceneError for a member that is not there, or for a set in itself."""
-        if wanted not in self.known:
+        if wanted not in self.rows_by_set:
             self._resolve(wanted, self.copies[wanted.instance].sets[wanted.kind][wanted.name])
-        return self.known[wanted]
+        return self.rows_by_set[wanted]
 
     def of_entry(self, kind: str, instance: str, entry: Entry) -> Rows:
         """The rows of one number or name on a line of data. Raises SceneError."""
-        own, others = self._parts(SetName(instance, kind, ""), Members("", [entry]))
-        return _union(own, [self.named(other) for other in others])
+        direct_rows, others = self._parts(SetName(instance, kind, ""), Members("", [entry]))
+        return _union(direct_rows, [self.named(set_name) for set_name in others])
 
     def _resolve(self, wanted: SetName, members: Members) -> None:
         """Compute the rows of a set and of all that it names, without recursion: chains of names may be long."""
         begun = {wanted: self._begin(wanted, members)}
         while begun:
             name, resolution = next(reversed(begun.items()))
-            other = next((other for other in resolution.waiting if other not in self.known), None)
-            if other is None:
-                self.known[name] = _union(resolution.own, [self.known[other] for other in resolution.others])
+            reference = next((reference for reference in resolution.waiting if reference not in self.rows_by_set), None)
+            if reference is None:
+                self.rows_by_set[name] = _union(
+                    resolution.direct_rows, [self.rows_by_set[reference] for reference in resolution.others]
+                )
                 del begun[name]
-            elif other in begun:
-                keyword, line, word = resolution.others[other]
+            elif reference in begun:
+                keyword, line, word = resolution.others[reference]
                 raise keyword.error(f"*{keyword.name}: '{word}' is defined by itself; list its members", line)
             else:
-                begun[other] = self._begin(other, self.copies[other.instance].sets[other.kind][other.name])
+                begun[reference] = self._begin(
+                    reference, self.copies[reference.instance].sets[reference.kind][reference.name]
+                )
 
     def _begin(self, name: SetName, members: Members) -> _Resolution:
-        own, others = self._parts(name, members)
-        return _Resolution(own, others, iter(others))
+        direct_rows, others = self._parts(name, members)
+        return _Resolution(direct_rows, others, iter(others))
 
     def _parts(self, of: SetName, members: Members) -> tuple[list[Rows], dict[SetName, Entry]]:
         """The rows that a set has by numbers, and the sets that it names. Raises SceneError."""
@@ -135,11 +141,11 @@ class SetRows:
         return [*self._rows(of, members, numbers)], others
 
     def _rows(self, of: SetName, members: Members, numbers: dict[str, list[tuple[Entry, int]]]) -> Iterator[Rows]:
-        own = self.copies[of.instance].numbers(of.kind)
-        yield own.find(np.concatenate([np.zeros(0, dtype=np.int64), *members.numbers]))[0]
-        for instance, some in numbers.items():
-            rows, missing = self.copies[instance].numbers(of.kind).find(np.array([number for _, number in some]))
-            for (keyword, line, word), number in some if len(missing) else ():
+        numbering = self.copies[of.instance].numbers(of.kind)
+        yield numbering.find(np.concatenate([np.zeros(0, dtype=np.int64), *members.numbers]))[0]
+        for instance, entries in numbers.items():
+            rows, missing = self.copies[instance].numbers(of.kind).find(np.array([number for _, number in entries]))
+            for (keyword, line, word), number in entries if len(missing) else ():
                 if number == missing[0]:
                     raise keyword.error(f"*{keyword.name}: {word} is not defined; define it, or correct the name", line)
             yield rows
@@ -155,9 +161,9 @@ class SetRows:
         if of.instance:
             return of.instance, word
         instance = self._instance(keyword, line)
-        before, dot, behind = word.partition(".")
+        before, dot, member = word.partition(".")
         if not instance and dot and before and before.upper() in self.copies:
-            return before.upper(), behind
+            return before.upper(), member
         return instance, word
 
     def _instance(self, keyword: Keyword, line: int) -> str:
@@ -170,16 +176,16 @@ class SetRows:
         return instance
 
 
-def _union(own: list[Rows], named: list[Rows]) -> Rows:
+def _union(direct_rows: list[Rows], named: list[Rows]) -> Rows:
     """The rows of a set in order: its own ones and those of the sets that it names."""
-    if len(named) == 1 and not any(map(len, own)):
+    if len(named) == 1 and not any(map(len, direct_rows)):
         return named[0]
-    return np.unique(np.concatenate([*own, *named]))
+    return np.unique(np.concatenate([*direct_rows, *named]))
 
 
 def _among(numbers: Numbered, ranges: Iterable[range]) -> Rows:
     """The rows of those numbers that are in a range, whatever else the ranges have."""
     inside = np.zeros(len(numbers.ids), dtype=bool)
-    for some in ranges:
-        numbers.mark(some, inside)
+    for id_range in ranges:
+        numbers.mark(id_range, inside)
     return numbers.rows[inside]

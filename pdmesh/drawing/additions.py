@@ -26,14 +26,14 @@ def added(scene: Scene, refine: Sequence[str], cracks: Sequence[str], adapt: str
 
     Lengths are in the drawing's unit. Raises SceneError.
     """
-    unit, kept = unit_of(dict(scene.parameters)), dict(scene.parameters)
+    unit, parameters = unit_of(dict(scene.parameters)), dict(scene.parameters)
     for word in cracks:
         scene = scene.crack(_points(word, unit), word)
-        kept[CRACK + word] = word
+        parameters[CRACK + word] = word
     for word in refine:
         scene = replace(scene, refinements=(*scene.refinements, refinement(word, unit)))
-        kept[REFINE + word] = word
-    return adapted(replace(scene, parameters=tuple(kept.items())), adapt)
+        parameters[REFINE + word] = word
+    return adapted(replace(scene, parameters=tuple(parameters.items())), adapt)
 
 
 S = TypeVar("S", Scene, Body)
@@ -56,8 +56,8 @@ def sorted_out(parameters: Mapping[str, float | str]) -> tuple[list[tuple[str, s
     refine, cracks = (
         [str(word) for name, word in parameters.items() if name.startswith(key)] for key in (REFINE, CRACK)
     )
-    own = [(name, str(value)) for name, value in parameters.items() if not name.startswith((REFINE, CRACK))]
-    return own, refine, cracks
+    assignments = [(name, str(value)) for name, value in parameters.items() if not name.startswith((REFINE, CRACK))]
+    return assignments, refine, cracks
 
 
 def refinement(word: str, unit: Unit) -> Refinement:

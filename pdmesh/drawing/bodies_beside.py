@@ -19,8 +19,8 @@ def with_bodies(scene: S, shapes: Mapping[str, Any], parameters: Parameters) -> 
     for name, shape in shapes.items():
         folder = f"Bodies/{name}"
         rigid = parameters.flag(f"{folder}/Rigid", False)
-        own = parameters.below(folder) - {"Spacing", "Rigid", "Spin", *_speeds(scene)}
-        wrong = sorted(own - set(named.RIGID) if rigid else own & set(named.RIGID))
+        parameter_names = parameters.below(folder) - {"Spacing", "Rigid", "Spin", *_speeds(scene)}
+        wrong = sorted(parameter_names - set(named.RIGID) if rigid else parameter_names & set(named.RIGID))
         if wrong:
             what = "rigid" if rigid else "not rigid"
             raise SceneError(
@@ -42,7 +42,7 @@ def with_bodies(scene: S, shapes: Mapping[str, Any], parameters: Parameters) -> 
                 radius=parameters.maybe_length(f"{folder}/Radius"),
             )
             continue
-        material = named.material(parameters, folder, scene.material) if own else None
+        material = named.material(parameters, folder, scene.material) if parameter_names else None
         scene = scene.body(shape, name, spacing, material, velocity, spin)
     return scene
 

@@ -63,16 +63,18 @@ OF_PLATES = ("Refine/", "Absorbs/", "Pins/", "Area rule", "Run/Adapt")
 Placed = list[tuple[str, Where, str]]  # name, where, and the folder of its parameters
 
 
-def body_of(found: Mapping[str, Any], values: Mapping[str, float | str], source: str, text: str = "") -> Body:
+def body_of(gmsh_output: Mapping[str, Any], values: Mapping[str, float | str], source: str, text: str = "") -> Body:
     """The body that groups and parameters describe. Raises SceneError naming the group or the parameter."""
-    named.refuse_unknown(values, own=True)
+    named.refuse_unknown(values, from_drawing=True)
     for name in values:
         if name.removeprefix(PREFIX).startswith(OF_PLATES) or name.endswith(ON_PLATES):
             raise SceneError(f"parameter '{name}' is for plates only; leave it out for a body in space")
     parameters = Parameters(values, named.unit_of(values))
-    physical = [Physical(group["name"], group["dimension"], group["number"]) for group in found["groups"]]
-    meant = meaning(physical, found["zones"], KINDS, parameters, KINDS_OF_PLATES)
-    groups = {kind: {name: found["groups"][at] for name, at in places.items()} for kind, places in meant.groups.items()}
+    physical = [Physical(group["name"], group["dimension"], group["number"]) for group in gmsh_output["groups"]]
+    meant = meaning(physical, gmsh_output["zones"], KINDS, parameters, KINDS_OF_PLATES)
+    groups = {
+        kind: {name: gmsh_output["groups"][at] for name, at in places.items()} for kind, places in meant.groups.items()
+    }
     spacings = {
         name: checked_spacing(parameters.length(f"Zones/{name}/Spacing"), f"zone '{name}': spacing")
         for name in groups["zone"]
@@ -81,7 +83,7 @@ def body_of(found: Mapping[str, Any], values: Mapping[str, float | str], source:
         raise SceneError("zones: there is none, and no volume in the drawing; add one, such as 'zone:NAME'")
     coarsest = max(spacings.values())
     body = Body(
-        _shell(found, found["whole"], parameters),
+        _shell(gmsh_output, gmsh_output["whole"], parameters),
         coarsest,
         notes=meant.notes,
         material=named.material(parameters, "Material", None),
@@ -95,7 +97,7 @@ def body_of(found: Mapping[str, Any], values: Mapping[str, float | str], source:
         zones=tuple(
             SolidZone(
                 name,
-                _shell(found, groups["zone"][name], parameters),
+                _shell(gmsh_output, groups["zone"][name], parameters),
                 spacing,
                 parameters.flag(f"Zones/{name}/Grown", True),
             )
@@ -104,9 +106,9 @@ def body_of(found: Mapping[str, Any], values: Mapping[str, float | str], source:
         ),
     )
     for name, group in groups["crack"].items():
-        body = body.crack(_sheet(found, group, parameters), name)
+        body = body.crack(_sheet(gmsh_output, group, parameters), name)
     kinds = (*mechanical_conditions.KINDS, *diffusion_conditions.KINDS)
-    places = {kind: _places(found, groups[kind], parameters, kind) for kind in kinds}
+    places = {kind: _places(gmsh_output, groups[kind], parameters, kind) for kind in kinds}
     body = mechanical_conditions.acted_on(body, places, parameters)
     gaps = {name: _points(group, parameters) for name, group in groups["gap"].items()}
     body = mechanical_conditions.monitored(body, gaps, parameters)
@@ -114,26 +116,26 @@ def body_of(found: Mapping[str, Any], values: Mapping[str, float | str], source:
         material = named.material(parameters, f"Materials/{name}", body.material)
         if material is None:
             raise SceneError(f"parameter '{PREFIX}Materials/{name}/E' is missing; give a number")
-        body = body.region(_shell(found, group, parameters), material, name)
+        body = body.region(_shell(gmsh_output, group, parameters), material, name)
     for name, group in groups["medium"].items():
-        body = body.diffusivity(_shell(found, group, parameters), parameters.number(f"Media/{name}/D"), name)
+        body = body.diffusivity(_shell(gmsh_output, group, parameters), parameters.number(f"Media/{name}/D"), name)
     for name, group in groups["solid"].items():
-        body = body.dissolve(_shell(found, group, parameters), name)
-    beside = {name: _shell(found, group, parameters) for name, group in groups["body"].items()}
-    body = with_bodies(body, beside, parameters)
+        body = body.dissolve(_shell(gmsh_output, group, parameters), name)
+    body_shells = {name: _shell(gmsh_output, group, parameters) for name, group in groups["body"].items()}
+    body = with_bodies(body, body_shells, parameters)
     return diffusion_conditions.diffusing(body, places, parameters)
 
 
-def _shell(found: Mapping[str, Any], group: Mapping[str, Any], parameters: Parameters) -> Shell:
+def _shell(gmsh_output: Mapping[str, Any], group: Mapping[str, Any], parameters: Parameters) -> Shell:
     """Surface of a group, m, with its volume, m^3; or the nodes of one."""
     if "rows" in group:
-        return NodeSet.of(parameters.unit.metres(found["points"][group["rows"]]), group["rows"])
-    shell, unit = shell_of(found, group), parameters.unit
+        return NodeSet.of(parameters.unit.metres(gmsh_output["points"][group["rows"]]), group["rows"])
+    shell, unit = shell_of(gmsh_output, group), parameters.unit
     return Shell(unit.metres(shell.triangles), shell.volume * float(unit.metres(1.0)) ** 3)
 
 
-def _sheet(found: Mapping[str, Any], group: Mapping[str, Any], parameters: Parameters) -> Sheet:
-    return Sheet(parameters.unit.metres(sheet_of(found, group).triangles))
+def _sheet(gmsh_output: Mapping[str, Any], group: Mapping[str, Any], parameters: Parameters) -> Sheet:
+    return Sheet(parameters.unit.metres(sheet_of(gmsh_output, group).triangles))
 
 
 def _points(group: Mapping[str, Any], parameters: Parameters) -> list[tuple[float, ...]]:
@@ -141,40 +143,43 @@ def _points(group: Mapping[str, Any], parameters: Parameters) -> list[tuple[floa
     return [tuple(parameters.unit.metres(np.array(curve[0], dtype=float)).tolist()) for curve in group["curves"]]
 
 
-def _where(found: Mapping[str, Any], group: Mapping[str, Any], parameters: Parameters) -> Where:
+def _where(gmsh_output: Mapping[str, Any], group: Mapping[str, Any], parameters: Parameters) -> Where:
     """The place of a group. Raises SceneError for several points."""
     if group["dimension"]:
         shape = _shell if group["dimension"] == 3 else _sheet
-        return shape(found, group, parameters)
+        return shape(gmsh_output, group, parameters)
     points = _points(group, parameters)
     if len(points) != 1:
         raise SceneError(f'group "{group["name"]}" has {len(points)} points; use one, as it is a support at one node')
     return shapely.Point(points[0])
 
 
-def _places(found: Mapping[str, Any], groups: Mapping[str, Any], parameters: Parameters, kind: str) -> Placed:
+def _places(gmsh_output: Mapping[str, Any], groups: Mapping[str, Any], parameters: Parameters, kind: str) -> Placed:
     """Names, places and parameter folders of the conditions of a kind."""
     top = KINDS[kind][1]
     places: Placed = []
     for name, group in groups.items():
-        places.append((name, _where(found, group, parameters), f"{top}/{name}"))
+        places.append((name, _where(gmsh_output, group, parameters), f"{top}/{name}"))
     for name in sorted(parameters.below(str(top)) - set(groups)):
         word, *others = picked(parameters, f"{top}/{name}")
         if others:
             raise SceneError(
                 f"parameter '{PREFIX}{top}/{name}/{others[0]}' cannot be combined with a {word}; use one of them"
             )
-        places.append((name, _placed(found, parameters, f"{top}/{name}/{word}"), f"{top}/{name}"))
+        places.append((name, _placed(gmsh_output, parameters, f"{top}/{name}/{word}"), f"{top}/{name}"))
     return places
 
 
-def _placed(found: Mapping[str, Any], parameters: Parameters, name: str) -> Where:
+def _placed(gmsh_output: Mapping[str, Any], parameters: Parameters, name: str) -> Where:
     if name.endswith("/Box"):
         return _box(parameters, name)
     if name.endswith("/Node"):
         return shapely.Point(point_in(parameters.text(name), 3, f"parameter '{PREFIX}{name}'", parameters.unit))
     return face(
-        _shell(found, found["whole"], parameters), parameters.text(name), f"parameter '{PREFIX}{name}'", parameters.unit
+        _shell(gmsh_output, gmsh_output["whole"], parameters),
+        parameters.text(name),
+        f"parameter '{PREFIX}{name}'",
+        parameters.unit,
     )
 
 

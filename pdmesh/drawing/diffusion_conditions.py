@@ -33,8 +33,8 @@ def diffusing(scene: S, places: Mapping[str, Iterable[tuple[str, Any, str]]], pa
     for name, where, folder in places["supply"]:
         value, word = either(parameters, folder, "Flux", "Rate", "Heat flux", "Heat rate")
         supply = scene.heat if word.startswith("Heat") else scene.supply
-        given: dict[str, Any] = {word.removeprefix("Heat ").lower(): value}
-        scene = supply(where, **given, name=name, **_shared(parameters, folder))
+        supply_arguments: dict[str, Any] = {word.removeprefix("Heat ").lower(): value}
+        scene = supply(where, **supply_arguments, name=name, **_shared(parameters, folder))
     for name, where, folder in places["exchange"]:
         _, word = either(parameters, folder, "Coefficient", "h")
         value, outside = parameters.number(f"{folder}/{word}"), parameters.of_place(f"{folder}/Outside")

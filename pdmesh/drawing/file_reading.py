@@ -47,8 +47,8 @@ def _read_scene(
         return _again(path, assignments, refine, trust, cracks)
     scene = _read(path, [(name, value) for name, value in assignments if name != ADAPT], trust)
     if isinstance(scene, Body):
-        for option, given in (("--refine", refine), ("--crack", cracks)):
-            if given:
+        for option, option_value in (("--refine", refine), ("--crack", cracks)):
+            if option_value:
                 raise SceneError(f"{path}: {option} is for plates; leave it out for a body in space")
         try:
             return adapted(scene, dict(assignments).get(ADAPT))
@@ -75,16 +75,16 @@ def build_file(
         from pdmesh.drawing.meshes import read_mesh
 
         adapt = dict(assignments).get(ADAPT)
-        own = [(name, value) for name, value in assignments if name != ADAPT]
-        found = read_mesh(path, own, cracks, trust)
-        solid = isinstance(found, Body)
-        for option, given in (("--refine", refine), (ADAPT, not solid and adapt)):
-            if given:
+        mesh_assignments = [(name, value) for name, value in assignments if name != ADAPT]
+        plate_or_body = read_mesh(path, mesh_assignments, cracks, trust)
+        solid = isinstance(plate_or_body, Body)
+        for option, option_value in (("--refine", refine), (ADAPT, not solid and adapt)):
+            if option_value:
                 raise SceneError(f"{path}: {option} is for drawings; leave it out for a mesh")
         finished = (
-            partial(building.build, adapted(found, adapt))
-            if isinstance(found, Body)
-            else partial(looked_at, Built(*found))
+            partial(building.build, adapted(plate_or_body, adapt))
+            if isinstance(plate_or_body, Body)
+            else partial(looked_at, Built(*plate_or_body))
         )
     else:
         finished = partial(building.build, read_scene(path, assignments, refine, trust, cracks))
@@ -98,13 +98,13 @@ def file_parameters(path: Path, assignments: Sequence[tuple[str, str]] = (), tru
     """The parameters of a drawing, a script, a CAD file or a model. Raises SceneError or GridError."""
     suffix = path.suffix.lower()
     if suffix == ".json":
-        found = dict(read_file(path).parameters)
+        parameters = dict(read_file(path).parameters)
         for name, value in assignments:
-            whole = name if name in found else full_name(name)
-            if whole not in found:
-                raise SceneError(f"{path}: {unknown(name, found)}")
-            found[whole] = value
-        return [Parameter(name, value) for name, value in found.items()]
+            complete_name = name if name in parameters else full_name(name)
+            if complete_name not in parameters:
+                raise SceneError(f"{path}: {unknown(name, parameters)}")
+            parameters[complete_name] = value
+        return [Parameter(name, value) for name, value in parameters.items()]
     if suffix == ".py":
         from pdmesh.drawing.script import script_parameters
 
@@ -139,12 +139,12 @@ def _read(path: Path, assignments: Sequence[tuple[str, str]], trust: bool) -> Sc
     if suffix in MESHES:
         from pdmesh.drawing.meshes import read_mesh
 
-        found = read_mesh(path, assignments, (), trust)
-        if isinstance(found, Body):
-            return found
+        plate_or_body = read_mesh(path, assignments, (), trust)
+        if isinstance(plate_or_body, Body):
+            return plate_or_body
         raise SceneError(f"{path} is a mesh of a plate, which has its nodes; use a drawing, or a mesh of solids")
-    known = f"{', '.join(CAD)}, or a mesh's: {', '.join(MESHES)}"
-    raise SceneError(f"{path}: suffix '{path.suffix}' is not known; use .geo, .py, .json, {known}")
+    suffixes = f"{', '.join(CAD)}, or a mesh's: {', '.join(MESHES)}"
+    raise SceneError(f"{path}: suffix '{path.suffix}' is not known; use .geo, .py, .json, {suffixes}")
 
 
 def _again(

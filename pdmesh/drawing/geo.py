@@ -39,27 +39,27 @@ def read_geo(path: Path, assignments: Sequence[tuple[str, str]] = (), trust: boo
     """
     text = decoded(drawing_bytes(path))
     copies = {} if trust else drawing_copies(path)
-    found = _found(path, assignments, copies)
-    scene = _scene(path, found, _values(found), text)
-    remarks = tuple(f"{path}: Gmsh says: {message}" for message in dict.fromkeys(found["remarks"]))
+    gmsh_output = _found(path, assignments, copies)
+    scene = _scene(path, gmsh_output, _values(gmsh_output), text)
+    remarks = tuple(f"{path}: Gmsh says: {message}" for message in dict.fromkeys(gmsh_output["remarks"]))
     return replace(scene, notes=(*scene.notes, *_notes(copies), *remarks))
 
 
-def _scene(path: Path, found: Mapping[str, Any], values: Mapping[str, float | str], text: str) -> Scene | Body:
+def _scene(path: Path, gmsh_output: Mapping[str, Any], values: Mapping[str, float | str], text: str) -> Scene | Body:
     try:
-        if "points" in found:
-            return body_of(found, values, path.name, text)
-        return scene_of(_groups(found), values, path.name, text, found["zones"])
+        if "points" in gmsh_output:
+            return body_of(gmsh_output, values, path.name, text)
+        return scene_of(_groups(gmsh_output), values, path.name, text, gmsh_output["zones"])
     except SceneError as error:
         raise SceneError(f"{path}: {error}") from None
 
 
 def read_parameters(path: Path, assignments: Sequence[tuple[str, str]] = (), trust: bool = False) -> list[Parameter]:
     """The parameters of the .geo file at `path`. Raises SceneError."""
-    found = _found(path, assignments, {} if trust else drawing_copies(path))
+    gmsh_output = _found(path, assignments, {} if trust else drawing_copies(path))
     return [
         Parameter(entry["name"], _value(entry), entry.get("attributes", {}).get("Units", ""), entry.get("help", ""))
-        for entry in found["parameters"]
+        for entry in gmsh_output["parameters"]
     ]
 
 
@@ -80,8 +80,8 @@ def read_cad(path: Path, assignments: Sequence[tuple[str, str]] = ()) -> Scene |
         if f"{PREFIX}Zones/{name}/Spacing" in values
     ]
     spacing, unit = next(iter(spacings), None), str(values.get(f"{PREFIX}Units") or "m")
-    found = _shapes(path, CHORD_TOLERANCE * spacing if isinstance(spacing, float) else 0.0, unit)
-    return _scene(path, found, values, path.read_text(encoding="utf-8", errors="replace"))
+    gmsh_output = _shapes(path, CHORD_TOLERANCE * spacing if isinstance(spacing, float) else 0.0, unit)
+    return _scene(path, gmsh_output, values, path.read_text(encoding="utf-8", errors="replace"))
 
 
 def cad_parameters(path: Path, assignments: Sequence[tuple[str, str]] = ()) -> list[Parameter]:
@@ -95,8 +95,8 @@ def cad_parameters(path: Path, assignments: Sequence[tuple[str, str]] = ()) -> l
     except SceneError as error:
         raise SceneError(f"{path}: {error}") from None
     unit = str(values.get(f"{PREFIX}Units") or "m")
-    found = _shapes(path, 0.0, unit)
-    zone = "body" if "points" in found else "plate"
+    gmsh_output = _shapes(path, 0.0, unit)
+    zone = "body" if "points" in gmsh_output else "plate"
     needed = {
         f"Zones/{zone}/Spacing": (unit, f"between nodes of the {zone}"),
         "Material/E": ("Pa", "Young's modulus"),
@@ -116,10 +116,10 @@ def read_outline(path: Path, spacing: float, unit: str = "m") -> Surface:
 
     `unit` is that of a BREP file's coordinates; a STEP file names its own. Raises SceneError.
     """
-    found = _shapes(path, CHORD_TOLERANCE * UNITS[unit].of(spacing), unit)
-    if "points" in found:
+    gmsh_output = _shapes(path, CHORD_TOLERANCE * UNITS[unit].of(spacing), unit)
+    if "points" in gmsh_output:
         raise SceneError(f"{path} has volumes, and a plate is needed; remove them")
-    surfaces = [curves for group in _groups(found) for curves in in_metres(group, UNITS[unit]).surfaces]
+    surfaces = [curves for group in _groups(gmsh_output) for curves in in_metres(group, UNITS[unit]).surfaces]
     return shapely.union_all([face(curves, str(path)) for curves in surfaces])
 
 
@@ -140,49 +140,51 @@ def _notes(copies: Mapping[str, Copy]) -> tuple[str, ...]:
 def _found(path: Path, assignments: Sequence[tuple[str, str]], copies: Mapping[str, Copy]) -> Mapping[str, Any]:
     """Output of Gmsh for a drawing: for its copies or, if there are none, for the trusted file. Raises SceneError."""
     named = [(full_name(name), value) for name, value in assignments]
-    found = read_copies(copies, named, TIME_LIMIT) if copies else read_trusted(path, named, TIME_LIMIT)
-    _refuse_unknown(path, found)
-    for name, text in found["not numbers"]:
+    gmsh_output = read_copies(copies, named, TIME_LIMIT) if copies else read_trusted(path, named, TIME_LIMIT)
+    _refuse_unknown(path, gmsh_output)
+    for name, text in gmsh_output["not numbers"]:
         raise SceneError(f"{path}: parameter '{name}' is '{text}'; use a number")
-    _refuse_messages(path, found)
-    for entry in found["parameters"]:
+    _refuse_messages(path, gmsh_output)
+    for entry in gmsh_output["parameters"]:
         value, low, high = _value(entry), entry.get("min", -1e200), entry.get("max", 1e200)
         if isinstance(value, float) and not low * (1 - 1e-12) <= value <= high * (1 + 1e-12):
             raise SceneError(f"{path}: parameter '{entry['name']}' is {value:g}; use a number from {low:g} to {high:g}")
-    return found
+    return gmsh_output
 
 
 def _shapes(path: Path, tolerance: float, unit: str) -> Mapping[str, Any]:
     """Output of Gmsh for a CAD file, in a unit. Raises SceneError."""
     copies = cad_copy(path)
     limit = CAD_SECONDS + CAD_SECONDS_PER_BYTE * sum(len(copy.data) for copy in copies.values())
-    found = read_copies(copies, [], limit, tolerance, OPEN_CASCADE_UNITS.get(unit, unit.upper()))
-    _refuse_messages(path, found)
-    if "points" not in found and not any(group["surfaces"] for group in found["groups"]):
+    gmsh_output = read_copies(copies, [], limit, tolerance, OPEN_CASCADE_UNITS.get(unit, unit.upper()))
+    _refuse_messages(path, gmsh_output)
+    if "points" not in gmsh_output and not any(group["surfaces"] for group in gmsh_output["groups"]):
         raise SceneError(f"{path} has no surface; draw a plate")
-    return found
+    return gmsh_output
 
 
-def _refuse_messages(path: Path, found: Mapping[str, Any]) -> None:
-    for message in found["messages"]:
+def _refuse_messages(path: Path, gmsh_output: Mapping[str, Any]) -> None:
+    for message in gmsh_output["messages"]:
         renumbered = " (Boolean operations number anew: Surface{:} is all, Surface In BoundingBox{...} some)"
         hint = renumbered if "unknown surface" in message or "unknown curve" in message else ""
         raise SceneError(f"{path}: Gmsh says: {message}{hint}")
 
 
-def _refuse_unknown(path: Path, found: Mapping[str, Any]) -> None:
+def _refuse_unknown(path: Path, gmsh_output: Mapping[str, Any]) -> None:
     """Raise SceneError for a parameter that was set but is unknown to the drawing and to the mesher."""
-    known = {entry["name"] for entry in found["parameters"]} - set(found["supplied"])
+    drawing_names = {entry["name"] for entry in gmsh_output["parameters"]} - set(gmsh_output["supplied"])
     try:
-        refuse_unknown([name for name in found["supplied"] if not name.startswith(f"{PREFIX}{OWN}/")], own=True)
+        refuse_unknown(
+            [name for name in gmsh_output["supplied"] if not name.startswith(f"{PREFIX}{OWN}/")], from_drawing=True
+        )
     except SceneError as error:
         raise SceneError(f"{path}: {error}") from None
-    for name in found["supplied"]:
+    for name in gmsh_output["supplied"]:
         if name.startswith(f"{PREFIX}{OWN}/"):
-            raise SceneError(f"{path}: {unknown(name, known)}")
+            raise SceneError(f"{path}: {unknown(name, drawing_names)}")
 
 
-def _groups(found: Mapping[str, Any]) -> list[Group]:
+def _groups(gmsh_output: Mapping[str, Any]) -> list[Group]:
     return [
         Group(
             group["name"],
@@ -191,7 +193,7 @@ def _groups(found: Mapping[str, Any]) -> list[Group]:
             tuple(map(tuple, group["surfaces"])),
             group["number"],
         )
-        for group in found["groups"]
+        for group in gmsh_output["groups"]
     ]
 
 
@@ -200,5 +202,5 @@ def _value(entry: Mapping[str, Any]) -> float | str:
     return float(value) if entry["type"] == "number" else str(value)
 
 
-def _values(found: Mapping[str, Any]) -> dict[str, float | str]:
-    return {entry["name"]: _value(entry) for entry in found["parameters"]}
+def _values(gmsh_output: Mapping[str, Any]) -> dict[str, float | str]:
+    return {entry["name"]: _value(entry) for entry in gmsh_output["parameters"]}

@@ -52,7 +52,7 @@ def meaning(
     `zones` are those that the reader made (`sandbox.zone_groups`). Raises SceneError for a name that is almost one of
     a kind, and for parameters without a group.
     """
-    found: dict[str, dict[str, int]] = {kind: {} for kind in kinds}
+    places_by_kind: dict[str, dict[str, int]] = {kind: {} for kind in kinds}
     others = []
     for place, group in enumerate(groups):
         kind, _, name = group.name.partition(":")
@@ -63,17 +63,20 @@ def meaning(
             raise _refused(group, kind, name, kinds)
         if kinds[kind][1] and "/" in name:
             raise SceneError(f"{group}: the name has a '/' and is used by parameters too; use a name without '/'")
-        if name in found[kind]:
-            one, other = (SHAPES[each.dimension].lower() for each in (groups[found[kind][name]], group))
-            raise SceneError(f'group "{group.name}" is both a {one} and a {other}; use one of them')
-        found[kind][name] = place
-    ours = sum(map(len, found.values())) > len(zones)
+        if name in places_by_kind[kind]:
+            first_shape, second_shape = (
+                SHAPES[physical_group.dimension].lower()
+                for physical_group in (groups[places_by_kind[kind][name]], group)
+            )
+            raise SceneError(f'group "{group.name}" is both a {first_shape} and a {second_shape}; use one of them')
+        places_by_kind[kind][name] = place
+    ours = sum(map(len, places_by_kind.values())) > len(zones)
     for place in others:
         _refuse_almost(groups[place], kinds, of_plates, ours)
     zoned = {(kinds["zone"][0][0], number) for zone in zones for number in zone["groups"]}
-    used = [_use(groups[place], place, found, kinds, parameters) for place in others]
+    used = [_use(groups[place], place, places_by_kind, kinds, parameters) for place in others]
     unused = [place for place, use in zip(others, used, strict=True) if not use and groups[place][1:] not in zoned]
-    _refuse_missing(found, kinds, parameters)
+    _refuse_missing(places_by_kind, kinds, parameters)
     for zone in zones:
         spacing = f"Zones/{zone['name']}/Spacing"
         if parameters.maybe(spacing) is None:
@@ -81,7 +84,7 @@ def meaning(
                 f"zones: there is none, and no parameter '{PREFIX}{spacing}'; add a group 'zone:NAME', or a spacing"
                 f" for all {SHAPES[kinds['zone'][0][0]].lower()}s (--set {spacing}=...)"
             )
-    return Meaning(found, tuple(_notes(groups, zones, unused, kinds)))
+    return Meaning(places_by_kind, tuple(_notes(groups, zones, unused, kinds)))
 
 
 def picked(parameters: Parameters, folder: str, words: Sequence[str] = PICKED) -> tuple[str, ...]:
@@ -117,34 +120,36 @@ def _refused(group: Physical, kind: str, name: str, kinds: Kinds) -> SceneError:
     return SceneError(f'{group} has the wrong dimension or form; use Physical {forms}("{kind}:{name or "NAME"}")')
 
 
-def _use(group: Physical, place: int, found: dict[str, dict[str, int]], kinds: Kinds, parameters: Parameters) -> bool:
+def _use(
+    group: Physical, place: int, places_by_kind: dict[str, dict[str, int]], kinds: Kinds, parameters: Parameters
+) -> bool:
     """Whether parameters name a group without a kind, which then is of that kind."""
     used = False
     for kind, (dimensions, folder) in kinds.items():
         named = folder and group.dimension in dimensions and group.name in parameters.below(folder)
-        if named and group.name not in found[kind] and not picked(parameters, f"{folder}/{group.name}"):
-            found[kind][group.name] = place
+        if named and group.name not in places_by_kind[kind] and not picked(parameters, f"{folder}/{group.name}"):
+            places_by_kind[kind][group.name] = place
             used = True
     return used
 
 
-def _refuse_missing(found: dict[str, dict[str, int]], kinds: Kinds, parameters: Parameters) -> None:
+def _refuse_missing(places_by_kind: dict[str, dict[str, int]], kinds: Kinds, parameters: Parameters) -> None:
     for kind, (dimensions, folder) in kinds.items():
         if not folder:
             continue
-        for name in found[kind]:
+        for name in places_by_kind[kind]:
             for word in picked(parameters, f"{folder}/{name}"):
                 raise SceneError(
                     f"parameter '{PREFIX}{folder}/{name}/{word}' cannot be combined with a group '{kind}:{name}';"
                     " use one of them"
                 )
-        missing = sorted(parameters.below(folder) - set(found[kind]))
-        if kind == "zone" and not found[kind] and len(missing) == 1:
+        missing = sorted(parameters.below(folder) - set(places_by_kind[kind]))
+        if kind == "zone" and not places_by_kind[kind] and len(missing) == 1:
             return  # of a drawing without shapes, as any shape would be this zone
         for name in missing:
             if picked(parameters, f"{folder}/{name}"):
                 continue
-            near = nearest(name, found[kind])
+            near = nearest(name, places_by_kind[kind])
             meant = f" (or is {PREFIX}{folder}/{near} meant?)" if near else ""
             edge = f", or {PREFIX}{folder}/{name}/Edge" if 1 in dimensions else ""
             raise SceneError(

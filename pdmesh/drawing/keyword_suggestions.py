@@ -33,7 +33,7 @@ def known(error: BaseException, tree: ast.Module, names: Mapping[str, Any]) -> s
 def _called_with(word: str, tree: ast.Module, names: Mapping[str, Any]) -> Iterator[list[str]]:
     """Keywords of each call in the program that passes the unknown `word`."""
     for node in ast.walk(tree):
-        if not isinstance(node, ast.Call) or word not in {given.arg for given in node.keywords}:
+        if not isinstance(node, ast.Call) or word not in {keyword.arg for keyword in node.keywords}:
             continue
         for called in _meant(node.func, names):
             try:

@@ -39,16 +39,16 @@ def acted_on(scene: S, places: Mapping[str, Iterable[tuple[str, Any, str]]], par
     Raises SceneError.
     """
     for name, where, folder in places["load"]:
-        given = _filled(_given(parameters, folder, LOADS, scene.AXES))
-        if not given:
+        load_components = _filled(_given(parameters, folder, LOADS, scene.AXES))
+        if not load_components:
             raise SceneError(
                 f"parameter '{PREFIX}{folder}/Traction x' is missing; give a number (or Traction"
                 f" {' or '.join(scene.AXES[1:])}, or of Body force or Force)"
             )
-        scene = scene.load(where, name=name, **given, **_shared(parameters, folder))
+        scene = scene.load(where, name=name, **load_components, **_shared(parameters, folder))
     for name, where, folder in places["fix"]:
-        held = _held(parameters, folder, scene.AXES)
-        scene = scene.fix(where, **held, name=name, **_shared(parameters, folder))
+        displacements = _held(parameters, folder, scene.AXES)
+        scene = scene.fix(where, **displacements, name=name, **_shared(parameters, folder))
     for name, where, folder in places["move"]:
         moves = _given(parameters, folder, MOVES, scene.AXES)
         scene = scene.move(where, name=name, **moves, **_shared(parameters, folder))
@@ -79,10 +79,10 @@ def rows(parameters: Parameters, folder: str) -> dict[str, Any]:
 
 
 def _shared(parameters: Parameters, folder: str) -> dict[str, Any]:
-    given = rows(parameters, folder)
+    arguments = rows(parameters, folder)
     if parameters.maybe(f"{folder}/Rows") is None:
-        del given["rows"]
-    return {**given, "profile": parameters.profile(f"{folder}/Profile")}
+        del arguments["rows"]
+    return {**arguments, "profile": parameters.profile(f"{folder}/Profile")}
 
 
 def _given(parameters: Parameters, folder: str, words: Sequence[str], axes: str) -> dict[str, Any]:
@@ -101,14 +101,14 @@ def _filled(vectors: dict[str, Any]) -> dict[str, Any]:
 
 def _held(parameters: Parameters, folder: str, axes: str) -> dict[str, Any]:
     """Displacements by axis, m; None for one that is free. Raises SceneError for a displacement of such a one."""
-    some = ["".join(chosen) for count in range(len(axes), 0, -1) for chosen in combinations(axes, count)]
-    held, values = parameters.text(f"{folder}/Components", axes, of=some), {}
+    component_choices = ["".join(chosen) for count in range(len(axes), 0, -1) for chosen in combinations(axes, count)]
+    components, values = parameters.text(f"{folder}/Components", axes, of=component_choices), {}
     for axis in axes:
         value = parameters.of_place(f"{folder}/Displacement {axis}", is_length=True)
-        if value and axis not in held:
+        if value and axis not in components:
             raise SceneError(
                 f"parameter '{PREFIX}{folder}/Displacement {axis}' is for a component that is not held (Components"
-                f" '{held}'); leave it out"
+                f" '{components}'); leave it out"
             )
-        values[axis] = (value or 0.0) if axis in held else None
+        values[axis] = (value or 0.0) if axis in components else None
     return values

@@ -83,8 +83,8 @@ def _read_confined(path: Path, reader: str, trust: bool) -> Mesh:
         result, limit = folder / "found.npz", SECONDS + SECONDS_PER_BYTE * size
         last = child.run_reader("pdmesh.drawing.sandbox.mesh_reader", reader, path, job, result, limit, place)
         try:
-            with np.load(result) as found:
-                arrays = dict(found)
+            with np.load(result) as archive:
+                arrays = dict(archive)
         except (OSError, ValueError, EOFError):
             name = reader.replace("gmsh", "Gmsh")
             raise SceneError(f"{path}: {name} stopped before the end of the mesh: {last}") from None
@@ -168,7 +168,7 @@ def _refuse_data_items(path: Path, data: bytes) -> None:
     for item in root.iter("DataItem"):
         if item.get("Format", "").upper() in ("HDF", "BINARY"):
             name = (item.text or "").strip().split(":")[0]
-            other = path.parent / name
-            if name != Path(name).name or not other.resolve().is_relative_to(path.parent.resolve()):
+            data_path = path.parent / name
+            if name != Path(name).name or not data_path.resolve().is_relative_to(path.parent.resolve()):
                 raise SceneError(f"{path}: data are in '{name}'; put them in a file beside it{ADVICE}")
-            check_regular(other)
+            check_regular(data_path)

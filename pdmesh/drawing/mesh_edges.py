@@ -63,17 +63,17 @@ def along(places: NDArray[np.float64], ends: Rows, line: shapely.Geometry) -> ND
     """Which edges (k, 2), between `places` (n, 2), are on a line."""
     edges = places[ends]
     slack = ON * float(np.median(np.hypot(*(edges[:, 1] - edges[:, 0]).T)))
-    found = near(edges.mean(axis=1), line, slack)
+    on_line = near(edges.mean(axis=1), line, slack)
     for end in range(2):
-        found &= near(edges[:, end], line, slack)
-    return found
+        on_line &= near(edges[:, end], line, slack)
+    return on_line
 
 
 def slits(
-    places: NDArray[np.float64], ends: Rows, whole: shapely.Geometry, cracks: Sequence[shapely.Geometry]
+    places: NDArray[np.float64], ends: Rows, plate: shapely.Geometry, cracks: Sequence[shapely.Geometry]
 ) -> list[NDArray[np.float64]]:
     """Lines, points (k, 2), of those edges (k, 2) between `places` (n, 2) that are inside a plate, and no `cracks`."""
-    edge = whole.boundary
+    edge = plate.boundary
     ends = ends[~along(places, ends, edge)] if len(ends) else ends
     if not len(ends):
         return []
@@ -92,8 +92,8 @@ def slits(
 def _snapped(lines: NDArray[np.object_], places: NDArray[np.float64], slack: float) -> NDArray[np.object_]:
     """Lines whose ends are put back onto the nodes that they were cut off from."""
     far, nearest = tree_of(places).query(shapely.get_coordinates(lines))
-    moved = np.where((far <= slack)[:, None], places[nearest], shapely.get_coordinates(lines))
-    return np.asarray(shapely.set_coordinates(lines, moved))
+    snapped_ends = np.where((far <= slack)[:, None], places[nearest], shapely.get_coordinates(lines))
+    return np.asarray(shapely.set_coordinates(lines, snapped_ends))
 
 
 def slit_remark(lines: Sequence[NDArray[np.float64]], unit: str) -> list[str]:

@@ -37,12 +37,12 @@ def unused(what: str, names: Collection[str], advice: str) -> list[str]:
 
 def with_plane(values: dict[str, Any], plane: str) -> tuple[dict[str, Any], list[str]]:
     """The values with plane stress or strain as the elements have it, and a remark on that."""
-    given = values.get(PLANE)
-    if not plane or (given is None and plane == "stress"):
+    plane_setting = values.get(PLANE)
+    if not plane or (plane_setting is None and plane == "stress"):
         return values, []
-    if given is not None:
-        differs = f"warning: elements are of plane {plane}, {PLANE} is {given}, which counts"
-        return values, [differs] if given != plane else []
+    if plane_setting is not None:
+        differs = f"warning: elements are of plane {plane}, {PLANE} is {plane_setting}, which counts"
+        return values, [differs] if plane_setting != plane else []
     if any(name.startswith(f"{PREFIX}Material/") for name in values):
         return values | {PLANE: plane}, [f"plane {plane}, as the elements have it"]
     return values, [f"elements are of plane {plane}: --set Material/{MATERIAL['plane']}={plane} with the material"]

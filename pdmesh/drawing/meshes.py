@@ -56,8 +56,8 @@ class _Cells:
         first = np.cumsum([0, *(len(block.data) for block in blocks)])
         shapes = [np.empty(0, dtype=object), *(make(places[block.corners]) for block in blocks if len(block.data))]
         members = {
-            name: np.concatenate([first[:0], *(at + rows for at, rows in zip(first[:-1], some, strict=True))])
-            for name, some in sorted(sets.items())
+            name: np.concatenate([first[:0], *(at + rows for at, rows in zip(first[:-1], block_rows, strict=True))])
+            for name, block_rows in sorted(sets.items())
         }
         return cls(np.concatenate(shapes), {name: rows for name, rows in members.items() if len(rows)})
 
@@ -114,17 +114,17 @@ def _plate(
     position = shapely.get_coordinates(shapely.centroid(faces.shapes))
     values, notes = with_plane(values, mesh.plane)
     unit = unit_of(values)
-    whole = _union(faces.shapes)
+    plate = _union(faces.shapes)
     ends, apart = ends_of(mesh.of_dimension(2)[0], of_place)
-    drawn = [shapely.union_all(lines.named(name)) for name in lines.sets if name.startswith("crack:")]
+    crack_lines = [shapely.union_all(lines.named(name)) for name in lines.sets if name.startswith("crack:")]
     free = doubled(ends, of_place) | _of_parts(mesh, faces, ends, places)
-    slit = slits(places, ends[free], whole, drawn)
+    slit = slits(places, ends[free], plate, crack_lines)
     notes += ["no two cells have a node in common: those that touch are joined"] if apart else []
     notes += slit_remark(slit, str(values.get(f"{PREFIX}Units") or "m"))
     groups, more = _groups(faces, lines, points, values)
     groups += _groups_of_points(mesh, ends, places, values)
     spacing = {f"{PREFIX}Zones/mesh/Spacing": float(delta.max())}
-    groups += [Group("zone:mesh", 2, surfaces=_outlines(whole))]
+    groups += [Group("zone:mesh", 2, surfaces=_outlines(plate))]
     groups += [Group(SLIT, 1, curves=tuple(np.pad(line, ((0, 0), (0, 1))) for line in slit))] if slit else []
     scene = added(scene_of(groups, values | spacing, path.name), [], cracks)
     position, delta, areas = unit.metres(position), unit.metres(delta), unit.metres(unit.metres(areas))
@@ -134,13 +134,13 @@ def _plate(
 
 def _of_parts(mesh: Mesh, faces: _Cells, ends: Rows, places: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Which edges (k, 2) are where a part of the mesh ends; none if it has no parts."""
-    found = np.zeros(len(ends), dtype=bool)
+    on_part_edge = np.zeros(len(ends), dtype=bool)
     if mesh.parts is not None:
         of_face = np.concatenate([mesh.parts[block.data[:, 0]] for block in mesh.of_dimension(2)[0]])
         for part in np.unique(of_face).tolist():
-            own = np.flatnonzero(mesh.parts[ends[:, 0]] == part)
-            found[own] = along(places, ends[own], _union(faces.shapes[of_face == part]).boundary)
-    return found
+            part_edges = np.flatnonzero(mesh.parts[ends[:, 0]] == part)
+            on_part_edge[part_edges] = along(places, ends[part_edges], _union(faces.shapes[of_face == part]).boundary)
+    return on_part_edge
 
 
 def _refuse_others(mesh: Mesh) -> None:
@@ -192,14 +192,14 @@ def _groups_of_points(mesh: Mesh, ends: Rows, places: NDArray[np.float64], value
 def _union(cells: NDArray[Any]) -> shapely.Geometry:
     """Union of the cells. Raises SceneError for cells that overlap."""
     with contextlib.suppress(shapely.errors.GEOSException):  # it is quick, and expects cells that share whole edges
-        whole = shapely.coverage_union_all(cells)
-        if whole.is_valid:
-            return whole
-    whole = shapely.union_all(cells)
+        union = shapely.coverage_union_all(cells)
+        if union.is_valid:
+            return union
+    union = shapely.union_all(cells)
     area = float(shapely.area(cells).sum())
-    if not abs(whole.area - area) <= OVERLAP * area:
-        raise SceneError(f"cells overlap: {area:g} of area in all, on {whole.area:g}; use cells that do not overlap")
-    return whole
+    if not abs(union.area - area) <= OVERLAP * area:
+        raise SceneError(f"cells overlap: {area:g} of area in all, on {union.area:g}; use cells that do not overlap")
+    return union
 
 
 def _outlines(shape: shapely.Geometry) -> tuple[tuple[Any, ...], ...]:

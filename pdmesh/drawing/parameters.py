@@ -34,7 +34,7 @@ SPRING = tuple(f"{kind} {axis}" for kind in ("Stiffness", "Body stiffness") for 
 MOTIONS = ("Velocity", "Acceleration", "Initial velocity", "Initial displacement")
 MOVE = tuple(f"{kind} {axis}" for kind in MOTIONS for axis in "xyz")
 MATERIAL = {  # parameters of a material: in the model, and in drawings
-    name: declared.drawn or name[0].upper() + name[1:].replace("_", " ") for name, declared in DECLARED.items()
+    name: declared.drawing_name or name[0].upper() + name[1:].replace("_", " ") for name, declared in DECLARED.items()
 }
 CONTACT = {name: name.title() for name in ("friction", "stiffness", "distance", "restitution")}  # here, and in drawings
 RIGID = ("Rigid", "Mass", "Spin", "Held", "Profile", "Radius")
@@ -127,7 +127,7 @@ def given(assignments: Iterable[tuple[str, str]]) -> dict[str, float | str]:
     Raises SceneError for an unknown name.
     """
     values = {full_name(name): _guessed(value) for name, value in assignments}
-    refuse_unknown(values, own=False)
+    refuse_unknown(values, from_drawing=False)
     return values
 
 
@@ -138,16 +138,18 @@ def _guessed(text: str) -> float | str:
         return text
 
 
-def refuse_unknown(names: Iterable[str], own: bool) -> None:
-    """Raise SceneError for an unknown full name; with `own`, any name below ``Peridynamics/Plate/`` is allowed."""
+def refuse_unknown(names: Iterable[str], from_drawing: bool) -> None:
+    """Raise SceneError for an unknown full name; `from_drawing`, any below ``Peridynamics/Plate/`` is allowed."""
     for name in sorted(names):
         words = name.removeprefix(PREFIX).split("/")
-        if (own and words[0] == OWN and len(words) > 1) or any(_is(words, known) for known in NAMES):
+        if (from_drawing and words[0] == OWN and len(words) > 1) or any(_is(words, template) for template in NAMES):
             continue
         group = words[1] if len(words) > 2 else ANY
-        likely = [known.replace(ANY, group) for known in NAMES] + ["/".join([OWN, *words[1:]])] * own
-        also = f" (a drawing's own numbers go below '{PREFIX}{OWN}/')" if own else ""
-        raise SceneError(f"parameter '{name}' is unknown;{one_like(name, [PREFIX + known for known in likely])}{also}")
+        likely = [template.replace(ANY, group) for template in NAMES] + ["/".join([OWN, *words[1:]])] * from_drawing
+        also = f" (a drawing's own numbers go below '{PREFIX}{OWN}/')" if from_drawing else ""
+        raise SceneError(
+            f"parameter '{name}' is unknown;{one_like(name, [PREFIX + template for template in likely])}{also}"
+        )
 
 
 def refuse_space(names: Iterable[str]) -> None:
@@ -159,8 +161,8 @@ def refuse_space(names: Iterable[str]) -> None:
             )
 
 
-def _is(words: Sequence[str], known: str) -> bool:
-    pattern = known.split("/")
+def _is(words: Sequence[str], template: str) -> bool:
+    pattern = template.split("/")
     return len(words) == len(pattern) and all(
         word == wanted or (wanted == ANY and word != "") for word, wanted in zip(words, pattern, strict=True)
     )
@@ -245,8 +247,8 @@ class Parameters:
 
     def of_type(self, name: str, kind: inspection.Type) -> float | bool | str | None:
         """A number, a flag or a word, as a struct's field of this type has it; None if it is not given."""
-        for one in kind.types if isinstance(kind, inspection.UnionType) else (kind,):
-            match one:
+        for member_type in kind.types if isinstance(kind, inspection.UnionType) else (kind,):
+            match member_type:
                 case inspection.FloatType():
                     return self.maybe(name)
                 case inspection.BoolType():
@@ -260,38 +262,40 @@ class Parameters:
         return parse_profile(self.text(name), f"parameter '{PREFIX}{name}'")
 
 
-def unknown(name: str, known: Iterable[str]) -> str:
+def unknown(name: str, names: Iterable[str]) -> str:
     """Message about a parameter that is not in a drawing."""
-    return f"parameter '{name}' is not in the drawing;{one_like(name, known)}"
+    return f"parameter '{name}' is not in the drawing;{one_like(name, names)}"
 
 
-def one_like(name: str, known: Iterable[str]) -> str:
-    """End of a message about an unknown name: the most similar of the `known` ones, or what else to do."""
-    near = meant(name, known, cutoff=0.0)
+def one_like(name: str, names: Iterable[str]) -> str:
+    """End of a message about an unknown name: the most similar of the `names` ones, or what else to do."""
+    near = meant(name, names, cutoff=0.0)
     return f" did you mean '{near}'?" if near else " leave it out"
 
 
 def material(parameters: Parameters, folder: str, base: Material | None) -> Material | None:
     """The material below a folder, completed from `base`; None if no parameter is given."""
     every = ((field.name, f"{folder}/{MATERIAL[field.name]}", field.type) for field in _fields())
-    found = {name: parameters.of_type(own, kind) for name, own, kind in every}
-    given = {name: value for name, value in found.items() if value is not None}
+    values = {name: parameters.of_type(parameter_name, kind) for name, parameter_name, kind in every}
+    settings = {name: value for name, value in values.items() if value is not None}
     if base is not None:
         either = {"G0", "critical_stretch"}
-        own = msgspec.to_builtins(base)
-        given = {name: value for name, value in own.items() if not (name in either and either & given.keys())} | given
-    if not given:
+        base_values = msgspec.to_builtins(base)
+        settings = {
+            name: value for name, value in base_values.items() if not (name in either and either & settings.keys())
+        } | settings
+    if not settings:
         return None
     for name in ("E", "rho", "G0"):
-        if name not in given and not (name == "G0" and "critical_stretch" in given):
+        if name not in settings and not (name == "G0" and "critical_stretch" in settings):
             raise SceneError(f"parameter '{PREFIX}{folder}/{name}' is missing; give a number")
-    return _converted(given, Material, folder)
+    return _converted(settings, Material, folder)
 
 
 def _fields() -> tuple[inspection.Field, ...]:
-    found = inspection.type_info(Material)
-    assert isinstance(found, inspection.StructType)
-    return found.fields
+    material_type = inspection.type_info(Material)
+    assert isinstance(material_type, inspection.StructType)
+    return material_type.fields
 
 
 def content(parameters: Parameters, folder: str) -> float | str:
@@ -301,11 +305,16 @@ def content(parameters: Parameters, folder: str) -> float | str:
 
 def either(parameters: Parameters, folder: str, *names: str) -> tuple[float | str, str]:
     """The one of these parameters that is given, and its name. Raises SceneError for none and for several."""
-    given = [(value, name) for name in names if (value := parameters.of_place(f"{folder}/{name}")) is not None]
-    if len(given) != 1:
-        found, one = ", ".join(name for _, name in given) or "none", " and ".join([", ".join(names[:-1]), names[-1]])
-        raise SceneError(f"parameter '{PREFIX}{folder}/{names[0]}': {found} given; give one of {one}")
-    return given[0]
+    values = [(value, name) for name in names if (value := parameters.of_place(f"{folder}/{name}")) is not None]
+    if len(values) != 1:
+        present_names, expected_names = (
+            ", ".join(name for _, name in values) or "none",
+            " and ".join([", ".join(names[:-1]), names[-1]]),
+        )
+        raise SceneError(
+            f"parameter '{PREFIX}{folder}/{names[0]}': {present_names} given; give one of {expected_names}"
+        )
+    return values[0]
 
 
 def medium(parameters: Parameters) -> Medium | Heat | None:
@@ -316,61 +325,61 @@ def medium(parameters: Parameters) -> Medium | Heat | None:
             raise SceneError(f"parameter '{PREFIX}Medium/{others[0]}' cannot be combined with k and c; leave it out")
         k, c = (parameters.number(f"Medium/{name}") for name in "kc")
         return Heat(k, c, parameters.number("Medium/Broken", 1.0), parameters.flag("Medium/Deformation", False))
-    given: dict[str, Any] = {"D": parameters.maybe("Medium/D"), "k_diss": parameters.maybe("Medium/k diss")}
-    given["broken"] = parameters.maybe("Medium/Broken")
-    given |= {f"C_{end}": parameters.maybe(f"Medium/C {end}") for end in ("solid", "sat")}
-    given["dissolution"] = parameters.text("Medium/Dissolution") or None
-    given = {name: value for name, value in given.items() if value is not None}
-    if not given and not parameters.below("Medium"):
+    settings: dict[str, Any] = {"D": parameters.maybe("Medium/D"), "k_diss": parameters.maybe("Medium/k diss")}
+    settings["broken"] = parameters.maybe("Medium/Broken")
+    settings |= {f"C_{end}": parameters.maybe(f"Medium/C {end}") for end in ("solid", "sat")}
+    settings["dissolution"] = parameters.text("Medium/Dissolution") or None
+    settings = {name: value for name, value in settings.items() if value is not None}
+    if not settings and not parameters.below("Medium"):
         return None
-    if "D" not in given:
+    if "D" not in settings:
         raise SceneError(f"parameter '{PREFIX}Medium/D' is missing; give a number")
     if parameters.maybe("Medium/Power") is not None:
-        given["power"] = parameters.whole("Medium/Power", 1)
+        settings["power"] = parameters.whole("Medium/Power", 1)
     if parameters.maybe("Medium/Capped") is not None:
-        given["capped"] = parameters.flag("Medium/Capped", True)
+        settings["capped"] = parameters.flag("Medium/Capped", True)
     if parameters.maybe("Medium/Surface correction") is not None:
-        given["surface_correction"] = parameters.flag("Medium/Surface correction", True)
-    return _converted(given, Medium, "Medium")
+        settings["surface_correction"] = parameters.flag("Medium/Surface correction", True)
+    return _converted(settings, Medium, "Medium")
 
 
 def run(parameters: Parameters) -> Run:
     """Solver settings, with the number of steps from the duration and the time step."""
     step, duration = parameters.maybe("Run/Time step"), parameters.maybe("Run/Duration")
-    given: dict[str, Any] = {"every": parameters.whole("Run/Frame every", 50)}
-    given |= {"solver": parameters.text("Run/Solver") or None, "start": parameters.text("Run/Start") or None}
+    settings: dict[str, Any] = {"every": parameters.whole("Run/Frame every", 50)}
+    settings |= {"solver": parameters.text("Run/Solver") or None, "start": parameters.text("Run/Start") or None}
     adapt = parameters.text("Run/Adapt", "none", ADAPTS)
-    given |= {"cracks": parameters.text("Run/Cracks", of=("", "bonds", "particles")) or None}
-    given |= {"adapt": None if adapt == "none" else adapt}
-    given |= {"damping": parameters.maybe("Run/Damping"), "time_step": step, "theta": parameters.maybe("Run/Theta")}
-    given = {name: value for name, value in given.items() if value is not None}
+    settings |= {"cracks": parameters.text("Run/Cracks", of=("", "bonds", "particles")) or None}
+    settings |= {"adapt": None if adapt == "none" else adapt}
+    settings |= {"damping": parameters.maybe("Run/Damping"), "time_step": step, "theta": parameters.maybe("Run/Theta")}
+    settings = {name: value for name, value in settings.items() if value is not None}
     if parameters.maybe("Run/Collocation damped") is not None:
-        given["collocation"] = {"damped": parameters.flag("Run/Collocation damped", False)}
+        settings["collocation"] = {"damped": parameters.flag("Run/Collocation damped", False)}
     rest = {"control": parameters.text("Run/Control") or None, "opening": parameters.maybe_length("Run/Opening")}
     if parameters.maybe("Run/Load steps") is not None:
         rest["load_steps"] = parameters.whole("Run/Load steps", 1)
     if any(value is not None for value in rest.values()):
-        given["static"] = {name: value for name, value in rest.items() if value is not None}
+        settings["static"] = {name: value for name, value in rest.items() if value is not None}
     if step is not None:
-        given["steps"] = _steps(step, duration)
+        settings["steps"] = _steps(step, duration)
     elif duration is not None:
-        given["duration"] = duration  # in steps that the solver knows
-    return _converted(given, Run, "Run")
+        settings["duration"] = duration  # in steps that the solver knows
+    return _converted(settings, Run, "Run")
 
 
 def contact(parameters: Parameters) -> Contact | None:
     """How bodies touch; None if no parameter is given."""
-    given = {name: parameters.maybe(f"Contact/{own}") for name, own in CONTACT.items()}
-    given = {name: value for name, value in given.items() if value is not None}
-    return _converted(given, Contact, "Contact") if given else None
+    settings = {name: parameters.maybe(f"Contact/{parameter_name}") for name, parameter_name in CONTACT.items()}
+    settings = {name: value for name, value in settings.items() if value is not None}
+    return _converted(settings, Contact, "Contact") if settings else None
 
 
 def _steps(step: float, duration: float | None) -> int:
     """Number of steps of `step` s in a duration, s. Raises SceneError for a step without a duration."""
     if duration is None or not step > 0 or not duration >= 0:
-        found = "none" if duration is None else f"{duration:g} s"
+        text = "none" if duration is None else f"{duration:g} s"
         raise SceneError(
-            f"{PREFIX}Run: Time step is {step:g} s and Duration {found}; give both, positive, or Duration alone"
+            f"{PREFIX}Run: Time step is {step:g} s and Duration {text}; give both, positive, or Duration alone"
         )
     if duration / step > 1e9:
         raise SceneError(f"{PREFIX}Run: the run takes {duration / step:.1g} steps; use at most 1e9")

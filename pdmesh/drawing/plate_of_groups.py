@@ -82,13 +82,15 @@ def scene_of(
 
     `new_zones` are those that the reader made of other groups or of all surfaces (`sandbox.zone_groups`).
     """
-    named.refuse_unknown(values, own=True)
+    named.refuse_unknown(values, from_drawing=True)
     named.refuse_space(values)
     parameters = Parameters(values, named.unit_of(values))
-    drawn = [in_metres(group, parameters.unit) for group in groups]
-    physical = [Physical(group.name, group.dimension, group.number) for group in drawn]
-    found = meaning(physical, new_zones, GROUPS, parameters)
-    named_groups = {kind: {name: drawn[at] for name, at in places.items()} for kind, places in found.groups.items()}
+    metric_groups = [in_metres(group, parameters.unit) for group in groups]
+    physical = [Physical(group.name, group.dimension, group.number) for group in metric_groups]
+    group_meaning = meaning(physical, new_zones, GROUPS, parameters)
+    named_groups = {
+        kind: {name: metric_groups[at] for name, at in places.items()} for kind, places in group_meaning.groups.items()
+    }
     _check_places(named_groups)
     zones = tuple(_zone(name, group, parameters) for name, group in named_groups["zone"].items())
     if not zones:
@@ -96,7 +98,7 @@ def scene_of(
     material = named.material(parameters, "Material", None)
     scene = Scene(
         outline=shapely.union_all([zone.shape for zone in zones]),
-        notes=(*found.notes, *_reaching_beyond(zones)),
+        notes=(*group_meaning.notes, *_reaching_beyond(zones)),
         spacing=max(zone.spacing for zone in zones),
         zones=zones,
         material=material,
@@ -136,7 +138,9 @@ def _reaching_beyond(zones: Sequence[Zone]) -> tuple[str, ...]:
     """Warnings of zones that overlap coarser ones and extend beyond them, which enlarges the plate."""
     notes = []
     for zone in zones:
-        coarser = shapely.union_all([other.shape for other in zones if other.spacing > zone.spacing])
+        coarser = shapely.union_all(
+            [coarser_zone.shape for coarser_zone in zones if coarser_zone.spacing > zone.spacing]
+        )
         beyond = zone.shape - coarser
         if all(not part.buffer(-zone.spacing / 2).is_empty for part in (zone.shape & coarser, beyond)):
             notes.append(
@@ -192,10 +196,10 @@ def _with_diffusion(scene: Scene, groups: dict[str, dict[str, Group]], parameter
         scene = scene.diffusivity(surface_of(f"medium '{name}'", group), parameters.number(f"Media/{name}/D"), name)
     for name, group in groups["solid"].items():
         scene = scene.solid(surface_of(f"solid '{name}'", group), name)
-    found = {
+    places_by_kind = {
         kind: places(scene, groups[kind], parameters, kind, str(GROUPS[kind][1])) for kind in diffusion_conditions.KINDS
     }
-    return diffusion_conditions.diffusing(scene, found, parameters)
+    return diffusion_conditions.diffusing(scene, places_by_kind, parameters)
 
 
 def _with_regions(scene: Scene, groups: dict[str, dict[str, Group]], parameters: Parameters) -> Scene:

@@ -33,7 +33,8 @@ class Group:
 def in_metres(group: Group, unit: Unit) -> Group:
     """The group with its coordinates in metres."""
     curves, *surfaces = (
-        tuple(unit.metres(np.asarray(curve, dtype=float)) for curve in some) for some in (group.curves, *group.surfaces)
+        tuple(unit.metres(np.asarray(curve, dtype=float)) for curve in curve_list)
+        for curve_list in (group.curves, *group.surfaces)
     )
     return replace(group, curves=curves, surfaces=tuple(surfaces))
 
@@ -42,12 +43,12 @@ def places(
     scene: Scene, groups: Mapping[str, Group], parameters: Parameters, kind: str, top: str
 ) -> list[tuple[str, Curve | Surface | shapely.Point, str]]:
     """Name, place and parameter folder of each condition of a kind, whose folders are below `top`."""
-    found: list[tuple[str, Curve | Surface | shapely.Point, str]] = []
+    condition_places: list[tuple[str, Curve | Surface | shapely.Point, str]] = []
     for name, group in groups.items():
-        found.append((name, _where(f"{kind} '{name}'", group), f"{top}/{name}"))
+        condition_places.append((name, _where(f"{kind} '{name}'", group), f"{top}/{name}"))
     for name in sorted(parameters.below(top) - set(groups)):
-        found.append((name, _picked(scene, parameters, f"{top}/{name}"), f"{top}/{name}"))
-    return found
+        condition_places.append((name, _picked(scene, parameters, f"{top}/{name}"), f"{top}/{name}"))
+    return condition_places
 
 
 def _picked(scene: Scene, parameters: Parameters, folder: str) -> Curve | Surface | shapely.Point:

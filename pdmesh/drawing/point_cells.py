@@ -70,8 +70,8 @@ def _squares(mesh: Mesh, places: NDArray[np.float64], volume: NDArray[np.float64
         origin, side, at = lattice
         corners = origin + side * (at[:, None] + SQUARE)
     else:
-        whole = shapely.union_all(shapely.polygons(corners)).area
-        if abs(whole - float(area.sum())) > OVERLAP * whole:
+        union_area = shapely.union_all(shapely.polygons(corners)).area
+        if abs(union_area - float(area.sum())) > OVERLAP * union_area:
             raise SceneError(f"points: neighbours are {apart.min():.4g} to {apart.max():.4g} apart; {ADVICE}")
     return _with_blocks(mesh, "quad", corners.reshape(-1, 2), np.arange(4 * len(places)).reshape(-1, 4), area, notes)
 
@@ -84,10 +84,10 @@ def _cubes(mesh: Mesh, places: NDArray[np.float64], volume: NDArray[np.float64])
     origin, side, at = lattice
     corner = (at[:, None] + CUBE).reshape(-1, 3)
     every, cells = np.unique(corner, axis=0, return_inverse=True)
-    other = np.abs(volume / side**3 - 1) > ALIKE
-    notes = [f"{int(other.sum())} nodes have another volume than {side**3:.6g}: those of cubes are taken"]
+    odd_volume = np.abs(volume / side**3 - 1) > ALIKE
+    notes = [f"{int(odd_volume.sum())} nodes have another volume than {side**3:.6g}: those of cubes are taken"]
     points = origin + side * (every - 0.5)
-    cubes = _with_blocks(mesh, "hexahedron", points, cells.reshape(-1, 8), None, notes if other.any() else [])
+    cubes = _with_blocks(mesh, "hexahedron", points, cells.reshape(-1, 8), None, notes if odd_volume.any() else [])
     return replace(cubes, spacing=side)
 
 
@@ -125,6 +125,6 @@ def _with_blocks(
 ) -> Mesh:
     """The mesh with these cells in place of its points, block by block, and the sets of those."""
     ends = np.cumsum([len(block.data) for block in mesh.cells])[:-1]
-    blocks = tuple(Block(kind, some) for some in np.split(cells, ends))
+    blocks = tuple(Block(kind, block_cells) for block_cells in np.split(cells, ends))
     volumes = () if areas is None else tuple(np.split(areas, ends))
     return replace(mesh, points=points, cells=blocks, volumes=volumes, point_sets={}, notes=(*mesh.notes, *notes))

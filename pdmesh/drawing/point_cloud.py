@@ -38,16 +38,16 @@ def body_of_points(mesh: Mesh, values: Mapping[str, float | str], source: str) -
     triangles = surface_of(places, spacing)
     corners, outside = _around(places, triangles, float(volumes.sum()), float(np.median(spacing)))
     outer = triangles + len(places)
-    whole = {"name": "zone:body", "dimension": 3, "triangles": outer, "volume": float(volumes.sum()), "cones": []}
+    body_group = {"name": "zone:body", "dimension": 3, "triangles": outer, "volume": float(volumes.sum()), "cones": []}
     groups, bare = _groups(mesh, values)
-    found = {
+    geometry = {
         "points": np.concatenate([places, corners]),
-        "groups": [group | {"number": number} for number, group in enumerate([whole, *groups], start=1)],
+        "groups": [group | {"number": number} for number, group in enumerate([body_group, *groups], start=1)],
         "zones": [],
-        "whole": whole,
+        "whole": body_group,
     }
     middle = float(np.median(spacing))
-    body = body_of(found, {SPACING: middle} | dict(values), source)
+    body = body_of(geometry, {SPACING: middle} | dict(values), source)
     length = float(unit.metres(1.0))
     cloud = NodeCloud(unit.metres(places), unit.metres(spacing), volumes * length**3)
     word = values.get(f"{PREFIX}Units") or "m"

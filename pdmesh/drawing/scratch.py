@@ -55,11 +55,11 @@ def sweep(place: Path) -> None:
 def _is_left(entry: os.DirEntry[str]) -> bool:
     """Whether an entry is an old folder of this user that nobody else may access."""
     try:
-        found = entry.stat(follow_symlinks=False)
+        status = entry.stat(follow_symlinks=False)
     except OSError:  # gone meanwhile
         return False
-    private = stat.S_ISDIR(found.st_mode) and stat.S_IMODE(found.st_mode) == stat.S_IRWXU
-    return private and found.st_uid == os.getuid() and time.time() - found.st_mtime > YOUNG
+    private = stat.S_ISDIR(status.st_mode) and stat.S_IMODE(status.st_mode) == stat.S_IRWXU
+    return private and status.st_uid == os.getuid() and time.time() - status.st_mtime > YOUNG
 
 
 @contextmanager

@@ -72,8 +72,8 @@ def script_parameters(path: Path, assignments: Sequence[tuple[str, str]] = (), t
     return _assigned(path, _parameters(*_parsed(path, trust)), assignments)
 
 
-def _assigned(path: Path, found: list[Parameter], assignments: Sequence[tuple[str, str]]) -> list[Parameter]:
-    values = {parameter.name: parameter for parameter in found}
+def _assigned(path: Path, parameters: list[Parameter], assignments: Sequence[tuple[str, str]]) -> list[Parameter]:
+    values = {parameter.name: parameter for parameter in parameters}
     for name, word in assignments:
         if name not in values:
             raise SceneError(f"{path}: {unknown(name, values)}")
@@ -113,10 +113,10 @@ def _in_child(path: Path, values: Mapping[str, float | str]) -> tuple[str, dict[
         ended = subprocess.run(command, check=False, env=trust.environment()).returncode
         if not result.exists():
             raise SceneError(f"{path}: the program {how_it_ended(ended)}; it must define scene")
-        found = pickle.loads(result.read_bytes())  # of a program that could do anything in any case
-    if isinstance(found, str):
-        raise SceneError(f"{path}: {found}")
-    kind, parts = found
+        message_or_parts = pickle.loads(result.read_bytes())  # of a program that could do anything in any case
+    if isinstance(message_or_parts, str):
+        raise SceneError(f"{path}: {message_or_parts}")
+    kind, parts = message_or_parts
     return str(kind), dict(parts)
 
 
@@ -127,8 +127,8 @@ def _main(job: str, result: str) -> None:
     wanted = json.loads(Path(job).read_text(encoding="utf-8"))
     os.dup2(2, 1)  # stdout is for the result
     sys.path[:] = wanted["modules"]
-    found = _run(Path(wanted["path"]), wanted["values"])
-    Path(result).write_bytes(found)
+    scene_bytes = _run(Path(wanted["path"]), wanted["values"])
+    Path(result).write_bytes(scene_bytes)
 
 
 def _run(path: Path, values: Mapping[str, float | str]) -> bytes:
@@ -144,8 +144,8 @@ def _run(path: Path, values: Mapping[str, float | str]) -> bytes:
     except BaseException as error:
         return pickle.dumps(_reason(error, path) + known(error, tree, names))
     if not isinstance(scene, Scene | Body):
-        found = "none" if scene is None else f"a {type(scene).__name__}"
-        return pickle.dumps(f"scene: {found}; define scene = Scene(...), or Body(...)")
+        description = "none" if scene is None else f"a {type(scene).__name__}"
+        return pickle.dumps(f"scene: {description}; define scene = Scene(...), or Body(...)")
     kind = Scene if isinstance(scene, Scene) else Body
     try:
         return pickle.dumps((kind.__name__, {field.name: getattr(scene, field.name) for field in fields(kind)}))
@@ -185,39 +185,39 @@ def _constant(statement: ast.stmt) -> tuple[str, ast.expr, float | str] | None:
         case _:
             return None
     try:
-        found = ast.literal_eval(value)
+        literal = ast.literal_eval(value)
     except (ValueError, TypeError, SyntaxError, MemoryError, RecursionError):
         return None
-    plain = isinstance(found, int | float | str) and not isinstance(found, bool)
-    return (name, value, found) if plain and name != "scene" else None
+    plain = isinstance(literal, int | float | str) and not isinstance(literal, bool)
+    return (name, value, literal) if plain and name != "scene" else None
 
 
 def _parameters(text: str, tree: ast.Module) -> list[Parameter]:
     lines = text.splitlines()
-    found = []
+    parameters = []
     for statement in tree.body:
         constant = _constant(statement)
         if constant:
             name, node, value = constant
-            behind = lines[(node.end_lineno or 1) - 1].encode()[node.end_col_offset or 0 :].decode().strip()
-            unit, colon, meaning = behind.removeprefix("#").partition(":") if behind.startswith("#") else ("", "", "")
+            comment = lines[(node.end_lineno or 1) - 1].encode()[node.end_col_offset or 0 :].decode().strip()
+            unit, colon, meaning = comment.removeprefix("#").partition(":") if comment.startswith("#") else ("", "", "")
             if not colon:
                 unit, meaning = "", unit
-            found.append(Parameter(name, value, unit.strip(), meaning.strip()))
-    return found
+            parameters.append(Parameter(name, value, unit.strip(), meaning.strip()))
+    return parameters
 
 
 def _converted(name: str, word: str, default: float | str, path: Path) -> float | str:
     if isinstance(default, str):
         return word
-    whole = isinstance(default, int)
+    is_integer = isinstance(default, int)
     try:
         value = float(word)
     except ValueError:
         value = float("nan")
-    if not math.isfinite(value) or (whole and value != round(value)):
-        raise SceneError(f"{path}: parameter '{name}' is '{word}'; use a {'whole' if whole else 'finite'} number")
-    return round(value) if whole else value
+    if not math.isfinite(value) or (is_integer and value != round(value)):
+        raise SceneError(f"{path}: parameter '{name}' is '{word}'; use a {'whole' if is_integer else 'finite'} number")
+    return round(value) if is_integer else value
 
 
 class _Constants(ast.NodeTransformer):

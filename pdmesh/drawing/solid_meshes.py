@@ -52,16 +52,16 @@ def body_of_mesh(mesh: Mesh, values: Mapping[str, float | str], source: str) -> 
         if not len(chosen):
             continue
         inside = np.isin(faces.cell, chosen)
-        own = by_place[inside]
+        set_faces = by_place[inside]
         names = [name] if name.startswith("zone:") else group_names(name, 3, KINDS, values)
-        groups += [_volume_group(full, own[_once(own)[0]], float(volume[chosen].sum())) for full in names]
+        groups += [_volume_group(full, set_faces[_once(set_faces)[0]], float(volume[chosen].sum())) for full in names]
         bare += [name] * (not names)
     if not any(group["name"].startswith("zone:") for group in groups):
         zones.append(zones[0] | {"name": "zone:body"})
     surfaces, notes = _surfaces(mesh, by_place, outer, of_place, values)
     cracks = _slits(by_place[slit])
     numbered = enumerate([*zones[1:], *groups, *surfaces, *cracks], start=1)
-    found = {
+    geometry = {
         "points": places,
         "groups": [group | {"number": number} for number, group in numbered],
         "zones": [],  # none is made of groups without a kind
@@ -77,7 +77,7 @@ def body_of_mesh(mesh: Mesh, values: Mapping[str, float | str], source: str) -> 
         f"double nodes: {int(slit.sum()) // 2} faces of touching cells without common nodes are a pre-crack"
     ] * bool(slit.any())
     notes += unused("group", bare, "no material of its own (--set Materials/NAME/E=... gives one)")
-    body = body_of(found, {SPACING: spacing} | dict(values) if zones[1:] else values, source)
+    body = body_of(geometry, {SPACING: spacing} | dict(values) if zones[1:] else values, source)
     return replace(body, notes=(*body.notes, *mesh.notes, *said, *notes))
 
 
@@ -163,8 +163,8 @@ def _slits(nodes: Rows) -> list[dict[str, Any]]:
     if not len(nodes):
         return []
     part = connected(len(nodes) + int(edge.max()) + 1, face, len(nodes) + edge.ravel())[: len(nodes)]
-    names = {one: f"{SLIT} {number}" for number, one in enumerate(np.unique(part).tolist(), start=1)}
-    return [_surface_group(name, nodes[part == one]) for one, name in names.items()]
+    names = {part_number: f"{SLIT} {number}" for number, part_number in enumerate(np.unique(part).tolist(), start=1)}
+    return [_surface_group(name, nodes[part == part_number]) for part_number, name in names.items()]
 
 
 def _surfaces(
@@ -177,21 +177,23 @@ def _surfaces(
     nodes = of_place[np.concatenate([np.zeros((0, 4), dtype=np.int64), *padded])]
     groups, loose, used = [], [], np.zeros(len(nodes), dtype=bool)
     for name, members in sorted(sets.items()):
-        rows = np.concatenate([first[:0], *(at + some for at, some in zip(first[:-1], members, strict=True))])
+        rows = np.concatenate(
+            [first[:0], *(at + block_rows for at, block_rows in zip(first[:-1], members, strict=True))]
+        )
         if not len(rows):
             continue
         names = group_names(name, 2, KINDS, values)
         groups += [_surface_group(full, nodes[rows]) for full in names]
         used[rows] |= bool(names)
         loose += [name] * (not names)
-    known = {key.tobytes() for key in _keys(faces)}
-    shells = sum(key.tobytes() not in known for key in _keys(nodes[~used]))
+    face_keys = {key.tobytes() for key in _keys(faces)}
+    shells = sum(key.tobytes() not in face_keys for key in _keys(nodes[~used]))
     notes = [f"warning: {shells} triangles and quads are no faces of the solids: not used"] * (shells > 0)
     notes += unused("surface", loose, "not used (crack:, load:, fix: or move:NAME would be)")
     for name, rows in sorted(mesh.point_sets.items()):
-        some = faces[outer & np.isin(faces, of_place[rows]).all(axis=1)]
-        if len(some):
-            groups += [_surface_group(full, some) for full in group_names(name, 2, KINDS, values)]
+        set_faces = faces[outer & np.isin(faces, of_place[rows]).all(axis=1)]
+        if len(set_faces):
+            groups += [_surface_group(full, set_faces) for full in group_names(name, 2, KINDS, values)]
         elif len(rows) == 1:
             point = {"dimension": 0, "curves": [mesh.points[rows].tolist()], "triangles": [], "volume": 0.0}
             groups += [point | {"name": full} for full in group_names(name, 0, KINDS, values)]

@@ -36,7 +36,7 @@ def meshed(body: Body) -> Body:
 
     return replace(
         body,
-        bodies=tuple(replace(each, body=meshed(each.body)) for each in body.bodies),
+        bodies=tuple(replace(other_body, body=meshed(other_body.body)) for other_body in body.bodies),
         solid=found(BODY),
         zones=tuple(replace(zone, solid=found(f"zone '{zone.name}'")) for zone in body.zones),
         regions=tuple(replace(part, solid=found(f"material '{part.region.name}'")) for part in body.regions),
@@ -65,15 +65,15 @@ def _shells(solids: Mapping[str, Solid], spacing: float) -> dict[str, Shell]:
     with scratch() as folder:
         path = folder / "solids.geo"
         path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-        found = read_trusted(path, [], TIME_LIMIT)
-    for message in found["messages"]:
+        gmsh_output = read_trusted(path, [], TIME_LIMIT)
+    for message in gmsh_output["messages"]:
         raise SceneError(f"body: Gmsh says: {message}")
-    there = {group["name"]: group for group in found["groups"]}
+    groups_by_name = {group["name"]: group for group in gmsh_output["groups"]}
     shells = {}
     for name, group in groups.items():
-        if group not in there:
+        if group not in groups_by_name:
             raise SceneError(f"{name}: nothing is left of it; use a solid with an inside")
-        shells[name] = shell_of(found, there[group])
+        shells[name] = shell_of(gmsh_output, groups_by_name[group])
     return shells
 
 

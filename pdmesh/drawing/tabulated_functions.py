@@ -15,20 +15,20 @@ S = TypeVar("S", bound=Scene | Body)
 
 def tabulated(scene: S) -> S:
     """The scene with tables in place of functions, which other processes do not know. Raises SceneError."""
-    if isinstance(scene, Body) and any(_functions(other.body) for other in scene.bodies):
-        bodies = tuple(replace(other, body=tabulated(other.body)) for other in scene.bodies)
+    if isinstance(scene, Body) and any(_functions(other_body.body) for other_body in scene.bodies):
+        bodies = tuple(replace(other_body, body=tabulated(other_body.body)) for other_body in scene.bodies)
         scene = replace(scene, bodies=bodies)
     if not _functions(scene):
         return scene
     alone = replace(scene, bodies=()) if isinstance(scene, Body) else scene
     built = build(alone).settings.conditions[-len(scene.conditions) :]
     changed: list[Any] = []
-    own: tuple[Any, ...] = scene.conditions
-    for condition, found in zip(own, built, strict=True):
-        tables = {(name, at): value for name, at, value in varying(found)}
+    conditions: tuple[Any, ...] = scene.conditions
+    for condition, built_condition in zip(conditions, built, strict=True):
+        tables = {(name, at): value for name, at, value in varying(built_condition)}
         action = condition.action
-        for one in condition.functions:
-            action = replaced(action, one.name, one.number, tables[one.name, one.number])
+        for function in condition.functions:
+            action = replaced(action, function.name, function.number, tables[function.name, function.number])
         changed.append(replace(condition, action=action, functions=()))
     return replace(scene, conditions=tuple(changed))  # type: ignore[arg-type]
 

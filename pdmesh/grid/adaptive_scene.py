@@ -74,11 +74,11 @@ def _way(scene: Scene, slit: Slit) -> tuple[float, float]:
     mouths = [end for end in (0, -1) if edge.distance(shapely.Point(points[end])) <= ON * h]
     best: tuple[float, float, int] | None = None
     for number, way in enumerate(WAYS):
-        moved = points + h * np.array(way)
-        clear = _clearance(scene, moved)
+        trial_points = points + h * np.array(way)
+        clear = _clearance(scene, trial_points)
         if clear < CLEARANCE:
             continue
-        off = sum(float(edge.distance(shapely.Point(moved[end]))) for end in mouths) / h
+        off = sum(float(edge.distance(shapely.Point(trial_points[end]))) for end in mouths) / h
         worth = (round(off, 6), -min(clear, COMFORT), number)
         best = worth if best is None else min(best, worth)
     if best is None:

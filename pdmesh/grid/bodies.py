@@ -81,55 +81,59 @@ def build_body(body: Body) -> tuple[Grid, Settings, tuple[str, ...]]:
 def _beside(body: Body) -> tuple[Grid, Settings, tuple[str, ...]]:
     """Grid, settings and remarks of a body and of those beside it."""
     every = [_alone(replace(body, bodies=()), lists=True)]
-    for other in body.bodies:
+    for other_body in body.bodies:
         try:
-            every.append(_alone(replace(other.body, run=body.run), lists=True))
+            every.append(_alone(replace(other_body.body, run=body.run), lists=True))
         except SceneError as error:
-            raise SceneError(f"body '{other.name}': {error}") from None
-    _refuse_overlap([(REST, replace(body, bodies=())), *((other.name, other.body) for other in body.bodies)])
-    grid = joined([one for one, _, _ in every], (REST, *(other.name for other in body.bodies)))
+            raise SceneError(f"body '{other_body.name}': {error}") from None
+    _refuse_overlap(
+        [(REST, replace(body, bodies=())), *((other_body.name, other_body.body) for other_body in body.bodies)]
+    )
+    grid = joined([part_grid for part_grid, _, _ in every], (REST, *(other_body.name for other_body in body.bodies)))
     settings, regions, conditions = every[0][1], [*every[0][1].regions], [*every[0][1].conditions]
     first = len(every[0][0])
-    for other, (own, more, _) in zip(body.bodies, every[1:], strict=True):
-        nodes = tuple(range(first + 1, first + len(own) + 1))
-        if other.body.material not in (None, body.material):
-            regions.append(Region(name=other.name, material=in_space(other.body.material), nodes=nodes))
-        if any((*other.velocity, *other.spin)):
-            (x, y, z), (about_x, about_y, about_z) = other.velocity, other.spin
-            spin = (about_x, about_y, about_z) if any(other.spin) else 0.0
-            conditions.append(InitialVelocity(name=other.name, x=x, y=y, z=z, spin=spin, nodes=nodes))
-        if other.rigid is not None:
-            conditions.append(msgspec.structs.replace(other.rigid, nodes=nodes))
-        regions += [_further(each, first) for each in more.regions]
-        conditions += [_further(each, first) for each in more.conditions]
-        first += len(own)
+    for other_body, (body_grid, more, _) in zip(body.bodies, every[1:], strict=True):
+        nodes = tuple(range(first + 1, first + len(body_grid) + 1))
+        if other_body.body.material not in (None, body.material):
+            regions.append(Region(name=other_body.name, material=in_space(other_body.body.material), nodes=nodes))
+        if any((*other_body.velocity, *other_body.spin)):
+            (x, y, z), (about_x, about_y, about_z) = other_body.velocity, other_body.spin
+            spin = (about_x, about_y, about_z) if any(other_body.spin) else 0.0
+            conditions.append(InitialVelocity(name=other_body.name, x=x, y=y, z=z, spin=spin, nodes=nodes))
+        if other_body.rigid is not None:
+            conditions.append(msgspec.structs.replace(other_body.rigid, nodes=nodes))
+        regions += [_further(item, first) for item in more.regions]
+        conditions += [_further(item, first) for item in more.conditions]
+        first += len(body_grid)
     settings = msgspec.structs.replace(settings, regions=tuple(regions), conditions=tuple(conditions))
     return grid, settings, tuple(remark for _, _, remarks in every for remark in remarks)
 
 
 def _refuse_overlap(bodies: list[tuple[str, Body]]) -> None:
     """Raise SceneError for two bodies of which one has nodes in the other."""
-    for (name, one), (other, second) in permutations(bodies, 2):
-        theirs, own = second.shell.triangles, one.shell.triangles
-        low, high = (np.stack([end(each, axis=(0, 1)) for each in (own, theirs)]) for end in (np.min, np.max))
-        if not (high.min(axis=0) - low.max(axis=0) > SLACK * one.spacing).all():
+    for (name, first), (second_name, second) in permutations(bodies, 2):
+        theirs, own_triangles = second.shell.triangles, first.shell.triangles
+        low, high = (
+            np.stack([end(triangles, axis=(0, 1)) for triangles in (own_triangles, theirs)]) for end in (np.min, np.max)
+        )
+        if not (high.min(axis=0) - low.max(axis=0) > SLACK * first.spacing).all():
             continue
-        place = f"body '{name if other == REST else other}'"
-        for level in _levels(one):
+        place = f"body '{name if second_name == REST else second_name}'"
+        for level in _levels(first):
             within = level.within(second.shell, place)
             inner = level.position[within]
             if len(inner):
                 deep = distances(inner, theirs, float(np.ptp(theirs, axis=(0, 1)).max())).max()
-                rest = other if name != REST and other == REST else name
+                rest = second_name if name != REST and second_name == REST else name
                 raise SceneError(
                     f"{place} is {deep + float(level.delta.max()) / 2:.4g} m deep in body '{rest}'; bodies may touch"
                     " at most"
                 )
 
 
-def _further(some: S, first: int) -> S:
+def _further(item: S, first: int) -> S:
     """A condition or region whose nodes have ids `first` larger."""
-    return msgspec.structs.replace(some, nodes=tuple(node + first for node in some.nodes or ()))
+    return msgspec.structs.replace(item, nodes=tuple(node + first for node in item.nodes or ()))
 
 
 def _alone(body: Body, lists: bool = False) -> tuple[Grid, Settings, tuple[str, ...]]:
@@ -211,15 +215,15 @@ def _clear_of_nodes(crack: CrackFace, cloud: Cloud) -> tuple[CrackFace, tuple[st
     on = np.flatnonzero(near < CLEARANCE * cloud.delta)
     if not len(on):
         return crack, ()
-    beside = np.flatnonzero(near < 2 * cloud.delta)
-    spacing, across = float(cloud.delta[beside].min()), _across(crack.sheet)
+    near_rows = np.flatnonzero(near < 2 * cloud.delta)
+    spacing, across = float(cloud.delta[near_rows].min()), _across(crack.sheet)
     for sixteenths in (sign * step for step in range(1, 8) for sign in (1, -1)):
-        moved = triangles + sixteenths / 16 * spacing * across
-        apart = distances(cloud.position[beside], moved, spacing)
-        if (apart >= MOVED * cloud.delta[beside]).all():
+        shifted_triangles = triangles + sixteenths / 16 * spacing * across
+        apart = distances(cloud.position[near_rows], shifted_triangles, spacing)
+        if (apart >= MOVED * cloud.delta[near_rows]).all():
             way = ", ".join(f"{step + 0.0:.3g}" for step in sixteenths / 16 * spacing * across)
             remark = f"{place}: moved by ({way}) m, as it met {len(on)} nodes"
-            return replace(crack, sheet=Sheet(moved)), (remark,)
+            return replace(crack, sheet=Sheet(shifted_triangles)), (remark,)
     x, y, z = cloud.position[on[0]]
     raise SceneError(
         f"{place} runs through {len(on)} nodes, the first at ({x:g}, {y:g}, {z:g}) m; put it between nodes, which"
@@ -267,8 +271,8 @@ def _condition(condition: SolidCondition, body: Body, cloud: Cloud) -> AnyCondit
     action, where, place = condition.action, condition.where, describe(condition.action)
     if isinstance(where, str):
         where = face(body.shell, where, place)
-    found, surface = _found(where, condition, body, cloud)
-    rows = np.flatnonzero(found)
+    at_place, surface = _found(where, condition, body, cloud)
+    rows = np.flatnonzero(at_place)
     if not len(rows):
         within = "in its solid" if isinstance(where, Shell) else f"within {condition.rows} rows"
         nearest = f", {_nearest(where.triangles, cloud)}" if isinstance(where, Shell | Sheet) else ""

@@ -27,17 +27,17 @@ def build_scene(scene: Scene) -> tuple[Grid, Settings, tuple[Shift, ...]]:
     Raises SceneError if a body or a spacing has no nodes, a crack cannot be cleared or a condition finds no node.
     """
     if not scene.bodies:
-        grid, settings, moved = build_grid(scene)
-        return grid, msgspec.structs.replace(settings, contact=scene.touching), moved
+        grid, settings, plate_shifts = build_grid(scene)
+        return grid, msgspec.structs.replace(settings, contact=scene.touching), plate_shifts
     run = msgspec.structs.replace(scene.run, gaps=())
     alone = [replace(scene, bodies=(), regions=(), media=(), conditions=(), run=run)]
     alone += [_as_plate(scene, body) for body in scene.bodies]
     grids: list[Grid] = []
     shifts: list[Shift] = []
-    for one in alone:
-        nodes = place_nodes(one, MIDDLES)
-        areas = cell_areas(nodes.position, one.shape, nodes.delta, nodes.regular)
-        grids.append(grid_of_nodes(one, nodes.position, nodes.delta, areas))
+    for body_scene in alone:
+        nodes = place_nodes(body_scene, MIDDLES)
+        areas = cell_areas(nodes.position, body_scene.shape, nodes.delta, nodes.regular)
+        grids.append(grid_of_nodes(body_scene, nodes.position, nodes.delta, areas))
         shifts += nodes.shifts
     grid = joined(grids, (REST, *(body.name for body in scene.bodies)))
     settings = settings_of(scene, grid.position, grid.delta, tuple(shifts))
@@ -53,8 +53,8 @@ def build_scene(scene: Scene) -> tuple[Grid, Settings, tuple[Shift, ...]]:
 
 def _as_plate(scene: Scene, body: BodyBeside) -> Scene:
     try:
-        own = body.material or scene.material
-        return Scene(body.shape, body.spacing, own, scene.horizon, units=scene.units, medium=scene.medium)
+        material = body.material or scene.material
+        return Scene(body.shape, body.spacing, material, scene.horizon, units=scene.units, medium=scene.medium)
     except SceneError as error:
         raise SceneError(f"body '{body.name}': {error}") from None
 
@@ -104,8 +104,8 @@ def each_alone(grid: Grid, settings: Settings) -> Iterator[tuple[Grid, Settings]
     assert grid.bodies is not None
     plain = msgspec.structs.replace(settings, conditions=())
     for number in range(len(grid.bodies.names)):
-        own = np.flatnonzero(grid.bodies.number == number)
-        nodes = shapely.multipoints(grid.position[own])
+        body_rows = np.flatnonzero(grid.bodies.number == number)
+        nodes = shapely.multipoints(grid.position[body_rows])
         mine = [ring for ring in grid.outline if shapely.Polygon(ring).intersects(nodes)]
         holes = [
             ring
@@ -115,12 +115,12 @@ def each_alone(grid: Grid, settings: Settings) -> Iterator[tuple[Grid, Settings]
         yield (
             replace(
                 grid,
-                ids=np.arange(1, len(own) + 1),
-                position=grid.position[own],
-                delta=grid.delta[own],
-                border=grid.border[own],
-                hole_id=grid.hole_id[own],
-                areas=grid.cells[own],
+                ids=np.arange(1, len(body_rows) + 1),
+                position=grid.position[body_rows],
+                delta=grid.delta[body_rows],
+                border=grid.border[body_rows],
+                hole_id=grid.hole_id[body_rows],
+                areas=grid.cells[body_rows],
                 outline=tuple(mine),
                 holes=tuple(holes),
                 cracks=grid.cracks if number == 0 else grid.cracks[:0],

@@ -59,12 +59,12 @@ def build(scene: Scene | Body) -> Built:
         built = _build(with_files(scene, Path()))
     except PlaceError as error:
         raise SceneError(f"conditions: {error}") from None
-    twice = two_motions(built.settings.conditions, lambda one: built.grid.chosen(one.nodes, one.box))
+    twice = two_motions(built.settings.conditions, lambda condition: built.grid.chosen(condition.nodes, condition.box))
     if twice is not None:
-        number, axis, other, row = twice
-        one, earlier = (describe(built.settings.conditions[at]) for at in (number, other))
+        number, axis, earlier_number, row = twice
+        later, earlier = (describe(built.settings.conditions[at]) for at in (number, earlier_number))
         place = ", ".join(f"{value:g}" for value in built.grid.part(np.array([row])).position[0])
-        raise SceneError(f"{one}: {axis}: the node at ({place}) m is in {earlier} too; use one of them")
+        raise SceneError(f"{later}: {axis}: the node at ({place}) m is in {earlier} too; use one of them")
     return built
 
 
@@ -74,10 +74,10 @@ def _build(scene: Scene | Body) -> Built:
         raise SceneError(f"run.{wrong}")
     if isinstance(scene, Body):
         scene = known(scene)
-        grid, settings, moved = build_body(scene)
+        grid, settings, body_notes = build_body(scene)
         without_bonds(grid, settings, scene.source or "scene")
         units = checks.remarks_on_materials(scene, scene.horizon, scene.finest, 3)
-        return Built(grid, settings, (*scene.notes, *moved, *units))
+        return Built(grid, settings, (*scene.notes, *body_notes, *units))
     scene = known(scene)
     notes = (*scene.notes, *checks.remarks(scene))
     if scene.run.adapt != "none":  # whose bonds know nothing of shared loads

@@ -23,27 +23,27 @@ def cell_areas(
     one lattice; cells are constructed only for the others.
     """
     areas = delta**2
-    asked = np.arange(len(position)) if regular is None else np.flatnonzero(~regular)
-    if not len(asked):
+    rows = np.arange(len(position)) if regular is None else np.flatnonzero(~regular)
+    if not len(rows):
         return areas
-    needed = asked if regular is None else _with_neighbours(position, delta, asked)
+    needed = rows if regular is None else _with_neighbours(position, delta, rows)
     unit, origin = float(delta.min()), position.min(axis=0)
     points = np.round((position[needed] - origin) / unit * FRACTIONS) / FRACTIONS
     around = shapely.transform(shape, lambda corners: (corners - origin) / unit)
     cells = shapely.voronoi_polygons(shapely.multipoints(points), extend_to=around.envelope.buffer(4), ordered=True)
-    cells = shapely.get_parts(cells)[np.searchsorted(needed, asked)]
+    cells = shapely.get_parts(cells)[np.searchsorted(needed, rows)]
     broken = ~shapely.is_valid(cells)
     cells[broken] = shapely.make_valid(cells[broken])
     shapely.prepare(around)
     outside = ~shapely.covers(around, cells)
     cells[outside] = shapely.intersection(cells[outside], around)
-    areas[asked] = shapely.area(cells) * unit**2
+    areas[rows] = shapely.area(cells) * unit**2
     return areas
 
 
 def _with_neighbours(
-    position: NDArray[np.float64], delta: NDArray[np.float64], asked: NDArray[np.int64]
+    position: NDArray[np.float64], delta: NDArray[np.float64], rows: NDArray[np.int64]
 ) -> NDArray[np.int64]:
-    """Rows `asked` and all rows that may bound their cells: those within four spacings."""
-    distance, _ = tree_of(position[asked]).query(position, distance_upper_bound=4 * float(delta.max()))
+    """These `rows` and all rows that may bound their cells: those within four spacings."""
+    distance, _ = tree_of(position[rows]).query(position, distance_upper_bound=4 * float(delta.max()))
     return np.flatnonzero(distance <= 4 * delta)

@@ -22,23 +22,23 @@ def shares(triangles: NDArray[np.float64], cubes: Cubes) -> NDArray[np.float64]:
 
     Where the surface crosses itself, a share may be less than 0 or more than 1.
     """
-    own, above = np.zeros(cubes.size.prod()), np.zeros(cubes.size[:2].prod() * (cubes.size[2] + 1))
+    cube_volumes, above = np.zeros(cubes.size.prod()), np.zeros(cubes.size[:2].prod() * (cubes.size[2] + 1))
     corners = (triangles - cubes.corner) / cubes.spacing
     low, high = corners.min(axis=1), corners.max(axis=1)
-    seen = ((high[:, :2] > low[:, :2]) & (high[:, :2] > 0) & (low[:, :2] < cubes.size[:2])).all(axis=1)
-    corners = corners[seen & (high[:, 2] > 0)]
+    over_columns = ((high[:, :2] > low[:, :2]) & (high[:, :2] > 0) & (low[:, :2] < cubes.size[:2])).all(axis=1)
+    corners = corners[over_columns & (high[:, 2] > 0)]
     pieces = np.ceil(np.ptp(corners, axis=1)[:, :2] + 1).prod(axis=1)
-    for some in np.split(corners, np.flatnonzero(np.diff(np.cumsum(pieces) // AT_ONCE)) + 1):
-        _add_prisms(some, cubes.size, own, above)
+    for polygons in np.split(corners, np.flatnonzero(np.diff(np.cumsum(pieces) // AT_ONCE)) + 1):
+        _add_prisms(polygons, cubes.size, cube_volumes, above)
     above = above.reshape(-1, cubes.size[2] + 1)
     full = above[:, ::-1].cumsum(axis=1)[:, ::-1][:, 1:]  # below the pieces in the cubes above each one
-    return np.asarray((own + full.ravel()).reshape(cubes.size))
+    return np.asarray((cube_volumes + full.ravel()).reshape(cubes.size))
 
 
 def _add_prisms(
-    polygons: Polygons, size: NDArray[np.int64], own: NDArray[np.float64], above: NDArray[np.float64]
+    polygons: Polygons, size: NDArray[np.int64], cube_volumes: NDArray[np.float64], above: NDArray[np.float64]
 ) -> None:
-    """Add the prisms below pieces of polygons to `own`, by cube, and their bases to `above`, by cube and one on top."""
+    """Add the prisms below pieces of polygons to `cube_volumes`, their bases to `above`: by cube, and one on top."""
     column = np.zeros(len(polygons), dtype=np.int64)
     for axis in range(2):
         polygons, row, number = _sliced(polygons, axis, int(size[axis]))
@@ -53,7 +53,7 @@ def _add_prisms(
     column = column[row]
     base, height = _bases(polygons)
     _count(column * (size[2] + 1) + number, base, above)
-    _count(column * size[2] + number, base * (height - number), own)
+    _count(column * size[2] + number, base * (height - number), cube_volumes)
 
 
 def _add_bases(polygons: Polygons, at: NDArray[np.int64], above: NDArray[np.float64]) -> None:
@@ -91,11 +91,11 @@ def _sliced(polygons: Polygons, axis: int, size: int) -> tuple[Polygons, NDArray
     row = np.repeat(np.arange(len(polygons)), count)
     number = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count) + first[row]
     pieces = polygons[row]
-    for at, way, asked in ((number, 1.0, low[row] < number), (number + 1, -1.0, high[row] > number + 1)):
-        if asked.any():
-            clipped = _half(pieces[asked], axis, at[asked].astype(float), way)
+    for at, way, crossing in ((number, 1.0, low[row] < number), (number + 1, -1.0, high[row] > number + 1)):
+        if crossing.any():
+            clipped = _half(pieces[crossing], axis, at[crossing].astype(float), way)
             pieces = np.concatenate([pieces, np.repeat(pieces[:, -1:], clipped.shape[1] - pieces.shape[1], axis=1)], 1)
-            pieces[asked] = clipped
+            pieces[crossing] = clipped
     return pieces, row, number
 
 
@@ -112,8 +112,8 @@ def _half(polygons: Polygons, axis: int, at: NDArray[np.float64], way: float) ->
     met[..., axis] = at[:, None]
     double = len(polygons), 2 * polygons.shape[1]
     both = np.stack([polygons, met], axis=2).reshape(*double, 3)
-    kept = np.stack([inner, crosses], axis=2).reshape(double)
-    order = np.argsort(~kept, axis=1, kind="stable")
-    number = np.minimum(np.arange(polygons.shape[1] + 1), kept.sum(axis=1, keepdims=True) - 1)
+    is_corner = np.stack([inner, crosses], axis=2).reshape(double)
+    order = np.argsort(~is_corner, axis=1, kind="stable")
+    number = np.minimum(np.arange(polygons.shape[1] + 1), is_corner.sum(axis=1, keepdims=True) - 1)
     corner = np.take_along_axis(order, number, axis=1)
     return np.asarray(np.take_along_axis(both, corner[..., None], axis=1))

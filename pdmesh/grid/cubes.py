@@ -67,38 +67,38 @@ def _cuts(triangles: NDArray[np.float64], cubes: Cubes, place: str) -> Cuts:
     last = np.clip(np.floor(flat[..., :2].max(axis=1)) + 1, 0, wide).astype(np.int64)
     many = (last - first).clip(min=0)
     total = many[:, 0] * many[:, 1]
-    found: list[tuple[NDArray[np.int64], NDArray[np.float64]]] = []
-    asked = np.flatnonzero(total)
-    for some in np.split(asked, np.flatnonzero(np.diff(np.cumsum(total[asked]) // AT_ONCE)) + 1):
-        found.append(_crossed(flat, some, first, many, wide))
-    line, height = (np.concatenate(column) for column in zip(*found, strict=True))
+    cuts: list[tuple[NDArray[np.int64], NDArray[np.float64]]] = []
+    triangle_rows = np.flatnonzero(total)
+    for chunk in np.split(triangle_rows, np.flatnonzero(np.diff(np.cumsum(total[triangle_rows]) // AT_ONCE)) + 1):
+        cuts.append(_crossed(flat, chunk, first, many, wide))
+    line, height = (np.concatenate(column) for column in zip(*cuts, strict=True))
     order = np.lexsort((height, line))
     line, height = line[order], height[order]
-    each = np.bincount(line, minlength=int(wide[0] * wide[1]))
-    if (each % 2).any():
-        odd = np.array(np.divmod(int((each % 2).argmax()), int(wide[1])))
+    counts = np.bincount(line, minlength=int(wide[0] * wide[1]))
+    if (counts % 2).any():
+        odd = np.array(np.divmod(int((counts % 2).argmax()), int(wide[1])))
         x, y = cubes.corner[:2] + (odd + 0.5) * cubes.spacing
         raise SceneError(
             f"{place}: the surface is open, or crosses itself, near x = {x:g}, y = {y:g} m; use a closed one"
         )
-    rank = np.arange(len(line)) - np.repeat(np.cumsum(each) - each, each)
+    rank = np.arange(len(line)) - np.repeat(np.cumsum(counts) - counts, counts)
     return Cuts(line, height, rank % 2 == 1)
 
 
 def _crossed(
     flat: NDArray[np.float64],
-    some: NDArray[np.int64],
+    chunk: NDArray[np.int64],
     first: NDArray[np.int64],
     many: NDArray[np.int64],
     wide: NDArray[np.int64],
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Line numbers and heights of the cuts by some of the triangles."""
-    total = many[some, 0] * many[some, 1]
-    own = np.repeat(some, total)
-    number = np.arange(len(own)) - np.repeat(np.cumsum(total) - total, total)
-    x, y = np.divmod(number, many[own, 1])
-    x, y = x + first[own, 0], y + first[own, 1]
-    a, b, c = (flat[own, corner] for corner in range(3))
+    total = many[chunk, 0] * many[chunk, 1]
+    triangle = np.repeat(chunk, total)
+    number = np.arange(len(triangle)) - np.repeat(np.cumsum(total) - total, total)
+    x, y = np.divmod(number, many[triangle, 1])
+    x, y = x + first[triangle, 0], y + first[triangle, 1]
+    a, b, c = (flat[triangle, corner] for corner in range(3))
     weights = [_turn(b, c, x, y), _turn(c, a, x, y), _turn(a, b, x, y)]
     up = (weights[0] > 0) & (weights[1] > 0) & (weights[2] > 0)
     down = (weights[0] < 0) & (weights[1] < 0) & (weights[2] < 0)

@@ -58,8 +58,8 @@ class Cubic(NamedTuple):
 
     def within(self, shell: Shell, place: str) -> NDArray[np.bool_]:
         """Mask (k,) of the nodes in a solid. Raises SceneError, beginning with `place`."""
-        found = inside(shell.triangles, self.cubes, place)
-        return np.asarray(found[tuple(self.at.T)])
+        mask = inside(shell.triangles, self.cubes, place)
+        return np.asarray(mask[tuple(self.at.T)])
 
     @property
     def whole(self) -> bool:
@@ -84,12 +84,12 @@ def place_nodes(body: Body) -> list[Cubic]:
     lost: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []
     for step in range(len(refined) + 1):
         cubes = _cubes(body, step)
-        there = np.ones(cubes.size, dtype=bool) if step == 0 else _children(refined[step - 1])
+        present = np.ones(cubes.size, dtype=bool) if step == 0 else _children(refined[step - 1])
         if step < len(refined):
-            there &= ~refined[step]
-        if not there.any():
+            present &= ~refined[step]
+        if not present.any():
             continue
-        level, orphans = _level(surface, cubes, *_trimmed(cubes, there))
+        level, orphans = _level(surface, cubes, *_trimmed(cubes, present))
         levels.append(level)
         lost.append(orphans)
     if not sum(len(level.at) for level in levels):
@@ -138,25 +138,25 @@ def _refined(body: Body) -> list[NDArray[np.bool_]]:
     from scipy.ndimage import distance_transform_edt
 
     steps = [round(float(np.log2(body.spacing / zone.spacing))) for zone in body.zones]
-    found: list[NDArray[np.bool_]] = []
+    refined_masks: list[NDArray[np.bool_]] = []
     finer: NDArray[np.bool_] | None = None
     for step in range(max(steps, default=0) - 1, -1, -1):
         cubes = _cubes(body, step)
-        asked = {True: np.zeros(cubes.size, dtype=bool), False: np.zeros(cubes.size, dtype=bool)}
+        zone_masks = {True: np.zeros(cubes.size, dtype=bool), False: np.zeros(cubes.size, dtype=bool)}
         for zone, its in zip(body.zones, steps, strict=True):
             if its == step + 1:
                 assert isinstance(zone.solid, Shell)
-                own = inside(zone.solid.triangles, cubes, f"zone '{zone.name}'")
-                if not own.any():
+                in_zone = inside(zone.solid.triangles, cubes, f"zone '{zone.name}'")
+                if not in_zone.any():
                     raise SceneError(f"zone '{zone.name}': the middle of no cube is in it; enlarge it")
-                asked[zone.grown] |= own
+                zone_masks[zone.grown] |= in_zone
         if finer is not None:
-            asked[True] |= _parents(finer)
-        if asked[True].any():
-            asked[True] = distance_transform_edt(~asked[True]) <= body.horizon * (1 + SLACK)
-        finer = asked[True] | asked[False]
-        found.append(finer)
-    return found[::-1]
+            zone_masks[True] |= _parents(finer)
+        if zone_masks[True].any():
+            zone_masks[True] = distance_transform_edt(~zone_masks[True]) <= body.horizon * (1 + SLACK)
+        finer = zone_masks[True] | zone_masks[False]
+        refined_masks.append(finer)
+    return refined_masks[::-1]
 
 
 def _children(cubes: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -172,37 +172,37 @@ def _parents(cubes: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return np.asarray(cubes.reshape(x, 2, y, 2, z, 2).any(axis=(1, 3, 5)))
 
 
-def _trimmed(cubes: Cubes, there: NDArray[np.bool_]) -> tuple[Cubes, NDArray[np.bool_]]:
-    """The bounding box of the cubes in `there`, widened by one cube on each side if possible."""
+def _trimmed(cubes: Cubes, present: NDArray[np.bool_]) -> tuple[Cubes, NDArray[np.bool_]]:
+    """The bounding box of the cubes in `present`, widened by one cube on each side if possible."""
     low, high = [], []
     for axis in range(3):
-        along = np.flatnonzero(there.any(axis=tuple(other for other in range(3) if other != axis)))
+        along = np.flatnonzero(present.any(axis=tuple(other_axis for other_axis in range(3) if other_axis != axis)))
         low.append(max(int(along[0]) - 1, 0))
-        high.append(min(int(along[-1]) + 2, there.shape[axis]))
+        high.append(min(int(along[-1]) + 2, present.shape[axis]))
     corner = cubes.corner + np.array(low) * cubes.spacing
     part = Cubes(corner, cubes.spacing, np.array(high) - np.array(low))
-    return part, there[tuple(slice(first, last) for first, last in zip(low, high, strict=True))]
+    return part, present[tuple(slice(first, last) for first, last in zip(low, high, strict=True))]
 
 
 def _level(
-    surface: NDArray[np.float64], every: Cubes, cubes: Cubes, there: NDArray[np.bool_]
+    surface: NDArray[np.float64], every: Cubes, cubes: Cubes, present: NDArray[np.bool_]
 ) -> tuple[Cubic, tuple[NDArray[np.float64], NDArray[np.float64]]]:
     """Nodes of these cubes, and the places (k, 3) and volumes (k,) of material in cubes that are no nodes.
 
     `surface` are triangles (t, 3, 3), m, turned outward; `cubes` are a part of `every` cube.
     """
     solid, share = inside(surface, cubes, "body", ON), _checked(shares(surface, cubes), cubes)
-    kept, left = there & solid, there & ~solid & (share > 0)
-    edge = np.zeros_like(kept)
+    is_node, is_lost = present & solid, present & ~solid & (share > 0)
+    edge = np.zeros_like(is_node)
     around = np.pad(solid & (share > FULL), 1)
     for axis, way in itertools.product(range(3), (0, 2)):
         part = [slice(1, -1)] * 3
         part[axis] = slice(way, way + solid.shape[axis])
         edge |= ~around[tuple(part)]
     cube = cubes.spacing**3
-    at, out = _places(kept), _places(left)
-    own, thin = tuple(at.T), _thin(solid, cubes, every)
-    level = Cubic(cubes, at, share[own] * cube, (edge | (share <= FULL))[own], thin[own])
+    at, out = _places(is_node), _places(is_lost)
+    node_index, thin = tuple(at.T), _thin(solid, cubes, every)
+    level = Cubic(cubes, at, share[node_index] * cube, (edge | (share <= FULL))[node_index], thin[node_index])
     return level, (cubes.middles(out), share[tuple(out.T)] * cube)
 
 
@@ -252,8 +252,8 @@ def _given(body: Body, levels: list[Cubic], lost: list[tuple[NDArray[np.float64]
     if len(places):
         far, nearest = tree_of(np.concatenate([level.position for level in levels])).query(places, k=AROUND)
         alike = far <= far[:, :1] * (1 + ALIKE)  # all share, so that what is symmetric stays so
-        each = np.broadcast_to((volumes / alike.sum(axis=1))[:, None], far.shape)
-        np.add.at(volume, nearest[alike], each[alike])
+        added_volumes = np.broadcast_to((volumes / alike.sum(axis=1))[:, None], far.shape)
+        np.add.at(volume, nearest[alike], added_volumes[alike])
         cut[nearest[alike]] = True
     missing, scaled = body.shell.volume - float(volume.sum()), float(volume[cut].sum())
     if abs(missing) > MISSED * max(scaled, 1e-9 * body.shell.volume):

@@ -67,11 +67,11 @@ def _on(lattice: Lattice, condition: PlacedCondition) -> AnyCondition:
     first = np.clip(np.floor((low - lattice.origin) / h).astype(int) - reach, 0, most)
     last = np.clip(np.ceil((high - lattice.origin) / h).astype(int) + reach + 1, 0, most)
     columns, rows = (np.arange(begin, end) for begin, end in zip(first, last, strict=True))
-    x, y = (places(begin, h, some) for begin, some in zip(lattice.origin, (columns, rows), strict=True))
+    x, y = (places(begin, h, numbers) for begin, numbers in zip(lattice.origin, (columns, rows), strict=True))
     position = np.column_stack([np.tile(x, len(y)), np.repeat(y, len(x))])
     ids = (rows[:, None] * lattice.columns + columns + 1).ravel()
-    found = condition.on(position, np.full(len(position), h))
-    return msgspec.structs.replace(found, nodes=tuple(ids[np.array(found.nodes) - 1].tolist()))
+    placed_condition = condition.on(position, np.full(len(position), h))
+    return msgspec.structs.replace(placed_condition, nodes=tuple(ids[np.array(placed_condition.nodes) - 1].tolist()))
 
 
 def stand_in(scene: Scene) -> tuple[Grid, Settings]:

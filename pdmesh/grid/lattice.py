@@ -66,7 +66,7 @@ def place_nodes(scene: Scene, start: tuple[float, float] = (0.0, 0.0)) -> Placed
 
     Raises SceneError if a spacing has no nodes or a crack cannot be cleared.
     """
-    found: list[NDArray[np.float64]] = []
+    points_by_level: list[NDArray[np.float64]] = []
     regular: list[NDArray[np.bool_]] = []
     rows: list[NDArray[np.float64]] = []
     shifts = []
@@ -78,20 +78,20 @@ def place_nodes(scene: Scene, start: tuple[float, float] = (0.0, 0.0)) -> Placed
             points = points[~np.isfinite(distance)]
         if any(offset):
             shifts.append(Shift(level.spacing, offset))
-        found.append(points)
+        points_by_level.append(points)
         regular.append(~near(points, level.shape.boundary, INTERIOR * level.spacing))
         coarser.append(level)
         if len(coarser) < len(every):
             rows.append(_rows(points[~regular[-1]], level.spacing))
-    counts = [len(points) for points in found]
+    counts = [len(points) for points in points_by_level]
     if not sum(counts):
         raise SceneError(f"spacing: the plate has no node; use a spacing below {scene.spacing:g} m")
     delta = np.repeat([level.spacing for level in coarser], counts)
     for zone in scene.zones:
         inside = zone.shape.buffer(zone.spacing / 2)
-        if not shapely.contains_xy(inside, np.concatenate(found)[delta <= zone.spacing * (1 + 1e-9)]).any():
+        if not shapely.contains_xy(inside, np.concatenate(points_by_level)[delta <= zone.spacing * (1 + 1e-9)]).any():
             raise SceneError(f"zone '{zone.name}' has no node; use a spacing below {zone.spacing:g} m")
-    return PlacedNodes(np.concatenate(found), delta, np.concatenate(regular), tuple(shifts))
+    return PlacedNodes(np.concatenate(points_by_level), delta, np.concatenate(regular), tuple(shifts))
 
 
 def _rows(points: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
@@ -110,14 +110,14 @@ def _level_nodes(
     cracks = shapely.STRtree(shapely.linestrings(segments(scene).reshape(-1, 2, 2)))
     slack = SLACK * level.spacing
     inside = level.shape.buffer(slack, join_style="mitre")
-    taken = [other.shape.buffer(slack, join_style="mitre") for other in coarser]
+    coarser_shapes = [coarser_level.shape.buffer(slack, join_style="mitre") for coarser_level in coarser]
 
     def placed(share: tuple[float, float]) -> NDArray[np.float64]:
         points = _lattice(scene, level, share)
-        kept: NDArray[np.bool_] = shapely.contains_xy(inside, points)
-        for shape in taken:
-            kept &= ~shapely.contains_xy(shape, points)
-        return np.asarray(points[kept])
+        mask: NDArray[np.bool_] = shapely.contains_xy(inside, points)
+        for shape in coarser_shapes:
+            mask &= ~shapely.contains_xy(shape, points)
+        return np.asarray(points[mask])
 
     def clearance(points: NDArray[np.float64]) -> float:
         _, distance = cracks.query_nearest(
@@ -130,10 +130,10 @@ def _level_nodes(
         return points, (0.0, 0.0)
     best, chosen = 0.0, start
     for share in HALVES + EIGHTHS:
-        moved = placed(share)
-        free = clearance(moved)
+        trial_points = placed(share)
+        free = clearance(trial_points)
         if free > best:
-            best, chosen, points = free, share, moved
+            best, chosen, points = free, share, trial_points
         if free >= COMFORT and share in HALVES:
             break
     if best < CLEARANCE:

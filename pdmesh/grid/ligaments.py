@@ -53,14 +53,14 @@ def ligaments(grid: Grid, faces: list[shapely.Polygon]) -> list[Ligament]:
     lines = shapely.get_parts(cracks)
     tree = shapely.STRtree(lines)
     for face in faces:
-        own = shapely.multilinestrings(lines[tree.query(face, predicate="intersects")])
+        face_cracks = shapely.multilinestrings(lines[tree.query(face, predicate="intersects")])
         for size in sizes:
-            gaps += _necks(face, own, THINNEST / 2 * float(size))
-    kept: list[Ligament] = []
-    for one in sorted(_thin(gaps, grid), key=lambda one: one.width / one.spacing):
-        if all(np.hypot(*np.subtract(one.place, other.place)) > one.spacing for other in kept):
-            kept.append(one)
-    return kept
+            gaps += _necks(face, face_cracks, THINNEST / 2 * float(size))
+    distinct: list[Ligament] = []
+    for ligament in sorted(_thin(gaps, grid), key=lambda ligament: ligament.width / ligament.spacing):
+        if all(np.hypot(*np.subtract(ligament.place, thinner.place)) > ligament.spacing for thinner in distinct):
+            distinct.append(ligament)
+    return distinct
 
 
 def _coarse(segments: NDArray[np.float64], tolerance: float) -> shapely.Geometry:
@@ -79,10 +79,10 @@ def _thin(gaps: list[_Gap], grid: Grid) -> Iterator[Ligament]:
     middles, margin = np.concatenate([gap.middle for gap in gaps]), 2 * float(grid.delta.max())
     low, high = middles.min(axis=0) - margin, middles.max(axis=0) + margin
     near = ((grid.position >= low) & (grid.position <= high)).all(axis=1)
-    some = np.flatnonzero(near) if near.any() else np.arange(len(grid))
-    tree = tree_of(grid.position[some])
+    near_rows = np.flatnonzero(near) if near.any() else np.arange(len(grid))
+    tree = tree_of(grid.position[near_rows])
     for gap in gaps:
-        delta = grid.delta[some[tree.query(gap.middle)[1]]]
+        delta = grid.delta[near_rows[tree.query(gap.middle)[1]]]
         coarsest = np.flatnonzero(delta == delta.max())
         at = int(coarsest[len(coarsest) // 2])
         if gap.width < THINNEST * delta[at] * (1 - 2 * EXACT):
@@ -94,18 +94,18 @@ def _between(faces: list[shapely.Polygon], cracks: shapely.Geometry, widest: flo
     """Gaps between two edges, holes or cracks that do not touch each other."""
     lines = shapely.union_all([cracks, *(face.boundary for face in faces)])
     edges = _connected(shapely.get_parts(lines))
-    whole = shapely.union_all(faces)
+    plate = shapely.union_all(faces)
     for first, second in shapely.STRtree(edges).query(edges, predicate="dwithin", distance=widest).T:
         line = shapely.shortest_line(edges[first], edges[second])
         middle = line.interpolate(0.5, normalized=True)
-        if first < second and whole.contains(middle):
+        if first < second and plate.contains(middle):
             yield _Gap(float(line.length), shapely.get_coordinates(middle))
 
 
 def _connected(lines: NDArray[Any]) -> NDArray[Any]:
     """Lines merged into groups that touch."""
     number = connected(len(lines), *shapely.STRtree(lines).query(lines, predicate="intersects"))
-    return np.array([shapely.multilinestrings(lines[number == one]) for one in range(number.max() + 1)])
+    return np.array([shapely.multilinestrings(lines[number == group]) for group in range(number.max() + 1)])
 
 
 def _reached(face: shapely.Polygon, cracks: shapely.Geometry, radius: float) -> list[shapely.Polygon]:
@@ -118,7 +118,7 @@ def _necks(face: shapely.Polygon, cracks: shapely.Geometry, radius: float) -> It
     """Necks of a face that a disc does not pass, although it or a smaller one fits on both sides."""
     reached = partial(_reached, face, cracks)
     radii = radius * (1 - EXACT) * np.linspace(0, 1, STAGES + 1)
-    stages = [[face], *(reached(some) for some in radii[1:].tolist())]
+    stages = [[face], *(reached(stage_radius) for stage_radius in radii[1:].tolist())]
     if not stages[-1]:
         middle, rim = shapely.get_coordinates(shapely.maximum_inscribed_circle(face))
         yield _Gap(2 * float(np.hypot(*(rim - middle))), middle[None])

@@ -54,18 +54,18 @@ def pieces(grid: Grid, reach: float) -> NDArray[np.int64]:
     crosses no pre-crack.
     """
     neighbours = Neighbours(grid.position, grid.delta, reach * grid.delta, mutual=True)
-    number, asked = _islands(grid, neighbours, reach)
+    number, rows_to_check = _islands(grid, neighbours, reach)
     sight, links = sight_of(grid), [np.zeros((2, 0), dtype=np.int64)]
-    for some in np.array_split(asked, int(len(asked) * (2 * reach) ** 2 / PAIRS) + 1):
-        pairs = neighbours.pairs(some)
+    for chunk in np.array_split(rows_to_check, int(len(rows_to_check) * (2 * reach) ** 2 / PAIRS) + 1):
+        pairs = neighbours.pairs(chunk)
         mean = (grid.delta[pairs.source] + grid.delta[pairs.target]) / 2
         pairs = chosen(pairs, pairs.length <= reach * mean * (1 + ROUND_OFF))
-        seen = sight.inside(pairs) & ~sight.cut(pairs)
-        links.append(number[np.stack([pairs.source[seen], pairs.target[seen]])])
-    found = connected(len(grid), *np.concatenate(links, axis=1))[number]
-    there = np.zeros(len(grid), dtype=bool)
-    there[found] = True
-    return np.asarray((np.cumsum(there) - 1)[found], dtype=np.int64)
+        in_sight = sight.inside(pairs) & ~sight.cut(pairs)
+        links.append(number[np.stack([pairs.source[in_sight], pairs.target[in_sight]])])
+    piece = connected(len(grid), *np.concatenate(links, axis=1))[number]
+    is_used = np.zeros(len(grid), dtype=bool)
+    is_used[piece] = True
+    return np.asarray((np.cumsum(is_used) - 1)[piece], dtype=np.int64)
 
 
 def _islands(grid: Grid, neighbours: Neighbours, reach: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -77,24 +77,26 @@ def _islands(grid: Grid, neighbours: Neighbours, reach: float) -> tuple[NDArray[
     from scipy.ndimage import label
 
     inner = ~(grid.border | near(grid.position, cracks_of(grid), grid.delta))
-    number, asked = np.arange(len(grid)), np.ones(len(grid), dtype=bool)
+    number, needs_check = np.arange(len(grid)), np.ones(len(grid), dtype=bool)
     alone = np.ones(len(grid), dtype=bool)
     for rows in neighbours.maps():
-        there = np.pad(rows >= 0, 1)
-        full = there[1:-1, 1:-1] & there[:-2, 1:-1] & there[2:, 1:-1] & there[1:-1, :-2] & there[1:-1, 2:]
-        alone[rows[there[1:-1, 1:-1]]] = False
+        has_node = np.pad(rows >= 0, 1)
+        full = (
+            has_node[1:-1, 1:-1] & has_node[:-2, 1:-1] & has_node[2:, 1:-1] & has_node[1:-1, :-2] & has_node[1:-1, 2:]
+        )
+        alone[rows[has_node[1:-1, 1:-1]]] = False
         full[full] = inner[rows[full]]
         islands, count = label(full)
-        own, island = rows[full], islands[full]
+        inner_rows, island = rows[full], islands[full]
         first = np.zeros(count + 1, dtype=np.int64)
-        first[island[::-1]] = own[::-1]
-        number[own], asked[own] = first[island], False
-    some = np.flatnonzero(alone & inner)
-    if len(some) > NEXT:
-        length, place = tree_of(grid.position[some]).query(grid.position[some], NEXT + 1)
-        delta = grid.delta[some]
+        first[island[::-1]] = inner_rows[::-1]
+        number[inner_rows], needs_check[inner_rows] = first[island], False
+    lone_rows = np.flatnonzero(alone & inner)
+    if len(lone_rows) > NEXT:
+        length, place = tree_of(grid.position[lone_rows]).query(grid.position[lone_rows], NEXT + 1)
+        delta = grid.delta[lone_rows]
         sure = length <= np.minimum(2 * np.minimum(delta[:, None], delta[place]), reach * delta[:, None])
-        piece = connected(len(some), np.repeat(np.arange(len(some)), sure.sum(axis=1)), place[sure])
+        piece = connected(len(lone_rows), np.repeat(np.arange(len(lone_rows)), sure.sum(axis=1)), place[sure])
         largest = piece == np.bincount(piece).argmax()
-        number[some[largest]], asked[some[largest]] = some[largest][0], False
-    return number, np.flatnonzero(asked)
+        number[lone_rows[largest]], needs_check[lone_rows[largest]] = lone_rows[largest][0], False
+    return number, np.flatnonzero(needs_check)

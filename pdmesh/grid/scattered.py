@@ -34,15 +34,15 @@ class Scattered(NamedTuple):
         return cls(position, delta, body.nodes.volume, near < delta)
 
     def within(self, shell: Shell, place: str) -> NDArray[np.bool_]:
-        """Mask (n,) of the nodes in a solid, or of some of them; `place` is for other kinds of nodes."""
+        """Mask (n,) of the nodes in a solid, or of rows of them; `place` is for other kinds of nodes."""
         if isinstance(shell, NodeSet):
             return np.isin(np.arange(len(self.position)), shell.rows)
-        found = np.zeros(len(self.position), dtype=bool)
+        inside = np.zeros(len(self.position), dtype=bool)
         low, high = shell.bounds
-        asked = np.flatnonzero(((self.position >= low) & (self.position <= high)).all(axis=1))
-        for some in np.array_split(asked, len(asked) * len(shell.triangles) // AT_ONCE + 1):
-            found[some] = np.abs(_solid_angles(self.position[some], shell.triangles)) > np.pi  # on a face 2 pi
-        return found
+        candidates = np.flatnonzero(((self.position >= low) & (self.position <= high)).all(axis=1))
+        for rows in np.array_split(candidates, len(candidates) * len(shell.triangles) // AT_ONCE + 1):
+            inside[rows] = np.abs(_solid_angles(self.position[rows], shell.triangles)) > np.pi  # on a face 2 pi
+        return inside
 
 
 def _solid_angles(points: NDArray[np.float64], triangles: NDArray[np.float64]) -> NDArray[np.float64]:

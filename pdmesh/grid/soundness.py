@@ -43,12 +43,12 @@ def remarks(grid: Grid, settings: Settings) -> tuple[str, ...]:
         return ()
     faces = faces_of(plate, grid)
     thin = ligaments(grid, faces)
-    found = _pieces(grid, settings, faces)
+    piece_list = _pieces(grid, settings, faces)
     return (
-        *_loose(grid, settings, found, thin),
-        *_bare(grid, found, faces),
-        *_cut(grid, plate, found, faces),
-        *_unheld(grid, settings, found),
+        *_loose(grid, settings, piece_list, thin),
+        *_bare(grid, piece_list, faces),
+        *_cut(grid, plate, piece_list, faces),
+        *_unheld(grid, settings, piece_list),
         *_narrow(thin),
     )
 
@@ -60,28 +60,28 @@ def _pieces(grid: Grid, settings: Settings, faces: list[shapely.Polygon]) -> lis
     number = pieces(grid, settings.horizon.ratio + 0.5 * partial)
     order = np.argsort(number, kind="stable")
     rows = np.split(order, np.cumsum(np.bincount(number))[:-1])
-    inner = [some[grid.border[some].argmin()] for some in rows]  # edges may be those of several faces
+    inner = [piece_rows[grid.border[piece_rows].argmin()] for piece_rows in rows]  # edges may be those of several faces
     face = shapely.STRtree(faces).nearest(shapely.points(grid.position[inner]))
-    found = [_Piece(some, int(at)) for some, at in zip(rows, face, strict=True)]
-    return sorted(found, key=lambda piece: -len(piece.rows))
+    piece_list = [_Piece(piece_rows, int(at)) for piece_rows, at in zip(rows, face, strict=True)]
+    return sorted(piece_list, key=lambda piece: -len(piece.rows))
 
 
-def _largest(found: list[_Piece]) -> dict[int, _Piece]:
+def _largest(pieces: list[_Piece]) -> dict[int, _Piece]:
     """The largest piece of each part of the plate."""
     largest: dict[int, _Piece] = {}
-    for piece in found:
+    for piece in pieces:
         largest.setdefault(piece.face, piece)
     return largest
 
 
-def _loose(grid: Grid, settings: Settings, found: list[_Piece], thin: list[Ligament]) -> list[str]:
+def _loose(grid: Grid, settings: Settings, pieces: list[_Piece], thin: list[Ligament]) -> list[str]:
     """Warnings of loose crumbs. Raises SceneError for larger pieces that only the drawing connects to others."""
     acted_on = np.zeros(len(grid), dtype=bool)
     for condition in settings.conditions:
         acted_on[rows_of(condition)] = True
-    largest = _largest(found)
+    largest = _largest(pieces)
     warnings = []
-    for piece in found:
+    for piece in pieces:
         if piece is largest[piece.face]:
             continue
         said = f"no bond joins {piece.words(grid)} to the rest of the plate, {_where(grid, piece, thin)}"
@@ -95,7 +95,7 @@ def _where(grid: Grid, piece: _Piece, thin: list[Ligament]) -> str:
     """Where a piece should be connected to the rest, and how to achieve it."""
     nodes = shapely.multipoints(grid.position[piece.rows])
     reach = THINNEST * float(grid.delta[piece.rows].max())
-    near_by = [one for one in thin if nodes.distance(shapely.Point(one.place)) <= reach]
+    near_by = [ligament for ligament in thin if nodes.distance(shapely.Point(ligament.place)) <= reach]
     if not near_by:
         return "which is too thin there; use finer nodes, or a gap or a crack that parts them"
     (x, y), width, spacing = near_by[0]
@@ -105,10 +105,10 @@ def _where(grid: Grid, piece: _Piece, thin: list[Ligament]) -> str:
     )
 
 
-def _bare(grid: Grid, found: list[_Piece], faces: list[shapely.Polygon]) -> list[str]:
+def _bare(grid: Grid, pieces: list[_Piece], faces: list[shapely.Polygon]) -> list[str]:
     """Warnings of small parts of the plate without a node. Raises SceneError for larger ones."""
     warnings = []
-    for number in sorted(set(range(len(faces))) - {piece.face for piece in found}):
+    for number in sorted(set(range(len(faces))) - {piece.face for piece in pieces}):
         face = faces[number]
         x, y = shapely.get_coordinates(face.representative_point())[0]
         part = f"a part of the plate around ({x:.6g}, {y:.6g}) m, {face.area:.3g} m^2"
@@ -123,12 +123,12 @@ def _bare(grid: Grid, found: list[_Piece], faces: list[shapely.Polygon]) -> list
     return warnings
 
 
-def _cut(grid: Grid, plate: shapely.Geometry, found: list[_Piece], faces: list[shapely.Polygon]) -> list[str]:
+def _cut(grid: Grid, plate: shapely.Geometry, pieces: list[_Piece], faces: list[shapely.Polygon]) -> list[str]:
     """A remark that cracks cut the plate, which may be intended."""
     if len(faces) <= len(shapely.get_parts(plate)):
         return []
     return [
-        f"the cracks cut the plate into pieces: {'; '.join(piece.words(grid) for piece in _largest(found).values())}"
+        f"the cracks cut the plate into pieces: {'; '.join(piece.words(grid) for piece in _largest(pieces).values())}"
     ]
 
 
@@ -142,13 +142,13 @@ def _narrow(thin: list[Ligament]) -> list[str]:
     return said + [f"warning: {len(thin) - MOST_SAID} more places are as thin"] * (len(thin) > MOST_SAID)
 
 
-def _unheld(grid: Grid, settings: Settings, found: list[_Piece]) -> list[str]:
+def _unheld(grid: Grid, settings: Settings, pieces: list[_Piece]) -> list[str]:
     """Warnings of loaded pieces without supports."""
     number = np.zeros(len(grid), dtype=np.int64)
-    for at, piece in enumerate(found):
+    for at, piece in enumerate(pieces):
         number[piece.rows] = at
     return [
-        f"warning: {force:.3g} N/m on {found[at].words(grid)} act without supports and without balance, and they fly"
+        f"warning: {force:.3g} N/m on {pieces[at].words(grid)} act without supports and without balance, and they fly"
         " off or turn; add a fix, a move or an opposite load"
         for at, force in unheld(grid, settings, number)
     ]

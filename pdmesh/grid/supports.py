@@ -28,14 +28,14 @@ def unheld(grid: Grid, settings: Settings, number: NDArray[np.int64]) -> Iterato
         motions = _Motions(grid.position, grid.position[acted_on[inside[acted_on]]])
         free = _free_motions(settings, motions, inside)
         for profile in dict.fromkeys(load.profile for load in loads):
-            left, total = np.zeros(3), 0.0
+            residual, total = np.zeros(3), 0.0
             for load in loads:
                 if load.profile == profile:
                     rows = rows_of(load)
                     force = np.where(inside[rows, None], nodal_forces(load, grid, rows), 0.0)
-                    left += np.einsum("ni,nij->j", force, motions.of(rows))
+                    residual += np.einsum("ni,nij->j", force, motions.of(rows))
                     total += float(np.hypot(*force.T).sum())
-            unbalanced = float(np.linalg.norm(free @ left))
+            unbalanced = float(np.linalg.norm(free @ residual))
             if unbalanced > UNBALANCED * total:
                 yield int(piece), unbalanced
                 break
@@ -47,11 +47,11 @@ def rows_of(condition: AnyCondition) -> NDArray[np.int64]:
 
 
 class _Motions:
-    """Rigid motions of equal size: along x, along y, and a rotation about the centre of `some` places (k, 2)."""
+    """Rigid motions of equal size: along x, along y, and a rotation about the centre of `reference_position` (k, 2)."""
 
-    def __init__(self, position: NDArray[np.float64], some: NDArray[np.float64]) -> None:
-        self._position, self._middle = position, some.mean(axis=0)
-        self._size = float(np.ptp(some, axis=0).max()) / 2 or 1.0
+    def __init__(self, position: NDArray[np.float64], reference_position: NDArray[np.float64]) -> None:
+        self._position, self._middle = position, reference_position.mean(axis=0)
+        self._size = float(np.ptp(reference_position, axis=0).max()) / 2 or 1.0
 
     def of(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
         """Displacements (k, 2, 3) of these nodes in each rigid motion."""
@@ -70,12 +70,12 @@ def _free_motions(settings: Settings, motions: _Motions, inside: NDArray[np.bool
     """Projection (3, 3) onto the rigid motions that no support resists."""
     resistance = np.zeros((3, 3))
     for condition in settings.conditions:
-        for axis, held in enumerate(_held(condition)):
+        for axis, constraint in enumerate(_held(condition)):
             rows = rows_of(condition)
             way = motions.of(rows[inside[rows]])[:, axis]
             if isinstance(condition, Pin):  # whose ring turns about its centre
                 way = motions.at(np.array([condition.centre]))[:, axis] * len(way)
-            resistance += way.T @ way * held
+            resistance += way.T @ way * constraint
     strength, ways = np.linalg.eigh(resistance)
     free = ways[:, strength <= NOTHING * max(strength.max(), NOTHING)]
     return np.asarray(free @ free.T)

@@ -37,24 +37,26 @@ def levels(scene: Scene) -> tuple[Level, ...]:
     zones = [*scene.zones, *(_zone(request, scene) for request in scene.refinements)]
     steps = [round(float(np.log2(scene.spacing / zone.spacing))) for zone in zones]
     finer: Surface = shapely.Polygon()
-    found: list[Level] = []
+    level_list: list[Level] = []
     for step in range(max(steps, default=0), 0, -1):
-        asked = [zone for zone, its in zip(zones, steps, strict=True) if its == step]
-        for zone in asked:
+        step_zones = [zone for zone, its in zip(zones, steps, strict=True) if its == step]
+        for zone in step_zones:
             limit_nodes(zone.shape.intersection(scene.shape), zone.spacing, f"zone '{zone.name}': spacing")
         old = scene.spacing / 2 ** (step - 1)
-        to_grow = shapely.union_all([finer, *(zone.shape for zone in asked if zone.grown)]).intersection(scene.shape)
+        to_grow = shapely.union_all([finer, *(zone.shape for zone in step_zones if zone.grown)]).intersection(
+            scene.shape
+        )
         around = _reached(to_grow, scene, old) if not to_grow.is_empty else to_grow
-        here = shapely.union_all([around, *(zone.shape for zone in asked)]).intersection(scene.shape)
-        found.append(_level(old / 2, here, finer))
-        finer = here
-    found.append(_level(scene.spacing, scene.shape, finer))
-    return tuple(level for level in reversed(found) if not level.shape.is_empty)
+        level_shape = shapely.union_all([around, *(zone.shape for zone in step_zones)]).intersection(scene.shape)
+        level_list.append(_level(old / 2, level_shape, finer))
+        finer = level_shape
+    level_list.append(_level(scene.spacing, scene.shape, finer))
+    return tuple(level for level in reversed(level_list) if not level.shape.is_empty)
 
 
 def _level(spacing: float, shape: Surface, finer: Surface) -> Level:
-    left = [part for part in parts(shape.difference(finer)) if part.area > SLIVER * spacing**2]
-    return Level(spacing, shapely.union_all(left) if left else shapely.Polygon())
+    remainder = [part for part in parts(shape.difference(finer)) if part.area > SLIVER * spacing**2]
+    return Level(spacing, shapely.union_all(remainder) if remainder else shapely.Polygon())
 
 
 def _zone(request: Refinement, scene: Scene) -> Zone:

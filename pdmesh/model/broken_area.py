@@ -55,10 +55,10 @@ class _Shares:
 
     def of(self, length: NDArray[np.float64]) -> NDArray[np.float64]:
         """Shares (b,) of bonds `length` (b,) spacings long between whole cells, of a spacing's area; 0 of none."""
-        horizon, one = np.full(len(length), self._ratio), np.ones(len(length))
+        horizon, spacing = np.full(len(length), self._ratio), np.ones(len(length))
         c = micromodulus(self._unit, length, horizon) * self._factors.shells.at(length)
-        seen = hu_beta(length, horizon, one) if self._partial else length <= self.reach * (1 + 1e-9)
-        return np.asarray(self._half * c * seen * length)
+        share = hu_beta(length, horizon, spacing) if self._partial else length <= self.reach * (1 + 1e-9)
+        return np.asarray(self._half * c * share * length)
 
 
 def broken_area(
@@ -74,7 +74,7 @@ def broken_area(
     `material_of` (n,) are numbers of `materials`.
     """
     d = grid.dimension
-    own = [
+    material_shares = [
         _Shares(msgspec.structs.replace(material, plane="space") if d == 3 else material, ratio)
         for material in materials
     ]
@@ -86,23 +86,23 @@ def broken_area(
     ) -> NDArray[np.float64]:
         """Shares of directed pairs (b,) by the material of their sources, over the spacing's area, cells counted."""
         h, number, out = delta[source], material_of[source], np.zeros(len(source))
-        for each, of_material in enumerate(own):
-            some = np.flatnonzero(number == each)
-            out[some] = of_material.of(length[some] / h[some])
+        for material_number, of_material in enumerate(material_shares):
+            matching = np.flatnonzero(number == material_number)
+            out[matching] = of_material.of(length[matching] / h[matching])
         return np.asarray(out * cells[target] / h**d)
 
     rows, which = np.unique(source, return_inverse=True)
-    there, reach = np.zeros(len(rows)), max(each.reach for each in own)
+    family_share, reach = np.zeros(len(rows)), max(material_share.reach for material_share in material_shares)
     near = Neighbours(position, delta, reach * delta)
     body = None if grid.bodies is None else grid.bodies.number
     for first in range(0, len(rows), ROWS):
         pairs = near.pairs(rows[first : first + ROWS])
-        found = shares(*pairs)
+        pair_shares = shares(*pairs)
         if body is not None:
-            found = np.where(body[pairs.source] == body[pairs.target], found, 0.0)
-        there += np.bincount(np.searchsorted(rows, pairs.source), found, len(rows))
-    whole = np.array([each.whole for each in own])[material_of[rows]]
-    stands_for = np.clip(whole / np.maximum(there, whole / MISSING), 1.0, MISSING)
+            pair_shares = np.where(body[pairs.source] == body[pairs.target], pair_shares, 0.0)
+        family_share += np.bincount(np.searchsorted(rows, pairs.source), pair_shares, len(rows))
+    full_share = np.array([material_share.whole for material_share in material_shares])[material_of[rows]]
+    stands_for = np.clip(full_share / np.maximum(family_share, full_share / MISSING), 1.0, MISSING)
     length = lengths(position[target] - position[source])
     each_way = shares(source, target, length) * cells[source] / delta[source] * stands_for[which] / 2
     return BrokenArea(float(each_way.sum()), float((each_way * (G0[source] + G0[target]) / 2).sum()))

@@ -89,8 +89,8 @@ def first_stretch(material: Material) -> float:
 def critical_opening(material: Material, ratio: float, horizon: NDArray[np.float64]) -> NDArray[np.float64]:
     """w_c, m, for families of these horizons, m; 0 or less where the horizon is too large."""
     sums, s0 = crossing(material, ratio), first_stretch(material)
-    held = s0**2 * sums.first * material.E * horizon / 2
-    return np.asarray((material.G0 - held) / (AREA[material.shape] * s0 * sums.zeroth * material.E))
+    elastic_energy = s0**2 * sums.first * material.E * horizon / 2
+    return np.asarray((material.G0 - elastic_energy) / (AREA[material.shape] * s0 * sums.zeroth * material.E))
 
 
 def strength_of_peak(material: Material, ratio: float, horizon: float) -> float:

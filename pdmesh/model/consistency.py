@@ -66,13 +66,13 @@ def _outside(grid: Grid, plate: shapely.Geometry | None, name: str) -> None:
         return
     at = int(off[0])
     place = ", ".join(f"{value:.6g}" for value in grid.position[at])
-    found = (
+    message = (
         f"{name}: $.nodes: {len(off)} are outside the outline or in a hole, the first {grid.ids[at]} at ({place})"
         " m; move them inside"
     )
     if 2 * len(off) > len(grid):
-        raise GridError(f"{found}: most nodes are not of these shapes")
-    _warn(found)
+        raise GridError(f"{message}: most nodes are not of these shapes")
+    _warn(message)
 
 
 def _beside_plate(grid: Grid, plate: shapely.Geometry) -> Array:
@@ -96,12 +96,12 @@ def _beside_body(grid: Grid) -> Array:
     low, high = corners.min(axis=1), corners.max(axis=1)
     first, last = (np.searchsorted(nodes[order, 0], end[:, 0]) for end in (low, high))
     met = np.zeros(len(grid), dtype=np.int64)
-    for some in np.split(np.arange(len(corners)), np.flatnonzero(np.diff(np.cumsum(last - first) // AT_ONCE)) + 1):
-        count = (last - first)[some]
-        face = np.repeat(some, count)
-        row = order[np.arange(count.sum()) + np.repeat(first[some] - np.cumsum(count) + count, count)]
-        beside = (nodes[row, 1] >= low[face, 1]) & (nodes[row, 1] <= high[face, 1])
-        np.add.at(met, *_met(grid, nodes, corners, row[beside], face[beside]))
+    for chunk in np.split(np.arange(len(corners)), np.flatnonzero(np.diff(np.cumsum(last - first) // AT_ONCE)) + 1):
+        count = (last - first)[chunk]
+        face = np.repeat(chunk, count)
+        row = order[np.arange(count.sum()) + np.repeat(first[chunk] - np.cumsum(count) + count, count)]
+        in_bounds = (nodes[row, 1] >= low[face, 1]) & (nodes[row, 1] <= high[face, 1])
+        np.add.at(met, *_met(grid, nodes, corners, row[in_bounds], face[in_bounds]))
     away, out = np.zeros(len(grid)), np.flatnonzero(met % 2 == 0)
     if len(out):
         away[out] = distances(grid.position[out], grid.faces, OFF * float(grid.delta[out].max()))
@@ -110,15 +110,15 @@ def _beside_body(grid: Grid) -> Array:
 
 def _met(grid: Grid, nodes: Array, corners: Array, row: Rows, face: Rows) -> tuple[Rows, int]:
     """Rows whose rays meet these faces above the node, and 1; `nodes` and `corners` are projected along the rays."""
-    one, other, from_first = (
+    first_edge, second_edge, from_first = (
         corners[face, 1] - corners[face, 0],
         corners[face, 2] - corners[face, 0],
         nodes[row] - corners[face, 0],
     )
-    area = _cross(one, other)
+    area = _cross(first_edge, second_edge)
     z = grid.faces[face, :, 2]
     with np.errstate(divide="ignore", invalid="ignore"):  # faces along the rays, which none meets
-        s, t = _cross(from_first, other) / area, _cross(one, from_first) / area
+        s, t = _cross(from_first, second_edge) / area, _cross(first_edge, from_first) / area
         above = z[:, 0] + s * (z[:, 1] - z[:, 0]) + t * (z[:, 2] - z[:, 0]) > grid.position[row, 2]
         return row[(s >= 0) & (t >= 0) & (s + t <= 1) & above], 1
 
@@ -132,12 +132,12 @@ def _ends(grid: Grid, name: str) -> None:
     """Warn of a lattice that is not the rectangle of the outline, or whose cells are not its box."""
     out = 0.5 * float(grid.delta[0]) if grid.dimension == 3 else 0.0
     first, last = grid.part(np.array([0, len(grid) - 1])).position
-    found = np.array([*(first - out), *(last + out)])
+    box = np.array([*(first - out), *(last + out)])
     corners = np.concatenate(grid.outline)
     expected = np.array([*corners.min(axis=0), *corners.max(axis=0)])
-    if np.abs(found - expected).max() > OFF * float(grid.delta[0]):
+    if np.abs(box - expected).max() > OFF * float(grid.delta[0]):
         _warn(
-            f"{name}: $.lattice: it lies between {found.tolist()} m, and the outline between {expected.tolist()} m;"
+            f"{name}: $.lattice: it lies between {box.tolist()} m, and the outline between {expected.tolist()} m;"
             " make them agree"
         )
 
@@ -152,9 +152,11 @@ def _cracks(grid: Grid, name: str) -> None:
         if _size(corner) < least:
             continue
         rows = grid.chosen(None, [*(corner.min(axis=0) - reach), *(corner.max(axis=0) + reach)])
-        beside = grid.part(rows)
-        spacing = float(beside.delta.max(initial=0.0))
-        if len(rows) and (_size(corner) < LONG * spacing or _parts(beside.position, AROUND_ONE * beside.delta, corner)):
+        nearby_nodes = grid.part(rows)
+        spacing = float(nearby_nodes.delta.max(initial=0.0))
+        if len(rows) and (
+            _size(corner) < LONG * spacing or _parts(nearby_nodes.position, AROUND_ONE * nearby_nodes.delta, corner)
+        ):
             continue
         _warn(
             f"{name}: $.notch[{number}]: the crack parts no neighbouring nodes; put it between some (is it outside"
@@ -175,13 +177,13 @@ def _parts(position: Array, reach: Array, corner: Array) -> bool:
     if len(corner) == 2:
         along = corner[1] - corner[0]
         share = way @ along / (along @ along)
-        beside = (share >= 0) & (share <= 1)
+        over_crack = (share >= 0) & (share <= 1)
         side = way @ (along[1], -along[0]) / np.hypot(*along)
     else:
         normal = normals(corner[None])[0]
         edges = np.roll(corner, -1, axis=0) - corner
         turned = [np.cross(edge, position - start) @ normal for edge, start in zip(edges, corner, strict=True)]
-        beside = np.min(turned, axis=0) >= 0
+        over_crack = np.min(turned, axis=0) >= 0
         side = way @ normal / np.sqrt(normal @ normal)
-    near = side[beside & (np.abs(side) <= reach)]
+    near = side[over_crack & (np.abs(side) <= reach)]
     return bool(len(near) and near.min() < 0 < near.max())

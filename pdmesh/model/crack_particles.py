@@ -33,34 +33,34 @@ def grown(particles: Particles, place: NDArray[np.float64], parent: int, step: i
     length = float(np.hypot(*way))
     normal = np.array([-way[1], way[0]]) / length if length > 0 else np.zeros(2)
     new = Particles(place[None], normal[None], np.array([parent]), np.array([step]))
-    found = Particles(*(np.concatenate(both) for both in zip(particles, new, strict=True)))
+    extended = Particles(*(np.concatenate(both) for both in zip(particles, new, strict=True)))
     if parent >= 0 and not particles.normal[parent].any():
-        found.normal[parent] = normal
-    return found
+        extended.normal[parent] = normal
+    return extended
 
 
 def of_segments(segments: NDArray[np.float64], slack: float) -> Particles:
     """Particles of pre-cracks (k, 4), m, at step 0: each segment is an arm; ends within `slack` m are one particle."""
-    found = nobody()
+    particles = nobody()
     for start, end in segments.reshape(-1, 2, 2):
-        near = np.flatnonzero(np.hypot(*(found.place - start).T) <= slack)
+        near = np.flatnonzero(np.hypot(*(particles.place - start).T) <= slack)
         if not len(near):
-            found = grown(found, start, -1, 0)
-        found = grown(found, end, int(near[0]) if len(near) else len(found.place) - 1, 0)
-    return found
+            particles = grown(particles, start, -1, 0)
+        particles = grown(particles, end, int(near[0]) if len(near) else len(particles.place) - 1, 0)
+    return particles
 
 
 def until(particles: Particles, step: int) -> Particles:
     """The particles that exist at a step."""
     place, normal, parent, since = particles
-    there = since <= step
-    return Particles(place[there], normal[there], parent[there], since[there])
+    exists = since <= step
+    return Particles(place[exists], normal[exists], parent[exists], since[exists])
 
 
 def arms(particles: Particles, after: int = -1) -> NDArray[np.float64]:
     """Segments (k, 4), m, of all arms, or of those created after a step."""
-    there = (particles.parent >= 0) & (particles.step > after)
-    return np.hstack([particles.place[particles.parent[there]], particles.place[there]])
+    has_arm = (particles.parent >= 0) & (particles.step > after)
+    return np.hstack([particles.place[particles.parent[has_arm]], particles.place[has_arm]])
 
 
 def links(particles: Particles, slack: float) -> list[list[int]]:
@@ -68,31 +68,31 @@ def links(particles: Particles, slack: float) -> list[list[int]]:
     number = np.arange(len(particles.place))
     for at, place in enumerate(particles.place):
         number[at] = number[np.flatnonzero(np.hypot(*(particles.place[: at + 1] - place).T) <= slack)[0]]
-    found: list[list[int]] = [[] for _ in number]
-    for one, parent in zip(number.tolist(), particles.parent.tolist(), strict=True):
+    neighbours: list[list[int]] = [[] for _ in number]
+    for particle, parent in zip(number.tolist(), particles.parent.tolist(), strict=True):
         if parent >= 0:
-            found[one].append(int(number[parent]))
-            found[number[parent]].append(one)
-    return found
+            neighbours[particle].append(int(number[parent]))
+            neighbours[number[parent]].append(particle)
+    return neighbours
 
 
 def polylines(particles: Particles, slack: float = 0.0) -> list[NDArray[np.float64]]:
     """All arms as polylines (m, 2), m, between ends and forks."""
     around = links(particles, slack)
-    left = {(one, other) for one, others in enumerate(around) for other in others}
-    found = []
-    ends = [one for one, others in enumerate(around) if others and len(others) != 2]
+    unused_arms = {(particle, neighbour) for particle, others in enumerate(around) for neighbour in others}
+    lines = []
+    ends = [particle for particle, others in enumerate(around) if others and len(others) != 2]
     for first in [*ends, *range(len(around))]:  # what is left after the ends are closed lines
         for second in around[first]:
-            if (first, second) not in left:
+            if (first, second) not in unused_arms:
                 continue
             line = [first, second]
-            left -= {(first, second), (second, first)}
+            unused_arms -= {(first, second), (second, first)}
             while len(around[line[-1]]) == 2:
-                on = [other for other in around[line[-1]] if (line[-1], other) in left]
+                on = [neighbour for neighbour in around[line[-1]] if (line[-1], neighbour) in unused_arms]
                 if not on:
                     break
-                left -= {(line[-1], on[0]), (on[0], line[-1])}
+                unused_arms -= {(line[-1], on[0]), (on[0], line[-1])}
                 line.append(on[0])
-            found.append(particles.place[line])
-    return found
+            lines.append(particles.place[line])
+    return lines

@@ -22,16 +22,18 @@ Array = NDArray[np.float64]
 
 def parted(a: Array, b: Array, triangles: Array) -> NDArray[np.bool_]:
     """Mask (p,) of the pairs (p, 3) whose segment meets a triangle (t, 3, 3), as defined in `meets`."""
-    found, normal = np.zeros(len(a), dtype=bool), normals(triangles)
-    whole = (normal != 0).any(axis=1)
-    triangles, normal = triangles[whole], normal[whole]
+    is_parted, normal = np.zeros(len(a), dtype=bool), normals(triangles)
+    has_area = (normal != 0).any(axis=1)
+    triangles, normal = triangles[has_area], normal[has_area]
     if not len(triangles):
-        return found
-    for some in np.array_split(np.arange(len(a)), len(a) * len(triangles) // AT_ONCE + 1):
-        pair, triangle = (each.ravel() for each in np.meshgrid(some, np.arange(len(triangles)), indexing="ij"))
+        return is_parted
+    for chunk in np.array_split(np.arange(len(a)), len(a) * len(triangles) // AT_ONCE + 1):
+        pair, triangle = (
+            index_grid.ravel() for index_grid in np.meshgrid(chunk, np.arange(len(triangles)), indexing="ij")
+        )
         met = meets(a[pair], b[pair], triangles[triangle], normal[triangle])
-        found[some] = met.reshape(len(some), len(triangles)).any(axis=1)
-    return found
+        is_parted[chunk] = met.reshape(len(chunk), len(triangles)).any(axis=1)
+    return is_parted
 
 
 def front(triangles: Array, slack: float = TOUCH) -> Array:
@@ -54,16 +56,16 @@ def around(a: Array, b: Array, triangles: Array, edges: Array) -> Array:
     Its two legs meet no triangle; infinite if there is none. The edges are those of the front inside the body, without
     the crack's mouth.
     """
-    found = np.full(len(a), np.inf)
+    shortest = np.full(len(a), np.inf)
     for edge in edges:
         place = _bend(a, b, edge)
         far = np.sqrt(((place - a) ** 2).sum(axis=1)) + np.sqrt(((place - b) ** 2).sum(axis=1))
-        better = np.flatnonzero(far < found)
+        better = np.flatnonzero(far < shortest)
         for end in (a, b):
             short = place[better] + SHORT * (end[better] - place[better])
             better = better[~parted(end[better], short, triangles)]
-        found[better] = far[better]
-    return found
+        shortest[better] = far[better]
+    return shortest
 
 
 def _bend(a: Array, b: Array, edge: Array) -> Array:
@@ -84,10 +86,10 @@ def apart(a: Array, b: Array, triangles: Array, edges: Array, gamma: float | Non
     """Distances (p,) of pairs for their influence on each other, m; see `SightInSpace.apart`."""
     straight = np.sqrt(((b - a) ** 2).sum(axis=1))
     cut = parted(a, b, triangles)
-    found = np.where(cut, 2 * farthest, straight)
+    distance = np.where(cut, 2 * farthest, straight)
     if gamma is not None and cut.any():
         way = around(a[cut], b[cut], triangles, edges)
         with np.errstate(over="ignore"):
             far = np.maximum(way / straight[cut], 1) ** gamma * straight[cut]
-        found[cut] = np.minimum(far, 2 * farthest)
-    return found
+        distance[cut] = np.minimum(far, 2 * farthest)
+    return distance

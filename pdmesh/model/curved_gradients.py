@@ -30,29 +30,29 @@ def curved_gradients_of(
 
     Elsewhere, and where bonds are too few for curvatures, it is that of the fit without them; NaN as there.
     """
-    found, d = gradients_of(position, area, values, start, neighbour), position.shape[1]
-    own = np.repeat(np.arange(len(position)), np.diff(start))
-    xi = position[neighbour] - position[own]
+    gradients, d = gradients_of(position, area, values, start, neighbour), position.shape[1]
+    source = np.repeat(np.arange(len(position)), np.diff(start))
+    xi = position[neighbour] - position[source]
     length = np.sqrt((xi**2).sum(axis=1))
-    mean = np.column_stack([np.bincount(own, xi[:, a] / length, len(position)) for a in range(d)])
+    mean = np.column_stack([np.bincount(source, xi[:, a] / length, len(position)) for a in range(d)])
     uneven = np.flatnonzero((np.abs(mean) > EVEN * np.diff(start)[:, None]).sum(axis=1) == 1)
     for first in range(0, len(uneven), BLOCK):
         rows = uneven[first : first + BLOCK]
-        bonds = np.flatnonzero(np.isin(own, rows))
-        at, scale = np.searchsorted(rows, own[bonds]), float(length[bonds].mean())
+        bonds = np.flatnonzero(np.isin(source, rows))
+        at, scale = np.searchsorted(rows, source[bonds]), float(length[bonds].mean())
         x, weight = xi[bonds] / scale, area[neighbour[bonds]] / length[bonds]
         terms = np.column_stack([x, *(x[:, a] * x[:, b] for a, b in pairs_of(d))])
-        eta = values[neighbour[bonds]] - values[own[bonds]]
-        left, right = (_moments(at, weight, terms, other, len(rows)) for other in (terms, eta))
-        good = np.linalg.cond(left) < WORST
-        found[rows[good]] = np.linalg.solve(left[good], right[good])[:, :d].transpose(0, 2, 1) / scale
-    return found
+        eta = values[neighbour[bonds]] - values[source[bonds]]
+        moment_matrix, right = (_moments(at, weight, terms, factors, len(rows)) for factors in (terms, eta))
+        good = np.linalg.cond(moment_matrix) < WORST
+        gradients[rows[good]] = np.linalg.solve(moment_matrix[good], right[good])[:, :d].transpose(0, 2, 1) / scale
+    return gradients
 
 
-def _moments(at: NDArray[np.int64], weight: Array, terms: Array, other: Array, count: int) -> Array:
+def _moments(at: NDArray[np.int64], weight: Array, terms: Array, factors: Array, count: int) -> Array:
     """Sums (count, t, o) over bonds of weight times a term (b, t) and another value (b, o)."""
-    found = np.empty((count, terms.shape[1], other.shape[1]))
+    sums = np.empty((count, terms.shape[1], factors.shape[1]))
     for a, term in enumerate(terms.T):
-        for b, value in enumerate(other.T):
-            found[:, a, b] = np.bincount(at, weight * term * value, count)
-    return found
+        for b, value in enumerate(factors.T):
+            sums[:, a, b] = np.bincount(at, weight * term * value, count)
+    return sums

@@ -22,5 +22,5 @@ def remark(
         "friction": contact is not None and contact.friction > 0,
         "coming to rest after bonds broke": run.solver == "static",
     }
-    by = ", ".join(cause for cause, there in causes.items() if there) or "damping"
+    by = ", ".join(cause for cause, present in causes.items() if present) or "damping"
     return f"{by} took {100 * damped / put_in:.2g} % of what was put in, which no crack spent"

@@ -68,23 +68,23 @@ class Detours:
         self._between = self._legs_between()
 
     def around(
-        self, places: NDArray[np.float64], one: NDArray[np.int64], other: NDArray[np.int64]
+        self, places: NDArray[np.float64], first: NDArray[np.int64], second: NDArray[np.int64]
     ) -> NDArray[np.float64]:
-        """Length (b,), m, of the shortest bent path from places[one] to places[other]; infinite if there is none.
+        """Length (b,), m, of the shortest bent path from places[first] to places[second]; infinite if there is none.
 
         `places` (n, 2) are in m.
         """
-        found = np.full(len(one), np.inf)
-        if not len(self._corners.vertex) or not len(one):
-            return found
+        shortest = np.full(len(first), np.inf)
+        if not len(self._corners.vertex) or not len(first):
+            return shortest
         corner, far = self._table(places)
-        both = np.flatnonzero((corner[one, 0] >= 0) & (corner[other, 0] >= 0))
-        for some in np.array_split(both, len(both) * corner.shape[1] ** 2 // TOGETHER + 1):
-            start, end = one[some], other[some]
+        both = np.flatnonzero((corner[first, 0] >= 0) & (corner[second, 0] >= 0))
+        for chunk in np.array_split(both, len(both) * corner.shape[1] ** 2 // TOGETHER + 1):
+            start, end = first[chunk], second[chunk]
             between = self._between[corner[start][:, :, None], corner[end][:, None, :]]
             total = far[start][:, :, None] + between + far[end][:, None, :]
-            found[some] = total.min(axis=(1, 2), initial=np.inf)
-        return found
+            shortest[chunk] = total.min(axis=(1, 2), initial=np.inf)
+        return shortest
 
     def _table(self, places: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """Corners (n, k) visible from places (n, 2), -1 for none, and their distances, m, infinity for none."""
@@ -93,9 +93,9 @@ class Detours:
         )
         near = near[np.lexsort((near["j"], near["i"]))]
         row, corner, far = near["i"], near["j"], near["v"]
-        seen = self._in_sector(places[row], corner)
-        seen[seen] = ~self._blocked(places[row[seen]], self._corners.place[corner[seen]], False)
-        row, corner, far = row[seen], corner[seen], far[seen]
+        visible = self._in_sector(places[row], corner)
+        visible[visible] = ~self._blocked(places[row[visible]], self._corners.place[corner[visible]], False)
+        row, corner, far = row[visible], corner[visible], far[visible]
         count = np.bincount(row, minlength=len(places))
         column = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
         which = np.full((len(places), max(1, int(count.max(initial=0)))), -1, dtype=np.int64)
@@ -128,16 +128,16 @@ class Detours:
         count = len(corners.vertex)
         if not count:
             return np.zeros((0, 0))
-        one, other = np.triu_indices(count, 1)
-        length = np.hypot(*(corners.place[other] - corners.place[one]).T)
-        along = (corners.after[one] == corners.vertex[other]) & (corners.before[other] == corners.vertex[one])
-        along |= (corners.before[one] == corners.vertex[other]) & (corners.after[other] == corners.vertex[one])
-        apart = (corners.vertex[one] != corners.vertex[other]) & (along | (length <= self._farthest))
-        one, other, along, length = (each[apart] for each in (one, other, along, length))
-        free = ~along & self._in_sector(corners.place[other], one) & self._in_sector(corners.place[one], other)
-        free[free] = ~self._blocked(corners.place[one[free]], corners.place[other[free]], True)
-        taken = along | free
-        graph = coo_array((length[taken], (one[taken], other[taken])), shape=(count, count)).tocsr()
+        first, second = np.triu_indices(count, 1)
+        length = np.hypot(*(corners.place[second] - corners.place[first]).T)
+        along = (corners.after[first] == corners.vertex[second]) & (corners.before[second] == corners.vertex[first])
+        along |= (corners.before[first] == corners.vertex[second]) & (corners.after[second] == corners.vertex[first])
+        apart = (corners.vertex[first] != corners.vertex[second]) & (along | (length <= self._farthest))
+        first, second, along, length = (array[apart] for array in (first, second, along, length))
+        free = ~along & self._in_sector(corners.place[second], first) & self._in_sector(corners.place[first], second)
+        free[free] = ~self._blocked(corners.place[first[free]], corners.place[second[free]], True)
+        passable = along | free
+        graph = coo_array((length[passable], (first[passable], second[passable])), shape=(count, count)).tocsr()
         return np.asarray(dijkstra(graph, directed=False, limit=self._farthest))
 
 
@@ -187,15 +187,22 @@ def _lines(
 
 def _corners(place: NDArray[np.float64], arms: NDArray[np.int64], passed: NDArray[np.bool_]) -> Corners:
     """Sectors of vertices in which paths may bend."""
-    vertex, other = np.concatenate([arms, arms[:, ::-1]]).T
-    way = place[other] - place[vertex]
+    vertex, arm_end = np.concatenate([arms, arms[:, ::-1]]).T
+    way = place[arm_end] - place[vertex]
     angle = np.arctan2(way[:, 1], way[:, 0])
     order = np.lexsort((angle, vertex))
-    vertex, other, angle = vertex[order], other[order], angle[order]
+    vertex, arm_end, angle = vertex[order], arm_end[order], angle[order]
     begins = np.flatnonzero(np.diff(vertex, prepend=-1))
     following = np.arange(1, len(vertex) + 1)
     following[np.append(begins[1:], len(vertex)) - 1] = begins  # the last arm's sector ends with the first
     width = np.mod(angle[following] - angle, 2 * np.pi)
     width[following == np.arange(len(vertex))] = 2 * np.pi
-    kept = np.flatnonzero((width >= np.pi - FLAT) & passed[vertex])
-    return Corners(vertex[kept], place[vertex[kept]], angle[kept], width[kept], other[kept], other[following[kept]])
+    corner_rows = np.flatnonzero((width >= np.pi - FLAT) & passed[vertex])
+    return Corners(
+        vertex[corner_rows],
+        place[vertex[corner_rows]],
+        angle[corner_rows],
+        width[corner_rows],
+        arm_end[corner_rows],
+        arm_end[following[corner_rows]],
+    )

@@ -295,8 +295,8 @@ def read_document(data: bytes | str, name: str) -> Document:
         raise GridError(f"{name} is empty; use a grid file")
     try:
         text = data.encode() if isinstance(data, str) else data
-        found = taken_out(text)
-        file = msgspec.json.decode(text if found is None else found[0], type=GridFile)
+        text_and_nodes = taken_out(text)
+        file = msgspec.json.decode(text if text_and_nodes is None else text_and_nodes[0], type=GridFile)
     except (msgspec.DecodeError, UnicodeError, RecursionError) as error:
         raise GridError(f"{name}: {explained(error, GridFile, lambda: msgspec.json.decode(data))}") from None
     if (repeated := repeated_key(text)) is not None:
@@ -306,7 +306,9 @@ def read_document(data: bytes | str, name: str) -> Document:
             f"{name}: $.version is {file.version}; use {FORMAT_VERSION}, or {SPACE_VERSION} for a body in space"
         )
     parts = {field: getattr(file, field) for field in file.__struct_fields__}
-    return Document(**parts | {"digest": "", "nodes": columns_of(file.nodes) if found is None else found[1]})
+    return Document(
+        **parts | {"digest": "", "nodes": columns_of(file.nodes) if text_and_nodes is None else text_and_nodes[1]}
+    )
 
 
 def read_file(path: Path) -> Document:
@@ -349,8 +351,8 @@ def encode(document: Document) -> bytes:
     """The document as JSON, a line for each node and for each other key, its digest last."""
     fields: dict[str, Any] = {"version": document.version, "notch": document.notch}
     usual = {"physics": "mechanics", "medium": None, "media": (), "contact": None, "bodies": ()}  # is left out
-    given = {name: getattr(document, name) for name in document.__struct_fields__ if name not in ("nodes", "digest")}
-    fields |= {name: value for name, value in given.items() if name not in usual or value != usual[name]}
+    values = {name: getattr(document, name) for name in document.__struct_fields__ if name not in ("nodes", "digest")}
+    fields |= {name: value for name, value in values.items() if name not in usual or value != usual[name]}
     lines = [b"%s: %s" % (msgspec.json.encode(name), msgspec.json.encode(value)) for name, value in fields.items()]
     head = b"{\n" + b",\n".join([*lines, BEGIN])
     return sealed(head, *written(document.nodes), END_OF_NODES)
@@ -363,8 +365,8 @@ def write_file(document: Document, path: Path) -> None:
 
 def schema() -> dict[str, Any]:
     """The JSON Schema of the file."""
-    found: dict[str, Any] = msgspec.json.schema(GridFile)
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "Peridynamic node grid"} | found
+    json_schema: dict[str, Any] = msgspec.json.schema(GridFile)
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "Peridynamic node grid"} | json_schema
 
 
 def settings_of(document: Document) -> Settings:
@@ -401,7 +403,7 @@ def _compare(name: str, matches: bool) -> None:
 
 
 def _digest(*head: bytes | memoryview) -> bytes:
-    found = hashlib.sha256()
+    hasher = hashlib.sha256()
     for part in head:
-        found.update(part)
-    return found.hexdigest().encode()
+        hasher.update(part)
+    return hasher.hexdigest().encode()

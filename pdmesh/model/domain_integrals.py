@@ -80,15 +80,15 @@ def kink(K1: float, K2: float) -> float:
 def integrals(at: Sampled, tip: NDArray[np.float64], way: NDArray[np.float64], ring: Ring, plate: Elastic) -> Found:
     """Fracture parameters of the tip at a place (2,), m, with the crack arriving along the unit vector `way` (2,)."""
     far = np.hypot(*(at.position - tip).T)
-    there = (far < ring.outer) & (far > AT_TIP * ring.outer)
-    rows = np.flatnonzero(there & np.isfinite(at.gradient).all(axis=(1, 2)))
+    in_ring = (far < ring.outer) & (far > AT_TIP * ring.outer)
+    rows = np.flatnonzero(in_ring & np.isfinite(at.gradient).all(axis=(1, 2)))
     turn = np.array([way, [-way[1], way[0]]])
-    here = _turned(at, rows, tip, turn)
-    q, slope = weight(here.position, ring)
-    z = here.position[:, 0] + 1j * here.position[:, 1]
-    J = _own(here, q, slope)
+    fields = _turned(at, rows, tip, turn)
+    q, slope = weight(fields.position, ring)
+    z = fields.position[:, 0] + 1j * fields.position[:, 1]
+    J = _own(fields, q, slope)
     K1, K2, T = (
-        plate.effective * share * _between(here, field, q, slope)
+        plate.effective * share * _between(fields, field, q, slope)
         for field, share in (
             (intensities(z, plate, 1.0, 0.0), 0.5),
             (intensities(z, plate, 0.0, 1.0), 0.5),
@@ -111,8 +111,8 @@ def _turned(at: Sampled, rows: NDArray[np.int64], tip: NDArray[np.float64], turn
 
     def tensor(packed: NDArray[np.float64]) -> NDArray[np.float64]:
         xx, yy, xy = packed[rows].T
-        found = turn @ np.stack([xx, xy, xy, yy], axis=-1).reshape(-1, 2, 2) @ turn.T
-        return np.column_stack([found[:, 0, 0], found[:, 1, 1], found[:, 0, 1]])
+        rotated = turn @ np.stack([xx, xy, xy, yy], axis=-1).reshape(-1, 2, 2) @ turn.T
+        return np.column_stack([rotated[:, 0, 0], rotated[:, 1, 1], rotated[:, 0, 1]])
 
     motion = at.motion
     if motion is not None:
@@ -127,36 +127,36 @@ def _turned(at: Sampled, rows: NDArray[np.int64], tip: NDArray[np.float64], turn
     return Sampled(place, at.area[rows], gradient, tensor(at.strain), tensor(at.stress), motion, work)
 
 
-def _own(here: Sampled, q: NDArray[np.float64], slope: NDArray[np.float64]) -> float:
+def _own(fields: Sampled, q: NDArray[np.float64], slope: NDArray[np.float64]) -> float:
     """J, J/m^2, in its area form, from the fields sampled around a tip."""
-    along = here.gradient[:, :, 0]
-    energy = _product(here.stress, here.strain) / 2 if here.work is None else here.work
-    total = _pulled(here.stress, along, slope)
-    if here.motion is not None:
-        density, velocity, acceleration, rates = here.motion
+    along = fields.gradient[:, :, 0]
+    energy = _product(fields.stress, fields.strain) / 2 if fields.work is None else fields.work
+    total = _pulled(fields.stress, along, slope)
+    if fields.motion is not None:
+        density, velocity, acceleration, rates = fields.motion
         energy = energy + density * (velocity**2).sum(axis=1) / 2
         total = total + density * q * (acceleration * along - velocity * rates[:, :, 0]).sum(axis=1)
-    return float(here.area @ (total - energy * slope[:, 0]))
+    return float(fields.area @ (total - energy * slope[:, 0]))
 
 
-def _between(here: Sampled, other: TipField, q: NDArray[np.float64], slope: NDArray[np.float64]) -> float:
+def _between(fields: Sampled, auxiliary: TipField, q: NDArray[np.float64], slope: NDArray[np.float64]) -> float:
     """The interaction integral with an auxiliary stationary field."""
-    total = _pulled(here.stress, other.slope, slope) + _pulled(other.stress, here.gradient[:, :, 0], slope)
-    total = total - _product(other.stress, here.strain) * slope[:, 0]
-    if here.motion is not None:
-        total = total + here.motion.density * q * (here.motion.acceleration * other.slope).sum(axis=1)
-    return float(here.area @ total)
+    total = _pulled(fields.stress, auxiliary.slope, slope) + _pulled(auxiliary.stress, fields.gradient[:, :, 0], slope)
+    total = total - _product(auxiliary.stress, fields.strain) * slope[:, 0]
+    if fields.motion is not None:
+        total = total + fields.motion.density * q * (fields.motion.acceleration * auxiliary.slope).sum(axis=1)
+    return float(fields.area @ total)
 
 
 def _product(stress: NDArray[np.float64], strain: NDArray[np.float64]) -> NDArray[np.float64]:
     """The product s_ij e_ij (n,) of stress and strain."""
-    found: NDArray[np.float64] = (stress[:, :2] * strain[:, :2]).sum(axis=1) + 2 * stress[:, 2] * strain[:, 2]
-    return found
+    product: NDArray[np.float64] = (stress[:, :2] * strain[:, :2]).sum(axis=1) + 2 * stress[:, 2] * strain[:, 2]
+    return product
 
 
 def _pulled(stress: NDArray[np.float64], along: NDArray[np.float64], slope: NDArray[np.float64]) -> NDArray[np.float64]:
     """The product s_ij u_i,x q,j (n,) of stress, displacement gradient and slope of the weight."""
     xx, yy, xy = stress.T
-    found: NDArray[np.float64] = along[:, 0] * (xx * slope[:, 0] + xy * slope[:, 1])
-    found += along[:, 1] * (xy * slope[:, 0] + yy * slope[:, 1])
-    return found
+    product: NDArray[np.float64] = along[:, 0] * (xx * slope[:, 0] + xy * slope[:, 1])
+    product += along[:, 1] * (xy * slope[:, 0] + yy * slope[:, 1])
+    return product

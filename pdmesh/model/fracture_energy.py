@@ -46,9 +46,18 @@ def with_fracture_energy(material: Material, ratio: float, spacing: float, dimen
         raise ValueError(wrong)
     if material.critical_stretch is None:
         return material
-    own = _in_dimension(material, dimension)
-    stretch = material.critical_stretch / calibration(ratio, own, has_partial_cells(own)).stretch
-    G0 = stretch**2 * material.E * ratio * spacing / SQUARED[own.plane, own.micromodulus]
+    material_in_dimension = _in_dimension(material, dimension)
+    stretch = (
+        material.critical_stretch
+        / calibration(ratio, material_in_dimension, has_partial_cells(material_in_dimension)).stretch
+    )
+    G0 = (
+        stretch**2
+        * material.E
+        * ratio
+        * spacing
+        / SQUARED[material_in_dimension.plane, material_in_dimension.micromodulus]
+    )
     return msgspec.structs.replace(material, G0=float(G0), critical_stretch=None)
 
 
@@ -56,9 +65,9 @@ def stretch_of_lattice(material: Material, ratio: float, spacing: float, dimensi
     """The critical stretch of brittle bonds of the conservative mode at a spacing, m; None for other materials."""
     if material.model != "bond" or material.law != USUAL_LAW or material.G0 == UNKNOWN:
         return None
-    own = _in_dimension(material, dimension)
-    factor = calibration(ratio, own, has_partial_cells(own)).stretch
-    return factor * float(critical_stretch(own, np.array([ratio * spacing]))[0])
+    material_in_dimension = _in_dimension(material, dimension)
+    factor = calibration(ratio, material_in_dimension, has_partial_cells(material_in_dimension)).stretch
+    return factor * float(critical_stretch(material_in_dimension, np.array([ratio * spacing]))[0])
 
 
 def _in_dimension(material: Material, dimension: int) -> Material:

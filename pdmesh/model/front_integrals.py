@@ -88,9 +88,9 @@ class _Around(NamedTuple):
     at: SampledInSpace
 
 
-def front_integrals(at: SampledInSpace, here: FrontPlace, tube: Tube, solid: Elastic) -> FoundInSpace:
+def front_integrals(at: SampledInSpace, front_place: FrontPlace, tube: Tube, solid: Elastic) -> FoundInSpace:
     """J and stress intensities at a point of a front; `solid` is in plane strain."""
-    around = _around(at, here, tube)
+    around = _around(at, front_place, tube)
     J = _own(around) / tube.half
     factors = (solid.effective / 2, solid.effective / 2, solid.shear)
     K1, K2, K3 = (
@@ -101,12 +101,12 @@ def front_integrals(at: SampledInSpace, here: FrontPlace, tube: Tube, solid: Ela
 
 
 def across(
-    position: NDArray[np.float64], here: FrontPlace
+    position: NDArray[np.float64], front_place: FrontPlace
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Along growth, along the normal and along the arc (n,), m, of places (n, 3), and distances from the arc's centre
     over its radius (n,); these are not positive where the arc is no front any more."""
-    x, y, w = ((position - here.place) @ here.frame.T).T
-    c = here.curvature
+    x, y, w = ((position - front_place.place) @ front_place.frame.T).T
+    c = front_place.curvature
     if abs(c) * max(float(np.abs(x).max(initial=0.0)), 1e-300) < STRAIGHT:
         return x, y, w, np.ones(len(x))
     far = np.hypot(1 + c * x, c * w)
@@ -114,10 +114,10 @@ def across(
     return out, y, np.arctan2(c * w, 1 + c * x) / c, far
 
 
-def _around(at: SampledInSpace, here: FrontPlace, tube: Tube) -> _Around:
+def _around(at: SampledInSpace, front_place: FrontPlace, tube: Tube) -> _Around:
     reach = np.hypot(tube.outer, tube.half + tube.outer)
-    near = np.flatnonzero(((at.position - here.place) ** 2).sum(axis=1) < reach**2)
-    x, y, s, far = across(at.position[near], here)
+    near = np.flatnonzero(((at.position - front_place.place) ** 2).sum(axis=1) < reach**2)
+    x, y, s, far = across(at.position[near], front_place)
     r = np.hypot(x, y)
     inside = (r < tube.outer) & (r > AT_FRONT * tube.outer) & (np.abs(s) < tube.half)
     inside &= np.isfinite(at.gradient[near]).all(axis=(1, 2))
@@ -126,7 +126,7 @@ def _around(at: SampledInSpace, here: FrontPlace, tube: Tube) -> _Around:
     g, ends = _step(np.abs(s) / tube.half)
     falls, ends = falls / (tube.outer - tube.inner), ends * np.sign(s) / tube.half
     slope = np.column_stack([falls * x / r * g, falls * y / r * g, f * ends / far])
-    turn = np.einsum("nab,bc->nac", _turned(at.position[rows], here), here.frame)
+    turn = np.einsum("nab,bc->nac", _turned(at.position[rows], front_place), front_place.frame)
 
     def tensor(values: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.asarray(turn @ values[rows] @ turn.transpose(0, 2, 1))
@@ -139,13 +139,13 @@ def _around(at: SampledInSpace, here: FrontPlace, tube: Tube) -> _Around:
         motion = Motion(motion.density, way(motion.velocity), way(motion.acceleration), tensor(motion.rates))
     gradient, strain, stress = (tensor(values) for values in (at.gradient, at.strain, at.stress))
     sampled = SampledInSpace(at.position[rows], at.volume[rows], gradient, strain, stress, motion)
-    return _Around(x + 1j * y, here.curvature / far, f * g, slope, sampled)
+    return _Around(x + 1j * y, front_place.curvature / far, f * g, slope, sampled)
 
 
-def _turned(position: NDArray[np.float64], here: FrontPlace) -> NDArray[np.float64]:
+def _turned(position: NDArray[np.float64], front_place: FrontPlace) -> NDArray[np.float64]:
     """Turns (n, 3, 3) about the normal from the frame of a point of the front to those of places (n, 3)."""
-    x, _, w = ((position - here.place) @ here.frame.T).T
-    along, aside = 1 + here.curvature * x, here.curvature * w
+    x, _, w = ((position - front_place.place) @ front_place.frame.T).T
+    along, aside = 1 + front_place.curvature * x, front_place.curvature * w
     far = np.hypot(along, aside)
     turn = np.zeros((len(x), 3, 3))
     turn[:, 0, 0] = turn[:, 2, 2] = along / far
@@ -174,19 +174,19 @@ def _own(around: _Around) -> float:
     return float(at.volume @ total)
 
 
-def _between(around: _Around, other: FrontField) -> float:
+def _between(around: _Around, auxiliary: FrontField) -> float:
     """The interaction integral with a field of known intensities, times the length that q counts."""
     _, bend, q, slope, at = around
-    H, s, sa = at.gradient, at.stress, other.stress
-    turning = bend[:, None] * np.column_stack([-other.u[:, 2], 0 * bend, other.u[:, 0]])  # ua_i,3
+    H, s, sa = at.gradient, at.stress, auxiliary.stress
+    turning = bend[:, None] * np.column_stack([-auxiliary.u[:, 2], 0 * bend, auxiliary.u[:, 0]])  # ua_i,3
     mutual = np.einsum("nij,nij->n", sa, at.strain)
-    total = np.einsum("nij,ni,nj->n", s, other.slope, slope) + np.einsum("nij,ni,nj->n", sa, H[:, :, 0], slope)
+    total = np.einsum("nij,ni,nj->n", s, auxiliary.slope, slope) + np.einsum("nij,ni,nj->n", sa, H[:, :, 0], slope)
     total += ((s[:, :, 2] * turning).sum(axis=1) + (sa[:, :, 2] * H[:, :, 2]).sum(axis=1) - mutual) * q * bend
     total -= mutual * slope[:, 0]
-    strain = bend[:, None] * (other.slope - bend[:, None] * other.u)  # of the rest ua_i,j - ea_ij, along growth
+    strain = bend[:, None] * (auxiliary.slope - bend[:, None] * auxiliary.u)  # of the rest ua_i,j - ea_ij, along growth
     total += q * (s[:, 2, 2] * strain[:, 0] - s[:, 0, 2] * strain[:, 2])
     unbalanced = bend[:, None] * np.column_stack([sa[:, 0, 0] - sa[:, 2, 2], sa[:, 0, 1], 2 * sa[:, 0, 2]])
     total += q * (unbalanced * H[:, :, 0]).sum(axis=1)
     if at.motion is not None:
-        total += at.motion.density * q * (at.motion.acceleration * other.slope).sum(axis=1)
+        total += at.motion.density * q * (at.motion.acceleration * auxiliary.slope).sum(axis=1)
     return float(at.volume @ total)

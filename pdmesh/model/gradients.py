@@ -37,16 +37,18 @@ def gradients_of(
     lead to `neighbour` (b,); those of the i-th of them are start[i]:start[i + 1].
     """
     rows, d = np.arange(len(position)) if rows is None else rows, position.shape[1]
-    found = np.full((len(rows), values.shape[1], d), np.nan)
+    gradients = np.full((len(rows), values.shape[1], d), np.nan)
     for first in range(0, len(rows), BLOCK):
         last = min(first + BLOCK, len(rows))
         near, count = neighbour[start[first] : start[last]], np.diff(start[first : last + 1])
-        own, here = np.repeat(np.arange(last - first), count), np.repeat(rows[first:last], count)
-        xi = (position[near] - position[here]).T
+        local_row, source = np.repeat(np.arange(last - first), count), np.repeat(rows[first:last], count)
+        xi = (position[near] - position[source]).T
         weight = area[near] / reduce(np.hypot, xi)
 
-        def total(product: NDArray[np.float64], own: NDArray[np.int64] = own, nodes: int = last - first) -> NDArray:  # type: ignore[type-arg]
-            return np.bincount(own, product, minlength=nodes).astype(float)  # of none, bincount makes integers
+        def total(
+            product: NDArray[np.float64], row: NDArray[np.int64] = local_row, nodes: int = last - first
+        ) -> NDArray:  # type: ignore[type-arg]
+            return np.bincount(row, product, minlength=nodes).astype(float)  # of none, bincount makes integers
 
         shape = np.empty((d, d, last - first))
         for a, b in pairs_of(d):
@@ -54,11 +56,11 @@ def gradients_of(
         adjugate, det = _adjugate(shape)
         det[det <= FLAT * sum(shape[a, a] for a in range(d)) ** d] = np.nan
         for k in range(values.shape[1]):
-            eta = weight * (values[near, k] - values[here, k])
+            eta = weight * (values[near, k] - values[source, k])
             moment = [total(eta * x) for x in xi]
             for a in range(d):
-                found[first:last, k, a] = sum(moment[b] * adjugate[a][b] for b in range(d)) / det
-    return found
+                gradients[first:last, k, a] = sum(moment[b] * adjugate[a][b] for b in range(d)) / det
+    return gradients
 
 
 def _adjugate(shape: NDArray[np.float64]) -> tuple[list[list[NDArray[np.float64]]], NDArray[np.float64]]:

@@ -95,8 +95,8 @@ def taken_out(text: bytes) -> tuple[bytes, NodeColumns] | None:
 def _parts(text: bytes, start: int, end: int) -> Iterator[bytes]:
     """Some lines each of a text from `start` to `end`."""
     while start < end:
-        found = text.find(BETWEEN, start + READ, end)
-        stop = end if found < 0 else found
+        line_end = text.find(BETWEEN, start + READ, end)
+        stop = end if line_end < 0 else line_end
         yield text[start:stop]
         start = stop + len(BETWEEN)
 
@@ -107,7 +107,7 @@ def written(nodes: NodeColumns) -> Iterator[bytes]:
         yield (BETWEEN if at else b"") + _lines(nodes, slice(at, at + WRITTEN))
 
 
-def _lines(nodes: NodeColumns, some: slice) -> bytes:
+def _lines(nodes: NodeColumns, rows: slice) -> bytes:
     """Lines of some nodes; what is the same in all of them is put into words once."""
     line, varying = b"{", list[list[bytes]]()
     for before, column, after in (
@@ -117,13 +117,13 @@ def _lines(nodes: NodeColumns, some: slice) -> bytes:
         (b',"hole_id":', nodes.hole_id, b""),
         (b',"delta":[', nodes.delta, b"]"),
     ):
-        values = column[some]
+        values = column[rows]
         same = bool((values == values[0]).all())
         texts = _texts(values[:1] if same else values)
         line += before + (texts[0] if same else b"%b") + after
         if not same:
             varying.append(texts)
-    count = len(nodes.id[some])
+    count = len(nodes.id[rows])
     return BETWEEN.join([line + b"}"] * count) % tuple(chain.from_iterable(zip(*varying, strict=True)))
 
 

@@ -39,11 +39,11 @@ class Pin(Selection, frozen=True, kw_only=True, tag="pin", tag_field="kind"):
 
 def wrong_spring(spring: Spring, dimension: int) -> str | None:
     """What a spring support cannot be: place, found and expected; None if it can."""
-    given = {"stiffness": spring.stiffness, "body_stiffness": spring.body_stiffness}
-    found = {name: along for name, along in given.items() if along is not None}
-    if len(found) != 1:
-        return f": {' and '.join(found) or 'none'} given; give one of {', '.join(given)}"
-    ((name, along),) = found.items()
+    stiffnesses = {"stiffness": spring.stiffness, "body_stiffness": spring.body_stiffness}
+    present = {name: along for name, along in stiffnesses.items() if along is not None}
+    if len(present) != 1:
+        return f": {' and '.join(present) or 'none'} given; give one of {', '.join(stiffnesses)}"
+    ((name, along),) = present.items()
     if len(along) != dimension:
         return f".{name} has {len(along)} numbers; give {dimension}"
     if not any(along):

@@ -137,8 +137,8 @@ def _ratios(
     spent = c * s0**2 * length / 2
     row = np.sum(spent * np.maximum(xi[:, 1], 0))
     diagonal = np.sum(spent * np.maximum(xi[:, :2].sum(axis=1), 0)) / np.sqrt(2)
-    found = c11 / C11[plane], c66 / C66[plane], c66 / C66[plane], row, diagonal
-    return LatticeRatios(*(float(value) for value in found))
+    ratio_values = c11 / C11[plane], c66 / C66[plane], c66 / C66[plane], row, diagonal
+    return LatticeRatios(*(float(value) for value in ratio_values))
 
 
 def shells(xi: NDArray[np.float64], weight: NDArray[np.float64], calibration: str) -> Shells:
@@ -150,14 +150,14 @@ def shells(xi: NDArray[np.float64], weight: NDArray[np.float64], calibration: st
     squares, dimension = np.rint((xi**2).sum(axis=1)).astype(np.int64), xi.shape[1]
     fourth = (xi**4).sum(axis=1) / squares**2
     harmonic = 4 * fourth - 3 if dimension == 2 else (5 * fourth - 3) / 2
-    number, own = np.unique(squares, return_inverse=True)
-    mean = np.bincount(own, harmonic) / np.bincount(own)
-    here, total = mean[own], float(weight.sum())
-    anisotropy = float((weight * here).sum())
-    only_nearest = (weight * (1 - here)).sum() <= NEGLIGIBLE * total
+    number, shell = np.unique(squares, return_inverse=True)
+    mean = np.bincount(shell, harmonic) / np.bincount(shell)
+    bond_harmonic, total = mean[shell], float(weight.sum())
+    anisotropy = float((weight * bond_harmonic).sum())
+    only_nearest = (weight * (1 - bond_harmonic)).sum() <= NEGLIGIBLE * total
     if only_nearest or abs(anisotropy) <= (ANISOTROPY[dimension] * total if calibration == "mean" else 0.0):
         return NO_SHELLS
-    return Shells(np.sqrt(number), 1 - anisotropy / float((weight * here**2).sum()) * mean)
+    return Shells(np.sqrt(number), 1 - anisotropy / float((weight * bond_harmonic**2).sum()) * mean)
 
 
 @lru_cache
@@ -167,9 +167,9 @@ def _calibration(
     material = _unit(micromodulus_profile, plane)
     xi, length, c, share = _family(material, ratio, partial_cells)
     factors = shells(xi, c * share * length, calibration)
-    found = _ratios(material, ratio, xi, length, c * share * factors.at(length))
-    stiffness = 3 / (found.c11 + found.c12 + found.c66)
-    return Calibration(stiffness, float(np.sqrt(2 / (stiffness * (found.row + found.diagonal)))), factors, found)
+    ratios = _ratios(material, ratio, xi, length, c * share * factors.at(length))
+    stiffness = 3 / (ratios.c11 + ratios.c12 + ratios.c66)
+    return Calibration(stiffness, float(np.sqrt(2 / (stiffness * (ratios.row + ratios.diagonal)))), factors, ratios)
 
 
 def calibration(ratio: float, material: Material, partial_cells: bool = True) -> Calibration:
@@ -194,12 +194,12 @@ def along_axes(material: Material, ratio: float, one_sided: bool = False) -> Ela
     The lattice is calibrated, or that of the thesis: `one_sided`, with Hu's beta up to the horizon.
     """
     factors = calibration(ratio, material, has_partial_cells(material))
-    stiffness, found = factors.stiffness, factors.ratios
+    stiffness, ratios = factors.stiffness, factors.ratios
     if one_sided:
         unit = _unit(material.micromodulus, material.plane)
-        xi, length, c, whole = _family(unit, ratio, False)
-        stiffness, found = 1.0, _ratios(unit, ratio, xi, length, c * hu_beta(length, ratio * whole, whole))
-    c11, c12 = (stiffness * part * of[material.plane] for part, of in ((found.c11, C11), (found.c12, C66)))
+        xi, length, c, share = _family(unit, ratio, False)
+        stiffness, ratios = 1.0, _ratios(unit, ratio, xi, length, c * hu_beta(length, ratio * share, share))
+    c11, c12 = (stiffness * part * of[material.plane] for part, of in ((ratios.c11, C11), (ratios.c12, C66)))
     return elasticity(c11, c12, material.plane)
 
 

@@ -24,7 +24,7 @@ class Declared(NamedTuple):
     """What a parameter's declaration says besides its type, default and bounds."""
 
     unit: str = ""  # "" of words and of numbers without one
-    drawn: str = ""  # its name in drawings; "": its own in words, such as Yield stress
+    drawing_name: str = ""  # its name in drawings; "": its own in words, such as Yield stress
     needed: str = ""  # what must be given where its struct is chosen; "": nothing
     refused: bool = True  # with other kinds; else it is said that it is not used
 
@@ -58,7 +58,7 @@ class Diffraction(msgspec.Struct, frozen=True, tag_field="sight", tag="diffracti
 class BondLaw(msgspec.Struct, frozen=True):
     """Bonds whose force a law gives."""
 
-    law: Annotated[str, Declared(drawn="Force law")] = USUAL_LAW  # one of those that the solver knows
+    law: Annotated[str, Declared(drawing_name="Force law")] = USUAL_LAW  # one of those that the solver knows
 
 
 class Bilinear(msgspec.Struct, frozen=True, tag_field="law", tag="bilinear"):

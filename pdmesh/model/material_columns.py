@@ -70,9 +70,9 @@ def _is_number(value: object) -> bool:
 
 def _column(values: Sequence[Any], members: NDArray[np.int64]) -> NDArray[np.float64] | None:
     """Numbers of all materials that the `members` of a group have, NaN of others; None if the members are alike."""
-    own = [values[member] for member in members]
-    if own.count(own[0]) == len(own):
+    member_values = [values[member] for member in members]
+    if member_values.count(member_values[0]) == len(member_values):
         return None
     column = np.full(len(values), np.nan)
-    column[members] = own
+    column[members] = member_values
     return column

@@ -45,8 +45,11 @@ def contradiction(run: Run, conditions: Sequence[str]) -> str | None:
     for number, cell in enumerate(run.load_cells):
         missing = [name for name in cell.of if name not in conditions]
         if missing or not cell.of:
-            found, known = f"'{missing[0]}'" if missing else "none", ", ".join(filter(None, conditions)) or "a name"
-            return f"load_cells[{number}].of has {found}; use names of conditions: {known}"
+            actual, condition_names = (
+                f"'{missing[0]}'" if missing else "none",
+                ", ".join(filter(None, conditions)) or "a name",
+            )
+            return f"load_cells[{number}].of has {actual}; use names of conditions: {condition_names}"
     return _of_control(run, gaps)
 
 
@@ -63,9 +66,9 @@ def _of_control(run: Run, gaps: list[str]) -> str | None:
             else f"static.opening ({static.opening:g}) cannot be used; leave it out: {unused}"
         )
     if static.control is not None and static.control not in gaps:
-        known = ", ".join(gaps) or "a gap (run.gaps has none)"
-        return f"static.control is '{static.control}'; use {known}, or {length}"
+        gap_names = ", ".join(gaps) or "a gap (run.gaps has none)"
+        return f"static.control is '{static.control}'; use {gap_names}, or {length}"
     if (static.control is None) != (static.opening is None):
-        found, other = ("opening", "control") if static.control is None else ("control", "opening")
-        return f"static.{other} is missing; give it, as there is a static.{found}"
+        present_key, missing_key = ("opening", "control") if static.control is None else ("control", "opening")
+        return f"static.{missing_key} is missing; give it, as there is a static.{present_key}"
     return None

@@ -63,10 +63,10 @@ class _Group:
     def filled(self) -> NDArray[np.int64]:
         """(..., rows + 1, columns + 1) cumulative node counts of the map below and to the left of each place."""
         table = np.zeros(tuple(side + 1 for side in self.size[::-1]), dtype=np.int64)
-        there = (self.map.reshape(self.size[::-1]) >= 0).astype(np.int64)
+        occupied = (self.map.reshape(self.size[::-1]) >= 0).astype(np.int64)
         for axis in range(len(self.size)):
-            there = there.cumsum(axis=axis)
-        table[(slice(1, None),) * len(self.size)] = there
+            occupied = occupied.cumsum(axis=axis)
+        table[(slice(1, None),) * len(self.size)] = occupied
         return table
 
     def inside(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -120,101 +120,105 @@ class Neighbours:
 
     def pairs(self, rows: NDArray[np.int64]) -> Pairs:
         """The pairs of the nodes in `rows`, which must increase."""
-        found = []
+        pair_lists = []
         for number, group in enumerate(self._groups):
-            own = rows[self._group[rows] == number]
-            if not len(own):
+            group_rows = rows[self._group[rows] == number]
+            if not len(group_rows):
                 continue
             if len(group.map):
-                found.append(_by_offsets(group, own, self._index[own]))
-            for other in self._groups:
-                if other is not group or not len(group.map):
-                    found += self._others(own, other)
-        source, target = (np.concatenate(column) for column in zip(*found, strict=True))
+                pair_lists.append(_by_offsets(group, group_rows, self._index[group_rows]))
+            for target_group in self._groups:
+                if target_group is not group or not len(group.map):
+                    pair_lists += self._others(group_rows, target_group)
+        source, target = (np.concatenate(column) for column in zip(*pair_lists, strict=True))
         key = source * len(self._position) + target
         if (np.diff(key) < 0).any():
             order = np.argsort(key, kind="stable")
             source, target = source[order], target[order]
         return Pairs(source, target, lengths(self._position[target] - self._position[source]))
 
-    def _others(self, own: NDArray[np.int64], other: _Group) -> list[tuple[NDArray[np.int64], NDArray[np.int64]]]:
-        found = []
-        size = np.ceil(2 * np.log2(self._reach[own]))  # each node of an imported mesh may have a reach of its own
+    def _others(
+        self, rows: NDArray[np.int64], target_group: _Group
+    ) -> list[tuple[NDArray[np.int64], NDArray[np.int64]]]:
+        pair_lists = []
+        size = np.ceil(2 * np.log2(self._reach[rows]))  # each node of an imported mesh may have a reach of its own
         for alike in np.unique(size):
-            some = own[size == alike]
-            reach = float(self._reach[some].max())
-            radius = (max(reach, other.reach) if self._mutual else reach) * (1 + ROUND_OFF)
-            search = _by_window if len(other.map) and radius < WIDEST * other.spacing else _by_tree
-            source, target, length = search(some, self._position, other, radius)
+            similar_rows = rows[size == alike]
+            reach = float(self._reach[similar_rows].max())
+            radius = (max(reach, target_group.reach) if self._mutual else reach) * (1 + ROUND_OFF)
+            search = _by_window if len(target_group.map) and radius < WIDEST * target_group.spacing else _by_tree
+            source, target, length = search(similar_rows, self._position, target_group, radius)
             limit = np.maximum(self._reach[source], self._reach[target]) if self._mutual else self._reach[source]
-            seen = (length <= limit * (1 + ROUND_OFF)) & (source != target)
-            found.append((source[seen], target[seen]))
-        return found
+            within_reach = (length <= limit * (1 + ROUND_OFF)) & (source != target)
+            pair_lists.append((source[within_reach], target[within_reach]))
+        return pair_lists
 
 
-def _by_tree(own: NDArray[np.int64], position: NDArray[np.float64], other: _Group, radius: float) -> Pairs:
-    near = tree_of(position[own]).sparse_distance_matrix(other.tree, radius, output_type="ndarray")
-    return Pairs(own[near["i"]], other.rows[near["j"]], near["v"])
+def _by_tree(rows: NDArray[np.int64], position: NDArray[np.float64], target_group: _Group, radius: float) -> Pairs:
+    near = tree_of(position[rows]).sparse_distance_matrix(target_group.tree, radius, output_type="ndarray")
+    return Pairs(rows[near["i"]], target_group.rows[near["j"]], near["v"])
 
 
-def _by_window(own: NDArray[np.int64], position: NDArray[np.float64], other: _Group, radius: float) -> Pairs:
+def _by_window(rows: NDArray[np.int64], position: NDArray[np.float64], target_group: _Group, radius: float) -> Pairs:
     """Pairs about `radius` apart at most, between any rows and those of a lattice, searched in windows around the
     rows."""
-    size, d = np.array(other.size), len(other.size)
-    side = int(radius / other.spacing) + 1
-    at = np.floor((position[own] - other.corner) / other.spacing).astype(np.int64)
+    size, d = np.array(target_group.size), len(target_group.size)
+    side = int(radius / target_group.spacing) + 1
+    at = np.floor((position[rows] - target_group.corner) / target_group.spacing).astype(np.int64)
     low, high = np.clip(at - side, 0, size), np.clip(at + side + 2, 0, size)
-    some = np.flatnonzero(other.inside(low, high) > 0)
+    candidates = np.flatnonzero(target_group.inside(low, high) > 0)
     steps = np.arange(-side, side + 2)
     gap = np.maximum(np.maximum(-steps, steps - 1), 0)  # to the nearest point of the place that a row is in
     away = lengths(np.stack(np.meshgrid(*(gap,) * d, indexing="ij"), axis=-1).reshape(-1, d).astype(float))
-    near = np.unravel_index(np.flatnonzero(away * other.spacing <= radius + OFF_PLACE * other.spacing), (len(gap),) * d)
+    near = np.unravel_index(
+        np.flatnonzero(away * target_group.spacing <= radius + OFF_PLACE * target_group.spacing), (len(gap),) * d
+    )
     ways = np.stack([steps[axis] for axis in near[::-1]])  # (d, w), the first axis changing fastest
-    stride = np.cumprod([1, *other.size[:-1]])
+    stride = np.cumprod([1, *target_group.size[:-1]])
     sources, targets = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
-    for few in np.array_split(some, len(some) * ways.shape[1] // PLACES + 1):
-        there, flat = np.ones((len(few), ways.shape[1]), dtype=bool), np.zeros((1, 1), dtype=np.int64)
+    for few in np.array_split(candidates, len(candidates) * ways.shape[1] // PLACES + 1):
+        in_lattice, flat = np.ones((len(few), ways.shape[1]), dtype=bool), np.zeros((1, 1), dtype=np.int64)
         for axis in range(d):
             along = at[few, axis : axis + 1] + ways[axis]
-            there &= (along >= 0) & (along < size[axis])
+            in_lattice &= (along >= 0) & (along < size[axis])
             flat = flat + stride[axis] * along
-        found = np.where(there, other.map[np.where(there, flat, 0)], -1)
-        row, place = np.nonzero(found >= 0)
-        sources.append(own[few[row]])
-        targets.append(found[row, place].astype(np.int64))
+        map_rows = np.where(in_lattice, target_group.map[np.where(in_lattice, flat, 0)], -1)
+        row, place = np.nonzero(map_rows >= 0)
+        sources.append(rows[few[row]])
+        targets.append(map_rows[row, place].astype(np.int64))
     source, target = np.concatenate(sources), np.concatenate(targets)
     return Pairs(source, target, lengths(position[target] - position[source]))
 
 
 def _by_offsets(
-    group: _Group, own: NDArray[np.int64], index: NDArray[np.int32]
+    group: _Group, rows: NDArray[np.int64], index: NDArray[np.int32]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     target = group.map[group.place[index][:, None] + group.offsets]
-    there = target >= 0
-    return np.repeat(own, there.sum(axis=1)), target[there].astype(np.int64)
+    exists = target >= 0
+    return np.repeat(rows, exists.sum(axis=1)), target[exists].astype(np.int64)
 
 
 def _groups(position: NDArray[np.float64], delta: NDArray[np.float64], reach: NDArray[np.float64]) -> list[_Group]:
-    left = np.arange(len(position))
+    unassigned = np.arange(len(position))
     groups: list[_Group] = []
     alike = ((d, r) for d in np.unique(delta) for r in np.unique(reach[delta == d]))
     for spacing, own_reach in islice(alike, MOST_LATTICES):
-        rest = left[(delta[left] == spacing) & (reach[left] == own_reach)]
+        rest = unassigned[(delta[unassigned] == spacing) & (reach[unassigned] == own_reach)]
         while len(rest) >= LEAST_NODES and len(groups) < MOST_LATTICES:
             place = (position[rest] - position[rest[0]]) / spacing
-            whole = np.rint(place)
-            on = (np.abs(place - whole) <= ON_LATTICE * (1 + np.abs(whole))).all(axis=1)
-            lattice = _lattice(position, rest[on], whole[on].astype(np.int64), spacing, own_reach)
+            lattice_index = np.rint(place)
+            on = (np.abs(place - lattice_index) <= ON_LATTICE * (1 + np.abs(lattice_index))).all(axis=1)
+            lattice = _lattice(position, rest[on], lattice_index[on].astype(np.int64), spacing, own_reach)
             if lattice is None:
                 break
             groups.append(lattice)
             rest = rest[~on]
-        taken = np.concatenate([np.zeros(0, dtype=np.int64), *(group.rows for group in groups)])
-        left = np.setdiff1d(left, taken, assume_unique=True)
-    if len(left):
+        assigned_rows = np.concatenate([np.zeros(0, dtype=np.int64), *(group.rows for group in groups)])
+        unassigned = np.setdiff1d(unassigned, assigned_rows, assume_unique=True)
+    if len(unassigned):
         nothing = np.zeros(0, dtype=np.int64)
         unmapped = nothing, np.zeros(0, dtype=np.int32), nothing, (), np.zeros(position.shape[1]), 0.0
-        groups.append(_Group(left, position[left], float(reach[left].max()), *unmapped))
+        groups.append(_Group(unassigned, position[unassigned], float(reach[unassigned].max()), *unmapped))
     return groups
 
 

@@ -56,9 +56,9 @@ class Grid:
     def __post_init__(self) -> None:
         """Convert numbers to the types above; arrays of those types are kept."""
         for name in self._converted():
-            given = getattr(self, name)
-            if given is not None:
-                object.__setattr__(self, name, np.asarray(given, dtype=np.float64))
+            value = getattr(self, name)
+            if value is not None:
+                object.__setattr__(self, name, np.asarray(value, dtype=np.float64))
         for name in ("outline", "holes"):
             rings = tuple(np.asarray(ring, dtype=np.float64) for ring in getattr(self, name))
             object.__setattr__(self, name, rings)
@@ -103,12 +103,12 @@ class Grid:
 
     def nearest(self, places: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """Distances (k,), m, and rows (k,) of the nodes nearest to `places` (k, d); of several the first."""
-        asked = np.reshape(np.asarray(places, dtype=float), (-1, self.dimension))
-        if not len(asked):
+        points = np.reshape(np.asarray(places, dtype=float), (-1, self.dimension))
+        if not len(points):
             return np.zeros(0), np.zeros(0, dtype=np.int64)
         tree = tree_of(self.position)
-        distance = tree.query(asked)[0]
-        near = tree.query_ball_point(asked, distance * (1 + TIE))
+        distance = tree.query(points)[0]
+        near = tree.query_ball_point(points, distance * (1 + TIE))
         return distance, np.array([min(rows) for rows in near], dtype=np.int64)
 
     @property

@@ -74,8 +74,8 @@ def _grid_of_lattice(document: Document, lattice: Lattice, name: str) -> Grid:
     """The grid of a document that holds a lattice in place of nodes. Raises GridError."""
     d = 3 if document.version == SPACE_VERSION else 2
     if len(lattice.counts) != d or len(lattice.origin) != d:
-        found = f"{len(lattice.origin)} numbers of its origin and layers {lattice.layers}"
-        raise GridError(f"{name}: $.lattice has {found}; give {'3 and a number' if d == 3 else '2 and none'}")
+        description = f"{len(lattice.origin)} numbers of its origin and layers {lattice.layers}"
+        raise GridError(f"{name}: $.lattice has {description}; give {'3 and a number' if d == 3 else '2 and none'}")
     if len(document.nodes) or document.areas is not None or document.bodies:
         raise GridError(f"{name}: $.lattice cannot be combined with nodes, areas or bodies; leave them out")
     count = math.prod(lattice.counts)
@@ -101,10 +101,10 @@ def whole_lattice(lattice: Lattice, **more: Any) -> Grid:
 
 
 def _check_nodes(name: str, position: NDArray[np.float64], delta: NDArray[np.float64], dimension: int) -> None:
-    def refuse(bad: NDArray[np.bool_], field: str, found: NDArray[np.float64], expected: str) -> None:
+    def refuse(bad: NDArray[np.bool_], field: str, values: NDArray[np.float64], expected: str) -> None:
         if bad.any():
             at = int(bad.argmax())
-            raise GridError(f"{name}: $.nodes[{at}].{field} is {found[at].tolist()}; use {expected}")
+            raise GridError(f"{name}: $.nodes[{at}].{field} is {values[at].tolist()}; use {expected}")
 
     refuse(np.abs(position).max(axis=1) > LARGEST, "position", position, f"metres, at most {LARGEST:g}")
     refuse(delta.max(axis=1) > LARGEST, "delta", delta, f"metres, at most {LARGEST:g}")
@@ -142,22 +142,24 @@ def _check_shapes(name: str, document: Document) -> None:
 def _check_dimensions(name: str, document: Document) -> None:
     """Raise GridError for shapes of a body in a plate, and vice versa."""
     space = document.version == SPACE_VERSION
-    d, whole = (3, "a body in space") if space else (2, "a plate")
+    d, model_kind = (3, "a body in space") if space else (2, "a plate")
     for number, crack in enumerate(document.notch):
         if len(crack) != (9 if space else 6):
             meant = "9 of a triangle" if space else "6 of a segment"
-            raise GridError(f"{name}: $.notch[{number}] has {len(crack)} numbers; use {meant} in {whole}")
+            raise GridError(f"{name}: $.notch[{number}] has {len(crack)} numbers; use {meant} in {model_kind}")
         if not space and crack[:2] == crack[3:5]:
             raise GridError(f"{name}: $.notch[{number}]: both ends are in one place; use a segment")
     for key, rings in (("outline", document.outline), ("holes", document.holes)):
         for number, ring in enumerate(rings):
             odd = next((point for point in ring if len(point) != d), None)
             if odd is not None:
-                raise GridError(f"{name}: $.{key}[{number}]: a point has {len(odd)} numbers; use {d} in {whole}")
+                raise GridError(f"{name}: $.{key}[{number}]: a point has {len(odd)} numbers; use {d} in {model_kind}")
             if space and len(ring) != 3:
-                raise GridError(f"{name}: $.{key}[{number}] has {len(ring)} points; use triangles in {whole}")
+                raise GridError(f"{name}: $.{key}[{number}] has {len(ring)} points; use triangles in {model_kind}")
     if space and document.holes:
-        raise GridError(f"{name}: $.holes has {len(document.holes)}; leave them out in {whole}: its surface has them")
+        raise GridError(
+            f"{name}: $.holes has {len(document.holes)}; leave them out in {model_kind}: its surface has them"
+        )
 
 
 def _cracks(document: Document) -> NDArray[np.float64]:
@@ -206,16 +208,16 @@ def bodies_of(records: tuple[BodyNodes, ...], ids: NDArray[np.int64]) -> Bodies 
         return None
     number, order = np.zeros(len(ids), dtype=np.int64), np.argsort(ids)
     for at, record in enumerate(records):
-        asked = np.array(record.nodes, dtype=np.int64)
-        if not len(asked):
+        node_ids = np.array(record.nodes, dtype=np.int64)
+        if not len(node_ids):
             raise ValueError(f"$.bodies[{at}].nodes is empty; give at least one")
-        rows = order[np.searchsorted(ids, asked, sorter=order).clip(max=len(ids) - 1)]
+        rows = order[np.searchsorted(ids, node_ids, sorter=order).clip(max=len(ids) - 1)]
         for wrong, said in (
-            (ids[rows] != asked, "one of the grid's nodes"),
+            (ids[rows] != node_ids, "one of the grid's nodes"),
             (number[rows] > 0, "one of no other body"),
         ):
             if wrong.any():
-                raise ValueError(f"$.bodies[{at}].nodes: id {asked[wrong.argmax()]} cannot be used; give {said}")
+                raise ValueError(f"$.bodies[{at}].nodes: id {node_ids[wrong.argmax()]} cannot be used; give {said}")
         number[rows] = at + 1
     return Bodies(number, (REST, *(record.name for record in records)))
 

@@ -22,7 +22,7 @@ def plain(value: Any) -> Any:
     if type(value) in (tuple, list):
         return value if set(map(type, value)) <= PLAIN else type(value)(map(plain, value))
     if type(value) is dict:
-        return {name: plain(each) for name, each in value.items()}
+        return {name: plain(item) for name, item in value.items()}
     return value
 
 
@@ -35,8 +35,8 @@ class PlainStruct(msgspec.Struct, frozen=True):
 
     def __post_init__(self) -> None:
         for name, value in zip(self.__struct_fields__, msgspec.structs.astuple(self), strict=True):
-            if type(value) not in PLAIN and (own := plain(value)) is not value:
-                msgspec.structs.force_setattr(self, name, own)
+            if type(value) not in PLAIN and (plain_value := plain(value)) is not value:
+                msgspec.structs.force_setattr(self, name, plain_value)
 
 
 class PlainFields:
@@ -45,5 +45,5 @@ class PlainFields:
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):  # type: ignore[arg-type]
             value = getattr(self, field.name)
-            if type(value) not in PLAIN and (own := plain(value)) is not value:
-                object.__setattr__(self, field.name, own)
+            if type(value) not in PLAIN and (plain_value := plain(value)) is not value:
+                object.__setattr__(self, field.name, plain_value)

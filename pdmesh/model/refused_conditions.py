@@ -27,10 +27,10 @@ def of_kinds(settings: Settings, kinds: tuple[type, ...], expected: str) -> Iter
 def displaced(settings: Settings) -> Iterator[Impossible]:
     """Initial displacements of runs that begin otherwise."""
     run = settings.run
-    for name, found, usual in (
+    for name, value, usual in (
         ("physics", settings.physics, "mechanics"),
         ("run.start", run.start, "unloaded"),
         ("run.adapt", run.adapt, "none"),
     ):
-        if found != usual:
-            yield from of_kinds(settings, (InitialDisplacement,), f"none, as {name} is {found}")
+        if value != usual:
+            yield from of_kinds(settings, (InitialDisplacement,), f"none, as {name} is {value}")

@@ -12,12 +12,12 @@ def of_fatigue(settings: Settings, fatigue: Fatigue, every: Places) -> Iterator[
     """Settings with which bonds do not tire."""
     run, why = settings.run, "as loads repeat"
     yield from _of_lines(fatigue) if run.cracks == "bonds" else _of_growth(fatigue, run.particles)
-    for name, found, usual in (
+    for name, value, usual in (
         ("static.floating", str(run.static.floating).lower(), "false"),
         ("static.load_steps", str(run.static.load_steps), "None"),
     ):
-        if found != usual:
-            yield Impossible(f"$.run.{name}", found, f"{usual}, {why}")
+        if value != usual:
+            yield Impossible(f"$.run.{name}", value, f"{usual}, {why}")
     for number, condition in enumerate(settings.conditions):
         if isinstance(condition, Condition) and condition.profile:
             place = f"$.conditions[{number}].profile"
@@ -52,6 +52,6 @@ def _of_lines(fatigue: Fatigue) -> Iterator[Impossible]:
     if fatigue.A is None and fatigue.A1 is None:
         yield Impossible("$.run.fatigue.A", "none", "a number, or A1")
     for pair in (("A", "m"), ("A1", "m1")):
-        for name, other in (pair, pair[::-1]):
-            if getattr(fatigue, name) is None and getattr(fatigue, other) is not None:
-                yield Impossible(f"$.run.fatigue.{name}", "none", f"a number, with {other}")
+        for name, partner in (pair, pair[::-1]):
+            if getattr(fatigue, name) is None and getattr(fatigue, partner) is not None:
+                yield Impossible(f"$.run.fatigue.{name}", "none", f"a number, with {partner}")

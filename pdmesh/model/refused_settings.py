@@ -82,9 +82,9 @@ def _diffusing(settings: Settings, medium: Medium) -> Iterator[Impossible]:
     yield from (Impossible(f"$.medium.{name}", *words) for name, *words in of_motion(medium))
     run, usual = settings.run, Run()
     for name in ("until", "start", "damping", "probes", "cracks"):
-        found, expected = getattr(run, name), getattr(usual, name)
-        if found != expected:
-            yield Impossible(f"$.run.{name}", f"{found!r}", f"{expected!r}, as the physics is diffusion")
+        value, expected = getattr(run, name), getattr(usual, name)
+        if value != expected:
+            yield Impossible(f"$.run.{name}", f"{value!r}", f"{expected!r}, as the physics is diffusion")
     if settings.area_rule == "eq19":
         yield Impossible("$.area_rule", "eq19", "cells or square of diffusion")
     for name in run.fields if run.fields != USUAL_FIELDS else ():
@@ -195,8 +195,8 @@ def _quoted(material: Material, place: str, refusals: Refusals) -> Iterator[Impo
     """Refusals of a material, its words in quotes."""
     for name, expected in refusals:
         value = getattr(material, name)
-        found = "none" if value is None else f"{value:g}" if isinstance(value, float) else f"'{value}'"
-        yield Impossible(f"{place}.{name}", found, expected)
+        value_text = "none" if value is None else f"{value:g}" if isinstance(value, float) else f"'{value}'"
+        yield Impossible(f"{place}.{name}", value_text, expected)
 
 
 def _plain(material: Material, place: str, refusals: Refusals) -> Iterator[Impossible]:
@@ -236,9 +236,9 @@ def _hybrid_in_space(settings: Settings, every: Places) -> Iterator[Impossible]:
 def _at_rest(settings: Settings, every: Places) -> Iterator[Impossible]:
     """Settings that load steps do not support."""
     run, why = settings.run, "as the solver is static"
-    for name, found, usual in (("damping", f"{run.damping:g}", "0"), ("until", str(run.until), "None")):
-        if found != usual:
-            yield Impossible(f"$.run.{name}", found, f"none, {why}")
+    for name, value, usual in (("damping", f"{run.damping:g}", "0"), ("until", str(run.until), "None")):
+        if value != usual:
+            yield Impossible(f"$.run.{name}", value, f"none, {why}")
     if run.start == "static":
         yield Impossible("$.run.start", "static", f"none, {why}")
     if run.static.floating and run.static.method == "relaxation":
@@ -315,15 +315,15 @@ def _by_newton(run: Run, words: str) -> Iterator[Impossible]:
 def _adaptive(settings: Settings, every: Places) -> Iterator[Impossible]:
     """Settings that splitting cells and moving fine zones do not support."""
     run, damping, why = settings.run, f"{settings.run.damping:g}", f", as run.adapt is {settings.run.adapt}"
-    for place, found, expected in (
+    for place, value, expected in (
         ("$.area_rule", settings.area_rule or "cells", "cells"),
         ("$.run.solver", run.solver, "explicit"),
         ("$.run.start", run.start, "unloaded"),
         ("$.run.damping", damping, "0" if run.adapt == "collocation" else damping),
         *((f"{place}.coarse", material.coarse, "own") for place, material in every),
     ):
-        if found != expected:
-            yield Impossible(place, found, expected + why)
+        if value != expected:
+            yield Impossible(place, value, expected + why)
     if run.adapt == "collocation" and settings.regions:
         yield Impossible("$.regions", f"{len(every)} materials", f"one{why}")
     ratio = settings.horizon.ratio
@@ -355,8 +355,8 @@ def _touching(settings: Settings, every: Places) -> Iterator[Impossible]:
         yield Impossible("$.run.adapt", run.adapt, words)
     for name, expected in {"start": "unloaded", "cracks": "bonds", "fatigue": None}.items():
         if getattr(run, name) != expected:
-            found = getattr(run, name) if expected else "some"
-            yield Impossible(f"$.run.{name}", found, f"{expected or 'none'}{why}")
+            value = getattr(run, name) if expected else "some"
+            yield Impossible(f"$.run.{name}", value, f"{expected or 'none'}{why}")
     if run.solver == "implicit":
         yield Impossible("$.run.solver", "implicit", f"explicit or static{why}")
     for place, material in every:

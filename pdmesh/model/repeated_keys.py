@@ -46,11 +46,11 @@ def _search(data: bytes) -> str | None:
             repeated.append((values, next(name for name, count in counts.items() if count > 1)))
         return values
 
-    whole = json.loads(data, object_pairs_hook=object_of)
+    document = json.loads(data, object_pairs_hook=object_of)
     if not repeated:
         return None
-    inner, key = repeated[-1]  # is part of `whole`: an object that holds it and drops it comes later
-    return f"{_place(whole, inner)}.{key}"
+    inner, key = repeated[-1]  # is part of `document`: an object that holds it and drops it comes later
+    return f"{_place(document, inner)}.{key}"
 
 
 def _place(value: Any, wanted: dict[str, Any], place: str = "$") -> str | None:

@@ -27,24 +27,24 @@ def rigid_bodies(grid: Grid, settings: Settings) -> Iterator[tuple[RigidBody, ND
 
 def without_bonds(grid: Grid, settings: Settings, name: str) -> Grid:
     """The grid whose rigid bodies have no bonds. Raises GridError for what no rigid body can be."""
-    found = tuple(rigid_bodies(grid, settings))
-    if not found:
+    body_records = tuple(rigid_bodies(grid, settings))
+    if not body_records:
         return grid
     if settings.contact is None:
         raise GridError(f"{name}: $.contact is missing, as a body is rigid; give it")
     numbers = []
-    for body, rows, number in found:
+    for body, rows, number in body_records:
         place = f"$.conditions[{number}]"
         wrong = contradiction(body, grid.dimension)
         if wrong is not None:
             raise GridError(f"{name}: {place}.{wrong}")
-        own = np.unique(grid.bodies.number[rows]) if grid.bodies is not None else np.zeros(1, dtype=np.int64)
-        whole = len(grid) if grid.bodies is None else int(np.isin(grid.bodies.number, own).sum())
-        if grid.bodies is None or len(own) != 1 or whole != len(rows) or own[0] in numbers:
+        body_numbers = np.unique(grid.bodies.number[rows]) if grid.bodies is not None else np.zeros(1, dtype=np.int64)
+        node_count = len(grid) if grid.bodies is None else int(np.isin(grid.bodies.number, body_numbers).sum())
+        if grid.bodies is None or len(body_numbers) != 1 or node_count != len(rows) or body_numbers[0] in numbers:
             raise GridError(f"{name}: {place} has {len(rows)} nodes; give all those of one body")
         _refuse_radius(body, grid, rows, f"{name}: {place}")
         _refuse_holds(settings, grid, rows, name, place)
-        numbers.append(int(own[0]))
+        numbers.append(int(body_numbers[0]))
     assert grid.bodies is not None
     return replace(grid, bodies=grid.bodies._replace(rigid=tuple(numbers)))
 
@@ -97,9 +97,9 @@ def densities(grid: Grid, settings: Settings, rho: NDArray[np.float64]) -> NDArr
 def rigid_velocities(body: RigidBody, x: NDArray[np.float64], mass: NDArray[np.float64]) -> NDArray[np.float64]:
     """Velocities (k, d), m/s, at time 0 of its nodes at x (k, d) with these masses (k,) in any unit."""
     factor = body.profile[0][1] if body.profile else 1.0
-    held = np.where([way in body.held for way in "xyz"], factor, 1.0)
+    axis_factors = np.where([way in body.held for way in "xyz"], factor, 1.0)
     spin = spin_of(body) * (factor if "spin" in body.held else 1.0)
-    return _turning(held * np.array([body.x, body.y, body.z]), spin, x, mass)
+    return _turning(axis_factors * np.array([body.x, body.y, body.z]), spin, x, mass)
 
 
 def first_velocities(
@@ -108,8 +108,8 @@ def first_velocities(
     """Velocities (k,), m/s, along each axis at time 0 of nodes at x (k, d) that turn about the centre of these masses
     (k,); None along one that leaves what an earlier condition gave. Raises PlaceError."""
     way = np.column_stack([values_at(value or 0.0, x) for value in (start.x, start.y, start.z)])
-    found = _turning(way, spin_of(start), x, mass)
-    return [found[:, axis] if sets else None for axis, sets in enumerate(components_set(start)[: x.shape[1]])]
+    velocities = _turning(way, spin_of(start), x, mass)
+    return [velocities[:, axis] if sets else None for axis, sets in enumerate(components_set(start)[: x.shape[1]])]
 
 
 def components_set(start: InitialVelocity) -> tuple[bool, ...]:
@@ -117,11 +117,11 @@ def components_set(start: InitialVelocity) -> tuple[bool, ...]:
 
     It leaves one that is missing, or 0 beside another that is not, to earlier conditions; a spin sets those across it.
     """
-    given, spin = (start.x, start.y, start.z), spin_of(start)
-    moves = any(value not in (None, 0.0) for value in given)
+    velocity, spin = (start.x, start.y, start.z), spin_of(start)
+    moves = any(value not in (None, 0.0) for value in velocity)
     turns = [bool(np.delete(spin, axis).any()) for axis in range(3)]
     return tuple(
-        turn or not (value is None or (value == 0.0 and moves)) for value, turn in zip(given, turns, strict=True)
+        turn or not (value is None or (value == 0.0 and moves)) for value, turn in zip(velocity, turns, strict=True)
     )
 
 

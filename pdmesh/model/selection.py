@@ -66,8 +66,8 @@ def components(
 
 def given_of(load: Load) -> dict[str, Sequence[Value]]:
     """What is given of a load's body_force (N/m^3), traction (Pa) and force (N/m or N), by name."""
-    each = ((name, getattr(load, name)) for name in LOADS)
-    return {name: vector for name, vector in each if vector is not None}
+    candidates = ((name, getattr(load, name)) for name in LOADS)
+    return {name: vector for name, vector in candidates if vector is not None}
 
 
 def rows_of(cloud: Cloud, ids: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -106,7 +106,7 @@ def last_selecting(selections: Sequence[Selection], grid: Grid) -> NDArray[np.in
 def _listed(selections: Sequence[Selection]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """The numbers of the selections that list nodes, each as often as it has nodes, and the ids of these."""
     lists = [np.array(selection.nodes or (), dtype=np.int64) for selection in selections]
-    owner = np.repeat(np.arange(len(lists)), [len(one) for one in lists])
+    owner = np.repeat(np.arange(len(lists)), [len(ids) for ids in lists])
     return owner, np.concatenate([*lists, np.zeros(0, dtype=np.int64)])
 
 
@@ -118,13 +118,13 @@ def check(settings: Settings, grid: Grid, name: str) -> None:
         _check_condition(condition, place)
         _check_components(condition, grid.dimension, place)
         _check_values(condition, grid, place)
-    twice = two_motions(settings.conditions, lambda one: grid.chosen(one.nodes, one.box))
+    twice = two_motions(settings.conditions, lambda condition: grid.chosen(condition.nodes, condition.box))
     if twice is not None:
-        number, axis, other, row = twice
-        kinds = [str(settings.conditions[at].__struct_config__.tag) for at in (number, other)]
+        number, axis, earlier_number, row = twice
+        kinds = [str(settings.conditions[at].__struct_config__.tag) for at in (number, earlier_number)]
         raise GridError(
             f"{name}: $.conditions[{number}].{axis}: node {int(grid.ids[row])} has a prescribed {kinds[0]} there"
-            f" and a prescribed {kinds[1]} by $.conditions[{other}]; use one of them"
+            f" and a prescribed {kinds[1]} by $.conditions[{earlier_number}]; use one of them"
         )
     listed = _listed(settings.regions)
     if not all(region.nodes for region in settings.regions) or len(grid.missing(listed[1])):
@@ -146,8 +146,8 @@ def _check_selection(selection: Selection, grid: Grid, place: str) -> None:
     if (selection.nodes is None) == (selection.box is None):
         raise GridError(f"{place}: neither or both of nodes and box are given; give one of them")
     if selection.nodes is not None:
-        asked = np.array(selection.nodes, dtype=np.int64)
-        missing = grid.missing(asked)
+        node_ids = np.array(selection.nodes, dtype=np.int64)
+        missing = grid.missing(node_ids)
         if len(missing):
             raise GridError(f"{place}.nodes: id {missing[0]} does not exist; use the grid's nodes")
         if not selection.nodes:
@@ -160,8 +160,8 @@ def _check_selection(selection: Selection, grid: Grid, place: str) -> None:
 
 def _check_condition(condition: AnyCondition, place: str) -> None:
     if isinstance(condition, Load) and len(given_of(condition)) != 1:
-        found = " and ".join(given_of(condition)) or "none"
-        raise GridError(f"{place}: {found} given; give one of {', '.join(LOADS)}")
+        load_names = " and ".join(given_of(condition)) or "none"
+        raise GridError(f"{place}: {load_names} given; give one of {', '.join(LOADS)}")
     shares, nodes = getattr(condition, "shares", None), condition.nodes or ()
     if isinstance(condition, Load) and shares is not None and (not condition.traction or len(shares) != len(nodes)):
         raise GridError(
@@ -172,8 +172,8 @@ def _check_condition(condition: AnyCondition, place: str) -> None:
     if isinstance(condition, Source) and (condition.rate is None) == (condition.flux is None):
         raise GridError(f"{place}: neither or both of rate and flux are given; give one of them")
     if isinstance(condition, Source | Exchange):
-        asked = not isinstance(condition, Source) or condition.flux is not None
-        if asked and condition.length is condition.surface is None:
+        needs_length = not isinstance(condition, Source) or condition.flux is not None
+        if needs_length and condition.length is condition.surface is None:
             raise GridError(f"{place}.length is missing; give that of the edge (or the surface) gone through")
     if isinstance(condition, Timed):
         times = [time for time, _ in condition.profile]
@@ -221,23 +221,27 @@ def two_motions(
 ) -> tuple[int, str, int, int] | None:
     """The first node and component with prescribed motions of two kinds: the later condition's number, the axis, the
     earlier condition's number, and the node's row; None if there is none."""
-    known: list[tuple[int, type, tuple[Value | None, ...], NDArray[np.int64]]] = []
+    motions: list[tuple[int, type, tuple[Value | None, ...], NDArray[np.int64]]] = []
     for number, condition in enumerate(conditions):
         if not isinstance(condition, PRESCRIBED):
             continue
-        own, rows = components(condition), rows_of_one(condition)
-        for other, kind, theirs, others in known:
-            both = [axis for axis, a, b in zip("xyz", own, theirs, strict=True) if a is not None and b is not None]
+        prescribed_values, rows = components(condition), rows_of_one(condition)
+        for earlier_number, kind, theirs, others in motions:
+            both = [
+                axis
+                for axis, a, b in zip("xyz", prescribed_values, theirs, strict=True)
+                if a is not None and b is not None
+            ]
             if kind is type(condition) or not both:
                 continue
             common = np.intersect1d(rows, others)
             if len(common):
-                return number, both[0], other, int(common[0])
-        known.append((number, type(condition), own, rows))
+                return number, both[0], earlier_number, int(common[0])
+        motions.append((number, type(condition), prescribed_values, rows))
     return None
 
 
-def _check_length(found: Sequence[object], expected: int, place: str) -> None:
-    if len(found) != expected:
-        whole = WHOLES[2 if expected in (2, 4) else 3]
-        raise GridError(f"{place} has {len(found)} numbers; give {expected} in {whole}")
+def _check_length(numbers: Sequence[object], expected: int, place: str) -> None:
+    if len(numbers) != expected:
+        model_kind = WHOLES[2 if expected in (2, 4) else 3]
+        raise GridError(f"{place} has {len(numbers)} numbers; give {expected} in {model_kind}")

@@ -124,7 +124,7 @@ def _own_comments(struct: type[msgspec.Struct]) -> dict[str, str]:
             if not token.line[: token.start[1]].strip():
                 alone.add(token.start[0])
     (declared,) = (node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.ClassDef))
-    found = {}
+    comment_by_field = {}
     for node in declared.body:
         if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
             last = node.end_lineno or node.lineno
@@ -133,5 +133,5 @@ def _own_comments(struct: type[msgspec.Struct]) -> dict[str, str]:
                 last += 1
                 lines.append(last)
             lines = lines or [line for line in (node.lineno - 1,) if line in alone]
-            found[node.target.id] = " ".join(comments[line] for line in lines)
-    return found
+            comment_by_field[node.target.id] = " ".join(comments[line] for line in lines)
+    return comment_by_field

@@ -13,9 +13,9 @@ import msgspec.inspect as inspection
 from pdmesh.messages import listed
 from pdmesh.spelling import meant
 
-PLACE = r"(?: - at `(?P<key>key` in `)?(?P<place>[^`]*)`)?"
-UNKNOWN = re.compile(rf"Object contains unknown field `(?P<name>.*?)`{PLACE}", re.DOTALL)
-MISSING = re.compile(rf"Object missing required field `(?P<name>.*?)`{PLACE}", re.DOTALL)
+PLACE = r"(?: - at `(?P<KEY>key` in `)?(?P<PLACE>[^`]*)`)?"
+UNKNOWN = re.compile(rf"Object contains unknown field `(?P<NAME>.*?)`{PLACE}", re.DOTALL)
+MISSING = re.compile(rf"Object missing required field `(?P<NAME>.*?)`{PLACE}", re.DOTALL)
 UNFIT = re.compile(rf".*?{PLACE}", re.DOTALL)
 MALFORMED = re.compile(r"JSON is malformed: (.*) \(byte (\d+)\)", re.DOTALL)
 UNSET = object()  # no value
@@ -46,8 +46,8 @@ def called(name: str | None, number: int, what: str = "condition") -> str:
     return name or f"{what} {number}"
 
 
-def explained(error: Exception, kind: type, given: Callable[[], Any]) -> str:
-    """The message of an error in parsing a `kind`: the place, its value, taken from `given`, and what to use there."""
+def explained(error: Exception, kind: type, decode: Callable[[], Any]) -> str:
+    """The message of an error in parsing a `kind`: the place, its value, taken from `decode`, and what to use there."""
     text = str(error)
     if not isinstance(error, msgspec.ValidationError):
         return _unreadable(text)
@@ -55,18 +55,18 @@ def explained(error: Exception, kind: type, given: Callable[[], Any]) -> str:
         version = f"version {removed.last} was the last that had it"
         return f"{removed.place}.{removed.name} was removed ({version}); leave it out"
     if (unknown := UNKNOWN.fullmatch(text)) is not None:
-        place = unknown["place"] or "$"
-        return f"{place}.{unknown['name']} is unknown; {_instead(unknown['name'], place, kind, given)}"
+        place = unknown["PLACE"] or "$"
+        return f"{place}.{unknown['NAME']} is unknown; {_instead(unknown['NAME'], place, kind, decode)}"
     if (missing := MISSING.fullmatch(text)) is not None:
-        place = f"{missing['place'] or '$'}.{missing['name']}"
+        place = f"{missing['PLACE'] or '$'}.{missing['NAME']}"
         return f"{place} is missing; give {_wanted(place, kind)}"
     unfit = UNFIT.fullmatch(text)
-    place = (unfit["place"] if unfit is not None else None) or "$"
+    place = (unfit["PLACE"] if unfit is not None else None) or "$"
     wanted = _wanted(place, kind)
     if "out of range" in text:
         return f"{place} is larger than any float (1.8e308); use {wanted}"
-    value = _value(given, place)
-    words = [str(word) for one in _types(place, kind) for word in getattr(one, "values", ())]
+    value = _value(decode, place)
+    words = [str(word) for known_type in _types(place, kind) for word in getattr(known_type, "values", ())]
     near = meant(value, words) if isinstance(value, str) and value not in words else ""
     hint = f" (did you mean '{near}'?)" if near else ""
     return f"{place} is {'of another type' if value is UNSET else f'{value!r:.80}'}; use {wanted}{hint}"
@@ -80,7 +80,7 @@ def removed_setting(error: Exception, kind: type) -> Removed | None:
     unknown = UNKNOWN.fullmatch(str(error)) if isinstance(error, msgspec.ValidationError) else None
     if unknown is None:
         return None
-    place, name = unknown["place"] or "$", unknown["name"]
+    place, name = unknown["PLACE"] or "$", unknown["NAME"]
     for table in _types(place, kind):
         last = getattr(getattr(table, "cls", None), "REMOVED", {}).get(name)
         if last is not None:
@@ -229,16 +229,16 @@ def _types(place: str, kind: type) -> list[inspection.Type]:
 
 def _inside(outer: inspection.Type, step: str) -> Iterator[inspection.Type]:
     """Types that a step of a path, `.name` or `[index]`, leads to."""
-    for one in _plain(outer):
+    for member_type in _plain(outer):
         if step.startswith("."):
-            tag = getattr(one, "tag_field", None)
+            tag = getattr(member_type, "tag_field", None)
             if tag == step[1:]:
-                yield inspection.LiteralType((one.tag,))  # type: ignore[attr-defined]
-            yield from (field.type for field in getattr(one, "fields", ()) if field.encode_name == step[1:])
-        elif isinstance(one, inspection.TupleType):
-            yield from one.item_types
+                yield inspection.LiteralType((member_type.tag,))  # type: ignore[attr-defined]
+            yield from (field.type for field in getattr(member_type, "fields", ()) if field.encode_name == step[1:])
+        elif isinstance(member_type, inspection.TupleType):
+            yield from member_type.item_types
         else:
-            item: Any = getattr(one, "item_type", getattr(one, "value_type", None))
+            item: Any = getattr(member_type, "item_type", getattr(member_type, "value_type", None))
             yield from () if item is None else (item,)
 
 
@@ -247,7 +247,7 @@ def _plain(outer: inspection.Type) -> Iterator[inspection.Type]:
     if isinstance(outer, inspection.Metadata):
         yield from _plain(outer.type)
     elif isinstance(outer, inspection.UnionType):
-        for one in outer.types:
-            yield from _plain(one)
+        for member_type in outer.types:
+            yield from _plain(member_type)
     else:
         yield outer

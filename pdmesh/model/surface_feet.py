@@ -17,7 +17,7 @@ def ways_to(points: Array, triangles: Array, reach: float) -> tuple[Array, NDArr
     """Vectors (n, 3) from points (n, 3) to the nearest of triangles (t, 3, 3), m, and whether (n,) points are above it,
     not beside its rim. Points further than `reach` (m) have NaN."""
     ways, length = np.full(points.shape, np.nan), np.full(len(points), np.inf)
-    beside = np.zeros(len(points), dtype=bool)
+    beyond_rim = np.zeros(len(points), dtype=bool)
     low, high, on_rim = triangles.min(axis=1) - reach, triangles.max(axis=1) + reach, _rim(triangles)
     for t, normal in enumerate(normals(triangles)):
         size = float(np.sqrt((normal**2).sum()))
@@ -29,8 +29,8 @@ def ways_to(points: Array, triangles: Array, reach: float) -> tuple[Array, NDArr
         nearer = (far < length[near]) & (far <= reach)
         rows, way, side, far = near[nearer], way[nearer], side[nearer], far[nearer]
         ways[rows], length[rows] = way, far
-        beside[rows] = (side >= 0) & on_rim[t, side] & (np.abs(way @ normal) < UPRIGHT * size * far)
-    return ways, np.isfinite(length) & ~beside
+        beyond_rim[rows] = (side >= 0) & on_rim[t, side] & (np.abs(way @ normal) < UPRIGHT * size * far)
+    return ways, np.isfinite(length) & ~beyond_rim
 
 
 def _ways(points: Array, triangle: Array) -> tuple[Array, NDArray[np.int64]]:
@@ -39,17 +39,17 @@ def _ways(points: Array, triangle: Array) -> tuple[Array, NDArray[np.int64]]:
     inverse = np.linalg.pinv(np.stack([b - a, c - a], axis=1))
     u, v = inverse @ (points - a).T
     foot = a + u[:, None] * (b - a) + v[:, None] * (c - a)
-    found, side = foot - points, np.full(len(points), -1)
+    ways, side = foot - points, np.full(len(points), -1)
     outside = (u < 0) | (v < 0) | (u + v > 1)
-    length = np.where(outside, np.inf, (found**2).sum(axis=1))
+    length = np.where(outside, np.inf, (ways**2).sum(axis=1))
     for number in range(3):
         start, along = triangle[number], triangle[(number + 1) % 3] - triangle[number]
         share = np.clip((points - start) @ along / float(along @ along), 0.0, 1.0)
         way = start + share[:, None] * along - points
         far = (way**2).sum(axis=1)
         nearer = far < length
-        found[nearer], side[nearer], length[nearer] = way[nearer], number, far[nearer]
-    return found, side
+        ways[nearer], side[nearer], length[nearer] = way[nearer], number, far[nearer]
+    return ways, side
 
 
 def _rim(triangles: Array) -> NDArray[np.bool_]:

@@ -28,9 +28,11 @@ def svg(
 
     Nodes marked in `border` (n,) are darker.
     """
-    edges, lines = ([np.asarray(one, dtype=float).reshape(-1, 2) for one in some] for some in (rings, cracks))
-    seen = np.vstack([*edges, *([] if nodes is None else [nodes]), *([] if edges or nodes is not None else lines)])
-    low, high = seen.min(axis=0), seen.max(axis=0)
+    edges, lines = ([np.asarray(curve, dtype=float).reshape(-1, 2) for curve in curves] for curves in (rings, cracks))
+    all_points = np.vstack(
+        [*edges, *([] if nodes is None else [nodes]), *([] if edges or nodes is not None else lines)]
+    )
+    low, high = all_points.min(axis=0), all_points.max(axis=0)
     size = np.maximum(high - low, 1e-12 + 0.01 * float((high - low).max()))
     factor = min(WIDTH / size[0], TALLEST / size[1])
 
@@ -41,17 +43,17 @@ def svg(
     def path(points: NDArray[np.float64]) -> str:
         return "M" + "L".join(f"{x:g},{y:g}" for x, y in places(points).tolist())
 
-    drawn = []
+    elements = []
     if edges:
-        drawn.append(f'<path class="plate" fill-rule="evenodd" d="{"".join(path(ring) + "Z" for ring in edges)}"/>')
+        elements.append(f'<path class="plate" fill-rule="evenodd" d="{"".join(path(ring) + "Z" for ring in edges)}"/>')
     if nodes is not None and delta is not None and len(nodes) <= MOST:
         dark = np.zeros(len(nodes), dtype=bool) if border is None else border
         width = np.maximum(0.45 * factor * delta, 0.6).round(1)
         for kind, wide in dict.fromkeys(zip(dark.tolist(), width.tolist(), strict=True)):
             dots = places(nodes[(dark == kind) & (width == wide)]).tolist()
             marks = "".join(f"M{x:g},{y:g}h0" for x, y in dots)
-            drawn.append(f'<path class="{"border" if kind else "node"}" stroke-width="{wide:g}" d="{marks}"/>')
-    drawn += [f'<path class="crack" d="{path(line)}"/>' for line in lines if len(line) > 1]
+            elements.append(f'<path class="{"border" if kind else "node"}" stroke-width="{wide:g}" d="{marks}"/>')
+    elements += [f'<path class="crack" d="{path(line)}"/>' for line in lines if len(line) > 1]
     across, tall = (factor * size + 2 * EDGE).round(1).tolist()
     about = f'width="{across:g}" height="{tall:g}" viewBox="0 0 {across:g} {tall:g}"'
-    return f'<svg xmlns="http://www.w3.org/2000/svg" {about}>{STYLE}{"".join(drawn)}</svg>'
+    return f'<svg xmlns="http://www.w3.org/2000/svg" {about}>{STYLE}{"".join(elements)}</svg>'

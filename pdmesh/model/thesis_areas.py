@@ -29,8 +29,8 @@ def thesis_areas(
     if len(position) < 2:
         return delta**2
     tree = tree_of(position)
-    some = (np.arange(first, min(first + ROWS, len(position))) for first in range(0, len(position), ROWS))
-    return np.concatenate([_thesis_areas_of(rows, tree, position, delta, horizon) for rows in some])
+    chunks = (np.arange(first, min(first + ROWS, len(position))) for first in range(0, len(position), ROWS))
+    return np.concatenate([_thesis_areas_of(rows, tree, position, delta, horizon) for rows in chunks])
 
 
 def _thesis_areas_of(
@@ -43,14 +43,14 @@ def _thesis_areas_of(
     distance, near = tree.query(position[rows], k=min(NEAREST, len(position) - 1) + 1)
     distance, near = distance[:, 1:], near[:, 1:]
     offset = position[near] - position[rows, None, :]
-    seen = distance <= horizon[rows, None] * (1 + ROUND_OFF)
+    within_horizon = distance <= horizon[rows, None] * (1 + ROUND_OFF)
     sums = []
     for axis in (0, 1):
         along, across = offset[..., axis], np.abs(offset[..., 1 - axis])
         total = np.zeros(len(rows))
         for side in (along, -along):
-            beside = seen & (side > across * (1 - 1e-9)) & (side > 0)
-            first = beside.argmax(axis=1)
-            total += np.where(beside.any(axis=1), delta[near[np.arange(len(near)), first]], delta[rows])
+            on_side = within_horizon & (side > across * (1 - 1e-9)) & (side > 0)
+            first = on_side.argmax(axis=1)
+            total += np.where(on_side.any(axis=1), delta[near[np.arange(len(near)), first]], delta[rows])
         sums.append(total / 2)
     return np.asarray(sums[0] * sums[1])

@@ -44,8 +44,8 @@ def orientation(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
     """
     way = np.zeros(len(triangles))
     number = _corner_numbers(triangles)
-    whole = (number != np.roll(number, 1, axis=1)).all(axis=1)
-    triangles, number = triangles[whole], number[whole]
+    distinct_corners = (number != np.roll(number, 1, axis=1)).all(axis=1)
+    triangles, number = triangles[distinct_corners], number[distinct_corners]
     if not len(triangles):
         return way
     turned, part = _turned(number)
@@ -53,9 +53,9 @@ def orientation(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
     area = (normals(triangles) ** 2).sum(axis=1)
     largest = np.lexsort((area, part))[np.append(np.flatnonzero(np.diff(np.sort(part))), len(part) - 1)]
     inward = np.zeros(part.max() + 1, dtype=bool)
-    for one in largest:
-        inward[part[one]] = _crossings(triangles, int(one)) % 2
-    way[whole] = np.where(turned ^ inward[part], -1.0, 1.0)
+    for triangle in largest:
+        inward[part[triangle]] = _crossings(triangles, int(triangle)) % 2
+    way[distinct_corners] = np.where(turned ^ inward[part], -1.0, 1.0)
     return way
 
 
@@ -82,9 +82,11 @@ def _turned(number: NDArray[np.int64]) -> tuple[NDArray[np.bool_], NDArray[np.in
     _, shared = np.unique(edge[order], return_counts=True)
     first, second = order[np.repeat(shared, shared) == 2].reshape(-1, 2).T
     against = (ends[first, 0] == ends[second, 0]) * count
-    one, other = first // 3, second // 3
+    first_triangle, second_triangle = first // 3, second // 3
     side = connected(
-        2 * count, np.concatenate([one, one + count]), np.concatenate([other + against, other + count - against])
+        2 * count,
+        np.concatenate([first_triangle, first_triangle + count]),
+        np.concatenate([second_triangle + against, second_triangle + count - against]),
     ).reshape(2, count)
     return np.asarray(side[0] > side[1]), np.asarray(side.min(axis=0))
 
@@ -94,17 +96,17 @@ def _edge_keys(ends: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.asarray(ends.min(axis=1) * (ends.max(initial=0) + 1) + ends.max(axis=1))
 
 
-def _crossings(triangles: NDArray[np.float64], one: int) -> int:
+def _crossings(triangles: NDArray[np.float64], triangle: int) -> int:
     """How many triangles a ray meets that leaves one of them on the side from which it is counterclockwise."""
-    corners = triangles - triangles[one].mean(axis=0)
-    edge, other = corners[one, 1] - corners[one, 0], corners[one, 2] - corners[one, 0]
-    normal = np.cross(edge, other)
+    corners = triangles - triangles[triangle].mean(axis=0)
+    edge, second_edge = corners[triangle, 1] - corners[triangle, 0], corners[triangle, 2] - corners[triangle, 0]
+    normal = np.cross(edge, second_edge)
     way = normal / np.linalg.norm(normal) + RAY[0] * edge / np.linalg.norm(edge)  # in no plane that bodies have
-    way += RAY[1] * other / np.linalg.norm(other)
+    way += RAY[1] * second_edge / np.linalg.norm(second_edge)
     a, b, c = corners.transpose(1, 0, 2)
     sides = np.stack([np.cross(p, q) @ way for p, q in ((a, b), (b, c), (c, a))])
     met = np.asarray((sides > 0).all(axis=0) | (sides < 0).all(axis=0))
-    met[one] = False
+    met[triangle] = False
     ahead = (a * np.cross(b, c)).sum(axis=1) * sides.sum(axis=0) > 0
     return int((met & ahead).sum())
 
@@ -138,11 +140,11 @@ def facing(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
     normal = normals(triangles)
     length = np.sqrt((normal**2).sum(axis=1))
     unit = normal / np.where(length > 0, length, 1.0)[:, None]
-    kept = np.zeros(len(triangles), dtype=bool)
-    for some in np.array_split(np.arange(len(triangles)), len(triangles) * len(corners) // AT_ONCE + 1):
-        above = corners @ unit[some].T - (unit[some] * triangles[some, 0]).sum(axis=1)
-        kept[some] = (above.max(axis=0) > OUTER * size) & (above.min(axis=0) < -OUTER * size)
-    return np.asarray(triangles[kept & (length > 0)])
+    off_hull = np.zeros(len(triangles), dtype=bool)
+    for chunk in np.array_split(np.arange(len(triangles)), len(triangles) * len(corners) // AT_ONCE + 1):
+        above = corners @ unit[chunk].T - (unit[chunk] * triangles[chunk, 0]).sum(axis=1)
+        off_hull[chunk] = (above.max(axis=0) > OUTER * size) & (above.min(axis=0) < -OUTER * size)
+    return np.asarray(triangles[off_hull & (length > 0)])
 
 
 class Screen:
@@ -157,8 +159,8 @@ class Screen:
     ) -> None:
         self._position = position
         normal = normals(triangles)
-        whole = (normal != 0).any(axis=1)
-        triangles, normal = triangles[whole], normal[whole]
+        has_area = (normal != 0).any(axis=1)
+        triangles, normal = triangles[has_area], normal[has_area]
         middle = triangles.mean(axis=1)
         radius = np.sqrt(((triangles - middle[:, None]) ** 2).sum(axis=2)).max(axis=1, initial=0.0)
         small = radius <= SMALL * float(delta.max(initial=0.0))
@@ -176,58 +178,58 @@ class Screen:
 
         Edges and corners belong to a triangle. (i, j) and (j, i) give the same answer.
         """
-        found = np.zeros(len(pairs.source), dtype=bool)
-        if len(found):
-            self._look_at_large(pairs, found)
+        mask = np.zeros(len(pairs.source), dtype=bool)
+        if len(mask):
+            self._look_at_large(pairs, mask)
             if len(self._small):
-                self._look_at_small(pairs, found)
-        return found
+                self._look_at_small(pairs, mask)
+        return mask
 
     def near(self, far: float) -> NDArray[np.bool_]:
         """Mask (n,) of nodes with a segment of length `far`, m, that may meet one of the triangles."""
-        found = np.zeros(len(self._position), dtype=bool)
+        mask = np.zeros(len(self._position), dtype=bool)
         for triangle, normal in zip(self._large, self._large_normal, strict=True):
-            found |= _beside(self._position, triangle, normal, far)
-        return found | (self._away <= far) if len(self._small) else found
+            mask |= _beside(self._position, triangle, normal, far)
+        return mask | (self._away <= far) if len(self._small) else mask
 
     def _ends(self, pairs: Pairs, which: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Ends of segments (k, 3), in the order of rows, so that both directions give the same answer."""
         i, j = pairs.source[which], pairs.target[which]
         return self._position[np.minimum(i, j)], self._position[np.maximum(i, j)]
 
-    def _look_at_large(self, pairs: Pairs, found: NDArray[np.bool_]) -> None:
+    def _look_at_large(self, pairs: Pairs, mask: NDArray[np.bool_]) -> None:
         far = float(pairs.length.max()) * (1 + ROUND_OFF)
-        start = np.append(np.flatnonzero(np.diff(pairs.source, prepend=-1)), len(found))
+        start = np.append(np.flatnonzero(np.diff(pairs.source, prepend=-1)), len(mask))
         place = self._position[pairs.source[start[:-1]]]
         for triangle, normal in zip(self._large, self._large_normal, strict=True):
-            own = np.flatnonzero(_beside(place, triangle, normal, far))
-            if not len(own):
+            near_rows = np.flatnonzero(_beside(place, triangle, normal, far))
+            if not len(near_rows):
                 continue
-            count = start[own + 1] - start[own]
-            which = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count - start[own], count)
-            which = which[~found[which]]
-            found[which] = meets(*self._ends(pairs, which), triangle[None], normal[None])
+            count = start[near_rows + 1] - start[near_rows]
+            which = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count - start[near_rows], count)
+            which = which[~mask[which]]
+            mask[which] = meets(*self._ends(pairs, which), triangle[None], normal[None])
 
-    def _look_at_small(self, pairs: Pairs, found: NDArray[np.bool_]) -> None:
+    def _look_at_small(self, pairs: Pairs, mask: NDArray[np.bool_]) -> None:
         longer = self._away[pairs.source] + self._away[pairs.target] <= pairs.length * (1 + ROUND_OFF)
-        asked = np.flatnonzero(longer & ~found)
-        asked = asked[np.argsort(pairs.length[asked], kind="stable")]
-        for alike in filter(len, np.array_split(asked, LENGTHS)):
+        candidates = np.flatnonzero(longer & ~mask)
+        candidates = candidates[np.argsort(pairs.length[candidates], kind="stable")]
+        for alike in filter(len, np.array_split(candidates, LENGTHS)):
             p, q = self._ends(pairs, alike)
             near = (float(pairs.length[alike[-1]]) / 2 + self._reach) * (1 + ROUND_OFF)
             count = self._tree.query_ball_point((p + q) / 2, near, return_length=True)
             part = np.cumsum(count) // AT_ONCE
             for which in np.split(alike, np.flatnonzero(np.diff(part)) + 1):
-                self._look_near(pairs, which, near, found)
+                self._look_near(pairs, which, near, mask)
 
-    def _look_near(self, pairs: Pairs, which: NDArray[np.int64], near: float, found: NDArray[np.bool_]) -> None:
+    def _look_near(self, pairs: Pairs, which: NDArray[np.int64], near: float, crossing: NDArray[np.bool_]) -> None:
         """Test some segments with the small triangles within `near`, m, of their middles."""
         p, q = self._ends(pairs, which)
         both = tree_of((p + q) / 2).sparse_distance_matrix(self._tree, near, output_type="ndarray")
         beside = self._beside(p, q, both["i"], both["j"], both["v"])
         own, number = both["i"][beside], both["j"][beside]
         met = meets(p[own], q[own], self._small[number], self._small_normal[number])
-        found[which[own[met]]] = True
+        crossing[which[own[met]]] = True
 
     def _beside(
         self,
@@ -252,8 +254,8 @@ def _beside(
     place: NDArray[np.float64], triangle: NDArray[np.float64], normal: NDArray[np.float64], far: float
 ) -> NDArray[np.bool_]:
     """Mask (k,) of places (k, 3) within `far`, m, of a triangle's plane and of the box around it."""
-    beside = ((place >= triangle.min(axis=0) - far) & (place <= triangle.max(axis=0) + far)).all(axis=1)
-    return np.asarray(beside & (np.abs((place - triangle[0]) @ normal) <= far * float(np.sqrt((normal**2).sum()))))
+    in_box = ((place >= triangle.min(axis=0) - far) & (place <= triangle.max(axis=0) + far)).all(axis=1)
+    return np.asarray(in_box & (np.abs((place - triangle[0]) @ normal) <= far * float(np.sqrt((normal**2).sum()))))
 
 
 def normals(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -273,10 +275,10 @@ def meets(
     size = (normal**2).sum(axis=1) ** 0.75
     above, below = ((normal * (end - triangles[:, 0])).sum(axis=1) / size for end in (p, q))
     above, below = (np.where(np.abs(side) <= EDGE, 0.0, side) for side in (above, below))
-    found = np.zeros(len(p), dtype=bool)
+    mask = np.zeros(len(p), dtype=bool)
     which = np.flatnonzero(above * below <= 0)
     if not len(which):
-        return found
+        return mask
     if len(triangles) > 1:
         triangles, normal = triangles[which], normal[which]
     p, q, above, below = p[which], q[which], above[which], below[which]
@@ -285,8 +287,8 @@ def meets(
     crossing = _within(p + share[:, None] * (q - p), triangles, normal)
     for end in (p, q) if flat.any() else ():
         crossing |= flat & _within(end, triangles, normal)
-    found[which] = crossing
-    return found
+    mask[which] = crossing
+    return mask
 
 
 def _within(x: NDArray[np.float64], triangles: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -300,27 +302,27 @@ def _within(x: NDArray[np.float64], triangles: NDArray[np.float64], normal: NDAr
 
 def distances(points: NDArray[np.float64], triangles: NDArray[np.float64], reach: float) -> NDArray[np.float64]:
     """Distances (n,) of points (n, 3) from the nearest of triangles (t, 3, 3), m; infinite beyond `reach`."""
-    found = np.full(len(points), np.inf)
+    shortest = np.full(len(points), np.inf)
     low, high = triangles.min(axis=1) - reach, triangles.max(axis=1) + reach
     for t in range(len(triangles)):
         near = np.flatnonzero(((points >= low[t]) & (points <= high[t])).all(axis=1))
         if len(near):
             away = _away(points[near], triangles[t])
-            found[near] = np.minimum(found[near], np.where(away <= reach, away, np.inf))
-    return found
+            shortest[near] = np.minimum(shortest[near], np.where(away <= reach, away, np.inf))
+    return shortest
 
 
 def _away(x: NDArray[np.float64], triangle: NDArray[np.float64]) -> NDArray[np.float64]:
     """Distances (k,) of points (k, 3) from a triangle, m."""
     normal = normals(triangle[None])[0]
     squared = float((normal**2).sum())
-    found = np.full(len(x), np.inf)
+    distance = np.full(len(x), np.inf)
     if squared > 0:
         above = (x - triangle[0]) @ normal
         foot = x - (above / squared)[:, None] * normal
-        found = np.where(_within(foot, triangle[None], normal[None]), np.abs(above) / np.sqrt(squared), np.inf)
+        distance = np.where(_within(foot, triangle[None], normal[None]), np.abs(above) / np.sqrt(squared), np.inf)
     for corner in range(3):
         a, way = triangle[corner], triangle[(corner + 1) % 3] - triangle[corner]
         share = np.clip((x - a) @ way / max(float(way @ way), 1e-300), 0.0, 1.0)
-        found = np.minimum(found, np.sqrt(((x - a - share[:, None] * way) ** 2).sum(axis=1)))
-    return np.asarray(found)
+        distance = np.minimum(distance, np.sqrt(((x - a - share[:, None] * way) ** 2).sum(axis=1)))
+    return np.asarray(distance)

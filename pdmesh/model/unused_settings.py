@@ -29,7 +29,7 @@ class Unused(NamedTuple):
 
     names: tuple[str, ...]  # dotted
     switch: str  # that is to blame, dotted
-    found: object  # what that is
+    actual: object  # what that is
     expected: str
 
 
@@ -90,23 +90,23 @@ def unused(settings: Settings) -> Iterator[Unused]:
     """Settings that a run does not use, whether or not they were given; names may be those of structs."""
     for row in TABLE:
         first, _ = row.switches[0]
-        found = value_of(settings, first)
+        setting_value = value_of(settings, first)
         if (
-            found is not None
-            and row.instead in (None, found)
+            setting_value is not None
+            and row.instead in (None, setting_value)
             and not any(_is_on(settings, name, value) for name, value in row.switches)
         ):
             expected = row.expected or " or ".join(f"{name} {value}" for name, value in row.switches)
-            yield Unused(row.names, first, found, expected)
+            yield Unused(row.names, first, setting_value, expected)
 
 
 def in_vain(settings: Settings, names: Iterable[str]) -> str | None:
     """Message about the first of these dotted names that was given but is not used; None if all are used."""
     rows = list(unused(settings))
     for name in names:
-        for one in rows:
-            if any(name == unheard or name.startswith(f"{unheard}.") for unheard in one.names):
-                return f"{name} is not used with {one.switch} {one.found}; leave it out, or use {one.expected}"
+        for row in rows:
+            if any(name == unheard or name.startswith(f"{unheard}.") for unheard in row.names):
+                return f"{name} is not used with {row.switch} {row.actual}; leave it out, or use {row.expected}"
     return None
 
 
@@ -116,26 +116,26 @@ def remarks(settings: Settings) -> list[str]:
     unheard: dict[tuple[str | None, ...], list[str]] = {}  # parameters of materials of these words
     for number, region in enumerate(settings.regions):
         words = tuple(value if isinstance(value, str) else None for value in msgspec.structs.astuple(region.material))
-        own = msgspec.structs.replace(settings, material=region.material, run=USUAL.run, medium=None)
+        region_settings = msgspec.structs.replace(settings, material=region.material, run=USUAL.run, medium=None)
         if words not in unheard:
-            leaves = (leaf for one in unused(own) for name in one.names for leaf in _leaves(name))
+            leaves = (leaf for row in unused(region_settings) for name in row.names for leaf in _leaves(name))
             unheard[words] = [leaf.removeprefix("material.") for leaf in leaves if leaf.startswith("material.")]
         if any(getattr(region.material, name) != getattr(usual, name) for name in unheard[words]):
-            lines += _said(own, f"$.regions[{number}]")
+            lines += _said(region_settings, f"$.regions[{number}]")
     return lines
 
 
 def _said(settings: Settings, place: str) -> Iterator[str]:
     """Messages about given settings that are not used, each named once."""
-    known: set[str] = set()
-    for each in unused(settings):
-        names = [leaf for name in each.names for leaf in _leaves(name) if leaf not in known]
+    mentioned: set[str] = set()
+    for row in unused(settings):
+        names = [leaf for name in row.names for leaf in _leaves(name) if leaf not in mentioned]
         said = [name for name in names if value_of(settings, name) != value_of(USUAL, name)]
-        known.update(said)
+        mentioned.update(said)
         if said:
             named = ", ".join(f"{place}.{name}" for name in said)
             values = ", ".join(_word(value_of(settings, name)) for name in said)
-            yield f"{named} ({values}) not used with {each.switch} {each.found}; use {each.expected}"
+            yield f"{named} ({values}) not used with {row.switch} {row.actual}; use {row.expected}"
 
 
 # As everything is that is left out
@@ -143,8 +143,8 @@ USUAL = Settings(material=Material(E=1.0, rho=1.0, G0=1.0), medium=Medium(D=1.0)
 
 
 def _is_on(settings: Settings, name: str, value: str | None) -> bool:
-    found = value_of(settings, name)
-    return found is not None if value is GIVEN else bool(found == value)
+    setting_value = value_of(settings, name)
+    return setting_value is not None if value is GIVEN else bool(setting_value == value)
 
 
 def value_of(settings: Settings, name: str) -> Any:

@@ -36,7 +36,9 @@ def with_tables(conditions: Sequence[C], folder: Path, dimension: int, place: st
     Raises PlaceError for a file that cannot be one of a model in the plane (2) or in space (3), whose message begins
     with the condition's place below `place`.
     """
-    return tuple(_with_tables(one, folder, dimension, f"{place}[{at}]") for at, one in enumerate(conditions))
+    return tuple(
+        _with_tables(condition, folder, dimension, f"{place}[{at}]") for at, condition in enumerate(conditions)
+    )
 
 
 def _with_tables(condition: C, folder: Path, dimension: int, place: str) -> C:
@@ -80,8 +82,8 @@ def _table(header: list[str], rows: NDArray[np.float64], column: str, name: str)
     if not axes or not (column in values if column else len(values) == 1):
         expected = f"{column} and " if column else "one column of values (or FILE.csv:COLUMN) and "
         raise PlaceError(f"{name} has the columns {', '.join(header):.80}; use {expected}x, y or z")
-    places, found = rows[:, [header.index(axis) for axis in axes]], rows[:, header.index(column or values[0])]
-    return Table(tuple(map(tuple, places.tolist())), tuple(found.tolist()), axes)
+    places, column_values = rows[:, [header.index(axis) for axis in axes]], rows[:, header.index(column or values[0])]
+    return Table(tuple(map(tuple, places.tolist())), tuple(column_values.tolist()), axes)
 
 
 def _columns(data: bytes, name: str) -> tuple[list[str] | None, NDArray[np.float64]]:
@@ -98,13 +100,13 @@ def _columns(data: bytes, name: str) -> tuple[list[str] | None, NDArray[np.float
         header = [match[1].lower() for word in rows.pop(0)[1] if (match := WORD.match(word))]
     if not 0 < len(rows) <= MOST_ROWS:
         raise PlaceError(f"{name} has {len(rows)} rows of numbers; use 1 to {MOST_ROWS}")
-    found = []
+    number_rows = []
     for at, words in rows:
         numbers = _numbers(words)
         if numbers is None or len(numbers) != len(rows[0][1]):
             raise PlaceError(f"{name}: line {at}: not a row of numbers; use {len(rows[0][1])} numbers between commas")
-        found.append(numbers)
-    return header, np.array(found)
+        number_rows.append(numbers)
+    return header, np.array(number_rows)
 
 
 def _numbers(words: list[str]) -> list[float] | None:

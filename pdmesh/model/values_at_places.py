@@ -28,21 +28,21 @@ NAMED = {
 def values_at(value: Value, position: NDArray[np.float64]) -> NDArray[np.float64]:
     """The values (k,) at places (k, d), m. Raises PlaceError for one that is not a finite number."""
     if isinstance(value, Table):
-        found = _interpolated(value, position)
+        values = _interpolated(value, position)
     elif isinstance(value, str):
         with np.errstate(all="ignore"):
             terms = {**dict(zip(AXES, position.T, strict=False)), "pi": np.float64(np.pi)}
-            found = np.broadcast_to(np.asarray(_evaluated(parsed(value), terms), dtype=float), len(position)).copy()
+            values = np.broadcast_to(np.asarray(_evaluated(parsed(value), terms), dtype=float), len(position)).copy()
     else:
         return np.full(len(position), value, dtype=float)
-    wrong = np.flatnonzero(~(np.abs(found) <= LARGEST))
+    wrong = np.flatnonzero(~(np.abs(values) <= LARGEST))
     if len(wrong):
         place = ", ".join(f"{number:g}" for number in position[wrong[0]])
         raise PlaceError(
-            f"the value is {found[wrong[0]]:g} at ({place}) m; use finite numbers of at most {LARGEST:g} at all nodes"
+            f"the value is {values[wrong[0]]:g} at ({place}) m; use finite numbers of at most {LARGEST:g} at all nodes"
         )
-    found[np.abs(found) < LEAST] = 0.0
-    return found
+    values[np.abs(values) < LEAST] = 0.0
+    return values
 
 
 def vectors_at(vector: Sequence[Value], position: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -75,7 +75,7 @@ def _evaluated(part: ast.expr, terms: dict[str, Any]) -> Any:
         case ast.Compare(left=left, ops=[op], comparators=[right]):
             return np.where(OPERATORS[type(op)](_evaluated(left, terms), _evaluated(right, terms)), 1.0, 0.0)
         case ast.Call(func=ast.Name(id=name), args=args):
-            return _function(name)(*(_evaluated(each, terms) for each in args))
+            return _function(name)(*(_evaluated(argument, terms) for argument in args))
     raise PlaceError(f"an expression has {type(part).__name__}; use numbers, places and functions")
 
 
@@ -107,12 +107,12 @@ def _interpolated(table: Table, position: NDArray[np.float64]) -> NDArray[np.flo
     inside, at = (places - middle) @ ways.T, (at - middle) @ ways.T
     if len(ways) == 1:
         order = np.argsort(inside[:, 0], kind="stable")
-        found = np.interp(at[:, 0], inside[order, 0], values[order], left=np.nan, right=np.nan)
+        interpolated = np.interp(at[:, 0], inside[order, 0], values[order], left=np.nan, right=np.nan)
     else:
         from scipy.interpolate import LinearNDInterpolator  # slow to import, and few models need it
 
-        found = LinearNDInterpolator(inside, values)(at)
-    outside = np.flatnonzero(np.isnan(found))
+        interpolated = LinearNDInterpolator(inside, values)(at)
+    outside = np.flatnonzero(np.isnan(interpolated))
     if len(outside):
         far, nearest = tree_of(inside).query(at[outside])
         if far.max() > BEYOND * extent:
@@ -120,5 +120,5 @@ def _interpolated(table: Table, position: NDArray[np.float64]) -> NDArray[np.flo
             raise PlaceError(
                 f"the node at ({place}) m is {far.max():.3g} m outside of its table; use a table that covers it"
             )
-        found[outside] = values[nearest]
-    return np.asarray(found)
+        interpolated[outside] = values[nearest]
+    return np.asarray(interpolated)

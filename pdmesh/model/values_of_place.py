@@ -74,8 +74,8 @@ def is_of_place(value: Value | None) -> bool:
 def varying(condition: msgspec.Struct) -> Iterator[tuple[str, int | None, str | Table]]:
     """The values of a condition that vary with place: field, number within it or None, and value."""
     for name in NAMES:
-        found = getattr(condition, name, None)
-        for at, value in enumerate(found) if isinstance(found, tuple) else ((None, found),):
+        field_value = getattr(condition, name, None)
+        for at, value in enumerate(field_value) if isinstance(field_value, tuple) else ((None, field_value),):
             if isinstance(value, str | Table):
                 yield name, at, value
 
@@ -113,10 +113,10 @@ def wrong_value(value: str | Table, dimension: int) -> str | None:
     return None
 
 
-def _check_names(tree: ast.expr, known: str) -> None:
+def _check_names(tree: ast.expr, axes: str) -> None:
     for part in ast.walk(tree):
-        if isinstance(part, ast.Name) and part.id in AXES and part.id not in known:
-            raise PlaceError(f"an expression has {part.id}; use {', '.join(known)} in a plate")
+        if isinstance(part, ast.Name) and part.id in AXES and part.id not in axes:
+            raise PlaceError(f"an expression has {part.id}; use {', '.join(axes)} in a plate")
 
 
 @lru_cache(64)
@@ -155,8 +155,8 @@ def _check_part(part: ast.AST, called: set[int]) -> None:
         case ast.cmpop():
             return
     text = ast.unparse(part) if isinstance(part, ast.expr) else type(part).__name__
-    known = ", ".join(sorted(FUNCTIONS))
-    raise PlaceError(f"an expression has {text!r:.60}; use numbers, x, y, z, pi, + - * / ^ < > and {known}")
+    functions = ", ".join(sorted(FUNCTIONS))
+    raise PlaceError(f"an expression has {text!r:.60}; use numbers, x, y, z, pi, + - * / ^ < > and {functions}")
 
 
 def _check_table(table: Table, dimension: int) -> None:

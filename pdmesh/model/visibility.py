@@ -64,7 +64,7 @@ class SightInSpace:
         self._position, self._delta, self._faces = grid.position, grid.delta, grid.faces
         self._triangles = grid.cracks.reshape(-1, 3, 3)
         every = facing(grid.faces), self._triangles
-        self._surface, self._cracks = (Screen(some, grid.position, grid.delta) for some in every)
+        self._surface, self._cracks = (Screen(triangles, grid.position, grid.delta) for triangles in every)
         self._convex, self._bodies = not len(every[0]), grid.bodies
 
     @property
@@ -75,14 +75,14 @@ class SightInSpace:
     def near(self, far: float) -> NDArray[np.bool_]:
         """Mask (n,) of nodes with a pair of length `far`, m, that something may separate."""
         far *= 1 + ROUND_OFF
-        found = np.asarray(self._surface.near(far) | self._cracks.near(far))
-        number = np.zeros(len(found), dtype=np.int64) if self._bodies is None else self._bodies.number
-        for one in range(1, int(number.max(initial=0)) + 1):
-            own = number == one
-            for some, others in ((own, ~own), (~own, own)):
-                distance, _ = tree_of(self._position[some]).query(self._position[others], distance_upper_bound=far)
-                found[np.flatnonzero(others)[np.isfinite(distance)]] = True
-        return found
+        mask = np.asarray(self._surface.near(far) | self._cracks.near(far))
+        number = np.zeros(len(mask), dtype=np.int64) if self._bodies is None else self._bodies.number
+        for body_number in range(1, int(number.max(initial=0)) + 1):
+            in_body = number == body_number
+            for side, others in ((in_body, ~in_body), (~in_body, in_body)):
+                distance, _ = tree_of(self._position[side]).query(self._position[others], distance_upper_bound=far)
+                mask[np.flatnonzero(others)[np.isfinite(distance)]] = True
+        return mask
 
     def inside(self, pairs: Pairs) -> NDArray[np.bool_]:
         """Mask (b,) of pairs of one body whose segment does not touch the surface."""
@@ -99,11 +99,11 @@ class SightInSpace:
         the shortest path round the crack's edge.
         """
         cut = self.cut(pairs)
-        found = np.where(cut, 2 * farthest, pairs.length)
+        distance = np.where(cut, 2 * farthest, pairs.length)
         if gamma is not None and cut.any():
             a, b = (self._position[nodes[cut]] for nodes in (pairs.source, pairs.target))
-            found[cut] = apart(a, b, self._triangles, self._front, gamma, farthest)
-        return found
+            distance[cut] = apart(a, b, self._triangles, self._front, gamma, farthest)
+        return distance
 
     @cached_property
     def _front(self) -> NDArray[np.float64]:
@@ -167,10 +167,10 @@ class Sight:
         straight distance and s1 + s2 the shortest path round the tips. (i, j) and (j, i) give the same.
         """
         cut = self.cut(pairs)
-        found = np.where(cut, 2 * farthest, pairs.length)
+        distance = np.where(cut, 2 * farthest, pairs.length)
         which = np.flatnonzero(cut)
         if gamma is None or not len(which):
-            return found
+            return distance
         slack = SLACK * float(self._grid.delta.min())
         segments = self._grid.cracks.reshape(-1, 2, 2)
         detours = Detours(segments, slack, farthest * (1 + ROUND_OFF), self._inside_the_plate, self._void)
@@ -179,8 +179,8 @@ class Sight:
         way = detours.around(self._grid.position[rows], *number.reshape(-1, 2).T)
         straight = pairs.length[which]
         with np.errstate(over="ignore"):
-            found[which] = np.minimum(np.maximum(way / straight, 1) ** gamma * straight, 2 * farthest)
-        return found
+            distance[which] = np.minimum(np.maximum(way / straight, 1) ** gamma * straight, 2 * farthest)
+        return distance
 
     def _inside_the_plate(self, places: NDArray[np.float64], headings: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Mask (v,) of places (v, 2) inside the plate, at which cracks end or bend.
@@ -206,23 +206,23 @@ class Sight:
         position, farthest = self._grid.position, pairs.length.max() * (1 + ROUND_OFF)
         starts = np.flatnonzero(np.diff(pairs.source, prepend=-1))
         near = shapely.dwithin(obstacle, shapely.points(position[pairs.source[starts]]), farthest)
-        asked = np.flatnonzero(np.repeat(near, np.diff(starts, append=len(met))))
-        ends = np.sort(np.column_stack([pairs.source[asked], pairs.target[asked]]), axis=1)
-        met[asked] = shapely.intersects(obstacle, shapely.linestrings(position[ends]))
+        candidates = np.flatnonzero(np.repeat(near, np.diff(starts, append=len(met))))
+        ends = np.sort(np.column_stack([pairs.source[candidates], pairs.target[candidates]]), axis=1)
+        met[candidates] = shapely.intersects(obstacle, shapely.linestrings(position[ends]))
         return met
 
     def _uncovered(self, pairs: Pairs) -> NDArray[np.bool_]:
         grid = self._grid
         marked = grid.border | (grid.hole_id >= 0)
-        asked = np.flatnonzero(marked[pairs.source] | marked[pairs.target])
+        candidates = np.flatnonzero(marked[pairs.source] | marked[pairs.target])
         void = np.zeros(len(pairs.source), dtype=bool)
-        if not len(asked):
+        if not len(candidates):
             return void
-        i, j = np.sort(np.column_stack([pairs.source[asked], pairs.target[asked]]), axis=1).T
+        i, j = np.sort(np.column_stack([pairs.source[candidates], pairs.target[candidates]]), axis=1).T
         widest = np.maximum(grid.delta[i], grid.delta[j])
         for share in np.linspace(0, 1, LOOKS + 2)[1:-1]:
             distance, _ = self._tree.query(grid.position[i] + share * (grid.position[j] - grid.position[i]))
-            void[asked] |= distance > COVERED * widest
+            void[candidates] |= distance > COVERED * widest
         return void
 
 

@@ -74,17 +74,17 @@ class WholeLattice(Grid):
     def position(self) -> NDArray[np.float64]:
         """The places (n, d), m."""
         counts = self.lattice.counts
-        found = np.empty((*counts[::-1], len(counts)))
+        coordinates = np.empty((*counts[::-1], len(counts)))
         for axis, along in enumerate(self._lines()):
-            found[..., axis] = along.reshape(-1, *(1,) * axis)
-        return found.reshape(-1, len(counts))
+            coordinates[..., axis] = along.reshape(-1, *(1,) * axis)
+        return coordinates.reshape(-1, len(counts))
 
     @cached_property
     def border(self) -> NDArray[np.bool_]:
         """Mask (n,) of the nodes at the edge."""
-        found = np.ones(self.lattice.counts[::-1], dtype=np.bool_)
-        found[(slice(1, -1),) * self.dimension] = False
-        return found.ravel()
+        mask = np.ones(self.lattice.counts[::-1], dtype=np.bool_)
+        mask[(slice(1, -1),) * self.dimension] = False
+        return mask.ravel()
 
     @cached_property
     def areas(self) -> NDArray[np.float64]:
@@ -92,10 +92,10 @@ class WholeLattice(Grid):
         h, d = self.lattice.spacing, self.dimension
         if d == 3:
             return np.broadcast_to(h**3, len(self))
-        found = np.full(self.lattice.counts[::-1], h**2)
-        for side in (found[0], found[-1], found[:, 0], found[:, -1]):
+        cell_areas = np.full(self.lattice.counts[::-1], h**2)
+        for side in (cell_areas[0], cell_areas[-1], cell_areas[:, 0], cell_areas[:, -1]):
             side /= 2
-        return found.ravel()
+        return cell_areas.ravel()
 
     @property
     def size(self) -> float:
@@ -106,21 +106,21 @@ class WholeLattice(Grid):
 
     def _lines(self) -> list[NDArray[np.float64]]:
         """Positions along each axis, m."""
-        given = zip(self.lattice.origin, self.lattice.counts, strict=True)
-        return [places(first, self.lattice.spacing, np.arange(count)) for first, count in given]
+        starts_and_counts = zip(self.lattice.origin, self.lattice.counts, strict=True)
+        return [places(first, self.lattice.spacing, np.arange(count)) for first, count in starts_and_counts]
 
     def part(self, rows: NDArray[np.int64]) -> Grid:
         """The grid of the nodes in `rows`; no arrays of all nodes are made."""
         if self._listed:
             return super().part(rows)
         at = np.unravel_index(rows, self.lattice.counts[::-1])[::-1]
-        ends = [(one == 0) | (one == count - 1) for one, count in zip(at, self.lattice.counts, strict=True)]
+        ends = [(index == 0) | (index == count - 1) for index, count in zip(at, self.lattice.counts, strict=True)]
         cells = np.full(len(rows), self.lattice.spacing**self.dimension)
         if self.dimension == 2:
             cells = cells / np.where(ends[0], 2, 1) / np.where(ends[1], 2, 1)
         return Grid(
             ids=rows + 1,
-            position=np.column_stack([along[one] for along, one in zip(self._lines(), at, strict=True)]),
+            position=np.column_stack([along[index] for along, index in zip(self._lines(), at, strict=True)]),
             delta=self.delta[rows],
             border=np.logical_or.reduce(ends),
             hole_id=_some(self.hole_id, rows),
@@ -136,16 +136,16 @@ class WholeLattice(Grid):
         """Distances (k,), m, and rows (k,) of the nodes nearest to `places` (k, d)."""
         if self._listed:
             return super().nearest(places)
-        asked = np.reshape(np.asarray(places, dtype=float), (-1, self.dimension))
-        beside = []  # for each axis, the columns on either side of each place
-        for along, place in zip(self._lines(), asked.T, strict=True):
+        points = np.reshape(np.asarray(places, dtype=float), (-1, self.dimension))
+        column_pairs = []  # for each axis, the columns on either side of each place
+        for along, place in zip(self._lines(), points.T, strict=True):
             after = np.searchsorted(along, place)
-            beside.append(np.column_stack([after - 1, after]).clip(0, len(along) - 1))
+            column_pairs.append(np.column_stack([after - 1, after]).clip(0, len(along) - 1))
         corners = np.array(list(product((0, 1), repeat=self.dimension)))
-        at = [columns[:, corners[:, axis]] for axis, columns in enumerate(beside)]  # (k, corners) each
+        at = [columns[:, corners[:, axis]] for axis, columns in enumerate(column_pairs)]  # (k, corners) each
         rows = np.ravel_multi_index(tuple(at[::-1]), self.lattice.counts[::-1])
-        apart = [along[one] - place[:, None] for along, one, place in zip(self._lines(), at, asked.T, strict=True)]
-        distance = np.sqrt(sum(one**2 for one in apart))
+        apart = [along[index] - place[:, None] for along, index, place in zip(self._lines(), at, points.T, strict=True)]
+        distance = np.sqrt(sum(offset**2 for offset in apart))
         as_near = distance <= distance.min(axis=1, keepdims=True) * (1 + TIE)
         return distance.min(axis=1), np.where(as_near, rows, len(self)).min(axis=1)
 

@@ -57,17 +57,19 @@ def zone_strengths(grid: Grid, settings: Settings, mode: str) -> list[ZoneStreng
 def _strength(material: Material, ratio: float, spacing: float, finest: float, one_sided: bool) -> ZoneStrength:
     if material.coarse == "unbreakable" and spacing > finest * (1 + SAME):
         return ZoneStrength(spacing, np.inf, None, None)
-    own = finest if material.coarse == "matched" else spacing
+    reference_spacing = finest if material.coarse == "matched" else spacing
     if material.law == "cohesive" or material.failure == "stress":
         return ZoneStrength(spacing, 1.0, None, material.f_t if material.law == "cohesive" else material.strength)
-    share = float(np.sqrt(finest / own))
+    share = float(np.sqrt(finest / reference_spacing))
     partial = has_partial_cells(material)
     if material.model != "bond" or not lattice_ratios(ratio, material.micromodulus, material.plane, partial).c11 > 0:
         return ZoneStrength(spacing, share, None, None)
-    critical = float(critical_stretch(material, np.array([ratio * own]))[0])
+    critical = float(critical_stretch(material, np.array([ratio * reference_spacing]))[0])
     critical *= 1.0 if one_sided else calibration(ratio, material, partial).stretch
     if material.law == "bilinear" and material.kr > 1:
-        return ZoneStrength(spacing, share, None, cohesive_softening.strength_of_peak(material, ratio, ratio * own))
+        return ZoneStrength(
+            spacing, share, None, cohesive_softening.strength_of_peak(material, ratio, ratio * reference_spacing)
+        )
     return ZoneStrength(spacing, share, critical, critical * material.E * along_axes(material, ratio, one_sided).young)
 
 

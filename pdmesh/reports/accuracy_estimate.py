@@ -99,12 +99,12 @@ def measured(adapt: str = "none") -> dict[float, list[Curve]]:
     points: list[dict[str, Any]] = [
         point for point in json.loads(text)["points"] if point.get("adapt", "none") == adapt
     ]
-    found: dict[float, list[Curve]] = {}
+    curves_by_ratio: dict[float, list[Curve]] = {}
     for ratio, problem in sorted({(float(point["ratio"]), str(point["problem"])) for point in points}):
         mine = [point for point in points if (point["ratio"], point["problem"]) == (ratio, problem)]
         spacing, error = np.array(sorted((point["spacing_over_feature"], point["error"]) for point in mine)).T
-        found.setdefault(ratio, []).append(Curve(spacing, np.maximum.accumulate(error)))
-    return found
+        curves_by_ratio.setdefault(ratio, []).append(Curve(spacing, np.maximum.accumulate(error)))
+    return curves_by_ratio
 
 
 def proposal(scene: Scene, within: float) -> Proposal:
@@ -116,7 +116,7 @@ def proposal(scene: Scene, within: float) -> Proposal:
         raise SceneError("material is missing; give E, rho and G0 for a proposal")
     scene = known(scene)
     size, named = feature(scene)
-    found: list[Proposal] = []
+    proposals: list[Proposal] = []
     errors: list[SceneError] = []
     for adapt in ("none", "hybrid") if _may_move(scene) else ("none",):
         for ratio, curves in measured(adapt).items():
@@ -127,15 +127,15 @@ def proposal(scene: Scene, within: float) -> Proposal:
             promised = max(curve.at(finest / size) for curve in curves)
             guessed = any(within < curve.error[0] for curve in curves)
             try:
-                other = changed(scene, finest, ratio, adapt)
+                changed_scene = changed(scene, finest, ratio, adapt)
             except SceneError as error:
                 errors.append(SceneError(f"{because(within, size, named)}{error}"))
             else:
-                if adapt == "hybrid" and _knock(other) > KNOCK:
+                if adapt == "hybrid" and _knock(changed_scene) > KNOCK:
                     continue
-                found.append(Proposal(within, size, named, promised, guessed, other))
-    if found:
-        return min(found, key=lambda one: updates(one.scene))
+                proposals.append(Proposal(within, size, named, promised, guessed, changed_scene))
+    if proposals:
+        return min(proposals, key=lambda candidate: updates(candidate.scene))
     if errors:
         raise errors[0] from None
     least = min(max(float(curve.error[0]) for curve in curves) for curves in measured().values()) / EXTRAPOLATED
@@ -144,10 +144,10 @@ def proposal(scene: Scene, within: float) -> Proposal:
 
 def _may_move(scene: Scene) -> bool:
     """Whether a scene has cracks for a moving fine zone, and no setting that the solver refuses with one."""
-    held = any(isinstance(one.action, Acceleration | Absorb) for one in scene.conditions)
+    is_refused = any(isinstance(condition.action, Acceleration | Absorb) for condition in scene.conditions)
     run, profiles = scene.run, {material.micromodulus for material in _materials(scene)}
     plain = run.solver == "explicit" and run.start == "unloaded" and not run.damping
-    return bool(scene.cracks) and plain and not held and len(profiles) == 1 and scene.area_rule in (None, "cells")
+    return bool(scene.cracks) and plain and not is_refused and len(profiles) == 1 and scene.area_rule in (None, "cells")
 
 
 def _knock(scene: Scene) -> float:
@@ -158,10 +158,15 @@ def _knock(scene: Scene) -> float:
     assert scene.material is not None
     E, rho, G0 = scene.material.E, scene.material.rho, scene.material.G0
     critical = np.sqrt(4 * np.pi * G0 / (9 * E * scene.horizon * scene.finest))
-    given = [one.action for one in scene.conditions if isinstance(one.action, Velocity | InitialVelocity)]
-    sudden = [each for each in given if not getattr(each, "profile", ())]
+    velocities = [
+        condition.action for condition in scene.conditions if isinstance(condition.action, Velocity | InitialVelocity)
+    ]
+    sudden = [velocity for velocity in velocities if not getattr(velocity, "profile", ())]
     corners = shapely.get_coordinates(scene.shape)
-    fastest = max((float(np.hypot(largest(each.x, corners), largest(each.y, corners))) for each in sudden), default=0.0)
+    fastest = max(
+        (float(np.hypot(largest(velocity.x, corners), largest(velocity.y, corners))) for velocity in sudden),
+        default=0.0,
+    )
     return float(fastest / np.sqrt(E / rho) / critical)
 
 
@@ -174,16 +179,16 @@ def updates(scene: Scene) -> float:
         path = TIP * h + max(high_x - low_x, high_y - low_y)
         fine = min(tips * path * 2 * BESIDE * h, area)
         return float(scene.run.steps * (family * fine / h**2 + LATTICE * (area - fine) / (2 * h) ** 2))
-    bonds, left = 0.0, scene.shape
+    bonds, remainder = 0.0, scene.shape
     zones = [(zone.spacing, surface(zone.shape, zone.spacing, "zone")) for zone in scene.zones]
     shapes = {"crack": [slit.line for slit in scene.slits], "hole": list(scene.holes), "notch": []}
     for request in scene.refinements:
         near = shapely.union_all(shapes[request.target]).buffer(request.distance)
         zones.append((request.spacing or scene.finest, near))
-    for spacing, zone in sorted(zones, key=lambda one: one[0]):
-        bonds += family * left.intersection(zone).area / spacing**2
-        left = left.difference(zone)
-    return float(scene.run.steps * (bonds + family * left.area / scene.spacing**2))
+    for spacing, zone in sorted(zones, key=lambda entry: entry[0]):
+        bonds += family * remainder.intersection(zone).area / spacing**2
+        remainder = remainder.difference(zone)
+    return float(scene.run.steps * (bonds + family * remainder.area / scene.spacing**2))
 
 
 def _ends_inside(line: shapely.LineString, scene: Scene) -> list[shapely.Point]:
@@ -219,8 +224,8 @@ def feature(scene: Scene) -> tuple[float, str]:
         away = _farther(shape, edge, scale)
         if away is not None:
             sizes.append((away, f"from {name} to the edge"))
-    for (one, first), (other, second) in combinations(shapes, 2):
-        away = float(one.distance(other))
+    for (first_shape, first), (second_shape, second) in combinations(shapes, 2):
+        away = float(first_shape.distance(second_shape))
         if away > scale:
             sizes.append((away, f"from {first} to {second}"))
     return min(sizes)
@@ -245,34 +250,38 @@ def changed(scene: Scene, finest: float, ratio: float, adapt: str = "none") -> S
     factor = finest / scene.finest
     if scene.zones or scene.refinements:
         zones = tuple(replace(zone, spacing=factor * zone.spacing) for zone in scene.zones)
-        kept = tuple(
+        refinements = tuple(
             replace(request, spacing=factor * (request.spacing or scene.finest)) for request in scene.refinements
         )
         spacing = factor * scene.spacing
     else:
         zones, spacing = (), RATIO * finest
-        kept = () if adapt == "hybrid" else _around(scene, finest)
-        if not kept:
+        refinements = () if adapt == "hybrid" else _around(scene, finest)
+        if not refinements:
             spacing = finest
     laid = finest if adapt == "hybrid" else spacing
     conditions = tuple(
-        replace(one, place=replace(one.place, rows=max(1, round(one.place.rows * scene.spacing / laid))))
-        for one in scene.conditions
+        replace(
+            condition, place=replace(condition.place, rows=max(1, round(condition.place.rows * scene.spacing / laid)))
+        )
+        for condition in scene.conditions
     )
-    grown = replace(scene, spacing=spacing, zones=zones, refinements=kept, horizon=ratio, conditions=conditions)
+    rescaled_scene = replace(
+        scene, spacing=spacing, zones=zones, refinements=refinements, horizon=ratio, conditions=conditions
+    )
     step, old = _stable(scene, ratio, finest), scene.run.time_step or _stable(scene, scene.horizon, scene.finest)
     if not np.isfinite(old) or not np.isfinite(step):
         raise SceneError(f"horizon is {scene.horizon:g}, where bonds have no stiffness; use more (3 is usual)")
     steps = int(np.ceil(in_steps(scene.run, old).steps * old / step))
     every = max(1, round(scene.run.every * old / step))
     run = msgspec.structs.replace(scene.run, time_step=step, steps=steps, duration=None, every=every, adapt=adapt)
-    return replace(grown, run=run)
+    return replace(rescaled_scene, run=run)
 
 
 def _around(scene: Scene, finest: float) -> tuple[Refinement, ...]:
     targets = [("crack", bool(scene.cracks)), ("hole", bool(scene.holes))]
     distance = max(NEAR * feature(scene)[0], RATIO * scene.horizon * finest)
-    return tuple(Refinement(name, distance, finest) for name, there in targets if there)  # type: ignore[arg-type]
+    return tuple(Refinement(name, distance, finest) for name, present in targets if present)  # type: ignore[arg-type]
 
 
 def _stable(scene: Scene, ratio: float, spacing: float) -> float:
@@ -280,7 +289,7 @@ def _stable(scene: Scene, ratio: float, spacing: float) -> float:
 
 
 def _materials(scene: Scene) -> list[Material]:
-    return [material for material in (scene.material, *(one.region.material for one in scene.regions)) if material]
+    return [material for material in (scene.material, *(part.region.material for part in scene.regions)) if material]
 
 
 def _rounded_down(value: float) -> float:
@@ -288,13 +297,13 @@ def _rounded_down(value: float) -> float:
     return float(f"{np.floor(value / unit * (1 + 1e-9)) * unit:.{ROUNDED}g}")
 
 
-def lines(found: Proposal) -> list[str]:
+def lines(proposal: Proposal) -> list[str]:
     """A proposal in words, with the options that request it."""
-    scene = found.scene
+    scene = proposal.scene
     said = [
-        f"within {found.within:.3g}: {found.error:.2g} is promised,"
-        f" {'at first order from what was' if found.guessed else 'as'} measured on other scenes,"
-        f" for {1e3 * found.feature:.4g} mm, {found.named}",
+        f"within {proposal.within:.3g}: {proposal.error:.2g} is promised,"
+        f" {'at first order from what was' if proposal.guessed else 'as'} measured on other scenes,"
+        f" for {1e3 * proposal.feature:.4g} mm, {proposal.named}",
         f"spacing {scene.finest:.4g} m at its finest, {coarsest(scene):.4g} m at its coarsest; horizon ratio"
         f" {scene.horizon:g}; step {scene.run.time_step:.4g} s x {scene.run.steps}",
     ]
@@ -302,9 +311,9 @@ def lines(found: Proposal) -> list[str]:
         f"zone of {request.spacing:.4g} m within {request.distance:.4g} m of every {request.target}"
         for request in scene.refinements
     ]
-    if found.adapt == "hybrid":
+    if proposal.adapt == "hybrid":
         said += ["fine near cracks alone, in a zone that goes with them:", "  --adapt hybrid"]
-    return said + [f"  --set '{name}={value}'" for name, value in settings(found).items()]
+    return said + [f"  --set '{name}={value}'" for name, value in settings(proposal).items()]
 
 
 def coarsest(scene: Scene) -> float:
@@ -312,18 +321,18 @@ def coarsest(scene: Scene) -> float:
     return RATIO * scene.finest if scene.run.adapt in ON_ONE_LATTICE else scene.spacing
 
 
-def described(found: Proposal) -> dict[str, Any]:
+def described(proposal: Proposal) -> dict[str, Any]:
     """A proposal for JSON."""
-    scene = found.scene
+    scene = proposal.scene
     return {
-        "within": found.within,
-        "promised": found.error,
-        "extrapolated": found.guessed,
-        "feature": found.feature,
-        "feature_is": found.named,
+        "within": proposal.within,
+        "promised": proposal.error,
+        "extrapolated": proposal.guessed,
+        "feature": proposal.feature,
+        "feature_is": proposal.named,
         "finest_spacing": scene.finest,
         "coarsest_spacing": coarsest(scene),
-        "adapt": found.adapt,
+        "adapt": proposal.adapt,
         "horizon_ratio": scene.horizon,
         "time_step": scene.run.time_step,
         "steps": scene.run.steps,
@@ -331,19 +340,22 @@ def described(found: Proposal) -> dict[str, Any]:
             {"around": request.target, "distance": request.distance, "spacing": request.spacing}
             for request in scene.refinements
         ],
-        "settings": settings(found),
+        "settings": settings(proposal),
     }
 
 
-def settings(found: Proposal) -> dict[str, str]:
+def settings(proposal: Proposal) -> dict[str, str]:
     """The drawing parameters that make the proposal; empty for a scene in Python."""
-    scene, there = found.scene, {name.removeprefix(PREFIX) for name, _ in found.scene.parameters}
+    scene, parameter_names = proposal.scene, {name.removeprefix(PREFIX) for name, _ in proposal.scene.parameters}
     unit = unit_of(dict(scene.parameters))
     wanted = {
         **{f"Zones/{zone.name}/Spacing": f"{unit.of(zone.spacing):.6g}" for zone in scene.zones},
         "Horizon ratio": f"{scene.horizon:g}",
         "Run/Time step": f"{scene.run.time_step:.6g}",
         "Run/Frame every": str(scene.run.every),
-        **{f"{FOLDERS[type(one.action)]}/{one.action.name}/Rows": str(one.place.rows) for one in scene.conditions},
+        **{
+            f"{FOLDERS[type(condition.action)]}/{condition.action.name}/Rows": str(condition.place.rows)
+            for condition in scene.conditions
+        },
     }
-    return {name: value for name, value in wanted.items() if name in there}
+    return {name: value for name, value in wanted.items() if name in parameter_names}

@@ -63,15 +63,17 @@ def _section(
     points = 72 * 0.8 * SIDE / (float((high - low).max()) + 2 * margin) * 1e3  # per metre
     plain: dict[str, Any] = {"linestyle": "", "markeredgewidth": 0}
     for spacing, shade in shades(grid.delta):
-        own = near[np.isclose(grid.delta[near], spacing)]
+        node_rows = near[np.isclose(grid.delta[near], spacing)]
         label = f"{spacing * 1e3:g} mm: {int(np.isclose(grid.delta, spacing).sum())} nodes" if named else None
         size = marker(spacing, points)
-        axes.plot(*place[own].T, marker="o", markersize=size, color=shade, label=label, **plain)
+        axes.plot(*place[node_rows].T, marker="o", markersize=size, color=shade, label=label, **plain)
     for said, colour, rows in marked(document, grid):
-        own = near[rows[near]]
+        node_rows = near[rows[near]]
         size = marker(float(np.median(grid.delta[rows])), points)
         label = said if named else None
-        axes.plot(*place[own].T, "s", fillstyle="none", color=colour, markersize=1.3 * size, label=label, zorder=3)
+        axes.plot(
+            *place[node_rows].T, "s", fillstyle="none", color=colour, markersize=1.3 * size, label=label, zorder=3
+        )
     lines = _crossed(grid.cracks.reshape(-1, 3, 3), across, float(middle[across]))[:, :, [a, b]] * 1e3
     axes.add_collection(LineCollection(list(lines), colors=CRACK, linewidths=1.4, zorder=5))
     if named and len(grid.cracks):
@@ -81,9 +83,9 @@ def _section(
 def marked(document: Document, grid: Grid) -> Iterator[tuple[str, str, NDArray[np.bool_]]]:
     """Names, colours and nodes (n,) of conditions and of material regions; with the names what loads add up to."""
     entries: list[tuple[str, str, Any]] = [
-        (str(each.__struct_config__.tag), called(each.name, at), each) for at, each in enumerate(document.conditions)
+        (str(item.__struct_config__.tag), called(item.name, at), item) for at, item in enumerate(document.conditions)
     ]
-    entries += [("material", called(each.name, at, "region"), each) for at, each in enumerate(document.regions)]
+    entries += [("material", called(item.name, at, "region"), item) for at, item in enumerate(document.regions)]
     for number, (kind, name, entry) in enumerate(entries):
         rows = selection.selected(grid, entry.nodes, entry.box)
         sums = total(entry, grid, np.flatnonzero(rows))
@@ -97,7 +99,7 @@ def _near(grid: Grid, across: int, middle: NDArray[np.float64]) -> NDArray[np.bo
 
 def _crossed(triangles: NDArray[np.float64], across: int, at: float) -> NDArray[np.float64]:
     """Segments (k, 2, 3) in which a plane cuts triangles (t, 3, 3)."""
-    found = []
+    segments = []
     for triangle in triangles:
         side = triangle[:, across] - at
         ends = []
@@ -106,8 +108,8 @@ def _crossed(triangles: NDArray[np.float64], across: int, at: float) -> NDArray[
                 share = side[p] / (side[p] - side[q])
                 ends.append(triangle[p] + share * (triangle[q] - triangle[p]))
         if len(ends) >= 2:
-            found.append(ends[:2])
-    return np.array(found).reshape(-1, 2, 3)
+            segments.append(ends[:2])
+    return np.array(segments).reshape(-1, 2, 3)
 
 
 def _outline(axes: Any, document: Document, grid: Grid) -> None:
@@ -116,16 +118,16 @@ def _outline(axes: Any, document: Document, grid: Grid) -> None:
     low, high = grid.position.min(axis=0) * 1e3, grid.position.max(axis=0) * 1e3
     edges = _edges(faces)
     if len(edges):  # a sphere has none
-        some = edges[:: len(edges) // MOST_EDGES + 1]
-        axes.add_collection3d(Line3DCollection(some, colors="#555555", linewidths=0.5))
-    some = faces[:: len(faces) // MOST_FACES + 1]
-    axes.add_collection3d(Poly3DCollection(some, facecolors="#1f5fbf", edgecolors="none", alpha=0.1))
+        sample = edges[:: len(edges) // MOST_EDGES + 1]
+        axes.add_collection3d(Line3DCollection(sample, colors="#555555", linewidths=0.5))
+    sample = faces[:: len(faces) // MOST_FACES + 1]
+    axes.add_collection3d(Poly3DCollection(sample, facecolors="#1f5fbf", edgecolors="none", alpha=0.1))
     if len(cracks):
         axes.add_collection3d(Poly3DCollection(cracks, facecolors=CRACK, alpha=0.5))
     for _, colour, rows in marked(document, grid):
-        own = np.flatnonzero(rows)
-        own = own[:: len(own) // MOST_MARKS + 1]
-        axes.scatter(*(grid.position[own] * 1e3).T, s=2, color=colour, alpha=0.5, linewidths=0)
+        node_rows = np.flatnonzero(rows)
+        node_rows = node_rows[:: len(node_rows) // MOST_MARKS + 1]
+        axes.scatter(*(grid.position[node_rows] * 1e3).T, s=2, color=colour, alpha=0.5, linewidths=0)
     axes.set(xlabel="x, mm", ylabel="y, mm", zlabel="z, mm")
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
     for axis, share in zip((axes.xaxis, axes.yaxis, axes.zaxis), (high - low) / (high - low).max(), strict=True):

@@ -41,7 +41,7 @@ class Finding(NamedTuple):
 
     name: str
     good: bool
-    found: str
+    detail: str
     cure: str = ""  # how to get it, where it is missing
     needed: bool = True  # False: something works without it
 
@@ -51,13 +51,16 @@ def findings() -> list[Finding]:
     return [_python(), *_packages(), _gmsh(), _walls(), _ffmpeg(), _cores(), _cache(), _devices(), *_extras()]
 
 
-def lines(found: list[Finding]) -> list[str]:
+def lines(findings: list[Finding]) -> list[str]:
     """The findings in words."""
     said = []
-    for one in found:
-        mark = "ok     " if one.good else "MISSING" if one.needed else "without"
-        said.append(f"{mark}  {one.name}: {one.found}" + (f"; {one.cure}" if one.cure and not one.good else ""))
-    bad = [one.name for one in found if one.needed and not one.good]
+    for finding in findings:
+        mark = "ok     " if finding.good else "MISSING" if finding.needed else "without"
+        said.append(
+            f"{mark}  {finding.name}: {finding.detail}"
+            + (f"; {finding.cure}" if finding.cure and not finding.good else "")
+        )
+    bad = [finding.name for finding in findings if finding.needed and not finding.good]
     return [*said, f"missing: {', '.join(bad)}" if bad else "all that is needed is there"]
 
 
@@ -85,9 +88,9 @@ def _gmsh() -> Finding:
 def _walls() -> Finding:
     with scratch() as folder:
         stand, ended = _child(WALLS, str(folder))
-    whole = {"landlock", "seccomp"} <= set(stand.split())
+    complete = {"landlock", "seccomp"} <= set(stand.split())
     cure = "drawings of others are read behind limits of memory and time alone (Linux on x86-64 has more)"
-    return Finding("walls around drawings", whole and not ended, stand or ended or "none", cure, needed=False)
+    return Finding("walls around drawings", complete and not ended, stand or ended or "none", cure, needed=False)
 
 
 def _ffmpeg() -> Finding:
@@ -98,8 +101,10 @@ def _ffmpeg() -> Finding:
 
 def _cores() -> Finding:
     may = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    given = os.environ.get("NUMBA_NUM_THREADS")
-    said = f"{may} of {os.cpu_count()} may be used" + (f", {given} are (NUMBA_NUM_THREADS)" if given else "")
+    thread_setting = os.environ.get("NUMBA_NUM_THREADS")
+    said = f"{may} of {os.cpu_count()} may be used" + (
+        f", {thread_setting} are (NUMBA_NUM_THREADS)" if thread_setting else ""
+    )
     return Finding("cores", True, said)
 
 
@@ -113,16 +118,16 @@ def _cache() -> Finding:
 
 def _devices() -> Finding:
     """Finding about OpenCL devices, which a process of its own asks for: drivers may crash."""
-    found, ended = _child(DEVICES)
+    devices, ended = _child(DEVICES)
     cure = "pdsolve --device opencl needs one; all else works"
-    return Finding("OpenCL", not ended, found or ended.removeprefix("device: "), cure, needed=False)
+    return Finding("OpenCL", not ended, devices or ended.removeprefix("device: "), cure, needed=False)
 
 
 def _extras() -> Iterator[Finding]:
     for name, (use, cure) in EXTRAS.items():
-        there = find_spec(name) is not None
-        version = metadata.version(name) if there else f"not installed ({use})"
-        yield Finding(name, there, version, cure, needed=False)
+        installed = find_spec(name) is not None
+        version = metadata.version(name) if installed else f"not installed ({use})"
+        yield Finding(name, installed, version, cure, needed=False)
 
 
 def _child(code: str, *words: str) -> tuple[str, str]:

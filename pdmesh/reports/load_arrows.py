@@ -24,8 +24,8 @@ PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""))
 
 def symbols(axes: Axes, condition: AnyCondition, grid: Grid, rows: NDArray[np.int64], colour: str) -> None:
     """Draw a load, or what is held, on its nodes, rows (k,), in mm."""
-    some = rows[_some(grid.position[rows])]
-    at = grid.position[some] * 1e3
+    sample_rows = rows[_some(grid.position[rows])]
+    at = grid.position[sample_rows] * 1e3
     if isinstance(condition, Displacement):
         mark = HELD[condition.x is not None, condition.y is not None]
         axes.plot(*at.T, mark, color=colour, markersize=6, markeredgecolor="white", markeredgewidth=0.5, zorder=6)
@@ -39,15 +39,15 @@ def symbols(axes: Axes, condition: AnyCondition, grid: Grid, rows: NDArray[np.in
         axes.plot(x, y, marker="$\\odot$", color=colour, markersize=12, zorder=6)
     if not isinstance(condition, Load):
         return
-    force = nodal_forces(condition, grid, rows)[np.searchsorted(rows, some)]
+    force = nodal_forces(condition, grid, rows)[np.searchsorted(rows, sample_rows)]
     if not force.any():
         return
     way = LENGTH * 1e3 * float(np.ptp(grid.position, axis=0).max()) * force / np.hypot(*force.T).max()
     outside = tree_of(grid.position).query((at + way) / 1e3)[0] > float(grid.delta.max())
     start = at if outside.mean() > 0.5 else at - way  # what pulls begins at its nodes, what pushes ends there
-    drawn = _arrows(start, way)
-    axes.add_collection(PolyCollection(list(drawn), facecolors=colour, linewidths=0, zorder=6))
-    ends = drawn.reshape(-1, 2)
+    arrows = _arrows(start, way)
+    axes.add_collection(PolyCollection(list(arrows), facecolors=colour, linewidths=0, zorder=6))
+    ends = arrows.reshape(-1, 2)
     axes.set_xlim(min(axes.get_xlim()[0], ends[:, 0].min()), max(axes.get_xlim()[1], ends[:, 0].max()))
     axes.set_ylim(min(axes.get_ylim()[0], ends[:, 1].min()), max(axes.get_ylim()[1], ends[:, 1].max()))
 
@@ -67,12 +67,12 @@ def total(condition: AnyCondition, grid: Grid, rows: NDArray[np.int64]) -> str:
     if not isinstance(condition, Load):
         return ""
     value = float(np.linalg.norm(nodal_forces(condition, grid, rows).sum(axis=0)))
-    size, prefix = next((each for each in PREFIXES if value >= each[0]), PREFIXES[-1])
+    size, prefix = next((scale for scale in PREFIXES if value >= scale[0]), PREFIXES[-1])
     return f", {value / size:.4g} {prefix}{'N/m' if grid.dimension == 2 else 'N'}"
 
 
 def _some(position: NDArray[np.float64]) -> NDArray[np.int64]:
     """At most MOST of places (k, 2), evenly along their longer side."""
     order = np.argsort(position[:, int(np.ptp(position, axis=0).argmax())], kind="stable")
-    some = np.linspace(0, len(order) - 1, min(MOST, len(order))).round().astype(int)
-    return np.sort(order[some])
+    ranks = np.linspace(0, len(order) - 1, min(MOST, len(order))).round().astype(int)
+    return np.sort(order[ranks])

@@ -121,8 +121,8 @@ def _nodes(axes: Axes, grid: Grid, points: float) -> None:
         axes.plot(*at.T, color=shade, label=f"{spacing * 1e3:g} mm: {len(at)} nodes", zorder=2, **style)
         if grid.bodies is not None:
             for number in range(len(grid.bodies.names)):
-                own = grid.position[(grid.delta == spacing) & (grid.bodies.number == number)] * 1e3
-                axes.plot(*own.T, color=BODIES[number % len(BODIES)], zorder=2.2, **style)
+                body_position = grid.position[(grid.delta == spacing) & (grid.bodies.number == number)] * 1e3
+                axes.plot(*body_position.T, color=BODIES[number % len(BODIES)], zorder=2.2, **style)
         near = grid.position[(grid.delta == spacing) & (grid.hole_id >= 0)] * 1e3
         axes.plot(*near.T, color=HOLE, zorder=2.5, **style)
     if (grid.hole_id >= 0).any():
@@ -147,13 +147,13 @@ def _bonds(axes: Axes, grid: Grid, ratio: float, window: tuple[NDArray[np.float6
     inside = ((grid.position >= window[0]) & (grid.position <= window[1])).all(axis=1)
     counts = {"intact": 0, "cut": 0}
     for part in bonds(grid, ratio, np.flatnonzero(inside)):
-        kept = part.inside
+        in_shape = part.inside
         ends = np.stack([grid.position[part.source], grid.position[part.target]], axis=1) * 1e3
         for which, cut, colour, order in (("intact", False, "#9db7d5", 1.0), ("cut", True, CUT, 1.5)):
-            some = kept & (part.cut == cut)
-            counts[which] += int(some.sum())
+            mask = in_shape & (part.cut == cut)
+            counts[which] += int(mask.sum())
             axes.add_collection(
-                LineCollection(list(ends[some]), colors=colour, linewidths=0.3, alpha=0.7, zorder=order)
+                LineCollection(list(ends[mask]), colors=colour, linewidths=0.3, alpha=0.7, zorder=order)
             )
     axes.plot([], [], color="#9db7d5", label=f"{pair_count(counts['intact'])} bonds")
     if counts["cut"]:

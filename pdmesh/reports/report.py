@@ -114,8 +114,8 @@ def _lattice(material: Material | None, ratio: float, dimension: int, mode: str)
     material = msgspec.structs.replace(material, plane="space") if dimension == 3 else material
     if not lattice_ratios(ratio, material.micromodulus, material.plane, has_partial_cells(material)).c11 > 0:
         return {}
-    found = along_axes(material, ratio, one_sided=mode == "thesis")
-    return {"E_over_given": found.young, "nu": found.poisson}
+    elasticity = along_axes(material, ratio, one_sided=mode == "thesis")
+    return {"E_over_given": elasticity.young, "nu": elasticity.poisson}
 
 
 def _critical_stretch(document: Document, grid: Grid) -> dict[str, float]:
@@ -123,19 +123,24 @@ def _critical_stretch(document: Document, grid: Grid) -> dict[str, float]:
     if document.material is None:
         return {}
     spacings = np.unique(np.round(grid.delta, 15)) if any(grid.delta.strides) else grid.delta[:1]
-    own, ratio, finest = document.material, document.horizon.ratio, float(spacings.min())
-    spacings = spacings[:1] if own.coarse == "unbreakable" else spacings
-    of = {f"{one:g}": finest if own.coarse == "matched" else float(one) for one in spacings}
-    found = {name: stretch_of_lattice(own, ratio, one, grid.dimension) for name, one in of.items()}
-    return {spacing: stretch for spacing, stretch in found.items() if stretch is not None}
+    material, ratio, finest = document.material, document.horizon.ratio, float(spacings.min())
+    spacings = spacings[:1] if material.coarse == "unbreakable" else spacings
+    of = {
+        f"{node_spacing:g}": finest if material.coarse == "matched" else float(node_spacing)
+        for node_spacing in spacings
+    }
+    stretches = {
+        name: stretch_of_lattice(material, ratio, node_spacing, grid.dimension) for name, node_spacing in of.items()
+    }
+    return {spacing: stretch for spacing, stretch in stretches.items() if stretch is not None}
 
 
 def _extent(grid: Grid, plate: Any) -> dict[str, float | None]:
     """Area of a plate, m^2, or volume of a body, m^3: of its nodes and of the drawn shape."""
-    own = grid.size
+    size_of_nodes = grid.size
     if grid.dimension == 3:
-        return {"volume_of_nodes": own, "volume_of_shape": volume(grid.faces) if len(grid.outline) else None}
-    return {"area_of_nodes": own, "area_of_shape": None if plate is None else float(plate.area)}
+        return {"volume_of_nodes": size_of_nodes, "volume_of_shape": volume(grid.faces) if len(grid.outline) else None}
+    return {"area_of_nodes": size_of_nodes, "area_of_shape": None if plate is None else float(plate.area)}
 
 
 def nodes_by_spacing(grid: Grid) -> dict[str, int]:
@@ -173,19 +178,21 @@ def info_lines(result: dict[str, Any]) -> list[str]:
     if result["material"]:
         lines.append("material: " + _words(_telling(result["material"])))
     if result["critical_stretch"]:
-        each = (f"{stretch:.4g} of {spacing} m" for spacing, stretch in result["critical_stretch"].items())
-        lines.append(f"critical stretch of brittle bonds: {', '.join(each)}")
+        stretch_texts = (f"{stretch:.4g} of {spacing} m" for spacing, stretch in result["critical_stretch"].items())
+        lines.append(f"critical stretch of brittle bonds: {', '.join(stretch_texts)}")
     lines += [f"body '{name}': {nodes} nodes" for name, nodes in result["bodies"].items()]
     if result["contact"]:
         lines.append("contact: " + _words(result["contact"]))
     if result["softening"]:
         lines.append("softening: " + _words(result["softening"]))
-    lines += [f"lattice along its axes: {_words(each)}" for each in (result["lattice"],) if each]
+    lines += [f"lattice along its axes: {_words(lattice)}" for lattice in (result["lattice"],) if lattice]
     lines += zone_strengths.lines(result["strengths"])
     if result["medium"]:
         lines.append("medium: " + _words(result["medium"]))
     for kind, regions in (("medium", result["media"]), ("material", [*map(_telling, result["regions"])])):
-        lines += [f"{kind} '{called(each['name'], at, 'region')}': {_words(each)}" for at, each in enumerate(regions)]
+        lines += [
+            f"{kind} '{called(region['name'], at, 'region')}': {_words(region)}" for at, region in enumerate(regions)
+        ]
     words = HEAT if result["physics"] == "thermoelastic" or result["medium"].get("carries") == "heat" else {}
     lines += [
         f"{words.get(entry['kind'], entry['kind'])} '{called(entry.get('name'), number)}': "
@@ -199,14 +206,14 @@ def _sums(loads: list[dict[str, Any]], box: list[float]) -> Iterator[str]:
     """The force and the moment of each load, and of all of them, where their profiles are 1."""
     if not loads:
         return
-    each = [(f"load '{load['name']}' adds up to", load) for load in loads]
+    named_loads = [(f"load '{load['name']}' adds up to", load) for load in loads]
     if len(loads) > 1:
         total = {key: np.sum([load[key] for load in loads], axis=0).tolist() for key in ("force", "moment")}
-        each.append(("all loads add up to", total))
+        named_loads.append(("all loads add up to", total))
     of_force, of_moment = ("N/m", "N") if len(box) == 4 else ("N", "N m")
     strongest = max(abs(value) for load in loads for value in load["force"])
     largest = {"force": strongest, "moment": strongest * float(np.ptp(np.reshape(box, (2, -1)), axis=0).max())}
-    for name, load in each:
+    for name, load in named_loads:
         force, moment = (
             ", ".join(f"{value if abs(value) > NOTHING * most else 0.0:.4g}" for value in load[key])
             for key, most in largest.items()
@@ -216,20 +223,21 @@ def _sums(loads: list[dict[str, Any]], box: list[float]) -> Iterator[str]:
 
 def plan_lines(result: dict[str, Any]) -> list[str]:
     """The result of `plan` in words: the scene and its one-scale equivalent side by side."""
-    own, flat = result["scene"], result["one_scale"]
+    scene_cost, flat = result["scene"], result["one_scale"]
     units = {"smallest_stable_step": "s", "time_step": "s", "steps": "", "memory_bytes": "B", "solve_seconds": "s"}
     rows = [("", "this scene", "one scale")]
-    for spacing, number in own["nodes_by_spacing"].items():
+    for spacing, number in scene_cost["nodes_by_spacing"].items():
         rows.append((f"nodes of {spacing} m", str(number), str(flat["nodes_by_spacing"].get(spacing, 0))))
-    rows += [(key, str(own[key]), str(flat[key])) for key in ("nodes", "bonds")]
+    rows += [(key, str(scene_cost[key]), str(flat[key])) for key in ("nodes", "bonds")]
     rows += [
-        (key.replace("_", " "), _quantity(own[key], unit), _quantity(flat[key], unit)) for key, unit in units.items()
+        (key.replace("_", " "), _quantity(scene_cost[key], unit), _quantity(flat[key], unit))
+        for key, unit in units.items()
     ]
-    lines = [f"{label:22}{here:>14}{there:>14}" for label, here, there in rows]
+    lines = [f"{label:22}{scene_value:>14}{flat_value:>14}" for label, scene_value, flat_value in rows]
     lines += zone_strengths.lines(result.get("strengths", []))
-    if own["at_rest"]:
+    if scene_cost["at_rest"]:
         lines.append("time is that to solve if nothing breaks: each break is another rest")
-    return lines + ([_start_line(own["most_nodes"])] if own["most_nodes"] else [])
+    return lines + ([_start_line(scene_cost["most_nodes"])] if scene_cost["most_nodes"] else [])
 
 
 def _start_line(most: int) -> str:
@@ -260,16 +268,18 @@ def _words(fields: dict[str, Any]) -> str:
 def _asked(entry: dict[str, Any], medium: dict[str, Any]) -> dict[str, Any]:
     """The prescribed values of a condition. Those on a content have units: of heat with W where the medium has a heat
     capacity, else with K."""
-    asked = {
+    prescribed = {
         key: value for key, value in entry.items() if key not in ("kind", "name", "nodes", "box", "edge", "shares")
     }
     if entry["kind"] not in HEAT:
-        return asked
+        return prescribed
     units, capacity = IN_MOL, 1.0
     if medium.get("carries") == "heat":
         units, capacity = (IN_KELVIN, 1.0) if medium["heat_capacity"] is None else (IN_WATTS, medium["heat_capacity"])
     per = {key: 1.0 if key == "value" else capacity for key in units}
-    return asked | {key: f"{per[key] * asked[key]:g} {unit}" for key, unit in units.items() if key in asked}
+    return prescribed | {
+        key: f"{per[key] * prescribed[key]:g} {unit}" for key, unit in units.items() if key in prescribed
+    }
 
 
 def _by_spacing(spacings: Any, counts: Any) -> dict[str, int]:
@@ -326,21 +336,21 @@ def plan(scene: Scene | Body, mode: str = DEFAULT_MODE) -> dict[str, Any]:
     scene = known(scene)
     if isinstance(scene, Scene) and scene.run.adapt in ON_ONE_LATTICE:
         return _moving(scene, mode)
-    given = scene
+    original = scene
     if isinstance(scene, Scene) and scene.run.adapt == "split":
         scene, _ = undivided(scene)
     grid, settings = (build_body(scene) if isinstance(scene, Body) else build_scene(scene))[:2]
-    own = run_of(grid, settings, scene.source, mode)
+    scene_plan = run_of(grid, settings, scene.source, mode)
     counted, _ = count(grid, scene.horizon, sample=SAMPLE)
-    ratio = 1.0 if own is None else own.bonds / counted
-    nodes, bonds = _one_scale(given, counted / len(grid))
+    ratio = 1.0 if scene_plan is None else scene_plan.bonds / counted
+    nodes, bonds = _one_scale(original, counted / len(grid))
     return {
         "source": scene.source,
         "mode": mode,
-        "scene": _cost(nodes_by_spacing(grid), len(grid), counted, own),
+        "scene": _cost(nodes_by_spacing(grid), len(grid), counted, scene_plan),
         "strengths": zone_strengths.described(zone_strengths.zone_strengths(grid, settings, mode)),
         "warnings": list(zone_strengths.remarks(grid, settings)),
-        "one_scale": _priced({f"{given.finest:g}": nodes}, nodes, round(ratio * bonds), settings, mode, own),
+        "one_scale": _priced({f"{original.finest:g}": nodes}, nodes, round(ratio * bonds), settings, mode, scene_plan),
     }
 
 
@@ -350,47 +360,52 @@ def _moving(scene: Scene, mode: str) -> dict[str, Any]:
     grid, settings, _ = build_scene(scene)
     counted, _ = count(grid, scene.horizon, sample=SAMPLE)
     everywhere = msgspec.structs.replace(settings, run=msgspec.structs.replace(settings.run, adapt="none"))
-    own, flat = (run_of(grid, some, scene.source, mode) for some in (settings, everywhere))
+    scene_plan, flat = (run_of(grid, run_settings, scene.source, mode) for run_settings in (settings, everywhere))
     spacings, nodes = nodes_by_spacing(grid), len(grid)
-    if own is not None and own.finest is not None:
-        nodes, h = own.nodes, scene.finest
-        spacings = _by_spacing((h, 2 * h), (own.finest, own.nodes - own.finest))
+    if scene_plan is not None and scene_plan.finest is not None:
+        nodes, h = scene_plan.nodes, scene.finest
+        spacings = _by_spacing((h, 2 * h), (scene_plan.finest, scene_plan.nodes - scene_plan.finest))
     return {
         "source": scene.source,
         "mode": mode,
-        "scene": _cost(spacings, nodes, counted, own),
+        "scene": _cost(spacings, nodes, counted, scene_plan),
         "one_scale": _cost(nodes_by_spacing(grid), len(grid), counted, flat),
     }
 
 
-def _one_scale(scene: Scene | Body, each: float) -> tuple[int, float]:
+def _one_scale(scene: Scene | Body, pairs_per_node: float) -> tuple[int, float]:
     """Number of nodes of the scene on one scale, and of pairs within a horizon.
 
-    With too many nodes, and in space, nodes are not placed; `each` node then has as many pairs as on several scales.
+    With too many nodes, and in space, nodes are not placed; a node then has `pairs_per_node`, as on several scales.
     """
     if isinstance(scene, Body):
         nodes = round(scene.shell.volume / scene.finest**3) if scene.nodes is None else len(scene.nodes.position)
-        return nodes, each * nodes
+        return nodes, pairs_per_node * nodes
     flat = scene.one_scale()
     nodes = round(flat.shape.area / flat.finest**2)
     if nodes < MOST_COUNTED:
         placed = place_nodes(flat)
         grid = grid_of_nodes(flat, placed.position, placed.delta, placed.delta**2)
-        nodes, each = len(grid), count(grid, flat.horizon, sample=SAMPLE)[0] / len(grid)
-    return nodes, each * nodes
+        nodes, pairs_per_node = len(grid), count(grid, flat.horizon, sample=SAMPLE)[0] / len(grid)
+    return nodes, pairs_per_node * nodes
 
 
 def _priced(
-    spacings: dict[str, int], nodes: int, bonds: int, settings: Settings, mode: str, own: Plan | None
+    spacings: dict[str, int], nodes: int, bonds: int, settings: Settings, mode: str, scene_plan: Plan | None
 ) -> dict[str, Any]:
-    """Cost of a number of nodes and bonds in as many steps as the scene's `own` plan."""
-    if own is None:
+    """Cost of a number of nodes and bonds in as many steps as the plan of the scene."""
+    if scene_plan is None:
         return _cost(spacings, nodes, bonds, None)
     from pdsolve import Options, estimate_size
 
-    steps, run = (own.time_step, own.stable_time_step), msgspec.structs.replace(settings.run, steps=own.steps)
+    steps, run = (
+        (scene_plan.time_step, scene_plan.stable_time_step),
+        msgspec.structs.replace(settings.run, steps=scene_plan.steps),
+    )
     settings = msgspec.structs.replace(settings, run=run)
-    return _cost(spacings, nodes, bonds, estimate_size(settings, Options(mode), nodes, bonds, steps, own.in_blocks))
+    return _cost(
+        spacings, nodes, bonds, estimate_size(settings, Options(mode), nodes, bonds, steps, scene_plan.in_blocks)
+    )
 
 
 def _cost(spacings: dict[str, int], nodes: int, counted: int, run: Plan | None) -> dict[str, Any]:

@@ -32,12 +32,12 @@ def action(kind: type[AnyCondition], name: str, values: dict[str, Any], dimensio
     place = f"{kind.__struct_config__.tag} '{name}'"
     if "profile" in values:
         values = values | {"profile": checked_profile(values["profile"], f"{place}: profile")}
-    found = converted({"kind": kind.__struct_config__.tag, "name": name} | values, kind, place)
-    for key, at, value in varying(found):
+    condition = converted({"kind": kind.__struct_config__.tag, "name": name} | values, kind, place)
+    for key, at, value in varying(condition):
         wrong = None if isinstance(value, str) and is_file(value) else wrong_value(value, dimension)
         if wrong is not None:
             raise SceneError(f"{place}: {named(key, at)}: {wrong}")
-    return found
+    return condition
 
 
 MOTIONS: dict[str, type[AnyCondition]] = {
@@ -49,9 +49,9 @@ MOTIONS: dict[str, type[AnyCondition]] = {
 
 
 def motion(
-    name: str, axes: str, moves: Mapping[str, Components | None], **held: Any
+    name: str, axes: str, moves: Mapping[str, Components | None], **options: Any
 ) -> tuple[type[AnyCondition], dict[str, Any]]:
-    """Kind and values of the one of some `MOTIONS` along `axes` that is given; `held` are profile and breakable.
+    """Kind and values of the one of some `MOTIONS` along `axes` that is given; `options` are profile and breakable.
 
     They do not apply to an initial velocity or displacement. Raises SceneError.
     """
@@ -60,41 +60,45 @@ def motion(
         raise SceneError(f"move '{name}' has {len(chosen)} of {', '.join(MOTIONS)}; use one")
     ((kind, vector),) = chosen
     components = components_of(vector, len(axes))
-    if len(components) != len(axes) or all(each is None for each in components):
+    if len(components) != len(axes) or all(component is None for component in components):
         expected = f"{len(axes)} components, None of one that is free"
         raise SceneError(f"move '{name}' has {len(components)} components; use {expected}")
     along = dict(zip(axes, components, strict=True))
     if kind in (InitialVelocity, InitialDisplacement):
-        if any(held.values()):
+        if any(options.values()):
             raise SceneError(
                 f"move '{name}': an initial velocity or displacement has no profile or breakable; leave them out"
             )
         return kind, along
-    return kind, along | held
+    return kind, along | options
 
 
-def vector(given: Any, count: int, place: str) -> tuple[float, ...]:
+def vector(value: Any, count: int, place: str) -> tuple[float, ...]:
     """So many finite numbers. Raises SceneError, beginning with `place`."""
     try:
-        found = np.asarray(given, dtype=float)
+        array = np.asarray(value, dtype=float)
     except (TypeError, ValueError):
-        found = np.zeros(0)
-    if found.shape != (count,) or not np.isfinite(found).all():
-        raise SceneError(f"{place} is {given!r:.80}; use {count} finite numbers")
-    return tuple(found.tolist())
+        array = np.zeros(0)
+    if array.shape != (count,) or not np.isfinite(array).all():
+        raise SceneError(f"{place} is {value!r:.80}; use {count} finite numbers")
+    return tuple(array.tolist())
 
 
-def vector_of_place(given: Any, count: int, place: str) -> tuple[Any, ...]:
+def vector_of_place(value: Any, count: int, place: str) -> tuple[Any, ...]:
     """So many finite numbers, expressions, tables or functions of place. Raises SceneError, beginning with `place`."""
     try:
-        found = components_of(given, count)
+        components = components_of(value, count)
     except TypeError:
-        found = ()
-    numbers = [each for each in found if not (is_of_place(each) or callable(each) or isinstance(each, Component))]
-    if len(found) == count and len(numbers) < count:
+        components = ()
+    numbers = [
+        component
+        for component in components
+        if not (is_of_place(component) or callable(component) or isinstance(component, Component))
+    ]
+    if len(components) == count and len(numbers) < count:
         vector(numbers, len(numbers), place)
-        return found
-    return vector(found, count, place)
+        return components
+    return vector(components, count, place)
 
 
 def medium(name: str, D: float) -> MediumRegion:
@@ -102,10 +106,10 @@ def medium(name: str, D: float) -> MediumRegion:
     return converted({"name": name, "D": D}, MediumRegion, f"medium '{name}'")
 
 
-def converted(given: dict[str, Any], kind: type[T], place: str) -> T:
+def converted(fields: dict[str, Any], kind: type[T], place: str) -> T:
     """A struct of the grid file with these fields. Raises SceneError, beginning with `place`."""
-    given = plain(given)
+    fields = plain(fields)
     try:
-        return msgspec.convert(given, kind)
+        return msgspec.convert(fields, kind)
     except msgspec.ValidationError as error:
-        raise SceneError(f"{place}: {explained(error, kind, lambda: given)}") from None
+        raise SceneError(f"{place}: {explained(error, kind, lambda: fields)}") from None

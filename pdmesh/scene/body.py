@@ -150,8 +150,8 @@ class Body(PlainFields, MechanicalConditions[Where], DiffusionConditions[Where])
     def shell(self) -> Shell:
         """The triangulated surface of this body. Raises SceneError before Gmsh has made it."""
         if not isinstance(self.solid, Shell):
-            found = type(self.solid).__name__
-            raise SceneError(f"body is {found}, not its surface; use pdmesh.build or read_scene, which make one")
+            kind = type(self.solid).__name__
+            raise SceneError(f"body is {kind}, not its surface; use pdmesh.build or read_scene, which make one")
         return self.solid
 
     @property
@@ -172,7 +172,7 @@ class Body(PlainFields, MechanicalConditions[Where], DiffusionConditions[Where])
 
     def body(
         self,
-        other: Body | Solid,
+        body_or_solid: Body | Solid,
         name: str,
         spacing: float | None = None,
         material: Material | None = None,
@@ -186,13 +186,14 @@ class Body(PlainFields, MechanicalConditions[Where], DiffusionConditions[Where])
         those at time 0.
         """
         way, turn = (
-            actions.vector(each, 3, f"body '{name}': {word}") for word, each in (("velocity", velocity), ("spin", spin))
+            actions.vector(components, 3, f"body '{name}': {word}")
+            for word, components in (("velocity", velocity), ("spin", spin))
         )
-        return self._beside(SolidBeside(name, self._like(other, name, spacing, material), way, turn))
+        return self._beside(SolidBeside(name, self._like(body_or_solid, name, spacing, material), way, turn))
 
     def rigid(
         self,
-        other: Body | Solid,
+        body_or_solid: Body | Solid,
         name: str,
         mass: float | None = None,
         velocity: tuple[float, float, float] = (0.0, 0.0, 0.0),
@@ -209,42 +210,50 @@ class Body(PlainFields, MechanicalConditions[Where], DiffusionConditions[Where])
         wholly held needs no mass. With a `radius` (m) its surface is a sphere about its centre, not that of its nodes.
         """
         about = actions.vector(spin, 3, f"rigid '{name}': spin")
-        own = self._rigid(name, velocity, held, mass=mass, spin=about, profile=profile, radius=radius)
-        wrong = contradiction(own, 3)
+        rigid_body = self._rigid(name, velocity, held, mass=mass, spin=about, profile=profile, radius=radius)
+        wrong = contradiction(rigid_body, 3)
         if wrong is not None:
             raise SceneError(f"rigid '{name}': {wrong}")
-        return self._beside(SolidBeside(name, self._like(other, name, spacing, None), rigid=own))
+        return self._beside(SolidBeside(name, self._like(body_or_solid, name, spacing, None), rigid=rigid_body))
 
-    def _like(self, other: Body | Solid, name: str, spacing: float | None, material: Material | None) -> Body:
-        if isinstance(other, Body):
-            for word, found in (("spacing", spacing), ("material", other.material and material)):
-                if found is not None:
+    def _like(self, body_or_solid: Body | Solid, name: str, spacing: float | None, material: Material | None) -> Body:
+        if isinstance(body_or_solid, Body):
+            for word, setting in (("spacing", spacing), ("material", body_or_solid.material and material)):
+                if setting is not None:
                     raise SceneError(f"body '{name}' has a {word} of its own; give it there only")
-            return other if other.material is not None else replace(other, material=material or self.material)
-        own = self.spacing if spacing is None else spacing
-        return Body(other, own, material or self.material, self.horizon, medium=self.medium)
-
-    def _beside(self, other: SolidBeside) -> Body:
-        if not other.name or other.name in (REST, *(each.name for each in self.bodies)):
-            raise SceneError(f"body '{other.name}' has no name, or one that another body has; use one of its own")
-        if other.body.bodies or other.body.medium not in (None, self.medium) or other.body.horizon != self.horizon:
-            raise SceneError(
-                f"body '{other.name}' has bodies, a medium or another horizon ratio of its own; leave them out"
+            return (
+                body_or_solid
+                if body_or_solid.material is not None
+                else replace(body_or_solid, material=material or self.material)
             )
-        return replace(self, bodies=(*self.bodies, other), touching=self.touching or Contact())
+        body_spacing = self.spacing if spacing is None else spacing
+        return Body(body_or_solid, body_spacing, material or self.material, self.horizon, medium=self.medium)
+
+    def _beside(self, other_body: SolidBeside) -> Body:
+        if not other_body.name or other_body.name in (REST, *(body.name for body in self.bodies)):
+            raise SceneError(f"body '{other_body.name}' has no name, or one that another body has; use one of its own")
+        if (
+            other_body.body.bodies
+            or other_body.body.medium not in (None, self.medium)
+            or other_body.body.horizon != self.horizon
+        ):
+            raise SceneError(
+                f"body '{other_body.name}' has bodies, a medium or another horizon ratio of its own; leave them out"
+            )
+        return replace(self, bodies=(*self.bodies, other_body), touching=self.touching or Contact())
 
     def crack(self, sheet: Sheet | Any, name: str = "") -> Body:
         """The body with a crack: a `Sheet`, or triangles (t, 3, 3), m."""
         name = name or f"{len(self.cracks) + 1}"
-        found = sheet if isinstance(sheet, Sheet) else Sheet(_triangles(sheet, f"crack '{name}'"))
-        return replace(self, cracks=(*self.cracks, CrackFace(name, found)))
+        crack_sheet = sheet if isinstance(sheet, Sheet) else Sheet(_triangles(sheet, f"crack '{name}'"))
+        return replace(self, cracks=(*self.cracks, CrackFace(name, crack_sheet)))
 
     def region(self, solid: Solid, material: Material, name: str = "") -> Body:
         """The body with another material in a solid."""
         name = name or name_of(solid)
         part = SolidRegion(checked(solid, f"material '{name}'"), Region(name=name, material=material))
         composed(material, f"material '{name}'")
-        physics_of(self.medium, self.material, [each.region for each in (*self.regions[:1], part)])
+        physics_of(self.medium, self.material, [solid_region.region for solid_region in (*self.regions[:1], part)])
         return unchecked(self, regions=(*self.regions, part))
 
     def fix(
@@ -312,11 +321,11 @@ class Body(PlainFields, MechanicalConditions[Where], DiffusionConditions[Where])
         return replace(self, conditions=(*self.conditions, condition))
 
 
-def _triangles(found: Any, place: str) -> NDArray[np.float64]:
+def _triangles(value: Any, place: str) -> NDArray[np.float64]:
     try:
-        triangles = np.asarray(found, dtype=float)
+        triangles = np.asarray(value, dtype=float)
     except (TypeError, ValueError):
         triangles = np.zeros(0)
     if triangles.ndim != 3 or triangles.shape[1:] != (3, 3) or not np.isfinite(triangles).all() or not len(triangles):
-        raise SceneError(f"{place} is {found!r:.80}; use triangles of three places (x, y, z) in metres")
+        raise SceneError(f"{place} is {value!r:.80}; use triangles of three places (x, y, z) in metres")
     return triangles

@@ -112,8 +112,8 @@ def passable(medium: Medium | Heat) -> None:
     described(medium, Medium, "medium")
     wrong = contradiction(medium)
     if wrong is not None:
-        key, found, expected = wrong
-        raise SceneError(unfit(f"medium: {key}", found, expected))
+        key, actual, expected = wrong
+        raise SceneError(unfit(f"medium: {key}", actual, expected))
 
 
 def described(struct: Any, kind: type[msgspec.Struct], place: str) -> None:
@@ -313,14 +313,14 @@ def _numbers_of(condition: PlacedCondition, place: str) -> list[float]:
 
 def _of_load(condition: PlacedCondition, load: Load, place: str) -> list[float]:
     """The values of a load. Raises SceneError for none or several, or a traction that is not along a curve."""
-    given = given_of(load)
-    if len(given) != 1:
-        found = " and ".join(given) or "none"
-        raise SceneError(f"{place}: {found} given; give one of {', '.join(LOADS)}")
+    vectors = given_of(load)
+    if len(vectors) != 1:
+        names = " and ".join(vectors) or "none"
+        raise SceneError(f"{place}: {names} given; give one of {', '.join(LOADS)}")
     if load.traction is not None and not isinstance(condition.place.shape, Curve):
         what = "on a surface" if isinstance(condition.place.shape, Surface) else "at a point"
         raise SceneError(f"{place}: a traction {what} is not possible; use a force or a body force there, or a curve")
-    return [value for vector in given.values() for value in vector if isinstance(value, float | int)]
+    return [value for vector in vectors.values() for value in vector if isinstance(value, float | int)]
 
 
 def _stiffness(condition: PlacedCondition, spring: Spring, place: str) -> tuple[float, ...]:

@@ -86,10 +86,10 @@ class Place(PlainFields):
             return inside
         inside = np.zeros(len(position), dtype=bool)
         for spacing in np.unique(delta):
-            some, slack = delta == spacing, SLACK * float(spacing)
+            in_level, slack = delta == spacing, SLACK * float(spacing)
             strip = self.shape.buffer(self.rows * float(spacing) - 2 * slack, cap_style="flat", join_style="mitre")
-            beside = shapely.contains_xy(strip.buffer(slack), position[some])
-            inside[some] = beside & near(position[some], self.shape, self.rows * float(spacing) * (1 - SLACK))
+            in_strip = shapely.contains_xy(strip.buffer(slack), position[in_level])
+            inside[in_level] = in_strip & near(position[in_level], self.shape, self.rows * float(spacing) * (1 - SLACK))
         return inside
 
 
@@ -121,18 +121,18 @@ class PlacedCondition:
                 f"{describe(self.action)}: no node is {reach}, {nearest}; use a larger region, or a point (scene.pin,"
                 " shapely.Point, a physical point), which takes the node nearest to it"
             )
-        found: dict[str, object] = {"nodes": tuple((rows + 1).tolist())}
+        changes: dict[str, object] = {"nodes": tuple((rows + 1).tolist())}
         if isinstance(self.action, Load) and self.action.traction is not None:
-            found |= {"rows": self.place.rows, "length": float(self.place.shape.length)}
-            found |= {"rows": 1, "shares": tuple(parts.tolist())} if self.pulls else {}
+            changes |= {"rows": self.place.rows, "length": float(self.place.shape.length)}
+            changes |= {"rows": 1, "shares": tuple(parts.tolist())} if self.pulls else {}
         if isinstance(self.action, Spring) and self.action.stiffness is not None:
-            found |= {"rows": self.place.rows, "length": float(self.place.shape.length)}
+            changes |= {"rows": self.place.rows, "length": float(self.place.shape.length)}
         if isinstance(self.action, Concentration | Exchange) and isinstance(self.place.shape, Curve):
             at = shapely.points(position[rows])
             feet = shapely.line_interpolate_point(self.place.shape, shapely.line_locate_point(self.place.shape, at))
-            found["edge"] = tuple(map(tuple, (shapely.get_coordinates(feet) - position[rows]).tolist()))
+            changes["edge"] = tuple(map(tuple, (shapely.get_coordinates(feet) - position[rows]).tolist()))
         return sampled(
-            msgspec.structs.replace(self.action, **found), self.functions, position[rows], describe(self.action)
+            msgspec.structs.replace(self.action, **changes), self.functions, position[rows], describe(self.action)
         )
 
 

@@ -86,7 +86,7 @@ class DiffusionConditions(Conditioned[W]):
     ) -> Self:
         """With heat supplied: a flux (W/m^2), or a rate (W/m^3) there or throughout."""
         rho_c = capacity(self.medium, self.material, f"source '{name or self._named(where, 'source')}'")
-        flux, rate = (None if each is None else divided(plain(each), rho_c) for each in (flux, rate))
+        flux, rate = (None if value is None else divided(plain(value), rho_c) for value in (flux, rate))
         return self.supply(where, flux, rate, rows, profile, name)
 
     def convection(

@@ -26,7 +26,10 @@ def pulls_of(material: Material, ratio: float) -> Pulls:
     """Pulls of the columns of a family on a lattice, in a plate, whose horizon has so many spacings; none where no bond
     pulls across an edge."""
     reach = int(np.ceil(ratio)) + 1
-    x, y = (each.ravel() for each in np.meshgrid(np.arange(1, reach + 1), np.arange(-reach, reach + 1), indexing="ij"))
+    x, y = (
+        coordinate.ravel()
+        for coordinate in np.meshgrid(np.arange(1, reach + 1), np.arange(-reach, reach + 1), indexing="ij")
+    )
     length, horizon = np.hypot(x, y), np.full(len(x), float(ratio))
     if has_partial_cells(material):
         counted = hu_beta(length, horizon, np.ones(len(x)))
@@ -44,5 +47,5 @@ def shares(pulls: Pulls, depth: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.ones(len(depth))
     column = np.arange(1, len(pulls) + 1)[:, None]
     beyond = (column > depth + ROUND_OFF) + 0.5 * (np.abs(column - depth) <= ROUND_OFF)
-    found = np.array(pulls) @ beyond
-    return np.where(found > 1 - ROUND_OFF, 1.0, np.where(found > ROUND_OFF, found, 0.0))
+    edge_share = np.array(pulls) @ beyond
+    return np.where(edge_share > 1 - ROUND_OFF, 1.0, np.where(edge_share > ROUND_OFF, edge_share, 0.0))

@@ -133,11 +133,11 @@ def _chords(shape: Surface, on: Callable[[NDArray[np.float64]], NDArray[np.bool_
 
 
 def _merged(chords: Iterable[NDArray[np.float64]], none: str) -> Curve:
-    kept = list(chords)
-    if not kept:
+    chord_list = list(chords)
+    if not chord_list:
         raise SceneError(none)
-    merged = shapely.line_merge(MultiLineString(kept))
-    return merged if isinstance(merged, Curve) else MultiLineString(kept)
+    merged = shapely.line_merge(MultiLineString(chord_list))
+    return merged if isinstance(merged, Curve) else MultiLineString(chord_list)
 
 
 def _hole(shape: Surface, at: NDArray[np.float64], place: str) -> LineString:
@@ -173,16 +173,16 @@ def _along(shape: Surface, finest: float, ends: NDArray[np.float64], place: str)
     at = shapely.points(ends)
     away = np.array([shapely.distance(ring, at).max() for ring in rings])
     if away.min() > finest:
-        found = ", ".join(f"({x:g}, {y:g})" for x, y in ends)
+        ends_text = ", ".join(f"({x:g}, {y:g})" for x, y in ends)
         raise SceneError(
-            f"{place}: {found} m are not on one edge; use two places on one edge of the plate, within a spacing"
+            f"{place}: {ends_text} m are not on one edge; use two places on one edge of the plate, within a spacing"
         )
     ring = rings[int(away.argmin())]
     first, last = sorted(shapely.line_locate_point(ring, at).tolist())
-    whole = ring.length
+    ring_length = ring.length
     straight = substring(ring, first, last)
-    if 2 * (last - first) > whole:
-        around = [substring(ring, last, whole), substring(ring, 0, first)]
+    if 2 * (last - first) > ring_length:
+        around = [substring(ring, last, ring_length), substring(ring, 0, first)]
         straight = shapely.line_merge(MultiLineString([line for line in around if line.length > 0]))
     if not isinstance(straight, LineString) or not straight.length > 0:
         raise SceneError(f"{place}: the edge has length 0; use two places apart")
@@ -196,8 +196,8 @@ def _bearing(shape: Surface, points: NDArray[np.float64], place: str) -> LineStr
     across, reach = np.array([-way[1], way[0]]), 2 * float(np.hypot(*np.ptp(shapely.get_coordinates(hole), axis=0)))
     side = centre + reach * across, centre - reach * across
     half = shapely.Polygon([*side, *(corner + reach * way for corner in side[::-1])])
-    kept = shapely.line_merge(LineString(hole.exterior).intersection(half))
-    if not isinstance(kept, LineString):
+    half_edge = shapely.line_merge(LineString(hole.exterior).intersection(half))
+    if not isinstance(half_edge, LineString):
         x, y = centre
         raise SceneError(f"{place}: the hole at ({x:g}, {y:g}) m has a half in pieces; use a round one")
-    return kept
+    return half_edge

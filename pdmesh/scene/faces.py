@@ -32,10 +32,10 @@ def face(shell: Shell, words: str, place: str, unit: Unit = METRE) -> str | Shee
     triangles, at = shell.triangles, points[0]
     normal = _normals(triangles)
     if first == "normal":
-        kept = normal @ at >= FACING * np.linalg.norm(at)
-        if not kept.any():
+        is_facing = normal @ at >= FACING * np.linalg.norm(at)
+        if not is_facing.any():
             raise SceneError(f"{place}: no face faces {tuple(at.tolist())}; use another direction")
-        return Sheet(triangles[kept])
+        return Sheet(triangles[is_facing])
     patch = _patches(triangles, normal)
     away = np.array([distances(points, triangles[patch == k], np.inf)[0] for k in range(patch.max() + 1)])
     return Sheet(triangles[patch == away.argmin()])

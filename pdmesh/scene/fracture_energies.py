@@ -18,8 +18,8 @@ S = TypeVar("S", bound=Scene | Body)
 def known(scene: S) -> S:
     """The scene whose materials have the fracture energies of their critical stretches, with its finest nodes."""
     every: list[Material | None] = [scene.material, *(part.region.material for part in scene.regions)]
-    for other in scene.bodies:
-        every.append(other.body.material if isinstance(other, SolidBeside) else other.material)
+    for other_body in scene.bodies:
+        every.append(other_body.body.material if isinstance(other_body, SolidBeside) else other_body.material)
     if all(material is None or material.critical_stretch is None for material in every):
         return scene
     changed: dict[str, Any] = {"material": _energetic(scene.material, scene, scene.finest)}
@@ -33,7 +33,7 @@ def known(scene: S) -> S:
             replace(body, material=_energetic(body.material, scene, body.spacing)) for body in scene.bodies
         )
     else:
-        changed["bodies"] = tuple(replace(beside, body=known(beside.body)) for beside in scene.bodies)
+        changed["bodies"] = tuple(replace(solid_body, body=known(solid_body.body)) for solid_body in scene.bodies)
     return replace(scene, **changed)
 
 

@@ -47,8 +47,8 @@ def without_functions(values: Mapping[str, Any]) -> tuple[dict[str, Any], tuple[
         parts = list(value) if several else [value]
         for at, part in enumerate(parts):
             if isinstance(part, Component) or callable(part):
-                own, which = part if isinstance(part, Component) else (part, None)
-                functions.append(Function(name, at if several else None, own, which))
+                function, which = part if isinstance(part, Component) else (part, None)
+                functions.append(Function(name, at if several else None, function, which))
                 parts[at] = 0.0
         plain[name] = tuple(parts) if several else parts[0]
     return plain, tuple(functions)
@@ -57,33 +57,33 @@ def without_functions(values: Mapping[str, Any]) -> tuple[dict[str, Any], tuple[
 def sampled(condition: C, functions: Sequence[Function], position: NDArray[np.float64], place: str) -> C:
     """The condition with tables of its functions at the places (k, d) of its nodes, m. Raises SceneError."""
     places = tuple(map(tuple, position.tolist()))
-    for one in functions:
-        values = tuple(_number(one, at, place) for at in places)
-        condition = replaced(condition, one.name, one.number, Table(places, values))
+    for function in functions:
+        values = tuple(_number(function, at, place) for at in places)
+        condition = replaced(condition, function.name, function.number, Table(places, values))
     return condition
 
 
-def _number(one: Function, at: tuple[float, ...], place: str) -> float:
+def _number(function: Function, at: tuple[float, ...], place: str) -> float:
     """What a function gives at a place, m. Raises SceneError for anything but a finite number."""
     try:
-        found = one.value(*at)
-        value = float(found if one.component is None else found[one.component])
+        output = function.value(*at)
+        value = float(output if function.component is None else output[function.component])
     except Exception as error:  # a user's program may raise anything
         where = ", ".join(f"{number:g}" for number in at)
         raise SceneError(
-            f"{place}: {one.name}: the function raises {type(error).__name__} at ({where}) m ({error}); return a"
+            f"{place}: {function.name}: the function raises {type(error).__name__} at ({where}) m ({error}); return a"
             f" number for each place ({', '.join(AXES[: len(at)])})"
         ) from None
     if not abs(value) <= LARGEST:
         where = ", ".join(f"{number:g}" for number in at)
-        raise SceneError(f"{place}: {one.name} is {value:g} at ({where}) m; use finite numbers")
+        raise SceneError(f"{place}: {function.name} is {value:g} at ({where}) m; use finite numbers")
     return value if abs(value) >= LEAST else 0.0
 
 
 def divided(value: ValueOfPlace, by: float) -> ValueOfPlace:
     """The value over a number; one of place stays one. Raises SceneError for the name of a file."""
     if isinstance(value, Table):
-        return msgspec.structs.replace(value, values=tuple(each / by for each in value.values))
+        return msgspec.structs.replace(value, values=tuple(number / by for number in value.values))
     if isinstance(value, str):
         if is_file(value):
             raise SceneError(f"a heat supply cannot be the file '{value:.80}'; use a function or an expression")

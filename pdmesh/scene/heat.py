@@ -41,8 +41,8 @@ class Heat(PlainFields):
 def capacity(medium: Medium | Heat | None, material: Material | None, place: str) -> float:
     """Heat capacity of a volume, rho c, J/(m^3 K). Raises SceneError, beginning with `place`, if it is not known."""
     if not isinstance(medium, Heat):
-        found = "none" if medium is None else f"D = {medium.D:g} m^2/s alone"
-        raise SceneError(f"{place}: medium has {found}; give k and c, as heat is in watts")
+        actual = "none" if medium is None else f"D = {medium.D:g} m^2/s alone"
+        raise SceneError(f"{place}: medium has {actual}; give k and c, as heat is in watts")
     if material is None:
         raise SceneError(f"{place}: material is missing; give one, whose rho times medium.c is the heat capacity")
     return material.rho * medium.c
@@ -69,20 +69,20 @@ def physics_of(medium: Medium | Heat | None, material: Material | None, regions:
     """
     every = [] if material is None else [("material", material)]
     every += [(f"material '{region.name}'", region.material) for region in regions]
-    expands = any(each.alpha is not None for _, each in every)
-    for place, each in every:
-        for name, other in (("alpha", "T0"), ("T0", "alpha")):
-            value = getattr(each, other)
-            if getattr(each, name) is None and (expands or value is not None):
-                why = "as the other materials expand" if value is None else f"as {other} is {value:g}"
+    expands = any(solid.alpha is not None for _, solid in every)
+    for place, solid in every:
+        for name, partner in (("alpha", "T0"), ("T0", "alpha")):
+            value = getattr(solid, partner)
+            if getattr(solid, name) is None and (expands or value is not None):
+                why = "as the other materials expand" if value is None else f"as {partner} is {value:g}"
                 raise SceneError(f"{place}: {name} is missing; give a number, {why}")
-        if isinstance(medium, Heat) and each.rho != every[0][1].rho:
+        if isinstance(medium, Heat) and solid.rho != every[0][1].rho:
             raise SceneError(
-                f"{place}: rho is {each.rho:g} kg/m^3; use {every[0][1].rho:g} kg/m^3 as elsewhere: the medium has"
+                f"{place}: rho is {solid.rho:g} kg/m^3; use {every[0][1].rho:g} kg/m^3 as elsewhere: the medium has"
                 " one heat capacity, or else use D and regions of another diffusivity"
             )
     if expands and medium is None:
-        place, first = next(one for one in every if one[1].alpha is not None)
+        place, first = next(entry for entry in every if entry[1].alpha is not None)
         raise SceneError(f"medium is missing, as {place}.alpha is {first.alpha:g}; give D, or k and c, of heat")
     if medium is None:
         return "mechanics"

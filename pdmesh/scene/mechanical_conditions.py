@@ -54,8 +54,8 @@ class MechanicalConditions(Conditioned[W]):
         self, friction: float = 0.0, stiffness: float = 15.0, distance: float = 1.0, restitution: float = 1.0
     ) -> Self:
         """With bodies, and faces of cracks, that push each other apart; the settings are those of `Contact`."""
-        given = {"friction": friction, "stiffness": stiffness, "distance": distance, "restitution": restitution}
-        return self._changed(touching=actions.converted(given, Contact, "contact"))
+        settings = {"friction": friction, "stiffness": stiffness, "distance": distance, "restitution": restitution}
+        return self._changed(touching=actions.converted(settings, Contact, "contact"))
 
     def load(
         self,
@@ -108,9 +108,9 @@ class MechanicalConditions(Conditioned[W]):
         kind, values = actions.motion(name, self.AXES, moves, profile=profile, breakable=breakable)
         return self._with(kind, values, where, rows, name)
 
-    def gap(self, name: str, one: Vector, other: Vector) -> Self:
+    def gap(self, name: str, first: Vector, second: Vector) -> Self:
         """With a monitored opening between the nodes nearest to two places, m."""
-        ends = tuple(actions.vector(end, len(self.AXES), f"gap '{name}'") for end in (one, other))
+        ends = tuple(actions.vector(end, len(self.AXES), f"gap '{name}'") for end in (first, second))
         return self._run(gaps=(*self.run.gaps, Gap(name, ends)))  # type: ignore[arg-type]
 
     def load_cell(self, name: str, *conditions: str) -> Self:
@@ -137,13 +137,15 @@ class MechanicalConditions(Conditioned[W]):
             raise SceneError(f"roller '{name}': along is {along!r:.40}; use {expected}")
         return self._fixed(shapely.Point(*place), [None if axis in free else 0.0 for axis in self.AXES], name=name)
 
-    def _rigid(self, name: str, velocity: Vector, held: str | Sequence[str], **given: Any) -> RigidBody:
+    def _rigid(self, name: str, velocity: Vector, held: str | Sequence[str], **settings: Any) -> RigidBody:
         """The motion of a rigid body called `name`."""
         along = dict(zip(self.AXES, actions.vector(velocity, len(self.AXES), f"rigid '{name}': velocity"), strict=True))
-        given |= along | {"held": [held] if isinstance(held, str) else held}
-        own = actions.action(RigidBody, name, {key: value for key, value in given.items() if value is not None})
-        assert isinstance(own, RigidBody)
-        return own
+        settings |= along | {"held": [held] if isinstance(held, str) else held}
+        rigid_body = actions.action(
+            RigidBody, name, {key: value for key, value in settings.items() if value is not None}
+        )
+        assert isinstance(rigid_body, RigidBody)
+        return rigid_body
 
     def _acting(
         self,
@@ -158,14 +160,14 @@ class MechanicalConditions(Conditioned[W]):
         name = name or self._named(where, str(kind.__struct_config__.tag))
         place = f"{kind.__struct_config__.tag} '{name}'"
         of_numbers = actions.vector if kind is Spring else actions.vector_of_place
-        found = {
+        vectors = {
             key: of_numbers(vector, len(self.AXES), f"{place}: {key}")
             for key, vector in values.items()
             if vector is not None
         }
-        if len(found) != 1:
-            raise SceneError(f"{place}: {' and '.join(found) or 'none'} given; give one of {', '.join(values)}")
-        return self._with(kind, dict(found), where, rows, name, **more)
+        if len(vectors) != 1:
+            raise SceneError(f"{place}: {' and '.join(vectors) or 'none'} given; give one of {', '.join(values)}")
+        return self._with(kind, dict(vectors), where, rows, name, **more)
 
     def _run(self, **changed: Any) -> Self:
         return self._changed(run=msgspec.structs.replace(self.run, **changed))

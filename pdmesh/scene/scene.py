@@ -126,8 +126,8 @@ class Scene(Plate, MechanicalConditions[Where], DiffusionConditions[Where]):
         nodes are then half a spacing inside their body's outline.
         """
         spacing = self.spacing if spacing is None else spacing
-        other = BodyBeside(name, surface(shape, spacing, f"body '{name}'"), spacing, material, velocity, spin)
-        return replace(self, bodies=(*self.bodies, other), touching=self.touching or Contact())
+        body = BodyBeside(name, surface(shape, spacing, f"body '{name}'"), spacing, material, velocity, spin)
+        return replace(self, bodies=(*self.bodies, body), touching=self.touching or Contact())
 
     def rigid(
         self,
@@ -149,10 +149,10 @@ class Scene(Plate, MechanicalConditions[Where], DiffusionConditions[Where]):
         plate's material would; with a `radius` (m) along a circle about its centre, not the steps of its nodes.
         `pdpost reaction` draws its force and the way of its centre of mass.
         """
-        own = self._rigid(name, velocity, held, mass=mass, spin=spin, profile=profile, radius=radius)
+        rigid_body = self._rigid(name, velocity, held, mass=mass, spin=spin, profile=profile, radius=radius)
         spacing = self.spacing if spacing is None else spacing
-        other = BodyBeside(name, surface(shape, spacing, f"body '{name}'"), spacing, rigid=own)
-        return replace(self, bodies=(*self.bodies, other), touching=self.touching or Contact())
+        body = BodyBeside(name, surface(shape, spacing, f"body '{name}'"), spacing, rigid=rigid_body)
+        return replace(self, bodies=(*self.bodies, body), touching=self.touching or Contact())
 
     def fix(
         self,

@@ -120,13 +120,13 @@ def grown(shape: shapely.Geometry, reach: float) -> Surface:
 
 def concave_points(shape: Surface) -> NDArray[np.float64]:
     """The points (k, 2), m, at which the exterior of the shape turns inwards: notch roots, re-entrant corners."""
-    found = [np.empty((0, 2))]
+    points = [np.empty((0, 2))]
     for part in parts(shape):
         ring = shapely.get_coordinates(shapely.geometry.polygon.orient(part).exterior)[:-1]
         before, after = ring - np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0) - ring
         turn = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
-        found.append(ring[turn < -1e-6 * np.hypot(*before.T) * np.hypot(*after.T)])
-    return np.concatenate(found)
+        points.append(ring[turn < -1e-6 * np.hypot(*before.T) * np.hypot(*after.T)])
+    return np.concatenate(points)
 
 
 def near(
@@ -138,7 +138,7 @@ def near(
         return close
     reach = np.broadcast_to(np.asarray(reach, dtype=np.float64), close.shape)
     low, high = np.reshape(geometry.bounds, (2, 2))
-    asked = np.flatnonzero(((points >= low - reach[:, None]) & (points <= high + reach[:, None])).all(axis=1))
+    candidates = np.flatnonzero(((points >= low - reach[:, None]) & (points <= high + reach[:, None])).all(axis=1))
     shapely.prepare(geometry)
-    close[asked] = shapely.dwithin(geometry, shapely.points(points[asked]), reach[asked])
+    close[candidates] = shapely.dwithin(geometry, shapely.points(points[candidates]), reach[candidates])
     return close

@@ -43,7 +43,7 @@ class _Around(NamedTuple):
 
     plate: Surface
     inside: Surface  # the plate and its edge, a little beyond
-    beside: shapely.Geometry  # what is near to its edge
+    near_edge: shapely.Geometry  # what is near to its edge
     coarsest: float  # spacing, m
     finest: float  # m
 
@@ -67,7 +67,9 @@ def _slit(crack: Crack, around: _Around) -> Slit:
     """The slit of a crack with an end outside the plate or near its edge."""
     edge, on, missed = around.plate.boundary, EDGE * around.finest, MISSED * around.coarsest
     line = shapely.remove_repeated_points(crack.line)
-    along = max(shapely.get_parts(line.intersection(around.beside)), key=lambda part: float(part.length), default=line)
+    along = max(
+        shapely.get_parts(line.intersection(around.near_edge)), key=lambda part: float(part.length), default=line
+    )
     if along.length > min(ALONG * around.coarsest, line.length / 2):
         (x0, y0), (x1, y1) = shapely.get_coordinates(along)[[0, -1]]
         raise SceneError(
@@ -82,12 +84,12 @@ def _slit(crack: Crack, around: _Around) -> Slit:
 
 
 def _notes(crack: Crack, points: NDArray[np.float64], slack: float) -> tuple[str, ...]:
-    drawn = shapely.get_coordinates(crack.line)
+    line = shapely.get_coordinates(crack.line)
     return tuple(
-        f"crack '{crack.name}': its end at ({drawn[end][0]:.7g}, {drawn[end][1]:.7g}) m is put onto the plate's edge,"
+        f"crack '{crack.name}': its end at ({line[end][0]:.7g}, {line[end][1]:.7g}) m is put onto the plate's edge,"
         f" at ({points[end][0]:.7g}, {points[end][1]:.7g}) m"
         for end in (0, -1)
-        if np.hypot(*(points[end] - drawn[end])) > slack
+        if np.hypot(*(points[end] - line[end])) > slack
     )
 
 
@@ -95,15 +97,15 @@ def _trimmed(crack: Crack, around: _Around) -> LineString:
     """The crack without its ends outside. Raises SceneError if more than the ends are outside."""
     line, longest = crack.line, OVERSHOOT * crack.line.length
     ends = shapely.points(shapely.get_coordinates(line)[[0, -1]])
-    kept = [part for part in shapely.get_parts(line.intersection(around.plate)) if part.length > 0]
+    inside_parts = [part for part in shapely.get_parts(line.intersection(around.plate)) if part.length > 0]
     for part in shapely.get_parts(line.difference(around.inside)):
-        if part.length > longest or shapely.distance(part, ends).min() > 0 or len(kept) != 1:
+        if part.length > longest or shapely.distance(part, ends).min() > 0 or len(inside_parts) != 1:
             x, y = shapely.get_coordinates(part)[-1]
             raise SceneError(
                 f"crack '{crack.name}' is at ({x:g}, {y:g}) m outside the plate; put all of it inside, but for ends"
                 f" of at most {longest:g} m"
             )
-    return kept[0]
+    return inside_parts[0]
 
 
 def _on_edge(end: Any, before: Any, edge: shapely.Geometry, missed: float) -> Any:

@@ -78,13 +78,13 @@ def _animate(args: argparse.Namespace) -> int:
     from pdpost.reading.frame_steps import frames
     from pdsolve.results import Results
 
-    given = dict(args.assignments)
-    with style.styled(given), Results.open(args.results) as results:
+    settings = dict(args.assignments)
+    with style.styled(settings), Results.open(args.results) as results:
         steps, times = frames(results)
         field = args.field or usual(results, int(steps[0]))
         path = commandline.output_path(args.output, args.results, f".{field}.gif", args.force)
         kind = animation.check_format(path)
-        dpi = rcParams["savefig.dpi"] if "savefig.dpi" in given else "figure"
+        dpi = rcParams["savefig.dpi"] if "savefig.dpi" in settings else "figure"
         check_window(results, args)
         stride = chosen_stride(results, args)
         how = {
@@ -123,7 +123,7 @@ def _watch(args: argparse.Namespace) -> int:
 
     field: str | None = args.field
     path = chosen(field) if field else args.output and chosen("")
-    drawn = 0
+    frame_count = 0
     with style.styled(dict(args.assignments)):
         for step in watching.frames(args.results, args.patience, lambda words: commandline.note(words, args)):
             with Results.open(args.results) as results:
@@ -140,10 +140,10 @@ def _watch(args: argparse.Namespace) -> int:
                 }
                 figure = field_figure.field(results, field, step, part=args.component, **how)
             style.save(figure, path)
-            drawn += 1
+            frame_count += 1
             commandline.note(f"{path}: {field} at {time_text(time)} (step {step})", args)
     with Results.open(args.results) as results:
         status = str(results.meta()["status"])
-    result = {"output": path and str(path), "field": field, "drawn": drawn, "status": status}
-    commandline.report(result, [f"{path}: the run is {status}; {drawn} frames drawn"], args)
+    result = {"output": path and str(path), "field": field, "drawn": frame_count, "status": status}
+    commandline.report(result, [f"{path}: the run is {status}; {frame_count} frames drawn"], args)
     return commandline.OK

@@ -93,19 +93,19 @@ def _slice(args: argparse.Namespace) -> int:
         name = args.field or fields.usual(results, step)
         part = fields.component(name, args.component, results.dimension)
         shown = slices.values(results, name, step, part or None)
-        found = slices.cut(results, shown, step, *args.plane)
+        section = slices.cut(results, shown, step, *args.plane)
         if path is not None:
-            style.save(slice_figure.plane(results, found, name, part, step, args.largest), path)
+            style.save(slice_figure.plane(results, section, name, part, step, args.largest), path)
         nodes, when = results.nodes(step), moment(results, step)
-        x, y, z = nodes.position[found.rows].T
-        table = {"node": nodes.ids[found.rows], "x": x, "y": y, "z": z, name: found.values}
+        x, y, z = nodes.position[section.rows].T
+        table = {"node": nodes.ids[section.rows], "x": x, "y": y, "z": z, name: section.values}
         if args.csv is not None:
             write_csv(args, csv_columns.csv(table))
     if args.csv != "-":
-        smallest, largest = float(found.values.min()), float(found.values.max())
+        smallest, largest = float(section.values.min()), float(section.values.max())
         output = None if path is None else str(path)
-        result = {"output": output, "step": step, "time": time, "field": name, "nodes": len(found.rows)}
-        line = f"{path or args.csv}: {name} at {when}, {len(found.rows)} nodes, {smallest:.4g} to {largest:.4g}"
+        result = {"output": output, "step": step, "time": time, "field": name, "nodes": len(section.rows)}
+        line = f"{path or args.csv}: {name} at {when}, {len(section.rows)} nodes, {smallest:.4g} to {largest:.4g}"
         commandline.report({**result, "smallest": smallest, "largest": largest}, [line], args)
     return commandline.OK
 
@@ -147,11 +147,13 @@ def _render(args: argparse.Namespace) -> int:
 
 def _check_render(args: argparse.Namespace) -> None:
     """Raise UsageError for options that say nothing of cracks beside `--crack` or `--explode`."""
-    asked = [option for option, given in (("--crack", args.crack), ("--explode", args.explode)) if given]
+    exclusive_options = [option for option, value in (("--crack", args.crack), ("--explode", args.explode)) if value]
     names = ("field", "component", "largest", "level", "plane")
     others = [f"--{name}" for name in names if getattr(args, name) is not None]
-    if asked and len(asked + others) > 1:
-        raise commandline.UsageError(f"{asked[0]} cannot be combined with {(asked + others)[1]}; use one of them")
+    if exclusive_options and len(exclusive_options + others) > 1:
+        raise commandline.UsageError(
+            f"{exclusive_options[0]} cannot be combined with {(exclusive_options + others)[1]}; use one of them"
+        )
 
 
 def _cracked(results: Results, step: int, explode: float | None) -> Figure:
@@ -160,7 +162,7 @@ def _cracked(results: Results, step: int, explode: float | None) -> Figure:
     from pdpost.figures.colours import at
     from pdpost.measures.crack_faces import opened, surface
 
-    found, nodes = opened(results, step), results.nodes(step)
+    parted_pairs, nodes = opened(results, step), results.nodes(step)
     if explode is not None:
-        return crack_render.fragments_apart(nodes, found, explode, f"Fragments {at(results, step)}")
-    return crack_render.cracks_in_body(nodes, surface(results, step, found), f"Cracks {at(results, step)}")
+        return crack_render.fragments_apart(nodes, parted_pairs, explode, f"Fragments {at(results, step)}")
+    return crack_render.cracks_in_body(nodes, surface(results, step, parted_pairs), f"Cracks {at(results, step)}")

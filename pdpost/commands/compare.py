@@ -70,35 +70,35 @@ def _compare(args: argparse.Namespace) -> int:
     part = fields.component(args.field, args.component)
     with style.styled(dict(args.assignments)), ExitStack() as stack:
         runs = [stack.enter_context(Results.open(file)) for file in files]
-        each, found = [], []
+        panels, compared_frames = [], []
         for file, results, title in zip(files, runs, titles, strict=True):
             check_alike(results, runs[0])
             args.results = file  # which a message names
             step, time = chosen_frame(results, args)
-            each.append(frames_figure.Panel(results, step, f"{title}, {time_text(time, micro='µs')}"))
-            found.append({"results": str(file), "title": title, "step": step, "time": time})
+            panels.append(frames_figure.Panel(results, step, f"{title}, {time_text(time, micro='µs')}"))
+            compared_frames.append({"results": str(file), "title": title, "step": step, "time": time})
         check_window(runs[0], args)
-        scale = chosen_scale(runs[0], each[0].step, args)
+        scale = chosen_scale(runs[0], panels[0].step, args)
         how = {"part": part or None, "scale": scale, "largest": args.largest, "window": args.window, "hide": args.hide}
         if path is not None:
-            style.save(frames_figure.panels(each, args.field, **how), path)
+            style.save(frames_figure.panels(panels, args.field, **how), path)
     result = {
         "output": None if path is None else str(path),
         "field": args.field,
         "component": part or None,
         "scale": scale,
-        "runs": found,
+        "runs": compared_frames,
     }
     commandline.report(result, [f"{path}: {args.field} of {', '.join(titles)}"], args)
     return commandline.OK
 
 
-def _titles(files: list[Path], given: str | None) -> list[str]:
+def _titles(files: list[Path], text: str | None) -> list[str]:
     """What stands above each picture. Raises UsageError."""
-    if given is None:
+    if text is None:
         names = [file.stem for file in files]
         return names if len(set(names)) == len(names) else list(map(str, files))
-    titles = [title.strip() for title in given.split(",")]
+    titles = [title.strip() for title in text.split(",")]
     if len(titles) != len(files):
         raise commandline.UsageError(f"--titles has {len(titles)} titles; give {len(files)}, one for each database")
     return titles

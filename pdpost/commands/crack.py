@@ -76,8 +76,8 @@ def _crack(args: argparse.Namespace) -> int:
             raise commandline.UsageError(f"--surface ({args.surface}) is for bodies in space; leave it out for a plate")
         if args.compare is None:
             return _one(args, results, threshold, path)
-        with Results.open(args.compare) as other:
-            return _two(args, results, other, threshold, path)
+        with Results.open(args.compare) as second_run:
+            return _two(args, results, second_run, threshold, path)
 
 
 def _one(args: argparse.Namespace, results: Results, threshold: float, path: Path | None) -> int:
@@ -87,17 +87,17 @@ def _one(args: argparse.Namespace, results: Results, threshold: float, path: Pat
     from pdpost.measures.predicted_directions import predicted
 
     check_window(results, args)
-    found = crack_summary.crack(results, _step(args, results), threshold, args.along)
+    summary = crack_summary.crack(results, _step(args, results), threshold, args.along)
     if path is not None:
         from pdpost.figures import crack_figure, style
 
-        style.save(crack_figure.crack(results, found, args.window), path)
-    header, rows = crack_summary.table(found)
-    first = found.growth.first_break
-    expected = [] if first is None else predicted(results, found.directions, first.step)
-    lines = [*crack_summary.sentences(found), *crack_summary.predictions(expected, results)]
-    told = {**crack_summary.numbers(found), "predicted": [asdict(one) for one in expected]}
-    return number_options.deliver(args, told, lines, header, rows, path)
+        style.save(crack_figure.crack(results, summary, args.window), path)
+    header, rows = crack_summary.table(summary)
+    first = summary.growth.first_break
+    expected = [] if first is None else predicted(results, summary.directions, first.step)
+    lines = [*crack_summary.sentences(summary), *crack_summary.predictions(expected, results)]
+    result = {**crack_summary.numbers(summary), "predicted": [asdict(prediction) for prediction in expected]}
+    return number_options.deliver(args, result, lines, header, rows, path)
 
 
 def _of_body(args: argparse.Namespace, results: Results, threshold: float, path: Path | None) -> int:
@@ -110,33 +110,35 @@ def _of_body(args: argparse.Namespace, results: Results, threshold: float, path:
     if args.surface is not None:
         surface_files.check_suffix(args.surface)
         commandline.output_path(args.surface, args.results, args.surface.suffix, args.force)
-    found = crack_in_space.crack_in_space(results, _step(args, results), threshold)
-    lines = crack_in_space.sentences(found)
+    summary = crack_in_space.crack_in_space(results, _step(args, results), threshold)
+    lines = crack_in_space.sentences(summary)
     if path is not None:
         from pdpost.figures import crack_surface_figure, style
 
-        style.save(crack_surface_figure.crack_surface(results, found), path)
+        style.save(crack_surface_figure.crack_surface(results, summary), path)
     if args.surface is not None:
-        surface_files.write(args.surface, found.surface, found.speed)
-        lines = [f"{args.surface}: the surface, {len(found.surface.faces)} faces", *lines]
-    header, rows = crack_in_space.table(found)
-    return number_options.deliver(args, crack_in_space.numbers(found), lines, header, rows, path)
+        surface_files.write(args.surface, summary.surface, summary.speed)
+        lines = [f"{args.surface}: the surface, {len(summary.surface.faces)} faces", *lines]
+    header, rows = crack_in_space.table(summary)
+    return number_options.deliver(args, crack_in_space.numbers(summary), lines, header, rows, path)
 
 
-def _two(args: argparse.Namespace, one: Results, other: Results, threshold: float, path: Path | None) -> int:
+def _two(args: argparse.Namespace, first_run: Results, second_run: Results, threshold: float, path: Path | None) -> int:
     from pdpost.measures import cracks, paths
     from pdpost.measures.comparison import compare
     from pdpost.reading.time_text import time_text
 
-    check_window(one, args)
-    steps = _step(args, one), _step(args, other)
-    along = args.along or paths.heading(paths.path(one, steps[0], threshold))
-    found = compare(one, other, steps, cracks.DIRECTIONS[along], threshold)
+    check_window(first_run, args)
+    steps = _step(args, first_run), _step(args, second_run)
+    along = args.along or paths.heading(paths.path(first_run, steps[0], threshold))
+    comparison = compare(first_run, second_run, steps, cracks.DIRECTIONS[along], threshold)
     lines = ["one of the two runs has no crack: nothing to compare"]
-    if found.mean is not None and found.hausdorff is not None:
-        lines = [f"mean distance {found.mean * 1e3:.3g} mm, at most {found.hausdorff * 1e3:.3g} mm (Hausdorff)"]
+    if comparison.mean is not None and comparison.hausdorff is not None:
+        lines = [
+            f"mean distance {comparison.mean * 1e3:.3g} mm, at most {comparison.hausdorff * 1e3:.3g} mm (Hausdorff)"
+        ]
     for name in ("start", "branching", "split"):
-        if (later := getattr(found, name)) is not None:
+        if (later := getattr(comparison, name)) is not None:
             lines.append(f"{name}: {time_text(later, '+.3g')} in {args.compare}")
     if path is not None:
         from pdpost.figures import crack_figure, style
@@ -144,14 +146,14 @@ def _two(args: argparse.Namespace, one: Results, other: Results, threshold: floa
         names = args.results.stem, args.compare.stem
         if names[0] == names[1]:
             names = str(args.results), str(args.compare)
-        style.save(crack_figure.comparison(one, steps[0], found.paths, names, lines[0], args.window), path)
+        style.save(crack_figure.comparison(first_run, steps[0], comparison.paths, names, lines[0], args.window), path)
     rows = [
         (str(name), number, *point)
-        for name, lines_of in zip((args.results, args.compare), found.paths, strict=True)
+        for name, lines_of in zip((args.results, args.compare), comparison.paths, strict=True)
         for number, line in enumerate(lines_of)
         for point in line
     ]
-    result = found._asdict() | {"results": [str(args.results), str(args.compare)], "along": along, "steps": steps}
+    result = comparison._asdict() | {"results": [str(args.results), str(args.compare)], "along": along, "steps": steps}
     return number_options.deliver(args, result, lines, ("results", "branch", "x, m", "y, m"), rows, path)
 
 

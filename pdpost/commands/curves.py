@@ -106,7 +106,7 @@ def _history(args: argparse.Namespace) -> int:
 
             style.save(charts.histories(curves, args.quantity), path)
     unit = FIELDS[args.quantity].unit
-    found = {
+    result = {
         "quantity": args.quantity,
         "components": parts,
         "unit": unit,
@@ -118,7 +118,7 @@ def _history(args: argparse.Namespace) -> int:
         for row in zip(curve.time, curve.value, curve.low, curve.high, strict=True)
     ]
     header = ("curve", "component", "time, s", f"{args.quantity}, {unit}", "smallest", "largest")
-    return number_options.deliver(args, found, [_told(curve, unit) for curve in curves], header, rows, path)
+    return number_options.deliver(args, result, [_told(curve, unit) for curve in curves], header, rows, path)
 
 
 def _masses(args: argparse.Namespace, results: Results, path: Path | None) -> int:
@@ -142,10 +142,10 @@ def _masses(args: argparse.Namespace, results: Results, path: Path | None) -> in
             f"solid left {last['left']:.2%}, surface {last['surface'] / float(books.surface[0]):.2%} of that at the"
             f" start, dissolved {last['dissolved']:.6g} mol"
         )
-    found = {"units": results.meta()["units"], "unit": unit, "last": last, **books._asdict()}
+    result = {"units": results.meta()["units"], "unit": unit, "last": last, **books._asdict()}
     ways = (f"{way}, {unit}" for way in ("inside", "gone out", "supplied"))
     header = ("step", "time, s", *ways, "solid", "dissolved, mol", "surface", "share left", "error")
-    return number_options.deliver(args, found, lines, header, zip(*books, strict=True), path)
+    return number_options.deliver(args, result, lines, header, zip(*books, strict=True), path)
 
 
 def _usual(results: Results) -> list[Place]:
@@ -160,8 +160,8 @@ def _usual(results: Results) -> list[Place]:
     probed = np.unique(results.probes()["node"])
     if len(probed):
         return [("--node", (float(node),)) for node in probed]
-    moved = reduce(np.hypot, vector(results, "displacement", last_frame(results)).T)
-    return [("--node", (float(results.nodes().ids[int(np.nanargmax(moved))]),))]
+    displacement = reduce(np.hypot, vector(results, "displacement", last_frame(results)).T)
+    return [("--node", (float(results.nodes().ids[int(np.nanargmax(displacement))]),))]
 
 
 def _curve(results: Results, place: Place, *what: str) -> History:
@@ -181,11 +181,11 @@ def _told(curve: History, unit: str) -> str:
 
     where = "" if curve.place is None else f" at ({', '.join(f'{x:g}' for x in curve.place)}) m"
     off = f", {curve.off:.3g} m from the place asked for" if curve.off > 0 else ""
-    known = np.isfinite(curve.value)
-    if not known.any():
+    finite = np.isfinite(curve.value)
+    if not finite.any():
         return f"{curve.label}{where}{off}, {curve.component}: at none of {len(curve.time)} times by {curve.source}"
-    low, high = float(np.min(curve.low[known])), float(np.max(curve.high[known]))
-    values = f"{known.sum()} times by {curve.source}, {low:.4g} to {high:.4g} {unit}"
+    low, high = float(np.min(curve.low[finite])), float(np.max(curve.high[finite]))
+    values = f"{finite.sum()} times by {curve.source}, {low:.4g} to {high:.4g} {unit}"
     return f"{curve.label}{where}{off}, {curve.component}: {values}"
 
 
@@ -205,8 +205,8 @@ def _balance(args: argparse.Namespace) -> int:
             style.save(charts.balance(books, per), path)
     last = {name: float(column[-1]) for name, column in books._asdict().items()}
     worst = int(np.abs(books.error).argmax())
-    known = np.isfinite(last["damped"])
-    damped = f" + damped {last['damped']:.4g}" if known else " with what damping took"
+    damping_known = np.isfinite(last["damped"])
+    damped = f" + damped {last['damped']:.4g}" if damping_known else " with what damping took"
     damped += f" + friction {last['friction']:.4g}" if last["friction"] else ""
     lines = [
         f"at {time_text(last['time'])}, J{per}: put in {last['work']:.4g} = kinetic {last['kinetic']:.4g} + strain"
@@ -215,7 +215,7 @@ def _balance(args: argparse.Namespace) -> int:
         f" at {time_text(float(books.time[worst]))}",
         *said,
     ]
-    found = {
+    result = {
         "remarks": said,
         "units": _units(per),
         "last": last,
@@ -228,7 +228,7 @@ def _balance(args: argparse.Namespace) -> int:
         *(f"{name}, J{per}" for name in ("kinetic", "strain", "dissipated", "damped", "friction", "put in", "total")),
     )
     header = (*header, "error", f"momentum x, N s{per}", f"momentum y, N s{per}")
-    return number_options.deliver(args, found, lines, header, zip(*books, strict=True), path)
+    return number_options.deliver(args, result, lines, header, zip(*books, strict=True), path)
 
 
 def _reaction(args: argparse.Namespace) -> int:
@@ -243,24 +243,24 @@ def _reaction(args: argparse.Namespace) -> int:
     path = picture_path(args, ".reaction.png")
     with number_options.styled(path, dict(args.assignments)), Results.open(args.results) as results:
         axis, per, ways = _axis(results, args), per_thickness(results), "xyz"[: results.dimension]
-        found = chosen(reactions(results), args.condition)
+        chosen_reactions = chosen(reactions(results), args.condition)
         if path is not None:
             from pdpost.figures import charts, style
 
-            style.save(charts.reactions(found, axis, per), path)
+            style.save(charts.reactions(chosen_reactions, axis, per), path)
     lines = []
-    for one in found:
-        along = one.axis if axis is None else axis
-        force, way = float(one.force[-1, along]), float(one.displacement[-1, along])
-        most = float(one.force[abs(one.force[:, along]).argmax(), along])
+    for curve in chosen_reactions:
+        along = curve.axis if axis is None else axis
+        force, way = float(curve.force[-1, along]), float(curve.displacement[-1, along])
+        most = float(curve.force[abs(curve.force[:, along]).argmax(), along])
         lines.append(
-            f"{one.name} ({one.kind}): {force:+.4g} N{per} along {ways[along]} at {way * 1e3:+.4g} mm in the end,"
+            f"{curve.name} ({curve.kind}): {force:+.4g} N{per} along {ways[along]} at {way * 1e3:+.4g} mm in the end,"
             f" {most:+.4g} N{per} at most"
         )
     rows = [
-        (one.name, one.kind, step, time, *force, *way)
-        for one in found
-        for step, time, force, way in zip(one.step, one.time, one.force, one.displacement, strict=True)
+        (curve.name, curve.kind, step, time, *force, *way)
+        for curve in chosen_reactions
+        for step, time, force, way in zip(curve.step, curve.time, curve.force, curve.displacement, strict=True)
     ]
     header = (
         "condition",
@@ -270,7 +270,7 @@ def _reaction(args: argparse.Namespace) -> int:
         *(f"force {way}, N{per}" for way in ways),
         *(f"displacement {way}, m" for way in ways),
     )
-    result = {"units": _units(per), "conditions": [one._asdict() for one in found]}
+    result = {"units": _units(per), "conditions": [curve._asdict() for curve in chosen_reactions]}
     return number_options.deliver(args, result, lines, header, rows, path)
 
 
@@ -287,20 +287,26 @@ def _gap(args: argparse.Namespace) -> int:
         axis, per = _axis(results, args), per_thickness(results)
         opened = named_gap(results, args.gap[0]) if len(args.gap) == 1 else gap(results, *_two_places(args.gap))
         conditions = chosen(reactions(results), args.condition)
-        found = [against(opened, each, each.axis if axis is None else axis, args.smooth) for each in conditions]
+        opening_curves = [
+            against(opened, curve, curve.axis if axis is None else axis, args.smooth) for curve in conditions
+        ]
         if path is not None:
             from pdpost.figures import charts, style
 
-            style.save(charts.openings(found, per), path)
+            style.save(charts.openings(opening_curves, per), path)
     lines = [f"between nodes {opened.nodes[0]} and {opened.nodes[1]}"]
-    for each in found:
-        last, most = (f"{each.force[k]:+.4g} N{per} at {each.opening[k] * 1e3:+.4g} mm" for k in (-1, each.peak))
-        area = f"area {abs(each.area):.4g} J{per}"
-        lines.append(f"{each.name}, along {'xyz'[each.axis]}: {last} of opening in the end, {most} at most, {area}")
+    for curve in opening_curves:
+        last, most = (f"{curve.force[k]:+.4g} N{per} at {curve.opening[k] * 1e3:+.4g} mm" for k in (-1, curve.peak))
+        area = f"area {abs(curve.area):.4g} J{per}"
+        lines.append(f"{curve.name}, along {'xyz'[curve.axis]}: {last} of opening in the end, {most} at most, {area}")
     rows = [
-        (each.name, opening, force) for each in found for opening, force in zip(each.opening, each.force, strict=True)
+        (curve.name, opening, force)
+        for curve in opening_curves
+        for opening, force in zip(curve.opening, curve.force, strict=True)
     ]
-    forces = [each._asdict() | {"peak": float(each.force[each.peak]), "area": each.area} for each in found]
+    forces = [
+        curve._asdict() | {"peak": float(curve.force[curve.peak]), "area": curve.area} for curve in opening_curves
+    ]
     result = {"units": _units(per), "nodes": opened.nodes, "forces": forces}
     return number_options.deliver(args, result, lines, ("condition", "opening, m", f"force, N{per}"), rows, path)
 
@@ -310,10 +316,10 @@ def _two_places(words: list[str]) -> tuple[tuple[float, ...], tuple[float, ...]]
     if len(words) != 2:
         raise commandline.UsageError(f"--gap has {len(words)} words; give a name, or two places X,Y")
     try:
-        one, other = (_place("--gap", 2, 3)(word)[1] for word in words)
+        first_place, second_place = (_place("--gap", 2, 3)(word)[1] for word in words)
     except argparse.ArgumentTypeError as error:
         raise commandline.UsageError(f"--gap: {error}") from None
-    return one, other
+    return first_place, second_place
 
 
 def _axis(results: Results, args: argparse.Namespace) -> int | None:

@@ -67,10 +67,14 @@ def _export(args: argparse.Namespace) -> int:
         raise commandline.UsageError(f"--set {args.assignments[0][0]}: export has no settings; leave it out")
     path = commandline.output_path(args.output, args.results, ".pvd", args.force)
     kind = frame_files.check_suffix(path)
-    one = kind in (".vtu", ".csv")
+    single_frame = kind in (".vtu", ".csv")
     for word, wrong, holds in (
-        ("--frame, --step or --time", not one and (args.frame, args.step, args.time) != (-1, None, None), "all frames"),
-        ("--every or --stride", one and (args.every, args.stride) != (None, None), "one frame"),
+        (
+            "--frame, --step or --time",
+            not single_frame and (args.frame, args.step, args.time) != (-1, None, None),
+            "all frames",
+        ),
+        ("--every or --stride", single_frame and (args.every, args.stride) != (None, None), "one frame"),
         ("--squares", kind == ".csv" and args.squares, "points"),
         ("--inline", kind != ".xdmf" and args.inline, "its numbers itself"),
     ):
@@ -82,9 +86,9 @@ def _export(args: argparse.Namespace) -> int:
     if kind == ".pvd" and folder.exists() and not (folder.is_dir() and args.force):
         raise commandline.UsageError(f"{folder} already exists; use --force to write into it")
     if kind == ".xdmf" and not args.inline:
-        commandline.output_path(xdmf.beside(path), args.results, ".bin", args.force, beside=True)
+        commandline.output_path(xdmf.beside(path), args.results, ".bin", args.force, is_companion=True)
     with Results.open(args.results) as results:
-        steps = [chosen_frame(results, args)[0]] if one else chosen(results, chosen_stride(results, args))
+        steps = [chosen_frame(results, args)[0]] if single_frame else chosen(results, chosen_stride(results, args))
         progress = counted(args, "writing")
         if kind == ".vtu":
             frame_files.vtu(results, steps[0], path, args.also, args.squares)
@@ -97,12 +101,12 @@ def _export(args: argparse.Namespace) -> int:
             writes: dict[str, Callable[..., None]] = {".pvd": parts, ".xdmf": series, ".msh": frame_files.msh}
             writes[kind](results, path, steps, args.also, args.squares, progress)
         count = len(results.nodes(steps[-1]).ids)
-        sets = {name: int(there.sum()) for name, there in node_sets.node_sets(results, steps[-1]).items()}
+        sets = {name: int(node_mask.sum()) for name, node_mask in node_sets.node_sets(results, steps[-1]).items()}
     lines = [f"{path}: {count} nodes, {len(steps)} frames"]
     if sets:
         named = ", ".join(f"{name} ({nodes})" for name, nodes in list(sets.items())[:LISTED])
         more = f" and {len(sets) - LISTED} more" if len(sets) > LISTED else ""
         lines.append(f"conditions, with their nodes: {named}{more}")
-    told = {"output": str(path), "nodes": count, "frames": len(steps), "steps": steps, "conditions": sets}
-    commandline.report(told, lines, args)
+    result = {"output": str(path), "nodes": count, "frames": len(steps), "steps": steps, "conditions": sets}
+    commandline.report(result, lines, args)
     return commandline.OK

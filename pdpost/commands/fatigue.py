@@ -23,8 +23,8 @@ def add(commands: Commands) -> None:
     about = "draw the growth of cracks over cycles, the growth a cycle over the range of K, and lives of smooth bodies"
     parser = number_options.add_command(commands, "fatigue", about)
     add_every(parser)
-    beside = "other runs, in the same picture and the same numbers"
-    parser.add_argument("--beside", metavar="RESULTS", nargs="+", default=[], help=beside)
+    help_text = "other runs, in the same picture and the same numbers"
+    parser.add_argument("--beside", metavar="RESULTS", nargs="+", default=[], help=help_text)
     commands.choices["fatigue"].set_defaults(run=_fatigue)
 
 
@@ -37,10 +37,10 @@ def _fatigue(args: argparse.Namespace) -> int:
             from pdpost.figures.fatigue_figure import fatigue as figure
 
             style.save(figure(runs), path)
-    told = [_told(one) for one in runs]
-    result = {**told[0], "beside": told[1:]}
-    lines = [line for one in runs for line in ([f"{one.name}:"] if args.beside else []) + _lines(one)]
-    rows = (row for one in runs for row in _rows(one))
+    run_results = [_told(run) for run in runs]
+    result = {**run_results[0], "beside": run_results[1:]}
+    lines = [line for run in runs for line in ([f"{run.name}:"] if args.beside else []) + _lines(run)]
+    rows = (row for run in runs for row in _rows(run))
     return number_options.deliver(args, result, lines, HEADER, rows, path)
 
 
@@ -58,29 +58,29 @@ def _measured(args: argparse.Namespace, name: str) -> Life:
         return fatigue.lived(results, chosen(results, chosen_stride(results, args)), counted(args, "summing"))
 
 
-def _told(one: Life) -> dict[str, Any]:
+def _told(run: Life) -> dict[str, Any]:
     return {
-        "name": one.name,
-        "cycles": one.cycles,
-        "cycles_error": one.error,
-        "first_break": one.first,
-        "first_range": one.range,
-        "line": None if one.line is None else one.line._asdict(),
-        "tips": [tip._asdict() for tip in one.found],
+        "name": run.name,
+        "cycles": run.cycles,
+        "cycles_error": run.error,
+        "first_break": run.first,
+        "first_range": run.range,
+        "line": None if run.line is None else run.line._asdict(),
+        "tips": [tip._asdict() for tip in run.growths],
     }
 
 
-def _lines(one: Life) -> list[str]:
-    wrong = one.error / one.cycles if one.error and one.cycles else None
+def _lines(run: Life) -> list[str]:
+    wrong = run.error / run.cycles if run.error and run.cycles else None
     off = "" if wrong is None else f", with an error from jumps and from K that is estimated at {wrong:.1%}"
-    lines = [f"{one.cycles:.6g} cycles in all{off}"]
-    if one.first is not None:
-        lines.append(f"first bonds broke after {one.first:.6g} cycles, stretched by a range of {one.range:.4g}")
+    lines = [f"{run.cycles:.6g} cycles in all{off}"]
+    if run.first is not None:
+        lines.append(f"first bonds broke after {run.first:.6g} cycles, stretched by a range of {run.range:.4g}")
     lines += [
-        f"{tip.name}: grown by {tip.length[-1] * 1e3:.4g} mm until {tip.cycles[-1]:.4g} cycles" for tip in one.found
+        f"{tip.name}: grown by {tip.length[-1] * 1e3:.4g} mm until {tip.cycles[-1]:.4g} cycles" for tip in run.growths
     ]
-    if one.found:
-        lines.append("the crack grows in too few frames for a line" if one.line is None else _words(one.line))
+    if run.growths:
+        lines.append("the crack grows in too few frames for a line" if run.line is None else _words(run.line))
     return lines
 
 
@@ -94,11 +94,11 @@ def _words(line: Line) -> str:
     )
 
 
-def _rows(one: Life) -> Any:
+def _rows(run: Life) -> Any:
     none = float("nan")
-    if one.first is not None:
-        yield (one.name, "first break", one.first, none, none, none, none, None, one.range)
-    for tip in one.found:
-        rate, settled = [*tip.rate.tolist(), none], [*tip.settled.tolist(), None]
-        for row in zip(tip.cycles, tip.length, tip.K, tip.dK, rate, settled, strict=True):
-            yield (one.name, tip.name, *row, none)
+    if run.first is not None:
+        yield (run.name, "first break", run.first, none, none, none, none, None, run.range)
+    for tip in run.growths:
+        rate, past_start = [*tip.rate.tolist(), none], [*tip.settled.tolist(), None]
+        for row in zip(tip.cycles, tip.length, tip.K, tip.dK, rate, past_start, strict=True):
+            yield (run.name, tip.name, *row, none)

@@ -47,28 +47,32 @@ def _line(args: argparse.Namespace) -> int:
     path = picture_path(args, ".line.png")
     field = fields.FIELDS[args.field]
     with number_options.styled(path, dict(args.assignments)), Results.open(args.results) as results:
-        asked = args.components or [None]
-        parts = list(dict.fromkeys(fields.component(args.field, one, results.dimension) for one in asked))
+        components = args.components or [None]
+        parts = list(
+            dict.fromkeys(fields.component(args.field, component, results.dimension) for component in components)
+        )
         step, time = chosen_frame(results, args)
-        found = lines.line(results, args.field, step, args.begins, args.ends)
+        sampled_line = lines.line(results, args.field, step, args.begins, args.ends)
         if path is not None:
             from pdpost.figures import charts, colours, style
 
-            style.save(charts.line(found, args.field, parts, f"{field.title} {colours.at(results, step)}"), path)
+            style.save(charts.line(sampled_line, args.field, parts, f"{field.title} {colours.at(results, step)}"), path)
     words = []
     for part in parts:
-        values = found.values[part]
-        known = np.flatnonzero(np.isfinite(values))
+        values = sampled_line.values[part]
+        finite = np.flatnonzero(np.isfinite(values))
         said = f"nothing known at {len(values)} places"
-        if len(known):
-            low, high = (int(known[at]) for at in (values[known].argmin(), values[known].argmax()))
-            ends = (f"{values[at]:.4g} at ({', '.join(f'{x:.4g}' for x in found.place[at])}) m" for at in (low, high))
-            said = f"{len(known)} of {len(values)} places known, from {' to '.join(ends)}"
+        if len(finite):
+            low, high = (int(finite[at]) for at in (values[finite].argmin(), values[finite].argmax()))
+            ends = (
+                f"{values[at]:.4g} at ({', '.join(f'{x:.4g}' for x in sampled_line.place[at])}) m" for at in (low, high)
+            )
+            said = f"{len(finite)} of {len(values)} places known, from {' to '.join(ends)}"
         words.append(f"{f'{args.field} {part}'.strip()} at {time_text(time)}: {said}")
-    names = {f"{args.field}_{part}" if part else args.field: values for part, values in found.values.items()}
+    names = {f"{args.field}_{part}" if part else args.field: values for part, values in sampled_line.values.items()}
     header = (
         "along, m",
-        *(f"{axis}, m" for axis in "xyz"[: found.place.shape[1]]),
+        *(f"{axis}, m" for axis in "xyz"[: sampled_line.place.shape[1]]),
         *(f"{name}, {field.unit}" if field.unit else name for name in names),
     )
     result = {
@@ -77,9 +81,9 @@ def _line(args: argparse.Namespace) -> int:
         "field": args.field,
         "components": parts,
         "unit": field.unit,
-        "along": found.along,
-        "place": found.place,
+        "along": sampled_line.along,
+        "place": sampled_line.place,
         "values": names,
     }
-    rows = zip(found.along, *found.place.T, *names.values(), strict=True)
+    rows = zip(sampled_line.along, *sampled_line.place.T, *names.values(), strict=True)
     return number_options.deliver(args, result, words, header, rows, path)

@@ -61,13 +61,13 @@ def _notch(args: argparse.Namespace) -> int:
     with Results.open(args.results) as results:
         step, time = chosen_frame(results, args)
         document = read_document(model_text(results), results.name)
-        found = (_triangles if results.dimension == 3 else _polylines)(results, step)
+        pre_cracks = (_triangles if results.dimension == 3 else _polylines)(results, step)
     if path is not None:
-        write_file(msgspec.structs.replace(document, notch=found.notch), path)
-    written = [] if path is None else [f"{path}: the grid file, with {found.written}"]
-    result = {"output": None if path is None else str(path), "step": step, "time": time, **found.result}
-    words = [*written, f"{found.words}, at {time:.4g} s"]
-    return number_options.deliver(args, result, words, found.header, found.rows, None)
+        write_file(msgspec.structs.replace(document, notch=pre_cracks.notch), path)
+    written = [] if path is None else [f"{path}: the grid file, with {pre_cracks.written}"]
+    result = {"output": None if path is None else str(path), "step": step, "time": time, **pre_cracks.result}
+    words = [*written, f"{pre_cracks.words}, at {time:.4g} s"]
+    return number_options.deliver(args, result, words, pre_cracks.header, pre_cracks.rows, None)
 
 
 def _polylines(results: Results, step: int) -> _Found:
@@ -97,16 +97,16 @@ def _triangles(results: Results, step: int) -> _Found:
     from pdsolve.results import ResultsError
 
     cracks = surface(results, step, opened(results, step))
-    grown = grown_triangles(cracks)
-    triangles = np.concatenate([results.cracks(), grown])
+    opened_triangles = grown_triangles(cracks)
+    triangles = np.concatenate([results.cracks(), opened_triangles])
     if not len(triangles):
         raise ResultsError(f"{results.name} has no crack; use a body in which neighbours parted")
     area = float(cracks.area[cracks.grown].sum())
     return _Found(
         notch=tuple(map(tuple, triangles.tolist())),
         written=f"{len(triangles)} triangles of cracks",
-        words=f"{len(grown)} triangles of {area * 1e6:.4g} mm^2 that opened",
+        words=f"{len(opened_triangles)} triangles of {area * 1e6:.4g} mm^2 that opened",
         result={"triangles": triangles, "area": area},
         header=("triangle", "x, m", "y, m", "z, m"),
-        rows=((t, *place) for t, one in enumerate(triangles.reshape(-1, 3, 3).tolist()) for place in one),
+        rows=((t, *place) for t, triangle in enumerate(triangles.reshape(-1, 3, 3).tolist()) for place in triangle),
     )

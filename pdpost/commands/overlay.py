@@ -23,23 +23,23 @@ def overlaid(args: argparse.Namespace, threshold: float) -> int:
         raise commandline.UsageError(f"a study cannot be combined with --{', --'.join(ALONE)}; give the study alone")
     picture = picture_path(args, ".paths.png")
     look = {name: value for name, value in args.assignments if name != "cracked"}
-    found = studies.read(args.results)
-    with number_options.styled(picture, look), Results.open(found.rows[0].file) as first:
+    study = studies.read(args.results)
+    with number_options.styled(picture, look), Results.open(study.rows[0].file) as first:
         if first.dimension == 3:
             raise ResultsError(f"{args.results} has runs of a body in space; use those of a plate")
         check_window(first, args)
         lines = []
-        for row in found.rows:
+        for row in study.rows:
             with Results.open(row.file) as results:
                 check_alike(results, first)
                 way = paths.path(results, last_step(results), threshold)
-                lines.append((row, studies.label(row, found.varied), way))
+                lines.append((row, studies.label(row, study.varied), way))
         title = f"Paths of the cracks of {len(lines)} runs"
         if picture is not None:
             from pdpost.figures import study_figure, style
 
-            drawn = [(name, way) for _, name, way in lines]
-            style.save(study_figure.overlay(first, drawn, title, args.window), picture)
+            named_paths = [(name, way) for _, name, way in lines]
+            style.save(study_figure.overlay(first, named_paths, title, args.window), picture)
     apart = [(row, paths.distance(way, lines[0][2])[0]) for row, _, way in lines[1:] if way and lines[0][2]]
     text = [f"{len(lines)} runs, {sum(bool(way) for _, _, way in lines)} with a crack"]
     if apart:

@@ -144,10 +144,10 @@ def _cut_open(results: Results, name: str, args: argparse.Namespace) -> bool:
         expect_body(results)
     if args.clip is not None or results.dimension != 3 or name != "damage":
         return args.clip is not None
-    there = find_spec("pyvista") is not None
-    if not there:
+    has_pyvista = find_spec("pyvista") is not None
+    if not has_pyvista:
         commandline.note(f"{args.results}: drawn on three planes; pip install '{RENDER}' draws it cut open", args)
-    return there
+    return has_pyvista
 
 
 def _sheet(args: argparse.Namespace, name: str, part: str) -> int:
@@ -197,11 +197,11 @@ def _bonds(args: argparse.Namespace) -> int:
 
     def show(results: Results, step: int, scale: float) -> Drawn:
         expect_mechanics(results)
-        found = pairs(results, step)
-        reported = {"intact": int((~found.broken).sum()), "broken": int(found.broken.sum())}
+        bond_pairs = pairs(results, step)
+        reported = {"intact": int((~bond_pairs.broken).sum()), "broken": int(bond_pairs.broken.sum())}
         words = f"{reported['intact']} bonds intact, {reported['broken']} broken"
-        figure = bond_figure.bonds(results, step, scale=scale, window=args.window, found=found)
-        return Drawn(figure, reported, words, lambda: csv_columns.of_bonds(results, step, found))
+        figure = bond_figure.bonds(results, step, scale=scale, window=args.window, bond_pairs=bond_pairs)
+        return Drawn(figure, reported, words, lambda: csv_columns.of_bonds(results, step, bond_pairs))
 
     return _drawn(args, show)
 

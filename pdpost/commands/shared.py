@@ -68,11 +68,11 @@ def _frames(text: str) -> list[int]:
 def chosen_frames(results: Results, args: argparse.Namespace) -> list[int]:
     """Steps chosen by --frames. Raises ResultsError naming the frames there are."""
     _expect_plate(results, "--frames")
-    found = []
+    steps = []
     for number in args.frames:
         args.frame = number
-        found.append(chosen_frame(results, args)[0])
-    return found
+        steps.append(chosen_frame(results, args)[0])
+    return steps
 
 
 def chosen_frame(results: Results, args: argparse.Namespace) -> tuple[int, float]:
@@ -300,7 +300,7 @@ def check_csv(args: argparse.Namespace, *others: Path | None) -> None:
     if args.csv is None or args.csv == "-":
         return
     path = commandline.output_path(Path(args.csv), args.results, ".csv", args.force)
-    if path.resolve() in {other.resolve() for other in others if other is not None}:
+    if path.resolve() in {output.resolve() for output in others if output is not None}:
         raise commandline.UsageError(f"--csv: {path} is written to as well; name another file")
 
 
@@ -327,10 +327,16 @@ def numbers(shown: Shown) -> dict[str, float | int | None]:
     """Smallest and largest valid value, and the number of nodes without one."""
     import numpy as np
 
-    known = shown.values[np.isfinite(shown.values) & ~shown.torn]
-    ends = (float(known.min()), float(known.max())) if len(known) else (None, None)
+    valid_values = shown.values[np.isfinite(shown.values) & ~shown.torn]
+    ends = (float(valid_values.min()), float(valid_values.max())) if len(valid_values) else (None, None)
     torn, count = int(shown.torn.sum()), len(shown.values)
-    return {"smallest": ends[0], "largest": ends[1], "nodes": count, "unknown": count - torn - len(known), "torn": torn}
+    return {
+        "smallest": ends[0],
+        "largest": ends[1],
+        "nodes": count,
+        "unknown": count - torn - len(valid_values),
+        "torn": torn,
+    }
 
 
 def add_every(command: argparse.ArgumentParser) -> None:
@@ -371,11 +377,11 @@ def _count(text: str) -> int:
 def counted(args: argparse.Namespace, doing: str) -> Callable[[list[int]], Iterable[int]]:
     """An iterator over steps that shows a progress bar on stderr if it is a terminal and --quiet was not given."""
 
-    def steps(given: list[int]) -> Iterable[int]:
+    def steps(frame_steps: list[int]) -> Iterable[int]:
         if args.quiet or not sys.stderr.isatty():
-            return given
+            return frame_steps
         from tqdm import tqdm
 
-        return tqdm(given, desc=doing, unit=" frames", dynamic_ncols=True, leave=False)  # type: ignore[no-any-return]
+        return tqdm(frame_steps, desc=doing, unit=" frames", dynamic_ncols=True, leave=False)  # type: ignore[no-any-return]
 
     return steps

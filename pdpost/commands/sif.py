@@ -80,21 +80,26 @@ def _sif(args: argparse.Namespace) -> int:
         if args.tip is not None and len(args.tip) != 2:
             raise commandline.UsageError(f"--tip has {len(args.tip)} numbers; use 2, a place in m")
         _expect_on_plate(results, args.tip)
-        found = stress_intensities.follow(results, steps, args.tip, ring, counted(args, "summing"))
+        tip_series = stress_intensities.follow(results, steps, args.tip, ring, counted(args, "summing"))
         spent = release(results, tips(results, max(steps)))
-        beside = spent.at(found[0].time)
+        release_rates = spent.at(tip_series[0].time)
         if path is not None:
             from pdpost.figures import sif_figure, style
 
-            style.save(sif_figure.sif(results, found, spent, args.window), path)
-    left_out = [one for one in found if one.last is None and one.refused]
-    for one in left_out:
-        commandline.warn(f"{args.results}: {one.front.name} left out: {one.refused}")
-    lines = [_words(one) for one in found if one not in left_out]
-    result = {"steps": steps, "units": UNITS, "G0": spent.G0, "tips": [_told(one, beside) for one in found]}
+            style.save(sif_figure.sif(results, tip_series, spent, args.window), path)
+    left_out = [series for series in tip_series if series.last is None and series.refused]
+    for series in left_out:
+        commandline.warn(f"{args.results}: {series.front.name} left out: {series.refused}")
+    lines = [_words(series) for series in tip_series if series not in left_out]
+    result = {
+        "steps": steps,
+        "units": UNITS,
+        "G0": spent.G0,
+        "tips": [_told(series, release_rates) for series in tip_series],
+    }
     names = [f"{name}{end}, {unit}" for name, unit in UNITS.items() for end in ("", " at least", " at most")]
     header = ("tip", "step", "time, s", "x, m", "y, m", *names, "dD/da, J/m^2")
-    rows = (row for one in found for row in _rows(one, beside))
+    rows = (row for series in tip_series for row in _rows(series, release_rates))
     return number_options.deliver(args, result, lines, header, rows, path)
 
 
@@ -129,38 +134,38 @@ def _steps(results: Results, args: argparse.Namespace) -> list[int]:
     return [chosen_frame(results, args)[0]]
 
 
-def _told(one: Series, beside: Any) -> dict[str, Any]:
-    rings: list[Ring] = [] if one.last is None else list(one.last.rings)
+def _told(series: Series, release_rates: Any) -> dict[str, Any]:
+    rings: list[Ring] = [] if series.last is None else list(series.last.rings)
     return {
-        "name": one.front.name,
-        "time": one.time,
-        "place": one.place,
-        **one.value,
-        "of_K": one.of_K,
-        "at_least": one.low,
-        "at_most": one.high,
-        "dD_da": beside,
+        "name": series.front.name,
+        "time": series.time,
+        "place": series.place,
+        **series.value,
+        "of_K": series.of_K,
+        "at_least": series.low,
+        "at_most": series.high,
+        "dD_da": release_rates,
         "rings": [ring._asdict() for ring in rings],
-        "left_out": one.refused,
+        "left_out": series.refused,
     }
 
 
-def _rows(one: Series, beside: Any) -> Any:
-    columns = [side[name] for name in UNITS for side in (one.value, one.low, one.high)]
-    for row in zip(one.step, one.time, *one.place.T, *columns, beside, strict=True):
-        yield (one.front.name, *row)
+def _rows(series: Series, release_rates: Any) -> Any:
+    columns = [side[name] for name in UNITS for side in (series.value, series.low, series.high)]
+    for row in zip(series.step, series.time, *series.place.T, *columns, release_rates, strict=True):
+        yield (series.front.name, *row)
 
 
-def _words(one: Series) -> str:
+def _words(series: Series) -> str:
     import numpy as np
 
     from pdpost.reading.time_text import time_text
 
-    known = np.flatnonzero(np.isfinite(one.value["J"]))
-    if not len(known):
-        return f"{one.front.name}: at none of these frames"
-    at = int(known[-1])
-    values = {name: (one.value[name][at], one.low[name][at], one.high[name][at]) for name in UNITS}
+    finite = np.flatnonzero(np.isfinite(series.value["J"]))
+    if not len(finite):
+        return f"{series.front.name}: at none of these frames"
+    at = int(finite[-1])
+    values = {name: (series.value[name][at], series.low[name][at], series.high[name][at]) for name in UNITS}
     said, elastic = [], bool(np.isfinite(values["K1"][0]))
     for name, factor, unit in (("J", 1.0, "J/m^2"), ("K1", 1e-6, "MPa m^0.5"), ("K2", 1e-6, "MPa m^0.5")):
         if elastic or name == "J":
@@ -169,9 +174,9 @@ def _words(one: Series) -> str:
     said += [f"T {values['T'][0] * 1e-6:.3g} MPa" if elastic else YIELDS]
     if np.isfinite(values["angle"][0]):
         said += [f"turns by {values['angle'][0]:+.1f} degrees"]
-    if one.differs[at]:
-        said += [f"(K1^2 + K2^2)/E' {one.of_K[at]:.4g} J/m^2 is outside the band of J: trust J"]
-    (x, y), when = one.place[at] * 1e3 + 0.0, time_text(float(one.time[at]))
-    gaps = len(one.step) - len(known)
-    left = f"; not known at {gaps} of {len(one.step)} frames" + (f": {one.refused}" if one.refused else "")
-    return f"{one.front.name} at ({x:.4g}, {y:.4g}) mm, {when}: {', '.join(said)}{left * bool(gaps)}"
+    if series.differs[at]:
+        said += [f"(K1^2 + K2^2)/E' {series.of_K[at]:.4g} J/m^2 is outside the band of J: trust J"]
+    (x, y), when = series.place[at] * 1e3 + 0.0, time_text(float(series.time[at]))
+    gaps = len(series.step) - len(finite)
+    gap_note = f"; not known at {gaps} of {len(series.step)} frames" + (f": {series.refused}" if series.refused else "")
+    return f"{series.front.name} at ({x:.4g}, {y:.4g}) mm, {when}: {', '.join(said)}{gap_note * bool(gaps)}"

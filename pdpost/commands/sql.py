@@ -27,16 +27,16 @@ def _sql(args: argparse.Namespace) -> int:
     from pdsolve.results import Results
 
     with Results.open(args.results) as results:
-        shown, asked = tables(results), queries(results)
+        shown, example_queries = tables(results), queries(results)
     lines = []
     for table in shown:
         columns = ", ".join(f"{name} [{unit}]" if unit else name for name, unit in table.columns)
         lines += [f"{table.name}: {table.about}", f"    {columns}"]
-    for query in asked:
+    for query in example_queries:
         lines += ["", f"{query.asks}:", f'    sqlite3 {shlex.quote(str(args.results))} "{query.sql}"']
-    found = {
+    result = {
         "tables": {table.name: {"about": table.about, "columns": dict(table.columns)} for table in shown},
-        "queries": [query._asdict() for query in asked],
+        "queries": [query._asdict() for query in example_queries],
     }
-    commandline.report(found, lines, args)
+    commandline.report(result, lines, args)
     return commandline.OK

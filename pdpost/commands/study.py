@@ -47,28 +47,28 @@ def _study(args: argparse.Namespace) -> int:
 
     path = picture_path(args, ".study.png")
     with number_options.styled(path, dict(args.assignments)):
-        found = studies.read(args.results)
-        measures, over = scatter.chosen(found, args.measure, args.over)
-        nowhere = scatter.empty(found, args.measure)
-        measured = {name: scatter.spreads(found, name, over) for name in measures}
+        study = studies.read(args.results)
+        measures, over = scatter.chosen(study, args.measure, args.over)
+        nowhere = scatter.empty(study, args.measure)
+        measured = {name: scatter.spreads(study, name, over) for name in measures}
         if path is not None:
             from pdpost.figures import study_figure, style
 
-            style.save(study_figure.panels_of(found, measured, over), path)
+            style.save(study_figure.panels_of(study, measured, over), path)
     if nowhere:
-        commandline.note(f"pdpost study: in none of {len(found.rows)} runs: {', '.join(nowhere)}", args)
+        commandline.note(f"pdpost study: in none of {len(study.rows)} runs: {', '.join(nowhere)}", args)
     rows = [
         (measure, spread.series, spread.value, spread.median, *spread.ends, len(spread.known), len(spread.measured))
         for measure, spreads in measured.items()
         for spread in spreads
     ]
     header = ("measure", "series", over or "run", "median", "smallest", "largest", "happened", "runs")
-    units = {name: found.columns[name].unit for name in measures}
-    numbers: dict[str, Any] = {"over": over, "units": units, "failed": found.failed, "waiting": found.waiting}
+    units = {name: study.columns[name].unit for name in measures}
+    numbers: dict[str, Any] = {"over": over, "units": units, "failed": study.failed, "waiting": study.waiting}
     numbers["measures"] = [dict(zip(("measure", "series", "value", *header[3:]), row, strict=True)) for row in rows]
     lines = [_told(row, over, units) for row in rows]
-    if found.failed or found.waiting:
-        lines.append(f"left out: {found.failed} runs that failed, {found.waiting} that wait")
+    if study.failed or study.waiting:
+        lines.append(f"left out: {study.failed} runs that failed, {study.waiting} that wait")
     return number_options.deliver(args, numbers, lines, header, rows, path)
 
 

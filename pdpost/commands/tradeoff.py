@@ -61,9 +61,9 @@ def _tradeoff(args: argparse.Namespace) -> int:
 
     compared, args.results = args.results, args.reference  # what --csv must not overwrite
     picture = commandline.output_path(args.output, Path("tradeoff.sqlite"), ".png", args.force)
-    beside = ".json" if args.output is None else ".tradeoff.json"  # x.json may be a grid file
-    table = picture.with_suffix(beside)
-    commandline.output_path(table, Path("tradeoff.sqlite"), ".json", args.force, beside=True)
+    table_suffix = ".json" if args.output is None else ".tradeoff.json"  # x.json may be a grid file
+    table = picture.with_suffix(table_suffix)
+    commandline.output_path(table, Path("tradeoff.sqlite"), ".json", args.force, is_companion=True)
     check_csv(args, picture, table)
     with style.styled(dict(args.assignments)):
         points = _points(compared, args.reference)
@@ -76,7 +76,7 @@ def _tradeoff(args: argparse.Namespace) -> int:
     chosen = None if args.within is None else tradeoff.cheapest(cost, error, args.within)
     cheapest = None if chosen is None else points[chosen].name
     rated = list(zip(points, error.tolist(), strict=True))
-    found = {
+    result = {
         "reference": str(args.reference),
         "cost": args.cost,
         "errors": kinds,
@@ -88,7 +88,7 @@ def _tradeoff(args: argparse.Namespace) -> int:
         "within": args.within,
         "cheapest": cheapest,
     }
-    write_atomically(table, json.dumps(number_options.finite(found), indent=1, allow_nan=False).encode() + b"\n")
+    write_atomically(table, json.dumps(number_options.finite(result), indent=1, allow_nan=False).encode() + b"\n")
     header = ("name", "nodes", *COSTS, *ERRORS, "worst", "front")
     rows = [
         (point.name, point.nodes, *point.cost, *point.errors, worst, at in best)
@@ -97,7 +97,7 @@ def _tradeoff(args: argparse.Namespace) -> int:
     lines = [_told(*rated[at], kinds) for at in best]
     if args.within is not None:
         lines.append(f"the cheapest within {args.within:.3g}: {cheapest or 'none of them'}")
-    return number_options.deliver(args, found, lines, header, rows, picture)
+    return number_options.deliver(args, result, lines, header, rows, picture)
 
 
 def _points(files: list[Path], reference: Path) -> list[Point]:
@@ -116,21 +116,21 @@ def _points(files: list[Path], reference: Path) -> list[Point]:
     return points
 
 
-def _kinds(points: list[Point], asked: list[str]) -> list[str]:
+def _kinds(points: list[Point], wanted_kinds: list[str]) -> list[str]:
     """The kinds of error to draw: those asked for, or all available. Raises UsageError naming the available ones."""
-    there = [kind for kind in ERRORS if any(getattr(point.errors, kind) is not None for point in points)]
-    missing = [kind for kind in asked if kind not in there]
-    if missing or not there:
+    available = [kind for kind in ERRORS if any(getattr(point.errors, kind) is not None for point in points)]
+    missing = [kind for kind in wanted_kinds if kind not in available]
+    if missing or not available:
         raise commandline.UsageError(
             f"{'--by ' + missing[0] if missing else 'errors'}: the reference has nothing to compare; use one of"
-            f" {', '.join(there) or 'none'}"
+            f" {', '.join(available) or 'none'}"
         )
-    return asked or there
+    return wanted_kinds or available
 
 
 def _worst(point: Point, kinds: list[str]) -> float:
-    known = [getattr(point.errors, kind) for kind in kinds]
-    return max((error for error in known if error is not None), default=float("nan"))
+    errors = [getattr(point.errors, kind) for kind in kinds]
+    return max((error for error in errors if error is not None), default=float("nan"))
 
 
 def _told(point: Point, worst: float, kinds: list[str]) -> str:

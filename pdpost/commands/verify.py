@@ -32,9 +32,9 @@ def _verify(args: argparse.Namespace) -> int:
     from pdsolve.results import Results
 
     with Results.open(args.results) as results:
-        found = verified(results)
-    nodes, bonds = f"{found.nodes} nodes", f"{found.bonds} bonds, {found.broken} of them broken"
-    rest = f"{found.frames} frames of {found.fields} fields, steps 0 to {found.last}; the run is '{found.status}'"
-    line = f"{args.results}: ok: {nodes}, {bonds}, {rest}" + ("" if found.checksums else "; it has no checksums")
-    commandline.report({"results": str(args.results), "ok": True, **found._asdict()}, [line], args)
+        counts = verified(results)
+    nodes, bonds = f"{counts.nodes} nodes", f"{counts.bonds} bonds, {counts.broken} of them broken"
+    rest = f"{counts.frames} frames of {counts.fields} fields, steps 0 to {counts.last}; the run is '{counts.status}'"
+    line = f"{args.results}: ok: {nodes}, {bonds}, {rest}" + ("" if counts.checksums else "; it has no checksums")
+    commandline.report({"results": str(args.results), "ok": True, **counts._asdict()}, [line], args)
     return commandline.OK

@@ -32,8 +32,8 @@ def of_field(results: Results, name: str, step: int) -> dict[str, NDArray[np.gen
     Strain and stress come with the damage, which tells where they are unreliable.
     """
     nodes = results.nodes(step)
-    found = fields.components(results, name, step)
-    named = {f"{name}_{part}" if part else name: values for part, values in found.items()}
+    components = fields.components(results, name, step)
+    named = {f"{name}_{part}" if part else name: values for part, values in components.items()}
     more = {"damage": fields.values(results, "damage", step)} if fields.FIELDS[name].fitted else {}
     return {"node": nodes.ids, **_places(nodes), **more, **named}
 
@@ -56,7 +56,11 @@ def _places(nodes: Nodes) -> dict[str, NDArray[np.generic]]:
     return dict(zip("xyz", nodes.position.T, strict=False))
 
 
-def of_bonds(results: Results, step: int, found: Pairs) -> dict[str, NDArray[np.generic]]:
-    """Both nodes of each bond in `found` after `step`, and 1 if it is broken, else 0."""
+def of_bonds(results: Results, step: int, bond_pairs: Pairs) -> dict[str, NDArray[np.generic]]:
+    """Both nodes of each bond in `bond_pairs` after `step`, and 1 if it is broken, else 0."""
     ids = results.nodes(step).ids
-    return {"node": ids[found.ends[:, 0]], "neighbour": ids[found.ends[:, 1]], "broken": found.broken.astype(np.int8)}
+    return {
+        "node": ids[bond_pairs.ends[:, 0]],
+        "neighbour": ids[bond_pairs.ends[:, 1]],
+        "broken": bond_pairs.broken.astype(np.int8),
+    }

@@ -50,14 +50,14 @@ def point_data(results: Results, step: int, also: Sequence[str] = ()) -> dict[st
     if not diffuses(results):
         data["damage"] = fields.values(results, "damage", step).astype(np.float32)
     if results.dimension == 3:
-        whole = ("sxx", "sxy", "sxz", "sxy", "syy", "syz", "sxz", "syz", "szz")
-        if set(whole) <= set(stored):
-            data["stress"] = np.column_stack([results.field(part, step) for part in whole])
+        stress_names = ("sxx", "sxy", "sxz", "sxy", "syy", "syz", "sxz", "syz", "szz")
+        if set(stress_names) <= set(stored):
+            data["stress"] = np.column_stack([results.field(part, step) for part in stress_names])
     for name in also:
         part = fields.components(results, name, step)
         zero = np.zeros_like(part["xx"])
         rows = ("xx", "xy", "xz", "xy", "yy", "yz", "xz", "yz", "zz")
-        data[name] = np.column_stack([part.get(each, zero) for each in rows])
+        data[name] = np.column_stack([part.get(component, zero) for component in rows])
     return data
 
 
@@ -109,8 +109,8 @@ def pvd(
         vtu(results, step, path.parent / names[0], also, squares)
         if crack is not None:
             crack(path.parent / names[1], results, step)
-        for part, each in enumerate(names):
-            lines.append(f'    <DataSet timestep="{times[step]!r}" part="{part}" file={quoteattr(each)}/>')
+        for part, file_name in enumerate(names):
+            lines.append(f'    <DataSet timestep="{times[step]!r}" part="{part}" file={quoteattr(file_name)}/>')
     head = '<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">\n  <Collection>'
     text = "\n".join(['<?xml version="1.0"?>', head, *lines, "  </Collection>", "</VTKFile>", ""])
     write_atomically(path, text.encode())

@@ -55,8 +55,8 @@ def _elements(file: BufferedWriter, kind: str, corners: NDArray[np.int64]) -> No
 
 
 def _view(file: BufferedWriter, name: str, frame: Frame, values: NDArray[np.float64]) -> None:
-    known = np.isfinite(values).all(axis=1)
-    head = f'$NodeData\n1\n"{name}"\n1\n{frame.time!r}\n3\n{frame.number}\n{values.shape[1]}\n{known.sum()}\n'
-    rows = np.zeros(int(known.sum()), dtype=[("number", "<i4"), ("values", "<f8", values.shape[1])])
-    rows["number"], rows["values"] = frame.points[known] + 1, values[known].reshape(rows["values"].shape)
+    finite = np.isfinite(values).all(axis=1)
+    head = f'$NodeData\n1\n"{name}"\n1\n{frame.time!r}\n3\n{frame.number}\n{values.shape[1]}\n{finite.sum()}\n'
+    rows = np.zeros(int(finite.sum()), dtype=[("number", "<i4"), ("values", "<f8", values.shape[1])])
+    rows["number"], rows["values"] = frame.points[finite] + 1, values[finite].reshape(rows["values"].shape)
     file.write(head.encode() + rows.tobytes() + b"\n$EndNodeData\n")

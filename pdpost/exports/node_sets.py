@@ -25,15 +25,15 @@ class _Model(msgspec.Struct):
 def node_sets(results: Results, step: int) -> dict[str, NDArray[np.bool_]]:
     """Masks (n,) of the nodes of each condition after `step`, by "kind name"; conditions of one name are one set."""
     nodes = results.nodes(step)
-    found: dict[str, NDArray[np.bool_]] = {}
+    sets: dict[str, NDArray[np.bool_]] = {}
     for number, condition in enumerate(read(results, _Model).conditions):
         name = visible(f"{condition.get('kind', 'condition')} {condition.get('name') or number}")
-        there = selected(nodes, condition.get("nodes"), condition.get("box"))
-        found[name] = found.get(name, np.zeros(len(there), dtype=bool)) | there
-    return found
+        mask = selected(nodes, condition.get("nodes"), condition.get("box"))
+        sets[name] = sets.get(name, np.zeros(len(mask), dtype=bool)) | mask
+    return sets
 
 
 def columns(results: Results, step: int) -> dict[str, NDArray[np.generic]]:
     """The sets as numbers (n,), 1 for a node in a set and 0 for others; none where they are too many."""
-    found = node_sets(results, step)
-    return {name: there.astype(np.int32) for name, there in found.items()} if len(found) <= MOST else {}
+    sets = node_sets(results, step)
+    return {name: mask.astype(np.int32) for name, mask in sets.items()} if len(sets) <= MOST else {}

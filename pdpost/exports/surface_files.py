@@ -35,28 +35,28 @@ def check_suffix(path: Path) -> None:
         raise ExportError(f"{path}: suffix '{path.suffix}' is not known; use {' or '.join(SUFFIXES)}")
 
 
-def write(path: Path, found: Surface, speed: NDArray[np.float64]) -> None:
+def write(path: Path, cracks: Surface, speed: NDArray[np.float64]) -> None:
     """Write a crack's surface: with opening times (s; -1 of pre-cracks) and the front's `speed` (f,), m/s, as VTP."""
     check_suffix(path)
-    write_atomically(path, vtp(found, speed) if path.suffix.lower() == ".vtp" else stl(found))
+    write_atomically(path, vtp(cracks, speed) if path.suffix.lower() == ".vtp" else stl(cracks))
 
 
 def write_frame(path: Path, results: Results, step: int) -> None:
     """Write the surface of the cracks of a body after `step`."""
-    found = surface(results, step, opened(results, step))
-    write(path, found, front_speeds(results, found))
+    cracks = surface(results, step, opened(results, step))
+    write(path, cracks, front_speeds(results, cracks))
 
 
-def vtp(found: Surface, speed: NDArray[np.float64]) -> bytes:
+def vtp(cracks: Surface, speed: NDArray[np.float64]) -> bytes:
     """The surface as VTK PolyData."""
-    polys = found.faces
+    polys = cracks.faces
     return VTP.format(
-        points=len(found.corners),
+        points=len(cracks.corners),
         polys=len(polys),
-        places=_array("Points", found.corners, 3),
+        places=_array("Points", cracks.corners, 3),
         corners=_array("connectivity", polys.ravel()),
         ends=_array("offsets", polys.shape[1] * np.arange(1, len(polys) + 1)),
-        data=_array("opened", found.time) + _array("speed", speed) + _array("area", found.area),
+        data=_array("opened", cracks.time) + _array("speed", speed) + _array("area", cracks.area),
     ).encode()
 
 
@@ -69,9 +69,9 @@ def _array(name: str, values: NDArray[np.generic], components: int = 1) -> str:
     )
 
 
-def stl(found: Surface) -> bytes:
+def stl(cracks: Surface) -> bytes:
     """The surface as binary STL, two triangles a face, in m."""
-    quads = found.corners[found.faces]
+    quads = cracks.corners[cracks.faces]
     triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
     normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)

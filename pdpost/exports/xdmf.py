@@ -57,19 +57,19 @@ def write(path: Path, frames: Iterable[Frame], inline: bool = False) -> None:
     write_atomically(path, ElementTree.tostring(root, encoding="utf-8", xml_declaration=True))
 
 
-def _describe(series: Element, frames: Iterable[Frame], put: Callable[[NDArray[np.generic]], Element]) -> None:
-    """Append a grid for each frame; `put` stores an array and returns the element that refers to it."""
+def _describe(series: Element, frames: Iterable[Frame], store_array: Callable[[NDArray[np.generic]], Element]) -> None:
+    """Append a grid for each frame; `store_array` writes an array and returns the element that refers to it."""
     for time, data, cloud in frames:
         if cloud is not None:
             kind, corners = cloud.cells
-            of_cells, of_points = (put(array) for array in (corners, cloud.points))
-            same = {name: put(array) for name, array in cloud.data.items()}
+            of_cells, of_points = (store_array(array) for array in (corners, cloud.points))
+            same = {name: store_array(array) for name, array in cloud.data.items()}
         grid = SubElement(series, "Grid", Name=f"{time!r} s", GridType="Uniform")
         SubElement(grid, "Time", Value=repr(time))
         shape = SubElement(grid, "Topology", TopologyType=CELLS[kind], NumberOfElements=str(len(corners)))
         shape.append(of_cells)
         SubElement(grid, "Geometry", GeometryType="XYZ").append(of_points)
-        for name, item in {**{name: put(array) for name, array in data.items()}, **same}.items():
+        for name, item in {**{name: store_array(array) for name, array in data.items()}, **same}.items():
             rank = RANKS[int(item.attrib["Dimensions"].split()[1])]
             SubElement(grid, "Attribute", Name=name, AttributeType=rank, Center="Node").append(item)
 

@@ -68,8 +68,8 @@ def frames(
     box = window or box_of([shape(results, step, scale, still) for step in (steps if scale else steps[:1])])
     extremes = np.zeros(1) if largest is None else np.array([-largest, largest])
     if largest is None and name not in colours.SHARES:
-        each = [_range(results, name, step, part, box) for step in steps]
-        largest, extremes = max(usual for usual, *_ in each) or None, np.ravel([ends for _, *ends in each])
+        ranges = [_range(results, name, step, part, box) for step in steps]
+        largest, extremes = max(usual for usual, *_ in ranges) or None, np.ravel([ends for _, *ends in ranges])
     shot = field_figure.values_of(results, name, steps[-1], part)  # where most is torn
     words = [(colour, words.split(":")[0]) for colour, words in field_figure.explained(shot)]
     last = still._replace(grown=hidden(shape(results, steps[-1], 0.0), hide).grown)
@@ -165,10 +165,21 @@ def mp4(shots: Iterable[Pixels], rate: float = RATE) -> bytes:
     rows, columns, _ = first.shape
     # most players want even sizes and half the colours
     even = ["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2:color=white", "-pix_fmt", "yuv420p"]
-    given = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{columns}x{rows}", "-r", f"{rate:g}", "-i", "-"]
+    input_options = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{columns}x{rows}", "-r", f"{rate:g}", "-i", "-"]
     with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryFile() as said:
         film = Path(folder) / "film.mp4"
-        command = [program, "-v", "error", "-y", *given, *even, "-movflags", "+faststart", "-bitexact", str(film)]
+        command = [
+            program,
+            "-v",
+            "error",
+            "-y",
+            *input_options,
+            *even,
+            "-movflags",
+            "+faststart",
+            "-bitexact",
+            str(film),
+        ]
         with subprocess.Popen(
             command, stdin=subprocess.PIPE, stdout=said, stderr=said, env=trust.environment()
         ) as process:

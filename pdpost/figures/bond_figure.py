@@ -30,55 +30,55 @@ def bonds(
     *,
     scale: float = 0.0,
     window: Box | None = None,
-    found: Pairs | None = None,
+    bond_pairs: Pairs | None = None,
 ) -> Figure:
     """The bonds after `step` (default: the last frame), on nodes displaced by `scale` times their displacement.
 
-    `window` is the part in view, m; `found` are the bonds if the caller has them. Raises ResultsError.
+    `window` is the part in view, m; `bond_pairs` are the bonds if the caller has them. Raises ResultsError.
     """
     step = last_frame(results) if step is None else step
     where = shape(results, step, scale)._replace(turned=None)
-    found = pairs(results, step) if found is None else found
+    bond_pairs = pairs(results, step) if bond_pairs is None else bond_pairs
     box = window or box_of([where])
-    some = seen(where.position, box)[found.ends].any(axis=1)
-    drawn = Pairs(found.ends[some], found.broken[some])
-    many = len(drawn.broken) > LINES
+    in_view = seen(where.position, box)[bond_pairs.ends].any(axis=1)
+    visible_pairs = Pairs(bond_pairs.ends[in_view], bond_pairs.broken[in_view])
+    many = len(visible_pairs.broken) > LINES
     on = sheet(box, bar=many)
     if many:
-        _count(on, where, drawn)
+        _count(on, where, visible_pairs)
     else:
-        _draw_lines(on, where, drawn)
+        _draw_lines(on, where, visible_pairs)
     mark(on, where)
     legend(on)
     on.axes.set_title(f"Bonds {at(results, step, scale)}")
     return on.figure
 
 
-def _draw_lines(on: Sheet, where: Shape, found: Pairs) -> None:
-    width = float(np.clip(INK / np.sqrt(max(len(found.broken), 1)), 0.15, 0.8))
-    for gone, colour, word, order in ((False, INTACT, "intact", 1), (True, BROKEN, "broken", 2)):
-        ends = found.ends[found.broken == gone]
+def _draw_lines(on: Sheet, where: Shape, bond_pairs: Pairs) -> None:
+    width = float(np.clip(INK / np.sqrt(max(len(bond_pairs.broken), 1)), 0.15, 0.8))
+    for broken, colour, word, order in ((False, INTACT, "intact", 1), (True, BROKEN, "broken", 2)):
+        ends = bond_pairs.ends[bond_pairs.broken == broken]
         lines = LineCollection(
             list(where.position[ends] * on.factor),
             colors=colour,
-            linewidths=width * (1.5 if gone else 1),
+            linewidths=width * (1.5 if broken else 1),
             zorder=order,
-            rasterized=len(found.broken) > SHARP,
+            rasterized=len(bond_pairs.broken) > SHARP,
         )
         on.axes.add_collection(lines, autolim=False)
         on.axes.plot([], [], color=colour, linewidth=1.5, label=f"{len(ends)} bonds {word}")
 
 
-def _count(on: Sheet, where: Shape, found: Pairs) -> None:
+def _count(on: Sheet, where: Shape, bond_pairs: Pairs) -> None:
     """Draw the share of broken bonds among those with their middle in a pixel; pixels are no finer than the nodes."""
-    middle = where.position[found.ends].mean(axis=1)
+    middle = where.position[bond_pairs.ends].mean(axis=1)
     x0, _, x1, _ = on.box
     columns = int(np.clip((x1 - x0) / where.delta.min(), 16, sheets.pixels(on)))
-    share, _ = raster.averages(middle, np.zeros(len(middle)), found.broken.astype(float), on.box, columns)
+    share, _ = raster.averages(middle, np.zeros(len(middle)), bond_pairs.broken.astype(float), on.box, columns)
     cmap = LinearSegmentedColormap.from_list("broken", [FEW, BROKEN]).with_extremes(under=INTACT, bad="#ffffff00")
     colours = ScalarMappable(Normalize(1e-9, 1.0), cmap)
     sheets.show(on, colours.to_rgba(np.ma.masked_invalid(share), bytes=True), where)
     on.figure.colorbar(colours, cax=field_figure.beside(on), label="share of broken bonds", extend="min")
-    for gone, colour, word in ((False, INTACT, "intact"), (True, BROKEN, "broken")):
-        count = int((found.broken == gone).sum())
+    for broken, colour, word in ((False, INTACT, "intact"), (True, BROKEN, "broken")):
+        count = int((bond_pairs.broken == broken).sum())
         on.axes.plot([], [], "s", color=colour, label=f"{count} bonds {word}")

@@ -113,23 +113,30 @@ def masses(books: Masses, unit: str = "mol") -> Figure:
     return figure
 
 
-def reactions(found: list[Reaction], axis: int | None = None, per: str = "/m") -> Figure:
+def reactions(chosen_reactions: list[Reaction], axis: int | None = None, per: str = "/m") -> Figure:
     """Forces over time and over the mean displacement of their nodes; without the time chart for a run at rest.
 
     Components are along `axis`, or along each condition's own axis; `per` is the end of the unit.
     """
     figure = Figure(figsize=(WIDTH, 3.2), layout="constrained")
     over_time, over_way = figure.subplots(1, 2, sharey=True)
-    axes_of = [one.axis if axis is None else axis for one in found]
-    second, seconds = scaled((one.time for one in found), "s")
-    newton, newtons = scaled((one.force[:, at] for one, at in zip(found, axes_of, strict=True)), f"N{per}")
-    metre, metres = scaled((one.displacement[:, at] for one, at in zip(found, axes_of, strict=True)), "m")
-    most = max(float(np.ptp(one.displacement[:, at])) for one, at in zip(found, axes_of, strict=True)) * metre
-    for number, (one, at) in enumerate(zip(found, axes_of, strict=True)):
-        force = one.force[:, at] * newton
-        label = f"{for_legend(one.name)} ({one.kind}), {'xyz'[at]}"
-        over_time.plot(one.time * second, force, lw=1.2, label=label, **look(number))
-        way = one.displacement[:, at] * metre
+    axes_of = [curve.axis if axis is None else axis for curve in chosen_reactions]
+    second, seconds = scaled((curve.time for curve in chosen_reactions), "s")
+    newton, newtons = scaled(
+        (curve.force[:, at] for curve, at in zip(chosen_reactions, axes_of, strict=True)), f"N{per}"
+    )
+    metre, metres = scaled(
+        (curve.displacement[:, at] for curve, at in zip(chosen_reactions, axes_of, strict=True)), "m"
+    )
+    most = (
+        max(float(np.ptp(curve.displacement[:, at])) for curve, at in zip(chosen_reactions, axes_of, strict=True))
+        * metre
+    )
+    for number, (curve, at) in enumerate(zip(chosen_reactions, axes_of, strict=True)):
+        force = curve.force[:, at] * newton
+        label = f"{for_legend(curve.name)} ({curve.kind}), {'xyz'[at]}"
+        over_time.plot(curve.time * second, force, lw=1.2, label=label, **look(number))
+        way = curve.displacement[:, at] * metre
         if np.ptp(way) >= STILL * most:
             over_way.plot(way, force, lw=1.2, **look(number))
     over_time.set(xlabel=f"time, {seconds}", ylabel=f"force on the {'plate' if per else 'body'}, {newtons}")
@@ -140,37 +147,39 @@ def reactions(found: list[Reaction], axis: int | None = None, per: str = "/m") -
     return figure
 
 
-def openings(found: list[Pulled], per: str = "/m") -> Figure:
+def openings(opening_curves: list[Pulled], per: str = "/m") -> Figure:
     """Forces against the opening of a gap with their peaks, and the areas below; `per` is the end of the unit."""
     figure = Figure(figsize=(WIDTH, 3.6), layout="constrained")
     axes = figure.add_subplot()
     plain(axes)
-    newton, newtons = scaled((one.force for one in found), f"N{per}")
-    metre, metres = scaled((one.opening for one in found), "m")
-    for number, one in enumerate(found):
-        style, (x, y) = look(number), (one.opening * metre, one.force * newton)
-        axes.plot(x, y, lw=1.2, label=f"{for_legend(one.name)}, {'xyz'[one.axis]}: {abs(one.area):.4g} J{per}", **style)
+    newton, newtons = scaled((curve.force for curve in opening_curves), f"N{per}")
+    metre, metres = scaled((curve.opening for curve in opening_curves), "m")
+    for number, curve in enumerate(opening_curves):
+        style, (x, y) = look(number), (curve.opening * metre, curve.force * newton)
+        axes.plot(
+            x, y, lw=1.2, label=f"{for_legend(curve.name)}, {'xyz'[curve.axis]}: {abs(curve.area):.4g} J{per}", **style
+        )
         axes.fill_between(x, y, color=style["color"], alpha=0.08, lw=0)
-        axes.plot(x[one.peak], y[one.peak], "o", ms=4, color=style["color"])
-        said = f"{y[one.peak]:.4g} {newtons} at {x[one.peak]:.3g} {metres}"
-        axes.annotate(said, (x[one.peak], y[one.peak]), (6, 4), textcoords="offset points", va="bottom", fontsize=8)
+        axes.plot(x[curve.peak], y[curve.peak], "o", ms=4, color=style["color"])
+        said = f"{y[curve.peak]:.4g} {newtons} at {x[curve.peak]:.3g} {metres}"
+        axes.annotate(said, (x[curve.peak], y[curve.peak]), (6, 4), textcoords="offset points", va="bottom", fontsize=8)
     axes.set(xlabel=f"opening, {metres}", ylabel=f"force on the {'plate' if per else 'body'}, {newtons}")
     figure.legend(loc="outside upper center", ncols=3, frameon=False)
     return figure
 
 
-def line(found: Line, name: str, parts: Sequence[str], title: str) -> Figure:
+def line(sampled_line: Line, name: str, parts: Sequence[str], title: str) -> Figure:
     """Components of the field `name` along a line, with gaps where there is no value."""
     figure = Figure(figsize=(WIDTH, 3.6), layout="constrained")
     axes = figure.add_subplot(title=title)
     plain(axes)
-    metre, metres = scaled([found.along], "m")
-    factor, shown = scaled((found.values[part] for part in parts), fields.FIELDS[name].unit)
+    metre, metres = scaled([sampled_line.along], "m")
+    factor, shown = scaled((sampled_line.values[part] for part in parts), fields.FIELDS[name].unit)
     for number, part in enumerate(parts):
-        axes.plot(found.along * metre, found.values[part] * factor, lw=1.2, label=part, **look(number))
+        axes.plot(sampled_line.along * metre, sampled_line.values[part] * factor, lw=1.2, label=part, **look(number))
     quantity = fields.FIELDS[name].title.lower()
     axes.set(xlabel=f"along the line, {metres}", ylabel=f"{quantity}, {shown}" if shown else quantity)
-    axes.set_xlim(0, float(found.along[-1]) * metre)
+    axes.set_xlim(0, float(sampled_line.along[-1]) * metre)
     if parts != [""]:
         axes.legend(frameon=False)
     return figure

@@ -35,51 +35,51 @@ SLOW = 0.25  # of the Rayleigh speed: slower cracks have an axis of their own
 PALE, DARK = 0.06, 0.66  # greys of what is whole and of what is broken
 
 
-def crack(results: Results, found: Summary | None = None, window: Box | None = None) -> Figure:
+def crack(results: Results, summary: Summary | None = None, window: Box | None = None) -> Figure:
     """Path, length over time and speed over time of the cracks in a summary; long branches have colours.
 
-    `found` is by default the summary of the whole run; `window` is the part of the plate in view, m. Raises
+    `summary` is by default that of the whole run; `window` is the part of the plate in view, m. Raises
     ResultsError if there is no frame yet.
     """
-    found = crack_summary.crack(results) if found is None else found
-    where = shape(results, found.step, 0.0)
+    summary = crack_summary.crack(results) if summary is None else summary
+    where = shape(results, summary.step, 0.0)
     box = window or box_of([where])
-    charts = _charts(found)
+    charts = _charts(summary)
     figure, plate, places = _panels(box, len(charts))
-    on = on_grey_plate(plate, box, where, damage_at(results, found.step))
-    when = time_text(found.step * found.time_step, micro="µs")
-    if not found.branches:
+    on = on_grey_plate(plate, box, where, damage_at(results, summary.step))
+    when = time_text(summary.step * summary.time_step, micro="µs")
+    if not summary.branches:
         plate.set_title(f"No crack has grown at {when}", fontsize="medium")
         return figure
-    shown = [one for one in found.branches if one.length >= LONG * found.branches[0].length][:SHOWN]
-    for one in found.branches[len(shown) :]:
-        _path(on, one, color="0.25", lw=1.0)
+    shown = [branch for branch in summary.branches if branch.length >= LONG * summary.branches[0].length][:SHOWN]
+    for branch in summary.branches[len(shown) :]:
+        _path(on, branch, color="0.25", lw=1.0)
     shown.sort(key=lambda one: (one.along[0], one.time[-1]))
-    for number, one in enumerate(shown):
-        _path(on, one, lw=1.5, **look(number))
-    if found.forks:
-        forks = on.factor * np.array([fork.place for fork in found.forks]).T
+    for number, branch in enumerate(shown):
+        _path(on, branch, lw=1.5, **look(number))
+    if summary.forks:
+        forks = on.factor * np.array([fork.place for fork in summary.forks]).T
         plate.plot(*forks, "o", ms=4.5, mfc="white", mec="black", mew=0.8, zorder=6)
-    if not all(one.line.all() for one in found.branches):
+    if not all(branch.line.all() for branch in summary.branches):
         key = plate.plot([], [], ":", color="0.25", lw=1.0, label="wider than a crack")
         figure.legend(handles=key, loc="outside lower center", frameon=False, fontsize="small")  # on no branch
     for draw, axes in zip(charts, places, strict=True):
-        draw(shown, axes, found)
+        draw(shown, axes, summary)
         axes.set_xlim(places[0].get_xlim())
     plate.set_title(f"Damage and path of the crack at {when}", fontsize="medium")
     return figure
 
 
-def _charts(found: Summary) -> list[Chart]:
+def _charts(summary: Summary) -> list[Chart]:
     """The charts beside the plate: none if no crack grows, and no speed for a run at rest."""
-    if not found.branches:
+    if not summary.branches:
         return []
-    speed = [] if found.at_rest else [_speeds]
-    return [_lengths, *speed, *([_released] if np.isfinite(found.release.value).any() else [])]
+    speed = [] if summary.at_rest else [_speeds]
+    return [_lengths, *speed, *([_released] if np.isfinite(summary.release.value).any() else [])]
 
 
 def comparison(
-    one: Results,
+    first_run: Results,
     step: int,
     paths: tuple[list[Polyline], list[Polyline]],
     names: tuple[str, str],
@@ -87,12 +87,12 @@ def comparison(
     window: Box | None = None,
 ) -> Figure:
     """Two sets of paths over the plate of the first run, grey by its damage after `step`; `window` is in view, m."""
-    where = shape(one, step, 0.0)
+    where = shape(first_run, step, 0.0)
     box = window or box_of([where])
     height = float(np.clip(0.9 * WIDTH * _aspect(box), 2.0, 9.0))
     figure = Figure(figsize=(WIDTH, height + 0.9), layout="constrained")
     plate = figure.add_subplot()
-    on = on_grey_plate(plate, box, where, damage_at(one, step))
+    on = on_grey_plate(plate, box, where, damage_at(first_run, step))
     for number, (lines, name) in enumerate(zip(paths, names, strict=True)):
         style = look(number) | {"lw": (2.2, 1.3)[number], "ls": ("-", (0, (4, 2)))[number]}
         for line in lines:
@@ -138,17 +138,17 @@ def _path(on: Sheet, branch: Branch, **style: Any) -> None:
     """Draw a branch, dotted where the cracked region is too wide to be a line."""
     pieces = on.factor * np.stack([branch.place[:-1], branch.place[1:]], axis=1)
     line = branch.line[:-1] & branch.line[1:]
-    for some, more in ((line, {}), (~line, {"ls": ":"})):
-        way = LineCollection(list(pieces[some]), zorder=5, capstyle="round", **(style | more))
+    for mask, more in ((line, {}), (~line, {"ls": ":"})):
+        way = LineCollection(list(pieces[mask]), zorder=5, capstyle="round", **(style | more))
         on.axes.add_collection(way, autolim=False)
 
 
 def _lengths(shown: list[Branch], length: Axes, _: Summary) -> None:
     """Draw the length of the cracks over time."""
-    second, seconds = scaled((one.time for one in shown), "s")
-    metre, metres = scaled((one.along for one in shown), "m")
-    for number, one in enumerate(shown):
-        length.plot(one.time * second, one.along * metre, **_style(number))
+    second, seconds = scaled((branch.time for branch in shown), "s")
+    metre, metres = scaled((branch.along for branch in shown), "m")
+    for number, branch in enumerate(shown):
+        length.plot(branch.time * second, branch.along * metre, **_style(number))
     length.set(ylabel=f"length of the crack, {metres}", xlabel=f"time, {seconds}")
     length.set_ylim(bottom=0)
     plain(length)
@@ -161,18 +161,18 @@ def _style(number: int) -> dict[str, Any]:
     return style
 
 
-def _speeds(shown: list[Branch], speed: Axes, found: Summary) -> None:
+def _speeds(shown: list[Branch], speed: Axes, summary: Summary) -> None:
     """Draw speed over time with its confidence band."""
-    limit = found.rayleigh_speed
-    second, seconds = scaled((one.time for one in shown), "s")
-    fastest = max(float(np.nanmax(one.speed.high, initial=0.0)) for one in shown)
+    limit = summary.rayleigh_speed
+    second, seconds = scaled((branch.time for branch in shown), "s")
+    fastest = max(float(np.nanmax(branch.speed.high, initial=0.0)) for branch in shown)
     slow = 0 < fastest < SLOW * limit
     fast, unit = scaled([np.array([fastest if slow else limit])], "m/s")
-    for number, one in enumerate(shown):
+    for number, branch in enumerate(shown):
         style = _style(number)
-        sides = one.speed.low * fast, one.speed.high * fast
-        speed.fill_between(one.time * second, *sides, color=style["color"], alpha=0.18, lw=0)
-        speed.plot(one.time * second, one.speed.value * fast, **style)
+        sides = branch.speed.low * fast, branch.speed.high * fast
+        speed.fill_between(branch.time * second, *sides, color=style["color"], alpha=0.18, lw=0)
+        speed.plot(branch.time * second, branch.speed.value * fast, **style)
     title = f"over {WINDOW:g} spacings, with its band"
     if slow:
         title += f"; Rayleigh waves run at {limit:.0f} m/s"
@@ -188,10 +188,10 @@ def _speeds(shown: list[Branch], speed: Axes, found: Summary) -> None:
     plain(speed)
 
 
-def _released(shown: list[Branch], energy: Axes, found: Summary) -> None:
+def _released(shown: list[Branch], energy: Axes, summary: Summary) -> None:
     """Draw the energy spent over the advance of all cracks, beside G0."""
-    spent = found.release
-    second, seconds = scaled((one.time for one in shown), "s")
+    spent = summary.release
+    second, seconds = scaled((branch.time for branch in shown), "s")
     joule, unit = scaled([spent.value, np.array([spent.G0])], "J/m²")
     energy.plot(spent.time * second, spent.value * joule, color="black", lw=1.3)
     energy.axhline(spent.G0 * joule, color="black", ls="--", lw=0.9)

@@ -43,19 +43,19 @@ def cut_open(
     cracks: Surface | None,
     written: str,
     plane: tuple[str, float],
-    whole: bool = False,
+    uncropped: bool = False,
 ) -> Figure:
     """The body behind `plane` (axis, m) in the colours of `values` (n,), and the whole surface of its cracks.
 
-    `whole`: in a picture of a fixed size. Raises FigureError without PyVista.
+    `uncropped`: in a picture of a fixed size. Raises FigureError without PyVista.
     """
     pyvista = needed_pyvista()
     plotter = plotter_of(pyvista)
     add_body(pyvista, plotter, nodes, values, shown, None, plane)
     if cracks is not None:
         _add_surface(pyvista, plotter, cracks)
-    seen = taken(plotter, (nodes.position.min(axis=0) + nodes.position.max(axis=0)) / 2, whole)
-    return framed(seen, written, mappable(shown), shown.label if whole else shown.words, shown.beyond)
+    pixels = taken(plotter, (nodes.position.min(axis=0) + nodes.position.max(axis=0)) / 2, uncropped)
+    return framed(pixels, written, mappable(shown), shown.label if uncropped else shown.words, shown.beyond)
 
 
 def frame_cut_open(
@@ -65,14 +65,14 @@ def frame_cut_open(
     step: int,
     plane: tuple[str, float] | None = None,
     largest: float | None = None,
-    whole: bool = False,
+    uncropped: bool = False,
 ) -> Figure:
     """`cut_open` of the component `part` of a field after `step`, by a plane through the middle if none is given."""
     values = slices.values(results, name, step, part or None)
     plane = plane or ("y", float(slices.middle(results)[1]))
     cracks = None if diffuses(results) else surface(results, step, opened(results, step))
     shown = colours(name, part, values, largest)
-    return cut_open(results.nodes(step), values, shown, cracks, title(results, name, part, step, 0.0), plane, whole)
+    return cut_open(results.nodes(step), values, shown, cracks, title(results, name, part, step, 0.0), plane, uncropped)
 
 
 def film(
@@ -86,7 +86,7 @@ def film(
 ) -> Iterator[NDArray[np.uint8]]:
     """Pictures (rows, columns, 3) of a body cut open after these steps, of one size. Raises FigureError."""
     for step in steps:
-        figure = frame_cut_open(results, name, part, step, plane, largest, whole=True)
+        figure = frame_cut_open(results, name, part, step, plane, largest, uncropped=True)
         canvas = FigureCanvasAgg(figure)
         figure.set_dpi(dpi)
         canvas.draw()
@@ -96,14 +96,14 @@ def film(
 def _add_surface(pyvista: Any, plotter: Any, cracks: Surface) -> Opening:
     """Add the surface of cracks to a plotter; returns the colours of what opened."""
     times = opening_colours(cracks)
-    for grown in (False, True):
-        some = cracks.grown == grown
-        if not some.any():
+    for is_opened in (False, True):
+        face_mask = cracks.grown == is_opened
+        if not face_mask.any():
             continue
-        quads = np.column_stack([np.full(some.sum(), 4), cracks.faces[some]])
+        quads = np.column_stack([np.full(face_mask.sum(), 4), cracks.faces[face_mask]])
         mesh = pyvista.PolyData(cracks.corners, quads.ravel())
-        if grown:
-            mesh.cell_data["opened"] = cracks.time[some] * times.factor
+        if is_opened:
+            mesh.cell_data["opened"] = cracks.time[face_mask] * times.factor
             clim = times.painted.get_clim()
             plotter.add_mesh(mesh, scalars="opened", cmap=CMAP, clim=clim, show_scalar_bar=False, **LIGHTING)
         else:
@@ -111,31 +111,31 @@ def _add_surface(pyvista: Any, plotter: Any, cracks: Surface) -> Opening:
     return times
 
 
-def fragments_apart(nodes: Nodes, found: Opened, by: float, written: str) -> Figure:
+def fragments_apart(nodes: Nodes, parted_pairs: Opened, by: float, written: str) -> Figure:
     """The fragments of a body, each in a colour, moved from its middle by `by` times their distance from it.
 
     Raises FigureError.
     """
-    pyvista, piece = needed_pyvista(), connected_pieces(found)
+    pyvista, piece = needed_pyvista(), connected_pieces(parted_pairs)
     count = np.bincount(piece)
     middle, plotter = nodes.position.mean(axis=0), plotter_of(pyvista)
     large = np.flatnonzero(count >= SMALLEST)
     if not len(large):
         raise FigureError(f"--explode: there is no fragment of {SMALLEST} nodes; draw a frame with some")
-    for number, one in enumerate(large[np.argsort(-count[large], kind="stable")]):
-        own = piece == one
-        way = by * (nodes.position[own].mean(axis=0) - middle)
-        for part in _solids(pyvista, nodes, own):
+    for number, piece_number in enumerate(large[np.argsort(-count[large], kind="stable")]):
+        node_mask = piece == piece_number
+        way = by * (nodes.position[node_mask].mean(axis=0) - middle)
+        for part in _solids(pyvista, nodes, node_mask):
             plotter.add_mesh(part.translate(way), color=COLOURS[number % len(COLOURS)], **LIGHTING)
     return framed(taken(plotter, middle), written)
 
 
-def _solids(pyvista: Any, nodes: Nodes, some: NDArray[np.bool_]) -> list[Any]:
+def _solids(pyvista: Any, nodes: Nodes, node_mask: NDArray[np.bool_]) -> list[Any]:
     """The cubes of some (n,) nodes, a mesh for each spacing."""
-    found = []
-    for spacing in np.unique(nodes.delta[some]):
-        own = some & (nodes.delta == spacing)
-        mesh = image(pyvista, nodes.position[own], np.ones(int(own.sum())), float(spacing), False)
+    meshes = []
+    for spacing in np.unique(nodes.delta[node_mask]):
+        spacing_mask = node_mask & (nodes.delta == spacing)
+        mesh = image(pyvista, nodes.position[spacing_mask], np.ones(int(spacing_mask.sum())), float(spacing), False)
         if mesh is not None:
-            found.append(mesh.threshold(0.5, scalars="there"))
-    return found
+            meshes.append(mesh.threshold(0.5, scalars="there"))
+    return meshes

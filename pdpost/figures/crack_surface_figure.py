@@ -28,26 +28,26 @@ ENDS = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1
 SIDES = [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)]
 
 
-def crack_surface(results: Results, found: SummaryInSpace) -> Figure:
+def crack_surface(results: Results, summary: SummaryInSpace) -> Figure:
     """The surface of the cracks in a body and, once something opened, area and energy per area over time."""
-    opened = bool(found.surface.grown.any())
+    opened = bool(summary.surface.grown.any())
     figure = Figure(figsize=(WIDTH, 8.0 if opened else 5.5), layout="constrained")
     grid = figure.add_gridspec(2 if opened else 1, 2, height_ratios=(2.6, 1) if opened else (1,))
     axes = figure.add_subplot(grid[0, :], projection="3d")
     assert isinstance(axes, Axes3D)
-    colours = _surface(axes, results, found)
-    when = time_text(found.step * float(results.meta()["time_step"]), micro="µs")
+    colours = _surface(axes, results, summary)
+    when = time_text(summary.step * float(results.meta()["time_step"]), micro="µs")
     figure.suptitle(f"Surface of the crack at {when}" if opened else f"No crack has grown at {when}", fontsize="medium")
     if opened:
         figure.colorbar(colours.painted, ax=axes, label=colours.label, shrink=0.6, pad=0.08, extend="max")
-        _over_time(figure.add_subplot(grid[1, 0]), found)
-        _release(figure.add_subplot(grid[1, 1]), found)
+        _over_time(figure.add_subplot(grid[1, 0]), summary)
+        _release(figure.add_subplot(grid[1, 1]), summary)
     return figure
 
 
-def _surface(axes: Axes3D, results: Results, found: SummaryInSpace) -> Opening:
+def _surface(axes: Axes3D, results: Results, summary: SummaryInSpace) -> Opening:
     """Draw the faces, the front and the box of the body; returns the colours of what opened."""
-    surface = found.surface
+    surface = summary.surface
     low, high = _in_view(results.nodes(0), surface)
     metre, metres = scaled([low, high], "m")
     opening = opening_colours(surface)
@@ -59,17 +59,17 @@ def _surface(axes: Axes3D, results: Results, found: SummaryInSpace) -> Opening:
         axes.add_collection3d(
             Poly3DCollection(quads * metre, facecolors=colours, edgecolors=colours, linewidths=0.2, zorder=1)
         )
-    front = [line * metre for line in found.fronts]
+    front = [line * metre for line in summary.fronts]
     if front:  # else it has crossed the body, or opened nothing
         axes.add_collection3d(Line3DCollection(front, colors=FRONT, linewidths=1.0, zorder=2))
     box = (low + ENDS * (high - low)) * metre
     axes.add_collection3d(Line3DCollection([box[list(side)] for side in SIDES], colors=BOX, linewidths=0.6, zorder=0))
     axes.computed_zorder = False
-    for name, one, other in zip("xyz", low * metre, high * metre, strict=True):
-        getattr(axes, f"set_{name}lim")(one, other)
+    for name, lower, upper in zip("xyz", low * metre, high * metre, strict=True):
+        getattr(axes, f"set_{name}lim")(lower, upper)
         getattr(axes, f"set_{name}label")(f"{name}, {metres}")
         axes.locator_params(
-            axis=name, nbins=max(2, round(TICKS * (other - one) / float(np.ptp([low, high], axis=0).max() * metre)))
+            axis=name, nbins=max(2, round(TICKS * (upper - lower) / float(np.ptp([low, high], axis=0).max() * metre)))
         )
     axes.set_box_aspect(high - low)
     axes.view_init(*VIEW)
@@ -95,16 +95,16 @@ def _brightness(quads: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(DARKEST + (1 - DARKEST) * np.abs(normal @ LIGHT))
 
 
-def _over_time(axes: Axes, found: SummaryInSpace) -> None:
-    second, seconds = scaled([found.time], "s")
+def _over_time(axes: Axes, summary: SummaryInSpace) -> None:
+    second, seconds = scaled([summary.time], "s")
     plain(axes)
-    axes.plot(found.time * second, found.area * 1e6, lw=1.3, **look(0))
+    axes.plot(summary.time * second, summary.area * 1e6, lw=1.3, **look(0))
     axes.set(xlabel=f"time, {seconds}", ylabel="area that opened, mm²")
 
 
-def _release(axes: Axes, found: SummaryInSpace) -> None:
-    second, seconds = scaled([found.time], "s")
+def _release(axes: Axes, summary: SummaryInSpace) -> None:
+    second, seconds = scaled([summary.time], "s")
     plain(axes)
-    axes.plot(found.time * second, found.release / found.G0, lw=1.3, **look(1))
+    axes.plot(summary.time * second, summary.release / summary.G0, lw=1.3, **look(1))
     axes.axhline(1.0, color="0.5", lw=0.8, ls=":")
     axes.set(xlabel=f"time, {seconds}", ylabel="dissipated / area / G₀", ylim=(0, None))

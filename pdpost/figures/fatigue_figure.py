@@ -19,8 +19,8 @@ WIDER = 3.0  # times the range of the points that Wöhler's line is drawn over
 
 def fatigue(runs: Sequence[Life]) -> Figure:
     """A panel of lengths and one of growth a cycle where cracks grow, and one of lives where smooth bodies break."""
-    cracked = [run for run in runs if run.found]
-    smooth = [run for run in runs if not run.found or (run.given.A1 is not None and run.first is not None)]
+    cracked = [run for run in runs if run.growths]
+    smooth = [run for run in runs if not run.growths or (run.given.A1 is not None and run.first is not None)]
     panels = 2 * bool(cracked) + bool(smooth)
     figure = Figure(figsize=(WIDTH * max(panels, 1.2) / 2, 3.4), layout="constrained")
     axes = figure.subplots(1, panels, squeeze=False)[0].tolist()
@@ -29,40 +29,40 @@ def fatigue(runs: Sequence[Life]) -> Figure:
         _growth(axes[1], cracked, len(runs) > 1)
     if smooth:
         _lives(axes[-1], smooth)
-    for one in axes:
-        plain(one)
+    for panel in axes:
+        plain(panel)
     return figure
 
 
 def _tips(runs: Sequence[Life]) -> list[tuple[Life, Growth]]:
-    return [(run, one) for run in runs for one in run.found]
+    return [(run, growth) for run in runs for growth in run.growths]
 
 
 def _lengths(axes: Axes, runs: Sequence[Life], named: bool) -> None:
-    for number, (run, one) in enumerate(_tips(runs)):
-        label = f"{for_legend(run.name)}, {one.name}" if named else one.name
-        axes.plot(one.cycles, one.length * 1e3, marker=".", lw=1.2, label=label, **look(number))
+    for number, (run, growth) in enumerate(_tips(runs)):
+        label = f"{for_legend(run.name)}, {growth.name}" if named else growth.name
+        axes.plot(growth.cycles, growth.length * 1e3, marker=".", lw=1.2, label=label, **look(number))
     axes.set(xlabel="cycles", ylabel="growth of the crack, mm")
     axes.legend(frameon=False, fontsize="small")
 
 
 def _growth(axes: Axes, runs: Sequence[Life], named: bool) -> None:
     """Points, hollow at the start of a crack, where they are off the line; the line through them, and that given."""
-    for number, (run, one) in enumerate(_tips(runs)):
+    for number, (run, growth) in enumerate(_tips(runs)):
         colour = look(number)["color"]
-        dK = between(one, run.line.m if run.line is not None else FIRST)
-        for some, fill in ((one.settled, colour), (~one.settled, "white")):
-            axes.plot(dK[some] * 1e-6, one.rate[some], "o", ms=4, mfc=fill, mec=colour, ls="none")
+        dK = between(growth, run.line.m if run.line is not None else FIRST)
+        for point_mask, fill in ((growth.settled, colour), (~growth.settled, "white")):
+            axes.plot(dK[point_mask] * 1e-6, growth.rate[point_mask], "o", ms=4, mfc=fill, mec=colour, ls="none")
     for run, dashes in zip(runs, ("--", ":", "-."), strict=False):
-        ranges = np.concatenate([one.dK for one in run.found])
+        ranges = np.concatenate([growth.dK for growth in run.growths])
         ends, of = np.array([ranges.min(), ranges.max()]), f"{for_legend(run.name)}: " if named else ""
         if run.line is not None:
             words = f"{of}measured, m = {run.line.m:.3g}"
             axes.plot(ends * 1e-6, run.line.at(ends), color="black", lw=0.9, ls=dashes, label=words)
-        given = run.slope(ends)
-        if given is not None:
+        law_rate = run.slope(ends)
+        if law_rate is not None:
             words = f"{of}given, m = {run.given.m:.3g}"
-            axes.plot(ends * 1e-6, given, color="0.6", lw=2.5, alpha=0.6, ls=dashes, label=words, zorder=0)
+            axes.plot(ends * 1e-6, law_rate, color="0.6", lw=2.5, alpha=0.6, ls=dashes, label=words, zorder=0)
     if axes.get_legend_handles_labels()[1]:
         axes.legend(frameon=False, fontsize="small")
     axes.set(xscale="log", yscale="log", xlabel="ΔK, MPa√m", ylabel="growth a cycle, m")
@@ -73,11 +73,11 @@ def _lives(axes: Axes, runs: Sequence[Life]) -> None:
     """Cycles until the first bonds break over the range of their stretch, beside the lines that runs were given."""
     broke = [(run.range, run.first) for run in runs if run.range is not None and run.first is not None]
     points = np.array(broke).reshape(-1, 2)
-    drawn = set()
+    plotted_laws = set()
     for run in runs:
-        if run.given.A1 is None or not len(points) or (run.given.A1, run.given.m1, run.given.endurance) in drawn:
+        if run.given.A1 is None or not len(points) or (run.given.A1, run.given.m1, run.given.endurance) in plotted_laws:
             continue
-        drawn.add((run.given.A1, run.given.m1, run.given.endurance))
+        plotted_laws.add((run.given.A1, run.given.m1, run.given.endurance))
         low = max(points[:, 0].min() / WIDER, run.given.endurance)
         eps = np.geomspace(low * (1 + 1e-9), points[:, 0].max() * WIDER, 50)
         axes.plot(run.smooth(eps), eps, color="black", lw=0.9, label=f"given, m = {run.given.m1:.3g}")

@@ -74,14 +74,14 @@ def values_of(results: Results, name: str, step: int, part: str) -> Shown:
 def explained(shown: Shown, where: NDArray[np.bool_] | bool = True) -> list[tuple[str, str]]:
     """Legend entries (colour, words) for the nodes in `where` (n,) whose value is not on the colour bar."""
     unknown = where & ~shown.torn & ~np.isfinite(shown.values)
-    found = []
+    entries = []
     for colour, nodes, words in (
         (TORN, where & shown.torn, f"left out, damage above {CRACKED:g}"),
         (UNKNOWN, unknown, "too few bonds for a value"),
     ):
         if nodes.any():
-            found.append((colour, f"{words}: {int(nodes.sum())} nodes"))
-    return found
+            entries.append((colour, f"{words}: {int(nodes.sum())} nodes"))
+    return entries
 
 
 def bar(on: Sheet, shown: Colours) -> ScalarMappable:

@@ -48,7 +48,7 @@ def frames(
 
 
 def panels(
-    each: Sequence[Panel],
+    panels: Sequence[Panel],
     name: str,
     *,
     part: str | None = None,
@@ -63,29 +63,31 @@ def panels(
     available.
     """
     part = fields.component(name, part)
-    shots = [field_figure.values_of(one.results, name, one.step, part) for one in each]
-    shapes = [hidden(shape(one.results, one.step, scale), hide) for one in each]
+    shots = [field_figure.values_of(panel.results, name, panel.step, part) for panel in panels]
+    shapes = [hidden(shape(panel.results, panel.step, scale), hide) for panel in panels]
     box = window or box_of(shapes)
-    known = [shot.values[~shot.torn & seen(where.position, box)] for shot, where in zip(shots, shapes, strict=True)]
-    range_of = colours.colours(name, part, np.concatenate(known), largest)
+    visible_values = [
+        shot.values[~shot.torn & seen(where.position, box)] for shot, where in zip(shots, shapes, strict=True)
+    ]
+    range_of = colours.colours(name, part, np.concatenate(visible_values), largest)
     mappable = colours.mappable(range_of)
-    figure, columns = _figure(box, len(each))
-    rows = -(-len(each) // columns)
-    drawn = [figure.add_subplot(rows, columns, number + 1) for number in range(len(each))]
-    for number, (one, shot, where) in enumerate(zip(each, shots, shapes, strict=True)):
-        on = on_axes(drawn[number], box)
+    figure, columns = _figure(box, len(panels))
+    rows = -(-len(panels) // columns)
+    panel_axes = [figure.add_subplot(rows, columns, number + 1) for number in range(len(panels))]
+    for number, (panel, shot, where) in enumerate(zip(panels, shots, shapes, strict=True)):
+        on = on_axes(panel_axes[number], box)
         paint(on, where, shot.values * range_of.factor, mappable, shot.torn)
         border(on, where)
         mark(on, where)
-        on.axes.set_title(one.title)
+        on.axes.set_title(panel.title)
         if number % columns:
             on.axes.set_ylabel("")
             on.axes.tick_params(labelleft=False)
-        if number + columns < len(each):
+        if number + columns < len(panels):
             on.axes.set_xlabel("")
             on.axes.tick_params(labelbottom=False)
-    figure.colorbar(mappable, ax=drawn, label=range_of.words, extend=range_of.beyond, fraction=0.05, aspect=25)
-    handles, _ = drawn[0].get_legend_handles_labels()
+    figure.colorbar(mappable, ax=panel_axes, label=range_of.words, extend=range_of.beyond, fraction=0.05, aspect=25)
+    handles, _ = panel_axes[0].get_legend_handles_labels()
     patches = [(colour, words.split(":")[0]) for shot in shots for colour, words in field_figure.explained(shot)]
     handles += [Patch(color=colour, label=words) for colour, words in dict.fromkeys(patches)]
     if handles:
@@ -96,10 +98,10 @@ def panels(
 
 def _figure(box: Box, count: int) -> tuple[Figure, int]:
     """A figure for `count` plates and its number of columns: wide plates are stacked, high ones stand side by side."""
-    whole = float(matplotlib.rcParams["figure.figsize"][0])
+    width = float(matplotlib.rcParams["figure.figsize"][0])
     aspect = (box[3] - box[1]) / (box[2] - box[0])
     flat = 0.7 if narrow() else 0.25
     most = 1 if aspect < flat else 2 if aspect < 1.2 or narrow() else 3
     columns = min(count, most)
-    tall = -(-count // columns) * ((whole - BAR - LABEL) / columns * aspect + TITLE) + AROUND
-    return Figure(figsize=(whole, tall), layout="compressed"), columns
+    tall = -(-count // columns) * ((width - BAR - LABEL) / columns * aspect + TITLE) + AROUND
+    return Figure(figsize=(width, tall), layout="compressed"), columns

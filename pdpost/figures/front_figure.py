@@ -16,63 +16,63 @@ INTENSITIES = ("K1", "K2", "K3")
 SHOWN = 4  # fronts with curves
 
 
-def along_fronts(found: list[AlongFront]) -> Figure:
+def along_fronts(front_states: list[AlongFront]) -> Figure:
     """K1, K2 and K3, J and (K1^2 + K2^2)/E' + K3^2/2G along the fronts of the last frame, with their bands.
 
     Of several frames also the mean of each front's intensities over time.
     """
-    last = [one for one in found if one.step == found[-1].step][:SHOWN]
-    several = len({one.step for one in found}) > 1
+    last = [front for front in front_states if front.step == front_states[-1].step][:SHOWN]
+    several = len({front.step for front in front_states}) > 1
     figure = Figure(figsize=(WIDTH, 6.4 if several else 3.6), layout="constrained")
     grid = figure.add_gridspec(2 if several else 1, 2)
     intensity, energy = (figure.add_subplot(grid[0, column]) for column in (0, 1))
     figure.suptitle(f"Along the fronts at {time_text(last[0].time, micro='µs')}", fontsize="medium")
     _curves(intensity, last, INTENSITIES, "Pa√m", "stress intensity")
     factor = _curves(energy, last, ("J",), "J/m²", "J")
-    metre, _ = scaled([one.along for one in last], "m")
-    for number, one in enumerate(last):
+    metre, _ = scaled([front.along for front in last], "m")
+    for number, front in enumerate(last):
         style = look(number) | {"ls": ":"}
-        energy.plot(one.along * metre, one.of_K * factor, lw=1.2, label=f"of K, {one.name}", **style)
+        energy.plot(front.along * metre, front.of_K * factor, lw=1.2, label=f"of K, {front.name}", **style)
     energy.legend(frameon=False, fontsize="small")
     intensity.legend(frameon=False, fontsize="small")
     if several:
-        _over_time(figure.add_subplot(grid[1, :]), found)
+        _over_time(figure.add_subplot(grid[1, :]), front_states)
     return figure
 
 
 def _curves(axes: Axes, last: list[AlongFront], names: tuple[str, ...], unit: str, label: str) -> float:
     """Draw values with their bands along the fronts; returns the factor from SI to the unit of the axis."""
-    metre, metres = scaled([one.along for one in last], "m")
-    factor, shown = scaled((side[name] for one in last for name in names for side in (one.low, one.high)), unit)
-    for number, one in enumerate(last):
+    metre, metres = scaled([front.along for front in last], "m")
+    factor, shown = scaled((side[name] for front in last for name in names for side in (front.low, front.high)), unit)
+    for number, front in enumerate(last):
         for order, name in enumerate(names):
             style = look(len(names) * number + order)
-            sides = one.low[name] * factor, one.high[name] * factor
-            axes.fill_between(one.along * metre, *sides, color=style["color"], alpha=0.2, lw=0)
-            marker = "." if len(one.known) < 3 else ""
-            words = f"{name}, {one.name}"
-            axes.plot(one.along * metre, one.value[name] * factor, lw=1.3, marker=marker, label=words, **style)
+            sides = front.low[name] * factor, front.high[name] * factor
+            axes.fill_between(front.along * metre, *sides, color=style["color"], alpha=0.2, lw=0)
+            marker = "." if len(front.known) < 3 else ""
+            words = f"{name}, {front.name}"
+            axes.plot(front.along * metre, front.value[name] * factor, lw=1.3, marker=marker, label=words, **style)
     axes.set(xlabel=f"along the front, {metres}", ylabel=f"{label}, {shown}")
     plain(axes)
     return factor
 
 
-def _over_time(axes: Axes, found: list[AlongFront]) -> None:
+def _over_time(axes: Axes, front_states: list[AlongFront]) -> None:
     """Draw the means of the intensities of each front over time."""
-    second, seconds = scaled([np.array([one.time for one in found])], "s")
-    factor, unit = scaled((_means(found, name) for name in INTENSITIES), "Pa√m")
-    fronts = list(dict.fromkeys(one.name for one in found))[:SHOWN]
+    second, seconds = scaled([np.array([state.time for state in front_states])], "s")
+    factor, unit = scaled((_means(front_states, name) for name in INTENSITIES), "Pa√m")
+    fronts = list(dict.fromkeys(state.name for state in front_states))[:SHOWN]
     for number, front in enumerate(fronts):
-        own = [one for one in found if one.name == front]
-        times = np.array([one.time for one in own]) * second
+        of_front = [state for state in front_states if state.name == front]
+        times = np.array([state.time for state in of_front]) * second
         for order, name in enumerate(INTENSITIES):
             style = look(len(INTENSITIES) * number + order)
-            axes.plot(times, _means(own, name) * factor, lw=1.3, label=f"{name}, {front}", **style)
+            axes.plot(times, _means(of_front, name) * factor, lw=1.3, label=f"{name}, {front}", **style)
     axes.set(xlabel=f"time, {seconds}", ylabel=f"in the mean, {unit}")
     axes.legend(frameon=False, fontsize="small")
     plain(axes)
 
 
-def _means(found: list[AlongFront], name: str) -> NDArray[np.float64]:
+def _means(front_states: list[AlongFront], name: str) -> NDArray[np.float64]:
     """The mean (f,) along each front; NaN where nothing is known."""
-    return np.array([one.value[name][one.known].mean() if len(one.known) else np.nan for one in found])
+    return np.array([front.value[name][front.known].mean() if len(front.known) else np.nan for front in front_states])

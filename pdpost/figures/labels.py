@@ -40,7 +40,7 @@ def unit(name: str, largest: float) -> tuple[float, str]:
 
 def scaled(values: Iterable[np.ndarray], unit: str) -> tuple[float, str]:
     """A factor for values and their unit with its prefix, such as 1e3 and "mm"."""
-    sizes = [float(np.abs(one[np.isfinite(one)]).max(initial=0.0)) for one in values]
+    sizes = [float(np.abs(array[np.isfinite(array)]).max(initial=0.0)) for array in values]
     largest = max(sizes, default=0.0)
     factor, prefix = prefixed(min(largest, 1.0) if unit == "s" else largest)  # thousands of seconds have no prefix
     return factor, prefix + unit

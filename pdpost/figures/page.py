@@ -65,13 +65,13 @@ def report(results: Results, name: str) -> str:
     steps, _ = frames(results)
     model, meta, nodes = whole(results), results.meta(), results.nodes(0)
     shown, moves, flat = usual(results, int(steps[0])), not diffuses(results), results.dimension == 2
-    drawn = [_image(scene(results, model), "the plate, its grid and its conditions")] if flat else []
+    scene_images = [_image(scene(results, model), "the plate, its grid and its conditions")] if flat else []
     sections = [
         *([("Crack", _crack(results) if flat else _crack_in_space(results))] if moves else []),
         ("Animation", [_picture(_film(results, shown), "gif", f"{shown} over time")]),
         (f"Fields at {moment(results, int(steps[-1]), 'µs')}", _fields(results, int(steps[-1]))),
         ("Balance", _balance(results) if moves else _masses(results)),
-        ("Scene", [*drawn, _conditions(nodes, model)]),
+        ("Scene", [*scene_images, _conditions(nodes, model)]),
         ("Grid", [_table(_grid(results, nodes))]),
         ("Settings", [_table(_settings(model, meta))]),
         ("Provenance", [_table((title, meta[key]) for key, title in PROVENANCE.items() if key in meta)]),
@@ -91,8 +91,8 @@ def _film(results: Results, name: str) -> bytes:
 def _grid(results: Results, nodes: Nodes) -> dict[str, str]:
     low, high = nodes.position.min(axis=0) * 1e3, nodes.position.max(axis=0) * 1e3
     levels, counts = np.unique(nodes.delta, return_counts=True)
-    bonds, whole = pair_count(int((nodes.family - nodes.cut).sum())), float(nodes.area.sum())
-    extent = {"area": f"{whole * 1e6:.6g} mm²"} if len(low) == 2 else {"volume": f"{whole * 1e9:.6g} mm³"}
+    bonds, total_size = pair_count(int((nodes.family - nodes.cut).sum())), float(nodes.area.sum())
+    extent = {"area": f"{total_size * 1e6:.6g} mm²"} if len(low) == 2 else {"volume": f"{total_size * 1e9:.6g} mm³"}
     return {
         "nodes": str(len(nodes.ids)) + _later(results),
         "spacings": ", ".join(f"{count} of {level * 1e3:.4g} mm" for level, count in zip(levels, counts, strict=True)),
@@ -119,15 +119,19 @@ def _later(results: Results) -> str:
 def _settings(model: dict[str, Any], meta: Mapping[str, Any]) -> dict[str, str]:
     run = model.get("run", {})
     made_of = model.get("medium") or model["material"]
-    found = {name: f"{_text(value)} {UNITS.get(name, '')}".rstrip() for name, value in made_of.items()}
-    found |= {f"region {number + 1}": _text(one["material"]) for number, one in enumerate(model.get("regions", []))}
-    found["horizon"] = f"{model.get('horizon', {}).get('ratio', 3.0):g} spacings"
+    settings = {name: f"{_text(value)} {UNITS.get(name, '')}".rstrip() for name, value in made_of.items()}
+    settings |= {
+        f"region {number + 1}": _text(region["material"]) for number, region in enumerate(model.get("regions", []))
+    }
+    settings["horizon"] = f"{model.get('horizon', {}).get('ratio', 3.0):g} spacings"
     second, prefix = prefixed(float(meta["time_step"]))
     step, sure = (f"{meta[name] * second:.4g} {prefix}s" for name in ("time_step", "stable_time_step"))
-    found["time step"] = f"{step}, stable up to {sure}"
-    found |= {name: _text(value) for name, value in run.items() if name != "time_step"}
-    found |= {name.removeprefix("Peridynamics/"): _text(value) for name, value in model.get("parameters", {}).items()}
-    return {"drawing": model.get("source", ""), **found}
+    settings["time step"] = f"{step}, stable up to {sure}"
+    settings |= {name: _text(value) for name, value in run.items() if name != "time_step"}
+    settings |= {
+        name.removeprefix("Peridynamics/"): _text(value) for name, value in model.get("parameters", {}).items()
+    }
+    return {"drawing": model.get("source", ""), **settings}
 
 
 def _conditions(nodes: Nodes, model: dict[str, Any]) -> str:
@@ -170,16 +174,16 @@ def _masses(results: Results) -> list[str]:
 
 
 def _crack(results: Results) -> list[str]:
-    found = crack_summary.crack(results)
-    items = "".join(f"<li>{for_html(spelled(sentence))}</li>" for sentence in crack_summary.sentences(found))
-    return [f"<ul>{items}</ul>", _image(crack_figure.crack(results, found), "path, length and speed of the crack")]
+    summary = crack_summary.crack(results)
+    items = "".join(f"<li>{for_html(spelled(sentence))}</li>" for sentence in crack_summary.sentences(summary))
+    return [f"<ul>{items}</ul>", _image(crack_figure.crack(results, summary), "path, length and speed of the crack")]
 
 
 def _crack_in_space(results: Results) -> list[str]:
-    found = crack_in_space.crack_in_space(results)
-    items = "".join(f"<li>{for_html(spelled(sentence))}</li>" for sentence in crack_in_space.sentences(found))
-    drawn = crack_surface_figure.crack_surface(results, found)
-    return [f"<ul>{items}</ul>", _image(drawn, "surface of the crack, its area and its cost")]
+    summary = crack_in_space.crack_in_space(results)
+    items = "".join(f"<li>{for_html(spelled(sentence))}</li>" for sentence in crack_in_space.sentences(summary))
+    figure = crack_surface_figure.crack_surface(results, summary)
+    return [f"<ul>{items}</ul>", _image(figure, "surface of the crack, its area and its cost")]
 
 
 def _fields(results: Results, step: int) -> list[str]:

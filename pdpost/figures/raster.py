@@ -24,19 +24,19 @@ def averages(
     rows = max(round(columns * float((high[1] - low[1]) / (high[0] - low[0]))), 1)
     shape = np.array([columns, rows])
     pixels = columns * rows
-    total, known, there = np.zeros(pixels), np.zeros(pixels, dtype=np.int64), np.zeros(pixels, dtype=bool)
+    total, finite_count, covered = np.zeros(pixels), np.zeros(pixels, dtype=np.int64), np.zeros(pixels, dtype=bool)
     for start in range(0, len(values), BLOCK):
-        some = slice(start, start + BLOCK)
-        place = ((position[some] - low) / (high - low) * shape).clip(-FAR, FAR)
-        half = size[some, None] / 2 / (high - low) * shape
+        block = slice(start, start + BLOCK)
+        place = ((position[block] - low) / (high - low) * shape).clip(-FAR, FAR)
+        half = size[block, None] / 2 / (high - low) * shape
         pixel, node = _painted(place, half, shape)
-        there[pixel] = True
-        painted = values[some][node]
+        covered[pixel] = True
+        painted = values[block][node]
         finite = np.isfinite(painted)
         total += np.bincount(pixel[finite], painted[finite], pixels)
-        known += np.bincount(pixel[finite], minlength=pixels)
-    mean = np.divide(total, known, out=np.full(pixels, np.nan), where=known > 0)
-    return mean.reshape(rows, columns), there.reshape(rows, columns)
+        finite_count += np.bincount(pixel[finite], minlength=pixels)
+    mean = np.divide(total, finite_count, out=np.full(pixels, np.nan), where=finite_count > 0)
+    return mean.reshape(rows, columns), covered.reshape(rows, columns)
 
 
 def _painted(
@@ -55,9 +55,9 @@ def _painted(
     pixels, nodes = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
     tall = int(span[:, 1].max(initial=0)) + 1
     kind = span[:, 0] * tall + span[:, 1]
-    for one in np.flatnonzero(np.bincount(kind)).tolist():
-        width, height = divmod(one, tall)
-        alike = np.flatnonzero(kind == one)
+    for size_number in np.flatnonzero(np.bincount(kind)).tolist():
+        width, height = divmod(size_number, tall)
+        alike = np.flatnonzero(kind == size_number)
         patch = (shape[0] * np.arange(height)[:, None] + np.arange(width)).ravel()
         pixels.append((corner[alike, None] + patch).ravel())
         nodes.append(np.repeat(inside[alike], width * height))

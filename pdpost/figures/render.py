@@ -40,18 +40,22 @@ def render(
     pyvista = needed_pyvista()
     plotter = plotter_of(pyvista)
     add_body(pyvista, plotter, nodes, values, shown, level, plane)
-    seen = taken(plotter, nodes.position.mean(axis=0))
-    return framed(seen, title, mappable(shown) if level is None else None, shown.words, shown.beyond)
+    pixels = taken(plotter, nodes.position.mean(axis=0))
+    return framed(pixels, title, mappable(shown) if level is None else None, shown.words, shown.beyond)
 
 
 def framed(
-    seen: NDArray[np.uint8], title: str, painted: ScalarMappable | None = None, label: str = "", beyond: str = "neither"
+    pixels: NDArray[np.uint8],
+    title: str,
+    painted: ScalarMappable | None = None,
+    label: str = "",
+    beyond: str = "neither",
 ) -> Figure:
     """Pixels (rows, columns, 3) as a figure with its title, and with the colours that were `painted`."""
-    height = ABOVE + (WIDTH - BESIDE) * seen.shape[0] / seen.shape[1]
+    height = ABOVE + (WIDTH - BESIDE) * pixels.shape[0] / pixels.shape[1]
     figure = Figure(figsize=(WIDTH, height), layout="constrained")
     axes = figure.add_subplot()
-    axes.imshow(seen, interpolation="antialiased")
+    axes.imshow(pixels, interpolation="antialiased")
     axes.set_axis_off()
     axes.set_title(title)
     if painted is not None:
@@ -70,8 +74,8 @@ def add_body(
 ) -> None:
     """Add a body in the colours of `values` (n,), or the isosurface at `level`, behind `plane`, to a plotter."""
     for spacing in np.unique(nodes.delta):
-        own = nodes.delta == spacing
-        mesh = image(pyvista, nodes.position[own], values[own], float(spacing), level is not None)
+        spacing_mask = nodes.delta == spacing
+        mesh = image(pyvista, nodes.position[spacing_mask], values[spacing_mask], float(spacing), level is not None)
         if mesh is None:
             continue
         part = mesh.contour([level], scalars="value") if level is not None else mesh.threshold(0.5, scalars="there")
@@ -79,7 +83,7 @@ def add_body(
             part = part.smooth_taubin(n_iter=SMOOTH)
         if plane is not None and part.n_points:
             axis, at = plane
-            origin = [at if each == axis else 0.0 for each in AXES]
+            origin = [at if coordinate == axis else 0.0 for coordinate in AXES]
             part = part.clip(normal=axis, origin=origin, invert=False, crinkle=level is None)
         if part.n_points and level is not None:
             plotter.add_mesh(part, color=STONE, specular=0.3, smooth_shading=True, ambient=0.35)
@@ -95,21 +99,21 @@ def plotter_of(pyvista: Any) -> Any:
     return plotter
 
 
-def taken(plotter: Any, middle: NDArray[np.float64], whole: bool = False) -> NDArray[np.uint8]:
+def taken(plotter: Any, middle: NDArray[np.float64], uncropped: bool = False) -> NDArray[np.uint8]:
     """The picture of a plotter, looking at `middle` (3,), m, with ambient occlusion; the white around it is cut off
-    unless it is wanted `whole`. Raises FigureError."""
+    unless it is wanted `uncropped`. Raises FigureError."""
     plotter.camera_position = [tuple(middle + np.array(EYE)), tuple(middle), (0, 0, 1)]
     plotter.reset_camera()
     size = float(plotter.length)
     plotter.enable_ssao(radius=SHADE * size, bias=LIFT * size, kernel_size=RAYS)
     picture = np.asarray(plotter.screenshot(return_img=True))
     plotter.close()
-    if whole:
+    if uncropped:
         return picture
-    drawn = np.any(picture < 255, axis=2)
-    if not np.any(drawn):
+    not_white = np.any(picture < 255, axis=2)
+    if not np.any(not_white):
         raise FigureError("render: nothing is to be seen; use another level, plane or frame")
-    rows, columns = (np.flatnonzero(np.any(drawn, axis=axis)) for axis in (1, 0))
+    rows, columns = (np.flatnonzero(np.any(not_white, axis=axis)) for axis in (1, 0))
     return picture[max(rows[0] - EDGE, 0) : rows[-1] + EDGE, max(columns[0] - EDGE, 0) : columns[-1] + EDGE]
 
 
@@ -129,15 +133,15 @@ def image(
 ) -> Any:
     """Lattice nodes as a PyVista image, with data on points or in cells; None if they are not on a lattice."""
     place = (position - position.min(axis=0)) / spacing
-    whole = np.rint(place).astype(np.int64)
-    if np.abs(place - whole).max() > NEAR_LATTICE * (1 + whole.max()):
+    indices = np.rint(place).astype(np.int64)
+    if np.abs(place - indices).max() > NEAR_LATTICE * (1 + indices.max()):
         return None
-    shape = whole.max(axis=0) + 1 + 2 * points
-    flat = np.ravel_multi_index(tuple((whole + points).T), tuple(shape.tolist()), order="F")
-    value, there = np.zeros(int(np.prod(shape))), np.zeros(int(np.prod(shape)))
-    value[flat], there[flat] = values, 1.0
+    shape = indices.max(axis=0) + 1 + 2 * points
+    flat = np.ravel_multi_index(tuple((indices + points).T), tuple(shape.tolist()), order="F")
+    value, occupied = np.zeros(int(np.prod(shape))), np.zeros(int(np.prod(shape)))
+    value[flat], occupied[flat] = values, 1.0
     low = position.min(axis=0) - spacing * (1.0 if points else 0.5)
     image = pyvista.ImageData(dimensions=shape if points else shape + 1, spacing=(spacing,) * 3, origin=low)
     data = image.point_data if points else image.cell_data
-    data["value"], data["there"] = value, there
+    data["value"], data["there"] = value, occupied
     return image

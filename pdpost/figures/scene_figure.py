@@ -36,9 +36,9 @@ def scene(results: Results, model: dict[str, Any]) -> Figure:
     acting = np.zeros(len(nodes.ids), dtype=bool)
     for number, condition in enumerate(model.get("conditions", [])):
         colour = COLOURS[number % len(COLOURS)]
-        here = acted_on(nodes, condition)
-        acting |= here
-        colours[here] = [int(colour[at : at + 2], 16) / 255 for at in (1, 3, 5)]
+        condition_nodes = acted_on(nodes, condition)
+        acting |= condition_nodes
+        colours[condition_nodes] = [int(colour[at : at + 2], 16) / 255 for at in (1, 3, 5)]
         keys.append(
             Patch(color=colour, label=f"{for_legend(called(condition.get('name'), number))} ({condition['kind']})")
         )

@@ -72,31 +72,31 @@ def shape(results: Results, step: int, scale: float, still: Shape | None = None)
     nodes, epoch = results.nodes(step), results.epoch(step)
     if still is None or still.epoch != epoch:
         on = plate(results) if still is None else still.plate
-        own = cells(nodes, on.shape) if len(nodes.ids) <= plate_geometry.MANY else None
-        still = Shape(on, nodes.position, nodes.position, nodes.delta, own, None, 0.0, epoch)
+        node_cells = cells(nodes, on.shape) if len(nodes.ids) <= plate_geometry.MANY else None
+        still = Shape(on, nodes.position, nodes.position, nodes.delta, node_cells, None, 0.0, epoch)
     still = still._replace(grown=arms(until(results.particles(), step), after=0).reshape(-1, 2, 2))
     if not scale:
         return still._replace(position=nodes.position, turned=None, scale=0.0)
-    moved = displacement(results, step)
+    displacements = displacement(results, step)
     turned = None
     if still.cells is not None:
-        turned = np.eye(2) + scale * fitted(nodes, moved, intact(results, results.families(step), step))
+        turned = np.eye(2) + scale * fitted(nodes, displacements, intact(results, results.families(step), step))
         turned[~np.isfinite(turned).all(axis=(1, 2)) | (np.abs(turned).max(axis=(1, 2)) > 2)] = np.eye(2)
-    return still._replace(position=nodes.position + scale * moved, turned=turned, scale=scale)
+    return still._replace(position=nodes.position + scale * displacements, turned=turned, scale=scale)
 
 
 def hidden(nodes: Shape, names: Collection[str]) -> Shape:
     """The shape without lines of these `names`: cracks (drawn and grown), zone (the border of finer nodes)."""
-    drawn = nodes.plate._replace(adapts=nodes.plate.adapts and "zone" not in names)
+    visible_plate = nodes.plate._replace(adapts=nodes.plate.adapts and "zone" not in names)
     if "cracks" not in names:
-        return nodes._replace(plate=drawn)
-    return nodes._replace(plate=drawn._replace(cracks=np.zeros((0, 4))), grown=np.zeros((0, 2, 2)))
+        return nodes._replace(plate=visible_plate)
+    return nodes._replace(plate=visible_plate._replace(cracks=np.zeros((0, 4))), grown=np.zeros((0, 2, 2)))
 
 
 def displacement(results: Results, step: int) -> NDArray[np.float64]:
     """Displacements (n, 2), m, of a frame, with 0 in place of NaN. Raises ResultsError if it holds none."""
-    moved = vector(results, "displacement", step)
-    return np.where(np.isfinite(moved), moved, 0.0)
+    displacements = vector(results, "displacement", step)
+    return np.where(np.isfinite(displacements), displacements, 0.0)
 
 
 def chosen_scale(results: Results, step: int) -> float:
@@ -116,12 +116,12 @@ def box_of(shapes: list[Shape]) -> Box:
     bounds = np.reshape(shapes[0].plate.shape.bounds, (2, 2))
     size = float(np.ptp(bounds, axis=0).max())
     low, high = bounds
-    for one in shapes:
-        if one.scale:
-            half = one.delta[:, None] / 2
-            low = np.minimum(low, (one.position - half).min(axis=0))
-            high = np.maximum(high, (one.position + half).max(axis=0))
-    room = (ROOM if any(one.scale for one in shapes) else MARGIN) * size
+    for frame_shape in shapes:
+        if frame_shape.scale:
+            half = frame_shape.delta[:, None] / 2
+            low = np.minimum(low, (frame_shape.position - half).min(axis=0))
+            high = np.maximum(high, (frame_shape.position + half).max(axis=0))
+    room = (ROOM if any(frame_shape.scale for frame_shape in shapes) else MARGIN) * size
     x0, y0 = np.maximum(low - MARGIN * size, bounds[0] - room).tolist()
     x1, y1 = np.minimum(high + MARGIN * size, bounds[1] + room).tolist()
     return x0, y0, x1, y1
@@ -135,10 +135,10 @@ def seen(places: NDArray[np.float64], box: Box) -> NDArray[np.bool_]:
 def sheet(box: Box, bar: bool = True, room: float = 0.0) -> Sheet:
     """An empty sheet for `box`, m, with space for a colour bar beside it and `room` inches below it."""
     width, height = box[2] - box[0], box[3] - box[1]
-    whole = float(rcParams["figure.figsize"][0])
-    across = min(whole - LEFT - RIGHT, TALLEST * width / height)
+    full_width = float(rcParams["figure.figsize"][0])
+    across = min(full_width - LEFT - RIGHT, TALLEST * width / height)
     tall = max(across * height / width, FLATTEST)
-    size = (max(LEFT + across + RIGHT * bar, min(LEAST, whole)), room + BELOW + tall + ABOVE)
+    size = (max(LEFT + across + RIGHT * bar, min(LEAST, full_width)), room + BELOW + tall + ABOVE)
     figure = Figure(figsize=size)
     place = (LEFT / size[0], (room + BELOW) / size[1], across / size[0], tall / size[1])
     return on_axes(figure.add_axes(place), box)
@@ -178,12 +178,12 @@ def paint(
     if nodes.cells is None:
         return [_image(on, nodes, values, colours, torn)]
     painted = painted_cells(on, nodes) if painted is None else painted
-    found: list[Artist] = [
+    artists: list[Artist] = [
         _cells(on, painted, array=np.ma.masked_invalid(values), cmap=colours.cmap, norm=colours.norm)
     ]
     if torn.any():
-        found.append(_cells(on, [painted[row] for row in np.flatnonzero(torn)], facecolors=TORN))
-    return found
+        artists.append(_cells(on, [painted[row] for row in np.flatnonzero(torn)], facecolors=TORN))
+    return artists
 
 
 def tint(on: Sheet, nodes: Shape, colours: NDArray[np.float64], **lines: Any) -> None:
@@ -193,7 +193,7 @@ def tint(on: Sheet, nodes: Shape, colours: NDArray[np.float64], **lines: Any) ->
         return
     layers = [_filled(on, nodes, layer) for layer in colours.T]
     alpha = layers[0][1].astype(float)
-    show(on, np.dstack([*(np.where(there, mean, 1.0) for mean, there in layers), alpha]), nodes)
+    show(on, np.dstack([*(np.where(covered, mean, 1.0) for mean, covered in layers), alpha]), nodes)
 
 
 def mark(on: Sheet, nodes: Shape) -> None:
@@ -215,15 +215,15 @@ def mark(on: Sheet, nodes: Shape) -> None:
 
 def grown(on: Sheet, nodes: Shape) -> list[Artist]:
     """Draw the cracks of particles grown so far, in the reference configuration."""
-    found: list[Artist] = []
+    artists: list[Artist] = []
     for colour, width, label in (("white", 1.8 * THICK, None), (GROWN, THICK, "grown crack")):
         if len(nodes.grown):
             lines = LineCollection(
                 list(nodes.grown * on.factor), colors=colour, linewidths=width, zorder=4, label=label
             )
             lines.set_capstyle("round")
-            found.append(on.axes.add_collection(lines, autolim=False))
-    return found
+            artists.append(on.axes.add_collection(lines, autolim=False))
+    return artists
 
 
 def border(on: Sheet, nodes: Shape) -> list[Artist]:
@@ -234,20 +234,20 @@ def border(on: Sheet, nodes: Shape) -> list[Artist]:
     if not nodes.plate.adapts or not finer.any():
         return []
     reach = nodes.delta[finer]
-    grown = shapely.union_all(_rows(nodes.reference[finer], reach))  # over coarse ones on its edge
-    zone = grown.buffer(-float(reach.max()) / 2, join_style="mitre")
+    fine_area = shapely.union_all(_rows(nodes.reference[finer], reach))  # over coarse ones on its edge
+    zone = fine_area.buffer(-float(reach.max()) / 2, join_style="mitre")
     zone = shapely.intersection(zone, nodes.plate.shape).segmentize(coarsest)
     rings = [shapely.get_coordinates(ring) for ring in shapely.get_rings(shapely.get_parts(zone))]
     if nodes.scale:
-        moved, nearest = nodes.position - nodes.reference, tree_of(nodes.reference)
-        rings = [ring + moved[nearest.query(ring)[1]] for ring in rings]
+        displacements, nearest = nodes.position - nodes.reference, tree_of(nodes.reference)
+        rings = [ring + displacements[nearest.query(ring)[1]] for ring in rings]
     sides = np.concatenate([np.stack([ring[:-1], ring[1:]], axis=1) for ring in rings])
     sides = sides[np.hypot(*(sides[:, 1] - sides[:, 0]).T) < TORN_APART * coarsest]
-    found: list[Artist] = []
+    artists: list[Artist] = []
     for colour, width, label in (("white", 2 * THIN, None), (BLACK, THIN, "zone of finer nodes")):
         lines = LineCollection(list(sides * on.factor), colors=colour, linewidths=width, zorder=2, label=label)
-        found.append(on.axes.add_collection(lines, autolim=False))
-    return found
+        artists.append(on.axes.add_collection(lines, autolim=False))
+    return artists
 
 
 def _rows(place: NDArray[np.float64], reach: NDArray[np.float64]) -> NDArray[np.object_]:
@@ -298,33 +298,33 @@ def pixels(on: Sheet) -> int:
 
 
 def _cells(on: Sheet, painted: list[Curve], **more: Any) -> PathCollection:
-    found = PathCollection(painted, **{"edgecolors": "face", "linewidths": 0.4, **more})
-    on.axes.add_collection(found, autolim=False)
-    return found
+    collection = PathCollection(painted, **{"edgecolors": "face", "linewidths": 0.4, **more})
+    on.axes.add_collection(collection, autolim=False)
+    return collection
 
 
 def _image(
     on: Sheet, nodes: Shape, values: NDArray[np.float64], colours: ScalarMappable, torn: NDArray[np.bool_]
 ) -> Artist:
-    mean, there = _filled(on, nodes, values)
+    mean, covered = _filled(on, nodes, values)
     painted = colours.to_rgba(np.ma.masked_invalid(mean), bytes=True)
     if torn.any():
         share, _ = _filled(on, nodes, torn.astype(float))
         painted[(share > 0) & np.isnan(mean)] = np.array(to_rgba(TORN)) * 255
-    painted[~there] = 0
+    painted[~covered] = 0
     return show(on, painted, nodes)
 
 
 def _filled(on: Sheet, nodes: Shape, values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """`raster.averages` of the sheet's box, with empty pixels of the plate filled from the nearest node."""
-    mean, there = raster.averages(nodes.position, nodes.delta, values, on.box, pixels(on))
-    if nodes.scale or not nodes.plate.edges or there.all():
-        return mean, there
-    rows, columns = np.nonzero(~there)
+    mean, covered = raster.averages(nodes.position, nodes.delta, values, on.box, pixels(on))
+    if nodes.scale or not nodes.plate.edges or covered.all():
+        return mean, covered
+    rows, columns = np.nonzero(~covered)
     low, high = np.array(on.box[:2]), np.array(on.box[2:])
-    middle = low + (np.column_stack([columns, rows]) + 0.5) / there.shape[::-1] * (high - low)
-    bare = shapely.dwithin(nodes.plate.shape, shapely.points(middle), float((high - low)[0]) / there.shape[1])
+    middle = low + (np.column_stack([columns, rows]) + 0.5) / covered.shape[::-1] * (high - low)
+    bare = shapely.dwithin(nodes.plate.shape, shapely.points(middle), float((high - low)[0]) / covered.shape[1])
     _, nearest = tree_of(nodes.position).query(middle[bare])
     mean[rows[bare], columns[bare]] = values[nearest]
-    there[rows[bare], columns[bare]] = True
-    return mean, there
+    covered[rows[bare], columns[bare]] = True
+    return mean, covered

@@ -25,10 +25,10 @@ SHOWN = 6  # tips with curves
 BETWEEN = 8  # parts of a curve between two frames
 
 
-def sif(results: Results, found: list[Series], spent: Release, window: Box | None = None) -> Figure:
+def sif(results: Results, tip_series: list[Series], spent: Release, window: Box | None = None) -> Figure:
     """The tips with their rings at the last frame that has any, K1 and K2, and J with dD/da; `window` is in view, m."""
-    shown = [one for one in found if one.last is not None][:SHOWN]
-    step = int(found[0].step[-1])
+    shown = [series for series in tip_series if series.last is not None][:SHOWN]
+    step = int(tip_series[0].step[-1])
     where = shape(results, step, 0.0)
     box = window or box_of([where])
     tall = float(np.clip(WIDTH * (box[3] - box[1]) / (box[2] - box[0]), 1.6, 5.0))
@@ -36,9 +36,9 @@ def sif(results: Results, found: list[Series], spent: Release, window: Box | Non
     grid = figure.add_gridspec(2, 2, height_ratios=(tall + 0.4, 3.0))
     plate, intensity, energy = (figure.add_subplot(place) for place in (grid[0, :], grid[1, 0], grid[1, 1]))
     on = on_grey_plate(plate, box, where, damage_at(results, step))
-    for number, one in enumerate(shown):
-        _rings(on, one, str(look(number)["color"]))
-    when = time_text(float(found[0].time[-1]), micro="µs")
+    for number, series in enumerate(shown):
+        _rings(on, series, str(look(number)["color"]))
+    when = time_text(float(tip_series[0].time[-1]), micro="µs")
     plate.set_title(f"Damage at {when} and the rings of the tips, the last they had", fontsize="medium")
     _curves(intensity, shown, ("K1", "K2"), "Pa√m", "stress intensity")
     _curves(energy, shown, ("J",), "J/m²", "J")
@@ -47,14 +47,14 @@ def sif(results: Results, found: list[Series], spent: Release, window: Box | Non
     return figure
 
 
-def _rings(on: Sheet, one: Series, colour: str) -> None:
-    assert one.last is not None
-    place = one.last.tip.place * on.factor
-    ring = one.last.rings[1]
+def _rings(on: Sheet, series: Series, colour: str) -> None:
+    assert series.last is not None
+    place = series.last.tip.place * on.factor
+    ring = series.last.rings[1]
     outer, wide = ring.outer * on.factor, (ring.outer - ring.inner) * on.factor
     on.axes.add_patch(Annulus(tuple(place), outer, wide, fc=colour, alpha=0.25, lw=0, zorder=4))
-    for other in one.last.rings:
-        for radius in other:
+    for tip_ring in series.last.rings:
+        for radius in tip_ring:
             circle = radius * on.factor * np.exp(1j * np.linspace(0, 2 * np.pi, 181))
             on.axes.plot(place[0] + circle.real, place[1] + circle.imag, color=colour, lw=0.5, zorder=5)
     on.axes.plot(*place, "+", color=colour, ms=7, zorder=6)
@@ -62,21 +62,23 @@ def _rings(on: Sheet, one: Series, colour: str) -> None:
 
 def _curves(axes: Axes, shown: list[Series], names: tuple[str, ...], unit: str, label: str) -> None:
     """Draw values with their bands over time; points for a single frame."""
-    second, seconds = scaled((one.time for one in shown), "s")
-    factor, scale = scaled((side[name] for one in shown for name in names for side in (one.low, one.high)), unit)
-    for number, one in enumerate(shown):
+    second, seconds = scaled((series.time for series in shown), "s")
+    factor, scale = scaled(
+        (side[name] for series in shown for name in names for side in (series.low, series.high)), unit
+    )
+    for number, series in enumerate(shown):
         for name in names:
             style = look(number) | {"ls": "--" if name == "K2" else "-"}
-            few = np.isfinite(one.value[name]).sum() < 3
-            words = f"{name}, {one.front.name}"
-            sides = [one.low[name], one.high[name], one.value[name]]
-            time = one.time
+            few = np.isfinite(series.value[name]).sum() < 3
+            words = f"{name}, {series.front.name}"
+            sides = [series.low[name], series.high[name], series.value[name]]
+            time = series.time
             if name == "J":
-                time, sides = _squares(one.time, sides)
+                time, sides = _squares(series.time, sides)
             low, high, value = (side * factor for side in sides)
             axes.fill_between(time * second, low, high, color=style["color"], alpha=0.2, lw=0)
-            each = BETWEEN if len(time) > len(one.time) else 1  # points a frame
-            marked: dict[str, Any] = {"marker": "." if few else "", "markevery": each}
+            marker_step = BETWEEN if len(time) > len(series.time) else 1  # points a frame
+            marked: dict[str, Any] = {"marker": "." if few else "", "markevery": marker_step}
             axes.plot(time * second, value, lw=1.3, label=words, **marked, **style)
     axes.set(xlabel=f"time, {seconds}", ylabel=f"{label}, {scale}")
     plain(axes)
@@ -94,8 +96,8 @@ def _squares(
 
 def _released(axes: Axes, shown: list[Series], spent: Release) -> None:
     """Draw dD/da and G0 beside J."""
-    second, _ = scaled((one.time for one in shown), "s")
-    factor, _ = scaled((side["J"] for one in shown for side in (one.low, one.high)), "J/m²")
+    second, _ = scaled((series.time for series in shown), "s")
+    factor, _ = scaled((side["J"] for series in shown for side in (series.low, series.high)), "J/m²")
     if np.isfinite(spent.value).any():
         axes.plot(spent.time * second, spent.value * factor, color="black", lw=1.0, ls="-.", label="dD/da")
         axes.axhline(spent.G0 * factor, color="0.4", lw=0.8, ls=":", label="G₀")

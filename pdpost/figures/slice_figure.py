@@ -28,20 +28,20 @@ GAP = 0.02  # of the body, around it
 Pixels = NDArray[np.uint8]  # (rows, columns, 3)
 
 
-def plane(results: Results, found: Cut, name: str, part: str, step: int, largest: float | None = None) -> Figure:
+def plane(results: Results, section: Cut, name: str, part: str, step: int, largest: float | None = None) -> Figure:
     """The field `name` on a plane; the colour range ends at `largest` (SI) or at the usual largest value."""
-    range_of = colours(name, part, found.values, largest)
-    size = np.ptp(found.place, axis=0) + found.delta.max()
+    range_of = colours(name, part, section.values, largest)
+    size = np.ptp(section.place, axis=0) + section.delta.max()
     figure = Figure(figsize=(WIDTH, min(TALLEST, 1.0 + (WIDTH - 1.5) * size[1] / size[0])), layout="constrained")
     axes = figure.add_subplot(aspect="equal")
     painted = mappable(range_of)
-    metre, metres = scaled([found.place], "m")
-    _paint(axes, found, range_of, painted, metre)
+    metre, metres = scaled([section.place], "m")
+    _paint(axes, section, range_of, painted, metre)
     axes.autoscale_view()
     axes.margins(0.01)
     figure.colorbar(painted, ax=axes, label=range_of.words, extend=range_of.beyond)
-    _named(axes, found, metres)
-    axes.set_title(f"{caption(name, part)} at {_place(found, metre, metres)} {at(results, step)}")
+    _named(axes, section, metres)
+    axes.set_title(f"{caption(name, part)} at {_place(section, metre, metres)} {at(results, step)}")
     return figure
 
 
@@ -74,11 +74,11 @@ class Sections:
         """Draw a frame's values (n,) on the planes; returns the artists, which the caller may remove."""
         painted: list[Artist] = []
         for axis, axes in self._panels.items():
-            found = cut(self._results, shown, step, axis, float(self._middle[AXES.index(axis)]))
-            painted.append(_paint(axes, found, self._range, self._colours, self._metre))
-            _named(axes, found, self._metres)
-            axes.set_title(_place(found, self._metre, self._metres), fontsize="small")
-            rows = [AXES.index(each) for each in found.axes]
+            section = cut(self._results, shown, step, axis, float(self._middle[AXES.index(axis)]))
+            painted.append(_paint(axes, section, self._range, self._colours, self._metre))
+            _named(axes, section, self._metres)
+            axes.set_title(_place(section, self._metre, self._metres), fontsize="small")
+            rows = [AXES.index(letter) for letter in section.axes]
             (x0, y0), (x1, y1) = self._low[rows] * self._metre, self._high[rows] * self._metre
             axes.set(xlim=(x0, x1), ylim=(y0, y1))
         self.figure.suptitle(f"{caption(self._name, self._part)} {at(self._results, step)}", fontsize="medium")
@@ -89,9 +89,9 @@ def sections(
     results: Results, name: str, step: int, part: str, shown: NDArray[np.float64], largest: float | None = None
 ) -> Figure:
     """Values (n,) of the component `part` of a field on three planes through the middle of a body."""
-    drawn = Sections(results, name, part, colours(name, part, shown, largest))
-    drawn.draw(step, shown)
-    return drawn.figure
+    planes = Sections(results, name, part, colours(name, part, shown, largest))
+    planes.draw(step, shown)
+    return planes.figure
 
 
 def film(
@@ -109,11 +109,11 @@ def film(
     if largest is None and name not in SHARES:
         largest, *ends = field_range(results, name, part, steps)
         extremes = np.array(ends)
-    drawn = Sections(results, name, part, colours(name, part, extremes, largest))
-    canvas = FigureCanvasAgg(drawn.figure)
-    drawn.figure.set_dpi(dpi)
+    planes = Sections(results, name, part, colours(name, part, extremes, largest))
+    canvas = FigureCanvasAgg(planes.figure)
+    planes.figure.set_dpi(dpi)
     for step in progress(steps):
-        painted = drawn.draw(step, values(results, name, step, part or None))
+        painted = planes.draw(step, values(results, name, step, part or None))
         canvas.draw()
         yield np.asarray(canvas.buffer_rgba())[:, :, :3].copy()
         for artist in painted:
@@ -122,23 +122,25 @@ def film(
 
 def field_range(results: Results, name: str, part: str, steps: list[int]) -> tuple[float | None, float, float]:
     """End of the colour range of all frames, None if there is nothing to show, and the smallest and largest value."""
-    each = [one[np.isfinite(one)] for one in (values(results, name, step, part or None) for step in steps)]
-    ends = [(float(one.min(initial=0.0)), float(one.max(initial=0.0))) for one in each]
-    return max(map(usual, each)) or None, min(low for low, _ in ends), max(high for _, high in ends)
+    frame_values = [
+        array[np.isfinite(array)] for array in (values(results, name, step, part or None) for step in steps)
+    ]
+    ends = [(float(array.min(initial=0.0)), float(array.max(initial=0.0))) for array in frame_values]
+    return max(map(usual, frame_values)) or None, min(low for low, _ in ends), max(high for _, high in ends)
 
 
-def _paint(axes: Axes, found: Cut, range_of: Colours, painted: ScalarMappable, metre: float) -> PolyCollection:
-    squares = (found.place[:, None, :] + found.delta[:, None, None] * CORNERS) * metre
-    paint = painted.to_rgba(np.ma.masked_invalid(found.values * range_of.factor))
-    drawn = PolyCollection(squares, facecolors=paint, edgecolors=paint, linewidths=0.2)
-    axes.add_collection(drawn)
-    return drawn
+def _paint(axes: Axes, section: Cut, range_of: Colours, painted: ScalarMappable, metre: float) -> PolyCollection:
+    squares = (section.place[:, None, :] + section.delta[:, None, None] * CORNERS) * metre
+    paint = painted.to_rgba(np.ma.masked_invalid(section.values * range_of.factor))
+    collection = PolyCollection(squares, facecolors=paint, edgecolors=paint, linewidths=0.2)
+    axes.add_collection(collection)
+    return collection
 
 
-def _named(axes: Axes, found: Cut, metres: str) -> None:
-    axes.set(xlabel=f"{found.axes[0]}, {metres}", ylabel=f"{found.axes[1]}, {metres}")
+def _named(axes: Axes, section: Cut, metres: str) -> None:
+    axes.set(xlabel=f"{section.axes[0]}, {metres}", ylabel=f"{section.axes[1]}, {metres}")
 
 
-def _place(found: Cut, metre: float, metres: str) -> str:
-    (third,) = set(AXES) - set(found.axes)
-    return f"{third} = {found.at * metre + 0.0:.4g} {metres}"
+def _place(section: Cut, metre: float, metres: str) -> str:
+    (third,) = set(AXES) - set(section.axes)
+    return f"{third} = {section.at * metre + 0.0:.4g} {metres}"

@@ -33,19 +33,19 @@ def study(path: Path, measures: Sequence[str] = (), over: str | None = None) -> 
 
     By default the most informative measures, against the parameter with the most values. Raises StudyError.
     """
-    found = read(path)
-    names, against = chosen(found, measures, over)
-    return panels_of(found, {name: spreads(found, name, against) for name in names}, against)
+    study = read(path)
+    names, against = chosen(study, measures, over)
+    return panels_of(study, {name: spreads(study, name, against) for name in names}, against)
 
 
-def panels_of(found: Read, measured: Mapping[str, Sequence[Spread]], over: str | None) -> Figure:
+def panels_of(study: Read, measured: Mapping[str, Sequence[Spread]], over: str | None) -> Figure:
     """A figure with one panel for each measure: its spread against the parameter `over`."""
     columns = min(len(measured), 2)
     rows = -(-len(measured) // columns)
     figure = Figure(figsize=(WIDTH * (0.7 if columns == 1 else 1), 2.7 * rows + 0.3), layout="constrained")
     panels = figure.subplots(rows, columns, squeeze=False).ravel()
-    for panel, (name, some) in zip(panels, measured.items(), strict=False):
-        _panel(panel, found, name, some, over)
+    for panel, (name, measure_spreads) in zip(panels, measured.items(), strict=False):
+        _panel(panel, study, name, measure_spreads, over)
     for panel in panels[len(measured) :]:
         panel.remove()
     handles, labels = panels[0].get_legend_handles_labels()
@@ -54,15 +54,15 @@ def panels_of(found: Read, measured: Mapping[str, Sequence[Spread]], over: str |
     return figure
 
 
-def _panel(axes: Axes, found: Read, name: str, some: Sequence[Spread], over: str | None) -> None:
+def _panel(axes: Axes, study: Read, name: str, measure_spreads: Sequence[Spread], over: str | None) -> None:
     plain(axes)
-    series = list(dict.fromkeys(spread.series for spread in some))
-    places = _places(axes, found, some, over)
-    factor, unit = scaled([spread.known for spread in some], spelled(found.columns[name].unit))
-    if found.columns[name].unit in ("", "degrees"):
-        factor, unit = 1.0, found.columns[name].unit
+    series = list(dict.fromkeys(spread.series for spread in measure_spreads))
+    places = _places(axes, study, measure_spreads, over)
+    factor, unit = scaled([spread.known for spread in measure_spreads], spelled(study.columns[name].unit))
+    if study.columns[name].unit in ("", "degrees"):
+        factor, unit = 1.0, study.columns[name].unit
     for number, which in enumerate(series):
-        mine = [spread for spread in some if spread.series == which]
+        mine = [spread for spread in measure_spreads if spread.series == which]
         at = np.array([places[spread.value] for spread in mine])
         if axes.get_xscale() == "linear":
             at += _aside(number, len(series), places)
@@ -75,18 +75,18 @@ def _panel(axes: Axes, found: Read, name: str, some: Sequence[Spread], over: str
         axes.vlines(at, low, high, color=colour, lw=1.0)
         middle = factor * np.array([spread.median for spread in mine])
         axes.plot(at, middle, marker="_", ms=9, mew=1.6, lw=0.9, color=colour, label=for_legend(which) or None)
-    missing = sum(len(spread.measured) - len(spread.known) for spread in some)
+    missing = sum(len(spread.measured) - len(spread.known) for spread in measure_spreads)
     _show_all(axes, places)
     axes.set_ylabel(", ".join(filter(None, [name.replace("_", " "), unit])))
     if missing:
-        which = f"did not happen in {missing}" if missing < len(found.rows) else "in none"
-        axes.set_title(f"{which} of {len(found.rows)} runs", fontsize="small")
+        which = f"did not happen in {missing}" if missing < len(study.rows) else "in none"
+        axes.set_title(f"{which} of {len(study.rows)} runs", fontsize="small")
 
 
-def _places(axes: Axes, found: Read, some: Sequence[Spread], over: str | None) -> dict[object, float]:
+def _places(axes: Axes, study: Read, measure_spreads: Sequence[Spread], over: str | None) -> dict[object, float]:
     """Position of each parameter value on the axis: numbers in their unit, words side by side."""
-    values = list(dict.fromkeys(spread.value for spread in some))
-    column = None if over is None else found.columns[over]
+    values = list(dict.fromkeys(spread.value for spread in measure_spreads))
+    column = None if over is None else study.columns[over]
     if column is not None and all(isinstance(value, int | float) for value in values):
         numbers = np.array(values, dtype=float)
         factor, unit = scaled([numbers], spelled(column.unit)) if column.unit else (1.0, "")

@@ -102,11 +102,11 @@ def _checked(style: Mapping[str, object]) -> dict[str, Any]:
                 f"--set {name}: TeX is not used, as it would run names in a model as a program; leave it out"
             )
         try:
-            known = matplotlib.RcParams({name: value})[name]
+            parsed_value = matplotlib.RcParams({name: value})[name]
         except Exception as error:  # of many kinds
             raise FigureError(f"--set {name}={value}: {error}") from None
         low, high = BOUNDS.get(name, (-LARGEST, LARGEST))
-        for number in np.ravel(np.array(known, dtype=object)):
+        for number in np.ravel(np.array(parsed_value, dtype=object)):
             if isinstance(number, int | float) and not (math.isfinite(number) and low <= number <= high):
                 raise FigureError(f"--set {name}={value} is out of range; use {low:g} to {high:g}")
     chosen = STYLE | ({} if journal is None else _preset(str(journal))) | style
@@ -120,7 +120,7 @@ def _preset(name: str) -> dict[str, Any]:
     if name not in JOURNALS:
         raise FigureError(f"--journal is '{name}'; use one of {', '.join(JOURNALS)}")
     width, size, fonts = JOURNALS[name]
-    known = {font.name for font in font_manager.fontManager.ttflist}
+    installed = {font.name for font in font_manager.fontManager.ttflist}
     serif = fonts[0].startswith("Times")
     return {
         "figure.figsize": (width / 25.4, 0.75 * width / 25.4),
@@ -130,7 +130,7 @@ def _preset(name: str) -> dict[str, Any]:
         "axes.titlesize": size,
         "font.family": "serif" if serif else "sans-serif",
         "font.serif" if serif else "font.sans-serif": [
-            *(font for font in fonts if font in known),
+            *(font for font in fonts if font in installed),
             "DejaVu Serif" if serif else "DejaVu Sans",
         ],
         "mathtext.fontset": "stix" if serif else "dejavusans",
@@ -166,12 +166,12 @@ def _as_wide(figure: Figure, width: float) -> Bbox:
     canvas, room = FigureCanvasAgg(figure), width - 2 * EDGING
     for _ in range(TRIALS):
         figure.draw_without_rendering()
-        drawn = figure.get_tightbbox(canvas.get_renderer())
-        if drawn.width <= room:
+        bounds = figure.get_tightbbox(canvas.get_renderer())
+        if bounds.width <= room:
             break
-        figure.set_size_inches(*(figure.get_size_inches() * room / drawn.width).tolist())
-    middle = (drawn.x0 + drawn.x1) / 2
-    return Bbox.from_extents(middle - width / 2, drawn.y0 - EDGING, middle + width / 2, drawn.y1 + EDGING)
+        figure.set_size_inches(*(figure.get_size_inches() * room / bounds.width).tolist())
+    middle = (bounds.x0 + bounds.x1) / 2
+    return Bbox.from_extents(middle - width / 2, bounds.y0 - EDGING, middle + width / 2, bounds.y1 + EDGING)
 
 
 def check_format(path: Path) -> str:
@@ -197,7 +197,7 @@ def _try(style: Mapping[str, Any], named: str) -> None:
             for kind in ("png", "pdf", "svg"):
                 written(figure, kind, dpi=20)
     except Exception as error:
-        found = " ".join(str(error).split())[:200] or type(error).__name__
+        reason = " ".join(str(error).split())[:200] or type(error).__name__
         raise FigureError(
-            f"--set {named}: no picture can be drawn with these settings ({found}); change them"
+            f"--set {named}: no picture can be drawn with these settings ({reason}); change them"
         ) from None

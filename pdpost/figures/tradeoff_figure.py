@@ -43,21 +43,21 @@ def draw(axes: Axes, cost: NDArray[np.float64], error: NDArray[np.float64], name
     plain(axes)
     axes.set_xscale("log")
     axes.set_yscale("log")
-    there = np.isfinite(error)
-    if not there.any():
+    finite = np.isfinite(error)
+    if not finite.any():
         axes.text(0.5, 0.5, "nothing to compare", ha="center", transform=axes.transAxes)
         return
-    shown = np.maximum(np.where(there, error, np.nan), LEAST)
-    best = [at for at in front(cost, error) if there[at]]
+    shown = np.maximum(np.where(finite, error, np.nan), LEAST)
+    best = [at for at in front(cost, error) if finite[at]]
     others = [at for at in range(len(names)) if at not in best]
     axes.plot(cost[others], shown[others], "o", ms=4, mfc="white", mec="0.5", ls="none")
     axes.plot(cost[best], shown[best], "o-", ms=5, color=BLUE, lw=1, drawstyle="steps-post")
     for at in range(len(names)):
-        if there[at]:
+        if finite[at]:
             colour = BLUE if at in best else "0.45"
             where = (float(cost[at]), float(shown[at]))
             axes.annotate(names[at], where, (4, 3), textcoords="offset points", fontsize=6, color=colour)
-    missing = np.flatnonzero(~there).tolist()
+    missing = np.flatnonzero(~finite).tolist()
     if missing:
         words = "did not happen in " + ", ".join(names[at] for at in missing)
         axes.text(0.02, 0.02, words, transform=axes.transAxes, fontsize=6, color=VERMILION, wrap=True)

@@ -62,9 +62,9 @@ class _Solved(msgspec.Struct):
 def remarks(results: Results) -> list[str]:
     """Sentences about energy that went elsewhere than into cracks, if it is a large share."""
     books, model = results.history(), read(results, _Solved)
-    given = put_in(books, float(results.meta()["initial_energy"]))
+    energy_input = put_in(books, float(results.meta()["initial_energy"]))
     damped = float(np.nan_to_num(damping(books))[-1] + rubbing(books)[-1])
-    said = remark(model.run, model.conditions, model.contact, damped, given)
+    said = remark(model.run, model.conditions, model.contact, damped, energy_input)
     return [] if said is None else [said]
 
 
@@ -77,11 +77,11 @@ def balance(results: Results) -> Balance:
     initial = float(results.meta()["initial_energy"])
     damped, friction = damping(books), rubbing(books)
     total = books["kinetic"] + books["strain"] + books["dissipated"] + np.nan_to_num(damped) + friction
-    given = books["work"] + initial
+    energy_input = books["work"] + initial
     if "refinement" in (books.dtype.names or ()):
-        given = given + books["refinement"]
+        energy_input = energy_input + books["refinement"]
     scale = put_in(books, initial)
-    error = (total - given) / scale if scale > 0 else np.zeros(len(books))
+    error = (total - energy_input) / scale if scale > 0 else np.zeros(len(books))
     return Balance(
         books["step"].astype(np.int64),
         books["time"],
@@ -90,7 +90,7 @@ def balance(results: Results) -> Balance:
         books["dissipated"],
         damped,
         friction,
-        given,
+        energy_input,
         total,
         error,
         books["momentum_x"],

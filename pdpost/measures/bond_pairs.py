@@ -29,8 +29,8 @@ def pairs(results: Results, step: int) -> Pairs:
     count = len(families.start) - 1
     side = csr_array((state, families.neighbour, families.start), (count, count))
     if results.epoch(step):
-        one, other, _ = broken_ends(results, step, earlier=True)
-        gone = csr_array((np.ones(len(one), dtype=np.int64), (one, other)), (count, count))
-        side = side.maximum((gone > 0).astype(np.int8))
-    found = triu(side.maximum(side.T.tocsr()), format="coo")
-    return Pairs(np.column_stack([found.row, found.col]).astype(np.int64), found.data != 2)
+        nodes, neighbours, _ = broken_ends(results, step, earlier=True)
+        broken_counts = csr_array((np.ones(len(nodes), dtype=np.int64), (nodes, neighbours)), (count, count))
+        side = side.maximum((broken_counts > 0).astype(np.int8))
+    bonds = triu(side.maximum(side.T.tocsr()), format="coo")
+    return Pairs(np.column_stack([bonds.row, bonds.col]).astype(np.int64), bonds.data != 2)

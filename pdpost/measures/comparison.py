@@ -26,8 +26,8 @@ class Comparison(NamedTuple):
 
 
 def compare(
-    one: Results,
-    other: Results,
+    first_run: Results,
+    second_run: Results,
     steps: tuple[int, int],
     direction: tuple[float, float] = (1.0, 0.0),
     threshold: float = CRACKED,
@@ -36,18 +36,23 @@ def compare(
 
     Raises ResultsError if the plates differ.
     """
-    check_alike(other, one)
-    paths = path(one, steps[0], threshold), path(other, steps[1], threshold)
+    check_alike(second_run, first_run)
+    paths = path(first_run, steps[0], threshold), path(second_run, steps[1], threshold)
     apart = distance(*paths) if all(paths) else (None, None)
-    here, there = (
-        growth(results, direction, threshold, step) for results, step in zip((one, other), steps, strict=True)
+    first_growth, second_growth = (
+        growth(results, direction, threshold, step)
+        for results, step in zip((first_run, second_run), steps, strict=True)
     )
     later = (
         _later(mine, its)
-        for mine, its in ((here.start, there.start), (here.branching, there.branching), (here.split, there.split))
+        for mine, its in (
+            (first_growth.start, second_growth.start),
+            (first_growth.branching, second_growth.branching),
+            (first_growth.split, second_growth.split),
+        )
     )
     return Comparison(paths, *apart, *later)
 
 
-def _later(one: Event | None, other: Event | None) -> float | None:
-    return None if one is None or other is None else other.time - one.time
+def _later(first_event: Event | None, second_event: Event | None) -> float | None:
+    return None if first_event is None or second_event is None else second_event.time - first_event.time

@@ -63,9 +63,9 @@ class Surface(NamedTuple):
 
     def area_at(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
         """The area (t,) that opened during the run until times (t,), s, in m^2."""
-        grown = self.grown
-        whole = np.concatenate([[0.0], np.cumsum(self.area[grown])])
-        return np.asarray(whole[np.searchsorted(self.time[grown], time, side="right")])
+        new_faces = self.grown
+        total_area = np.concatenate([[0.0], np.cumsum(self.area[new_faces])])
+        return np.asarray(total_area[np.searchsorted(self.time[new_faces], time, side="right")])
 
 
 class Opened(NamedTuple):
@@ -88,17 +88,19 @@ def opened(results: Results, step: int, threshold: float = CRACKED) -> Opened:
     pairs, past, count = neighbours(nodes), breaks.step <= step, len(nodes.ids)
     order, when = np.argsort(nodes.ids), breaks.step[past]
     ends = [order[np.searchsorted(nodes.ids, side[past], sorter=order)] for side in (breaks.node, breaks.neighbour)]
-    broken, own = np.minimum(*ends) * count + np.maximum(*ends), pairs[:, 0] * count + pairs[:, 1]
-    place = np.searchsorted(own, broken).clip(max=len(own) - 1)
-    there = own[place] == broken
-    found = np.full(len(pairs), CLOSED)
-    np.maximum.at(found, place[there], when[there])
+    broken, pair_keys = np.minimum(*ends) * count + np.maximum(*ends), pairs[:, 0] * count + pairs[:, 1]
+    place = np.searchsorted(pair_keys, broken).clip(max=len(pair_keys) - 1)
+    matched = pair_keys[place] == broken
+    parting_step = np.full(len(pairs), CLOSED)
+    np.maximum.at(parting_step, place[matched], when[matched])
     damage = Damage(nodes, ends[0], when)
-    some = np.flatnonzero(found != CLOSED)
-    found[some] = np.maximum(found[some], _cracked_at(damage, pairs[some], step, threshold))
-    found[found > step] = CLOSED
-    found[_cut(nodes, pairs, results.cracks().reshape(-1, 3, 3))] = PRE_CRACK
-    return Opened(pairs, found, separation_at(results, step) <= threshold)
+    parted_rows = np.flatnonzero(parting_step != CLOSED)
+    parting_step[parted_rows] = np.maximum(
+        parting_step[parted_rows], _cracked_at(damage, pairs[parted_rows], step, threshold)
+    )
+    parting_step[parting_step > step] = CLOSED
+    parting_step[_cut(nodes, pairs, results.cracks().reshape(-1, 3, 3))] = PRE_CRACK
+    return Opened(pairs, parting_step, separation_at(results, step) <= threshold)
 
 
 class Damage:
@@ -112,8 +114,8 @@ class Damage:
         """The damage (k,) of `rows` (k,) after `step` (k,), which is not negative."""
         first = rows * self._steps
         last = first + step.clip(max=self._steps - 1)
-        gone = np.searchsorted(self._keys, last, side="right") - np.searchsorted(self._keys, first)
-        return np.asarray((self._nodes.cut[rows] + gone) / np.maximum(self._nodes.family[rows], 1))
+        broken_count = np.searchsorted(self._keys, last, side="right") - np.searchsorted(self._keys, first)
+        return np.asarray((self._nodes.cut[rows] + broken_count) / np.maximum(self._nodes.family[rows], 1))
 
 
 def _cracked_at(damage: Damage, pairs: NDArray[np.int64], last: int, threshold: float) -> NDArray[np.int64]:
@@ -126,14 +128,14 @@ def _cracked_at(damage: Damage, pairs: NDArray[np.int64], last: int, threshold: 
     return high
 
 
-def surface(results: Results, step: int, found: Opened) -> Surface:
+def surface(results: Results, step: int, parted_pairs: Opened) -> Surface:
     """The cracks of a body after `step` from the neighbours that parted, its pre-cracks included."""
     nodes = results.nodes(step)
-    crack = np.flatnonzero((found.step == PRE_CRACK) | (found.mask & _in_the_middle(nodes, found)))
-    crack = crack[np.argsort(found.step[crack], kind="stable")]
-    when = found.step[crack]
+    crack = np.flatnonzero((parted_pairs.step == PRE_CRACK) | (parted_pairs.mask & _in_the_middle(nodes, parted_pairs)))
+    crack = crack[np.argsort(parted_pairs.step[crack], kind="stable")]
+    when = parted_pairs.step[crack]
     time = np.where(when == PRE_CRACK, BEFORE, when * float(results.meta()["time_step"]))
-    return meshed(nodes, found.pairs[crack], time)
+    return meshed(nodes, parted_pairs.pairs[crack], time)
 
 
 def grown_triangles(cracks: Surface) -> NDArray[np.float64]:
@@ -150,22 +152,22 @@ def _cut(nodes: Nodes, pairs: NDArray[np.int64], triangles: NDArray[np.float64])
     reach = float(nodes.delta.max())
     low, high = triangles.min(axis=(0, 1)) - reach, triangles.max(axis=(0, 1)) + reach
     near = np.flatnonzero(((a >= low) & (a <= high)).all(axis=1))
-    some = Pairs(pairs[near, 0], pairs[near, 1], np.linalg.norm(b[near] - a[near], axis=1))
-    return np.asarray(near[Screen(triangles, nodes.position, nodes.delta).met(some)])
+    near_pairs = Pairs(pairs[near, 0], pairs[near, 1], np.linalg.norm(b[near] - a[near], axis=1))
+    return np.asarray(near[Screen(triangles, nodes.position, nodes.delta).met(near_pairs)])
 
 
-def _in_the_middle(nodes: Nodes, found: Opened) -> NDArray[np.bool_]:
+def _in_the_middle(nodes: Nodes, parted_pairs: Opened) -> NDArray[np.bool_]:
     """Mask (b,) of pairs whose nodes belong to sound nodes far from each other, or to none."""
-    pairs, sound = found.pairs, np.flatnonzero(found.sound)
+    pairs, sound = parted_pairs.pairs, np.flatnonzero(parted_pairs.sound)
     if not len(sound):
         return np.ones(len(pairs), dtype=bool)
-    cost = np.where(found.mask, OPEN, 1.0)
+    cost = np.where(parted_pairs.mask, OPEN, 1.0)
     graph = csr_array((np.tile(cost, 2), (pairs.T.ravel(), pairs[:, ::-1].T.ravel())), shape=(len(nodes.ids),) * 2)
     _, _, home = dijkstra(graph, indices=sound, min_only=True, return_predecessors=True)
-    one, other = home[pairs].T
-    way = nodes.position[one] - nodes.position[other]
+    sound_a, sound_b = home[pairs].T
+    way = nodes.position[sound_a] - nodes.position[sound_b]
     spacing = nodes.delta[pairs].min(axis=1)
-    return np.asarray((one < 0) | (other < 0) | ((way * way).sum(axis=1) > (APART * spacing) ** 2))
+    return np.asarray((sound_a < 0) | (sound_b < 0) | ((way * way).sum(axis=1) > (APART * spacing) ** 2))
 
 
 def meshed(nodes: Nodes, pairs: NDArray[np.int64], time: NDArray[np.float64]) -> Surface:
@@ -210,13 +212,13 @@ def _inside(cubes: Cubes, edges: NDArray[np.float64]) -> NDArray[np.bool_]:
     row = np.arange(len(edges))
     way = np.abs(edges[:, 1] - edges[:, 0])
     axis, far = way.argmax(axis=1), way.max(axis=1) / 2
-    found = np.ones(len(edges), dtype=bool)
+    inside = np.ones(len(edges), dtype=bool)
     for u, v in SQUARE:
         place = edges.mean(axis=1)
         place[row, (axis + 1) % 3] += u * far
         place[row, (axis + 2) % 3] += v * far
-        found &= cubes.cover(place)
-    return found
+        inside &= cubes.cover(place)
+    return inside
 
 
 def _stays(
@@ -227,8 +229,8 @@ def _stays(
     for way in itertools.product((-reach, reach), repeat=3):
         around += cubes.cover(stairs + way)
     ends = np.zeros((2, len(stairs)), dtype=bool)
-    for row, some in zip(ends, (inside, ~inside), strict=True):
-        row[free[some]] = True
+    for row, edge_mask in zip(ends, (inside, ~inside), strict=True):
+        row[free[edge_mask]] = True
     return np.asarray((around <= ON_EDGE) | ends.all(axis=0))
 
 
@@ -238,19 +240,19 @@ def _smoothed(
     """The corners (p, 3) of stairs, smoothed; those on `free` (e,) edges move with the corners on these alone."""
     count, on = len(stairs), np.zeros(len(stairs), dtype=bool)
     on[edges[free]] = True
-    one, other = np.concatenate([edges, edges[:, ::-1]]).T
-    used = ~on[one] | np.concatenate([free, free])
-    graph = csr_array((np.ones(used.sum()), (one[used], other[used])), shape=(count, count))
+    corner, neighbour = np.concatenate([edges, edges[:, ::-1]]).T
+    used = ~on[corner] | np.concatenate([free, free])
+    graph = csr_array((np.ones(used.sum()), (corner[used], neighbour[used])), shape=(count, count))
     mean = diags_array(1 / np.maximum(graph.sum(axis=1), 1)) @ graph
-    found = stairs.copy()
+    corners = stairs.copy()
     for _ in range(ROUNDS):
         for share in (FORTH, BACK):
-            found += np.where(stays, 0.0, share)[:, None] * (mean @ found - found)
-    return found
+            corners += np.where(stays, 0.0, share)[:, None] * (mean @ corners - corners)
+    return corners
 
 
 def areas(faces: NDArray[np.float64]) -> NDArray[np.float64]:
     """Areas (f,) of quadrilaterals (f, 4, 3), each as two triangles, m^2."""
-    one, two, three = (faces[:, k] - faces[:, 0] for k in (1, 2, 3))
-    both = np.linalg.norm(np.cross(one, two), axis=1) + np.linalg.norm(np.cross(two, three), axis=1)
+    first, second, third = (faces[:, k] - faces[:, 0] for k in (1, 2, 3))
+    both = np.linalg.norm(np.cross(first, second), axis=1) + np.linalg.norm(np.cross(second, third), axis=1)
     return np.asarray(both / 2)

@@ -17,17 +17,17 @@ KNOWN = 0.5  # share of the scatter of times that a plane must explain
 Polyline = NDArray[np.float64]  # (k, 3) m
 
 
-def front_edges(found: Surface, time: float) -> NDArray[np.int64]:
+def front_edges(cracks: Surface, time: float) -> NDArray[np.int64]:
     """The edges (k,) inside the body where the surface that is open at `time`, s, ends."""
-    open_now = found.time <= time
-    uses = np.bincount(found.sides[open_now].ravel(), minlength=len(found.edges))
-    return np.flatnonzero((uses == 1) & found.inside)
+    open_now = cracks.time <= time
+    uses = np.bincount(cracks.sides[open_now].ravel(), minlength=len(cracks.edges))
+    return np.flatnonzero((uses == 1) & cracks.inside)
 
 
-def fronts(found: Surface, time: float) -> list[Polyline]:
+def fronts(cracks: Surface, time: float) -> list[Polyline]:
     """The front at `time`, s, as lines; the longest first, closed ones end where they begin."""
-    edges = found.edges[front_edges(found, time)]
-    lines = [found.corners[chain] for chain in chains(edges)]
+    edges = cracks.edges[front_edges(cracks, time)]
+    lines = [cracks.corners[chain] for chain in chains(edges)]
     return sorted(lines, key=lambda line: -length(line))
 
 
@@ -42,40 +42,43 @@ def chains(edges: NDArray[np.int64]) -> list[list[int]]:
     for number, ends in enumerate(edges.tolist()):
         for corner in ends:
             at.setdefault(corner, []).append(number)
-    used, found = set(), []
+    used, corner_chains = set(), []
     ends_first = sorted(at, key=lambda corner: (len(at[corner]) == 2, corner))
     for start in ends_first:
         for number in at[start]:
             if number in used:
                 continue
-            chain, here, way = [start], start, number
+            chain, end_corner, way = [start], start, number
             while True:
                 used.add(way)
-                one, other = edges[way].tolist()
-                here = other if here == one else one
-                chain.append(here)
-                further = [each for each in at[here] if each not in used]
-                if len(at[here]) != 2 or not further:
+                first_corner, second_corner = edges[way].tolist()
+                end_corner = second_corner if end_corner == first_corner else first_corner
+                chain.append(end_corner)
+                further = [edge for edge in at[end_corner] if edge not in used]
+                if len(at[end_corner]) != 2 or not further:
                     break
                 way = further[0]
-            found.append(chain)
-    return found
+            corner_chains.append(chain)
+    return corner_chains
 
 
-def speeds(found: Surface) -> NDArray[np.float64]:
+def speeds(cracks: Surface) -> NDArray[np.float64]:
     """The speed (f,) at which the front went over each face, m/s: one over the slope of the opening times around it.
 
     NaN of pre-cracks, and where a plane through these times explains less than half of their scatter.
     """
-    speed, grown = np.full(len(found.faces), np.nan), np.flatnonzero(found.grown)
-    if len(grown) < FEWEST:
+    speed, new_faces = np.full(len(cracks.faces), np.nan), np.flatnonzero(cracks.grown)
+    if len(new_faces) < FEWEST:
         return speed
-    place, time = found.middle[grown], found.time[grown]
-    size = float(np.sqrt(np.median(found.area[grown])))
+    place, time = cracks.middle[new_faces], cracks.time[new_faces]
+    size = float(np.sqrt(np.median(cracks.area[new_faces])))
     near = cKDTree(place).query_pairs(AROUND * size, output_type="ndarray")
-    one, other = np.concatenate([near, near[:, ::-1]]).T
-    own = np.arange(len(grown))
-    graph = csr_array((np.ones(2 * len(near) + len(own)), (np.r_[one, own], np.r_[other, own])), shape=(len(own),) * 2)
+    face, neighbour = np.concatenate([near, near[:, ::-1]]).T
+    face_numbers = np.arange(len(new_faces))
+    graph = csr_array(
+        (np.ones(2 * len(near) + len(face_numbers)), (np.r_[face, face_numbers], np.r_[neighbour, face_numbers])),
+        shape=(len(face_numbers),) * 2,
+    )
     count = graph.sum(axis=1)
     columns = np.column_stack([place, time])
     mean = (graph @ columns) / count[:, None]
@@ -89,5 +92,5 @@ def speeds(found: Surface) -> NDArray[np.float64]:
     explained = (slope * late).sum(axis=1)
     steepness = np.linalg.norm(slope, axis=1)
     sure = (count >= FEWEST) & (explained > KNOWN * scatter[:, 3, 3]) & (steepness > 0)
-    speed[grown[sure]] = 1 / steepness[sure]
+    speed[new_faces[sure]] = 1 / steepness[sure]
     return speed

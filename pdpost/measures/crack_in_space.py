@@ -63,8 +63,8 @@ def crack_in_space(results: Results, step: int | None = None, threshold: float =
     steps, times = frames(results)
     past = steps <= step
     steps, times = steps[past], times[past]
-    found = opened(results, step, threshold)
-    cracks = surface(results, step, found)
+    parted_pairs = opened(results, step, threshold)
+    cracks = surface(results, step, parted_pairs)
     books = results.history()
     last = step * float(results.meta()["time_step"])
     return SummaryInSpace(
@@ -78,7 +78,7 @@ def crack_in_space(results: Results, step: int | None = None, threshold: float =
         fronts=fronts(cracks, last),
         speed=front_speeds(results, cracks),
         junctions=int((np.bincount(cracks.sides.ravel(), minlength=len(cracks.edges)) > 2).sum()),
-        fragments=fragments(results, step, found),
+        fragments=fragments(results, step, parted_pairs),
         rayleigh_speed=rayleigh_of(results),
         G0=read(results, _Solid).material.G0,
     )
@@ -92,76 +92,78 @@ def front_speeds(results: Results, cracks: Surface) -> NDArray[np.float64]:
     return np.where(speed > rayleigh_of(results), np.nan, speed)
 
 
-def _speeds(found: SummaryInSpace) -> NDArray[np.float64] | None:
+def _speeds(summary: SummaryInSpace) -> NDArray[np.float64] | None:
     """The 10th, 50th and 90th percentile of the front's speed, weighted by area, m/s; None if it is nowhere known."""
-    known = np.isfinite(found.speed)
-    if not known.any():
+    finite = np.isfinite(summary.speed)
+    if not finite.any():
         return None
-    order = np.argsort(found.speed[known])
-    share = np.cumsum(found.surface.area[known][order])
+    order = np.argsort(summary.speed[finite])
+    share = np.cumsum(summary.surface.area[finite][order])
     at = np.searchsorted(share, np.array(RANGE) / 100 * share[-1]).clip(max=len(order) - 1)
-    return np.asarray(found.speed[known][order][at])
+    return np.asarray(summary.speed[finite][order][at])
 
 
-def numbers(found: SummaryInSpace) -> dict[str, object]:
+def numbers(summary: SummaryInSpace) -> dict[str, object]:
     """The summary as plain numbers, for JSON."""
-    speed = _speeds(found)
-    grown = found.surface.grown
+    speed = _speeds(summary)
+    new_faces = summary.surface.grown
     return {
-        "step": found.step,
-        "faces": len(grown),
-        "area": float(found.surface.area[grown].sum()),
-        "pre_crack_area": float(found.surface.area[~grown].sum()),
-        "dissipated_over_area": float(found.release[-1]),
-        "G0": found.G0,
-        "first_opened": float(found.surface.time[grown][0]) if grown.any() else None,
+        "step": summary.step,
+        "faces": len(new_faces),
+        "area": float(summary.surface.area[new_faces].sum()),
+        "pre_crack_area": float(summary.surface.area[~new_faces].sum()),
+        "dissipated_over_area": float(summary.release[-1]),
+        "G0": summary.G0,
+        "first_opened": float(summary.surface.time[new_faces][0]) if new_faces.any() else None,
         "speed": None if speed is None else dict(zip(("low", "median", "high"), speed.tolist(), strict=True)),
-        "rayleigh_speed": found.rayleigh_speed,
-        "front_length": sum(map(length, found.fronts)),
-        "fronts": found.fronts,
-        "junctions": found.junctions,
-        "fragments": found.fragments._asdict() | {"pieces": [each._asdict() for each in found.fragments.pieces]},
+        "rayleigh_speed": summary.rayleigh_speed,
+        "front_length": sum(map(length, summary.fronts)),
+        "fronts": summary.fronts,
+        "junctions": summary.junctions,
+        "fragments": summary.fragments._asdict() | {"pieces": [piece._asdict() for piece in summary.fragments.pieces]},
     }
 
 
-def table(found: SummaryInSpace) -> tuple[tuple[str, ...], list[tuple[object, ...]]]:
+def table(summary: SummaryInSpace) -> tuple[tuple[str, ...], list[tuple[object, ...]]]:
     """Header and rows: area, energy and front of every frame."""
     header = ("step", "time, s", "area, m^2", "dissipated, J", "dissipated/area, J/m^2", "front, m")
-    columns = found.frame_step, found.time, found.area, found.dissipated, found.release, found.front_length
+    columns = summary.frame_step, summary.time, summary.area, summary.dissipated, summary.release, summary.front_length
     return header, list(zip(*(column.tolist() for column in columns), strict=True))
 
 
-def _front(found: SummaryInSpace) -> str:
+def _front(summary: SummaryInSpace) -> str:
     """Words for the front at the end."""
-    long = [length(line) * 1e3 for line in found.fronts]
+    long = [length(line) * 1e3 for line in summary.fronts]
     if not long:
         return "front at the end: none, the cracks end at the surface of the body"
     parts = "" if len(long) == 1 else f" in {len(long)} lines, the longest {long[0]:.4g} mm"
     return f"front at the end: {sum(long):.4g} mm{parts}"
 
 
-def sentences(found: SummaryInSpace) -> list[str]:
+def sentences(summary: SummaryInSpace) -> list[str]:
     """The summary for a reader, a line each."""
-    grown = found.surface.grown
-    if not grown.any():
+    new_faces = summary.surface.grown
+    if not new_faces.any():
         return ["nothing opened"]
-    area, speed = float(found.surface.area[grown].sum()), _speeds(found)
+    area, speed = float(summary.surface.area[new_faces].sum()), _speeds(summary)
     lines = [
-        f"area that opened: {area * 1e6:.4g} mm^2, the first at {time_text(float(found.surface.time[grown][0]))}",
-        f"dissipated over area, of G0: {found.release[-1] / found.G0:.3g}",
-        _front(found),
+        f"area that opened: {area * 1e6:.4g} mm^2, the first at {time_text(float(summary.surface.time[new_faces][0]))}",
+        f"dissipated over area, of G0: {summary.release[-1] / summary.G0:.3g}",
+        _front(summary),
     ]
     if speed is not None:
         low, middle, high = speed
         lines.append(
-            f"speed of the front: {middle:.4g} m/s in the median ({middle / found.rayleigh_speed:.2f} of the Rayleigh"
+            f"speed of the front: {middle:.4g} m/s in the median ({middle / summary.rayleigh_speed:.2f} of the Rayleigh"
             f" speed), {low:.4g} to {high:.4g} m/s over four fifths of the area"
         )
-    if found.junctions:
-        lines.append(f"edges between more than two faces: {found.junctions}; the crack branched there, or cracks met")
-    pieces = found.fragments.pieces
+    if summary.junctions:
+        lines.append(f"edges between more than two faces: {summary.junctions}; the crack branched there, or cracks met")
+    pieces = summary.fragments.pieces
     if len(pieces) > 1:
-        some = ", ".join(f"{piece.mass * 1e3:.4g}" for piece in pieces[:LISTED])
+        mass_text = ", ".join(f"{piece.mass * 1e3:.4g}" for piece in pieces[:LISTED])
         more = f" and {len(pieces) - LISTED} lighter ones" if len(pieces) > LISTED else ""
-        lines.append(f"{len(pieces)} fragments of {some} g{more}, {found.fragments.crumbs_mass * 1e3:.3g} g in crumbs")
+        lines.append(
+            f"{len(pieces)} fragments of {mass_text} g{more}, {summary.fragments.crumbs_mass * 1e3:.3g} g in crumbs"
+        )
     return lines

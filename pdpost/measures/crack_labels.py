@@ -85,24 +85,24 @@ class _Patches:
 
     def join(self, patches: list[int]) -> _Root | None:
         """Join several patches; returns the origin if the result becomes a crack. The root of a crack is None."""
-        whole = max(patches, key=lambda patch: len(self.members[patch]))
+        largest = max(patches, key=lambda patch: len(self.members[patch]))
         roots = [self.roots[patch] for patch in patches]
         for patch in patches:
-            if patch != whole:
-                self.parent[patch] = whole
-                self.members[whole] += self.members[patch]
+            if patch != largest:
+                self.parent[patch] = largest
+                self.members[largest] += self.members[patch]
                 self.members[patch] = []
-        self.roots[whole] = None
-        known = [root for root in roots if root is not None]
-        if len(known) < len(roots):
+        self.roots[largest] = None
+        known_roots = [root for root in roots if root is not None]
+        if len(known_roots) < len(roots):
             return None
-        first = min(root.step for root in known)
-        began = _Root(first, [node for root in known if root.step == first for node in root.nodes])
-        rows = self.members[whole]
+        first = min(root.step for root in known_roots)
+        began = _Root(first, [node for root in known_roots if root.step == first for node in root.nodes])
+        rows = self.members[largest]
         far = np.hypot(*(self.position[rows] - self.position[began.nodes].mean(axis=0)).T)
         if (far >= SHORTEST * self.delta[rows]).any():
             return _Root(first, self._ends(began.nodes, rows))
-        self.roots[whole] = began
+        self.roots[largest] = began
         return None
 
     def _ends(self, first: list[int], rows: list[int]) -> list[int]:
@@ -119,26 +119,28 @@ def _roots(
 ) -> list[_Root]:
     """Origins of the cracks, oldest first."""
     patches = _Patches(position, delta, when)
-    found = []
+    roots = []
     for links in _by_step(graph, when):
         pairs = {
-            (min(pair), max(pair)) for one, other in links if len(pair := {patches.of(one), patches.of(other)}) > 1
+            (min(pair), max(pair))
+            for node, neighbour in links
+            if len(pair := {patches.of(node), patches.of(neighbour)}) > 1
         }
         for together in _connected(pairs):
             root = patches.join(together)
             if root is not None:
-                found.append(root)
-    return sorted(found, key=lambda root: (root.step, min(root.nodes)))
+                roots.append(root)
+    return sorted(roots, key=lambda root: (root.step, min(root.nodes)))
 
 
 def _by_step(graph: csr_array, when: NDArray[np.int64]) -> Iterator[list[tuple[int, int]]]:
     """Groups of pairs of touching nodes, one for each step from which both nodes are cracked."""
     links = graph.tocoo()
     once = links.row < links.col
-    one, other = links.row[once], links.col[once]
-    since = np.maximum(when[one], when[other])
+    node, neighbour = links.row[once], links.col[once]
+    since = np.maximum(when[node], when[neighbour])
     order = np.argsort(since, kind="stable")
-    rows = zip(since[order].tolist(), one[order].tolist(), other[order].tolist(), strict=True)
+    rows = zip(since[order].tolist(), node[order].tolist(), neighbour[order].tolist(), strict=True)
     for _, group in groupby(rows, key=lambda row: row[0]):
         yield [(a, b) for _, a, b in group]
 
@@ -146,18 +148,18 @@ def _by_step(graph: csr_array, when: NDArray[np.int64]) -> Iterator[list[tuple[i
 def _connected(pairs: set[tuple[int, int]]) -> list[list[int]]:
     """The parts of a small graph."""
     linked: dict[int, set[int]] = {}
-    for one, other in pairs:
-        linked.setdefault(one, set()).add(other)
-        linked.setdefault(other, set()).add(one)
-    found = []
+    for first, second in pairs:
+        linked.setdefault(first, set()).add(second)
+        linked.setdefault(second, set()).add(first)
+    parts = []
     while linked:
         part, ahead = [], {min(linked)}
         while ahead:
             at = ahead.pop()
             part.append(at)
             ahead |= linked.pop(at) & linked.keys()
-        found.append(sorted(part))
-    return found
+        parts.append(sorted(part))
+    return parts
 
 
 def _spread(
@@ -176,8 +178,8 @@ def _spread(
             number = same[number]
         return number
 
-    def one(crack: int, other: int) -> None:
-        same[max(of(crack), of(other))] = min(of(crack), of(other))
+    def one(first_crack: int, second_crack: int) -> None:
+        same[max(of(first_crack), of(second_crack))] = min(of(first_crack), of(second_crack))
 
     heap = [(int(when[node]), root.step, 0.0, node, at) for at, root in enumerate(roots) for node in root.nodes]
     heapq.heapify(heap)
@@ -190,11 +192,11 @@ def _spread(
             continue
         crack[node], reached[node], level[node] = number, step, far
         for link in range(start[node], start[node + 1]):
-            other = near[link]
-            its = int(crack[other])
+            neighbour = near[link]
+            its = int(crack[neighbour])
             if its < 0:
-                heapq.heappush(heap, (max(step, cracked[other]), age, far + apart[link], other, number))
-            elif (reached[other], roots[its].step) == (step, age):
+                heapq.heappush(heap, (max(step, cracked[neighbour]), age, far + apart[link], neighbour, number))
+            elif (reached[neighbour], roots[its].step) == (step, age):
                 one(its, number)
-    whole = np.array([*(of(at) for at in range(len(roots))), -1])
-    return whole[crack], reached, level
+    crack_of_root = np.array([*(of(at) for at in range(len(roots))), -1])
+    return crack_of_root[crack], reached, level

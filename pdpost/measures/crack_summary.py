@@ -55,46 +55,46 @@ def crack(results: Results, step: int | None = None, threshold: float = CRACKED,
     """
     step = last_step(results) if step is None else step
     limit, rest = rayleigh_of(results), at_rest(results)
-    found = [
+    branches = [
         replace(branch, speed=_possible(branch.speed, 0.0 if rest else limit))
         for branch in tips(results, step, threshold)
     ]
-    along = along or heading([branch.place for branch in found])
+    along = along or heading([branch.place for branch in branches])
     return Summary(
         step,
         float(results.meta()["time_step"]),
         along,
-        growth(results, DIRECTIONS[along], threshold, step, found),
-        directions(results, found),
-        found,
-        forks(found),
+        growth(results, DIRECTIONS[along], threshold, step, branches),
+        directions(results, branches),
+        branches,
+        forks(branches),
         fragments(results, step, threshold),
         limit,
-        release(results, found),
+        release(results, branches),
         rest,
     )
 
 
-def _mean_speed(branch: Branch, found: Summary) -> float | None:
+def _mean_speed(branch: Branch, summary: Summary) -> float | None:
     mean = branch.mean_speed
-    return None if mean is None or mean > found.rayleigh_speed or found.at_rest else mean
+    return None if mean is None or mean > summary.rayleigh_speed or summary.at_rest else mean
 
 
-def _possible(found: Speeds, limit: float) -> Speeds:
+def _possible(speeds: Speeds, limit: float) -> Speeds:
     """Speeds with NaN where they are surely above the Rayleigh speed: there a whole stretch broke at once."""
-    too_fast = found.low > limit
-    return Speeds(*(np.where(too_fast, np.nan, column) for column in found))
+    too_fast = speeds.low > limit
+    return Speeds(*(np.where(too_fast, np.nan, column) for column in speeds))
 
 
-def numbers(found: Summary) -> dict[str, object]:
+def numbers(summary: Summary) -> dict[str, object]:
     """The summary as plain numbers, for JSON."""
     return {
-        **asdict(found.growth),
-        "along": found.along,
-        "step": found.step,
-        "directions": [asdict(way) for way in found.directions],
-        "rayleigh_speed": found.rayleigh_speed,
-        "release": found.release._asdict(),
+        **asdict(summary.growth),
+        "along": summary.along,
+        "step": summary.step,
+        "directions": [asdict(way) for way in summary.directions],
+        "rayleigh_speed": summary.rayleigh_speed,
+        "release": summary.release._asdict(),
         "branches": [
             {
                 "points": branch.place,
@@ -106,21 +106,21 @@ def numbers(found: Summary) -> dict[str, object]:
                 "speed_low": branch.speed.low,
                 "speed_high": branch.speed.high,
                 "length": branch.length,
-                "mean_speed": _mean_speed(branch, found),
+                "mean_speed": _mean_speed(branch, summary),
                 "mean_speed_points": len(branch.time) if branch.inside is None else branch.inside,
             }
-            for branch in found.branches
+            for branch in summary.branches
         ],
-        "forks": [asdict(fork) | {"step": round(fork.time / found.time_step)} for fork in found.forks],
-        "fragments": found.fragments._asdict() | {"pieces": [piece._asdict() for piece in found.fragments.pieces]},
+        "forks": [asdict(fork) | {"step": round(fork.time / summary.time_step)} for fork in summary.forks],
+        "fragments": summary.fragments._asdict() | {"pieces": [piece._asdict() for piece in summary.fragments.pieces]},
     }
 
 
-def table(found: Summary) -> tuple[tuple[str, ...], list[tuple[object, ...]]]:
+def table(summary: Summary) -> tuple[tuple[str, ...], list[tuple[object, ...]]]:
     """Header and rows: every point of the path with its time and speed."""
     rows: list[tuple[object, ...]] = []
-    for number, branch in enumerate(found.branches):
-        spent = found.release.at(branch.time)
+    for number, branch in enumerate(summary.branches):
+        spent = summary.release.at(branch.time)
         columns = branch.time, *branch.place.T, branch.along, *branch.speed, *branch.direction.T, branch.line, spent
         rows += [(number, *row) for row in zip(*columns, strict=True)]
     speeds = ("speed, m/s", "speed at least, m/s", "speed at most, m/s")
@@ -133,39 +133,41 @@ def crack_table(results: Results) -> Columns:
     return columns_of(*table(crack(results)))
 
 
-def sentences(found: Summary) -> list[str]:
+def sentences(summary: Summary) -> list[str]:
     """The summary for a reader, a line each."""
-    axis, sign = ("x", DIRECTIONS[found.along][0]) if DIRECTIONS[found.along][0] else ("y", DIRECTIONS[found.along][1])
-    events = {name: getattr(found.growth, name) for name in ("first_break", "start", "branching", "split")}
-    step, far = ("load step", "as far as ") if found.at_rest else ("step", "")  # within which breaks have no order
+    axis, sign = (
+        ("x", DIRECTIONS[summary.along][0]) if DIRECTIONS[summary.along][0] else ("y", DIRECTIONS[summary.along][1])
+    )
+    events = {name: getattr(summary.growth, name) for name in ("first_break", "start", "branching", "split")}
+    step, far = ("load step", "as far as ") if summary.at_rest else ("step", "")  # within which breaks have no order
     lines = [
         f"{name.replace('_', ' ')}: {step} {event.step}, {time_text(event.time)}"
         + ("" if event.along is None else f", {far}{axis} = {sign * event.along * 1e3:.4g} mm")
         for name, event in events.items()
         if event is not None
     ]
-    for number, branch in enumerate(found.branches[:LISTED]):
-        lines.append(f"branch {number}: {_way(branch, found)}")
-    if len(found.branches) > LISTED:
-        lines.append(f"and {len(found.branches) - LISTED} shorter branches")
-    for fork in found.forks[:LISTED]:
+    for number, branch in enumerate(summary.branches[:LISTED]):
+        lines.append(f"branch {number}: {_way(branch, summary)}")
+    if len(summary.branches) > LISTED:
+        lines.append(f"and {len(summary.branches) - LISTED} shorter branches")
+    for fork in summary.forks[:LISTED]:
         where = f"{_place(fork.place)}, {time_text(fork.time)}"
         lines.append(f"fork at {where}: {fork.angle:.1f} degrees between {len(fork.arms)} arms")
-    lines += _spent(found.release)
-    for way in found.directions:
+    lines += _spent(summary.release)
+    for way in summary.directions:
         lines.append(f"from {_place(way.tip)}: {_left(way)}")
-    if len(found.fragments.pieces) > 1:
-        areas = ", ".join(f"{piece.area * 1e6:.4g}" for piece in found.fragments.pieces)
-        lines.append(f"{len(found.fragments.pieces)} pieces of {areas} mm^2, cracked nodes left out")
-    lines += _crumbs(found.fragments)
+    if len(summary.fragments.pieces) > 1:
+        areas = ", ".join(f"{piece.area * 1e6:.4g}" for piece in summary.fragments.pieces)
+        lines.append(f"{len(summary.fragments.pieces)} pieces of {areas} mm^2, cracked nodes left out")
+    lines += _crumbs(summary.fragments)
     return lines or ["nothing broke"]
 
 
-def _way(branch: Branch, found: Summary) -> str:
+def _way(branch: Branch, summary: Summary) -> str:
     """Where and when a tip started and ended, and its speed, in words."""
     ways = [f"{_place(branch.place[at])} at {time_text(branch.time[at])}" for at in (0, -1)]
-    mean, rayleigh = _mean_speed(branch, found), found.rayleigh_speed
-    if found.at_rest:
+    mean, rayleigh = _mean_speed(branch, summary), summary.rayleigh_speed
+    if summary.at_rest:
         fast = ""
     elif not branch.line[: branch.inside].all():
         fast = ", wider than a crack: no speed"
@@ -178,46 +180,46 @@ def _way(branch: Branch, found: Summary) -> str:
     return f"{branch.length * 1e3:.3g} mm long, from {ways[0]} to {ways[1]}{fast}"
 
 
-def _crumbs(found: Fragments) -> list[str]:
+def _crumbs(fragments: Fragments) -> list[str]:
     """Words for what is in no piece, where that is much: crumbs and cracked nodes."""
-    whole = sum(piece.area for piece in found.pieces) + found.crumbs_area + found.cracked_area
-    share = (found.crumbs_area + found.cracked_area) / whole
+    total_area = sum(piece.area for piece in fragments.pieces) + fragments.crumbs_area + fragments.cracked_area
+    share = (fragments.crumbs_area + fragments.cracked_area) / total_area
     if share <= MUCH_IN_CRUMBS:
         return []
     return [
-        f"{share:.0%} of the plate is in no piece: {found.cracked_area * 1e6:.4g} mm^2 of cracked nodes, and"
-        f" {found.crumbs_area * 1e6:.4g} mm^2 in {found.crumbs} crumbs of at most {PIECE:.0%} of the nodes each"
+        f"{share:.0%} of the plate is in no piece: {fragments.cracked_area * 1e6:.4g} mm^2 of cracked nodes, and"
+        f" {fragments.crumbs_area * 1e6:.4g} mm^2 in {fragments.crumbs} crumbs of at most {PIECE:.0%} of the nodes each"
     ]
 
 
 def _spent(release: Release) -> list[str]:
     """Words for the energy that the cracks spent, relative to G0."""
-    known = release.value[np.isfinite(release.value)]
-    if not len(known):
+    finite_values = release.value[np.isfinite(release.value)]
+    if not len(finite_values):
         return []
-    low, middle, high = np.percentile(known, (0, 50, 100)) / release.G0
-    whole = f"{release.whole / release.G0:.3g} on the whole"
+    low, middle, high = np.percentile(finite_values, (0, 50, 100)) / release.G0
+    total_text = f"{release.whole / release.G0:.3g} on the whole"
     if release.before > NOTHING * release.whole * release.length[-1]:
-        whole += f", with {release.before:.3g} J/m before they grew"
-    return [f"spent over advance, of G0: {middle:.3g} in the median, {low:.3g} to {high:.3g}; {whole}"]
+        total_text += f", with {release.before:.3g} J/m before they grew"
+    return [f"spent over advance, of G0: {middle:.3g} in the median, {low:.3g} to {high:.3g}; {total_text}"]
 
 
 def _left(way: Direction) -> str:
     """Words for the direction in which a crack left its notch."""
     band = f" ({way.low:+.1f} to {way.high:+.1f})" if way.low < way.high else ""
-    angle, whole = (f"{round(number, 1) + 0.0:+.1f}" for number in (way.angle, way.whole))
-    return f"{angle} degrees{band} from the notch over its first {way.length * 1e3:.3g} mm, {whole} as a whole"
+    angle, overall_angle = (f"{round(number, 1) + 0.0:+.1f}" for number in (way.angle, way.whole))
+    return f"{angle} degrees{band} from the notch over its first {way.length * 1e3:.3g} mm, {overall_angle} as a whole"
 
 
-def predictions(found: Sequence[Predicted], results: Results) -> list[str]:
+def predictions(expected: Sequence[Predicted], results: Results) -> list[str]:
     """What stress intensities predicted, and how far the paths lie from it, a line each."""
     lines = []
-    for one in found:
+    for prediction in expected:
         line = (
-            f"from {_place(one.tip)}: sif at {moment(results, one.step)}, before bonds broke, predicts"
-            f" {round(one.angle, 1) + 0.0:+.1f} degrees; the path lies {abs(one.off):.1f} degrees from it"
+            f"from {_place(prediction.tip)}: sif at {moment(results, prediction.step)}, before bonds broke, predicts"
+            f" {round(prediction.angle, 1) + 0.0:+.1f} degrees; the path lies {abs(prediction.off):.1f} degrees from it"
         )
-        lines.append(f"{line}{LEANING}" if abs(one.off) > LEANS else line)
+        lines.append(f"{line}{LEANING}" if abs(prediction.off) > LEANS else line)
     return lines
 
 

@@ -37,15 +37,15 @@ class _Bonded(msgspec.Struct):
 
 def separation_at(results: Results, step: int) -> NDArray[np.float64]:
     """Separation (n,) of the living nodes after any step, also between frames; see above."""
-    family, gone = _bonds_at(results, step)
-    return np.asarray(gone / np.maximum(family, 1))
+    family, broken_count = _bonds_at(results, step)
+    return np.asarray(broken_count / np.maximum(family, 1))
 
 
 def damage_at(results: Results, step: int) -> NDArray[np.float64]:
     """Damage (n,) of the living nodes after any step, also between frames; see above."""
-    family, gone = _bonds_at(results, step)
+    family, broken_count = _bonds_at(results, step)
     cut = _cut_by_pre_cracks(results, step)
-    return np.asarray((gone - cut) / np.maximum(family - cut, 1))
+    return np.asarray((broken_count - cut) / np.maximum(family - cut, 1))
 
 
 def _bonds_at(results: Results, step: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -53,8 +53,8 @@ def _bonds_at(results: Results, step: int) -> tuple[NDArray[np.int64], NDArray[n
     lives, breaks, rows = results.lives(), results.breaks(), results.rows(step)
     before = breaks.step <= step
     row = lives.at(breaks.node[before], breaks.step[before])
-    gone = lives.nodes.cut + np.bincount(row, minlength=len(lives.birth))
-    return lives.nodes.family[rows], gone[rows]
+    broken_count = lives.nodes.cut + np.bincount(row, minlength=len(lives.birth))
+    return lives.nodes.family[rows], broken_count[rows]
 
 
 def _cut_by_pre_cracks(results: Results, step: int) -> NDArray[np.int64]:
@@ -121,14 +121,14 @@ def _inherit(
         reach = half[born] + half[died].max()
         near = tree_of(place[died]).query_ball_point(place[born], reach * (1 + ROUND_OFF), p=np.inf)
         count = np.array([len(rows) for rows in near])
-        one = np.repeat(born, count)
-        other = died[np.concatenate([np.zeros(0, dtype=np.int64), *near]).astype(np.int64)]
-        apart = np.abs(place[one] - place[other]).max(axis=1)
-        touch = apart < (half[one] + half[other]) * (1 - ROUND_OFF)
-        one, other = one[touch], other[touch]
-        broken[one[broken[other]]] = True
-        cracked = (since[other] >= 0) & (since[one] == birth[one])
-        np.minimum.at(since, one[cracked], since[other[cracked]])
+        born_row = np.repeat(born, count)
+        died_row = died[np.concatenate([np.zeros(0, dtype=np.int64), *near]).astype(np.int64)]
+        apart = np.abs(place[born_row] - place[died_row]).max(axis=1)
+        touch = apart < (half[born_row] + half[died_row]) * (1 - ROUND_OFF)
+        born_row, died_row = born_row[touch], died_row[touch]
+        broken[born_row[broken[died_row]]] = True
+        cracked = (since[died_row] >= 0) & (since[born_row] == birth[born_row])
+        np.minimum.at(since, born_row[cracked], since[died_row[cracked]])
     since[born[(since[born] == birth[born]) & ~broken[born]]] = 0
 
 

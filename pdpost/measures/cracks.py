@@ -100,11 +100,11 @@ def _of_particles(
 
 def _start(nodes: Nodes, since: NDArray[np.int64]) -> int | None:
     """First step of crack growth, from the step (n,) since which nodes are cracked (-1: never); None without growth."""
-    grown = since > 0
+    cracked = since > 0
     if (since == 0).any():
         away, _ = cKDTree(nodes.position[since == 0]).query(nodes.position)
-        grown &= away >= (ADVANCE - ROUND_OFF) * nodes.delta.min()
-    return int(since[grown].min()) if grown.any() else None
+        cracked &= away >= (ADVANCE - ROUND_OFF) * nodes.delta.min()
+    return int(since[cracked].min()) if cracked.any() else None
 
 
 def _furthest(along: NDArray[np.float64]) -> float | None:

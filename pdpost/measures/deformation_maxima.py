@@ -14,8 +14,10 @@ TOGETHER = 2_000_000  # bonds that are looked at at once
 
 def largest_displacement(results: Results) -> float | None:
     """The largest displacement of any node in all frames, m; None if no frame holds displacements."""
-    found = (_displacement(results, step) for step in frames(results)[0].tolist())
-    return max((float(np.linalg.norm(u, axis=1).max(initial=0.0)) for u in found if u is not None), default=None)
+    displacements = (_displacement(results, step) for step in frames(results)[0].tolist())
+    return max(
+        (float(np.linalg.norm(u, axis=1).max(initial=0.0)) for u in displacements if u is not None), default=None
+    )
 
 
 def largest_stretch(results: Results) -> float | None:
@@ -25,20 +27,20 @@ def largest_stretch(results: Results) -> float | None:
     if u is None:
         return None
     families, position = results.families(step), results.nodes(step).position
-    whole, largest = ~broken(results, families, step), []
-    for first in range(0, len(whole), TOGETHER):
-        bonds = first + np.flatnonzero(whole[first : first + TOGETHER])
+    intact, largest = ~broken(results, families, step), []
+    for first in range(0, len(intact), TOGETHER):
+        bonds = first + np.flatnonzero(intact[first : first + TOGETHER])
         if len(bonds):
-            own, other = np.searchsorted(families.start, bonds, side="right") - 1, families.neighbour[bonds]
-            before = position[other] - position[own]
-            after = before + u[other] - u[own]
+            node, neighbour = np.searchsorted(families.start, bonds, side="right") - 1, families.neighbour[bonds]
+            before = position[neighbour] - position[node]
+            after = before + u[neighbour] - u[node]
             largest.append(float((np.linalg.norm(after, axis=1) / np.linalg.norm(before, axis=1)).max()) - 1)
     return max(largest, default=None)
 
 
 def _displacement(results: Results, step: int) -> NDArray[np.float64] | None:
     """Displacements (n, d) of a frame, m, or None if it has none."""
-    names, there = ("ux", "uy", "uz")[: results.dimension], results.stored(step)
-    if not set(names) <= set(there):
+    names, stored = ("ux", "uy", "uz")[: results.dimension], results.stored(step)
+    if not set(names) <= set(stored):
         return None
     return np.column_stack([results.field(name, step) for name in names]).astype(np.float64)

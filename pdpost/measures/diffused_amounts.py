@@ -57,5 +57,5 @@ def masses(results: Results) -> Masses:
     inside, through, supplied, solid = (columns[name] for name in ("inside", "through", "supplied", "solid"))
     missing = inside + through - supplied - inside[0]
     scale = np.maximum(inside[0], np.maximum(np.abs(supplied), np.abs(through)))
-    left = solid / solid[0] if solid[0] > 0 else np.full(len(solid), np.nan)
-    return Masses(**columns, left=left, error=missing / np.where(scale > 0, scale, 1.0))
+    solid_share = solid / solid[0] if solid[0] > 0 else np.full(len(solid), np.nan)
+    return Masses(**columns, left=solid_share, error=missing / np.where(scale > 0, scale, 1.0))

@@ -44,7 +44,7 @@ def directions(results: Results, branches: Sequence[Branch]) -> list[Direction]:
     A crack that forks within five spacings of the tip has a direction for each arm. A crack of particles has the
     direction of its first arm.
     """
-    found = []
+    crack_directions = []
     for tip, heading in pre_crack_tips(results.cracks()):
         for first in branches:
             if np.hypot(*(first.place[0] - tip)) > BEGINS * first.spacing[0]:
@@ -52,24 +52,24 @@ def directions(results: Results, branches: Sequence[Branch]) -> list[Direction]:
             for branch in _leaving(first, branches):
                 way = _direction(branch, tip, heading)
                 if way is not None and abs(way.angle) <= BEHIND:
-                    found.append(way)
-    return found
+                    crack_directions.append(way)
+    return crack_directions
 
 
 def _leaving(branch: Branch, branches: Sequence[Branch]) -> list[Branch]:
     """The branch itself or, if it is too short for a direction, its arms."""
-    arms = [other for other in branches if other.begin == branch.end]
+    arms = [candidate for candidate in branches if candidate.begin == branch.end]
     if branch.exact or branch.length >= SHORTEST * branch.spacing[0] or not arms:
         return [branch]
-    return [each for arm in arms for each in _leaving(arm, branches)]
+    return [leaving_arm for arm in arms for leaving_arm in _leaving(arm, branches)]
 
 
 def _direction(branch: Branch, tip: NDArray[np.float64], heading: NDArray[np.float64]) -> Direction | None:
     """The direction of a branch; None if it has too few points."""
     place = (float(tip[0]), float(tip[1]))
     if branch.exact:
-        angle, whole = (_angle(way, heading) for way in (branch.direction[0], axis_of(branch.place)))
-        return Direction(place, angle, angle, angle, float(branch.along[1] - branch.along[0]), whole)
+        angle, overall_angle = (_angle(way, heading) for way in (branch.direction[0], axis_of(branch.place)))
+        return Direction(place, angle, angle, angle, float(branch.along[1] - branch.along[0]), overall_angle)
     beyond = np.hypot(*(branch.place - tip).T) > NEAR_TIP * branch.spacing
     first = int(beyond.argmax()) if beyond.sum() >= FEWEST else 0
     points, spacing, along = branch.place[first:], branch.spacing[first:], branch.along[first:]
@@ -77,8 +77,8 @@ def _direction(branch: Branch, tip: NDArray[np.float64], heading: NDArray[np.flo
         return None
     count = _straight(points, spacing, along - along[0])
     angle, off = _angle(axis_of(points[:count]), heading), _band(points[:count], spacing[:count])
-    length, whole = float(along[count - 1]), _angle(axis_of(points), heading)
-    return Direction(place, angle, angle - off, angle + off, length, whole)
+    length, overall_angle = float(along[count - 1]), _angle(axis_of(points), heading)
+    return Direction(place, angle, angle - off, angle + off, length, overall_angle)
 
 
 def _straight(points: NDArray[np.float64], spacing: NDArray[np.float64], far: NDArray[np.float64]) -> int:
@@ -97,8 +97,8 @@ def _band(points: NDArray[np.float64], spacing: NDArray[np.float64]) -> float:
     """Uncertainty of a fitted line's direction, degrees: Student's, but not below the resolution of the nodes."""
     free = len(points) - 2
     along = (points - points.mean(axis=0)) @ axis_of(points)
-    seen = float(stdtrit(free, (1 + SURE) / 2)) * np.sqrt((_across(points) ** 2).sum() / free)
-    slope = max(float(seen), NORMAL * PLACED * float(spacing.max())) / np.sqrt((along**2).sum())
+    scatter = float(stdtrit(free, (1 + SURE) / 2)) * np.sqrt((_across(points) ** 2).sum() / free)
+    slope = max(float(scatter), NORMAL * PLACED * float(spacing.max())) / np.sqrt((along**2).sum())
     return float(np.degrees(np.arctan(slope)))
 
 

@@ -71,7 +71,7 @@ class Life(NamedTuple):
     first: float | None  # cycles until its first bonds broke; None: none did, or the crack is one of particles
     range: float | None  # of the stretch of these bonds
     given: Fatigue
-    found: list[Growth]  # of its cracks; empty: a smooth body
+    growths: list[Growth]  # of its cracks; empty: a smooth body
     line: Line | None  # Paris's, through these
 
     def smooth(self, eps: Array) -> Array:
@@ -89,27 +89,27 @@ class Life(NamedTuple):
         if C is not None:
             return np.asarray(C * dK**m)
         assert self.line is not None
-        rate, at = settled_points(self.found, m)
+        rate, at = settled_points(self.growths, m)
         return np.asarray(np.exp(np.log(rate).mean()) * (dK / np.exp(np.log(at).mean())) ** m)
 
 
-def settled_points(found: Sequence[Growth], m: float) -> Array:
+def settled_points(growths: Sequence[Growth], m: float) -> Array:
     """Growth a cycle, m, and dK of all settled points, (2, p), for Paris's exponent."""
     columns = [np.empty((2, 0))]
-    for one in found:
-        good = one.settled & (one.rate > 0) & np.isfinite(one.rate)
-        columns.append(np.array([one.rate[good], between(one, m)[good]]))
+    for growth in growths:
+        good = growth.settled & (growth.rate > 0) & np.isfinite(growth.rate)
+        columns.append(np.array([growth.rate[good], between(growth, m)[good]]))
     return np.concatenate(columns, axis=1)
 
 
-def between(one: Growth, m: float) -> Array:
+def between(growth: Growth, m: float) -> Array:
     """The dK (t - 1,) to which the growth between two frames belongs, for Paris's exponent."""
-    first, last = one.dK[:-1], one.dK[1:]
+    first, last = growth.dK[:-1], growth.dK[1:]
     more = np.log(last / first)
     steep = np.abs(m * more) > FLAT
     with np.errstate(divide="ignore", invalid="ignore"):
-        found = first * (m * more / -np.expm1(-m * more)) ** (1 / m)
-    return np.where(steep, found, (first + last) / 2)
+        effective_range = first * (m * more / -np.expm1(-m * more)) ** (1 / m)
+    return np.where(steep, effective_range, (first + last) / 2)
 
 
 class _Model(msgspec.Struct):
@@ -126,21 +126,21 @@ def lived(
     """The life of a run, and the growth of its cracks. Raises ResultsError."""
     N, model = cycles(results), read(results, _Model)
     said = results.summary()
-    found = growth(results, steps, progress) if model.notch else []
+    growths = growth(results, steps, progress) if model.notch else []
     first, stretch = (said.get(name) for name in ("first_break", "first_range"))
     broke = first is not None and stretch is not None and stretch > 0
-    given = model.run.fatigue or Fatigue()
+    fatigue = model.run.fatigue or Fatigue()
     name = Path(results.name).stem
     broken = (first, stretch) if broke else (None, None)
-    return Life(name, float(N[-1]), said.get("cycles_error"), *broken, given, found, paris(found))
+    return Life(name, float(N[-1]), said.get("cycles_error"), *broken, fatigue, growths, paris(growths))
 
 
 def cycles(results: Results) -> Array:
     """Cycles (s + 1,) after each step until the last checkpoint, those of step 0 first. Raises ResultsError."""
-    kept = results.checkpoint()[1] if results.has_checkpoint() else {}
-    if "cycled" not in kept:
+    checkpoint_state = results.checkpoint()[1] if results.has_checkpoint() else {}
+    if "cycled" not in checkpoint_state:
         raise ResultsError(f"{results.name} has no cycles; use a run with run.fatigue")
-    return np.concatenate([[0.0], kept["cycled"].reshape(-1, len(Cycled._fields))[:, CYCLES]])
+    return np.concatenate([[0.0], checkpoint_state["cycled"].reshape(-1, len(Cycled._fields))[:, CYCLES]])
 
 
 def growth(
@@ -149,31 +149,31 @@ def growth(
     """The growth of each tip that has room for J at two frames or more. Raises ResultsError."""
     N, model = cycles(results), read(results, _Model)
     ratio = 0.0 if model.run.fatigue is None else max(model.run.fatigue.ratio, 0.0)
-    found = []
-    for one in stress_intensities.follow(results, [step for step in steps if step < len(N)], progress=progress):
-        known = np.flatnonzero((one.value["J"] > 0) & np.isfinite(one.place).all(axis=1))
-        if len(known) < 2 or one.last is None:
+    growths = []
+    for series in stress_intensities.follow(results, [step for step in steps if step < len(N)], progress=progress):
+        known_frames = np.flatnonzero((series.value["J"] > 0) & np.isfinite(series.place).all(axis=1))
+        if len(known_frames) < 2 or series.last is None:
             continue
-        begins = one.front.at(0.0)
-        place = one.place[known] if begins is None else np.vstack([begins.place, one.place[known]])
-        K = np.sqrt(one.value["J"][known] * one.last.effective)
-        way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(place, axis=0).T))])[-len(known) :]
+        begins = series.front.at(0.0)
+        place = series.place[known_frames] if begins is None else np.vstack([begins.place, series.place[known_frames]])
+        K = np.sqrt(series.value["J"][known_frames] * series.last.effective)
+        way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(place, axis=0).T))])[-len(known_frames) :]
         least = SETTLED * model.horizon.ratio * float(results.nodes(int(steps[0])).delta.min())
-        settled = way[:-1] >= (least if model.run.cracks == "bonds" else 0.0)
-        n = N[one.step[known]]
+        past_start = way[:-1] >= (least if model.run.cracks == "bonds" else 0.0)
+        n = N[series.step[known_frames]]
         with np.errstate(divide="ignore", invalid="ignore"):
             rate = np.diff(way) / np.diff(n)
-        found.append(Growth(one.front.name, n, way, K, (1 - ratio) * K, rate, settled))
-    if not found:
+        growths.append(Growth(series.front.name, n, way, K, (1 - ratio) * K, rate, past_start))
+    if not growths:
         raise ResultsError(f"{results.name}: no tip grows over two frames or more; use a crack that grows")
-    return found
+    return growths
 
 
-def paris(found: Sequence[Growth]) -> Line | None:
+def paris(growths: Sequence[Growth]) -> Line | None:
     """The line through all settled points; None with fewer than three."""
     slope, at_0, x, y = FIRST, 0.0, np.empty(0), np.empty(0)
     for _ in range(ROUNDS):  # as the dK of a point depends on the slope a little
-        y, x = np.log10(settled_points(found, slope))
+        y, x = np.log10(settled_points(growths, slope))
         if len(x) < FEWEST:
             return None
         slope, at_0 = (float(number) for number in np.polyfit(x, y, 1))

@@ -74,17 +74,17 @@ FIELDS = {
 }
 
 
-def component(name: str, given: str | None, dimension: int = 2) -> str:
+def component(name: str, part: str | None, dimension: int = 2) -> str:
     """The component to show: the given one or the first; "" for a scalar. Raises FieldError."""
     if name not in FIELDS:
         raise FieldError(f"field '{name}' is unknown; use one of {', '.join(FIELDS)}")
-    there = FIELDS[name].parts(dimension)
-    if given is None:
-        return there[0] if there else ""
-    if given not in there:
-        expected = f"one of {', '.join(there)}" if there else "none, it is a scalar"
-        raise FieldError(f"{name} has no component '{given}'; use {expected}")
-    return given
+    available = FIELDS[name].parts(dimension)
+    if part is None:
+        return available[0] if available else ""
+    if part not in available:
+        expected = f"one of {', '.join(available)}" if available else "none, it is a scalar"
+        raise FieldError(f"{name} has no component '{part}'; use {expected}")
+    return part
 
 
 def usual(results: Results, step: int) -> str:
@@ -92,8 +92,8 @@ def usual(results: Results, step: int) -> str:
     if not diffuses(results):
         return "damage"
     first = "content" if results.masses()["solid"][0] > 0 else "concentration"
-    there = results.stored(step)
-    return next((name for name in (first, *OF_DIFFUSION) if output_fields.FIELDS[name].columns[0] in there), first)
+    stored = results.stored(step)
+    return next((name for name in (first, *OF_DIFFUSION) if output_fields.FIELDS[name].columns[0] in stored), first)
 
 
 def torn(results: Results, name: str, step: int) -> NDArray[np.bool_]:
@@ -163,12 +163,12 @@ def _in_space(results: Results, name: str, step: int) -> dict[str, NDArray[np.fl
         if name == "stress":
             tensor = hooke(tensor, stiffness(results, step), thermal(results, step))
     xx, yy, xy, zz, xz, yz = tensor.T
-    whole = np.moveaxis(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]), 2, 0)
-    known = np.isfinite(tensor).all(axis=1)
+    matrices = np.moveaxis(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]), 2, 0)
+    finite = np.isfinite(tensor).all(axis=1)
     principal = np.full((len(tensor), 3), np.nan)
-    principal[known] = np.linalg.eigvalsh(whole[known])
-    found = {"largest": principal[:, 2], "smallest": principal[:, 0]}
-    found |= dict(zip(("xx", "yy", "xy", "zz", "xz", "yz"), tensor.T, strict=True))
+    principal[finite] = np.linalg.eigvalsh(matrices[finite])
+    parts = {"largest": principal[:, 2], "smallest": principal[:, 0]}
+    parts |= dict(zip(("xx", "yy", "xy", "zz", "xz", "yz"), tensor.T, strict=True))
     if name == "stress":
-        found["mises"] = np.sqrt(((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) / 2 + 3 * (xy**2 + xz**2 + yz**2))
-    return found
+        parts["mises"] = np.sqrt(((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) / 2 + 3 * (xy**2 + xz**2 + yz**2))
+    return parts

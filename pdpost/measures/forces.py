@@ -48,7 +48,7 @@ def reactions(results: Results) -> list[Reaction]:
     """Reactions of all conditions over the run, then load cells. Raises ResultsError if there are none."""
     rows, ways, model = results.reactions(), "xyz"[: results.dimension], read(results, _Named)
     conditions = model.conditions
-    found = []
+    all_reactions = []
     wrong = (rows["condition"] < 0) | (rows["condition"] >= len(conditions))
     if wrong.any():
         number = int(rows["condition"][wrong][0])
@@ -58,27 +58,32 @@ def reactions(results: Results) -> list[Reaction]:
         )
     for number in np.unique(rows["condition"]).astype(int).tolist():
         mine, condition = rows[rows["condition"] == number], conditions[number]
-        force, moved = (np.column_stack([mine[f"{what}_{way}"] for way in ways]) for what in WHAT)
+        force, displacement = (np.column_stack([mine[f"{what}_{way}"] for way in ways]) for what in WHAT)
         name = called(condition.get("name"), number)
-        found.append(Reaction(number, name, condition["kind"], mine["step"].astype(int), mine["time"], force, moved))
-    if not found:
+        all_reactions.append(
+            Reaction(number, name, condition["kind"], mine["step"].astype(int), mine["time"], force, displacement)
+        )
+    if not all_reactions:
         raise ResultsError(f"{results.name}: no condition acts; use a load or something that is held")
-    return found + [_summed(cell, number, found) for number, cell in enumerate(model.run.load_cells)]
+    return all_reactions + [_summed(cell, number, all_reactions) for number, cell in enumerate(model.run.load_cells)]
 
 
-def _summed(cell: LoadCell, number: int, found: list[Reaction]) -> Reaction:
-    parts = [one for one in found if one.name in cell.of]
-    force = np.sum([one.force for one in parts], axis=0)
-    moved = np.mean([one.displacement for one in parts], axis=0)
-    return Reaction(number, cell.name, CELL, parts[0].step, parts[0].time, force, moved)
+def _summed(cell: LoadCell, number: int, all_reactions: list[Reaction]) -> Reaction:
+    parts = [reaction for reaction in all_reactions if reaction.name in cell.of]
+    force = np.sum([reaction.force for reaction in parts], axis=0)
+    displacement = np.mean([reaction.displacement for reaction in parts], axis=0)
+    return Reaction(number, cell.name, CELL, parts[0].step, parts[0].time, force, displacement)
 
 
-def chosen(all_of_them: list[Reaction], names: list[str]) -> list[Reaction]:
+def chosen(all_reactions: list[Reaction], names: list[str]) -> list[Reaction]:
     """The reactions with these names or numbers; all if `names` is empty. Raises ResultsError naming the conditions."""
-    numbered = {str(one.number): one for one in all_of_them if one.kind != CELL}
-    by_name = numbered | {one.name: one for one in all_of_them}
+    numbered = {str(reaction.number): reaction for reaction in all_reactions if reaction.kind != CELL}
+    by_name = numbered | {reaction.name: reaction for reaction in all_reactions}
     for name in names:
         if name not in by_name:
-            there = ", ".join(one.name if one.kind == CELL else f"{one.number} ({one.name})" for one in all_of_them)
-            raise ResultsError(f"--condition: there is no condition '{name}'; use one of {there}")
-    return [by_name[name] for name in names] or all_of_them
+            available = ", ".join(
+                reaction.name if reaction.kind == CELL else f"{reaction.number} ({reaction.name})"
+                for reaction in all_reactions
+            )
+            raise ResultsError(f"--condition: there is no condition '{name}'; use one of {available}")
+    return [by_name[name] for name in names] or all_reactions

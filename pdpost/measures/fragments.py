@@ -34,14 +34,14 @@ def fragments(results: Results, step: int, threshold: float = CRACKED) -> Fragme
     nodes, cracked = results.nodes(step), separation_at(results, step) > threshold
     sound = np.flatnonzero(~cracked)
     piece = clusters(nodes.position[sound], nodes.delta[sound], link=1.0)
-    found, crumbs, crumbs_area = [], 0, 0.0
+    fragment_list, crumbs, crumbs_area = [], 0, 0.0
     for number in range(int(piece.max(initial=-1)) + 1):
         rows = sound[piece == number]
         area = nodes.area[rows]
         if len(rows) > PIECE * len(cracked):
             x, y = (float(np.average(places, weights=area)) for places in nodes.position[rows].T)
-            found.append(Fragment(len(rows), float(area.sum()), (x, y)))
+            fragment_list.append(Fragment(len(rows), float(area.sum()), (x, y)))
         else:
             crumbs, crumbs_area = crumbs + 1, crumbs_area + float(area.sum())
-    pieces = tuple(sorted(found, key=lambda one: (-one.area, one.centre)))
+    pieces = tuple(sorted(fragment_list, key=lambda one: (-one.area, one.centre)))
     return Fragments(pieces, crumbs, crumbs_area, float(nodes.area[cracked].sum()))

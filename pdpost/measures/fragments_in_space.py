@@ -52,15 +52,15 @@ def masses(results: Results, step: int) -> NDArray[np.float64]:
     return np.asarray(rho * nodes.area)
 
 
-def connected_pieces(found: Opened) -> NDArray[np.int64]:
+def connected_pieces(parted_pairs: Opened) -> NDArray[np.int64]:
     """The number (n,) of the piece that each node is in."""
-    return connected(len(found.sound), *found.pairs[~found.mask].T)
+    return connected(len(parted_pairs.sound), *parted_pairs.pairs[~parted_pairs.mask].T)
 
 
-def fragments(results: Results, step: int, found: Opened) -> Fragments:
+def fragments(results: Results, step: int, parted_pairs: Opened) -> Fragments:
     """The fragments of a body after `step`, from the neighbours that parted."""
     nodes, mass = results.nodes(step), masses(results, step)
-    piece = connected_pieces(found)
+    piece = connected_pieces(parted_pairs)
     count = np.bincount(piece)
     large = count >= SMALLEST
     velocity = _velocity(results, step)
@@ -69,13 +69,13 @@ def fragments(results: Results, step: int, found: Opened) -> Fragments:
     volume = np.bincount(piece, nodes.area)
     pieces = [
         Fragment(
-            int(count[one]),
-            float(volume[one]),
-            float(sums[one, 0]),
-            _mean(sums[one], 1),
-            _mean(sums[one], 4) if velocity else None,
+            int(count[number]),
+            float(volume[number]),
+            float(sums[number, 0]),
+            _mean(sums[number], 1),
+            _mean(sums[number], 4) if velocity else None,
         )
-        for one in np.flatnonzero(large)
+        for number in np.flatnonzero(large)
     ]
     pieces.sort(key=lambda each: (-each.mass, each.centre))
     return Fragments(tuple(pieces), int((~large).sum()), float(sums[~large, 0].sum()))
@@ -83,7 +83,7 @@ def fragments(results: Results, step: int, found: Opened) -> Fragments:
 
 def _mean(sums: NDArray[np.float64], first: int) -> tuple[float, float, float]:
     """Three components of a mean, from sums weighted by mass."""
-    x, y, z = (float(each) for each in sums[first : first + 3] / sums[0])
+    x, y, z = (float(component) for component in sums[first : first + 3] / sums[0])
     return x, y, z
 
 

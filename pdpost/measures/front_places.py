@@ -46,10 +46,10 @@ def cracks_at(results: Results, step: int) -> Cracks:
     nodes = results.nodes(step)
     triangles = results.cracks().reshape(-1, 3, 3)
     if (results.breaks().step <= step).any():
-        found = opened(results, step)
-        if (found.step >= 0).any():
-            whole, now = surface(results, step, found), step * float(results.meta()["time_step"])
-            return Cracks(whole.middle[whole.time <= now], fronts(whole, now))
+        parted_pairs = opened(results, step)
+        if (parted_pairs.step >= 0).any():
+            cracks, now = surface(results, step, parted_pairs), step * float(results.meta()["time_step"])
+            return Cracks(cracks.middle[cracks.time <= now], fronts(cracks, now))
     if not len(triangles):
         return Cracks(np.zeros((0, 3)), [])
     spacing, edges = float(nodes.delta.min()), front(triangles)
@@ -64,21 +64,21 @@ def cracks_at(results: Results, step: int) -> Cracks:
 def _inside(nodes: Nodes, line: Polyline, spacing: float) -> list[Polyline]:
     """The parts of a line, as points at most half a spacing apart, that are in the cubes of nodes."""
     low, high = _box(nodes)
-    kept = []
+    pieces = []
     for a, b in itertools.pairwise(line):
         piece = _clipped(a, b, low, high)
         count = 0 if piece is None else int(np.ceil(2 * np.linalg.norm(piece[1] - piece[0]) / spacing))
         if piece is not None and count:
-            kept.append(piece[0] + np.arange(count + 1)[:, None] / count * (piece[1] - piece[0]))
-    if not kept:
+            pieces.append(piece[0] + np.arange(count + 1)[:, None] / count * (piece[1] - piece[0]))
+    if not pieces:
         return []
-    every = np.concatenate([kept[0], *(piece[1:] for piece in kept[1:])])
+    every = np.concatenate([pieces[0], *(piece[1:] for piece in pieces[1:])])
     away, nearest = cKDTree(nodes.position).query(every, p=np.inf)
-    there = away <= (0.5 + NEAR) * nodes.delta[nearest]
-    there[1:] &= np.linalg.norm(np.diff(every, axis=0), axis=1) < spacing
-    parts = np.split(np.arange(len(every)), np.flatnonzero(~there))
-    found = [every[part[there[part]]] for part in parts]
-    return [part for part in found if len(part) > 1]
+    inside = away <= (0.5 + NEAR) * nodes.delta[nearest]
+    inside[1:] &= np.linalg.norm(np.diff(every, axis=0), axis=1) < spacing
+    parts = np.split(np.arange(len(every)), np.flatnonzero(~inside))
+    inner_parts = [every[part[inside[part]]] for part in parts]
+    return [part for part in inner_parts if len(part) > 1]
 
 
 def _clipped(
@@ -87,12 +87,12 @@ def _clipped(
     """The part (2, 3) of a segment in a box; None if there is none."""
     way = b - a
     with np.errstate(divide="ignore", invalid="ignore"):
-        one, two = (low - a) / way, (high - a) / way
+        at_low, at_high = (low - a) / way, (high - a) / way
     still = way == 0
     if (still & ((a < low) | (a > high))).any():
         return None
-    first = np.where(still, 0.0, np.minimum(one, two)).max(initial=0.0)
-    last = np.where(still, 1.0, np.maximum(one, two)).min(initial=1.0)
+    first = np.where(still, 0.0, np.minimum(at_low, at_high)).max(initial=0.0)
+    last = np.where(still, 1.0, np.maximum(at_low, at_high)).min(initial=1.0)
     return np.array([a + first * way, a + last * way]) if first < last else None
 
 
@@ -104,17 +104,17 @@ def _box(nodes: Nodes) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 def _sampled(nodes: Nodes, triangles: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
     """Points (p, 3) of triangles in the box of the nodes: the middles of pieces no longer than a spacing."""
     low, high = _box(nodes)
-    found = []
+    points = []
     while len(triangles):
         near = (triangles.max(axis=1) >= low).all(axis=1) & (triangles.min(axis=1) <= high).all(axis=1)
         triangles = triangles[near]
         turned = np.roll(triangles, -1, axis=1)
         small = ((turned - triangles) ** 2).sum(axis=2).max(axis=1, initial=0.0) <= spacing**2
-        found.append(triangles[small].mean(axis=1))
+        points.append(triangles[small].mean(axis=1))
         corner, middle = triangles[~small], ((triangles + turned) / 2)[~small]
         of_corners = [np.stack([corner[:, k], middle[:, k], middle[:, k - 1]], axis=1) for k in range(3)]
         triangles = np.concatenate([middle, *of_corners])
-    return np.concatenate(found)
+    return np.concatenate(points)
 
 
 def front_points(nodes: Nodes, cracks: Cracks, line: Polyline, ratio: float) -> FrontPoints:
@@ -124,29 +124,29 @@ def front_points(nodes: Nodes, cracks: Cracks, line: Polyline, ratio: float) -> 
     """
     distances = np.linalg.norm(np.diff(line, axis=0), axis=1)
     at = np.concatenate([[0.0], np.cumsum(distances)])
-    whole, closed = float(at[-1]), bool(np.allclose(line[0], line[-1]))
+    total_length, closed = float(at[-1]), bool(np.allclose(line[0], line[-1]))
     tree, surface_tree = cKDTree(nodes.position), cKDTree(cracks.points)
     grain = float(nodes.delta.min())
-    count = max(round(whole / (EVERY * grain)), 1)
-    along = (np.arange(count) + (0.0 if closed else 0.5)) * whole / count
-    fine = np.arange(0.0, whole, min(grain / 2, whole / 64))
+    count = max(round(total_length / (EVERY * grain)), 1)
+    along = (np.arange(count) + (0.0 if closed else 0.5)) * total_length / count
+    fine = np.arange(0.0, total_length, min(grain / 2, total_length / 64))
     points = _on(line, at, fine)
-    kept, places, spacings, before = [], [], [], None
+    arc_lengths, places, spacings, before = [], [], [], None
     for s in along.tolist():
-        here = _on(line, at, np.array([s]))[0]
-        spacing = float(nodes.delta[tree.query(here)[1]])
+        point = _on(line, at, np.array([s]))[0]
+        spacing = float(nodes.delta[tree.query(point)[1]])
         off = np.abs(fine - s)
-        off = np.minimum(off, whole - off) if closed else off
-        beside = points[off <= WINDOW * ratio * spacing]
-        behind = cracks.points[surface_tree.query_ball_point(here, WINDOW * ratio * spacing)]
-        if len(beside) < FEWEST or len(behind) < FEWEST:
+        off = np.minimum(off, total_length - off) if closed else off
+        near_front = points[off <= WINDOW * ratio * spacing]
+        near_crack = cracks.points[surface_tree.query_ball_point(point, WINDOW * ratio * spacing)]
+        if len(near_front) < FEWEST or len(near_crack) < FEWEST:
             continue
-        place = _arc(here, beside, behind, before)
+        place = _arc(point, near_front, near_crack, before)
         before = place.frame[1]
-        kept.append(s)
+        arc_lengths.append(s)
         places.append(place)
         spacings.append(spacing)
-    return FrontPoints(np.array(kept), places, np.array(spacings))
+    return FrontPoints(np.array(arc_lengths), places, np.array(spacings))
 
 
 def _on(line: Polyline, at: NDArray[np.float64], s: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -154,28 +154,29 @@ def _on(line: Polyline, at: NDArray[np.float64], s: NDArray[np.float64]) -> NDAr
 
 
 def _arc(
-    here: NDArray[np.float64],
-    beside: NDArray[np.float64],
-    behind: NDArray[np.float64],
+    point: NDArray[np.float64],
+    near_front: NDArray[np.float64],
+    near_crack: NDArray[np.float64],
     before: NDArray[np.float64] | None,
 ) -> FrontPlace:
-    """The arc at a point: a circle through the front `beside` it, in the plane of the crack `behind` it.
+    """The arc at a point: a circle through points `near_front` of the front, in the plane of those and points
+    `near_crack` of the crack.
 
     The normal is on the side of that of the point `before`, of the first one along its longest component.
     """
-    normal = np.linalg.svd(np.concatenate([behind, beside]) - here, full_matrices=False)[2][2]
+    normal = np.linalg.svd(np.concatenate([near_crack, near_front]) - point, full_matrices=False)[2][2]
     side = normal if before is None else before
     normal = normal * np.sign((normal @ side) if before is not None else normal[np.abs(normal).argmax()])
-    tangent = np.linalg.svd(beside - beside.mean(axis=0), full_matrices=False)[2][0]
+    tangent = np.linalg.svd(near_front - near_front.mean(axis=0), full_matrices=False)[2][0]
     tangent -= (tangent @ normal) * normal
     tangent /= np.linalg.norm(tangent)
     growth = np.cross(normal, tangent)
-    if growth @ (behind.mean(axis=0) - beside.mean(axis=0)) > 0:
+    if growth @ (near_crack.mean(axis=0) - near_front.mean(axis=0)) > 0:
         growth, tangent = -growth, -tangent
-    x, w = (beside - here) @ growth, (beside - here) @ tangent
+    x, w = (near_front - point) @ growth, (near_front - point) @ tangent
     unit = float(np.abs(w).max())
     terms = np.column_stack([-(x * x + w * w) / (2 * unit**2), w / unit, np.ones(len(x))])
     bend, slant, shift = np.linalg.lstsq(terms, x / unit, rcond=None)[0]
     tangent = (tangent + slant * growth) / np.hypot(1.0, slant)
     frame = np.array([np.cross(normal, tangent), normal, tangent])
-    return FrontPlace(here + shift * unit * growth, frame, float(bend / unit))
+    return FrontPlace(point + shift * unit * growth, frame, float(bend / unit))

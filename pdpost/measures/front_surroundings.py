@@ -39,36 +39,36 @@ class ObstaclesInSpace:
         nodes = results.nodes(step)
         self._nodes, self._cracks, self._tree = nodes, cracks, cKDTree(nodes.position)
         self._elastic = stiffness(results, step)
-        held = np.zeros(len(nodes.ids), dtype=bool)
+        acted_on = np.zeros(len(nodes.ids), dtype=bool)
         for condition in read(results, _Conditions).conditions:
             if condition["kind"] not in FREE:
-                held |= selected(nodes, condition.get("nodes"), condition.get("box"))
-        self._held, self._surface = held, _outside(nodes)
+                acted_on |= selected(nodes, condition.get("nodes"), condition.get("box"))
+        self._held, self._surface = acted_on, _outside(nodes)
 
-    def room(self, here: FrontPlace, half: float, most: float) -> Room:
+    def room(self, front_place: FrontPlace, half: float, most: float) -> Room:
         """The room around a point of a front, `most` m at most, for a tube of the half length `half`, m."""
-        near = np.array(self._tree.query_ball_point(here.place, np.hypot(most, half + most)), dtype=np.int64)
-        nodes, own = self._nodes, int(self._tree.query(here.place)[1])
-        spacing = float(nodes.delta[own])
+        near = np.array(self._tree.query_ball_point(front_place.place, np.hypot(most, half + most)), dtype=np.int64)
+        nodes, nearest = self._nodes, int(self._tree.query(front_place.place)[1])
+        spacing = float(nodes.delta[nearest])
         E, nu, _ = self._elastic
-        other = (E[near] != E[own]) | (nu[near] != nu[own])
-        found = [Room(most, "")]
-        if here.curvature:
-            found.append(Room(AXIS / abs(here.curvature), "the middle of the front's arc"))
+        other_material = (E[near] != E[nearest]) | (nu[near] != nu[nearest])
+        rooms = [Room(most, "")]
+        if front_place.curvature:
+            rooms.append(Room(AXIS / abs(front_place.curvature), "the middle of the front's arc"))
         points = self._cracks.points
         ahead = np.concatenate(self._cracks.fronts)
         for places, what in (
             (self._surface, "the surface of the body"),
-            (points[~_behind(points, here, spacing)], "another crack or a bend of this one"),
-            (ahead[~_on(ahead, here, spacing)], "another front or a bend of this one"),
+            (points[~_behind(points, front_place, spacing)], "another crack or a bend of this one"),
+            (ahead[~_on(ahead, front_place, spacing)], "another front or a bend of this one"),
             (nodes.position[near[self._held[near]]], "nodes of a load or grip"),
-            (nodes.position[near[other]], "another material"),
+            (nodes.position[near[other_material]], "another material"),
         ):
-            x, y, s, _ = across(places, here)
-            beside = np.abs(s) < half
-            if beside.any():
-                found.append(Room(float(np.hypot(x, y)[beside].min()), what))
-        return min(found)
+            x, y, s, _ = across(places, front_place)
+            in_tube = np.abs(s) < half
+            if in_tube.any():
+                rooms.append(Room(float(np.hypot(x, y)[in_tube].min()), what))
+        return min(rooms)
 
 
 def _outside(nodes: Nodes) -> NDArray[np.float64]:
@@ -81,23 +81,23 @@ def _outside(nodes: Nodes) -> NDArray[np.float64]:
     covered = np.zeros((6, count))
     for side in range(6):
         for end in (0, 1):
-            some = (axis == side % 3) & (ahead == ((side < 3) == (end == 0)))
-            covered[side] += np.bincount(pairs[some, end], shared[some], count)
+            side_pairs = (axis == side % 3) & (ahead == ((side < 3) == (end == 0)))
+            covered[side] += np.bincount(pairs[side_pairs, end], shared[side_pairs], count)
     sides, row = np.nonzero(covered < (1 - NEAR) * nodes.delta**2)
-    found = nodes.position[row]
-    found[np.arange(len(row)), sides % 3] += np.where(sides < 3, 0.5, -0.5) * nodes.delta[row]
-    return found
+    middles = nodes.position[row]
+    middles[np.arange(len(row)), sides % 3] += np.where(sides < 3, 0.5, -0.5) * nodes.delta[row]
+    return middles
 
 
-def _behind(points: NDArray[np.float64], here: FrontPlace, spacing: float) -> NDArray[np.bool_]:
+def _behind(points: NDArray[np.float64], front_place: FrontPlace, spacing: float) -> NDArray[np.bool_]:
     """Mask (p,) of points of the crack whose front has the arc."""
-    x, y, _, _ = across(points, here)
+    x, y, _, _ = across(points, front_place)
     slack = np.maximum(BESIDE * spacing, SLANT * np.hypot(x, y))
     return np.asarray((np.abs(y) < slack) & (x < slack))
 
 
-def _on(points: NDArray[np.float64], here: FrontPlace, spacing: float) -> NDArray[np.bool_]:
+def _on(points: NDArray[np.float64], front_place: FrontPlace, spacing: float) -> NDArray[np.bool_]:
     """Mask (p,) of points of fronts that are on the arc."""
-    x, y, s, _ = across(points, here)
+    x, y, s, _ = across(points, front_place)
     slack = np.maximum(BESIDE * spacing, SLANT * np.abs(s))
     return np.asarray(np.hypot(x, y) < slack)

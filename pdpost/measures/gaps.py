@@ -53,20 +53,23 @@ class _Monitored(msgspec.Struct):
 
 def named_gap(results: Results, name: str) -> Gap:
     """The gap of this name in the model. Raises ResultsError naming those that there are."""
-    gaps = {each.name: each for each in read(results, _Monitored).run.gaps}
+    gaps = {gap_settings.name: gap_settings for gap_settings in read(results, _Monitored).run.gaps}
     if name not in gaps:
         raise ResultsError(f"--gap: there is no gap '{name}'; use {', '.join(gaps) or 'two places: it has no gap'}")
-    one, other = gaps[name].ends
-    return gap(results, one, other)
+    first_place, second_place = gaps[name].ends
+    return gap(results, first_place, second_place)
 
 
-def gap(results: Results, one: Place, other: Place) -> Gap:
+def gap(results: Results, first_place: Place, second_place: Place) -> Gap:
     """The gap between the nodes nearest to two places, m, from probes if there are any, else from frames.
 
     Raises ResultsError for places off the plate, for places with the same nearest node, and where nothing is recorded.
     """
     ways = "xyz"[: results.dimension]
-    ends = [[at_place(results, place, "displacement", component) for component in ways] for place in (one, other)]
+    ends = [
+        [at_place(results, place, "displacement", component) for component in ways]
+        for place in (first_place, second_place)
+    ]
     nodes = ends[0][0].nodes[0], ends[1][0].nodes[0]
     if nodes[0] == nodes[1]:
         raise ResultsError(f"--gap: node {nodes[0]} is nearest to both places; use places nearest to two nodes")
@@ -78,13 +81,13 @@ def gap(results: Results, one: Place, other: Place) -> Gap:
     return Gap(nodes, time, way - float(reduce(np.hypot, second - first)))
 
 
-def against(found: Gap, reaction: Reaction, axis: int, smooth: int = 1) -> Pulled:
+def against(gap: Gap, reaction: Reaction, axis: int, smooth: int = 1) -> Pulled:
     """The force of a condition along an axis against a gap; `smooth` is the number of steps in a running mean.
 
     Raises ResultsError where fewer than two steps are left.
     """
-    both = np.intersect1d(found.time, reaction.time)
-    opening = found.opening[np.isin(found.time, both)]
+    both = np.intersect1d(gap.time, reaction.time)
+    opening = gap.opening[np.isin(gap.time, both)]
     force = reaction.force[np.isin(reaction.time, both), axis]
     if len(both) < max(2, smooth):
         raise ResultsError(

@@ -52,7 +52,7 @@ def of_node(results: Results, node: int, quantity: str = "displacement", compone
         value = _component(np.column_stack([mine[column] for column in columns]), component)
         return History(label, component, (node,), "probe", mine["time"], value, value, value, place, 0.0)
     time, values = _of_frames(results, lambda nodes: np.flatnonzero(nodes.ids == node), quantity, component)
-    value = np.array([some[0] if len(some) else np.nan for some in values])
+    value = np.array([frame_values[0] if len(frame_values) else np.nan for frame_values in values])
     return History(label, component, (node,), "frames", time, value, value, value, place, 0.0)
 
 
@@ -111,7 +111,10 @@ def in_box(
         return np.flatnonzero(selection.in_box(nodes, corners))
 
     time, values = _of_frames(results, rows, quantity, component)
-    spread = [(some.mean(), some.min(), some.max()) if len(some) else (np.nan,) * 3 for some in values]
+    spread = [
+        (frame_values.mean(), frame_values.min(), frame_values.max()) if len(frame_values) else (np.nan,) * 3
+        for frame_values in values
+    ]
     middle, low, high = np.array(spread).T
     return History(label, component, ids, "frames", time, middle, low, high, None, 0.0)
 
@@ -121,8 +124,8 @@ def _of_frames(
 ) -> tuple[NDArray[np.float64], list[NDArray[np.float64]]]:
     """Times (t,) of the frames, and for each frame the quantity of the k nodes that `rows` selects."""
     steps, times = frames(results)
-    found = (vector(results, quantity, step)[rows(results.nodes(step))] for step in steps.tolist())
-    return times, [_component(ways, component) for ways in found]
+    frame_vectors = (vector(results, quantity, step)[rows(results.nodes(step))] for step in steps.tolist())
+    return times, [_component(ways, component) for ways in frame_vectors]
 
 
 def _booked(results: Results, node: int) -> int:
@@ -144,11 +147,11 @@ def _component(ways: NDArray[np.float64], component: str) -> NDArray[np.float64]
     return np.asarray(ways[:, "xyz".index(component)])
 
 
-def _expect(results: Results, option: str, given: tuple[float, ...], places: int) -> None:
+def _expect(results: Results, option: str, coordinates: tuple[float, ...], places: int) -> None:
     """Raise ResultsError if a place has not as many coordinates as the nodes."""
     expected = places * results.dimension
-    if len(given) != expected:
-        raise ResultsError(f"{option} has {len(given)} numbers; use {expected} in a {_kind(results)}")
+    if len(coordinates) != expected:
+        raise ResultsError(f"{option} has {len(coordinates)} numbers; use {expected} in a {_kind(results)}")
 
 
 def _kind(results: Results) -> str:

@@ -80,16 +80,16 @@ def follow_fronts(
     """
     if near is not None and len(near) != 3:
         raise ResultsError(f"--tip has {len(near)} numbers; use 3, a place in m")
-    found: list[AlongFront] = []
+    front_states: list[AlongFront] = []
     why: ResultsError | None = None
     for step in progress(list(steps)):
         try:
-            found += along_fronts(results, step, near, ring)
+            front_states += along_fronts(results, step, near, ring)
         except ResultsError as error:
             why = error
-    if not found and why is not None:
+    if not front_states and why is not None:
         raise why
-    return found
+    return front_states
 
 
 def along_fronts(
@@ -103,19 +103,19 @@ def along_fronts(
     cracks, nodes = cracks_at(results, step), results.nodes(step)
     ratio = read(results, _Model).horizon.ratio
     lines = cracks.fronts if near is None else sorted(cracks.fronts, key=lambda line: _away(line, near))[:1]
-    found = [front_points(nodes, cracks, line, ratio) for line in lines]
-    numbered = [(number, points) for number, points in enumerate(found) if len(points.places)]
+    line_points = [front_points(nodes, cracks, line, ratio) for line in lines]
+    numbered = [(number, points) for number, points in enumerate(line_points) if len(points.places)]
     if not numbered:
         raise ResultsError(f"{results.name}: no front of a crack is inside the body; use a frame with one")
     rooms = _rooms(results, step, cracks, [points for _, points in numbered], ring)
     tubes = [
-        [_tubes(room, ratio * spacing, ring) for room, spacing in zip(some, points.spacing, strict=True)]
-        for some, (_, points) in zip(rooms, numbered, strict=True)
+        [_tubes(room, ratio * spacing, ring) for room, spacing in zip(per_point, points.spacing, strict=True)]
+        for per_point, (_, points) in zip(rooms, numbered, strict=True)
     ]
     every = [
-        (here.place, tube)
-        for (_, points), some in zip(numbered, tubes, strict=True)
-        for here, wide in zip(points.places, some, strict=True)
+        (front_place.place, tube)
+        for (_, points), per_point in zip(numbered, tubes, strict=True)
+        for front_place, wide in zip(points.places, per_point, strict=True)
         for tube in wide[1:2]
     ]
     if not every:
@@ -125,12 +125,12 @@ def along_fronts(
     rows = np.unique(np.concatenate([tree.query_ball_point(place, reach) for place, _ in every]).astype(np.int64))
     at, elastic = _sample(results, step, rows), stiffness(results, step)
     series = []
-    for (number, points), some, room in zip(numbered, tubes, rooms, strict=True):
-        own = tree.query(np.array([here.place for here in points.places]))[1]
-        solids = [Elastic(float(elastic.E[row]), float(elastic.nu[row]), "strain") for row in own]
+    for (number, points), per_point, room in zip(numbered, tubes, rooms, strict=True):
+        nearest = tree.query(np.array([front_place.place for front_place in points.places]))[1]
+        solids = [Elastic(float(elastic.E[row]), float(elastic.nu[row]), "strain") for row in nearest]
         got = [
-            [front_integrals(at, here, tube, solid) for tube in wide]
-            for here, wide, solid in zip(points.places, some, solids, strict=True)
+            [front_integrals(at, front_place, tube, solid) for tube in wide]
+            for front_place, wide, solid in zip(points.places, per_point, solids, strict=True)
         ]
         refused = _refused(points, room, ratio, ring)
         found_here = _along(results, step, f"front {number}", points, got, solids, refused)
@@ -148,8 +148,8 @@ def _rooms(
     obstacles, ratio = ObstaclesInSpace(results, step, cracks), read(results, _Model).horizon.ratio
     return [
         [
-            obstacles.room(here, HALF * ratio * spacing, MOST * ratio * spacing if ring is None else ring[1])
-            for here, spacing in zip(points.places, points.spacing.tolist(), strict=True)
+            obstacles.room(front_place, HALF * ratio * spacing, MOST * ratio * spacing if ring is None else ring[1])
+            for front_place, spacing in zip(points.places, points.spacing.tolist(), strict=True)
         ]
         for points in fronts
     ]
@@ -171,12 +171,12 @@ def _tubes(room: Room, horizon: float, ring: tuple[float, float] | None) -> list
 def _refused(points: FrontPoints, rooms: list[Room], ratio: float, ring: tuple[float, float] | None) -> tuple[str, ...]:
     """Why each point has no room; "" if it has."""
     said = []
-    for here, spacing, room in zip(points.places, points.spacing.tolist(), rooms, strict=True):
+    for front_place, spacing, room in zip(points.places, points.spacing.tolist(), rooms, strict=True):
         least = LEAST * ratio * spacing if ring is None else ring[1]
         if room.radius >= least * (1 - ROUND_OFF):
             said.append("")
             continue
-        place = ", ".join(f"{x:.4g}" for x in here.place)
+        place = ", ".join(f"{x:.4g}" for x in front_place.place)
         wide = f"{LEAST:g} horizons, {least:.3g} m" if ring is None else f"{least:.3g} m"
         said.append(f"{room.limit} is {room.radius:.3g} m from the front at ({place}) m; room of {wide} is needed")
     return tuple(said)
@@ -186,10 +186,10 @@ def _sample(results: Results, step: int, rows: NDArray[np.int64]) -> SampledInSp
     """The fields of some nodes."""
     nodes = results.nodes(step)
     families = intact(results, results.families(step), step)
-    own = _of_rows(families, rows)
+    row_families = _of_rows(families, rows)
 
     def fitted(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        return gradients_of(nodes.position, nodes.area, values, own.start, own.neighbour, rows)
+        return gradients_of(nodes.position, nodes.area, values, row_families.start, row_families.neighbour, rows)
 
     gradient = fitted(vector(results, "displacement", step))
     gradient[separation_at(results, step)[rows] > CRUMB] = np.nan
@@ -219,10 +219,10 @@ def _of_rows(families: Families, rows: NDArray[np.int64]) -> Families:
 
 def _tensor(packed: NDArray[np.float64]) -> NDArray[np.float64]:
     """Symmetric tensors (n, 3, 3) of (n, 6)."""
-    found = np.empty((len(packed), 3, 3))
+    tensors = np.empty((len(packed), 3, 3))
     for k, (a, b) in enumerate(PAIRS):
-        found[:, a, b] = found[:, b, a] = packed[:, k]
-    return found
+        tensors[:, a, b] = tensors[:, b, a] = packed[:, k]
+    return tensors
 
 
 def _along(
@@ -234,32 +234,35 @@ def _along(
     solids: list[Elastic],
     refused: tuple[str, ...],
 ) -> AlongFront:
-    columns = {one: np.full((3, len(got)), np.nan) for one in NAMES}
+    columns = {quantity: np.full((3, len(got)), np.nan) for quantity in NAMES}
     of_K = np.full(len(got), np.nan)
-    for at, (found, solid) in enumerate(zip(got, solids, strict=True)):
-        if not found:
+    for at, (tubes, solid) in enumerate(zip(got, solids, strict=True)):
+        if not tubes:
             continue
-        for one in NAMES:
-            some = [float(getattr(tube, one)) for tube in found]
-            columns[one][:, at] = some[1], min(some), max(some)
-        _, K1, K2, K3 = found[1]
+        for quantity in NAMES:
+            tube_values = [float(getattr(tube, quantity)) for tube in tubes]
+            columns[quantity][:, at] = tube_values[1], min(tube_values), max(tube_values)
+        _, K1, K2, K3 = tubes[1]
         of_K[at] = (K1**2 + K2**2) / solid.effective + K3**2 / (2 * solid.shear)
-    value, low, high = ({one: column[row] for one, column in columns.items()} for row in range(3))
+    value, low, high = ({quantity: column[row] for quantity, column in columns.items()} for row in range(3))
     frames = _frames(points.places)
-    place, time = np.array([here.place for here in points.places]), step * float(results.meta()["time_step"])
+    place, time = (
+        np.array([front_place.place for front_place in points.places]),
+        step * float(results.meta()["time_step"]),
+    )
     return AlongFront(
         name, step, time, points.along, place, frames[:, 0], frames[:, 1], value, low, high, of_K, refused
     )
 
 
-def _yielded(one: AlongFront) -> AlongFront:
+def _yielded(front: AlongFront) -> AlongFront:
     """A front of a body that has yielded, of which J alone has a meaning."""
     value, low, high = (
-        {name: numbers if name == "J" else np.full_like(numbers, np.nan) for name, numbers in each.items()}
-        for each in (one.value, one.low, one.high)
+        {name: numbers if name == "J" else np.full_like(numbers, np.nan) for name, numbers in columns.items()}
+        for columns in (front.value, front.low, front.high)
     )
-    return one._replace(value=value, low=low, high=high, of_K=np.full_like(one.of_K, np.nan))
+    return front._replace(value=value, low=low, high=high, of_K=np.full_like(front.of_K, np.nan))
 
 
 def _frames(places: list[FrontPlace]) -> NDArray[np.float64]:
-    return np.array([here.frame for here in places])
+    return np.array([front_place.frame for front_place in places])

@@ -17,15 +17,15 @@ def neighbours(nodes: Nodes) -> NDArray[np.int64]:
     """Pairs (b, 2) of rows of nodes whose cubes share a face, the smaller row first, sorted."""
     levels = [np.flatnonzero(nodes.delta == spacing) for spacing in np.unique(nodes.delta)]
     trees = [cKDTree(nodes.position[rows]) for rows in levels]
-    found = [np.zeros((0, 2), dtype=np.int64)]
+    level_pairs = [np.zeros((0, 2), dtype=np.int64)]
     for rows, tree in zip(levels, trees, strict=True):
-        found.append(rows[tree.query_pairs((1 + NEAR) * nodes.delta[rows[0]], output_type="ndarray")])
-    for (rows, tree), (others, other) in itertools.combinations(zip(levels, trees, strict=True), 2):
-        one, two = nodes.delta[rows[0]], nodes.delta[others[0]]
-        reach = np.hypot((one + two) / 2, np.sqrt(2) * (two - one) / 2)
-        near = tree.sparse_distance_matrix(other, (1 + NEAR) * reach, output_type="ndarray")
-        found.append(np.column_stack([rows[near["i"]], others[near["j"]]]))
-    pairs = np.sort(np.concatenate(found), axis=1)
+        level_pairs.append(rows[tree.query_pairs((1 + NEAR) * nodes.delta[rows[0]], output_type="ndarray")])
+    for (rows, tree), (others, second_tree) in itertools.combinations(zip(levels, trees, strict=True), 2):
+        first_spacing, second_spacing = nodes.delta[rows[0]], nodes.delta[others[0]]
+        reach = np.hypot((first_spacing + second_spacing) / 2, np.sqrt(2) * (second_spacing - first_spacing) / 2)
+        near = tree.sparse_distance_matrix(second_tree, (1 + NEAR) * reach, output_type="ndarray")
+        level_pairs.append(np.column_stack([rows[near["i"]], others[near["j"]]]))
+    pairs = np.sort(np.concatenate(level_pairs), axis=1)
     pairs = pairs[_touch(nodes, pairs)]
     return np.asarray(pairs[np.lexsort(pairs.T[::-1])])
 

@@ -58,16 +58,16 @@ def line(results: Results, name: str, step: int, start: tuple[float, ...], end: 
             f"{results.name}: no place from {_told(start)} to {_told(end)} is in the"
             f" {'body' if results.dimension == 3 else 'plate'}; use some of {_told(_bounds(results, nodes))}"
         )
-    known = fields.components(results, name, step)
+    node_values = fields.components(results, name, step)
     silent = fields.torn(results, name, step)[rows]
     corners, weights = _weights(results, nodes, rows, places, step)
-    found = {}
-    for part, values in known.items():
-        own = np.where(silent, np.nan, values[rows])
-        at = np.einsum("kc,kc->k", own[corners], weights)
-        nearest = own[corners[np.arange(len(corners)), weights.argmax(axis=1)]]
-        found[part] = np.where(on, np.where(np.isfinite(at), at, nearest), np.nan)
-    return Line(places, share * length, found)
+    line_values = {}
+    for part, values in node_values.items():
+        row_values = np.where(silent, np.nan, values[rows])
+        at = np.einsum("kc,kc->k", row_values[corners], weights)
+        nearest = row_values[corners[np.arange(len(corners)), weights.argmax(axis=1)]]
+        line_values[part] = np.where(on, np.where(np.isfinite(at), at, nearest), np.nan)
+    return Line(places, share * length, line_values)
 
 
 def _told(numbers: Iterable[float]) -> str:
@@ -118,12 +118,12 @@ def _weights(
         return corners, weights
     simplex = mesh.find_simplex(targets)
     inside = np.flatnonzero(simplex >= 0)
-    some = mesh.simplices[simplex[inside]]
-    bonded = _bonded(results, rows, some, len(nodes.ids), step)
-    inside, some = inside[bonded], some[bonded]
+    simplex_corners = mesh.simplices[simplex[inside]]
+    bonded = _bonded(results, rows, simplex_corners, len(nodes.ids), step)
+    inside, simplex_corners = inside[bonded], simplex_corners[bonded]
     turn = mesh.transform[simplex[inside]]
     first = np.einsum("kab,kb->ka", turn[:, :d], targets[inside] - turn[:, d])
-    corners[inside] = some
+    corners[inside] = simplex_corners
     weights[inside] = np.column_stack([first, 1 - first.sum(axis=1)])
     return corners, weights
 
@@ -134,7 +134,7 @@ def _bonded(
     """Whether the nodes of each triangle (k, 3) or tetrahedron (k, 4) are all bonded to each other after `step`."""
     start, neighbour = intact(results, results.families(step), step)
     keys = np.repeat(np.arange(count), np.diff(start)) * count + neighbour  # rising but for neighbours' order
-    whole = np.ones(len(corners), dtype=bool)
-    for one, other in combinations(range(corners.shape[1]), 2):
-        whole &= np.isin(rows[corners[:, one]] * count + rows[corners[:, other]], keys)
-    return whole
+    all_bonded = np.ones(len(corners), dtype=bool)
+    for first, second in combinations(range(corners.shape[1]), 2):
+        all_bonded &= np.isin(rows[corners[:, first]] * count + rows[corners[:, second]], keys)
+    return all_bonded

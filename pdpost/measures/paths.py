@@ -28,16 +28,16 @@ def path(results: Results, step: int, threshold: float = CRACKED) -> list[Polyli
     return [branch.place for branch in tips(results, step, threshold)]
 
 
-def distance(one: Sequence[Polyline], other: Sequence[Polyline]) -> tuple[float, float]:
+def distance(first_lines: Sequence[Polyline], second_lines: Sequence[Polyline]) -> tuple[float, float]:
     """Distances between two sets of lines, m: the mean over the length of both, and the Hausdorff distance.
 
     The mean is that of the two mean distances from one set to the nearest points of the other. Each set is sampled at
     about 2000 points. Raises PathError if one is empty.
     """
-    if not one or not other:
+    if not first_lines or not second_lines:
         raise PathError("one of the runs has no path of a crack; compare runs with cracks")
-    there, back = _from_to(one, other), _from_to(other, one)
-    return (there[0] + back[0]) / 2, max(there[1], back[1])
+    forward, back = _from_to(first_lines, second_lines), _from_to(second_lines, first_lines)
+    return (forward[0] + back[0]) / 2, max(forward[1], back[1])
 
 
 def heading(lines: Sequence[Polyline]) -> str:
@@ -66,16 +66,16 @@ def _from_to(lines: Sequence[Polyline], others: Sequence[Polyline]) -> tuple[flo
 def _samples(lines: Sequence[Polyline]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Sample points of lines, including their corners, and the length that each stands for, m."""
     pieces = [np.hypot(*np.diff(line, axis=0).T) for line in lines]
-    whole = sum(float(piece.sum()) for piece in pieces)
-    if whole == 0:
+    total_length = sum(float(piece.sum()) for piece in pieces)
+    if total_length == 0:
         points = np.concatenate(list(lines))
         return points, np.ones(len(points))
-    found, weights = [], []
+    samples, weights = [], []
     for line, lengths in zip(lines, pieces, strict=True):
         for start, end, length in zip(line[:-1], line[1:], lengths, strict=True):
-            parts = max(1, int(np.ceil(SAMPLES * length / whole)))
-            found.append(start + np.linspace(0, 1, parts + 1)[:, None] * (end - start))
+            parts = max(1, int(np.ceil(SAMPLES * length / total_length)))
+            samples.append(start + np.linspace(0, 1, parts + 1)[:, None] * (end - start))
             weight = np.full(parts + 1, length / parts)
             weight[[0, -1]] /= 2
             weights.append(weight)
-    return np.concatenate(found), np.concatenate(weights)
+    return np.concatenate(samples), np.concatenate(weights)

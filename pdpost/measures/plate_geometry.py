@@ -54,18 +54,18 @@ def plate(results: Results) -> Plate:
     Without an outline it is the union of its nodes' squares at the start, with gaps between spacings closed; for many
     nodes, their bounding box.
     """
-    drawn = read(results, _Drawn)
-    edges = tuple(np.array(ring) for ring in (*drawn.outline, *drawn.holes))
+    geometry = read(results, _Drawn)
+    edges = tuple(np.array(ring) for ring in (*geometry.outline, *geometry.holes))
     if edges:
         outer, holes = (
-            shapely.union_all([shapely.make_valid(shapely.Polygon(ring)) for ring in some])
-            for some in (edges[: len(drawn.outline)], edges[len(drawn.outline) :])
+            shapely.union_all([shapely.make_valid(shapely.Polygon(ring)) for ring in rings])
+            for rings in (edges[: len(geometry.outline)], edges[len(geometry.outline) :])
         )
         shape = shapely.difference(outer, holes)
     else:
         shape = _around(results.nodes(0))
     shapely.prepare(shape)
-    return Plate(edges, results.cracks(), shape, drawn.run.adapt != "none", drawn.run.adapt == "split")
+    return Plate(edges, results.cracks(), shape, geometry.run.adapt != "none", geometry.run.adapt == "split")
 
 
 def _around(nodes: Nodes) -> shapely.Geometry:
@@ -77,18 +77,18 @@ def _around(nodes: Nodes) -> shapely.Geometry:
     return squares.buffer(reach, join_style="mitre").buffer(-reach, join_style="mitre")
 
 
-def check_alike(results: Results, other: Results) -> None:
+def check_alike(results: Results, reference: Results) -> None:
     """Raise ResultsError if two plates differ by more than a strip of two of the larger spacings."""
-    one, expected = plate(results).shape, plate(other).shape
-    reach = ALIKE / 2 * max(float(run.nodes(0).delta.max()) for run in (results, other))
-    off = shapely.symmetric_difference(one, expected).buffer(-reach)
+    shape, expected = plate(results).shape, plate(reference).shape
+    reach = ALIKE / 2 * max(float(run.nodes(0).delta.max()) for run in (results, reference))
+    off = shapely.symmetric_difference(shape, expected).buffer(-reach)
     if off.is_empty:
         return
-    x0, y0, x1, y1 = one.bounds
+    x0, y0, x1, y1 = shape.bounds
     a0, b0, a1, b1 = expected.bounds
     place = shapely.point_on_surface(off)
     raise ResultsError(
-        f"{results.name} is a plate from ({x0:g}, {y0:g}) to ({x1:g}, {y1:g}) m, and {other.name} one from ({a0:g},"
+        f"{results.name} is a plate from ({x0:g}, {y0:g}) to ({x1:g}, {y1:g}) m, and {reference.name} one from ({a0:g},"
         f" {b0:g}) to ({a1:g}, {b1:g}) m; compare runs of one plate (they differ at ({place.x:.4g}, {place.y:.4g})"
         " m)"
     )
@@ -106,14 +106,14 @@ def cells(nodes: Nodes, shape: shapely.Geometry) -> Cells:
     around = shapely.transform(shape, lambda corners: (corners - origin) / unit)
     frame = shapely.union(around.envelope, shapely.multipoints(points).envelope).envelope.buffer(4)
     try:
-        found = shapely.voronoi_polygons(shapely.multipoints(points), extend_to=frame, ordered=True)
+        polygons = shapely.voronoi_polygons(shapely.multipoints(points), extend_to=frame, ordered=True)
     except shapely.errors.GEOSException as error:
         raise ResultsError(f"nodes: some have no cell ({error}); move them apart") from None
-    found = shapely.get_parts(found)
+    polygons = shapely.get_parts(polygons)
     shapely.prepare(around)
-    outside = ~shapely.covers(around, found)
-    found[outside] = shapely.intersection(shapely.make_valid(found[outside]), around)
-    parts, node = shapely.get_parts(found, return_index=True)
+    outside = ~shapely.covers(around, polygons)
+    polygons[outside] = shapely.intersection(shapely.make_valid(polygons[outside]), around)
+    parts, node = shapely.get_parts(polygons, return_index=True)
     is_surface = shapely.get_dimensions(parts) == 2
     rings, ring_of = shapely.get_rings(shapely.orient_polygons(parts[is_surface]), return_index=True)
     corners, corner_of = shapely.get_coordinates(rings, return_index=True)

@@ -38,7 +38,7 @@ def predicted(results: Results, ways: Sequence[Direction], first_break: int) -> 
     """
     steps = results.frames()[0]
     before = steps[steps < first_break]
-    found = []
+    predictions = []
     for way in ways if len(before) else ():
         step = int(before[-1])
         try:
@@ -47,5 +47,5 @@ def predicted(results: Results, ways: Sequence[Direction], first_break: int) -> 
             continue
         (low,), (angle,), (high,) = (side["angle"].tolist() for side in (series.low, series.value, series.high))
         if np.isfinite(angle) and high - low <= SURE and float(series.value["J"][0]) > 0:
-            found.append(Predicted(way.tip, step, angle, low, high, way.angle - angle))
-    return found
+            predictions.append(Predicted(way.tip, step, angle, low, high, way.angle - angle))
+    return predictions

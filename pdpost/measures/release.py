@@ -34,10 +34,10 @@ class Release(NamedTuple):
 
     def at(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
         """The energy release dD/da (t,) at times (t,), s, in J/m^2; NaN where no crack grows."""
-        known = np.isfinite(self.value)
-        if not known.any():
+        finite = np.isfinite(self.value)
+        if not finite.any():
             return np.full(len(time), np.nan)
-        return np.asarray(np.interp(time, self.time[known], self.value[known], left=np.nan, right=np.nan))
+        return np.asarray(np.interp(time, self.time[finite], self.value[finite], left=np.nan, right=np.nan))
 
 
 class _Plate(msgspec.Struct):

@@ -41,8 +41,12 @@ class Spread(NamedTuple):
     @property
     def ends(self) -> tuple[float, float]:
         """Smallest and largest known value; NaN without any."""
-        known = self.known
-        return (float(known.min()), float(known.max())) if len(known) else (float("nan"), float("nan"))
+        known_values = self.known
+        return (
+            (float(known_values.min()), float(known_values.max()))
+            if len(known_values)
+            else (float("nan"), float("nan"))
+        )
 
 
 def spreads(study: Read, measure: str, over: str | None) -> list[Spread]:
@@ -54,9 +58,9 @@ def spreads(study: Read, measure: str, over: str | None) -> list[Spread]:
     units = {name: column.unit for name, column in study.columns.items()}
     together: dict[tuple[str, Any], list[tuple[int, float]]] = {}
     for row in study.rows:
-        found = row.values[measure]
+        measure_value = row.values[measure]
         at = (label(row, others, units), None if over is None else row.values[over])
-        together.setdefault(at, []).append((row.number, np.nan if found is None else float(found)))
+        together.setdefault(at, []).append((row.number, np.nan if measure_value is None else float(measure_value)))
     series = list(dict.fromkeys(name for name, _ in together))
     ordered = sorted(together, key=lambda at: (series.index(at[0]), _rank(at[1])))
     return [
@@ -71,10 +75,10 @@ def chosen(study: Read, measures: Sequence[str], over: str | None) -> tuple[list
     Raises StudyError naming the available ones.
     """
     kinds = {name: column.kind for name, column in study.columns.items()}
-    known = [name for name, kind in kinds.items() if kind == "measure"]
+    available = [name for name, kind in kinds.items() if kind == "measure"]
     for name in measures:
-        if name not in known:
-            raise StudyError(f"--measure is '{name}'; use one of {', '.join(known)}")
+        if name not in available:
+            raise StudyError(f"--measure is '{name}'; use one of {', '.join(available)}")
     parameters = [name for name, kind in kinds.items() if kind != "measure"]
     if over is not None and over not in parameters:
         raise StudyError(f"--over is '{over}'; use one of {', '.join(parameters) or 'none'}")
@@ -89,11 +93,11 @@ def empty(study: Read, measures: Sequence[str]) -> list[str]:
 
 def _telling(study: Read) -> list[str]:
     """The most informative measures: those that differ between runs, first those known in at least half of the runs."""
-    there = ["wall_time"] if set(HOW) & set(study.varied) else []
-    there += [name for name in FIRST if name in study.columns]
-    values = {name: [value for row in study.rows if (value := row.values[name]) is not None] for name in there}
-    known = [name for name in there if values[name]]
-    differing = [name for name in known if len(set(values[name])) > 1] or known
+    candidates = ["wall_time"] if set(HOW) & set(study.varied) else []
+    candidates += [name for name in FIRST if name in study.columns]
+    values = {name: [value for row in study.rows if (value := row.values[name]) is not None] for name in candidates}
+    nonempty = [name for name in candidates if values[name]]
+    differing = [name for name in nonempty if len(set(values[name])) > 1] or nonempty
     return sorted(differing, key=lambda name: 2 * len(values[name]) < len(study.rows))[:PANELS]
 
 

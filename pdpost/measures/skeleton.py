@@ -28,15 +28,15 @@ Chain = list[int]  # numbers of parts from joint to joint, away from where the c
 class Skeleton:
     """Parts of slabs and their links; a removed part has no links."""
 
-    def __init__(self, grown: Grown) -> None:
-        mine = np.flatnonzero(grown.crack >= 0)
-        self.level = grown.level
-        slab, crack = np.floor((grown.level[mine] + ROUND_OFF) / SLAB).astype(np.int64), grown.crack[mine]
-        links = grown.links[mine][:, mine].tocoo()
-        one, other = links.coords
-        of_one_crack = crack[one] == crack[other]
-        inside, across = (of_one_crack & (np.abs(slab[one] - slab[other]) == apart) for apart in (0, 1))
-        same = coo_array((np.ones(int(inside.sum())), (one[inside], other[inside])), links.shape)
+    def __init__(self, cracked: Grown) -> None:
+        mine = np.flatnonzero(cracked.crack >= 0)
+        self.level = cracked.level
+        slab, crack = np.floor((cracked.level[mine] + ROUND_OFF) / SLAB).astype(np.int64), cracked.crack[mine]
+        links = cracked.links[mine][:, mine].tocoo()
+        node, neighbour = links.coords
+        of_one_crack = crack[node] == crack[neighbour]
+        inside, across = (of_one_crack & (np.abs(slab[node] - slab[neighbour]) == apart) for apart in (0, 1))
+        same = coo_array((np.ones(int(inside.sum())), (node[inside], neighbour[inside])), links.shape)
         count, part = connected_components(same, directed=False) if len(mine) else (0, mine)
         order = np.argsort(part, kind="stable")
         groups = np.split(mine[order], np.cumsum(np.bincount(part, minlength=count))[:-1]) if count else []
@@ -44,20 +44,20 @@ class Skeleton:
         self.slab: list[int] = slab[order[np.searchsorted(part[order], np.arange(count))]].tolist()
         self.begins = {at for at, group in enumerate(groups) if self.level[group].min() == 0}
         self.links: list[set[int]] = [set() for _ in groups]
-        for a, b in zip(part[one[across]].tolist(), part[other[across]].tolist(), strict=True):
+        for a, b in zip(part[node[across]].tolist(), part[neighbour[across]].tolist(), strict=True):
             self.links[a].add(b)
 
     def chains(self) -> list[Chain]:
         """All parts as chains from joint to joint; joints are where cracks begin, end, fork and meet."""
         joints = {at for at in range(len(self.links)) if self._is_joint(at)}
-        found = []
+        chains = []
         for joint in sorted(joints):
             for following in sorted(self._further(joint)):
                 chain = [joint, following]
                 while chain[-1] not in joints:
                     chain += self._further(chain[-1])
-                found.append(chain)
-        return found
+                chains.append(chain)
+        return chains
 
     def is_end(self, at: int) -> bool:
         """Whether a crack ends at a part without meeting another."""
@@ -85,7 +85,7 @@ class Skeleton:
 
     def _further(self, at: int) -> list[int]:
         """The parts that follow one, away from the crack's origin."""
-        return [other for other in self.links[at] if self.slab[other] > self.slab[at]]
+        return [neighbour for neighbour in self.links[at] if self.slab[neighbour] > self.slab[at]]
 
     def _length(self, chain: Chain) -> float:
         """Length of a chain in spacings, up to its last node if it ends there."""
@@ -104,9 +104,9 @@ class Skeleton:
             ways.setdefault(way, chain)
 
     def _cut(self, chain: Chain) -> None:
-        for one, other in pairwise(chain):
-            self.links[one].discard(other)
-            self.links[other].discard(one)
+        for part, next_part in pairwise(chain):
+            self.links[part].discard(next_part)
+            self.links[next_part].discard(part)
 
     def _merge(self, chain: Chain, way: Chain) -> None:
         """Move the nodes of a chain to another between the same joints, slab by slab."""

@@ -43,11 +43,11 @@ def middle(results: Results) -> NDArray[np.float64]:
     Where no node lies at that coordinate along an axis, it is the nearest node's.
     """
     nodes = results.nodes(0)
-    found = (nodes.position.min(axis=0) + nodes.position.max(axis=0)) / 2
-    away = np.abs(nodes.position - found)
+    centre = (nodes.position.min(axis=0) + nodes.position.max(axis=0)) / 2
+    away = np.abs(nodes.position - centre)
     nearest = nodes.position[away.argmin(axis=0), np.arange(3)]
-    there = (away <= (0.5 + ROUND_OFF) * nodes.delta[:, None]).any(axis=0)
-    return np.asarray(np.where(there, found, nearest))
+    has_node = (away <= (0.5 + ROUND_OFF) * nodes.delta[:, None]).any(axis=0)
+    return np.asarray(np.where(has_node, centre, nearest))
 
 
 def cut(results: Results, shown: NDArray[np.float64], step: int, axis: str, at: float) -> Cut:
@@ -60,6 +60,6 @@ def cut(results: Results, shown: NDArray[np.float64], step: int, axis: str, at: 
     if not len(rows):
         low, high = float((along - nodes.delta / 2).min()), float((along + nodes.delta / 2).max())
         raise ResultsError(f"{results.name} has no node at {axis} = {at:g} m; use {low:g} to {high:g} m")
-    others = [each for each in range(3) if each != number]
+    others = [other_axis for other_axis in range(3) if other_axis != number]
     place = nodes.position[rows][:, others]
-    return Cut(rows, place, nodes.delta[rows], shown[rows], "".join(AXES[each] for each in others), at)
+    return Cut(rows, place, nodes.delta[rows], shown[rows], "".join(AXES[other_axis] for other_axis in others), at)

@@ -36,7 +36,7 @@ def speeds(
     cracks wait and jump. A speed is NaN if the stretch is shorter, if one of its points is not `known_time`, or if the
     uncertainty of the slope exceeds one half.
     """
-    found = np.full((3, len(along)), np.nan)
+    speed_columns = np.full((3, len(along)), np.nan)
     for at in range(len(along)):
         near = window(along, at, WINDOW * spacing[at])
         if near is not None:  # of the coarsest nodes there
@@ -46,12 +46,12 @@ def speeds(
         away, late = along[near] - along[near].mean(), time[near] - time[near].mean()
         free = len(away) - 2
         slowness = float(away @ late) / float(away @ away)
-        known = time_step**2 / 12 + (BLUR * spacing[at] * slowness) ** 2
-        scatter = max(float(((late - slowness * away) ** 2).sum()) / free, known)
+        least_variance = time_step**2 / 12 + (BLUR * spacing[at] * slowness) ** 2
+        scatter = max(float(((late - slowness * away) ** 2).sum()) / free, least_variance)
         off = float(stdtrit(free, (1 + SURE) / 2)) * np.sqrt(scatter / float(away @ away))
         if slowness > 0 and off <= VAGUE * slowness:
-            found[:, at] = 1 / slowness, 1 / (slowness + off), 1 / (slowness - off)
-    return Speeds(*found)
+            speed_columns[:, at] = 1 / slowness, 1 / (slowness + off), 1 / (slowness - off)
+    return Speeds(*speed_columns)
 
 
 def window(along: NDArray[np.float64], at: int, length: float) -> slice | None:

@@ -51,11 +51,11 @@ def fitted(nodes: Nodes, values: NDArray[np.float64], families: Families) -> NDA
 
 def intact(results: Results, families: Families, step: int) -> Families:
     """The bonds of `families` that are not broken after `step`."""
-    kept = ~broken(results, families, step)
+    unbroken = ~broken(results, families, step)
     count = len(families.start) - 1
     row = np.repeat(np.arange(count), np.diff(families.start))
-    start = np.concatenate([[0], np.cumsum(np.bincount(row[kept], minlength=count))])
-    return Families(start, families.neighbour[kept])
+    start = np.concatenate([[0], np.cumsum(np.bincount(row[unbroken], minlength=count))])
+    return Families(start, families.neighbour[unbroken])
 
 
 def broken(results: Results, families: Families, step: int) -> NDArray[np.bool_]:
@@ -65,10 +65,10 @@ def broken(results: Results, families: Families, step: int) -> NDArray[np.bool_]
     torn = np.zeros(count, dtype=bool)
     torn[node] = True
     bonds = np.flatnonzero(np.repeat(torn, np.diff(families.start)))
-    own = np.searchsorted(families.start, bonds, side="right") - 1
-    gone = np.zeros(len(families.neighbour), dtype=bool)
-    gone[bonds] = np.isin(own * count + families.neighbour[bonds], node * count + neighbour)
-    return gone
+    bond_node = np.searchsorted(families.start, bonds, side="right") - 1
+    broken_mask = np.zeros(len(families.neighbour), dtype=bool)
+    broken_mask[bonds] = np.isin(bond_node * count + families.neighbour[bonds], node * count + neighbour)
+    return broken_mask
 
 
 def broken_ends(
@@ -79,12 +79,16 @@ def broken_ends(
     Bonds that broke before one of their nodes was born belong to no present family: left out, unless `earlier`.
     """
     breaks, lives, rows = results.breaks(), results.lives(), results.rows(step)
-    here = lives.at(breaks.node, step)
-    there = lives.at(breaks.neighbour, step)
-    found = (breaks.step <= step) & (here >= 0) & (there >= 0)
+    node_rows = lives.at(breaks.node, step)
+    neighbour_rows = lives.at(breaks.neighbour, step)
+    present = (breaks.step <= step) & (node_rows >= 0) & (neighbour_rows >= 0)
     if not earlier:
-        found &= breaks.step >= lives.birth[here]
-    return np.searchsorted(rows, here[found]), np.searchsorted(rows, there[found]), breaks.step[found]
+        present &= breaks.step >= lives.birth[node_rows]
+    return (
+        np.searchsorted(rows, node_rows[present]),
+        np.searchsorted(rows, neighbour_rows[present]),
+        breaks.step[present],
+    )
 
 
 def stiffness(results: Results, step: int) -> Stiffness:
@@ -93,7 +97,7 @@ def stiffness(results: Results, step: int) -> Stiffness:
     A node that was born later has the material of the nearest initial node.
     """
     which, materials = _materials(results, step)
-    E, nu = (np.array(each)[which] for each in zip(*((m.E, poisson(m)) for m in materials), strict=True))
+    E, nu = (np.array(column)[which] for column in zip(*((m.E, poisson(m)) for m in materials), strict=True))
     return Stiffness(E, nu, materials[0].plane)
 
 
@@ -110,7 +114,7 @@ def thermal(results: Results, step: int) -> NDArray[np.float64]:
             f"{results.name} has no field 'T' or 'c' at step {step}; solve it with one (pdsolve --fields +T, or +c)"
         )
     which, materials = _materials(results, step)
-    alpha, T0 = (np.array(each)[which] for each in zip(*((m.alpha, m.T0) for m in materials), strict=True))
+    alpha, T0 = (np.array(column)[which] for column in zip(*((m.alpha, m.T0) for m in materials), strict=True))
     return np.asarray(alpha * (results.field(content, step).astype(float) - T0))
 
 
@@ -127,8 +131,8 @@ def stress_work(results: Results, step: int) -> NDArray[np.float64] | None:
     if not (alpha > 0).any():
         return None
     E, nu, yields, hardening = (
-        np.array(each)[which]
-        for each in zip(*((m.E, poisson(m), m.yield_stress or 0.0, m.hardening) for m in materials), strict=True)
+        np.array(column)[which]
+        for column in zip(*((m.E, poisson(m), m.yield_stress or 0.0, m.hardening) for m in materials), strict=True)
     )
     names = ("sxx", "syy", "szz", "sxy", "sxz", "syz")[: 6 if results.dimension == 3 else 4]
     s = np.array([results.field(name, step).astype(float) for name in names])

@@ -40,7 +40,7 @@ class Rings(NamedTuple):
 
     tip: Tip
     rings: tuple[Ring, ...]
-    found: tuple[Found, ...]
+    ring_integrals: tuple[Found, ...]
     effective: float  # Pa, E' of the plate there: E, or E / (1 - nu^2) in plane strain
     flows: bool  # whether nodes of the plate have yielded: only J has a meaning then
 
@@ -110,11 +110,14 @@ def follow(
                 if not said:
                     rings = state.around(step, tip, _rings(results, step, tip, room, ring))
             got[number].append(rings)
-    if not any(any(some) for some in got):
+    if not any(any(front_rings) for front_rings in got):
         all_of_them = [f"{front.name}: {why}" for front, why in zip(chosen, refused, strict=True) if why]
         raise ResultsError(f"{results.name}: {'; '.join(all_of_them) or 'found no tip of a crack at these frames'}")
     when = np.array(steps, dtype=np.int64)
-    return [_series(front, when, time_step, some, why) for front, some, why in zip(chosen, got, refused, strict=True)]
+    return [
+        _series(front, when, time_step, front_rings, why)
+        for front, front_rings, why in zip(chosen, got, refused, strict=True)
+    ]
 
 
 class State:
@@ -133,8 +136,8 @@ class State:
         nodes = self._results.nodes(step)
         every, near = stiffness(self._results, step), nearest(nodes, tip.place)
         elastic = Elastic(float(every.E[near]), float(every.nu[near]), every.plane)
-        found = tuple(integrals(self._sampled, tip.place, tip.way, ring, elastic) for ring in rings)
-        return Rings(tip, rings, found, elastic.effective, self._sampled.work is not None)
+        ring_integrals = tuple(integrals(self._sampled, tip.place, tip.way, ring, elastic) for ring in rings)
+        return Rings(tip, rings, ring_integrals, elastic.effective, self._sampled.work is not None)
 
     def _sample(self, step: int) -> Sampled:
         results, nodes = self._results, self._results.nodes(step)
@@ -153,8 +156,8 @@ class State:
 
 def _nearest(every: list[Front], steps: Sequence[int], time_step: float, near: tuple[float, float]) -> Front:
     def far(front: Front) -> float:
-        there = [tip.place for step in steps if (tip := front.at(step * time_step)) is not None]
-        return min((float(np.hypot(*(place - near))) for place in there), default=np.inf)
+        places = [tip.place for step in steps if (tip := front.at(step * time_step)) is not None]
+        return min((float(np.hypot(*(place - near))) for place in places), default=np.inf)
 
     return min(every, key=far)
 
@@ -176,12 +179,12 @@ def _too_small(results: Results, step: int, tip: Tip, room: Room, ring: Ring | N
     if room.radius >= least * (1 - ROUND_OFF):
         return ""
     where = f"{room.radius:.3g} m from" if room.radius > ROUND_OFF * spacing else "at"
-    found = f"{room.limit} is {where} the tip at ({x:.4g}, {y:.4g}) m; it needs room of"
+    message = f"{room.limit} is {where} the tip at ({x:.4g}, {y:.4g}) m; it needs room of"
     if ring is not None:
-        return f"{found} {least:.3g} m"
+        return f"{message} {least:.3g} m"
     enough = room.radius / (LEAST * ratio)
     finer = f" (nodes {_rounded_down(enough)} m apart have it)" if enough > FINEST * spacing else ""
-    return f"{found} {LEAST:g} horizons, {least:.3g} m{finer}"
+    return f"{message} {LEAST:g} horizons, {least:.3g} m{finer}"
 
 
 def _rounded_down(number: float) -> str:
@@ -190,11 +193,11 @@ def _rounded_down(number: float) -> str:
     return f"{np.floor(number / unit * (1 + ROUND_OFF)) * unit:.2g}"
 
 
-def _rings(results: Results, step: int, tip: Tip, room: Room, given: Ring | None) -> tuple[Ring, ...]:
+def _rings(results: Results, step: int, tip: Tip, room: Room, ring: Ring | None) -> tuple[Ring, ...]:
     """Three rings; the middle one gives the reported value."""
-    if given is not None:
-        quarter = (given.outer - given.inner) / 4
-        return Ring(given.inner, given.outer - quarter), given, Ring(given.inner + quarter, given.outer)
+    if ring is not None:
+        quarter = (ring.outer - ring.inner) / 4
+        return Ring(ring.inner, ring.outer - quarter), ring, Ring(ring.inner + quarter, ring.outer)
     horizon = read(results, _Model).horizon.ratio * _spacing(results, step, tip)
     least = max(BLURRED * horizon, 0.2 * room.radius)
     span = 0.8 * room.radius - least
@@ -209,8 +212,8 @@ def _series(front: Front, steps: NDArray[np.int64], time_step: float, got: list[
             continue
         places[at] = rings.tip.place
         for name in NAMES[:1] if rings.flows else NAMES:
-            some = [float(getattr(found, name)) for found in rings.found]
-            columns[name][:, at] = some[1], min(some), max(some)
+            ring_values = [float(getattr(integral, name)) for integral in rings.ring_integrals]
+            columns[name][:, at] = ring_values[1], min(ring_values), max(ring_values)
         of_K[at] = (columns["K1"][0, at] ** 2 + columns["K2"][0, at] ** 2) / rings.effective
     value, low, high = ({name: column[row] for name, column in columns.items()} for row in range(3))
     last = next((rings for rings in reversed(got) if rings is not None), None)

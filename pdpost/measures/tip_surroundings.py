@@ -82,29 +82,29 @@ def fronts(results: Results, step: int) -> list[Front]:
         for tip, heading in pre_crack_tips(results.cracks())
         if inside(results, tip) and edge.distance(shapely.Point(tip)) > spacing / 2
     ]
-    found, carried = [], set()
+    tip_fronts, carried = [], set()
     for number, branch in enumerate(branches):
         near = [k for k, (tip, _) in enumerate(starts) if np.hypot(*(tip - branch.place[0])) < BEGINS * spacing]
         carried |= set(near)
         start, heading = starts[near[0]] if near else (None, branch.direction[0])
-        found.append(Front(f"branch {number}", start, heading, branch, _last(results, branch, branches)))
+        tip_fronts.append(Front(f"branch {number}", start, heading, branch, _last(results, branch, branches)))
     for k, (tip, heading) in enumerate(starts):
         if k not in carried:
-            found.append(Front(f"pre-crack {k}", tip, heading, None, np.inf))
-    return found
+            tip_fronts.append(Front(f"pre-crack {k}", tip, heading, None, np.inf))
+    return tip_fronts
 
 
 def _last(results: Results, branch: Branch, branches: Sequence[Branch]) -> float:
     """The last time, s, at which the tip of a branch existed."""
-    arms = [other for other in branches if other.begin == branch.end]
+    arms = [other_branch for other_branch in branches if other_branch.begin == branch.end]
     if not branch.exact:
-        met = any(other.end == branch.end for other in branches if other is not branch)
+        met = any(other_branch.end == branch.end for other_branch in branches if other_branch is not branch)
         return float(branch.time[-1]) if arms or met else np.inf
     if arms:
         return float(np.nextafter(arms[0].time[0], 0))
     end, spacing, shape = shapely.Point(branch.place[-1]), branch.spacing[-1], plate(results).shape
-    grown = (np.stack([one.place[:-1], one.place[1:]], axis=1) for one in branches)
-    every = shapely.linestrings(np.concatenate([results.cracks().reshape(-1, 2, 2), *grown]))
+    arm_segments = (np.stack([any_branch.place[:-1], any_branch.place[1:]], axis=1) for any_branch in branches)
+    every = shapely.linestrings(np.concatenate([results.cracks().reshape(-1, 2, 2), *arm_segments]))
     on_another = shapely.dwithin(every, end, TOUCHES * spacing).sum() > 1  # its own last arm is one
     on_edge = not shapely.intersects(shape, end) or shape.boundary.distance(end) <= spacing / 2
     return float(np.nextafter(branch.time[-1], 0)) if on_another or on_edge else np.inf
@@ -144,21 +144,21 @@ class Obstacles:
         nodes = self._results.nodes(step)
         elastic = stiffness(self._results, step)
         near = nearest(nodes, tip.place)
-        other = (elastic.E[near] != elastic.E) | (elastic.nu[near] != elastic.nu)
-        found = [Room(float(self._edge.distance(shapely.Point(tip.place))), "the edge of the plate")]
+        other_material = (elastic.E[near] != elastic.E) | (elastic.nu[near] != elastic.nu)
+        rooms = [Room(float(self._edge.distance(shapely.Point(tip.place))), "the edge of the plate")]
         for places, what in (
             (self._other_tips(tip, time), "another tip"),
             (self._other_cracks(tip, time, float(nodes.delta[near])), "another crack or a bend of this one"),
             (nodes.position[self._acted_on(nodes)], "nodes of a load or grip"),
-            (nodes.position[other], "another material"),
+            (nodes.position[other_material], "another material"),
         ):
             if len(places):
-                found.append(Room(float(np.hypot(*(places - tip.place).T).min()), what))
-        return min(found)
+                rooms.append(Room(float(np.hypot(*(places - tip.place).T).min()), what))
+        return min(rooms)
 
     def _other_tips(self, tip: Tip, time: float) -> NDArray[np.float64]:
-        there = [at.place for front in self._fronts if (at := front.at(time)) is not None]
-        return np.array([place for place in there if not np.array_equal(place, tip.place)]).reshape(-1, 2)
+        places = [at.place for front in self._fronts if (at := front.at(time)) is not None]
+        return np.array([place for place in places if not np.array_equal(place, tip.place)]).reshape(-1, 2)
 
     def _other_cracks(self, tip: Tip, time: float, spacing: float) -> NDArray[np.float64]:
         """Points of all cracks except those on the line behind the tip."""
@@ -169,19 +169,19 @@ class Obstacles:
                 segments.append(np.stack([line[:-1], line[1:]], axis=1))
         every = np.concatenate(segments)
         count = np.ceil(2 * np.hypot(*(every[:, 1] - every[:, 0]).T) / spacing).astype(int) + 1
-        share = np.concatenate([np.linspace(0, 1, some) for some in count]) if len(count) else np.zeros(0)
+        share = np.concatenate([np.linspace(0, 1, number) for number in count]) if len(count) else np.zeros(0)
         start, end = (np.repeat(every[:, side], count, axis=0) for side in (0, 1))
         away = start + share[:, None] * (end - start) - tip.place
         along, across = away @ tip.way, away @ np.array([-tip.way[1], tip.way[0]])
-        own = (along < spacing) & (np.abs(across) <= np.maximum(BESIDE * spacing, SLANT * np.abs(along)))
-        return np.asarray((away + tip.place)[~own])
+        behind_tip = (along < spacing) & (np.abs(across) <= np.maximum(BESIDE * spacing, SLANT * np.abs(along)))
+        return np.asarray((away + tip.place)[~behind_tip])
 
     def _acted_on(self, nodes: Nodes) -> NDArray[np.bool_]:
-        there = np.zeros(len(nodes.ids), dtype=bool)
+        acted_on = np.zeros(len(nodes.ids), dtype=bool)
         for condition in self._conditions:
             if condition["kind"] not in FREE:
-                there |= selected(nodes, condition.get("nodes"), condition.get("box"))
-        return there
+                acted_on |= selected(nodes, condition.get("nodes"), condition.get("box"))
+        return acted_on
 
 
 class _Conditions(msgspec.Struct):

@@ -112,17 +112,17 @@ def tips(results: Results, step: int | None = None, threshold: float = CRACKED) 
     time_step = float(results.meta()["time_step"])
     pre_cracks = np.array([tip for tip, _ in pre_crack_tips(results.cracks())]).reshape(-1, 2)
     reached: dict[int, tuple[float, float]] = {}  # time and length at joints
-    found = []
+    branches = []
     for chain in sorted(skeleton.chains(), key=lambda chain: (skeleton.slab[chain[0]], chain)):
         points = _points(skeleton, cracked, chain, pre_cracks)
         branch = _branch(chain, points, *reached.get(chain[0], (0.0, 0.0)), time_step)
-        found.append(branch)
+        branches.append(branch)
         arrival = float(branch.time[-1]), float(branch.along[-1])
         reached[chain[-1]] = min(arrival, reached.get(chain[-1], arrival))
-    if found:
+    if branches:
         edges, ratio = plate(results).shape.boundary, read(results, _Model).horizon.ratio
-        found = [replace(branch, inside=_inside(branch, edges, ratio)) for branch in found]
-    return sorted(found, key=lambda branch: -branch.length)
+        branches = [replace(branch, inside=_inside(branch, edges, ratio)) for branch in branches]
+    return sorted(branches, key=lambda branch: -branch.length)
 
 
 def _inside(branch: Branch, edges: shapely.Geometry, ratio: float) -> int | None:
@@ -137,7 +137,7 @@ def forks(branches: Sequence[Branch]) -> list[Fork]:
 
     Directions are those of straight lines through the ten spacings next to the fork.
     """
-    found = []
+    fork_list = []
     for joint in sorted({branch.begin for branch in branches}):
         arms = [branch for branch in branches if branch.begin == joint]
         stems = [branch for branch in branches if branch.end == joint]
@@ -147,8 +147,8 @@ def forks(branches: Sequence[Branch]) -> list[Fork]:
         ways = [_heading(arm.place, ARM * arm.spacing[0]) for arm in arms]
         angles = sorted(float(np.degrees(np.arctan2(came[0] * w[1] - came[1] * w[0], came @ w))) for w in ways)
         x, y = arms[0].place[0].tolist()
-        found.append(Fork((x, y), float(arms[0].time[0]), angles[-1] - angles[0], tuple(angles)))
-    return sorted(found, key=lambda fork: fork.time)
+        fork_list.append(Fork((x, y), float(arms[0].time[0]), angles[-1] - angles[0], tuple(angles)))
+    return sorted(fork_list, key=lambda fork: fork.time)
 
 
 def _of_particles(results: Results, particles: Particles) -> list[Branch]:
@@ -159,7 +159,7 @@ def _of_particles(results: Results, particles: Particles) -> list[Branch]:
         after[parent[number]].append(number)
     nodes, time_step = results.nodes(), float(results.meta()["time_step"])
     spacing = nodes.delta[tree_of(nodes.position).query(place)[1]]
-    length, found = np.zeros(len(place)), []
+    length, branches = np.zeros(len(place)), []
     for first in np.flatnonzero(step > 0).tolist():
         begin = int(parent[first])
         if step[begin] > 0 and len(after[begin]) == 1:
@@ -175,8 +175,8 @@ def _of_particles(results: Results, particles: Particles) -> list[Branch]:
         line, ways = np.ones(len(chain), dtype=bool), (arms / far[:, None])[[0, *range(len(arms))]]
         fast = speeds(along, time, spacing[chain], line, time_step)
         points = place[chain], time, ways, along, fast, spacing[chain], line
-        found.append(Branch(*points, begin, chain[-1], exact=True))
-    return sorted(found, key=lambda branch: -branch.length)
+        branches.append(Branch(*points, begin, chain[-1], exact=True))
+    return sorted(branches, key=lambda branch: -branch.length)
 
 
 def _branch(chain: Chain, points: list[_Point], began: float, length: float, time_step: float) -> Branch:
@@ -209,7 +209,7 @@ def _points(skeleton: Skeleton, cracked: Grown, chain: Chain, pre_cracks: NDArra
 def _point(cracked: Grown, rows: NDArray[np.int64]) -> _Point:
     """The centre of nodes; the time is the mean over spacings of length of the first node in each."""
     layer, delta = np.floor(cracked.level[rows] + ROUND_OFF), cracked.delta[rows]
-    steps = [int(cracked.reached[rows][layer == one].min()) for one in np.unique(layer)]
+    steps = [int(cracked.reached[rows][layer == number].min()) for number in np.unique(layer)]
     place = np.average(cracked.position[rows], axis=0, weights=cracked.damage[rows])
     width = float((delta**2).sum() / delta.mean() ** 2) / SLAB
     return _Point(place, float(np.mean(steps)), float(delta.mean()), width <= WIDE)

@@ -78,12 +78,12 @@ def errors(results: Results, reference: Results) -> Errors:
     time = _common_time(results, reference)
     lines = [path(run, _step(run, time)) for run in (results, reference)]
     direction = DIRECTIONS[heading(lines[1])]
-    found, expected = growth(results, direction), growth(reference, direction)
+    run_growth, expected = growth(results, direction), growth(reference, direction)
     return Errors(
         displacement=displacement(results, reference),
         path=_path(*lines),
-        start=_later(found.start, expected.start),
-        branching=_later(found.branching, expected.branching),
+        start=_later(run_growth.start, expected.start),
+        branching=_later(run_growth.branching, expected.branching),
         energy=_share(_energy(results, time), _energy(reference, time)),
     )
 
@@ -136,10 +136,10 @@ def displacement(results: Results, reference: Results) -> float | None:
     away &= np.isfinite(between).all(axis=1)
     if not away.any():
         return None
-    here = {id(runs[0]): _at(runs[0], time)[away], id(runs[1]): between[away]}
-    off = here[id(results)] - here[id(reference)]
+    displacements = {id(runs[0]): _at(runs[0], time)[away], id(runs[1]): between[away]}
+    off = displacements[id(results)] - displacements[id(reference)]
     area = coarse.area[away, None]
-    size = float(np.sum(area * here[id(reference)] ** 2))
+    size = float(np.sum(area * displacements[id(reference)] ** 2))
     return float(np.sqrt(np.sum(area * off**2) / size)) if size > 0 else None
 
 
@@ -170,23 +170,23 @@ def _at(results: Results, time: float) -> NDArray[np.float64]:
     return np.asarray((1 - share) * old + share * new)
 
 
-def _path(found: list[Polyline], expected: list[Polyline]) -> float | None:
+def _path(run_paths: list[Polyline], expected: list[Polyline]) -> float | None:
     if not expected:
         return None
-    if not found:
+    if not run_paths:
         return float("inf")
     length = sum(float(np.hypot(*np.diff(line, axis=0).T).sum()) for line in expected)
-    return distance(found, expected)[0] / length if length > 0 else None
+    return distance(run_paths, expected)[0] / length if length > 0 else None
 
 
-def _later(found: Event | None, expected: Event | None) -> float | None:
+def _later(event: Event | None, expected: Event | None) -> float | None:
     if expected is None:
         return None
-    return float("inf") if found is None else _share(found.time, expected.time)
+    return float("inf") if event is None else _share(event.time, expected.time)
 
 
-def _share(found: float, expected: float) -> float | None:
-    return abs(found - expected) / abs(expected) if expected else None
+def _share(value: float, expected: float) -> float | None:
+    return abs(value - expected) / abs(expected) if expected else None
 
 
 def _energy(results: Results, time: float) -> float:

@@ -98,9 +98,9 @@ def _expect_bonds(results: Results) -> None:
     """Raise ResultsError unless each broken bond exists and broke once, and damage and ledger count the same bonds."""
     nodes, families, breaks, books = results.nodes(), results.families(), results.breaks(), results.history()
     count, order = len(nodes.ids), np.argsort(nodes.ids)
-    own, other = (order[np.searchsorted(nodes.ids, ids, sorter=order)] for ids in breaks[1:])
+    node, neighbour = (order[np.searchsorted(nodes.ids, ids, sorter=order)] for ids in breaks[1:])
     bonds = np.repeat(np.arange(count), np.diff(families.start)) * count + families.neighbour
-    torn = own * count + other
+    torn = node * count + neighbour
     strange = ~np.isin(torn, bonds)
     if strange.any() or len(np.unique(torn)) < len(torn):
         at = int(strange.argmax())
@@ -108,18 +108,18 @@ def _expect_bonds(results: Results) -> None:
             f"{results.name}: table bond_break: the bond of {breaks.node[at]} and {breaks.neighbour[at]} is of no"
             " family, or breaks twice"
         )
-    for step, kept in zip(books["step"].tolist(), books["broken"].tolist(), strict=True):
-        there = int(np.searchsorted(breaks.step, step, side="right"))
-        if kept != there:
+    for step, ledger in zip(books["step"].tolist(), books["broken"].tolist(), strict=True):
+        rows = int(np.searchsorted(breaks.step, step, side="right"))
+        if ledger != rows:
             raise DamagedError(
-                f"{results.name}: energy balance: {kept:g} bonds are broken at step {step:g}; the table bond_break"
-                f" has {there}"
+                f"{results.name}: energy balance: {ledger:g} bonds are broken at step {step:g}; the table bond_break"
+                f" has {rows}"
             )
     for step in results.frames()[0].tolist() if len(books) else ():
         if "damage" not in results.stored(step):
             continue
-        gone = np.bincount(own[breaks.step <= step], minlength=count) + nodes.cut
-        expected = np.where(nodes.family > 0, gone / np.maximum(nodes.family, 1), 0.0)
+        broken_count = np.bincount(node[breaks.step <= step], minlength=count) + nodes.cut
+        expected = np.where(nodes.family > 0, broken_count / np.maximum(nodes.family, 1), 0.0)
         off = np.abs(results.field("damage", step) - expected) > 1e-6
         if off.any():
             raise DamagedError(
@@ -135,11 +135,11 @@ def _expect_energies(results: Results) -> None:
         if "energy" not in results.stored(step):
             continue
         entry = books[books["step"] == step][0]
-        held = float(nodes.area @ results.field("energy", step).astype(float))
-        most = max(abs(float(entry["strain"])), abs(held), FIELDS_CLOSE * abs(float(entry["work"])))
-        if not abs(held - entry["strain"]) <= FIELDS_CLOSE * most:
+        node_energy = float(nodes.area @ results.field("energy", step).astype(float))
+        most = max(abs(float(entry["strain"])), abs(node_energy), FIELDS_CLOSE * abs(float(entry["work"])))
+        if not abs(node_energy - entry["strain"]) <= FIELDS_CLOSE * most:
             raise DamagedError(
-                f"{results.name}: strain energy of the nodes at step {step} is {held:g}; the energy balance has"
+                f"{results.name}: strain energy of the nodes at step {step} is {node_energy:g}; the energy balance has"
                 f" {entry['strain']:g}"
             )
 

@@ -52,11 +52,11 @@ def read(results: Results, kind: type[T]) -> T:
     """The keys of the model that are fields of `kind`. Raises ResultsError naming what is wrong with them."""
     if "material" in kind.__struct_fields__ and physics_of(results) == "diffusion":
         expect_mechanics(results)
-    if isinstance(known := results.decoded.get(kind), kind):
-        return known
+    if isinstance(cached_model := results.decoded.get(kind), kind):
+        return cached_model
     try:
         text = results.model()
-        found, _ = decode_older(text, kind)
+        model, _ = decode_older(text, kind)
         if _Model not in results.decoded:
             rest, _ = decode_older(text, _Model)
             if (repeated := repeated_key(text)) is not None:
@@ -66,8 +66,8 @@ def read(results: Results, kind: type[T]) -> T:
     except (msgspec.DecodeError, RecursionError) as error:
         words = explained(error, kind, lambda: msgspec.json.decode(text))
         raise ResultsError(f"{results.name}: model: {words}") from None
-    results.decoded[kind] = found
-    return found
+    results.decoded[kind] = model
+    return model
 
 
 def model_text(results: Results) -> str:
@@ -80,17 +80,17 @@ def whole(results: Results) -> dict[str, Any]:
     """The model as parsed JSON, checked except for its nodes. Raises ResultsError."""
     read(results, _Named)
     try:
-        found: dict[str, Any] = json.loads(results.model())
+        model: dict[str, Any] = json.loads(results.model())
     except (ValueError, RecursionError) as error:
         raise ResultsError(f"{results.name} has no model to read ({error}); use results with a grid file") from None
-    return found
+    return model
 
 
 def _check(results: Results, model: _Model) -> None:
     """Raise ResultsError for impossible numbers, and for conditions and regions without nodes."""
 
-    def refuse(place: str, found: object, expected: str) -> None:
-        raise ResultsError(f"{results.name}: model: {unfit(place, found, expected)}")
+    def refuse(place: str, value: object, expected: str) -> None:
+        raise ResultsError(f"{results.name}: model: {unfit(place, value, expected)}")
 
     large = beyond(model, "$", leave_out=("outline", "holes", "notch"))
     if large is not None:
@@ -103,10 +103,10 @@ def _check(results: Results, model: _Model) -> None:
                 refuse(place, str(shape)[:60], f"places of at most {LARGEST:g} m")
             if name != "notch" and (len(shape) < 3 or wide != {results.dimension}):
                 refuse(place, f"{len(shape)} points", f"at least 3 of {results.dimension} numbers")
-    some: list[Selection] = [*model.conditions, *model.regions, *model.media]
-    for one in some:
-        if one.nodes is None and (one.box is None or len(one.box) != 2 * results.dimension):
-            refuse(f"'{one.name[:40]}'", one.box, f"nodes, or a box of {2 * results.dimension} numbers")
+    selections: list[Selection] = [*model.conditions, *model.regions, *model.media]
+    for selection in selections:
+        if selection.nodes is None and (selection.box is None or len(selection.box) != 2 * results.dimension):
+            refuse(f"'{selection.name[:40]}'", selection.box, f"nodes, or a box of {2 * results.dimension} numbers")
 
 
 def expect_mechanics(results: Results) -> None:

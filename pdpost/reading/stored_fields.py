@@ -31,11 +31,11 @@ def diffuses(results: Results) -> bool:
 
 def _columns(results: Results, name: str, step: int) -> list[NDArray[np.float64]]:
     columns = of_dimension(name, results.dimension)
-    there = results.stored(step)
-    missing = [column for column in columns if column not in there]
-    if missing and there:
+    stored = results.stored(step)
+    missing = [column for column in columns if column not in stored]
+    if missing and stored:
         expect_physics_of(results, name)
-        expected = f"one of {', '.join(there)} (pdsolve --fields +{','.join(missing)} stores it)"
+        expected = f"one of {', '.join(stored)} (pdsolve --fields +{','.join(missing)} stores it)"
         raise ResultsError(f"{results.name} has no field '{missing[0]}'; use {expected}")
     return [results.field(column, step).astype(float) for column in columns]
 
@@ -43,6 +43,6 @@ def _columns(results: Results, name: str, step: int) -> list[NDArray[np.float64]
 def expect_physics_of(results: Results, name: str) -> None:
     """Raise ResultsError if the model has no field of this name, whatever is stored."""
     if (name in OF_DIFFUSION) != diffuses(results):
-        found, other = ("diffusion", "mechanics")[:: 1 - 2 * (name in OF_DIFFUSION)]
-        shown = f" (this has {', '.join(OF_DIFFUSION)})" if found == "diffusion" else ""
-        raise ResultsError(f"{results.name} is of a model of {found}; {name} needs one of {other}{shown}")
+        physics, needed_physics = ("diffusion", "mechanics")[:: 1 - 2 * (name in OF_DIFFUSION)]
+        shown = f" (this has {', '.join(OF_DIFFUSION)})" if physics == "diffusion" else ""
+        raise ResultsError(f"{results.name} is of a model of {physics}; {name} needs one of {needed_physics}{shown}")

@@ -64,16 +64,16 @@ def value_of(value: Any) -> str:
 
 def stands_for(paths: Sequence[Path]) -> list[Named]:
     """The databases that files stand for; a study stands for all its finished runs. Raises StudyError."""
-    found = []
+    databases = []
     for path in paths:
         if not is_study(path):
-            found.append(Named(path.stem, path))
+            databases.append(Named(path.stem, path))
             continue
         study = read(path)
         for row in study.rows:
             again = f" ({row.repetition})" if row.repetition else ""
-            found.append(Named(f"{label(row, study.varied) or f'run {row.number}'}{again}", row.file))
-    return found
+            databases.append(Named(f"{label(row, study.varied) or f'run {row.number}'}{again}", row.file))
+    return databases
 
 
 __all__ = ["Named", "Read", "StudyError", "is_study", "label", "read", "short", "stands_for", "value_of"]

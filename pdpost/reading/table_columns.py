@@ -48,9 +48,10 @@ def study_table(path: Path) -> Columns:
     """
     with Table.open(path) as table:
         rows, names = table.rows(), list(table.columns())
-    own = [name for name in OWN if name != "key"]
+    run_columns = [name for name in OWN if name != "key"]
     return columns_of(
-        [*own, *names], [[*(getattr(row, name) for name in own), *(row.values[name] for name in names)] for row in rows]
+        [*run_columns, *names],
+        [[*(getattr(row, name) for name in run_columns), *(row.values[name] for name in names)] for row in rows],
     )
 
 

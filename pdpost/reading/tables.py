@@ -72,12 +72,12 @@ def tables(results: Results) -> list[Table]:
     medium = read(results, _Model).medium
     heats = medium is not None and medium.carries == "heat"
     content = dict.fromkeys(("inside", "through", "supplied"), f"K m^{results.dimension}") if heats else {}
-    found, units_of = [], UNITS | (OF_BODIES if results.dimension == 3 else {}) | content
+    user_tables, units_of = [], UNITS | (OF_BODIES if results.dimension == 3 else {}) | content
     for name, about in SHOWN.items():
         columns = [row[1] for row in results.connection.execute(f"PRAGMA table_info({name})")]
         units = tuple((column, units_of.get(column, "").removesuffix("1")) for column in columns)
-        found += [Table(name, about, units)] * bool(columns)  # older files have fewer
-    return found
+        user_tables += [Table(name, about, units)] * bool(columns)  # older files have fewer
+    return user_tables
 
 
 _MOST_DAMAGED = (

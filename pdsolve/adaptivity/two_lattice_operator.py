@@ -41,7 +41,7 @@ class Nodes(Protocol):
     def keep(self) -> Kept:
         """Arrays for a checkpoint."""
 
-    def back(self, kept: Kept) -> None:
+    def back(self, checkpoint: Kept) -> None:
         """Restore a checkpoint."""
 
     def bytes(self) -> int:
@@ -113,9 +113,9 @@ class TwoLatticeOperator(ABC, Generic[N]):
 
     def state(self) -> State:
         """The state of the current nodes."""
-        found = zero_state(len(self.places), 2, self.kind)
-        self.sync(found)
-        return found
+        state = zero_state(len(self.places), 2, self.kind)
+        self.sync(state)
+        return state
 
     def place(self, state: State) -> State:
         """The state unchanged: the arrays of the two lattices are the operator's own."""
@@ -139,9 +139,9 @@ class TwoLatticeOperator(ABC, Generic[N]):
         """Arrays of the two lattices for a checkpoint."""
         return self.hybrid.keep()
 
-    def back(self, kept: Kept, broken: Broken) -> None:
+    def back(self, checkpoint: Kept, broken: Broken) -> None:
         """Restore a checkpoint, which contains the broken bonds; the nodes may have changed then (`changed`)."""
-        self.hybrid.back(kept)
+        self.hybrid.back(checkpoint)
 
     def fields(self, state: State) -> dict[str, NDArray[np.float64]]:
         """Empty: the two lattices store no fields besides their displacements."""

@@ -110,20 +110,22 @@ class ByPairs(Protocol):
     def looked(self, pairs: Pairs) -> Paired:
         """Pairs that can be bonds, with the properties that depend on each pair alone."""
 
-    def lack(self, rows: NDArray[np.int64], found: Paired) -> NDArray[np.float64]:
+    def lack(self, rows: NDArray[np.int64], paired: Paired) -> NDArray[np.float64]:
         """Surface correction data (k, ...) of the families of `rows` (k,), which increase, from all their pairs."""
 
-    def part(self, rows: NDArray[np.int64], found: Paired, lack: NDArray[np.float64]) -> Part:
+    def part(self, rows: NDArray[np.int64], paired: Paired, lack: NDArray[np.float64]) -> Part:
         """Bonds of consecutive rows from all their pairs and from the nodes' correction data (n, ...)."""
 
 
-def part_of(position: NDArray[np.float64], held: NDArray[np.bool_], rows: NDArray[np.int64], paired: Paired) -> Part:
-    """Pairs of these rows as bonds, without those cut by a pre-crack; bonds of the nodes `held` (n,) do not break.
+def part_of(
+    position: NDArray[np.float64], unbreakable_nodes: NDArray[np.bool_], rows: NDArray[np.int64], paired: Paired
+) -> Part:
+    """Pairs of these rows as bonds, without those cut by a pre-crack; `unbreakable_nodes` (n,) keep all their bonds.
 
     `position` (n, d) in m.
     """
     pairs, intact = paired.pairs, paired.intact
-    no_fail = held[pairs.source] | held[pairs.target]
+    no_fail = unbreakable_nodes[pairs.source] | unbreakable_nodes[pairs.target]
     peak, limit = (np.where(no_fail, np.inf, bound) for bound in (paired.peak, paired.limit))
     source, target, first = pairs.source[intact], pairs.target[intact], int(rows[0])
     bonds = Bonds(
@@ -159,9 +161,9 @@ def find(bonds: Bonds, source: NDArray[np.int64], target: NDArray[np.int64]) -> 
     nodes = len(bonds.start) - 1
     key = np.repeat(np.arange(nodes), np.diff(bonds.start)) * nodes + bonds.neighbour
     wanted = source * nodes + target
-    found = np.searchsorted(key, wanted)
-    expect_found(np.append(key, -1)[found] == wanted, source, target)
-    return found
+    bond_numbers = np.searchsorted(key, wanted)
+    expect_found(np.append(key, -1)[bond_numbers] == wanted, source, target)
+    return bond_numbers
 
 
 def stiffness_bound(bonds: Bonds, stiffness: NDArray[np.floating], symmetric: bool) -> NDArray[np.float64]:

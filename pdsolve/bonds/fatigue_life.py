@@ -68,14 +68,14 @@ def jump(
             repeats = np.floor(min(_until_first(life, once), (most - total) / lengths.sum()))
             _tire(life, once, repeats)
             total += repeats * float(lengths.sum())
-        left = min(lengths[at.block] - at.done, most - total)
-        cycles = min(_until_first(life, spent[at.block]), left)
+        remaining_cycles = min(lengths[at.block] - at.done, most - total)
+        cycles = min(_until_first(life, spent[at.block]), remaining_cycles)
         _tire(life, spent[at.block], cycles)
         total += cycles
         at = Place(at.block, at.done + cycles)
         if at.done >= lengths[at.block]:
             at = Place((at.block + 1) % len(lengths), 0.0)
-        if cycles < left:
+        if cycles < remaining_cycles:
             break
     return total, at
 

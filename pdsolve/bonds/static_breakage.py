@@ -51,9 +51,9 @@ class Breakable(NamedTuple):
 
     def stretches(self, value: NDArray[np.float64]) -> NDArray[np.float64]:
         """Stretches (b,) at these displacements (n, d), without cancellation."""
-        found = np.empty(len(self.source))
-        _stretch(self.source, self.target, self.xi, self.strain, np.ascontiguousarray(value, dtype=float), found)
-        return found
+        stretches = np.empty(len(self.source))
+        _stretch(self.source, self.target, self.xi, self.strain, np.ascontiguousarray(value, dtype=float), stretches)
+        return stretches
 
     def break_worst(self, operator: Operator, state: State, step: int) -> float:
         """Break the most overstretched."""
@@ -81,8 +81,8 @@ class Breakable(NamedTuple):
     ) -> None:
         """Break these bonds (k,), of all with stretches (b,), and book half of what each holds at its own node."""
         length = np.sqrt((self.xi[which] ** 2).sum(axis=1))
-        held = self.stiffness[which] * length * stretches[which] ** 2 / 4
-        state.dissipated[:] += np.bincount(self.source[which], held, minlength=len(self.strain))
+        bond_energy = self.stiffness[which] * length * stretches[which] ** 2 / 4
+        state.dissipated[:] += np.bincount(self.source[which], bond_energy, minlength=len(self.strain))
         self.intact[which] = False
         new = Broken(np.full(len(which), step), self.source[which], self.target[which])
         broken = Broken(*(np.concatenate(both) for both in zip(operator.broken(), new, strict=True)))
@@ -141,8 +141,8 @@ class FamilyBonds:
             return which, 0.0
         while high - low > TIE * high:
             middle = (low + high) / 2
-            found = self._operator.failing(middle * value)
-            low, high, which = (low, middle, found) if len(found) else (middle, high, which)
+            failing_bonds = self._operator.failing(middle * value)
+            low, high, which = (low, middle, failing_bonds) if len(failing_bonds) else (middle, high, which)
         return which, 1 / high
 
     def restore(self, broken: Broken) -> None:

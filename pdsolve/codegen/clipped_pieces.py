@@ -44,11 +44,11 @@ def add_pieces(typingctx, u, force, xi, far, row, k, breaks, top, at, near):  # 
 def _add(builder: ir.IRBuilder, data: list[Any], at: Any, near: Any) -> None:
     where, force, ways, far, row, k, breaks, top = data
     others = [_integer(builder, far, at, n) for n in range(TOGETHER)]
-    here = _load(builder, where, builder.mul(near, INT(_ACROSS)), _ROW)
-    there = _columns(builder, [_load(builder, where, builder.mul(j, INT(_ACROSS)), _ROW) for j in others])
-    eta = [builder.fsub(far_off, _spread(builder, here, axis)) for axis, far_off in enumerate(there[:3])]
+    near_u = _load(builder, where, builder.mul(near, INT(_ACROSS)), _ROW)
+    far_u = _columns(builder, [_load(builder, where, builder.mul(j, INT(_ACROSS)), _ROW) for j in others])
+    eta = [builder.fsub(far_off, _spread(builder, near_u, axis)) for axis, far_off in enumerate(far_u[:3])]
     of = (builder.mul(_integer(builder, row, at, n), INT(_ACROSS)) for n in range(TOGETHER))
-    *reference, inverse = _columns(builder, [_load(builder, ways, each, _ROW) for each in of])
+    *reference, inverse = _columns(builder, [_load(builder, ways, row_start, _ROW) for row_start in of])
     e = _all(0.0)
     for x, y in zip(reference, eta, strict=True):
         e = _fma(builder, _fma(builder, _all(2.0), x, y), y, e)
@@ -58,9 +58,9 @@ def _add(builder: ir.IRBuilder, data: list[Any], at: Any, near: Any) -> None:
     pull = builder.fmul(_load(builder, k, at, _ROWS), builder.fmul(e, _shortened(builder, e)))
     on = [builder.fmul(pull, builder.fadd(x, y)) for x, y in zip(reference, eta, strict=True)]
     forces = _rows(builder, [*on, _all(0.0)])
-    for j, one in zip(others, forces, strict=True):
+    for j, force_row in zip(others, forces, strict=True):
         place = builder.mul(j, INT(_ACROSS))
-        _store(builder, builder.fsub(_load(builder, force, place, _ROW), one), force, place)
+        _store(builder, builder.fsub(_load(builder, force, place, _ROW), force_row), force, place)
     while len(forces) > 1:
         forces = [builder.fadd(*forces[n : n + 2]) for n in range(0, len(forces), 2)]
     place = builder.mul(near, INT(_ACROSS))
@@ -83,10 +83,10 @@ def _shortened(builder: ir.IRBuilder, e: Any) -> Any:
     outer = builder.select(beyond, root, inner)
     builder.branch(done)
     builder.position_at_end(done)
-    found = builder.phi(_ROWS)
-    found.add_incoming(inner, began)
-    found.add_incoming(outer, exact)
-    return found
+    quotient = builder.phi(_ROWS)
+    quotient.add_incoming(inner, began)
+    quotient.add_incoming(outer, exact)
+    return quotient
 
 
 def _columns(builder: ir.IRBuilder, rows: list[Any]) -> list[Any]:
@@ -103,20 +103,20 @@ def _columns(builder: ir.IRBuilder, rows: list[Any]) -> list[Any]:
 def _rows(builder: ir.IRBuilder, columns: list[Any]) -> list[Any]:
     """The eight rows of four columns."""
     x, y, z, w = columns
-    found = []
+    row_pairs = []
     for halves in (_FIRST, _LAST):
-        one, other = _shuffle(builder, x, z, halves), _shuffle(builder, y, w, halves)
-        found += [_shuffle(builder, one, other, pairs) for pairs in (_EVEN, _ODD)]
+        xz, yw = _shuffle(builder, x, z, halves), _shuffle(builder, y, w, halves)
+        row_pairs += [_shuffle(builder, xz, yw, pairs) for pairs in (_EVEN, _ODD)]
     nothing = ir.Constant(_ROWS, ir.Undefined)
     return [
-        _shuffle(builder, each, nothing, tuple(range(first, first + _ACROSS)))
+        _shuffle(builder, row_pair, nothing, tuple(range(first, first + _ACROSS)))
         for first in (0, _ACROSS)
-        for each in found
+        for row_pair in row_pairs
     ]
 
 
-def _shuffle(builder: ir.IRBuilder, one: Any, other: Any, which: tuple[int, ...]) -> Any:
-    return builder.shuffle_vector(one, other, ir.Constant(ir.VectorType(_ID, len(which)), list(which)))
+def _shuffle(builder: ir.IRBuilder, first: Any, second: Any, which: tuple[int, ...]) -> Any:
+    return builder.shuffle_vector(first, second, ir.Constant(ir.VectorType(_ID, len(which)), list(which)))
 
 
 def _spread(builder: ir.IRBuilder, row: Any, entry: int) -> Any:

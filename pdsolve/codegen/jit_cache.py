@@ -79,14 +79,14 @@ def folder_of(file: str) -> Path:
     """Folder of a file's kernels; unused folders of its older versions are removed."""
     libraries = hashlib.sha256("\n".join(LIBRARIES).encode()).hexdigest()
     name = kernel_sources.name_of(Path(file).resolve())
-    found = trust.private_folder().path / f"{name}-{libraries[:8]}-{kernel_sources.digest_of(file)[:24]}"
+    folder = trust.private_folder().path / f"{name}-{libraries[:8]}-{kernel_sources.digest_of(file)[:24]}"
     with suppress(OSError):
-        is_new = not found.exists()
-        found.mkdir(exist_ok=True)
-        os.utime(found)
+        is_new = not folder.exists()
+        folder.mkdir(exist_ok=True)
+        os.utime(folder)
         if is_new:
-            _clear(found)
-    return found
+            _clear(folder)
+    return folder
 
 
 def is_kept() -> bool:
@@ -94,15 +94,17 @@ def is_kept() -> bool:
     return any(any(folder_of(file).glob("*.nbi")) for file in kernel_sources.with_kernels())
 
 
-def _clear(own: Path) -> None:
+def _clear(folder: Path) -> None:
     """Remove unused folders beside this one: of this file all but a few, of other files the very old ones."""
-    now, name = time.time(), own.name.rpartition("-")[0]
-    others = sorted(((other.stat().st_mtime, other) for other in own.parent.iterdir()), reverse=True)
-    same = [other for _, other in others if other.name.rpartition("-")[0] == name]
-    for used, other in others:
-        unused = now - used > (DAY if other in same[KEPT:] else UNUSED)
-        if unused and other != own and other.is_dir():
-            shutil.rmtree(other, ignore_errors=True)
+    now, name = time.time(), folder.name.rpartition("-")[0]
+    others = sorted(
+        ((other_folder.stat().st_mtime, other_folder) for other_folder in folder.parent.iterdir()), reverse=True
+    )
+    same = [other_folder for _, other_folder in others if other_folder.name.rpartition("-")[0] == name]
+    for used, other_folder in others:
+        unused = now - used > (DAY if other_folder in same[KEPT:] else UNUSED)
+        if unused and other_folder != folder and other_folder.is_dir():
+            shutil.rmtree(other_folder, ignore_errors=True)
 
 
 class _Locator(_SourceFileBackedLocatorMixin, _CacheLocator):
@@ -176,18 +178,18 @@ class _Cache(FunctionCache):
         return _Entries(self._cache_path, self._impl.filename_base, self._impl.locator.get_source_stamp())
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        found = self._loaded(sig, target_context)
-        if found is None:
+        kernel = self._loaded(sig, target_context)
+        if kernel is None:
             with suppress(OSError):
-                held = ExitStack()
-                held.enter_context(self._cache_file.alone(f".{_short(sig)}", WAIT))
-                self._compiling[str(sig)] = held
-                found = self._loaded(sig, target_context)  # another process may have kept it meanwhile
-        if found is None:
+                lock = ExitStack()
+                lock.enter_context(self._cache_file.alone(f".{_short(sig)}", WAIT))
+                self._compiling[str(sig)] = lock
+                kernel = self._loaded(sig, target_context)  # another process may have kept it meanwhile
+        if kernel is None:
             _leave_out_blas()
         else:
             self._release(sig)
-        return found
+        return kernel
 
     def _loaded(self, sig: Any, target_context: Any) -> Any:
         """What is stored for a signature, without all that numba compiles with, which its compiler loads itself."""
@@ -202,8 +204,8 @@ class _Cache(FunctionCache):
             self._release(sig)
 
     def _release(self, sig: Any) -> None:
-        if (held := self._compiling.pop(str(sig), None)) is not None:
-            held.close()
+        if (lock := self._compiling.pop(str(sig), None)) is not None:
+            lock.close()
 
 
 def _leave_out_blas() -> None:

@@ -31,10 +31,10 @@ def digest_of(file: str) -> str:
     sources, path = _sources(), Path(file).resolve()
     name = name_of(path)
     names = _closure([name, *_laws()]) if name in sources else frozenset(sources)
-    found = hashlib.sha256() if name in sources else hashlib.sha256(path.read_bytes())
-    for one in sorted(names):
-        found.update(f"{one} {_digest(sources[one])}\n".encode())
-    return found.hexdigest()
+    digest = hashlib.sha256() if name in sources else hashlib.sha256(path.read_bytes())
+    for source_name in sorted(names):
+        digest.update(f"{source_name} {_digest(sources[source_name])}\n".encode())
+    return digest.hexdigest()
 
 
 def name_of(path: Path) -> str:
@@ -73,17 +73,17 @@ def _laws() -> tuple[str, ...]:
 @cache
 def _imports(name: str) -> frozenset[str]:
     """Files that a file imports from."""
-    found = set()
+    modules = set()
     for module, words in IMPORT.findall(_sources()[name]):
-        found |= {module, *(f"{module}.{word}" for word in re.findall(r"\w+", words))}
-    return frozenset(found & _sources().keys() - {PUBLIC})
+        modules |= {module, *(f"{module}.{word}" for word in re.findall(r"\w+", words))}
+    return frozenset(modules & _sources().keys() - {PUBLIC})
 
 
 def _closure(names: Iterable[str]) -> frozenset[str]:
     """These files and all that they import, directly or indirectly."""
-    found: set[str] = set()
-    left = set(names)
-    while left:
-        found |= left
-        left = {other for name in left for other in _imports(name)} - found
-    return frozenset(found)
+    files: set[str] = set()
+    pending = set(names)
+    while pending:
+        files |= pending
+        pending = {imported for name in pending for imported in _imports(name)} - files
+    return frozenset(files)

@@ -57,8 +57,8 @@ def _infer(function: Any) -> None:
             lanes = next((kind for kind in args if isinstance(kind, Lanes)), None)
             if lanes is None or len(args) != 2 or kws:
                 return None
-            own = (kind if isinstance(kind, Lanes) else lanes.kind for kind in args)
-            return signature(lanes, *own)
+            kinds = (kind if isinstance(kind, Lanes) else lanes.kind for kind in args)
+            return signature(lanes, *kinds)
 
 
 def _lower(function: Any, instruction: str) -> None:
@@ -117,21 +117,21 @@ def same(typingctx, array, number):  # type: ignore[no-untyped-def]
     lanes = Lanes(array.dtype)
 
     def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
-        one = context.cast(builder, values[1], number, array.dtype)
-        return repeat(builder, _vector(context, lanes), one)
+        scalar = context.cast(builder, values[1], number, array.dtype)
+        return repeat(builder, _vector(context, lanes), scalar)
 
     return lanes(array, number), generate
 
 
 @intrinsic
-def unless_none(typingctx, weight, one, other):  # type: ignore[no-untyped-def]
-    """`one` in lanes with a nonzero weight, `other` in the rest."""
+def unless_none(typingctx, weight, value, replacement):  # type: ignore[no-untyped-def]
+    """`value` in lanes with a nonzero weight, `replacement` in the rest."""
 
     def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
         none = ir.Constant(values[0].type, [0.0] * values[0].type.count)
         return builder.select(builder.fcmp_unordered("!=", values[0], none), values[1], values[2])
 
-    return one(weight, one, other), generate
+    return value(weight, value, replacement), generate
 
 
 @intrinsic
@@ -145,13 +145,13 @@ def larger(typingctx, a, b):  # type: ignore[no-untyped-def]
 
 
 @intrinsic
-def where_above(typingctx, a, b, one, other):  # type: ignore[no-untyped-def]
-    """`one` in lanes where a > b, `other` in the rest."""
+def where_above(typingctx, a, b, value, replacement):  # type: ignore[no-untyped-def]
+    """`value` in lanes where a > b, `replacement` in the rest."""
 
     def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
         return builder.select(builder.fcmp_ordered(">", *values[:2]), *values[2:])
 
-    return one(a, b, one, other), generate
+    return value(a, b, value, replacement), generate
 
 
 @intrinsic
@@ -167,12 +167,12 @@ def which_above(typingctx, a, b):  # type: ignore[no-untyped-def]
 
 def _row(context: Any, builder: Any, kind: Any, array: Any, row: int) -> Any:
     """Address of the beginning of an array's row."""
-    made = context.make_array(kind)(context, builder, array)
-    stride = builder.extract_value(made.strides, 0)
+    array_struct = context.make_array(kind)(context, builder, array)
+    stride = builder.extract_value(array_struct.strides, 0)
     begin = builder.gep(
-        builder.bitcast(made.data, cgutils.voidptr_t), [builder.mul(stride, ir.Constant(stride.type, row))]
+        builder.bitcast(array_struct.data, cgutils.voidptr_t), [builder.mul(stride, ir.Constant(stride.type, row))]
     )
-    return builder.bitcast(begin, made.data.type)
+    return builder.bitcast(begin, array_struct.data.type)
 
 
 def _place(builder: Any, row: Any, at: Any, vector: Any) -> Any:
@@ -183,25 +183,25 @@ def _place(builder: Any, row: Any, at: Any, vector: Any) -> Any:
 def beside(typingctx, array, like, at):  # type: ignore[no-untyped-def]
     """Lanes from `at` on, of as many rows of an array as a tuple has entries."""
     lanes = Lanes(array.dtype)
-    found = types.UniTuple(lanes, len(like))
+    tuple_type = types.UniTuple(lanes, len(like))
 
     def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
-        vector, made = _vector(context, lanes), []
+        vector, vectors = _vector(context, lanes), []
         for number in range(len(like)):
             row = _row(context, builder, array, values[0], number)
             value = builder.load(_place(builder, row, values[2], vector))
             value.align = array.dtype.bitwidth // 8
-            made.append(value)
-        return context.make_tuple(builder, found, made)
+            vectors.append(value)
+        return context.make_tuple(builder, tuple_type, vectors)
 
-    return found(array, like, types.int64), generate
+    return tuple_type(array, like, types.int64), generate
 
 
 @intrinsic
 def listed(typingctx, array, like, ids, at):  # type: ignore[no-untyped-def]
     """Lanes of the nodes listed in `ids` (., 16), from element `at` on; one row of the array each."""
     lanes = Lanes(array.dtype)
-    found = types.UniTuple(lanes, len(like))
+    tuple_type = types.UniTuple(lanes, len(like))
 
     def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
         vector = _vector(context, lanes)
@@ -210,15 +210,15 @@ def listed(typingctx, array, like, ids, at):  # type: ignore[no-untyped-def]
             builder.sext(builder.load(builder.gep(numbers, [builder.add(values[3], INT(lane))])), INT)
             for lane in range(lanes.count)
         ]
-        made = []
+        vectors = []
         for number in range(len(like)):
             row, value = _row(context, builder, array, values[0], number), ir.Constant(vector, ir.Undefined)
             for lane, node in enumerate(nodes):
                 value = builder.insert_element(value, builder.load(builder.gep(row, [node])), _ID(lane))
-            made.append(value)
-        return context.make_tuple(builder, found, made)
+            vectors.append(value)
+        return context.make_tuple(builder, tuple_type, vectors)
 
-    return found(array, like, ids, types.int64), generate
+    return tuple_type(array, like, ids, types.int64), generate
 
 
 @intrinsic
@@ -239,38 +239,38 @@ def keep(typingctx, values, array, at):  # type: ignore[no-untyped-def]
 def repeated(typingctx, array, like, row):  # type: ignore[no-untyped-def]
     """Numbers of a row of an array (., c), each in all lanes: as many as a tuple has entries."""
     lanes = Lanes(array.dtype)
-    found = types.UniTuple(lanes, len(like))
+    tuple_type = types.UniTuple(lanes, len(like))
 
     def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
         vector = _vector(context, lanes)
-        made = context.make_array(array)(context, builder, values[0])
-        begin = builder.mul(values[2], builder.extract_value(made.shape, 1))
-        numbers = [builder.load(builder.gep(made.data, [builder.add(begin, INT(c))])) for c in range(len(like))]
-        return context.make_tuple(builder, found, [repeat(builder, vector, number) for number in numbers])
+        array_struct = context.make_array(array)(context, builder, values[0])
+        begin = builder.mul(values[2], builder.extract_value(array_struct.shape, 1))
+        numbers = [builder.load(builder.gep(array_struct.data, [builder.add(begin, INT(c))])) for c in range(len(like))]
+        return context.make_tuple(builder, tuple_type, [repeat(builder, vector, number) for number in numbers])
 
-    return found(array, like, types.int64), generate
+    return tuple_type(array, like, types.int64), generate
 
 
 @intrinsic
 def stacked(typingctx, array, like, row, lane):  # type: ignore[no-untyped-def]
     """Lanes from `lane` on of entry `row` of an array (., c, 64): as many rows as a tuple has entries."""
     lanes = Lanes(array.dtype)
-    found = types.UniTuple(lanes, len(like))
+    tuple_type = types.UniTuple(lanes, len(like))
 
     def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
         vector = _vector(context, lanes)
-        made = context.make_array(array)(context, builder, values[0])
-        wide = builder.extract_value(made.shape, 2)
-        begin = builder.mul(builder.mul(values[2], builder.extract_value(made.shape, 1)), wide)
-        begin, made_of = builder.add(begin, values[3]), []
+        array_struct = context.make_array(array)(context, builder, values[0])
+        wide = builder.extract_value(array_struct.shape, 2)
+        begin = builder.mul(builder.mul(values[2], builder.extract_value(array_struct.shape, 1)), wide)
+        begin, vectors = builder.add(begin, values[3]), []
         for c in range(len(like)):
             at = builder.add(begin, builder.mul(wide, INT(c)))
-            value = builder.load(_place(builder, made.data, at, vector))
+            value = builder.load(_place(builder, array_struct.data, at, vector))
             value.align = array.dtype.bitwidth // 8
-            made_of.append(value)
-        return context.make_tuple(builder, found, made_of)
+            vectors.append(value)
+        return context.make_tuple(builder, tuple_type, vectors)
 
-    return found(array, like, types.int64, types.int64), generate
+    return tuple_type(array, like, types.int64, types.int64), generate
 
 
 @intrinsic
@@ -282,10 +282,10 @@ def intact(typingctx, cut, like, row, k, lane):  # type: ignore[no-untyped-def]
         view = context.make_array(cut)(context, builder, values[0])
         at = builder.add(builder.mul(values[2], builder.extract_value(view.shape, 1)), values[3])
         word = builder.load(builder.gep(view.data, [at]))
-        some = builder.lshr(word, builder.trunc(values[4], word.type))
+        lane_bits = builder.lshr(word, builder.trunc(values[4], word.type))
         bits = ir.IntType(lanes.count)
-        some = builder.trunc(some, bits) if lanes.count < 16 else some
-        which = builder.bitcast(builder.not_(some), ir.VectorType(ir.IntType(1), lanes.count))
+        lane_bits = builder.trunc(lane_bits, bits) if lanes.count < 16 else lane_bits
+        which = builder.bitcast(builder.not_(lane_bits), ir.VectorType(ir.IntType(1), lanes.count))
         return builder.uitofp(which, context.get_value_type(lanes))
 
     return lanes(cut, like, types.int64, types.int64, types.int64), generate

@@ -67,11 +67,11 @@ class _Sum:
         code.store(fx, kept, INT(0))
         code.store(fy, kept, INT(FY))
         over = builder.zext(code.some(code.above(top, code.same(self._limit))), INT)
-        found = builder.mul(over, INT(2))
+        flags = builder.mul(over, INT(2))
         if reach is None:
-            return found
+            return flags
         far = builder.zext(code.some(code.above(size, code.same(reach))), INT)
-        return builder.add(found, far)
+        return builder.add(flags, far)
 
     def _added(self, slot: Any, sums: list[Any], factors: tuple[float, ...]) -> list[Any]:
         code, builder = self._code, self._code.builder
@@ -79,21 +79,21 @@ class _Sum:
         xi_x, xi_y, x2, y2, inverse, stiffness = (
             code.same(builder.load(builder.gep(self._table, [builder.add(row, INT(c))]))) for c in range(6)
         )
-        other = builder.add(self._p, builder.load(builder.gep(self._ways, [slot])))
+        neighbour = builder.add(self._p, builder.load(builder.gep(self._ways, [slot])))
         eta_x, eta_y = (
-            code.sub(code.load(component, other), here) for component, here in zip(self._u, self._here, strict=True)
+            code.sub(code.load(component, neighbour), near) for component, near in zip(self._u, self._here, strict=True)
         )
         if self._shrink is not None:
-            both = code.add(code.load(self._shrink, other), self._own)
+            both = code.add(code.load(self._shrink, neighbour), self._own)
             eta_x, eta_y = code.fma(both, xi_x, eta_x), code.fma(both, xi_y, eta_y)
         along_x = code.mul(code.fma(inverse, eta_x, x2), eta_x)
         e = code.fma(code.fma(inverse, eta_y, y2), eta_y, along_x)
         if self._kind == MASKED:
             at, lane = builder.add(self._at, slot), builder.and_(self._p, INT(ROW - 1))
-            there, half = (code.bits(self._weights, where, lane) for where in (at, builder.add(at, self._slots)))
+            has_bond, half = (code.bits(self._weights, where, lane) for where in (at, builder.add(at, self._slots)))
             stiffness = code.choose(half, code.mul(stiffness, code.same(0.5)), stiffness)
-            stiffness = code.choose(there, stiffness, code.same(0.0))
-            e = code.choose(there, e, code.same(0.0))
+            stiffness = code.choose(has_bond, stiffness, code.same(0.0))
+            e = code.choose(has_bond, e, code.same(0.0))
         elif self._kind == OWN:
             stiffness = code.load(self._weights, builder.add(self._at, builder.mul(slot, INT(ROW))))
             none = code.each(lambda one, zero: builder.fcmp_ordered("==", one, zero), stiffness, code.same(0.0))
@@ -123,10 +123,10 @@ def _generator(kind: int, which: int | None, varied: bool = False) -> Any:
         if varied:
             edges = code.data(kinds.pop(4), values.pop(4))
         loop = _Sum(code, kinds, values, kind, edges)
-        kept = code.data(kinds[9], values[9])
+        scratch = code.data(kinds[9], values[9])
         if which is None:
-            return loop.run(None, (0.5,), kept)
-        return loop.run((NARROW, WIDE)[which], code.coefficients[which], kept)
+            return loop.run(None, (0.5,), scratch)
+        return loop.run((NARROW, WIDE)[which], code.coefficients[which], scratch)
 
     return generate
 

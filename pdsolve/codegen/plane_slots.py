@@ -69,31 +69,33 @@ class _Bonds:
         at = builder.add(row, builder.srem(self._lane, INT(ROW)))
         return [self._code.gather(component, self.ids, at) for component in self.u]
 
-    def deformed(self, reference: list[list[Any]], there: list[list[Any]]) -> tuple[list[Any], list[Any], list[Any]]:
+    def deformed(
+        self, reference: list[list[Any]], neighbour_values: list[list[Any]]
+    ) -> tuple[list[Any], list[Any], list[Any]]:
         """Both components of eta, and e."""
         code, (x, y, x2, y2, inverse) = self._code, reference
-        eta_x, eta_y = (code.sub(far, near) for far, near in zip(there[:2], self.own[:2], strict=True))
-        for far, near in zip(there[2:], self.own[2:], strict=True):
+        eta_x, eta_y = (code.sub(far, near) for far, near in zip(neighbour_values[:2], self.own[:2], strict=True))
+        for far, near in zip(neighbour_values[2:], self.own[2:], strict=True):
             shrink = code.add(far, near)
             eta_x, eta_y = code.fma(shrink, x, eta_x), code.fma(shrink, y, eta_y)
         along_x = code.mul(code.fma(inverse, eta_x, x2), eta_x)
         return eta_x, eta_y, code.fma(code.fma(inverse, eta_y, y2), eta_y, along_x)
 
-    def found(self, loop: _Loop) -> tuple[list[list[Any]], list[Any], list[Any], list[Any]]:
+    def deformation(self, loop: _Loop) -> tuple[list[list[Any]], list[Any], list[Any], list[Any]]:
         """Reference of a slot with neighbours anywhere, eta, and e, which is 0 without a bond."""
         code, builder, blocks = self._code, self._code.builder, loop.blocks
         way, reference = self.way(loop.slot), self.reference(loop.slot)
         builder.cbranch(builder.icmp_signed(">=", way, INT(FAR)), blocks["listed"], blocks["beside"])
         loop.go_on("beside")
-        beside = self.beside(way)
+        consecutive = self.beside(way)
         builder.branch(blocks["found"])
         loop.go_on("listed")
         listed = self.listed(way)
         builder.branch(blocks["found"])
         loop.go_on("found")
-        pairs = zip(beside, listed, strict=True)
-        there = [code.merge([(a, blocks["beside"]), (b, blocks["listed"])]) for a, b in pairs]
-        eta_x, eta_y, e = self.deformed(reference, there)
+        pairs = zip(consecutive, listed, strict=True)
+        neighbour_values = [code.merge([(a, blocks["beside"]), (b, blocks["listed"])]) for a, b in pairs]
+        eta_x, eta_y, e = self.deformed(reference, neighbour_values)
         nothing = code.each(lambda row: builder.fcmp_unordered("==", row, code.same(np.inf)[0]), self.near(loop.slot))
         return reference, eta_x, eta_y, code.choose(nothing, code.same(0.0), e)
 
@@ -154,13 +156,13 @@ def _signature(*arrays: Any) -> Any:
 class _Loop:
     """A loop over slots that stops at the first one it cannot add."""
 
-    def __init__(self, code: Code, bonds: _Bonds, values: Any, kept: Any, names: tuple[str, ...]) -> None:
+    def __init__(self, code: Code, bonds: _Bonds, values: Any, scratch: Any, names: tuple[str, ...]) -> None:
         """`values` are the arguments of `add_slots`; `names` are the blocks of code to fill."""
         builder = code.builder
         began, function = builder.block, builder.function
-        self._code, self._kept = code, kept
+        self._code, self._kept = code, scratch
         self.blocks = {name: function.append_basic_block(name) for name in ("head", "look", *names, "add", "leave")}
-        sums = [code.load(kept, INT(at)) for at in (0, FY)]
+        sums = [code.load(scratch, INT(at)) for at in (0, FY)]
         builder.branch(self.blocks["head"])
         self.go_on("head")
         self.slot = builder.phi(INT)
@@ -194,7 +196,9 @@ class _Loop:
 
 
 @intrinsic
-def add_slots(typingctx, u, slots, ids, vectors, stiffness, near, edge, whole, shrink, first, last, own, lane, s):  # type: ignore[no-untyped-def]
+def add_slots(  # type: ignore[no-untyped-def]
+    typingctx, u, slots, ids, vectors, stiffness, near, edge, intact_rows, shrink, first, last, node, lane, s
+):
     """Add the forces of slots `first` to `last` - 1 of a block to the sums in s, for the lanes from `lane` on.
 
     Returns the first slot with neighbours that are not consecutive or with an |e| above `near`, or `last`.
@@ -202,8 +206,8 @@ def add_slots(typingctx, u, slots, ids, vectors, stiffness, near, edge, whole, s
 
     def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
         code = Code(context, builder, u.dtype)
-        bonds, kept = _Bonds(code, signature.args, values), code.data(s, values[-1])
-        loop = _Loop(code, bonds, values, kept, ("beside",))
+        bonds, scratch = _Bonds(code, signature.args, values), code.data(s, values[-1])
+        loop = _Loop(code, bonds, values, scratch, ("beside",))
         way = bonds.way(loop.slot)
         loop.unless(builder.icmp_signed(">=", way, INT(FAR)), "beside")
         reference = bonds.reference(loop.slot)
@@ -212,25 +216,25 @@ def add_slots(typingctx, u, slots, ids, vectors, stiffness, near, edge, whole, s
         g = code.polynomial(code.coefficients[0], e)
         return loop.end(bonds.pulled(loop.slot, reference, eta, e, g, loop.sums))
 
-    return _signature(u, slots, ids, vectors, stiffness, near, edge, whole, shrink, s), generate
+    return _signature(u, slots, ids, vectors, stiffness, near, edge, intact_rows, shrink, s), generate
 
 
 def _adding_any(one_sided: bool) -> Callable[..., Any]:
     """The loop for neighbours anywhere and |e| up to WIDE; `one_sided` as in `_Bonds.pulled`."""
 
     @intrinsic
-    def add(typingctx, u, slots, ids, vectors, stiffness, near, edge, whole, shrink, first, last, own, lane, s):  # type: ignore[no-untyped-def]
+    def add(typingctx, u, slots, ids, vectors, stiffness, near, edge, intact_rows, shrink, first, last, node, lane, s):  # type: ignore[no-untyped-def]
         def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
             code = Code(context, builder, u.dtype)
-            bonds, kept = _Bonds(code, signature.args, values), code.data(s, values[-1])
-            loop = _Loop(code, bonds, values, kept, ("beside", "listed", "found", "strange", "usual", "wide"))
-            slot, (reference, *eta, e) = loop.slot, bonds.found(loop)
+            bonds, scratch = _Bonds(code, signature.args, values), code.data(s, values[-1])
+            loop = _Loop(code, bonds, values, scratch, ("beside", "listed", "found", "strange", "usual", "wide"))
+            slot, (reference, *eta, e) = loop.slot, bonds.deformation(loop)
             size = code.magnitude(e)
-            known = code.least(bonds.edge(slot), code.same(WIDE))
-            strange = code.each(builder.or_, code.above(e, known), code.above(size, code.same(WIDE)))
+            usual_limit = code.least(bonds.edge(slot), code.same(WIDE))
+            strange = code.each(builder.or_, code.above(e, usual_limit), code.above(size, code.same(WIDE)))
             builder.cbranch(code.some(strange), loop.blocks["strange"], loop.blocks["usual"]).set_weights(SELDOM)
             loop.go_on("strange")
-            code.store(e, kept, INT(E))
+            code.store(e, scratch, INT(E))
             builder.branch(loop.blocks["leave"])
             loop.go_on("usual")
             narrow, beyond = code.polynomial(code.coefficients[0], e), code.above(size, code.same(NARROW))
@@ -242,7 +246,7 @@ def _adding_any(one_sided: bool) -> Callable[..., Any]:
             g = code.merge([(narrow, loop.blocks["usual"]), (wide, loop.blocks["wide"])])
             return loop.end(bonds.pulled(slot, reference, eta, e, g, loop.sums, one_sided))
 
-        return _signature(u, slots, ids, vectors, stiffness, near, edge, whole, shrink, s), generate
+        return _signature(u, slots, ids, vectors, stiffness, near, edge, intact_rows, shrink, s), generate
 
     view: Callable[..., Any] = add
     return view
@@ -252,23 +256,23 @@ def _adding_far(one_sided: bool) -> Callable[..., Any]:
     """The loop for any stretch; `one_sided` as in `_Bonds.pulled`."""
 
     @intrinsic
-    def add(typingctx, u, slots, ids, vectors, stiffness, near, edge, whole, shrink, first, last, own, lane, s):  # type: ignore[no-untyped-def]
+    def add(typingctx, u, slots, ids, vectors, stiffness, near, edge, intact_rows, shrink, first, last, node, lane, s):  # type: ignore[no-untyped-def]
         def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
             code = Code(context, builder, u.dtype)
-            bonds, kept = _Bonds(code, signature.args, values), code.data(s, values[-1])
-            loop = _Loop(code, bonds, values, kept, ("beside", "listed", "found"))
-            slot, (reference, *eta, e) = loop.slot, bonds.found(loop)
+            bonds, scratch = _Bonds(code, signature.args, values), code.data(s, values[-1])
+            loop = _Loop(code, bonds, values, scratch, ("beside", "listed", "found"))
+            slot, (reference, *eta, e) = loop.slot, bonds.deformation(loop)
             builder.branch(loop.blocks["add"])
             loop.go_on("add")
-            size, one = code.magnitude(e), code.same(1.0)
+            size, ones = code.magnitude(e), code.same(1.0)
             narrow, wide = (code.polynomial(factors, e) for factors in code.coefficients)
             g = code.choose(code.above(size, code.same(NARROW)), wide, narrow)
-            q2 = code.add(one, e)
-            exact = code.each(builder.fdiv, one, code.add(q2, code.root(q2)))
+            q2 = code.add(ones, e)
+            exact = code.each(builder.fdiv, ones, code.add(q2, code.root(q2)))
             g = code.choose(code.above(size, code.same(WIDE)), exact, g)
             return loop.end(bonds.pulled(slot, reference, eta, e, g, loop.sums, one_sided))
 
-        return _signature(u, slots, ids, vectors, stiffness, near, edge, whole, shrink, s), generate
+        return _signature(u, slots, ids, vectors, stiffness, near, edge, intact_rows, shrink, s), generate
 
     view: Callable[..., Any] = add
     return view
@@ -282,21 +286,21 @@ add_far, add_far_one_sided = _adding_far(False), _adding_far(True)
 
 
 @intrinsic
-def kick_and_drift(typingctx, u, after, v, lightness, dt, half, own, s):  # type: ignore[no-untyped-def]
+def kick_and_drift(typingctx, u, after, v, lightness, dt, half, node, s):  # type: ignore[no-untyped-def]
     """The second half kick of a step and the first half kick and drift of the next, from the sums in s.
 
-    For the nodes from `own` on, to the same bits as one by one: kick and drift are rounded separately and never
+    For the nodes from `node` on, to the same bits as one by one: kick and drift are rounded separately and never
     contracted. `lightness` (m,) is 1 / rho.
     """
 
     def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
         code = Code(context, builder, u.dtype)
         step, half_a_step = code.same(values[4]), code.same(values[5])
-        at, kept = values[6], code.data(s, values[7])
+        at, scratch = values[6], code.data(s, values[7])
         light = code.load(code.data(lightness, values[3]), at)
         for axis, first in enumerate((0, FY)):
             speeds = code.data(v, values[2], axis)
-            kick = code.mul(half_a_step, code.mul(code.load(kept, INT(first)), light))
+            kick = code.mul(half_a_step, code.mul(code.load(scratch, INT(first)), light))
             speed = code.add(code.add(code.load(speeds, at), kick), kick)
             code.store(speed, speeds, at)
             place = code.add(code.load(code.data(u, values[0], axis), at), code.mul(step, speed))

@@ -47,9 +47,9 @@ def _interpolated(function: Callable[[Decimal], Decimal], reach: float, degree: 
         for order in range(1, degree + 1):
             for k in range(degree, order - 1, -1):
                 differences[k] = (differences[k] - differences[k - 1]) / (points[k] - points[k - order])
-        found = [Decimal(0)]
+        polynomial = [Decimal(0)]
         for difference, point in zip(reversed(differences), reversed(points), strict=True):
-            shifted = [Decimal(0), *found]
-            found = [high - point * low for high, low in zip(shifted, [*found, Decimal(0)], strict=True)]
-            found[0] += difference
-        return tuple(float(value) for value in found[: degree + 1])
+            shifted = [Decimal(0), *polynomial]
+            polynomial = [high - point * low for high, low in zip(shifted, [*polynomial, Decimal(0)], strict=True)]
+            polynomial[0] += difference
+        return tuple(float(value) for value in polynomial[: degree + 1])

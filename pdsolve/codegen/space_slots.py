@@ -46,7 +46,7 @@ class _Slots:
         self._own_u = [code.load(component, self._site) for component in self._u]
         self._own_c = [code.load(component, self._site) for component in self._c]
         self._own_cells = [code.load(component, self._site) for component in self._cells]
-        self._begin, self._memory = (code.builder.mul(each, count) for each in (self._tile, row))
+        self._begin, self._memory = (code.builder.mul(index, count) for index in (self._tile, row))
 
     def deformed(self, slot: Any) -> tuple[list[list[Any]], list[list[Any]], list[Any]]:
         """Reference xi and eta (3), and e, which is 0 without a bond."""
@@ -58,8 +58,8 @@ class _Slots:
         inverse, e = self._field(field, INVERSE), code.same(0.0)
         for axis in range(3):
             e = code.fma(code.fma(inverse, eta[axis], x2[axis]), eta[axis], e)
-        there = code.bits(self._bits, builder.add(self._begin, slot), self._lane)
-        return xi, eta, code.choose(there, e, code.same(0.0))
+        has_bond = code.bits(self._bits, builder.add(self._begin, slot), self._lane)
+        return xi, eta, code.choose(has_bond, e, code.same(0.0))
 
     def is_empty(self, slot: Any) -> Any:
         """Whether no lane has a bond."""
@@ -101,7 +101,7 @@ class _Slots:
         w, at = self._field(field, PULL), builder.add(self._site, code.integer(self._offsets, slot))
         if self._corrections:
             ends = zip(self._c, self._own_c, strict=True)
-            both = [code.add(code.load(component, at), own) for component, own in ends]
+            both = [code.add(code.load(component, at), near) for component, near in ends]
             w = code.mul(self._field(field, SHARES), both[0])
             for axis in (1, 2):
                 w = code.fma(self._field(field, SHARES + axis), both[axis], w)
@@ -132,14 +132,14 @@ def _loop(corrections: int, exact: bool, softened: bool = False) -> Callable[...
 
     @intrinsic
     def add(  # type: ignore[no-untyped-def]
-        typingctx, u, offsets, table, bits, c, cells, share, limits, first, last, tile, own, lane, row, count, s
+        typingctx, u, offsets, table, bits, c, cells, share, limits, first, last, tile, site, lane, row, count, s
     ):
         def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
             code = Code(context, builder, u.dtype)
-            slots, kept = _Slots(code, signature.args, values, corrections, softened), code.data(s, values[-1])
+            slots, scratch = _Slots(code, signature.args, values, corrections, softened), code.data(s, values[-1])
             head, leave = (builder.function.append_basic_block(name) for name in ("head", "leave"))
             look, began = builder.function.append_basic_block("look"), builder.block
-            before = [code.load(kept, INT(ROW * axis)) for axis in range(3)]
+            before = [code.load(scratch, INT(ROW * axis)) for axis in range(3)]
             builder.branch(head)
             builder.position_at_end(head)
             slot = builder.phi(INT)
@@ -147,15 +147,15 @@ def _loop(corrections: int, exact: bool, softened: bool = False) -> Callable[...
             sums = [code.merge([(total, began)]) for total in before]
             builder.cbranch(builder.icmp_signed("<", slot, values[9]), look, leave)
             builder.position_at_end(look)
-            some, skip = (builder.function.append_basic_block(name) for name in ("some", "skip"))
-            builder.cbranch(slots.is_empty(slot), skip, some)
+            any_bond, skip = (builder.function.append_basic_block(name) for name in ("some", "skip"))
+            builder.cbranch(slots.is_empty(slot), skip, any_bond)
             builder.position_at_end(skip)
             slot.add_incoming(builder.add(slot, INT(1)), skip)
             for phis in sums:
                 for phi in phis:
                     phi.add_incoming(phi, skip)
             builder.branch(head)
-            builder.position_at_end(some)
+            builder.position_at_end(any_bond)
             xi, eta, e = slots.deformed(slot)
             g = slots.factor(e, None if exact else leave)
             pull = code.mul(slots.stiffness(slot, e), code.mul(e, g))
@@ -167,7 +167,7 @@ def _loop(corrections: int, exact: bool, softened: bool = False) -> Callable[...
             builder.branch(head)
             builder.position_at_end(leave)
             for axis, total in enumerate(sums):
-                code.store(total, kept, INT(ROW * axis))
+                code.store(total, scratch, INT(ROW * axis))
             return slot
 
         numbers_of = (types.int64,) * 7

@@ -22,14 +22,14 @@ def bonded(typingctx, values, bits, tile, slot, lane):  # type: ignore[no-untype
         view = context.make_array(bits)(context, builder, arguments[1])
         at = builder.add(builder.mul(arguments[2], builder.extract_value(view.shape, 1)), arguments[3])
         word = builder.load(builder.gep(view.data, [at]))
-        some = builder.lshr(word, builder.trunc(arguments[4], word.type))
-        some = builder.trunc(some, ir.IntType(count)) if count < word.type.width else some
-        which = builder.bitcast(some, ir.VectorType(ir.IntType(1), count))
-        found = []
+        lane_bits = builder.lshr(word, builder.trunc(arguments[4], word.type))
+        lane_bits = builder.trunc(lane_bits, ir.IntType(count)) if count < word.type.width else lane_bits
+        which = builder.bitcast(lane_bits, ir.VectorType(ir.IntType(1), count))
+        masked_values = []
         for number in range(len(values)):
             value = builder.extract_value(arguments[0], number)
-            found.append(builder.select(which, value, ir.Constant(value.type, [0.0] * count)))
-        return context.make_tuple(builder, signature.return_type, found)
+            masked_values.append(builder.select(which, value, ir.Constant(value.type, [0.0] * count)))
+        return context.make_tuple(builder, signature.return_type, masked_values)
 
     return values(values, bits, types.int64, types.int64, types.int64), generate
 
@@ -51,18 +51,18 @@ def stretched(typingctx, e):  # type: ignore[no-untyped-def]
     precision = "float32" if e.kind == types.float32 else "float64"
 
     def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
-        (own,) = values
+        (e_value,) = values
 
         def polynomial(factors: tuple[float, ...]) -> Any:
-            every = [ir.Constant(own.type, [factor] * e.count) for factor in factors]
+            every = [ir.Constant(e_value.type, [factor] * e.count) for factor in factors]
             value = every[-1]
             for factor in every[-2::-1]:
-                value = call(builder, "fmuladd", value, own, factor)
+                value = call(builder, "fmuladd", value, e_value, factor)
             return value
 
-        stretch = builder.fmul(own, polynomial(stretch_coefficients(precision)))
-        one = ir.Constant(own.type, [1.0] * e.count)
-        inverse = call(builder, "fmuladd", builder.fneg(own), polynomial(coefficients(precision)[0]), one)
+        stretch = builder.fmul(e_value, polynomial(stretch_coefficients(precision)))
+        ones = ir.Constant(e_value.type, [1.0] * e.count)
+        inverse = call(builder, "fmuladd", builder.fneg(e_value), polynomial(coefficients(precision)[0]), ones)
         return context.make_tuple(builder, signature.return_type, [stretch, inverse])
 
     return types.UniTuple(e, 2)(e), generate

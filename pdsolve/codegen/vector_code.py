@@ -45,8 +45,10 @@ def call(builder: ir.IRBuilder, name: str, *values: Any) -> Any:
 def repeat(builder: ir.IRBuilder, vector: Any, scalar: Any) -> Any:
     """A number in all lanes of a vector of this type."""
     nothing = ir.Constant(vector, ir.Undefined)
-    one = builder.insert_element(nothing, scalar, _ID(0))
-    return builder.shuffle_vector(one, nothing, ir.Constant(ir.VectorType(_ID, vector.count), [0] * vector.count))
+    first_lane = builder.insert_element(nothing, scalar, _ID(0))
+    return builder.shuffle_vector(
+        first_lane, nothing, ir.Constant(ir.VectorType(_ID, vector.count), [0] * vector.count)
+    )
 
 
 class Code:
@@ -72,13 +74,13 @@ class Code:
 
     def load(self, data: Any, at: Any) -> list[Any]:
         """The lanes from `at` on."""
-        found = []
+        vectors = []
         for first in range(0, self.count, self.width):
             place = self.builder.gep(data, [self.builder.add(at, INT(first))])
             value = self.builder.load(self.builder.bitcast(place, self.vector.as_pointer()))
             value.align = self.size
-            found.append(value)
-        return found
+            vectors.append(value)
+        return vectors
 
     def store(self, values: list[Any], data: Any, at: Any) -> None:
         """Store lanes from `at` on."""
@@ -89,24 +91,24 @@ class Code:
 
     def gather(self, data: Any, ids: Any, at: Any) -> list[Any]:
         """Values of the lanes' neighbours listed from `at` on."""
-        found = []
+        vectors = []
         for first in range(0, self.count, self.width):
             value = ir.Constant(self.vector, ir.Undefined)
             for lane in range(self.width):
                 j = self.integer(ids, self.builder.add(at, INT(first + lane)))
-                one = self.builder.load(self.builder.gep(data, [j]))
-                value = self.builder.insert_element(value, one, _ID(lane))
-            found.append(value)
-        return found
+                scalar = self.builder.load(self.builder.gep(data, [j]))
+                value = self.builder.insert_element(value, scalar, _ID(lane))
+            vectors.append(value)
+        return vectors
 
     def bits(self, data: Any, at: Any, lane: Any) -> list[Any]:
         """Bits of the lanes from `lane` on, in an element of an array of uint16."""
-        word, found = self.builder.load(self.builder.gep(data, [at])), []
+        word, masks = self.builder.load(self.builder.gep(data, [at])), []
         for first in range(0, self.count, self.width):
             away = self.builder.trunc(self.builder.add(lane, INT(first)), word.type)
-            some = self.builder.trunc(self.builder.lshr(word, away), ir.IntType(self.width))
-            found.append(self.builder.bitcast(some, ir.VectorType(ir.IntType(1), self.width)))
-        return found
+            lane_bits = self.builder.trunc(self.builder.lshr(word, away), ir.IntType(self.width))
+            masks.append(self.builder.bitcast(lane_bits, ir.VectorType(ir.IntType(1), self.width)))
+        return masks
 
     def integer(self, data: Any, at: Any) -> Any:
         """An element of an array of int32."""
@@ -163,9 +165,9 @@ class Code:
         """Whether a > b, or either is NaN."""
         return self.each(lambda one, other: self.builder.fcmp_unordered(">", one, other), a, b)
 
-    def either(self, one: list[Any], other: list[Any]) -> list[Any]:
+    def either(self, first: list[Any], second: list[Any]) -> list[Any]:
         """Where one or the other is true."""
-        return self.each(self.builder.or_, one, other)
+        return self.each(self.builder.or_, first, second)
 
     def choose(self, which: list[Any], a: list[Any], b: list[Any]) -> list[Any]:
         """a where `which` is true, else b."""
@@ -174,8 +176,8 @@ class Code:
     def some(self, which: list[Any]) -> Any:
         """Whether any lane is true."""
         either = which[0]
-        for other in which[1:]:
-            either = self.builder.or_(either, other)
+        for mask in which[1:]:
+            either = self.builder.or_(either, mask)
         bits = ir.IntType(self.width)
         return self.builder.icmp_unsigned("!=", self.builder.bitcast(either, bits), bits(0))
 
@@ -188,8 +190,8 @@ class Code:
 
     def merge(self, incoming: list[tuple[list[Any], Any]]) -> list[Any]:
         """Values that arrive from one of several blocks of code."""
-        found = [self.builder.phi(self.vector) for _ in incoming[0][0]]
+        phis = [self.builder.phi(self.vector) for _ in incoming[0][0]]
         for values, block in incoming:
-            for phi, value in zip(found, values, strict=True):
+            for phi, value in zip(phis, values, strict=True):
                 phi.add_incoming(value, block)
-        return found
+        return phis

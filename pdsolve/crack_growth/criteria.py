@@ -45,15 +45,17 @@ def by_intensity(
     at: Sampled, tip: NDArray[np.float64], way: NDArray[np.float64], ring: Ring, plate: Elastic, toughness: float
 ) -> Verdict:
     """Decide by stress intensities, against a toughness, Pa m^0.5."""
-    found = integrals(at, tip, way, ring, plate)
-    turn = np.radians(kink(found.K1, found.K2))
+    parameters = integrals(at, tip, way, ring, plate)
+    turn = np.radians(kink(parameters.K1, parameters.K2))
     half = turn / 2
-    hoop = np.cos(half) ** 2 * (found.K1 * np.cos(half) - 3 * found.K2 * np.sin(half))
+    hoop = np.cos(half) ** 2 * (parameters.K1 * np.cos(half) - 3 * parameters.K2 * np.sin(half))
     share = hoop / toughness if np.isfinite(hoop) else 0.0
-    whole = np.hypot(found.K1, found.K2)
-    released = hoop / whole * np.sqrt(max(found.J, 0.0) * plate.effective) if whole > 0 else 0.0
+    total_intensity = np.hypot(parameters.K1, parameters.K2)
+    released = (
+        hoop / total_intensity * np.sqrt(max(parameters.J, 0.0) * plate.effective) if total_intensity > 0 else 0.0
+    )
     angles = (float(turn),) if np.isfinite(turn) else ()
-    return Verdict(float(share), angles, found.K1, found.K2, float(released))
+    return Verdict(float(share), angles, parameters.K1, parameters.K2, float(released))
 
 
 def by_release(
@@ -61,9 +63,9 @@ def by_release(
 ) -> Verdict:
     """Decide by J, which a ring too narrow for the size of intensities also gives, against a toughness, Pa m^0.5; the
     angle is that of their ratio."""
-    found = integrals(at, tip, way, ring, plate)
-    released = float(np.sqrt(max(found.J, 0.0) * plate.effective))
-    turn = float(np.radians(kink(found.K1, found.K2)))
+    parameters = integrals(at, tip, way, ring, plate)
+    released = float(np.sqrt(max(parameters.J, 0.0) * plate.effective))
+    turn = float(np.radians(kink(parameters.K1, parameters.K2)))
     return Verdict(released / toughness, (turn if np.isfinite(turn) else 0.0,), released=released)
 
 
@@ -121,11 +123,11 @@ def _maxima(profile: NDArray[np.float64], branch: float) -> tuple[float, ...]:
     tops = np.flatnonzero((padded[1:-1] >= padded[:-2]) & (padded[1:-1] > padded[2:]))
     tops = tops[np.argsort(-profile[tops], kind="stable")]
     first = float(ANGLES[tops[0]])
-    for other in tops[1:]:
-        if profile[tops[0]] <= 0 or profile[other] < min(branch, 1 - SAME) * profile[tops[0]]:
+    for top in tops[1:]:
+        if profile[tops[0]] <= 0 or profile[top] < min(branch, 1 - SAME) * profile[tops[0]]:
             break
-        second = float(ANGLES[other])
-        if abs(second - first) < np.radians(APART) or profile[other] < branch * profile[tops[0]]:
+        second = float(ANGLES[top])
+        if abs(second - first) < np.radians(APART) or profile[top] < branch * profile[tops[0]]:
             return ((first + second) / 2,)
         return min(first, second), max(first, second)
     return (first,)

@@ -116,8 +116,8 @@ class Growth:
         if rules.criterion == "stress":
             sampled = self._near.sampled(state, self._near.rows(tip.place, AHEAD * horizon))
             young = tip.forked and tip.length < FORK * horizon
-            found = by_stress(sampled, tip.place, self._way(tip), horizon, rules, not young)
-            return found._replace(angles=(0.0,)) if young and found.angles else found
+            verdict = by_stress(sampled, tip.place, self._way(tip), horizon, rules, not young)
+            return verdict._replace(angles=(0.0,)) if young and verdict.angles else verdict
         room, what = self._room(tip, tips)
         plate, toughness = self._near.plate(self._near.nearest(tip.place)), self.toughness(tip)
         if room >= LEAST * horizon:
@@ -170,12 +170,12 @@ class Growth:
         began = self._began if self._began.step == step else _Began(step, share, 0)
         self._began = began = began._replace(particles=began.particles + new)
         if began.particles > self._long and share > RISES * began.share:
-            found = f"cracks run on under the same load: after {began.particles} particles a tip feels"
-            found += f" {share:.3g} of what lets it grow, at first {began.share:.3g}"
+            message = f"cracks run on under the same load: after {began.particles} particles a tip feels"
+            message += f" {share:.3g} of what lets it grow, at first {began.share:.3g}"
             expected = (
                 "load steps follow stable growth only; their path from there on is not known in quasi-static analysis"
             )
-            self.remark("runs", f"load step {step}: {found}; {expected}")
+            self.remark("runs", f"load step {step}: {message}; {expected}")
 
     def _cut(self, new: NDArray[np.float64], state: State, step: int) -> None:
         """Cut the bonds that cross new arms (k, 4)."""
@@ -191,13 +191,13 @@ class Growth:
             cut = np.flatnonzero(near.intact & (share == 0))  # those that the way round is too far for now, too
         if not len(cut) and share is None:
             return
-        held, pulled = operator.energies(state)[0], forces(operator, state)
-        gone = Broken(np.full(len(cut), step), near.source[cut], near.target[cut])
-        broken = Broken(*(np.concatenate(both) for both in zip(operator.broken(), gone, strict=True)))
+        strain_energy, pulled = operator.energies(state)[0], forces(operator, state)
+        new_broken = Broken(np.full(len(cut), step), near.source[cut], near.target[cut])
+        broken = Broken(*(np.concatenate(both) for both in zip(operator.broken(), new_broken, strict=True)))
         operator.back(operator.keep(), broken)
         near.intact[cut] = False
         self._reweigh(share)
-        state.dissipated[:] += held - operator.energies(state)[0]
+        state.dissipated[:] += strain_energy - operator.energies(state)[0]
         if self.every is not None:  # the next half step goes without the forces that are lost
             lost = (forces(operator, state) - pulled) / model.rho[:, None]
             lost[:, :2][self._held] = 0
@@ -215,24 +215,26 @@ class Growth:
         columns = {name: column.copy() for name, column in self.particles._asdict().items()}
         return {f"particle_{name}": column for name, column in {**columns, "remarks": remarks}.items()}
 
-    def back(self, kept: Mapping[str, NDArray[Any]], broken: Broken) -> None:
+    def back(self, checkpoint: Mapping[str, NDArray[Any]], broken: Broken) -> None:
         """Restore a checkpoint with these broken bonds. Raises CheckpointError."""
-        self.particles, self._remarks = self._kept_particles(kept), _kept_remarks(kept)
+        self.particles, self._remarks = self._kept_particles(checkpoint), _kept_remarks(checkpoint)
         near, nodes = self._near, len(self._near.start) - 1
         near.intact[:] = ~np.isin(near.source * nodes + near.target, broken.source * nodes + broken.target)
         if self._round is not None:
             self._reweigh(self._round.share(arms(self.particles)))
 
-    def _kept_particles(self, kept: Mapping[str, NDArray[Any]]) -> Particles:
+    def _kept_particles(self, checkpoint: Mapping[str, NDArray[Any]]) -> Particles:
         """Particles of a checkpoint: those of pre-cracks, and those grown from them inside the plate."""
         first, position = self._first, self._model.grid.position
         far = float(np.abs(position).max() + self._model.grid.delta.max())
-        step = entry(kept, "particle_step", (None,), np.int64, 0, MOST_STEPS)
-        place = entry(kept, "particle_place", (len(step), 2), float, -far, far)
-        normal = entry(kept, "particle_normal", (len(step), 2), float, -2, 2)
-        parent = entry(kept, "particle_parent", (len(step),), np.int64, -1, len(step) - 1)
-        own = self.particles
-        same = np.array_equal(parent[:first], own.parent[:first]) and np.array_equal(place[:first], own.place[:first])
+        step = entry(checkpoint, "particle_step", (None,), np.int64, 0, MOST_STEPS)
+        place = entry(checkpoint, "particle_place", (len(step), 2), float, -far, far)
+        normal = entry(checkpoint, "particle_normal", (len(step), 2), float, -2, 2)
+        parent = entry(checkpoint, "particle_parent", (len(step),), np.int64, -1, len(step) - 1)
+        particles = self.particles
+        same = np.array_equal(parent[:first], particles.parent[:first]) and np.array_equal(
+            place[:first], particles.place[:first]
+        )
         if not same or step[:first].any():
             raise CheckpointError(f"particles are not the {first} of pre-cracks first")
         later = np.arange(first, len(step))
@@ -256,11 +258,13 @@ class Growth:
         return tip.way((BLURRED if self.rules.criterion == "intensity" else 1.0) * self._horizon(tip))
 
     def _room(self, tip: Tip, tips: list[Tip]) -> tuple[float, str]:
-        other = [np.tile(one.place, 2) for one in tips if one is not tip]
+        other_tips = [np.tile(candidate.place, 2) for candidate in tips if candidate is not tip]
         every = arms(self.particles)
         gaps = every.reshape(-1, 2, 1, 2) - tip.back
-        own = (np.hypot(gaps[..., 0], gaps[..., 1]).min(axis=2) <= self._ground.slack).all(axis=1)
-        return self._ground.room(tip.place, np.vstack([every[~own], *other]) if other else every[~own])
+        is_own_arm = (np.hypot(gaps[..., 0], gaps[..., 1]).min(axis=2) <= self._ground.slack).all(axis=1)
+        return self._ground.room(
+            tip.place, np.vstack([every[~is_own_arm], *other_tips]) if other_tips else every[~is_own_arm]
+        )
 
     def _too_small(self, tip: Tip, tips: list[Tip]) -> str:
         """Why a tip has no room for a ring; "" if it has."""
@@ -290,9 +294,9 @@ class _Began(NamedTuple):
     particles: int  # since
 
 
-def _kept_remarks(kept: Mapping[str, NDArray[Any]]) -> dict[str, str]:
+def _kept_remarks(checkpoint: Mapping[str, NDArray[Any]]) -> dict[str, str]:
     """Remarks of a checkpoint."""
-    letters = entry(kept, "particle_remarks", (None,), np.uint8).tobytes()
+    letters = entry(checkpoint, "particle_remarks", (None,), np.uint8).tobytes()
     try:
         return msgspec.json.decode(letters, type=dict[str, str])
     except (msgspec.DecodeError, UnicodeDecodeError):
@@ -307,6 +311,8 @@ def _at(place: NDArray[np.float64]) -> str:
 def every_of(model: Model, step: float) -> int:
     """Steps of `step` s between checks: a crack that grows at every check runs at the Rayleigh speed, the upper
     limit."""
-    speeds = [rayleigh_speed(each.E, each.rho, each.plane, poisson(each)) for each in model.materials]
+    speeds = [
+        rayleigh_speed(material.E, material.rho, material.plane, poisson(material)) for material in model.materials
+    ]
     shortest = model.settings.run.particles.spacing * float(model.grid.delta.min())
     return max(1, int(np.ceil(shortest / (max(speeds) * step))))

@@ -45,10 +45,10 @@ class Obstacles:
         self, start: NDArray[np.float64], angle: float, length: float, arms: NDArray[np.float64]
     ) -> NDArray[np.float64]:
         """End of an arm from a place (2,) at an angle, rad, over `length`, m; `arms` (k, 4) are the existing ones."""
-        other = arms[distance(start, arms) > self.slack]
+        other_arms = arms[distance(start, arms) > self.slack]
         for turn in TURNS:
             way = np.array([np.cos(angle + turn), np.sin(angle + turn)])
-            place = self._stop(start, way, length, other)
+            place = self._stop(start, way, length, other_arms)
             if self._clears(start, place):
                 return place
         return place
@@ -61,18 +61,18 @@ class Obstacles:
         return len(far) > 0
 
     def _stop(
-        self, start: NDArray[np.float64], way: NDArray[np.float64], length: float, other: NDArray[np.float64]
+        self, start: NDArray[np.float64], way: NDArray[np.float64], length: float, other_arms: NDArray[np.float64]
     ) -> NDArray[np.float64]:
         """End of an arm along a unit vector: at the first obstacle, if that is not far beyond `length`."""
-        far = self._met(start, way, (1 + LEFT) * length, other)
+        far = self._met(start, way, (1 + LEFT) * length, other_arms)
         return np.asarray(start + (far.min() if len(far) else length) * way)
 
     def _met(
-        self, start: NDArray[np.float64], way: NDArray[np.float64], reach: float, other: NDArray[np.float64]
+        self, start: NDArray[np.float64], way: NDArray[np.float64], reach: float, other_arms: NDArray[np.float64]
     ) -> NDArray[np.float64]:
         """Distance to the first obstacle along a unit vector within `reach`, m."""
         long = shapely.LineString([start, start + reach * way])
-        walls = [shapely.multilinestrings(other.reshape(-1, 2, 2))] if len(other) else []
+        walls = [shapely.multilinestrings(other_arms.reshape(-1, 2, 2))] if len(other_arms) else []
         walls += [] if self._edge is None else [self._edge]
         met = [shapely.get_coordinates(shapely.intersection(long, wall)) for wall in walls]
         far = np.concatenate([np.zeros(0), *((places - start) @ way for places in met)])
@@ -91,15 +91,15 @@ class Obstacles:
 
         `others` (k, 4) are arms of other cracks, and other tips as arms of zero length.
         """
-        found = [(np.inf, "")]
+        obstacles = [(np.inf, "")]
         if self._edge is not None:
-            found.append((float(self._edge.distance(shapely.Point(tip))), "the edge of the plate"))
+            obstacles.append((float(self._edge.distance(shapely.Point(tip))), "the edge of the plate"))
         if len(others):
-            found.append((float(distance(tip, others).min()), "another tip or crack"))
+            obstacles.append((float(distance(tip, others).min()), "another tip or crack"))
         if len(self._acted_on):
             places = self._position[self._acted_on]
-            found.append((float(np.hypot(*(places - tip).T).min()), ACTED_ON))
-        return min(found)
+            obstacles.append((float(np.hypot(*(places - tip).T).min()), ACTED_ON))
+        return min(obstacles)
 
 
 def distance(place: NDArray[np.float64], arms: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -28,8 +28,10 @@ class Round:
 
     def share(self, cracks: NDArray[np.float64]) -> NDArray[np.float64]:
         """Share (b,) of each bond's initial weight that remains with cracks (k, 4); 0: it is cut."""
-        left = self._strengths(cracks) / self._began
-        return np.where(self._no_fail, 1.0, np.where(left > ROUND_OFF, np.minimum(left, 1.0), 0.0))
+        remaining_share = self._strengths(cracks) / self._began
+        return np.where(
+            self._no_fail, 1.0, np.where(remaining_share > ROUND_OFF, np.minimum(remaining_share, 1.0), 0.0)
+        )
 
     def _strengths(self, cracks: NDArray[np.float64]) -> NDArray[np.float64]:
         grid = dataclasses.replace(self._model.grid, cracks=cracks)

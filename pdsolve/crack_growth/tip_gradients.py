@@ -62,9 +62,9 @@ class Surroundings:
 
         H = gradient(state.value)
         strain = green(H)
-        own = Stiffness(self._elastic.E[rows], self._elastic.nu[rows], self._elastic.plane)
+        stiffness = Stiffness(self._elastic.E[rows], self._elastic.nu[rows], self._elastic.plane)
         motion = None
         if not self._rest:
             rate, second = (values[rows, :2].astype(float) for values in (state.rate, state.second))
             motion = Motion(float(self.model.rho[rows].mean()), rate, second, gradient(state.rate))
-        return Sampled(position[rows], self._area[rows], H, strain, hooke(strain, own)[:, :3], motion)
+        return Sampled(position[rows], self._area[rows], H, strain, hooke(strain, stiffness)[:, :3], motion)

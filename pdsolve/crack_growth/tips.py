@@ -36,7 +36,7 @@ class Tip(NamedTuple):
 def tips_of(particles: Particles, ground: Obstacles) -> list[Tip]:
     """Ends of cracks inside the plate that lie on no other crack."""
     around, every = links(particles, ground.slack), arms(particles)
-    found = []
+    tips = []
     for number, others in enumerate(around):
         if len(others) != 1:
             continue
@@ -45,13 +45,13 @@ def tips_of(particles: Particles, ground: Obstacles) -> list[Tip]:
             continue
         on = distance(tip.place, every) <= ground.slack
         if on.sum() == 1:
-            found.append(tip)
-    return found
+            tips.append(tip)
+    return tips
 
 
 def _followed(particles: Particles, around: list[list[int]], number: int) -> Tip:
     line = [number, around[number][0]]
     while len(around[line[-1]]) == 2:
-        line.append(next(other for other in around[line[-1]] if other != line[-2]))
+        line.append(next(neighbour for neighbour in around[line[-1]] if neighbour != line[-2]))
     back = particles.place[line]
     return Tip(number, back, float(np.hypot(*np.diff(back, axis=0).T).sum()), len(around[line[-1]]) > 2)

@@ -42,19 +42,21 @@ class BrokenBonds:
         order = np.lexsort((broken.target, broken.source))
         source, target = broken.source[order], broken.target[order]
         lost = (self._share - 1) * self._conductance(source, target)
-        some, operator = lost < 0, self._transport.operator
-        operator.torn = ChangedBonds(source[some], target[some], lost[some], operator.volume, self._transport.threads)
+        is_reduced, operator = lost < 0, self._transport.operator
+        operator.torn = ChangedBonds(
+            source[is_reduced], target[is_reduced], lost[is_reduced], operator.volume, self._transport.threads
+        )
         if isinstance(stepper, Theta):
             stepper.forget()
 
     def _conductance(self, source: NDArray[np.int64], target: NDArray[np.int64]) -> NDArray[np.float64]:
         """Conductance (b,) of these pairs while they are whole, 1/(s m^d); 0 where nothing diffuses."""
-        found, change = self._families.between(source, target), self._transport.operator.change
+        conductance, change = self._families.between(source, target), self._transport.operator.change
         if change is None:
-            return found
+            return conductance
         start, _, neighbour, more = change.bonds
         nodes = len(start) - 1
         keys = np.repeat(np.arange(nodes), np.diff(start)) * nodes + neighbour
         wanted = source * nodes + target
         at = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1) if len(keys) else np.zeros(0, dtype=np.int64)
-        return found + np.where(keys[at] == wanted, more[at], 0.0) if len(keys) else found
+        return conductance + np.where(keys[at] == wanted, more[at], 0.0) if len(keys) else conductance

@@ -53,49 +53,53 @@ class Collocated:
             for rows in (fine, coarse)
         )  # in halves of the fine spacing
         steps, conductance = family(families, spacing, D)
-        found = stencil_of(3.0, diffusion(D, families.dimension), families.dimension)
-        self._look_whole(found, far, free[coarse], near)
-        self._inner = _means(_lacking(far, 4 * found.xi, near), near)
+        stencil = stencil_of(3.0, diffusion(D, families.dimension), families.dimension)
+        self._look_whole(stencil, far, free[coarse], near)
+        self._inner = _means(_lacking(far, 4 * stencil.xi, near), near)
         every = np.concatenate([far, self._inner.at])
         self._outer = _linear(_lacking(near, 2 * steps, every), every, self._model)
         fines = np.concatenate([near, self._outer.at]) / 2
         self._bonds = _lattice((fines, len(near)), spacing, steps, conductance, threads)
-        pulls = found.xi[(found.xi != 0).any(axis=1)], found.theta[(found.xi != 0).any(axis=1), 0, 0]
+        pulls = stencil.xi[(stencil.xi != 0).any(axis=1)], stencil.theta[(stencil.xi != 0).any(axis=1), 0, 0]
         pulls = pulls[0], pulls[1] / (2 * spacing) ** 2 / (2 * spacing) ** families.dimension
         self._stencils = _lattice((every / 4, len(far)), 2 * spacing, *pulls, threads)
         self._pulls, self._keys, self._places = pulls, _Keys(far), np.zeros((len(volume), far.shape[1]), dtype=np.int64)
         self._places[coarse] = far
         self._far = np.isin(np.arange(len(volume)), coarse)
-        self.reach = np.where(self._far, np.abs(found.xi).max() * 2 * spacing, families.reach)
+        self.reach = np.where(self._far, np.abs(stencil.xi).max() * 2 * spacing, families.reach)
         self.count, self.total = np.zeros(len(volume), dtype=np.int64), np.zeros(len(volume))
         self.count[fine], self.total[fine] = self._bonds.count[: len(fine)], self._bonds.total[: len(fine)]
         self.count[coarse] = self._stencils.count[: len(coarse)]
-        self.total[coarse] = found.most / 2 / (2 * spacing) ** 2
+        self.total[coarse] = stencil.most / 2 / (2 * spacing) ** 2
         seam = [
-            rows[_sees(own, reach, met)]
-            for rows, own, reach, met in (
+            rows[_sees(places, reach, met)]
+            for rows, places, reach, met in (
                 (fine, near, 2 * steps, self._outer.at),
-                (coarse, far, 4 * found.xi, self._inner.at),
+                (coarse, far, 4 * stencil.xi, self._inner.at),
             )
         ]
         self._seam = np.concatenate(seam)
         self._seam_volume = float(volume[self._seam].sum())
-        self._rates, self._values = ([np.zeros(len(one.volume)) for one in (self._bonds, self._stencils)] for _ in "rv")
+        self._rates, self._values = (
+            [np.zeros(len(lattice.volume)) for lattice in (self._bonds, self._stencils)] for _ in "rv"
+        )
         self._some, self._both = [_slice(rows) for rows in (fine, coarse)], np.zeros(len(volume))
 
     def of(self, rows: NDArray[np.int64]) -> tuple[Pairs, NDArray[np.float64]]:
         """Bonds (b,) of some increasing rows to nodes of their own lattice, and their conductances (b,)."""
-        own = ~self._far[rows]
+        is_fine = ~self._far[rows]
         nothing = np.zeros(0, dtype=np.int64)
-        pairs, g = self._families.of(rows[own]) if own.any() else (Pairs(nothing, nothing, np.zeros(0)), np.zeros(0))
+        pairs, g = (
+            self._families.of(rows[is_fine]) if is_fine.any() else (Pairs(nothing, nothing, np.zeros(0)), np.zeros(0))
+        )
         same = ~self._far[pairs.target]
         steps, conductance = self._pulls
-        place = self._places[rows[~own]]
-        found = np.stack([self._keys.rows(place + 4 * step) for step in steps], axis=1)
-        there = found >= 0
-        source, target = np.repeat(rows[~own], there.sum(axis=1)), self._coarse[found[there]]
+        place = self._places[rows[~is_fine]]
+        neighbour_rows = np.stack([self._keys.rows(place + 4 * step) for step in steps], axis=1)
+        exists = neighbour_rows >= 0
+        source, target = np.repeat(rows[~is_fine], exists.sum(axis=1)), self._coarse[neighbour_rows[exists]]
         length = lengths(self.position[target] - self.position[source])
-        pulls = np.broadcast_to(conductance, there.shape)[there]
+        pulls = np.broadcast_to(conductance, exists.shape)[exists]
         both = zip(chosen(pairs, same), (source, target, length), strict=True)
         return Pairs(*(np.concatenate(two) for two in both)), np.concatenate([g[same], pulls])
 
@@ -109,32 +113,32 @@ class Collocated:
         return len(self._outer.at), len(self._inner.at)
 
     def _look_whole(
-        self, found: Stencil, far: NDArray[np.int64], free: NDArray[np.bool_], near: NDArray[np.int64]
+        self, stencil: Stencil, far: NDArray[np.int64], free: NDArray[np.bool_], near: NDArray[np.int64]
     ) -> None:
         """Raise ModelError for a coarse node without a whole stencil that is `free`, not prescribed."""
         keys = _Keys(np.concatenate([far, near - 1]))
-        whole = np.ones(len(far), dtype=bool)
-        for step in found.xi:
-            whole &= keys.rows(far + 4 * step) >= 0
-        lost = np.flatnonzero(free & ~whole)
+        complete = np.ones(len(far), dtype=bool)
+        for step in stencil.xi:
+            complete &= keys.rows(far + 4 * step) >= 0
+        lost = np.flatnonzero(free & ~complete)
         if len(lost):
             place = ", ".join(f"{x:.6g}" for x in self._model.grid.position[self._coarse[lost[0]]])
             raise ModelError(
                 f"{self._model.name}: $.run.adapt: {len(lost)} coarse nodes near an edge are not held, the first at"
-                f" ({place}) m; use fine nodes or a held layer of {np.abs(found.xi).max()} there"
+                f" ({place}) m; use fine nodes or a held layer of {np.abs(stencil.xi).max()} there"
             )
 
     def rates(self, potential: NDArray[np.float64], out: NDArray[np.float64]) -> None:
         """Add the rates of change (n,) of contents, per volume and time, at this `potential` (n,) to `out`."""
-        fine, every, own = self._values[0], self._values[1], (self._inner.values.shape[1], len(self._coarse))
-        fine[: own[0]], every[: own[1]] = potential[self._some[0]], potential[self._some[1]]
-        every[own[1] :] = self._inner.values @ fine[: own[0]]
-        fine[own[0] :] = self._outer.values @ every
-        for one, rates, values in zip((self._bonds, self._stencils), self._rates, self._values, strict=True):
+        fine, every, node_counts = self._values[0], self._values[1], (self._inner.values.shape[1], len(self._coarse))
+        fine[: node_counts[0]], every[: node_counts[1]] = potential[self._some[0]], potential[self._some[1]]
+        every[node_counts[1] :] = self._inner.values @ fine[: node_counts[0]]
+        fine[node_counts[0] :] = self._outer.values @ every
+        for lattice, rates, values in zip((self._bonds, self._stencils), self._rates, self._values, strict=True):
             rates[:] = 0
-            one.rates(values, rates)
+            lattice.rates(values, rates)
         both = self._both
-        both[self._some[0]], both[self._some[1]] = self._rates[0][: own[0]], self._rates[1][: own[1]]
+        both[self._some[0]], both[self._some[1]] = self._rates[0][: node_counts[0]], self._rates[1][: node_counts[1]]
         _give_back(self.volume, self._seam, self._seam_volume, both)
         out += both
 
@@ -215,25 +219,25 @@ class _Keys:
         return np.where(self._sorted[at] == key, self._order[at], -1)
 
 
-def _lacking(own: NDArray[np.int64], steps: NDArray[np.int64], other: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Places (f, d) without a node that `own` nodes (n, d) need at offsets `steps` (k, d), within reach of `other`
+def _lacking(lattice: NDArray[np.int64], steps: NDArray[np.int64], opposite: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Places (f, d) without a node that `lattice` (n, d) needs at offsets `steps` (k, d), within reach of `opposite`
     (m, d)."""
-    keys, found = _Keys(own), [np.zeros((0, own.shape[1]), dtype=np.int64)]
-    low, high = other.min(axis=0) - 1, other.max(axis=0) + 1
+    keys, missing = _Keys(lattice), [np.zeros((0, lattice.shape[1]), dtype=np.int64)]
+    low, high = opposite.min(axis=0) - 1, opposite.max(axis=0) + 1
     for step in steps:
-        seen = own + step
-        seen = seen[((seen >= low) & (seen <= high)).all(axis=1)]
-        found.append(seen[keys.rows(seen) < 0])
-    return np.unique(np.concatenate(found), axis=0)
+        targets = lattice + step
+        targets = targets[((targets >= low) & (targets <= high)).all(axis=1)]
+        missing.append(targets[keys.rows(targets) < 0])
+    return np.unique(np.concatenate(missing), axis=0)
 
 
-def _sees(own: NDArray[np.int64], steps: NDArray[np.int64], others: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Mask of the `own` nodes (n, d) that have one of the others (m, d) at some of the offsets `steps` (k, d)."""
-    keys, seen = _Keys(own), np.zeros(len(own), dtype=bool)
+def _sees(lattice: NDArray[np.int64], steps: NDArray[np.int64], others: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Mask of the nodes of `lattice` (n, d) that have one of the others (m, d) at some offsets `steps` (k, d)."""
+    keys, has_neighbour = _Keys(lattice), np.zeros(len(lattice), dtype=bool)
     for step in steps:
         rows = keys.rows(others - step)
-        seen[rows[rows >= 0]] = True
-    return seen
+        has_neighbour[rows[rows >= 0]] = True
+    return has_neighbour
 
 
 def _means(at: NDArray[np.int64], near: NDArray[np.int64]) -> Between:
@@ -241,8 +245,8 @@ def _means(at: NDArray[np.int64], near: NDArray[np.int64]) -> Between:
     corners = np.array(list(product((-1, 1), repeat=at.shape[1])))
     keys = _Keys(near)
     rows = np.column_stack([keys.rows(at + corner) for corner in corners])
-    whole = (rows >= 0).all(axis=1)
-    return Between(at[whole], _matrix(rows[whole], np.full(rows[whole].shape, 1 / len(corners)), len(near)))
+    complete = (rows >= 0).all(axis=1)
+    return Between(at[complete], _matrix(rows[complete], np.full(rows[complete].shape, 1 / len(corners)), len(near)))
 
 
 def _linear(at: NDArray[np.int64], every: NDArray[np.int64], model: Model) -> Between:
@@ -256,12 +260,12 @@ def _linear(at: NDArray[np.int64], every: NDArray[np.int64], model: Model) -> Be
     for corner in product((0, 1), repeat=d):
         rows.append(keys.rows(every[0] + 4 * (low + np.array(corner))))
         weights.append(np.prod(np.where(np.array(corner) == 1, share, 1 - share), axis=1))
-    found = np.column_stack(rows)
-    if (found < 0).any():
+    corner_rows = np.column_stack(rows)
+    if (corner_rows < 0).any():
         raise ModelError(
             f"{model.name}: $.run.adapt is collocation with fine nodes at an edge; use coarse ones all around"
         )
-    return Between(at, _matrix(found, np.column_stack(weights), len(every)))
+    return Between(at, _matrix(corner_rows, np.column_stack(weights), len(every)))
 
 
 def _matrix(rows: NDArray[np.int64], weights: NDArray[np.float64], nodes: int) -> csr_array:

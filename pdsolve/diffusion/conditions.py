@@ -55,8 +55,8 @@ class BoundaryConditions(NamedTuple):
 
     def drive(self) -> Drive:
         """Sources and prescribed contents for a stepper."""
-        found = drive_of(self.profiles, self.supplied, self.held, (len(self.free), 1))
-        return found._replace(held_force=np.zeros(0), held_speed=np.zeros(0))
+        drive = drive_of(self.profiles, self.supplied, self.held, (len(self.free), 1))
+        return drive._replace(held_force=np.zeros(0), held_speed=np.zeros(0))
 
 
 def with_edges(done: BoundaryConditions, to_edge: NDArray[np.float64], edge: NDArray[np.int64]) -> BoundaryConditions:
@@ -110,7 +110,7 @@ def boundary_conditions(model: Model, volume: NDArray[np.float64]) -> BoundaryCo
                 extents.append(extent)
             through = condition.flux if isinstance(condition, Source) else condition.value
             fluxes.append(Flux(condition, rows, profile, walled, spread, OnEdge(model, through or 0.0)))
-    supplied = [chosen(each, free[each.node]) for each in supplied]
+    supplied = [chosen(source, free[source.node]) for source in supplied]
     faces = Faces(*(np.concatenate(column) for column in zip(*edges[::-1], strict=True)))  # the last one holds
     nearest = 0.0 if model.settings.run.solver in ("implicit", "static") else NEAREST
     together = Edges(on_edge, faces, np.array(extents), nearest)
@@ -122,15 +122,15 @@ def with_fluxes(done: BoundaryConditions, cloud: Cloud) -> BoundaryConditions:
     supplied, exchange = list(done.supplied), done.exchange.copy()
     for condition, rows, profile, walled, spread, value in done.fluxes:
         extent = extent_of(condition)
-        found = beside_edge(cloud, rows, extent, walled) if spread else over_cells(cloud, rows, walled)
-        share = extent * found.share / cloud.volume[found.rows]
+        flux_spread = beside_edge(cloud, rows, extent, walled) if spread else over_cells(cloud, rows, walled)
+        share = extent * flux_spread.share / cloud.volume[flux_spread.rows]
         if isinstance(condition, Source):
-            rate = value.values(found.rows) * share
+            rate = value.values(flux_spread.rows) * share
         else:
-            coefficient = share / (1 / condition.coefficient + found.resistance)
-            np.add.at(exchange, found.rows, coefficient)
-            rate = coefficient * value.values(found.rows)
-        supplied.append(chosen(entries(found.rows, 0, rate, profile), done.free[found.rows]))
+            coefficient = share / (1 / condition.coefficient + flux_spread.resistance)
+            np.add.at(exchange, flux_spread.rows, coefficient)
+            rate = coefficient * value.values(flux_spread.rows)
+        supplied.append(chosen(entries(flux_spread.rows, 0, rate, profile), done.free[flux_spread.rows]))
     exchange[~done.free] = 0
     return done._replace(supplied=supplied, exchange=exchange)
 
@@ -154,8 +154,8 @@ def _edge(model: Model, number: int, condition: Concentration, edge: int) -> tup
     middle, normal = grid.position[rows] + way, way / np.where(on, 1.0, far)[:, None]
     axes = extended(model)
     area = delta ** (len(axes) - 1)
-    held = np.full(len(rows), edge), np.zeros(len(rows))
-    return rows[on], Faces(middle[:, axes], normal[:, axes], area, *held).chosen(first)
+    edge_and_beyond = np.full(len(rows), edge), np.zeros(len(rows))
+    return rows[on], Faces(middle[:, axes], normal[:, axes], area, *edge_and_beyond).chosen(first)
 
 
 def _largest(value: float, condition: Timed) -> float:

@@ -91,27 +91,27 @@ def beside_edge(cloud: Cloud, rows: Rows, extent: float, walled: NDArray[np.bool
     owner = owner[near]
     way = ((cloud.position[near] - cloud.position[rows[owner]]) * normal[owner]).sum(axis=1)
     w = (cloud.gain[near] * normal[owner]).sum(axis=1) * (way > -cloud.delta[near] / 2)
-    whole = np.bincount(owner, w, len(rows))
-    free = np.abs(whole - D * extent * part) < CLEAR * D * extent * part
+    total_weight = np.bincount(owner, w, len(rows))
+    free = np.abs(total_weight - D * extent * part) < CLEAR * D * extent * part
     hands = (free & ~walled)[owner] & (w != 0)
     near, owner, way = near[hands], owner[hands], way[hands]
-    w = w[hands] / whole[owner]
+    w = w[hands] / total_weight[owner]
     z = depth[owner] / extent - cloud.delta[rows[owner]] / 2 + way
     resistance = np.maximum(np.bincount(owner, w * z, len(rows)), 0.0) / D
-    kept = np.flatnonzero(~free & ~walled)
+    closed_rows = np.flatnonzero(~free & ~walled)
     return Spread(
-        np.concatenate([near, rows[kept]]),
-        np.concatenate([part[owner] * w, part[kept]]),
-        np.concatenate([resistance[owner], np.zeros(len(kept))]),
+        np.concatenate([near, rows[closed_rows]]),
+        np.concatenate([part[owner] * w, part[closed_rows]]),
+        np.concatenate([resistance[owner], np.zeros(len(closed_rows))]),
     )
 
 
-def _normals(x: Array, own: Array, reach: Array) -> Array:
-    """Inward unit normals (k, d) of an edge at its nodes x: across the line or plane through those around, as `own`."""
+def _normals(x: Array, inward: Array, reach: Array) -> Array:
+    """Inward unit normals (k, d) of an edge at its nodes x: across the line or plane of their neighbours."""
     around = tree_of(x).query_ball_point(x, reach)
-    found = np.zeros(own.shape)
-    for at, some in enumerate(around):
-        _, axes = np.linalg.eigh(np.cov(x[some].T, bias=True).reshape(own.shape[1], -1))
-        found[at] = axes[:, 0] if len(some) > 1 else own[at]
-    found *= np.where((found * own).sum(axis=1) < 0, -1.0, 1.0)[:, None]
-    return np.asarray(found / np.maximum(np.sqrt((found**2).sum(axis=1)), np.finfo(float).tiny)[:, None])
+    normals = np.zeros(inward.shape)
+    for at, neighbours in enumerate(around):
+        _, axes = np.linalg.eigh(np.cov(x[neighbours].T, bias=True).reshape(inward.shape[1], -1))
+        normals[at] = axes[:, 0] if len(neighbours) > 1 else inward[at]
+    normals *= np.where((normals * inward).sum(axis=1) < 0, -1.0, 1.0)[:, None]
+    return np.asarray(normals / np.maximum(np.sqrt((normals**2).sum(axis=1)), np.finfo(float).tiny)[:, None])

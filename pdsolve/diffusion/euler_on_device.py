@@ -34,7 +34,7 @@ class EulerOnDevice:
         changes = [tables.change, more]
         self._nodes, self._ahead, self._last = nodes, False, 0
         self._size = -(-nodes // LANES) * LANES
-        lists = [_listed(each, nodes) for each in changes]
+        lists = [_listed(item, nodes) for item in changes]
         fixed: list[NDArray[Any]] = [
             operator.volume,
             tables.ahead.astype(np.int32),
@@ -44,17 +44,17 @@ class EulerOnDevice:
         ]
         fixed += [operator.outside, *lists[0], *lists[1]]
         session.expect_countable(tables.cells)
-        session.room_for(*(each.nbytes for each in fixed), 8 * tables.cells, *6 * [8 * nodes], 4 * nodes)
-        session.room_for(*(16 * len(each.node) + 4 * nodes + 4 for each in (drive.loads, drive.holds)))
+        session.room_for(*(item.nbytes for item in fixed), 8 * tables.cells, *6 * [8 * nodes], 4 * nodes)
+        session.room_for(*(16 * len(item.node) + 4 * nodes + 4 for item in (drive.loads, drive.holds)))
         defined = {"SLOTS": len(tables.ahead), "EIGHTS": len(tables.ahead) // TOGETHER * TOGETHER}
         names = {"UNLIKE": changes[0] is not None, "MORE": changes[1] is not None, "VARIES": drive.varies}
         names |= {"LOADS": len(drive.loads.node) > 0, "OPEN": bool(operator.outside.any())}
-        defined |= {name: 1 for name, there in names.items() if there}
+        defined |= {name: 1 for name, enabled in names.items() if enabled}
         lines = [preamble("float64", 1), _law(operator.medium.C_sat)]
         lines += [f"#define {name} {value}" for name, value in defined.items()]
         program = session.build("\n".join([*lines, text_of("fick.cl")]))
         self._put, self._advance = program.put, program.advance
-        self._cell, self._fixed = session.put(tables.cell.astype(np.int32)), [session.put(each) for each in fixed]
+        self._cell, self._fixed = session.put(tables.cell.astype(np.int32)), [session.put(item) for item in fixed]
         self._potential, self._amount = session.put(np.zeros(nodes)), session.zeros(8 * tables.cells)
         self._h, self._rate, self._dissipated, self._work = (session.put(np.zeros(nodes)) for _ in range(4))
         self._source = session.put(np.ascontiguousarray(drive.force[:, 0]))
@@ -75,8 +75,8 @@ class EulerOnDevice:
             at = (step - first) % AT_ONCE
             if at == 0:
                 self._factors.write(step, min(AT_ONCE, last - step))
-            given = self._cell, volume, self._h, self._potential, self._amount, nodes
-            self.session.launch(self._put, sizes, given)
+            arguments = self._cell, volume, self._h, self._potential, self._amount, nodes
+            self.session.launch(self._put, sizes, arguments)
             motion = self._h, self._rate, self._dissipated, self._work, self._source
             numbers = np.int32(self._factors.count), np.int32(at), np.float64(self._dt), nodes
             bonds = self._cell, volume, self._potential, self._amount, *rest
@@ -104,19 +104,19 @@ class EulerOnDevice:
 
 def _law(C_sat: float | None) -> str:
     """Fick's law in OpenCL C, of potentials up to C_sat, mol/m^3, if there is one."""
-    written, found = Translation(FUNCTIONS), []
+    written, definitions = Translation(FUNCTIONS), []
     for name, count in (("flux", 5), ("two", 4), ("four", 8), ("gained", 4)):
-        found.append(f"#define {name.upper()} {written.add(name, (DOUBLE,) * count)}")
+        definitions.append(f"#define {name.upper()} {written.add(name, (DOUBLE,) * count)}")
     least = "h" if C_sat is None else f"{written.add('saturated', (DOUBLE, DOUBLE))}(h, {float(C_sat).hex()})"
-    return "\n".join([written.source, *found, f"#define POTENTIAL(h) {least}"])
+    return "\n".join([written.source, *definitions, f"#define POTENTIAL(h) {least}"])
 
 
 def _listed(bonds: BondList | None, nodes: int) -> list[NDArray[Any]]:
     """Starts, neighbours and conductances of changed bonds; none without any."""
     if bonds is None:
         return [np.zeros(nodes + 1, dtype=np.int64), np.zeros(1, dtype=np.uint32), np.zeros(1)]
-    found = bonds.bonds
-    return [found.start.astype(np.int64), found.neighbour.astype(np.uint32), found.conductance]
+    groups = bonds.bonds
+    return [groups.start.astype(np.int64), groups.neighbour.astype(np.uint32), groups.conductance]
 
 
 def _entries(entries: Entries, nodes: int, session: Session) -> list[Any]:

@@ -30,14 +30,14 @@ def ways_to_edge(model: Model, number: int, rows: Rows) -> Array:
     """Vectors (k, d) from these rows of a condition to its edge, m. Raises ModelError."""
     condition, grid = model.settings.conditions[number], model.grid
     assert isinstance(condition, Concentration | Exchange)
-    nodes, given = np.array(condition.nodes or (), dtype=np.int64), condition.edge or ()
-    if len(given) != len(nodes) or any(len(way) != grid.dimension for way in given):
+    nodes, ways = np.array(condition.nodes or (), dtype=np.int64), condition.edge or ()
+    if len(ways) != len(nodes) or any(len(way) != grid.dimension for way in ways):
         raise ModelError(
-            f"{model.name}: $.conditions[{number}].edge has {len(given)} ways; give {len(nodes)}, one for each of"
+            f"{model.name}: $.conditions[{number}].edge has {len(ways)} ways; give {len(nodes)}, one for each of"
             f" its nodes, in {grid.dimension} dimensions"
         )
     order = np.argsort(nodes, kind="stable")
-    return np.asarray(np.array(given)[order[np.searchsorted(nodes, grid.ids[rows], sorter=order)]])
+    return np.asarray(np.array(ways)[order[np.searchsorted(nodes, grid.ids[rows], sorter=order)]])
 
 
 def outer_faces(
@@ -81,8 +81,8 @@ def _normals(position: Array, delta: Array, rows: Rows, way: Array) -> Array:
 
 def _is_free(position: Array, delta: Array, foot: Array, normal: Array) -> NDArray[np.bool_]:
     """Mask (k,) of places on an edge beyond which there is no node."""
-    found = np.ones(len(foot), dtype=bool)
+    is_free = np.ones(len(foot), dtype=bool)
     near = tree_of(position).query_ball_point(foot + AHEAD * delta[:, None] * normal, AROUND * delta)
-    for at, some in enumerate(near):
-        found[at] = not (((position[some] - foot[at]) @ normal[at]) > BEYOND * delta[at]).any()
-    return found
+    for at, neighbours in enumerate(near):
+        is_free[at] = not (((position[neighbours] - foot[at]) @ normal[at]) > BEYOND * delta[at]).any()
+    return is_free

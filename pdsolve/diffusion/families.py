@@ -62,10 +62,10 @@ class Unlike(NamedTuple):
 def diffusivities(model: Model) -> NDArray[np.float64]:
     """The diffusivity of each node (n,), m^2/s."""
     assert model.settings.medium is not None
-    found = np.full(len(model.grid), model.settings.medium.D)
+    diffusivity = np.full(len(model.grid), model.settings.medium.D)
     for region in model.settings.media:
-        found[model.selected(region)] = region.D
-    return found
+        diffusivity[model.selected(region)] = region.D
+    return diffusivity
 
 
 def shape(
@@ -81,8 +81,8 @@ def moment(order: int, ratio: float, dimension: int, power: int) -> float:
     """Sum of uncalibrated conductance (D = 1) times length to the power `order` over a family of a unit lattice."""
     steps = range(-int(ratio + 0.5) - 1, int(ratio + 0.5) + 2)
     length = np.linalg.norm(np.array([at for at in product(steps, repeat=dimension) if any(at)], dtype=float), axis=1)
-    one = np.ones(len(length))
-    return float((shape(length, ratio * one, one, dimension, power) * length**order).sum())
+    ones = np.ones(len(length))
+    return float((shape(length, ratio * ones, ones, dimension, power) * length**order).sum())
 
 
 def lattice_diffusivity(ratio: float, dimension: int, power: int) -> float:
@@ -116,26 +116,26 @@ class Families:
         delta, reach = grid.delta, (self.horizon[i] + self.horizon[j]) / 2
         across = delta ** (grid.position.shape[1] - self.dimension)
         both = [shape(length, reach, delta[end], self.dimension, self.power) / across[end] for end in (i, j)]
-        one, other = self.diffusivity[i], self.diffusivity[j]
-        return np.asarray((both[0] + both[1]) / self._lattice * one * other / (one + other))
+        D_i, D_j = self.diffusivity[i], self.diffusivity[j]
+        return np.asarray((both[0] + both[1]) / self._lattice * D_i * D_j / (D_i + D_j))
 
     def between(self, source: NDArray[np.int64], target: NDArray[np.int64]) -> NDArray[np.float64]:
         """Conductance (b,) of these pairs, 1/(s m^d), that see each other; 0 beyond the horizon."""
         away = self.position[target] - self.position[source]
-        found = self.conductance(Pairs(source, target, np.sqrt((away**2).sum(axis=1))))
-        return np.where(found > ROUND_OFF * found.max(initial=0.0), found, 0.0)
+        conductance = self.conductance(Pairs(source, target, np.sqrt((away**2).sum(axis=1))))
+        return np.where(conductance > ROUND_OFF * conductance.max(initial=0.0), conductance, 0.0)
 
     def part(self, rows: NDArray[np.int64]) -> Part:
         """Bonds of some increasing rows."""
         pairs = self.neighbours.pairs(rows)
         conductance = self.conductance(pairs)
-        some = conductance > ROUND_OFF * conductance.max(initial=0.0)
-        pairs, conductance = chosen(pairs, some), conductance[some]
-        there = self.sight.inside(pairs)
-        blocked = there & self.sight.cut(pairs)
-        there &= ~blocked
-        kept, lost = ((chosen(pairs, which), conductance[which]) for which in (there, ~there))
-        return Part(*kept, pairs.source[blocked], *lost)
+        within_horizon = conductance > ROUND_OFF * conductance.max(initial=0.0)
+        pairs, conductance = chosen(pairs, within_horizon), conductance[within_horizon]
+        is_bond = self.sight.inside(pairs)
+        blocked = is_bond & self.sight.cut(pairs)
+        is_bond &= ~blocked
+        intact, lost = ((chosen(pairs, which), conductance[which]) for which in (is_bond, ~is_bond))
+        return Part(*intact, pairs.source[blocked], *lost)
 
     def of(self, rows: NDArray[np.int64]) -> tuple[Pairs, NDArray[np.float64]]:
         """Bonds (b,) of some increasing rows, and their conductances (b,)."""
@@ -150,7 +150,7 @@ class Families:
         D, nodes = self.diffusivity, len(self.model.grid)
         lost, blocked = np.zeros((2, nodes), dtype=np.int64)
         nothing = np.zeros(0, dtype=np.int64)
-        found = [(nothing, nothing, np.zeros(0))]
+        differences = [(nothing, nothing, np.zeros(0))]
         rows = np.flatnonzero(self._beside_others() | self.sight.near(float(self.reach.max())))
         for part in (self.part(rows[first : first + ROWS]) for first in range(0, len(rows), ROWS)):
             (i, j, _), (k, m, _) = part.pairs, part.lost
@@ -158,20 +158,20 @@ class Families:
             lost += np.bincount(k, minlength=nodes)
             crosses = D[i] != D[j]
             i, j = i[crosses], j[crosses]
-            found.append((i, j, part.conductance[crosses] * (D[j] - D[i]) / (2 * D[j])))
-            found.append((k, m, -part.lost_conductance * (D[k] + D[m]) / (2 * D[m])))
-        source, target, conductance = (np.concatenate(column) for column in zip(*found, strict=True))
+            differences.append((i, j, part.conductance[crosses] * (D[j] - D[i]) / (2 * D[j])))
+            differences.append((k, m, -part.lost_conductance * (D[k] + D[m]) / (2 * D[m])))
+        source, target, conductance = (np.concatenate(column) for column in zip(*differences, strict=True))
         order = np.lexsort((target, source))
         return Unlike(source[order], target[order], conductance[order], lost, blocked)
 
     def _beside_others(self) -> NDArray[np.bool_]:
         """Mask (n,) of nodes within reach of one of another diffusivity."""
-        found, farthest = np.zeros(len(self.position), dtype=bool), float(self.reach.max()) * (1 + ROUND_OFF)
+        near_others, farthest = np.zeros(len(self.position), dtype=bool), float(self.reach.max()) * (1 + ROUND_OFF)
         values = np.unique(self.diffusivity)
-        for own in (self.diffusivity == value for value in (values if len(values) > 1 else ())):
-            near, _ = tree_of(self.position[~own]).query(self.position[own], distance_upper_bound=farthest)
-            found[own] = np.isfinite(near)
-        return found
+        for region in (self.diffusivity == value for value in (values if len(values) > 1 else ())):
+            near, _ = tree_of(self.position[~region]).query(self.position[region], distance_upper_bound=farthest)
+            near_others[region] = np.isfinite(near)
+        return near_others
 
 
 class Grouped(NamedTuple):

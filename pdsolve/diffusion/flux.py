@@ -23,9 +23,9 @@ def saturated(h: Any, C_sat: float) -> Any:
 
 
 @register_jitable(**INLINE)
-def flux(g, V, here, there, t):  # type: ignore[no-untyped-def]
+def flux(g, V, node_potential, neighbour_potential, t):  # type: ignore[no-untyped-def]
     """t and what a bond to a node of volume V adds to it, from the potentials of both ends."""
-    return fused(g * V, there - here, t)
+    return fused(g * V, neighbour_potential - node_potential, t)
 
 
 @register_jitable(**INLINE)
@@ -46,4 +46,4 @@ def gained(scale, s, outflow, p):  # type: ignore[no-untyped-def]
     return scale * (s - outflow * p)
 
 
-FUNCTIONS = {each.__name__: each for each in (saturated, flux, two, four, gained)}
+FUNCTIONS = {function.__name__: function for function in (saturated, flux, two, four, gained)}

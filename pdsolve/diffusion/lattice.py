@@ -73,19 +73,22 @@ def box_of(position: NDArray[np.float64], spacing: float, margin: int, wanted: i
     Sums are needed for the first `wanted` nodes, by default for all.
     """
     at = (position - position[0]) / spacing
-    whole = np.rint(at)
-    if len(position) < LEAST_NODES or not (np.abs(at - whole) <= ON_LATTICE * (1 + np.abs(whole))).all():
+    lattice_index = np.rint(at)
+    if (
+        len(position) < LEAST_NODES
+        or not (np.abs(at - lattice_index) <= ON_LATTICE * (1 + np.abs(lattice_index))).all()
+    ):
         return None
-    low, high = whole.min(axis=0), whole.max(axis=0)
+    low, high = lattice_index.min(axis=0), lattice_index.max(axis=0)
     if len(position) < LEAST_FILLED * np.prod(high - low + 1):
         return None
     side = (high - low + 1 + 2 * margin).astype(np.int64)
-    place = (whole - low).astype(np.int64) + margin
-    there = np.zeros(side, dtype=bool)
-    there[tuple(place.T)] = True
-    if np.count_nonzero(there) < len(place):
+    place = (lattice_index - low).astype(np.int64) + margin
+    filled = np.zeros(side, dtype=bool)
+    filled[tuple(place.T)] = True
+    if np.count_nonzero(filled) < len(place):
         return None
-    begin = np.array([np.count_nonzero(there & ~np.roll(there, 1, axis)) for axis in range(len(side))])
+    begin = np.array([np.count_nonzero(filled & ~np.roll(filled, 1, axis)) for axis in range(len(side))])
     along = int(np.argmin(begin)) if begin.min() < FEWER * begin[0] else 0
     axes = np.roll(np.arange(len(side)), -along)
     strides = np.empty(len(side), dtype=np.int64)
@@ -104,9 +107,9 @@ def runs_of(cell: NDArray[np.int64]) -> Runs:
 def slots_of(steps: NDArray[np.int64], conductance: NDArray[np.float64], box: Box) -> Slots:
     """Slots of bonds (k,) to nodes at offsets `steps` (k, d), in the order of cells."""
     order = np.argsort(steps @ box.strides)
-    left = -len(order) % 2
-    ahead = np.concatenate([(steps @ box.strides)[order], np.zeros(left, dtype=np.int64)])
-    return Slots(ahead, np.concatenate([conductance[order], np.zeros(left)]))
+    padding = -len(order) % 2
+    ahead = np.concatenate([(steps @ box.strides)[order], np.zeros(padding, dtype=np.int64)])
+    return Slots(ahead, np.concatenate([conductance[order], np.zeros(padding)]))
 
 
 def family(families: Families, spacing: float, D: float) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
@@ -114,10 +117,12 @@ def family(families: Families, spacing: float, D: float) -> tuple[NDArray[np.int
     ratio = families.model.settings.horizon.ratio
     side = int(ratio + 0.5) + 1
     steps = np.array([at for at in product(range(-side, side + 1), repeat=families.dimension) if any(at)])
-    length, one = np.linalg.norm(steps, axis=1) * spacing, np.ones(len(steps))
-    found = families.even(D) * shape(length, ratio * spacing * one, spacing * one, families.dimension, families.power)
-    some = found > ROUND_OFF * found.max()
-    return steps[some], found[some]
+    length, ones = np.linalg.norm(steps, axis=1) * spacing, np.ones(len(steps))
+    conductance = families.even(D) * shape(
+        length, ratio * spacing * ones, spacing * ones, families.dimension, families.power
+    )
+    within_horizon = conductance > ROUND_OFF * conductance.max()
+    return steps[within_horizon], conductance[within_horizon]
 
 
 def on_lattice(families: Families, volume: NDArray[np.float64], threads: int) -> OnLattice | None:
@@ -130,8 +135,8 @@ def on_lattice(families: Families, volume: NDArray[np.float64], threads: int) ->
     if box is None:
         return None
     unlike = families.unlike()
-    found = OnLattice(box, slots_of(steps, conductance, box), volume, threads, D / D[0], unlike)
-    return None if len(unlike.source) > MOST_UNLIKE * found.count.sum() else found
+    exchange = OnLattice(box, slots_of(steps, conductance, box), volume, threads, D / D[0], unlike)
+    return None if len(unlike.source) > MOST_UNLIKE * exchange.count.sum() else exchange
 
 
 class OnLattice:
@@ -160,14 +165,14 @@ class OnLattice:
         runs = box.runs
         ends = np.searchsorted(runs.node, np.linspace(0, len(box.order), threads + 1)[1:-1])
         self._ends = np.concatenate([[0], ends, [len(runs.cell)]]).tolist()
-        nothing, one, counts = np.zeros(len(volume)), np.ones(len(volume)), np.zeros(len(volume))
+        nothing, ones, counts = np.zeros(len(volume)), np.ones(len(volume)), np.zeros(len(volume))
         self._amount[box.cell] = 1.0
-        some = slots._replace(conductance=np.sign(np.abs(slots.conductance)))
-        self._share(_pull, some, (self._amount, nothing, nothing, one, box.order), counts)
+        unit_slots = slots._replace(conductance=np.sign(np.abs(slots.conductance)))
+        self._share(_pull, unit_slots, (self._amount, nothing, nothing, ones, box.order), counts)
         self.count = np.rint(counts).astype(np.int64)
         self._outflow = nothing  # (n,) 1/s, of the slots
-        _put(box.cell, one, volume, self._amount)
-        self._share(_pull, slots, (self._amount, one, nothing, one, box.order), outflow := np.zeros(len(volume)))
+        _put(box.cell, ones, volume, self._amount)
+        self._share(_pull, slots, (self._amount, ones, nothing, ones, box.order), outflow := np.zeros(len(volume)))
         self._outflow, self.total = outflow, self._scale * outflow
         self.blocked = np.zeros(len(volume), dtype=np.int64)  # (n,) bonds that a crack blocks
         if unlike is not None and len(unlike.source):
@@ -183,11 +188,11 @@ class OnLattice:
         order = first + np.argsort(self._box.cell[first:last], kind="stable") - begin
         runs = runs_of((cell - base)[order])
         box = Box(int(cell.max()) - base + margin + 1, cell - base, order, runs, self._box.strides)
-        found = OnLattice(box, self._slots, self.volume[begin:end], 1, self._scale[begin:end])
+        part = OnLattice(box, self._slots, self.volume[begin:end], 1, self._scale[begin:end])
         if self._change is not None:
-            found._change = self._change.part(first, last, begin, end)
-            found.total = found.total + found._change.total
-        return found
+            part._change = self._change.part(first, last, begin, end)
+            part.total = part.total + part._change.total
+        return part
 
     def _share(self, kernel, slots, of, out) -> None:  # type: ignore[no-untyped-def]
         runs, ends = self._box.runs, self._ends
@@ -219,20 +224,20 @@ class OnLattice:
         entries = [(-self._scale * self._outflow, nodes, nodes)]
         for ahead, conductance in zip(*self._slots, strict=True):
             target = row[self._box.cell + ahead]
-            there = (target >= 0) & (conductance > 0)
-            pulls = self._scale[there] * conductance * self.volume[target[there]]
-            entries.append((pulls, nodes[there], target[there]))
+            has_neighbour = (target >= 0) & (conductance > 0)
+            pulls = self._scale[has_neighbour] * conductance * self.volume[target[has_neighbour]]
+            entries.append((pulls, nodes[has_neighbour], target[has_neighbour]))
         value, source, target = (np.concatenate(column) for column in zip(*entries, strict=True))
-        found: csr_array = coo_array((value, (source, target)), shape=(len(nodes), len(nodes))).tocsr()
-        return found if self._change is None else (found + self._change.tangent()).tocsr()
+        matrix: csr_array = coo_array((value, (source, target)), shape=(len(nodes), len(nodes))).tocsr()
+        return matrix if self._change is None else (matrix + self._change.tangent()).tocsr()
 
     def contrast(self, share: NDArray[np.float64]) -> float:
         """Sum over bonds of the differences of `share` (n,), weighted by conductance and both volumes, m^d/s."""
         self._amount[self._box.cell] = share
         out = np.zeros(len(share))
         self._share(_differ, self._slots, (self._amount, self._whole, share, self._box.order), out)
-        found = float((out * self._scale * self.volume).sum())
-        return found if self._change is None else found + self._change.contrast(share)
+        contrast = float((out * self._scale * self.volume).sum())
+        return contrast if self._change is None else contrast + self._change.contrast(share)
 
 
 @compiled()
@@ -257,9 +262,9 @@ def _pull(runs, slots, of, out, first, last):  # type: ignore[no-untyped-def]
             b6, b7 = np.uint64(cell + ahead[k + 6]), np.uint64(cell + ahead[k + 7])
             g0, g1, g2, g3, g4, g5, g6, g7 = g[k], g[k + 1], g[k + 2], g[k + 3], g[k + 4], g[k + 5], g[k + 6], g[k + 7]
             for x in range(cells):
-                one = four(g0, amount[b0 + x], g1, amount[b1 + x], g2, amount[b2 + x], g3, amount[b3 + x])
-                other = four(g4, amount[b4 + x], g5, amount[b5 + x], g6, amount[b6 + x], g7, amount[b7 + x])
-                s[x] += one + other
+                first_sum = four(g0, amount[b0 + x], g1, amount[b1 + x], g2, amount[b2 + x], g3, amount[b3 + x])
+                second_sum = four(g4, amount[b4 + x], g5, amount[b5 + x], g6, amount[b6 + x], g7, amount[b7 + x])
+                s[x] += first_sum + second_sum
         for k in range(eights, len(ahead), 2):
             b0, b1, g0, g1 = np.uint64(cell + ahead[k]), np.uint64(cell + ahead[k + 1]), g[k], g[k + 1]
             for x in range(cells):
@@ -271,12 +276,12 @@ def _pull(runs, slots, of, out, first, last):  # type: ignore[no-untyped-def]
 
 @compiled()
 def _differ(runs, slots, of, out, first, last):  # type: ignore[no-untyped-def]
-    amount, whole, share, order = of
+    amount, volume, share, order = of
     for r in range(first, last):
         for x in range(runs.cells[r]):
             i, cell = order[runs.node[r] + x], runs.cell[r] + x
             s = 0.0
             for k in range(len(slots.ahead)):
-                other = cell + slots.ahead[k]
-                s += slots.conductance[k] * whole[other] * abs(amount[other] - share[i])
+                neighbour = cell + slots.ahead[k]
+                s += slots.conductance[k] * volume[neighbour] * abs(amount[neighbour] - share[i])
             out[i] = s

@@ -35,15 +35,15 @@ class BondList:
         have all neighbours."""
         start, groups = self.bonds.start, slice(*self.bonds.start[[first, last]].tolist())
         ends = self.bonds.first[groups.start : groups.stop + 1]
-        some = Grouped(
+        bonds = Grouped(
             np.clip(start[begin : end + 1], groups.start, groups.stop) - groups.start,
             ends - ends[0],
             self.bonds.neighbour[ends[0] : ends[-1]] - np.uint32(begin),
             self.bonds.conductance[groups],
         )
-        found = copy(self)
-        BondList.__init__(found, some, self.volume[begin:end], 1)
-        return found
+        part = copy(self)
+        BondList.__init__(part, bonds, self.volume[begin:end], 1)
+        return part
 
     def _share(self, kernel, of, out) -> None:  # type: ignore[no-untyped-def]
         share(lambda first, last: kernel(self.bonds, of, out, first, last), len(self.volume), self.threads)
@@ -98,8 +98,11 @@ class ChangedBonds(BondList):
         threads: int,
     ) -> None:
         """What is added to the `conductance` (b,) of bonds, which are sorted by source."""
-        start, each = np.searchsorted(source, np.arange(len(volume) + 1)), np.arange(len(source) + 1).astype(np.uint32)
-        super().__init__(Grouped(start, each, target.astype(np.uint32), conductance), volume, threads)
+        start, group_first = (
+            np.searchsorted(source, np.arange(len(volume) + 1)),
+            np.arange(len(source) + 1).astype(np.uint32),
+        )
+        super().__init__(Grouped(start, group_first, target.astype(np.uint32), conductance), volume, threads)
 
     def rates(self, potential: NDArray[np.float64], out: NDArray[np.float64]) -> None:
         """Add the rates of change (n,) of contents, per volume and time, at this `potential` (n,) to `out`."""
@@ -116,14 +119,14 @@ def _pull(bonds, of, out, first, last):  # type: ignore[no-untyped-def]
         t = 0.0
         for k in range(bonds.start[i], bonds.start[i + 1]):
             b, end = bonds.first[k], bonds.first[k + 1]
-            one = other = 0.0  # two sums, as adding to one has to wait for the last
+            first_sum = second_sum = 0.0  # two sums, as adding to one has to wait for the last
             while b + 2 <= end:
-                one += amount[bonds.neighbour[b]]
-                other += amount[bonds.neighbour[b + 1]]
+                first_sum += amount[bonds.neighbour[b]]
+                second_sum += amount[bonds.neighbour[b + 1]]
                 b += 2
             if b < end:
-                one += amount[bonds.neighbour[b]]
-            t += bonds.conductance[k] * (one + other)
+                first_sum += amount[bonds.neighbour[b]]
+            t += bonds.conductance[k] * (first_sum + second_sum)
         out[i] += t - total[i] * potential[i]
 
 
@@ -156,17 +159,17 @@ def _differ(bonds, of, out, first, last):  # type: ignore[no-untyped-def]
 def _dissolve(bonds, of, out, first, last):  # type: ignore[no-untyped-def]
     volume, concentration, solid, C_sat, k_diss = of
     for i in range(first, last):
-        t, mine, here = 0.0, concentration[i], solid[i]
+        t, mine, is_solid = 0.0, concentration[i], solid[i]
         for k in range(bonds.start[i], bonds.start[i + 1]):
             s = 0.0
             for b in range(bonds.first[k], bonds.first[k + 1]):
                 j = bonds.neighbour[b]
-                other = concentration[j]
+                neighbour_content = concentration[j]
                 factor = 0.0
-                if here != solid[j]:
-                    factor = k_diss if (other if here else mine) < C_sat else 0.0
-                elif not here:
+                if is_solid != solid[j]:
+                    factor = k_diss if (neighbour_content if is_solid else mine) < C_sat else 0.0
+                elif not is_solid:
                     factor = 1.0
-                s += factor * volume[j] * (other - mine)
+                s += factor * volume[j] * (neighbour_content - mine)
             t += bonds.conductance[k] * s
         out[i] += t

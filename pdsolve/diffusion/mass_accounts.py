@@ -38,18 +38,18 @@ class MassAccounts:
 
     def words(self, broken: int) -> str:
         """State of the accounts in words, for a progress display."""
-        left = f"{1 - self.last.solid / self._start.solid:.1%} dissolved, " if self._start.solid else ""
-        return f"{left}balance {self.balance:+.1e}"
+        dissolved = f"{1 - self.last.solid / self._start.solid:.1%} dissolved, " if self._start.solid else ""
+        return f"{dissolved}balance {self.balance:+.1e}"
 
     def follow(self, system: object) -> None:
         """Does nothing, as nodes do not change."""
 
-    def settle(self, state: State, step: int, asked: object) -> None:
+    def settle(self, state: State, step: int, bond_state: object) -> None:
         """Make this step the last entry."""
         if self.last.step != step:
             self.last = masses(self._transport, state, step, self._start.solid)
 
-    def take(self, state: State, step: int, asked: object) -> None:
+    def take(self, state: State, step: int, bond_state: object) -> None:
         """Record the masses after this step. Raises UnstableError."""
         content, transport = state.value[:, 0], self._transport
         if not np.isfinite(content).all():
@@ -58,7 +58,7 @@ class MassAccounts:
                 f"unstable at step {step} ({step * transport.time_step:.4g} s, node"
                 f" {transport.model.grid.ids[worst]}): its content is {content[worst]}; reduce run.time_step"
             )
-        self.settle(state, step, asked)
+        self.settle(state, step, bond_state)
         self._rows.append(self.last)
 
     def entered(self, frame: Frame) -> Frame:

@@ -38,9 +38,9 @@ def masses(transport: Transport, state: State, step: int, solid_at_start: float 
         share = operator.share(state)
         solid = float((volume * share).sum())
         surface = operator.exchange.contrast(share) / transport.crossing
-    gone = 0.0 if solid_at_start is None else (solid_at_start - solid) * (medium.C_solid or 0.0)
+    dissolved = 0.0 if solid_at_start is None else (solid_at_start - solid) * (medium.C_solid or 0.0)
     amount = volume * state.value[:, 0]
-    inside, held = float(amount.sum()), float(amount[~transport.free].sum())
+    inside, prescribed_amount = float(amount.sum()), float(amount[~transport.free].sum())
     through, supplied = (float((volume * column).sum()) for column in (state.dissipated, state.work))
-    through -= held - transport.held
-    return Masses(step, step * transport.time_step, inside, through, supplied, solid, gone, surface)
+    through -= prescribed_amount - transport.held
+    return Masses(step, step * transport.time_step, inside, through, supplied, solid, dissolved, surface)

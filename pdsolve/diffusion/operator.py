@@ -83,9 +83,9 @@ class Fick:
         outside = np.zeros(end - begin)
         outside[first - begin : last - begin] = self.outside[first:last]
         bonds = self.exchange.part(*rows)
-        found = Fick(bonds, _asked_of_the_whole, self.medium, outside, None if change is None else change.part(*rows))
-        found.solid = self.solid[begin:end].copy()
-        return found
+        part = Fick(bonds, _asked_of_the_whole, self.medium, outside, None if change is None else change.part(*rows))
+        part.solid = self.solid[begin:end].copy()
+        return part
 
     def place(self, state: State) -> State:
         """The state unchanged: it already has the layout of this operator."""
@@ -102,12 +102,12 @@ class Fick:
                 assert isinstance(part, BondList)  # as `system` has it
                 part.dissolve(content, self.solid, C_sat, self.medium.k_diss, out[:, 0])
         else:
-            for one in self._parts:
-                one.rates(potential, out[:, 0])
+            for exchange in self._parts:
+                exchange.rates(potential, out[:, 0])
         if self._open:
-            given = -self.outside * potential
-            state.work[:] += dt * given
-            out[:, 0] += given
+            inflow = -self.outside * potential
+            state.work[:] += dt * inflow
+            out[:, 0] += inflow
 
     def potential(self, value: NDArray[np.float64]) -> NDArray[np.float64]:
         """Potential (n,), mol/m^3, at these contents (n,)."""
@@ -177,10 +177,10 @@ class Fick:
         """The solid nodes of a kinetic dissolution, for a checkpoint."""
         return {"solid": self.solid.copy()} if self.kinetic else {}
 
-    def back(self, kept: Kept, broken: Broken) -> None:
+    def back(self, checkpoint: Kept, broken: Broken) -> None:
         """Restore a checkpoint."""
         if self.kinetic:
-            self.solid = entry(kept, "solid", self.solid.shape, self.solid.dtype, 0, 1).copy()
+            self.solid = entry(checkpoint, "solid", self.solid.shape, self.solid.dtype, 0, 1).copy()
 
     def bytes(self) -> int:
         """Memory of the nodes' arrays, bytes, without that of bonds."""

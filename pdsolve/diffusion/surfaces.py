@@ -65,37 +65,41 @@ def correction(
     The bonds of nodes `lacking` (n,) may differ in energy from those of a full lattice; M of the others is I.
     """
     n, d = bonds.position.shape
-    known = _Known(volume, free, edges.nodes, walls(bonds, free, edges), np.tile(np.eye(d), (n, 1, 1)))
-    for some in parts_of(np.flatnonzero(free & lacking)):
-        known.tensor[some] = _tensors(bonds, known, some)
-    uneven = (np.abs(known.tensor - np.eye(d)) > FLAT).any(axis=(1, 2))
-    enters = np.zeros((len(known.walls), n))
-    found: list[list[NDArray[Any]]] = [[np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0)]]
-    for some in parts_of(np.flatnonzero(free & (known.walled() | beside(bonds, bonds.position[uneven])))):
-        *changed, enters[:, some] = _changes(bonds, known, some)
-        found.append(changed)
-    source, target, change = (np.concatenate(column) for column in zip(*found, strict=True))
+    node_properties = _Known(volume, free, edges.nodes, walls(bonds, free, edges), np.tile(np.eye(d), (n, 1, 1)))
+    for rows in parts_of(np.flatnonzero(free & lacking)):
+        node_properties.tensor[rows] = _tensors(bonds, node_properties, rows)
+    uneven = (np.abs(node_properties.tensor - np.eye(d)) > FLAT).any(axis=(1, 2))
+    enters = np.zeros((len(node_properties.walls), n))
+    changes: list[list[NDArray[Any]]] = [[np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0)]]
+    for rows in parts_of(np.flatnonzero(free & (node_properties.walled() | beside(bonds, bonds.position[uneven])))):
+        *changed, enters[:, rows] = _changes(bonds, node_properties, rows)
+        changes.append(changed)
+    source, target, change = (np.concatenate(column) for column in zip(*changes, strict=True))
     outward = ~free[target]
     source, target = np.concatenate([source, target[outward]]), np.concatenate([target, source[outward]])
     change = np.concatenate([change, change[outward]])
     order = np.lexsort((target, source))
-    to_edge = np.stack([enters[0], *_exchanged(bonds, known, edges, enters[1:])])
-    edge = np.stack([wall.edge for wall in known.walls])
+    to_edge = np.stack([enters[0], *_exchanged(bonds, node_properties, edges, enters[1:])])
+    edge = np.stack([wall.edge for wall in node_properties.walls])
     return Change(source[order], target[order], change[order], to_edge, edge)
 
 
-def _exchanged(bonds: Bonds, known: _Known, edges: Edges, enters: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
+def _exchanged(
+    bonds: Bonds, node_properties: _Known, edges: Edges, enters: NDArray[np.float64]
+) -> Iterator[NDArray[np.float64]]:
     """What comes to nodes (n,), 1/s, for each mol/m^3 outside, by walls; `enters` (w, n), m/s, for each mol/m^4 there.
 
     All nodes of an exchange together take what its whole extent lets through.
     """
     share = np.zeros(len(edges.extent))
-    for each, wall in zip(enters, known.walls[1:], strict=True):
-        np.add.at(share, wall.edge[wall.edge >= 0], (each * known.volume / bonds.diffusivity)[wall.edge >= 0])
-    whole = np.where(share > 0, edges.extent, 1.0)
-    for each, wall in zip(enters, known.walls[1:], strict=True):
-        way = wall.depth + wall.beyond * np.where(share > 0, share / whole, 1.0)[wall.edge]
-        yield each / np.maximum(way, edges.nearest * bonds.delta)
+    for entering, wall in zip(enters, node_properties.walls[1:], strict=True):
+        np.add.at(
+            share, wall.edge[wall.edge >= 0], (entering * node_properties.volume / bonds.diffusivity)[wall.edge >= 0]
+        )
+    extents = np.where(share > 0, edges.extent, 1.0)
+    for entering, wall in zip(enters, node_properties.walls[1:], strict=True):
+        way = wall.depth + wall.beyond * np.where(share > 0, share / extents, 1.0)[wall.edge]
+        yield entering / np.maximum(way, edges.nearest * bonds.delta)
 
 
 class _Images(NamedTuple):
@@ -110,66 +114,77 @@ class _Images(NamedTuple):
     enters: NDArray[np.float64]  # (m,) m: what the wall gives to the source in a field that rises by 1 in a metre
 
 
-def _images(bonds: Bonds, known: _Known, pairs: Pairs) -> Iterator[_Images]:
+def _images(bonds: Bonds, node_properties: _Known, pairs: Pairs) -> Iterator[_Images]:
     """The images of the targets of bonds (b,)."""
     xi = bonds.position[pairs.target] - bonds.position[pairs.source]
-    for a, one in enumerate(known.walls):
-        facing = [(one.normal[pairs.source] * other.normal[pairs.target]).sum(axis=1) for other in known.walls]
-        for b, other in enumerate(known.walls):
+    for a, near_wall in enumerate(node_properties.walls):
+        facing = [
+            (near_wall.normal[pairs.source] * far_wall.normal[pairs.target]).sum(axis=1)
+            for far_wall in node_properties.walls
+        ]
+        for b, far_wall in enumerate(node_properties.walls):
             if (a == 0) != (b == 0):
                 continue
             if a == 0:
-                some = known.free[pairs.target] & (facing[0] > 0)
-                some |= known.on_edge[pairs.target] & np.isfinite(one.depth[pairs.source])
+                has_image = node_properties.free[pairs.target] & (facing[0] > 0)
+                has_image |= node_properties.on_edge[pairs.target] & np.isfinite(near_wall.depth[pairs.source])
             else:
-                some = known.free[pairs.target] & (facing[b] > ALIKE) & (facing[b] >= np.max(facing[1:], axis=0))
-            if not some.any():
+                has_image = (
+                    node_properties.free[pairs.target] & (facing[b] > ALIKE) & (facing[b] >= np.max(facing[1:], axis=0))
+                )
+            if not has_image.any():
                 continue
-            at = np.flatnonzero(some)
+            at = np.flatnonzero(has_image)
             i, j, length = chosen(pairs, at)
-            p, q = (np.where(known.on_edge[end], 0.0, w.depth[end]) for w, end in ((one, i), (other, j)))
+            p, q = (
+                np.where(node_properties.on_edge[end], 0.0, w.depth[end]) for w, end in ((near_wall, i), (far_wall, j))
+            )
             far = np.sqrt(length**2 + 4 * p * q)
             sign = np.full(len(at), -1.0)
             if a > 0:
-                L, M = one.beyond[i], other.beyond[j]
+                L, M = near_wall.beyond[i], far_wall.beyond[j]
                 sign = ((L - p) / (L + p) + (M - q) / (M + q)) / 2
             apart = far > FLAT * bonds.delta[i]  # a node on its wall is its own image
             g = np.where(apart, bonds.conductance(Pairs(i, j, np.where(apart, far, 1.0))), 0.0)
-            normal, back = one.normal[i], other.normal[j]
+            normal, back = near_wall.normal[i], far_wall.normal[j]
             ways = xi[at] + 2 * q[:, None] * normal, 2 * p[:, None] * back - xi[at]
             yield _Images(at, a, g, *ways, sign, p + q + sign * (q - p))
 
 
-def _parted(bonds: Bonds, known: _Known, pairs: Pairs) -> NDArray[np.bool_]:
+def _parted(bonds: Bonds, node_properties: _Known, pairs: Pairs) -> NDArray[np.bool_]:
     """Whether a prescribed layer separates the two ends of pairs (b,): each is behind the other's wall."""
     i, j, _ = pairs
-    wall = known.walls[0]
+    wall = node_properties.walls[0]
     xi = bonds.position[j] - bonds.position[i]
     ahead = (wall.normal[i] * xi).sum(axis=1) > wall.depth[i]
     return np.asarray(ahead & (-(wall.normal[j] * xi).sum(axis=1) > wall.depth[j]))
 
 
-def _tensors(bonds: Bonds, known: _Known, rows: NDArray[np.int64]) -> NDArray[np.float64]:
+def _tensors(bonds: Bonds, node_properties: _Known, rows: NDArray[np.int64]) -> NDArray[np.float64]:
     """M (r, d, d) of these nodes; of nodes before a wall from their bonds to free nodes and to the images of these."""
     pairs, g = bonds.of(rows)
-    walled, held = known.walled(), np.isfinite(known.walls[0].depth)
-    own = walled[pairs.source]
-    kept = ~held[pairs.source] | ((known.free | known.on_edge)[pairs.target] & ~_parted(bonds, known, pairs))
-    before = chosen(pairs, np.flatnonzero(own & kept))
-    alone = rows[walled[rows]]
-    seen = Pairs(*(np.concatenate(two) for two in zip(before, (alone, alone, np.zeros(len(alone))), strict=True)))
-    images = list(_images(bonds, known, seen))
-    i, j = (
-        np.concatenate([end[kept], *(other[each.at] for each in images)])
-        for end, other in zip(pairs[:2], seen[:2], strict=True)
+    walled, at_prescribed_wall = node_properties.walled(), np.isfinite(node_properties.walls[0].depth)
+    is_walled = walled[pairs.source]
+    is_counted = ~at_prescribed_wall[pairs.source] | (
+        (node_properties.free | node_properties.on_edge)[pairs.target] & ~_parted(bonds, node_properties, pairs)
     )
-    xi = (bonds.position[pairs.target] - bonds.position[pairs.source])[kept]
-    xi = np.concatenate([xi, *(each.way for each in images)])
+    before = chosen(pairs, np.flatnonzero(is_walled & is_counted))
+    alone = rows[walled[rows]]
+    image_sources = Pairs(
+        *(np.concatenate(two) for two in zip(before, (alone, alone, np.zeros(len(alone))), strict=True))
+    )
+    images = list(_images(bonds, node_properties, image_sources))
+    i, j = (
+        np.concatenate([end[is_counted], *(image_end[image_batch.at] for image_batch in images)])
+        for end, image_end in zip(pairs[:2], image_sources[:2], strict=True)
+    )
+    xi = (bonds.position[pairs.target] - bonds.position[pairs.source])[is_counted]
+    xi = np.concatenate([xi, *(image_batch.way for image_batch in images)])
     D = bonds.diffusivity
     square = (xi**2).sum(axis=1)
     n = xi / np.sqrt(np.where(square > 0, square, 1.0))[:, None]
-    mirrored = np.concatenate([g[kept], *(each.conductance for each in images)])
-    energy = mirrored * known.volume[j] * square * (1 / D[i] + 1 / D[j]) / 4
+    mirrored = np.concatenate([g[is_counted], *(image_batch.conductance for image_batch in images)])
+    energy = mirrored * node_properties.volume[j] * square * (1 / D[i] + 1 / D[j]) / 4
     return _solved(rows, i, n, energy)
 
 
@@ -184,14 +199,14 @@ def _solved(
     entries = list(combinations_with_replacement(range(d), 2))
     twice = np.array([1.0 if a == b else 2.0 for a, b in entries])
     products = np.stack([n[:, a] * n[:, b] for a, b in entries], axis=1)
-    left = summed(rows, source, energy[:, None, None] * products[:, :, None] * (products * twice)[:, None, :])
+    matrices = summed(rows, source, energy[:, None, None] * products[:, :, None] * (products * twice)[:, None, :])
     right = np.array([float(a == b) for a, b in entries])
-    good = np.linalg.cond(left) < 1 / FLAT
-    left[~good] = np.eye(len(entries))
-    found = np.linalg.solve(left, np.tile(right[:, None], (len(rows), 1, 1)))[:, :, 0]
+    good = np.linalg.cond(matrices) < 1 / FLAT
+    matrices[~good] = np.eye(len(entries))
+    coefficients = np.linalg.solve(matrices, np.tile(right[:, None], (len(rows), 1, 1)))[:, :, 0]
     tensor = np.empty((len(rows), d, d))
     for number, (a, b) in enumerate(entries):
-        tensor[:, a, b] = tensor[:, b, a] = found[:, number]
+        tensor[:, a, b] = tensor[:, b, a] = coefficients[:, number]
     value, axes = np.linalg.eigh(tensor)
     bounded = np.clip(value, LEAST, MOST)
     tensor = np.where(np.abs(tensor - np.eye(d)) < FLAT, np.eye(d), tensor)
@@ -201,38 +216,40 @@ def _solved(
 
 
 def _weights(
-    known: _Known, i: NDArray[np.int64], j: NDArray[np.int64], *ways: NDArray[np.float64]
+    node_properties: _Known, i: NDArray[np.int64], j: NDArray[np.int64], *ways: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Factors n . (M_i + M_j) n / 2 (b,) of bonds from i to j; `ways` (b, d) are their vectors from either end."""
     halves = []
     for end, way in zip((i, j), ways, strict=True):
         square = (way**2).sum(axis=1)
-        halves.append(np.einsum("ba,bac,bc->b", way, known.tensor[end], way) / np.where(square > 0, square, 1.0))
+        halves.append(
+            np.einsum("ba,bac,bc->b", way, node_properties.tensor[end], way) / np.where(square > 0, square, 1.0)
+        )
     return np.asarray((halves[0] + halves[1]) / 2)
 
 
 def _changes(
-    bonds: Bonds, known: _Known, rows: NDArray[np.int64]
+    bonds: Bonds, node_properties: _Known, rows: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
     """Changed bonds of these free nodes: source, target, change of conductance; and what comes through each of their
     walls (w, r): 1/s for each mol/m^3 at the first one, m/s for each mol/m^4 of slope at those of exchanges."""
     pairs, g = bonds.of(rows)
     i, j, _ = pairs
-    xi, free = bonds.position[j] - bonds.position[i], known.free[j]
-    new = g * _weights(known, i, j, xi, -xi)
-    guess = np.zeros((len(known.walls), len(rows)))
-    for each in _images(bonds, known, pairs):
-        a, b = i[each.at], j[each.at]
-        image = each.conductance * _weights(known, a, b, each.way, each.back)
-        new[each.at] += each.sign * image
-        guess[each.wall] += summed(rows, a, image * known.volume[b] * each.enters)
-    new = np.where(free & ~_parted(bonds, known, pairs), np.where(g > 0, np.maximum(new, 0.0), new), 0.0)
-    pull = summed(rows, i, (new * known.volume[j])[:, None] * xi)
-    held = np.where(free, 0.0, np.abs(g)) * known.volume[j]
-    share = summed(rows, i, held)
-    least = summed(rows, i, np.where(free, 0.0, g) * known.volume[j])  # of a layer whose nodes hold the value
-    enters = _entering(known, rows, pull, guess)
-    wall = known.walls[0]
+    xi, free = bonds.position[j] - bonds.position[i], node_properties.free[j]
+    new = g * _weights(node_properties, i, j, xi, -xi)
+    guess = np.zeros((len(node_properties.walls), len(rows)))
+    for image_batch in _images(bonds, node_properties, pairs):
+        a, b = i[image_batch.at], j[image_batch.at]
+        image = image_batch.conductance * _weights(node_properties, a, b, image_batch.way, image_batch.back)
+        new[image_batch.at] += image_batch.sign * image
+        guess[image_batch.wall] += summed(rows, a, image * node_properties.volume[b] * image_batch.enters)
+    new = np.where(free & ~_parted(bonds, node_properties, pairs), np.where(g > 0, np.maximum(new, 0.0), new), 0.0)
+    pull = summed(rows, i, (new * node_properties.volume[j])[:, None] * xi)
+    prescribed_conductance = np.where(free, 0.0, np.abs(g)) * node_properties.volume[j]
+    share = summed(rows, i, prescribed_conductance)
+    least = summed(rows, i, np.where(free, 0.0, g) * node_properties.volume[j])  # of a layer whose nodes hold the value
+    enters = _entering(node_properties, rows, pull, guess)
+    wall = node_properties.walls[0]
     enters[0] = np.maximum(enters[0] / wall.depth[rows], least)
     at_edge = wall.edge[rows] >= 0
     each_held = (np.where(at_edge, least, enters[0]) / np.where(share > 0, share, 1.0))[np.searchsorted(rows, i)]
@@ -243,19 +260,19 @@ def _changes(
 
 
 def _entering(
-    known: _Known, rows: NDArray[np.int64], pull: NDArray[np.float64], guess: NDArray[np.float64]
+    node_properties: _Known, rows: NDArray[np.int64], pull: NDArray[np.float64], guess: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """What walls (w, r) give to nodes in a field that rises by 1 in a metre away from each, m/s.
 
     Their sum along the normals is minus what bonds give, `pull` (r, d), so that linear fields are exact. Where several
     walls leave that open, they give what `guess` (w, r), of their images, says.
     """
-    normals = np.stack([wall.normal[rows] for wall in known.walls], axis=2)  # (r, d, w)
-    found = np.maximum(-(pull[:, :, None] * normals).sum(axis=1).T, 0.0)
+    normals = np.stack([wall.normal[rows] for wall in node_properties.walls], axis=2)  # (r, d, w)
+    entering = np.maximum(-(pull[:, :, None] * normals).sum(axis=1).T, 0.0)
     several = np.flatnonzero((normals != 0).any(axis=1).sum(axis=1) > 1)
     if len(several):
-        some, first = normals[several], guess[:, several].T
-        missing = -pull[several] - np.einsum("rdw,rw->rd", some, first)
-        change = np.einsum("rwd,rd->rw", np.linalg.pinv(some, rcond=ALIKE / 2), missing)
-        found[:, several] = np.maximum(first + change, 0.0).T
-    return np.asarray(found)
+        several_normals, first = normals[several], guess[:, several].T
+        missing = -pull[several] - np.einsum("rdw,rw->rd", several_normals, first)
+        change = np.einsum("rwd,rd->rw", np.linalg.pinv(several_normals, rcond=ALIKE / 2), missing)
+        entering[:, several] = np.maximum(first + change, 0.0).T
+    return np.asarray(entering)

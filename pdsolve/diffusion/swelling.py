@@ -95,37 +95,37 @@ class Swelling:
     def clamped(self, state: State) -> NDArray[np.float64]:
         """The energy densities (n,) that bonds would hold at no displacement, J/m^3: what heat can do at most."""
         now = state.value.copy()
-        held = self._bonds.energies(state._replace(value=np.zeros_like(now)))[0]
+        strain_energy = self._bonds.energies(state._replace(value=np.zeros_like(now)))[0]
         state.value[:] = now  # blocks have one place for displacements
-        return held
+        return strain_energy
 
     def march(self, state: State, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1 of both, in place; `state` is that of the motion."""
-        step, held = first, None
+        step, strain_energy = first, None
         while step < last:
             until = min(last, step + (self.cycle // 2 + 1 - step) % self.cycle)
             if until > step:
                 self.motion.march(state, step, until)
-                step, held = until, None
+                step, strain_energy = until, None
                 continue
-            held = self._heat(state, step, held)
+            strain_energy = self._heat(state, step, strain_energy)
             step += 1
 
-    def _heat(self, state: State, step: int, held: NDArray[np.float64] | None) -> NDArray[np.float64] | None:
+    def _heat(self, state: State, step: int, strain_energy: NDArray[np.float64] | None) -> NDArray[np.float64] | None:
         """Take a step of the content and the one of the motion after it; returns what bonds hold then, if known.
 
-        `held` (n,) is that of before, J/m^3, if it is known.
+        `strain_energy` (n,) is that of before, J/m^3, if it is known.
         """
         rests = isinstance(self.motion, LoadSteps)
         before = np.zeros(len(self._T0)) if rests and step == 1 else self._strain()
-        held = self._held(state, before) if held is None else held
+        strain_energy = self._held(state, before) if strain_energy is None else strain_energy
         if self._broken is not None:
             self._broken.update(self._content)
         if not (rests and step == 1):  # before which nothing is strained
             self._deform(state)
         self._content.march(self._h, (step - 1) // self.cycle + 1, (step - 1) // self.cycle + 2)
         strain = self._strain()
-        state.work[:] += (self._held(state, strain) - held) / 2
+        state.work[:] += (self._held(state, strain) - strain_energy) / 2
 
         def loaded(state: State) -> NDArray[np.float64]:
             unstrained, now = self._held(state, before), self._held(state, strain)
@@ -164,8 +164,10 @@ def coefficients(model: Model) -> NDArray[np.float64]:
 
     In plane strain it is 1 + nu times alpha: what is kept from growing along z grows within the plane instead.
     """
-    each = np.array([((material.alpha or 0.0) * _within(material), material.T0 or 0.0) for material in model.materials])
-    return np.asarray(each[model.material_of].T)
+    material_rows = np.array(
+        [((material.alpha or 0.0) * _within(material), material.T0 or 0.0) for material in model.materials]
+    )
+    return np.asarray(material_rows[model.material_of].T)
 
 
 def _within(material: Material) -> float:

@@ -62,8 +62,11 @@ def prepare(model: Model, threads: int | None = None, listed: bool = False) -> t
     stored = _stored(model, volume, done.free, threads, listed)
     change = None
     if medium.surface_correction:
-        found = surfaces.correction(stored.bonds, volume, done.free, done.edges, stored.lacking)
-        done, change = with_edges(done, found.to_edge, found.edge), ChangedBonds(*found[:3], volume, threads)
+        correction = surfaces.correction(stored.bonds, volume, done.free, done.edges, stored.lacking)
+        done, change = (
+            with_edges(done, correction.to_edge, correction.edge),
+            ChangedBonds(*correction[:3], volume, threads),
+        )
     bonds = (lambda: stored.bonds) if run.adapt == "collocation" else partial(Families, model)
     if done.fluxes:
         inside = Fick(stored.exchange, bonds, medium, None, change)
@@ -76,8 +79,8 @@ def prepare(model: Model, threads: int | None = None, listed: bool = False) -> t
     if run.solver == "implicit":
         stepper = Theta(operator, drive, step, run.theta, medium.C_sat is None and operator.count.sum() <= FACTORED)
     steps = stepper, step, most
-    of, held = (stored.blocked, crossing(model), threads), float((volume * content)[~done.free].sum())
-    transport = Transport(counted(model, step), operator, drive, done.free, *steps, *of, held=held)
+    of, prescribed_amount = (stored.blocked, crossing(model), threads), float((volume * content)[~done.free].sum())
+    transport = Transport(counted(model, step), operator, drive, done.free, *steps, *of, held=prescribed_amount)
     second, (rate, dissipated, work, damped) = np.zeros((len(content), 0)), np.zeros((4, len(content)))
     return transport, State(content[:, None], rate[:, None], second, dissipated, work, damped)
 
@@ -95,9 +98,9 @@ def expect_usual(model: Model, options: Options) -> None:
     """Raise ModelError for options that diffusion does not use."""
     rest = options._replace(threads=None, kernel=None, team=None)
     if rest != Options() or options.kernel not in (None, "listed"):
-        found = ", ".join(str(value) for value in rest._replace(kernel=options.kernel) if value is not None)
+        unusual = ", ".join(str(value) for value in rest._replace(kernel=options.kernel) if value is not None)
         raise ModelError(
-            f"{model.name}: {found} cannot be used for diffusion; use the usual mode, precision and kernel, or listed"
+            f"{model.name}: {unusual} cannot be used for diffusion; use the usual mode, precision and kernel, or listed"
         )
 
 
@@ -116,8 +119,8 @@ def _stored(model: Model, volume: NDArray[np.float64], free: NDArray[np.bool_], 
     assert medium is not None
     none = np.zeros(len(volume), dtype=np.int64)
     if model.settings.run.adapt == "collocation":
-        found = Collocated(families, volume, free, threads)
-        return Stored(found, found, ~every, none)
+        exchange = Collocated(families, volume, free, threads)
+        return Stored(exchange, exchange, ~every, none)
     if not (listed or medium.dissolution == "kinetic"):  # of which a bond asks both of its ends
         slots = on_lattice(families, volume, threads)
         if slots is not None:

@@ -129,26 +129,30 @@ def walls(bonds: Bonds, free: NDArray[np.bool_], edges: Edges) -> list[Wall]:
     """
     n, d = bonds.position.shape
     prescribed = edges.faces.beyond == 0
-    held, exchanged = edges.faces.chosen(prescribed), edges.faces.chosen(~prescribed)
-    near = np.flatnonzero(free & (beside(bonds, bonds.position[~free]) | beside(bonds, held.middle)))
-    faces, first = _faces(bonds, free, edges.nodes, held, near), no_wall(n, d)
-    for some in parts_of(near) if len(faces.area) else ():
-        _put(first, some, _prescribed(bonds, faces, free, some))
-    found = [first]
+    prescribed_faces, exchanged = edges.faces.chosen(prescribed), edges.faces.chosen(~prescribed)
+    near = np.flatnonzero(free & (beside(bonds, bonds.position[~free]) | beside(bonds, prescribed_faces.middle)))
+    faces, first = _faces(bonds, free, edges.nodes, prescribed_faces, near), no_wall(n, d)
+    for rows in parts_of(near) if len(faces.area) else ():
+        _put(first, rows, _prescribed(bonds, faces, free, rows))
+    wall_list = [first]
     near = np.flatnonzero(free & beside(bonds, exchanged.middle))
-    while len(exchanged.area) and len(found) <= d:
+    while len(exchanged.area) and len(wall_list) <= d:
         wall = no_wall(n, d)
-        for some in parts_of(near):
-            _put(wall, some, _exchanging(bonds, exchanged, some, [each.normal[some] for each in found[1:]]))
+        for rows in parts_of(near):
+            _put(
+                wall,
+                rows,
+                _exchanging(bonds, exchanged, rows, [earlier_wall.normal[rows] for earlier_wall in wall_list[1:]]),
+            )
         if not np.isfinite(wall.depth).any():
             break
-        same = (wall.normal * found[0].normal).sum(axis=1) > ALIKE
-        found[0], wall = (
-            found[0].without(same & (wall.near < found[0].near)),
-            wall.without(same & (wall.near >= found[0].near)),
+        same = (wall.normal * wall_list[0].normal).sum(axis=1) > ALIKE
+        wall_list[0], wall = (
+            wall_list[0].without(same & (wall.near < wall_list[0].near)),
+            wall.without(same & (wall.near >= wall_list[0].near)),
         )
-        found.append(wall)
-    return found
+        wall_list.append(wall)
+    return wall_list
 
 
 def _put(wall: Wall, rows: Rows, values: Wall) -> None:
@@ -156,20 +160,24 @@ def _put(wall: Wall, rows: Rows, values: Wall) -> None:
         column[rows] = of_rows
 
 
-def _faces(bonds: Bonds, free: NDArray[np.bool_], on_edge: NDArray[np.bool_], held: Faces, rows: Rows) -> Faces:
+def _faces(
+    bonds: Bonds, free: NDArray[np.bool_], on_edge: NDArray[np.bool_], prescribed_faces: Faces, rows: Rows
+) -> Faces:
     """Prescribed edges, and the faces between free nodes of these rows and prescribed cells beside them."""
-    found = [held]
-    for some in parts_of(rows):
-        i, j, length = bonds.of(some)[0]
+    face_groups = [prescribed_faces]
+    for part_rows in parts_of(rows):
+        i, j, length = bonds.of(part_rows)[0]
         size = bonds.delta[i] + bonds.delta[j]
         face = np.flatnonzero(~free[j] & (length <= ADJACENT * size / 2))
-        one, other = i[face], j[face]
-        share = np.where(on_edge[other], 1.0, bonds.delta[one] / size[face])[:, None]  # of the way to the other
-        middle = bonds.position[one] * (1 - share) + bonds.position[other] * share
-        area = np.minimum(bonds.delta[one], bonds.delta[other]) ** (bonds.position.shape[1] - 1)
-        normal = (bonds.position[other] - bonds.position[one]) / length[face, None]
-        found.append(Faces(middle, normal, area, np.full(len(face), -1), np.zeros(len(face))))
-    return Faces(*(np.concatenate(column) for column in zip(*found, strict=True)))
+        free_node, prescribed_node = i[face], j[face]
+        share = np.where(on_edge[prescribed_node], 1.0, bonds.delta[free_node] / size[face])[
+            :, None
+        ]  # of the way to the other
+        middle = bonds.position[free_node] * (1 - share) + bonds.position[prescribed_node] * share
+        area = np.minimum(bonds.delta[free_node], bonds.delta[prescribed_node]) ** (bonds.position.shape[1] - 1)
+        normal = (bonds.position[prescribed_node] - bonds.position[free_node]) / length[face, None]
+        face_groups.append(Faces(middle, normal, area, np.full(len(face), -1), np.zeros(len(face))))
+    return Faces(*(np.concatenate(column) for column in zip(*face_groups, strict=True)))
 
 
 class _Near(NamedTuple):
@@ -206,28 +214,28 @@ def _prescribed(bonds: Bonds, faces: Faces, free: NDArray[np.bool_], rows: Rows)
     nearest = near.nearest(len(rows))
     normals = faces.normal[near.face]
     alike = (normals * faces.normal[nearest][near.at]).sum(axis=1) > -FLAT
-    seen = ((normals * near.away).sum(axis=1) > 0) & alike
-    weight = np.where(seen, faces.area[near.face] / near.length**STEEP, 0.0)
+    visible = ((normals * near.away).sum(axis=1) > 0) & alike
+    weight = np.where(visible, faces.area[near.face] / near.length**STEEP, 0.0)
     normal, total, size = _mean_normal(near.at, weight, normals, len(rows))
     pairs, _ = bonds.of(rows)
     bonded = np.bincount(np.searchsorted(rows, pairs.source), ~free[pairs.target], minlength=len(rows)) > 0
-    some = (bonded | (faces.edge[nearest] >= 0)) & (size > FLAT * total)
-    normal = np.where(some[:, None], normal / np.where(some, size, 1.0)[:, None], 0.0)
+    has_wall = (bonded | (faces.edge[nearest] >= 0)) & (size > FLAT * total)
+    normal = np.where(has_wall[:, None], normal / np.where(has_wall, size, 1.0)[:, None], 0.0)
     depth = _depths(near, weight, normal)
-    depth = np.maximum(depth / np.where(some, total, 1.0), NEAREST * bonds.delta[rows])
+    depth = np.maximum(depth / np.where(has_wall, total, 1.0), NEAREST * bonds.delta[rows])
     first = near.length[near.first(len(rows))]
     none = np.zeros(len(rows))
-    return Wall(normal, depth, faces.edge[nearest], none, first).without(~some)
+    return Wall(normal, depth, faces.edge[nearest], none, first).without(~has_wall)
 
 
 def _exchanging(bonds: Bonds, faces: Faces, rows: Rows, earlier: Sequence[Array]) -> Wall:
     """Walls of rows from faces of exchanges that face otherwise than `earlier` walls of these rows, (r, d) each."""
     near, delta = _near(bonds, faces, rows), bonds.delta[rows]
     normals = faces.normal[near.face]
-    seen = (normals * near.away).sum(axis=1) > -ON_FACE * delta[near.at]
+    visible = (normals * near.away).sum(axis=1) > -ON_FACE * delta[near.at]
     for normal in earlier:
-        seen &= (normals * normal[near.at]).sum(axis=1) <= ALIKE
-    near, normals = near.chosen(seen), normals[seen]
+        visible &= (normals * normal[near.at]).sum(axis=1) <= ALIKE
+    near, normals = near.chosen(visible), normals[visible]
     if not len(near.at):
         return no_wall(len(rows), bonds.position.shape[1])
     nearest = near.nearest(len(rows))
@@ -235,12 +243,12 @@ def _exchanging(bonds: Bonds, faces: Faces, rows: Rows, earlier: Sequence[Array]
     length = np.maximum(near.length, ON_FACE * delta[near.at])
     weight = np.where(alike, faces.area[near.face] / length**STEEP, 0.0)
     normal, total, size = _mean_normal(near.at, weight, normals, len(rows))
-    some = size > FLAT * total
-    normal = np.where(some[:, None], normal / np.where(some, size, 1.0)[:, None], 0.0)
+    has_wall = size > FLAT * total
+    normal = np.where(has_wall[:, None], normal / np.where(has_wall, size, 1.0)[:, None], 0.0)
     depth = _depths(near, weight, normal)
-    depth = np.maximum(depth / np.where(some, total, 1.0), 0.0)
+    depth = np.maximum(depth / np.where(has_wall, total, 1.0), 0.0)
     return Wall(normal, depth, faces.edge[nearest], faces.beyond[nearest], near.length[near.first(len(rows))]).without(
-        ~some
+        ~has_wall
     )
 
 

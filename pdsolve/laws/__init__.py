@@ -66,10 +66,10 @@ def law_of(model: Model, matches_work: bool = True) -> Law:
     first, *others = laws.values()
     if others and any(law not in MIXED for law in laws.values()):
         raise ModelError(f"{model.name}: law: {' and '.join(laws)} are in one plate; use one of them")
-    found = bilinear.LAW if others else first
-    if found in (correspondence.LAW, wan.LAW) and any(material.solid == "j2" for material in model.materials):
+    common_law = bilinear.LAW if others else first
+    if common_law in (correspondence.LAW, wan.LAW) and any(material.solid == "j2" for material in model.materials):
         return plastic_correspondence.LAW
-    return found if matches_work else replace(found, matches_work=False)
+    return common_law if matches_work else replace(common_law, matches_work=False)
 
 
 def law_named(material: Material, place: str) -> tuple[str, Law]:

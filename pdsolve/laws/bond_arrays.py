@@ -60,17 +60,19 @@ def left(bonds: AnyList, weight: NDArray[np.floating], broken: NDArray[np.int32]
     which = (
         np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts) + np.repeat(bonds.start[rows], counts)
     )
-    own = np.repeat(np.arange(len(rows)), counts)
-    return Left(own, which, np.where(broken[which] == 0, weight[which], 0.0).astype(float))
+    row = np.repeat(np.arange(len(rows)), counts)
+    return Left(row, which, np.where(broken[which] == 0, weight[which], 0.0).astype(float))
 
 
-def shapes(bonds: AnyList, some: Left, nodes: int) -> NDArray[np.float64]:
+def shapes(bonds: AnyList, intact_bonds: Left, nodes: int) -> NDArray[np.float64]:
     """Shape tensors K (k, d, d) of so many nodes, from the intact bonds."""
-    d, xi = len(bonds.xi), [x[some.which].astype(float) for x in bonds.xi]
+    d, xi = len(bonds.xi), [x[intact_bonds.which].astype(float) for x in bonds.xi]
     K = np.empty((nodes, d, d))
     for a in range(d):
         for b in range(a, d):
-            K[:, a, b] = K[:, b, a] = np.bincount(some.own, some.weight * xi[a] * xi[b], minlength=nodes)
+            K[:, a, b] = K[:, b, a] = np.bincount(
+                intact_bonds.own, intact_bonds.weight * xi[a] * xi[b], minlength=nodes
+            )
     return K
 
 
@@ -150,7 +152,7 @@ def _displaced_of(bonds, value, xi, i, j):  # type: ignore[no-untyped-def]
 
 
 def _less(eta: tuple[Any, ...], free: Any, xi: tuple[Any, ...]) -> tuple[Any, ...]:
-    return tuple(one - free * x for one, x in zip(eta, xi, strict=True))
+    return tuple(component - free * x for component, x in zip(eta, xi, strict=True))
 
 
 @overload(_less, jit_options=INNER)

@@ -52,8 +52,8 @@ class Columns(NamedTuple):
 def columns(model: Model, bonds: Bonds) -> Columns:
     """Columns of these bonds (b,) and their nodes."""
     nodal, nodes = correspondence.columns(model, bonds), len(bonds.start) - 1
-    own = np.repeat(np.arange(nodes), np.diff(bonds.start))
-    total = np.bincount(own, bonds.weight, minlength=nodes).astype(bonds.xi.dtype)
+    source = np.repeat(np.arange(nodes), np.diff(bonds.start))
+    total = np.bincount(source, bonds.weight, minlength=nodes).astype(bonds.xi.dtype)
     shared = {name: getattr(nodal, name) for name in Columns._fields if name != "total"}
     return Columns(total=total, **shared)
 
@@ -62,9 +62,11 @@ def mend(law: Columns, bonds: AnyList, rows: NDArray[np.int64]) -> None:
     """Recompute K^-1 and w of these nodes (k,) from the intact bonds; nodes of torn, stiffer families have no K^-1."""
     correspondence.mend(law, bonds, rows)  # type: ignore[arg-type]
     law.inverse[rows[law.share[rows] < 1]] = 0
-    some = left(bonds, law.weight, law.broken, rows)
-    whole = np.bincount(some.own, law.weight[some.which], minlength=len(rows))
-    law.total[rows] = np.maximum(np.bincount(some.own, some.weight, minlength=len(rows)), whole / 2)
+    intact_bonds = left(bonds, law.weight, law.broken, rows)
+    initial_total = np.bincount(intact_bonds.own, law.weight[intact_bonds.which], minlength=len(rows))
+    law.total[rows] = np.maximum(
+        np.bincount(intact_bonds.own, intact_bonds.weight, minlength=len(rows)), initial_total / 2
+    )
 
 
 def torn_stiffness(law: Columns, start: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -225,8 +227,8 @@ def fails(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
 def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
     if law.broken[k] != 0 or (law.inverse[i, 0] == 0 and law.inverse[j, 0] == 0):
         return 0.0, 0.0
-    held = holds(law.solid, i, _gradient(law, bond, m, i, j), m[i, 0] * 0)[0]
-    return law.weight[k] / law.total[i] * held, 0.0
+    node_energy = holds(law.solid, i, _gradient(law, bond, m, i, j), m[i, 0] * 0)[0]
+    return law.weight[k] / law.total[i] * node_energy, 0.0
 
 
 LAW = Law(

@@ -41,21 +41,23 @@ def nodal_numbers(law: Any, xi: tuple[Any, ...], m: NDArray[Any], i: Any) -> tup
 
 
 def bond_force(
-    law: Any, bond: Bond, c: tuple[Any, ...], here: tuple[Any, ...], there: tuple[Any, ...]
+    law: Any, bond: Bond, c: tuple[Any, ...], node_numbers: tuple[Any, ...], neighbour_numbers: tuple[Any, ...]
 ) -> tuple[Any, ...]:
     """Force density of a bond with the numbers c on its node, N/m^3, from the numbers of both ends."""
-    return tuple(_bound[type(law)]["bond_force"](law, bond, c, here, there))
+    return tuple(_bound[type(law)]["bond_force"](law, bond, c, node_numbers, neighbour_numbers))
 
 
-def finish(law: Any, sums: tuple[Any, ...], own: tuple[Any, ...]) -> tuple[Any, ...]:
+def finish(law: Any, sums: tuple[Any, ...], node_constants: tuple[Any, ...]) -> tuple[Any, ...]:
     """Nodal numbers between the passes, from the sums."""
-    return tuple(_bound[type(law)]["finish"](law, sums, own))
+    return tuple(_bound[type(law)]["finish"](law, sums, node_constants))
 
 
-def nears(law: Any, bond: Bond, c: tuple[Any, ...], here: tuple[Any, ...], there: tuple[Any, ...]) -> tuple[Any, Any]:
+def nears(
+    law: Any, bond: Bond, c: tuple[Any, ...], node_numbers: tuple[Any, ...], neighbour_numbers: tuple[Any, ...]
+) -> tuple[Any, Any]:
     """A quantity of a bond and its limit, for failure."""
-    found, limit = _bound[type(law)]["nears"](law, bond, c, here, there)
-    return found, limit
+    failure_measure, limit = _bound[type(law)]["nears"](law, bond, c, node_numbers, neighbour_numbers)
+    return failure_measure, limit
 
 
 def close(law: Any, i: int, m: NDArray[Any]) -> None:
@@ -76,8 +78,8 @@ def pull(law: Any, bond: Bond, now: Now, m: NDArray[Any], i: int, j: int, k: int
 
 def energy(law: Any, bond: Bond, now: Now, m: NDArray[Any], i: int, j: int, k: int) -> tuple[float, float]:
     """Contribution of bond k to the energy densities of node i, J/m^3: stored, and dissipated by softening so far."""
-    own, gone = _bound[type(law)]["energy"](law, bond, now, m, i, j, k)
-    return own, gone
+    strain_energy, dissipated = _bound[type(law)]["energy"](law, bond, now, m, i, j, k)
+    return strain_energy, dissipated
 
 
 def gather_again(law: Any, bond: Bond, now: Now, i: int, j: int, k: int, m: NDArray[Any], more: NDArray[Any]) -> None:
@@ -112,8 +114,8 @@ def remember(law: Any, bonds: AnyList, now: Now, i: int, m: NDArray[Any]) -> Non
 
 def hold(law: Any, i: int, m: NDArray[Any]) -> tuple[float, float]:
     """Energy densities of node i itself, J/m^3: stored, and dissipated so far."""
-    own, gone = _bound[type(law)]["hold"](law, i, m)
-    return own, gone
+    strain_energy, dissipated = _bound[type(law)]["hold"](law, i, m)
+    return strain_energy, dissipated
 
 
 def secant(law: Any, stretch: Any, worst: Any, peak: Any, limit: Any) -> Any:
@@ -258,23 +260,23 @@ def bind(law: Law) -> None:
 def _functions(law: Law) -> dict[str, Function]:
     """The functions of a law, with defaults for those it does not have."""
     passes = law.passes
-    found: dict[str, Function] = {"energy": law.energy, "age": law.age or _remember_nothing}
+    functions: dict[str, Function] = {"energy": law.energy, "age": law.age or _remember_nothing}
     if isinstance(passes, Passes):
-        found |= {"pull": passes.pull, "gather": passes.gather or _gather_nothing}
-        found["close"] = passes.close or _close_nothing
+        functions |= {"pull": passes.pull, "gather": passes.gather or _gather_nothing}
+        functions["close"] = passes.close or _close_nothing
     else:
-        found |= vars(passes) | {"pull": _pull_by_numbers, "gather": _gather_nothing}
+        functions |= vars(passes) | {"pull": _pull_by_numbers, "gather": _gather_nothing}
     again = law.again or Again(_gather_nothing_again, _close_nothing_again)
-    found |= {"gather_again": again.gather, "close_again": again.close}
+    functions |= {"gather_again": again.gather, "close_again": again.close}
     failure = law.failure or Failure(_never_alert, _fail_never)
-    found |= vars(failure) | {"threshold": failure.threshold or _no_threshold}
-    found |= vars(law.nodes or NodeMemory((), _remember_no_node, _hold_nothing))
+    functions |= vars(failure) | {"threshold": failure.threshold or _no_threshold}
+    functions |= vars(law.nodes or NodeMemory((), _remember_no_node, _hold_nothing))
     curve = law.pair or law.curve
     if curve is not None:
-        found |= _of_pair(curve)
+        functions |= _of_pair(curve)
     if law.lanes is not None:
-        found |= {"finish": law.lanes.finish, "nears": law.lanes.nears}
-    return found
+        functions |= {"finish": law.lanes.finish, "nears": law.lanes.nears}
+    return functions
 
 
 def _of_pair(pair: Pair) -> dict[str, Function]:
@@ -282,20 +284,20 @@ def _of_pair(pair: Pair) -> dict[str, Function]:
     softens = pair.softening is not None
     by_secant = _held_by_secant_of_tension if pair.elastic_in_compression else _held_by_secant
     straight = by_secant if softens else _held_by_line
-    found: dict[str, Function] = {"secant": pair.secant or _one, "held": pair.held or straight}
-    found |= vars(pair.softening or Softening(_spend_nothing, _held_at_limit, _never_soften))
+    functions: dict[str, Function] = {"secant": pair.secant or _one, "held": pair.held or straight}
+    functions |= vars(pair.softening or Softening(_spend_nothing, _held_at_limit, _never_soften))
     line = _tension_if_stretched if pair.elastic_in_compression else _tension_by_secant
-    found |= {"matching_pull": _match_work, "tension": line if pair.held is None else _tension_of_curve}
+    functions |= {"matching_pull": _match_work, "tension": line if pair.held is None else _tension_of_curve}
     if softens:
-        found["released"] = _released_softly
+        functions["released"] = _released_softly
     else:
-        found["released"] = _released_by_line if pair.held is None else _released_at_once
-    return found
+        functions["released"] = _released_by_line if pair.held is None else _released_at_once
+    return functions
 
 
 def _pull_by_numbers(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
-    here, there = nodal_numbers(law, bond.xi, m, i), nodal_numbers(law, bond.xi, m, j)
-    force = bond_force(law, bond, numbers(law, i, j, k), here, there)
+    node_numbers, neighbour_numbers = nodal_numbers(law, bond.xi, m, i), nodal_numbers(law, bond.xi, m, j)
+    force = bond_force(law, bond, numbers(law, i, j, k), node_numbers, neighbour_numbers)
     for a in range(len(force)):
         f[a] += force[a]
 
@@ -387,12 +389,12 @@ _DISPATCHED = (  # each by the type of the law, with options of compilation
 )
 
 
-def _overload(function: Function, options: dict[str, Any], kind: type, own: Function) -> None:
+def _overload(function: Function, options: dict[str, Any], kind: type, law_function: Function) -> None:
     """Let compiled calls of `function` with columns of this kind be calls of the law's own function."""
 
     def chosen(law: Any, *_: Any) -> Function | None:
-        return own if getattr(law, "instance_class", None) is kind else None
+        return law_function if getattr(law, "instance_class", None) is kind else None
 
     parameters = signature(function).parameters.values()  # which numba expects `own` to have
-    chosen.__signature__ = Signature([one.replace(annotation=Parameter.empty) for one in parameters])  # type: ignore[attr-defined]
+    chosen.__signature__ = Signature([parameter.replace(annotation=Parameter.empty) for parameter in parameters])  # type: ignore[attr-defined]
     overload(function, jit_options=options)(chosen)

@@ -59,10 +59,10 @@ class Exponential(Columns):
 
 def shear_of(model: Model, bonds: Bonds) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Stiffness (b,) of bonds, N/m^3, and r (b,), from those of springs; at an interface the mean of both ends."""
-    own = np.repeat(np.arange(len(bonds.start) - 1), np.diff(bonds.start))
+    source = np.repeat(np.arange(len(bonds.start) - 1), np.diff(bonds.start))
     ratio = model.settings.horizon.ratio
     constants = np.array([(material.E, *sheared(material, ratio)) for material in model.materials])
-    (E, c, r), (E_j, c_j, r_j) = constants[model.material_of][own].T, constants[model.material_of][bonds.neighbour].T
+    (E, c, r), (E_j, c_j, r_j) = constants[model.material_of][source].T, constants[model.material_of][bonds.neighbour].T
     share = (E * c + E_j * c_j) / (E + E_j)
     return bonds.stiffness * share, (E * c * r + E_j * c_j * r_j) / (E * c + E_j * c_j)
 
@@ -85,9 +85,9 @@ def columns_of(kind: type[Any]) -> Callable[[Model, Bonds], Any]:
 
 def scale(law: Columns, bonds: Bonds) -> NDArray[np.float64]:
     """Relative stiffness of nodes (n,), N/m^4."""
-    own = np.repeat(np.arange(len(law.turn)), np.diff(bonds.start))
+    source = np.repeat(np.arange(len(law.turn)), np.diff(bonds.start))
     length = np.sqrt((bonds.xi.astype(float) ** 2).sum(axis=1))
-    return np.bincount(own, law.stiffness * (1 + law.ratio) / length, minlength=len(law.turn)).astype(float)
+    return np.bincount(source, law.stiffness * (1 + law.ratio) / length, minlength=len(law.turn)).astype(float)
 
 
 @njit(**INLINE)
@@ -130,15 +130,15 @@ def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
     if law.broken[k] != 0:
         return 0.0, 0.0
     _, _, s, gamma = _strains(law, bond, now, i, j)
-    c, gone = law.stiffness[k] * bond.length / 4, 0.0
+    c, dissipated = law.stiffness[k] * bond.length / 4, 0.0
     along, across = c * s * s, c * law.ratio[k] * gamma * gamma
     if law.worst[k] > 0:
         omega = secant(law, law.worst[k], law.worst[k], law.peak[k], law.limit[k])
-        gone = spent(law, c, law.worst[k], law.peak[k], law.limit[k])
+        dissipated = spent(law, c, law.worst[k], law.peak[k], law.limit[k])
         across *= omega
         if s > 0:
             along *= omega
-    return along + across, gone
+    return along + across, dissipated
 
 
 def _law(kind: type[Any], shape: str) -> Law:

@@ -88,8 +88,8 @@ class Columns(NamedTuple):
 def columns(model: Model, bonds: Bonds) -> Columns:
     """Columns of these bonds (b,) and their nodes."""
     kind, d, nodes = bonds.xi.dtype, bonds.xi.shape[1], len(bonds.start) - 1
-    own = np.repeat(np.arange(nodes), np.diff(bonds.start))
-    total = np.bincount(own, bonds.weight, minlength=nodes).astype(float)
+    source = np.repeat(np.arange(nodes), np.diff(bonds.start))
+    total = np.bincount(source, bonds.weight, minlength=nodes).astype(float)
     solid, first = solid_of(model, kind, d), model.materials[0]
     control = silling(model, total, d) if first.control == "silling" else np.zeros(nodes)
     law = Columns(
@@ -125,19 +125,21 @@ def silling(model: Model, total: NDArray[np.float64], d: int) -> NDArray[np.floa
 
 def mend(law: Columns, bonds: AnyList, rows: NDArray[np.int64]) -> None:
     """Recompute K^-1 and the share of the stress of these nodes (k,) from the intact bonds."""
-    some = left(bonds, law.weight, law.broken, rows)
-    K = shapes(bonds, some, len(rows))
+    intact_bonds = left(bonds, law.weight, law.broken, rows)
+    K = shapes(bonds, intact_bonds, len(rows))
     values, ways = np.linalg.eigh(K)
     total = values.sum(axis=1, keepdims=True)
     sound = values[:, 0] > FLAT * total[:, 0]
-    torn = np.bincount(some.own, law.broken[some.which] != 0, minlength=len(rows)) > 0
+    torn = np.bincount(intact_bonds.own, law.broken[intact_bonds.which] != 0, minlength=len(rows)) > 0
     usable = torn[:, None] & (values > LINE * total)
     scaled = ways * np.divide(1.0, values, out=np.zeros_like(values), where=usable)[:, None, :]
     law.inverse[rows] = (scaled @ ways.transpose(0, 2, 1)).reshape(-1, law.d * law.d)
     law.inverse[rows[sound]] = np.linalg.inv(K[sound]).reshape(-1, law.d * law.d)
     law.share[rows] = sound
     if np.isfinite(law.stiffest[0]):
-        share = (law.stiffest[0] / np.maximum(_stiffness(law, bonds, some, rows), law.stiffest[0] or 1.0)) ** POWER
+        share = (
+            law.stiffest[0] / np.maximum(_stiffness(law, bonds, intact_bonds, rows), law.stiffest[0] or 1.0)
+        ) ** POWER
         share = np.where(torn, np.floor(share) if law.solid.history.shape[1] else share, 1.0)
         law.share[rows[sound]] = share[sound]
 
@@ -150,8 +152,8 @@ def _largest_stiffness(law: Columns, bonds: AnyList) -> float:
     if not len(sound):
         return 0.0
     inner = sound[q[sound].argmin()]
-    own = slice(bonds.start[inner], bonds.start[inner + 1])
-    xi, weight = np.column_stack([x[own] for x in bonds.xi]).astype(float), law.weight[own].astype(float)
+    bond_range = slice(bonds.start[inner], bonds.start[inner + 1])
+    xi, weight = np.column_stack([x[bond_range] for x in bonds.xi]).astype(float), law.weight[bond_range].astype(float)
     faces = [0.0]
     for side in (*np.eye(law.d), *-np.eye(law.d)):
         half = weight * (xi @ side >= -ROUND * law.horizon[inner])
@@ -166,13 +168,13 @@ def stiffness_of(g: NDArray[np.float64]) -> float:
     return float((g**2).sum() + (g.sum(axis=0) ** 2).sum())
 
 
-def _stiffness(law: Columns, bonds: AnyList, some: Left, rows: NDArray[np.int64]) -> NDArray[np.float64]:
+def _stiffness(law: Columns, bonds: AnyList, intact_bonds: Left, rows: NDArray[np.int64]) -> NDArray[np.float64]:
     """q times the horizon squared of these nodes (k,), from their intact bonds."""
     inverse = law.inverse[rows].astype(float).reshape(-1, law.d, law.d)
-    xi = np.array([x[some.which] for x in bonds.xi], dtype=float)
-    g = some.weight * np.einsum("kab,bk->ak", inverse[some.own], xi)
-    sums = np.array([np.bincount(some.own, one, minlength=len(rows)) for one in g])
-    q = np.bincount(some.own, (g**2).sum(axis=0), minlength=len(rows)) + (sums**2).sum(axis=0)
+    xi = np.array([x[intact_bonds.which] for x in bonds.xi], dtype=float)
+    g = intact_bonds.weight * np.einsum("kab,bk->ak", inverse[intact_bonds.own], xi)
+    sums = np.array([np.bincount(intact_bonds.own, component, minlength=len(rows)) for component in g])
+    q = np.bincount(intact_bonds.own, (g**2).sum(axis=0), minlength=len(rows)) + (sums**2).sum(axis=0)
     return np.asarray(q * law.horizon[rows] ** 2)
 
 
@@ -187,8 +189,8 @@ def torn_stiffness(law: Columns, start: NDArray[np.float64]) -> NDArray[np.float
 def scale(law: Columns, bonds: Bonds) -> NDArray[np.float64]:
     """Relative stiffness of nodes (n,), N/m^4."""
     trace = law.inverse[:, :: law.d + 1].sum(axis=1)
-    own = np.repeat(np.arange(len(trace)), np.diff(bonds.start))
-    total = np.bincount(own, law.weight, minlength=len(trace))
+    source = np.repeat(np.arange(len(trace)), np.diff(bonds.start))
+    total = np.bincount(source, law.weight, minlength=len(trace))
     usual = np.median(trace * total)
     return np.asarray((law.solid.first + 2 * law.solid.shear) * usual + 0 * trace)
 
@@ -206,15 +208,15 @@ def fields(law: Columns, value: NDArray[np.floating], m: NDArray[np.floating]) -
 def shown(d: int, solid: Solid, m: NDArray[np.floating], at: int) -> dict[str, NDArray[np.float64]]:
     """Fields (n,) of nodes with gradients in m from `at` on: stress, rotation in the plane, J, alpha."""
     H, rest = m[:, at : at + d * d].astype(float), m[:, at + d * d :].astype(float)
-    found = {"sxx": rest[:, 0], "syy": rest[:, 1], "sxy": rest[:, 3], "szz": rest[:, 2]}
+    field_columns = {"sxx": rest[:, 0], "syy": rest[:, 1], "sxy": rest[:, 3], "szz": rest[:, 2]}
     if d == 3:
-        found |= {"sxz": rest[:, 4], "syz": rest[:, 5]}
+        field_columns |= {"sxz": rest[:, 4], "syz": rest[:, 5]}
     else:
-        found["rotation"] = np.arctan2(H[:, d] - H[:, 1], 2 + H[:, 0] + H[:, d + 1])
-    found["J"] = rest[:, 4 if d == 2 else 6]
+        field_columns["rotation"] = np.arctan2(H[:, d] - H[:, 1], 2 + H[:, 0] + H[:, d + 1])
+    field_columns["J"] = rest[:, 4 if d == 2 else 6]
     if solid.history.shape[1] and (solid.kind == J2).any():
-        found["plastic"] = solid.history[:, ALPHA_RATE if solid.rate else ALPHA_TOTAL].astype(float)
-    return found
+        field_columns["plastic"] = solid.history[:, ALPHA_RATE if solid.rate else ALPHA_TOTAL].astype(float)
+    return field_columns
 
 
 def numbers(law, i, j, k):  # type: ignore[no-untyped-def]
@@ -262,10 +264,10 @@ def answer(law, i, m, at):  # type: ignore[no-untyped-def]
             m[i, last + a] = none
         m[i, last + (4 if d == 2 else 6)] = none + 1
         return (none, none, none, none, none, none, none, none, none)
-    found = respond(law.solid, i, lifted(m, i, at, d), none)
+    response = respond(law.solid, i, lifted(m, i, at, d), none)
     for a in range(4 if d == 2 else 6):
-        m[i, last + a] = share * found.sigma[a]
-    F, P = found.F, found.P
+        m[i, last + a] = share * response.sigma[a]
+    F, P = response.F, response.P
     m[i, last + (4 if d == 2 else 6)] = (
         F[0] * (F[4] * F[8] - F[5] * F[7]) - F[1] * (F[3] * F[8] - F[5] * F[6]) + F[2] * (F[3] * F[7] - F[4] * F[6])
     )
@@ -287,8 +289,8 @@ def lifted(m, i, at, d):  # type: ignore[no-untyped-def]
 
 def tabled(law: Columns, bonds: Bonds) -> Tabled:
     """Data of bonds (b,) for the block kernels."""
-    own = np.repeat(np.arange(len(law.control)), np.diff(bonds.start))
-    return watched(law, (law.weight, law.control[own] + law.control[bonds.neighbour]), nodal_count=4)
+    source = np.repeat(np.arange(len(law.control)), np.diff(bonds.start))
+    return watched(law, (law.weight, law.control[source] + law.control[bonds.neighbour]), nodal_count=4)
 
 
 def watched(law: Columns, columns: tuple[NDArray[np.floating], ...], nodal_count: int) -> Tabled:
@@ -299,26 +301,26 @@ def watched(law: Columns, columns: tuple[NDArray[np.floating], ...], nodal_count
     return Tabled((*columns, limit), tuple(range(len(columns) + 1)), nodal_count, True)
 
 
-def nears(law, bond, c, here, there):  # type: ignore[no-untyped-def]
-    return looked_at(law, bond, c, here, there)
+def nears(law, bond, c, node_numbers, neighbour_numbers):  # type: ignore[no-untyped-def]
+    return looked_at(law, bond, c, node_numbers, neighbour_numbers)
 
 
 @njit(**INLINE)
-def looked_at(law, bond, c, here, there):  # type: ignore[no-untyped-def]
+def looked_at(law, bond, c, node_numbers, neighbour_numbers):  # type: ignore[no-untyped-def]
     """The stretch or energy of a bond and its limit; see `nears`."""
-    f = force_of(law, bond, c, here, there)
+    f = force_of(law, bond, c, node_numbers, neighbour_numbers)
     along = f[0] * (bond.xi[0] + bond.eta[0]) + f[1] * (bond.xi[1] + bond.eta[1])
-    found = along * bond.elongation * bond.inverse
+    failure_measure = along * bond.elongation * bond.inverse
     if law.failure == STRETCH:
-        found = bond.stretch
-    return found, c[len(c) - 1]
+        failure_measure = bond.stretch
+    return failure_measure, c[len(c) - 1]
 
 
 def standing(law: Columns, rows: NDArray[np.int64]) -> NDArray[np.floating]:
     """Nodal constants for `finish`: K^-1, lambda, mu, the share of the stress, whether it is above 0, Z."""
     share = law.share[rows]
-    one = law.solid.first[rows], law.solid.shear[rows], share, np.ceil(share), law.control[rows]
-    return np.vstack([law.inverse[rows].T, *one])
+    scalar_rows = law.solid.first[rows], law.solid.shear[rows], share, np.ceil(share), law.control[rows]
+    return np.vstack([law.inverse[rows].T, *scalar_rows])
 
 
 def by_lanes(law: Columns) -> bool:
@@ -327,9 +329,9 @@ def by_lanes(law: Columns) -> bool:
     return not law.solid.rate and bool((kind == kind[0]).all()) and kind[0] in (LINEAR, SVK)
 
 
-def finish(law, sums, own):  # type: ignore[no-untyped-def]
-    H, P, s, J = closed(law, sums, own)
-    Z, A = own[8], product(P, own[:4])
+def finish(law, sums, node_constants):  # type: ignore[no-untyped-def]
+    H, P, s, J = closed(law, sums, node_constants)
+    Z, A = node_constants[8], product(P, node_constants[:4])
     return (
         *(A[0] - Z * H[0], A[1] - Z * H[1], A[2] - Z * H[2], A[3] - Z * H[3]),
         *(H[0], H[1], H[2], H[3], s[0], s[1], s[2], s[3], J),
@@ -337,22 +339,22 @@ def finish(law, sums, own):  # type: ignore[no-untyped-def]
 
 
 @njit(**INLINE)
-def closed(law, sums, own):  # type: ignore[no-untyped-def]
+def closed(law, sums, node_constants):  # type: ignore[no-untyped-def]
     """Gradient of a node, P and stress, four components each, and J, from its sums and constants."""
-    H, none, share, any_share = product(sums, own[:4]), sums[0] * 0.0, own[6], own[7]
+    H, none, share, any_share = product(sums, node_constants[:4]), sums[0] * 0.0, node_constants[6], node_constants[7]
     h = (any_share * H[0], any_share * H[1], none, any_share * H[2], any_share * H[3], none, none, none, none)
-    found = elastic(law.solid.kind[0], h, own[4], own[5], law.solid.plane_stress)
-    P, s = found.P, found.sigma
+    response = elastic(law.solid.kind[0], h, node_constants[4], node_constants[5], law.solid.plane_stress)
+    P, s = response.P, response.sigma
     P = (share * P[0], share * P[1], share * P[3], share * P[4])
-    return H, P, (share * s[0], share * s[1], share * s[2], share * s[3]), det(found.F)
+    return H, P, (share * s[0], share * s[1], share * s[2], share * s[3]), det(response.F)
 
 
 def nodal_numbers(law, xi, m, i):  # type: ignore[no-untyped-def]
     return square(m, i, 0, xi)
 
 
-def bond_force(law, bond, c, here, there):  # type: ignore[no-untyped-def]
-    return mapped(c[0], summed(here, there), bond.xi, c[1], bond.eta)
+def bond_force(law, bond, c, node_numbers, neighbour_numbers):  # type: ignore[no-untyped-def]
+    return mapped(c[0], summed(node_numbers, neighbour_numbers), bond.xi, c[1], bond.eta)
 
 
 def alert(law, i, m):  # type: ignore[no-untyped-def]
@@ -383,8 +385,8 @@ def failing(law, bond, m, i, j, k, at):  # type: ignore[no-untyped-def]
     if law.failure == STRETCH:
         return bond.stretch > law.limit[k]
     c = numbers_of(law, i, j, k)
-    here, there = nodal_numbers_of(law, bond.xi, m, i), nodal_numbers_of(law, bond.xi, m, j)
-    f, along = force_of(law, bond, c, here, there), bond.stretch * 0
+    node_numbers, neighbour_numbers = nodal_numbers_of(law, bond.xi, m, i), nodal_numbers_of(law, bond.xi, m, j)
+    f, along = force_of(law, bond, c, node_numbers, neighbour_numbers), bond.stretch * 0
     for a in range(len(bond.xi)):
         along += f[a] * (bond.xi[a] + bond.eta[a])
     return along * bond.stretch / bond.q > 2 * law.weight[k] * law.limit[k]
@@ -399,29 +401,29 @@ def hold(law, i, m):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def remembered(law, i, m, at, beside):  # type: ignore[no-untyped-def]
+def remembered(law, i, m, at, deviation_square):  # type: ignore[no-untyped-def]
     """Update the history of node i by the gradient in m[i] from `at` on; a node without stress has none."""
     if law.share[i] != 0:
-        keep(law.solid, i, lifted(m, i, at, law.d), beside)
+        keep(law.solid, i, lifted(m, i, at, law.d), deviation_square)
 
 
 @njit(**INNER)
-def held_by(law, i, m, at, beside):  # type: ignore[no-untyped-def]
+def held_by(law, i, m, at, deviation_square):  # type: ignore[no-untyped-def]
     """Energy densities, J/m^3, that node i stores and has dissipated, with the gradient in m[i] from `at` on."""
     if law.share[i] == 0:
         return m[i, 0] * 0, m[i, 0] * 0 + dissipated(law.solid, i)
-    held, spent = holds(law.solid, i, lifted(m, i, at, law.d), beside)
-    return law.share[i] * held, spent
+    strain_energy, spent = holds(law.solid, i, lifted(m, i, at, law.d), deviation_square)
+    return law.share[i] * strain_energy, spent
 
 
 def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
     if law.broken[k] != 0:
         return 0.0, 0.0
-    d, held = len(bond.xi), bond.stretch * 0
+    d, deviation_energy = len(bond.xi), bond.stretch * 0
     for a in range(d):
         rest = deviation(bond, m, i, d * d, a)
-        held += law.control[i] * rest * rest
-    return law.weight[k] * held / 2, 0.0
+        deviation_energy += law.control[i] * rest * rest
+    return law.weight[k] * deviation_energy / 2, 0.0
 
 
 @njit(**INNER)

@@ -110,8 +110,8 @@ def powers(order: int, d: int) -> NDArray[np.int64]:
     """Exponents (p, d) of all monomials up to an order, without the constant one, by degree."""
     every = np.stack(np.meshgrid(*[np.arange(order + 1)] * d, indexing="ij"), axis=-1).reshape(-1, d)
     degree = every.sum(axis=1)
-    kept = np.flatnonzero((degree > 0) & (degree <= order))
-    return every[kept[np.lexsort((*(-every[kept].T[::-1]), degree[kept]))]]
+    allowed = np.flatnonzero((degree > 0) & (degree <= order))
+    return every[allowed[np.lexsort((*(-every[allowed].T[::-1]), degree[allowed]))]]
 
 
 def fit(
@@ -135,9 +135,9 @@ def fit(
         p = int((degree <= carried).sum())
         if p > len(points):
             continue
-        some, R = np.linalg.qr(roots[:, None] * monomials[:, :p])
+        basis, R = np.linalg.qr(roots[:, None] * monomials[:, :p])
         if np.abs(np.diag(R)).min() > CARRIED * np.abs(np.diag(R)).max():
-            Q[:, :p], t[:p] = some, np.linalg.inv(R)[constant : constant + d].T / horizon
+            Q[:, :p], t[:p] = basis, np.linalg.inv(R)[constant : constant + d].T / horizon
             return Q, t, carried
     return Q, t, 0
 
@@ -151,10 +151,10 @@ def _refit(law: Columns, bonds: AnyList, rows: NDArray[np.int64]) -> float:
     """Refit these nodes (k,) to the intact bonds; returns q times the horizon squared of the stiffest."""
     most = 0.0
     for i in rows.tolist():
-        own = slice(bonds.start[i], bonds.start[i + 1])
-        intact = law.broken[own] == 0
-        xi = np.column_stack([x[own][intact] for x in bonds.xi]).astype(float)
-        root, itself, order = law.root[own][intact].astype(float), float(law.itself[i]), law.order
+        bond_range = slice(bonds.start[i], bonds.start[i + 1])
+        intact = law.broken[bond_range] == 0
+        xi = np.column_stack([x[bond_range][intact] for x in bonds.xi]).astype(float)
+        root, itself, order = law.root[bond_range][intact].astype(float), float(law.itself[i]), law.order
         limit = np.inf if intact.all() else law.stiffest[0]
         while True:
             Q, t, order = fit(xi, root, order, itself, law.horizon[i])
@@ -168,8 +168,8 @@ def _refit(law: Columns, bonds: AnyList, rows: NDArray[np.int64]) -> float:
         law.share[i] = np.floor(share) if law.history.shape[1] else share
         most = max(most, q)
         law.carried[i] = order
-        law.q[own] = law.own[i] = law.t[i] = 0
-        law.q[own][intact, : Q.shape[1]] = Q[: len(xi)]
+        law.q[bond_range] = law.own[i] = law.t[i] = 0
+        law.q[bond_range][intact, : Q.shape[1]] = Q[: len(xi)]
         law.own[i, : Q.shape[1]] = Q[len(xi)] if len(Q) > len(xi) else 0
         law.t[i, : len(t)] = t
     return most
@@ -231,14 +231,14 @@ def close(law, i, m):  # type: ignore[no-untyped-def]
 @njit(**INLINE)
 def _component(law, bond, m, i, j, k, a):  # type: ignore[no-untyped-def]
     """Component a of the force density of bond k on node i, N/m^3."""
-    d, f, other = len(bond.xi), m[i, 0] * 0, law.back[k]
+    d, f, reverse_bond = len(bond.xi), m[i, 0] * 0, law.back[k]
     g = m[i, 0] * 0
     for r in range(law.q.shape[1]):
         f += m[i, d * r + a] * law.q[k, r]
-        g += m[j, d * r + a] * law.q[other, r]
-    w, v = law.weight[k], law.weight[other]
+        g += m[j, d * r + a] * law.q[reverse_bond, r]
+    w, v = law.weight[k], law.weight[reverse_bond]
     z = w * (law.control[i] + law.control[j]) * bond.eta[a]
-    return law.root[k] * f + z - w / v * law.root[other] * g
+    return law.root[k] * f + z - w / v * law.root[reverse_bond] * g
 
 
 def pull(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
@@ -279,12 +279,12 @@ def remember(law, bonds, now, i, m):  # type: ignore[no-untyped-def]
 
 
 def hold(law, i, m):  # type: ignore[no-untyped-def]
-    held, spent = correspondence.held_by(law, i, m, _stresses(law) - law.d * law.d, m[i, 0] * 0)
+    strain_energy, spent = correspondence.held_by(law, i, m, _stresses(law) - law.d * law.d, m[i, 0] * 0)
     if law.itself[i] > 0:
         for a in range(law.d):
-            missed = _missed(law, m, i, law.own[i], law.itself[i], held * 0, a)
-            held += law.control[i] * missed * missed / 2
-    return held, spent
+            missed = _missed(law, m, i, law.own[i], law.itself[i], strain_energy * 0, a)
+            strain_energy += law.control[i] * missed * missed / 2
+    return strain_energy, spent
 
 
 @njit(**INNER)
@@ -300,11 +300,11 @@ def _missed(law, m, i, q, root, eta, a):  # type: ignore[no-untyped-def]
 def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
     if law.broken[k] != 0:
         return 0.0, 0.0
-    held = bond.stretch * 0
+    square_sum = bond.stretch * 0
     for a in range(len(bond.xi)):
         missed = _missed(law, m, i, law.q[k], law.root[k], bond.eta[a], a)
-        held += missed * missed
-    return law.control[i] * held / 2, 0.0
+        square_sum += missed * missed
+    return law.control[i] * square_sum / 2, 0.0
 
 
 LAW = Law(

@@ -90,7 +90,8 @@ class Sums:
     accumulate: Function  # (law, bond, c, sums) those sums plus the contribution of a bond with the numbers c
     close: Function  # (law, i, m) turns the sums in m[i] into what `nodal_numbers` reads
     nodal_numbers: Function  # (law, xi, m, i) what the bonds of node i, from both their ends, need of it
-    bond_force: Function  # (law, bond, c, here, there) N/m^3 on a bond's node, from the nodal numbers of both ends
+    bond_force: Function  # (law, bond, c, node_numbers, neighbour_numbers): N/m^3
+    # on a bond's node, from the nodal numbers of both ends
 
 
 @dataclass(frozen=True)
@@ -124,8 +125,9 @@ class NodeMemory:
 class Lanes:
     """Additional functions of a law of `Sums` for blocks, where a number stands for many lanes."""
 
-    finish: Function  # (law, sums, own) what a node has between the passes, as `close`, from what `standing` has of it
-    nears: Function  # (law, bond, c, here, there) what of a bond must not be above what
+    finish: Function  # (law, sums, node_constants) what a node has between the passes, as `close`,
+    # from what `standing` has of it
+    nears: Function  # (law, bond, c, node_numbers, neighbour_numbers) what of a bond must not be above what
     tabled: Callable[[Any, Bonds], Tabled]  # the numbers of all bonds, the first never 0
     standing: Callable[[Any, NDArray[np.int64]], Array]  # (., k) what `finish` wants of nodes (k,)
     by_lanes: Callable[[Any], bool]  # whether `finish` can stand for `close`

@@ -40,14 +40,14 @@ def _absurd_stretch(model: Model) -> Iterator[str]:
 
 def negative_secants(model: Model) -> dict[str, str]:
     """Remarks on laws of a model's bonds whose secant turns negative, by the law's name."""
-    found: dict[str, str] = {}
+    remark_by_law: dict[str, str] = {}
     for _, material, (peak, limit) in _bonds_of_materials(model):
         pair = LAWS[material.law].pair
         assert pair is not None
         wrong = negative_secant(pair, material.law, float(peak[0]), float(limit[0]))
         if wrong is not None:
-            found.setdefault(material.law, wrong)
-    return found
+            remark_by_law.setdefault(material.law, wrong)
+    return remark_by_law
 
 
 def _bonds_of_materials(model: Model) -> Iterator[tuple[NDArray[np.int64], Material, Limits]]:
@@ -80,8 +80,8 @@ def negative_secant(pair: Pair, name: str, peak: float, limit: float) -> str | N
         sampled += [(np.full(SAMPLES, -limit * share), compressed) for share in part]
     for stretches, largest in sampled:
         with np.errstate(all="ignore"):
-            found = pair.secant(no_bonds(LAWS[name]), stretches, largest, peak, limit)
-        secant = np.broadcast_to(np.asarray(found, dtype=float), stretches.shape)
+            secants = pair.secant(no_bonds(LAWS[name]), stretches, largest, peak, limit)
+        secant = np.broadcast_to(np.asarray(secants, dtype=float), stretches.shape)
         bad = np.flatnonzero(~(secant >= -np.finfo(float).eps))
         if len(bad):
             at = float(stretches[bad[0]])

@@ -46,11 +46,11 @@ def columns(model: Model, bonds: Bonds) -> Columns:
     """Columns of these bonds (b,). Raises ModelError in space."""
     if bonds.xi.shape[1] != 2:
         raise ModelError(f"{model.place_of(0)}.model is 'micropolar' in space; use it in the plane")
-    own = np.repeat(np.arange(len(bonds.start) - 1), np.diff(bonds.start))
+    source = np.repeat(np.arange(len(bonds.start) - 1), np.diff(bonds.start))
     horizon = np.broadcast_to(model.horizons, len(bonds.start) - 1)
-    reach, length = (horizon[own] + horizon[bonds.neighbour]) / 2, np.hypot(*bonds.xi.T.astype(float))
+    reach, length = (horizon[source] + horizon[bonds.neighbour]) / 2, np.hypot(*bonds.xi.T.astype(float))
     constants = np.array([stiffnesses(material.E, material.nu or 0.0, material.plane) for material in model.materials])
-    c, d = (constants[model.material_of][own] + constants[model.material_of][bonds.neighbour]).T / 2
+    c, d = (constants[model.material_of][source] + constants[model.material_of][bonds.neighbour]).T / 2
     numbers = (
         bonds.weight * c / reach**3 / length,
         12 * bonds.weight * d / reach / length**3,
@@ -76,8 +76,8 @@ def along_axes(material: Material, ratio: float) -> Elasticity:
     The influence is constant, with horizons of `ratio` spacings.
     """
     xi = offsets(ratio + 0.5)
-    length, one = lengths(xi), np.ones(len(xi))
-    (c, d), weight = stiffnesses(1.0, material.nu or 0.0, material.plane), hu_beta(length, ratio * one, one)
+    length, ones = lengths(xi), np.ones(len(xi))
+    (c, d), weight = stiffnesses(1.0, material.nu or 0.0, material.plane), hu_beta(length, ratio * ones, ones)
     n_x, n_y = (xi / length[:, None]).T
     along, across = weight * c * length / ratio**3, 12 * weight * d / (ratio * length)
     c11 = float((along * n_x**4 + across * (n_x * n_y) ** 2).sum() / 2)
@@ -92,8 +92,8 @@ def unknowns(dimension: int) -> tuple[Unknown, ...]:
 
 def scale(law: Columns, bonds: Bonds) -> NDArray[np.float64]:
     """Relative stiffness of nodes (n,), N/m^4."""
-    own = np.repeat(np.arange(len(law.turn)), np.diff(bonds.start))
-    return np.bincount(own, law.along + law.across, minlength=len(law.turn)).astype(float)
+    source = np.repeat(np.arange(len(law.turn)), np.diff(bonds.start))
+    return np.bincount(source, law.along + law.across, minlength=len(law.turn)).astype(float)
 
 
 def rows(law: Columns, dimension: int) -> int:
@@ -110,10 +110,10 @@ def fields(law: Columns, value: NDArray[np.floating], m: NDArray[np.floating]) -
 def _beam(law, bond, now, i, j):  # type: ignore[no-untyped-def]
     """Direction, e, w minus the effect of the ends' rotations, and the mean and the difference of rotations."""
     x, y = bond.xi[0] / bond.length, bond.xi[1] / bond.length
-    one, other = law.turn[i] * now.value[i, 2], law.turn[j] * now.value[j, 2]
+    rotation_i, rotation_j = law.turn[i] * now.value[i, 2], law.turn[j] * now.value[j, 2]
     e = x * bond.eta[0] + y * bond.eta[1]
-    w = x * bond.eta[1] - y * bond.eta[0] - bond.length * (one + other) / 2
-    return x, y, e, w, other - one
+    w = x * bond.eta[1] - y * bond.eta[0] - bond.length * (rotation_i + rotation_j) / 2
+    return x, y, e, w, rotation_j - rotation_i
 
 
 def alert(law, i, m):  # type: ignore[no-untyped-def]

@@ -69,10 +69,10 @@ def columns(model: Model, bonds: Bonds, corrected: bool = True) -> Columns:
     dimension, exact = bonds.xi.shape[1], bonds._replace(xi=bonds.xi.astype(float), weight=bonds.weight.astype(float))
     bulk, shear = (values[model.material_of] for values in np.array([_moduli(m, dimension) for m in model.materials]).T)
     dilating, shearing = (_weights if corrected else _plain_weights)(exact)
-    own = np.repeat(np.arange(len(bonds.start) - 1), np.diff(bonds.start))
-    back = find(bonds, bonds.neighbour.astype(np.int64), own)
+    source = np.repeat(np.arange(len(bonds.start) - 1), np.diff(bonds.start))
+    back = find(bonds, bonds.neighbour.astype(np.int64), source)
     ratio = exact.weight / exact.weight[back]  # V_j / V_i, as influence and share are the same both ways
-    shearing = shear[own] * shearing
+    shearing = shear[source] * shearing
     every = bulk, shear, dilating, dilating[back] * ratio, shearing, shearing[back] * ratio
     kind = bonds.xi.dtype
     numbers = [np.asarray(column, dtype=kind) for column in every]
@@ -104,43 +104,43 @@ def rows(law: Columns, dimension: int) -> int:
 
 def _plain_weights(bonds: Bonds) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """D and S (b,) as if all families were full."""
-    own, d = _sources(bonds), bonds.xi.shape[1]
+    source, d = _sources(bonds), bonds.xi.shape[1]
     squared = (bonds.xi**2).sum(axis=1)
-    m = np.bincount(own, bonds.weight * squared, minlength=len(bonds.start) - 1)[own]
+    m = np.bincount(source, bonds.weight * squared, minlength=len(bonds.start) - 1)[source]
     return d / m * bonds.weight * np.sqrt(squared), d * (d + 2) / (2 * m) * bonds.weight
 
 
 def _weights(bonds: Bonds) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """D and S (b,) of the actual families, found for a few nodes at a time: in space it takes 0.6 kB a bond."""
-    found = np.empty((2, len(bonds.weight)))
+    weights = np.empty((2, len(bonds.weight)))
     for node in range(0, len(bonds.start) - 1, TOGETHER):
         start = bonds.start[node : node + TOGETHER + 1]
-        some = slice(start[0], start[-1])
-        found[:, some] = _weights_of(
-            bonds._replace(start=start - start[0], xi=bonds.xi[some], weight=bonds.weight[some])
+        bond_range = slice(start[0], start[-1])
+        weights[:, bond_range] = _weights_of(
+            bonds._replace(start=start - start[0], xi=bonds.xi[bond_range], weight=bonds.weight[bond_range])
         )
-    return found[0], found[1]
+    return weights[0], weights[1]
 
 
 def _weights_of(bonds: Bonds) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """D and S (b,) of whole families, of which nothing but `start`, `xi` and `weight` is read."""
-    own, d, nodes = _sources(bonds), bonds.xi.shape[1], len(bonds.start) - 1
+    source, d, nodes = _sources(bonds), bonds.xi.shape[1], len(bonds.start) - 1
     length = np.sqrt((bonds.xi**2).sum(axis=1))
     nn, y = _dyads(bonds.xi / length[:, None])
     share, trace = bonds.weight * length**2, np.zeros(nn.shape[1])
     trace[:d] = 1
-    B = _least(_moments(own, nodes, share, nn), np.broadcast_to(trace, (nodes, len(trace))))
-    dilating = bonds.weight * length * np.einsum("ba,ba->b", nn, B[own])
+    B = _least(_moments(source, nodes, share, nn), np.broadcast_to(trace, (nodes, len(trace))))
+    dilating = bonds.weight * length * np.einsum("ba,ba->b", nn, B[source])
     first, second = np.triu_indices(y.shape[1])
     products = y[:, first] * y[:, second]
     wanted = np.broadcast_to((first == second).astype(float), (nodes, len(first)))
-    A = _least(_moments(own, nodes, share, products), wanted)
-    factor = np.einsum("ba,ba->b", products, A[own])
-    least = LEAST * d * (d + 2) / (2 * np.bincount(own, share, minlength=nodes)[own])
+    A = _least(_moments(source, nodes, share, products), wanted)
+    factor = np.einsum("ba,ba->b", products, A[source])
+    least = LEAST * d * (d + 2) / (2 * np.bincount(source, share, minlength=nodes)[source])
     shearing = np.maximum(factor, least)
-    raised = np.bincount(own, factor < least, minlength=nodes) > 0
-    mean = np.bincount(own, share * shearing * (y**2).sum(axis=1), minlength=nodes) / y.shape[1]
-    return dilating, bonds.weight * shearing / np.where(raised, mean, 1.0)[own]
+    raised = np.bincount(source, factor < least, minlength=nodes) > 0
+    mean = np.bincount(source, share * shearing * (y**2).sum(axis=1), minlength=nodes) / y.shape[1]
+    return dilating, bonds.weight * shearing / np.where(raised, mean, 1.0)[source]
 
 
 def _dyads(n: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -158,30 +158,30 @@ def _dyads(n: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.floa
 
 
 def _moments(
-    own: NDArray[np.int64], nodes: int, share: NDArray[np.float64], p: NDArray[np.float64]
+    source: NDArray[np.int64], nodes: int, share: NDArray[np.float64], p: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """The sums (n, k, k) of share p p^T over each node's bonds."""
     size = p.shape[1]
-    found = np.empty((nodes, size, size))
+    moments = np.empty((nodes, size, size))
     for a in range(size):
         for b in range(a, size):
-            found[:, a, b] = found[:, b, a] = np.bincount(own, share * p[:, a] * p[:, b], minlength=nodes)
-    return found
+            moments[:, a, b] = moments[:, b, a] = np.bincount(source, share * p[:, a] * p[:, b], minlength=nodes)
+    return moments
 
 
 def _least(moments: NDArray[np.float64], wanted: NDArray[np.float64]) -> NDArray[np.float64]:
     """The smallest x (n, k) with moments (n, k, k) x = wanted (n, k), as far as it exists."""
     values, vectors = np.linalg.eigh(moments)
-    known = values > KNOWN * values[:, -1:]
-    inverse = np.divide(1.0, values, out=np.zeros_like(values), where=known & (values > 0))
+    significant = values > KNOWN * values[:, -1:]
+    inverse = np.divide(1.0, values, out=np.zeros_like(values), where=significant & (values > 0))
     return np.asarray(np.einsum("nab,nb,ncb,nc->na", vectors, inverse, vectors, wanted, optimize=True))
 
 
 def scale(law: Columns, bonds: Bonds) -> NDArray[np.float64]:
     """Relative stiffness of nodes (n,), N/m^4."""
-    own, nodes = _sources(bonds), len(bonds.start) - 1
-    squared = np.bincount(own, law.weight * (bonds.xi**2).sum(axis=1), minlength=nodes)
-    weight = np.bincount(own, law.weight, minlength=nodes)
+    source, nodes = _sources(bonds), len(bonds.start) - 1
+    squared = np.bincount(source, law.weight * (bonds.xi**2).sum(axis=1), minlength=nodes)
+    weight = np.bincount(source, law.weight, minlength=nodes)
     return np.asarray((law.bulk + law.shear) * np.divide(weight, squared, out=np.zeros(nodes), where=squared > 0))
 
 
@@ -236,33 +236,33 @@ def by_lanes(law: Columns) -> bool:
     return True
 
 
-def finish(law, sums, own):  # type: ignore[no-untyped-def]
-    return sums[0], pressure(own[0], law.d, sums[0], sums[1], sums[2]), sums[2]
+def finish(law, sums, node_constants):  # type: ignore[no-untyped-def]
+    return sums[0], pressure(node_constants[0], law.d, sums[0], sums[1], sums[2]), sums[2]
 
 
-def nears(law, bond, c, here, there):  # type: ignore[no-untyped-def]
-    found = both(law, bond, c, here, there) * bond.elongation
+def nears(law, bond, c, node_numbers, neighbour_numbers):  # type: ignore[no-untyped-def]
+    failure_measure = both(law, bond, c, node_numbers, neighbour_numbers) * bond.elongation
     if law.failure == STRETCH:
-        found = bond.stretch
-    return found, c[len(c) - 1]
+        failure_measure = bond.stretch
+    return failure_measure, c[len(c) - 1]
 
 
 def nodal_numbers(law, xi, m, i):  # type: ignore[no-untyped-def]
     return m[i, 0], m[i, 1]
 
 
-def bond_force(law, bond, c, here, there):  # type: ignore[no-untyped-def]
-    force = both(law, bond, c, here, there) * bond.inverse
+def bond_force(law, bond, c, node_numbers, neighbour_numbers):  # type: ignore[no-untyped-def]
+    force = both(law, bond, c, node_numbers, neighbour_numbers) * bond.inverse
     return along(force, bond.xi, bond.eta)
 
 
 @njit(**INLINE)
-def both(law, bond, c, here, there):  # type: ignore[no-untyped-def]
+def both(law, bond, c, node_numbers, neighbour_numbers):  # type: ignore[no-untyped-def]
     """t_i + t_j of a bond, N/m^3 in the plane."""
     e, part = bond.elongation, bond.length / law.d
-    own = c[2] * here[1] + c[0] * (e - here[0] * part)
-    other = c[3] * there[1] + c[1] * (e - there[0] * part)
-    return own + other
+    t_i = c[2] * node_numbers[1] + c[0] * (e - node_numbers[0] * part)
+    t_j = c[3] * neighbour_numbers[1] + c[1] * (e - neighbour_numbers[0] * part)
+    return t_i + t_j
 
 
 def alert(law, i, m):  # type: ignore[no-untyped-def]

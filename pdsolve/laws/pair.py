@@ -134,7 +134,7 @@ def _energy_linear(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
 def _energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
     if law.broken[k] != 0:
         return 0.0, 0.0
-    c, gone, worst = law.stiffness[k] * bond.length / 4, 0.0, law.worst[k]
+    c, dissipated, worst = law.stiffness[k] * bond.length / 4, 0.0, law.worst[k]
     if worst > 0:
-        gone = spent(law, c, worst, law.peak[k], law.limit[k])
-    return held(law, c, bond.stretch, worst, law.peak[k], law.limit[k]), gone
+        dissipated = spent(law, c, worst, law.peak[k], law.limit[k])
+    return held(law, c, bond.stretch, worst, law.peak[k], law.limit[k]), dissipated

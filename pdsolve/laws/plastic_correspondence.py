@@ -79,12 +79,12 @@ def columns(model: Model, bonds: Bonds) -> Columns:
     elastic, nodes = correspondence.columns(model, bonds), len(bonds.start) - 1
     source, slip = np.repeat(np.arange(nodes), np.diff(bonds.start)), np.zeros_like(bonds.xi.T, order="C")
     shared = {name: getattr(elastic, name) for name in Columns._fields if hasattr(elastic, name)}
-    whole = _control(model, elastic)
+    initial_control = _control(model, elastic)
     return Columns(
         **shared
         | {
-            "whole": whole,
-            "control": whole.copy(),
+            "whole": initial_control,
+            "control": initial_control.copy(),
             "slip": slip,
             "slips": tuple(slip),
             "back": find(bonds, bonds.neighbour.astype(np.int64), source),
@@ -107,21 +107,23 @@ def _control(model: Model, law: correspondence.Columns) -> NDArray[np.floating]:
 def mend(law: Columns, bonds: AnyList, rows: NDArray[np.int64]) -> None:
     """Recompute K^-1 and Z of these nodes (k,) from the intact bonds, and what of p has no linear part of theirs."""
     correspondence.mend(law, bonds, rows)  # type: ignore[arg-type]
-    some, d = left(bonds, law.weight, law.broken, rows), law.d
-    torn = np.bincount(some.own, law.broken[some.which] != 0, minlength=len(rows)) > 0
+    intact_bonds, d = left(bonds, law.weight, law.broken, rows), law.d
+    torn = np.bincount(intact_bonds.own, law.broken[intact_bonds.which] != 0, minlength=len(rows)) > 0
     without = rows[torn & (law.share[rows] == 0)]
     law.control[rows], law.control[without], law.inverse[without] = law.whole[rows], 0, 0
-    xi, slip = (np.array([x[some.which] for x in of], dtype=float) for of in (bonds.xi, law.slips))
+    xi, slip = (np.array([x[intact_bonds.which] for x in of], dtype=float) for of in (bonds.xi, law.slips))
     sums, sizes = np.empty((2, len(rows), d, d))
     for a in range(d):
         for b in range(d):
-            terms = some.weight * slip[a] * xi[b]
-            sums[:, a, b] = np.bincount(some.own, terms, minlength=len(rows))
-            sizes[:, a, b] = np.bincount(some.own, np.abs(terms), minlength=len(rows))
+            terms = intact_bonds.weight * slip[a] * xi[b]
+            sums[:, a, b] = np.bincount(intact_bonds.own, terms, minlength=len(rows))
+            sizes[:, a, b] = np.bincount(intact_bonds.own, np.abs(terms), minlength=len(rows))
     # p without a linear part stays to the bit, as in runs that go on
-    moved = np.asarray(np.abs(sums) > LINEAR_PART * sizes).any(axis=(1, 2))
-    linear = np.where(np.reshape(moved, (-1, 1, 1)), sums @ law.inverse[rows].reshape(-1, d, d), 0.0)[some.own]
-    law.slip[:, some.which] = slip - np.einsum("kab,bk->ak", linear, xi)
+    has_linear_part = np.asarray(np.abs(sums) > LINEAR_PART * sizes).any(axis=(1, 2))
+    linear = np.where(np.reshape(has_linear_part, (-1, 1, 1)), sums @ law.inverse[rows].reshape(-1, d, d), 0.0)[
+        intact_bonds.own
+    ]
+    law.slip[:, intact_bonds.which] = slip - np.einsum("kab,bk->ak", linear, xi)
 
 
 def torn_stiffness(law: Columns, start: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -166,10 +168,10 @@ def close(law, i, m):  # type: ignore[no-untyped-def]
     M = product(transposed(R), product(difference(full(B), full(symmetric(product(S, transposed(h))))), R))
     D = product(D, R)
     E = difference(summed(M, full(C)), summed(D, transposed(D)))  # sum of w y y^T
-    beside = 2 * law.solid.shear[i] * contracted(symmetric(Z), symmetric(E))
-    if beside.real < 0:  # round-off of sums that cancel
-        beside *= 0
-    P = _put_response(law, i, m, 3 * g, h, beside)
+    deviation_square = 2 * law.solid.shear[i] * contracted(symmetric(Z), symmetric(E))
+    if deviation_square.real < 0:  # round-off of sums that cancel
+        deviation_square *= 0
+    P = _put_response(law, i, m, 3 * g, h, deviation_square)
     c = m[i, _behind(law)]
     if _turns(law, i):
         P = summed(P, _couple(h, R, product(Z, difference(M, D)), c))
@@ -207,8 +209,8 @@ def _rotation(law, i, h):  # type: ignore[no-untyped-def]
     if _turns(law, i):
         return rotation(grown(h))
     none = h[0] * 0
-    one = none + 1
-    return (one, none, none, none, one, none, none, none, one)
+    unit = none + 1
+    return (unit, none, none, none, unit, none, none, none, unit)
 
 
 @njit(**INNER)
@@ -229,18 +231,22 @@ def _scaled(c, A):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _put_response(law, i, m, at, h, beside):  # type: ignore[no-untyped-def]
-    """Respond to the gradient h; stores it in m[i] from `at` on, then stress, J, c and `beside`."""
-    d, found, share = law.d, respond(law.solid, i, h, beside), law.share[i]
+def _put_response(law, i, m, at, h, deviation_square):  # type: ignore[no-untyped-def]
+    """Respond to the gradient h; stores it in m[i] from `at` on, then stress, J, c and `deviation_square`."""
+    d, response, share = law.d, respond(law.solid, i, h, deviation_square), law.share[i]
     for a in range(d):
         for b in range(d):
             m[i, at + d * a + b] = h[3 * a + b]
     at += d * d
     for a in range(4 if d == 2 else 6):
-        m[i, at + a] = share * found.sigma[a]
+        m[i, at + a] = share * response.sigma[a]
     at += 4 if d == 2 else 6
-    m[i, at], m[i, at + 1], m[i, at + 2] = det(found.F), 1 / (1 + law.solid.ease * found.flow * share), beside
-    return _scaled(share, found.P)
+    m[i, at], m[i, at + 1], m[i, at + 2] = (
+        det(response.F),
+        1 / (1 + law.solid.ease * response.flow * share),
+        deviation_square,
+    )
+    return _scaled(share, response.P)
 
 
 def nodal_numbers(law, xi, m, i):  # type: ignore[no-untyped-def]
@@ -248,10 +254,16 @@ def nodal_numbers(law, xi, m, i):  # type: ignore[no-untyped-def]
     return square(m, i, 0, xi), square(m, i, g, xi), square(m, i, 2 * g, xi)
 
 
-def bond_force(law, bond, c, here, there):  # type: ignore[no-untyped-def]
+def bond_force(law, bond, c, node_numbers, neighbour_numbers):  # type: ignore[no-untyped-def]
     w, p, q = c
-    f = mapped_both(w, summed(here[0], there[0]), bond.xi, summed(here[1], there[1]), bond.eta)
-    return summed(f, summed(mapped(-w, here[2], p, w * 0, p), mapped(w, there[2], q, w * 0, q)))
+    f = mapped_both(
+        w,
+        summed(node_numbers[0], neighbour_numbers[0]),
+        bond.xi,
+        summed(node_numbers[1], neighbour_numbers[1]),
+        bond.eta,
+    )
+    return summed(f, summed(mapped(-w, node_numbers[2], p, w * 0, p), mapped(w, neighbour_numbers[2], q, w * 0, q)))
 
 
 def alert(law, i, m):  # type: ignore[no-untyped-def]
@@ -293,15 +305,15 @@ def hold(law, i, m):  # type: ignore[no-untyped-def]
 def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
     if law.broken[k] != 0:
         return 0.0, 0.0
-    d, held = len(bond.xi), bond.stretch * 0
+    d, deviation_energy = len(bond.xi), bond.stretch * 0
     g, c = d * d, m[i, _behind(law)]
     for a in range(d):
         for b in range(d):
             z, p = correspondence.deviation(bond, m, i, 3 * g, a), law.slip[a, k]
-            held += c * m[i, g + d * a + b] * z * correspondence.deviation(bond, m, i, 3 * g, b)
-            held -= 2 * c * m[i, 2 * g + d * a + b] * z * law.slip[b, k]
-            held += c * c * law.control[i, d * a + b] * p * law.slip[b, k]
-    return law.weight[k] * held / 2, 0.0
+            deviation_energy += c * m[i, g + d * a + b] * z * correspondence.deviation(bond, m, i, 3 * g, b)
+            deviation_energy -= 2 * c * m[i, 2 * g + d * a + b] * z * law.slip[b, k]
+            deviation_energy += c * c * law.control[i, d * a + b] * p * law.slip[b, k]
+    return law.weight[k] * deviation_energy / 2, 0.0
 
 
 LAW = Law(

@@ -34,7 +34,7 @@ def with_moments(sums: Any, w: Any, a: Any, x: Any, p: Any) -> Any:
     pairs = [(0, 0), (0, 1), (1, 1)] if d == 2 else [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]
     products = [(a[r], x[c]) for r, c in every] + [(a[r], a[c]) for r, c in pairs]
     products += [(p[r], a[c]) for r, c in every] + [(p[r], p[c]) for r, c in pairs]
-    return tuple(s + w * one * other for s, (one, other) in zip(sums, products, strict=True))
+    return tuple(s + w * first * second for s, (first, second) in zip(sums, products, strict=True))
 
 
 def summed(A: Any, B: Any) -> Any:

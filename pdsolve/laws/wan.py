@@ -199,29 +199,29 @@ def by_lanes(law: Columns) -> bool:
     return correspondence.by_lanes(law)
 
 
-def finish(law, sums, own):  # type: ignore[no-untyped-def]
-    H, P, s, J = closed(law, sums[:4], own)
-    Z = own[8:]
+def finish(law, sums, node_constants):  # type: ignore[no-untyped-def]
+    H, P, s, J = closed(law, sums[:4], node_constants)
+    Z = node_constants[8:]
     if law.solid.kind[0] == SVK:
         P, Z = _turned_in_the_plane(sums, H, P, Z)
-    A, B = product(P, own[:4]), product(Z, H)
+    A, B = product(P, node_constants[:4]), product(Z, H)
     return (
         *(A[0] - B[0], A[1] - B[1], A[2] - B[2], A[3] - B[3], Z[0], Z[1], Z[2], Z[3]),
         *(H[0], H[1], H[2], H[3], s[0], s[1], s[2], s[3], J),
     )
 
 
-def nears(law, bond, c, here, there):  # type: ignore[no-untyped-def]
-    return looked_at(law, bond, c, here, there)
+def nears(law, bond, c, node_numbers, neighbour_numbers):  # type: ignore[no-untyped-def]
+    return looked_at(law, bond, c, node_numbers, neighbour_numbers)
 
 
 def nodal_numbers(law, xi, m, i):  # type: ignore[no-untyped-def]
     return squares(m, i, xi)
 
 
-def bond_force(law, bond, c, here, there):  # type: ignore[no-untyped-def]
-    A, Z = halves(here)
-    B, Y = halves(there)
+def bond_force(law, bond, c, node_numbers, neighbour_numbers):  # type: ignore[no-untyped-def]
+    A, Z = halves(node_numbers)
+    B, Y = halves(neighbour_numbers)
     return mapped_both(c[0], summed(A, B), bond.xi, summed(Z, Y), bond.eta)
 
 
@@ -244,12 +244,12 @@ def hold(law, i, m):  # type: ignore[no-untyped-def]
 def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
     if law.broken[k] != 0:
         return 0.0, 0.0
-    d, held = len(bond.xi), bond.stretch * 0
+    d, deviation_energy = len(bond.xi), bond.stretch * 0
     at = 2 * d * d
     for a in range(d):
         for b in range(d):
-            held += m[i, d * (d + a) + b] * deviation(bond, m, i, at, a) * deviation(bond, m, i, at, b)
-    return law.weight[k] * held / 2, 0.0
+            deviation_energy += m[i, d * (d + a) + b] * deviation(bond, m, i, at, a) * deviation(bond, m, i, at, b)
+    return law.weight[k] * deviation_energy / 2, 0.0
 
 
 LAW = Law(

@@ -13,23 +13,23 @@ def in_square(marked: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
 
 def in_disc(marked: NDArray[np.bool_], radius: float) -> NDArray[np.bool_]:
     """Mask (rows, columns) of places at most `radius` lattice spacings from a marked one."""
-    found = np.zeros_like(marked)
+    mask = np.zeros_like(marked)
     if radius < 0 or not marked.any():
-        return found
-    for row in range(min(int(radius) + 1, len(found))):
+        return mask
+    for row in range(min(int(radius) + 1, len(mask))):
         wide = _along(marked, int(np.sqrt(radius**2 - row**2)))
-        found[row:] |= wide[: len(wide) - row]
-        found[: len(found) - row] |= wide[row:]
-    return found
+        mask[row:] |= wide[: len(wide) - row]
+        mask[: len(mask) - row] |= wide[row:]
+    return mask
 
 
 def _along(marked: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
     """Mask of places at most `reach` columns from a marked one."""
-    found, done = marked.copy(), 0
+    mask, done = marked.copy(), 0
     while done < reach:
         step = min(done + 1, reach - done)
-        before = found.copy()
-        found[:, step:] |= before[:, :-step]
-        found[:, :-step] |= before[:, step:]
+        before = mask.copy()
+        mask[:, step:] |= before[:, :-step]
+        mask[:, :-step] |= before[:, step:]
         done += step
-    return found
+    return mask

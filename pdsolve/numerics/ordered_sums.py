@@ -18,36 +18,36 @@ LEAF, UNROLLED = 128, 8  # values that NumPy adds up in one loop; of which so ma
 class Branches(NamedTuple):
     """Sums of what is in one piece of n values."""
 
-    whole: dict[tuple[int, int], float]  # by the first value and the one after the last
+    sums: dict[tuple[int, int], float]  # by the first value and the one after the last
     cut: dict[tuple[int, int], NDArray[np.float64]]  # this piece's values of leaves that are in several pieces
 
 
 def branches(values: NDArray[np.float64], first: int, count: int) -> Branches:
     """The sums of `values` (k,), which are those from `first` on of `count` values."""
-    found, values = Branches({}, {}), np.ascontiguousarray(values, dtype=np.float64)
-    last, left = first + len(values), [(0, count)]
-    while left:
-        begin, end = left.pop()
+    branch_sums, values = Branches({}, {}), np.ascontiguousarray(values, dtype=np.float64)
+    last, pending = first + len(values), [(0, count)]
+    while pending:
+        begin, end = pending.pop()
         if end <= first or begin >= last:
             continue
         if first <= begin and end <= last:
-            found.whole[begin, end] = float(np.sum(values[begin - first : end - first]))
+            branch_sums.sums[begin, end] = float(np.sum(values[begin - first : end - first]))
         elif end - begin <= LEAF:
-            found.cut[begin, end] = values[max(begin - first, 0) : end - first]
+            branch_sums.cut[begin, end] = values[max(begin - first, 0) : end - first]
         else:
             middle = _middle(begin, end)
-            left += [(begin, middle), (middle, end)]
-    return found
+            pending += [(begin, middle), (middle, end)]
+    return branch_sums
 
 
 def total(parts: Iterable[Branches], count: int) -> float:
     """The sum of `count` values from the branches of their pieces, in order."""
     every = list(parts)
-    whole = {place: value for part in every for place, value in part.whole.items()}
+    sums = {place: value for part in every for place, value in part.sums.items()}
 
     def summed(begin: int, end: int) -> float:
-        if (begin, end) in whole:
-            return whole[begin, end]
+        if (begin, end) in sums:
+            return sums[begin, end]
         if end - begin <= LEAF:
             return float(np.sum(np.concatenate([part.cut[begin, end] for part in every if (begin, end) in part.cut])))
         middle = _middle(begin, end)

@@ -48,9 +48,9 @@ class Floor:
         """Whether this rank is the first. It waits for rank 0 to wait for a message."""
         import numpy as np  # here, as every start of the program reads this module
 
-        one, zero, before = (np.array([value], np.int64) for value in (1, 0, 0))
+        new_value, zero, before = (np.array([value], np.int64) for value in (1, 0, 0))
         self._window.Lock(0, self._share)
-        self._window.Compare_and_swap(one, zero, before, 0)
+        self._window.Compare_and_swap(new_value, zero, before, 0)
         self._window.Unlock(0)
         return bool(before[0] == 0)
 
@@ -68,26 +68,26 @@ class Team:
         self.floor: Floor | None = None  # None: who tells an error is not decided
         self._asking = threading.Lock()  # the thread that writes results asks too
 
-    def everywhere(self, work: Callable[..., Any], *common: Any, each: Sequence[Any] | None = None) -> list[Any]:
+    def everywhere(self, work: Callable[..., Any], *common: Any, items: Sequence[Any] | None = None) -> list[Any]:
         """What `work(team, *common)` returns on every rank, in the order of ranks; asked by rank 0.
 
-        With `each`, an item a rank, the rank's item is the last argument. Raises what the first rank in error raised.
+        With `items`, an item a rank, the rank's item is the last argument. Raises what the first rank in error raised.
         """
         with self._asking:
             for rank in range(1, self.size):
-                own = common if each is None else (*common, each[rank])
-                self.comm.send((work, own), rank, ORDER)
+                arguments = common if items is None else (*common, items[rank])
+                self.comm.send((work, arguments), rank, ORDER)
             try:
-                found = [work(self, *(common if each is None else (*common, each[0])))]
+                answers = [work(self, *(common if items is None else (*common, items[0])))]
             except Exception:
                 self._hear_first()
                 raise
-            found += [self.received(rank, ANSWER) for rank in range(1, self.size)]
-            errors = [answer.error for answer in found if isinstance(answer, Failed)]
+            answers += [self.received(rank, ANSWER) for rank in range(1, self.size)]
+            errors = [answer.error for answer in answers if isinstance(answer, Failed)]
             if errors:
                 self._hear_first()
                 raise errors[0]
-        return found
+        return answers
 
     def serve(self) -> int:
         """Do what rank 0 asks for until it ends; returns its exit code.

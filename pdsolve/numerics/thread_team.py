@@ -99,8 +99,8 @@ def side_by_side(work: Callable[[int], None], threads: int) -> None:
             begin.abort()  # nobody waits for one who never comes
             raise
         begun(0)
-        for other in others:
-            other.result()
+        for future in others:
+            future.result()
 
 
 def share(work: Callable[[int, int], None], rows: int, threads: int) -> None:

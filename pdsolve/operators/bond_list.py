@@ -113,9 +113,9 @@ class BondList:
         """Bonds (k,) that are over their limit at values (n, w), of a law with a first pass; none of them breaks."""
         now = Now(value, np.zeros_like(value), 0, 0.0)
         self._torn(now, self._between(now))
-        found = np.flatnonzero(self._failing)
-        self._failing[found] = False
-        return found
+        bonds = np.flatnonzero(self._failing)
+        self._failing[bonds] = False
+        return bonds
 
     def sever(self, state: State, bonds: NDArray[np.int64], step: int) -> None:
         """Break these bonds (k,) of a law with a first pass, and book the energy that is lost where nodes are."""
@@ -174,9 +174,9 @@ class BondList:
             near[rows] = True
             near[self._list.neighbour[np.concatenate([np.arange(start[i], start[i + 1]) for i in rows])]] = True
             touched = np.flatnonzero(near)
-        held, spent = np.zeros((2, self._nodes))
-        self._share_some(loops.energy_rows, touched, now, between, held, spent)
-        before = held[touched]
+        strain_energy, spent = np.zeros((2, self._nodes))
+        self._share_some(loops.energy_rows, touched, now, between, strain_energy, spent)
+        before = strain_energy[touched]
         self.columns.broken[bonds] = now.step
         self._failing[bonds] = False
         self._lose(bonds, rows)
@@ -184,8 +184,8 @@ class BondList:
             between = self._between(now)
         else:
             self._share_some(self._loops[0], rows, now, between)
-        self._share_some(loops.energy_rows, touched, now, between, held, spent)
-        dissipated[touched] += before - held[touched]
+        self._share_some(loops.energy_rows, touched, now, between, strain_energy, spent)
+        dissipated[touched] += before - strain_energy[touched]
         return between
 
     def remember(self, state: State) -> None:
@@ -196,9 +196,9 @@ class BondList:
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Energy densities (n,), J/m^3: stored, and dissipated by softening so far."""
-        now, (held, spent) = Now(state.value, state.rate, 0, 0.0), np.zeros((2, self._nodes))
-        self._share_some(loops.energy_rows, self._every, now, self._between(now), held, spent)
-        return held, spent
+        now, (strain_energy, spent) = Now(state.value, state.rate, 0, 0.0), np.zeros((2, self._nodes))
+        self._share_some(loops.energy_rows, self._every, now, self._between(now), strain_energy, spent)
+        return strain_energy, spent
 
     def fields(self, state: State) -> Mapping[str, NDArray[np.float64]]:
         """Stored fields (n,) besides displacements, by result column, in SI units."""
@@ -250,42 +250,43 @@ class BondList:
 
     def keep(self) -> Kept:
         """History of bonds for a checkpoint, by the rows of their nodes."""
-        kept: dict[str, NDArray[Any]] = {}
+        checkpoint: dict[str, NDArray[Any]] = {}
         for name in self._remembered():
             column = getattr(self.columns, name)
             which = np.flatnonzero(column)
             source, target = ends(self._bonds, which)
-            kept |= {name: column[which], f"{name}_source": source, f"{name}_target": target}
-        return kept | {name: getattr(self.columns, name).copy() for name in self._remembered_by_nodes()}
+            checkpoint |= {name: column[which], f"{name}_source": source, f"{name}_target": target}
+        return checkpoint | {name: getattr(self.columns, name).copy() for name in self._remembered_by_nodes()}
 
-    def back(self, kept: Kept, broken: Broken) -> None:
+    def back(self, checkpoint: Kept, broken: Broken) -> None:
         """Restore the history of bonds and the broken bonds of a checkpoint."""
-        memory = {name: self._memory(kept, name) for name in self._remembered()}
+        memory = {name: self._memory(checkpoint, name) for name in self._remembered()}
         for name, (values, source, target) in {"broken": broken, **memory}.items():
             column, bonds = getattr(self.columns, name), find(self._bonds, source, target)
             column[:] = 0
             column[bonds] = values
         for name in self._remembered_by_nodes():
             column = getattr(self.columns, name)
-            column[:] = like(kept, name, column)
+            column[:] = like(checkpoint, name, column)
         self._lose(np.flatnonzero(self._steps()), self._every)
 
-    def _memory(self, kept: Kept, name: str) -> tuple[NDArray[Any], NDArray[np.int64], NDArray[np.int64]]:
+    def _memory(self, checkpoint: Kept, name: str) -> tuple[NDArray[Any], NDArray[np.int64], NDArray[np.int64]]:
         """History of bonds (k,) in a checkpoint, and the rows of their sources and targets."""
-        values = entry(kept, name, (None,), getattr(self.columns, name).dtype)
+        values = entry(checkpoint, name, (None,), getattr(self.columns, name).dtype)
         source, target = (
-            entry(kept, f"{name}_{end}", values.shape, np.int64, 0, self._nodes - 1) for end in ("source", "target")
+            entry(checkpoint, f"{name}_{end}", values.shape, np.int64, 0, self._nodes - 1)
+            for end in ("source", "target")
         )
         return values, source, target
 
     def reweigh(self, share: NDArray[np.float64]) -> None:
         """Set each bond to a share (b,) of its initial weight, or stiffness; broken bonds and other history stay."""
         names = *self._remembered(), *self._remembered_by_nodes(), "broken"
-        kept = {name: getattr(self.columns, name).copy() for name in names}
+        history = {name: getattr(self.columns, name).copy() for name in names}
         share = share.astype(self._bonds.xi.dtype)
         bonds = self._bonds._replace(weight=self._bonds.weight * share, stiffness=self._bonds.stiffness * share)
         self._take(self.law.columns(self._model, bonds), bonds)
-        for name, values in kept.items():
+        for name, values in history.items():
             getattr(self.columns, name)[:] = values
         self._lose(np.flatnonzero(self._steps()), self._every)
 

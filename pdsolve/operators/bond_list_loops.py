@@ -80,13 +80,13 @@ def bond_force_rows(bonds, law, now, m, out, first, last):  # type: ignore[no-un
     like = blank(bonds.xi, none)
     for row in range(first, last):
         i = np.uint64(row)
-        f, here = like, nodal_numbers(law, like, m, i)
+        f, nodal_i = like, nodal_numbers(law, like, m, i)
         for place in range(start[i], start[i + 1]):
             k = np.uint64(place)
             if broken[k] == 0:
                 j = np.uint64(neighbour[k])
-                bond, there = deformed(bonds, value, i, j, k), nodal_numbers(law, like, m, j)
-                f = summed(f, bond_force(law, bond, numbers(law, i, j, k), here, there))
+                bond, nodal_j = deformed(bonds, value, i, j, k), nodal_numbers(law, like, m, j)
+                f = summed(f, bond_force(law, bond, numbers(law, i, j, k), nodal_i, nodal_j))
         for a in range(len(f)):
             out[i, a] += f[a]
 
@@ -140,16 +140,16 @@ def pull_rows(bonds, law, now, m, out, first, last):  # type: ignore[no-untyped-
 
 
 @cached_njit(**KERNEL)
-def energy_rows(bonds, law, now, m, held, spent, rows, first, last):  # type: ignore[no-untyped-def]
+def energy_rows(bonds, law, now, m, strain_energy, spent, rows, first, last):  # type: ignore[no-untyped-def]
     """Compute stored and dissipated energy of some rows of nodes and their bonds."""
     for at in range(first, last):
         i = rows[at]
-        held[i], spent[i] = hold(law, i, m)
+        strain_energy[i], spent[i] = hold(law, i, m)
         for k in range(bonds.start[i], bonds.start[i + 1]):
             j = bonds.neighbour[k]
-            own = energy(law, deformed(bonds, now.value, i, j, k), now, m, i, j, k)
-            held[i] += own[0]
-            spent[i] += own[1]
+            bond_energy = energy(law, deformed(bonds, now.value, i, j, k), now, m, i, j, k)
+            strain_energy[i] += bond_energy[0]
+            spent[i] += bond_energy[1]
 
 
 @cached_njit(**KERNEL)
@@ -183,7 +183,7 @@ def match_rows(bonds, law, now, m, failing, out, spent, rows, first, last):  # t
     """
     f = np.empty(out.shape[1], dtype=out.dtype)
     for at in range(first, last):
-        i, every, own = rows[at], 0.0, 0.0
+        i, every, threshold_work = rows[at], 0.0, 0.0
         for k in range(bonds.start[i], bonds.start[i + 1]):
             if not failing[k]:
                 continue
@@ -191,7 +191,7 @@ def match_rows(bonds, law, now, m, failing, out, spent, rows, first, last):  # t
             bond = deformed(bonds, now.value, i, j, k)
             before, limit = stretch_before(bond, now, i, j), threshold(law, bond, now, m, i, j, k)
             if before >= limit:
-                own = -np.inf
+                threshold_work = -np.inf
                 continue
             f[:] = 0
             pull(law, bond, now, m, i, j, k, f)
@@ -199,10 +199,10 @@ def match_rows(bonds, law, now, m, failing, out, spent, rows, first, last):  # t
             along = 0.0
             for a in range(len(bond.xi)):
                 along += f[a] * (bond.xi[a] + bond.eta[a]) * bond.stretch
-            every, own = every + along, own + along * (limit / bond.stretch) ** 2
+            every, threshold_work = every + along, threshold_work + along * (limit / bond.stretch) ** 2
             for a in range(len(f)):
                 out[i, a] += share * f[a]
-        spent[i] = own / every if every > 0 and own >= 0 else -1.0
+        spent[i] = threshold_work / every if every > 0 and threshold_work >= 0 else -1.0
 
 
 @cached_njit(**KERNEL)

@@ -67,11 +67,11 @@ class GroundSupports(Bondless):
 
     def energies(self, state: State) -> tuple[Array, Array]:
         """Energy densities (n,), J/m^3: stored in springs; nothing is dissipated."""
-        u, held = state.value, np.zeros(self._nodes)
-        held[self._rows] = (self._k[self._rows] * u[self._rows, : self._d].astype(float) ** 2).sum(axis=1) / 2
+        u, energy = state.value, np.zeros(self._nodes)
+        energy[self._rows] = (self._k[self._rows] * u[self._rows, : self._d].astype(float) ** 2).sum(axis=1) / 2
         for ring in self._rings:
-            held[ring.rows] += ring.k * (_slip(ring, u) ** 2).sum(axis=1) / 2
-        return held, np.zeros(self._nodes)
+            energy[ring.rows] += ring.k * (_slip(ring, u) ** 2).sum(axis=1) / 2
+        return energy, np.zeros(self._nodes)
 
     def forces_of(self, rows: NDArray[np.int64], volume: Array, state: State) -> Array:
         """The force (d,), N/m or N, of all supports on these nodes."""
@@ -106,14 +106,14 @@ class GroundSupports(Bondless):
             values.append(stiff.ravel())
         ends_of = np.concatenate(rows), np.concatenate(columns)
         size = w * self._nodes
-        found: csr_array = coo_array((np.concatenate(values), ends_of), shape=(size, size)).tocsr()
-        return found
+        matrix: csr_array = coo_array((np.concatenate(values), ends_of), shape=(size, size)).tocsr()
+        return matrix
 
     def keep(self) -> Kept:
         """Nothing: supports have no history."""
         return {}
 
-    def back(self, kept: Kept, broken: Broken) -> None:
+    def back(self, checkpoint: Kept, broken: Broken) -> None:
         """Nothing to restore."""
 
     def bytes(self) -> int:
@@ -134,21 +134,21 @@ def support_bound(model: Model, volume: Array) -> Array:
 def supports_of(operator: Operator) -> GroundSupports | None:
     """The supports in an operator, if there are any."""
     parts = operator.parts if isinstance(operator, Together) else (operator,)
-    each = (supports_of(part) if isinstance(part, Together) else part for part in parts)
-    return next((part for part in each if isinstance(part, GroundSupports)), None)
+    flat_parts = (supports_of(part) if isinstance(part, Together) else part for part in parts)
+    return next((part for part in flat_parts if isinstance(part, GroundSupports)), None)
 
 
 def grounded(model: Model, width: int) -> NDArray[np.bool_]:
     """Mask (n, width) of components that supports resist; of a pin those of one node, as its ring turns."""
-    found = np.zeros((len(model.grid), width), dtype=bool)
+    is_supported = np.zeros((len(model.grid), width), dtype=bool)
     for condition in model.settings.conditions:
         if isinstance(condition, Spring):
             along = condition.stiffness or condition.body_stiffness or ()
             rows = model.selected(condition)
-            found[np.ix_(rows, np.flatnonzero(along))] = True
+            is_supported[np.ix_(rows, np.flatnonzero(along))] = True
         elif isinstance(condition, Pin):
-            found[model.selected(condition)[0], :2] = True
-    return found
+            is_supported[model.selected(condition)[0], :2] = True
+    return is_supported
 
 
 def _resistance(spring: Spring, model: Model, volume: Array, rows: NDArray[np.int64]) -> Array:
@@ -173,5 +173,5 @@ def _ring(pin: Pin, model: Model, volume: Array) -> Ring:
 
 def _slip(ring: Ring, u: NDArray[Any]) -> Array:
     """Displacements (p, 2) of a pin's nodes beside the ring that turns with them, m."""
-    moved = u[ring.rows, :2].astype(float)
-    return np.asarray(moved - float((ring.weight * moved).sum()) * ring.turn)
+    displacement = u[ring.rows, :2].astype(float)
+    return np.asarray(displacement - float((ring.weight * displacement).sum()) * ring.turn)

@@ -65,7 +65,7 @@ class Operator(Protocol):
     def keep(self) -> Kept:
         """History of bonds for a checkpoint, by the rows of their nodes, except which are broken."""
 
-    def back(self, kept: Kept, broken: Broken) -> None:
+    def back(self, checkpoint: Kept, broken: Broken) -> None:
         """Restore a checkpoint with these broken bonds."""
 
     def bytes(self) -> int:

@@ -60,17 +60,17 @@ class SofteningBonds:
 
     symmetric = True  # the tangent
 
-    def __init__(self, law: Law, whole: Assembly) -> None:
+    def __init__(self, law: Law, assembly: Assembly) -> None:
         """Bonds of a pair law that conserve momentum: area times stiffness is the same from both ends."""
         curve = law.pair or law.curve
         assert curve is not None
         assert curve.softening is not None
-        bonds, nodes = whole.bonds, len(whole.area)
+        bonds, nodes = assembly.bonds, len(assembly.area)
         source, target = np.repeat(np.arange(nodes), np.diff(bonds.start)), bonds.neighbour.astype(np.int64)
         once = np.flatnonzero(source < target)
         self.source, self.target, self.xi = source[once], target[once], bonds.xi[once].astype(float)
         self.length = np.sqrt((self.xi**2).sum(axis=1))
-        self.stiffness = bonds.stiffness[once] * whole.area[self.source]
+        self.stiffness = bonds.stiffness[once] * assembly.area[self.source]
         self.peak, self.limit = bonds.peak[once].astype(float), bonds.limit[once].astype(float)
         self.breaks = np.flatnonzero(np.isfinite(self.limit))
         self.kappa = np.zeros(len(once))
@@ -82,15 +82,15 @@ class SofteningBonds:
         """Add spring supports and pins of this stiffness (n w, n w), N/m^2: symmetric, on n nodes."""
         self._ground = stiffness
 
-    def remember(self, kept: Mapping[str, NDArray[Any]], broken: Broken) -> None:
+    def remember(self, checkpoint: Mapping[str, NDArray[Any]], broken: Broken) -> None:
         """Take the history of these bonds over from an operator."""
         key, self.kappa[:] = self.source * self._nodes + self.target, 0.0
         order = np.argsort(key)
-        soft = kept["worst_source"] < kept["worst_target"]
-        once = kept["worst_source"][soft] * self._nodes + kept["worst_target"][soft]
-        self.kappa[order[np.searchsorted(key, once, sorter=order)]] = kept["worst"][soft]
-        gone = broken.source < broken.target
-        once = broken.source[gone] * self._nodes + broken.target[gone]
+        soft = checkpoint["worst_source"] < checkpoint["worst_target"]
+        once = checkpoint["worst_source"][soft] * self._nodes + checkpoint["worst_target"][soft]
+        self.kappa[order[np.searchsorted(key, once, sorter=order)]] = checkpoint["worst"][soft]
+        is_forward = broken.source < broken.target
+        once = broken.source[is_forward] * self._nodes + broken.target[is_forward]
         k = order[np.searchsorted(key, once, sorter=order)]
         self.kappa[k] = self.limit[k]
 
@@ -104,19 +104,19 @@ class SofteningBonds:
         """The response at displacements (n, d) after the history `kappa`."""
         y = self.xi + value[self.target] - value[self.source]
         s, now, c = self.stretches(value), np.sqrt((y**2).sum(axis=1)), self.stiffness
-        found = self._soften(s)
+        softened = self._soften(s)
         if self._pair.elastic_in_compression:
-            pressed = self.breaks[(s < 0)[self.breaks] & (found.kappa < self.limit)[self.breaks]]
-            found.omega[pressed] = found.slope[pressed] = 1.0
-        releases = c * self.length * found.releases / 2
-        spent, along = float(self.spent(found.kappa).sum()), y / now[:, None]
+            pressed = self.breaks[(s < 0)[self.breaks] & (softened.kappa < self.limit)[self.breaks]]
+            softened.omega[pressed] = softened.slope[pressed] = 1.0
+        releases = c * self.length * softened.releases / 2
+        spent, along = float(self.spent(softened.kappa).sum()), y / now[:, None]
         return Response(
             along,
             now,
-            found.kappa,
-            c * (found.omega * s),
-            c * found.slope,
-            c * found.omega,
+            softened.kappa,
+            c * (softened.omega * s),
+            c * softened.slope,
+            c * softened.omega,
             releases,
             spent,
             value=value.copy(),
@@ -131,14 +131,16 @@ class SofteningBonds:
             np.ones(len(drive)),
         )
         k = self.breaks
-        own, before, peak, limit = drive[k], self.kappa[k], self.peak[k], self.limit[k]
-        grows = own > np.maximum(before, peak)
-        worst = np.minimum(np.where(grows, own, before), limit)
-        there = worst > 0
+        bond_drive, before, peak, limit = drive[k], self.kappa[k], self.peak[k], self.limit[k]
+        grows = bond_drive > np.maximum(before, peak)
+        worst = np.minimum(np.where(grows, bond_drive, before), limit)
+        has_history = worst > 0
         secant, curve = np.ones(len(k)), np.zeros(len(k))
-        at = worst[there], peak[there], limit[there]
-        secant[there] = self._pair.secant(None, own[there], *at) if self._pair.secant is not None else 1.0
-        curve[there] = self._softening.slope(None, *at)
+        at = worst[has_history], peak[has_history], limit[has_history]
+        secant[has_history] = (
+            self._pair.secant(None, bond_drive[has_history], *at) if self._pair.secant is not None else 1.0
+        )
+        curve[has_history] = self._softening.slope(None, *at)
         secant[worst >= limit] = curve[worst >= limit] = 0.0
         on = grows & (worst < limit)
         kappa[k], omega[k], slope[k] = worst, secant, np.where(on, curve, secant)
@@ -147,41 +149,41 @@ class SofteningBonds:
 
     def spent(self, kappa: Array) -> Array:
         """Energy (b,), J/m, that bonds have spent at this history."""
-        found, k = np.zeros(len(kappa)), self.breaks[kappa[self.breaks] > 0]
+        energy, k = np.zeros(len(kappa)), self.breaks[kappa[self.breaks] > 0]
         c, worst, peak, limit = self.stiffness[k] * self.length[k] / 2, kappa[k], self.peak[k], self.limit[k]
-        gone = worst >= limit
-        found[k] = np.where(gone, self._softening.total(None, c, peak, limit), 0.0)
-        left = ~gone
-        at = c[left], worst[left], peak[left], limit[left]
-        found[k[left]] = self._softening.spent(None, *at)
-        return found
+        is_broken = worst >= limit
+        energy[k] = np.where(is_broken, self._softening.total(None, c, peak, limit), 0.0)
+        unbroken = ~is_broken
+        at = c[unbroken], worst[unbroken], peak[unbroken], limit[unbroken]
+        energy[k[unbroken]] = self._softening.spent(None, *at)
+        return energy
 
-    def forces(self, found: Response) -> Array:
+    def forces(self, response: Response) -> Array:
         """Forces (n, d) of bonds and of supports on nodes, N/m."""
-        return self._with_ground(found.value, self._summed(found.force[:, None] * found.along))
+        return self._with_ground(response.value, self._summed(response.force[:, None] * response.along))
 
     def _with_ground(self, value: Array, force: Array) -> Array:
         """These forces (n, w) and those of supports at displacements (n, w), N/m."""
         return force if self._ground is None else force - (self._ground @ value.ravel()).reshape(value.shape)
 
-    def gradient(self, found: Response) -> Array:
+    def gradient(self, response: Response) -> Array:
         """Derivative (n, d) of the spent energy by the displacements, N/m."""
-        return -self._summed((found.releases / self.length)[:, None] * found.along)
+        return -self._summed((response.releases / self.length)[:, None] * response.along)
 
     def _summed(self, pull: Array) -> Array:
         """Sums (n, d) at nodes of what acts on the source, and reversed on the target."""
         out = np.empty((self._nodes, pull.shape[1]))
         for a in range(pull.shape[1]):
-            there = np.bincount(self.target, pull[:, a], self._nodes)
-            out[:, a] = np.bincount(self.source, pull[:, a], self._nodes) - there
+            at_target = np.bincount(self.target, pull[:, a], self._nodes)
+            out[:, a] = np.bincount(self.source, pull[:, a], self._nodes) - at_target
         return out
 
-    def tangent(self, found: Response, secant: bool = False) -> csr_array:
+    def tangent(self, response: Response, secant: bool = False) -> csr_array:
         """Minus the derivative (n d, n d) of the forces by the displacements, N/m^2; `secant`: of straight bonds."""
-        d, n, slope = self.xi.shape[1], found.along, found.secant if secant else found.slope
+        d, n, slope = self.xi.shape[1], response.along, response.secant if secant else response.slope
         outer = n[:, :, None] * n[:, None, :]
         block = (slope / self.length)[:, None, None] * outer
-        block += (found.force / found.length)[:, None, None] * (np.eye(d) - outer)
+        block += (response.force / response.length)[:, None, None] * (np.eye(d) - outer)
         return self._assembled(np.concatenate([block, block, -block, -block]))
 
     def _assembled(self, blocks: Array) -> csr_array:
@@ -192,8 +194,8 @@ class SofteningBonds:
         w = blocks.shape[1]
         indptr, indices, place = self._structure(w)
         data = np.bincount(place, blocks.ravel(), len(indices))
-        found = csr_array((data, indices, indptr), (w * self._nodes, w * self._nodes))
-        return found if self._ground is None else (found + self._ground).tocsr()
+        matrix = csr_array((data, indices, indptr), (w * self._nodes, w * self._nodes))
+        return matrix if self._ground is None else (matrix + self._ground).tocsr()
 
     def _structure(self, d: int) -> tuple[Index, Index, Index]:
         """Row starts and columns of the tangent, and where each entry of each bond's four blocks belongs."""

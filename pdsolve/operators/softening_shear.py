@@ -35,21 +35,21 @@ Array = NDArray[np.float64]
 class SofteningShear(SofteningBonds):
     """The bonds of n nodes with values (n, 3), each pair once, in the order of their nodes."""
 
-    def __init__(self, law: Law, whole: Assembly, model: Model) -> None:
+    def __init__(self, law: Law, assembly: Assembly, model: Model) -> None:
         """Bonds that conserve momentum: area times stiffness is the same from both ends."""
-        super().__init__(law, whole)
-        stiffness, ratio = shear_of(model, whole.bonds)
-        once = np.repeat(np.arange(self._nodes), np.diff(whole.bonds.start)) < whole.bonds.neighbour
-        self.stiffness, self.ratio = stiffness[once] * whole.area[self.source], ratio[once]
+        super().__init__(law, assembly)
+        stiffness, ratio = shear_of(model, assembly.bonds)
+        once = np.repeat(np.arange(self._nodes), np.diff(assembly.bonds.start)) < assembly.bonds.neighbour
+        self.stiffness, self.ratio = stiffness[once] * assembly.area[self.source], ratio[once]
         self._root = np.sqrt(self.ratio)
         turn = 1 / np.broadcast_to(model.horizons, self._nodes)
         x, y = (self.xi / self.length[:, None]).T
-        own = np.zeros((2, len(x), 2, 3))  # B of the source and of the target
+        strain_matrices = np.zeros((2, len(x), 2, 3))  # B of the source and of the target
         for end, way, rows in ((0, -1, self.source), (1, 1, self.target)):
-            own[end, :, 0, 0], own[end, :, 0, 1] = way * x / self.length, way * y / self.length
-            own[end, :, 1, 0], own[end, :, 1, 1] = -way * y / self.length, way * x / self.length
-            own[end, :, 1, 2] = -turn[rows] / 2
-        self._B = own
+            strain_matrices[end, :, 0, 0], strain_matrices[end, :, 0, 1] = way * x / self.length, way * y / self.length
+            strain_matrices[end, :, 1, 0], strain_matrices[end, :, 1, 1] = -way * y / self.length, way * x / self.length
+            strain_matrices[end, :, 1, 2] = -turn[rows] / 2
+        self._B = strain_matrices
 
     def _strains(self, value: Array) -> Array:
         """s and gamma (b, 2)."""
@@ -66,22 +66,22 @@ class SofteningShear(SofteningBonds):
         s, gamma = self._strains(value).T
         pulled = np.maximum(s, 0.0)
         drive = np.hypot(pulled, self._root * gamma)
-        found, c = self._soften(drive), self.stiffness
+        softened, c = self._soften(drive), self.stiffness
         toward = np.column_stack([pulled, self.ratio * gamma]) / np.where(drive > 0, drive, 1.0)[:, None]
-        normal = c * np.where((s > 0) | (found.kappa >= self.limit), found.omega, 1.0)
-        force = np.column_stack([normal * s, c * found.omega * self.ratio * gamma])
-        spent, releases = float(self.spent(found.kappa).sum()), c * self.length * found.releases / 2
-        secant, slope = c * found.omega, c * found.slope
-        drives = found.kappa, force, slope, secant, releases, spent
+        normal = c * np.where((s > 0) | (softened.kappa >= self.limit), softened.omega, 1.0)
+        force = np.column_stack([normal * s, c * softened.omega * self.ratio * gamma])
+        spent, releases = float(self.spent(softened.kappa).sum()), c * self.length * softened.releases / 2
+        secant, slope = c * softened.omega, c * softened.slope
+        drives = softened.kappa, force, slope, secant, releases, spent
         return Response(normal[:, None], self.length, *drives, toward, value.copy())
 
-    def forces(self, found: Response) -> Array:
+    def forces(self, response: Response) -> Array:
         """Forces (n, 3) of bonds and of supports on nodes, N/m."""
-        return self._with_ground(found.value, self._pushed(-self.length[:, None] * found.force))
+        return self._with_ground(response.value, self._pushed(-self.length[:, None] * response.force))
 
-    def gradient(self, found: Response) -> Array:
+    def gradient(self, response: Response) -> Array:
         """Derivative (n, 3) of the spent energy by the values, N/m."""
-        return self._pushed(found.releases[:, None] * found.toward)
+        return self._pushed(response.releases[:, None] * response.toward)
 
     def _pushed(self, by_strain: Array) -> Array:
         """Sums (n, 3) at nodes of B^T times what belongs to strains (b, 2)."""
@@ -92,20 +92,22 @@ class SofteningShear(SofteningBonds):
                 out[:, a] += np.bincount(rows, parts[:, a], self._nodes)
         return out
 
-    def tangent(self, found: Response, secant: bool = False) -> csr_array:
+    def tangent(self, response: Response, secant: bool = False) -> csr_array:
         """Minus the derivative (n 3, n 3) of the forces by the values, N/m^2; `secant`: of straight bonds."""
         M = np.zeros((len(self.length), 2, 2))
-        M[:, 0, 0], M[:, 1, 1] = found.along[:, 0], found.secant * self.ratio
+        M[:, 0, 0], M[:, 1, 1] = response.along[:, 0], response.secant * self.ratio
         if not secant:
-            M += (found.slope - found.secant)[:, None, None] * (found.toward[:, :, None] * found.toward[:, None, :])
+            M += (response.slope - response.secant)[:, None, None] * (
+                response.toward[:, :, None] * response.toward[:, None, :]
+            )
         M *= self.length[:, None, None]
         blocks = [np.swapaxes(self._B[i], 1, 2) @ M @ self._B[j] for i, j in ((0, 0), (1, 1), (0, 1), (1, 0))]
         return self._assembled(np.concatenate(blocks))
 
 
-def softening_of(model: Model, whole: Assembly, contact: RestingContact | None = None) -> SofteningBonds:
+def softening_of(model: Model, assembly: Assembly, contact: RestingContact | None = None) -> SofteningBonds:
     """The softening bonds of a model, with shear if its law has it, or with what touches."""
     law = law_of(model)
     if law.pair is None:
-        return SofteningShear(law, whole, model)
-    return SofteningBonds(law, whole) if contact is None else TouchingBonds(law, whole, contact)
+        return SofteningShear(law, assembly, model)
+    return SofteningBonds(law, assembly) if contact is None else TouchingBonds(law, assembly, contact)

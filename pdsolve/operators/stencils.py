@@ -52,8 +52,8 @@ class Stencil(NamedTuple):
 def ball(radius: float, dimension: int) -> NDArray[np.int64]:
     """Lattice points (k, d) within `radius` spacings of the origin, in order, including it."""
     reach = np.arange(-int(radius * (1 + ROUND_OFF)), int(radius * (1 + ROUND_OFF)) + 1)
-    found = np.stack(np.meshgrid(*dimension * [reach], indexing="ij"), axis=-1).reshape(-1, dimension)
-    return np.asarray(found[(found**2).sum(axis=1) <= (radius * (1 + ROUND_OFF)) ** 2])
+    points = np.stack(np.meshgrid(*dimension * [reach], indexing="ij"), axis=-1).reshape(-1, dimension)
+    return np.asarray(points[(points**2).sum(axis=1) <= (radius * (1 + ROUND_OFF)) ** 2])
 
 
 def chosen(ratio: float, dimension: int, parts: int | None = None) -> NDArray[np.int64]:
@@ -88,27 +88,27 @@ def coefficients(xi: NDArray[np.int64], alpha: float | None) -> NDArray[np.float
         raise StencilError(f"stencil: {len(xi)} nodes are too few for all {len(powers)} monomials; use more")
     # by the root of the weights, as squares of them would cost half of the digits
     root = np.sqrt(w)
-    found = np.linalg.pinv(root[:, None] * p) * root
-    return np.asarray(found / reach ** powers.sum(axis=1)[:, None])
+    matrix = np.linalg.pinv(root[:, None] * p) * root
+    return np.asarray(matrix / reach ** powers.sum(axis=1)[:, None])
 
 
 def elastic(c11: float, c66: float, dimension: int) -> NDArray[np.float64]:
     """J of a solid of bonds, Pa: of x^2 diag(2 C11, 2 C66, ...), of x y 2 C66 in (1, 2) and (2, 1)."""
-    found = [2 * c66 * np.eye(dimension) for _ in range(dimension)]
+    J = [2 * c66 * np.eye(dimension) for _ in range(dimension)]
     for axis in range(dimension):
-        found[axis][axis, axis] = 2 * c11
+        J[axis][axis, axis] = 2 * c11
     for i, j in itertools.combinations(range(dimension), 2):
         mixed = np.zeros((dimension, dimension))
         mixed[i, j] = mixed[j, i] = 2 * c66
-        found.append(mixed)
-    return np.array(found)
+        J.append(mixed)
+    return np.array(J)
 
 
 def diffusion(diffusivity: float, dimension: int) -> NDArray[np.float64]:
     """J of diffusion, m^2/s: 2 D of squares, nothing of mixed monomials."""
-    found = np.zeros((len(monomials(dimension)) - 1 - dimension, 1, 1))
-    found[:dimension] = 2 * diffusivity
-    return found
+    J = np.zeros((len(monomials(dimension)) - 1 - dimension, 1, 1))
+    J[:dimension] = 2 * diffusivity
+    return J
 
 
 def stencil(xi: NDArray[np.int64], J: NDArray[np.float64], alpha: float | None) -> Stencil:
@@ -127,16 +127,16 @@ def stencil_of(ratio: float, J: NDArray[np.float64], dimension: int) -> Stencil:
     apart = int(np.gcd.reduce(xi, axis=None))
     for alpha in ALPHAS:
         try:
-            found = stencil(xi // apart, J, alpha)
+            candidate = stencil(xi // apart, J, alpha)
         except StencilError as error:
             refused = error
             continue
-        if found.least < SOFT * _long(found):
+        if candidate.least < SOFT * _long(candidate):
             refused = StencilError(
                 f"stencil: {len(xi)} nodes with alpha {alpha} are soft to some wave; use a smaller alpha"
             )
         elif apart == 1:
-            return found
+            return candidate
         else:
             near = _summed(ball(COMPACT, dimension), J, NEAR)
             return _checked(*_mixed(_summed(xi, J, alpha), near), f"alpha {alpha}")
@@ -149,16 +149,16 @@ def _nodes(ratio: float, dimension: int) -> NDArray[np.int64]:
     return chosen(ratio, dimension, next((n for n in (usual, 3) if ratio >= n and ratio % n == 0), usual))
 
 
-def _long(found: Stencil) -> float:
+def _long(stencil: Stencil) -> float:
     """The smallest eigenvalue of the longest waves considered."""
-    d = found.xi.shape[1]
+    d = stencil.xi.shape[1]
     waves = 2 * np.pi / WAVES[d] * np.eye(d)
-    return float(np.linalg.eigvalsh(symbols(found.xi, found.theta, waves)).min())
+    return float(np.linalg.eigvalsh(symbols(stencil.xi, stencil.theta, waves)).min())
 
 
-def longest(found: Stencil, spacing: float, rho: float) -> float:
+def longest(stencil: Stencil, spacing: float, rho: float) -> float:
     """The longest stable step, s, for the motion of a solid of density `rho`."""
-    return float(2 * spacing * np.sqrt(rho / found.most))
+    return float(2 * spacing * np.sqrt(rho / stencil.most))
 
 
 Sums = tuple[NDArray[np.int64], NDArray[np.float64]]  # offsets, theta
@@ -169,12 +169,12 @@ def _summed(xi: NDArray[np.int64], J: NDArray[np.float64], alpha: float | None) 
     return xi, np.einsum("mab,mk->kab", J, rows[1 + d :])
 
 
-def _mixed(one: Sums, other: Sums) -> Sums:
-    """`one` mixed with a share of `other`."""
-    xi = np.unique(np.concatenate([one[0], other[0]]), axis=0)
+def _mixed(first: Sums, second: Sums) -> Sums:
+    """`first` mixed with a share of `second`."""
+    xi = np.unique(np.concatenate([first[0], second[0]]), axis=0)
     number = {tuple(offset): k for k, offset in enumerate(xi.tolist())}
-    theta = np.zeros((len(xi), *one[1].shape[1:]))
-    for share, (offsets, sums) in ((1 - SHARE, one), (SHARE, other)):
+    theta = np.zeros((len(xi), *first[1].shape[1:]))
+    for share, (offsets, sums) in ((1 - SHARE, first), (SHARE, second)):
         at = [number[tuple(offset)] for offset in offsets.tolist()]
         theta[at] += share * sums
     return xi, theta
@@ -191,8 +191,8 @@ def _checked(xi: NDArray[np.int64], theta: NDArray[np.float64], words: str) -> S
     along = 2 * np.pi / WAVES[d] * np.arange(WAVES[d])
     half = along[: WAVES[d] // 2 + 1]  # S(-k) = S(k)
     waves = np.stack(np.meshgrid(half, *(d - 1) * [along], indexing="ij"), axis=-1).reshape(-1, d)[1:]
-    found = np.linalg.eigvalsh(symbols(xi, theta, waves))
-    least, most = float(found.min()), float(found.max())
+    eigenvalues = np.linalg.eigvalsh(symbols(xi, theta, waves))
+    least, most = float(eigenvalues.min()), float(eigenvalues.max())
     if least < -NEGATIVE * most:
         raise StencilError(
             f"stencil: {len(xi)} nodes with {words} have a symbol of {least / most:.2g} of its largest value for"

@@ -61,25 +61,25 @@ def of_green_springs(
 def of_pairs(bonds: AnyList, columns: Any, now: Now) -> csr_array:
     """Minus the derivative (n w, n w) of the forces of a pair law; `now` holds complex values."""
     nodes, width = now.value.shape
-    own, other = (np.zeros((len(bonds.neighbour), width, width)) for _ in range(2))
-    _slopes(bonds, columns, now, np.empty((nodes, 0), dtype=now.value.dtype), STEP, own, other)
+    by_node, by_neighbour = (np.zeros((len(bonds.neighbour), width, width)) for _ in range(2))
+    _slopes(bonds, columns, now, np.empty((nodes, 0), dtype=now.value.dtype), STEP, by_node, by_neighbour)
     source = np.repeat(np.arange(nodes), np.diff(bonds.start))
-    return _matrix(nodes, source, bonds.neighbour.astype(np.int64), own, other)
+    return _matrix(nodes, source, bonds.neighbour.astype(np.int64), by_node, by_neighbour)
 
 
 def _matrix(
     nodes: int,
     source: NDArray[np.int64],
     target: NDArray[np.int64],
-    own: NDArray[np.float64],
-    other: NDArray[np.float64],
+    by_node: NDArray[np.float64],
+    by_neighbour: NDArray[np.float64],
 ) -> csr_array:
     """Minus the sum of bonds' derivatives (b, w, w) by the values of their own node and of the other one."""
-    width = own.shape[1]
+    width = by_node.shape[1]
     a, b = (index.ravel() for index in np.indices((width, width)))
     row = (width * source[:, None] + a).ravel()
     column = np.concatenate([(width * node[:, None] + b).ravel() for node in (source, target)])
-    values = -np.concatenate([own.ravel(), other.ravel()])
+    values = -np.concatenate([by_node.ravel(), by_neighbour.ravel()])
     return coo_array((values, (np.tile(row, 2), column)), (width * nodes, width * nodes)).tocsr()
 
 
@@ -99,28 +99,28 @@ def of_passes(
     colour = _colours(near.indptr, near.indices)
     i, rows, columns_of, values = np.repeat(np.arange(nodes), np.diff(near.indptr)), [], [], []
     for number in range(int(colour.max()) + 1):
-        moved = colour[near.indices] == number
+        perturbed = colour[near.indices] == number
         for b in range(width):
             value[colour == number, b] += 1j * STEP
-            slope = -pulls(value)[i[moved]].imag / STEP
+            slope = -pulls(value)[i[perturbed]].imag / STEP
             value[colour == number, b] -= 1j * STEP
-            rows.append((width * i[moved][:, None] + np.arange(width)).ravel())
-            columns_of.append(np.repeat(width * near.indices[moved] + b, width))
+            rows.append((width * i[perturbed][:, None] + np.arange(width)).ravel())
+            columns_of.append(np.repeat(width * near.indices[perturbed] + b, width))
             values.append(slope.ravel())
     entries = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns_of))
     return coo_array(entries, (width * nodes, width * nodes)).tocsr()
 
 
 @cached_njit(error_model="numpy")
-def _slopes(bonds, law, now, m, step, own, other):  # type: ignore[no-untyped-def]
+def _slopes(bonds, law, now, m, step, by_node, by_neighbour):  # type: ignore[no-untyped-def]
     """Fill (b, w, w) with the derivatives of each bond's force by the values of its node and its neighbour."""
-    f = np.empty(own.shape[1], dtype=now.value.dtype)
+    f = np.empty(by_node.shape[1], dtype=now.value.dtype)
     for i in range(len(bonds.start) - 1):
         for k in range(bonds.start[i], bonds.start[i + 1]):
             j = bonds.neighbour[k]
             for a in range(len(f)):
-                _slope(bonds, law, now, m, step, i, j, k, i, a, f, own)
-                _slope(bonds, law, now, m, step, i, j, k, j, a, f, other)
+                _slope(bonds, law, now, m, step, i, j, k, i, a, f, by_node)
+                _slope(bonds, law, now, m, step, i, j, k, j, a, f, by_neighbour)
 
 
 @njit(error_model="numpy")
@@ -140,23 +140,23 @@ def _reach(bonds: AnyList, far: int) -> csr_array:
     nodes = len(bonds.start) - 1
     entries = np.ones(len(bonds.neighbour)), bonds.neighbour, bonds.start
     near = (csr_array(entries, (nodes, nodes)) + eye_array(nodes)).tocsr()
-    found = near
+    pattern = near
     for _ in range(far - 1):
-        found = found @ near
-    return found.tocsr()
+        pattern = pattern @ near
+    return pattern.tocsr()
 
 
 @cached_njit()
 def _colours(start, near):  # type: ignore[no-untyped-def]
     """Colours (n,) such that no node is near two of one colour; `start` and `near` are those of a csr matrix."""
     nodes = len(start) - 1
-    colour, taken = np.full(nodes, -1), np.full(nodes + 1, -1)
+    colour, used_by = np.full(nodes, -1), np.full(nodes + 1, -1)
     for i in range(nodes):
         for p in range(start[i], start[i + 1]):
             for q in range(start[near[p]], start[near[p] + 1]):
                 if colour[near[q]] >= 0:
-                    taken[colour[near[q]]] = i
-        while taken[colour[i] + 1] == i:
+                    used_by[colour[near[q]]] = i
+        while used_by[colour[i] + 1] == i:
             colour[i] += 1
         colour[i] += 1
     return colour

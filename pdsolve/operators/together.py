@@ -40,8 +40,8 @@ class Together:
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Energy densities (n,), J/m^3: stored, and dissipated by softening so far."""
-        held, spent = zip(*(part.energies(state) for part in self.parts), strict=True)
-        return np.sum(held, axis=0), np.sum(spent, axis=0)
+        strain_energy, spent = zip(*(part.energies(state) for part in self.parts), strict=True)
+        return np.sum(strain_energy, axis=0), np.sum(spent, axis=0)
 
     def fields(self, state: State) -> dict[str, NDArray[np.float64]]:
         """Stored fields (n,) of all parts; of two of one name that of the later part."""
@@ -54,39 +54,41 @@ class Together:
     def tangent(self, state: State) -> csr_array:
         """Minus the derivative of the force densities by the values, (n w, n w), N/m^4."""
         first, *others = (part.tangent(state) for part in self.parts)
-        found: csr_array = sum(others, first).tocsr()
-        return found
+        matrix: csr_array = sum(others, first).tocsr()
+        return matrix
 
     def bonds(
         self, first: int = 0, last: int | None = None, start: bool = False
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Source and target rows (k,) of the intact bonds of nodes `first` to `last` - 1, or of those at the
         `start`."""
-        each = zip(*(part.bonds(first, last, start) for part in self.parts), strict=True)
-        source, target = (np.concatenate(ends) for ends in each)
+        end_lists = zip(*(part.bonds(first, last, start) for part in self.parts), strict=True)
+        source, target = (np.concatenate(ends) for ends in end_lists)
         order = np.lexsort((target, source))
         return source[order], target[order]
 
     def broken(self, after: int = 0) -> Broken:
         """The bonds broken after a step, part by part."""
-        each = zip(*(part.broken(after) for part in self.parts), strict=True)
-        return Broken(*(np.concatenate(columns) for columns in each))
+        column_lists = zip(*(part.broken(after) for part in self.parts), strict=True)
+        return Broken(*(np.concatenate(columns) for columns in column_lists))
 
     def keep(self) -> Kept:
         """History of all parts for a checkpoint; names begin with the number of the part."""
         return {f"{k}_{name}": values for k, part in enumerate(self.parts) for name, values in part.keep().items()}
 
-    def back(self, kept: Kept, broken: Broken) -> None:
+    def back(self, checkpoint: Kept, broken: Broken) -> None:
         """Restore a checkpoint; each part takes the broken bonds that it began with. Raises CheckpointError."""
-        nodes, found = len(self.stiffness_bound()), np.zeros(len(broken.step), dtype=np.bool_)
-        gone = broken.source * nodes + broken.target
+        nodes, is_found = len(self.stiffness_bound()), np.zeros(len(broken.step), dtype=np.bool_)
+        broken_keys = broken.source * nodes + broken.target
         for k, part in enumerate(self.parts):
             source, target = part.bonds(start=True)
-            own = np.isin(gone, source * nodes + target)
-            mine = {name.removeprefix(f"{k}_"): values for name, values in kept.items() if name.startswith(f"{k}_")}
-            part.back(mine, Broken(*(column[own] for column in broken)))
-            found |= own
-        expect_found(found, broken.source, broken.target)
+            of_part = np.isin(broken_keys, source * nodes + target)
+            mine = {
+                name.removeprefix(f"{k}_"): values for name, values in checkpoint.items() if name.startswith(f"{k}_")
+            }
+            part.back(mine, Broken(*(column[of_part] for column in broken)))
+            is_found |= of_part
+        expect_found(is_found, broken.source, broken.target)
 
     def bytes(self) -> int:
         """Memory of all arrays, bytes."""

@@ -42,13 +42,13 @@ class Scratch(NamedTuple):
     threads: int
 
 
-def blocks_of(team: Team, law: Law, filling: Filling, slab: Slab, seen: Seen, scratch: Scratch) -> Blocks | None:
+def blocks_of(team: Team, law: Law, filling: Filling, slab: Slab, bond_survey: Seen, scratch: Scratch) -> Blocks | None:
     """The bonds of a slab in blocks, for a window's rows, of which only its own have bonds; None if the nodes of all
     ranks are on no lattice. `filling` makes the bonds of the window. All ranks call this together."""
     tables: Tables | None = Tables()
     if team.rank > 0:
         tables = team.received(team.rank - 1, PASSED)
-    slots = None if tables is None else _numbered(filling, slab, tables, seen)
+    slots = None if tables is None else _numbered(filling, slab, tables, bond_survey)
     if team.rank < team.size - 1:
         team.comm.send(tables if slots is not None else None, team.rank + 1, PASSED)
     tables = team.comm.bcast(tables if slots is not None else None, team.size - 1)
@@ -56,18 +56,18 @@ def blocks_of(team: Team, law: Law, filling: Filling, slab: Slab, seen: Seen, sc
     bonds, lanes = (sum(column) for column in zip(*every, strict=True))
     if tables is None or slots is None or not bonds or bonds < LEAST_FILLED * lanes:
         return None
-    found = joined(law, tables, slots, scratch.kind, scratch.threads)
+    blocks = joined(law, tables, slots, scratch.kind, scratch.threads)
     before, after = (slab.first - slab.begin) // LANES, (room_of(slab.end) - room_of(slab.last)) // LANES
-    return found._replace(
-        start=np.concatenate([np.zeros(before, np.int64), found.start, np.full(after, found.start[-1])]),
-        ids=found.ids - np.int32(slab.begin) * (found.ids > 0),
-        softened=np.zeros(before + len(found.softened) + after, dtype=np.bool_),
+    return blocks._replace(
+        start=np.concatenate([np.zeros(before, np.int64), blocks.start, np.full(after, blocks.start[-1])]),
+        ids=blocks.ids - np.int32(slab.begin) * (blocks.ids > 0),
+        softened=np.zeros(before + len(blocks.softened) + after, dtype=np.bool_),
     )
 
 
-def _numbered(filling: Filling, slab: Slab, tables: Tables, seen: Seen) -> list[Slots] | None:
+def _numbered(filling: Filling, slab: Slab, tables: Tables, bond_survey: Seen) -> list[Slots] | None:
     """The slots of a slab's own rows; new values are added to the tables. None if nodes are on no lattice."""
-    found, room = [], room_of(slab.nodes)
+    all_slots, room = [], room_of(slab.nodes)
     for first in range(*slab.chunks, ROWS):
         last = min(first + ROWS, slab.chunks[1])
         part = _in_whole(filling.part(np.arange(first, last) - slab.begin), slab)
@@ -75,14 +75,14 @@ def _numbered(filling: Filling, slab: Slab, tables: Tables, seen: Seen) -> list[
         if slots is None:
             return None
         begin, end = max(first, slab.first), min(last, slab.last)
-        own = rows_of(part, begin, end)
-        seen.statistics.look(own)
-        seen.reached.append(np.unique(own.bonds.neighbour))
+        slab_part = rows_of(part, begin, end)
+        bond_survey.statistics.look(slab_part)
+        bond_survey.reached.append(np.unique(slab_part.bonds.neighbour))
         if (begin, end) != (first, last):
-            slots = slots_of(own.bonds, own.first, room, tables)
+            slots = slots_of(slab_part.bonds, slab_part.first, room, tables)
         assert slots is not None
-        found.append(slots)
-    return found
+        all_slots.append(slots)
+    return all_slots
 
 
 def _in_whole(part: Part, slab: Slab) -> Part:
@@ -94,8 +94,8 @@ def _in_whole(part: Part, slab: Slab) -> Part:
 def rows_of(part: Part, first: int, last: int) -> Part:
     """The rows `first` to `last` - 1 of a part."""
     start = part.bonds.start[first - part.first : last - part.first + 1]
-    some = slice(int(start[0]), int(start[-1]))
+    bond_slice = slice(int(start[0]), int(start[-1]))
     bonds = part.bonds._replace(
-        start=start - start[0], **{name: getattr(part.bonds, name)[some] for name in part.bonds._fields[1:]}
+        start=start - start[0], **{name: getattr(part.bonds, name)[bond_slice] for name in part.bonds._fields[1:]}
     )
     return Part(first, bonds, part.family[first - part.first : last - part.first])

@@ -23,14 +23,14 @@ def built(model: Model, options: Options, team: Team, make: part.Make) -> tuple[
     slabs, plain = slabs_of(model, team.size, unit), options._replace(team=None)
     starts = starts_of(slabs)
     # a lattice is a few numbers, from which each rank makes the nodes of its window; other nodes are sent
-    each = [(slab, model if model.grid.lattice else model.window(slab.begin, slab.end)) for slab in slabs]
-    found: list[part.Built | None] = [None]
+    shares = [(slab, model if model.grid.lattice else model.window(slab.begin, slab.end)) for slab in slabs]
+    built_parts: list[part.Built | None] = [None]
     if law_of(model).pair is not None and model.grid.dimension == 2 and options.kernel != "listed":
-        found = team.everywhere(part.build, plain, starts, each=each)
-        plain = plain if found[0] is not None else plain._replace(kernel="listed")  # as one process has it
-    if found[0] is None:
-        found = team.everywhere(part.build_window, plain, make, starts, each=each)
-        if len({one.kernel for one in found if one is not None}) > 1:
+        built_parts = team.everywhere(part.build, plain, starts, items=shares)
+        plain = plain if built_parts[0] is not None else plain._replace(kernel="listed")  # as one process has it
+    if built_parts[0] is None:
+        built_parts = team.everywhere(part.build_window, plain, make, starts, items=shares)
+        if len({built_part.kernel for built_part in built_parts if built_part is not None}) > 1:
             plain = plain._replace(kernel="listed")  # some windows lie on a lattice, others do not
-            found = team.everywhere(part.build_window, plain, make, starts, each=each)
-    return slabs, [one for one in found if one is not None]
+            built_parts = team.everywhere(part.build_window, plain, make, starts, items=shares)
+    return slabs, [built_part for built_part in built_parts if built_part is not None]

@@ -38,8 +38,8 @@ class Share(NamedTuple):
 class DiffusingPart:
     """What a rank works on."""
 
-    def __init__(self, operator: Content, stepper: Euler, drive: Drive, own: slice) -> None:
-        self.operator, self.stepper, self.drive, self.own = operator, stepper, drive, own
+    def __init__(self, operator: Content, stepper: Euler, drive: Drive, own_rows: slice) -> None:
+        self.operator, self.stepper, self.drive, self.own = operator, stepper, drive, own_rows
 
 
 class EulerOnRanks:
@@ -55,7 +55,7 @@ class EulerOnRanks:
             (slab, operator.part(slab.first, slab.last, slab.begin, slab.end), _of_slab(drive, slab))
             for slab in self._slabs
         ]
-        team.everywhere(build, starts_of(self._slabs), dt, each=parts)
+        team.everywhere(build, starts_of(self._slabs), dt, items=parts)
 
     def march(self, state: State, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1, in place."""
@@ -65,31 +65,31 @@ class EulerOnRanks:
             for rows in windows
         ]
         solid = self._operator.solid.copy()
-        for slab, own in zip(self._slabs, self._team.everywhere(march, first, last, each=shares), strict=True):
+        for slab, share in zip(self._slabs, self._team.everywhere(march, first, last, items=shares), strict=True):
             rows = slice(slab.first, slab.last)
-            for values, found in zip(state, own.state, strict=True):
-                values[rows] = found
-            solid[rows], self._drive.force[rows] = own.solid, own.force
+            for values, new_values in zip(state, share.state, strict=True):
+                values[rows] = new_values
+            solid[rows], self._drive.force[rows] = share.solid, share.force
         self._operator.solid = solid
 
 
 def _of_slab(drive: Drive, slab: Slab) -> Drive:
     """The conditions of a slab's own nodes, by rows of its window."""
 
-    def own(some: Entries) -> Entries:
-        here = chosen(some, (some.node >= slab.first) & (some.node < slab.last))
-        return here._replace(node=here.node - slab.begin)
+    def own(entries: Entries) -> Entries:
+        own_entries = chosen(entries, (entries.node >= slab.first) & (entries.node < slab.last))
+        return own_entries._replace(node=own_entries.node - slab.begin)
 
     force = drive.force[slab.begin : slab.end]
     return drive._replace(loads=own(drive.loads), holds=own(drive.holds), force=force, before=force)
 
 
-def build(team: Team, starts: NDArray[np.int64], dt: float, given: tuple[Slab, Content, Drive]) -> None:
+def build(team: Team, starts: NDArray[np.int64], dt: float, share: tuple[Slab, Content, Drive]) -> None:
     """Take over the bonds and the conditions of a slab; steps are `dt` s long."""
-    slab, operator, drive = given
+    slab, operator, drive = share
     drive = drive._replace(force=drive.force.copy())
-    beside = np.concatenate([np.arange(slab.begin, slab.first), np.arange(slab.last, slab.end)])
-    stepper = Euler(operator, drive, dt, GhostExchange(team, starts, slab, beside))
+    ghosts = np.concatenate([np.arange(slab.begin, slab.first), np.arange(slab.last, slab.end)])
+    stepper = Euler(operator, drive, dt, GhostExchange(team, starts, slab, ghosts))
     team.part = DiffusingPart(operator, stepper, drive, slice(slab.first - slab.begin, slab.last - slab.begin))
 
 
@@ -99,8 +99,10 @@ def march(team: Team, first: int, last: int, share: Share) -> Share:
     state = State(*(_owned(values) for values in share.state))
     part.operator.solid, part.drive.force[:] = share.solid, share.force
     part.stepper.march(state, first, last)
-    own = part.own
-    return Share(State(*(values[own] for values in state)), part.operator.solid[own], part.drive.force[own])
+    own_rows = part.own
+    return Share(
+        State(*(values[own_rows] for values in state)), part.operator.solid[own_rows], part.drive.force[own_rows]
+    )
 
 
 def _owned(values: NDArray[Any]) -> NDArray[Any]:

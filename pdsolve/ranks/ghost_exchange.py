@@ -28,9 +28,9 @@ class GhostExchange:
         self.blocks = ((slab.first - offset) // LANES, -(-(slab.last - offset) // LANES))  # of own nodes
         owner = np.searchsorted(starts, needed, side="right") - 1
         wanted = [needed[owner == rank] for rank in range(team.size)]
-        asked = team.comm.alltoall(wanted)
+        requested_rows = team.comm.alltoall(wanted)
         self._in = [(rank, _rows(rows - offset)) for rank, rows in enumerate(wanted) if len(rows)]
-        self._out = [(rank, _rows(rows - offset)) for rank, rows in enumerate(asked) if len(rows)]
+        self._out = [(rank, _rows(rows - offset)) for rank, rows in enumerate(requested_rows) if len(rows)]
 
     def fill(self, values: NDArray[Any]) -> None:
         """Set the ghosts' columns of `values` (w, m) to those of their owners."""

@@ -52,40 +52,40 @@ class Part:
         self.sending: Any = None  # and what is on its way to rank 0
 
 
-def build(team: Team, options: Options, starts: NDArray[np.int64], given: tuple[Slab, Model]) -> Built | None:
+def build(team: Team, options: Options, starts: NDArray[np.int64], share: tuple[Slab, Model]) -> Built | None:
     """Make the bonds of a slab in blocks; None if all nodes are on no lattice."""
-    slab, model = given[0], window(*given)
+    slab, model = share[0], window(*share)
     scheme, law = SCHEMES[options.mode], law_of(model, SCHEMES[options.mode].matches_work)
     filling = scheme.fill(model)
-    seen = Seen(BondStatistics(filling, scheme.symmetric), [])
+    bond_survey = Seen(BondStatistics(filling, scheme.symmetric), [])
     scratch = Scratch(np.dtype(options.precision).type, options.threads or 1)
-    blocks = blocks_of(team, law, filling, slab, seen, scratch)
-    softens = any(team.comm.allgather(seen.statistics.softens))
+    blocks = blocks_of(team, law, filling, slab, bond_survey, scratch)
+    softens = any(team.comm.allgather(bond_survey.statistics.softens))
     if blocks is None:
         return None
-    statistics = seen.statistics
+    statistics = bond_survey.statistics
     arrays = statistics.stiffness_bound, statistics.family, statistics.count
-    bound, family, count = (_padded(one, slab) for one in arrays)
+    bound, family, count = (_padded(array, slab) for array in arrays)
     operator = SimdLattice(law, blocks, bound, scheme.symmetric, softens)
-    reached = np.unique(np.concatenate(seen.reached)).astype(np.int64)
+    reached = np.unique(np.concatenate(bond_survey.reached)).astype(np.int64)
     return _taken(team, starts, Bonded(slab, model, operator, Counted(filling.area, family, count)), reached)
 
 
 def build_window(
-    team: Team, options: Options, make: Make, starts: NDArray[np.int64], given: tuple[Slab, Model]
+    team: Team, options: Options, make: Make, starts: NDArray[np.int64], share: tuple[Slab, Model]
 ) -> Built:
     """Make the bonds of a whole window; those of ghosts are there to know what own nodes' bonds ask of them.
 
     Those of a law without a first pass ask for no more than the motion of their ends.
     """
-    slab, model = given[0], window(*given)
+    slab, model = share[0], window(*share)
     scheme = SCHEMES[options.mode]
     operator, counted = make(model, options._replace(threads=options.threads or 1), scheme, scheme.fill(model))
     reached = np.arange(slab.begin, slab.end)
     if isinstance(operator, BondList | SpaceLattice) and law_of(model).width is None:
-        own = slab.first - slab.begin, slab.last - slab.begin
-        operator.only(*own)
-        reached = np.unique(operator.bonds(*own)[1]) + slab.begin
+        own_range = slab.first - slab.begin, slab.last - slab.begin
+        operator.only(*own_range)
+        reached = np.unique(operator.bonds(*own_range)[1]) + slab.begin
     return _taken(team, starts, Bonded(slab, model, operator, counted), reached)
 
 
@@ -108,17 +108,17 @@ def _taken(team: Team, starts: NDArray[np.int64], bonded: Bonded, reached: NDArr
     slab, model, operator, counted = bonded
     others = reached[(reached < slab.first) | (reached >= slab.last)]
     part = team.part = Part(slab, model, operator, counted, GhostExchange(team, starts, slab, others))
-    own = part.own
-    resistance = operator.stiffness_bound()[own] / model.rho[own]
-    lonely = np.flatnonzero(counted.bonds[own] == 0) + slab.first
-    return Built(float(resistance.max(initial=0.0)), int(counted.bonds[own].sum()), lonely, operator.name)
+    own_rows = part.own
+    resistance = operator.stiffness_bound()[own_rows] / model.rho[own_rows]
+    lonely = np.flatnonzero(counted.bonds[own_rows] == 0) + slab.first
+    return Built(float(resistance.max(initial=0.0)), int(counted.bonds[own_rows].sum()), lonely, operator.name)
 
 
-def _padded(own: NDArray[Any], slab: Slab) -> NDArray[Any]:
+def _padded(own_values: NDArray[Any], slab: Slab) -> NDArray[Any]:
     """Values (m,) of a window from those (k,) of own nodes."""
-    found = np.zeros(slab.end - slab.begin, dtype=own.dtype)
-    found[slab.first - slab.begin : slab.last - slab.begin] = own
-    return found
+    window_values = np.zeros(slab.end - slab.begin, dtype=own_values.dtype)
+    window_values[slab.first - slab.begin : slab.last - slab.begin] = own_values
+    return window_values
 
 
 def added_up(team: Team, values: NDArray[np.float64]) -> float:
@@ -130,9 +130,9 @@ def added_up(team: Team, values: NDArray[np.float64]) -> float:
 
 def broken(part: Part, after: int = 0) -> Broken:
     """Bonds of own nodes broken after a step, by rows of the window."""
-    found = part.operator.broken(after)
-    mine = (found.source >= part.own.start) & (found.source < part.own.stop)
-    return Broken(*(column[mine] for column in found))
+    broken_bonds = part.operator.broken(after)
+    mine = (broken_bonds.source >= part.own.start) & (broken_bonds.source < part.own.stop)
+    return Broken(*(column[mine] for column in broken_bonds))
 
 
 def bonds(team: Team, first: int, last: int) -> NDArray[np.int64]:
@@ -148,41 +148,41 @@ def bonds(team: Team, first: int, last: int) -> NDArray[np.int64]:
 def keep(part: Part) -> Kept:
     """History of own nodes and of their bonds, by rows of the whole grid."""
     slab = part.slab
-    kept, found = part.operator.keep(), {}
-    for name, values in kept.items():
-        source = _ends(kept, name, "source")
+    window_history, own_history = part.operator.keep(), {}
+    for name, values in window_history.items():
+        source = _ends(window_history, name, "source")
         if source is None:
-            found[name] = values[part.own]
+            own_history[name] = values[part.own]
             continue
         mine = (source >= part.own.start) & (source < part.own.stop)
-        found[name] = values[mine] + slab.begin if name.endswith(ENDS) else values[mine]
-    return found
+        own_history[name] = values[mine] + slab.begin if name.endswith(ENDS) else values[mine]
+    return own_history
 
 
-def _ends(kept: Kept, name: str, end: str) -> NDArray[np.int64] | None:
+def _ends(history: Kept, name: str, end: str) -> NDArray[np.int64] | None:
     """The sources, or targets, of the bonds that a column of a history is of; None if it is of nodes."""
     stem = name.removesuffix("_edge").removesuffix("_source").removesuffix("_target")
-    return kept.get(f"{stem}_{end}")
+    return history.get(f"{stem}_{end}")
 
 
-def is_of_bonds(kept: Kept, name: str) -> bool:
+def is_of_bonds(history: Kept, name: str) -> bool:
     """Whether a column of a history is of bonds, not of nodes."""
-    return _ends(kept, name, "source") is not None
+    return _ends(history, name, "source") is not None
 
 
-def back(part: Part, kept: Kept, broken: Broken) -> None:
+def back(part: Part, history: Kept, broken: Broken) -> None:
     """Restore the history of a window from that of all nodes; in blocks only own nodes have bonds."""
     slab, alone = part.slab, isinstance(part.operator, SimdLattice)
     first, last = (slab.first, slab.last) if alone else (slab.begin, slab.end)
     mine = (broken.source >= first) & (broken.source < last)
     mine &= (broken.target >= slab.begin) & (broken.target < slab.end)
     past = Broken(broken.step[mine], broken.source[mine] - slab.begin, broken.target[mine] - slab.begin)
-    own: dict[str, NDArray[Any]] = {}
-    for name, values in kept.items():
-        source, target = (_ends(kept, name, end) for end in ("source", "target"))
+    window_history: dict[str, NDArray[Any]] = {}
+    for name, values in history.items():
+        source, target = (_ends(history, name, end) for end in ("source", "target"))
         if source is None or target is None:
-            own[name] = values
+            window_history[name] = values
             continue
-        here = (source >= first) & (source < last) & (target >= slab.begin) & (target < slab.end)
-        own[name] = values[here] - slab.begin if name.endswith(ENDS) else values[here]
-    part.operator.back(own, past)
+        in_window = (source >= first) & (source < last) & (target >= slab.begin) & (target < slab.end)
+        window_history[name] = values[in_window] - slab.begin if name.endswith(ENDS) else values[in_window]
+    part.operator.back(window_history, past)

@@ -49,9 +49,9 @@ def slabs_of(model: Model, ranks: int, unit: int = LANES) -> list[Slab]:
 
 def cuts_of(costs: NDArray[np.float64], ranks: int) -> list[int]:
     """Where (ranks + 1) consecutive units of these costs (k,) are cut, one unit at least a rank."""
-    behind, cuts = np.concatenate([[0.0], np.cumsum(costs)]), [0]
+    cumulative, cuts = np.concatenate([[0.0], np.cumsum(costs)]), [0]
     for rank in range(1, ranks):
-        nearest = int(np.abs(behind - behind[-1] * rank / ranks).argmin())
+        nearest = int(np.abs(cumulative - cumulative[-1] * rank / ranks).argmin())
         cuts.append(min(max(nearest, cuts[-1] + 1), len(costs) - (ranks - rank)))
     return [*cuts, len(costs)]
 
@@ -67,8 +67,8 @@ def costs_of(model: Model, unit: int) -> NDArray[np.float64]:
     number = np.arange(-(-nodes // SAMPLED))
     rows = np.minimum(SAMPLED * number + (SAMPLED * (number * GOLDEN % 1)).astype(np.int64), nodes - 1)
     bonds = np.zeros(units)
-    for some in np.array_split(rows, -(-len(rows) // ROWS)):
-        pairs = around.pairs(some)
+    for sample in np.array_split(rows, -(-len(rows) // ROWS)):
+        pairs = around.pairs(sample)
         # those at the very end of a horizon are in it or not by round-off
         near = pairs.length < (1 - ROUND_OFF) * (horizons[pairs.source] + horizons[pairs.target]) / 2
         bonds += np.bincount(pairs.source[near] // unit, minlength=units)
@@ -84,8 +84,8 @@ def _slab(grid: Grid, first: int, last: int, around: float) -> Slab:
     """The slab of the rows `first` to `last` - 1, whose window has all nodes `around` its chunks, m."""
     nodes = len(grid)
     chunks = first // ROWS * ROWS, min(-(-last // ROWS) * ROWS, nodes)
-    own = grid.window(*chunks).position
-    near = grid.chosen(None, [*(own.min(axis=0) - around), *(own.max(axis=0) + around)])
+    own_positions = grid.window(*chunks).position
+    near = grid.chosen(None, [*(own_positions.min(axis=0) - around), *(own_positions.max(axis=0) + around)])
     begin, end = int(near[0]), int(near[-1]) + 1
     if grid.lattice is not None and grid.dimension == 3:
         begin -= begin % _layers(grid.lattice)

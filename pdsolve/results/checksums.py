@@ -48,13 +48,13 @@ class Checksum(NamedTuple):
         """
         if isinstance(rows, np.ndarray):
             return Checksum(self.rows + len(rows), zlib.crc32(rows.tobytes(), self.crc))
-        count, crc, left, end = self.rows, self.crc, iter(rows), KEYS.get(table)
-        while some := list(islice(left, AT_ONCE)):
+        count, crc, remaining, end = self.rows, self.crc, iter(rows), KEYS.get(table)
+        while batch := list(islice(remaining, AT_ONCE)):
             if table in RECORDS:
-                packed = np.array(some, dtype=record(table, len(some[0]))).tobytes()
+                packed = np.array(batch, dtype=record(table, len(batch[0]))).tobytes()
             else:
-                packed = b"".join(_packed(row if end is None else row[: end + 1]) for row in some)
-            count, crc = count + len(some), zlib.crc32(packed, crc)
+                packed = b"".join(_packed(row if end is None else row[: end + 1]) for row in batch)
+            count, crc = count + len(batch), zlib.crc32(packed, crc)
         return Checksum(count, crc)
 
 
@@ -110,14 +110,14 @@ def _twice(step: list[int]) -> list[int]:
 
 def _image(step: list[int], value: int) -> int:
     """What becomes of a CRC under a linear map, given as the images of all bits."""
-    found = 0
+    xor_sum = 0
     for image in step:
         if not value:
-            return found
+            return xor_sum
         if value & 1:
-            found ^= image
+            xor_sum ^= image
         value >>= 1
-    return found
+    return xor_sum
 
 
 def stored(value: Any) -> Any:
@@ -129,10 +129,10 @@ def stored(value: Any) -> Any:
 
 def records(table: str, columns: Sequence[NDArray[np.generic]]) -> NDArray[np.void]:
     """The rows (k,) of a table from its columns (k,)."""
-    found = np.zeros(len(columns[0]), dtype=RECORDS[table])
-    for name, column in zip(found.dtype.names or (), columns, strict=True):
-        found[name] = column + 0  # no -0.0
-    return found
+    rows = np.zeros(len(columns[0]), dtype=RECORDS[table])
+    for name, column in zip(rows.dtype.names or (), columns, strict=True):
+        rows[name] = column + 0  # no -0.0
+    return rows
 
 
 def select(table: str, where: str = "", columns: str = "*") -> str:

@@ -43,8 +43,8 @@ class Lives:
         numbers = np.repeat(np.arange(len(table.ids)), np.diff(np.append(table.first, len(table.row))))
         at = np.searchsorted(numbers * turn + table.birth, number * turn + steps, side="right") - 1
         row = table.row[at]
-        there = (self.nodes.ids[row] == ids) & (self.birth[row] <= steps) & (steps < self.death[row])
-        return np.where(there, row, -1)
+        alive = (self.nodes.ids[row] == ids) & (self.birth[row] <= steps) & (steps < self.death[row])
+        return np.where(alive, row, -1)
 
     def now(self, step: int) -> NDArray[np.int64]:
         """For each row (r,), the index in `rows(step)` of the node with its id at that step; -1 without one."""
@@ -57,8 +57,8 @@ class Lives:
     def broke(self, breaks: Breaks, rows: NDArray[np.int64], ids: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Whether the bonds (k,) from nodes `rows` (k,) to nodes `ids` (k,) broke during their lives."""
         number = np.unique(np.concatenate([ids, breaks.neighbour]), return_inverse=True)[1]
-        own = np.concatenate([rows, self.at(breaks.node, breaks.step)])
-        bonds = own * (number.max(initial=0) + 1) + number
+        node_rows = np.concatenate([rows, self.at(breaks.node, breaks.step)])
+        bonds = node_rows * (number.max(initial=0) + 1) + number
         return np.isin(bonds[: len(ids)], bonds[len(ids) :])
 
     @cached_property

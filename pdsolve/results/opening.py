@@ -71,9 +71,9 @@ def read_only(path: Path) -> sqlite3.Connection:
             return _in_memory(data)
         if not hot or time.monotonic() > until:
             break
-    for beside in _beside(os.path.realpath(path)):
+    for side_file in _beside(os.path.realpath(path)):
         raise ResultsError(
-            f"{path}: {os.path.basename(beside)} of a run that was killed cannot be put back here; copy both files"
+            f"{path}: {os.path.basename(side_file)} of a run that was killed cannot be put back here; copy both files"
             " to a folder that can be written to"
         )
     return _opened(path, "mode=ro&immutable=1")
@@ -148,8 +148,8 @@ def _name(path: Path, end: str) -> str:
 
 def _beside(name: str) -> list[str]:
     """Names of the database's journal and log files that are not empty."""
-    found = [f"{name}{end}" for end in (JOURNAL, LOG)]
-    return [beside for beside in found if os.path.exists(beside) and os.path.getsize(beside)]
+    names = [f"{name}{end}" for end in (JOURNAL, LOG)]
+    return [side_file for side_file in names if os.path.exists(side_file) and os.path.getsize(side_file)]
 
 
 def _expect_own_name(path: Path) -> None:
@@ -158,16 +158,16 @@ def _expect_own_name(path: Path) -> None:
     Under this name SQLite would open it without them: outdated or half written.
     """
     try:
-        found = path.stat()
-        if found.st_nlink < 2 or _beside(real := os.path.realpath(path)):
+        status = path.stat()
+        if status.st_nlink < 2 or _beside(real := os.path.realpath(path)):
             return
         logged = is_logged(real)
-        others = [entry.path for entry in os.scandir(os.path.dirname(real)) if entry.inode() == found.st_ino]
+        others = [entry.path for entry in os.scandir(os.path.dirname(real)) if entry.inode() == status.st_ino]
     except OSError:
         return
-    beside = next((beside for other in others for beside in _beside(other)), None)
-    if beside or logged:
-        at = f"beside another name of it, {os.path.basename(beside)}" if beside else "beside another name of it"
+    side_file = next((side_file for linked_name in others for side_file in _beside(linked_name)), None)
+    if side_file or logged:
+        at = f"beside another name of it, {os.path.basename(side_file)}" if side_file else "beside another name of it"
         raise ResultsError(
             f"{path} is a hard link to a database that is not complete without the file {at}; read or resume it by"
             " the name that its run was given"
@@ -206,15 +206,15 @@ def log_of(connection: sqlite3.Connection, path: Path) -> Log:
             if version != VERSION or len(header) < HEADER or header[:4] not in LOGS:
                 return Log()
             _, _, size, _, *salt = struct.unpack_from(">6I", header)
-            known = _is_whole(header)
+            salt_known = _is_whole(header)
             ends = []  # of each page of this round of the log, whether it is the last of a transaction
             while len(head := log.read(FRAME)) == FRAME:
-                page, end, *own = struct.unpack_from(">4I", head)
+                page, end, *frame_salt = struct.unpack_from(">4I", head)
                 if not page:  # never written: a log may be a file of nothing, and long
                     break
-                if not known:
-                    salt, known = own, True
-                ends.append(end > 0 and own == salt)
+                if not salt_known:
+                    salt, salt_known = frame_salt, True
+                ends.append(end > 0 and frame_salt == salt)
                 log.seek(size, os.SEEK_CUR)
     except (OSError, struct.error):
         return Log()
@@ -223,9 +223,9 @@ def log_of(connection: sqlite3.Connection, path: Path) -> Log:
 
 def _is_whole(header: bytes) -> bool:
     """Whether the checksum in a log's header is correct."""
-    one = two = 0
+    first_sum = second_sum = 0
     words = "<" if header[3] == LITTLE else ">"
     for first, second in struct.iter_unpack(f"{words}2I", header[:24]):
-        one = (one + first + two) & MASK
-        two = (two + second + one) & MASK
-    return (one, two) == struct.unpack_from(">2I", header, 24)
+        first_sum = (first_sum + first + second_sum) & MASK
+        second_sum = (second_sum + second + first_sum) & MASK
+    return (first_sum, second_sum) == struct.unpack_from(">2I", header, 24)

@@ -46,14 +46,14 @@ def written(pieces: Sequence[Pieces]) -> str:
 def pieces_of(text: str, name: str) -> tuple[Pieces, ...]:
     """The sets of databases that an index called `name` has. Raises ResultsError."""
     try:
-        found = tuple(Pieces(int(after), tuple(map(str, files))) for after, files in json.loads(text))
+        pieces = tuple(Pieces(int(after), tuple(map(str, files))) for after, files in json.loads(text))
     except (ValueError, TypeError, RecursionError):
-        found = ()
-    steps = [one.after for one in found]
-    ours = all(NAME.fullmatch(file) for one in found for file in one.files)
-    if not found or not found[0].files or sorted(steps) != steps or not ours:
+        pieces = ()
+    steps = [piece.after for piece in pieces]
+    ours = all(NAME.fullmatch(file) for piece in pieces for file in piece.files)
+    if not pieces or not pieces[0].files or sorted(steps) != steps or not ours:
         raise ResultsError(f"{name}: table meta: pieces are missing, the names of the files of all ranks")
-    return found
+    return pieces
 
 
 def beside(index: Path, file: str) -> Path:
@@ -99,10 +99,13 @@ class TablesInPieces(Tables):
         if tables == [self._index]:
             return
         end = f"@{step}"
-        ranks = [one.rows("SELECT name FROM checkpoint WHERE step = ? ORDER BY name", (step,)) for one in tables]
+        ranks = [
+            rank_tables.rows("SELECT name FROM checkpoint WHERE step = ? ORDER BY name", (step,))
+            for rank_tables in tables
+        ]
         for (name,) in ranks[0]:
-            for one in tables:
-                for row in one.each("checkpoint", "WHERE name = ?", (name,)):
+            for rank_tables in tables:
+                for row in rank_tables.each("checkpoint", "WHERE name = ?", (name,)):
                     yield name.removesuffix(end), *row[1:]
 
     def all(self, table: str) -> list[Row]:
@@ -127,16 +130,16 @@ class TablesInPieces(Tables):
 
     def verify(self) -> None:
         """Read everything, of all ranks, and compare it with the checksums."""
-        for tables in dict.fromkeys([self._index, *(one for _, every in self._sets for one in every)]):
+        for tables in dict.fromkeys([self._index, *(rank_tables for _, every in self._sets for rank_tables in every)]):
             tables.verify()
 
 
 def _joined(rows: Iterator[Row]) -> list[Row]:
     """Rows of a checkpoint with the data of those of one name in one."""
-    found: list[Row] = []
+    joined_rows: list[Row] = []
     for row in rows:
-        if found and found[-1][0] == row[0]:
-            found[-1] = (*found[-1][:-1], found[-1][-1] + row[-1])
+        if joined_rows and joined_rows[-1][0] == row[0]:
+            joined_rows[-1] = (*joined_rows[-1][:-1], joined_rows[-1][-1] + row[-1])
         else:
-            found.append(row)
-    return found
+            joined_rows.append(row)
+    return joined_rows

@@ -67,10 +67,12 @@ class Results:
         if text is None:
             return
         self.pieces, sets = pieces.pieces_of(text, self.name), []
-        for one in self.pieces:
-            for file in one.files:
+        for piece in self.pieces:
+            for file in piece.files:
                 self._others.append(Results.open(pieces.beside(path, file)))
-            sets.append((one, [other._tables for other in self._others[len(self._others) - len(one.files) :]]))
+            sets.append(
+                (piece, [rank_results._tables for rank_results in self._others[len(self._others) - len(piece.files) :]])
+            )
         self._tables = pieces.TablesInPieces(self._tables, sets)
 
     @property
@@ -117,8 +119,8 @@ class Results:
 
     def close(self) -> None:
         """Close the database."""
-        for other in self._others:
-            other.close()
+        for rank_results in self._others:
+            rank_results.close()
         self.connection.close()
 
     def meta(self) -> dict[str, Any]:
@@ -184,9 +186,9 @@ class Results:
     def lives(self) -> Lives:
         """All nodes that ever lived, read once: the arrays are shared and read-only."""
         with self._tables.snapshot():
-            known = self._tables.count("node"), self._tables.count("node_death")
-            if self._lives is None or self._lives[0] != known:
-                self._lives = known, self._read_lives()
+            counts = self._tables.count("node"), self._tables.count("node_death")
+            if self._lives is None or self._lives[0] != counts:
+                self._lives = counts, self._read_lives()
         return self._lives[1]
 
     def nodes(self, step: int | None = None) -> Nodes:
@@ -195,8 +197,8 @@ class Results:
         if self._nodes is None or self._nodes[0] is not lives or self._nodes[1] != epoch:
             rows = lives.rows(epoch)
             self._tables.expect("node", None if len(rows) else f"step {epoch} has no node; it must have at least one")
-            whole = len(rows) == len(lives.birth)
-            nodes = lives.nodes if whole else taken(lives.nodes, rows)
+            all_alive = len(rows) == len(lives.birth)
+            nodes = lives.nodes if all_alive else taken(lives.nodes, rows)
             for column in nodes:
                 column.flags.writeable = False
             self._nodes = lives, epoch, nodes
@@ -223,19 +225,23 @@ class Results:
         """Families of the nodes at a step, numbered among them; broken bonds to dead nodes are left out."""
         lives = self.lives()
         rows, ids = lives.rows(step), lives.nodes.ids
-        there = np.zeros(len(bonds), dtype=bool)
-        there[rows] = True
-        own, neighbour = np.repeat(rows, bonds[rows]), neighbour[np.repeat(there, bonds)]
+        alive = np.zeros(len(bonds), dtype=bool)
+        alive[rows] = True
+        node, neighbour = np.repeat(rows, bonds[rows]), neighbour[np.repeat(alive, bonds)]
         place = lives.now(step)[neighbour]
-        gone = np.flatnonzero(place < 0)
-        whole = gone[~lives.broke(self.breaks(), own[gone], ids[neighbour[gone]])] if len(gone) else gone
-        if len(whole):
+        dead_ends = np.flatnonzero(place < 0)
+        intact = (
+            dead_ends[~lives.broke(self.breaks(), node[dead_ends], ids[neighbour[dead_ends]])]
+            if len(dead_ends)
+            else dead_ends
+        )
+        if len(intact):
             raise ResultsError(
-                f"{self.name}: a bond of node {ids[own[whole[0]]]} leads to one that is gone at step {step}; nodes"
+                f"{self.name}: a bond of node {ids[node[intact[0]]]} leads to one that is gone at step {step}; nodes"
                 " whose bonds change must be born anew"
             )
-        kept = place >= 0
-        return np.bincount(own[kept], minlength=len(bonds))[rows], place[kept]
+        living = place >= 0
+        return np.bincount(node[living], minlength=len(bonds))[rows], place[living]
 
     def cracks(self) -> NDArray[np.float64]:
         """Segments (k, 4) of pre-cracks x0, y0, x1, y1, or triangles (k, 9) in a body, m."""
@@ -244,9 +250,9 @@ class Results:
         return self._places("crack", 4)
 
     def _places(self, table: str, columns: int) -> NDArray[np.float64]:
-        found = np.array(self._tables.all(table), dtype=float).reshape(-1, columns)
-        self._tables.expect(table, validation.wrong_places(found))
-        return found
+        places = np.array(self._tables.all(table), dtype=float).reshape(-1, columns)
+        self._tables.expect(table, validation.wrong_places(places))
+        return places
 
     def particles(self) -> Particles:
         """All crack particles; empty if bonds break by themselves."""
@@ -266,22 +272,22 @@ class Results:
 
     def field(self, name: str, step: int) -> NDArray[np.float32]:
         """A field (n,) of the nodes at `step`. Raises ResultsError, naming the stored fields, if it is missing."""
-        found = list(self._tables.each("field_chunk", "WHERE step = ? AND field = ?", (int(step), name)))
-        if not found:
+        chunk_rows = list(self._tables.each("field_chunk", "WHERE step = ? AND field = ?", (int(step), name)))
+        if not chunk_rows:
             self._expect_field(name, step)
-        sizes = [len(row[-1]) for row in found]
+        sizes = [len(row[-1]) for row in chunk_rows]
         if any(size != 4 * CHUNK for size in sizes[:-1]) or any(size % 4 or size > 4 * CHUNK for size in sizes[-1:]):
             self._tables.impossible("field_chunk", f"a chunk is cut short; each has {CHUNK} values")
-        values = np.frombuffer(b"".join(row[-1] for row in found), dtype="<f4")
-        count, there = self._tables.count("node"), [row[2] for row in found]
+        values = np.frombuffer(b"".join(row[-1] for row in chunk_rows), dtype="<f4")
+        count, stored_chunks = self._tables.count("node"), [row[2] for row in chunk_rows]
         if count is not None and len(self.epochs()) == 1:
-            if there != list(range(-(-count // CHUNK))) or len(values) != count:
+            if stored_chunks != list(range(-(-count // CHUNK))) or len(values) != count:
                 self._tables.damaged("field_chunk")
             return self._finite(name, step, values)
         chunk, at = np.divmod(self.rows(step), CHUNK)
         chunks = np.unique(chunk)
         place = CHUNK * np.searchsorted(chunks, chunk) + at
-        if there != chunks.tolist() or len(values) <= place.max(initial=-1):
+        if stored_chunks != chunks.tolist() or len(values) <= place.max(initial=-1):
             self._tables.damaged("field_chunk")
         return self._finite(name, step, values[place])
 
@@ -320,8 +326,8 @@ class Results:
         """Raise ResultsError, naming the stored fields, if a frame does not hold a field."""
         steps, _ = self.frames()
         if step not in steps:
-            there = f"{len(steps)} frames from {steps[0]} to {steps[-1]}" if len(steps) else "none yet"
-            raise ResultsError(f"{self.name} has no frame of step {step}; use one of {there}")
+            frames_text = f"{len(steps)} frames from {steps[0]} to {steps[-1]}" if len(steps) else "none yet"
+            raise ResultsError(f"{self.name} has no frame of step {step}; use one of {frames_text}")
         if name not in (stored := self.stored(step)):
             fields = f"{', '.join(stored)} (pdsolve --fields stores others)"
             raise ResultsError(f"{self.name} has no field '{name}'; use one of {fields}")
@@ -329,14 +335,14 @@ class Results:
     def breaks(self) -> Breaks:
         """All bonds broken so far, read once: the arrays are shared and read-only."""
         with self._tables.snapshot():
-            known = self._tables.count("bond_break")
-            if self._breaks is None or self._breaks[0] != known:
+            count = self._tables.count("bond_break")
+            if self._breaks is None or self._breaks[0] != count:
                 table = self._tables.records("bond_break")
-                found = Breaks(*(np.ascontiguousarray(table[name]) for name in table.dtype.names or ()))
-                self._tables.expect("bond_break", validation.wrong_breaks(found, self.lives().nodes.ids))
-                for column in found:
+                breaks = Breaks(*(np.ascontiguousarray(table[name]) for name in table.dtype.names or ()))
+                self._tables.expect("bond_break", validation.wrong_breaks(breaks, self.lives().nodes.ids))
+                for column in breaks:
                     column.flags.writeable = False
-                self._breaks = known, found
+                self._breaks = count, breaks
         return self._breaks[1]
 
     def history(self) -> NDArray[np.void]:
@@ -358,8 +364,8 @@ class Results:
 
     def probes(self) -> NDArray[np.void]:
         """Records of the probes, with fields step, time, node, ux ... ay, uz, vz, az."""
-        found = self._numbers("probe", self._tables.all("probe"))
-        return found[np.lexsort((found["step"], found["node"]))]
+        records = self._numbers("probe", self._tables.all("probe"))
+        return records[np.lexsort((records["step"], records["node"]))]
 
     def reactions(self) -> NDArray[np.void]:
         """Records of the conditions.
@@ -368,8 +374,8 @@ class Results:
         displacement_z; the model holds the kinds of conditions.
         """
         rows = [(*row[:3], *row[4:]) for row in self._tables.all("reaction")]
-        found = self._numbers("reaction", rows, leave_out="kind")
-        return found[np.lexsort((found["step"], found["condition"]))]
+        records = self._numbers("reaction", rows, leave_out="kind")
+        return records[np.lexsort((records["step"], records["condition"]))]
 
     def has_checkpoint(self) -> bool:
         """Whether there is a checkpoint; a run may be stopped before its first frame."""

@@ -71,9 +71,9 @@ def state_of(path: Path) -> State:
     A free file may be taken the next moment: a writer asks for its lock (`writing_to`) and gets a BusyError then.
     Raises ResultsError for a file that is not a database of results, and for a damaged one.
     """
-    held = holder(path)
-    if held is not None:
-        return State(Kind.RUNNING, holder=held)
+    lock_holder = holder(path)
+    if lock_holder is not None:
+        return State(Kind.RUNNING, holder=lock_holder)
     if not os.path.lexists(path):
         _expect_no_log(path)
         return State(Kind.NONE)

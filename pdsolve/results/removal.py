@@ -26,9 +26,9 @@ def remove(path: Path, of_ranks: bool = True) -> None:
     ResultsError for files beside it that SQLite has not left there.
     """
     try:
-        found = irregular(path)
-        if found is not None:
-            raise WriteError(f"{path} is {found}; name a database or nothing")
+        file_kind = irregular(path)
+        if file_kind is not None:
+            raise WriteError(f"{path} is {file_kind}; name a database or nothing")
         expect_sound(path)
         place = Path(os.path.realpath(path))
         pieces = _of_ranks(place) if of_ranks else []
@@ -44,9 +44,9 @@ def _of_ranks(place: Path) -> list[Path]:
     Other databases of such names, as copies of a user, are not among them. Raises ResultsError for other files.
     """
     pattern = re.compile(re.escape(place.name) + OF_RANK + BESIDE)
-    found = [file for file in place.parent.iterdir() if pattern.fullmatch(file.name)] if place.parent.is_dir() else []
+    files = [file for file in place.parent.iterdir() if pattern.fullmatch(file.name)] if place.parent.is_dir() else []
     ours = []
-    for database in sorted({file.with_name(file.name.removesuffix(_end(file))) for file in found}):
+    for database in sorted({file.with_name(file.name.removesuffix(_end(file))) for file in files}):
         expect_sound(database)
         if not os.path.lexists(database):
             continue
@@ -57,7 +57,7 @@ def _of_ranks(place: Path) -> list[Path]:
             raise WriteError(f"{database} is no database of a rank; move it away")
         if _is_piece(database, place.name):
             ours.append(database)
-    return [file for file in found if file.with_name(file.name.removesuffix(_end(file))) in ours]
+    return [file for file in files if file.with_name(file.name.removesuffix(_end(file))) in ours]
 
 
 def expect_piece(database: Path, index: str) -> None:

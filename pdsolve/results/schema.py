@@ -182,10 +182,10 @@ def _view(dimension: int) -> str:
     every_byte = f"x'{bytes(range(256)).hex()}'"
 
     def decoded(field: str) -> str:
-        one = ", ".join(
+        bytes_sql = ", ".join(
             f'instr({every_byte}, substr(data, 4 * (n."row" % {CHUNK}) + {b + 1}, 1)) - 1 AS b{b}' for b in range(4)
         )
-        return f"""(SELECT base + unit * (((b2 & 127) << 16) | (b1 << 8) | b0) FROM (SELECT {one} FROM field_chunk
+        return f"""(SELECT base + unit * (((b2 & 127) << 16) | (b1 << 8) | b0) FROM (SELECT {bytes_sql} FROM field_chunk
     WHERE step = f.step AND field = '{field}' AND chunk = n."row" / {CHUNK})
     JOIN float32_prefix ON prefix = ((b3 << 1) | (b2 >> 7))) AS {field}"""
 

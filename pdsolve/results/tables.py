@@ -60,22 +60,22 @@ class Tables:
     def expect_ours(self) -> None:
         """Check that this is a database of results with its original tables; it may still be under construction."""
         with self.snapshot():
-            ((found,),) = self.rows("PRAGMA application_id")
-            there = {name for (name,) in self.rows("SELECT name FROM sqlite_master")}
+            ((application,),) = self.rows("PRAGMA application_id")
+            names = {name for (name,) in self.rows("SELECT name FROM sqlite_master")}
             self._look_at_version()
-            if not there:
+            if not names:
                 raise EmptyError(
                     f"{self.name} has nothing in it: its run has just begun, or was stopped before its first frame"
                     " (solve it anew), or it was renamed without its log (NAME-wal)"
                 )
-            if found != APPLICATION_ID:
+            if application != APPLICATION_ID:
                 raise ResultsError(f"{self.name} is a database of another program; use one written by pdsolve")
             if not WITHOUT_CHECKSUMS <= self.version <= SCHEMA_VERSION:
                 raise ResultsError(
                     f"{self.name} has schema version {self.version}; this version reads {SCHEMA_VERSION}"
                 )
             newer = {"checksum": self.checked, "epoch": self.epochs, "crack_particle": self.particles}
-            if any(expected != (name in there) for name, expected in newer.items()):
+            if any(expected != (name in names) for name, expected in newer.items()):
                 self.damaged("schema")
             self.compare("schema", self.rows(select_schema()))
             with self._bounded():
@@ -118,12 +118,12 @@ class Tables:
     def verify(self) -> None:
         """Read everything and compare it with the checksums."""
         with self.snapshot():
-            ((found,), *_) = self.rows("PRAGMA integrity_check(1)")
-            if found != "ok":
-                raise DamagedError(f"{self.name}: {' '.join(found.split())}; use a whole database")
-            there = {name for (name,) in self.rows("SELECT name FROM sqlite_master")}
+            ((message,), *_) = self.rows("PRAGMA integrity_check(1)")
+            if message != "ok":
+                raise DamagedError(f"{self.name}: {' '.join(message.split())}; use a whole database")
+            names = {name for (name,) in self.rows("SELECT name FROM sqlite_master")}
             for table in TABLES:
-                if table != "checksum" and table in there:
+                if table != "checksum" and table in names:
                     self.compare(table, self.each(table))
 
     @contextmanager
@@ -172,13 +172,13 @@ class Tables:
             ((count,),) = self.rows(f"SELECT count(*) FROM {table}")
             kind = record(table, len(self.rows(f"PRAGMA table_info({table})")))
             try:
-                found = np.fromiter(self.each(table), kind, count)
+                rows = np.fromiter(self.each(table), kind, count)
             except ResultsError:
                 raise
             except (TypeError, ValueError, OverflowError):
                 self.damaged(table)
-            self.compare(table, found)
-        return found
+            self.compare(table, rows)
+        return rows
 
     def count(self, table: str) -> int | None:
         """Number of rows written to a table; None if unknown."""
@@ -194,12 +194,12 @@ class Tables:
             return
         expected = self.rows("SELECT rows, crc FROM checksum WHERE name = ?", (table,))
         try:
-            found = Checksum().of(table, rows)
+            checksum = Checksum().of(table, rows)
         except ResultsError:
             raise
         except (TypeError, ValueError, OverflowError):
             self.damaged(table)
-        if expected != [found]:
+        if expected != [checksum]:
             self.damaged(table)
 
     def expect(self, table: str, wrong: str | None) -> None:

@@ -54,20 +54,23 @@ def wrong_schema(connection: sqlite3.Connection, current: bool) -> str | None:
     For files of older versions (not `current`), only columns are checked, and some may be missing.
     """
     with closing(connection.execute("SELECT type, name, tbl_name, sql, rootpage FROM sqlite_master")) as rows:
-        found = rows.fetchall()
+        objects = rows.fetchall()
     ours = [_master(2), _master(3)]
-    for kind, name, table, sql, _ in found:
+    for kind, name, table, sql, _ in objects:
         if kind == "index" and sql is None and str(name).startswith("sqlite_autoindex_") and table in ours[0]:
             continue
-        if (kind, name) not in [("table", known) for known in ours[0] if known != VIEW] + [("view", VIEW)]:
+        if (kind, name) not in [("table", expected) for expected in ours[0] if expected != VIEW] + [("view", VIEW)]:
             return f"the {kind} {str(name)[:80]!r} is not pdsolve's; keep yours in another file"
-        if current and not any(plain(sql) == one[name] for one in ours):
+        if current and not any(plain(sql) == master[name] for master in ours):
             return f"the {kind} {name} is not that of pdsolve"
         if not current and kind == "table":
-            known = [*_known_columns()[name], *OLDER.get(name, ())]
-            if any(column not in known for column in table_columns(connection, name)) or "VIRTUAL" in sql[:20].upper():
+            expected = [*_known_columns()[name], *OLDER.get(name, ())]
+            if (
+                any(column not in expected for column in table_columns(connection, name))
+                or "VIRTUAL" in sql[:20].upper()
+            ):
                 return f"the table {name} is not that of pdsolve"
-    names = [name for kind, name, *_ in found if kind != "index"]
+    names = [name for kind, name, *_ in objects if kind != "index"]
     missing = [name for name in ours[0] if name not in names] if current else []
     if missing:
         return f"{missing[0]} is missing, which pdsolve writes"
@@ -153,7 +156,7 @@ def wrong_deaths(step: NDArray[np.int64], row: NDArray[np.int64], birth: NDArray
 def wrong_epochs(rows: Sequence[Row]) -> str | None:
     """Error in the rows of the table `epoch`."""
     steps = [row[0] for row in rows]
-    rises = all(one < other for one, other in pairwise(steps))
+    rises = all(earlier < later for earlier, later in pairwise(steps))
     if steps[:1] != [0] or not rises or not all(0 <= number <= 2**53 for row in rows for number in row):
         return f"epochs at steps {str(steps)[:60]} do not rise from 0 on"
     return None

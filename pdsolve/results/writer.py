@@ -129,7 +129,7 @@ class Writer:
         """
         with Results.open(path) as results:
             step, pieces = results.checkpoint_step(), results.pieces
-        for file in (file for one in pieces for file in one.files):
+        for file in (file for piece in pieces for file in piece.files):
             put_away(beside(path, file))
         writer = cls(_connected(path), path)
         with writer._transaction() as connection:
@@ -233,10 +233,10 @@ class Writer:
             if self._token is not None:
                 self._token.expect_own(self.connection, self._place)
             before = [] if new else self.connection.execute("SELECT name, rows, crc FROM checksum")
-            known = {name: Checksum(rows, crc) for name, rows, crc in before}
-            self._checksums = known.copy()
+            stored_checksums = {name: Checksum(rows, crc) for name, rows, crc in before}
+            self._checksums = stored_checksums.copy()
             yield self.connection
-            changed = [(*now, name) for name, now in self._checksums.items() if now != known.get(name)]
+            changed = [(*now, name) for name, now in self._checksums.items() if now != stored_checksums.get(name)]
             self.connection.executemany("UPDATE checksum SET rows = ?, crc = ? WHERE name = ?", changed)
             self.connection.execute("COMMIT")
 
@@ -293,9 +293,9 @@ class Writer:
         """Write nodes, from row `first` on, and their families in chunks."""
         for at in range(0, births.total, CHUNK):
             rows = np.arange(at, min(at + CHUNK, births.total))
-            own, row = births.nodes(at, at + len(rows)), first + rows
-            flat = [np.zeros(len(row))] * (3 - own.position.shape[1])
-            columns = (row, own.ids, *own.position.T, *flat, *own[2:], np.full(len(row), birth))
+            nodes, row = births.nodes(at, at + len(rows)), first + rows
+            flat = [np.zeros(len(row))] * (3 - nodes.position.shape[1])
+            columns = (row, nodes.ids, *nodes.position.T, *flat, *nodes[2:], np.full(len(row), birth))
             self._append("node", records("node", columns))
             start, neighbour = births.families(at, at + len(row))
             ahead = neighbour - np.repeat(row, np.diff(start))
@@ -395,9 +395,9 @@ def _in_chunks(pieces: Iterator[NDArray[Any]]) -> Iterator[NDArray[Any]]:
     rest = np.zeros(0, dtype="<f4")
     for piece in pieces:
         rest = np.concatenate([rest, piece])
-        whole = len(rest) // CHUNK * CHUNK
-        yield from rest[:whole].reshape(-1, CHUNK)
-        rest = rest[whole:]
+        full_length = len(rest) // CHUNK * CHUNK
+        yield from rest[:full_length].reshape(-1, CHUNK)
+        rest = rest[full_length:]
     if len(rest):
         yield rest
 
@@ -423,7 +423,7 @@ def _connected(path: Path | None) -> sqlite3.Connection:
 def put_away(path: Path) -> None:
     """Merge the files of a finished run that was killed before doing so, as far as possible."""
     real = os.path.realpath(path)
-    if any(os.path.exists(f"{real}{beside}") for beside in ("-wal", "-journal", "-lock")):
+    if any(os.path.exists(f"{real}{suffix}") for suffix in ("-wal", "-journal", "-lock")):
         with suppress(ResultsError), writing_to(path):
-            if any(os.path.exists(f"{real}{beside}") for beside in ("-wal", "-journal")):
+            if any(os.path.exists(f"{real}{suffix}") for suffix in ("-wal", "-journal")):
                 Writer(_connected(path), path).abandon("finished")

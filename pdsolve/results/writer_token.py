@@ -51,8 +51,8 @@ class Token(NamedTuple):
 
     def is_alive(self, path: Path) -> bool:
         """Whether another live process on this machine writes to the database at `path`."""
-        here = self.host == socket.gethostname() and self.process != os.getpid()
-        return here and 0 < self.began == _began(self.process) and self.is_of(path)
+        on_this_machine = self.host == socket.gethostname() and self.process != os.getpid()
+        return on_this_machine and 0 < self.began == _began(self.process) and self.is_of(path)
 
     def expect_in_place(self, path: Path) -> None:
         """Raise GoneError if the database is no longer at `path`."""

@@ -27,10 +27,10 @@ class Accounts(Protocol):
     def follow(self, system: System) -> None:
         """Continue with changed nodes."""
 
-    def settle(self, state: State, step: int, asked: Asked) -> None:
+    def settle(self, state: State, step: int, bond_state: Asked) -> None:
         """Make this step the last entry, without recording it."""
 
-    def take(self, state: State, step: int, asked: Asked) -> None:
+    def take(self, state: State, step: int, bond_state: Asked) -> None:
         """Record this step. Raises UnstableError."""
 
     def entered(self, frame: Frame) -> Frame:
@@ -60,33 +60,33 @@ class Together:
     @property
     def balance(self) -> float:
         """The worst of all, by size."""
-        return max([self._motion.balance, *(one.balance for one, _ in self._others)], key=abs)
+        return max([self._motion.balance, *(accounts.balance for accounts, _ in self._others)], key=abs)
 
     def words(self, broken: int) -> str:
         """How the books stand with so many broken bonds, for a watcher."""
-        return "; ".join([self._motion.words(broken), *(one.words(broken) for one, _ in self._others)])
+        return "; ".join([self._motion.words(broken), *(accounts.words(broken) for accounts, _ in self._others)])
 
     def follow(self, system: System) -> None:
         """Go on with other nodes."""
         self._motion.follow(system)
 
-    def settle(self, state: State, step: int, asked: Asked) -> None:
+    def settle(self, state: State, step: int, bond_state: Asked) -> None:
         """Make the last entries those of this step, without noting them."""
-        self._motion.settle(state, step, asked)
-        for one, prepared in self._others:
-            one.settle(prepared.state, step, asked)
+        self._motion.settle(state, step, bond_state)
+        for accounts, prepared in self._others:
+            accounts.settle(prepared.state, step, bond_state)
 
-    def take(self, state: State, step: int, asked: Asked) -> None:
+    def take(self, state: State, step: int, bond_state: Asked) -> None:
         """Note this step. Raises UnstableError."""
-        self._motion.take(state, step, asked)
-        for one, prepared in self._others:
-            one.take(prepared.state, step, asked)
+        self._motion.take(state, step, bond_state)
+        for accounts, prepared in self._others:
+            accounts.take(prepared.state, step, bond_state)
 
     def entered(self, frame: Frame) -> Frame:
         """The frame with what was noted since the last one."""
         frame = self._motion.entered(frame)
-        for one, _ in self._others:
-            frame = one.entered(frame)
+        for accounts, _ in self._others:
+            frame = accounts.entered(frame)
         return frame
 
     def meta(self) -> dict[str, Any]:
@@ -95,8 +95,8 @@ class Together:
 
     def summary(self) -> dict[str, Any]:
         """What the run came to: that of the motion, and of each other under the name of its physics."""
-        others = [one.summary() for one, _ in self._others]
-        return {**self._motion.summary(), **{str(found["physics"]): found for found in others}}
+        others = [accounts.summary() for accounts, _ in self._others]
+        return {**self._motion.summary(), **{str(summary["physics"]): summary for summary in others}}
 
     def close(self) -> None:
         """Warn of what the books show in the end."""

@@ -43,13 +43,13 @@ def motion_follows(path: Results) -> bool:
 
 def motion_after(path: Results, threads: int | None) -> tuple[Prepared, int]:
     """The motion after a path that it follows, and the last step of the path. Raises ModelError, ResultsError."""
-    step, kept = path.checkpoint()
+    step, checkpoint = path.checkpoint()
     options = Options(path.meta()["mode"], "float64", threads, "listed")
     system, state = prepare(_moving(model_of(path.model(), path.name), path.summary()["lost"]), options)
     ahead = system.model.settings.run.steps
     model = _changed(system.model, steps=step + ahead, every=max(1, ahead // FRAMES), ledger=max(1, ahead // ENTRIES))
     system = dataclasses.replace(system, model=model)
-    restore(system, state, step, kept, path.breaks())
+    restore(system, state, step, checkpoint, path.breaks())
     _let_go(system, state)
     return Prepared(system, state), step
 
@@ -57,9 +57,9 @@ def motion_after(path: Results, threads: int | None) -> tuple[Prepared, int]:
 def _moving(model: Model, factor: float) -> Model:
     """The model in motion, whose loads and holds stay as they are at a factor of those prescribed."""
     conditions = []
-    for one in model.settings.conditions:
-        assert isinstance(one, Condition)
-        conditions.append(msgspec.structs.replace(one, profile=((0.0, factors(one, [factor])[0]),)))
+    for condition in model.settings.conditions:
+        assert isinstance(condition, Condition)
+        conditions.append(msgspec.structs.replace(condition, profile=((0.0, factors(condition, [factor])[0]),)))
     settings = msgspec.structs.replace(model.settings, conditions=tuple(conditions))
     still = dataclasses.replace(model, settings=settings)
     return _changed(still, solver="explicit", after="path", time_step=None)
@@ -73,5 +73,5 @@ def _changed(model: Model, **changes: Any) -> Model:
 
 def _let_go(system: System, state: State) -> None:
     """Set the accelerations (n, w), m/s^2, with which a body begins to move."""
-    left = (forces(system.operator, state) + system.drive.force) / system.model.rho[:, None]
-    state.second[:] = np.where(held(system.drive), 0.0, left)
+    acceleration = (forces(system.operator, state) + system.drive.force) / system.model.rho[:, None]
+    state.second[:] = np.where(held(system.drive), 0.0, acceleration)

@@ -59,11 +59,11 @@ def system_of(model: Model, options: Options, scheme: Scheme) -> Prepared:
     bonds, filled = operator_of(model, options, scheme, filling, model.settings.run.cracks == "particles")
     operator, touching = touched(model, filled.area, held_by_ground(model, filled.area, bonds))
     bound = stable_step(model, operator)
-    found = assembled(model, options, scheme, operator, filled, (step_of(model, bound), bound))
+    prepared = assembled(model, options, scheme, operator, filled, (step_of(model, bound), bound))
     if touching is not None:
-        touching.rigid.start(found.state, found.system.drive, found.system.time_step)
-    growth = growth_of(model, bonds, filling, found.system.drive, found.system.time_step)
-    return found._replace(system=replace(found.system, growth=growth, contact=touching))
+        touching.rigid.start(prepared.state, prepared.system.drive, prepared.system.time_step)
+    growth = growth_of(model, bonds, filling, prepared.system.drive, prepared.system.time_step)
+    return prepared._replace(system=replace(prepared.system, growth=growth, contact=touching))
 
 
 def assembled(
@@ -74,12 +74,12 @@ def assembled(
     filled: Counted,
     steps: tuple[float, float],
     driven: Drive | None = None,
-    beside: Beside | None = None,
+    rank_coupling: Beside | None = None,
 ) -> Prepared:
     """The system of a model with this operator, and its state.
 
     `steps`, s, are the run's step and the surely stable one; `driven` are the conditions, if not those of the model;
-    `beside` is what a window has to do with other ranks.
+    `rank_coupling` is what a window has to do with other ranks.
     """
     kind, (step, bound) = np.dtype(options.precision).type, steps
     rho = model.rho.astype(kind)
@@ -90,9 +90,9 @@ def assembled(
     velocity, nodes = initial_velocity(model, width), len(model.grid)
     u, v = np.zeros((2, nodes, width), dtype=kind)
     state = State(u, v, initial_acceleration(driven, rho), *np.zeros((3, nodes)))
-    state, damped = operator.place(state), damping(model) if beside is None else beside.damping
+    state, damped = operator.place(state), damping(model) if rank_coupling is None else rank_coupling.damping
     set_off(state, velocity, damped, driven)
-    stepper, driven = stepper_of(operator, state, driven, rho, step, damped, beside)
+    stepper, driven = stepper_of(operator, state, driven, rho, step, damped, rank_coupling)
     energy = float(np.sum(model.rho / 2 * filled.area * (velocity**2).sum(axis=1))) if velocity.any() else 0.0
     refuse_fields(model, operator, state)
     system = System(model, options, scheme, operator, stepper, driven, *filled, step, bound, energy)
@@ -127,13 +127,15 @@ def stepper_of(
     rho: NDArray[np.floating],
     dt: float,
     damping: NDArray[np.float64],
-    beside: Beside | None = None,
+    rank_coupling: Beside | None = None,
 ) -> tuple[Stepper, Drive]:
     """What takes steps of `dt`, s, of a placed state, and its conditions; `rho` (n,), kg/m^3, `damping` (n,), 1/s.
 
-    `beside` is what a window has to do with other ranks.
+    `rank_coupling` is what a window has to do with other ranks.
     """
-    ghosts, damps = (None, bool(damping.any())) if beside is None else (beside.ghosts, beside.damps)
+    ghosts, damps = (
+        (None, bool(damping.any())) if rank_coupling is None else (rank_coupling.ghosts, rank_coupling.damps)
+    )
     if isinstance(operator, OnDevice):
         return VerletOnDevice((operator, state, drive), rho, dt, damping), drive
     blocks, touching = in_blocks(operator)

@@ -40,10 +40,10 @@ def at_rest(model: Model, options: Options, scheme: Scheme, breaks: bool = True)
     breaks = breaks and not grows
     if breaks and follows_path(model):
         return _along_path(model, options, scheme)
-    law, whole, static = law_of(model), scheme.fill(model), model.settings.run.static
+    law, all_bonds, static = law_of(model), scheme.fill(model), model.settings.run.static
     of_families = breaks and law.pair is None and any(material.failure != "none" for material in model.materials)
-    no_fail = StaticBreakage(whole)
-    filling = whole if of_families else no_fail.filling()
+    no_fail = StaticBreakage(all_bonds)
+    filling = all_bonds if of_families else no_fail.filling()
     options = options._replace(kernel="listed") if of_families else options
     bonds, filled = operator_of(model, options, scheme, filling, unbreakable=not of_families)
     area = filling.area
@@ -68,16 +68,16 @@ def at_rest(model: Model, options: Options, scheme: Scheme, breaks: bool = True)
     fatigue, look = model.settings.run.fatigue, growth.look if growth and not follows_cracks(model) else None
     stepper = LoadSteps(model, operator, driven, area, method, breaking, None if fatigue else look, **remember)
     step, bound = float(model.settings.run.time_step or 0.0), stable(operator.stiffness_bound(), model.rho)
-    found = System(model, options, scheme, operator, stepper, driven, *filled, step, bound, 0.0)
-    found = replace(found, growth=growth, contact=contact)
+    system = System(model, options, scheme, operator, stepper, driven, *filled, step, bound, 0.0)
+    system = replace(system, growth=growth, contact=contact)
     if fatigue is not None and (breaks or grows):
-        found = replace(found, stepper=repeating(model, operator, stepper, breakable, *filled[1:], growth))
+        system = replace(system, stepper=repeating(model, operator, stepper, breakable, *filled[1:], growth))
     if breaks and follows_arc(model):
         _refuse_size(model, driven)
-        found = replace(found, stepper=ArcLengthSteps(model, operator, driven, area, breaking, **remember))
+        system = replace(system, stepper=ArcLengthSteps(model, operator, driven, area, breaking, **remember))
     if growth is not None and follows_cracks(model):
-        found = replace(found, stepper=CrackLengthSteps(model, operator, driven, area, stepper, growth))
-    return Prepared(found, state)
+        system = replace(system, stepper=CrackLengthSteps(model, operator, driven, area, stepper, growth))
+    return Prepared(system, state)
 
 
 def _along_path(model: Model, options: Options, scheme: Scheme) -> Prepared:
@@ -98,8 +98,8 @@ def _along_path(model: Model, options: Options, scheme: Scheme) -> Prepared:
         bonds.stand_on(np.repeat(area, width)[:, None] * ground.stiffness_matrix())
     stepper = PathSteps(model, bonded, driven, area, bonds, contact)
     step, bound = model.settings.run.time_step or 1.0, stable(operator.stiffness_bound(), model.rho)
-    found = System(model, options, scheme, operator, stepper, driven, *filled, step, bound, 0.0, contact=contact)
-    return Prepared(found, state)
+    system = System(model, options, scheme, operator, stepper, driven, *filled, step, bound, 0.0, contact=contact)
+    return Prepared(system, state)
 
 
 def _refuse_size(model: Model, driven: Drive) -> None:

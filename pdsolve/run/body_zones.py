@@ -30,21 +30,25 @@ class Refining:
         new = before.wanted(state, step - self.every)
         if not len(new):
             return None
-        held = energy(system, state, before.held_around(state, new))
+        energy_before = energy(system, state, before.held_around(state, new))
         after = before.refined(new)
         fresh = _on(system, after, step)
         rows = before.row_of_grid(after.rows)
-        found = _moved(before, after, state, rows)
-        pull, which = after.forces_around(found, new)
+        new_state = _moved(before, after, state, rows)
+        pull, which = after.forces_around(new_state, new)
         _hold(system, fresh, rows, pull, which)
-        made = energy(fresh, found, after.held_around(found, new)) - held + pushed(fresh, found, pull, which)
-        after.history = after.history._replace(made=after.history.made + made)
-        return Change(fresh, found, _origin(system, fresh, rows))
+        energy_created = (
+            energy(fresh, new_state, after.held_around(new_state, new))
+            - energy_before
+            + pushed(fresh, new_state, pull, which)
+        )
+        after.history = after.history._replace(made=after.history.made + energy_created)
+        return Change(fresh, new_state, _origin(system, fresh, rows))
 
-    def back(self, system: System, kept: Kept) -> Prepared:
+    def back(self, system: System, checkpoint: Kept) -> Prepared:
         """The system of a checkpoint's cells. Raises CheckpointError for cells that no run from here can have."""
-        after = zone_of(system).restored(kept)
-        if not np.array_equal(after.model.grid.ids, kept["ids"]):
+        after = zone_of(system).restored(checkpoint)
+        if not np.array_equal(after.model.grid.ids, checkpoint["ids"]):
             raise CheckpointError("ids of nodes are not those of its cells")
         fresh = _on(system, after, 0)
         return Prepared(fresh, zero_state(len(after.volume), after.unknowns[0].width))
@@ -59,8 +63,8 @@ def zone_of(system: System) -> SpaceHybrid:
 def _on(system: System, after: SpaceHybrid, step: int) -> System:
     """The system of other nodes."""
     steps, driven = (system.time_step, system.bound), drive_of_nodes(after, step * system.time_step)
-    found = assembled(after.model, system.options, system.scheme, after, after.counted, steps, driven).system
-    return dataclasses.replace(found, whole=system.whole)
+    new_system = assembled(after.model, system.options, system.scheme, after, after.counted, steps, driven).system
+    return dataclasses.replace(new_system, whole=system.whole)
 
 
 def _moved(before: SpaceHybrid, after: SpaceHybrid, state: State, rows: NDArray[np.int64]) -> State:
@@ -68,8 +72,8 @@ def _moved(before: SpaceHybrid, after: SpaceHybrid, state: State, rows: NDArray[
     those before, -1 for new nodes."""
     old, nodes = rows >= 0, len(rows)
     booked = np.zeros((3, nodes))
-    for here, there in zip(booked, state[3:], strict=True):
-        here[old] = there[rows[old]] * before.volume[rows[old]] / after.volume[old]
+    for density_after, density_before in zip(booked, state[3:], strict=True):
+        density_after[old] = density_before[rows[old]] * before.volume[rows[old]] / after.volume[old]
     return State(*(before.moved(after.rows, values) for values in state[:3]), *booked)
 
 
@@ -84,16 +88,16 @@ def _hold(
     had; `rows` (n,) are those before."""
     old, new = system.drive, fresh.drive
     node, axis = new.holds.node, new.holds.axis
-    known = np.zeros_like(old.force)
-    known[old.holds.node, old.holds.axis] = old.held_force
-    new.held_force[:] = np.where(which[node], (pull + new.force)[node, axis], known[rows[node], axis])
+    previous_force = np.zeros_like(old.force)
+    previous_force[old.holds.node, old.holds.axis] = old.held_force
+    new.held_force[:] = np.where(which[node], (pull + new.force)[node, axis], previous_force[rows[node], axis])
 
 
 def _origin(system: System, fresh: System, rows: NDArray[np.int64]) -> NDArray[np.int64]:
     """The `rows` (m,) before of nodes that keep their cell and their bonds; -1 for others."""
     before, after = zone_of(system), zone_of(fresh)
     old = np.flatnonzero(rows >= 0)
-    own = rows[old]
-    same = (before.volume[own] == after.volume[old]) & (system.family[own] == fresh.family[old])
-    same &= system.count[own] == fresh.count[old]
+    rows_before = rows[old]
+    same = (before.volume[rows_before] == after.volume[old]) & (system.family[rows_before] == fresh.family[old])
+    same &= system.count[rows_before] == fresh.count[old]
     return np.where(np.isin(np.arange(len(rows)), old[same]), rows, -1)

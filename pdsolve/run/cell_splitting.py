@@ -40,25 +40,27 @@ class Splitting:
 
     def epoch(self, system: System, state: State, step: int) -> Change | None:
         """Split and merge cells after `step`; None if all stay."""
-        own, wanted = leaves(system), self.settings
-        energy, before = own.energies(state)[0], Before(own.list, own.steps())
+        operator, wanted = leaves(system), self.settings
+        energy, before = operator.energies(state)[0], Before(operator.list, operator.steps())
         look = self._look(system, state, energy, before)
-        own.memory = own.memory._replace(calm=np.where(look.height < wanted.merge, own.memory.calm + 1, 0))
+        operator.memory = operator.memory._replace(
+            calm=np.where(look.height < wanted.merge, operator.memory.calm + 1, 0)
+        )
         splits = criteria.split(self.tree, look, wanted.threshold)
-        merged = criteria.merge(self.tree, look, own.memory.calm >= wanted.hold, splits, wanted.threshold)
+        merged = criteria.merge(self.tree, look, operator.memory.calm >= wanted.hold, splits, wanted.threshold)
         if not splits.any() and not len(merged.root):
             return None
-        cells, transfer = transfer_of(self.tree, own.cells, splits, merged)
+        cells, transfer = transfer_of(self.tree, operator.cells, splits, merged)
         return self._changed(system, state, step, (cells, transfer), (before, energy))
 
     def _look(self, system: System, state: State, energy: NDArray[np.float64], before: Before) -> criteria.Look:
         """State of nodes with energy densities `energy` (n,), J/m^3, for the criteria."""
-        own, model = leaves(system), system.model
+        operator, model = leaves(system), system.model
         if self.settings.by == "energy":
-            height = criteria.heights(self.tree, own.cells, energy, self._critical)
+            height = criteria.heights(self.tree, operator.cells, energy, self._critical)
         else:
-            height = criteria.stretches(self.tree, own.cells, own.list, before.broken, state.value)
-        return criteria.Look(own.cells, model.grid.position, model.horizons, height, before.hurt)
+            height = criteria.stretches(self.tree, operator.cells, operator.list, before.broken, state.value)
+        return criteria.Look(operator.cells, model.grid.position, model.horizons, height, before.hurt)
 
     def _changed(
         self,
@@ -69,20 +71,22 @@ class Splitting:
         past: tuple[Before, NDArray[np.float64]],
     ) -> Change:
         """The leaves `after` this step, made from the previous bonds and their energies (n,), J/m^3, in `past`."""
-        (cells, transfer), (before, held), own = after, past, leaves(system)
+        (cells, transfer), (before, energies_before), old_operator = after, past, leaves(system)
         new, begun = self._cloud(system, cells, transfer)
         operator = leaves(new)
         broken = inherited(before, operator.list, transfer)
         assert not healed(before, operator.list, transfer, broken), f"step {step}: a bond has healed"
         operator.put(broken)
-        for values, found in zip(begun, moved(state, transfer, own.list, before.broken == 0), strict=True):
-            values[:] = found
+        for values, moved_values in zip(
+            begun, moved(state, transfer, old_operator.list, before.broken == 0), strict=True
+        ):
+            values[:] = moved_values
         new.drive.held_force[:] = system.drive.held_force
         put_loads(new.drive, step * system.time_step)
-        created = energy_of(new, begun, operator.energies(begun)[0]) - energy_of(system, state, held)
+        created = energy_of(new, begun, operator.energies(begun)[0]) - energy_of(system, state, energies_before)
         created += pushed(new, begun, forces(operator, begun._replace(dissipated=np.zeros_like(begun.dissipated))))
-        calm = np.where(transfer.stays, own.memory.calm[transfer.before[:, 0]], 0)
-        operator.memory = Memory(calm, own.memory.created + created)
+        calm = np.where(transfer.stays, old_operator.memory.calm[transfer.before[:, 0]], 0)
+        operator.memory = Memory(calm, old_operator.memory.created + created)
         return Change(new, begun, self._origin(system, new, transfer))
 
     def _cloud(self, system: System, cells: Cells, transfer: Transfer | None = None) -> Prepared:
@@ -93,10 +97,10 @@ class Splitting:
         tree, threads = self.tree, system.threads
         model = tree.model_of(cells)
         rule = system.scheme.by_pairs(model)
-        found = filled(rule) if transfer is None else refilled(rule, model, leaves(system).filled, transfer)
-        operator = Leaves(tree, cells, model, found, system.scheme, threads)
+        bonds = filled(rule) if transfer is None else refilled(rule, model, leaves(system).filled, transfer)
+        operator = Leaves(tree, cells, model, bonds, system.scheme, threads)
         steps = system.time_step, system.bound
-        rest = assembled(model, system.options, system.scheme, operator, found.assembly.counted, steps)
+        rest = assembled(model, system.options, system.scheme, operator, bonds.assembly.counted, steps)
         sure = stable(operator.stiffness_bound(), model.rho)
         if sure < system.time_step <= system.bound:
             raise UnstableError(
@@ -109,24 +113,24 @@ class Splitting:
         """Former rows (m,) of nodes that keep their bonds; -1 for others."""
         before, now = leaves(system).list, leaves(new).list
         origin = np.where(transfer.stays, transfer.before[:, 0], -1)
-        gone = np.ones(len(before.start) - 1, dtype=bool)
-        gone[origin[transfer.stays]] = False
+        removed = np.ones(len(before.start) - 1, dtype=bool)
+        removed[origin[transfer.stays]] = False
         changed = np.zeros(len(origin), dtype=bool)
         changed[sources(now)[~transfer.stays[now.neighbour]]] = True
-        lost = np.zeros(len(gone), dtype=bool)
-        lost[sources(before)[gone[before.neighbour]]] = True
+        lost = np.zeros(len(removed), dtype=bool)
+        lost[sources(before)[removed[before.neighbour]]] = True
         same = transfer.stays & ~changed & ~lost[origin] & (system.family[origin] == new.family)
         return np.where(same, origin, -1)
 
-    def back(self, system: System, kept: Kept) -> Prepared:
+    def back(self, system: System, checkpoint: Kept) -> Prepared:
         """The system of a checkpoint's cells. Raises CheckpointError for ids that are no set of leaves."""
-        ids = entry(kept, "ids", (None,), np.int64)
-        memory, cells = remembered(kept, len(ids)), self.tree.leaves(ids)
+        ids = entry(checkpoint, "ids", (None,), np.int64)
+        memory, cells = remembered(checkpoint, len(ids)), self.tree.leaves(ids)
         if cells is None:
             raise CheckpointError("ids of cells are no whole plate; they must be those of its leaves in order")
-        found = self._cloud(system, cells)
-        leaves(found.system).memory = memory
-        return found
+        prepared = self._cloud(system, cells)
+        leaves(prepared.system).memory = memory
+        return prepared
 
 
 def leaves(system: System) -> Leaves:

@@ -67,13 +67,13 @@ def _zeros(model: Model) -> None:
         if not isinstance(condition, InitialVelocity):
             continue
         for axis, value, sets in zip("xyz", components(condition), components_set(condition), strict=True):
-            for other, before in earlier if value == 0.0 and not sets else ():
+            for earlier_number, before in earlier if value == 0.0 and not sets else ():
                 common = np.intersect1d(model.selected(condition), model.selected(before))
                 if getattr(before, axis) not in (None, 0.0) and len(common):
                     warn(
                         model,
                         f"$.conditions[{number}].{axis} is 0 beside another component, which leaves what"
-                        f" $.conditions[{other}] gives {len(common)} of its nodes; one condition with all"
+                        f" $.conditions[{earlier_number}] gives {len(common)} of its nodes; one condition with all"
                         " components sets a node's velocity to 0 along an axis",
                     )
         earlier.append((number, condition))

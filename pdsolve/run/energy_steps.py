@@ -10,14 +10,14 @@ from pdsolve.run.system import System
 from pdsolve.state import State
 
 
-def energy(system: System, state: State, held: NDArray[np.float64]) -> float:
-    """Energy, J/m, of nodes with energy densities `held` (n,), J/m^3: the sum that Verlet conserves.
+def energy(system: System, state: State, strain_energy: NDArray[np.float64]) -> float:
+    """Energy, J/m, of nodes with energy densities `strain_energy` (n,), J/m^3: the sum that Verlet conserves.
 
     It is m (dt a)^2 / 8 below that of whole steps, which the ledger uses.
     """
     mass = system.model.rho * system.area
     swing = (system.time_step / 2) ** 2 * kinetic(mass, state.second)
-    return kinetic(mass, state.rate) - swing + float(np.sum(system.area * held))
+    return kinetic(mass, state.rate) - swing + float(np.sum(system.area * strain_energy))
 
 
 def pushed(system: System, state: State, pull: NDArray[np.float64], which: NDArray[np.bool_] | None = None) -> float:

@@ -135,16 +135,16 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
     settings = counted(model, step).settings
     advise(model, np.flatnonzero(count == 0), scheme.partial_cells, scheme.symmetric)
     options = options._replace(threads=1) if moves else options
-    found = estimate_size(settings, options, len(model.grid), int(count.sum()), (step, bound), in_blocks)
+    plan = estimate_size(settings, options, len(model.grid), int(count.sum()), (step, bound), in_blocks)
     if splits:
-        found = found._replace(most=most, memory=found.memory + round((SPLITTING - LISTED) * found.bonds))
-    if in_blocks and model.grid.dimension == 3 and not found.at_rest:
-        found = _in_tiles(found, model, options)
+        plan = plan._replace(most=most, memory=plan.memory + round((SPLITTING - LISTED) * plan.bonds))
+    if in_blocks and model.grid.dimension == 3 and not plan.at_rest:
+        plan = _in_tiles(plan, model, options)
     if along_path:
-        found = found._replace(wall_time=_path_time(system, found), along_path=True)
+        plan = plan._replace(wall_time=_path_time(system, plan), along_path=True)
     if cycle is not None:
-        found = found._replace(wall_time=(1 + SWELLING / cycle) * found.wall_time)
-    return _with_zone(found, model) if moves else found
+        plan = plan._replace(wall_time=(1 + SWELLING / cycle) * plan.wall_time)
+    return _with_zone(plan, model) if moves else plan
 
 
 def _with_zone(plan: Plan, model: Model) -> Plan:
@@ -154,10 +154,10 @@ def _with_zone(plan: Plan, model: Model) -> Plan:
 
 def _path_steps(run: Run) -> int:
     """About how many steps a path takes."""
-    asked = run.static.load_steps or CRACK_STEPS
+    load_steps = run.static.load_steps or CRACK_STEPS
     if run.static.control == ARC:
-        return round(ARCS * asked)
-    return asked if run.static.control is not None else round(TAKEN + TAKEN_MORE * asked)
+        return round(ARCS * load_steps)
+    return load_steps if run.static.control is not None else round(TAKEN + TAKEN_MORE * load_steps)
 
 
 def _path_time(system: System, plan: Plan) -> float:
@@ -168,14 +168,14 @@ def _path_time(system: System, plan: Plan) -> float:
         return IN_SPACE_STEP * plan.wall_time
     grid, width = system.model.grid, sum(unknown.width for unknown in system.operator.unknowns) / 2  # of two
     across = min(float(np.ptp(grid.position, axis=0).min() / np.median(grid.delta)) + 1, plan.nodes**0.5)  # nodes
-    each = STEPPED + STEPPED_BOND * plan.bonds * width**2 + STEPPED_FACTORS * plan.nodes * across**2 * width**3
-    return slower() * float(BEGIN + plan.steps * each)
+    step_time = STEPPED + STEPPED_BOND * plan.bonds * width**2 + STEPPED_FACTORS * plan.nodes * across**2 * width**3
+    return slower() * float(BEGIN + plan.steps * step_time)
 
 
 def _in_tiles(plan: Plan, model: Model, options: Options) -> Plan:
     """The plan of a plate's blocks as that of a body in tiles."""
-    each = IN_SPACE if model.grid.lattice is None else LATTICE[options.precision]
-    memory = round(MEMORY[options.mode][0] + each * len(model.grid))
+    bytes_per_node = IN_SPACE if model.grid.lattice is None else LATTICE[options.precision]
+    memory = round(MEMORY[options.mode][0] + bytes_per_node * len(model.grid))
     return plan._replace(wall_time=TILED * plan.wall_time, memory=memory)
 
 
@@ -202,8 +202,8 @@ def estimate_size(
         tires = run.fatigue is not None
         seconds = slower() * (BEGIN + run.steps * (JUMPED if tires else 1) * load_step)
         return Plan(nodes, bonds, run.steps, *steps, round(rest), seconds, at_rest=True, in_jumps=tires)
-    least, each = MEMORY[options.mode]
-    memory = least + each * nodes + (0 if in_blocks else LISTED * bonds)
+    least, bytes_per_node = MEMORY[options.mode]
+    memory = least + bytes_per_node * nodes + (0 if in_blocks else LISTED * bonds)
     threads = threads_of(options, nodes, in_blocks)
     update = bonds * BOND[options.precision] + nodes * NODE[options.precision] if in_blocks else bonds * LISTED_BOND
     if in_blocks and (run.damping or any(isinstance(condition, Absorb) for condition in settings.conditions)):

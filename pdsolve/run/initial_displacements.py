@@ -23,8 +23,8 @@ def displaced(prepared: Prepared) -> Prepared:
     state.value[:] = initial_displacement(model, system.drive, state.value.shape[1])
     on_processor = state
     if model.settings.run.device != "cpu":
-        own, on_processor = prepare(on_device(model, "cpu"), system.options)
-        operator = own.operator
+        host_system, on_processor = prepare(on_device(model, "cpu"), system.options)
+        operator = host_system.operator
         on_processor.value[:] = state.value
     pull = forces(operator, on_processor)
     state.second[:] += np.where(held(system.drive), 0.0, pull / model.rho[:, None])

@@ -46,22 +46,22 @@ class MotionChecks:
         self,
         model: Model,
         bonds: Callable[[int, int], tuple[NDArray[np.int64], NDArray[np.int64]]],
-        given: tuple[bool, bool] = (False, False),
+        past_warnings: tuple[bool, bool] = (False, False),
     ) -> None:
         """`bonds(first, last)` returns the rows of both ends of the initial bonds of sources `first` to `last` - 1;
-        `given` are the warnings given already, of nodes before, as they have them."""
-        self._model, (self._said, self._vague) = model, given
+        `past_warnings` are the warnings given already, of nodes before, as they have them."""
+        self._model, (self._said, self._vague) = model, past_warnings
         self._bonds, self._own = bonds, slice(None)
         self._triangles: _Triangles | None = None  # of nodes off a lattice
         self._apart: NDArray[np.bool_] | None = None  # (n,) nodes whose triangle was not bonded at the start
         self._smallest = float(model.grid.delta.min())
         breaking, ratio = [np.inf], model.settings.horizon.ratio
         spacings = np.unique(model.grid.delta)
-        there = np.zeros((len(model.materials), len(spacings)), dtype=np.bool_)
-        there[model.material_of, np.searchsorted(spacings, model.grid.delta)] = True
-        numbers, columns = np.nonzero(there)
-        for some, material in model.material_columns.of(numbers):
-            spacing = spacings[columns[some]]
+        has_spacing = np.zeros((len(model.materials), len(spacings)), dtype=np.bool_)
+        has_spacing[model.material_of, np.searchsorted(spacings, model.grid.delta)] = True
+        numbers, columns = np.nonzero(has_spacing)
+        for entries, material in model.material_columns.of(numbers):
+            spacing = spacings[columns[entries]]
             sizes = Sizes(critical_stretch(material, ratio * spacing), spacing, ratio * spacing, ratio)
             breaking += (limits(material, sizes).peak * spacing).tolist()
         self._breaking = min(breaking)  # m, lengthening that breaks or softens a bond
@@ -87,10 +87,10 @@ class MotionChecks:
         """The smallest spacing, and the lengthening that breaks or softens a bond, m."""
         return self._smallest, self._breaking
 
-    def know(self, lengths: Sequence[tuple[float, float]], own: slice) -> None:
-        """Take these lengths of all ranks as known, and look at the triangles of `own` rows alone."""
+    def know(self, lengths: Sequence[tuple[float, float]], local_rows: slice) -> None:
+        """Take these lengths of all ranks as known, and look at the triangles of `local_rows` alone."""
         self._smallest, self._breaking = (min(column) for column in zip(*lengths, strict=True))
-        self._own = own
+        self._own = local_rows
 
     def is_crushed(self, extent: Extent) -> bool:
         """Whether triangles may be inverted."""
@@ -109,12 +109,12 @@ class MotionChecks:
     def say_vague(self, extent: Extent, step: int) -> None:
         """Warn, once, of displacements too large for their precision."""
         largest = max(abs(value) for value in (*extent.least, *extent.most))
-        known = float(np.finfo(extent.kind).eps * largest)
-        if not self._vague and known > FRACTION * self._breaking:
+        error = float(np.finfo(extent.kind).eps * largest)
+        if not self._vague and error > FRACTION * self._breaking:
             self._vague = True
             warn(
                 self._model,
-                f"step {step}: displacements reach {largest:.3g} m, which {extent.kind} knows to {known:.2g} m, and"
+                f"step {step}: displacements reach {largest:.3g} m, which {extent.kind} knows to {error:.2g} m, and"
                 f" {FRACTION * self._breaking:.2g} m are needed: {self._breaking:.2g} m break a bond",
             )
 
@@ -126,9 +126,9 @@ class MotionChecks:
         turned = self._turned(u)
         near = np.zeros(nodes, dtype=bool)
         near[turned[:, 0]] = True
-        gone = (nodes * broken.source + broken.target)[near[broken.source]]
+        broken_keys = (nodes * broken.source + broken.target)[near[broken.source]]
         for end in (1, 2):
-            turned = turned[~np.isin(nodes * turned[:, 0] + turned[:, end], gone, assume_unique=True)]
+            turned = turned[~np.isin(nodes * turned[:, 0] + turned[:, end], broken_keys, assume_unique=True)]
         if len(turned := self._bonded(turned)):
             return ", ".join(named(self._model, int(corner)) for corner in turned[0])
         return None
@@ -137,29 +137,32 @@ class MotionChecks:
         """Corners (t, 3) of the inverted triangles, without those whose nodes were not bonded at the start."""
         assert self._apart is not None
         position, flat = self._model.grid.position, FLAT * self._smallest**2
-        found = None
+        inverted = None
         if self._triangles is None:
-            found = inverted_on_lattice(position, u, self._own, flat, self._apart)
-        if found is not None:
-            return found
+            inverted = inverted_on_lattice(position, u, self._own, flat, self._apart)
+        if inverted is not None:
+            return inverted
         self._triangles = self._triangles or _triangles(position, flat, self._own)
         corners, before = self._triangles
-        here = position + u
-        turned = before * _cross(*(here[corners[:, end]] - here[corners[:, 0]] for end in (1, 2))) <= 0
+        current_position = position + u
+        turned = (
+            before * _cross(*(current_position[corners[:, end]] - current_position[corners[:, 0]] for end in (1, 2)))
+            <= 0
+        )
         return corners[turned & ~self._apart[corners[:, 0]]]
 
     def _bonded(self, turned: NDArray[np.int64]) -> NDArray[np.int64]:
         """The triangles (t, 3) whose nodes were bonded at the start."""
         assert self._apart is not None
-        nodes, kept = len(self._model.grid), np.zeros(len(turned), dtype=bool)
+        nodes, were_bonded = len(self._model.grid), np.zeros(len(turned), dtype=bool)
         for part in np.unique(turned[:, 0] // TOGETHER).tolist():
-            here = np.flatnonzero(turned[:, 0] // TOGETHER == part)
+            rows = np.flatnonzero(turned[:, 0] // TOGETHER == part)
             source, target = self._bonds(part * TOGETHER, min((part + 1) * TOGETHER, nodes))
-            keys, own = nodes * source + target, nodes * turned[here, 0]
-            bonded = [np.isin(own + turned[here, end], keys, assume_unique=True) for end in (1, 2)]
-            kept[here] = bonded[0] & bonded[1]
-        self._apart[turned[~kept, 0]] = True
-        return turned[kept]
+            keys, corner_keys = nodes * source + target, nodes * turned[rows, 0]
+            bonded = [np.isin(corner_keys + turned[rows, end], keys, assume_unique=True) for end in (1, 2)]
+            were_bonded[rows] = bonded[0] & bonded[1]
+        self._apart[turned[~were_bonded, 0]] = True
+        return turned[were_bonded]
 
 
 class _Triangles(NamedTuple):
@@ -169,15 +172,15 @@ class _Triangles(NamedTuple):
     twice: NDArray[np.float64]  # (t,) twice its area, m^2, with the sign of its sense
 
 
-def _triangles(position: NDArray[np.float64], flat: float, own: slice) -> _Triangles:
-    """The largest triangle of each of the `own` rows, if twice its area is at least `flat` (m^2)."""
+def _triangles(position: NDArray[np.float64], flat: float, local_rows: slice) -> _Triangles:
+    """The largest triangle of each of `local_rows`, if twice its area is at least `flat` (m^2)."""
     near = tree_of(position).query(position, min(AROUND + 1, len(position)))[1][:, 1:]
     ends, twice = np.zeros((2, len(position)), dtype=np.int64), np.zeros(len(position))
     for pair in combinations(near.T, 2):
-        here = _cross(*(position[end] - position for end in pair))
-        larger = np.abs(here) > np.abs(twice) * (1 + ROUND_OFF)
-        ends[:, larger], twice[larger] = np.array(pair)[:, larger], here[larger]
-    low, high, _ = own.indices(len(position))
+        twice_area = _cross(*(position[end] - position for end in pair))
+        larger = np.abs(twice_area) > np.abs(twice) * (1 + ROUND_OFF)
+        ends[:, larger], twice[larger] = np.array(pair)[:, larger], twice_area[larger]
+    low, high, _ = local_rows.indices(len(position))
     rows = low + np.flatnonzero(np.abs(twice[low:high]) >= flat)
     return _Triangles(np.column_stack([rows, *ends[:, rows]]), twice[rows])
 

@@ -16,28 +16,28 @@ ON_LATTICE = 1e-6  # spacings: nodes this near to a lattice are on it
 def inverted_on_lattice(
     position: NDArray[np.float64],
     u: NDArray[np.floating],
-    own: slice,
+    local_rows: slice,
     flat: float,
-    known: NDArray[np.bool_],
+    excluded: NDArray[np.bool_],
 ) -> NDArray[np.int64] | None:
     """Rows (t, 3) of the corners of triangles that displacements u (n, 2), m, have inverted, by the first corner.
 
-    A node of the `own` rows has one with the nearest nodes within `LINES` spacings along x and along y, if twice its
-    area is at least `flat`, m^2, and if it is not `known` (n,). None if the nodes (n, 2), m, are not row by row on a
+    A node of `local_rows` has one with the nearest nodes within `LINES` spacings along x and along y, if twice its
+    area is at least `flat`, m^2, and if it is not `excluded` (n,). None if the nodes (n, 2), m, are not row by row on a
     square lattice, of which some may be missing.
     """
-    low, high, _ = own.indices(len(position))
-    places, moves = (np.require(one, requirements=("C", "W")) for one in (position, u))
-    found = np.empty((16, 3), dtype=np.int64)
+    low, high, _ = local_rows.indices(len(position))
+    places, moves = (np.require(values, requirements=("C", "W")) for values in (position, u))
+    corners = np.empty((16, 3), dtype=np.int64)
     while True:
-        count = int(_inverted(places, moves, low, high, flat, known, found))
-        if count <= len(found):
-            return None if count < 0 else found[:count]
-        found = np.empty((count, 3), dtype=np.int64)
+        count = int(_inverted(places, moves, low, high, flat, excluded, corners))
+        if count <= len(corners):
+            return None if count < 0 else corners[:count]
+        corners = np.empty((count, 3), dtype=np.int64)
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def _inverted(position, u, low, high, flat, known, found):  # type: ignore[no-untyped-def]
+def _inverted(position, u, low, high, flat, excluded, corners):  # type: ignore[no-untyped-def]
     """List inverted triangles as far as there is room; returns how many there are, -1 off a lattice."""
     key = np.empty(len(position), np.int64)
     stride, count = _number(position, key), 0
@@ -47,9 +47,14 @@ def _inverted(position, u, low, high, flat, known, found):  # type: ignore[no-un
     for n in range(len(position)):
         a, b = _arm(key, at[0], n, 1), _arm(key, at[1], n, stride)
         before = _twice(position, u, 0.0, n, a, b)
-        if low <= n < high and not known[n] and abs(before) >= flat and before * _twice(position, u, 1.0, n, a, b) <= 0:
-            if count < len(found):
-                found[count, 0], found[count, 1], found[count, 2] = n, a, b
+        if (
+            low <= n < high
+            and not excluded[n]
+            and abs(before) >= flat
+            and before * _twice(position, u, 1.0, n, a, b) <= 0
+        ):
+            if count < len(corners):
+                corners[count, 0], corners[count, 1], corners[count, 2] = n, a, b
             count += 1
     return count
 
@@ -78,14 +83,14 @@ def _number(position, key):  # type: ignore[no-untyped-def]
 @njit(**INNER)
 def _arm(key, at, n, step):  # type: ignore[no-untyped-def]
     """The nearest node along an axis, whose nodes are `step` apart, or the node itself; `at` (4,) goes along."""
-    found = n
+    nearest = n
     for k in range(4):
         wanted = key[n] + (k // 2 + 1) * (step if k % 2 == 0 else -step)
         while at[k] < len(key) - 1 and key[at[k]] < wanted:
             at[k] += 1
-        if found == n and key[at[k]] == wanted:
-            found = at[k]
-    return found
+        if nearest == n and key[at[k]] == wanted:
+            nearest = at[k]
+    return nearest
 
 
 @njit(forceinline=True, **INNER)

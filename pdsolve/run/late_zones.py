@@ -44,49 +44,51 @@ def after(model: Model, before: tuple[Sooner, ...], late: LateZoneError) -> tupl
         return (now if before else wider), ()
     if step == 0 or model.grid.dimension == 3:
         return wider, ()
-    return model, (*(one for one in before if one.step < step), Sooner(step, kappa_of(wider)))
+    return model, (*(refinement for refinement in before if refinement.step < step), Sooner(step, kappa_of(wider)))
 
 
-def say(model: Model, late: LateZoneError, wider: Model, sooner: tuple[Sooner, ...], back: int) -> None:
+def say(model: Model, late: LateZoneError, wider: Model, earlier_refinements: tuple[Sooner, ...], back: int) -> None:
     """Warn of what is done about cells that came too late: of the step that is gone back to."""
     if wider.settings.run.adapt == "none":
         how = "fine nodes everywhere (run.adapt none)"
     else:
-        how = f"run.hybrid.kappa {sooner[-1].kappa if sooner else kappa_of(wider):g}"
+        how = f"run.hybrid.kappa {earlier_refinements[-1].kappa if earlier_refinements else kappa_of(wider):g}"
     words = f"begins anew with {how}"
-    if sooner:
-        words = f"goes back to step {back}, and on with {how} from step {sooner[-1].step} on"
+    if earlier_refinements:
+        words = f"goes back to step {back}, and on with {how} from step {earlier_refinements[-1].step} on"
     warnings.warn(f"{model.name}: {late}; {words}", ModelWarning, stacklevel=4)
 
 
-def back_to(output: Path | None, sooner: tuple[Sooner, ...]) -> int:
+def back_to(output: Path | None, earlier_refinements: tuple[Sooner, ...]) -> int:
     """The step of the checkpoint to go back to, 0 for the start."""
-    if output is None or not sooner or not output.exists():
+    if output is None or not earlier_refinements or not output.exists():
         return 0
     with Results.open(output) as results:
         step = results.checkpoint_step() if results.has_checkpoint() else 0
-    return step if step <= sooner[-1].step else 0
+    return step if step <= earlier_refinements[-1].step else 0
 
 
-def widen(system: System, sooner: tuple[Sooner, ...], step: int, last: int) -> int:
+def widen(system: System, earlier_refinements: tuple[Sooner, ...], step: int, last: int) -> int:
     """Make cells fine as soon as they are to be after a step; returns the next step from which that changes."""
-    begun = [one for one in sooner if one.step <= step]
+    begun = [refinement for refinement in earlier_refinements if refinement.step <= step]
     if begun and isinstance(system.operator, HybridOperator):
         system.operator.hybrid.widen(begun[-1].kappa)
-    return next((one.step for one in sooner if one.step > step), last)
+    return next((refinement.step for refinement in earlier_refinements if refinement.step > step), last)
 
 
-def kept(sooner: tuple[Sooner, ...]) -> dict[str, Any]:
+def kept(earlier_refinements: tuple[Sooner, ...]) -> dict[str, Any]:
     """What a database says of cells that come sooner."""
-    return {KEY: json.dumps(sooner)} if sooner else {}
+    return {KEY: json.dumps(earlier_refinements)} if earlier_refinements else {}
 
 
 def back(meta: Mapping[str, Any], path: Path) -> tuple[Sooner, ...]:
     """What the metadata of a database say of cells that come sooner. Raises ResultsError."""
     try:
-        found = tuple(Sooner(int(step), float(kappa)) for step, kappa in json.loads(str(meta.get(KEY, "[]"))))
+        earlier_refinements = tuple(
+            Sooner(int(step), float(kappa)) for step, kappa in json.loads(str(meta.get(KEY, "[]")))
+        )
     except (TypeError, ValueError, OverflowError):
-        found = (Sooner(-1, 0.0),)
-    if not all(one.step >= 0 and 0 < one.kappa < 1 for one in found):
+        earlier_refinements = (Sooner(-1, 0.0),)
+    if not all(refinement.step >= 0 and 0 < refinement.kappa < 1 for refinement in earlier_refinements):
         raise ResultsError(f"{path}: {KEY} is {str(meta[KEY])[:40]!r}; it must be steps and shares of a stretch")
-    return found
+    return earlier_refinements

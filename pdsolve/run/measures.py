@@ -55,8 +55,8 @@ class Ledger(NamedTuple):
 
         The energy supplied is the largest of the work done, its maximum `most` so far, and the initial energy.
         """
-        there = self.kinetic + self.strain + self.dissipated + self.damped + self.friction
-        missing = there - self.work - self.refinement - initial
+        total_energy = self.kinetic + self.strain + self.dissipated + self.damped + self.friction
+        missing = total_energy - self.work - self.refinement - initial
         scale = self.put_in(initial, most)
         return missing / scale if scale else 0.0
 
@@ -65,10 +65,10 @@ class Ledger(NamedTuple):
         return max(abs(self.work), most, initial)
 
 
-def books(system: System, state: State, step: int, asked: Asked | None = None) -> Ledger:
-    """The ledger entry after `step`, in double precision and in the nodes' order; `asked` is that of this state, if
+def books(system: System, state: State, step: int, bond_state: Asked | None = None) -> Ledger:
+    """The ledger entry after `step`, in double precision and the nodes' order; `bond_state` is that of this state, if
     known."""
-    strain, softened, broken = asked or ask(system, state)
+    strain, softened, broken = bond_state or ask(system, state)
     if system.hybrid is not None:
         sums, zone = system.hybrid.books()._asdict(), system.hybrid.zone_summary()._asdict()
         return Ledger(step, step * system.time_step, **sums, **zone)
@@ -121,30 +121,32 @@ def damage(system: System, broken: Broken | None = None) -> NDArray[np.float64]:
 
 
 def fields(
-    system: System, state: State, names: Iterable[str], asked: Asked | None = None
+    system: System, state: State, names: Iterable[str], bond_state: Asked | None = None
 ) -> dict[str, NDArray[np.floating]]:
-    """Fields (n,) of these names at a state; `asked` is that of this state, if known."""
-    found: dict[str, NDArray[np.floating]] = {}
+    """Fields (n,) of these names at a state; `bond_state` is that of this state, if known."""
+    columns: dict[str, NDArray[np.floating]] = {}
     chosen, usual_ones = tuple(names), () if system.transport else usual(system.model.grid.dimension)
-    own: dict[str, NDArray[np.float64]] = {}
+    operator_fields: dict[str, NDArray[np.float64]] = {}
     if chosen == USUAL or not set(chosen) <= set(usual_ones):
-        own |= system.operator.fields(state)
-        here = system.stepper.rows if isinstance(system.stepper, SwellingZone) else slice(None)
-        for one in system.beside:
-            own |= {name: values[here] for name, values in one.system.operator.fields(one.state).items()}
+        operator_fields |= system.operator.fields(state)
+        rows = system.stepper.rows if isinstance(system.stepper, SwellingZone) else slice(None)
+        for prepared in system.beside:
+            operator_fields |= {
+                name: values[rows] for name, values in prepared.system.operator.fields(prepared.state).items()
+            }
     if chosen == USUAL:
-        chosen = (*usual_ones, *own)
+        chosen = (*usual_ones, *operator_fields)
     for name in chosen:
         if name == "damage":
-            found[name] = damage(system, asked and asked.broken)
+            columns[name] = damage(system, bond_state and bond_state.broken)
         elif name == "energy":
-            found[name] = asked.held if asked else system.operator.energies(state)[0]
-        elif name in own:
-            found[name] = own[name]
+            columns[name] = bond_state.held if bond_state else system.operator.energies(state)[0]
+        elif name in operator_fields:
+            columns[name] = operator_fields[name]
         else:
             values = {"u": state.value, "v": state.rate, "a": state.second}[name[0]]
-            found[name] = values[:, "xyz".index(name[1])]
-    return found
+            columns[name] = values[:, "xyz".index(name[1])]
+    return columns
 
 
 def bodies(system: System) -> int:
@@ -157,6 +159,6 @@ def pieces(system: System) -> int:
     """Number of pieces of the plate: connected components of intact bonds without cracked nodes."""
     sound = damage(system) <= CRACKED
     source, target = system.operator.bonds()
-    whole = sound[source] & sound[target]
-    part = connected(len(sound), source[whole], target[whole])
+    sound_bonds = sound[source] & sound[target]
+    part = connected(len(sound), source[sound_bonds], target[sound_bonds])
     return int((np.bincount(part) > PIECE * len(sound)).sum())

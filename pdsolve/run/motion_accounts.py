@@ -27,13 +27,13 @@ RUNAWAY = 10.0  # times the energy put in: more than this is not physics
 class MotionAccounts:
     """The accounts of one motion; see `pdsolve.run.accounts.Accounts`."""
 
-    def __init__(self, system: System, state: State, step: int, asked: Asked, results: Results | None) -> None:
+    def __init__(self, system: System, state: State, step: int, bond_state: Asked, results: Results | None) -> None:
         """`results` are those of a resumed run after `step`, else None."""
         self._start(system, step, results)
         self._watch: MotionChecks | None = None
         self._given = False, False
         self._look_around()
-        self.last, self._clamped = books(system, state, step, asked), self._heat(state)
+        self.last, self._clamped = books(system, state, step, bond_state), self._heat(state)
 
     def _start(self, system: System, step: int, results: Results | None) -> None:
         self._system, materials = system, system.model.materials
@@ -85,17 +85,17 @@ class MotionAccounts:
             text += f", clipped stretch {fine.clipped_stretch:.2f}" if fine.clipped_stretch else ""
         return text
 
-    def settle(self, state: State, step: int, asked: Asked) -> None:
+    def settle(self, state: State, step: int, bond_state: Asked) -> None:
         """Make this step the last entry."""
         if self.last.step != step:
-            self.last, self._clamped = books(self._system, state, step, asked), self._heat(state)
+            self.last, self._clamped = books(self._system, state, step, bond_state), self._heat(state)
 
-    def take(self, state: State, step: int, asked: Asked) -> None:
+    def take(self, state: State, step: int, bond_state: Asked) -> None:
         """Record the ledger, the probes and the reactions of this step. Raises UnstableError."""
         if not self._looked:
             self._look_around()
         system = self._system
-        self.settle(state, step, asked)
+        self.settle(state, step, bond_state)
         if self._is_unstable(self.last, bool(np.isfinite(state.value).all())):
             finite = np.isfinite(state.value).all(axis=1)
             worst = int((~finite).argmax() if not finite.all() else np.abs(state.rate).sum(axis=1).argmax())
@@ -103,7 +103,7 @@ class MotionAccounts:
             raise UnstableError(unstable_words(system, self.last, most, node))
         self._most = max(self._most, abs(self.last.work))
         assert self._watch is not None
-        self._watch.look(state.value[:, : system.model.grid.dimension], asked.broken, step)
+        self._watch.look(state.value[:, : system.model.grid.dimension], bond_state.broken, step)
         if self._flows:
             from pdsolve.run.plastic_checks import warn_of_plastic_strain  # few bodies flow
 
@@ -152,12 +152,12 @@ class MotionAccounts:
             return {}
         model, broken = system.model, system.operator.broken()
         of_material = model.materials, model.material_of
-        found = broken_area(model.grid, model.settings.horizon.ratio, *of_material, broken.source, broken.target)
-        if not found.cost > 0:  # bonds as long as a horizon, of a conical micromodulus, cost nothing
+        cracks = broken_area(model.grid, model.settings.horizon.ratio, *of_material, broken.source, broken.target)
+        if not cracks.cost > 0:  # bonds as long as a horizon, of a conical micromodulus, cost nothing
             return {}
         created = self.balance * self.last.put_in(system.initial_energy, max(self._most, self._clamped))
         sure = system.scheme.symmetric and model.settings.contact is None
-        return {"cracks": {**found._asdict(), "spent": self.last.dissipated - (created if sure else 0.0)}}
+        return {"cracks": {**cracks._asdict(), "spent": self.last.dissipated - (created if sure else 0.0)}}
 
     def close(self) -> None:
         """Issue warnings that follow from the final accounts."""
@@ -193,8 +193,8 @@ def unstable_words(system: System, books: Ledger, most: float, node: int) -> str
 
 def _created(system: System, books: Ledger, most: float) -> float:
     """The energy that is there over what was put in; 0 where nothing was."""
-    given = max(abs(books.work), most) + system.initial_energy
-    return (books.kinetic + books.strain) / given if given else 0.0
+    energy_supplied = max(abs(books.work), most) + system.initial_energy
+    return (books.kinetic + books.strain) / energy_supplied if energy_supplied else 0.0
 
 
 def _suspect(system: System) -> str:
@@ -206,9 +206,9 @@ def _suspect(system: System) -> str:
         names = " and ".join(f"'{name}'" for name in laws)
         return f"; the likely cause is the law {names}, whose secant turns negative"
     if system.scheme.symmetric:
-        left = intact_stable_step(system.model, system.operator)
-        if system.time_step > left:
-            return f", and with the bonds that are left up to {left:.4g} s; take a shorter step (run.time_step)"
+        intact_step = intact_stable_step(system.model, system.operator)
+        if system.time_step > intact_step:
+            return f", and with the bonds that are left up to {intact_step:.4g} s; take a shorter step (run.time_step)"
         return "; the step is not the cause: check loads and prescribed motion"
     return (
         f"; the cause is the one-sided bonds of the {system.scheme.name} mode, which make energy: --mode conservative"

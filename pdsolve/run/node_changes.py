@@ -32,8 +32,8 @@ class Adapt(Protocol):
     def epoch(self, system: System, state: State, step: int) -> Change | None:
         """The nodes after `step`, a multiple of `every`; None if they stay."""
 
-    def back(self, system: System, kept: Kept) -> Prepared:
-        """The system of a checkpoint with the nodes `kept["ids"]`, in that order.
+    def back(self, system: System, checkpoint: Kept) -> Prepared:
+        """The system of a checkpoint with the nodes `checkpoint["ids"]`, in that order.
 
         `system` is that of the start. The caller restores state, loads and broken bonds.
         """
@@ -53,9 +53,9 @@ def zone_moved(system: System, state: bool = True) -> Change | None:
     return Change(moved(system, shown), shown.state() if state else zero_state(0, 2), np.where(same, row, -1))
 
 
-def zone_back(system: System, kept: Kept) -> Prepared:
+def zone_back(system: System, checkpoint: Kept) -> Prepared:
     """The system of a checkpoint, for a run that began as `system`."""
     assert system.hybrid is not None
-    system.hybrid.back(kept, system.hybrid.broken())
+    system.hybrid.back(checkpoint, system.hybrid.broken())
     change = zone_moved(system)
     return Prepared(system, system.hybrid.state()) if change is None else Prepared(change.system, change.state)

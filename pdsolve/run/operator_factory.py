@@ -51,8 +51,8 @@ def operator_of(
     if law.pair is not None and options.kernel != "listed" and blocked:
         blocks = blocks_of(law, statistics.parts(), nodes, kind, threads_of(options, nodes, True))
         if blocks is not None:
-            found = SimdLattice(law, blocks, statistics.stiffness_bound, scheme.symmetric, statistics.softens)
-            return found, statistics.counted(filling.area)
+            operator = SimdLattice(law, blocks, statistics.stiffness_bound, scheme.symmetric, statistics.softens)
+            return operator, statistics.counted(filling.area)
         statistics = BondStatistics(filling, scheme.symmetric)
     threads = threads_of(options, nodes, False)
     bonds = listed(statistics.parts(), filling.area).bonds
@@ -90,8 +90,8 @@ def _on_device(
     blocks = blocks_of(law, statistics.parts(), len(model.grid), kind, 1)
     if blocks is None:
         raise ModelError(f"{model.name}: $.run.device: nodes are on no lattice; use cpu, or nodes on one")
-    found = PlaneOnDevice(law, blocks, statistics.stiffness_bound, scheme.symmetric, statistics.softens, session)
-    return found, statistics.counted(filling.area)
+    operator = PlaneOnDevice(law, blocks, statistics.stiffness_bound, scheme.symmetric, statistics.softens, session)
+    return operator, statistics.counted(filling.area)
 
 
 def _families_on_device(

@@ -45,10 +45,10 @@ WORTH_HYBRID = 25_000  # nodes of a plate with a fine zone that moves, were they
 
 def prepare(model: Model, options: Options) -> Prepared:
     """A model's bonds and conditions, and its state at time 0. Raises ModelError for an unsupported model."""
-    found = _prepared(decided(model, options) if model.settings.run.adapt == "auto" else model, options)
-    system = found.system
-    whole = None if system.whole is None else counted(system.whole, system.time_step)
-    return found._replace(system=replace(system, model=counted(system.model, system.time_step), whole=whole))
+    prepared = _prepared(decided(model, options) if model.settings.run.adapt == "auto" else model, options)
+    system = prepared.system
+    full_model = None if system.whole is None else counted(system.whole, system.time_step)
+    return prepared._replace(system=replace(system, model=counted(system.model, system.time_step), whole=full_model))
 
 
 def _prepared(model: Model, options: Options) -> Prepared:
@@ -91,22 +91,22 @@ def scheme_of(model: Model, options: Options) -> Scheme:
 def _diffusing(model: Model, options: Options) -> Prepared:
     """A prepared model of diffusion. Raises ModelError for an unsupported one."""
     diffusion.expect_usual(model, options)
-    found, state = diffusion.prepare(model, options.threads, options.kernel == "listed")
-    operator, volume = found.operator, found.operator.volume
+    transport, state = diffusion.prepare(model, options.threads, options.kernel == "listed")
+    operator, volume = transport.operator, transport.operator.volume
     system = System(
-        model=found.model,
-        options=options._replace(threads=found.threads),
+        model=transport.model,
+        options=options._replace(threads=transport.threads),
         scheme=SCHEMES["conservative"],
         operator=operator,
-        stepper=stepper_of_content(model, found, state, options.team),
-        drive=found.drive,
+        stepper=stepper_of_content(model, transport, state, options.team),
+        drive=transport.drive,
         area=volume,
-        family=operator.count + found.blocked,
+        family=operator.count + transport.blocked,
         count=operator.count,
-        time_step=found.time_step,
-        bound=found.bound,
+        time_step=transport.time_step,
+        bound=transport.bound,
         initial_energy=0.0,
-        transport=found,
+        transport=transport,
     )
     return Prepared(system, state)
 
@@ -191,10 +191,10 @@ def _split(model: Model, options: Options, scheme: Scheme) -> Prepared:
     tree = tree_over(model, scheme.name, options.precision, options.kernel)
     cells = tree.roots()
     now = tree.model_of(cells)
-    found, threads = filled(scheme.by_pairs(now)), threads_of(options, len(model.grid), False)
-    operator = Leaves(tree, cells, now, found, scheme, threads)
+    bonds, threads = filled(scheme.by_pairs(now)), threads_of(options, len(model.grid), False)
+    operator = Leaves(tree, cells, now, bonds, scheme, threads)
     bound = SURE[scheme.name] * stable(operator.stiffness_bound(), now.rho) / 2**tree.levels
-    rest = assembled(now, options, scheme, operator, found.assembly.counted, (step_of(model, bound), bound))
+    rest = assembled(now, options, scheme, operator, bonds.assembly.counted, (step_of(model, bound), bound))
     return _set_going(rest, tree.model, initial_velocity(model))  # of which `now` knows nothing
 
 
@@ -209,8 +209,8 @@ def _refining(model: Model, options: Options, scheme: Scheme) -> Prepared:
     return _set_going(rest, model, initial_velocity(model)[operator.rows])
 
 
-def _set_going(rest: Prepared, whole: Model, velocity: NDArray[np.float64]) -> Prepared:
-    """The start of a run of the `whole` model whose current nodes have these velocities (n, d), m/s."""
+def _set_going(rest: Prepared, full_model: Model, velocity: NDArray[np.float64]) -> Prepared:
+    """The start of a run of `full_model`, whose current nodes have these velocities (n, d), m/s."""
     set_off(rest.state, velocity, damping(rest.system.model), rest.system.drive)
     energy = float(np.sum(rest.system.model.rho / 2 * rest.system.area * (velocity**2).sum(axis=1)))
-    return rest._replace(system=replace(rest.system, whole=whole, initial_energy=energy))
+    return rest._replace(system=replace(rest.system, whole=full_model, initial_energy=energy))

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 from pdmesh import stopping
 from pdmesh.commandline import STOPS
 from pdmesh.printing import remark
-from pdsolve.codegen.compile_time import compile_seconds
 
 if TYPE_CHECKING:
     from pdsolve.run.simulation import Progress
@@ -83,6 +82,8 @@ class Watch:
             raise KeyboardInterrupt
 
     def _show(self, progress: Progress) -> bool:
+        from pdsolve.codegen.compile_time import compile_seconds  # numba, which --help does not need
+
         compiled = compile_seconds()
         if not self._runs:
             self._patience = stopping.set_patience(stopping.SAVING)

@@ -53,11 +53,11 @@ def grips(system: System) -> tuple[Grip, ...]:
 
 def _rows(system: System, condition: Selection) -> NDArray[np.int64]:
     """Current nodes of a condition; the nearest one if it acts between nodes."""
-    grid, asked = system.model.grid, system.asked
+    grid, full_model = system.model.grid, system.asked
     rows = np.flatnonzero(selection.selected(grid, condition.nodes, condition.box))
     if len(rows):
         return rows
-    place = asked.grid.part(asked.selected(condition)).position.mean(axis=0)
+    place = full_model.grid.part(full_model.selected(condition)).position.mean(axis=0)
     return np.array([lengths(grid.position - place).argmin()])
 
 
@@ -69,7 +69,7 @@ def reactions(grips: tuple[Grip, ...], system: System, state: State, step: int, 
     The force of a rigid body is that on what it touches.
     """
     pulls, pushes = _forces(system, state, len(grips))
-    found, at = [], system.load_time(step)
+    reaction_rows, at = [], system.load_time(step)
     supports = supports_of(system.operator) if any(grip.kind in GROUND for grip in grips) else None
     for profile, grip in enumerate(grips):
         force = (pulls[profile] + float(factor_now(system.drive.profiles, profile, at)) * pushes[profile]).tolist()
@@ -79,8 +79,8 @@ def reactions(grips: tuple[Grip, ...], system: System, state: State, step: int, 
             force = supports.forces_of(grip.rows, system.area, state).tolist()
         mean = state.value[grip.rows, : len(force)].astype(float).mean(axis=0).tolist()
         plane = *force[:2], *mean[:2]
-        found.append(Reaction(step, time, grip.number, grip.kind, *plane, *force[2:], *mean[2:]))
-    return found
+        reaction_rows.append(Reaction(step, time, grip.number, grip.kind, *plane, *force[2:], *mean[2:]))
+    return reaction_rows
 
 
 def _forces(system: System, state: State, profiles: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

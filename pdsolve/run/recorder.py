@@ -54,16 +54,16 @@ def families(system: System, first: int, last: int) -> Families:
 def born(system: System, which: NDArray[np.int64], rows: NDArray[np.int64], step: int) -> tuple[Nodes, Families]:
     """Nodes born after `step`, `which` (b,) of a set of nodes, and their remaining bonds; `rows` (n,) as in `Frame`."""
     ends = [*_bonds_of(system, which)]
-    since, own = system.operator.broken(step), np.zeros(len(system.family), dtype=np.bool_)
-    own[which] = True
+    since, is_born = system.operator.broken(step), np.zeros(len(system.family), dtype=np.bool_)
+    is_born[which] = True
     ends.append((since.source, since.target))
     source, target = (np.concatenate(column) for column in zip(*ends, strict=True))
-    source, target = source[own[source]], target[own[source]]
+    source, target = source[is_born[source]], target[is_born[source]]
     order = np.lexsort((target, source))
     source, target = source[order], target[order]
     count = np.bincount(source, minlength=len(system.family))[which]
-    some = taken(nodes(system), which)._replace(cut=system.family[which] - count)
-    return some, Families(np.concatenate([[0], np.cumsum(count)]), rows[target])
+    born_nodes = taken(nodes(system), which)._replace(cut=system.family[which] - count)
+    return born_nodes, Families(np.concatenate([[0], np.cumsum(count)]), rows[target])
 
 
 def _bonds_of(system: System, which: NDArray[np.int64]) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
@@ -77,9 +77,9 @@ def _bonds_of(system: System, which: NDArray[np.int64]) -> Iterator[tuple[NDArra
 
 def breaks(system: System, after: int, broken: Broken | None = None) -> Breaks:
     """Bonds broken after a step, in order; from all `broken` ones, if known."""
-    ids, found = system.model.grid.ids, system.operator.broken(after) if broken is None else broken
-    new = np.flatnonzero(found.step > after)
-    step, source, target = (column[new] for column in found)
+    ids, all_broken = system.model.grid.ids, system.operator.broken(after) if broken is None else broken
+    new = np.flatnonzero(all_broken.step > after)
+    step, source, target = (column[new] for column in all_broken)
     order = np.lexsort((target, source, step))
     return Breaks(step[order], ids[source[order]], ids[target[order]])
 
@@ -93,18 +93,18 @@ def _until(step: int, broken: Broken) -> Broken:
 def checkpoint(system: System, state: State) -> dict[str, NDArray[Any]]:
     """A copy of everything a resumed run needs to continue bit by bit, except the broken bonds."""
     of_bonds = dict(system.operator.keep())  # before the state, which it may bring up to date
-    here = {"held_force": system.drive.held_force}
+    arrays = {"held_force": system.drive.held_force}
     if system.hybrid is None:  # whose operator has the state
-        here |= state._asdict()
+        arrays |= state._asdict()
     if system.load_steps is not None:
-        here["rested"] = system.load_steps.keep()
+        arrays["rested"] = system.load_steps.keep()
     if isinstance(system.stepper, SteppedRest):
-        here |= system.stepper.keep()
-    grown = {} if system.growth is None else system.growth.keep()
-    kept = {name: _copied(values) for name, values in here.items()} | of_bonds | grown
-    for one in system.beside:
-        kept |= {_of(one.system, name): values for name, values in checkpoint(*one).items()}
-    return kept
+        arrays |= system.stepper.keep()
+    crack_arrays = {} if system.growth is None else system.growth.keep()
+    checkpoint_arrays = {name: _copied(values) for name, values in arrays.items()} | of_bonds | crack_arrays
+    for prepared in system.beside:
+        checkpoint_arrays |= {_of(prepared.system, name): values for name, values in checkpoint(*prepared).items()}
+    return checkpoint_arrays
 
 
 def _copied(values: NDArray[Any]) -> NDArray[Any]:
@@ -124,15 +124,15 @@ def cloud(system: System) -> dict[str, NDArray[Any]]:
     return {"ids": system.model.grid.ids} | {f"broken_{name}": side[order] for name, side in broken._asdict().items()}
 
 
-def restore(system: System, state: State, step: int, kept: Mapping[str, NDArray[Any]], broken: Breaks) -> None:
+def restore(system: System, state: State, step: int, checkpoint: Mapping[str, NDArray[Any]], broken: Breaks) -> None:
     """Restore the state after `step` with the bonds `broken` until then. Raises CheckpointError."""
     for name, values in state._asdict().items() if system.hybrid is None else ():  # which has gone back with it
-        values[:] = like(kept, name, values)
-    system.drive.held_force[:] = like(kept, "held_force", system.drive.held_force)
+        values[:] = like(checkpoint, name, values)
+    system.drive.held_force[:] = like(checkpoint, "held_force", system.drive.held_force)
     nodes = len(system.family)
-    if "ids" in kept:
-        (count,) = entry(kept, "broken_step", (None,), np.int64).shape
-        past = Broken(*(entry(kept, f"broken_{name}", (count,), np.int64) for name in Broken._fields))
+    if "ids" in checkpoint:
+        (count,) = entry(checkpoint, "broken_step", (None,), np.int64).shape
+        past = Broken(*(entry(checkpoint, f"broken_{name}", (count,), np.int64) for name in Broken._fields))
     else:
         ids, before = system.model.grid.ids, broken.step <= step
         order = np.argsort(ids)
@@ -142,21 +142,23 @@ def restore(system: System, state: State, step: int, kept: Mapping[str, NDArray[
         past = Broken(broken.step[before], source, target)
     expect_broken(past, step, nodes)
     if system.hybrid is None:  # whose nodes are not known before it has gone back
-        system.operator.back(kept, past)
+        system.operator.back(checkpoint, past)
     if system.load_steps is not None:
-        rested = entry(kept, "rested", (step, len(Rested._fields)), float)
-        if not np.array_equal(rested[:, 0], np.arange(1, step + 1)):
+        load_step_rows = entry(checkpoint, "rested", (step, len(Rested._fields)), float)
+        if not np.array_equal(load_step_rows[:, 0], np.arange(1, step + 1)):
             raise CheckpointError(f"load steps are not 1 to {step}, those until the checkpoint")
-        system.load_steps.back(rested, past)
+        system.load_steps.back(load_step_rows, past)
     if isinstance(system.stepper, SteppedRest):
-        system.stepper.back(kept, step)
+        system.stepper.back(checkpoint, step)
     if system.growth is not None:
-        system.growth.back(kept, past)
+        system.growth.back(checkpoint, past)
     put_loads(system.drive, system.load_time(step))
-    for one in system.beside:
-        start = _of(one.system, "")
-        own = {name.removeprefix(start): values for name, values in kept.items() if name.startswith(start)}
-        restore(*one, step, own, Breaks(*np.zeros((3, 0), dtype=np.int64)))
+    for prepared in system.beside:
+        start = _of(prepared.system, "")
+        coupled_checkpoint = {
+            name.removeprefix(start): values for name, values in checkpoint.items() if name.startswith(start)
+        }
+        restore(*prepared, step, coupled_checkpoint, Breaks(*np.zeros((3, 0), dtype=np.int64)))
     if isinstance(system.stepper, Swelling):
         _swell(system, system.stepper, state)
 
@@ -180,14 +182,14 @@ class Past(NamedTuple):
     results: Results | None = None  # so far; None: it begins
 
 
-def _accounts(system: System, state: State, past: Past, asked: Asked) -> Accounts:
+def _accounts(system: System, state: State, past: Past, bond_state: Asked) -> Accounts:
     """The books of a system as they stand after a step."""
     if system.transport is not None:
         return MassAccounts(system.transport, state, past.step, past.results)
-    motion = MotionAccounts(system, state, past.step, asked, past.results)
+    motion = MotionAccounts(system, state, past.step, bond_state, past.results)
     if not system.beside:
         return motion
-    return Together(motion, tuple((_accounts(*one, past, asked), one) for one in system.beside))
+    return Together(motion, tuple((_accounts(*prepared, past, bond_state), prepared) for prepared in system.beside))
 
 
 class Recorder:
@@ -278,21 +280,21 @@ class Recorder:
         stay, ids = np.flatnonzero(origin >= 0), system.model.grid.ids
         if system.time_step != before.time_step or (ids[stay] != before.model.grid.ids[origin[stay]]).any():
             raise ValueError(f"step {step}: the time step or the ids of nodes that stay have changed; keep them")
-        broken, there = (_until(step, one.operator.broken()) for one in (before, system))
+        broken, broken_after = (_until(step, run_system.operator.broken()) for run_system in (before, system))
         self._breaks.append(breaks(before, max(self.written, self._since), broken))
         self._updates, self._since = self.updates(step), step
         self._latest = int(broken.step.max(initial=self._latest))
         self.system = dataclasses.replace(
             system,
             initial_energy=before.initial_energy,
-            broken_before=before.broken_before + len(broken.step) - len(there.step),
+            broken_before=before.broken_before + len(broken.step) - len(broken_after.step),
         )
         del before  # which nothing holds any more: a large one is not to stand beside the new one for long
         self.accounts.follow(self.system)
-        known = np.arange(self._count) if self._rows is None else self._rows
+        previous_rows = np.arange(self._count) if self._rows is None else self._rows
         new, rows = np.flatnonzero(origin < 0), np.zeros(len(origin), dtype=np.int64)
-        rows[stay], rows[new] = known[origin[stay]], self._count + np.arange(len(new))
-        died = np.delete(known, origin[stay])
+        rows[stay], rows[new] = previous_rows[origin[stay]], self._count + np.arange(len(new))
+        died = np.delete(previous_rows, origin[stay])
         self._epochs.append(
             Epoch(step + 1, self._count, *born(self.system, new, rows, step), died, len(rows), self.system.bonds)
         )
@@ -301,13 +303,13 @@ class Recorder:
     def settle(self, step: int) -> None:
         """Bring the accounts to this step, if they are not there yet."""
         if step != self.step:
-            asked = self._asked(step)
-            self.accounts.settle(self.state, step, asked)
+            bond_state = self._asked(step)
+            self.accounts.settle(self.state, step, bond_state)
 
     def take(self, step: int) -> None:
         """Record this step in the accounts. Raises UnstableError."""
-        asked = self._asked(step)
-        self.accounts.take(self.state, step, asked)
+        bond_state = self._asked(step)
+        self.accounts.take(self.state, step, bond_state)
 
     def _asked(self, step: int) -> Asked:
         """What the operator says of the state after this step, asked once."""
@@ -326,25 +328,27 @@ class Recorder:
         state |= clock.perf_counter() - self._kept > KEPT
         if state:
             self._kept = clock.perf_counter()
-        asked = self.now if self.step == step else None
-        found = {}
+        bond_state = self.now if self.step == step else None
+        field_values = {}
         if whole:
             names = system.asked.settings.run.fields
-            found = {name: of.astype("<f4") for name, of in fields(system, self.state, names, asked).items()}
+            field_values = {
+                name: of.astype("<f4") for name, of in fields(system, self.state, names, bond_state).items()
+            }
         if isinstance(system.stepper, FusedMarch):
             self.let_go()
-        kept = checkpoint(system, self.state) if state else None
-        if kept is not None and self._changes:
-            kept |= cloud(system)
-        broken = [*self._breaks, breaks(system, max(self.written, self._since), asked and asked.broken)]
+        checkpoint_arrays = checkpoint(system, self.state) if state else None
+        if checkpoint_arrays is not None and self._changes:
+            checkpoint_arrays |= cloud(system)
+        broken = [*self._breaks, breaks(system, max(self.written, self._since), bond_state and bond_state.broken)]
         frame = Frame(
             step=step,
             time=step * system.time_step,
-            fields=found if whole else None,
+            fields=field_values if whole else None,
             breaks=Breaks(*map(np.concatenate, zip(*broken, strict=True))),
             ledger=(),
             probes=(),
-            checkpoint=kept,
+            checkpoint=checkpoint_arrays,
             wall_time=self.wall(),
             epochs=self._epochs,
             rows=self._rows,

@@ -100,8 +100,8 @@ def simulate(
     UnstableError (frames so far are kept), ResultsError.
     """
     with _alone(output):
-        found = _simulate(model, options, Request(output, watch, provenance, adapt, compiled=compile_seconds()))
-    return _moved_on(found, output, options.threads, watch)
+        results = _simulate(model, options, Request(output, watch, provenance, adapt, compiled=compile_seconds()))
+    return _moved_on(results, output, options.threads, watch)
 
 
 def _alone(output: Path | None) -> AbstractContextManager[None]:
@@ -121,10 +121,10 @@ def _simulate(model: Model, options: Options, request: Request) -> Results:
 def _sooner(model: Model, options: Options, request: Request, late: LateZoneError) -> Results:
     """Results of a run whose fine cells came too late: it goes back as often as they do."""
     while True:
-        wider, sooner = late_zones.after(model, request.sooner, late)
-        step = late_zones.back_to(request.output, sooner)
-        late_zones.say(model, late, wider, sooner, step)
-        model, request = wider, request._replace(sooner=sooner, threads=options.threads)
+        wider, earlier_refinements = late_zones.after(model, request.sooner, late)
+        step = late_zones.back_to(request.output, earlier_refinements)
+        late_zones.say(model, late, wider, earlier_refinements, step)
+        model, request = wider, request._replace(sooner=earlier_refinements, threads=options.threads)
         try:
             if step and request.output is not None:
                 return _resume(request.output, request)
@@ -141,10 +141,10 @@ def _solve(model: Model, options: Options, request: Request) -> Results:
 def _noted(model: Model, options: Options, request: Request) -> tuple[Recorder, Request]:
     """The records of a run that begins, which alone keep its system and its state."""
     with stopping.patience(stopping.AT_ONCE) if request.sooner else nullcontext():  # where a run before was saved
-        found = _prepared(model, options)
+        prepared = _prepared(model, options)
     if has_initial_displacement(model):
-        found = displaced(found)
-    system, state = started(found) if model.settings.run.start == "static" else found
+        prepared = displaced(prepared)
+    system, state = started(prepared) if model.settings.run.start == "static" else prepared
     advise_unused(model)
     advise_conditions(system.model, system.time_step)
     if system.transport is None:
@@ -186,10 +186,10 @@ def _begin(notes: Recorder, request: Request) -> Results:
     start = [notes.system]  # whose nodes may have changed when the writer is made
 
     def new() -> Writer:
-        own = late_zones.kept(request.sooner) if request.sooner else {}
-        made = notes.writer(start[0], request.output, meta(notes, request.provenance) | own)
+        refinement_meta = late_zones.kept(request.sooner) if request.sooner else {}
+        writer = notes.writer(start[0], request.output, meta(notes, request.provenance) | refinement_meta)
         start.clear()
-        return made
+        return writer
 
     return _finish(notes, new, request)
 
@@ -239,13 +239,13 @@ def resume(
     UnstableError.
     """
     request = Request(output, watch, "", adapt, threads, team, device, compiled=compile_seconds())
-    found, motion = _resumed(output, request), name_of(output)
-    if motion_follows(found) and (motion.is_symlink() or (motion.exists() and not is_empty(motion))):
-        found.close()
+    results, motion = _resumed(output, request), name_of(output)
+    if motion_follows(results) and (motion.is_symlink() or (motion.exists() and not is_empty(motion))):
+        results.close()
         if motion.is_symlink():
             raise ResultsError(f"{motion} is a link, and the motion of a run is written there; move it away")
         return _resumed(motion, request)
-    return _moved_on(found, output, threads, watch)
+    return _moved_on(results, output, threads, watch)
 
 
 def _resumed(output: Path, request: Request) -> Results:
@@ -276,8 +276,8 @@ def _resume_sooner(output: Path, request: Request, late: LateZoneError) -> Resul
     """Results of a continued run whose fine cells came too late, as they would have been without the stop."""
     with Results.open(output) as results:
         model, meta = model_of(results.model(), str(output)), results.meta()
-    sooner = late_zones.back(meta, output)
-    request = request._replace(output=output, provenance=meta["provenance"], sooner=sooner)
+    earlier_refinements = late_zones.back(meta, output)
+    request = request._replace(output=output, provenance=meta["provenance"], sooner=earlier_refinements)
     return _sooner(model, options_of(model, meta, request.threads), request, late)
 
 
@@ -288,8 +288,8 @@ def _resume(output: Path, request: Request) -> Results:
         model = model if request.device is None else on_device(model, request.device)
         options = options_of(model, meta, request.threads)._replace(team=request.team)
         resuming.warn_of_processor(output, meta)
-        sooner = request.sooner or late_zones.back(meta, output)
-        request = request._replace(output=output, provenance=meta["provenance"], sooner=sooner)
+        earlier_refinements = request.sooner or late_zones.back(meta, output)
+        request = request._replace(output=output, provenance=meta["provenance"], sooner=earlier_refinements)
         if not results.has_checkpoint():
             results.close()
             return _simulate(model, options, request)
@@ -298,24 +298,24 @@ def _resume(output: Path, request: Request) -> Results:
             make = partial(Writer.reopen, output, ranked.go_on(output, results.pieces))
             results.close()
             return _finish(ranked, make, request)
-        known, (step, kept) = results.nodes(0), results.checkpoint()
+        initial_nodes, (step, checkpoint) = results.nodes(0), results.checkpoint()
         with stopping.patience(stopping.AT_ONCE):
             system, state = prepare(model, options)
-        if system.hybrid is None and not kept.keys() >= set(State._fields):
+        if system.hybrid is None and not checkpoint.keys() >= set(State._fields):
             raise ResultsError(f"{output} has a checkpoint that only {meta['program']} reads; solve it anew")
         adapt = request.adapt or changing(system)
-        same = float(meta["time_step"]) == system.time_step and np.array_equal(known.family, system.family)
-        if not same or not np.array_equal(known.cut, system.family - system.count):
+        same = float(meta["time_step"]) == system.time_step and np.array_equal(initial_nodes.family, system.family)
+        if not same or not np.array_equal(initial_nodes.cut, system.family - system.count):
             raise resuming.of_other_bonds(output, meta, system)
         before = (breaks := results.breaks().step)[breaks <= step]
         wall, latest = float(meta.get("wall_time", 0.0)), int(before.max(initial=0))
-        past = Past(step, wall, results.bond_updates(step), latest, None, len(known.ids), results)
-        if _changes(system, adapt) != ("ids" in kept):
+        past = Past(step, wall, results.bond_updates(step), latest, None, len(initial_nodes.ids), results)
+        if _changes(system, adapt) != ("ids" in checkpoint):
             words = ("stay", "may change") if adapt is not None else ("may change", "stay")
             raise ResultsError(f"{output}: its nodes {words[0]}, and here they {words[1]}; resume it as it began")
         if _changes(system, adapt):
             with gone_back(output):
-                system, state = zone_back(system, kept) if adapt is None else adapt.back(system, kept)
+                system, state = zone_back(system, checkpoint) if adapt is None else adapt.back(system, checkpoint)
             lives = results.lives()
             rows = lives.at(system.model.grid.ids, step)
             if not np.array_equal(lives.nodes.family[rows], system.family) or (rows < 0).any():
@@ -323,7 +323,7 @@ def _resume(output: Path, request: Request) -> Results:
             past = past._replace(rows=rows, ever=int((lives.birth <= step).sum()))
         with gone_back(output):
             resuming.expect_within(step, model)
-            restore(system, state, step, kept, results.breaks())
+            restore(system, state, step, checkpoint, results.breaks())
         broken = len(before) - len(system.operator.broken().step)
         energy = float(meta.get("initial_energy", 0.0))  # results of diffusion have none
         system = dataclasses.replace(system, broken_before=broken, initial_energy=energy)
@@ -332,11 +332,11 @@ def _resume(output: Path, request: Request) -> Results:
     return _finish(notes, partial(_reopened, output, request.sooner), request._replace(adapt=adapt))
 
 
-def _reopened(output: Path, sooner: tuple[Sooner, ...]) -> Writer:
+def _reopened(output: Path, earlier_refinements: tuple[Sooner, ...]) -> Writer:
     """The writer of a run that is continued."""
-    found = Writer.reopen(output)
-    found.tell(late_zones.kept(sooner) | {"processor": processor_kind()})
-    return found
+    writer = Writer.reopen(output)
+    writer.tell(late_zones.kept(earlier_refinements) | {"processor": processor_kind()})
+    return writer
 
 
 def _finish(notes: Recorder, make: Callable[[], Writer], request: Request) -> Results:
@@ -377,9 +377,9 @@ def _march(notes: Recorder, writer: Behind, request: Request) -> str:
         if watch is not None and watch(_progress(notes, step, now)):
             raise KeyboardInterrupt("within a load step, which is lost")
 
-    taken = notes.system.stepper if isinstance(notes.system.stepper, SteppedRest) else notes.system.load_steps
-    if taken is not None:
-        taken.watch = going
+    load_stepper = notes.system.stepper if isinstance(notes.system.stepper, SteppedRest) else notes.system.load_steps
+    if load_stepper is not None:
+        load_stepper.watch = going
     writer.stop = asked
     while step < run.steps and not (interrupted or done):
         looks = run.steps if adapt is None else adapted(notes, adapt, step)
@@ -393,16 +393,16 @@ def _march(notes: Recorder, writer: Behind, request: Request) -> str:
         pace.took(min(ends) - step, running_time() - began)
         step = last
         writer.look()
-        noted = step in records
-        interrupted = asked() and (noted or _can_stop(notes.system, step, pace.is_soon(min(records) - step)))
-        if noted:
+        is_record = step in records
+        interrupted = asked() and (is_record or _can_stop(notes.system, step, pace.is_soon(min(records) - step)))
+        if is_record:
             follow_zone(notes, looked)
             looked = step
             notes.take(step)
-        done = _is_enough(notes, step) if noted else step < min(ends)
-        whole = noted and (step % run.every == 0 or step == run.steps or done)
-        if whole or done or interrupted or (noted and notes.is_old):
-            writer.write(partial(notes.frame, step, whole, state=step == run.steps or done or interrupted))
+        done = _is_enough(notes, step) if is_record else step < min(ends)
+        with_fields = is_record and (step % run.every == 0 or step == run.steps or done)
+        if with_fields or done or interrupted or (is_record and notes.is_old):
+            writer.write(partial(notes.frame, step, with_fields, state=step == run.steps or done or interrupted))
     notes.settle(step)
     compiled = {"compile_time": compile_seconds() - request.compiled}
     writer.done().tell({"summary": json.dumps(summary(notes, step, done) | compiled)})
@@ -411,14 +411,14 @@ def _march(notes: Recorder, writer: Behind, request: Request) -> str:
     return "finished" if done or step == run.steps else "interrupted"
 
 
-def _progress(notes: Recorder, step: int, going: Going | None = None) -> Progress:
-    """Data for a progress display after `step`, or within a load step `going`."""
+def _progress(notes: Recorder, step: int, load_step_progress: Going | None = None) -> Progress:
+    """Data for a progress display after `step`, or within a load step `load_step_progress`."""
     books, steps = notes.accounts, notes.system.model.settings.run.steps
-    broken = books.broken if going is None else going.broken
+    broken = books.broken if load_step_progress is None else load_step_progress.broken
     words, stepper = books.words(broken), notes.system.stepper
     if isinstance(stepper, SteppedRest):
         words = f"{stepper.words()}, {words}"
-    return Progress(step, steps, broken, books.balance, words, notes.system.zone_summary, going)
+    return Progress(step, steps, broken, books.balance, words, notes.system.zone_summary, load_step_progress)
 
 
 def _can_stop(system: System, step: int, soon: bool) -> bool:

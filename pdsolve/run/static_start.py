@@ -30,8 +30,8 @@ def started(prepared: Prepared) -> Prepared:
     stepper.bring(rest.state)
     state.value[:] = rest.state.value
     system.drive.held_force[:] = drive.held_force
-    left = (forces(operator, rest.state) + drive.force) / model.rho[:, None]
-    state.second[:] = np.where(stepper.held, state.second, left)
+    acceleration = (forces(operator, rest.state) + drive.force) / model.rho[:, None]
+    state.second[:] = np.where(stepper.held, state.second, acceleration)
     strain = float(np.sum(system.area * operator.energies(rest.state)[0]))
     return Prepared(dataclasses.replace(system, initial_energy=system.initial_energy + strain), state)
 

@@ -90,29 +90,36 @@ def _finer(system: System) -> dict[str, Any]:
     """Statistics of finer nodes that come and go."""
     if system.zone_summary is None:
         return {}
-    found = system.zone_summary._asdict()
+    statistics = system.zone_summary._asdict()
     if not isinstance(system.operator, Leaves):
-        return {"hybrid": found}
-    return {"split": {name: found[name] for name in ("refinement", "fine_share")}}
+        return {"hybrid": statistics}
+    return {"split": {name: statistics[name] for name in ("refinement", "fine_share")}}
 
 
-def _rested(taken: LoadSteps | SteppedRest | None) -> dict[str, Any]:
+def _rested(load_stepper: LoadSteps | SteppedRest | None) -> dict[str, Any]:
     """Iterations and residuals of each load step."""
-    if isinstance(taken, FatigueSteps | ParisSteps):
-        rows = [cycled._asdict() for cycled in taken.rested]
+    if isinstance(load_stepper, FatigueSteps | ParisSteps):
+        rows = [cycled._asdict() for cycled in load_stepper.rested]
         return {
-            "method": taken.said,
+            "method": load_stepper.said,
             "fatigue_steps": rows,
-            "first_break": taken.first if isinstance(taken, FatigueSteps) and taken.rested else None,
-            "first_range": taken.range if isinstance(taken, FatigueSteps) and taken.rested else None,
-            "cycles_error": taken.error if isinstance(taken, ParisSteps) else None,
-            "cycles_error_of_jumps": taken.jump_error if isinstance(taken, ParisSteps) else None,
-            "ended": taken.why or None,
+            "first_break": load_stepper.first
+            if isinstance(load_stepper, FatigueSteps) and load_stepper.rested
+            else None,
+            "first_range": load_stepper.range
+            if isinstance(load_stepper, FatigueSteps) and load_stepper.rested
+            else None,
+            "cycles_error": load_stepper.error if isinstance(load_stepper, ParisSteps) else None,
+            "cycles_error_of_jumps": load_stepper.jump_error if isinstance(load_stepper, ParisSteps) else None,
+            "ended": load_stepper.why or None,
         }
-    if isinstance(taken, ArcLengthSteps | CrackLengthSteps | PathSteps):
-        rows = [stepped._asdict() for stepped in taken.rested]
-        ended = {} if isinstance(taken, PathSteps) else {"ended": taken.why or None}
-        return {"method": taken.said, "path_steps": rows, "lost": taken.lost} | ended
-    if taken is None:
+    if isinstance(load_stepper, ArcLengthSteps | CrackLengthSteps | PathSteps):
+        rows = [stepped._asdict() for stepped in load_stepper.rested]
+        ended = {} if isinstance(load_stepper, PathSteps) else {"ended": load_stepper.why or None}
+        return {"method": load_stepper.said, "path_steps": rows, "lost": load_stepper.lost} | ended
+    if load_stepper is None:
         return {}
-    return {"method": taken.method.said, "load_steps": [rested._asdict() for rested in taken.rested]}
+    return {
+        "method": load_stepper.method.said,
+        "load_steps": [load_step._asdict() for load_step in load_stepper.rested],
+    }

@@ -28,8 +28,8 @@ def _lines_of_masses(path: Path, summary: dict[str, Any]) -> list[str]:
 
 def _amounts(summary: dict[str, Any]) -> str:
     """Where a substance or heat is, and where it has gone."""
-    found = summary.get("amounts") or summary["masses"] | {"unit": "mol"}  # files of earlier releases
-    return amounts_line(found["unit"], found["inside"], found["through"], found["supplied"], summary["balance"])
+    amounts = summary.get("amounts") or summary["masses"] | {"unit": "mol"}  # files of earlier releases
+    return amounts_line(amounts["unit"], amounts["inside"], amounts["through"], amounts["supplied"], summary["balance"])
 
 
 def _how_far(summary: dict[str, Any]) -> tuple[str, str]:

@@ -29,8 +29,8 @@ class PlateBonds:
         """The bonds broken after a step."""
         (step, node, spring), plate = self._hybrid.broken(), self._hybrid.plate
         new = step > after
-        node, other = node[new], node[new] + self._hybrid.ground.ways[spring[new]]
-        return Broken(step[new].astype(np.int64), plate.rows_at(node), plate.rows_at(other))
+        node, neighbour = node[new], node[new] + self._hybrid.ground.ways[spring[new]]
+        return Broken(step[new].astype(np.int64), plate.rows_at(node), plate.rows_at(neighbour))
 
 
 class SwellingZone(Swelling):
@@ -86,9 +86,9 @@ class SwellingZone(Swelling):
         hybrid = self._operator.hybrid
         if self._broken is not None:
             self._broken.update(self._content)
-        before, held = hybrid.strains(), hybrid.stored()
+        before, energy_before = hybrid.strains(), hybrid.stored()
         self._content.march(self._h, (step - 1) // self.cycle + 1, (step - 1) // self.cycle + 2)
         hybrid.swell(self._strain())
-        hybrid.book((hybrid.stored() - held) / 2)
+        hybrid.book((hybrid.stored() - energy_before) / 2)
         hybrid.march(step, step + 1)
         hybrid.book((hybrid.stored() - hybrid.stored_at(before)) / 2)

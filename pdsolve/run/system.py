@@ -87,8 +87,8 @@ class System:
     @property
     def load_steps(self) -> LoadSteps | None:
         """What takes load steps, if the model is solved at rest."""
-        taken = self.stepper.motion if isinstance(self.stepper, Swelling) else self.stepper
-        return taken if isinstance(taken, LoadSteps) else None
+        stepper = self.stepper.motion if isinstance(self.stepper, Swelling) else self.stepper
+        return stepper if isinstance(stepper, LoadSteps) else None
 
     @property
     def zone_summary(self) -> ZoneSummary | None:

@@ -77,7 +77,7 @@ class Rule:
         self._margin = 0.5 if corrections.partial_cells else 0.0  # spacings
         self.sight, self.held = sight_of(grid, model.name), unbreakable(model)
         self.farthest = float((model.horizons + self._margin * grid.delta).max())
-        stiffest = max(STIFFNESS[each.plane, each.micromodulus] * each.E for each in model.materials)
+        stiffest = max(STIFFNESS[material.plane, material.micromodulus] * material.E for material in model.materials)
         self._nothing = ROUND_OFF * stiffest
 
     @cached_property
@@ -114,9 +114,15 @@ class Rule:
         """Pairs that no hole or edge separates; their stiffness is the modulus, N/m^5, in space N/m^6."""
         reach = self._reach(pairs)
         modulus, peak, limit = _mean_of_ends(self._model, pairs, reach, self._corrections)
-        kept = np.flatnonzero(self._strong(modulus, reach))
-        kept = kept[self.sight.inside(chosen(pairs, kept))]
-        pairs, modulus, peak, limit, reach = chosen(pairs, kept), modulus[kept], peak[kept], limit[kept], reach[kept]
+        pair_numbers = np.flatnonzero(self._strong(modulus, reach))
+        pair_numbers = pair_numbers[self.sight.inside(chosen(pairs, pair_numbers))]
+        pairs, modulus, peak, limit, reach = (
+            chosen(pairs, pair_numbers),
+            modulus[pair_numbers],
+            peak[pair_numbers],
+            limit[pair_numbers],
+            reach[pair_numbers],
+        )
         far = self.sight.apart(pairs, self._model.materials[0].detour, self.farthest)
         round_a_tip = (far > pairs.length) & (far < 2 * self.farthest)
         if round_a_tip.any():
@@ -124,19 +130,19 @@ class Rule:
         intact = (far < 2 * self.farthest) & self._strong(modulus, reach)
         return Paired(pairs, intact, modulus, peak, limit, self.area[pairs.target])
 
-    def lack(self, rows: NDArray[np.int64], found: Paired) -> NDArray[np.float64]:
+    def lack(self, rows: NDArray[np.int64], paired: Paired) -> NDArray[np.float64]:
         """Surface correction of rows (k, d), which increase, with these pairs; see `_lack`."""
-        return _lack(self._model, rows, found, self.area, self._corrections)
+        return _lack(self._model, rows, paired, self.area, self._corrections)
 
-    def lack_in_space(self, rows: NDArray[np.int64], held: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Surface correction of rows (k, 3) whose bonds hold `held` (k, 3, 3), Pa; see `shares`."""
-        return _corrections_in_space(_full_energy(self._model, rows, self._corrections), held)
+    def lack_in_space(self, rows: NDArray[np.int64], bond_energy: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Surface correction of rows (k, 3) whose bonds hold `bond_energy` (k, 3, 3), Pa; see `shares`."""
+        return _corrections_in_space(_full_energy(self._model, rows, self._corrections), bond_energy)
 
-    def part(self, rows: NDArray[np.int64], found: Paired, lack: NDArray[np.float64]) -> Part:
+    def part(self, rows: NDArray[np.int64], paired: Paired, lack: NDArray[np.float64]) -> Part:
         """Bonds of consecutive rows with these pairs and the nodes' surface corrections (n, d)."""
-        factor = _energy_factor(self._model.grid.position, found.pairs, lack)
-        found = found._replace(stiffness=found.stiffness * factor * found.weight)
-        return part_of(self._model.grid.position, self.held, rows, found)
+        factor = _energy_factor(self._model.grid.position, paired.pairs, lack)
+        paired = paired._replace(stiffness=paired.stiffness * factor * paired.weight)
+        return part_of(self._model.grid.position, self.held, rows, paired)
 
 
 def fill(model: Model, corrections: Corrections = ALL) -> Filling:
@@ -148,15 +154,15 @@ def fill(model: Model, corrections: Corrections = ALL) -> Filling:
         """Corrections of all nodes, and all pairs where they are so few as to be found in one go."""
         lack, together = np.ones((nodes, d)), None
         for rows in row_chunks(nodes) if corrections.surfaces else ():
-            found = rule.looked(rule.neighbours.pairs(rows))
-            lack[rows] = rule.lack(rows, found)
-            together = found if len(rows) == nodes else None
+            paired = rule.looked(rule.neighbours.pairs(rows))
+            lack[rows] = rule.lack(rows, paired)
+            together = paired if len(rows) == nodes else None
         return inside_edges(lack, model, rule.farthest), together
 
     def part(rows: NDArray[np.int64]) -> Part:
         lack, together = surfaces()
-        found = together if len(rows) == nodes else None
-        return rule.part(rows, found or rule.looked(rule.neighbours.pairs(rows)), lack)
+        paired = together if len(rows) == nodes else None
+        return rule.part(rows, paired or rule.looked(rule.neighbours.pairs(rows)), lack)
 
     return Filling(rule.area, part, rule.strength)
 
@@ -169,22 +175,22 @@ def _mean_of_ends(
     The peak keeps the mean energy up to it, the limit the mean total energy; equal ends keep their own values.
     """
     if len(model.materials) == 1:
-        modulus, peak, limit, kept = _of_end(model, pairs, reach, pairs.source, corrections)
-        return modulus, np.where(kept, np.inf, peak), np.where(kept, np.inf, limit)
-    modulus, up_to_peak, whole = (np.zeros(len(pairs.length)) for _ in range(3))
+        modulus, peak, limit, no_fail = _of_end(model, pairs, reach, pairs.source, corrections)
+        return modulus, np.where(no_fail, np.inf, peak), np.where(no_fail, np.inf, limit)
+    modulus, up_to_peak, total_energy = (np.zeros(len(pairs.length)) for _ in range(3))
     widest_peak, widest = np.zeros(len(pairs.length)), np.zeros(len(pairs.length))
     unbreakable = np.zeros(len(pairs.length), dtype=bool)
     for end in (pairs.source, pairs.target):
-        c, peak, limit, kept = _of_end(model, pairs, reach, end, corrections)
-        unbreakable |= kept
+        c, peak, limit, no_fail = _of_end(model, pairs, reach, end, corrections)
+        unbreakable |= no_fail
         modulus += 0.5 * c
         up_to_peak += 0.5 * c * peak**2
-        whole += 0.5 * c * peak * limit
+        total_energy += 0.5 * c * peak * limit
         widest_peak += 0.5 * peak
         widest += 0.5 * limit
     with np.errstate(invalid="ignore", divide="ignore"):
         peak = np.where(modulus > 0, np.sqrt(up_to_peak / modulus), widest_peak)
-        limit = np.where(modulus > 0, whole / (modulus * peak), widest)
+        limit = np.where(modulus > 0, total_energy / (modulus * peak), widest)
     peak[unbreakable] = limit[unbreakable] = np.inf
     return modulus, peak, np.where(limit <= peak * (1 + SAME), peak, limit)
 
@@ -195,22 +201,22 @@ def _of_end(
     """Modulus, peak and limit of each pair (b,), with the material of its node `end` (b,), and whether that keeps it
     from breaking."""
     modulus, peak, limit = (np.zeros(len(pairs.length)) for _ in range(3))
-    kept = np.zeros(len(pairs.length), dtype=np.bool_)
+    no_fail = np.zeros(len(pairs.length), dtype=np.bool_)
     ratio, delta = model.settings.horizon.ratio, model.grid.delta
-    for some, material in model.material_columns.of(model.material_of[end]):
-        length, far = pairs.length[some], reach[some]
+    for material_rows, material in model.material_columns.of(model.material_of[end]):
+        length, far = pairs.length[material_rows], reach[material_rows]
         calibrated = _calibration(model, material, corrections)
         if _has_partial_cells(material, corrections):
-            here, there = delta[pairs.source[some]], delta[pairs.target[some]]
-            counted = (hu_beta(length, far, here) + hu_beta(length, far, there)) / 2
+            source_spacing, target_spacing = delta[pairs.source[material_rows]], delta[pairs.target[material_rows]]
+            counted = (hu_beta(length, far, source_spacing) + hu_beta(length, far, target_spacing)) / 2
         else:
             counted = np.where(length <= far * (1 + ROUND_OFF), 1.0, 0.0)
         c = counted * calibrated.stiffness * micromodulus(material, length, far)
-        modulus[some] = c * calibrated.shells.at(length / far * ratio)
+        modulus[material_rows] = c * calibrated.shells.at(length / far * ratio)
         critical = calibrated.stretch * critical_stretch(material, strength_reach(model, material, far))
-        peak[some], limit[some] = limits(material, Sizes(critical, length, far, ratio))
-        kept[some] = is_unbreakable(model, material, far)
-    return modulus, peak, limit, kept
+        peak[material_rows], limit[material_rows] = limits(material, Sizes(critical, length, far, ratio))
+        no_fail[material_rows] = is_unbreakable(model, material, far)
+    return modulus, peak, limit, no_fail
 
 
 def _has_partial_cells(material: Material, corrections: Corrections) -> bool:
@@ -227,7 +233,7 @@ def _calibration(model: Model, material: Material, corrections: Corrections) -> 
 def _lack(
     model: Model,
     rows: NDArray[np.int64],
-    found: Paired,
+    paired: Paired,
     area: NDArray[np.float64],
     corrections: Corrections,
 ) -> NDArray[np.float64]:
@@ -236,20 +242,20 @@ def _lack(
     In the plane, the energy of the rows in a full lattice over that of their intact pairs, in uniform stretching along
     each axis; 1 without energy. In space, the factors c for which the two energies are equal.
     """
-    pairs = found.pairs
+    pairs = paired.pairs
     n = (model.grid.position[pairs.target] - model.grid.position[pairs.source]) / pairs.length[:, None]
     full = _full_energy(model, rows, corrections)
     lack: list[NDArray[np.float64]] = []
     together = int(rows[-1] - rows[0]) + 1 == len(rows)
     place = pairs.source - rows[0] if together else np.searchsorted(rows, pairs.source)
-    stiffness = np.where(found.intact, found.stiffness * pairs.length * area[pairs.target] / 2, 0.0)
+    stiffness = np.where(paired.intact, paired.stiffness * pairs.length * area[pairs.target] / 2, 0.0)
     if n.shape[1] == 3:
         sums = [np.bincount(place, stiffness * share, minlength=len(rows)) for share in shares(n).T]
         return _corrections_in_space(full, np.array(sums, dtype=np.float64).T.reshape(-1, 3, 3))
     for axis in range(2):
-        held = np.bincount(place, stiffness * n[:, axis] ** 4, minlength=len(rows))
+        bond_energy = np.bincount(place, stiffness * n[:, axis] ** 4, minlength=len(rows))
         with np.errstate(divide="ignore"):
-            lack.append(np.where(held > 0, full / held, 1.0))
+            lack.append(np.where(bond_energy > 0, full / bond_energy, 1.0))
     return np.column_stack(lack)
 
 
@@ -260,23 +266,25 @@ def shares(n: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray((stretched[:, :, None] * squares[:, None, :]).reshape(-1, 9))
 
 
-def _corrections_in_space(full: NDArray[np.float64], held: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Factors c (k, 3) that give nodes the energy `full` (k,), Pa, whose bonds hold `held` (k, 3, 3); see `shares`."""
-    scale = held.trace(axis1=1, axis2=2)
-    held += ROUND_OFF * np.where(scale > 0, scale, 1.0)[:, None, None] * np.eye(3)  # bonds may all lie in a plane
-    lacks = full[:, None] - held.sum(axis=2)
-    found = 1 + np.linalg.solve(held, lacks[..., None])[..., 0]
-    found = np.where(scale[:, None] > 0, np.clip(found, LEAST, MOST), 1.0)
-    found[np.abs(found - 1).max(axis=1) <= ROUND_OFF] = 1
-    return found
+def _corrections_in_space(full: NDArray[np.float64], bond_energy: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Factors c (k, 3) that give nodes of `bond_energy` (k, 3, 3) the energy `full` (k,), Pa; see `shares`."""
+    scale = bond_energy.trace(axis1=1, axis2=2)
+    bond_energy += (
+        ROUND_OFF * np.where(scale > 0, scale, 1.0)[:, None, None] * np.eye(3)
+    )  # bonds may all lie in a plane
+    lacks = full[:, None] - bond_energy.sum(axis=2)
+    factors = 1 + np.linalg.solve(bond_energy, lacks[..., None])[..., 0]
+    factors = np.where(scale[:, None] > 0, np.clip(factors, LEAST, MOST), 1.0)
+    factors[np.abs(factors - 1).max(axis=1) <= ROUND_OFF] = 1
+    return factors
 
 
 def _energy_factor(position: NDArray[np.float64], pairs: Pairs, lack: NDArray[np.float64]) -> NDArray[np.float64]:
     """Correction (b,) of each pair's modulus, equal for both directions; 1 inside a uniform grid."""
     n = (position[pairs.target] - position[pairs.source]) / pairs.length[:, None]
     total = np.zeros(len(n))
-    for axis, own in enumerate(lack.T):
-        mean = (own[pairs.source] + own[pairs.target]) / 2
+    for axis, correction in enumerate(lack.T):
+        mean = (correction[pairs.source] + correction[pairs.target]) / 2
         total += n[:, axis] ** 2 * mean if n.shape[1] == 3 else (n[:, axis] / mean) ** 2
     return total if n.shape[1] == 3 else total**-0.5
 
@@ -284,10 +292,10 @@ def _energy_factor(position: NDArray[np.float64], pairs: Pairs, lack: NDArray[np
 def _full_energy(model: Model, rows: NDArray[np.int64], corrections: Corrections) -> NDArray[np.float64]:
     """Twice the energy density (k,) of the rows in a full lattice of their material, at unit stretch, Pa."""
     full = np.zeros(len(rows))
-    for some, material in model.material_columns.of(model.material_of[rows]):
+    for material_rows, material in model.material_columns.of(model.material_of[rows]):
         calibrated = _calibration(model, material, corrections)
         modulus = C11[material.plane] * calibrated.ratios.c11
         if model.grid.dimension == 3:
             modulus = (1 + 2 * NU**2) * modulus + 2 * (NU**2 - 2 * NU) * C66[material.plane] * calibrated.ratios.c12
-        full[some] = modulus * material.E * calibrated.stiffness
+        full[material_rows] = modulus * material.E * calibrated.stiffness
     return full

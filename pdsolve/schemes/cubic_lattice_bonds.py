@@ -49,10 +49,10 @@ def tiled(model: Model, kind: type[np.floating], unbreakable: bool = False) -> T
     if sites is None:
         return None
     rule = Rule(model)
-    found = _springs(model, rule, sites, unbreakable)
-    if found is None:
+    sites_and_springs = _springs(model, rule, sites, unbreakable)
+    if sites_and_springs is None:
         return None
-    sites, springs = found
+    sites, springs = sites_and_springs
     bits = families.members(sites)
     cut = _part(bits, sites, rule)
     if not bits.any():
@@ -75,15 +75,15 @@ def _springs(model: Model, rule: Rule, sites: Sites, unbreakable: bool) -> tuple
     length = lengths(sites.ways * h)
     i, j = (first[ends.ravel()] for ends in np.meshgrid(np.arange(count), np.arange(count), indexing="ij"))
     pairs = Pairs(np.repeat(i, len(length)), np.repeat(j, len(length)), np.tile(length, count**2))
-    modulus, peak, limit = (each.reshape(count, count, -1) for each in rule.constants(pairs))
-    own = modulus[0, 0] > 0
-    if not own.any() or ((modulus > 0) != own).any():
+    modulus, peak, limit = (array.reshape(count, count, -1) for array in rule.constants(pairs))
+    has_bond = modulus[0, 0] > 0
+    if not has_bond.any() or ((modulus > 0) != has_bond).any():
         return None
     sites, modulus, peak, limit = (
-        sites._replace(ways=sites.ways[own]),
-        modulus[..., own],
-        peak[..., own],
-        limit[..., own],
+        sites._replace(ways=sites.ways[has_bond]),
+        modulus[..., has_bond],
+        peak[..., has_bond],
+        limit[..., has_bond],
     )
     ratio = modulus[:, :, 0] / modulus[0, 0, 0]
     half = ratio.diagonal() / 2
@@ -95,7 +95,7 @@ def _springs(model: Model, rule: Rule, sites: Sites, unbreakable: bool) -> tuple
         peak[:] = limit[:] = np.inf
     material = np.searchsorted(which, number)
     of_nodes = rule.area / h**3, half[material], rule.held, material.astype(np.uint8)
-    stretches = (np.ascontiguousarray(each.reshape(count**2, -1)) for each in (peak, limit))
+    stretches = (np.ascontiguousarray(array.reshape(count**2, -1)) for array in (peak, limit))
     return sites, Springs(modulus[0, 0] * h**3, *of_nodes, *stretches)
 
 
@@ -105,15 +105,15 @@ def _part(bits: NDArray[np.uint16], sites: Sites, rule: Rule) -> NDArray[np.int6
     cut, length = np.zeros(len(sites.site), dtype=np.int64), lengths(sites.ways * sites.spacing)
     if rule.sight.clear:
         return cut
-    gone = []
+    separated_pairs = []
     near = np.flatnonzero(rule.sight.near(float(length.max())))
-    for some in row_chunks(len(near)):
-        source, target, slot = layout.intact(sites, bits, near[some])
+    for chunk in row_chunks(len(near)):
+        source, target, slot = layout.intact(sites, bits, near[chunk])
         pairs = Pairs(source, target, length[slot])
         inside, parted = rule.sight.inside(pairs), rule.sight.cut(pairs)
         cut += np.bincount(source[inside & parted], minlength=len(cut))
-        gone.append((source[parted | ~inside], target[parted | ~inside]))
-    for source, target in gone:
+        separated_pairs.append((source[parted | ~inside], target[parted | ~inside]))
+    for source, target in separated_pairs:
         layout.cleared(sites, source, target, bits)
     return cut
 
@@ -123,14 +123,14 @@ def _in_parts(
 ) -> Iterator[tuple[NDArray[np.int64], NDArray[np.float64]]]:
     """Rows (r,) of nodes and their sums (r, p) of stiffness over length times `weights` (k, p), some at a time; those
     of whole tiles, which are all alike, are left out."""
-    whole = np.zeros(sites.tiles, dtype=np.bool_)
-    families.whole(tiles.bits, tiles.kind, whole)
-    rest = np.flatnonzero(~whole & (tiles.kind != EMPTY))
+    full_tiles = np.zeros(sites.tiles, dtype=np.bool_)
+    families.whole(tiles.bits, tiles.kind, full_tiles)
+    rest = np.flatnonzero(~full_tiles & (tiles.kind != EMPTY))
     for begin in range(0, len(rest), TOGETHER):
-        some = rest[begin : begin + TOGETHER]
-        sums = np.empty((ROW * len(some), weights.shape[1]))
-        families.sum_bonds(tiles, weights, some, sums)
-        rows = tiles.node.reshape(-1, ROW)[some].ravel().astype(np.int64)
+        tile_numbers = rest[begin : begin + TOGETHER]
+        sums = np.empty((ROW * len(tile_numbers), weights.shape[1]))
+        families.sum_bonds(tiles, weights, tile_numbers, sums)
+        rows = tiles.node.reshape(-1, ROW)[tile_numbers].ravel().astype(np.int64)
         yield rows[rows >= 0], sums[rows >= 0]
 
 
@@ -138,8 +138,8 @@ def _correct(tiles: Tiles, sites: Sites, rule: Rule) -> None:
     """Set the surface corrections of all nodes."""
     squared = 1 / tiles.table[:, INVERSE]
     n = tiles.table[:, :3] / np.sqrt(squared)[:, None]
-    for rows, held in _in_parts(tiles, sites, shares(n) * squared[:, None] / 2):
-        tiles.c[:, sites.site[rows]] = rule.lack_in_space(rows, held.reshape(-1, 3, 3)).T
+    for rows, bond_energy in _in_parts(tiles, sites, shares(n) * squared[:, None] / 2):
+        tiles.c[:, sites.site[rows]] = rule.lack_in_space(rows, bond_energy.reshape(-1, 3, 3)).T
 
 
 def _bound(tiles: Tiles, sites: Sites) -> NDArray[np.float64]:
@@ -147,7 +147,7 @@ def _bound(tiles: Tiles, sites: Sites) -> NDArray[np.float64]:
     n = tiles.table[:, :3] * np.sqrt(tiles.table[:, INVERSE])[:, None]
     weights = (n[:, :, None] * n[:, None, :]).reshape(-1, 9)
     inner = np.einsum("k,kp->p", tiles.table[:, PULL], weights)
-    found = np.full(len(sites.site), float(np.linalg.eigvalsh(inner.reshape(3, 3))[-1]))
+    stiffness_bound = np.full(len(sites.site), float(np.linalg.eigvalsh(inner.reshape(3, 3))[-1]))
     for rows, sums in _in_parts(tiles, sites, weights):
-        found[rows] = np.linalg.eigvalsh(sums.reshape(-1, 3, 3))[:, -1]
-    return found
+        stiffness_bound[rows] = np.linalg.eigvalsh(sums.reshape(-1, 3, 3))[:, -1]
+    return stiffness_bound

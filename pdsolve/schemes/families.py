@@ -57,14 +57,14 @@ def _weights(
     material: Material,
     length: NDArray[np.float64],
     reach: NDArray[np.float64],
-    here: NDArray[np.float64],
-    there: NDArray[np.float64],
+    source_spacing: NDArray[np.float64],
+    target_spacing: NDArray[np.float64],
 ) -> NDArray[np.float64]:
     """Weights (b,) of neighbours at these distances, for ends with these spacings, m, in a lattice as it is."""
     if whole_cells(material):
         beta = np.where(length <= reach * (1 + ROUND_OFF), 1.0, 0.0)
     else:
-        beta = (hu_beta(length, reach, here) + hu_beta(length, reach, there)) / 2
+        beta = (hu_beta(length, reach, source_spacing) + hu_beta(length, reach, target_spacing)) / 2
     return beta * influence(material, length / reach)
 
 
@@ -74,8 +74,8 @@ def _shells(material: Material, ratio: float) -> Shells:
     if material.model != "ordinary":
         return NO_SHELLS
     xi = offsets(ratio + 0.5, dimension_of(material.plane))
-    length, one = lengths(xi), np.ones(len(xi))
-    weight = _weights(material, length, ratio * one, one, one)
+    length, ones = lengths(xi), np.ones(len(xi))
+    weight = _weights(material, length, ratio * ones, ones, ones)
     return shells(xi, weight * length**2, material.calibration)
 
 
@@ -84,12 +84,12 @@ def _counts(
     ratio: float,
     length: NDArray[np.float64],
     reach: NDArray[np.float64],
-    here: NDArray[np.float64],
-    there: NDArray[np.float64],
+    source_spacing: NDArray[np.float64],
+    target_spacing: NDArray[np.float64],
 ) -> NDArray[np.float64]:
     """Weights (b,) of neighbours at these distances, for ends with these spacings, m."""
-    found = _weights(material, length, reach, here, there)
-    return found * _shells(material, ratio).at(length / reach * ratio)
+    weights = _weights(material, length, reach, source_spacing, target_spacing)
+    return weights * _shells(material, ratio).at(length / reach * ratio)
 
 
 Limit = Callable[[NDArray[np.int64], NDArray[np.float64]], NDArray[np.float64]]  # of materials and horizons (b,), m
@@ -103,9 +103,9 @@ def fill(model: Model) -> Filling:
 
 def filled(model: Model, limits: Limit) -> Filling:
     """The families of a model, whose bonds fail at the mean of the `limits` of the materials of both ends."""
-    grid, horizon, area, held = model.grid, model.horizons, areas(model, "cells"), unbreakable(model)
-    first, whole = model.materials[0], whole_cells(model.materials[0])
-    margin = 0.0 if whole else grid.delta / 2
+    grid, horizon, area, unbreakable_nodes = model.grid, model.horizons, areas(model, "cells"), unbreakable(model)
+    first, full_cells = model.materials[0], whole_cells(model.materials[0])
+    margin = 0.0 if full_cells else grid.delta / 2
     neighbours = Neighbours(grid.position, grid.delta, horizon + margin, mutual=True)
     sight, farthest = sight_of(grid, model.name), float((horizon + margin).max())
 
@@ -120,12 +120,12 @@ def filled(model: Model, limits: Limit) -> Filling:
         pairs = chosen(pairs, counts(pairs) > ROUND_OFF)
         pairs = chosen(pairs, sight.inside(pairs))
         reach = (horizon[pairs.source] + horizon[pairs.target]) / 2
-        here, there = (limits(model.material_of[end], reach) for end in (pairs.source, pairs.target))
-        limit = here / 2 + there / 2
+        source_limit, target_limit = (limits(model.material_of[end], reach) for end in (pairs.source, pairs.target))
+        limit = source_limit / 2 + target_limit / 2
         part = counts(pairs._replace(length=sight.apart(pairs, first.detour, farthest)))
         nothing = np.zeros(len(limit))
         paired = Paired(pairs, part > ROUND_OFF, nothing, limit, limit, part * area[pairs.target])
-        return part_of(grid.position, held, rows, paired)
+        return part_of(grid.position, unbreakable_nodes, rows, paired)
 
     return Filling(area, part, counts)
 
@@ -133,22 +133,27 @@ def filled(model: Model, limits: Limit) -> Filling:
 def _limits(model: Model) -> Limit:
     """Failure limits of bonds by the number of a material."""
     ratio = model.settings.horizon.ratio
-    strength = np.array([one.strength or np.inf for one in model.materials])
-    cost_of = np.array([_cost(_unit(one), ratio) if one.failure in SPENT else np.nan for one in model.materials])
+    strength = np.array([model_material.strength or np.inf for model_material in model.materials])
+    cost_of = np.array(
+        [
+            _cost(_unit(model_material), ratio) if model_material.failure in SPENT else np.nan
+            for model_material in model.materials
+        ]
+    )
 
     def limits(numbers: NDArray[np.int64], reach: NDArray[np.float64]) -> NDArray[np.float64]:
         limit = np.full_like(reach, np.inf)
-        for some, material in model.material_columns.of(numbers):
-            spent, far = cost_of[numbers[some]], reach[some]
+        for material_rows, material in model.material_columns.of(numbers):
+            spent, far = cost_of[numbers[material_rows]], reach[material_rows]
             near = strength_reach(model, material, far)
             if material.failure == "stress":
-                limit[some] = strength[numbers[some]]
+                limit[material_rows] = strength[numbers[material_rows]]
             elif material.failure == "stretch":
-                limit[some] = np.sqrt(material.G0 / (spent * material.E * near))
+                limit[material_rows] = np.sqrt(material.G0 / (spent * material.E * near))
             elif material.failure == "energy":
                 d = dimension_of(material.plane)  # of one stretch, it falls with the square or the cube of the horizon
-                limit[some] = material.G0 / (spent * near ** (d + 1)) * (near / far) ** d
-            limit[some] = np.where(is_unbreakable(model, material, far), np.inf, limit[some])
+                limit[material_rows] = material.G0 / (spent * near ** (d + 1)) * (near / far) ** d
+            limit[material_rows] = np.where(is_unbreakable(model, material, far), np.inf, limit[material_rows])
         return limit
 
     return limits
@@ -173,10 +178,10 @@ def _cost(material: Material, ratio: float) -> float:
     if dimension == 3:
         model = patch_in_space(material, ratio)
         xi = offsets(ratio + 0.5, 3)
-        one = np.ones(len(xi))
-        weight = _counts(material, ratio, lengths(xi), ratio * one, one, one)
-        kept = weight > ROUND_OFF
-        bonds = bonds_in_space(model, xi[kept], weight[kept], size)
+        ones = np.ones(len(xi))
+        weight = _counts(material, ratio, lengths(xi), ratio * ones, ones, ones)
+        in_family = weight > ROUND_OFF
+        bonds = bonds_in_space(model, xi[in_family], weight[in_family], size)
     else:
         model = patch(material, ratio)
         bonds = filled(model, lambda _, reach: np.full_like(reach, size)).whole().bonds

@@ -48,31 +48,35 @@ class _Ends(NamedTuple):
 
 def gripped(filling: Filling, model: Model) -> Filling:
     """The filling whose bonds to corrected grips of the model make up for what the edge lacks."""
-    held = _held(model)
-    if not held.any():
+    constrained = _held(model)
+    if not constrained.any():
         return filling
 
     position, reach = model.grid.position, float((model.horizons + model.grid.delta).max())
-    near = np.isfinite(tree_of(position[held.any(axis=1)]).query(position, distance_upper_bound=reach)[0])
+    near = np.isfinite(tree_of(position[constrained.any(axis=1)]).query(position, distance_upper_bound=reach)[0])
 
     @cache
     def factors() -> NDArray[np.float64]:
         """Factors (n,) of the bonds of free nodes to grips."""
-        found = np.ones(len(model.grid))
-        for rows in row_chunks(len(found)):
+        node_factors = np.ones(len(model.grid))
+        for rows in row_chunks(len(node_factors)):
             if near[rows].any():
-                here, factor = _factors(filling.part(rows), held)
-                found[here] = factor
-        return found
+                free_rows, factor = _factors(filling.part(rows), constrained)
+                node_factors[free_rows] = factor
+        return node_factors
 
     def part(rows: NDArray[np.int64]) -> Part:
-        found = filling.part(rows)
-        ends = _ends(found)
-        any_held = np.asarray(held.any(axis=1))
-        here, there = any_held[ends.source], any_held[ends.target]
-        factor = np.where(there & ~here, factors()[ends.source], np.where(here & ~there, factors()[ends.target], 1.0))
-        bonds = found.bonds._replace(stiffness=found.bonds.stiffness * factor)
-        return found._replace(bonds=bonds)
+        plain_part = filling.part(rows)
+        ends = _ends(plain_part)
+        any_held = np.asarray(constrained.any(axis=1))
+        source_gripped, target_gripped = any_held[ends.source], any_held[ends.target]
+        factor = np.where(
+            target_gripped & ~source_gripped,
+            factors()[ends.source],
+            np.where(source_gripped & ~target_gripped, factors()[ends.target], 1.0),
+        )
+        bonds = plain_part.bonds._replace(stiffness=plain_part.bonds.stiffness * factor)
+        return plain_part._replace(bonds=bonds)
 
     return filling._replace(part=part)
 
@@ -96,22 +100,22 @@ def inside_edges(lack: NDArray[np.float64], model: Model, reach: float) -> NDArr
     way /= np.sqrt((way**2).sum(axis=1))[:, None]
     delta = model.grid.delta[near]
     off, deep = tree_of(position).query(position[near] + (reach + delta - far[near])[:, None] * way)
-    there = (off <= delta) & (far[deep] > reach)
-    found = lack.copy()
-    found[near[there]] = lack[deep[there]]
-    return found
+    is_inside = (off <= delta) & (far[deep] > reach)
+    corrections = lack.copy()
+    corrections[near[is_inside]] = lack[deep[is_inside]]
+    return corrections
 
 
 def _held(model: Model) -> NDArray[np.bool_]:
     """Mask (n, d) of the components that a corrected grip holds."""
-    held = np.zeros((len(model.grid), model.grid.dimension), dtype=np.bool_)
+    constrained = np.zeros((len(model.grid), model.grid.dimension), dtype=np.bool_)
     for condition in model.settings.conditions if is_corrected(model) else ():
         if isinstance(condition, Displacement | Velocity | Acceleration) and condition.corrected:
             rows = model.selected(condition)
             for axis, value in enumerate(components(condition, model.grid.dimension)):
                 if value is not None:
-                    held[rows, axis] = True
-    return held
+                    constrained[rows, axis] = True
+    return constrained
 
 
 def _ends(part: Part) -> _Ends:
@@ -122,9 +126,9 @@ def _ends(part: Part) -> _Ends:
     return _Ends(source, bonds.neighbour.astype(np.int64), bonds.xi / length[:, None], bonds.stiffness, length)
 
 
-def _factors(part: Part, held: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def _factors(part: Part, constrained: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Rows (k,) of a part's free nodes with bonds to grips, and the factors (k,) of these bonds."""
-    ends, any_held = _ends(part), np.asarray(held.any(axis=1))
+    ends, any_held = _ends(part), np.asarray(constrained.any(axis=1))
     to_grip = any_held[ends.target] & ~any_held[ends.source]
     rows = np.unique(ends.source[to_grip])
     near = np.isin(ends.source, rows)
@@ -133,16 +137,18 @@ def _factors(part: Part, held: NDArray[np.bool_]) -> tuple[NDArray[np.int64], ND
     order = np.lexsort((length, ~to_grip, place))
     shortest = order[np.searchsorted(place[order], np.arange(len(rows)))]
     normal, depth = unit[shortest], length[shortest]
-    holds = held[target, np.abs(normal).argmax(axis=1)[place]]  # of a roller, what it leaves free pulls as others do
+    holds = constrained[
+        target, np.abs(normal).argmax(axis=1)[place]
+    ]  # of a roller, what it leaves free pulls as others do
     across = (unit * normal[place]).sum(axis=1)
     on_edge = across * length > (1 - SAME) * depth[place]
     pull = k * across * (across**2 - NU * (1 - across**2))
     towards, away, grip, edge = (
-        np.bincount(place[some], np.sign(across[some]) * pull[some], len(rows))
-        for some in (across > 0, across < 0, holds & (across > 0), ~holds & on_edge)
+        np.bincount(place[mask], np.sign(across[mask]) * pull[mask], len(rows))
+        for mask in (across > 0, across < 0, holds & (across > 0), ~holds & on_edge)
     )
     lacks = away - towards
-    some = (lacks > NOTHING * away) & (grip > 0)
+    mask = (lacks > NOTHING * away) & (grip > 0)
     factor = np.ones(len(rows))
-    factor[some] = np.minimum(1 + lacks[some] / (grip[some] + edge[some]), MOST)
+    factor[mask] = np.minimum(1 + lacks[mask] / (grip[mask] + edge[mask]), MOST)
     return rows, factor

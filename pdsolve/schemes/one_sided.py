@@ -39,23 +39,23 @@ class Rule:
         pairs = chosen(pairs, self._sight.inside(pairs))
         reach = model.horizons[pairs.source]
         stiffness, peak, limit = (np.zeros(len(pairs.length)) for _ in range(3))
-        for own, material in model.material_columns.of(model.material_of[pairs.source]):
-            stiffness[own] = micromodulus(material, pairs.length[own], reach[own])
-            critical = critical_stretch(material, reach[own])
-            sizes = Sizes(critical, pairs.length[own], reach[own], model.settings.horizon.ratio)
-            peak[own], limit[own] = limits(material, sizes)
+        for material_rows, material in model.material_columns.of(model.material_of[pairs.source]):
+            stiffness[material_rows] = micromodulus(material, pairs.length[material_rows], reach[material_rows])
+            critical = critical_stretch(material, reach[material_rows])
+            sizes = Sizes(critical, pairs.length[material_rows], reach[material_rows], model.settings.horizon.ratio)
+            peak[material_rows], limit[material_rows] = limits(material, sizes)
         weight = self.area[pairs.target] * hu_beta(pairs.length, reach, model.grid.delta[pairs.target])
         return Paired(pairs, ~self._sight.cut(pairs), stiffness * weight, peak, limit, weight)
 
-    def lack(self, rows: NDArray[np.int64], found: Paired) -> NDArray[np.float64]:
+    def lack(self, rows: NDArray[np.int64], paired: Paired) -> NDArray[np.float64]:
         """Softening coefficient of rows (k,), which increase, with these pairs; see `softening`."""
-        place = np.searchsorted(rows, found.pairs.source[found.intact])
+        place = np.searchsorted(rows, paired.pairs.source[paired.intact])
         return np.asarray(softening(self._full, np.bincount(place, minlength=len(rows))))
 
-    def part(self, rows: NDArray[np.int64], found: Paired, lack: NDArray[np.float64]) -> Part:
+    def part(self, rows: NDArray[np.int64], paired: Paired, lack: NDArray[np.float64]) -> Part:
         """Bonds of consecutive rows with these pairs and the nodes' softening coefficients (n,)."""
-        found = found._replace(stiffness=found.stiffness * lack[found.pairs.source])
-        return part_of(self._model.grid.position, self._held, rows, found)
+        paired = paired._replace(stiffness=paired.stiffness * lack[paired.pairs.source])
+        return part_of(self._model.grid.position, self._held, rows, paired)
 
 
 def fill(model: Model) -> Filling:
@@ -63,9 +63,9 @@ def fill(model: Model) -> Filling:
     rule, lack = Rule(model), np.zeros(len(model.grid))
 
     def part(rows: NDArray[np.int64]) -> Part:
-        found = rule.looked(rule.neighbours.pairs(rows))
-        lack[rows] = rule.lack(rows, found)
-        return rule.part(rows, found, lack)
+        paired = rule.looked(rule.neighbours.pairs(rows))
+        lack[rows] = rule.lack(rows, paired)
+        return rule.part(rows, paired, lack)
 
     return Filling(rule.area, part)
 

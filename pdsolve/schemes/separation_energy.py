@@ -26,7 +26,8 @@ def patch(material: Material, ratio: float) -> Model:
     """A lattice of spacing 1 around a row of bonds' ends that no edge reaches."""
     side = int(np.ceil(ratio + 0.5))
     x, y = (
-        each.ravel() for each in np.meshgrid(np.arange(-3 * side, 3 * side + 1), np.arange(-3 * side, 3 * side) + 0.5)
+        coordinate.ravel()
+        for coordinate in np.meshgrid(np.arange(-3 * side, 3 * side + 1), np.arange(-3 * side, 3 * side) + 0.5)
     )
     position, count = np.column_stack([x, y]).astype(float), len(x)
     nowhere = np.full(count, -1)
@@ -50,13 +51,13 @@ def bonds_in_space(model: Model, xi: NDArray[np.float64], weight: NDArray[np.flo
     side, high = position[:, 0].max(), position[:, 2].max()
     period, layers = int(2 * side + 1), int(2 * high + 1)
     place = position[:, None, :] + xi
-    own, way = np.nonzero(np.abs(place[..., 2]) <= high)
-    x, y = ((place[own, way, axis] + side) % period for axis in (0, 1))
-    target = ((x * period + y) * layers + place[own, way, 2] + high).astype(np.int64)
-    order = np.lexsort((target, own))
-    own, way, target = own[order], way[order], target[order]
-    nothing, limits = np.zeros(len(own)), np.full(len(own), limit)
-    start = np.searchsorted(own, np.arange(len(position) + 1))
+    source, way = np.nonzero(np.abs(place[..., 2]) <= high)
+    x, y = ((place[source, way, axis] + side) % period for axis in (0, 1))
+    target = ((x * period + y) * layers + place[source, way, 2] + high).astype(np.int64)
+    order = np.lexsort((target, source))
+    source, way, target = source[order], way[order], target[order]
+    nothing, limits = np.zeros(len(source)), np.full(len(source), limit)
+    start = np.searchsorted(source, np.arange(len(position) + 1))
     return Bonds(start, target.astype(np.int32), xi[way], nothing, limits, limits, weight[way])
 
 

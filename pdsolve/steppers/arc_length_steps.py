@@ -79,18 +79,18 @@ class ArcLengthSteps(PathRecords):
         values = {"path_value": self._last.value, "path_before": self._before.value}
         return super().keep() | values | {"path_pushed": np.array(self._pushed), "path_numbers": np.array(numbers)}
 
-    def back(self, kept: Mapping[str, NDArray[Any]], step: int) -> None:
+    def back(self, checkpoint: Mapping[str, NDArray[Any]], step: int) -> None:
         """Restore a checkpoint after `step`. Raises CheckpointError."""
-        super().back(kept, step)
-        self._pushed = tuple(entry(kept, "path_pushed", (2, *self._held.shape), float).copy())
-        value, before = (entry(kept, f"path_{name}", self._held.shape, float) for name in ("value", "before"))
-        factor, length, earlier, less, *rest = entry(kept, "path_numbers", (7,), float).tolist()
+        super().back(checkpoint, step)
+        self._pushed = tuple(entry(checkpoint, "path_pushed", (2, *self._held.shape), float).copy())
+        value, before = (entry(checkpoint, f"path_{name}", self._held.shape, float) for name in ("value", "before"))
+        factor, length, earlier, less, *rest = entry(checkpoint, "path_numbers", (7,), float).tolist()
         self._last, self._before = Path(value.copy(), factor, length), Path(before.copy(), earlier, less)
         self._more, self._most, self._largest = rest
 
     def _share(self) -> float:
         """How much of the path is done: of the loads."""
-        return min(max((one.factor for one in self.rested), default=0.0), 1.0)
+        return min(max((path_step.factor for path_step in self.rested), default=0.0), 1.0)
 
     def _take(self, state: State, step: int) -> None:
         try:
@@ -168,23 +168,23 @@ class ArcLengthSteps(PathRecords):
 
         The state is there then. Raises UnsettledError.
         """
-        value, factor, held = guess.value.copy(), guess.factor, self._held
+        value, factor, constrained = guess.value.copy(), guess.factor, self._held
         for iteration in range(MOST + 1):
             state.value[:] = value
             inside = self._area[:, None] * forces(self._operator, state)
             loads = self._start + factor * self._growth
-            rest, outside = (inside + loads)[~held], max(norm(loads[~held]), norm(inside[held]))
+            rest, outside = (inside + loads)[~constrained], max(norm(loads[~constrained]), norm(inside[constrained]))
             scale = max(self._largest, outside)
-            left = norm(rest) / scale if scale > 0 else float(norm(rest) > 0)
+            residual = norm(rest) / scale if scale > 0 else float(norm(rest) > 0)
             if self.watch is not None:
-                self.watch(Going(step, iteration, left, 0))
-            if left < self._tolerance:
+                self.watch(Going(step, iteration, residual, 0))
+            if residual < self._tolerance:
                 self._largest = scale
-                return Path(value, factor, guess.spent), iteration, left
-            if not np.isfinite(left) or iteration == MOST:
+                return Path(value, factor, guess.spent), iteration, residual
+            if not np.isfinite(residual) or iteration == MOST:
                 break
             matrix, solve = self._factors(state)
-            move, turn = np.zeros(held.shape), 0.0
+            move, turn = np.zeros(constrained.shape), 0.0
             move.ravel()[self._free] = solve(rest)
             if normal is not None:
                 b = self._by_loads(matrix, solve)
@@ -192,7 +192,7 @@ class ArcLengthSteps(PathRecords):
                 move += turn * b
             value, factor = value + move, factor + turn
         raise UnsettledError(
-            f"no equilibrium on the path after {iteration} iterations (residual {left:.2g}; tolerance"
+            f"no equilibrium on the path after {iteration} iterations (residual {residual:.2g}; tolerance"
             f" {self._tolerance:g} of the external forces)"
         )
 

@@ -53,37 +53,39 @@ class CrackLengthSteps(PathRecords):
         self._operator, self._motion, self._cracks = operator, motion, growth
         self.said = f"crack length as the control, {motion.method.said}"
 
-    def back(self, kept: Mapping[str, NDArray[Any]], step: int) -> None:
+    def back(self, checkpoint: Mapping[str, NDArray[Any]], step: int) -> None:
         """Restore a checkpoint after `step`. Raises CheckpointError."""
-        super().back(kept, step)
+        super().back(checkpoint, step)
         self._motion.back(np.zeros((0, len(Rested._fields))), self._operator.broken())
 
     def _share(self) -> float:
         """How much of the path is done: of its steps, or of the loads."""
-        return max(len(self.rested) / self._model.settings.run.steps, *(one.factor for one in self.rested), 0.0)
+        return max(
+            len(self.rested) / self._model.settings.run.steps, *(path_step.factor for path_step in self.rested), 0.0
+        )
 
     def _take(self, state: State, step: int) -> None:
         self._motion.watch = self.watch
         self._motion.method.forget()
         try:
-            taken = self._grow(state, step) if self.rested else self._elastic(state, step)
+            path_point = self._grow(state, step) if self.rested else self._elastic(state, step)
         except UnsettledError as error:
             raise UnsettledError(f"{self._model.name}: path step {step}: {error}") from None
-        if taken is None:
+        if path_point is None:
             return
-        settled, factor, cost = taken
+        equilibrium, factor, cost = path_point
         spent = cost + (self.rested[-1].spent if self.rested else 0.0)
         after = self._area[:, None] * self._motion.outside(state)
-        self._note(step, settled.iterations, settled.residual, factor, after, spent)
+        self._note(step, equilibrium.iterations, equilibrium.residual, factor, after, spent)
 
     def _elastic(self, state: State, step: int) -> tuple[Settled, float, float]:
         """Loads up to the first tip that grows; books their work."""
         load = np.zeros(self._drive.force.shape)
 
         def rest(factor: float) -> Settled:
-            settled = self._motion.load(state, load.copy(), step, factor)
+            equilibrium = self._motion.load(state, load.copy(), step, factor)
             load[:] = self._drive.force
-            return settled
+            return equilibrium
 
         first = 0.0
         if self._start.any():
@@ -91,13 +93,13 @@ class CrackLengthSteps(PathRecords):
             first = self._share_now(state)
             if first >= 1:
                 raise UnsettledError(f"a tip has {first:.3g} of what lets it grow under what does not change")
-        known, factor = (0.0, first), SMALL
+        previous_point, factor = (0.0, first), SMALL
         iterations = rest(factor).iterations
         while factor < 1 and (share := self._share_now(state)) < CLOSED:
-            known, factor = (factor, share), min(2 * factor, 1.0)
+            previous_point, factor = (factor, share), min(2 * factor, 1.0)
             iterations += rest(factor).iterations
-        settled, factor = self._sought(state, known, factor, rest)
-        return settled._replace(iterations=iterations + settled.iterations), factor, 0.0
+        equilibrium, factor = self._sought(state, previous_point, factor, rest)
+        return equilibrium._replace(iterations=iterations + equilibrium.iterations), factor, 0.0
 
     def _grow(self, state: State, step: int) -> tuple[Settled, float, float] | None:
         """Let the tips that are next grow, and find the factor that goes with it; books what they take, J/m.
@@ -105,48 +107,50 @@ class CrackLengthSteps(PathRecords):
         None: no crack can go on, and all is as before.
         """
         growth, operator, motion, last = self._cracks, self._operator, self._motion, self.rested[-1]
-        kept, value, area = Before.of(state, operator, growth), state.value.copy(), self._area
+        checkpoint, value, area = Before.of(state, operator, growth), state.value.copy(), self._area
         outside, inside, spent = motion.outside(state), forces(operator, state), float(area @ state.dissipated)
-        held = self._drive.held_force.copy()
+        held_force = self._drive.held_force.copy()
         start = last.factor if not self._start.any() else STEP_BACK * last.factor
         try:
             if not growth.lengthen(self._next(state), state, step):
                 raise NoTipError("no crack goes on")
             cut = inside - forces(operator, state)  # forces of the bonds that are gone
             motion.expect_supports()
-            known = (0.0, 0.0)
+            previous_point = (0.0, 0.0)
             if self._start.any():
                 motion.rest_at(state, step, start)
-                known = start, self._largest(state)
-            settled, factor = self._sought(state, known, last.factor, lambda at: motion.rest_at(state, step, at))
+                previous_point = start, self._largest(state)
+            equilibrium, factor = self._sought(
+                state, previous_point, last.factor, lambda at: motion.rest_at(state, step, at)
+            )
         except NoTipError as error:
-            kept.restore(state, operator, growth)
+            checkpoint.restore(state, operator, growth)
             put_loads(self._drive, last.factor)
-            self._drive.held_force[:], self._drive.before[:] = held, self._drive.force
+            self._drive.held_force[:], self._drive.before[:] = held_force, self._drive.force
             self.ended, self.why = True, str(error)
             return None
         way = state.value - value
         state.work[:] += ((outside + motion.outside(state)) / 2 * way).sum(axis=1)
         state.dissipated[:] -= (cut * way).sum(axis=1) / 2
-        return settled, factor, float(area @ state.dissipated) - spent
+        return equilibrium, factor, float(area @ state.dissipated) - spent
 
     def _sought(
-        self, state: State, known: tuple[float, float], factor: float, rest: Callable[[float], Settled]
+        self, state: State, previous_point: tuple[float, float], factor: float, rest: Callable[[float], Settled]
     ) -> tuple[Settled, float]:
         """Bring the body to rest where the largest share is 1, or at the end of the loads; from a factor and the share
         there, and the next factor to try. Returns how it settled, and the factor."""
         iterations = 0
         for _ in range(TRIES):
-            settled = rest(factor)
-            iterations, share = iterations + settled.iterations, self._largest(state)
+            equilibrium = rest(factor)
+            iterations, share = iterations + equilibrium.iterations, self._largest(state)
             if abs(share - 1) < NEAR or (factor == 1 and share < 1):
                 if factor == 1:
                     self.ended, self.why = True, REACHED
-                return Settled(iterations, settled.residual), factor
-            slope = (share - known[1]) / (factor - known[0])
+                return Settled(iterations, equilibrium.residual), factor
+            slope = (share - previous_point[1]) / (factor - previous_point[0])
             if not slope > 0:
                 raise UnsettledError(f"a tip has {share:.3g} of what lets it grow, and no more under larger loads")
-            known, factor = (factor, share), min(factor + (1 - share) / slope, 1.0)
+            previous_point, factor = (factor, share), min(factor + (1 - share) / slope, 1.0)
         raise UnsettledError(f"no loads let a tip grow after {TRIES} tries")
 
     def _shares(self, judged: list[tuple[Any, Any]]) -> Array:
@@ -170,7 +174,7 @@ class CrackLengthSteps(PathRecords):
         """Tips that go straight on to what is ahead of them; or else those with the largest share."""
         judged = self._cracks.judged(state)
         shares = self._shares(judged)
-        straight = [one for one in judged if one[1].straight]
+        straight = [judged_tip for judged_tip in judged if judged_tip[1].straight]
         return straight or [
-            one for one, share in zip(judged, shares, strict=True) if share > (1 - ALIKE) * shares.max()
+            judged_tip for judged_tip, share in zip(judged, shares, strict=True) if share > (1 - ALIKE) * shares.max()
         ]

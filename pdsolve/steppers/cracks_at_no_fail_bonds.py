@@ -22,8 +22,8 @@ def held_crack(model: Model, bonds: SofteningBonds, value: NDArray[np.float64]) 
     cracked = np.zeros(len(value), dtype=bool)
     for end in (bonds.source, bonds.target):
         cracked[end[~keeps & (peaks > CRACKED)]] = True
-    beside = cracked[bonds.source] | cracked[bonds.target]
-    peaks = np.where(keeps & beside, peaks, 0.0)
+    at_crack = cracked[bonds.source] | cracked[bonds.target]
+    peaks = np.where(keeps & at_crack, peaks, 0.0)
     worst = int(peaks.argmax())
     if peaks[worst] < 1:
         return None

@@ -47,9 +47,9 @@ class CycleSteps:
             if step == 1:
                 self._motion.march(state, 1, 2)
             self._motion.method.forget()
-            settled = self._step(state, step, Settled(0, self._motion.rested[-1].residual))
+            equilibrium = self._step(state, step, Settled(0, self._motion.rested[-1].residual))
             broken = len(self._operator.broken().step)
-            self.rested.append(Cycled(step, settled.iterations, settled.residual, self._cycles, broken))
+            self.rested.append(Cycled(step, equilibrium.iterations, equilibrium.residual, self._cycles, broken))
 
     def _step(self, state: State, step: int, before: Settled) -> Settled:
         """Take a step; returns how what is left settled, `before` if nothing changed."""
@@ -63,14 +63,14 @@ class CycleSteps:
         steps = np.array(self.rested, dtype=float).reshape(-1, len(Cycled._fields))
         return {"cycled": steps, "rested": self._motion.keep()}
 
-    def back(self, kept: Mapping[str, NDArray[Any]], step: int) -> None:
+    def back(self, checkpoint: Mapping[str, NDArray[Any]], step: int) -> None:
         """Restore a checkpoint after `step`. Raises CheckpointError."""
-        rows = entry(kept, "cycled", (step, len(Cycled._fields)), float)
+        rows = entry(checkpoint, "cycled", (step, len(Cycled._fields)), float)
         if not np.array_equal(rows[:, 0], np.arange(1, step + 1)):
             raise CheckpointError(f"steps of cycles are not 1 to {step}, those until there")
         self.rested = [Cycled(int(s), int(i), r, c, int(b)) for s, i, r, c, b in rows.tolist()]
         if step:
-            self._motion.back(entry(kept, "rested", (1, len(Rested._fields)), float), self._operator.broken())
+            self._motion.back(entry(checkpoint, "rested", (1, len(Rested._fields)), float), self._operator.broken())
 
     def words(self) -> str:
         """The cycles so far, for a progress display."""

@@ -50,13 +50,13 @@ class Method(Protocol):
     said: str  # which it is, for the record
     smallest: float  # share of a load step that is worth a try, where larger ones do not come to rest
 
-    def settle(self, state: State, asked: Asked, tell: Tell) -> Settled:
+    def settle(self, state: State, conditions: Asked, tell: Tell) -> Settled:
         """Move the values of the state to equilibrium, in place. Raises UnsettledError."""
 
     def forget(self) -> None:
         """Discard history, so that what follows depends on the state alone."""
 
-    def ways_down(self, state: State, held: NDArray[np.bool_]) -> int:
+    def ways_down(self, state: State, constrained: NDArray[np.bool_]) -> int:
         """Independent displacements of free components along which energy falls; 0 where that is not known."""
 
     def hold_softly(self, nodes: NDArray[np.bool_]) -> None:
@@ -77,15 +77,18 @@ def weighted_tangent(operator: Operator, area: NDArray[np.float64], state: State
     return (diags_array(np.repeat(area, state.value.shape[1])) @ operator.tangent(state)).tocsr()
 
 
-def left_over(state: State, asked: Asked, out: NDArray[np.float64], least: float, before: float = 0.0) -> float:
+def left_over(state: State, conditions: Asked, out: NDArray[np.float64], least: float, before: float = 0.0) -> float:
     """Residual over external forces; `out` (n, w) are the forces of neighbours.
 
     External forces count at least as `least` times the norm of displacements, now or `before`, m; `least` in N/m^4.
     """
-    load = norm(asked.load[~asked.held])
-    outside = max(load if load > 0 else norm(out[asked.held]), asked.inner)
-    left, scale = norm((out + asked.load)[~asked.held]), max(outside, least * max(norm(state.value), before))
-    return left / scale if scale > 0 else float(left > 0)
+    load = norm(conditions.load[~conditions.held])
+    outside = max(load if load > 0 else norm(out[conditions.held]), conditions.inner)
+    imbalance, scale = (
+        norm((out + conditions.load)[~conditions.held]),
+        max(outside, least * max(norm(state.value), before)),
+    )
+    return imbalance / scale if scale > 0 else float(imbalance > 0)
 
 
 def round_off(stiffest: float, tolerance: float) -> float:

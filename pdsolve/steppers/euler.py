@@ -23,14 +23,14 @@ class Euler:
 
     def march(self, state: State, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1, in place."""
-        drive, dt, held = self._drive, self._dt, self._drive.holds.node
+        drive, dt, constrained_nodes = self._drive, self._dt, self._drive.holds.node
         value, rate, source = state.value[:, 0], state.rate[:, 0], drive.force[:, 0]
         for step in range(first, last):
             if self._ghosts is not None:
                 self._ghosts.fill(state.value.T)
             rate[:] = 0
             self._operator.add(state, state.rate, step, dt)
-            state.dissipated[held] += dt * rate[held]
+            state.dissipated[constrained_nodes] += dt * rate[constrained_nodes]
             if drive.varies:
                 put_loads(drive, (step - 1) * dt)
             if len(drive.loads.node):

@@ -51,11 +51,11 @@ class FatigueSteps(CycleSteps):
         self.first, self.range = np.inf, 0.0  # cycles until the first bonds broke, and their range of stretch
 
     def _step(self, state: State, step: int, before: Settled) -> Settled:
-        settled = before
+        equilibrium = before
         for _ in range(JUMPS):
             if not self.ended:
-                settled = self._jump(state, step, settled)
-        return settled
+                equilibrium = self._jump(state, step, equilibrium)
+        return equilibrium
 
     def keep(self) -> dict[str, NDArray[Any]]:
         """Lives and steps so far, for a checkpoint."""
@@ -63,11 +63,11 @@ class FatigueSteps(CycleSteps):
         numbers = np.array([self._cycles, first, self.range, *self._at])
         return super().keep() | {"fatigue_life": self._life, "fatigue_numbers": numbers}
 
-    def back(self, kept: Mapping[str, NDArray[Any]], step: int) -> None:
+    def back(self, checkpoint: Mapping[str, NDArray[Any]], step: int) -> None:
         """Restore a checkpoint after `step`. Raises CheckpointError."""
-        super().back(kept, step)
-        self._life[:] = entry(kept, "fatigue_life", self._life.shape, float)
-        self._cycles, self.first, self.range, block, done = entry(kept, "fatigue_numbers", (5,), float).tolist()
+        super().back(checkpoint, step)
+        self._life[:] = entry(checkpoint, "fatigue_life", self._life.shape, float)
+        self._cycles, self.first, self.range, block, done = entry(checkpoint, "fatigue_numbers", (5,), float).tolist()
         self.first = np.inf if self.first == NONE_BROKE else self.first
         if not 0 <= block < max(len(self._law.blocks), 1):
             raise CheckpointError(f"block {block:g} of the loading does not exist; there are {len(self._law.blocks)}")
@@ -90,8 +90,8 @@ class FatigueSteps(CycleSteps):
         values, broken, intact = [part.copy() for part in state], self._operator.broken(), bonds.intact.copy()
         try:
             bonds.part(self._operator, state, step, which, stretches)
-            settled = motion.settle_broken(state, step, before.iterations)
-            total = Settled(before.iterations + settled.iterations, settled.residual)
+            equilibrium = motion.settle_broken(state, step, before.iterations)
+            total = Settled(before.iterations + equilibrium.iterations, equilibrium.residual)
             return motion.break_overstretched(state, step, total)[0]
         except UnsettledError:
             for part, value in zip(state, values, strict=True):
@@ -104,8 +104,8 @@ class FatigueSteps(CycleSteps):
     def _grows(self) -> NDArray[np.bool_]:
         """Whether bonds (b,) are within a horizon of damage."""
         bonds, nodes = self._breakable, len(self._family)
-        gone = self._cut + np.bincount(bonds.source[~bonds.intact], minlength=nodes)
-        damaged = gone > self._law.damaged * self._family
+        broken_count = self._cut + np.bincount(bonds.source[~bonds.intact], minlength=nodes)
+        damaged = broken_count > self._law.damaged * self._family
         near = damaged.copy()
         near[bonds.source[damaged[bonds.target]]] = True
         return near[bonds.source] | near[bonds.target]

@@ -34,7 +34,7 @@ class Growing(Protocol):
     def keep(self) -> dict[str, NDArray[Any]]:
         """Particles for a checkpoint."""
 
-    def back(self, kept: Mapping[str, NDArray[Any]], broken: Broken) -> None:
+    def back(self, checkpoint: Mapping[str, NDArray[Any]], broken: Broken) -> None:
         """Restore a checkpoint with these broken bonds."""
 
     def remark(self, key: str, words: str) -> None:
@@ -64,10 +64,12 @@ class Before(NamedTuple):
 def apart(growth: Growing, judged: list[tuple[Any, Any]]) -> float:
     """How far K by interaction integrals and by J are apart, the most of all tips, over K; 0 where only J is known."""
     both = [(v.share * growth.toughness(tip), v.released) for tip, v in judged if np.isfinite(v.K1) and v.released > 0]
-    return max((abs(whole / released - 1) for whole, released in both), default=0.0)
+    return max((abs(stress_intensity / released - 1) for stress_intensity, released in both), default=0.0)
 
 
 def intensities(growth: Growing, judged: list[tuple[Any, Any]]) -> NDArray[np.float64]:
     """K (k,) of tips, Pa m^0.5, with the size of sqrt(J E') where they have J."""
-    whole = [verdict.share * growth.toughness(tip) for tip, verdict in judged]
-    return np.array([v.released if np.isfinite(v.released) else k for (_, v), k in zip(judged, whole, strict=True)])
+    stress_intensities = [verdict.share * growth.toughness(tip) for tip, verdict in judged]
+    return np.array(
+        [v.released if np.isfinite(v.released) else k for (_, v), k in zip(judged, stress_intensities, strict=True)]
+    )

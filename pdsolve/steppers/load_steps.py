@@ -132,10 +132,10 @@ class LoadSteps:
         put_loads(self._drive, time)
         self._balance("")
         at = np.where(self.held, held_at(self._drive, time), 0.0)
-        asked = Asked(self._drive.force.astype(float), self.held, at, self._inner)
-        settled = self.method.settle(state, asked, self._tell(step, 0))
+        conditions = Asked(self._drive.force.astype(float), self.held, at, self._inner)
+        equilibrium = self.method.settle(state, conditions, self._tell(step, 0))
         self._note(state)
-        return settled
+        return equilibrium
 
     def outside(self, state: State) -> Array:
         """External force densities (n, w) as the plate rests: loads, and reactions of held components."""
@@ -150,9 +150,9 @@ class LoadSteps:
         """Convergence data (k, 5) of the load steps so far, for a checkpoint."""
         return np.array(self.rested, dtype=float).reshape(-1, len(Rested._fields))
 
-    def back(self, kept: Array, broken: Broken) -> None:
+    def back(self, load_step_rows: Array, broken: Broken) -> None:
         """Restore a checkpoint (k, 5) with these broken bonds."""
-        self.rested = [Rested(int(s), int(i), r, int(b), least) for s, i, r, b, least in kept.tolist()]
+        self.rested = [Rested(int(s), int(i), r, int(b), least) for s, i, r, b, least in load_step_rows.tolist()]
         if self._breaking is not None:
             self._breaking.restore(broken)
         count = len(broken.step)
@@ -165,14 +165,14 @@ class LoadSteps:
         start, spent = self._size(state, before), self._released(state)
         try:
             self._balance("")
-            settled = self._load(state, before, step, step * self._dt)
+            equilibrium = self._load(state, before, step, step * self._dt)
             self._loaded(state)
-            settled, breaks, least = self.break_overstretched(state, step, settled)
-            settled, grown = self._let_grow(state, step, settled)
+            equilibrium, breaks, least = self.break_overstretched(state, step, equilibrium)
+            equilibrium, growth_count = self._let_grow(state, step, equilibrium)
             self._refuse_unstable(state)
         except UnsettledError as error:
             raise UnsettledError(f"{self._model.name}: load step {step}, {step * self._dt:.4g} s: {error}") from None
-        self.rested.append(Rested(step, settled.iterations, settled.residual, breaks + grown, least))
+        self.rested.append(Rested(step, equilibrium.iterations, equilibrium.residual, breaks + growth_count, least))
         self._tell_jump(step, least * self._size(state, self._drive.force.astype(float)) < start, least, spent, state)
 
     def _refuse_unstable(self, state: State) -> None:
@@ -190,8 +190,8 @@ class LoadSteps:
         """Report, once, a crack that grew a long way at a smaller load than that of the step before."""
         model = self._model
         cost = self._released(state) - spent
-        grown = float(model.horizons.max()) ** (model.grid.dimension - 1)
-        least_cost = grown * min(material.G0 for material in model.materials)
+        crack_area = float(model.horizons.max()) ** (model.grid.dimension - 1)
+        least_cost = crack_area * min(material.G0 for material in model.materials)
         if step > 1 and less and cost > JUMP * least_cost and not self._warned:
             self._warned = True
             warnings.warn(
@@ -217,24 +217,24 @@ class LoadSteps:
         A part of the way that does not come to rest is halved, and the next part grows if few iterations were enough.
         """
         at, now, start = held_at(self._drive, time), self._drive.force.astype(float), state.value.copy()
-        done, part, iterations, settled = 0.0, 1.0, 0, Settled(0, 0.0)
+        done, part, iterations, equilibrium = 0.0, 1.0, 0, Settled(0, 0.0)
         while done < 1:
             end = 1.0 if done + part > 1 - self.method.smallest else done + part
             loads = [before + share * (now - before) for share in (done, (done + end) / 2, end)]
             places = [np.where(self.held, start + share * (at - start), 0.0) for share in ((done + end) / 2, end)]
-            value, kept = state.value.copy(), self._operator.keep()
+            value, operator_arrays = state.value.copy(), self._operator.keep()
             try:
-                settled = self._part(state, loads, places, self._tell(step, iterations))
+                equilibrium = self._part(state, loads, places, self._tell(step, iterations))
             except UnsettledError as error:
                 state.value[:], part = value, part / 2
-                self._operator.back(kept, self._operator.broken())
+                self._operator.back(operator_arrays, self._operator.broken())
                 if part < self.method.smallest:
                     raise self._limit(error, state, done) from None
                 continue
-            done, iterations = end, iterations + settled.iterations
-            part *= GROWTH if settled.iterations < 2 * FEW else 1.0
+            done, iterations = end, iterations + equilibrium.iterations
+            part *= GROWTH if equilibrium.iterations < 2 * FEW else 1.0
         self._note(state)
-        return Settled(iterations, settled.residual)
+        return Settled(iterations, equilibrium.residual)
 
     def _limit(self, error: UnsettledError, state: State, done: float) -> UnsettledError:
         """The error of a load step that comes to rest up to the share `done` only: a limit load, where nodes flow."""
@@ -251,20 +251,20 @@ class LoadSteps:
         """Find equilibrium half the way to the last of three loads, and there; books the work."""
         u, pushed, iterations = [state.value.copy()], [self._outside(state, loads[0])], 0
         for load, place in zip(loads[1:], places, strict=True):
-            settled = self.method.settle(state, Asked(load, self.held, place, self._inner), tell)
-            iterations += settled.iterations
+            equilibrium = self.method.settle(state, Asked(load, self.held, place, self._inner), tell)
+            iterations += equilibrium.iterations
             u.append(state.value.copy())
             pushed.append(self._outside(state, load))
             self._remember(state)
         state.work[:] += _along(u, pushed).sum(axis=1)
-        return Settled(iterations, settled.residual)
+        return Settled(iterations, equilibrium.residual)
 
-    def break_overstretched(self, state: State, step: int, settled: Settled) -> tuple[Settled, int, float]:
+    def break_overstretched(self, state: State, step: int, equilibrium: Settled) -> tuple[Settled, int, float]:
         """Break bonds and settle until no bond is above its limit.
 
         Returns how it settled, how often, and the smallest share of the load.
         """
-        breaks, least, iterations, roughly = 0, 1.0, settled.iterations, False
+        breaks, least, iterations, roughly = 0, 1.0, equilibrium.iterations, False
         while self._breaking is not None:
             most = self._breaking.break_worst(self._operator, state, step)
             if most == 0 and not roughly:
@@ -272,10 +272,10 @@ class LoadSteps:
             if most and breaks:
                 least = min(least, 1 / most)
             roughly = most > 0
-            settled = self.settle_broken(state, step, iterations, BETWEEN if roughly else 0.0)
-            iterations += settled.iterations
+            equilibrium = self.settle_broken(state, step, iterations, BETWEEN if roughly else 0.0)
+            iterations += equilibrium.iterations
             breaks += roughly
-        return Settled(iterations, settled.residual), breaks, least
+        return Settled(iterations, equilibrium.residual), breaks, least
 
     def settle_broken(self, state: State, step: int, iterations: int = 0, enough: float = 0.0) -> Settled:
         """Settle again after bonds broke, at least to a residual of `enough`. Raises UnsettledError."""
@@ -287,31 +287,31 @@ class LoadSteps:
                 f"after {pair_count(len(self._operator.broken().step))} bonds broke: {error}"
             ) from None
 
-    def _let_grow(self, state: State, step: int, settled: Settled) -> tuple[Settled, int]:
+    def _let_grow(self, state: State, step: int, equilibrium: Settled) -> tuple[Settled, int]:
         """Let cracks grow and settle until none grows; returns how it settled, and how often."""
-        times, iterations = 0, settled.iterations
+        times, iterations = 0, equilibrium.iterations
         while self._grow is not None and self._grow(state, step):
             broken = self._operator.broken()
             self._support(broken, f"after {pair_count(len(broken.step))} bonds were cut: ")
-            settled = self._settle(state, step, iterations)
-            iterations += settled.iterations
+            equilibrium = self._settle(state, step, iterations)
+            iterations += equilibrium.iterations
             times += 1
-        return Settled(iterations, settled.residual), times
+        return Settled(iterations, equilibrium.residual), times
 
     def _settle(self, state: State, step: int, iterations: int, enough: float = 0.0) -> Settled:
         """Find equilibrium under the same loads; books their work, and the energy that the plate releases."""
         load, u = self._drive.force.astype(float), state.value.copy()
-        asked = Asked(load, self.held, np.where(self.held, u, 0.0), self._inner, enough)
-        left = [self._left(state, load)]
-        settled = self.method.settle(state, asked, self._tell(step, iterations))
+        conditions = Asked(load, self.held, np.where(self.held, u, 0.0), self._inner, enough)
+        residual_forces = [self._left(state, load)]
+        equilibrium = self.method.settle(state, conditions, self._tell(step, iterations))
         end, way = state.value.copy(), state.value - u
         for values in ((u + end) / 2, end):
             state.value[:] = values
-            left.append(self._left(state, load))
-        state.damped[:] += ((left[0] + 4 * left[1] + left[2]) / 6 * way).sum(axis=1)
+            residual_forces.append(self._left(state, load))
+        state.damped[:] += ((residual_forces[0] + 4 * residual_forces[1] + residual_forces[2]) / 6 * way).sum(axis=1)
         state.work[:] += (load * way).sum(axis=1)
         self._note(state)
-        return settled
+        return equilibrium
 
     def _left(self, state: State, load: Array) -> Array:
         return np.where(self.held, 0.0, forces(self._operator, state) + load)
@@ -344,27 +344,27 @@ class LoadSteps:
         intact[np.searchsorted(self._bonds, broken.source * nodes + broken.target)] = False
         if self._braced is not None and self._braced.stays(intact):
             return
-        left = self._bonds[intact]
-        found = loose(model.grid.position, model.grid.ids, np.divmod(left, nodes), self._supported)
+        intact_bonds = self._bonds[intact]
+        loose_bodies = loose(model.grid.position, model.grid.ids, np.divmod(intact_bonds, nodes), self._supported)
         self._braced = None
-        if not found.said:
+        if not loose_bodies.said:
             self._braced = Braced(model.grid.position, np.divmod(self._bonds, nodes), self._supported, intact)
             return
         if self._contact is not None:
-            alone = found.nodes
-            joined = and_touching(np.divmod(left, nodes), self._contact)
-            found = loose(model.grid.position, model.grid.ids, joined, self._supported)
+            alone = loose_bodies.nodes
+            joined = and_touching(np.divmod(intact_bonds, nodes), self._contact)
+            loose_bodies = loose(model.grid.position, model.grid.ids, joined, self._supported)
             self.method.hold_softly(alone)  # which touch holds once it presses, in all directions but along a face
-            if not found.said:
+            if not loose_bodies.said:
                 return
         if not model.settings.run.static.floating and not when:
-            said = f"{found.said}; add supports, or use --float (run.static.floating) if the loads balance"
+            said = f"{loose_bodies.said}; add supports, or use --float (run.static.floating) if the loads balance"
             raise ModelError(f"{model.name}: $.conditions: {said}")
-        self._loose = found
+        self._loose = loose_bodies
         self._balance(when)
         if not model.settings.run.static.floating:
-            self._tell_loose(f"{when}{found.said}, without loads: it stays where it comes to rest")
-        self.method.hold_softly(found.nodes)
+            self._tell_loose(f"{when}{loose_bodies.said}, without loads: it stays where it comes to rest")
+        self.method.hold_softly(loose_bodies.nodes)
 
     def _tell_loose(self, said: str) -> None:
         """Report, once, what breaking bonds cut free."""

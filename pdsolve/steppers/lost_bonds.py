@@ -63,27 +63,27 @@ class LostBonds:
         for node, sign in ((i, 1.0), (j, -1.0)):
             for axis in range(self._width):
                 row = self._row[node, axis]
-                there = np.flatnonzero(row >= 0)
-                ways[there, row[there]] = sign * vectors[there, axis, -1]
+                free_bonds = np.flatnonzero(row >= 0)
+                ways[free_bonds, row[free_bonds]] = sign * vectors[free_bonds, axis, -1]
         pulls = values[:, -1] > 0
         ways, stiffness = ways[pulls], values[pulls, -1]
         columns = columns_of(self._solve, ways.T).T
-        old, own = -self._ways @ columns.T, np.diag(1 / stiffness) - ways @ columns.T
-        self._whole = np.block([[self._whole, old], [old.T, own]])
+        old, diagonal_block = -self._ways @ columns.T, np.diag(1 / stiffness) - ways @ columns.T
+        self._whole = np.block([[self._whole, old], [old.T, diagonal_block]])
         self._ways, self._columns = np.vstack([self._ways, ways]), np.vstack([self._columns, columns])
         self._last = len(ways)
         return True
 
     def solve(self, right: Array) -> Array:
         """The solution for a right side (k,)."""
-        found = self._by_columns(right)
+        solution = self._by_columns(right)
         if not len(self._ways):
-            return found
+            return solution
         try:
-            share = np.linalg.solve(self._whole, self._ways @ found)
+            share = np.linalg.solve(self._whole, self._ways @ solution)
         except np.linalg.LinAlgError:  # nothing else holds a node: iterations will find out
-            return found
-        return np.asarray(found + share @ self._columns)
+            return solution
+        return np.asarray(solution + share @ self._columns)
 
     def _by_columns(self, right: Array) -> Array:
         """The solution with all bonds, by the columns of those that broke last where the right side is of them."""

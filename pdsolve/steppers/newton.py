@@ -101,7 +101,7 @@ class Newton:
             self._floating = nodes
             self.forget()
 
-    def ways_down(self, state: State, held: NDArray[np.bool_]) -> int:
+    def ways_down(self, state: State, constrained: NDArray[np.bool_]) -> int:
         """Independent displacements along which energy falls from this equilibrium; 0 where that is not known.
 
         It is known of symmetric tangents that are factorized, of bodies that are supported.
@@ -109,27 +109,27 @@ class Newton:
         if not (self._factored and self._operator.symmetric) or self._floating is not None:
             return 0
         self.forget()  # whose factors would be there beside these
-        matrix, free = self._symmetric(state), ~held.ravel()
+        matrix, free = self._symmetric(state), ~constrained.ravel()
         return negative_pivots(matrix[free][:, free])
 
-    def settle(self, state: State, asked: Asked, tell: Tell) -> Settled:
+    def settle(self, state: State, conditions: Asked, tell: Tell) -> Settled:
         """Move the values of the state to equilibrium by Newton's method, in place; raises UnsettledError.
 
         The values are those of the start then.
         """
-        start, free, done = state.value.copy(), ~asked.held, 0
+        start, free, done = state.value.copy(), ~conditions.held, 0
         self._before = norm(start)
-        if (state.value != np.where(free, state.value, asked.at)).any():
-            self._lead(state, asked)
+        if (state.value != np.where(free, state.value, conditions.at)).any():
+            self._lead(state, conditions)
         if self._lost is not None and not self._lost.lose(self._operator.broken()):
             self.forget()
         if self._inverse is not None and not self._fresh:
-            settled, done = self._mix(state, asked, tell)
-            if settled is not None:
-                return settled
-        settled, done = self._renew(state, asked, done, tell)
-        if settled is not None:
-            return settled
+            equilibrium, done = self._mix(state, conditions, tell)
+            if equilibrium is not None:
+                return equilibrium
+        equilibrium, done = self._renew(state, conditions, done, tell)
+        if equilibrium is not None:
+            return equilibrium
         state.value[:] = start
         self.forget()
         raise UnsettledError(
@@ -137,18 +137,18 @@ class Newton:
             " forces); check the supports, or take smaller load steps (run.static.load_steps)"
         )
 
-    def _renew(self, state: State, asked: Asked, before: int, tell: Tell) -> tuple[Settled | None, int]:
+    def _renew(self, state: State, conditions: Asked, before: int, tell: Tell) -> tuple[Settled | None, int]:
         """Iterate with a new tangent each time; returns None without rest, and the iterations after those `before`."""
-        free, usual = ~asked.held, 0.0  # m, norm of displacements after an iteration
+        free, usual = ~conditions.held, 0.0  # m, norm of displacements after an iteration
         weight = np.repeat(self._area, free.shape[1])[free.ravel()] if self._operator.symmetric else 1.0
 
         def weighted(out: Array) -> Array:
-            return np.asarray(weight * (out + asked.load)[free])
+            return np.asarray(weight * (out + conditions.load)[free])
 
         out = forces(self._operator, state)
-        residual = left_over(state, asked, out, self._least, self._before)
+        residual = left_over(state, conditions, out, self._least, self._before)
         for done in range(before, before + self._most + 1):
-            if residual < max(self._tolerance, asked.enough):
+            if residual < max(self._tolerance, conditions.enough):
                 if done - before > NEARLY_LINEAR:
                     self.forget()
                 return Settled(done, residual), done
@@ -164,44 +164,44 @@ class Newton:
             for _ in range(HALVINGS):
                 state.value[free] = value + size * step
                 out = forces(self._operator, state)
-                found = left_over(state, asked, out, self._least, self._before)
-                if found < residual or (self._flows and weighted(out) @ step > -OVERSHOT * (pushed @ step)):
+                new_residual = left_over(state, conditions, out, self._least, self._before)
+                if new_residual < residual or (self._flows and weighted(out) @ step > -OVERSHOT * (pushed @ step)):
                     break
                 size /= 2
             else:
                 break
-            residual = found
+            residual = new_residual
             usual = usual or max(norm(state.value), self._before)
             if self._flows and norm(state.value) > RUNAWAY * usual:
                 break
         return None, done
 
-    def _lead(self, state: State, asked: Asked) -> None:
+    def _lead(self, state: State, conditions: Asked) -> None:
         """Move held components to their prescribed positions, and the rest by the linear response."""
-        free = ~asked.held
+        free = ~conditions.held
         if self._matrix is None:
             self._take_tangent(state, free)
             self._fresh = False
         assert self._matrix is not None
         assert self._inverse is not None
-        way = np.where(free, 0.0, asked.at - state.value).ravel()
+        way = np.where(free, 0.0, conditions.at - state.value).ravel()
         along = -(self._matrix @ way)[free.ravel()]
         move = way.copy()
         move[free.ravel()] = self._inverse(along)
-        state.value[:] = np.where(free, state.value + move.reshape(free.shape), asked.at)
+        state.value[:] = np.where(free, state.value + move.reshape(free.shape), conditions.at)
 
-    def _mix(self, state: State, asked: Asked, tell: Tell) -> tuple[Settled | None, int]:
+    def _mix(self, state: State, conditions: Asked, tell: Tell) -> tuple[Settled | None, int]:
         """Iterate with the old tangent until equilibrium or a stall; returns the iterations, too."""
         assert self._inverse is not None
-        free, weight = ~asked.held, np.repeat(self._area, asked.held.shape[1])
-        inner, least, kept = free.ravel(), np.inf, state.value.copy()
+        free, weight = ~conditions.held, np.repeat(self._area, conditions.held.shape[1])
+        inner, least, best_values = free.ravel(), np.inf, state.value.copy()
         mixed = _Mixed()
         last: tuple[Array, Array] | None = None
         milestone, reached, done = np.inf, 0, 0
         while True:
             out = forces(self._operator, state)
-            residual, rest = left_over(state, asked, out, self._least, self._before), (out + asked.load)[free]
-            if residual < max(self._tolerance, asked.enough):
+            residual, rest = left_over(state, conditions, out, self._least, self._before), (out + conditions.load)[free]
+            if residual < max(self._tolerance, conditions.enough):
                 return Settled(done, residual), done
             tell(done, residual)
             if residual < FALL * milestone:
@@ -209,7 +209,7 @@ class Newton:
             if not residual < GROWN * least or done - reached >= PATIENCE:
                 break
             if residual < least:
-                least, kept = residual, state.value.copy()
+                least, best_values = residual, state.value.copy()
             value = state.value[free]
             proposed = self._inverse((weight[inner] if self._operator.symmetric else 1.0) * rest)
             if last is not None:
@@ -217,7 +217,7 @@ class Newton:
             last = value, proposed
             state.value[free] = value + mixed.step(proposed)
             done += 1
-        state.value[:] = kept
+        state.value[:] = best_values
         return None, done
 
     def _take_tangent(self, state: State, free: NDArray[np.bool_], residual: float = 1.0) -> None:
@@ -265,8 +265,8 @@ class Newton:
         method = cg if self._operator.symmetric else bicgstab
 
         def solve(right: Array) -> Array:
-            found, _ = method(inner, right, rtol=INNER, maxiter=INNER_MOST, M=light)
-            return np.asarray(found)
+            solution, _ = method(inner, right, rtol=INNER, maxiter=INNER_MOST, M=light)
+            return np.asarray(solution)
 
         return solve
 
@@ -284,7 +284,7 @@ class _Mixed:
         size = float(np.sqrt(change @ change)) or 1.0  # so that all are as large
         self._moves = [*self._moves[1 - MIXED :], (move + change) / size]
         self._changes = [*self._changes[1 - MIXED :], change / size]
-        last = np.array([self._changes[-1] @ each for each in self._changes])
+        last = np.array([self._changes[-1] @ earlier_change for earlier_change in self._changes])
         before = self._products[-(len(last) - 1) :, -(len(last) - 1) :] if len(last) > 1 else self._products[:0, :0]
         self._products = np.block([[before, last[:-1, None]], [last]])
 
@@ -292,9 +292,9 @@ class _Mixed:
         """The step to take (k,): the proposed one, mixed with earlier ones."""
         if not self._changes:
             return proposed
-        right = np.array([proposed @ each for each in self._changes])
+        right = np.array([proposed @ earlier_change for earlier_change in self._changes])
         share = np.linalg.lstsq(self._products, right, rcond=ALIKE)[0]
-        found = proposed.copy()
+        mixed_step = proposed.copy()
         for part, move in zip(share.tolist(), self._moves, strict=True):
-            found -= part * move
-        return found
+            mixed_step -= part * move
+        return mixed_step

@@ -44,34 +44,39 @@ class Solver:
     def solve(self, matrix: csr_array, right: Array, anew: bool) -> Array:
         """The solutions for right sides (k,) or (k, r); `anew` does not use old factors. Raises UnsettledError."""
         rights = right.reshape(len(right), -1)
-        found = None if anew or self._old is None else self._by_old_factors(matrix, rights)
-        if found is None:
+        solution = None if anew or self._old is None else self._by_old_factors(matrix, rights)
+        if solution is None:
             self._old, self._inverse = matrix, _factors(matrix, self._symmetric)
             self._changed, self._columns = np.zeros(0, dtype=np.int64), np.zeros((len(right), 0))
-            found = self._inverse(rights)
-        return found.reshape(right.shape)
+            solution = self._inverse(rights)
+        return solution.reshape(right.shape)
 
     def _by_old_factors(self, matrix: csr_array, right: Array) -> Array | None:
         """The solutions; None if they take long."""
         difference = matrix - self._old
         if not self._learn(difference):
             return None
-        there, inverse = self._changed, self._inverse
+        changed_rows, inverse = self._changed, self._inverse
         assert inverse is not None
-        change = difference[there][:, there].toarray()
-        whole, size = np.eye(len(there)) + self._columns[there] @ change, np.linalg.norm(right, axis=0)
-        found: Array = np.zeros_like(right)
-        left, most = right, np.inf
+        change = difference[changed_rows][:, changed_rows].toarray()
+        capacitance_matrix, size = (
+            np.eye(len(changed_rows)) + self._columns[changed_rows] @ change,
+            np.linalg.norm(right, axis=0),
+        )
+        solution: Array = np.zeros_like(right)
+        residual, most = right, np.inf
         for _ in range(1 + REFINED):
-            x = inverse(left)
+            x = inverse(residual)
             try:
-                found = found + x - self._columns @ (change @ np.linalg.solve(whole, x[there]))
+                solution = (
+                    solution + x - self._columns @ (change @ np.linalg.solve(capacitance_matrix, x[changed_rows]))
+                )
             except np.linalg.LinAlgError:
                 return None
-            left = right - matrix @ found
-            before, most = most, float((np.linalg.norm(left, axis=0) / np.where(size > 0, size, 1.0)).max())
+            residual = right - matrix @ solution
+            before, most = most, float((np.linalg.norm(residual, axis=0) / np.where(size > 0, size, 1.0)).max())
             if most <= LEFT:
-                return found
+                return solution
             if not most < before / 2:
                 return None
         return None
@@ -86,10 +91,10 @@ class Solver:
         if len(new) > AT_ONCE or len(self._changed) + len(new) > CHANGED:
             return False
         if len(new):
-            one = np.zeros((len(self._columns), len(new)), order="F")
-            one[new, np.arange(len(new))] = 1.0
+            unit_columns = np.zeros((len(self._columns), len(new)), order="F")
+            unit_columns[new, np.arange(len(new))] = 1.0
             self._changed = np.concatenate([self._changed, new])
-            self._columns = np.hstack([self._columns, columns_of(self._inverse, one)])
+            self._columns = np.hstack([self._columns, columns_of(self._inverse, unit_columns)])
         return True
 
 

@@ -79,8 +79,8 @@ class ParisSteps(CycleSteps):
             return rest
         before = self._kept(state)
         while True:
-            settled = self._grown(state, step, judged, rate)
-            if settled is None:
+            equilibrium = self._grown(state, step, judged, rate)
+            if equilibrium is None:
                 return rest
             steepest, ahead = self._steepest(state)
             shorter = [growth.length(tip, self._share / 2) < growth.length(tip, self._share) for tip, _ in judged]
@@ -98,43 +98,45 @@ class ParisSteps(CycleSteps):
         assert law.m is not None
         self.K_error += abs(cycles) * law.m * self._apart
         if steepest > STEEPEST:
-            found = f"growth is {steepest:.3g} times as fast as before this step, more than {STEEPEST:g} times"
-            growth.remark("outruns", f"step {step}: {found}, of particles as short as the spacing")
-        return settled
+            message = f"growth is {steepest:.3g} times as fast as before this step, more than {STEEPEST:g} times"
+            growth.remark("outruns", f"step {step}: {message}, of particles as short as the spacing")
+        return equilibrium
 
     def _grown(self, state: State, step: int, judged: list[Any], rate: NDArray[np.float64]) -> Settled | None:
         """Let tips of these rates (k,) grow until the first has grown a particle, and settle; None where life ends."""
         law, growth = self._law, self._growth
         length = np.array([growth.length(tip, self._share) for tip, _ in judged])
         first = zip(judged, rate.tolist(), length.tolist(), strict=True)
-        known = [self._tips.get(tip.particle, _Known(0.0, r, way)) for (tip, _), r, way in first]
-        gone, before, last = np.array(known).T
+        tip_histories = [self._tips.get(tip.particle, _Known(0.0, r, way)) for (tip, _), r, way in first]
+        grown_length, before, last = np.array(tip_histories).T
         steep = np.clip(rate / np.where(before > 0, before, rate + (rate == 0)), 1 / STEEPEST, STEEPEST)
         middle = rate * np.sqrt(steep) ** (length / last)
-        took = np.divide(length - gone, middle, out=np.full(len(rate), np.inf), where=middle > 0)
+        took = np.divide(length - grown_length, middle, out=np.full(len(rate), np.inf), where=middle > 0)
         soonest = int(took.argmin())
-        left = max(float(took[soonest]), 0.0)
-        self._at_first = left * float(middle[soonest] / rate[soonest])
-        if self._cycles + left >= law.cycles:
+        cycles_to_growth = max(float(took[soonest]), 0.0)
+        self._at_first = cycles_to_growth * float(middle[soonest] / rate[soonest])
+        if self._cycles + cycles_to_growth >= law.cycles:
             self._cycles = law.cycles
             self._end("its cycles are over")
             return None
-        self._cycles += left
-        gone = gone + left * middle
-        grows = gone > (1 - ALIKE) * length
-        rows = zip(judged, gone.tolist(), rate.tolist(), length.tolist(), grows.tolist(), strict=True)
+        self._cycles += cycles_to_growth
+        grown_length = grown_length + cycles_to_growth * middle
+        grows = grown_length > (1 - ALIKE) * length
+        rows = zip(judged, grown_length.tolist(), rate.tolist(), length.tolist(), grows.tolist(), strict=True)
         self._tips = {tip.particle: _Known(part, r, way) for (tip, _), part, r, way, due in rows if not due}
-        chosen = [one for one, due in zip(judged, grows, strict=True) if due]
+        chosen = [judged_tip for judged_tip, due in zip(judged, grows, strict=True) if due]
         return self._lengthen(state, step, chosen, rate[grows].tolist())
 
     def _steepest(self, state: State) -> tuple[float, float]:
         """Growth of the tips over what it was in the step before, the largest: of all, and of those that have grown."""
         judged = self._growth.judged(state)
         rate = rates(self._law, intensities(self._growth, judged)).tolist()
-        known = [self._tips.get(tip.particle) for tip, _ in judged]
-        more = [(now / was.rate, was.gone) for now, was in zip(rate, known, strict=True) if was and was.rate > 0]
-        grown = (each for each, gone in more if gone == 0)
-        return max((each for each, _ in more), default=1.0), max(grown, default=1.0)
+        tip_histories = [self._tips.get(tip.particle) for tip, _ in judged]
+        more = [
+            (now / was.rate, was.gone) for now, was in zip(rate, tip_histories, strict=True) if was and was.rate > 0
+        ]
+        grown_ratios = (ratio for ratio, grown_length in more if grown_length == 0)
+        return max((ratio for ratio, _ in more), default=1.0), max(grown_ratios, default=1.0)
 
     def _lengthen(self, state: State, step: int, chosen: list[Any], rate: list[float]) -> Settled | None:
         """Let these tips grow and settle; their children remember their `rate`. Without rest, life ends before that."""
@@ -170,16 +172,16 @@ class ParisSteps(CycleSteps):
 
     def keep(self) -> dict[str, NDArray[Any]]:
         """Growth of tips and steps so far, for a checkpoint."""
-        tips = np.array([(n, *known) for n, known in self._tips.items()], dtype=float).reshape(-1, 4)
+        tips = np.array([(n, *history) for n, history in self._tips.items()], dtype=float).reshape(-1, 4)
         numbers = np.array([self._cycles, self._share, self.jump_error, self.K_error, self._apart])
         return super().keep() | {"paris_tips": tips, "paris_cycles": numbers}
 
-    def back(self, kept: Mapping[str, NDArray[Any]], step: int) -> None:
+    def back(self, checkpoint: Mapping[str, NDArray[Any]], step: int) -> None:
         """Restore a checkpoint after `step`. Raises CheckpointError."""
-        super().back(kept, step)
-        tips = entry(kept, "paris_tips", (None, 4), float)
-        self._tips = {int(number): _Known(*known) for number, *known in tips.tolist()}
-        numbers = entry(kept, "paris_cycles", (5,), float).tolist()
+        super().back(checkpoint, step)
+        tips = entry(checkpoint, "paris_tips", (None, 4), float)
+        self._tips = {int(number): _Known(*history) for number, *history in tips.tolist()}
+        numbers = entry(checkpoint, "paris_cycles", (5,), float).tolist()
         self._cycles, self._share, self.jump_error, self.K_error, self._apart = numbers
 
 

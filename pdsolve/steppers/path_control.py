@@ -21,7 +21,7 @@ class Control(Protocol):
     def measure(self, value: Array, spent: float) -> float:
         """The quantity at these displacements, where bonds have spent so much, J/m."""
 
-    def gradient(self, value: Array, found: Response) -> Array:
+    def gradient(self, value: Array, response: Response) -> Array:
         """Derivative (n, d) of the quantity by the displacements."""
 
 
@@ -37,9 +37,9 @@ class Dissipation:
         """Energy, J/m."""
         return spent
 
-    def gradient(self, value: Array, found: Response) -> Array:
+    def gradient(self, value: Array, response: Response) -> Array:
         """Derivative (n, d) of the spent energy by the displacements, N/m."""
-        return self._bonds.gradient(found)
+        return self._bonds.gradient(response)
 
 
 class Opening:
@@ -60,7 +60,7 @@ class Opening:
         now = float(np.sqrt(((self._way + more) ** 2).sum()))
         return float((2 * self._way + more) @ more) / (now + self._length)
 
-    def gradient(self, value: Array, found: Response) -> Array:
+    def gradient(self, value: Array, response: Response) -> Array:
         """Unit vectors (n, d) at the two nodes."""
         way = self._way + (value[self._other] - value[self._one])[: len(self._way)]
         out = np.zeros_like(value)

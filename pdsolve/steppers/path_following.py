@@ -98,21 +98,21 @@ class Follower:
         """
         drive, free = self.drive, self._free
         at = drive.at(factor)
-        value, found = start.copy(), self.bonds.respond(start)
+        value, response = start.copy(), self.bonds.respond(start)
         way = np.where(drive.held, at - start, 0.0)
-        rest, matrix = self._rest(found, at), self.bonds.tangent(found)
+        rest, matrix = self._rest(response, at), self.bonds.tangent(response)
         step = self.solver.solve(matrix[free][:, free], rest - (matrix @ way.ravel())[free], True)
         value[drive.held] = at[drive.held]
         value.ravel()[free] += step
         for iteration in range(1, 2 * MOST):
-            found = self.bonds.respond(value)
-            rest = self._rest(found, at)
-            left = self._left(found, at, rest)
-            tell(iteration, left)
-            if left < self._tolerance:
-                self.largest = max(self.largest, self._outside(found, at))
-                return Path(value, factor, found.spent), iteration, left
-            step = self.solver.solve(self.bonds.tangent(found)[free][:, free], rest, False)
+            response = self.bonds.respond(value)
+            rest = self._rest(response, at)
+            residual = self._left(response, at, rest)
+            tell(iteration, residual)
+            if residual < self._tolerance:
+                self.largest = max(self.largest, self._outside(response, at))
+                return Path(value, factor, response.spent), iteration, residual
+            step = self.solver.solve(self.bonds.tangent(response)[free][:, free], rest, False)
             size, before = 1.0, norm(rest)
             while size > 1e-3:
                 tried = value.copy()
@@ -137,27 +137,29 @@ class Follower:
             guess = self._along(last, more)
         value, factor, begin = guess.value.copy(), guess.factor, self.control.measure(last.value, last.spent)
         reach = FAR * max(float(np.abs(last.value).max()), float(np.abs(value).max()))
-        found, left = self.bonds.respond(value), np.inf
-        turns = Turns(found.releases > 0)
+        response, residual = self.bonds.respond(value), np.inf
+        turns = Turns(response.releases > 0)
         for iteration in range(secants + CONVERGING + 1):
             at = self.drive.at(factor)
-            rest = self._rest(found, at)
-            before, left = left, self._left(found, at, rest)
-            missed = more - (self.control.measure(value, found.spent) - begin)
-            tell(iteration, left)
-            if left < self._tolerance and abs(missed) < NEAR * more:
-                self.largest = max(self.largest, self._outside(found, at))
-                return Path(value, factor, found.spent), iteration, left
-            last_one = secants + (MOST if left > before / 2 else CONVERGING)
-            if not np.isfinite(left) or iteration >= last_one:
+            rest = self._rest(response, at)
+            before, residual = residual, self._left(response, at, rest)
+            missed = more - (self.control.measure(value, response.spent) - begin)
+            tell(iteration, residual)
+            if residual < self._tolerance and abs(missed) < NEAR * more:
+                self.largest = max(self.largest, self._outside(response, at))
+                return Path(value, factor, response.spent), iteration, residual
+            last_one = secants + (MOST if residual > before / 2 else CONVERGING)
+            if not np.isfinite(residual) or iteration >= last_one:
                 break
-            if turns.note(found.releases > 0, iteration >= secants) <= steady and iteration:
+            if turns.note(response.releases > 0, iteration >= secants) <= steady and iteration:
                 secants = min(secants, iteration)
-            mean = found._replace(slope=np.where(turns.torn(), (found.slope + found.secant) / 2, found.slope))
+            mean = response._replace(
+                slope=np.where(turns.torn(), (response.slope + response.secant) / 2, response.slope)
+            )
             matrix = self.bonds.tangent(mean, iteration < secants)
             inner, pushed = matrix[free][:, free], self._pushed(matrix)
             a, b = self.solver.solve(inner, np.column_stack([rest, pushed]), iteration == 0).T
-            q = self.control.gradient(value, found)
+            q = self.control.gradient(value, response)
             free_q, held_q = q.ravel()[free], float((q * np.where(self.drive.held, self.drive.growth, 0.0)).sum())
             along = float(free_q @ b) + held_q
             if along == 0 or not np.isfinite(along):
@@ -167,20 +169,20 @@ class Follower:
             move.ravel()[free] = a + turn * b
             size = min(1.0, reach / max(float(np.abs(move).max()), 1e-300))
             value, factor = value + size * move, factor + size * turn
-            found = self.bonds.respond(value)
+            response = self.bonds.respond(value)
         raise UnsettledError(
             f"no equilibrium where {self.control.said} {more:.3g} {self.control.unit} more after {iteration}"
-            f" iterations (residual {left:.2g}; tolerance {self._tolerance:g} of the external forces)"
+            f" iterations (residual {residual:.2g}; tolerance {self._tolerance:g} of the external forces)"
         )
 
     def left(self, at: Path) -> float:
         """What is left of the forces at a place, over the largest from outside so far."""
-        found, outside = self.bonds.respond(at.value), self.drive.at(at.factor)
-        return self._left(found, outside, self._rest(found, outside))
+        response, outside = self.bonds.respond(at.value), self.drive.at(at.factor)
+        return self._left(response, outside, self._rest(response, outside))
 
-    def direction(self, found: Response) -> Array:
+    def direction(self, response: Response) -> Array:
         """Derivative (n, d) of displacements by lambda, of bonds that are straight."""
-        matrix = self.bonds.tangent(found, secant=True)
+        matrix = self.bonds.tangent(response, secant=True)
         free = self._free
         way = np.where(self.drive.held, self.drive.growth, 0.0)
         way.ravel()[free] = self.solver.solve(matrix[free][:, free], self._pushed(matrix), True)
@@ -189,13 +191,13 @@ class Follower:
     def _along(self, last: Path, more: float) -> Path:
         """Where the control is by `more` larger, along the straight direction of growing loads."""
         way = self.direction(self.bonds.respond(last.value))
-        grown, turn = self._grown_along(last, way), max(last.factor, 1e-6) * 1e-3
-        while grown(turn) < more and turn < 1e3:
+        growth_along, turn = self._grown_along(last, way), max(last.factor, 1e-6) * 1e-3
+        while growth_along(turn) < more and turn < 1e3:
             turn *= 2
         low, high = 0.0, turn
         for _ in range(40):
             middle = (low + high) / 2
-            low, high = (middle, high) if grown(middle) < more else (low, middle)
+            low, high = (middle, high) if growth_along(middle) < more else (low, middle)
         return Path(last.value + high * way, last.factor + high, last.spent)
 
     def _grown_along(self, last: Path, way: Array) -> Callable[[float], float]:
@@ -212,13 +214,13 @@ class Follower:
         way = np.where(self.drive.held, self.drive.growth, 0.0).ravel()
         return np.asarray((self.drive.growth.ravel() - matrix @ way)[self._free])
 
-    def _rest(self, found: Response, at: Array) -> Array:
-        return np.asarray((self.bonds.forces(found) + at).ravel()[self._free])
+    def _rest(self, response: Response, at: Array) -> Array:
+        return np.asarray((self.bonds.forces(response) + at).ravel()[self._free])
 
-    def _outside(self, found: Response, at: Array) -> float:
-        held = self.drive.held
-        return max(norm(at[~held]), norm(self.bonds.forces(found)[held]))
+    def _outside(self, response: Response, at: Array) -> float:
+        constrained = self.drive.held
+        return max(norm(at[~constrained]), norm(self.bonds.forces(response)[constrained]))
 
-    def _left(self, found: Response, at: Array, rest: Array) -> float:
-        scale = max(self.largest, self._outside(found, at))
+    def _left(self, response: Response, at: Array, rest: Array) -> float:
+        scale = max(self.largest, self._outside(response, at))
         return norm(rest) / scale if scale > 0 else float(norm(rest) > 0)

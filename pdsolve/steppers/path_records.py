@@ -75,9 +75,9 @@ class PathRecords:
         """The steps so far, for a checkpoint."""
         return {"stepped": np.array(self.rested, dtype=float).reshape(-1, len(Stepped._fields))}
 
-    def back(self, kept: Mapping[str, NDArray[Any]], step: int) -> None:
+    def back(self, checkpoint: Mapping[str, NDArray[Any]], step: int) -> None:
         """Restore a checkpoint after `step`. Raises CheckpointError."""
-        rows = entry(kept, "stepped", (step, len(Stepped._fields)), float)
+        rows = entry(checkpoint, "stepped", (step, len(Stepped._fields)), float)
         if not np.array_equal(rows[:, 0], np.arange(1, step + 1)):
             raise CheckpointError(f"path steps are not 1 to {step}, those until the checkpoint")
         self.rested = [Stepped(int(row[0]), int(row[1]), *row[2:]) for row in rows.tolist()]
@@ -86,15 +86,15 @@ class PathRecords:
         """The load, the spent energy and the time that is left, for a progress display."""
         if not self.rested:
             return "elastic"
-        most = max(abs(one.pull) for one in self.rested) or 1.0
+        most = max(abs(path_step.pull) for path_step in self.rested) or 1.0
         unit = "J/m" if self._model.grid.dimension == 2 else "J"
         said = f"load {self.rested[-1].pull / most:.0%} of its peak, spent {self.rested[-1].spent:.3g} {unit}"
         began, before = self._began or (0.0, 1.0)
         share = self._share()
         if share <= before:
             return said
-        left = (clock.monotonic() - began) * (1 - share) / (share - before)
-        return f"{said}, about {left:.0f} s left"
+        seconds_left = (clock.monotonic() - began) * (1 - share) / (share - before)
+        return f"{said}, about {seconds_left:.0f} s left"
 
     def _share(self) -> float:
         """How much of the path is done."""
@@ -112,7 +112,7 @@ class PathRecords:
 
     def _look(self, step: int) -> None:
         """Report, once, loads past their largest; end the path where they are as good as gone."""
-        pulls = [abs(one.pull) for one in self.rested]
+        pulls = [abs(path_step.pull) for path_step in self.rested]
         most, now = max(pulls), pulls[-1]
         if now < self.end * most:
             self.ended, self.why = True, f"the load has fallen to {self.end:.0%} of its largest"
@@ -120,7 +120,7 @@ class PathRecords:
             self.why = "the steps are over"
         if self._driven[self._held].any() or now >= PASSED * most:
             return
-        self.lost, after = max(one.factor for one in self.rested), self._model.settings.run.after
+        self.lost, after = max(path_step.factor for path_step in self.rested), self._model.settings.run.after
         if after != "path":
             self.ended, self.why = True, "the loads are past their largest"
         if min(pulls[pulls.index(most) : -1]) < PASSED * most:

@@ -63,27 +63,30 @@ class PathSteps(PathRecords):
         """Profiles of the drive go from 0 to 1 s; `operator` has the bonds. Raises ModelError for a body without
         supports."""
         super().__init__(model, drive, area)
-        self._operator, self._bonds, held = operator, bonds, self._held
+        self._operator, self._bonds, constrained = operator, bonds, self._held
         d = model.grid.dimension
         joined = operator.bonds(start=True)
         if contact is not None:
             joined = and_touching(joined, contact)
         self._contact = contact
-        supported = held | grounded(model, drive.force.shape[1])
-        found = loose(model.grid.position, model.grid.ids, joined, supported[:, :d])
-        if found.said:
-            raise ModelError(f"{model.name}: $.conditions: {found.said}; add supports")
+        supported = constrained | grounded(model, drive.force.shape[1])
+        loose_bodies = loose(model.grid.position, model.grid.ids, joined, supported[:, :d])
+        if loose_bodies.said:
+            raise ModelError(f"{model.name}: $.conditions: {loose_bodies.said}; add supports")
         static = model.settings.run.static
         control = _controlled(model, bonds)
         self._follower = Follower(
-            bonds, Proportional(held, self._start, self._growth), max(static.tolerance, COARSEST), control
+            bonds, Proportional(constrained, self._start, self._growth), max(static.tolerance, COARSEST), control
         )
         self._most = _largest_step(model)
         self._whole = self._most * (static.load_steps or CRACK_STEPS)  # of the control
         self._opening = np.inf if static.opening is None else static.opening  # m, of the gap that controls, in the end
         self._more = FIRST * self._most
-        self._last, self._before = Path(np.zeros(held.shape), 0.0, 0.0), Path(np.zeros(held.shape), 0.0, 0.0)
-        self._pushed = np.zeros(held.shape), np.zeros(held.shape)  # loads and reactions there, N/m
+        self._last, self._before = (
+            Path(np.zeros(constrained.shape), 0.0, 0.0),
+            Path(np.zeros(constrained.shape), 0.0, 0.0),
+        )
+        self._pushed = np.zeros(constrained.shape), np.zeros(constrained.shape)  # loads and reactions there, N/m
         self._told = False  # of bonds that must not break where a crack would pass
 
     def keep(self) -> dict[str, Array]:
@@ -95,20 +98,20 @@ class PathSteps(PathRecords):
             "path_numbers": np.array([*self._last[1:], *self._before[1:], self._more, self._follower.largest]),
         }
 
-    def back(self, kept: Mapping[str, NDArray[Any]], step: int) -> None:
+    def back(self, checkpoint: Mapping[str, NDArray[Any]], step: int) -> None:
         """Restore a checkpoint after `step`, with the history that its operator has. Raises CheckpointError."""
-        super().back(kept, step)
-        self._pushed = tuple(entry(kept, "path_pushed", (2, *self._held.shape), float).copy())
-        value, before = (entry(kept, f"path_{name}", self._held.shape, float) for name in ("value", "before"))
+        super().back(checkpoint, step)
+        self._pushed = tuple(entry(checkpoint, "path_pushed", (2, *self._held.shape), float).copy())
+        value, before = (entry(checkpoint, f"path_{name}", self._held.shape, float) for name in ("value", "before"))
         factor, spent, earlier, less, self._more, self._follower.largest = entry(
-            kept, "path_numbers", (6,), float
+            checkpoint, "path_numbers", (6,), float
         ).tolist()
         self._last, self._before = Path(value.copy(), factor, spent), Path(before.copy(), earlier, less)
         self._bonds.remember(self._operator.keep(), self._operator.broken())
 
     def _share(self) -> float:
         """How much of the path is done: of the factor, or of the control until a crack is through, the larger."""
-        factor = max((one.factor for one in self.rested), default=0.0)
+        factor = max((path_step.factor for path_step in self.rested), default=0.0)
         return min(max(factor, self._measure(self._last) / self._whole), 1.0)
 
     def _take(self, state: State, step: int) -> None:
@@ -118,15 +121,15 @@ class PathSteps(PathRecords):
             new, iterations, residual = self._first(state) if not self.rested else self._follow(step)
         except UnsettledError as error:
             raise UnsettledError(f"{self._model.name}: path step {step}: {error}") from None
-        found = self._bonds.respond(new.value)
-        after = self._outside(new, found)
+        response = self._bonds.respond(new.value)
+        after = self._outside(new, response)
         work = along((self._before, self._last, new), (*self._pushed, after)).sum(axis=1)
         self._pushed = self._pushed[1], after
-        self._bonds.kappa[:] = found.kappa
+        self._bonds.kappa[:] = response.kappa
         self._before, self._last = self._last, new
         state.value[:] = new.value
         state.work[:] += work / self._area
-        self._book(state, step, found)
+        self._book(state, step, response)
         self._note(step, iterations, residual, new.factor, after, new.spent)
         self._warn_of_holds(step)
 
@@ -136,32 +139,34 @@ class PathSteps(PathRecords):
         if not self._follower.drive.start.any():
             return self._elastic(start)
         with suppress(UnsettledError):
-            settled = self._settle(start, 0.0)
-            if not (bonds.stretches(settled[0].value)[k] >= bonds.peak[k]).any():
-                return self._elastic(settled[0])
+            path_point = self._settle(start, 0.0)
+            if not (bonds.stretches(path_point[0].value)[k] >= bonds.peak[k]).any():
+                return self._elastic(path_point[0])
         return self._constant(state)
 
     def _constant(self, state: State) -> tuple[Path, int, float]:
         """In parts up to all that does not grow, under which bonds soften; books the work but for the last part's."""
-        whole, count = self._follower.drive, 0
+        full_drive, count = self._follower.drive, 0
         try:
             for part in range(1, PARTS + 1):
                 share = part / PARTS
-                self._follower.drive = whole._replace(start=share * whole.start, growth=np.zeros_like(whole.growth))
+                self._follower.drive = full_drive._replace(
+                    start=share * full_drive.start, growth=np.zeros_like(full_drive.growth)
+                )
                 new, more, residual = self._settle(self._last, 0.0)
                 count += more
                 if part == PARTS:
                     break
-                found = self._bonds.respond(new.value)
-                after = self._outside(new, found)
+                response = self._bonds.respond(new.value)
+                after = self._outside(new, response)
                 state.work[:] += ((self._pushed[1] + after) / 2 * (new.value - self._last.value)).sum(
                     axis=1
                 ) / self._area
-                self._pushed, self._bonds.kappa[:], self._last = (self._pushed[1], after), found.kappa, new
+                self._pushed, self._bonds.kappa[:], self._last = (self._pushed[1], after), response.kappa, new
         except UnsettledError as error:
             raise UnsettledError(f"under {share:.0%} of what does not grow: {error}") from None
         finally:
-            self._follower.drive = whole
+            self._follower.drive = full_drive
         self._before = self._last
         return new, count, residual
 
@@ -169,18 +174,18 @@ class PathSteps(PathRecords):
         """Up to the first bond at its peak, or to the end of the loads."""
         bonds, k = self._bonds, self._bonds.breaks
         peak, first = bonds.peak[k], bonds.stretches(start.value)[k]
-        here, factor = start, SMALL
+        current_point, factor = start, SMALL
         for _ in range(3):
-            near, count, residual = self._settle(here, factor)
+            near, count, residual = self._settle(current_point, factor)
             rate = (bonds.stretches(near.value)[k] - first) / (factor - start.factor)
             grows = rate > 0
             reach = ((peak - first)[grows] / rate[grows]).min(initial=1.0)
             if np.isfinite(self._opening):
                 reach = min(reach, self._reach_of_opening(start, near))
-            here, factor = near, min(float(start.factor + reach), 1.0)
-        found = self._settle(here, factor)
-        self.ended = factor == 1.0 or self._opened(found[0])
-        return found[0], count + found[1], max(residual, found[2])
+            current_point, factor = near, min(float(start.factor + reach), 1.0)
+        path_point = self._settle(current_point, factor)
+        self.ended = factor == 1.0 or self._opened(path_point[0])
+        return path_point[0], count + path_point[1], max(residual, path_point[2])
 
     def _measure(self, at: Path) -> float:
         return self._follower.control.measure(at.value, at.spent)
@@ -256,40 +261,40 @@ class PathSteps(PathRecords):
 
     def _warn_of_holds(self, step: int) -> None:
         """Report, once, a crack that arrives at bonds that do not break."""
-        held = None if self._told else held_crack(self._model, self._bonds, self._last.value)
-        if held is not None:
+        message = None if self._told else held_crack(self._model, self._bonds, self._last.value)
+        if message is not None:
             self._told = True
-            said = f"{self._model.name}: path step {step}: {held}"
+            said = f"{self._model.name}: path step {step}: {message}"
             warnings.warn(said, ModelWarning, stacklevel=2)
 
-    def _outside(self, at: Path, found: Response) -> Array:
+    def _outside(self, at: Path, response: Response) -> Array:
         """Loads and reactions (n, d), N/m."""
-        return np.where(self._held, -self._bonds.forces(found), self._follower.drive.at(at.factor))
+        return np.where(self._held, -self._bonds.forces(response), self._follower.drive.at(at.factor))
 
-    def _book(self, state: State, step: int, found: Response) -> None:
+    def _book(self, state: State, step: int, response: Response) -> None:
         """Store reactions and the history of bonds, and book the energy of those that are gone."""
         bonds, drive, factor = self._bonds, self._drive, self._last.factor
         put_loads(drive, factor)
-        inner = bonds.forces(found) / self._area[:, None]
+        inner = bonds.forces(response) / self._area[:, None]
         drive.held_force[:] = (inner + drive.force)[drive.holds.node, drive.holds.axis]
         drive.before[:] = drive.force
         old = self._operator.broken()
-        gone = np.isfinite(bonds.limit) & (bonds.kappa >= bonds.limit)
-        k = np.flatnonzero(gone)
+        is_broken = np.isfinite(bonds.limit) & (bonds.kappa >= bonds.limit)
+        k = np.flatnonzero(is_broken)
         source, target = (
             np.concatenate([bonds.source[k], bonds.target[k]]),
             np.concatenate([bonds.target[k], bonds.source[k]]),
         )
-        known = np.isin(source * len(self._area) + target, old.source * len(self._area) + old.target)
+        was_broken = np.isin(source * len(self._area) + target, old.source * len(self._area) + old.target)
         half = np.tile(bonds.spent(bonds.kappa)[k], 2) / 2
-        new = ~known
+        new = ~was_broken
         state.dissipated[:] += np.bincount(source[new], half[new] / self._area[source[new]], len(self._area))
         broken = Broken(
             np.concatenate([old.step, np.full(int(new.sum()), step)]),
             np.concatenate([old.source, source[new]]),
             np.concatenate([old.target, target[new]]),
         )
-        soft = np.flatnonzero((bonds.kappa > 0) & ~gone)
+        soft = np.flatnonzero((bonds.kappa > 0) & ~is_broken)
         worst = {
             "worst": np.tile(bonds.kappa[soft], 2),
             "worst_source": np.concatenate([bonds.source[soft], bonds.target[soft]]),
@@ -309,8 +314,8 @@ def _controlled(model: Model, bonds: SofteningBonds) -> Control:
     """The control that a model asks for."""
     for gap in model.settings.run.gaps:
         if gap.name == model.settings.run.static.control:
-            one, other = tree_of(model.grid.position).query(np.array(gap.ends))[1].tolist()
-            return Opening(gap.name, model.grid.position, (one, other))
+            first, second = tree_of(model.grid.position).query(np.array(gap.ends))[1].tolist()
+            return Opening(gap.name, model.grid.position, (first, second))
     return Dissipation(bonds)
 
 

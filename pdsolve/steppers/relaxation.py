@@ -52,23 +52,23 @@ class Relaxation:
     def forget(self) -> None:
         """Does nothing: each solution depends on the state alone."""
 
-    def ways_down(self, state: State, held: NDArray[np.bool_]) -> int:
+    def ways_down(self, state: State, constrained: NDArray[np.bool_]) -> int:
         """0: relaxation leaves what is not stable by itself."""
         return 0
 
     def hold_softly(self, nodes: NDArray[np.bool_]) -> None:
         """Does nothing: relaxation has no equations to hold nodes in; see `pdsolve.steppers.static_loads`."""
 
-    def settle(self, state: State, asked: Asked, tell: Tell) -> Settled:
+    def settle(self, state: State, conditions: Asked, tell: Tell) -> Settled:
         """Move the values of the state to equilibrium by dynamic relaxation, in place. Raises UnsettledError."""
         start, mass = state.value.copy(), np.broadcast_to(self._mass, state.value.shape).copy()
         mass[mass == 0] = 1.0  # of a node without a bond
-        free, done = ~asked.held, 0
+        free, done = ~conditions.held, 0
         while True:
-            state.value[:] = np.where(free, start, asked.at)
-            settled, last = self._relax(state, asked, mass, done, tell)
-            if settled is not None:
-                return settled
+            state.value[:] = np.where(free, start, conditions.at)
+            equilibrium, last = self._relax(state, conditions, mass, done, tell)
+            if equilibrium is not None:
+                return equilibrium
             if last >= self._most or not mass.max() < 100 * self._mass.max():
                 raise UnsettledError(
                     f"no equilibrium after {last} iterations of {self.said} (tolerance {self._tolerance:g} of the"
@@ -77,14 +77,14 @@ class Relaxation:
             done, mass = last, mass * HEAVIER
 
     def _relax(
-        self, state: State, asked: Asked, mass: NDArray[np.float64], done: int, tell: Tell
+        self, state: State, conditions: Asked, mass: NDArray[np.float64], done: int, tell: Tell
     ) -> tuple[Settled | None, int]:
         """Relax from the current state; None if the motion grows or iterations run out; and the iterations so far."""
-        v, before, free = np.zeros(state.value.shape), np.zeros(state.value.shape), ~asked.held
+        v, before, free = np.zeros(state.value.shape), np.zeros(state.value.shape), ~conditions.held
         start, least, first = state.value.copy(), np.inf, True
         for iteration in range(done, self._most + 1):
             out = forces(self._operator, state)
-            residual = left_over(state, asked, out, self._least)
+            residual = left_over(state, conditions, out, self._least)
             if residual < self._tolerance:
                 return Settled(iteration, residual), iteration
             if not residual < GROWN * max(least, self._tolerance):
@@ -92,7 +92,7 @@ class Relaxation:
             least = min(least, residual)
             if iteration % LOOK == 0:
                 tell(iteration, residual)
-            _move(state.value, v, out, asked.load, free, mass, before, start, first, CAP)
+            _move(state.value, v, out, conditions.load, free, mass, before, start, first, CAP)
             first = False
         return None, self._most
 
@@ -105,10 +105,10 @@ def _move(u, v, out, load, free, mass, before, start, first, cap):  # type: igno
         for a in range(u.shape[1]):
             now = (out[i, a] + load[i, a]) / mass[i, a] if free[i, a] else 0.0
             out[i, a] = now
-            moved = u[i, a] - start[i, a]
+            displacement = u[i, a] - start[i, a]
             if not first and v[i, a] != 0:
-                above -= (now - before[i, a]) / v[i, a] * moved * moved
-            below += moved * moved
+                above -= (now - before[i, a]) / v[i, a] * displacement * displacement
+            below += displacement * displacement
             before[i, a] = now
     c = 0.0
     if below > 0 and above > 0:

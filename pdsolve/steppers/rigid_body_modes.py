@@ -30,32 +30,34 @@ def loose(
     position: NDArray[np.float64],
     ids: NDArray[np.int64],
     bonds: Pairs,
-    held: NDArray[np.bool_],
+    constrained: NDArray[np.bool_],
 ) -> Loose:
     """Bodies with too few supports, and nodes whose bonds lie in one line, in space in one plane.
 
-    `position` (n, d) m, `bonds` the rows (b,) of both nodes of intact bonds, `held` (n, d) components. A body of one
-    node needs no rotation held; in space, a row of nodes needs none about itself.
+    `position` (n, d) m, `bonds` the rows (b,) of both nodes of intact bonds, `constrained` (n, d) components. A body of
+    one node needs no rotation held; in space, a row of nodes needs none about itself.
     """
     source, target = bonds
     nodes = len(position)
     part = connected(nodes, source, target)
     size = np.bincount(part)
-    missing = _unsupported(position, part, size, held)
-    swinging = _swinging(position[target] - position[source], source, held) & ~missing[part]
-    found = missing[part] | swinging
-    if not found.any():
-        return Loose(found, "", part)
+    missing = _unsupported(position, part, size, constrained)
+    swinging = _swinging(position[target] - position[source], source, constrained) & ~missing[part]
+    is_loose = missing[part] | swinging
+    if not is_loose.any():
+        return Loose(is_loose, "", part)
     if missing.any():
         number = int(np.flatnonzero(missing)[size[missing].argmax()])
-        own = part == number
+        body_nodes = part == number
         what = "the whole plate" if size[number] == nodes else f"a body of {size[number]} nodes"
         others = int(missing.sum()) - 1
         more = f", and {others} more" if others else ""
     else:
-        own, what, more = swinging, f"{int(swinging.sum())} nodes that bonds hold in one direction only", ""
-    free = "turn" if missing.any() and held[own].any(axis=0).all() else "move"
-    return Loose(found, f"{what} around {_place(position[own])} (node {ids[own][0]}) can {free}{more}", part)
+        body_nodes, what, more = swinging, f"{int(swinging.sum())} nodes that bonds hold in one direction only", ""
+    free = "turn" if missing.any() and constrained[body_nodes].any(axis=0).all() else "move"
+    return Loose(
+        is_loose, f"{what} around {_place(position[body_nodes])} (node {ids[body_nodes][0]}) can {free}{more}", part
+    )
 
 
 def _place(position: NDArray[np.float64]) -> str:
@@ -78,26 +80,26 @@ def _rigid_modes(arm: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _unsupported(
-    position: NDArray[np.float64], part: NDArray[np.int64], size: NDArray[np.int64], held: NDArray[np.bool_]
+    position: NDArray[np.float64], part: NDArray[np.int64], size: NDArray[np.int64], constrained: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
     """Mask (p,) of bodies whose supports leave a rigid motion free: a translation, or a rotation.
 
     Rotations are about the centre of the supported nodes and scaled by their extent, so that a support counts by the
     number of its nodes and not by how far the body reaches from it.
     """
-    count, supported = len(size), held.any(axis=1)
+    count, supported = len(size), constrained.any(axis=1)
     rows = supported | ~np.bincount(part, supported, count).astype(bool)[part]  # all nodes where none is supported
     inside = np.maximum(np.bincount(part[rows], minlength=count), 1)
     centre = np.stack([np.bincount(part[rows], column[rows], count) / inside for column in position.T], axis=1)
     arm = position - centre[part]
     square = (arm**2).sum(axis=1)
-    extent, reach = (np.sqrt(np.bincount(part, square * some, count) / inside) for some in (rows, True))
+    extent, reach = (np.sqrt(np.bincount(part, square * mask, count) / inside) for mask in (rows, True))
     scale = np.where(extent > 0, extent, np.where(reach > 0, reach, 1.0))
     modes = _rigid_modes(arm / scale[part][:, None])
-    resistance = _gram(modes, held, part, count)
+    resistance = _gram(modes, constrained, part, count)
     free = _singular(resistance)
     if free.any():  # unless the motion moves nothing: a turn of one node, or of a row of nodes about itself
-        values, vectors = np.linalg.eigh(_gram(modes, free[part][:, None] & np.ones_like(held), part, count))
+        values, vectors = np.linalg.eigh(_gram(modes, free[part][:, None] & np.ones_like(constrained), part, count))
         still = vectors * (values <= FIXED * values[:, -1:])[:, None, :]
         free &= _singular(resistance + still @ still.transpose(0, 2, 1))
     return free
@@ -108,11 +110,13 @@ def _gram(
 ) -> NDArray[np.float64]:
     """Products (count, m, m) of the modes (n, d, m) of each body, summed over the `counted` (n, d) components."""
     rows = counted.any(axis=1)
-    own, some = part[rows], modes[rows] * counted[rows][:, :, None]
-    found = np.empty((count, modes.shape[2], modes.shape[2]))
+    body_of_row, row_modes = part[rows], modes[rows] * counted[rows][:, :, None]
+    products = np.empty((count, modes.shape[2], modes.shape[2]))
     for a, b in combinations_with_replacement(range(modes.shape[2]), 2):
-        found[:, a, b] = found[:, b, a] = np.bincount(own, (some[:, :, a] * some[:, :, b]).sum(axis=1), count)
-    return found
+        products[:, a, b] = products[:, b, a] = np.bincount(
+            body_of_row, (row_modes[:, :, a] * row_modes[:, :, b]).sum(axis=1), count
+        )
+    return products
 
 
 def _singular(gram: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -121,35 +125,35 @@ def _singular(gram: NDArray[np.float64]) -> NDArray[np.bool_]:
     return np.asarray(values[:, 0] <= FIXED * np.maximum(values[:, -1], 1e-300))
 
 
-def _swinging(xi: NDArray[np.float64], source: NDArray[np.int64], held: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _swinging(xi: NDArray[np.float64], source: NDArray[np.int64], constrained: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Mask (n,) of free nodes with all their bonds xi (b, d) in one line, in space in one plane."""
-    nodes = len(held)
+    nodes = len(constrained)
     n = xi / np.sqrt((xi**2).sum(axis=1))[:, None]
     if n.shape[1] == 3:
         sums = np.empty((nodes, 3, 3))
         for a, b in combinations_with_replacement(range(3), 2):
             sums[:, a, b] = sums[:, b, a] = np.bincount(source, n[:, a] * n[:, b], minlength=nodes)
-        sums[:, range(3), range(3)] += held
+        sums[:, range(3), range(3)] += constrained
         values = np.linalg.eigvalsh(sums)
         return np.asarray(values[:, 0] <= LOOSE * values[:, -1])
     xx, xy, yy = (
         np.bincount(source, terms, minlength=nodes) for terms in (n[:, 0] ** 2, n[:, 0] * n[:, 1], n[:, 1] ** 2)
     )
-    xx, yy = xx + held[:, 0], yy + held[:, 1]
+    xx, yy = xx + constrained[:, 0], yy + constrained[:, 1]
     middle, half = (xx + yy) / 2, np.hypot((xx - yy) / 2, xy)
     return np.asarray(middle - half <= LOOSE * (middle + half))
 
 
-def unbalanced(position: NDArray[np.float64], force: NDArray[np.float64], found: Loose) -> str:
+def unbalanced(position: NDArray[np.float64], force: NDArray[np.float64], loose_bodies: Loose) -> str:
     """The first loose body whose forces (n, 2), N/m, have a resultant or a moment, in words; "" if all balance."""
-    for number in np.unique(found.body[found.nodes]).tolist():
-        own = found.body == number
-        arm = position[own] - position[own].mean(axis=0)
-        push, reach = force[own], float(np.sqrt((arm**2).sum(axis=1).max()))
+    for number in np.unique(loose_bodies.body[loose_bodies.nodes]).tolist():
+        body_nodes = loose_bodies.body == number
+        arm = position[body_nodes] - position[body_nodes].mean(axis=0)
+        push, reach = force[body_nodes], float(np.sqrt((arm**2).sum(axis=1).max()))
         moment = float(np.abs(np.einsum("nij,ni->j", _turns(arm), push)).max())
         most = float(np.abs(push).sum())
         if np.abs(push.sum(axis=0)).max() > BALANCED * most or moment > BALANCED * most * reach:
-            return f"a body of {int(own.sum())} nodes around {_place(position[own])}"
+            return f"a body of {int(body_nodes.sum())} nodes around {_place(position[body_nodes])}"
     return ""
 
 
@@ -161,29 +165,32 @@ class Braced:
     """
 
     def __init__(
-        self, position: NDArray[np.float64], bonds: Pairs, held: NDArray[np.bool_], intact: NDArray[np.bool_]
+        self, position: NDArray[np.float64], bonds: Pairs, constrained: NDArray[np.bool_], intact: NDArray[np.bool_]
     ) -> None:
-        """`position` (n, d) m, `bonds` in the order of their source, `held` (n, d) components, `intact` (b,)."""
-        self._position, self._held, self._intact = position, held, intact
+        """`position` (n, d) m, `bonds` in the order of their source, `constrained` (n, d) components, `intact` (b,)."""
+        self._position, self._held, self._intact = position, constrained, intact
         self._source, self._target = bonds
         self._start = np.searchsorted(self._source, np.arange(len(position) + 1))
 
     def stays(self, intact: NDArray[np.bool_]) -> bool:
         """Whether bodies are surely supported with these `intact` (b,), as with those before; if not, or where that
         takes a closer look, nothing changes."""
-        gone = np.flatnonzero(self._intact & ~intact)
-        if len(gone) > FEW or (intact & ~self._intact).any():
+        broken = np.flatnonzero(self._intact & ~intact)
+        if len(broken) > FEW or (intact & ~self._intact).any():
             return False
-        source, target = self._source[gone], self._target[gone]
+        source, target = self._source[broken], self._target[broken]
         rows = np.union1d(source, target)
-        own = [np.arange(self._start[row], self._start[row + 1]) for row in rows.tolist()]
-        left = [numbers[intact[numbers]] for numbers in own]
-        near = {row: self._target[numbers] for row, numbers in zip(rows.tolist(), left, strict=True)}
+        bond_numbers = [np.arange(self._start[row], self._start[row + 1]) for row in rows.tolist()]
+        intact_numbers = [numbers[intact[numbers]] for numbers in bond_numbers]
+        near = {row: self._target[numbers] for row, numbers in zip(rows.tolist(), intact_numbers, strict=True)}
         if not all(np.isin(near[i], near[j]).any() for i, j in zip(source.tolist(), target.tolist(), strict=True)):
             return False
-        numbers, each = np.concatenate([gone[:0], *left]), np.repeat(np.arange(len(rows)), [len(one) for one in left])
+        numbers, row_of_bond = (
+            np.concatenate([broken[:0], *intact_numbers]),
+            np.repeat(np.arange(len(rows)), [len(row_numbers) for row_numbers in intact_numbers]),
+        )
         xi = self._position[self._target[numbers]] - self._position[self._source[numbers]]
-        if _swinging(xi, each, self._held[rows]).any():
+        if _swinging(xi, row_of_bond, self._held[rows]).any():
             return False
         self._intact = intact
         return True

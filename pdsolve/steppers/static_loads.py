@@ -32,9 +32,9 @@ def in_load_steps(model: Model, precision: str) -> Model:
         return _in_path_steps(model)
     if run.fatigue is not None:
         changed = msgspec.structs.replace(run, time_step=1.0, ledger=1)
-        found = dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, run=changed))
-        _refuse_loads(found, [1.0])
-        return found
+        stepped_model = dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, run=changed))
+        _refuse_loads(stepped_model, [1.0])
+        return stepped_model
     end = max((time for c in _no_fail(model) for time, _ in c.profile), default=0.0)
     varies = end > 0 and any(len(c.profile) > 1 for c in _no_fail(model))
     steps = run.static.load_steps or (STEPS if varies else 1)
@@ -45,9 +45,9 @@ def in_load_steps(model: Model, precision: str) -> Model:
         )
     step = (end if varies else 1.0) / steps
     changed = msgspec.structs.replace(run, time_step=step, steps=steps, every=1, ledger=1)
-    found = dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, run=changed))
-    _refuse_loads(found, [number * step for number in range(1, steps + 1)])
-    return found
+    stepped_model = dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, run=changed))
+    _refuse_loads(stepped_model, [number * step for number in range(1, steps + 1)])
+    return stepped_model
 
 
 def follows_path(model: Model) -> bool:
@@ -88,9 +88,9 @@ def _in_path_steps(model: Model) -> Model:
         steps = PATH_STEPS * (run.static.load_steps or CRACK_STEPS)
     changed = msgspec.structs.replace(run, time_step=1.0, steps=steps, every=1, ledger=1)
     settings = msgspec.structs.replace(model.settings, run=changed, conditions=tuple(conditions))
-    found = dataclasses.replace(model, settings=settings)
-    _refuse_loads(found, [1.0])
-    return found
+    stepped_model = dataclasses.replace(model, settings=settings)
+    _refuse_loads(stepped_model, [1.0])
+    return stepped_model
 
 
 def _particles_across(model: Model) -> int:
@@ -109,10 +109,10 @@ def in_steps_of_content(model: Model, precision: str) -> Model:
     timed = counted(dataclasses.replace(model, settings=moves), run.time_step).settings
     every_step = msgspec.structs.replace(timed.run, solver="static", ledger=run.ledger or 1)  # a step may take minutes
     rests = msgspec.structs.replace(timed, run=every_step)
-    found = dataclasses.replace(model, settings=rests)
-    steps = found.settings.run.steps
-    _refuse_loads(found, [number * run.time_step for number in range(1, steps + 1)], needed=False)
-    return found
+    stepped_model = dataclasses.replace(model, settings=rests)
+    steps = stepped_model.settings.run.steps
+    _refuse_loads(stepped_model, [number * run.time_step for number in range(1, steps + 1)], needed=False)
+    return stepped_model
 
 
 def _no_fail(model: Model) -> list[Condition]:
@@ -135,13 +135,13 @@ def _refuse_loads(model: Model, times: list[float], needed: bool = True) -> None
             rows = model.selected(condition)
             every, at_times = np.broadcast_to(model.values(value, rows), len(rows)).tolist(), factors(condition, times)
             loads |= any(every) and any(at_times)
-            for row, one in zip(rows.tolist(), every, strict=True):
-                way = [one * factor for factor in at_times]
-                other, before = holds.setdefault((row, axis), (number, way))
+            for row, row_value in zip(rows.tolist(), every, strict=True):
+                way = [row_value * factor for factor in at_times]
+                earlier_number, before = holds.setdefault((row, axis), (number, way))
                 if before != way:
                     raise ModelError(
                         f"{model.name}: $.conditions[{number}].{axis}: node {model.grid.ids[row]} is held otherwise"
-                        f" by $.conditions[{other}]; use one displacement of it, as the solver is static"
+                        f" by $.conditions[{earlier_number}]; use one displacement of it, as the solver is static"
                     )
     if needed and not loads:
         raise ModelError(

@@ -55,8 +55,8 @@ class Theta:
             put_loads(drive, step * dt)
             fixed += dt * theta * source
             hold_values(drive, content, step * dt)
-            found = self._newton(state, fixed, step)
-            rate = self._booked(state, found, theta, step)
+            end_content = self._newton(state, fixed, step)
+            rate = self._booked(state, end_content, theta, step)
             content[free] = (fixed + dt * theta * rate)[free]
             state.rate[:, 0] = (content - before) / dt
 
@@ -79,9 +79,9 @@ class Theta:
         operator, free, weight, content = self._operator, self._free, self._dt * self._theta, state.value[:, 0]
         for _ in range(ITERATIONS):
             follows = free & operator.follows(content)
-            left = fixed - content + weight * self._rates(operator.potential(content))
-            left[~free] = 0
-            change = np.where(follows, self._solve(state, follows, left), left)
+            residual = fixed - content + weight * self._rates(operator.potential(content))
+            residual[~free] = 0
+            change = np.where(follows, self._solve(state, follows, residual), residual)
             if not np.array_equal(follows, free):
                 along = weight * self._rates(np.where(follows, change, 0.0))
                 change += np.where(free & ~follows, along, 0.0)
@@ -120,18 +120,18 @@ def gradients(product: Solve, right: NDArray[np.float64], diagonal: NDArray[np.f
     `diagonal` (n,) is its diagonal. Sums are numpy's, not those of a threaded library, so that results are reproducible
     to the bit. Raises UnstableError.
     """
-    found, left = np.zeros_like(right), right.copy()
-    ahead = left / diagonal
-    along, gain = ahead.copy(), float((left * ahead).sum())
+    solution, residual = np.zeros_like(right), right.copy()
+    ahead = residual / diagonal
+    along, gain = ahead.copy(), float((residual * ahead).sum())
     aim = TOLERANCE * float((right * right).sum()) ** 0.5
     for _ in range(MOST):
-        if float((left * left).sum()) ** 0.5 <= aim:
-            return found
+        if float((residual * residual).sum()) ** 0.5 <= aim:
+            return solution
         image = product(along)
         way = gain / float((along * image).sum())
-        found += way * along
-        left -= way * image
-        ahead = left / diagonal
-        gain, before = float((left * ahead).sum()), gain
+        solution += way * along
+        residual -= way * image
+        ahead = residual / diagonal
+        gain, before = float((residual * ahead).sum()), gain
         along = ahead + gain / before * along
     raise UnstableError(f"conjugate gradients did not end in {MOST} iterations; use smaller steps")

@@ -29,21 +29,21 @@ class Touching:
         self._method, self._operator, self.contact = method, operator, contact
         self.said, self.smallest = method.said, min(method.smallest, SMALLEST)
 
-    def settle(self, state: State, asked: Asked, tell: Tell) -> Settled:
+    def settle(self, state: State, conditions: Asked, tell: Tell) -> Settled:
         """Move the values of the state to equilibrium, in place. Raises UnsettledError."""
         start, contact, done = state.value.copy(), self.contact, 0
         contact.begin(state)
         for _ in range(LOOKS):
-            settled = self._method.settle(state, asked, tell)
-            done += settled.iterations
+            equilibrium = self._method.settle(state, conditions, tell)
+            done += equilibrium.iterations
             if contact.moved(state.value) > FAR:
                 state.value[:] = start
                 raise UnsettledError(f"bodies in contact move by more than {FAR:g} spacings")
             before = contact.seen
             contact.see(state.value.copy())
-            if left_over(state, asked, forces(self._operator, state), 0.0) < STAYS:
+            if left_over(state, conditions, forces(self._operator, state), 0.0) < STAYS:
                 contact.see(before)
-                return Settled(done, settled.residual)
+                return Settled(done, equilibrium.residual)
         state.value[:] = start
         raise UnsettledError(
             f"no place in which bodies stay that touch, after {LOOKS} looks at their faces; add supports or"
@@ -54,9 +54,9 @@ class Touching:
         """Discard history, so that what follows depends on the state alone."""
         self._method.forget()
 
-    def ways_down(self, state: State, held: NDArray[np.bool_]) -> int:
+    def ways_down(self, state: State, constrained: NDArray[np.bool_]) -> int:
         """Independent displacements along which energy falls; see `Method`."""
-        return self._method.ways_down(state, held)
+        return self._method.ways_down(state, constrained)
 
     def hold_softly(self, nodes: NDArray[np.bool_]) -> None:
         """Restrain these nodes (n,) by weak springs during the solution; see `Method`."""
@@ -69,10 +69,12 @@ def and_touching(bonds: Pairs, contact: RestingContact) -> Pairs:
     return np.concatenate([source, i, j]), np.concatenate([target, j, i])
 
 
-def resting(contact: RestingContact | None, solve: Callable[[], Solved], left: Callable[[Path], float]) -> Solved:
+def resting(
+    contact: RestingContact | None, solve: Callable[[], Solved], measure_residual: Callable[[Path], float]
+) -> Solved:
     """The place on a path that `solve` finds, its iterations and residual, with normals and weights that stay there.
 
-    `left` is the residual of a place. Raises UnsettledError.
+    `measure_residual` is the residual of a place. Raises UnsettledError.
     """
     new, count, residual = solve()
     for _ in range(LOOKS if contact is not None else 0):
@@ -81,7 +83,7 @@ def resting(contact: RestingContact | None, solve: Callable[[], Solved], left: C
             raise UnsettledError(f"bodies in contact move by more than {FAR:g} spacings")
         before = contact.seen
         contact.see(new.value)
-        if left(new) < STAYS:
+        if measure_residual(new) < STAYS:
             contact.see(before)
             return new, count, residual
         new, more, residual = solve()

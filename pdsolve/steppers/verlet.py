@@ -91,7 +91,7 @@ def _end(state, drive, out, rho, dt, time):  # type: ignore[no-untyped-def]
 
 
 @cached_njit(error_model="numpy")
-def _damp(state, before, rho, held, c, dt):  # type: ignore[no-untyped-def]
+def _damp(state, before, rho, constrained, c, dt):  # type: ignore[no-untyped-def]
     """Damp the end of a step with c (n,), 1/s, as its beginning, and book the energy taken.
 
     `before` (n, w) are the velocities one step ago. The energy that Verlet takes out of the motion is the mean force of
@@ -100,7 +100,7 @@ def _damp(state, before, rho, held, c, dt):  # type: ignore[no-untyped-def]
     v, a = state.rate, state.second
     for i in range(len(v)):
         for axis in range(v.shape[1]):
-            if not held[i, axis]:
+            if not constrained[i, axis]:
                 undamped = a[i, axis]
                 middle = v[i, axis] - dt / 2 * undamped
                 v[i, axis] /= 1 + c[i] * dt / 2

@@ -61,10 +61,10 @@ class VerletBlocks:
         """`rho` (n,) is the density, kg/m^3, `dt` the step, s; with `ghosts`, only the blocks of own nodes move."""
         count, threads = len(operator.blocks.softened), len(operator.blocks.scratch)
         block = drive.holds.node // LANES
-        held, loaded = np.argsort(block, kind="stable"), np.zeros(count, dtype=np.bool_)
+        hold_order, loaded = np.argsort(block, kind="stable"), np.zeros(count, dtype=np.bool_)
         loaded[drive.loads.node // LANES] = True
-        held_start = np.searchsorted(block[held], np.arange(count + 1))
-        own = (0, count) if ghosts is None else ghosts.blocks
+        held_start = np.searchsorted(block[hold_order], np.arange(count + 1))
+        block_range = (0, count) if ghosts is None else ghosts.blocks
         self._operator, self._dt, self._threads, self._contact = operator, dt, threads, contact
         self._ghosts = ghosts
         self._rows = np.zeros(0, dtype=np.int64)  # on which contact acted
@@ -75,9 +75,9 @@ class VerletBlocks:
             lightness=_spread(1 / rho, count, 1.0),
             loaded=loaded,
             plain=~loaded & (np.diff(held_start) == 0),
-            held=held,
+            held=hold_order,
             held_start=held_start,
-            turns=own[0] + _turns(own[1] - own[0], threads),
+            turns=block_range[0] + _turns(block_range[1] - block_range[0], threads),
             push=np.zeros((2, LANES * count if contact is not None else 0)),
             pushed=np.zeros(count, dtype=np.bool_),
             stop=np.zeros(1, dtype=np.int64),
@@ -87,17 +87,17 @@ class VerletBlocks:
 
     def march(self, state: State, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1, in place."""
-        taken, ends = 0, last - first + 1 if last > first else 0
-        while taken < ends:
-            some, pushes = ends - taken if self._ghosts is None else 1, None
+        sweep, ends = 0, last - first + 1 if last > first else 0
+        while sweep < ends:
+            sweep_count, pushes = ends - sweep if self._ghosts is None else 1, None
             if self._contact is not None:
                 lasts = 1
-                if taken > 0:
-                    lasts, pushes = self._touched(self._contact, state, first + taken - 1, taken)
-                some = min(some, lasts)
-            taken = self._sweep(first, last, taken, taken + some, pushes)
-            if self._ghosts is not None and taken < ends:
-                self._ghosts.fill(self._operator.tracks.u[taken % 3])
+                if sweep > 0:
+                    lasts, pushes = self._touched(self._contact, state, first + sweep - 1, sweep)
+                sweep_count = min(sweep_count, lasts)
+            sweep = self._sweep(first, last, sweep, sweep + sweep_count, pushes)
+            if self._ghosts is not None and sweep < ends:
+                self._ghosts.fill(self._operator.tracks.u[sweep % 3])
 
     def _sweep(self, first: int, last: int, begin: int, end: int, pushes: Pushes | None) -> int:
         """Sweep the blocks for `begin` to `end` - 1 of the steps `first` to `last` - 1, less if pairs are to be found;
@@ -108,11 +108,11 @@ class VerletBlocks:
         side_by_side(lambda thread: advance_blocks(*arguments, thread, gate), self._threads)
         return int(course.stop[0])
 
-    def _touched(self, contact: PenaltyContact, state: State, step: int, taken: int) -> tuple[int, Pushes | None]:
-        """Set the forces of contact in a step, with the displacements of the sweep `taken`; returns for how many steps
+    def _touched(self, contact: PenaltyContact, state: State, step: int, sweep: int) -> tuple[int, Pushes | None]:
+        """Set the forces of contact in a step, with the displacements of the sweep `sweep`; returns for how many steps
         they hold, or those of the pairs: None where nothing touches."""
         nodes, course = len(state.value), self._course
-        now = state._replace(value=self._operator.tracks.u[taken % 3][:, :nodes].T)
+        now = state._replace(value=self._operator.tracks.u[sweep % 3][:, :nodes].T)
         free = contact.free_steps(now, step, self._dt)
         rows = contact.rows if free == 0 else self._rows[:0]
         _clear(course.push, course.pushed, self._rows, rows)
@@ -148,21 +148,25 @@ def advance_blocks(blocks, tracks, course, drive, pushes, dt, first, last, begin
     this together, each with a share of the blocks, and `meet` once a step, twice with `pushes` (None: none change).
     """
     u, steps, count = tracks.u, last - first, len(course.turns)
-    own, others, s = count * thread // gate.threads, count * (thread + 1) // gate.threads, blocks.scratch[thread]
-    for taken in range(begin, end):
-        if pushes is not None and taken > begin:
-            if thread == 0 and not push_anew(pushes, u[taken % 3].T, course.push.T):
-                course.stop[0] = taken
+    first_turn, end_turn, s = (
+        count * thread // gate.threads,
+        count * (thread + 1) // gate.threads,
+        blocks.scratch[thread],
+    )
+    for sweep in range(begin, end):
+        if pushes is not None and sweep > begin:
+            if thread == 0 and not push_anew(pushes, u[sweep % 3].T, course.push.T):
+                course.stop[0] = sweep
             meet(gate)
-            if course.stop[0] == taken:
+            if course.stop[0] == sweep:
                 return
-        if taken > 0 and drive.varies:
+        if sweep > 0 and drive.varies:
             if thread == 0:
-                apply_loads(drive, (first + taken - 1) * dt)
+                apply_loads(drive, (first + sweep - 1) * dt)
             meet(gate)
-        before, now, after = u[(taken + 2) % 3], u[taken % 3], u[(taken + 1) % 3]
-        for turn in range(own, others):
-            b, step, starts, ends = course.turns[turn], first + taken - 1, taken == 0, taken == steps
+        before, now, after = u[(sweep + 2) % 3], u[sweep % 3], u[(sweep + 1) % 3]
+        for turn in range(first_turn, end_turn):
+            b, step, starts, ends = course.turns[turn], first + sweep - 1, sweep == 0, sweep == steps
             if not starts and not ends and course.plain[b]:
                 _sweep_plain(blocks, tracks, course, now, before, after, dt, step, b, s)
             else:
@@ -185,14 +189,14 @@ def _clear(push, pushed, before, rows):  # type: ignore[no-untyped-def]
 @njit(forceinline=True, **INNER)
 def _sweep_plain(blocks, tracks, course, u, before, after, dt, step, b, s):  # type: ignore[no-untyped-def]
     """End `step` for block b, on which only bonds and contact act, and go on to the next one."""
-    whole, half, lightness = u.dtype.type(dt), u.dtype.type(dt / 2), course.lightness
+    full_step, half, lightness = u.dtype.type(dt), u.dtype.type(dt / 2), course.lightness
     for lane in range(0, LANES, across(s)):
         sum_lanes(blocks, tracks, u, before, step, b, lane, s)
         if course.pushed[b]:
             for k in range(across(s)):
                 s[k] += course.push[0, b * LANES + lane + k]
                 s[ROW + k] += course.push[1, b * LANES + lane + k]
-        kick_and_drift(u, after, tracks.v, lightness, whole, half, b * LANES + lane, s)
+        kick_and_drift(u, after, tracks.v, lightness, full_step, half, b * LANES + lane, s)
 
 
 @njit(forceinline=True, **INNER)
@@ -293,7 +297,7 @@ def _kick_lanes(v, s, dt, b):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def _drift_lanes(v, u, after, dt, b):  # type: ignore[no-untyped-def]
-    whole = v.dtype.type(dt)
+    full_step = v.dtype.type(dt)
     for lane in range(LANES):
-        after[0, b * LANES + lane] = u[0, b * LANES + lane] + whole * v[0, b * LANES + lane]
-        after[1, b * LANES + lane] = u[1, b * LANES + lane] + whole * v[1, b * LANES + lane]
+        after[0, b * LANES + lane] = u[0, b * LANES + lane] + full_step * v[0, b * LANES + lane]
+        after[1, b * LANES + lane] = u[1, b * LANES + lane] + full_step * v[1, b * LANES + lane]

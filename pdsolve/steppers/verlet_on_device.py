@@ -56,11 +56,15 @@ class VerletOnDevice:
         self._kernel = program.advance
         if isinstance(operator, FamiliesOnDevice):
             operator.take_passes(program)
-        put, none = self.session.put, np.zeros(count, dtype=kind)
-        self._u, self._v, self._a = [put(none) for _ in range(3)], [put(none) for _ in range(2)], put(none)
+        to_device, none = self.session.put, np.zeros(count, dtype=kind)
+        self._u, self._v, self._a = (
+            [to_device(none) for _ in range(3)],
+            [to_device(none) for _ in range(2)],
+            to_device(none),
+        )
         weight = np.concatenate([operator.spread(1 / rho, 1.0), operator.spread(rho, 1.0)])
-        self._weight, self._damping = put(weight), put(operator.spread(damping))
-        self._work, self._damped = (put(np.zeros(operator.room)) for _ in range(2))
+        self._weight, self._damping = to_device(weight), to_device(operator.spread(damping))
+        self._work, self._damped = (to_device(np.zeros(operator.room)) for _ in range(2))
         self._place_conditions()
 
     def _wanted(self, size: int) -> list[int]:
@@ -72,23 +76,25 @@ class VerletOnDevice:
     def _source(self, kind: Any, damped: bool) -> str:
         """The program of the run."""
         operator = self._operator
-        own = ["#define DAMPED"] if damped else ["#define FUSED"] if operator.fused else []
+        defines = ["#define DAMPED"] if damped else ["#define FUSED"] if operator.fused else []
         first = preamble(kind.name, operator.dimension, operator.together)
-        return "\n".join([first, *own, operator.source(), text_of("verlet.cl")])
+        return "\n".join([first, *defines, operator.source(), text_of("verlet.cl")])
 
     def _place_conditions(self) -> None:
         """Put loads and holds on the device, by the nodes on which they act."""
-        drive, operator, put = self._drive, self._operator, self.session.put
+        drive, operator, to_device = self._drive, self._operator, self.session.put
         nodes = np.union1d(drive.loads.node, drive.holds.node)
         acts = np.full(operator.room, -1, dtype=np.int32)
         acts[operator.rows(nodes)] = np.arange(len(nodes))
-        self._nodes, self._acts = nodes, put(acts)
-        self._now, self._ago = (put(drive.force[nodes]) for _ in range(2))
+        self._nodes, self._acts = nodes, to_device(acts)
+        self._now, self._ago = (to_device(drive.force[nodes]) for _ in range(2))
         loads, self._holds = _sorted(drive.loads, nodes), _sorted(drive.holds, nodes)
-        self._load = [put(loads.first), *_columns(drive.loads, loads, put)]
-        self._hold = [put(self._holds.first), *_columns(drive.holds, self._holds, put)]
-        self._hold.append(put(drive.holds.kind[self._holds.order].astype(np.int32)))
-        self._speed, self._force = (put(each[self._holds.order]) for each in (drive.held_speed, drive.held_force))
+        self._load = [to_device(loads.first), *_columns(drive.loads, loads, to_device)]
+        self._hold = [to_device(self._holds.first), *_columns(drive.holds, self._holds, to_device)]
+        self._hold.append(to_device(drive.holds.kind[self._holds.order].astype(np.int32)))
+        self._speed, self._force = (
+            to_device(column[self._holds.order]) for column in (drive.held_speed, drive.held_force)
+        )
         self._factors = Factors(self.session, drive.profiles, self._dt, ((0, 0.0), (1, 0.0), (1, self._dt / 2)))
 
     def march(self, state: State, first: int, last: int) -> None:
@@ -98,13 +104,13 @@ class VerletOnDevice:
         if not self._ahead:
             self._hand_over()
         self._ahead, steps, self._last = True, last - first, last - 1
-        for taken in range(steps + 1):
-            if taken % AT_ONCE == 0:
-                if taken > 0:
+        for sweep in range(steps + 1):
+            if sweep % AT_ONCE == 0:
+                if sweep > 0:
                     self._operator.fetch()  # there is room for so many breaks
-                self._factors.write(first + taken - 1, min(AT_ONCE, steps + 1 - taken))
-            phase = STARTS * (taken == 0) + ENDS * (taken == steps)
-            self._step(first + taken - 1, phase, taken % AT_ONCE)
+                self._factors.write(first + sweep - 1, min(AT_ONCE, steps + 1 - sweep))
+            phase = STARTS * (sweep == 0) + ENDS * (sweep == steps)
+            self._step(first + sweep - 1, phase, sweep % AT_ONCE)
         self._u = [self._u[2], *self._u[:2]]  # the last sweep wrote no displacements
         self.session.finish()
 
@@ -116,7 +122,7 @@ class VerletOnDevice:
         motion = before, now, after, *self._v, self._a, self._weight, self._damping, self._work, self._damped
         acting = self._acts, self._now, self._ago, *self._load, *self._hold, self._speed, self._force
         numbers = np.int32(self._factors.count), np.int32(drive.varies), np.float64(self._dt)
-        last = (np.int32(each) for each in (operator.room, step, phase, at))
+        last = (np.int32(number) for number in (operator.room, step, phase, at))
         arguments = [*operator.arguments, *motion, *acting, self._factors.buffer, *numbers, *last]
         self.session.launch(self._kernel, (operator.room // operator.together, LANES // operator.together), arguments)
         self._u, self._v = [now, after, before], self._v[::-1]
@@ -175,7 +181,7 @@ def _sorted(entries: Entries, nodes: NDArray[np.int64]) -> _Acting:
     return _Acting(order, first.astype(np.int32))
 
 
-def _columns(entries: Entries, by_node: _Acting, put: Any) -> list[Any]:
+def _columns(entries: Entries, by_node: _Acting, to_device: Any) -> list[Any]:
     """Axes, values and profiles of entries on the device."""
     axis, value, profile = (column[by_node.order] for column in (entries.axis, entries.value, entries.profile))
-    return [put(axis.astype(np.int32)), put(value), put(profile.astype(np.int32))]
+    return [to_device(axis.astype(np.int32)), to_device(value), to_device(profile.astype(np.int32))]

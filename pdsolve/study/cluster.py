@@ -47,6 +47,6 @@ def _outcome(future: Any, number: int, killed: type[Exception]) -> Outcome:
     """Outcome of a Dask future; `killed` is the exception for a run whose workers ended."""
     error = future.exception()
     if error is None:
-        found: Outcome = future.result()
-        return found
+        outcome: Outcome = future.result()
+        return outcome
     return Outcome(number, None, LOST if isinstance(error, killed) else repr(error))

@@ -90,12 +90,12 @@ def _report(path: Path, rows: list[Row], args: argparse.Namespace) -> int:
     if len(failed) > LISTED:
         more = "(SELECT number, error FROM run WHERE status = 'failed')"
         remark(f"pdsolve study: and {len(failed) - LISTED} more runs failed {more}")
-    found = [
+    runs = [
         {"number": row.number, "status": row.status, "error": row.error, "file": str(row.file)}
         | {"repetition": row.repetition, **row.values}
         for row in rows
     ]
-    commandline.report({"output": str(path), "runs": found}, lines, args)
+    commandline.report({"output": str(path), "runs": runs}, lines, args)
     return commandline.FAILURE if failed else commandline.OK
 
 

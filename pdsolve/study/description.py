@@ -101,7 +101,7 @@ class Case:
     def names(self) -> list[tuple[str, str, str]]:
         """Kind, name and table column of each parameter."""
         kinds = (("drawing", self.drawing), ("model", self.model), ("options", self.options))
-        return [(kind, name, column_of(kind, name)) for kind, given in kinds for name in given]
+        return [(kind, name, column_of(kind, name)) for kind, parameters in kinds for name in parameters]
 
     @property
     def values(self) -> dict[str, Any]:
@@ -110,8 +110,8 @@ class Case:
 
     def assignments(self, kind: str) -> list[tuple[str, str]]:
         """Parameters of the "drawing", or settings of the "model", in the form of ``--set``."""
-        given: Mapping[str, Any] = getattr(self, kind)
-        return [(name, word(value, toml=kind == "model")) for name, value in given.items()]
+        parameters: Mapping[str, Any] = getattr(self, kind)
+        return [(name, word(value, toml=kind == "model")) for name, value in parameters.items()]
 
 
 @dataclass(frozen=True)
@@ -141,7 +141,7 @@ class Study:
 
     def cases(self) -> list[Case]:
         """All runs: each of `runs` combined with all combinations of `vary`, and repeated. Raises StudyError."""
-        about, found = self.description, {}
+        about, cases = self.description, {}
         ranges = list(_ranges(about.vary, str(self.path)))
         count = math.prod(len(values) for _, _, values in ranges) * max(len(about.runs), 1) * about.repeat.times
         if count > MOST:
@@ -154,8 +154,8 @@ class Study:
                     parts[kind][name] = value
                 for repetition in range(about.repeat.times):
                     case = Case(**parts, repetition=repetition, repeat=about.repeat)
-                    found[case.key] = case
-        return list(found.values())
+                    cases[case.key] = case
+        return list(cases.values())
 
 
 def read_study(path: Path) -> Study:
@@ -208,19 +208,21 @@ def word(value: Any, toml: bool = False) -> str:
 
 def _ranges(vary: Vary, name: str) -> Iterator[tuple[str, str, Sequence[Any]]]:
     """Kind, name and values of each varied parameter. Raises StudyError for an empty list or another type."""
-    given = [("drawing", *item) for item in vary.drawing.items()]
-    given += [("model", *item) for item in _flat(vary.model).items()]
-    given += [("options", option, getattr(vary, option)) for option in OPTIONS if getattr(vary, option) is not None]
-    for kind, parameter, values in given:
+    parameters = [("drawing", *item) for item in vary.drawing.items()]
+    parameters += [("model", *item) for item in _flat(vary.model).items()]
+    parameters += [
+        ("options", option, getattr(vary, option)) for option in OPTIONS if getattr(vary, option) is not None
+    ]
+    for kind, parameter, values in parameters:
         if not isinstance(values, list | tuple) or not values:
-            found = f"{values!r:.60}"
-            raise StudyError(f"{name}: $.vary: {parameter} is {found}; use a list of values")
+            value_text = f"{values!r:.60}"
+            raise StudyError(f"{name}: $.vary: {parameter} is {value_text}; use a list of values")
         yield kind, parameter, values
 
 
-def _parts(some: Set) -> dict[str, dict[str, Any]]:
+def _parts(chosen_set: Set) -> dict[str, dict[str, Any]]:
     parts: dict[str, dict[str, Any]] = {"drawing": {}, "model": {}, "options": {}}
-    _lay(parts, some)
+    _lay(parts, chosen_set)
     return parts
 
 
@@ -233,10 +235,10 @@ def _lay(parts: dict[str, dict[str, Any]], above: Set) -> None:
 
 def _flat(nested: Mapping[str, Any], before: str = "") -> dict[str, Any]:
     """Nested tables as dotted names."""
-    found: dict[str, Any] = {}
+    flat: dict[str, Any] = {}
     for name, value in nested.items():
-        found |= _flat(value, f"{before}{name}.") if isinstance(value, dict) else {f"{before}{name}": value}
-    return found
+        flat |= _flat(value, f"{before}{name}.") if isinstance(value, dict) else {f"{before}{name}": value}
+    return flat
 
 
 def _plain(value: Any) -> Any:

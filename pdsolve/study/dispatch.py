@@ -62,8 +62,8 @@ def solve_study(
         if force:
             _clear(study, output)
         with _table(study, output) as table:
-            there = {} if table.rows() else kept(table.runs, study)
-            numbers = table.add(study.cases(), _described(study, crew.trust), measures_of(dimension), there)
+            runs = {} if table.rows() else kept(table.runs, study)
+            numbers = table.add(study.cases(), _described(study, crew.trust), measures_of(dimension), runs)
             rows = table.rows(numbers.values())
             over = (FINISHED,) if again else (FINISHED, FAILED)
             waiting = {row.number for row in rows if row.status not in over}
@@ -74,20 +74,20 @@ def solve_study(
             how = (crew.threads, crew.trust, study.digest)
             tasks = [Task(number, drawing, case, files[number], *how, number in bad) for number, case in cases]
             failed = len(bad - waiting)
-            held = {task.number: name for task in tasks if (name := holder(task.output)) is not None}
-            going = Going(len(rows), len(rows) - len(tasks) - failed, failed, None, held)
-            _tell(watch, going)
+            holders = {task.number: name for task in tasks if (name := holder(task.output)) is not None}
+            progress = Going(len(rows), len(rows) - len(tasks) - failed, failed, None, holders)
+            _tell(watch, progress)
             for outcome in _solved(tasks, crew):
                 table.finish(*outcome)
                 ended = outcome.error is not None
-                going = Going(going.runs, going.finished + (not ended), going.failed + ended, outcome)
-                _tell(watch, going)
+                progress = Going(progress.runs, progress.finished + (not ended), progress.failed + ended, outcome)
+                _tell(watch, progress)
             return table.rows(numbers.values())
 
 
-def _tell(watch: Callable[[Going], None] | None, going: Going) -> None:
+def _tell(watch: Callable[[Going], None] | None, progress: Going) -> None:
     if watch is not None:
-        watch(going)
+        watch(progress)
 
 
 def _table(study: Study, output: Path) -> Table:
@@ -128,10 +128,10 @@ def _described(study: Study, trust: bool) -> dict[str, tuple[str, str]]:
     if study.drawing.suffix.lower() not in NAMED:
         return {}
     try:
-        found = file_parameters(study.drawing, (), trust)
+        parameters = file_parameters(study.drawing, (), trust)
     except SceneError:
         return {}
-    return {entry.name.removeprefix("Peridynamics/"): (entry.unit, entry.meaning) for entry in found}
+    return {entry.name.removeprefix("Peridynamics/"): (entry.unit, entry.meaning) for entry in parameters}
 
 
 def _solved(tasks: Sequence[Task], crew: Crew) -> Iterator[Outcome]:

@@ -57,7 +57,11 @@ def measures_of(dimension: int) -> dict[str, Measure]:
     if dimension == 2:
         return MEASURES
     in_space = {"J/m": "J"}
-    return {name: one._replace(unit=in_space.get(one.unit, one.unit)) for name, one in MEASURES.items() if one.in_space}
+    return {
+        name: measure._replace(unit=in_space.get(measure.unit, measure.unit))
+        for name, measure in MEASURES.items()
+        if measure.in_space
+    }
 
 
 UNITS = {f"material.{name}": declared.unit for name, declared in DECLARED.items()} | {
@@ -67,5 +71,5 @@ UNITS = {f"material.{name}": declared.unit for name, declared in DECLARED.items(
 
 def column_of(kind: str, name: str) -> str:
     """Table column of a parameter: its name, with its kind appended if a measure has that name. SQLite ignores case."""
-    taken = {*OWN, *MEASURES}
-    return f"{kind} {name}" if name.lower() in taken else name
+    reserved = {*OWN, *MEASURES}
+    return f"{kind} {name}" if name.lower() in reserved else name

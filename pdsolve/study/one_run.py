@@ -68,7 +68,7 @@ def _results(task: Task) -> Results:
 
 def _gone_on(task: Task) -> Results:
     """Results of a run, continued if possible, else restarted. Raises BusyError, and others."""
-    own = provenance(task.case.key, task.digest)
+    own_provenance = provenance(task.case.key, task.digest)
     if task.output.is_symlink():
         raise ResultsError(f"{task.output} is a link, and the run's own database is written there; move it away")
     try:
@@ -77,7 +77,10 @@ def _gone_on(task: Task) -> Results:
         raise ResultsError(f"{error} (remove it, and --again solves it anew)") from None
     if state.kind is Kind.RUNNING:
         raise BusyError(f"{task.output}: a run is writing to it ({state.holder}); wait for its end")
-    if state.meta and state.meta.get("provenance") not in (own, f"pdsolve study: {task.case.key}"):  # an older one
+    if state.meta and state.meta.get("provenance") not in (
+        own_provenance,
+        f"pdsolve study: {task.case.key}",
+    ):  # an older one
         raise ResultsError(f"{task.output} has results of another run; move it away")
     if state.kind in (Kind.UNBEGUN, Kind.STOPPED, Kind.FINISHED):
         try:
@@ -90,4 +93,4 @@ def _gone_on(task: Task) -> Results:
     if state.kind is not Kind.NONE:
         remove(task.output)
     how = options(task.case, task.threads)
-    return simulate(model_of_run(task.drawing, task.case, task.trust), task.output, how, provenance=own)
+    return simulate(model_of_run(task.drawing, task.case, task.trust), task.output, how, provenance=own_provenance)

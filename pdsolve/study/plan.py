@@ -30,10 +30,10 @@ def plan_study(path: Path, trust: bool = False) -> dict[str, Any]:
     """
     study = read_study(path)
     planned = run_model.planned(study, trust)
-    seconds = sum(number * one.wall_time for _, number, one in planned)
-    rate, each = slower(), [one for _, number, one in planned for _ in range(number)]
-    workers, compiling = min(cores(), len(each)), 0.0 if jit_cache.is_kept() else rate * COMPILE
-    runs = [one.wall_time + rate * (AROUND + AROUND_NODE * one.nodes) for one in each]
+    seconds = sum(number * plan.wall_time for _, number, plan in planned)
+    rate, run_plans = slower(), [plan for _, number, plan in planned for _ in range(number)]
+    workers, compiling = min(cores(), len(run_plans)), 0.0 if jit_cache.is_kept() else rate * COMPILE
+    runs = [plan.wall_time + rate * (AROUND + AROUND_NODE * plan.nodes) for plan in run_plans]
     return {
         "study": str(path),
         "runs": sum(number for _, number, _ in planned),
@@ -41,12 +41,12 @@ def plan_study(path: Path, trust: bool = False) -> dict[str, Any]:
         "workers": workers,
         "compile_seconds": compiling,  # of that, once for these sources
         "study_seconds": rate * START + compiling + by_processes(runs, workers),
-        "memory_bytes": max(one.memory for _, _, one in planned),  # of the largest
+        "memory_bytes": max(plan.memory for _, _, plan in planned),  # of the largest
         "different": [
             {"values": {name: case.values.get(name) for name in study.varied}, "times": number}
-            | {"nodes": one.nodes, "bonds": pair_count(one.bonds), "steps": one.steps, "time_step": one.time_step}
-            | {"memory_bytes": one.memory, "solve_seconds": one.wall_time}
-            for case, number, one in planned
+            | {"nodes": plan.nodes, "bonds": pair_count(plan.bonds), "steps": plan.steps, "time_step": plan.time_step}
+            | {"memory_bytes": plan.memory, "solve_seconds": plan.wall_time}
+            for case, number, plan in planned
         ],
     }
 
@@ -68,11 +68,11 @@ def study_plan_lines(result: dict[str, Any]) -> list[str]:
     ]
     if result["compile_seconds"]:
         lines.append(f"{result['compile_seconds']:.2g} s of that is for kernels that are compiled once")
-    for one in result["different"][:LISTED]:
-        named = ", ".join(f"{name} = {value}" for name, value in one["values"].items()) or "as drawn"
+    for plan in result["different"][:LISTED]:
+        named = ", ".join(f"{name} = {value}" for name, value in plan["values"].items()) or "as drawn"
         lines.append(
-            f"{one['times']} x {named}: {one['nodes']} nodes, {one['bonds']} bonds, {one['steps']} steps of"
-            f" {one['time_step']:.4g} s, {one['solve_seconds']:.3g} s"
+            f"{plan['times']} x {named}: {plan['nodes']} nodes, {plan['bonds']} bonds, {plan['steps']} steps of"
+            f" {plan['time_step']:.4g} s, {plan['solve_seconds']:.3g} s"
         )
     if len(result["different"]) > LISTED:
         lines.append(f"and {len(result['different']) - LISTED} more")

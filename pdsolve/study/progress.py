@@ -31,17 +31,17 @@ class StudyWatch:
         if self._bar is not None:
             self._bar.close()
 
-    def __call__(self, going: Going) -> None:
-        done, text = going.finished + going.failed, f"{going.failed} failed"
-        for number, name in going.held.items():
+    def __call__(self, progress: Going) -> None:
+        done, text = progress.finished + progress.failed, f"{progress.failed} failed"
+        for number, name in progress.held.items():
             remark(f"pdsolve study: run {number} waits up to {PATIENCE:g} s for {name}, which writes to its database")
         if self._quiet:
             return
         if self._bar is None:
-            self._bar = bar("solving", " runs", total=going.runs, initial=done)
+            self._bar = bar("solving", " runs", total=progress.runs, initial=done)
         if self._bar is not None:
             self._bar.set_postfix_str(text, refresh=False)
             self._bar.update(done - self._bar.n)
         elif time.monotonic() - self._said > LINE_EVERY:
             self._said = time.monotonic()
-            remark(f"run {done} of {going.runs}, {text}")
+            remark(f"run {done} of {progress.runs}, {text}")

@@ -35,7 +35,7 @@ def kept(runs: Path, study: Study) -> dict[str, int]:
     odd = StudyError(f"{runs} has files of other runs than those of this {study.drawing.name}; move them away")
     if runs.is_dir() and not all(NUMBERED.fullmatch(path.name) for path in runs.iterdir()):
         raise odd
-    found: dict[str, int] = {}
+    numbers: dict[str, int] = {}
     begin, end = provenance("|", study.digest).split("|")
     for path in databases(runs):
         try:
@@ -45,8 +45,8 @@ def kept(runs: Path, study: Study) -> dict[str, int]:
             continue
         if not said.startswith(begin) or not said.endswith(end):
             raise odd
-        found[said.removeprefix(begin).removesuffix(end)] = int(path.stem)
-    return found
+        numbers[said.removeprefix(begin).removesuffix(end)] = int(path.stem)
+    return numbers
 
 
 def own_runs(output: Path, runs: Path, rows: Sequence[Row], digest: str) -> list[Path]:

@@ -15,35 +15,35 @@ from pdsolve.study.measure_columns import measures_of
 def measured(results: Results) -> dict[str, float | None]:
     """Measures of a finished run; None for events that did not happen. Raises ResultsError."""
     summary, names = results.summary(), measures_of(results.dimension)
-    found: dict[str, Any] = {name: summary.get(name) for name in names}
-    found |= summary["energy"]
-    found |= {"largest_displacement": largest_displacement(results), "largest_stretch": largest_stretch(results)}
+    measures: dict[str, Any] = {name: summary.get(name) for name in names}
+    measures |= summary["energy"]
+    measures |= {"largest_displacement": largest_displacement(results), "largest_stretch": largest_stretch(results)}
     if results.dimension == 2:
-        found |= _cracked(crack(results))
+        measures |= _cracked(crack(results))
     elif len(steps := results.breaks().step):
-        found["first_break"] = int(steps.min()) * summary["time_step"]
-    return {name: _number(found.get(name)) for name in names}
+        measures["first_break"] = int(steps.min()) * summary["time_step"]
+    return {name: _number(measures.get(name)) for name in names}
 
 
-def _cracked(found: Summary) -> dict[str, Any]:
-    events = {name: getattr(found.growth, name) for name in ("first_break", "start", "branching", "split")}
+def _cracked(summary: Summary) -> dict[str, Any]:
+    events = {name: getattr(summary.growth, name) for name in ("first_break", "start", "branching", "split")}
     times = {name: None if event is None else event.time for name, event in events.items()}
-    branching, spent = events["branching"], found.release.value[np.isfinite(found.release.value)]
-    sound = [branch for branch in found.branches if (branch.mean_speed or math.inf) <= found.rayleigh_speed]
-    fork = found.forks[0] if found.forks else None
+    branching, spent = events["branching"], summary.release.value[np.isfinite(summary.release.value)]
+    sound = [branch for branch in summary.branches if (branch.mean_speed or math.inf) <= summary.rayleigh_speed]
+    fork = summary.forks[0] if summary.forks else None
     return times | {
         "branching_at": None if branching is None else branching.along,
-        "length": sum(branch.length for branch in found.branches),
-        "longest": max((branch.length for branch in found.branches), default=0.0),
-        "speed": sound[0].mean_speed if sound and not found.at_rest else None,
-        "branches": len(found.branches),
-        "forks": len(found.forks),
+        "length": sum(branch.length for branch in summary.branches),
+        "longest": max((branch.length for branch in summary.branches), default=0.0),
+        "speed": sound[0].mean_speed if sound and not summary.at_rest else None,
+        "branches": len(summary.branches),
+        "forks": len(summary.forks),
         "fork_angle": None if fork is None else fork.angle,
         "fork_x": None if fork is None else fork.place[0],
         "fork_y": None if fork is None else fork.place[1],
-        "direction": max((abs(way.angle) for way in found.directions), default=None),
+        "direction": max((abs(way.angle) for way in summary.directions), default=None),
         "spent": float(np.median(spent)) if len(spent) else None,
-        "pieces": len(found.fragments.pieces),
+        "pieces": len(summary.fragments.pieces),
     }
 
 

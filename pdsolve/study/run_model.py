@@ -43,8 +43,8 @@ def model_of_run(drawing: Path, case: Case, trust: bool = False) -> Model:
 
 def options(case: Case, threads: int = 1) -> Options:
     """Solver options of a case."""
-    given: dict[str, Any] = dict(case.options)
-    return Options(**given, threads=threads)
+    settings: dict[str, Any] = dict(case.options)
+    return Options(**settings, threads=threads)
 
 
 def planned(study: Study, trust: bool = False) -> list[tuple[Case, int, Plan]]:

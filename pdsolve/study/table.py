@@ -133,8 +133,8 @@ class Table:
     def _tell(self, study: Study, version: str) -> None:
         """Store the study and its drawing. Raises StudyError if the table is of another drawing."""
         mark = study.digest
-        known = self.about().get("drawing_sha256", mark)
-        if known != mark:
+        stored_mark = self.about().get("drawing_sha256", mark)
+        if stored_mark != mark:
             raise StudyError(f"{self.path} has runs of another {study.drawing}; use --force to begin anew")
         about = {"program": version, "study": study.text, "drawing": str(study.drawing), "drawing_sha256": mark}
         about["varied"] = json.dumps(study.varied)
@@ -150,11 +150,11 @@ class Table:
         cases: Sequence[Case],
         described: Mapping[str, tuple[str, str]],
         measures: Mapping[str, Measure],
-        kept: Mapping[str, int] = {},
+        runs: Mapping[str, int] = {},
     ) -> dict[str, int]:
         """Add rows for new cases; returns the row number of each case by its key.
 
-        `described` holds unit and meaning of the drawing's parameters, `measures` the measures of each run; `kept` are
+        `described` holds unit and meaning of the drawing's parameters, `measures` the measures of each run; `runs` are
         the numbers, by key, of runs whose databases exist already.
         """
         with _explained(self.path), self._transaction():
@@ -163,21 +163,21 @@ class Table:
                     self._column(column, Column(kind, *described.get(name, (UNITS.get(name, ""), ""))))
             for name, measure in measures.items():
                 self._column(name, Column("measure", measure.unit, measure.meaning))
-            known = dict(self.connection.execute("SELECT key, number FROM run"))
-            last, new = max([*known.values(), *kept.values()], default=0), []
+            numbers = dict(self.connection.execute("SELECT key, number FROM run"))
+            last, new = max([*numbers.values(), *runs.values()], default=0), []
             for case in cases:
-                if case.key not in known:
-                    number = kept.get(case.key, last + 1)
+                if case.key not in numbers:
+                    number = runs.get(case.key, last + 1)
                     last = max(last, number)
-                    known[case.key] = number
+                    numbers[case.key] = number
                     first = {"number": number, "key": case.key, "status": WAITING, "repetition": case.repetition}
                     self._insert(first | {"file": f"{self.runs.name}/{number:04}.sqlite"} | case.values)
                     new.append(number)
             table_checksums.seal(self.connection, new)
-        return {case.key: known[case.key] for case in cases}
+        return {case.key: numbers[case.key] for case in cases}
 
     def _column(self, name: str, column: Column) -> None:
-        if name.lower() in {known.lower() for known in self.columns()}:
+        if name.lower() in {existing.lower() for existing in self.columns()}:
             return
         self.connection.execute(f"ALTER TABLE run ADD COLUMN {quoted(name)}")
         self.connection.execute("INSERT INTO column_unit VALUES (?, ?, ?, ?)", (name, *column))
@@ -207,13 +207,13 @@ class Table:
         """All runs, or those with these numbers."""
         cursor = self.connection.execute("SELECT * FROM run ORDER BY number")
         names, wanted = [entry[0] for entry in cursor.description], None if numbers is None else set(numbers)
-        found = []
+        rows = []
         for values in cursor:
             row = dict(zip(names, values, strict=True))
             number, key, status, error, file, repetition = (row.pop(name) for name in OWN)
             if wanted is None or number in wanted:
-                found.append(Row(number, key, status, error, self.path.parent / file, repetition, row))
-        return found
+                rows.append(Row(number, key, status, error, self.path.parent / file, repetition, row))
+        return rows
 
     @property
     def runs(self) -> Path:

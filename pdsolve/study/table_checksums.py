@@ -40,11 +40,11 @@ def has(connection: sqlite3.Connection) -> bool:
 def seal(connection: sqlite3.Connection, numbers: Iterable[int] = ()) -> None:
     """Update the checksums of the runs with these numbers and of the small tables, within the changing transaction."""
     ((runs,),) = connection.execute("SELECT count(*) FROM run")
-    found = [(name, 0, *_of_all(connection, name)) for name in WHOLE] + [("run", 0, runs, 0)]
+    sums = [(name, 0, *_of_all(connection, name)) for name in WHOLE] + [("run", 0, runs, 0)]
     for number in numbers:
         ((_, crc),) = _of_runs(connection, "WHERE number = ?", number)
-        found.append(("run", number, 1, crc))
-    connection.executemany("INSERT OR REPLACE INTO checksum VALUES (?, ?, ?, ?)", found)
+        sums.append(("run", number, 1, crc))
+    connection.executemany("INSERT OR REPLACE INTO checksum VALUES (?, ?, ?, ?)", sums)
 
 
 def expect_whole(connection: sqlite3.Connection) -> None:
@@ -76,15 +76,15 @@ def _expect_whole(connection: sqlite3.Connection) -> None:
 
 
 def _expect_sums(connection: sqlite3.Connection) -> None:
-    known = {(name, number): rest for name, number, *rest in connection.execute("SELECT * FROM checksum")}
+    sums = {(name, number): rest for name, number, *rest in connection.execute("SELECT * FROM checksum")}
     for name in WHOLE:
-        if known.pop((name, 0), None) != [*_of_all(connection, name)]:
+        if sums.pop((name, 0), None) != [*_of_all(connection, name)]:
             raise DamagedTableError(f"its {name} is damaged")
     ((runs,),) = connection.execute("SELECT count(*) FROM run")
-    if known.pop(("run", 0), None) != [runs, 0] or len(known) != runs:
+    if sums.pop(("run", 0), None) != [runs, 0] or len(sums) != runs:
         raise DamagedTableError(f"{runs} runs are there, which are not as many as were written")
     for number, crc in _of_runs(connection):
-        if known.get(("run", number)) != [1, crc]:
+        if sums.get(("run", number)) != [1, crc]:
             raise DamagedTableError(f"run {number} is damaged")
 
 
@@ -99,8 +99,8 @@ def _of_runs(connection: sqlite3.Connection, where: str = "", *values: Any) -> I
     cursor = connection.execute(f"SELECT * FROM run {where}", values)
     names = [entry[0] for entry in cursor.description]
     for row in cursor:
-        held = {name: value for name, value in zip(names, row, strict=True) if value is not None}
-        yield held["number"], _crc(sorted(held.items()))
+        row_values = {name: value for name, value in zip(names, row, strict=True) if value is not None}
+        yield row_values["number"], _crc(sorted(row_values.items()))
 
 
 def _crc(value: Any) -> int:

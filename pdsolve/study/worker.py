@@ -24,11 +24,11 @@ _solves = threading.Event()
 _stops = threading.Event()
 
 
-def prepare(held: Connection) -> None:
-    """Prepare a worker; it stops when the other end of the pipe `held` is closed."""
+def prepare(parent_pipe: Connection) -> None:
+    """Prepare a worker; it stops when the other end of the pipe `parent_pipe` is closed."""
     trust.settle()
     signal.signal(signal.SIGINT, _interrupted)
-    threading.Thread(target=_stop_when_closed, args=(held,), daemon=True).start()
+    threading.Thread(target=_stop_when_closed, args=(parent_pipe,), daemon=True).start()
 
 
 def _interrupted(number: int, frame: FrameType | None) -> None:
@@ -36,10 +36,10 @@ def _interrupted(number: int, frame: FrameType | None) -> None:
         raise KeyboardInterrupt
 
 
-def _stop_when_closed(held: Connection) -> None:
+def _stop_when_closed(parent_pipe: Connection) -> None:
     """Wait until the pipe closes, then interrupt the current run and end the process."""
     with suppress(EOFError, OSError):
-        held.recv_bytes()
+        parent_pipe.recv_bytes()
     _stops.set()
     if _solves.is_set():
         _interrupt()

@@ -97,9 +97,9 @@ class Worker:
 def _process() -> tuple[ProcessPoolExecutor, Connection]:
     """A process, which starts with its first run, and the end of the pipe whose closing stops it."""
     spawn = get_context("spawn")
-    other, own = spawn.Pipe(duplex=False)
+    worker_end, parent_end = spawn.Pipe(duplex=False)
     with _uninterrupted(), trust.child_environment():  # Python's own keeper of semaphores may start
-        return ProcessPoolExecutor(1, spawn, prepare, (other,)), own
+        return ProcessPoolExecutor(1, spawn, prepare, (worker_end,)), parent_end
 
 
 @contextmanager

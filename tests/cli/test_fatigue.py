@@ -83,7 +83,7 @@ def test_the_line_that_was_given_stands_beside_the_one_found() -> None:
     drawn = figure([of_K, of_bonds])
     lengths, rates, lives = drawn.axes
     assert {one.get_text() for one in rates.get_legend().get_texts()} == {  # type: ignore[union-attr]
-        *("K: found, m = 3.5", "K: given, m = 4", "bonds: found, m = 3.5", "bonds: given, m = 3")
+        *("K: measured, m = 3.5", "K: given, m = 4", "bonds: measured, m = 3.5", "bonds: given, m = 3")
     }
     assert len(lengths.lines) == 2
     (curve, point) = lives.lines

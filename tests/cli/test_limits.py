@@ -19,7 +19,7 @@ FINE = {
     "a kernel": f"@njit\ndef f({PARAMETERS}): ...\n@numba.njit(**INNER)\ndef g({PARAMETERS}): ...\n",
 }
 OVER = {
-    "a file": ("x = 1\n" * 451, "a.py: found 451 lines, expected 450 at most"),
+    "a file": ("x = 1\n" * 801, "a.py: found 801 lines, expected 800 at most"),
     "a function": ("def f():\n" + "    x = 1\n" * 60, "a.py:1: f: found 61 lines, expected 60 at most"),
     "a method": ("class A:\n    def f(self):\n" + "        x = 1\n" * 60, "a.py:2: f: found 61 lines, expected 60"),
     "parameters": (f"def f({PARAMETERS}): ...\n", "a.py:1: f: found 9 positional parameters, expected 8 at most"),

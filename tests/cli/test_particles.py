@@ -143,7 +143,7 @@ def test_drawings_say_it_too() -> None:
     own = {"E": 65e9, "rho": 2235.0, "G0": 204.0, "Sight": "diffraction", "Gamma": 2.0}
     values: dict[str, float | str] = {f"Peridynamics/Material/{name}": value for name, value in own.items()}
     values["Peridynamics/Run/Cracks"] = "particles"
-    parameters.refuse_unknown(values, own=False)
+    parameters.refuse_unknown(values, from_drawing=False)
     said = parameters.Parameters(values, parameters.UNITS["m"])
     material = parameters.material(said, "Material", None)
     assert material is not None

@@ -16,7 +16,7 @@ from pdsolve.__main__ import main as pdsolve
 from pdsolve.model import Model
 from pdsolve.results import Results
 
-LINE = "$.run.hybrid.wake: removed (version 1.0.0 was the last that had it); leave it out"
+LINE = "$.run.hybrid.wake was removed (version 1.0.0 was the last that had it); leave it out"
 
 
 @pytest.fixture

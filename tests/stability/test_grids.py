@@ -131,7 +131,7 @@ def test_nodes_at_one_place(failure: Callable[..., None]) -> None:
             said += warned(model)
         except ModelError as error:
             said.append(str(error))
-    assert [line.split(": found")[0] for line in said] == ["model: $.nodes"] * 3
+    assert [line.split(":")[:2] for line in said] == [["model", " $.nodes"]] * 3
     assert mentions(said[0], "same place")
     assert mentions(said[1], "node 6", "node 7", "1e-12 m")
     assert mentions(said[2], "node 6", "node 7", "0.01 spacings")
@@ -242,10 +242,8 @@ def test_too_few_neighbours(failure: Callable[..., None], pdsolve: Callable[...,
     assert len(says) == 1
     said = pdsolve(plate(square_grid(8, 8), 1))
     assert said.code == 2
-    assert said.err == [
-        "pdsolve: plate.json: $.horizon.ratio: found 1, where bonds of a conical micromodulus have no stiffness, "
-        "expected more than 1 (3 is usual)"
-    ]
+    assert len(said.err) == 1
+    assert mentions(said.err[0], "plate.json", "$.horizon.ratio", "conical", found="1")
     assert warned(plate(square_grid(8, 8), 1.5, run=Run(steps=1))) == []
     failure(
         fails=f"8 x 8 nodes, m = 1.2: {loose[1.2]} motions that nothing resists; each row and each column slides by "

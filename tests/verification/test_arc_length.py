@@ -202,7 +202,7 @@ def test_a_bond_at_its_limit_ends_the_path() -> None:
 @pytest.mark.parametrize(
     ("changes", "place", "found"),
     [
-        ({"after": "motion"}, "$.run.duration", "none"),
+        ({"after": "motion"}, "$.run.duration", "missing"),
         ({"static": Static(control="arc", opening=1e-4)}, "static.opening", "0.0001"),
         ({"static": Static(control="arc", method="relaxation")}, "$.run.static.method", "relaxation"),
         ({"static": Static(control="arc", floating=True)}, "$.run.static.floating", "true"),

@@ -11,9 +11,9 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from benchmarks.tear import GLASS, TIME, cut, torn
 
 import pdmesh
+from benchmarks.tear import GLASS, TIME, cut, torn
 from pdmesh.model.document import Material, Run
 from pdpost.measures.tips import forks, tips
 from pdsolve.__main__ import _lines

@@ -55,11 +55,11 @@ def read_copies(
             "unit": unit,
             "walls": WALLS,
         }
-        found = _run(copies[first].path, job, limit, folder)
+        gmsh_output = _run(copies[first].path, job, limit, folder)
     if job["walls"]:
-        warn_of_missing(copies[first].path, found["walls"])
-    found["messages"] = [_in_originals(message, copies) for message in found["messages"]]
-    return found
+        warn_of_missing(copies[first].path, gmsh_output["walls"])
+    gmsh_output["messages"] = [_in_originals(message, copies) for message in gmsh_output["messages"]]
+    return gmsh_output
 
 
 def read_trusted(path: Path, assignments: list[tuple[str, str]], limit: float) -> dict[str, Any]:
@@ -71,17 +71,17 @@ def read_trusted(path: Path, assignments: list[tuple[str, str]], limit: float) -
 
 def _run(path: Path, job: dict[str, Any], limit: float, folder: Path | None) -> dict[str, Any]:
     """Output of the Gmsh reader for a job, with a mesh where other triangles do not fit. Raises SceneError."""
-    found = _read(path, job | {"conforming": False}, limit, folder)
-    if not found.get("points") or found["messages"]:
-        return found
-    if not closes(found):
-        found = _read(path, job | {"conforming": True}, limit, folder)
-    elif not fits(found):
+    gmsh_output = _read(path, job | {"conforming": False}, limit, folder)
+    if not gmsh_output.get("points") or gmsh_output["messages"]:
+        return gmsh_output
+    if not closes(gmsh_output):
+        gmsh_output = _read(path, job | {"conforming": True}, limit, folder)
+    elif not fits(gmsh_output):
         try:
-            found = _read(path, job | {"conforming": True}, min(limit, MESH_TIME), folder)
+            gmsh_output = _read(path, job | {"conforming": True}, min(limit, MESH_TIME), folder)
         except SceneError:  # no mesh: its triangles tell the volume of each body that Gmsh has wrong
-            found = with_own_volumes(found)
-    return found
+            gmsh_output = with_own_volumes(gmsh_output)
+    return gmsh_output
 
 
 def _read(path: Path, job: dict[str, Any], limit: float, folder: Path | None) -> dict[str, Any]:
@@ -90,11 +90,11 @@ def _read(path: Path, job: dict[str, Any], limit: float, folder: Path | None) ->
         job |= {"chords": CHORD_TOLERANCE}
         last = run_reader("pdmesh.drawing.sandbox.gmsh_reader", "Gmsh", path, job, result, limit, folder)
         try:
-            found: dict[str, Any] = json.loads(result.read_bytes())
+            gmsh_output: dict[str, Any] = json.loads(result.read_bytes())
         except (OSError, ValueError):
             raise SceneError(f"{path}: Gmsh stopped before the end of the drawing: {last}") from None
-    _check_installed(found)
-    return found
+    _check_installed(gmsh_output)
+    return gmsh_output
 
 
 def run_reader(
@@ -144,14 +144,14 @@ def _last_words(said: Path, ended: int) -> str:
     return lines[-1] if lines else f"it {how_it_ended(ended)} while {_stage(said)}"
 
 
-def _check_installed(found: Mapping[str, Any]) -> None:
-    if found["missing"]:
+def _check_installed(output: Mapping[str, Any]) -> None:
+    if output["missing"]:
         raise SceneError(
-            f"Gmsh is not installed: Python finds no module '{found['missing']}'; this installs it: pip install gmsh"
+            f"Gmsh is not installed: Python finds no module '{output['missing']}'; this installs it: pip install gmsh"
         )
-    if found["library"]:
+    if output["library"]:
         raise SceneError(
-            f"Gmsh cannot be loaded: {found['library']}; on Debian and Ubuntu this installs what it needs:"
+            f"Gmsh cannot be loaded: {output['library']}; on Debian and Ubuntu this installs what it needs:"
             f" apt-get install {SYSTEM_LIBRARIES}"
         )
 
@@ -163,7 +163,7 @@ def _in_originals(message: str, copies: Mapping[str, Copy]) -> str:
         copy, line = copies.get(match[1]), int(match[2] or 0)
         if copy is None:
             return match[0]
-        known = 0 < line <= len(copy.origins)
-        return f"'{copy.path}'" + (f", line {copy.origins[line - 1] if known else line}" if line else "")
+        has_origin = 0 < line <= len(copy.origins)
+        return f"'{copy.path}'" + (f", line {copy.origins[line - 1] if has_origin else line}" if line else "")
 
     return PLACE.sub(place, message).replace(OWN, "")

@@ -82,8 +82,8 @@ def cad_bytes(path: Path) -> bytes:
     wrong = NO_NUMBER.search(plain)
     if wrong:
         line = plain.count(b"\n", 0, wrong.end()) + 1
-        found = wrong[0][1:].decode()
-        raise SceneError(f"{path}: line {line}: '{found}' is not a number; use a finite number")
+        bad_number = wrong[0][1:].decode()
+        raise SceneError(f"{path}: line {line}: '{bad_number}' is not a number; use a finite number")
     return data
 
 
@@ -144,21 +144,21 @@ class _Copies:
             self.left -= len(data)
             drawing = Drawing(tokens_of(decoded(data), self.tokens_left))
             self.tokens_left -= len(drawing.tokens)
-            left, self.skipped[name] = without_skipped(drawing)
-            drawing = Drawing(left)
-            found = readings(drawing)
+            remaining_tokens, self.skipped[name] = without_skipped(drawing)
+            drawing = Drawing(remaining_tokens)
+            file_readings = readings(drawing)
         except Refused as error:
             raise _refused(path, error) from None
         tokens = list(drawing.tokens)
-        for reading in found:
+        for reading in file_readings:
             token = tokens[reading.place]
-            other = self._beside(path, token, reading.command)
-            if other.resolve() in (*within, real):
+            included_path = self._beside(path, token, reading.command)
+            if included_path.resolve() in (*within, real):
                 raise SceneError(
                     f"{path}: line {token.line}: {token.text} leads back to the file itself; read a file that does"
                     " not read itself"
                 )
-            tokens[reading.place] = token._replace(text=f'"{self.add(other, (*within, real))}"')
+            tokens[reading.place] = token._replace(text=f'"{self.add(included_path, (*within, real))}"')
         drawing.tokens = tokens
         self.drawings[name] = path, drawing
         return name
@@ -174,24 +174,24 @@ class _Copies:
             and not Path(inner).is_absolute()
             and ".." not in Path(inner).parts
         )
-        other = path.parent / inner  # as Gmsh has it, symbolic links or not
+        included_path = path.parent / inner  # as Gmsh has it, symbolic links or not
         expected = OWN_FOLDER
         if command == "Include":  # of drawings, whatever their suffix
-            known = other.suffix.lower() not in NOT_INCLUDED
+            is_known_kind = included_path.suffix.lower() not in NOT_INCLUDED
         else:
-            known = other.suffix in (CAD if command == "ShapeFromFile" else (".geo", *MERGED))
-        if plain and known:
-            if other.is_file() and other.resolve().is_relative_to(self.folder):
-                return other
-            expected = OWN_FOLDER if other.exists() else "use a file of this name in the drawing's own folder"
+            is_known_kind = included_path.suffix in (CAD if command == "ShapeFromFile" else (".geo", *MERGED))
+        if plain and is_known_kind:
+            if included_path.is_file() and included_path.resolve().is_relative_to(self.folder):
+                return included_path
+            expected = OWN_FOLDER if included_path.exists() else "use a file of this name in the drawing's own folder"
         shown = f"{command}({token.text})" if command == "ShapeFromFile" else f"{command} {token.text}"
         raise SceneError(f"{path}: line {token.line}: '{shown}' cannot be read; {expected}")
 
     def written(self) -> dict[str, Copy]:
-        known = set().union(*(names(drawing) for _, drawing in self.drawings.values()))
+        drawing_names = set().union(*(names(drawing) for _, drawing in self.drawings.values()))
         for name, (path, drawing) in self.drawings.items():
             try:
-                data, origins = written(admitted(drawing, known))
+                data, origins = written(admitted(drawing, drawing_names))
             except Refused as error:
                 raise _refused(path, error) from None
             self.copies[name] = Copy(path, data, origins, unused(drawing), self.skipped[name])

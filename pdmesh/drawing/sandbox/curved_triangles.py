@@ -34,15 +34,15 @@ def cones(gmsh: Any, places: Array, tags: Nodes, triangles: dict[int, Nodes]) ->
         middles.append(_midway(gmsh, (1, curve), sides, places, number))
     on_curves, first = np.unique(np.concatenate(keys), return_index=True)
     bent = np.concatenate(middles)[first]
-    found = {}
+    volumes = {}
     for face, corners in triangles.items():
         sides = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2)
         middle, key = _midway(gmsh, (2, face), sides, places, number), _keys(sides, len(tags))
         at = np.searchsorted(on_curves, key)
         shared = np.append(on_curves, -1)[at] == key
         middle[shared] = bent[at[shared]]
-        found[face] = _cone(np.concatenate([places[corners], middle.reshape(-1, 3, 3)], axis=1) - places[0])
-    return found
+        volumes[face] = _cone(np.concatenate([places[corners], middle.reshape(-1, 3, 3)], axis=1) - places[0])
+    return volumes
 
 
 def _keys(sides: Nodes, count: int) -> Nodes:
@@ -64,16 +64,16 @@ def _midway(gmsh: Any, entity: tuple[int, int], sides: Nodes, places: Array, num
     middle: Array = np.reshape(gmsh.model.getValue(dimension, tag, ends.mean(axis=1).ravel()), (-1, 3))
     length = np.linalg.norm(np.diff(places[sides], axis=1)[:, 0], axis=1)
     off = np.linalg.norm(middle - straight, axis=1)
-    some = np.flatnonzero(off > BENT * length)
-    ends = ends[some]
+    bent_sides = np.flatnonzero(off > BENT * length)
+    ends = ends[bent_sides]
     mean = ends.mean(axis=1)
     choices = [mean, mean - half, mean + half, ends[:, 0], ends[:, 1]]
-    for which in product(range(len(choices)), repeat=dimension) if len(some) else ():
-        other = np.clip(np.stack([choices[k][:, axis] for axis, k in enumerate(which)], axis=1), low, high)
-        tried = np.reshape(gmsh.model.getValue(dimension, tag, other.ravel()), (-1, 3))
-        away = np.linalg.norm(tried - straight[some], axis=1)
-        nearer = away < off[some]
-        middle[some[nearer]], off[some[nearer]] = tried[nearer], away[nearer]
+    for which in product(range(len(choices)), repeat=dimension) if len(bent_sides) else ():
+        trial_parameters = np.clip(np.stack([choices[k][:, axis] for axis, k in enumerate(which)], axis=1), low, high)
+        tried = np.reshape(gmsh.model.getValue(dimension, tag, trial_parameters.ravel()), (-1, 3))
+        away = np.linalg.norm(tried - straight[bent_sides], axis=1)
+        nearer = away < off[bent_sides]
+        middle[bent_sides[nearer]], off[bent_sides[nearer]] = tried[nearer], away[nearer]
     middle[off > BENT * length] = straight[off > BENT * length]
     return middle
 
@@ -86,6 +86,6 @@ def _cone(nodes: Array) -> Array:
         shape = np.array([w * (2 * w - 1), u * (2 * u - 1), v * (2 * v - 1), 4 * u * w, 4 * u * v, 4 * v * w])
         along = np.array([1 - 4 * w, 4 * u - 1, 0, 4 * (w - u), 4 * v, -4 * v])
         across = np.array([1 - 4 * w, 0, 4 * v - 1, -4 * u, 4 * u, 4 * (w - v)])
-        at, one, other = (np.einsum("k,tkx->tx", row, nodes) for row in (shape, along, across))
-        total += weight * (at * np.cross(one, other)).sum(axis=1) / 3
+        at, tangent_u, tangent_v = (np.einsum("k,tkx->tx", row, nodes) for row in (shape, along, across))
+        total += weight * (at * np.cross(tangent_u, tangent_v)).sum(axis=1) / 3
     return total

@@ -56,16 +56,18 @@ def read(path: Path) -> meshio.Mesh:
         raise ValueError("this is no netCDF file; use an Exodus II file") from None
     with file:
         file.set_auto_mask(False)
-        found = file.variables
-        if "coord" in found:
-            points = np.array(found["coord"][:], dtype=float).T
+        variables = file.variables
+        if "coord" in variables:
+            points = np.array(variables["coord"][:], dtype=float).T
         else:
-            columns = [np.array(found[f"coord{axis}"][:], dtype=float) for axis in "xyz" if f"coord{axis}" in found]
+            columns = [
+                np.array(variables[f"coord{axis}"][:], dtype=float) for axis in "xyz" if f"coord{axis}" in variables
+            ]
             if len(columns) < 2:
                 raise ValueError("the file has no coordinates; use an Exodus II file")
             points = np.column_stack(columns)
-        blocks, volumes, sets = _blocks(found)
-        for name, cells in _side_sets(found, blocks).items():
+        blocks, volumes, sets = _blocks(variables)
+        for name, cells in _side_sets(variables, blocks).items():
             for kind, rows in cells.items():
                 sets.setdefault(name, {})[len(blocks)] = np.arange(len(rows))
                 blocks.append((kind, rows))
@@ -74,77 +76,77 @@ def read(path: Path) -> meshio.Mesh:
             name: [members.get(number, np.zeros(0, dtype=np.int64)) for number in range(len(blocks))]
             for name, members in sets.items()
         }
-        data = {"volume": volumes} if any(np.isfinite(some).any() for some in volumes) else {}
-        return meshio.Mesh(points, blocks, cell_data=data, cell_sets=named, point_sets=_node_sets(found))
+        data = {"volume": volumes} if any(np.isfinite(block_volumes).any() for block_volumes in volumes) else {}
+        return meshio.Mesh(points, blocks, cell_data=data, cell_sets=named, point_sets=_node_sets(variables))
 
 
-def _blocks(found: Any) -> tuple[list[Any], list[NDArray[np.float64]], dict[str, dict[int, Rows]]]:
+def _blocks(variables: Any) -> tuple[list[Any], list[NDArray[np.float64]], dict[str, dict[int, Rows]]]:
     """Blocks of cells, the volumes of those that are particles, and the sets that the blocks are."""
-    names = _names(found, "eb_names", "eb_prop1", "block")
+    names = _names(variables, "eb_names", "eb_prop1", "block")
     blocks: list[Any] = []
     volumes: list[NDArray[np.float64]] = []
     sets: dict[str, dict[int, Rows]] = {}
     for number, name in enumerate(names, start=1):
-        connect = found.get(f"connect{number}")
+        connect = variables.get(f"connect{number}")
         if connect is None:
             continue  # a block without elements
         cells = np.array(connect[:], dtype=np.int64) - 1
         word = str(connect.elem_type).strip("\0 ").upper()
-        kind = next((types.get(cells.shape[1]) for known, types in SHAPES.items() if word.startswith(known)), None)
+        kind = next((types.get(cells.shape[1]) for prefix, types in SHAPES.items() if word.startswith(prefix)), None)
         if kind is None:
             raise ValueError(f"elements '{word}' of {cells.shape[1]} nodes are not read")
         sets.setdefault(name, {})[len(blocks)] = np.arange(len(cells))
         blocks.append((kind, cells))
-        volumes.append(_volumes(found, number, len(cells)) if kind == "vertex" else np.full(len(cells), np.nan))
+        volumes.append(_volumes(variables, number, len(cells)) if kind == "vertex" else np.full(len(cells), np.nan))
     return blocks, volumes, sets
 
 
-def _volumes(found: Any, block: int, count: int) -> NDArray[np.float64]:
+def _volumes(variables: Any, block: int, count: int) -> NDArray[np.float64]:
     """Volumes of a block's particles: the attribute of that name, or the last (behind the radius); NaN without one."""
-    attribute = found.get(f"attrib{block}")
+    attribute = variables.get(f"attrib{block}")
     if attribute is None:
         return np.full(count, np.nan)
     values = np.array(attribute[:], dtype=float).reshape(count, -1)
-    words = [word.lower() for word in _texts(found.get(f"attrib_name{block}"))]
+    words = [word.lower() for word in _texts(variables.get(f"attrib_name{block}"))]
     at = next((place for place, word in enumerate(words) if "vol" in word), values.shape[1] - 1)
     return np.asarray(values[:, at])
 
 
-def _node_sets(found: Any) -> dict[str, Rows]:
-    names = _names(found, "ns_names", "ns_prop1", "nodeset")
+def _node_sets(variables: Any) -> dict[str, Rows]:
+    names = _names(variables, "ns_names", "ns_prop1", "nodeset")
     return {
-        name: np.array(found[f"node_ns{number}"][:], dtype=np.int64) - 1
+        name: np.array(variables[f"node_ns{number}"][:], dtype=np.int64) - 1
         for number, name in enumerate(names, start=1)
-        if f"node_ns{number}" in found
+        if f"node_ns{number}" in variables
     }
 
 
-def _side_sets(found: Any, blocks: list[Any]) -> dict[str, dict[str, Rows]]:
+def _side_sets(variables: Any, blocks: list[Any]) -> dict[str, dict[str, Rows]]:
     """By name: the cells, one dimension lower, that the sides of a set are."""
     ends = np.cumsum([0, *(len(cells) for _, cells in blocks)])
     sets: dict[str, dict[str, Rows]] = {}
-    for number, name in enumerate(_names(found, "ss_names", "ss_prop1", "sideset"), start=1):
-        if f"elem_ss{number}" not in found:
+    for number, name in enumerate(_names(variables, "ss_names", "ss_prop1", "sideset"), start=1):
+        if f"elem_ss{number}" not in variables:
             continue
-        elements = np.array(found[f"elem_ss{number}"][:], dtype=np.int64) - 1
-        sides = np.array(found[f"side_ss{number}"][:], dtype=np.int64)
+        elements = np.array(variables[f"elem_ss{number}"][:], dtype=np.int64) - 1
+        sides = np.array(variables[f"side_ss{number}"][:], dtype=np.int64)
         of_block = np.searchsorted(ends, elements, side="right") - 1
         cells: dict[str, list[Rows]] = {}
         for block, (kind, nodes) in enumerate(blocks):
             for side, corners in enumerate(SIDES.get(kind.rstrip("0123456789"), ()), start=1):
-                some = elements[(of_block == block) & (sides == side)] - ends[block]
-                if len(some):
-                    own = {2: "line", 3: "triangle", 4: "quad"}[len(corners)]
-                    cells.setdefault(own, []).append(nodes[some][:, list(corners)])
-        sets[name] = {kind: np.concatenate(some) for kind, some in cells.items()}
+                element_rows = elements[(of_block == block) & (sides == side)] - ends[block]
+                if len(element_rows):
+                    cell_kind = {2: "line", 3: "triangle", 4: "quad"}[len(corners)]
+                    cells.setdefault(cell_kind, []).append(nodes[element_rows][:, list(corners)])
+        sets[name] = {kind: np.concatenate(node_rows) for kind, node_rows in cells.items()}
     return sets
 
 
-def _names(found: Any, names: str, numbers: str, kind: str) -> list[str]:
+def _names(variables: Any, names: str, numbers: str, kind: str) -> list[str]:
     """Names of the blocks or sets of a kind; "block_1" after its number where it has none."""
-    if numbers not in found:
+    if numbers not in variables:
         return []
-    ids, texts = np.array(found[numbers][:], dtype=np.int64), _texts(found.get(names))
+    ids, texts = np.array(variables[numbers][:], dtype=np.int64), _texts(variables.get(names))
     texts += [""] * (len(ids) - len(texts))
     return [text or f"{kind}_{number}" for text, number in zip(texts, ids.tolist(), strict=False)]
 

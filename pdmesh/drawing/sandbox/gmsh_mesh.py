@@ -60,9 +60,11 @@ def read(path: Path) -> meshio.Mesh:
     sets: dict[str, list[NDArray[np.int64]]] = {}
     for name, members in groups:
         chosen = [np.isin(of[0], members) if len(of[0]) else np.zeros(0, dtype=bool) for of in entities]
-        found = [np.unique(of[1][some]).astype(np.int64) for of, some in zip(entities, chosen, strict=True)]
-        known = sets.setdefault(name, [np.zeros(0, dtype=np.int64)] * len(blocks))
-        sets[name] = [np.union1d(one, other) for one, other in zip(known, found, strict=True)]
+        group_rows = [
+            np.unique(of[1][in_group]).astype(np.int64) for of, in_group in zip(entities, chosen, strict=True)
+        ]
+        set_rows = sets.setdefault(name, [np.zeros(0, dtype=np.int64)] * len(blocks))
+        sets[name] = [np.union1d(first, second) for first, second in zip(set_rows, group_rows, strict=True)]
     return meshio.Mesh(np.reshape(places, (-1, 3)), blocks, cell_sets=sets)
 
 
@@ -71,17 +73,19 @@ def _blocks(gmsh: Any, rows: Any) -> tuple[list[tuple[str, NDArray[np.int64]]], 
 
     MSH 1 and 2 repeat an element for each of its groups: those of the same nodes are one.
     """
-    found: dict[str, list[tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]]] = {}
+    parts_by_type: dict[str, list[tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]]] = {}
     for dimension, entity in gmsh.model.getEntities():
         for kind, elements, nodes in zip(*gmsh.model.mesh.getElements(dimension, entity), strict=True):
             name = TYPES.get(int(kind))
             if name is None:
                 raise ValueError(f"elements '{gmsh.model.mesh.getElementProperties(kind)[0]}' are not read")
             key = np.full(len(elements), dimension * 2**40 + entity)
-            found.setdefault(name, []).append((elements.astype(np.int64), key, rows(nodes).reshape(len(elements), -1)))
+            parts_by_type.setdefault(name, []).append(
+                (elements.astype(np.int64), key, rows(nodes).reshape(len(elements), -1))
+            )
     first: list[int] = []
     blocks, entities = [], []
-    for name, parts in found.items():
+    for name, parts in parts_by_type.items():
         number, key, cells = (np.concatenate(column) for column in zip(*parts, strict=True))
         order = np.argsort(number, kind="stable")
         number, key, cells = number[order], key[order], cells[order]

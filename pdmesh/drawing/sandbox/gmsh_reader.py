@@ -38,15 +38,15 @@ def main(result: str) -> None:
 
 
 def _read(job: dict[str, Any], file: TextIO) -> None:
-    found: dict[str, Any] = {"missing": "", "library": "", "parameters": [], "groups": []}
-    found |= {"zones": [], "supplied": [], "not numbers": [], "messages": [], "remarks": [], "walls": []}
+    gmsh_output: dict[str, Any] = {"missing": "", "library": "", "parameters": [], "groups": []}
+    gmsh_output |= {"zones": [], "supplied": [], "not numbers": [], "messages": [], "remarks": [], "walls": []}
     try:
         import gmsh
     except ModuleNotFoundError as error:
-        json.dump(found | {"missing": error.name}, file)
+        json.dump(gmsh_output | {"missing": error.name}, file)
         return
     except OSError as error:
-        json.dump(found | {"library": str(error)}, file)
+        json.dump(gmsh_output | {"library": str(error)}, file)
         return
     gmsh.initialize(interruptible=False, readConfigFiles=False)
     gmsh.option.setNumber("General.Terminal", 0)
@@ -55,7 +55,7 @@ def _read(job: dict[str, Any], file: TextIO) -> None:
         os.environ.clear()
         if hasattr(os, "sched_setaffinity"):  # Open CASCADE asks for as many threads as there are processors
             os.sched_setaffinity(0, [min(os.sched_getaffinity(0))])
-        found["walls"] = raise_walls(Path.cwd(), job["seconds"])
+        gmsh_output["walls"] = raise_walls(Path.cwd(), job["seconds"])
     else:
         limit_time(job["seconds"])
     try:
@@ -67,53 +67,55 @@ def _read(job: dict[str, Any], file: TextIO) -> None:
             volumes = [tag for _, tag in gmsh.model.getEntities(3)]
             if volumes:
                 gmsh.model.addPhysicalGroup(3, volumes, name="zone:body")
-                found |= _spatial_groups(gmsh, job, job["tolerance"])
+                gmsh_output |= _spatial_groups(gmsh, job, job["tolerance"])
             else:
-                found["groups"] = _cad_groups(gmsh, job["tolerance"])
+                gmsh_output["groups"] = _cad_groups(gmsh, job["tolerance"])
         else:
-            _open(gmsh, job, found)
+            _open(gmsh, job, gmsh_output)
     except Exception as error:  # gmsh raises bare Exception
-        found["messages"].append(" ".join(str(error).split()) or _silent(found["parameters"]))
-    kinds = ("Error",) if found.get("points") == [] else ("Warning", "Error")  # no shape is needed to refuse zones
-    lines = [line for line in gmsh.logger.get()[: found.pop("lines", None)] if line.startswith(kinds)]
-    said, found["remarks"] = with_names(gmsh, lines)
-    found["messages"] += said
-    json.dump(found, file)
+        gmsh_output["messages"].append(" ".join(str(error).split()) or _silent(gmsh_output["parameters"]))
+    kinds = (
+        ("Error",) if gmsh_output.get("points") == [] else ("Warning", "Error")
+    )  # no shape is needed to refuse zones
+    lines = [line for line in gmsh.logger.get()[: gmsh_output.pop("lines", None)] if line.startswith(kinds)]
+    said, gmsh_output["remarks"] = with_names(gmsh, lines)
+    gmsh_output["messages"] += said
+    json.dump(gmsh_output, file)
 
 
-def _open(gmsh: Any, job: dict[str, Any], found: dict[str, Any]) -> None:
+def _open(gmsh: Any, job: dict[str, Any], gmsh_output: dict[str, Any]) -> None:
     path, assignments = job["path"], job["assignments"]
     gmsh.open(path)
-    found["parameters"] = _parameters_of(gmsh)
+    gmsh_output["parameters"] = _parameters_of(gmsh)
     if assignments:
-        known = {entry["name"] for entry in found["parameters"]}
-        found["supplied"] = [name for name, _ in assignments if name not in known]
+        drawing_names = {entry["name"] for entry in gmsh_output["parameters"]}
+        gmsh_output["supplied"] = [name for name, _ in assignments if name not in drawing_names]
         for reset in (gmsh.onelab.clear, gmsh.parser.clear, gmsh.clear):
             reset()
-        found["not numbers"] = _assign(gmsh, found["parameters"], assignments)
+        gmsh_output["not numbers"] = _assign(gmsh, gmsh_output["parameters"], assignments)
         gmsh.open(path)
-        found["parameters"] = _parameters_of(gmsh)
+        gmsh_output["parameters"] = _parameters_of(gmsh)
     dimension = dimension_of(gmsh)
-    bodies = {entry["name"].split("/")[2] for entry in found["parameters"] if entry["name"].startswith(BODIES)}
-    found["zones"] = add_zones(gmsh, dimension, _spacings(found["parameters"]), bodies)
+    bodies = {entry["name"].split("/")[2] for entry in gmsh_output["parameters"] if entry["name"].startswith(BODIES)}
+    gmsh_output["zones"] = add_zones(gmsh, dimension, _spacings(gmsh_output["parameters"]), bodies)
     if dimension == 3:
         names = [gmsh.model.getPhysicalName(*group) for group in gmsh.model.getPhysicalGroups(3)]
         zones = [name.removeprefix("zone:") for name in names if name.startswith("zone:")]
-        spacings = _spacings(found["parameters"])
+        spacings = _spacings(gmsh_output["parameters"])
         meshable = bool(zones) and all(spacings.get(zone, 0.0) > 0 for zone in zones)
-        found |= _spatial_groups(gmsh, job, job["chords"] * _finest(spacings) if meshable else 0.0)
+        gmsh_output |= _spatial_groups(gmsh, job, job["chords"] * _finest(spacings) if meshable else 0.0)
     else:
-        found["groups"] = _groups_of(gmsh, found["parameters"], job["chords"])
+        gmsh_output["groups"] = _groups_of(gmsh, gmsh_output["parameters"], job["chords"])
 
 
 def _spatial_groups(gmsh: Any, job: dict[str, Any], tolerance: float) -> dict[str, Any]:
     """Groups of a body with their numbers, and the union of the zones as ``whole``; without triangles if their
     tolerance is 0, as zones or spacings are missing."""
     numbers = [number for _, number in gmsh.model.getPhysicalGroups()]
-    found = spatial_groups(gmsh, tolerance, job["conforming"]) if tolerance > 0 else unmeshed(gmsh)
-    *groups, whole = found["groups"]
+    gmsh_output = spatial_groups(gmsh, tolerance, job["conforming"]) if tolerance > 0 else unmeshed(gmsh)
+    *groups, zone_union = gmsh_output["groups"]
     numbered = [group | {"number": number} for group, number in zip(groups, numbers, strict=True)]
-    return found | {"groups": numbered, "whole": whole}
+    return gmsh_output | {"groups": numbered, "whole": zone_union}
 
 
 def _parameters_of(gmsh: Any) -> list[dict[str, Any]]:
@@ -124,11 +126,11 @@ def _parameters_of(gmsh: Any) -> list[dict[str, Any]]:
     return [entry for entry in entries if entry["values"]]
 
 
-def _assign(gmsh: Any, known: list[dict[str, Any]], assignments: list[list[str]]) -> list[list[str]]:
+def _assign(gmsh: Any, drawing_parameters: list[dict[str, Any]], assignments: list[list[str]]) -> list[list[str]]:
     """Set parameters, including those that the drawing does not define; returns those that should be numbers and
     are not."""
     wrong = []
-    kinds = {entry["name"]: entry["type"] for entry in known}
+    kinds = {entry["name"]: entry["type"] for entry in drawing_parameters}
     for name, value in assignments:
         if kinds.get(name) == "string":
             gmsh.onelab.setString(name, [value])

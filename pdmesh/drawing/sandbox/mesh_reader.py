@@ -126,10 +126,10 @@ def _arrays(mesh: Any) -> dict[str, NDArray[Any]]:
 
 
 def _whole(values: Any, count: int) -> NDArray[Any]:
-    found = np.asarray(values).ravel()
-    if len(found) != count or not np.isfinite(found).all():
+    numbers = np.asarray(values).ravel()
+    if len(numbers) != count or not np.isfinite(numbers).all():
         raise ValueError("groups are not numbers, one for each cell")
-    return found.astype(np.int64)
+    return numbers.astype(np.int64)
 
 
 if __name__ == "__main__":

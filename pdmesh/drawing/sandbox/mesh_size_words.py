@@ -10,12 +10,12 @@ SIZES = ("Characteristic", "Field", "MeshSize", "Transfinite")
 
 def unused(drawing: Drawing) -> dict[str, int]:
     """Words about the size of mesh elements, with the first line of each."""
-    found: dict[str, int] = {}
+    first_lines: dict[str, int] = {}
     for place, token in enumerate(drawing.tokens):
         what = _what(drawing, place) if token.kind == "word" else ""
         if what:
-            found.setdefault(what, token.line)
-    return found
+            first_lines.setdefault(what, token.line)
+    return first_lines
 
 
 def _what(drawing: Drawing, place: int) -> str:

@@ -65,11 +65,11 @@ def _of_surface(gmsh: Any, tag: int) -> tuple[float, float]:
 
 def _mean(at: Array) -> tuple[float, float]:
     """The mean curvature, and the area, of a lattice (2 n + 1, 2 n + 1, 3) of places on a surface."""
-    one, along = _bent(at[:, 1::2])
-    other, across = _bent(at[1::2].transpose(1, 0, 2))
+    first_curvature, along = _bent(at[:, 1::2])
+    second_curvature, across = _bent(at[1::2].transpose(1, 0, 2))
     area = np.linalg.norm(np.cross(along, across.transpose(1, 0, 2)), axis=2)
     total = float(area.sum())
-    return (float((np.maximum(one, other.T) * area).sum()) / total if total > 0 else 0.0), total
+    return (float((np.maximum(first_curvature, second_curvature.T) * area).sum()) / total if total > 0 else 0.0), total
 
 
 def _bent(at: Array) -> tuple[Array, Array]:

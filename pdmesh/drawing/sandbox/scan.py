@@ -61,22 +61,22 @@ class Drawing:
 
     def inside(self, word: str) -> set[int]:
         """Positions within the square brackets behind each ``word``."""
-        found, end = set(), 0  # brackets nest: what is open ends with the outermost
+        positions, end = set(), 0  # brackets nest: what is open ends with the outermost
         awaited = False  # whether the next bracket is one, unless the statement ends before
         for place, token in enumerate(self.tokens):
             if place < end:
-                found.add(place)
+                positions.add(place)
             if token.text == word and token.kind == "word":
                 awaited = True
             elif awaited and token.text in ("[", ";"):
                 end = max(end, self.partner[place]) if token.text == "[" else end
                 awaited = False
-        return found
+        return positions
 
 
 def names(drawing: Drawing) -> set[str]:
     """Names that the drawing defines or tests by ``Exists``."""
-    found = set()
+    defined_names = set()
     constants, structs = drawing.inside("DefineConstant"), drawing.inside("Struct")
     for place, token in enumerate(drawing.tokens):
         if token.kind == "word" and (
@@ -86,8 +86,8 @@ def names(drawing: Drawing) -> set[str]:
             or (place in constants and drawing.text(place - 1) in (",", "[") and drawing.text(place + 1) in (",", "]"))
             or (place in structs and drawing.text(place - 1) in (",", "["))
         ):
-            found.add(token.text)
-    return found
+            defined_names.add(token.text)
+    return defined_names
 
 
 def _behind_index(drawing: Drawing, place: int) -> int:
@@ -100,7 +100,7 @@ def _behind_index(drawing: Drawing, place: int) -> int:
 
 def readings(drawing: Drawing) -> list[Reading]:
     """Files that a drawing reads. Raises Refused for one that is not named by a literal string."""
-    found = []
+    file_readings = []
     for place, token in enumerate(drawing.tokens):
         if token.kind == "word" and token.text in READS:
             called = token.text == "ShapeFromFile"
@@ -109,30 +109,30 @@ def readings(drawing: Drawing) -> list[Reading]:
             if drawing.kind(name) != "string" or (around != ("(", ")") if called else around[1] != ";"):
                 following = "" if called else " " + drawing.text(place + 1)
                 raise Refused(token.line, f"'{token.text}{following}'", "a file named by a string", trustable=True)
-            found.append(Reading(token.text, name))
-    return found
+            file_readings.append(Reading(token.text, name))
+    return file_readings
 
 
-def admitted(drawing: Drawing, known: Collection[str]) -> list[Token]:
-    """The tokens that Gmsh may read, with names marked; `known` are the names of all files that are read.
+def admitted(drawing: Drawing, drawing_names: Collection[str]) -> list[Token]:
+    """The tokens that Gmsh may read, with names marked; `drawing_names` are the names of all files that are read.
 
     Raises Refused for the first word that is not known to be harmless in its place.
     """
-    found = list(drawing.tokens)
+    admitted_tokens = list(drawing.tokens)
     for place, token in enumerate(drawing.tokens):
-        if token.kind == "word" and not _listed(drawing, place, known):
+        if token.kind == "word" and not _listed(drawing, place, drawing_names):
             member = drawing.text(place - 1) == "."
-            if not member and (token.text not in known or token.text in KEYWORDS):
+            if not member and (token.text not in drawing_names or token.text in KEYWORDS):
                 raise Refused(token.line, _quoted(drawing, place), HARMLESS, trustable=True)
-            found[place] = token._replace(text=OWN + token.text)
+            admitted_tokens[place] = token._replace(text=OWN + token.text)
         elif token.kind == "word" and token.text in MESSAGES:  # what a message says of a number is no matter
             text = drawing.tokens[place + 2]
-            found[place + 2] = text._replace(text=f"{text.text[0]}{_plain(text.content)}{text.text[0]}")
+            admitted_tokens[place + 2] = text._replace(text=f"{text.text[0]}{_plain(text.content)}{text.text[0]}")
         elif token.text == "." and token.kind == "sign" and drawing.kind(place + 1) != "word":
             raise Refused(token.line, "'.'", "a name after it")
         elif token.text == "~" and token.kind == "sign":
             _check_indices(drawing, place)
-    return found
+    return admitted_tokens
 
 
 def _quoted(drawing: Drawing, place: int) -> str:
@@ -144,7 +144,7 @@ def _quoted(drawing: Drawing, place: int) -> str:
     return f"'{text}.{drawing.text(place + 2)}'" if dotted else f"'{text}'"
 
 
-def _listed(drawing: Drawing, place: int, known: Collection[str]) -> bool:
+def _listed(drawing: Drawing, place: int, drawing_names: Collection[str]) -> bool:
     """Whether a word is harmless in its place. Raises Refused for an option that is not listed."""
     text = drawing.text(place)
     if drawing.text(place - 1) == ".":
@@ -152,8 +152,8 @@ def _listed(drawing: Drawing, place: int, known: Collection[str]) -> bool:
     rule = KEYWORDS.get(text) or ROLES.get(text)
     if rule is not None and rule(drawing, place):
         either = text in words.ATTRIBUTES and drawing.text(place + 1) in ("-", ",", "}")
-        return text in KEYWORDS or not (either and text in known)
-    return text in words.COLORS and (text not in known or drawing.text(place - 1) == "Color")
+        return text in KEYWORDS or not (either and text in drawing_names)
+    return text in words.COLORS and (text not in drawing_names or drawing.text(place - 1) == "Color")
 
 
 def _check_indices(drawing: Drawing, place: int) -> None:
@@ -259,10 +259,14 @@ def _field(drawing: Drawing, place: int) -> bool:
         return drawing.text(place + 1) == "="
     if drawing.text(place + 1) != "[":
         return False
-    behind = drawing.partner[place + 1] + 1
-    kind = drawing.text(behind) == "=" and drawing.text(behind + 1) in words.FIELDS and drawing.text(behind + 2) == ";"
-    deleted = drawing.text(place - 1) == "Delete" and drawing.text(behind) == ";"
-    return kind or deleted or drawing.text(behind) == "."
+    after_bracket = drawing.partner[place + 1] + 1
+    kind = (
+        drawing.text(after_bracket) == "="
+        and drawing.text(after_bracket + 1) in words.FIELDS
+        and drawing.text(after_bracket + 2) == ";"
+    )
+    deleted = drawing.text(place - 1) == "Delete" and drawing.text(after_bracket) == ";"
+    return kind or deleted or drawing.text(after_bracket) == "."
 
 
 def _kind_of_field(drawing: Drawing, place: int) -> bool:
@@ -299,15 +303,15 @@ def _named(drawing: Drawing, place: int) -> bool:
 
 def _table(*rules: tuple[Iterable[str], Rule]) -> dict[str, Rule]:
     """Rules by word; if a word has several, one that accepts is enough."""
-    found: dict[str, list[Rule]] = {}
+    rules_by_word: dict[str, list[Rule]] = {}
     for listed, rule in rules:
         for word in listed:
-            found.setdefault(word, []).append(rule)
+            rules_by_word.setdefault(word, []).append(rule)
 
     def one_of(of: Sequence[Rule]) -> Rule:
         return lambda drawing, place: any(rule(drawing, place) for rule in of)
 
-    return {word: of[0] if len(of) == 1 else one_of(of) for word, of in found.items()}
+    return {word: of[0] if len(of) == 1 else one_of(of) for word, of in rules_by_word.items()}
 
 
 KEYWORDS = _table(  # which no drawing can take for names

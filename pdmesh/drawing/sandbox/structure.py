@@ -21,7 +21,7 @@ HIDDEN_END = re.compile(r"(?:EndIf|EndFor|Else|Return)(?![A-Za-z_])")
 
 def partners(tokens: Sequence[Token]) -> tuple[dict[int, int], list[int]]:
     """The matching bracket of each bracket, and the nesting depth of each token. Raises Refused."""
-    found: dict[int, int] = {}
+    partner: dict[int, int] = {}
     open_at: list[int] = []
     depths = []
     for place, token in enumerate(tokens):
@@ -35,19 +35,19 @@ def partners(tokens: Sequence[Token]) -> tuple[dict[int, int], list[int]]:
                 expected = f"'{OPENING[tokens[open_at[-1]].text]}' first" if open_at else "one that is open"
                 raise Refused(token.line, f"'{token.text}'", expected)
             depths[-1] -= 1
-            found[place] = open_at.pop()
-            found[found[place]] = place
+            partner[place] = open_at.pop()
+            partner[partner[place]] = place
         elif token.text == ";" and open_at and tokens[open_at[-1]].text != "{":
             raise Refused(token.line, "';'", f"'{OPENING[tokens[open_at[-1]].text]}' first")
     if open_at:
-        left = tokens[open_at[-1]]
-        raise Refused(left.line, f"'{left.text}'", f"'{OPENING[left.text]}' after it")
-    return found, depths
+        unclosed = tokens[open_at[-1]]
+        raise Refused(unclosed.line, f"'{unclosed.text}'", f"'{OPENING[unclosed.text]}' after it")
+    return partner, depths
 
 
 def heads(tokens: Sequence[Token], partner: dict[int, int], depths: Sequence[int]) -> set[int]:
     """Positions of the last tokens of all heads and ends of loops, tests and macros. Raises Refused."""
-    found: set[int] = set()
+    head_ends: set[int] = set()
     blocks: list[Token] = []
     for place, token in enumerate(tokens):
         if token.kind != "word":
@@ -59,12 +59,12 @@ def heads(tokens: Sequence[Token], partner: dict[int, int], depths: Sequence[int
         if depths[place]:
             raise Refused(token.line, f"'{token.text}'", "it outside of brackets")
         last = _last(tokens, place, partner)
-        found.add(last)
+        head_ends.add(last)
         _nest(token, blocks)
         _alone(tokens, last, token)
     if blocks:
         raise Refused(blocks[-1].line, f"'{blocks[-1].text}'", "its end after it")
-    return found
+    return head_ends
 
 
 def _last(tokens: Sequence[Token], place: int, partner: dict[int, int]) -> int:
@@ -100,12 +100,12 @@ def _alone(tokens: Sequence[Token], last: int, token: Token) -> None:
     """Raise Refused if anything follows a head on its line, as Gmsh would read it out of order."""
     if token.text in ("If", "ElseIf", "Else", "EndIf"):  # Gmsh reads on from there
         return
-    behind = last + 1
-    while token.text == "Call" and behind < len(tokens) and tokens[behind].text == "EndIf":
-        behind += 1
-    if behind < len(tokens) and tokens[behind].row == tokens[last].row:
+    next_place = last + 1
+    while token.text == "Call" and next_place < len(tokens) and tokens[next_place].text == "EndIf":
+        next_place += 1
+    if next_place < len(tokens) and tokens[next_place].row == tokens[last].row:
         raise Refused(
-            tokens[behind].line,
-            f"'{tokens[behind].text[:40]}' behind '{token.text}'",
+            tokens[next_place].line,
+            f"'{tokens[next_place].text[:40]}' behind '{token.text}'",
             "a new line (Gmsh goes on at the next line, not behind it)",
         )

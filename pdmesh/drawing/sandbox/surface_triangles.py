@@ -125,14 +125,14 @@ def _triangles(gmsh: Any) -> tuple[NDArray[np.float64], NDArray[np.int64], dict[
     tags = np.asarray(tags, dtype=np.int64)
     number = np.zeros(int(tags.max(initial=0)) + 1, dtype=np.int64)
     number[tags] = np.arange(len(tags))
-    found = {}
+    corners_by_face = {}
     for _, face in gmsh.model.getEntities(2):
         nodes, quads = (
             number[np.asarray(gmsh.model.mesh.getElementsByType(kind, face)[1], dtype=np.int64)].reshape(-1, corners)
             for kind, corners in ((TRIANGLE, 3), (QUAD, 4))
         )
-        found[face] = np.concatenate([nodes, quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)])
-    return np.reshape(places, (-1, 3)), tags, found
+        corners_by_face[face] = np.concatenate([nodes, quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)])
+    return np.reshape(places, (-1, 3)), tags, corners_by_face
 
 
 def _of(by_face: dict[int, NDArray[Any]], faces: list[int]) -> list[float]:

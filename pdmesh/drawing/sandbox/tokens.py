@@ -53,9 +53,9 @@ class Token(NamedTuple):
 class Refused(Exception):
     """A drawing that is rejected: the line, what was found there and what was expected."""
 
-    def __init__(self, line: int, found: str, expected: str, trustable: bool = False) -> None:
-        self.line, self.found, self.expected, self.trustable = line, found, expected, trustable
-        super().__init__(f"line {line}: {found} cannot be read; use {expected}")
+    def __init__(self, line: int, actual: str, expected: str, trustable: bool = False) -> None:
+        self.line, self.actual, self.expected, self.trustable = line, actual, expected, trustable
+        super().__init__(f"line {line}: {actual} cannot be read; use {expected}")
 
 
 def decoded(data: bytes) -> str:
@@ -69,8 +69,8 @@ def decoded(data: bytes) -> str:
 def tokens_of(text: str, most: int = MOST_TOKENS) -> list[Token]:
     """The tokens of a drawing. Raises Refused if Gmsh's readers could disagree, or for more than `most` tokens."""
     data = text.encode("utf-8")
-    found: list[Token] = []
-    known, token = dict[bytes, str](), Token._make  # pieces that are there often are one text
+    tokens: list[Token] = []
+    texts, token = dict[bytes, str](), Token._make  # pieces that are there often are one text
     place, line, row = 0, 1, 1
     for match in PIECES.finditer(data):
         if match.start() != place:
@@ -82,19 +82,19 @@ def tokens_of(text: str, most: int = MOST_TOKENS) -> list[Token]:
         if kind == "word" or kind == "number" or kind == "sign":
             if len(piece) > LONGEST_WORD:
                 raise Refused(line, f"'{piece[:20].decode()}...' of {len(piece)} bytes", f"at most {LONGEST_WORD}")
-            if (again := known.get(piece)) is None:
-                again = known[piece] = piece.decode()
-            found.append(token((kind, again, line, row)))
-            if len(found) > most:
+            if (again := texts.get(piece)) is None:
+                again = texts[piece] = piece.decode()
+            tokens.append(token((kind, again, line, row)))
+            if len(tokens) > most:
                 raise Refused(line, f"more than {most} words, numbers and signs", f"at most {MOST_TOKENS} in all")
             continue
         if kind == "string":
-            found.append(_checked(Token(kind, piece.decode(), line, row)))
+            tokens.append(_checked(Token(kind, piece.decode(), line, row)))
         line += piece.count(b"\n")
         row += len(ROW.findall(piece))
     if place < len(data):
         raise _stray(data, place, line)
-    return found
+    return tokens
 
 
 def _stray(data: bytes, place: int, line: int) -> Refused:

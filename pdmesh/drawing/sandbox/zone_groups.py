@@ -36,15 +36,15 @@ def add_zones(gmsh: Any, dimension: int, names: Iterable[str], bodies: Collectio
         return {int(tag) for number in numbers for tag in gmsh.model.getEntitiesForPhysicalGroup(dimension, number)}
 
     zones = {name.removeprefix(ZONE) for name in groups.values() if name.startswith(ZONE)}
-    beside = {number for number, name in groups.items() if name.startswith(BODY) or name in bodies}
-    plain = {number: name for number, name in groups.items() if ":" not in name and number not in beside}
+    body_groups = {number for number, name in groups.items() if name.startswith(BODY) or name in bodies}
+    plain = {number: name for number, name in groups.items() if ":" not in name and number not in body_groups}
     wanted = sorted(set(names) - zones)
-    parts = {name: [number for number, other in plain.items() if other == name] for name in wanted}
+    parts = {name: [number for number, group_name in plain.items() if group_name == name] for name in wanted}
     new = {name: numbers for name, numbers in parts.items() if numbers}
     others = [name for name in wanted if name not in new] or [DEFAULT[dimension]]
     if not zones and not new and len(others) == 1:
         new = {others[0]: list(plain)}
-    every = {tag for _, tag in gmsh.model.getEntities(dimension)} - shapes(beside)
+    every = {tag for _, tag in gmsh.model.getEntities(dimension)} - shapes(body_groups)
     for name, numbers in new.items():
         if tags := shapes(numbers) or every:
             gmsh.model.addPhysicalGroup(dimension, sorted(tags), name=ZONE + name)

@@ -17,8 +17,10 @@ KINDS: dict[str, Kind] = {kind.name: kind for kind in (ORDINARY, CORRESPONDENCE,
 @cache
 def refused_by(kind: str) -> tuple[tuple[str, object], ...]:
     """Parameters that a kind refuses, as only others have them, and their values where they are left out."""
-    own, usual = KINDS[kind].parameters, Material(E=1.0, rho=1.0, G0=1.0)
-    others = (name for other in KINDS.values() for name in other.parameters if name not in own)
+    kind_parameters, usual = KINDS[kind].parameters, Material(E=1.0, rho=1.0, G0=1.0)
+    others = (
+        name for material_kind in KINDS.values() for name in material_kind.parameters if name not in kind_parameters
+    )
     return tuple((name, getattr(usual, name)) for name in others if DECLARED[name].refused)
 
 

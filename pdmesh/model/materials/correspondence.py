@@ -27,7 +27,7 @@ def wrong(material: Material) -> Refusals:
     if beyond and material.control not in ("silling", "none"):
         yield Refusal("control", "silling or none with order above 1, or with the constant term")
     elif beyond and solid.flows and material.control != "none":
-        yield Refusal("control", "none of a solid that flows, with order above 1 or with the constant term")
+        yield Refusal("control", "'none', as the solid flows and order is above 1 or constant_term is true")
 
 
 def from_rest(material: Material) -> Refusals:

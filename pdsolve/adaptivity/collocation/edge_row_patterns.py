@@ -30,9 +30,9 @@ def with_patterns(ground: LatticeConstants) -> LatticeConstants:
     rank[often] = np.arange(len(often))
     pattern = ground.pattern.copy()
     pattern[rows] = rank[number]
-    known = np.zeros((1, len(often) * len(ground.ways) * ROW))
-    _keep(ground, rows[first[often]], known)
-    return ground._replace(pattern=pattern, known=known.reshape(-1, 1, ROW))
+    stiffness = np.zeros((1, len(often) * len(ground.ways) * ROW))
+    _keep(ground, rows[first[often]], stiffness)
+    return ground._replace(pattern=pattern, known=stiffness.reshape(-1, 1, ROW))
 
 
 def _around(ground: LatticeConstants, rows: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -40,8 +40,8 @@ def _around(ground: LatticeConstants, rows: NDArray[np.int64]) -> NDArray[np.int
     at, wide = ground.at, -(-ground.at.below // ROW)
     what = np.concatenate([ground.there, ground.lack]).reshape(3, -1, ROW).transpose(1, 0, 2).reshape(-1, 3 * ROW)
     kind = np.pad(_distinct(what)[1], wide)
-    beside = _distinct(np.lib.stride_tricks.sliding_window_view(kind, 2 * wide + 1))[1]
-    return np.asarray(beside[rows[:, None] + np.arange(-at.below, at.below + 1) * (at.stride // ROW)])
+    surroundings = _distinct(np.lib.stride_tricks.sliding_window_view(kind, 2 * wide + 1))[1]
+    return np.asarray(surroundings[rows[:, None] + np.arange(-at.below, at.below + 1) * (at.stride // ROW)])
 
 
 def _distinct(values: NDArray[np.generic]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
@@ -51,16 +51,16 @@ def _distinct(values: NDArray[np.generic]) -> tuple[NDArray[np.int64], NDArray[n
 
 
 @cached_njit(error_model="numpy")
-def _keep(ground, rows, known):  # type: ignore[no-untyped-def]
-    """Store the stiffnesses of all bonds of these rows in `known` (1, ...)."""
+def _keep(ground, rows, stiffness):  # type: ignore[no-untyped-def]
+    """Store the stiffnesses of all bonds of these rows in `stiffness` (1, ...)."""
     for n in range(len(rows)):
-        _keep_row(ground, rows[n], n * len(ground.ways) * ROW, known)
+        _keep_row(ground, rows[n], n * len(ground.ways) * ROW, stiffness)
 
 
 @njit(**INNER)
-def _keep_row(ground, row, begin, known):  # type: ignore[no-untyped-def]
-    for lane in range(0, ROW, across(known)):
+def _keep_row(ground, row, begin, stiffness):  # type: ignore[no-untyped-def]
+    for lane in range(0, ROW, across(stiffness)):
         p = row * ROW + lane
         lack = beside(ground.lack, PLANE, p)
         for k in range(len(ground.ways)):
-            keep((corrected(ground, p, k, lack),), known, begin + k * ROW + lane)
+            keep((corrected(ground, p, k, lack),), stiffness, begin + k * ROW + lane)

@@ -57,8 +57,8 @@ class CollocationEngine:
     def start(self, velocity: NDArray[np.float64]) -> None:
         """Set the velocities (n, 2), m/s, of all nodes, and the accelerations of an undeformed plate."""
         active = (self.zone.node == FINE) | (self.zone.node == COARSE)
-        own = active[self.plate.place]
-        self.zone.v[:, self.plate.place[own]] = velocity[own].T
+        is_active = active[self.plate.place]
+        self.zone.v[:, self.plate.place[is_active]] = velocity[is_active].T
         self.zone.a[:] = self.drive.force.T / self.ground.rho - self.zone.damping * self.zone.v
         holds = self.drive.holds
         self.zone.a[holds.axis, holds.node] = 0.0
@@ -100,20 +100,20 @@ class CollocationEngine:
 
     def _on_threads(self, first: int, last: int, where: int) -> tuple[int, int]:
         """Run the compiled march on all threads until it ends; returns its end code and step."""
-        found, gate = (DONE, 0), gate_of(self.manner.threads)
+        end, gate = (DONE, 0), gate_of(self.manner.threads)
         how = self.drive, self.work, self._rho, self.manner.kappa, self.manner.every, first, last, where
 
         def work(thread: int) -> None:
-            nonlocal found
-            found = march(self.ground, self.zone, *how, thread, gate)
+            nonlocal end
+            end = march(self.ground, self.zone, *how, thread, gate)
 
         side_by_side(work, self.manner.threads)
-        return found
+        return end
 
     def _grow(self) -> None:
         """Enlarge the arrays of broken bonds."""
         more = max(len(self.zone.breaks.step), int(np.count_nonzero(self.zone.flags)) * ROW * len(self.ground.ways))
-        longer = (np.concatenate([one, np.zeros(more, dtype=np.int32)]) for one in self.zone.breaks)
+        longer = (np.concatenate([column, np.zeros(more, dtype=np.int32)]) for column in self.zone.breaks)
         self.zone = self.zone._replace(breaks=Breaks(*longer))
 
     def _refuse_overstretched(self, step: int) -> None:
@@ -129,8 +129,8 @@ class CollocationEngine:
         zone, ground, plate = self.zone, self.ground, self.plate
         zone.total[DAMPED] += self._damped()
         zone.damped[:] = 0.0
-        before, own = self._coarse_energy(), zone.node == COARSE
-        active = widened(ground, plate, own, zone.hot)
+        before, coarse = self._coarse_energy(), zone.node == COARSE
+        active = widened(ground, plate, coarse, zone.hot)
         new = renumbered(ground, plate, zone, active, self.manner.band)
         born = np.flatnonzero((new.node == FINE) & (zone.node != FINE))
         spread(zone, ground.at, born[zone.node[born] != COARSE])
@@ -142,18 +142,18 @@ class CollocationEngine:
 
     def _held(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
         """Energy densities (places,), J/m^3, of the fine nodes in these rows and of active coarse nodes."""
-        found = np.zeros((1, self.ground.at.places))
-        held(self.ground, self.zone, rows, found)
-        return np.asarray(found[0])
+        densities = np.zeros((1, self.ground.at.places))
+        held(self.ground, self.zone, rows, densities)
+        return np.asarray(densities[0])
 
     def held(self) -> NDArray[np.float64]:
         """The energy densities (places,), J/m^3, of all active nodes."""
         return self._held(self.zone.rows)
 
-    def _energy(self, places: NDArray[np.int64], held: NDArray[np.float64]) -> float:
+    def _energy(self, places: NDArray[np.int64], densities: NDArray[np.float64]) -> float:
         """Kinetic plus strain energy of nodes, J/m."""
         moving = self.ground.rho / 2 * (self.zone.v[:, places] ** 2).sum(axis=0)
-        return float(((moving + held[places]) * self.area[places]).sum())
+        return float(((moving + densities[places]) * self.area[places]).sum())
 
     def _coarse_energy(self) -> float:
         return self._energy(self.zone.coarse, self._held(self.zone.rows[:0]))
@@ -165,7 +165,7 @@ class CollocationEngine:
     def broken(self) -> Breaks:
         """Bonds broken so far."""
         count = self.zone.number[BROKEN]
-        return Breaks(*(one[:count] for one in self.zone.breaks))
+        return Breaks(*(column[:count] for column in self.zone.breaks))
 
     def zone_summary(self) -> ZoneSummary:
         """Summary of the fine zone for the run's report."""
@@ -176,8 +176,8 @@ class CollocationEngine:
 
     def motion(self) -> tuple[float, float, float]:
         """Kinetic energy, J/m, and momentum, N s/m."""
-        own = self.active()
-        mass, v = self.ground.rho * self.area[own], self.zone.v[:, own]
+        places = self.active()
+        mass, v = self.ground.rho * self.area[places], self.zone.v[:, places]
         return (float((mass / 2 * (v**2).sum(axis=0)).sum()), *(mass * v).sum(axis=1).tolist())
 
     @property
@@ -193,24 +193,25 @@ class CollocationEngine:
 
     def keep(self) -> Kept:
         """Arrays for a checkpoint, from which a run continues bit by bit."""
-        zone, own = self.zone, self.active()
-        kept = {f"break_{name}": column.copy() for name, column in self.broken()._asdict().items()}
-        kept |= {
-            name: field[:, own].copy() for name, field in (("fine_u", zone.u), ("fine_v", zone.v), ("fine_a", zone.a))
+        zone, places = self.zone, self.active()
+        checkpoint = {f"break_{name}": column.copy() for name, column in self.broken()._asdict().items()}
+        checkpoint |= {
+            name: field[:, places].copy()
+            for name, field in (("fine_u", zone.u), ("fine_v", zone.v), ("fine_a", zone.a))
         }
-        kept |= {"held_speed": self.drive.held_speed.copy(), "drive_force": self.drive.held_force.copy()}
-        kept |= {"total": zone.total.copy(), "number": zone.number.copy(), "coarse": zone.coarse.copy()}
-        kept |= {"spent": zone.spent[own].copy(), "damped": zone.damped[own].copy()}
-        return kept | {"places": own, "own_work": self.work[own].copy()}
+        checkpoint |= {"held_speed": self.drive.held_speed.copy(), "drive_force": self.drive.held_force.copy()}
+        checkpoint |= {"total": zone.total.copy(), "number": zone.number.copy(), "coarse": zone.coarse.copy()}
+        checkpoint |= {"spent": zone.spent[places].copy(), "damped": zone.damped[places].copy()}
+        return checkpoint | {"places": places, "own_work": self.work[places].copy()}
 
-    def back(self, kept: Kept) -> None:
+    def back(self, checkpoint: Kept) -> None:
         """Restore a checkpoint, beginning with the initial state. Raises CheckpointError."""
         ground, active = self.ground, np.zeros(self.ground.at.places, dtype=np.bool_)
-        coarse = entry(kept, "coarse", (None,), np.int64)
+        coarse = entry(checkpoint, "coarse", (None,), np.int64)
         if not np.isin(coarse, self.zone.coarse).all():
             raise CheckpointError("coarse nodes are none at the start; they must be some of those")
         active[coarse] = True
-        breaks = self._kept_breaks(kept)
+        breaks = self._kept_breaks(checkpoint)
         node, spring = breaks.node.astype(np.int64), breaks.spring.astype(np.int64)
         half = len(ground.ways) // 2
         for ends, k in ((node, spring), (node + ground.ways[spring], spring + half)):
@@ -218,8 +219,8 @@ class CollocationEngine:
             kinds = self.zone.kinds
             kinds[ends // ROW] = np.maximum(kinds[ends // ROW], 1)
         self.zone = renumbered(ground, self.plate, self.zone, active, self.manner.band)
-        self.area, own = areas_of(ground, self.plate, self.zone.node), self.active()
-        if not np.array_equal(entry(kept, "places", own.shape, np.int64), own):
+        self.area, places = areas_of(ground, self.plate, self.zone.node), self.active()
+        if not np.array_equal(entry(checkpoint, "places", places.shape, np.int64), places):
             raise CheckpointError("places are not those of active nodes")
         while len(self.zone.breaks.step) < len(node):
             self._grow()
@@ -227,39 +228,39 @@ class CollocationEngine:
             column[: len(node)] = values
         for name, field in (("fine_u", self.zone.u), ("fine_v", self.zone.v), ("fine_a", self.zone.a)):
             field[:] = 0.0
-            field[:, own] = entry(kept, name, (2, len(own)), float)
-        drive, number = self.drive, like(kept, "number", self.zone.number)
+            field[:, places] = entry(checkpoint, name, (2, len(places)), float)
+        drive, number = self.drive, like(checkpoint, "number", self.zone.number)
         if number[BROKEN] != len(node) or (number < 0).any():
             raise CheckpointError(f"'number' has {number[BROKEN]} broken bonds; {len(node)} broke")
-        drive.held_speed[:] = like(kept, "held_speed", drive.held_speed)
-        drive.held_force[:] = like(kept, "drive_force", drive.held_force)
-        self.zone.total[:], self.zone.number[:] = like(kept, "total", self.zone.total), number
+        drive.held_speed[:] = like(checkpoint, "held_speed", drive.held_speed)
+        drive.held_force[:] = like(checkpoint, "drive_force", drive.held_force)
+        self.zone.total[:], self.zone.number[:] = like(checkpoint, "total", self.zone.total), number
         for name, field in (("own_work", self.work), ("damped", self.zone.damped), ("spent", self.zone.spent)):
-            field[own] = entry(kept, name, own.shape, float)
+            field[places] = entry(checkpoint, name, places.shape, float)
 
-    def _kept_breaks(self, kept: Kept) -> Breaks:
+    def _kept_breaks(self, checkpoint: Kept) -> Breaks:
         """Broken bonds of a checkpoint, checked to exist at the start and to have broken once.
 
         Raises CheckpointError.
         """
         ground, half = self.ground, len(self.ground.ways) // 2
-        step = entry(kept, "break_step", (None,), np.int32, 1)
-        found = Breaks(
+        step = entry(checkpoint, "break_step", (None,), np.int32, 1)
+        breaks = Breaks(
             step,
-            entry(kept, "break_node", step.shape, np.int32, 0, ground.at.places - 1),
-            entry(kept, "break_spring", step.shape, np.int32, 0, half - 1),
+            entry(checkpoint, "break_node", step.shape, np.int32, 0, ground.at.places - 1),
+            entry(checkpoint, "break_spring", step.shape, np.int32, 0, half - 1),
         )
-        node, spring = found.node.astype(np.int64), found.spring.astype(np.int64)
-        other = node + ground.ways[spring]
-        there = np.zeros(ground.at.places, dtype=np.bool_)
-        there[self.plate.place] = True
-        inside = there[node] & (other >= 0) & (other < len(there)) & there[other.clip(0, len(there) - 1)]
-        whole = self.zone.cut[node // ROW, spring] >> (node % ROW).astype(np.uint16) & 1 == 0
-        if not (inside & whole).all() or len(np.unique(node * half + spring)) < len(node):
+        node, spring = breaks.node.astype(np.int64), breaks.spring.astype(np.int64)
+        target = node + ground.ways[spring]
+        has_node = np.zeros(ground.at.places, dtype=np.bool_)
+        has_node[self.plate.place] = True
+        inside = has_node[node] & (target >= 0) & (target < len(has_node)) & has_node[target.clip(0, len(has_node) - 1)]
+        intact = self.zone.cut[node // ROW, spring] >> (node % ROW).astype(np.uint16) & 1 == 0
+        if not (inside & intact).all() or len(np.unique(node * half + spring)) < len(node):
             raise CheckpointError("a broken bond is none of the plate, or there twice")
-        return found
+        return breaks
 
     def bytes(self) -> int:
         """Memory of all arrays, bytes; untouched parts take none in practice."""
-        own = (array for part in (self.zone, self.ground) for array in part if isinstance(array, np.ndarray))
-        return sum(array.nbytes for array in own)
+        arrays = (array for part in (self.zone, self.ground) for array in part if isinstance(array, np.ndarray))
+        return sum(array.nbytes for array in arrays)

@@ -95,14 +95,14 @@ def placed(model: Model, reach: int, refused: str) -> tuple[Layout, NDArray[np.i
     column, row = np.round(steps).astype(np.int64).T
     if np.abs(steps - np.column_stack([column, row])).max() > OFF:
         raise ModelError(f"{model.name}: $.nodes has nodes on no lattice; put them on one, {refused}")
-    nx, ny, left = int(column.max()) + 1, int(row.max()) + 1, ROW * -(-reach // ROW)
-    stride = ROW * -(-(left + nx + reach) // ROW)
-    at = Layout(nx, ny, left, reach, stride, (ny + 2 * reach) * stride + 2 * ROW)
-    return at, (row + reach) * stride + left + column
+    nx, ny, left_margin = int(column.max()) + 1, int(row.max()) + 1, ROW * -(-reach // ROW)
+    stride = ROW * -(-(left_margin + nx + reach) // ROW)
+    at = Layout(nx, ny, left_margin, reach, stride, (ny + 2 * reach) * stride + 2 * ROW)
+    return at, (row + reach) * stride + left_margin + column
 
 
 def ground_of(
-    model: Model, springs: Springs, at: Layout, place: NDArray[np.int64], found: Stencil
+    model: Model, springs: Springs, at: Layout, place: NDArray[np.int64], stencil: Stencil
 ) -> tuple[LatticeConstants, Plate]:
     """Constant arrays of a plate, before its time step is chosen. Raises GridError, ModelError."""
     h, material = float(model.grid.delta[0]), model.materials[0]
@@ -111,13 +111,13 @@ def ground_of(
     row = np.full(at.places, -1, dtype=np.int32)
     row[place] = np.arange(len(place))
     area = _areas(model, at, place, row)
-    there, no_fail = np.zeros((1, at.places)), np.zeros(at.places, dtype=np.bool_)
+    area_share, no_fail = np.zeros((1, at.places)), np.zeros(at.places, dtype=np.bool_)
     share = area / h**2
-    there[0, place] = np.where(np.abs(share - 1) < SAME, 1.0, share)
+    area_share[0, place] = np.where(np.abs(share - 1) < SAME, 1.0, share)
     no_fail[place] = unbreakable(model)
-    xi = 2 * h * found.xi.astype(float)
+    xi = 2 * h * stencil.xi.astype(float)
     square = np.maximum((xi**2).sum(axis=1), h**2)
-    theta = found.theta / (4 * h**2 * material.rho)
+    theta = stencil.theta / (4 * h**2 * material.rho)
     bind(brittle.LAW)
     ground = LatticeConstants(
         law=no_bonds(brittle.LAW),
@@ -128,13 +128,13 @@ def ground_of(
         table=np.ascontiguousarray(springs.table),
         squares=np.ascontiguousarray(n**2),
         ways=ways,
-        there=there,
+        there=area_share,
         lack=np.ones((2, at.places)),
         pattern=np.full(at.places // ROW, -1),
         known=np.zeros((0, 1, ROW)),
         no_fail=no_fail,
         limit=limit,
-        stencil_ways=2 * (found.xi[:, 1] * at.stride + found.xi[:, 0]),
+        stencil_ways=2 * (stencil.xi[:, 1] * at.stride + stencil.xi[:, 0]),
         theta=np.column_stack([theta[:, 0, 0], theta[:, 0, 1], theta[:, 1, 1]]),
         pairs=np.column_stack([2 * xi / square[:, None], 1 / square]),
     )
@@ -143,16 +143,16 @@ def ground_of(
     cracks = (model.grid.cracks - np.tile(model.grid.position.min(axis=0), 2)) / h
     clear(model, cracks, at.nx - 1, at.ny - 1)
     cracks = lengthened(cracks)
-    near = _near(there[0], at, cracks) & (row >= 0)
+    near = _near(area_share[0], at, cracks) & (row >= 0)
     near |= hidden
-    whole = (row >= 0) & ~near
-    some, parted, acted = np.flatnonzero(near), np.zeros(at.places, dtype=np.int64), no_fail.copy()
-    _cross(ground, cut, some, cracks, parted)
-    _lacks(ground, cut, some, whole)
+    full_family = (row >= 0) & ~near
+    near_places, parted, acted = np.flatnonzero(near), np.zeros(at.places, dtype=np.int64), no_fail.copy()
+    _cross(ground, cut, near_places, cracks, parted)
+    _lacks(ground, cut, near_places, full_family)
     for condition in model.settings.conditions:
         if not isinstance(condition, InitialVelocity):
             acted[place[model.selected(condition)]] = True
-    return ground, Plate(model, place, row, area, cut, parted, whole, acted)
+    return ground, Plate(model, place, row, area, cut, parted, full_family, acted)
 
 
 def _areas(model: Model, at: Layout, place: NDArray[np.int64], row: NDArray[np.int32]) -> NDArray[np.float64]:
@@ -166,9 +166,9 @@ def _areas(model: Model, at: Layout, place: NDArray[np.int64], row: NDArray[np.i
 def dilated(marked: NDArray[np.bool_], at: Layout, reach: int) -> NDArray[np.bool_]:
     """Mask (places,) of places at most `reach` columns and rows from a marked one."""
     field = marked[: at.places - 2 * ROW].reshape(-1, at.stride)
-    found = np.zeros(at.places, dtype=np.bool_)
-    found[: field.size] = in_square(field, reach).ravel()
-    return found
+    near = np.zeros(at.places, dtype=np.bool_)
+    near[: field.size] = in_square(field, reach).ravel()
+    return near
 
 
 def kinds_of(ground: LatticeConstants, cut: NDArray[np.uint16]) -> NDArray[np.uint8]:
@@ -180,14 +180,14 @@ def kinds_of(ground: LatticeConstants, cut: NDArray[np.uint16]) -> NDArray[np.ui
 def edges(ground: LatticeConstants) -> NDArray[np.bool_]:
     """Mask (places / 16,) of rows with bonds that are not those of a full family."""
     odd = (ground.there[0] != 1) | (ground.lack != 1).any(axis=0)
-    found = np.asarray(dilated(odd, ground.at, ground.at.below).reshape(-1, ROW).any(axis=1))
-    found[-2:] = True
-    return found
+    edge_rows = np.asarray(dilated(odd, ground.at, ground.at.below).reshape(-1, ROW).any(axis=1))
+    edge_rows[-2:] = True
+    return edge_rows
 
 
-def _near(there: NDArray[np.float64], at: Layout, cracks: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _near(area_share: NDArray[np.float64], at: Layout, cracks: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Mask of places within a family's reach of a missing or partial cell, or of a pre-crack."""
-    odd = there != 1
+    odd = area_share != 1
     for x0, y0, x1, y1 in cracks:
         share = np.linspace(0, 1, 2 + int(4 * np.hypot(x1 - x0, y1 - y0)))
         x, y = np.round(x0 + share * (x1 - x0)).astype(int), np.round(y0 + share * (y1 - y0)).astype(int)
@@ -211,12 +211,12 @@ def _hide(
     around = around[np.argsort(row[around])]
     sight = Sight(model.grid, model.name)
     for k in range(len(ground.ways) // 2):
-        other = around + ground.ways[k]
-        some = row[other] >= 0
-        i, j = row[around[some]].astype(np.int64), row[other[some]].astype(np.int64)
+        neighbours = around + ground.ways[k]
+        in_plate = row[neighbours] >= 0
+        i, j = row[around[in_plate]].astype(np.int64), row[neighbours[in_plate]].astype(np.int64)
         length = np.full(len(i), float(np.hypot(*springs.table[k, :2])))
         parted = ~sight.inside(Pairs(i, j, length))
-        for ends, spring in ((around[some][parted], k), (other[some][parted], k + len(ground.ways) // 2)):
+        for ends, spring in ((around[in_plate][parted], k), (neighbours[in_plate][parted], k + len(ground.ways) // 2)):
             np.bitwise_or.at(cut, (ends // ROW, spring), (1 << (ends % ROW)).astype(np.uint16))
             hidden[ends] = True
     return hidden
@@ -238,7 +238,7 @@ def _cross(ground, cut, places, cracks, parted):  # type: ignore[no-untyped-def]
 
 
 @cached_njit(error_model="numpy")
-def _lacks(ground, cut, places, whole):  # type: ignore[no-untyped-def]
+def _lacks(ground, cut, places, full_family):  # type: ignore[no-untyped-def]
     """Store the energy of a full family over that of these nodes, and mark the nodes with a whole family."""
     full_x, full_y = 0.0, 0.0
     for k in range(len(ground.ways)):
@@ -246,18 +246,18 @@ def _lacks(ground, cut, places, whole):  # type: ignore[no-untyped-def]
         full_x += energy * ground.squares[k, 0] ** 2
         full_y += energy * ground.squares[k, 1] ** 2
     for p in places:
-        held_x, held_y, found = 0.0, 0.0, ground.there[0, p] == 1
+        held_x, held_y, is_full = 0.0, 0.0, ground.there[0, p] == 1
         for k in range(len(ground.ways)):
             share = ground.there[0, p + ground.ways[k]]
             if share == 0 or is_cut(cut, p, k):
-                found = False
+                is_full = False
                 continue
-            found &= share == 1
+            is_full &= share == 1
             energy = share * ground.table[k, 5] / ground.table[k, 4]
             held_x += energy * ground.squares[k, 0] ** 2
             held_y += energy * ground.squares[k, 1] ** 2
-        whole[p] = found
-        if not found:
+        full_family[p] = is_full
+        if not is_full:
             ground.lack[0, p] = full_x / held_x if held_x > 0 else 1.0
             ground.lack[1, p] = full_y / held_y if held_y > 0 else 1.0
 

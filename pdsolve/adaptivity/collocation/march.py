@@ -282,14 +282,14 @@ def march(ground, zone, drive, work, rho, kappa, every, first, last, where, thre
 
 
 @cached_njit(error_model="numpy")
-def held(ground, zone, rows, found):  # type: ignore[no-untyped-def]
-    """Store energy densities, J/m^3, of nodes in these rows and of active coarse nodes in `found` (1, places).
+def held(ground, zone, rows, densities):  # type: ignore[no-untyped-def]
+    """Store energy densities, J/m^3, of nodes in these rows and of active coarse nodes in `densities` (1, places).
 
     Those of coarse nodes are also half of each pair's, with the stencil as springs: the energy that motion conserves.
     """
     follow(zone, zone.u)
     for row in rows:
-        hold_row(ground, zone.cut, zone.kinds[row], zone.u, found, row)
+        hold_row(ground, zone.cut, zone.kinds[row], zone.u, densities, row)
     u = zone.u
     for q in zone.coarse:
         energy = 0.0
@@ -297,4 +297,4 @@ def held(ground, zone, rows, found):  # type: ignore[no-untyped-def]
             j = q + ground.stencil_ways[s]
             x, y = u[0, j] - u[0, q], u[1, j] - u[1, q]
             energy += ground.theta[s, 0] * x * x + 2 * ground.theta[s, 1] * x * y + ground.theta[s, 2] * y * y
-        found[0, q] = ground.rho / 4 * energy
+        densities[0, q] = ground.rho / 4 * energy

@@ -42,25 +42,27 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
         self.area = engine.area[self.places]
         self._switches = int(engine.zone.number[SWITCHES])
         # as they are now: the bonds of the start are asked for while others march
-        self._cut, self._before = engine.zone.cut.copy(), Breaks(*(one.copy() for one in engine.broken()))
+        self._cut, self._before = engine.zone.cut.copy(), Breaks(*(column.copy() for column in engine.broken()))
 
     @cached_property
     def model(self) -> Model:
         """The model of the n current nodes, without conditions."""
-        found = part_of(self.hybrid.plate.model, self.hybrid.plate.row[self.places].astype(np.int64))
-        delta = np.where(self._kind[self.places] == COARSE, 2.0, 1.0) * found.grid.delta
-        return dataclasses.replace(found, grid=dataclasses.replace(found.grid, delta=delta, areas=self.area))
+        active_model = part_of(self.hybrid.plate.model, self.hybrid.plate.row[self.places].astype(np.int64))
+        delta = np.where(self._kind[self.places] == COARSE, 2.0, 1.0) * active_model.grid.delta
+        return dataclasses.replace(
+            active_model, grid=dataclasses.replace(active_model.grid, delta=delta, areas=self.area)
+        )
 
     @cached_property
     def counts(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Bonds (n,) of each node at the start, and their number including those cut by pre-cracks."""
         ground, plate, fine = self.hybrid.ground, self.hybrid.plate, self._kind[self.places] == FINE
-        own, count = self.places[fine], np.full(len(self.places), len(ground.stencil_ways) - 1)
+        fine_places, count = self.places[fine], np.full(len(self.places), len(ground.stencil_ways) - 1)
         _, node, spring = self._before
         lost = np.bincount(np.concatenate([node, node + ground.ways[spring]]), minlength=ground.at.places)
-        count[fine] = _intact(ground, self._cut, self._kind, own) + lost[own]
+        count[fine] = _intact(ground, self._cut, self._kind, fine_places) + lost[fine_places]
         family = count.copy()
-        family[fine] += plate.parted[own]
+        family[fine] += plate.parted[fine_places]
         return count, family
 
     @property
@@ -86,17 +88,17 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
 
     def sync(self, state: State) -> None:
         """Update a state from the active nodes."""
-        engine, own = self.hybrid, self.places
+        engine, places = self.hybrid, self.places
         zone = engine.zone
         for field, out in ((zone.u, state.value), (zone.v, state.rate), (zone.a, state.second)):
-            out[:] = field[:, own].T
-        state.dissipated[:], state.work[:], state.damped[:] = self.spent(), engine.work[own], zone.damped[own]
+            out[:] = field[:, places].T
+        state.dissipated[:], state.work[:], state.damped[:] = self.spent(), engine.work[places], zone.damped[places]
 
     def accelerations(self) -> NDArray[np.float64]:
         """Accelerations (n, 2), m/s^2, from the most recent sum of forces."""
-        found, ground = self.hybrid.zone.f[:, self.places].T.copy(), self.hybrid.ground
-        found[self._kind[self.places] == FINE] /= ground.rho * ground.h**2  # coarse ones have accelerations
-        return found
+        acceleration, ground = self.hybrid.zone.f[:, self.places].T.copy(), self.hybrid.ground
+        acceleration[self._kind[self.places] == FINE] /= ground.rho * ground.h**2  # coarse ones have accelerations
+        return acceleration
 
     def spent(self) -> NDArray[np.float64]:
         """Energy density (n,), J/m^3, dissipated so far by the nodes' broken bonds."""
@@ -111,9 +113,9 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Strain energy densities (n,), J/m^3, and zeros for softening, which collocation does not have."""
         self.take(state)
-        held = self.hybrid.held()[self.places]
-        self._strain = float((held * self.area).sum())
-        return held, np.zeros_like(held)
+        densities = self.hybrid.held()[self.places]
+        self._strain = float((densities * self.area).sum())
+        return densities, np.zeros_like(densities)
 
     def books(self) -> Sums:
         """Energies, work and momentum at the state of the last call of `energies`."""
@@ -126,16 +128,16 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
 
     def pushes(self, profiles: int) -> NDArray[np.float64]:
         """Forces (profiles, 2), N/m, of the loads at factor 1."""
-        loads, found = self.hybrid.drive.loads, np.zeros((profiles, 2))
-        np.add.at(found, (loads.profile, loads.axis), loads.value * self.hybrid.area[loads.node])
-        return found
+        loads, forces = self.hybrid.drive.loads, np.zeros((profiles, 2))
+        np.add.at(forces, (loads.profile, loads.axis), loads.value * self.hybrid.area[loads.node])
+        return forces
 
     def pulls(self, profiles: int) -> NDArray[np.float64]:
         """Forces (profiles, 2), N/m, that hold the nodes with prescribed motion."""
-        drive, found = self.hybrid.drive, np.zeros((profiles, 2))
+        drive, forces = self.hybrid.drive, np.zeros((profiles, 2))
         holds = drive.holds
-        np.add.at(found, (holds.profile, holds.axis), -drive.held_force * self.hybrid.area[holds.node])
-        return found
+        np.add.at(forces, (holds.profile, holds.axis), -drive.held_force * self.hybrid.area[holds.node])
+        return forces
 
     def bonds(
         self, first: int = 0, last: int | None = None, start: bool = False
@@ -144,21 +146,21 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
         `start`."""
         ground, places = self.hybrid.ground, self.places[first:last]
         sources, targets = [], []
-        some = places[self._kind[places] == FINE]
-        node, k = _listed(ground, self._cut if start else self.hybrid.zone.cut, self._kind, some)
-        sources.append(some[node])
-        targets.append(some[node] + ground.ways[k])
+        places_of_kind = places[self._kind[places] == FINE]
+        node, k = _listed(ground, self._cut if start else self.hybrid.zone.cut, self._kind, places_of_kind)
+        sources.append(places_of_kind[node])
+        targets.append(places_of_kind[node] + ground.ways[k])
         if start:
             _, node, k = self._before
-            other = node + ground.ways[k]
-            for one, far in ((node, other), (other, node)):
-                own = (self._row_of[one] >= first) & (self._row_of[one] < first + len(places))
-                sources.append(one[own])
-                targets.append(far[own])
-        some = places[self._kind[places] == COARSE]
+            neighbour = node + ground.ways[k]
+            for near, far in ((node, neighbour), (neighbour, node)):
+                in_range = (self._row_of[near] >= first) & (self._row_of[near] < first + len(places))
+                sources.append(near[in_range])
+                targets.append(far[in_range])
+        places_of_kind = places[self._kind[places] == COARSE]
         ways = ground.stencil_ways[ground.stencil_ways != 0]
-        sources.append(np.repeat(some, len(ways)))
-        targets.append((some[:, None] + ways).ravel())
+        sources.append(np.repeat(places_of_kind, len(ways)))
+        targets.append((places_of_kind[:, None] + ways).ravel())
         source, target = (self._row_of[np.concatenate(ends)] for ends in (sources, targets))
         order = np.lexsort((target, source))
         return source[order], target[order]
@@ -167,22 +169,22 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
         """Bonds broken after a step: step, source row and target row of each."""
         step, node, spring = self.hybrid.broken()
         new = np.flatnonzero(step > after)
-        ends = (self._row_of[one] for one in (node[new], node[new] + self.hybrid.ground.ways[spring[new]]))
-        one, other = ends
+        ends = (self._row_of[source] for source in (node[new], node[new] + self.hybrid.ground.ways[spring[new]]))
+        source, target = ends
         steps = np.tile(step[new].astype(np.int64), 2)
-        return Broken(steps, np.concatenate([one, other]), np.concatenate([other, one]))
+        return Broken(steps, np.concatenate([source, target]), np.concatenate([target, source]))
 
 
 @cached_njit(error_model="numpy")
 def _intact(ground, cut, kind, places):  # type: ignore[no-untyped-def]
     """Number of bonds of each place to active nodes that are neither cut nor broken."""
-    found = np.zeros(len(places), dtype=np.int64)
+    counts = np.zeros(len(places), dtype=np.int64)
     for n in range(len(places)):
         for k in range(len(ground.ways)):
-            other = kind[places[n] + ground.ways[k]]
-            if other in (FINE, COARSE) and not is_cut(cut, places[n], k):
-                found[n] += 1
-    return found
+            neighbour_kind = kind[places[n] + ground.ways[k]]
+            if neighbour_kind in (FINE, COARSE) and not is_cut(cut, places[n], k):
+                counts[n] += 1
+    return counts
 
 
 @cached_njit(error_model="numpy")
@@ -192,8 +194,8 @@ def _listed(ground, cut, kind, places):  # type: ignore[no-untyped-def]
     node, spring, at = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64), 0
     for n in range(len(places)):
         for k in range(len(ground.ways)):
-            other = kind[places[n] + ground.ways[k]]
-            if other in (FINE, COARSE) and not is_cut(cut, places[n], k):
+            neighbour_kind = kind[places[n] + ground.ways[k]]
+            if neighbour_kind in (FINE, COARSE) and not is_cut(cut, places[n], k):
                 node[at], spring[at] = n, k
                 at += 1
     return node, spring

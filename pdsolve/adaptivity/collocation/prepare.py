@@ -43,13 +43,13 @@ def collocation_of(
     h = float(model.grid.delta[0])
     springs = fine_springs(material, ratio, h)
     try:
-        found = stencil_of(ratio / 2, elastic(springs.c11, springs.c66, 2), 2)
+        stencil = stencil_of(ratio / 2, elastic(springs.c11, springs.c66, 2), 2)
     except StencilError as error:
         raise refused(model, "$.horizon.ratio", f"{ratio:g} ({error})", "one whose stencil is stable") from None
     at, place = placed(model, int(np.abs(springs.dx).max()), f"as run.adapt is {model.settings.run.adapt}")
-    ground, plate = ground_of(model, springs, at, place, found)
+    ground, plate = ground_of(model, springs, at, place, stencil)
     ground = with_patterns(ground)
-    bound = min(_bound(ground, plate), longest(found, 2 * h, material.rho))
+    bound = min(_bound(ground, plate), longest(stencil, 2 * h, material.rho))
     ground = ground._replace(dt=step_of(model, bound))
     how = model.settings.run.collocation
     every = int(ratio * h / (2 * pressure_speed(material) * ground.dt))
@@ -82,5 +82,5 @@ def _placed(driven: Drive, ground: LatticeConstants, place: np.ndarray[tuple[int
     """The drive with places in place of rows."""
     force, before = np.zeros((2, ground.at.places, 2))
     force[place], before[place] = driven.force, driven.before
-    loads, holds = (each._replace(node=place[each.node]) for each in (driven.loads, driven.holds))
+    loads, holds = (entries._replace(node=place[entries.node]) for entries in (driven.loads, driven.holds))
     return driven._replace(force=force, before=before, loads=loads, holds=holds)

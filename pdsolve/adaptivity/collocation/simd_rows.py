@@ -37,12 +37,12 @@ def _weight(ground, cut, u, kind, p, row, k, lane, lack):  # type: ignore[no-unt
 @njit(forceinline=True, **INNER)
 def corrected(ground, p, k, lack):  # type: ignore[no-untyped-def]
     """Stiffness of bond k in the lanes from place p on, if it were intact."""
-    other = p + ground.ways[k]
-    there = beside(ground.lack, PLANE, other)
-    x, y = (lack[0] + there[0]) * 0.5, (lack[1] + there[1]) * 0.5
+    neighbour = p + ground.ways[k]
+    neighbour_lack = beside(ground.lack, PLANE, neighbour)
+    x, y = (lack[0] + neighbour_lack[0]) * 0.5, (lack[1] + neighbour_lack[1]) * 0.5
     x2, y2 = x * x, y * y
     factor = x * y / np.sqrt(y2 * ground.squares[k, 0] + x2 * ground.squares[k, 1])
-    return ground.table[k, 5] * (factor * beside(ground.there, ONE, other)[0])
+    return ground.table[k, 5] * (factor * beside(ground.there, ONE, neighbour)[0])
 
 
 @njit(forceinline=True, **INNER)
@@ -55,10 +55,10 @@ def _g(e):  # type: ignore[no-untyped-def]
 
 
 @njit(forceinline=True, **INNER)
-def _stretched(ground, u, own, p, k):  # type: ignore[no-untyped-def]
-    """eta and e of bond k in the lanes from place p on; `own` are the displacements there."""
-    there = beside(u, PLANE, p + ground.ways[k])
-    x, y = there[0] - own[0], there[1] - own[1]
+def _stretched(ground, u, displacement, p, k):  # type: ignore[no-untyped-def]
+    """eta and e of bond k in the lanes from place p on; `displacement` are the displacements there."""
+    neighbour_displacement = beside(u, PLANE, p + ground.ways[k])
+    x, y = neighbour_displacement[0] - displacement[0], neighbour_displacement[1] - displacement[1]
     inverse = ground.table[k, 4]
     return x, y, (x * inverse + ground.table[k, 2]) * x + (y * inverse + ground.table[k, 3]) * y
 
@@ -72,10 +72,10 @@ def add_row(ground, cut, kind, bounds, u, f, row):  # type: ignore[no-untyped-de
     over, wide, none = 0, 0, same(u, 0.0)
     for lane in range(0, ROW, across(u)):
         p = row * ROW + lane
-        own, lack, fx, fy = beside(u, PLANE, p), beside(ground.lack, PLANE, p), none, none
+        displacement, lack, fx, fy = beside(u, PLANE, p), beside(ground.lack, PLANE, p), none, none
         most, widest = none, none
         for k in range(len(ground.ways)):
-            x, y, e = _stretched(ground, u, own, p, k)
+            x, y, e = _stretched(ground, u, displacement, p, k)
             w = _weight(ground, cut, u, kind, p, row, k, lane, lack)
             if kind != WHOLE:
                 e = unless_none(w, e, none)
@@ -95,9 +95,9 @@ def add_row_exactly(ground, cut, kind, u, f, row):  # type: ignore[no-untyped-de
     none = same(u, 0.0)
     for lane in range(0, ROW, across(u)):
         p = row * ROW + lane
-        own, lack, fx, fy = beside(u, PLANE, p), beside(ground.lack, PLANE, p), none, none
+        displacement, lack, fx, fy = beside(u, PLANE, p), beside(ground.lack, PLANE, p), none, none
         for k in range(len(ground.ways)):
-            x, y, e = _stretched(ground, u, own, p, k)
+            x, y, e = _stretched(ground, u, displacement, p, k)
             w = _weight(ground, cut, u, kind, p, row, k, lane, lack)
             e = unless_none(w, e, none)
             q2 = e + 1.0
@@ -107,19 +107,19 @@ def add_row_exactly(ground, cut, kind, u, f, row):  # type: ignore[no-untyped-de
 
 
 @njit(**INNER)
-def hold_row(ground, cut, kind, u, held, row):  # type: ignore[no-untyped-def]
+def hold_row(ground, cut, kind, u, densities, row):  # type: ignore[no-untyped-def]
     """Energy densities (1, places), J/m^3, of the nodes of a row: half of each bond's."""
     none, part = same(u, 0.0), 0.25 / ground.h**2
     for lane in range(0, ROW, across(u)):
         p = row * ROW + lane
-        own, lack, energy = beside(u, PLANE, p), beside(ground.lack, PLANE, p), none
+        displacement, lack, energy = beside(u, PLANE, p), beside(ground.lack, PLANE, p), none
         for k in range(len(ground.ways)):
-            _, _, e = _stretched(ground, u, own, p, k)
+            _, _, e = _stretched(ground, u, displacement, p, k)
             w = _weight(ground, cut, u, kind, p, row, k, lane, lack)
             e = unless_none(w, e, none)
             stretch = e / (np.sqrt(e + 1.0) + 1.0)
             energy = energy + w * (stretch * stretch) * (part / ground.table[k, 4])
-        keep((energy,), held, p)
+        keep((energy,), densities, p)
 
 
 @njit(**INNER)

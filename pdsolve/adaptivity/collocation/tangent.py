@@ -36,17 +36,17 @@ def tangent_of(
     xi = ground.table[k, :2]
     pull *= np.sqrt((xi**2).sum(axis=1)) / ground.h**2
     source, target = point[fine[node]], point[fine[node] + ground.ways[k]]
-    found = of_springs(source, target, xi, pull, points @ value)
+    matrix = of_springs(source, target, xi, pull, points @ value)
 
     coarse = active[kind[active] == COARSE]
     xx, xy, yy = (-ground.rho * ground.theta).T
     theta = np.stack([np.stack([xx, xy], axis=1), np.stack([xy, yy], axis=1)], axis=1)  # (s, 2, 2)
-    one = np.repeat(point[coarse], len(theta))
-    other = point[(coarse[:, None] + ground.stencil_ways).ravel()]
+    centre_points = np.repeat(point[coarse], len(theta))
+    stencil_points = point[(coarse[:, None] + ground.stencil_ways).ravel()]
     a, b = (index.ravel() for index in np.indices((2, 2)))
-    rows, columns = (2 * one[:, None] + a).ravel(), (2 * other[:, None] + b).ravel()
-    found += coo_array((np.tile(theta.ravel(), len(coarse)), (rows, columns)), found.shape).tocsr()
-    return (found[: 2 * nodes] @ kron(points, eye_array(2)).tocsr()).tocsr()
+    rows, columns = (2 * centre_points[:, None] + a).ravel(), (2 * stencil_points[:, None] + b).ravel()
+    matrix += coo_array((np.tile(theta.ravel(), len(coarse)), (rows, columns)), matrix.shape).tocsr()
+    return (matrix[: 2 * nodes] @ kron(points, eye_array(2)).tocsr()).tocsr()
 
 
 def _fine_bonds(

@@ -66,10 +66,10 @@ BROKEN, HOT, SWITCHES = range(3)
 
 def even(at: Layout) -> NDArray[np.bool_]:
     """Mask (places,) of the places that are coarse nodes too."""
-    found = np.zeros(at.places, dtype=np.bool_)
-    field = found[: at.places - 2 * ROW].reshape(-1, at.stride)
+    is_even = np.zeros(at.places, dtype=np.bool_)
+    field = is_even[: at.places - 2 * ROW].reshape(-1, at.stride)
     field[at.below : at.below + at.ny : 2, at.left : at.left + at.nx : 2] = True
-    return found
+    return is_even
 
 
 def parents(at: Layout, places: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -92,27 +92,27 @@ def eligible(ground: LatticeConstants, plate: Plate, margin: int) -> NDArray[np.
     odd = (plate.row >= 0) & ~plate.whole
     odd = (dilated(odd, ground.at, margin) if margin else odd) | plate.acted
     fine = np.flatnonzero((plate.row >= 0) & odd)
-    found = even(ground.at) & plate.whole & ~odd
-    found[parents(ground.at, fine).ravel()] = False
-    return found
+    may_be_active = even(ground.at) & plate.whole & ~odd
+    may_be_active[parents(ground.at, fine).ravel()] = False
+    return may_be_active
 
 
 def nodes_of(ground: LatticeConstants, plate: Plate, active: NDArray[np.bool_]) -> NDArray[np.uint8]:
     """Kind of each place if these coarse nodes are active."""
-    found = np.zeros(ground.at.places, dtype=np.uint8)
+    kinds = np.zeros(ground.at.places, dtype=np.uint8)
     around = active[parents(ground.at, plate.place)].all(axis=1)
-    found[plate.place] = np.where(around, np.where(active[plate.place], COARSE, BETWEEN), FINE)
-    return found
+    kinds[plate.place] = np.where(around, np.where(active[plate.place], COARSE, BETWEEN), FINE)
+    return kinds
 
 
 def areas_of(ground: LatticeConstants, plate: Plate, node: NDArray[np.uint8]) -> NDArray[np.float64]:
     """Areas (places,) of active nodes, m^2: their own plus those of fictitious nodes by their weights."""
-    found = np.zeros(ground.at.places)
+    areas = np.zeros(ground.at.places)
     kind = node[plate.place]
     fine = kind == FINE
-    found[plate.place[fine]] = plate.area[fine]
-    np.add.at(found, parents(ground.at, plate.place[~fine]), plate.area[~fine, None] / 4)
-    return found
+    areas[plate.place[fine]] = plate.area[fine]
+    np.add.at(areas, parents(ground.at, plate.place[~fine]), plate.area[~fine, None] / 4)
+    return areas
 
 
 def begun(ground: LatticeConstants, plate: Plate, active: NDArray[np.bool_], band: float) -> Zone:
@@ -180,10 +180,10 @@ def widened(
     ground: LatticeConstants, plate: Plate, active: NDArray[np.bool_], hot: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
     """The coarse nodes that stay active when the neighbourhoods of the `hot` ones are refined."""
-    at, found = ground.at, active.copy()
+    at, stays_active = ground.at, active.copy()
     reach = ball(at.below // 2, 2)
-    _clear(np.flatnonzero(hot), 2 * (reach[:, 1] * at.stride + reach[:, 0]), found)
-    return found
+    _clear(np.flatnonzero(hot), 2 * (reach[:, 1] * at.stride + reach[:, 0]), stays_active)
+    return stays_active
 
 
 @cached_njit(error_model="numpy")

@@ -32,7 +32,7 @@ class _Fields(NamedTuple):
     damping: NDArray[np.float64]
 
 
-def node_rows(plate: Plate, found: Irregular, springs: tuple[Springs, ...]) -> NodeRows:
+def node_rows(plate: Plate, irregular_bonds: Irregular, springs: tuple[Springs, ...]) -> NodeRows:
     """The rows of a plate with these irregular nodes; `springs` are those of each material in a full lattice."""
     full = _bits_of(np.array([one.table[:, STIFFNESS] for one in springs]))
     usual, slowed = _usual(plate, full[0]), _slowed(plate.model)
@@ -40,7 +40,7 @@ def node_rows(plate: Plate, found: Irregular, springs: tuple[Springs, ...]) -> N
     for column, nothing in zip(columns, (0, 0, -1, False, 0, 0), strict=True):
         column[0][EMPTY] = nothing
     entries, count = [], 2
-    for fields in _strips(plate, found, full, slowed):
+    for fields in _strips(plate, irregular_bonds, full, slowed):
         same = np.logical_and.reduce([values == one for values, one in zip(fields, usual, strict=True)])
         entry = np.where(same.reshape(-1, ROW).all(axis=1), USUAL, -1).astype(np.int32)
         entry[(fields.mass == 0).reshape(-1, ROW).all(axis=1)] = EMPTY
@@ -49,8 +49,8 @@ def node_rows(plate: Plate, found: Irregular, springs: tuple[Springs, ...]) -> N
         entries.append(entry)
         for column, values in zip(columns, tuple[NDArray[Any], ...](fields), strict=True):
             column.append(values.reshape(-1, ROW)[new])
-    kept = _Fields(*(np.concatenate(column) for column in columns))
-    return NodeRows(np.concatenate(entries), *kept[:5], None if slowed is None else kept.damping)
+    row_fields = _Fields(*(np.concatenate(column) for column in columns))
+    return NodeRows(np.concatenate(entries), *row_fields[:5], None if slowed is None else row_fields.damping)
 
 
 def _usual(plate: Plate, bits: np.uint64) -> _Fields:
@@ -63,38 +63,40 @@ def _usual(plate: Plate, bits: np.uint64) -> _Fields:
 
 def _slowed(model: Model) -> NDArray[np.float64] | None:
     """Damping (n,) of all nodes of the grid, 1/s; None where nothing is damped."""
-    if not model.settings.run.damping and not any(isinstance(one, Absorb) for one in model.settings.conditions):
+    if not model.settings.run.damping and not any(
+        isinstance(condition, Absorb) for condition in model.settings.conditions
+    ):
         return None
-    found = damping(model)
-    return found if found.any() else None
+    node_damping = damping(model)
+    return node_damping if node_damping.any() else None
 
 
 def _strips(
-    plate: Plate, found: Irregular, full: NDArray[np.uint64], slowed: NDArray[np.float64] | None
+    plate: Plate, irregular_bonds: Irregular, full: NDArray[np.uint64], slowed: NDArray[np.float64] | None
 ) -> Iterator[_Fields]:
     """The constants of all places, strip by strip; `full` are the bonds of each material in a full lattice.
 
     `slowed` (n,) is the damping of all nodes, 1/s.
     """
-    rho = np.array([one.rho for one in plate.model.materials])
+    rho = np.array([constants.rho for constants in plate.model.materials])
     lasts = unbreakable(plate.model)
-    place, bits = plate.places_of(found.node), _bits_of(found.springs)
+    place, bits = plate.places_of(irregular_bonds.node), _bits_of(irregular_bonds.springs)
     order = np.argsort(place)
     for low, high in strips(plate.at.places // plate.at.stride, plate.at.stride):
         rows, material = plate.rows_in(low, high).ravel(), plate.materials_in(low, high).ravel()
-        first, there = low * plate.at.stride, rows >= 0
+        first, has_node = low * plate.at.stride, rows >= 0
         mass = plate.areas_in(low, high).ravel() * rho[material] * plate.h**2
-        some = order[slice(*np.searchsorted(place, (first, first + len(rows)), sorter=order))]
+        in_strip = order[slice(*np.searchsorted(place, (first, first + len(rows)), sorter=order))]
         fields = _Fields(
             mass=mass,
             material=material,
             own=np.full(len(rows), -1, dtype=np.int32),
-            no_fail=there & lasts[rows],
-            bits=np.where(there, full[material], np.uint64(0)),
-            damping=np.zeros(len(rows)) if slowed is None else np.where(there, slowed[rows], 0.0),
+            no_fail=has_node & lasts[rows],
+            bits=np.where(has_node, full[material], np.uint64(0)),
+            damping=np.zeros(len(rows)) if slowed is None else np.where(has_node, slowed[rows], 0.0),
         )
-        own = found.which[some]
-        fields.own[place[some] - first], fields.bits[place[some] - first] = own, bits[own]
+        irregular_rows = irregular_bonds.which[in_strip]
+        fields.own[place[in_strip] - first], fields.bits[place[in_strip] - first] = irregular_rows, bits[irregular_rows]
         yield fields
 
 

@@ -25,14 +25,14 @@ def _book(zone, p, energy):  # type: ignore[no-untyped-def]
 @njit(**INNER)
 def _soften_on(ground, zone, p, entry, k, e, peak, limit):  # type: ignore[no-untyped-def]
     """Soften a bond stretched further than ever before, to e, and book the dissipated energy."""
-    own, edge, lane = zone.fine.own, zone.fine.edge, p % ROW
+    row_stiffness, edge, lane = zone.fine.own, zone.fine.edge, p % ROW
     past, now = edge[entry, k, lane], min(e, limit)
     peak_stretch, limit_stretch = stretch_of(peak), stretch_of(limit)
-    whole = own[entry, k, lane] / share_of(past, peak, limit)
+    full_stiffness = row_stiffness[entry, k, lane] / share_of(past, peak, limit)
     spent = spent_share(stretch_of(now), peak_stretch, limit_stretch)
     spent -= spent_share(stretch_of(max(past, peak)), peak_stretch, limit_stretch)
-    _book(zone, p, whole / ground.table[k, 4] * peak_stretch * limit_stretch * spent / 4)
-    own[entry, k, lane] = whole * share_of(now, peak, limit)
+    _book(zone, p, full_stiffness / ground.table[k, 4] * peak_stretch * limit_stretch * spent / 4)
+    row_stiffness[entry, k, lane] = full_stiffness * share_of(now, peak, limit)
     edge[entry, k, lane] = now
 
 
@@ -90,8 +90,8 @@ def break_bonds(ground, zone, u, p0, count, step):  # type: ignore[no-untyped-de
     for p in range(p0, p0 + count):
         for k in range(2 * half):
             entry, j, lane = fine.entry[row], p + ground.ways[k], p % ROW
-            whole = fine.own[entry, k, lane] if entry >= 0 else ground.table[k, 5]
-            if whole == 0 or lasts(ground, p) or lasts(ground, j):
+            full_stiffness = fine.own[entry, k, lane] if entry >= 0 else ground.table[k, 5]
+            if full_stiffness == 0 or lasts(ground, p) or lasts(ground, j):
                 continue
             eta_x, eta_y = displaced(u, fine.shrink, ground.table[k, 0], ground.table[k, 1], p, j)
             e = strain_e(ground.table, k, eta_x, eta_y)
@@ -100,12 +100,12 @@ def break_bonds(ground, zone, u, p0, count, step):  # type: ignore[no-untyped-de
                 continue
             _stir(zone, p)
             entry = _own_row(zone, row)
-            whole, past = _whole_and_edge(fine, entry, k, lane, whole, peak, limit)
+            full_stiffness, past = _whole_and_edge(fine, entry, k, lane, full_stiffness, peak, limit)
             if peak < limit:
                 _soften_on(ground, zone, p, entry, k, e, peak, limit)
             before, now = _stretch_before(ground, fine, p, j, k, eta_x, eta_y), stretch_of(e)
             worst, ends = stretch_of(past), (stretch_of(peak), stretch_of(limit))
-            pull = added_pull(ground.law, now, before, worst, *ends) / (1 + now) * whole
+            pull = added_pull(ground.law, now, before, worst, *ends) / (1 + now) * full_stiffness
             fine.f[0, p] += pull * (ground.table[k, 0] + eta_x)
             fine.f[1, p] += pull * (ground.table[k, 1] + eta_y)
             if e <= limit:
@@ -115,5 +115,5 @@ def break_bonds(ground, zone, u, p0, count, step):  # type: ignore[no-untyped-de
             if k < half:
                 zone.lost[p] |= np.uint64(1) << np.uint64(k)
             if peak == limit:  # else it is booked as it softens
-                _book(zone, p, broken_energy(ground.law, whole / ground.table[k, 4] / 4, now, before, *ends))
+                _book(zone, p, broken_energy(ground.law, full_stiffness / ground.table[k, 4] / 4, now, before, *ends))
             _note(zone, step, p, k)

@@ -25,15 +25,15 @@ class Part(NamedTuple):
 def divided(place: tuple[int, ...], way: tuple[int, ...]) -> list[list[Part]]:
     """The parts of the bond `way` (d,) from a node at `place` (d,) in its cell, 0 or 1 along each axis; by side."""
     crossings = sorted({0.0, 1.0, *(share for x, dx in zip(place, way, strict=True) for share in _crossings(x, dx))})
-    found = []
+    parts_by_side = []
     for side in _sides(place, way):
         parts = []
         for t0, t1 in pairwise(crossings):
             middle = (t0 + t1) / 2
             at = (int((x + middle * dx + s) // 2) for x, dx, s in zip(place, way, side, strict=True))
             parts.append(Part(t0, t1, tuple(at)))
-        found.append(parts)
-    return found
+        parts_by_side.append(parts)
+    return parts_by_side
 
 
 def parts_of(ways: NDArray[np.int64]) -> tuple[NDArray[np.int64], list[Part]]:
@@ -42,14 +42,14 @@ def parts_of(ways: NDArray[np.int64]) -> tuple[NDArray[np.int64], list[Part]]:
     Those of bond k from place f, on one side, are first[f, k, side] to first[f, k, side + 1].
     """
     d = ways.shape[1]
-    first, found = np.zeros((2**d, len(ways), 2 ** (d - 1) + 1), dtype=np.int64), list[Part]()
+    first, all_parts = np.zeros((2**d, len(ways), 2 ** (d - 1) + 1), dtype=np.int64), list[Part]()
     for f in range(2**d):
         for k, way in enumerate(map(tuple, ways.tolist())):
-            first[f, k] = len(found)
+            first[f, k] = len(all_parts)
             for side, parts in enumerate(divided(place_of(f, d), way)):
-                found += parts
-                first[f, k, side + 1 :] = len(found)
-    return first, found
+                all_parts += parts
+                first[f, k, side + 1 :] = len(all_parts)
+    return first, all_parts
 
 
 def place_of(f: int, d: int) -> tuple[int, ...]:

@@ -35,35 +35,35 @@ EVERY = (1 << WINDOW**2) - 1  # all cells that bonds of a node could pass throug
 def _cells_around(ground, cells, ix, iy):  # type: ignore[no-untyped-def]
     """The cells around a fine node that are not coarse, so that bonds are whole there, and those of the plate: a bit
     each, as `Stretches.sides` has them."""
-    passed, there, reach = np.uint64(EVERY), np.uint64(0), (ground.reach + 1) // 2
+    passed, in_plate, reach = np.uint64(EVERY), np.uint64(0), (ground.reach + 1) // 2
     for y in range(-reach, reach + 1):
         for x in range(-reach, reach + 1):
-            found = cells[cell_place(ground.at, (ix >> 1) + x, (iy >> 1) + y)]
+            cell_kind = cells[cell_place(ground.at, (ix >> 1) + x, (iy >> 1) + y)]
             bit = np.uint64(1) << np.uint64(WINDOW * (y + WINDOW // 2) + x + WINDOW // 2)
-            passed &= np.uint64(EVERY) if found in (FINE, EMPTY) else ~bit
-            there |= bit if found < VOID else np.uint64(0)
-    return passed, there
+            passed &= np.uint64(EVERY) if cell_kind in (FINE, EMPTY) else ~bit
+            in_plate |= bit if cell_kind < VOID else np.uint64(0)
+    return passed, in_plate
 
 
 @njit(forceinline=True, **INNER)
-def _shares(ground, place, k, passed, there):  # type: ignore[no-untyped-def]
+def _shares(ground, place, k, passed, in_plate):  # type: ignore[no-untyped-def]
     """On how many sides of a bond there are cells of the plate, on how many of them it is whole, and on how many it has
     a part in other cells than coarse ones."""
-    sides = whole = some = 0
+    sides = whole_sides = fine_sides = 0
     for side in range(2):
         bits = ground.cut.sides[place, k, side]
-        if there & bits != 0:
+        if in_plate & bits != 0:
             sides += 1
-            whole += passed & bits == bits
-            some += passed & bits != 0
-    return sides, whole, some
+            whole_sides += passed & bits == bits
+            fine_sides += passed & bits != 0
+    return sides, whole_sides, fine_sides
 
 
 @njit(forceinline=True, **INNER)
 def _is_passed(at, cells, cut, x, y, n):  # type: ignore[no-untyped-def]
     """Whether stretch n of a bond lies in a fine cell and is not cut."""
-    found = cells[cell_place(at, x + cut.cell[n, 0], y + cut.cell[n, 1])]
-    return found in (FINE, EMPTY)
+    cell_kind = cells[cell_place(at, x + cut.cell[n, 0], y + cut.cell[n, 1])]
+    return cell_kind in (FINE, EMPTY)
 
 
 @njit(**INNER)
@@ -75,23 +75,23 @@ def set_row(ground, zone, row):  # type: ignore[no-untyped-def]
     if ground.varied and fine.entry[row] == -1:
         _begin_edges(ground, fine.edge[zone.number[ENTRIES]], row)
     entry = own_entry(fine.entry, zone.number, row)
-    own, same = fine.own[entry], True
+    row_stiffness, same = fine.own[entry], True
     for lane in range(ROW):
         p = row * ROW + lane
         if zone.mark[p]:
-            _set_lane(ground, zone.cells, zone.lost, fine.kind, p, own, lane)
+            _set_lane(ground, zone.cells, zone.lost, fine.kind, p, row_stiffness, lane)
             if ground.varied and zone.stirred[p]:
-                _soften(ground, p, own, fine.edge[entry], lane)
+                _soften(ground, p, row_stiffness, fine.edge[entry], lane)
     masks, alike = fine.masks[entry], not ground.varied
     for k in range(len(ground.dx)):
-        whole, there, half = ground.table[k, 5], 0, 0
+        full_stiffness, spring_lanes, half = ground.table[k, 5], 0, 0
         for lane in range(ROW):
-            some = own[k, lane]
-            there |= (some > 0) << lane
-            half |= (some == 0.5 * whole) << lane
-            alike &= some == whole or some == 0 or some == 0.5 * whole
-            same &= some == whole
-        masks[0, k], masks[1, k] = there, half
+            some = row_stiffness[k, lane]
+            spring_lanes |= (some > 0) << lane
+            half |= (some == 0.5 * full_stiffness) << lane
+            alike &= some == full_stiffness or some == 0 or some == 0.5 * full_stiffness
+            same &= some == full_stiffness
+        masks[0, k], masks[1, k] = spring_lanes, half
     fine.masked[entry] = alike
     fine.entry[row] = -2 - entry if same else entry
 
@@ -121,35 +121,35 @@ def share_of(e, peak, limit):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _soften(ground, p, own, edge, lane):  # type: ignore[no-untyped-def]
+def _soften(ground, p, row_stiffness, edge, lane):  # type: ignore[no-untyped-def]
     """Reduce the stiffnesses of a node by the softening so far."""
     for k in range(len(ground.dx)):
         peak, limit = peak_and_limit(ground, p, k)
-        if own[k, lane] > 0 and peak < edge[k, lane] < limit:
-            own[k, lane] *= share_of(edge[k, lane], peak, limit)
+        if row_stiffness[k, lane] > 0 and peak < edge[k, lane] < limit:
+            row_stiffness[k, lane] *= share_of(edge[k, lane], peak, limit)
 
 
 @njit(**INNER)
 def is_active(kind, row):  # type: ignore[no-untyped-def]
     """Whether a row has a node that is not idle."""
-    some = False
+    active = False
     for p in range(row * ROW, row * ROW + ROW):
-        some |= kind[p] != IDLE
-    return some
+        active |= kind[p] != IDLE
+    return active
 
 
 @njit(**INNER)
-def _set_lane(ground, cells, lost, kind, p, own, lane):  # type: ignore[no-untyped-def]
+def _set_lane(ground, cells, lost, kind, p, row_stiffness, lane):  # type: ignore[no-untyped-def]
     ix, iy = fine_column(ground.at, p), fine_row(ground.at, p)
     place = ix % 2 + 2 * (iy % 2)
-    own[:, lane] = 0.0
+    row_stiffness[:, lane] = 0.0
     if kind[p] == IDLE:
         return
-    passed, there = _cells_around(ground, cells, ix, iy)
+    passed, in_plate = _cells_around(ground, cells, ix, iy)
     for k in range(len(ground.dx)):
         if has_bond(ground, lost, p, k):
-            sides, whole, _ = _shares(ground, place, k, passed, there)
-            own[k, lane] = stiffness(ground, p, k) * (whole / sides if sides > 0 else 0.0)
+            sides, whole_sides, _ = _shares(ground, place, k, passed, in_plate)
+            row_stiffness[k, lane] = stiffness(ground, p, k) * (whole_sides / sides if sides > 0 else 0.0)
 
 
 @njit(**INNER)
@@ -170,17 +170,17 @@ def add_pieces(ground, cells, lost, kind, p, pieces, count):  # type: ignore[no-
     at, cut, half = ground.at, ground.cut, len(ground.dx) // 2
     ix, iy = fine_column(at, p), fine_row(at, p)
     x, y, place = ix >> 1, iy >> 1, ix % 2 + 2 * (iy % 2)
-    passed, there = _cells_around(ground, cells, ix, iy)
+    passed, in_plate = _cells_around(ground, cells, ix, iy)
     if passed == EVERY:
         return count
     for k in range(half):
-        sides, whole, some = _shares(ground, place, k, passed, there)
-        if some == whole or not has_bond(ground, lost, p, k):
+        sides, whole_sides, fine_sides = _shares(ground, place, k, passed, in_plate)
+        if fine_sides == whole_sides or not has_bond(ground, lost, p, k):
             continue
         first = cut.first[place, k]
         for side in range(2):
             n, last = first[side], first[side + 1]
-            if there & cut.sides[place, k, side] == 0:
+            if in_plate & cut.sides[place, k, side] == 0:
                 continue
             while n < last:
                 if not _is_passed(at, cells, cut, x, y, n):
@@ -230,18 +230,18 @@ def _set_end(ground, kind, p, k, n, which, pieces, count):  # type: ignore[no-un
 def put_pieces(ground, zone, dirty):  # type: ignore[no-untyped-def]
     """Replace the pieces owned by these fine nodes, given in order; all pieces stay ordered by owner."""
     old, new, count = zone.pieces, zone.spare, zone.number[PIECES]
-    kept = pieces = count - count  # a plain 0 would be compiled for once more
+    remaining = pieces = count - count  # a plain 0 would be compiled for once more
     for p in dirty:
         pieces = add_pieces(ground, zone.cells, zone.lost, zone.coarse.kind, p, new, pieces)
         zone.mark[p] = True
     for n in range(count):
         if not zone.mark[old.owner[n]]:
-            if n > kept:
-                _move(old, n, old, kept)
-            kept += 1
+            if n > remaining:
+                _move(old, n, old, remaining)
+            remaining += 1
     for p in dirty:
         zone.mark[p] = False
-    at, n, m = kept + pieces - 1, kept - 1, pieces - 1
+    at, n, m = remaining + pieces - 1, remaining - 1, pieces - 1
     while m >= 0:
         if n >= 0 and old.owner[n] > new.owner[m]:
             _move(old, n, old, at)
@@ -250,7 +250,7 @@ def put_pieces(ground, zone, dirty):  # type: ignore[no-untyped-def]
             _move(new, m, old, at)
             m -= 1
         at -= 1
-    zone.number[PIECES] = kept + pieces
+    zone.number[PIECES] = remaining + pieces
 
 
 @njit(forceinline=True, **INNER)

@@ -119,11 +119,11 @@ class Plate(NamedTuple):
 
     def materials_in(self, low: int, high: int) -> NDArray[np.uint8]:
         """Numbers of the materials of nodes at these places, 0 without one, as in `rows_in`."""
-        found = np.zeros((high - low, self.at.stride), dtype=np.uint8)
+        materials = np.zeros((high - low, self.at.stride), dtype=np.uint8)
         if self.model.settings.regions:
             rows = self.rows_in(low, high)
-            found[rows >= 0] = self.model.material_of[rows[rows >= 0]]
-        return found
+            materials[rows >= 0] = self.model.material_of[rows[rows >= 0]]
+        return materials
 
 
 @dataclass(frozen=True)
@@ -146,9 +146,9 @@ def strips(rows: int, stride: int, places: int = STRIP) -> Iterator[tuple[int, i
 
 def _halves(count: int) -> NDArray[np.float64]:
     """Shares (count,) of whole cells along a side of a rectangle: a half at either end."""
-    found = np.ones(count)
-    found[[0, -1]] = 0.5
-    return found
+    shares = np.ones(count)
+    shares[[0, -1]] = 0.5
+    return shares
 
 
 def plate_of(model: Model, mode: str) -> Plate:
@@ -223,21 +223,21 @@ def _areas(
     return quarters((rows >= 0).reshape(-1, at.stride)).ravel()[place] / 4
 
 
-def squares(there: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def squares(has_node: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Mask of the squares with a node at all four corners, by their lower left place (rows, columns)."""
-    found = np.zeros_like(there)
-    found[:-1, :-1] = there[:-1, :-1] & there[1:, :-1] & there[:-1, 1:] & there[1:, 1:]
-    return found
+    is_full = np.zeros_like(has_node)
+    is_full[:-1, :-1] = has_node[:-1, :-1] & has_node[1:, :-1] & has_node[:-1, 1:] & has_node[1:, 1:]
+    return is_full
 
 
-def quarters(there: NDArray[np.bool_]) -> NDArray[np.int8]:
+def quarters(has_node: NDArray[np.bool_]) -> NDArray[np.int8]:
     """Number of such squares around each place."""
-    whole = squares(there).astype(np.int8)
-    found = whole.copy()
-    found[1:] += whole[:-1]
-    found[:, 1:] += whole[:, :-1]
-    found[1:, 1:] += whole[:-1, :-1]
-    return found
+    full_squares = squares(has_node).astype(np.int8)
+    counts = full_squares.copy()
+    counts[1:] += full_squares[:-1]
+    counts[:, 1:] += full_squares[:, :-1]
+    counts[1:, 1:] += full_squares[:-1, :-1]
+    return counts
 
 
 def cells_of(plate: Plate, reach: int, steep: NDArray[np.int64] | None = None) -> NDArray[np.uint8]:
@@ -247,69 +247,69 @@ def cells_of(plate: Plate, reach: int, steep: NDArray[np.int64] | None = None) -
     An edge along a line between cells cuts none, except at re-entrant corners.
     """
     at = plate.at
-    some, good = _in_plate(plate)
-    cells = np.where(some, np.uint8(FINE), np.uint8(VOID))
+    in_plate, good = _in_plate(plate)
+    cells = np.where(in_plate, np.uint8(FINE), np.uint8(VOID))
     cells[good] = COARSE
-    cut = some & ~good
+    cut = in_plate & ~good
     if cut.any():
         cells[in_disc(cut, (reach + RING + 1) / 2) & good] = FINE
-        cells[in_disc(cut, (reach + 2) / 2) & ~some & ~good] = EMPTY
+        cells[in_disc(cut, (reach + 2) / 2) & ~in_plate & ~good] = EMPTY
     cells = np.pad(cells, AROUND, constant_values=VOID)
     node_y, node_x = np.divmod(between(plate), at.stride)
-    for below, left in ((0, 0), (0, 1), (1, 0), (1, 1)):
-        corner = AROUND + (node_y - BELOW - below) // 2, AROUND + (node_x - LEFT - left) // 2
+    for below, left_side in ((0, 0), (0, 1), (1, 0), (1, 1)):
+        corner = AROUND + (node_y - BELOW - below) // 2, AROUND + (node_x - LEFT - left_side) // 2
         cells[corner] = np.where(cells[corner] == COARSE, FINE, cells[corner])
     if steep is not None and len(steep):
         cells[in_disc(_around(plate, steep), (reach + RING + 1) / 2) & (cells == COARSE)] = FINE
     for tip_x, tip_y in tips_of(plate).tolist():
         low_x, low_y = (max(int(tip) // 2 - TIPS, 0) + AROUND for tip in (tip_x, tip_y))
-        here = cells[low_y:-AROUND, low_x:-AROUND][: 2 * TIPS, : 2 * TIPS]
-        y, x = np.indices(here.shape) + np.array([low_y - AROUND, low_x - AROUND])[:, None, None]
-        away_x, away_y = (np.maximum(np.abs(tip - 2 * one - 1) - 1, 0) for tip, one in ((tip_x, x), (tip_y, y)))
-        here[(np.hypot(away_x, away_y) < TIPS) & (here == COARSE)] = FINE
+        near_tip = cells[low_y:-AROUND, low_x:-AROUND][: 2 * TIPS, : 2 * TIPS]
+        y, x = np.indices(near_tip.shape) + np.array([low_y - AROUND, low_x - AROUND])[:, None, None]
+        away_x, away_y = (np.maximum(np.abs(tip - 2 * cell - 1) - 1, 0) for tip, cell in ((tip_x, x), (tip_y, y)))
+        near_tip[(np.hypot(away_x, away_y) < TIPS) & (near_tip == COARSE)] = FINE
     return cells.ravel()
 
 
 def _around(plate: Plate, rows: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Mask (rows, columns) of the cells, with those around the plate, that these nodes are in or beside."""
     at = plate.at
-    found = np.zeros((at.ny // 2 + 2 * AROUND, at.nx // 2 + 2 * AROUND), dtype=bool)
+    near_cells = np.zeros((at.ny // 2 + 2 * AROUND, at.nx // 2 + 2 * AROUND), dtype=bool)
     y, x = np.divmod(plate.places_of(rows), at.stride)
-    for below, left in ((0, 0), (0, 1), (1, 0), (1, 1)):
-        found[AROUND + (y - BELOW - below) // 2, AROUND + (x - LEFT - left) // 2] = True
-    return found
+    for below, left_side in ((0, 0), (0, 1), (1, 0), (1, 1)):
+        near_cells[AROUND + (y - BELOW - below) // 2, AROUND + (x - LEFT - left_side) // 2] = True
+    return near_cells
 
 
 def _in_plate(plate: Plate) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Masks (rows, columns) of the cells with some of the plate, and of those that are whole."""
     at = plate.at
-    some, good = np.zeros((2, at.ny // 2, at.nx // 2), dtype=bool)
+    in_plate, good = np.zeros((2, at.ny // 2, at.nx // 2), dtype=bool)
     good[:] = True
-    for low, high in strips(len(some), at.stride):  # of cells
+    for low, high in strips(len(in_plate), at.stride):  # of cells
         first = BELOW + 2 * low - 1
         last = first + 2 * (high - low) + 3
-        there, areas = plate.there_in(first, last), plate.areas_in(first, last)
-        around, whole = quarters(there), squares(there)
-        odd = (np.abs(areas - around / np.float32(4)) > SAME) | there & (around == 3)  # where an edge turns inwards
+        has_node, areas = plate.there_in(first, last), plate.areas_in(first, last)
+        around, full_squares = quarters(has_node), squares(has_node)
+        odd = (np.abs(areas - around / np.float32(4)) > SAME) | has_node & (around == 3)  # where an edge turns inwards
         for y in range(3):
             for x in range(3):
-                here = np.s_[1 + y : y + 2 * (high - low) : 2, LEFT + x : LEFT + x + at.nx - 1 : 2]
-                some[low:high] |= odd[here] & there[here]
-                good[low:high] &= ~odd[here]
+                cell_places = np.s_[1 + y : y + 2 * (high - low) : 2, LEFT + x : LEFT + x + at.nx - 1 : 2]
+                in_plate[low:high] |= odd[cell_places] & has_node[cell_places]
+                good[low:high] &= ~odd[cell_places]
                 if x < 2 and y < 2:
-                    some[low:high] |= whole[here]
-                    good[low:high] &= whole[here]
-    return some, good
+                    in_plate[low:high] |= full_squares[cell_places]
+                    good[low:high] &= full_squares[cell_places]
+    return in_plate, good
 
 
 def squares_in_cells(plate: Plate) -> NDArray[np.uint8]:
     """Number (c,) of squares with a node at all four corners, in each cell."""
     at = plate.at
-    found = np.zeros((at.ny // 2, at.nx // 2), dtype=np.uint8)
-    for low, high in strips(len(found), at.stride):
-        whole = squares(plate.there_in(BELOW + 2 * low, BELOW + 2 * high + 1))[:-1, LEFT : LEFT + at.nx]
-        found[low:high] = whole.reshape(high - low, 2, at.nx // 2, 2).sum(axis=(1, 3))
-    return np.pad(found, AROUND).ravel()
+    counts = np.zeros((at.ny // 2, at.nx // 2), dtype=np.uint8)
+    for low, high in strips(len(counts), at.stride):
+        full_squares = squares(plate.there_in(BELOW + 2 * low, BELOW + 2 * high + 1))[:-1, LEFT : LEFT + at.nx]
+        counts[low:high] = full_squares.reshape(high - low, 2, at.nx // 2, 2).sum(axis=(1, 3))
+    return np.pad(counts, AROUND).ravel()
 
 
 def tips_of(plate: Plate) -> NDArray[np.float64]:
@@ -340,7 +340,7 @@ def adapt_of(model: Model) -> str:
     return how if how != "none" else "hybrid"
 
 
-def refused(model: Model, place: str, found: str, expected: str) -> ModelError:
+def refused(model: Model, place: str, actual: str, expected: str) -> ModelError:
     """A ModelError that names the adaptivity and what it does not support."""
     name = place if place in ("mode", "precision") else f"{model.name}: {place}"
-    return ModelError(unfit(name, found, f"{expected}, as run.adapt is {adapt_of(model)}"))
+    return ModelError(unfit(name, actual, f"{expected}, as run.adapt is {adapt_of(model)}"))

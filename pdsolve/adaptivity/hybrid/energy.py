@@ -27,7 +27,7 @@ def strain_e(table, k, eta_x, eta_y):  # type: ignore[no-untyped-def]
 @njit(**INNER)
 def fine_held(ground, fine, u, p):  # type: ignore[no-untyped-def]
     """Half of the energy of a fine node's bonds, J/m."""
-    row, lane, held = p // ROW, p % ROW, 0.0
+    row, lane, energy = p // ROW, p % ROW, 0.0
     entry = fine.entry[row]
     for k in range(len(ground.ways)):
         stiffness = fine.own[entry, k, lane] if entry >= 0 else ground.table[k, 5]
@@ -37,14 +37,14 @@ def fine_held(ground, fine, u, p):  # type: ignore[no-untyped-def]
         eta_x, eta_y = displaced(u, fine.shrink, ground.table[k, 0], ground.table[k, 1], p, j)
         e = strain_e(ground.table, k, eta_x, eta_y)
         stretch = e / (np.sqrt(1 + e) + 1)
-        held += stiffness / ground.table[k, 4] * stretch * stretch / 4
-    return held
+        energy += stiffness / ground.table[k, 4] * stretch * stretch / 4
+    return energy
 
 
 @njit(**INNER)
 def green_held(nodes, table, ways, u, q):  # type: ignore[no-untyped-def]
     """Half of the energy of the springs of a node of a compact lattice, J/m."""
-    row, lane, held = q // ROW, q % ROW, 0.0
+    row, lane, energy = q // ROW, q % ROW, 0.0
     entry = nodes.entry[row]
     for k in range(8):
         stiffness = nodes.own[entry, k, lane] if entry >= 0 else table[k, 5]
@@ -52,8 +52,8 @@ def green_held(nodes, table, ways, u, q):  # type: ignore[no-untyped-def]
             continue
         eta_x, eta_y = displaced(u, nodes.shrink, table[k, 0], table[k, 1], q, q + ways[k])
         e = strain_e(table, k, eta_x, eta_y)
-        held += stiffness / table[k, 4] * e * e / 16
-    return held
+        energy += stiffness / table[k, 4] * e * e / 16
+    return energy
 
 
 def _stretched(u: Any, shrink: Any, x: Any, y: Any, p: Any, j: Any) -> Any:
@@ -75,8 +75,8 @@ def _stretched_lanes(u, shrink, x, y, p, j):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True, **INNER)
 def _apart(u, p, j):  # type: ignore[no-untyped-def]
-    here, there = beside(u, PLANE, p), beside(u, PLANE, j)
-    return there[0] - here[0], there[1] - here[1]
+    displacement, neighbour_displacement = beside(u, PLANE, p), beside(u, PLANE, j)
+    return neighbour_displacement[0] - displacement[0], neighbour_displacement[1] - displacement[1]
 
 
 @njit(**INNER)
@@ -84,7 +84,7 @@ def row_held(nodes, table, ways, green, row, u, s):  # type: ignore[no-untyped-d
     """Set s to half the energies of the springs of a row's lanes, J/m; of coarse ones by Green's strain."""
     entry, slots, none = nodes.entry[row], len(ways), same(u, 0.0)
     for lane in range(0, ROW, across(s)):
-        p, held = np.int64(row * ROW + lane), none
+        p, energy = np.int64(row * ROW + lane), none
         for k in range(slots):
             x, y = table[k, X], table[k, Y]
             eta_x, eta_y = _stretched(u, nodes.shrink, x, y, p, np.int64(p + ways[k]))
@@ -94,8 +94,8 @@ def row_held(nodes, table, ways, green, row, u, s):  # type: ignore[no-untyped-d
                 w = beside(nodes.own, ONE, np.int64((entry * slots + k) * ROW + lane))[0]
                 e = unless_none(w, e, none)
             stretch = e * 0.5 if green else e / (np.sqrt(1.0 + e) + 1.0)
-            held = held + w / table[k, INVERSE] * stretch * stretch * 0.25
-        keep((held,), s, lane)
+            energy = energy + w / table[k, INVERSE] * stretch * stretch * 0.25
+        keep((energy,), s, lane)
 
 
 @njit(forceinline=True, **INNER)
@@ -134,21 +134,21 @@ def kinetic(nodes, p):  # type: ignore[no-untyped-def]
 def energy_of(ground, zone, now, fine_nodes, coarse_nodes):  # type: ignore[no-untyped-def]
     """Strain and kinetic energy, J/m, of some nodes and of the pieces that some own; these fine nodes must be
     marked."""
-    fine, coarse, found = zone.fine, zone.coarse, 0.0
+    fine, coarse, energy = zone.fine, zone.coarse, 0.0
     u, uc = fine.u[now], coarse.u[now]
     for p in fine_nodes:
         if fine.kind[p] == IDLE:
             continue
-        found += fine_held(ground, fine, u, p)
+        energy += fine_held(ground, fine, u, p)
         if fine.kind[p] == FREE:
-            found += kinetic(fine, p)
+            energy += kinetic(fine, p)
     for q in coarse_nodes:
         if coarse.kind[q] == FREE:
-            found += green_held(coarse, ground.coarse_table, ground.coarse_ways, uc, q) + kinetic(coarse, q)
+            energy += green_held(coarse, ground.coarse_table, ground.coarse_ways, uc, q) + kinetic(coarse, q)
     for n in range(zone.number[PIECES]):
         if zone.mark[zone.pieces.owner[n]]:
-            found += piece_held(zone.pieces, u, uc, n)
-    return found
+            energy += piece_held(zone.pieces, u, uc, n)
+    return energy
 
 
 @cached_njit(error_model="numpy")
@@ -163,11 +163,11 @@ def held(ground, zone, now, fine_held_, coarse_held_, far_held):  # type: ignore
         (coarse, COARSE_ROWS, ground.coarse_table, ground.coarse_ways, coarse_held_),
         (zone.far, FAR_ROWS, ground.far_table, ground.far_ways, far_held),
     )
-    for nodes, count, table, ways, found in lattices:
+    for nodes, count, table, ways, energies in lattices:
         for row in nodes.rows[: zone.number[count]]:
             row_held(nodes, table, ways, True, row, nodes.u[now], s)
             for q in range(row * ROW, row * ROW + ROW):
-                found[q] = s[q % ROW] if nodes.kind[q] != IDLE else 0.0
+                energies[q] = s[q % ROW] if nodes.kind[q] != IDLE else 0.0
     for n in range(zone.number[PIECES]):
         half = piece_held(pieces, fine.u[now], coarse.u[now], n) / 2
         for which in range(2):

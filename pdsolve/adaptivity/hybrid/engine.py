@@ -77,8 +77,10 @@ class Hybrid:
         if velocity is not None:
             lattices = (self.zone.fine, None), (self.zone.coarse, self.beneath), (self.zone.far, self.beneath_far)
             for nodes, beneath in lattices:
-                own = np.flatnonzero(nodes.kind == FREE)
-                nodes.v[:, own] = velocity[self.plate.rows_at(own if beneath is None else beneath(own))].T
+                free_places = np.flatnonzero(nodes.kind == FREE)
+                nodes.v[:, free_places] = velocity[
+                    self.plate.rows_at(free_places if beneath is None else beneath(free_places))
+                ].T
         self.renew()
 
     def renew(self) -> None:
@@ -160,15 +162,15 @@ class Hybrid:
 
     def _on_threads(self, *steps: int) -> tuple[int, int, int]:
         """Run the compiled march on all threads until it ends; returns its end code, step and buffer."""
-        threads, found = len(self.zone.s), (0, 0, 0)
+        threads, end = len(self.zone.s), (0, 0, 0)
         arguments, gate = (self.ground, self.zone, self.drive.profiles, self.now, *steps), gate_of(threads)
 
         def work(thread: int) -> None:
-            nonlocal found
-            found = march(*arguments, thread, gate)
+            nonlocal end
+            end = march(*arguments, thread, gate)
 
         side_by_side(work, threads)
-        return found
+        return end
 
     def widen(self, kappa: float) -> None:
         """Make cells fine from now on around coarse bonds at `kappa` of the stretch that breaks or softens bonds."""
@@ -202,10 +204,10 @@ class Hybrid:
         fine, coarse = now.fine._replace(shrink=strains.fine), now.coarse._replace(shrink=strains.coarse)
         self.zone = now._replace(fine=fine, coarse=coarse)
         relieve_all(self.ground, self.zone, self.now)
-        found = self.stored()
+        energy = self.stored()
         self.zone = now
         relieve_all(self.ground, self.zone, self.now)
-        return found
+        return energy
 
     def book(self, work: float) -> None:
         """Book an energy, J/m, as work done on the plate."""
@@ -255,13 +257,13 @@ class Hybrid:
 
     def motion(self) -> NDArray[np.float64]:
         """Kinetic energy, J/m, and momentum, N s/m."""
-        found = np.zeros(3)
+        totals = np.zeros(3)
         for _, nodes, rows in self._lattices():
             for first in range(0, len(rows), TOGETHER):
-                own = self.active(nodes, rows[first : first + TOGETHER])
-                mass, x, y = (np.asarray(one[own], dtype=np.float64) for one in (nodes.mass, *nodes.v))
-                found += (mass / 2 * (x * x + y * y)).sum(), (mass * x).sum(), (mass * y).sum()
-        return found
+                places = self.active(nodes, rows[first : first + TOGETHER])
+                mass, x, y = (np.asarray(column[places], dtype=np.float64) for column in (nodes.mass, *nodes.v))
+                totals += (mass / 2 * (x * x + y * y)).sum(), (mass * x).sum(), (mass * y).sum()
+        return totals
 
     @property
     def spent(self) -> tuple[float, float, float]:
@@ -278,25 +280,29 @@ class Hybrid:
     def keep(self) -> Kept:
         """Arrays for a checkpoint, from which a run continues bit by bit."""
         zone, broken = self.zone, self.zone.number[BREAKS]
-        kept = {f"break_{name}": column[:broken].copy() for name, column in zone.breaks._asdict().items()}
+        checkpoint = {f"break_{name}": column[:broken].copy() for name, column in zone.breaks._asdict().items()}
         for name, nodes, rows in self._lattices():
             idle = nodes.kind.reshape(-1, ROW)[rows] == IDLE
             for field, values in (("u", nodes.u[self.now]), ("v", nodes.v), ("f", nodes.f)):
-                found = values.reshape(2, -1, ROW)[:, rows]
-                found[:, idle] = 0.0
-                kept[f"{name}_{field}"] = found.reshape(2, -1)
-            kept[f"{name}_wide"] = nodes.wide[rows]
+                row_values = values.reshape(2, -1, ROW)[:, rows]
+                row_values[:, idle] = 0.0
+                checkpoint[f"{name}_{field}"] = row_values.reshape(2, -1)
+            checkpoint[f"{name}_wide"] = nodes.wide[rows]
             if nodes.damped is not None:
                 slowed = np.flatnonzero(nodes.damped)
-                kept |= {f"{name}_slowed": slowed, f"{name}_damped": nodes.damped[slowed]}
+                checkpoint |= {f"{name}_slowed": slowed, f"{name}_damped": nodes.damped[slowed]}
         if self.ground.varied:
             entries = zone.fine.entry[zone.fine.rows[: zone.number[ROWS]]]
-            own = np.where(entries < 0, -2 - entries, entries)
-            kept |= {"edge": zone.fine.edge[own], "own": zone.fine.own[own], "usual": entries < 0}
+            stiffness_rows = np.where(entries < 0, -2 - entries, entries)
+            checkpoint |= {
+                "edge": zone.fine.edge[stiffness_rows],
+                "own": zone.fine.own[stiffness_rows],
+                "usual": entries < 0,
+            }
         stirs = zone.stirs[: zone.number[STIRS]].copy()
-        kept |= {"holds": zone.holds.value.copy(), "stirs": stirs, "spent": zone.spent[self.spenders()]}
+        checkpoint |= {"holds": zone.holds.value.copy(), "stirs": stirs, "spent": zone.spent[self.spenders()]}
         number = zone.number[:ENTRIES].copy()  # the others say where rows are, and what changed last
-        return kept | {"cells": zone.cells.copy(), "total": zone.total.copy(), "number": number}
+        return checkpoint | {"cells": zone.cells.copy(), "total": zone.total.copy(), "number": number}
 
     def _put_bits(self, node: NDArray[np.int64], spring: NDArray[np.integer]) -> None:
         """Mark exactly these bonds as broken, besides those missing at the start."""
@@ -305,9 +311,9 @@ class Hybrid:
             lost[before[before_spring == k]] &= ~(np.uint64(1) << np.uint64(k))
             lost[node[spring == k]] |= np.uint64(1) << np.uint64(k)
 
-    def back(self, kept: Kept) -> None:
+    def back(self, checkpoint: Kept) -> None:
         """Restore a checkpoint. Raises CheckpointError."""
-        zone, breaks, cells = self.zone, self._kept_breaks(kept), like(kept, "cells", self.zone.cells)
+        zone, breaks, cells = self.zone, self._kept_breaks(checkpoint), like(checkpoint, "cells", self.zone.cells)
         self._check_cells(cells)
         node = breaks.node
         self._put_bits(node, breaks.spring)
@@ -321,21 +327,25 @@ class Hybrid:
         zone = self.zone
         for name, column in zone.breaks._asdict().items():
             column[: len(node)] = breaks._asdict()[name]
-        self._put_numbers(kept, node, breaks.spring)
+        self._put_numbers(checkpoint, node, breaks.spring)
         if self.ground.varied:
             rows = zone.fine.rows[: zone.number[ROWS]]
-            own = np.where(zone.fine.entry[rows] < 0, -2 - zone.fine.entry[rows], zone.fine.entry[rows])
+            stiffness_rows = np.where(zone.fine.entry[rows] < 0, -2 - zone.fine.entry[rows], zone.fine.entry[rows])
             for name, array in (("edge", zone.fine.edge), ("own", zone.fine.own)):
-                array[own] = entry(kept, name, (len(own), *array.shape[1:]), array.dtype, high=np.inf)
-            zone.fine.entry[rows] = np.where(entry(kept, "usual", own.shape, np.bool_), -2 - own, own)
+                array[stiffness_rows] = entry(
+                    checkpoint, name, (len(stiffness_rows), *array.shape[1:]), array.dtype, high=np.inf
+                )
+            zone.fine.entry[rows] = np.where(
+                entry(checkpoint, "usual", stiffness_rows.shape, np.bool_), -2 - stiffness_rows, stiffness_rows
+            )
         for name, nodes, rows in self._lattices():
             places = (rows[:, None] * ROW + np.arange(ROW)).ravel()
             for field, values in (("u", nodes.u[0]), ("v", nodes.v), ("f", nodes.f)):
-                values[:, places] = entry(kept, f"{name}_{field}", (2, len(places)), values.dtype)
-            nodes.wide[rows] = entry(kept, f"{name}_wide", rows.shape, np.uint8)
-        zone.holds.value[:] = like(kept, "holds", zone.holds.value)
-        zone.total[:] = like(kept, "total", zone.total)
-        _put_damped(kept, zone)
+                values[:, places] = entry(checkpoint, f"{name}_{field}", (2, len(places)), values.dtype)
+            nodes.wide[rows] = entry(checkpoint, f"{name}_wide", rows.shape, np.uint8)
+        zone.holds.value[:] = like(checkpoint, "holds", zone.holds.value)
+        zone.total[:] = like(checkpoint, "total", zone.total)
+        _put_damped(checkpoint, zone)
 
     def _check_cells(self, cells: NDArray[np.uint8]) -> None:
         """Raise CheckpointError for cells (c,) that those of the start do not become."""
@@ -345,40 +355,40 @@ class Hybrid:
         if not ((cells == start) | may).all():
             raise CheckpointError("cells are not those of the start; coarse ones may only become fine")
 
-    def _kept_breaks(self, kept: Kept) -> arrays.Breaks:
+    def _kept_breaks(self, checkpoint: Kept) -> arrays.Breaks:
         """Broken bonds of a checkpoint, checked to exist at the start and to have broken once in each direction."""
         ground, plate = self.ground, self.plate
-        step = entry(kept, "break_step", (None,), np.int32, 1)
-        node = entry(kept, "break_node", step.shape, np.int64, 0, plate.at.places - 1)
-        spring = entry(kept, "break_spring", step.shape, np.int32, 0, len(ground.ways) - 1)
-        other, half = node + ground.ways[spring], len(ground.ways) // 2
-        inside = (other >= 0) & (other < plate.at.places)
-        inside &= plate.has(node) & plate.has(other.clip(0, plate.at.places - 1))
-        owner = np.where(spring < half, node, other.clip(0, plate.at.places - 1))
-        whole = are_intact(ground.nodes, self.zone.lost, owner, spring % half)
-        if not (inside & whole).all() or len(np.unique(node * 2 * half + spring)) < len(node):
+        step = entry(checkpoint, "break_step", (None,), np.int32, 1)
+        node = entry(checkpoint, "break_node", step.shape, np.int64, 0, plate.at.places - 1)
+        spring = entry(checkpoint, "break_spring", step.shape, np.int32, 0, len(ground.ways) - 1)
+        target, half = node + ground.ways[spring], len(ground.ways) // 2
+        inside = (target >= 0) & (target < plate.at.places)
+        inside &= plate.has(node) & plate.has(target.clip(0, plate.at.places - 1))
+        owner = np.where(spring < half, node, target.clip(0, plate.at.places - 1))
+        intact = are_intact(ground.nodes, self.zone.lost, owner, spring % half)
+        if not (inside & intact).all() or len(np.unique(node * 2 * half + spring)) < len(node):
             raise CheckpointError("a broken bond is none of the plate, or there twice")
         return arrays.Breaks(step, node, spring)
 
-    def _put_numbers(self, kept: Kept, node: NDArray[np.int64], spring: NDArray[np.int32]) -> None:
+    def _put_numbers(self, checkpoint: Kept, node: NDArray[np.int64], spring: NDArray[np.int32]) -> None:
         """Restore the counts of a checkpoint with these broken bonds, and the nodes with softened or broken bonds."""
-        zone, number = self.zone, entry(kept, "number", (None,), np.int64)
+        zone, number = self.zone, entry(checkpoint, "number", (None,), np.int64)
         if len(number) < ENTRIES:
             raise CheckpointError(f"'number' has {len(number)} values; it needs {ENTRIES} at least")
-        stirs = entry(kept, "stirs", (None,), np.int64, 0, len(zone.stirs) - 1)
+        stirs = entry(checkpoint, "stirs", (None,), np.int64, 0, len(zone.stirs) - 1)
         fine = zone.fine.kind
         if (number[[BREAKS, STIRS]] != [len(node), len(stirs)]).any() or not 0 <= number[KNOWN] <= len(stirs):
             raise CheckpointError(f"'number' has other counts; there are {len(node)} bonds and {len(stirs)} nodes")
         if len(np.unique(stirs)) < len(stirs) or (fine[stirs] == IDLE).any():
             raise CheckpointError("stirred nodes are there twice, or are not fine")
-        gone = (fine[node] == IDLE) | (fine[node + self.ground.ways[spring]] == IDLE)
-        if gone.any():
+        has_idle_end = (fine[node] == IDLE) | (fine[node + self.ground.ways[spring]] == IDLE)
+        if has_idle_end.any():
             raise CheckpointError("a broken bond is of a node that is not fine")
         zone.stirs[: len(stirs)], zone.stirred[stirs] = stirs, True
         zone.spent[:] = 0.0
         zone.number[[BREAKS, STIRS, KNOWN, REGRIDS]] = number[[BREAKS, STIRS, KNOWN, REGRIDS]]
         spenders = self.spenders()
-        zone.spent[spenders] = entry(kept, "spent", spenders.shape, float)
+        zone.spent[spenders] = entry(checkpoint, "spent", spenders.shape, float)
 
     def bytes(self) -> int:
         """Memory of all arrays, bytes; untouched parts take none in practice."""
@@ -386,10 +396,10 @@ class Hybrid:
         return sum(array.nbytes for part in lattices for array in part if array is not None)
 
 
-def _put_damped(kept: Kept, zone: Zone) -> None:
+def _put_damped(checkpoint: Kept, zone: Zone) -> None:
     """Restore the energies that damping has taken from nodes."""
     for name, damped in (("fine", zone.fine.damped), ("coarse", zone.coarse.damped)):
         if damped is not None:
-            slowed = entry(kept, f"{name}_slowed", (None,), np.int64, 0, len(damped) - 1)
+            slowed = entry(checkpoint, f"{name}_slowed", (None,), np.int64, 0, len(damped) - 1)
             damped[:] = 0.0
-            damped[slowed] = entry(kept, f"{name}_damped", slowed.shape, float)
+            damped[slowed] = entry(checkpoint, f"{name}_damped", slowed.shape, float)

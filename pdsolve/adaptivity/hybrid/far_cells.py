@@ -56,9 +56,9 @@ def far_cells(
     rows, columns = at.ny // 2, at.nx // 2
     if rows * columns < WORTH_FAR or ground.cell.shape[1] > 1 or ground.nodes.damping is not None:
         return cells
-    found = cells.reshape(-1, at.cell_stride).copy()
-    inner = found[RIM : RIM + rows, RIM : RIM + columns]
-    odd = (inner != COARSE) | ground.cut_cells.reshape(found.shape)[RIM : RIM + rows, RIM : RIM + columns]
+    new_cells = cells.reshape(-1, at.cell_stride).copy()
+    inner = new_cells[RIM : RIM + rows, RIM : RIM + columns]
+    odd = (inner != COARSE) | ground.cut_cells.reshape(new_cells.shape)[RIM : RIM + rows, RIM : RIM + columns]
     y, x = np.divmod(driven, at.stride)
     odd[((y - BELOW) // 2).clip(max=rows - 1), ((x - LEFT) // 2).clip(max=columns - 1)] = True
     odd = in_square(odd, AWAY)[: rows // 2 * 2, : columns // 2 * 2]
@@ -66,7 +66,7 @@ def far_cells(
     for row in (0, 1):
         for column in (0, 1):
             inner[row : rows // 2 * 2 : 2, column : columns // 2 * 2 : 2][far] = FAR
-    return found.ravel()
+    return new_cells.ravel()
 
 
 @njit(**INNER)
@@ -150,16 +150,16 @@ def _list_around(at, zone, blocks):  # type: ignore[no-untyped-def]
 @njit(**INNER)
 def _energy(ground, zone, now):  # type: ignore[no-untyped-def]
     """Energy, J/m, of the listed nodes."""
-    coarse, far, found = zone.coarse, zone.far, 0.0
+    coarse, far, energy = zone.coarse, zone.far, 0.0
     for q in zone.around[: zone.number[AROUND]]:
         if coarse.kind[q] != IDLE:
-            found += green_held(coarse, ground.coarse_table, ground.coarse_ways, coarse.u[now], q)
+            energy += green_held(coarse, ground.coarse_table, ground.coarse_ways, coarse.u[now], q)
         if coarse.kind[q] == FREE:
-            found += kinetic(coarse, q)
+            energy += kinetic(coarse, q)
     for q in zone.far_around[: zone.number[FAR_AROUND]]:
         if far.kind[q] == FREE:
-            found += green_held(far, ground.far_table, ground.far_ways, far.u[now], q) + kinetic(far, q)
-    return found
+            energy += green_held(far, ground.far_table, ground.far_ways, far.u[now], q) + kinetic(far, q)
+    return energy
 
 
 @njit(**INNER)
@@ -170,9 +170,9 @@ def _begin(ground, zone, now):  # type: ignore[no-untyped-def]
         if coarse.kind[q] == FREE:
             continue
         x, y = coarse_column(at, q), coarse_row(at, q)
-        for values, own in ((far.u[now], coarse.u[now]), (far.v, coarse.v)):
+        for values, coarse_values in ((far.u[now], coarse.u[now]), (far.v, coarse.v)):
             bilinear_of_far(at, values, x, y, two)
-            own[0, q], own[1, q] = two[0], two[1]
+            coarse_values[0, q], coarse_values[1, q] = two[0], two[1]
 
 
 @njit(**INNER)

@@ -31,20 +31,20 @@ def is_far(at, cells, x, y):  # type: ignore[no-untyped-def]
 @njit(**INNER)
 def far_around(at, cells, x, y):  # type: ignore[no-untyped-def]
     """Number of cells of 2 h around coarse node x, y, that are far."""
-    found = 0
+    count = 0
     for sy in (-1, 0):
         for sx in (-1, 0):
-            found += cells[cell_place(at, x + sx, y + sy)] == FAR
-    return found
+            count += cells[cell_place(at, x + sx, y + sy)] == FAR
+    return count
 
 
 @njit(forceinline=True, **INNER)
 def tied_end(at, x, y):  # type: ignore[no-untyped-def]
     """The far nodes that coarse node x, y on their border moves with, and the share of the second."""
-    one = far_place(at, x // 2, y // 2)
+    first = far_place(at, x // 2, y // 2)
     if x % 2 == 0 and y % 2 == 0:
-        return one, one, 0.0
-    return one, one + (1 if x % 2 else at.far_stride), 0.5
+        return first, first, 0.0
+    return first, first + (1 if x % 2 else at.far_stride), 0.5
 
 
 @njit(**INNER)
@@ -85,14 +85,14 @@ def set_far(ground, zone, q):  # type: ignore[no-untyped-def]
 @njit(**INNER)
 def _passed_on(at, coarse, q):  # type: ignore[no-untyped-def]
     """Mass that coarse nodes pass to far node q."""
-    x, y, found = 2 * far_column(at, q), 2 * far_row(at, q), 0.0
+    x, y, mass = 2 * far_column(at, q), 2 * far_row(at, q), 0.0
     for n in range(9):
         column, row = x + n % 3 - 1, y + n // 3 - 1
         p = coarse_place(at, column, row)
         if coarse.kind[p] == BORDER:
             a, b, w = tied_end(at, column, row)
-            found += coarse.mass[p] * ((1 - w if a == q else 0.0) + (w if b == q else 0.0))
-    return found
+            mass += coarse.mass[p] * ((1 - w if a == q else 0.0) + (w if b == q else 0.0))
+    return mass
 
 
 @njit(**INNER)
@@ -102,8 +102,8 @@ def _spring_of(ground, cells, x, y, k):  # type: ignore[no-untyped-def]
     x0, y0 = x + min(dx, 0), y + min(dy, 0)
     if dx != 0 and dy != 0:
         return ground.cell[1, 0] if is_far(at, cells, x0, y0) else 0.0
-    beside = is_far(at, cells, x0 - (dy != 0), y0 - (dx != 0))
-    return 0.5 * ground.cell[0, 0] * (is_far(at, cells, x0, y0) + beside)
+    far_across = is_far(at, cells, x0 - (dy != 0), y0 - (dx != 0))
+    return 0.5 * ground.cell[0, 0] * (is_far(at, cells, x0, y0) + far_across)
 
 
 @njit(**INNER)

@@ -138,27 +138,27 @@ def _sum_fine(ground, zone, now, step, thread, job):  # type: ignore[no-untyped-
     """
     fine, s = zone.fine, zone.s[thread]
     wide, u, breaks, aside = across(s), fine.u[now], job == BROKEN, zone.aside[thread]
-    each = ROW // wide
-    count = zone.asides[0] if breaks else zone.number[ROWS] * each
+    parts_per_row = ROW // wide
+    count = zone.asides[0] if breaks else zone.number[ROWS] * parts_per_row
     while True:
         first = take(zone.turns, job) * PART
         if first >= count:
             return
         for n in range(first, min(first + PART, count)):
-            p = aside[n] if breaks else fine.rows[n // each] * ROW + n % each * wide
-            row, found = p // ROW, 1
+            p = aside[n] if breaks else fine.rows[n // parts_per_row] * ROW + n % parts_per_row * wide
+            row, flags = p // ROW, 1
             if breaks:
                 break_bonds(ground, zone, u, p, wide, step)
             elif fine.wide[row] == 0:
-                found = sum_narrow(ground, fine, u, fine.entry[row], p % ROW, p, ground.least[0], s)
-            if found & 1:
+                flags = sum_narrow(ground, fine, u, fine.entry[row], p % ROW, p, ground.least[0], s)
+            if flags & 1:
                 fine.wide[row] = fine.wide[row] or not breaks
-                found = _sum_wide(ground, fine, u, fine.entry[row], p % ROW, p, s)
-            if found & 2 and not breaks and step > 0:
+                flags = _sum_wide(ground, fine, u, fine.entry[row], p % ROW, p, s)
+            if flags & 2 and not breaks and step > 0:
                 aside[zone.asides[8 * thread]] = p
                 zone.asides[8 * thread] += 1
                 continue
-            if found & 1:
+            if flags & 1:
                 _sum_far(ground, fine, u, p, wide, s)
             if breaks or fine.touched[row]:
                 add_forces(fine.f, p, wide, s)
@@ -247,7 +247,7 @@ def _sweep(ground, zone, lattice, now, lag, ends, thread, part):  # type: ignore
     """
     coarse, count, table, ways = lattice
     stage, job, touched = part
-    s, dt, own, limit = zone.s[thread], ground.dt, coarse.own, ground.least[2]
+    s, dt, row_stiffness, limit = zone.s[thread], ground.dt, coarse.own, ground.least[2]
     wide, u, after = across(s), coarse.u[now], coarse.u[1 - now]
     while counted(zone.turns, STAGE) < stage:
         first = take(zone.turns, job) * COARSE_PART
@@ -260,9 +260,11 @@ def _sweep(ground, zone, lattice, now, lag, ends, thread, part):  # type: ignore
             for lane in range(0, ROW, wide):
                 q = row * ROW + lane
                 if entry >= 0:
-                    hot |= sum_green_own(u, table, ways, own, coarse.shrink, 8, entry * 8 * ROW + lane, q, limit, s)
+                    hot |= sum_green_own(
+                        u, table, ways, row_stiffness, coarse.shrink, 8, entry * 8 * ROW + lane, q, limit, s
+                    )
                 else:
-                    hot |= sum_green(u, table, ways, own, coarse.shrink, 8, 0, q, limit, s)
+                    hot |= sum_green(u, table, ways, row_stiffness, coarse.shrink, 8, 0, q, limit, s)
                 if touched:
                     add_forces(coarse.f, q, wide, s)
                 slow(coarse, q, wide, lag, s)

@@ -45,33 +45,33 @@ class Irregular(NamedTuple):
 def irregular(plate: Plate, springs: tuple[Springs, ...]) -> Irregular:
     """Bonds of all nodes near irregular places; `springs` holds those of each material."""
     reach = int(np.abs(springs[0].dx).max())
-    places, asked = _near(plate, reach)
+    places, is_close = _near(plate, reach)
     rows = plate.rows_at(places)
     order = np.argsort(rows)
-    some, wanted = rows[order], asked[order]
-    first, which = np.unique(first_alike(plate, some[wanted], reach), return_inverse=True)
+    sorted_rows, wanted = rows[order], is_close[order]
+    first, which = np.unique(first_alike(plate, sorted_rows[wanted], reach), return_inverse=True)
     nothing, count = np.zeros((0, len(springs[0].dx))), len(first)
     kind, family, sums = np.zeros(count, np.int32), np.zeros(count, np.int64), np.zeros((count, nothing.shape[1]))
-    found = Irregular(some[wanted], which, sums, kind, nothing, nothing, family, np.zeros(count))
+    irregular_bonds = Irregular(sorted_rows[wanted], which, sums, kind, nothing, nothing, family, np.zeros(count))
     if not count:
-        return found
+        return irregular_bonds
     numbers = np.flatnonzero(wanted)
-    parts = _parts(part_of(plate.model, some), numbers, first, which)
-    limits = _fill(plate, parts, some, numbers[first], springs, found)
-    return found._replace(peak=limits[:, 0].copy(), limit=limits[:, 1].copy())
+    parts = _parts(part_of(plate.model, sorted_rows), numbers, first, which)
+    limits = _fill(plate, parts, sorted_rows, numbers[first], springs, irregular_bonds)
+    return irregular_bonds._replace(peak=limits[:, 0].copy(), limit=limits[:, 1].copy())
 
 
 def _near(plate: Plate, reach: int) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     """Places (k,) of the nodes within three of a family's reaches of an irregular place, and which are within two."""
     stride, rows = plate.at.stride, plate.at.places // plate.at.stride
-    places, asked = [], []
+    places, is_close = [], []
     for low, high in strips(rows, stride, WIDE):
         first = max(low - 3 * reach, 0)
-        odd, here = _odd(plate, reach, first, min(high + 3 * reach, rows)), np.s_[low - first : high - first]
-        near = np.flatnonzero(plate.there_in(low, high) & in_square(odd, 3 * reach)[here])
+        odd, strip = _odd(plate, reach, first, min(high + 3 * reach, rows)), np.s_[low - first : high - first]
+        near = np.flatnonzero(plate.there_in(low, high) & in_square(odd, 3 * reach)[strip])
         places.append(near + low * stride)
-        asked.append(in_square(odd, 2 * reach)[here].ravel()[near])
-    return np.concatenate(places), np.concatenate(asked)
+        is_close.append(in_square(odd, 2 * reach)[strip].ravel()[near])
+    return np.concatenate(places), np.concatenate(is_close)
 
 
 def _odd(plate: Plate, reach: int, low: int, high: int) -> NDArray[np.bool_]:
@@ -84,8 +84,8 @@ def _odd(plate: Plate, reach: int, low: int, high: int) -> NDArray[np.bool_]:
     if plate.model.settings.regions:
         field = plate.materials_in(first, last)
         for axis in (0, 1):
-            other = np.diff(field, axis=axis) != 0
-            odd |= np.pad(other, [(0, int(a == axis)) for a in (0, 1)])
+            interface = np.diff(field, axis=axis) != 0
+            odd |= np.pad(interface, [(0, int(a == axis)) for a in (0, 1)])
     odd = odd[low - first : high - first]
     around = reach + 1
     near = np.zeros((high - low + 2 * around, at.stride), dtype=bool)
@@ -105,9 +105,9 @@ def part_of(model: Model, rows: NDArray[np.int64]) -> Model:
     part = model.grid.part(rows)
     regions = []
     for region in model.settings.regions:
-        own = part.ids[selection.selected(part, region.nodes, region.box)]
-        if len(own):
-            regions.append(msgspec.structs.replace(region, nodes=tuple(own.tolist()), box=None))
+        region_ids = part.ids[selection.selected(part, region.nodes, region.box)]
+        if len(region_ids):
+            regions.append(msgspec.structs.replace(region, nodes=tuple(region_ids.tolist()), box=None))
     settings = msgspec.structs.replace(model.settings, conditions=(), regions=tuple(regions))
     return Model(part, settings, model.name)
 
@@ -119,59 +119,59 @@ def _parts(
     corrected. `which` (s,) of the first each of the rows (s,) is like."""
     rule, chunks = Rule(model), np.array_split(rows[first], -(-len(first) // ROWS))
     lack = np.ones((len(model.grid), 2))
-    kept: list[Paired | None] = []
-    for some in chunks:
-        found = rule.looked(rule.neighbours.pairs(some))
-        lack[some] = rule.lack(some, found)
-        kept.append(found if len(kept) < KEPT else None)
+    chunk_pairs: list[Paired | None] = []
+    for chunk in chunks:
+        paired = rule.looked(rule.neighbours.pairs(chunk))
+        lack[chunk] = rule.lack(chunk, paired)
+        chunk_pairs.append(paired if len(chunk_pairs) < KEPT else None)
     lack[rows] = lack[rows[first[which]]]
-    for number, some in enumerate(chunks):
-        found, kept[number] = kept[number] or rule.looked(rule.neighbours.pairs(some)), None
-        yield some, rule.part(some, found, lack)
+    for number, chunk in enumerate(chunks):
+        paired, chunk_pairs[number] = chunk_pairs[number] or rule.looked(rule.neighbours.pairs(chunk)), None
+        yield chunk, rule.part(chunk, paired, lack)
 
 
 def _fill(
     plate: Plate,
     parts: Iterable[tuple[NDArray[np.int64], Part]],
-    some: NDArray[np.int64],
-    asked: NDArray[np.int64],
+    sorted_rows: NDArray[np.int64],
+    numbers: NDArray[np.int64],
     springs: tuple[Springs, ...],
-    found: Irregular,
+    irregular_bonds: Irregular,
 ) -> NDArray[np.float64]:
-    """Store in `found` the bonds that a scheme makes of part of the plate; `some` are its rows, of which those with the
-    numbers `asked` are. Returns their different peaks and limits (j, 2, k)."""
+    """Store in `irregular_bonds` the bonds that a scheme makes of part of the plate; `sorted_rows` are its rows, of
+    which those with the numbers `numbers` are. Returns their different peaks and limits (j, 2, k)."""
     reach = int(np.abs(springs[0].dx).max()) + 1
     number = np.full((2 * reach + 1, 2 * reach + 1), -1)
     number[springs[0].dy + reach, springs[0].dx + reach] = np.arange(len(springs[0].dx))
-    full = np.array([one.table[:, 5] for one in springs])
-    material, area = plate.model.material_of, plate.areas_of(some) * plate.h**2
-    known: dict[bytes, int] = {}
-    for own, part in parts:
-        bonds, slot = part.bonds, np.searchsorted(asked, own)
-        at = np.repeat(np.arange(len(own)), np.diff(bonds.start))
-        source, xi = own[at], bonds.xi
+    full = np.array([material_springs.table[:, 5] for material_springs in springs])
+    material, area = plate.model.material_of, plate.areas_of(sorted_rows) * plate.h**2
+    number_by_limits: dict[bytes, int] = {}
+    for chunk, part in parts:
+        bonds, slot = part.bonds, np.searchsorted(numbers, chunk)
+        at = np.repeat(np.arange(len(chunk)), np.diff(bonds.start))
+        source, xi = chunk[at], bonds.xi
         step = np.round(xi / plate.h).astype(np.int64)
-        k, row = number[step[:, 1] + reach, step[:, 0] + reach], some[source]
+        k, row = number[step[:, 1] + reach, step[:, 0] + reach], sorted_rows[source]
         stiffness = bonds.stiffness * area[source] / np.hypot(*xi.T)
         usual = full[material[row], k]
-        found.springs[slot[at], k] = np.where(np.abs(stiffness - usual) < ROUND_OFF * usual, usual, stiffness)
-        limits = np.zeros((len(own), 2, full.shape[1]))
+        irregular_bonds.springs[slot[at], k] = np.where(np.abs(stiffness - usual) < ROUND_OFF * usual, usual, stiffness)
+        limits = np.zeros((len(chunk), 2, full.shape[1]))
         limits[at, 0, k], limits[at, 1, k] = e_of(bonds.peak), e_of(bonds.limit)
-        found.kind[slot] = _numbers(limits, known)
-        found.family[slot] = part.family[own - part.first]
-        found.stiffness_bound[slot] = stiffness_bound(bonds, bonds.stiffness, True)
-    return np.frombuffer(b"".join(known)).reshape(-1, 2, full.shape[1])
+        irregular_bonds.kind[slot] = _numbers(limits, number_by_limits)
+        irregular_bonds.family[slot] = part.family[chunk - part.first]
+        irregular_bonds.stiffness_bound[slot] = stiffness_bound(bonds, bonds.stiffness, True)
+    return np.frombuffer(b"".join(number_by_limits)).reshape(-1, 2, full.shape[1])
 
 
-def _numbers(limits: NDArray[np.float64], known: dict[bytes, int]) -> NDArray[np.int64]:
-    """Number (n,) of each of these (n, 2, k) in `known`, to which new ones are added; most are one of a few."""
+def _numbers(limits: NDArray[np.float64], number_by_limits: dict[bytes, int]) -> NDArray[np.int64]:
+    """Number (n,) of each of these (n, 2, k) in `number_by_limits`, to which new ones are added; few differ."""
     bits = limits.reshape(len(limits), -1).view(np.int64)
     _, first, which = np.unique(bits @ np.arange(1, 2 * bits.shape[1], 2), return_index=True, return_inverse=True)
     if (bits != bits[first[which]]).any():  # two have the same sum
         first, which = np.arange(len(bits)), np.arange(len(bits))
     numbers = np.zeros(len(first), dtype=np.int64)
-    for one in np.argsort(first).tolist():
-        numbers[one] = known.setdefault(limits[first[one]].tobytes(), len(known))
+    for index in np.argsort(first).tolist():
+        numbers[index] = number_by_limits.setdefault(limits[first[index]].tobytes(), len(number_by_limits))
     return np.asarray(numbers[which])
 
 
@@ -189,9 +189,9 @@ def first_alike(plate: Plate, rows: NDArray[np.int64], reach: int) -> NDArray[np
     at = np.column_stack([x, y]) + np.array(plate.first)
     for crack in plate.cracks:
         near = np.flatnonzero(_distance(at, crack) < 1.5 * far)
-        beside = np.zeros(len(rows), dtype=np.int64)
-        beside[near] = 1 + (_beside(at[near], crack, 2 * far) if (crack[:2] == crack[2:]).any() else near)
-        kind = np.unique(kind, return_inverse=True)[1] * (1 + beside.max(initial=0)) + beside
+        crack_position = np.zeros(len(rows), dtype=np.int64)
+        crack_position[near] = 1 + (_beside(at[near], crack, 2 * far) if (crack[:2] == crack[2:]).any() else near)
+        kind = np.unique(kind, return_inverse=True)[1] * (1 + crack_position.max(initial=0)) + crack_position
     _, first, which = np.unique(kind, return_index=True, return_inverse=True)
     return np.asarray(first[which])
 
@@ -199,11 +199,11 @@ def first_alike(plate: Plate, rows: NDArray[np.int64], reach: int) -> NDArray[np
 def _beside(at: NDArray[np.int64], crack: NDArray[np.float64], far: int) -> NDArray[np.int64]:
     """A number for each of these places (k, 2) that tells how they lie to a crack along an axis, up to `far` from its
     ends."""
-    found = np.zeros(len(at), dtype=np.int64)
+    numbers = np.zeros(len(at), dtype=np.int64)
     for end in (crack[:2], crack[2:]):
         for away in np.clip(at - np.floor(end).astype(np.int64), -far, far).T:
-            found = (2 * far + 1) * found + away + far
-    return found
+            numbers = (2 * far + 1) * numbers + away + far
+    return numbers
 
 
 def _is_rectangle(plate: Plate) -> bool:

@@ -49,7 +49,7 @@ def merged(at, fine, coarse, at_fine, at_coarse):  # type: ignore[no-untyped-def
 def list_bonds(zone_fine, zone_coarse, lost, ways, same, lists, bonds, springs):  # type: ignore[no-untyped-def]
     """Set the mask (k, family) of past and present bonds of fine nodes to nodes that exist, and the bits (q, 1) of the
     springs of coarse nodes, without those that are fine bonds too: `same` (8,) says which, -1: none."""
-    kind, entry, own = zone_fine
+    kind, entry, row_stiffness = zone_fine
     fine, coarse, at_fine, at_coarse = lists
     half = len(ways) // 2
     for i in range(len(fine)):
@@ -59,19 +59,19 @@ def list_bonds(zone_fine, zone_coarse, lost, ways, same, lists, bonds, springs):
         for k in range(len(ways)):
             j = p + ways[k]
             word = lost[p] >> np.uint64(k) if k < half else lost[j] >> np.uint64(k - half)
-            bonds[i, k] = (own[row, k, lane] > 0 or word & np.uint64(1) != 0) and kind[j] != IDLE
-    entry, own = zone_coarse
+            bonds[i, k] = (row_stiffness[row, k, lane] > 0 or word & np.uint64(1) != 0) and kind[j] != IDLE
+    entry, row_stiffness = zone_coarse
     i = 0
     for j in range(len(coarse)):
-        row, lane, found = coarse[j] // ROW, coarse[j] % ROW, 0
+        row, lane, spring_bits = coarse[j] // ROW, coarse[j] % ROW, 0
         while i < len(fine) and at_fine[i] < at_coarse[j]:
             i += 1
         twin = i < len(fine) and at_fine[i] == at_coarse[j]
         for k in range(8):
-            there = entry[row] < 0 or own[row, k, lane] > 0
-            if there and not (twin and same[k] >= 0 and bonds[i, same[k]]):
-                found |= 128 >> k
-        springs[j, 0] = found
+            has_spring = entry[row] < 0 or row_stiffness[row, k, lane] > 0
+            if has_spring and not (twin and same[k] >= 0 and bonds[i, same[k]]):
+                spring_bits |= 128 >> k
+        springs[j, 0] = spring_bits
 
 
 @cached_njit(nogil=True, error_model="numpy")
@@ -86,10 +86,10 @@ def gather(values, coarse_values, light, coarse_light, border, lists, out):  # t
         on = b < len(node) and node[b] == p
         for axis in range(2):
             if on:
-                one, two = coarse_values[axis, end[b, 0]], coarse_values[axis, end[b, 1]]
+                first, second = coarse_values[axis, end[b, 0]], coarse_values[axis, end[b, 1]]
                 if scaled:
-                    one, two = one * coarse_light[end[b, 0]], two * coarse_light[end[b, 1]]
-                out[n, axis] = (1 - w[b]) * one + w[b] * two
+                    first, second = first * coarse_light[end[b, 0]], second * coarse_light[end[b, 1]]
+                out[n, axis] = (1 - w[b]) * first + w[b] * second
             else:
                 out[n, axis] = values[axis, p] * light[p] if scaled else values[axis, p]
         b += on
@@ -130,9 +130,9 @@ def gather_far(values, light, tied, far, at_far, out):  # type: ignore[no-untype
     for axis in range(2):
         for n in range(len(rows)):
             a, b = end[n, 0], end[n, 1]
-            one, two = values[axis, a], values[axis, b]
-            out[rows[n], axis] = (1 - w[n]) * (one * light[a] if scaled else one) + w[n] * (
-                two * light[b] if scaled else two
+            first, second = values[axis, a], values[axis, b]
+            out[rows[n], axis] = (1 - w[n]) * (first * light[a] if scaled else first) + w[n] * (
+                second * light[b] if scaled else second
             )
         for j in range(len(far)):
             out[at_far[j], axis] = values[axis, far[j]] * light[far[j]] if scaled else values[axis, far[j]]
@@ -150,13 +150,13 @@ def put_far(value, rate, u, v, coarse_u, tied, far, at_far):  # type: ignore[no-
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def bits_of_springs(entry, own, places):  # type: ignore[no-untyped-def]
+def bits_of_springs(entry, row_stiffness, places):  # type: ignore[no-untyped-def]
     """The bits (f, 1) of the springs of nodes of a compact lattice at these places (f,)."""
-    found = np.zeros((len(places), 1), np.uint8)
+    spring_bits = np.zeros((len(places), 1), np.uint8)
     for j in range(len(places)):
         row, lane, bits = places[j] // ROW, places[j] % ROW, 0
         for k in range(8):
-            if entry[row] < 0 or own[row, k, lane] > 0:
+            if entry[row] < 0 or row_stiffness[row, k, lane] > 0:
                 bits |= 128 >> k
-        found[j, 0] = bits
-    return found
+        spring_bits[j, 0] = bits
+    return spring_bits

@@ -27,11 +27,11 @@ from pdsolve.operators.simd_lattice.kernel import INNER
 @njit(**INNER)
 def touches(at, cells, ix, iy, wanted):  # type: ignore[no-untyped-def]
     """Number of quarters around a fine node in cells of a kind."""
-    found = 0
+    count = 0
     for sy in (-1, 0):
         for sx in (-1, 0):
-            found += cells[cell_place(at, (ix + sx) >> 1, (iy + sy) >> 1)] == wanted
-    return found
+            count += cells[cell_place(at, (ix + sx) >> 1, (iy + sy) >> 1)] == wanted
+    return count
 
 
 @njit(**INNER)
@@ -47,8 +47,8 @@ def set_fine(at, mass, cells, fine, p):  # type: ignore[no-untyped-def]
     """Set kind and mass of a fine node with the whole cell `mass`."""
     ix, iy = fine_column(at, p), fine_row(at, p)
     fine.kind[p] = kind_of(at, cells, ix, iy, mass)
-    here, there = touches(at, cells, ix, iy, FINE), touches(at, cells, ix, iy, COARSE)
-    fine.mass[p] = mass * here / (here + there) if here > 0 else 0.0
+    fine_quarters, coarse_quarters = touches(at, cells, ix, iy, FINE), touches(at, cells, ix, iy, COARSE)
+    fine.mass[p] = mass * fine_quarters / (fine_quarters + coarse_quarters) if fine_quarters > 0 else 0.0
     fine.light[p] = 1 / fine.mass[p] if fine.kind[p] == FREE else 0.0
 
 
@@ -64,15 +64,15 @@ def end_on(ground, kind, x, y, direction, w):  # type: ignore[no-untyped-def]
     if w == 0:
         return q, q, 0.0
     step = 1 if direction == 0 else ground.at.coarse_stride
-    other, cut = q + step, ground.edge_cut[direction, q]
+    second, cut = q + step, ground.edge_cut[direction, q]
     if cut == 0:
-        return q, other, w
+        return q, second, w
     if w < cut:
         inner = q - step
         return (q, inner, -w) if kind[inner] == FREE and ground.edge_cut[direction, inner] == 0 else (q, q, 0.0)
-    inner = other + step
-    whole = kind[inner] == FREE and ground.edge_cut[direction, other] == 0
-    return (other, inner, w - 1) if whole else (other, other, 0.0)
+    inner = second + step
+    can_extrapolate = kind[inner] == FREE and ground.edge_cut[direction, second] == 0
+    return (second, inner, w - 1) if can_extrapolate else (second, second, 0.0)
 
 
 @njit(**INNER)
@@ -139,8 +139,8 @@ def spring_of(ground, cells, q, x, y, k):  # type: ignore[no-untyped-def]
     """Stiffness of coarse spring k of a node: half from each coarse cell along an edge; 0 if a pre-crack cuts it."""
     at = ground.at
     dx, dy = ground.coarse_dx[k], ground.coarse_dy[k]
-    one, which = (q, k) if k < 4 else (q + ground.coarse_ways[k], k - 4)
-    if (ground.coarse_bits[one] >> which) & 1:
+    owner, which = (q, k) if k < 4 else (q + ground.coarse_ways[k], k - 4)
+    if (ground.coarse_bits[owner] >> which) & 1:
         return 0.0
     x0, y0 = x + min(dx, 0), y + min(dy, 0)
     c = cell_place(at, x0, y0)
@@ -173,9 +173,9 @@ def _crossed(ground, x, y, along_y):  # type: ignore[no-untyped-def]
     """Where, from the first of a cell's edges parallel to an axis to the second, a pre-crack crosses between them; 0:
     nowhere."""
     q = coarse_place(ground.at, x, y)
-    other = q + (ground.at.coarse_stride if along_y else 1)
-    one, two = ground.edge_cut[1 - along_y, q], ground.edge_cut[1 - along_y, other]
-    return (one + two) / 2 if one > 0 and two > 0 else 0.0
+    opposite = q + (ground.at.coarse_stride if along_y else 1)
+    first, second = ground.edge_cut[1 - along_y, q], ground.edge_cut[1 - along_y, opposite]
+    return (first + second) / 2 if first > 0 and second > 0 else 0.0
 
 
 @njit(**INNER)
@@ -189,13 +189,13 @@ def corner_part(ground, x, y, right, above):  # type: ignore[no-untyped-def]
             return 2 * (1 - across if second else across)
     q, stride = coarse_place(ground.at, x, y), ground.at.coarse_stride
     low, high = ground.edge_cut[0, q], ground.edge_cut[0, q + stride]
-    left, far = ground.edge_cut[1, q], ground.edge_cut[1, q + 1]
+    near, far = ground.edge_cut[1, q], ground.edge_cut[1, q + 1]
     for corner in range(4):
-        one, two = corner % 2, corner // 2
-        along, up = (high if two else low), (far if one else left)
+        is_right, is_above = corner % 2, corner // 2
+        along, up = (high if is_above else low), (far if is_right else near)
         if along > 0 and up > 0:
-            area = (1 - along if one else along) * (1 - up if two else up) / 2
-            return 4 * area if (one, two) == (right, above) else 4 * (1 - area) / 3
+            area = (1 - along if is_right else along) * (1 - up if is_above else up) / 2
+            return 4 * area if (is_right, is_above) == (right, above) else 4 * (1 - area) / 3
     return 1.0
 
 

@@ -61,7 +61,7 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         self.hybrid, self._cut, self._strain = hybrid, cut, 0.0
         self._broken, self._looked = NOTHING, 0  # bonds whose rows are known, and how many have been looked for
         zone = hybrid.zone
-        own, fine = zone.fine, _present(zone.fine, zone.number[ROWS])
+        fine_nodes, fine = zone.fine, _present(zone.fine, zone.number[ROWS])
         coarse, far = _present(zone.coarse, zone.number[COARSE_ROWS]), _present(zone.far, zone.number[FAR_ROWS])
         self._fine, self._coarse, self._far = fine, coarse.astype(np.int32), far.astype(np.int32)
         del coarse, far
@@ -71,7 +71,7 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         self._lists = fine, self._coarse, self._at_fine, self._at_coarse
         self._bonds = np.zeros((len(fine), len(hybrid.ground.ways)), dtype=np.bool_)  # past and present ones
         self._springs = np.zeros((len(self._coarse), 1), dtype=np.uint8)  # bits, without those that are fine bonds too
-        kinds, springs = (own.kind, own.entry, own.own), (zone.coarse.entry, zone.coarse.own)
+        kinds, springs = (fine_nodes.kind, fine_nodes.entry, fine_nodes.own), (zone.coarse.entry, zone.coarse.own)
         list_bonds(kinds, springs, zone.lost, hybrid.ground.ways, self._same(), self._lists, self._bonds, self._springs)
         self._far_springs = bits_of_springs(zone.far.entry, zone.far.own, self._far)  # likewise
         self._changes = self._counts()
@@ -112,8 +112,8 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
     def _parts(self) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
         """Rows and places of the coarse nodes, some at a time."""
         for first in range(0, len(self._coarse), TOGETHER):
-            some = slice(first, first + TOGETHER)
-            yield self._at_coarse[some].astype(np.int64), self._coarse[some].astype(np.int64)
+            chunk = slice(first, first + TOGETHER)
+            yield self._at_coarse[chunk].astype(np.int64), self._coarse[chunk].astype(np.int64)
 
     def _same(self) -> NDArray[np.int64]:
         """Which bond of the fine family each spring (8,) of the coarse lattice is too; -1: none."""
@@ -125,11 +125,13 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
     @cached_property
     def model(self) -> Model:
         """The model of the n current nodes, without conditions."""
-        found = part_of(self.hybrid.plate.model, self.rows)
-        delta = found.grid.delta.copy()
+        active_model = part_of(self.hybrid.plate.model, self.rows)
+        delta = active_model.grid.delta.copy()
         delta[self._at_coarse] *= 2
         delta[self._at_far] = 4 * self.hybrid.plate.h
-        return dataclasses.replace(found, grid=dataclasses.replace(found.grid, delta=delta, areas=self.area))
+        return dataclasses.replace(
+            active_model, grid=dataclasses.replace(active_model.grid, delta=delta, areas=self.area)
+        )
 
     @cached_property
     def area(self) -> NDArray[np.float64]:
@@ -137,21 +139,21 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         plate, zone = self.hybrid.plate, self.hybrid.zone
         nodes = self.hybrid.ground.nodes
         part = zone.fine.mass[self._fine] / of_nodes(nodes, nodes.mass, self._fine)
-        whole = plate.areas_of(plate.rows_at(self._fine)) * plate.h**2
-        found = np.zeros(len(self.places))
-        found[self._at_fine] = part * whole
+        cell_areas = plate.areas_of(plate.rows_at(self._fine)) * plate.h**2
+        areas = np.zeros(len(self.places))
+        areas[self._at_fine] = part * cell_areas
         stride = plate.at.cell_stride
         for rows, coarse in self._parts():
             y, x = np.divmod(coarse, plate.at.coarse_stride)
             corner = (y - BELOW_COARSE + AROUND) * stride + AROUND + x - LEFT
             around = sum((zone.cells[corner - dy * stride - dx] == COARSE) for dy in (0, 1) for dx in (0, 1))
-            found[rows] += plate.h**2 * around
+            areas[rows] += plate.h**2 * around
         for first in range(0, len(self._far), TOGETHER):
             y, x = np.divmod(self._far[first : first + TOGETHER].astype(np.int64), plate.at.far_stride)
             corner = (2 * (y - BELOW_COARSE) + AROUND) * stride + AROUND + 2 * (x - LEFT)
             around = sum((zone.cells[corner - dy * stride - dx] == FAR) for dy in (0, 2) for dx in (0, 2))
-            found[self._at_far[first : first + TOGETHER]] += 4 * plate.h**2 * around
-        return found
+            areas[self._at_far[first : first + TOGETHER]] += 4 * plate.h**2 * around
+        return areas
 
     @cached_property
     def counts(self) -> tuple[NDArray[Any], NDArray[Any]]:
@@ -177,17 +179,17 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         south, west = plate.at.cell_stride, 1
         ne, nw, sw, se = (zone.cells[corner - away] == COARSE for away in (0, west, south + west, south))
         edges = [ne | se, ne | nw, nw | sw, sw | se]
-        return np.asarray(sum(one.astype(np.int16) for one in (ne, nw, sw, se, *edges)))
+        return np.asarray(sum(is_coarse.astype(np.int16) for is_coarse in (ne, nw, sw, se, *edges)))
 
     @property
     def signature(self) -> NDArray[np.int16]:
         """Signature (n,) that changes if a node, its area or its bonds change."""
         quarters = np.round(4 * self.area / self.hybrid.plate.h**2)  # up to 64
-        found = (1900 * quarters % 2**15).astype(np.int16)
-        found[self._at_fine] += 1 + self._bonds.sum(axis=1, dtype=np.int16)
-        found[self._at_coarse] += 200 * (1 + BITS[self._springs[:, 0]])
-        found[self._at_far] += 200 * (10 + BITS[self._far_springs[:, 0]])
-        return found
+        signature = (1900 * quarters % 2**15).astype(np.int16)
+        signature[self._at_fine] += 1 + self._bonds.sum(axis=1, dtype=np.int16)
+        signature[self._at_coarse] += 200 * (1 + BITS[self._springs[:, 0]])
+        signature[self._at_far] += 200 * (10 + BITS[self._far_springs[:, 0]])
+        return signature
 
     @property
     def current(self) -> bool:
@@ -198,10 +200,10 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         """The operator on the current nodes if they have changed, else None."""
         return None if self.current else HybridOperator(self.hybrid, self._cut)
 
-    def back(self, kept: Kept, broken: Broken) -> None:
+    def back(self, checkpoint: Kept, broken: Broken) -> None:
         """Restore a checkpoint; see `TwoLatticeOperator`."""
         self._broken, self._looked = NOTHING, 0
-        super().back(kept, broken)
+        super().back(checkpoint, broken)
 
     def _gather(
         self,
@@ -254,9 +256,9 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
 
     def accelerations(self) -> NDArray[np.float64]:
         """Accelerations (n, 2), m/s^2, from the most recent sum of forces."""
-        found = np.zeros((len(self.places), 2))
-        self._accelerate(found)
-        return found
+        acceleration = np.zeros((len(self.places), 2))
+        self._accelerate(acceleration)
+        return acceleration
 
     def _accelerate(self, out: NDArray[np.float64]) -> None:
         """Gather accelerations, m/s^2, from the most recent sum of forces in out (n, 2)."""
@@ -281,22 +283,22 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
 
     def _row_of(self) -> NDArray[np.int32]:
         """The row of the current node at each fine place, -1 without one."""
-        found = np.full(self.hybrid.plate.at.places, -1, dtype=np.int32)
-        found[self.places] = np.arange(len(self.places))
-        return found
+        row_of = np.full(self.hybrid.plate.at.places, -1, dtype=np.int32)
+        row_of[self.places] = np.arange(len(self.places))
+        return row_of
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Strain energy densities (n,), J/m^3, and zeros for softening, which is part of the state."""
         self.take(state)
         fine, coarse, far = self.hybrid.held()
-        held = np.zeros(len(self.places))
-        held[self._at_fine] = fine[self._fine]
+        energy = np.zeros(len(self.places))
+        energy[self._at_fine] = fine[self._fine]
         for rows, places in self._parts():
-            held[rows] += coarse[places]
-        held[self._at_far] += far[self._far]
-        self._strain = float(held.sum())
-        held /= self.area
-        return held, np.zeros_like(held)
+            energy[rows] += coarse[places]
+        energy[self._at_far] += far[self._far]
+        self._strain = float(energy.sum())
+        energy /= self.area
+        return energy, np.zeros_like(energy)
 
     def books(self) -> Sums:
         """Energies, work and momentum at the state of the last call of `energies`."""
@@ -310,16 +312,16 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
 
     def pushes(self, profiles: int) -> NDArray[np.float64]:
         """Forces (profiles, 2), N/m, of the loads at factor 1."""
-        loads, found = self.hybrid.zone.loads, np.zeros((profiles, 2))
-        np.add.at(found, (loads.what[:, PROFILE], loads.what[:, AXIS]), loads.value[:, VALUE])
-        return found
+        loads, forces = self.hybrid.zone.loads, np.zeros((profiles, 2))
+        np.add.at(forces, (loads.what[:, PROFILE], loads.what[:, AXIS]), loads.value[:, VALUE])
+        return forces
 
     def pulls(self, profiles: int) -> NDArray[np.float64]:
         """Forces (profiles, 2), N/m, that hold the nodes with prescribed motion."""
-        holds, found = self.hybrid.zone.holds, np.zeros((profiles, 2))
-        own = holds.on[: self.hybrid.zone.number[HOLDS], 1]
-        np.add.at(found, (holds.what[own, PROFILE], holds.what[own, AXIS]), -holds.value[own, FORCE])
-        return found
+        holds, forces = self.hybrid.zone.holds, np.zeros((profiles, 2))
+        hold_rows = holds.on[: self.hybrid.zone.number[HOLDS], 1]
+        np.add.at(forces, (holds.what[hold_rows, PROFILE], holds.what[hold_rows, AXIS]), -holds.value[hold_rows, FORCE])
+        return forces
 
     def bonds(
         self, first: int = 0, last: int | None = None, start: bool = False
@@ -328,55 +330,63 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         `start`."""
         last = len(self.places) if last is None else last
         lists = self._at_fine, self._at_coarse, self._at_far
-        each = ((rows, np.array([first, last], dtype=rows.dtype)) for rows in lists)
-        own, some, far = (np.arange(*np.searchsorted(rows, ends)) for rows, ends in each)  # of one type: no copies
-        return self._bonds_at(own, some, far, start)
+        row_ranges = ((rows, np.array([first, last], dtype=rows.dtype)) for rows in lists)
+        fine_numbers, coarse_numbers, far_numbers = (
+            np.arange(*np.searchsorted(rows, ends)) for rows, ends in row_ranges
+        )  # of one type: no copies
+        return self._bonds_at(fine_numbers, coarse_numbers, far_numbers, start)
 
     def bonds_of(self, rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Source and target rows (k,) of the intact bonds of these nodes, which increase, in order."""
-        asked = np.zeros(len(self.places), dtype=np.bool_)
-        asked[rows] = True
-        own, some, far = (np.flatnonzero(asked[at]) for at in (self._at_fine, self._at_coarse, self._at_far))
-        return self._bonds_at(own, some, far, False)
+        is_wanted = np.zeros(len(self.places), dtype=np.bool_)
+        is_wanted[rows] = True
+        fine_numbers, coarse_numbers, far_numbers = (
+            np.flatnonzero(is_wanted[at]) for at in (self._at_fine, self._at_coarse, self._at_far)
+        )
+        return self._bonds_at(fine_numbers, coarse_numbers, far_numbers, False)
 
     def _bonds_at(
-        self, own: NDArray[np.int64], some: NDArray[np.int64], far: NDArray[np.int64], start: bool
+        self,
+        fine_numbers: NDArray[np.int64],
+        coarse_numbers: NDArray[np.int64],
+        far_numbers: NDArray[np.int64],
+        start: bool,
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Source and target rows (k,) of the bonds of some of the fine, coarse and far nodes, by their numbers."""
         ground, zone, half = self.hybrid.ground, self.hybrid.zone, len(self.hybrid.ground.ways) // 2
-        node, k = np.nonzero(self._bonds[own])
-        fine = self._fine[own][node]
+        node, k = np.nonzero(self._bonds[fine_numbers])
+        fine = self._fine[fine_numbers][node]
         target = fine + ground.ways[k]
         if not start:
             owner = np.where(k < half, fine, target)
             intact = are_intact(ground.nodes, zone.lost, owner, k % half)
             fine, target = fine[intact], target[intact]
-        node, k = np.nonzero(np.unpackbits(self._springs[some], axis=1))
-        coarse = self._coarse[some][node].astype(np.int64)
-        ends = [self.hybrid.beneath(one) for one in (coarse, coarse + ground.coarse_ways[k])]
-        node, k = np.nonzero(np.unpackbits(self._far_springs[far], axis=1))
-        places = self._far[far][node].astype(np.int64)
-        far_ends = (self.hybrid.beneath_far(one) for one in (places, places + ground.far_ways[k]))
+        node, k = np.nonzero(np.unpackbits(self._springs[coarse_numbers], axis=1))
+        coarse = self._coarse[coarse_numbers][node].astype(np.int64)
+        ends = [self.hybrid.beneath(end) for end in (coarse, coarse + ground.coarse_ways[k])]
+        node, k = np.nonzero(np.unpackbits(self._far_springs[far_numbers], axis=1))
+        places = self._far[far_numbers][node].astype(np.int64)
+        far_ends = (self.hybrid.beneath_far(end) for end in (places, places + ground.far_ways[k]))
         source, target = (
-            np.concatenate([self._rows_of(one) for one in each])
-            for each in zip((fine, target), ends, far_ends, strict=True)
+            np.concatenate([self._rows_of(end) for end in end_places])
+            for end_places in zip((fine, target), ends, far_ends, strict=True)
         )
         order = np.lexsort((target, source))
         return source[order], target[order]
 
     def broken(self, after: int = 0) -> Broken:
         """Bonds broken after a step between current fine nodes: step, source row and target row of each."""
-        known = self._broken  # more have broken since, if any
-        found, some = self.hybrid.broken(), slice(self._looked, None)
-        step, node, spring = found.step[some], found.node[some], found.spring[some]
+        broken = self._broken  # more have broken since, if any
+        breaks, latest = self.hybrid.broken(), slice(self._looked, None)
+        step, node, spring = breaks.step[latest], breaks.node[latest], breaks.spring[latest]
         self._looked += len(step)
         if len(node):
-            other = node + self.hybrid.ground.ways[spring]
-            there = np.isin(node, self._fine) & np.isin(other, self._fine)
-            more = step[there].astype(np.int64), self._rows_of(node[there]), self._rows_of(other[there])
-            known = self._broken = Broken(*map(np.concatenate, zip(known, more, strict=True)))
-        new = known.step > after
-        return Broken(*(column[new] for column in known))
+            target = node + self.hybrid.ground.ways[spring]
+            both_fine = np.isin(node, self._fine) & np.isin(target, self._fine)
+            more = step[both_fine].astype(np.int64), self._rows_of(node[both_fine]), self._rows_of(target[both_fine])
+            broken = self._broken = Broken(*map(np.concatenate, zip(broken, more, strict=True)))
+        new = broken.step > after
+        return Broken(*(column[new] for column in broken))
 
 
 def _present(nodes: Nodes, rows: int) -> NDArray[np.int64]:

@@ -60,7 +60,7 @@ def decided(model: Model, options: Options) -> Model:
 
 def widened(model: Model) -> Model:
     """The model with cells that become fine sooner, or with fine nodes everywhere where no wider zone is left."""
-    kappa = next((one for one in WIDER if one < kappa_of(model)), None)
+    kappa = next((wider for wider in WIDER if wider < kappa_of(model)), None)
     return uniform(model) if kappa is None else with_kappa(model, kappa)
 
 
@@ -98,14 +98,16 @@ def _choice(model: Model, options: Options) -> tuple[Adapt, str]:
     if refused is not None:
         return "none", f"hybrid does not support it, {refused}"
     try:
-        found = outlook(hybrid, options)
+        prediction = outlook(hybrid, options)
     except ModelError as error:
         return "none", f"hybrid does not support it, {error}"
-    shares = f"{found.begins:.0%} of the plate is fine at the start, and an estimated {found.ends:.0%} at the end"
-    if found.strain >= 1:
-        return "none", f"the conditions strain all of it to {found.strain:.2g} of what makes cells fine"
-    how: Adapt = "hybrid" if found.cost <= DEAR else "none"
-    return how, f"{shares}, about {found.cost:.2g} of the steps of fine nodes everywhere"
+    shares = (
+        f"{prediction.begins:.0%} of the plate is fine at the start, and an estimated {prediction.ends:.0%} at the end"
+    )
+    if prediction.strain >= 1:
+        return "none", f"the conditions strain all of it to {prediction.strain:.2g} of what makes cells fine"
+    how: Adapt = "hybrid" if prediction.cost <= DEAR else "none"
+    return how, f"{shares}, about {prediction.cost:.2g} of the steps of fine nodes everywhere"
 
 
 def outlook(model: Model, options: Options) -> Outlook:
@@ -115,7 +117,7 @@ def outlook(model: Model, options: Options) -> Outlook:
     cells = cells_of(plate, int(np.abs(springs[0].dx).max()))
     fine, coarse = (int(np.count_nonzero(cells == kind)) for kind in (FINE, COARSE))
     begins = fine / max(fine + coarse, 1)
-    q = _strain(model) / (model.settings.run.hybrid.kappa * min(one.peak for one in springs))
+    q = _strain(model) / (model.settings.run.hybrid.kappa * min(material_springs.peak for material_springs in springs))
     grows = STRIP * plate.h * _running(plate, begins > 0) / (plate.size * plate.h**2)
     ends = 1.0 if q >= 1 else min(begins + grows, 1.0)
     mean = begins + GROWN * (ends - begins)
@@ -126,24 +128,24 @@ def _strain(model: Model) -> float:
     """The largest strain that a single condition brings to the whole plate."""
     softest = min(material.E for material in model.materials)
     speed = min(pressure_speed(material) for material in model.materials)
-    sides, found = np.ptp(model.grid.position, axis=0), 0.0
+    sides, strain = np.ptp(model.grid.position, axis=0), 0.0
     for condition in model.settings.conditions:
         most = max((abs(float(factor)) for _, factor in getattr(condition, "profile", ())), default=1.0)
         if isinstance(condition, Load):
             across = {"traction": np.ones(2), "body_force": sides, "force": 1 / sides[::-1]}  # to stress
             stress = [_largest(model, condition, v[:2]) * across[name] for name, v in given_of(condition).items()]
-            found = max(found, most * SWING * float(np.max(stress)) / softest)
+            strain = max(strain, most * SWING * float(np.max(stress)) / softest)
         elif isinstance(condition, Velocity | InitialVelocity | Displacement):
-            each = _largest(model, condition, components(condition, 2))
-            held = isinstance(condition, Displacement)
-            found = max(found, most * float(np.max(each / sides if held else each / speed)))
-    return found
+            amplitude = _largest(model, condition, components(condition, 2))
+            is_displacement = isinstance(condition, Displacement)
+            strain = max(strain, most * float(np.max(amplitude / sides if is_displacement else amplitude / speed)))
+    return strain
 
 
 def _largest(model: Model, condition: Selection, vector: Sequence[Value | None]) -> NDArray[np.float64]:
     """The largest sizes (d,) of a condition's components on its nodes."""
-    some = any(map(is_of_place, vector))
-    position = model.grid.part(model.selected(condition)).position if some else np.zeros((0, len(vector)))
+    is_place_dependent = any(map(is_of_place, vector))
+    position = model.grid.part(model.selected(condition)).position if is_place_dependent else np.zeros((0, len(vector)))
     return np.array([largest(value, position) for value in vector])
 
 

@@ -31,8 +31,8 @@ def turn(ax, ay, bx, by, cx, cy):  # type: ignore[no-untyped-def]
 def crosses(cracks, j, ax, ay, bx, by):  # type: ignore[no-untyped-def]
     """Whether pre-crack j crosses the segment from a to b, in fine spacings."""
     px, py, qx, qy = cracks[j, 0], cracks[j, 1], cracks[j, 2], cracks[j, 3]
-    one, other = turn(px, py, qx, qy, ax, ay), turn(px, py, qx, qy, bx, by)
-    if one * other > 0:
+    side_a, side_b = turn(px, py, qx, qy, ax, ay), turn(px, py, qx, qy, bx, by)
+    if side_a * side_b > 0:
         return False
     return turn(ax, ay, bx, by, px, py) * turn(ax, ay, bx, by, qx, qy) <= 0
 
@@ -40,10 +40,10 @@ def crosses(cracks, j, ax, ay, bx, by):  # type: ignore[no-untyped-def]
 @njit(**INNER)
 def seen(cracks, ax, ay, bx, by):  # type: ignore[no-untyped-def]
     """Whether no pre-crack separates two places."""
-    found = True
+    visible = True
     for j in range(len(cracks)):
-        found &= not crosses(cracks, j, ax, ay, bx, by)
-    return found
+        visible &= not crosses(cracks, j, ax, ay, bx, by)
+    return visible
 
 
 @njit(**INNER)
@@ -71,8 +71,8 @@ def begin_coarse(ground):  # type: ignore[no-untyped-def]
                         continue
                     ground.coarse_bits[q] |= np.uint8(1 << k)
                     if k in (0, 2):
-                        one, other = turn(px, py, qx, qy, ax, ay), turn(px, py, qx, qy, bx, by)
-                        ground.edge_cut[k // 2, q] = one / (one - other) if one != other else 0.5
+                        side_a, side_b = turn(px, py, qx, qy, ax, ay), turn(px, py, qx, qy, bx, by)
+                        ground.edge_cut[k // 2, q] = side_a / (side_a - side_b) if side_a != side_b else 0.5
                 if x >= at.nx // 2 or y >= at.ny // 2:
                     continue
                 diagonals = crosses(ground.cracks, j, ax, ay, ax + 2, ay + 2) or crosses(

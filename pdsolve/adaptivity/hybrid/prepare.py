@@ -42,13 +42,13 @@ def hybrid_of(
     model = model.moving_part() if swells else model
     plate = plate_of(model, mode)
     springs = springs_of(model.materials, model.settings.horizon.ratio, plate.h)
-    found = irregular(plate, springs)
+    irregular_bonds = irregular(plate, springs)
     give_back()
-    bound = float(np.sqrt(2 / max(_resistance(plate, springs, found))))
+    bound = float(np.sqrt(2 / max(_resistance(plate, springs, irregular_bonds))))
     kind = np.dtype(precision).type
-    ground = ground_of(plate, springs, found, step_of(model, bound), kind)
+    ground = ground_of(plate, springs, irregular_bonds, step_of(model, bound), kind)
     begin_coarse(ground)
-    cut = np.append(found.family - np.count_nonzero(found.springs, axis=1), 0)
+    cut = np.append(irregular_bonds.family - np.count_nonzero(irregular_bonds.springs, axis=1), 0)
     cells = cells_of(plate, ground.reach, steep=steep)
     area = CellAreas(plate)
     driven = drive(model, area, True, np.float64)
@@ -61,7 +61,7 @@ def hybrid_of(
         loads=loads, holds=holds
     )
     hybrid = Hybrid(plate, ground, zone, driven)
-    starts = any(isinstance(one, InitialVelocity | Velocity) for one in model.settings.conditions)
+    starts = any(isinstance(condition, InitialVelocity | Velocity) for condition in model.settings.conditions)
     hybrid.start(initial_velocity(model) if starts else None)
     return HybridOperator(hybrid, cut), bound
 
@@ -69,22 +69,33 @@ def hybrid_of(
 def steep_rows(model: Model) -> NDArray[np.int64]:
     """Rows of the nodes at which a content that swells a plate may leap within a spacing: it is held, exchanged or
     supplied through an edge there. A coarse cell would know no more than its mean."""
-    found = [np.zeros(0, dtype=np.int64)]
-    for one in model.settings.conditions if model.swells else ():
-        if isinstance(one, Concentration | Exchange) or (isinstance(one, Source) and one.flux is not None):
-            found.append(model.selected(one))
-    return np.unique(np.concatenate(found))
+    condition_rows = [np.zeros(0, dtype=np.int64)]
+    for condition in model.settings.conditions if model.swells else ():
+        if isinstance(condition, Concentration | Exchange) or (
+            isinstance(condition, Source) and condition.flux is not None
+        ):
+            condition_rows.append(model.selected(condition))
+    return np.unique(np.concatenate(condition_rows))
 
 
 def ground_of(
-    plate: Plate, springs: tuple[Springs, ...], found: Irregular, dt: float, kind: type[np.floating] = np.float64
+    plate: Plate,
+    springs: tuple[Springs, ...],
+    irregular_bonds: Irregular,
+    dt: float,
+    kind: type[np.floating] = np.float64,
 ) -> LatticeConstants:
     """Constant arrays for steps of `dt`, s; the effects of pre-cracks on the coarse lattice are not yet recorded."""
     at, model, h = plate.at, plate.model, plate.h
     kappa = model.settings.run.hybrid.kappa
     first = springs[0]
     coarse = coarse_springs(first, h)
-    bounds = np.array([[e_of(one.peak), e_of(one.limit), e_of(kappa * one.peak)] for one in springs])
+    bounds = np.array(
+        [
+            [e_of(material_springs.peak), e_of(material_springs.limit), e_of(kappa * material_springs.peak)]
+            for material_springs in springs
+        ]
+    )
     cell, mix = _cells(plate, springs)
     bind(bilinear.LAW)
     return LatticeConstants(
@@ -105,14 +116,14 @@ def ground_of(
         reach=int(np.abs(first.dx).max()),
         varied=len(springs) > 1 or first.peak < first.limit,
         dt=dt,
-        nodes=node_rows(plate, found, springs),
-        springs=np.array([one.table[:, 5] for one in springs]),
+        nodes=node_rows(plate, irregular_bonds, springs),
+        springs=np.array([material_springs.table[:, 5] for material_springs in springs]),
         bounds=bounds,
         least=bounds.min(axis=0),
-        own_springs=found.springs,
-        own_kind=found.kind,
-        own_peak=found.peak,
-        own_limit=found.limit,
+        own_springs=irregular_bonds.springs,
+        own_kind=irregular_bonds.kind,
+        own_peak=irregular_bonds.peak,
+        own_limit=irregular_bonds.limit,
         cell=cell,
         mix=mix,
         coarse_bits=np.zeros(at.coarse_places, dtype=np.uint8),
@@ -128,40 +139,50 @@ def _cells(plate: Plate, springs: tuple[Springs, ...]) -> tuple[NDArray[np.float
     They are means of the cell's nodes, weighted by their areas in it.
     """
     at, rho = plate.at, [material.rho for material in plate.model.materials]
-    each = np.array([[one.c11 - one.c66, one.c66, plate.h**2 * dense] for one, dense in zip(springs, rho, strict=True)])
+    material_constants = np.array(
+        [
+            [material_springs.c11 - material_springs.c66, material_springs.c66, plate.h**2 * dense]
+            for material_springs, dense in zip(springs, rho, strict=True)
+        ]
+    )
     if len(springs) == 1:
-        return np.ascontiguousarray(each.T), np.zeros(at.cells, dtype=np.int32)
-    found = np.zeros((at.ny // 2, at.nx // 2, 3))
+        return np.ascontiguousarray(material_constants.T), np.zeros(at.cells, dtype=np.int32)
+    cell_means = np.zeros((at.ny // 2, at.nx // 2, 3))
     field = plate.materials_in(0, at.places // at.stride)
     for (y, part_y), (x, part_x) in itertools.product(enumerate((0.25, 0.5, 0.25)), repeat=2):
-        here = np.s_[BELOW + y : BELOW + y + at.ny - 1 : 2, LEFT + x : LEFT + x + at.nx - 1 : 2]
-        found += part_x * part_y * each[field[here]]
-    cells, mix = np.unique(found.reshape(-1, 3), axis=0, return_inverse=True)
-    around = np.pad(mix.reshape(found.shape[:2]).astype(np.int32), AROUND)
+        node_places = np.s_[BELOW + y : BELOW + y + at.ny - 1 : 2, LEFT + x : LEFT + x + at.nx - 1 : 2]
+        cell_means += part_x * part_y * material_constants[field[node_places]]
+    cells, mix = np.unique(cell_means.reshape(-1, 3), axis=0, return_inverse=True)
+    around = np.pad(mix.reshape(cell_means.shape[:2]).astype(np.int32), AROUND)
     return np.ascontiguousarray(cells.T), around.ravel()
 
 
-def _resistance(plate: Plate, springs: tuple[Springs, ...], found: Irregular) -> NDArray[np.float64]:
+def _resistance(plate: Plate, springs: tuple[Springs, ...], irregular_bonds: Irregular) -> NDArray[np.float64]:
     """A bound of stiffness over density, 1/s^2, over nodes at edges and nodes of a full lattice."""
     model = plate.model
     rho, every = np.array([material.rho for material in model.materials]), [len(model.grid)]
     if len(springs) > 1:
         every = np.bincount(model.material_of, minlength=len(springs)).tolist()
-    own = model.material_of[found.node]
-    usual, inside = every - np.bincount(own, minlength=len(springs)), []
-    for number, one in enumerate(springs):
+    irregular_materials = model.material_of[irregular_bonds.node]
+    usual, inside = every - np.bincount(irregular_materials, minlength=len(springs)), []
+    for number, material_springs in enumerate(springs):
         if usual[number]:
-            x, y, inverse, k = one.table[:, 0], one.table[:, 1], one.table[:, 4], one.table[:, 5] / plate.h**2
+            x, y, inverse, k = (
+                material_springs.table[:, 0],
+                material_springs.table[:, 1],
+                material_springs.table[:, 4],
+                material_springs.table[:, 5] / plate.h**2,
+            )
             a, b, c = ((k * inverse * term).sum() for term in (x * x, y * y, x * y))
             inside.append(((a + b) / 2 + np.hypot((a - b) / 2, c)) / rho[number])
-    return np.concatenate([inside, found.stiffness_bound[found.which] / rho[own]])
+    return np.concatenate([inside, irregular_bonds.stiffness_bound[irregular_bonds.which] / rho[irregular_materials]])
 
 
 def _loads(plate: Plate, driven: Drive, area: CellAreas) -> Entries:
-    found = _entries(plate, driven.loads, 4)
-    found.value[:, VALUE] *= area[driven.loads.node]
-    some = found.value[:, VALUE] != 0
-    return found._replace(what=found.what[some], value=found.value[some])
+    entries = _entries(plate, driven.loads, 4)
+    entries.value[:, VALUE] *= area[driven.loads.node]
+    nonzero = entries.value[:, VALUE] != 0
+    return entries._replace(what=entries.what[nonzero], value=entries.value[nonzero])
 
 
 def _entries(plate: Plate, driven: conditions.Entries, most: int) -> Entries:

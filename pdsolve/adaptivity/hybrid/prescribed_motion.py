@@ -27,22 +27,22 @@ def between(plate: Plate) -> NDArray[np.int64]:
     A held node may hang between held ones alone; initial velocities, and what is prescribed, are to be linear between
     coarse nodes.
     """
-    model, found = plate.model, [np.zeros(0, dtype=np.int64)]
+    model, unfit_places = plate.model, [np.zeros(0, dtype=np.int64)]
     for condition in model.settings.conditions:
         if not isinstance(condition, Displacement | Velocity):
             continue
         rows = model.selected(condition)
         place = plate.places_of(rows)
-        held = _mean(partial(_are_among, rows), plate, place)
-        found.append(place[held[:, 0] < 1.0])
-        given = [value or 0.0 for value in components(condition, 2)]
-        if any(map(is_of_place, given)):
+        constrained_share = _mean(partial(_are_among, rows), plate, place)
+        unfit_places.append(place[constrained_share[:, 0] < 1.0])
+        prescribed_values = [value or 0.0 for value in components(condition, 2)]
+        if any(map(is_of_place, prescribed_values)):
             values = np.zeros((len(model.grid), 2))
-            values[rows] = model.vectors(given, rows)
-            found.append(_not_linear(values, plate, rows))
+            values[rows] = model.vectors(prescribed_values, rows)
+            unfit_places.append(_not_linear(values, plate, rows))
     if any(isinstance(condition, InitialVelocity) for condition in model.settings.conditions):
-        found.append(_not_linear(initial_velocity(model), plate, np.arange(len(model.grid))))
-    return np.unique(np.concatenate(found))
+        unfit_places.append(_not_linear(initial_velocity(model), plate, np.arange(len(model.grid))))
+    return np.unique(np.concatenate(unfit_places))
 
 
 def _not_linear(values: NDArray[np.float64], plate: Plate, rows: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -52,9 +52,9 @@ def _not_linear(values: NDArray[np.float64], plate: Plate, rows: NDArray[np.int6
     return np.asarray(place[away > SAME * np.abs(values).max(initial=0.0)])
 
 
-def _are_among(some: NDArray[np.int64], rows: NDArray[np.int64]) -> NDArray[np.float64]:
-    """1 or 0 (k, 1): whether rows (k,) are among `some`."""
-    return np.isin(rows, some)[:, None].astype(float)
+def _are_among(row_set: NDArray[np.int64], rows: NDArray[np.int64]) -> NDArray[np.float64]:
+    """1 or 0 (k, 1): whether rows (k,) are among `row_set`."""
+    return np.isin(rows, row_set)[:, None].astype(float)
 
 
 def _mean(
@@ -64,11 +64,11 @@ def _mean(
 
     A node that is not there counts as one that moves likewise.
     """
-    at, found = plate.at, np.zeros(1)
+    at, mean = plate.at, np.zeros(1)
     y, x = np.divmod(place, at.stride)
     odd_x, odd_y = (x - LEFT) % 2, (y - BELOW) % 2
     for sign_y in (-1, 1):
         for sign_x in (-1, 1):
-            other = place + sign_y * odd_y * at.stride + sign_x * odd_x
-            found = found + values(plate.rows_at(np.where(plate.has(other), other, place))) / 4
-    return found
+            neighbour = place + sign_y * odd_y * at.stride + sign_x * odd_x
+            mean = mean + values(plate.rows_at(np.where(plate.has(neighbour), neighbour, place))) / 4
+    return mean

@@ -78,11 +78,11 @@ def _mark(ground, zone):  # type: ignore[no-untyped-def]
     x0, y0, x1, y1 = at.nx, at.ny, 0, 0
     for c in zone.new[: zone.number[NEW]]:
         x, y = 2 * cell_column(at, c), 2 * cell_row(at, c)
-        left, right = max(x - reach, 0), min(x + reach + 3, at.nx + 1)
+        left_side, right = max(x - reach, 0), min(x + reach + 3, at.nx + 1)
         low, high = max(y - reach, 0), min(y + reach + 3, at.ny + 1)
-        x0, y0, x1, y1 = min(x0, left), min(y0, low), max(x1, right), max(y1, high)
+        x0, y0, x1, y1 = min(x0, left_side), min(y0, low), max(x1, right), max(y1, high)
         for iy in range(low, high):
-            for p in range(fine_place(at, left, iy), fine_place(at, right, iy)):
+            for p in range(fine_place(at, left_side, iy), fine_place(at, right, iy)):
                 zone.mark[p] = True
     return x0, y0, x1, y1
 

@@ -49,9 +49,11 @@ def springs_of(materials: tuple[Material, ...], ratio: float, h: float) -> tuple
     farther = any(has_partial_cells(material) for material in materials)
     xi = offsets(ratio + 0.5 if farther else ratio)
     moduli = [_modulus(material, ratio, np.hypot(*xi.T)) for material in materials]
-    some = np.logical_or.reduce([c > 0 for c in moduli]) & ((xi[:, 1] > 0) | ((xi[:, 1] == 0) & (xi[:, 0] > 0)))
-    xi = np.concatenate([xi[some], -xi[some]])
-    return tuple(_springs(one, ratio, h, xi, np.tile(c[some], 2)) for one, c in zip(materials, moduli, strict=True))
+    in_family = np.logical_or.reduce([c > 0 for c in moduli]) & ((xi[:, 1] > 0) | ((xi[:, 1] == 0) & (xi[:, 0] > 0)))
+    xi = np.concatenate([xi[in_family], -xi[in_family]])
+    return tuple(
+        _springs(one, ratio, h, xi, np.tile(c[in_family], 2)) for one, c in zip(materials, moduli, strict=True)
+    )
 
 
 def _modulus(material: Material, ratio: float, length: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -128,8 +130,8 @@ def stretches(springs: Springs) -> Stretches:
         first,
         np.array([part[:2] for part in parts]),
         np.array([part.cell for part in parts], dtype=np.int64),
-        np.array([[end[:3] for end in each] for each in ends], dtype=np.int64),
-        np.array([[end[3] for end in each] for each in ends]),
+        np.array([[end[:3] for end in part_ends] for part_ends in ends], dtype=np.int64),
+        np.array([[end[3] for end in part_ends] for part_ends in ends]),
         sides,
     )
 
@@ -144,5 +146,5 @@ def _end(x: float, y: float, t: float) -> tuple[int, int, int, float]:
         below = int(np.floor(row + near))
         w = row - below
         return round(column), below, NORTH, 0.0 if abs(w) < near else w
-    left = int(np.floor(column + near))
-    return left, round(row), EAST, column - left
+    left_column = int(np.floor(column + near))
+    return left_column, round(row), EAST, column - left_column

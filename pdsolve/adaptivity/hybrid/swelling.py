@@ -81,9 +81,9 @@ def _slope(values, nodes, p, way):  # type: ignore[no-untyped-def]
     So it is that of linear values, and no leap at a crack is one.
     """
     up, down = values[p + way] - values[p], values[p] - values[p - way]
-    ahead, behind = of_node(nodes, nodes.mass, p + way) > 0, of_node(nodes, nodes.mass, p - way) > 0
-    if not (ahead and behind):
-        return (up if ahead else 0.0) + (down if behind else 0.0)
+    has_next, has_previous = of_node(nodes, nodes.mass, p + way) > 0, of_node(nodes, nodes.mass, p - way) > 0
+    if not (has_next and has_previous):
+        return (up if has_next else 0.0) + (down if has_previous else 0.0)
     if up * down <= 0:
         return 0.0
     return up if abs(up) < abs(down) else down
@@ -120,11 +120,11 @@ def restrict(ground, fine, coarse):  # type: ignore[no-untyped-def]
     for y in range(at.ny // 2 + 1):
         for x in range(at.nx // 2 + 1):
             p = fine_place(at, 2 * x, 2 * y)
-            found = _mean(fine, nodes, p, 1)
+            mean = _mean(fine, nodes, p, 1)
             if of_node(nodes, nodes.mass, p + at.stride) > 0 and of_node(nodes, nodes.mass, p - at.stride) > 0:
-                found = found / 2 + _mean(fine, nodes, p + at.stride, 1) / 4
-                found += _mean(fine, nodes, p - at.stride, 1) / 4
-            coarse[coarse_place(at, x, y)] = found
+                mean = mean / 2 + _mean(fine, nodes, p + at.stride, 1) / 4
+                mean += _mean(fine, nodes, p - at.stride, 1) / 4
+            coarse[coarse_place(at, x, y)] = mean
 
 
 @njit(**INNER)
@@ -138,15 +138,15 @@ def _mean(values, nodes, p, way):  # type: ignore[no-untyped-def]
 @cached_njit(error_model="numpy")
 def stored(ground, zone, now):  # type: ignore[no-untyped-def]
     """Strain energy of all springs and pieces, J/m."""
-    fine, coarse, found, s = zone.fine, zone.coarse, 0.0, zone.s[0]
+    fine, coarse, energy, s = zone.fine, zone.coarse, 0.0, zone.s[0]
     for row in fine.rows[: zone.number[ROWS]]:
         row_held(fine, ground.table, ground.ways, False, row, fine.u[now], s)
         for lane in range(ROW):
-            found += s[lane]
+            energy += s[lane]
     for row in coarse.rows[: zone.number[COARSE_ROWS]]:
         row_held(coarse, ground.coarse_table, ground.coarse_ways, True, row, coarse.u[now], s)
         for lane in range(ROW):
-            found += s[lane] if coarse.kind[row * ROW + lane] == FREE else 0.0
+            energy += s[lane] if coarse.kind[row * ROW + lane] == FREE else 0.0
     for n in range(zone.number[PIECES]):
-        found += piece_held(zone.pieces, fine.u[now], coarse.u[now], n)
-    return found
+        energy += piece_held(zone.pieces, fine.u[now], coarse.u[now], n)
+    return energy

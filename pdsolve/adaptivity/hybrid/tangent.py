@@ -42,35 +42,35 @@ def points_of(hybrid: Hybrid, row_of: NDArray[np.int32], fine: NDArray[np.int64]
     row_of_coarse, row_of_far = (np.full(places, -1, dtype=np.int64) for places in (at.coarse_places, at.far_places))
     on, far_on = hybrid.beneath(coarse), hybrid.beneath_far(far)
     row_of_coarse[coarse], row_of_far[far] = row_of[on], row_of[far_on]
-    own, of_node = np.ones(nodes), csr_array((nodes, nodes))
+    independent, of_node = np.ones(nodes), csr_array((nodes, nodes))
     for border, count, rows, ends in (
         (zone.border, BORDERS, row_of, row_of_coarse),
         (zone.tied, TIED, row_of_coarse, row_of_far),
     ):
-        some = int(zone.number[count])
-        tied = rows[border.node[:some]].astype(np.int64)
-        of_node = of_node + _between(tied, ends[border.end[:some]], border.w[:some], nodes)
-        own[tied] = 0.0
-    of_node = (of_node + diags_array(own)).tocsr()
+        entry_count = int(zone.number[count])
+        tied = rows[border.node[:entry_count]].astype(np.int64)
+        of_node = of_node + _between(tied, ends[border.end[:entry_count]], border.w[:entry_count], nodes)
+        independent[tied] = 0.0
+    of_node = (of_node + diags_array(independent)).tocsr()
 
-    pieces, some = zone.pieces, int(zone.number[PIECES])
+    pieces, entry_count = zone.pieces, int(zone.number[PIECES])
     of_fine, of_coarse = np.full(at.places, -1), np.full(at.coarse_places, -1)
     of_fine[fine], of_coarse[coarse] = np.arange(len(fine)), len(fine) + np.arange(len(coarse))
     of_far = np.full(at.far_places, -1)
     of_far[far] = len(fine) + len(coarse) + np.arange(len(far))
-    known = np.concatenate([row_of[fine], row_of[on], row_of[far_on]]).astype(np.int64)
-    whole = csr_array((np.ones(len(known)), (np.arange(len(known)), known)), (len(known), nodes))
-    found = [whole]
+    node_rows = np.concatenate([row_of[fine], row_of[on], row_of[far_on]]).astype(np.int64)
+    node_points = csr_array((np.ones(len(node_rows)), (np.arange(len(node_rows)), node_rows)), (len(node_rows), nodes))
+    point_blocks = [node_points]
     for side in range(2):
-        a, b = pieces.end[:some, 2 * side], pieces.end[:some, 2 * side + 1]
+        a, b = pieces.end[:entry_count, 2 * side], pieces.end[:entry_count, 2 * side + 1]
         on_fine = b < 0
         ends = np.column_stack([np.where(on_fine, 0, a), np.maximum(b, 0)])
         rows = row_of_coarse[ends]
         rows[on_fine] = row_of[a[on_fine], None]
-        w = np.where(on_fine, 0.0, pieces.value[:some, side])
-        found.append(_between(np.arange(some), rows, w, nodes, some))
-    of_end = len(known) + np.arange(2 * some).reshape(2, some)
-    return Points(of_node, (vstack(found) @ of_node).tocsr(), of_fine, of_coarse, of_far, of_end)
+        w = np.where(on_fine, 0.0, pieces.value[:entry_count, side])
+        point_blocks.append(_between(np.arange(entry_count), rows, w, nodes, entry_count))
+    of_end = len(node_rows) + np.arange(2 * entry_count).reshape(2, entry_count)
+    return Points(of_node, (vstack(point_blocks) @ of_node).tocsr(), of_fine, of_coarse, of_far, of_end)
 
 
 def _between(
@@ -95,7 +95,7 @@ def tangent_of(
     with their secant stiffness.
     """
     tied = kron(points.of_node, eye_array(2)).tocsr()
-    density, lightness = (diags_array(np.repeat(one, 2)) for one in (rho, light))
+    density, lightness = (diags_array(np.repeat(field, 2)) for field in (rho, light))
     return (density @ tied @ lightness @ _forces(hybrid, points, value)).tocsr()
 
 
@@ -107,7 +107,7 @@ def _forces(hybrid: Hybrid, points: Points, value: NDArray[np.float64]) -> csr_a
     node, k, stiffness = _springs(zone.fine, fine, ground.table)
     xi = ground.table[k, :2]
     source, target = points.fine[fine[node]], points.fine[fine[node] + ground.ways[k]]
-    found = of_springs(source, target, xi, stiffness * np.sqrt((xi**2).sum(axis=1)), u)
+    matrix = of_springs(source, target, xi, stiffness * np.sqrt((xi**2).sum(axis=1)), u)
 
     for nodes, number, table, ways in (
         (zone.coarse, points.coarse, ground.coarse_table, ground.coarse_ways),
@@ -116,14 +116,14 @@ def _forces(hybrid: Hybrid, points: Points, value: NDArray[np.float64]) -> csr_a
         places = np.flatnonzero(number >= 0)
         node, k, stiffness = _springs(nodes, places, table)
         source, target = number[places[node]], number[places[node] + ways[k]]
-        found += of_green_springs(source, target, table[k, :2], stiffness, u)
+        matrix += of_green_springs(source, target, table[k, :2], stiffness, u)
 
-    some, (first, second) = int(zone.number[PIECES]), points.ends
-    piece = zone.pieces.value[:some]
-    for one, other, sign in ((first, second, 1.0), (second, first, -1.0)):
-        found += of_green_springs(one, other, sign * piece[:, XI], piece[:, STIFFNESS], u)
-    moved = kron(points.of_point, eye_array(2)).tocsr()
-    return (moved.T @ found @ moved).tocsr()
+    piece_count, (first, second) = int(zone.number[PIECES]), points.ends
+    piece = zone.pieces.value[:piece_count]
+    for near, far, sign in ((first, second, 1.0), (second, first, -1.0)):
+        matrix += of_green_springs(near, far, sign * piece[:, XI], piece[:, STIFFNESS], u)
+    point_matrix = kron(points.of_point, eye_array(2)).tocsr()
+    return (point_matrix.T @ matrix @ point_matrix).tocsr()
 
 
 def _springs(
@@ -131,6 +131,6 @@ def _springs(
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
     """Springs of the nodes of a lattice: index of each one's place, index in the `table`, and stiffness, N/m^2."""
     entry = nodes.entry[places // ROW].astype(np.int64)
-    found = np.where(entry[:, None] < 0, table[:, 5], nodes.own[np.maximum(entry, 0), :, places % ROW])
-    node, k = np.nonzero(found)
-    return node, k, found[node, k]
+    stiffness = np.where(entry[:, None] < 0, table[:, 5], nodes.own[np.maximum(entry, 0), :, places % ROW])
+    node, k = np.nonzero(stiffness)
+    return node, k, stiffness[node, k]

@@ -38,11 +38,11 @@ def criticals(tree: Tree) -> NDArray[np.float64]:
 
     That of a finer cell is higher in proportion to the square of its critical stretch.
     """
-    model, found = tree.model, np.zeros(tree.count)
-    for own, material in model.material_columns.of(model.material_of):
-        stretch = critical_stretch(material, model.horizons[own])
-        found[own] = C11[material.plane] * material.E / 2 * stretch**2
-    return found
+    model, critical = tree.model, np.zeros(tree.count)
+    for rows, material in model.material_columns.of(model.material_of):
+        stretch = critical_stretch(material, model.horizons[rows])
+        critical[rows] = C11[material.plane] * material.E / 2 * stretch**2
+    return critical
 
 
 def heights(
@@ -53,9 +53,9 @@ def heights(
     The largest is capped at the ceiling: otherwise one crushed node would hide the tip of a crack.
     """
     wanted, free = tree.model.settings.run.split, ~tree.pinned[cells.root]
-    own = critical[cells.root] * 2.0**cells.level
-    largest = np.minimum(float(energy[free].max(initial=0.0)), wanted.ceiling * own)
-    counts = free & (energy > wanted.floor * own) & (energy > 0)
+    cell_critical = critical[cells.root] * 2.0**cells.level
+    largest = np.minimum(float(energy[free].max(initial=0.0)), wanted.ceiling * cell_critical)
+    counts = free & (energy > wanted.floor * cell_critical) & (energy > 0)
     return np.where(counts, energy / np.where(counts, largest, 1.0), 0.0)
 
 
@@ -69,9 +69,9 @@ def stretches(
     source = np.repeat(np.arange(len(cells.root)), np.diff(bonds.start))
     y = bonds.xi + u[bonds.neighbour] - u[source]
     stretch = np.hypot(*y.T) / np.hypot(*bonds.xi.T) - 1
-    found = np.zeros(len(cells.root))
-    np.maximum.at(found, source, np.where(broken == 0, stretch / bonds.limit, 0.0))
-    return np.where(tree.pinned[cells.root], 0.0, found)
+    largest = np.zeros(len(cells.root))
+    np.maximum.at(largest, source, np.where(broken == 0, stretch / bonds.limit, 0.0))
+    return np.where(tree.pinned[cells.root], 0.0, largest)
 
 
 def split(tree: Tree, look: Look, threshold: float) -> NDArray[np.bool_]:
@@ -86,60 +86,60 @@ def _within(
     place: NDArray[np.float64], look: Look, flagged: NDArray[np.bool_], times: float, reach: float | None = None
 ) -> NDArray[np.bool_]:
     """Mask of places (k, 2) within `times` horizons of flagged nodes; the horizon is the node's, or `reach`, m."""
-    found = np.zeros(len(place), dtype=bool)
+    within = np.zeros(len(place), dtype=bool)
     for level in np.unique(look.cells.level[flagged]):
-        own = flagged & (look.cells.level == level)
-        horizon = look.horizon[own][0] if reach is None else reach
+        at_level = flagged & (look.cells.level == level)
+        horizon = look.horizon[at_level][0] if reach is None else reach
         if len(place):
-            away, _ = tree_of(look.place[own]).query(place, distance_upper_bound=2 * times * horizon)
-            found |= away <= times * horizon * (1 + ROUND_OFF)
-    return found
+            away, _ = tree_of(look.place[at_level]).query(place, distance_upper_bound=2 * times * horizon)
+            within |= away <= times * horizon * (1 + ROUND_OFF)
+    return within
 
 
 def _touches(tree: Tree, cells: Cells, look: Look, others: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Mask of cells (k,) that touch one of the leaves `others` (n,), also at a corner."""
-    place, half, found = (
+    place, half, touching = (
         tree.place(cells),
         tree.spacing / 2.0 ** (cells.level + 1),
         np.zeros(len(cells.root), dtype=bool),
     )
     for at in np.unique(look.cells.level[others]) if len(place) else ():
-        own = others & (look.cells.level == at)
-        away, _ = tree_of(look.place[own]).query(place, p=np.inf, distance_upper_bound=2 * tree.spacing)
-        found |= away <= (half + tree.spacing / 2.0 ** (at + 1)) * (1 + ROUND_OFF)
-    return found
+        at_level = others & (look.cells.level == at)
+        away, _ = tree_of(look.place[at_level]).query(place, p=np.inf, distance_upper_bound=2 * tree.spacing)
+        touching |= away <= (half + tree.spacing / 2.0 ** (at + 1)) * (1 + ROUND_OFF)
+    return touching
 
 
 def _balanced(tree: Tree, look: Look, wanted: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """The wanted leaves plus the coarser leaves they touch, without those whose coarser neighbour cannot be split."""
-    level, can, found = look.cells.level, tree.splits(look.cells), wanted.copy()
+    level, can, to_split = look.cells.level, tree.splits(look.cells), wanted.copy()
     for at in range(tree.levels - 1, 0, -1):
         coarser = np.flatnonzero(can & (level < at))
-        found[coarser] |= _touches(tree, look.cells.taken(coarser), look, found & (level == at))
+        to_split[coarser] |= _touches(tree, look.cells.taken(coarser), look, to_split & (level == at))
     for at in range(1, tree.levels):
-        finer = np.flatnonzero(found & (level == at))
-        found[finer] = ~_touches(tree, look.cells.taken(finer), look, ~found & (level < at))
-    return found
+        finer = np.flatnonzero(to_split & (level == at))
+        to_split[finer] = ~_touches(tree, look.cells.taken(finer), look, ~to_split & (level < at))
+    return to_split
 
 
 def merge(tree: Tree, look: Look, calm: NDArray[np.bool_], splits: NDArray[np.bool_], threshold: float) -> Cells:
     """Cells whose four quarters are leaves, `calm` (n,), and merge."""
     cells = look.cells
-    some = calm & (cells.level > 0) & ~splits
-    parents = cells.taken(some).parent()
+    may_merge = calm & (cells.level > 0) & ~splits
+    parents = cells.taken(may_merge).parent()
     key = tree.ids(parents)
     _, first, count = np.unique(key, return_index=True, return_counts=True)
     parents = parents.taken(first)
-    there = (tree.areas(parents.quarters()).reshape(-1, 4) > 0).sum(axis=1)
-    parents = parents.taken(count == there)
+    quarter_count = (tree.areas(parents.quarters()).reshape(-1, 4) > 0).sum(axis=1)
+    parents = parents.taken(count == quarter_count)
     horizon = tree.model.settings.horizon.ratio * tree.spacing / 2.0**parents.level
     keep = np.ones(len(parents.root), dtype=bool)
     place, flagged = tree.place(parents), look.height > threshold
     for at in np.unique(parents.level):
-        own = parents.level == at
-        reach = float(horizon[own][0])
-        keep[own] &= ~_within(place[own], look, flagged, FAR, reach)
-        keep[own] &= ~_within(place[own], look, look.hurt, 1.0, reach + tree.spacing / 2.0**at)
+        at_level = parents.level == at
+        reach = float(horizon[at_level][0])
+        keep[at_level] &= ~_within(place[at_level], look, flagged, FAR, reach)
+        keep[at_level] &= ~_within(place[at_level], look, look.hurt, 1.0, reach + tree.spacing / 2.0**at)
         finer = look.cells.level + splits > at + 1
-        keep[own] &= ~_touches(tree, parents.taken(own), look, finer)
+        keep[at_level] &= ~_touches(tree, parents.taken(at_level), look, finer)
     return parents.taken(keep)

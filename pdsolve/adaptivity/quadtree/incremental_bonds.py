@@ -21,54 +21,54 @@ class Filled(NamedTuple):
     """The bonds of n nodes, and the pairs they are made from."""
 
     assembly: Assembly
-    found: Paired  # all pairs, each looked at by itself
+    paired: Paired  # all pairs, each looked at by itself
     lack: NDArray[np.float64]  # (n, ...) what nodes lack, by all their pairs
 
 
 def filled(rule: ByPairs) -> Filled:
     """All bonds of a model."""
     rows = np.arange(len(rule.area))
-    found = rule.looked(rule.neighbours.pairs(rows))
-    return _filled(rule, found, rule.lack(rows, found))
+    paired = rule.looked(rule.neighbours.pairs(rows))
+    return _filled(rule, paired, rule.lack(rows, paired))
 
 
 def refilled(rule: ByPairs, model: Model, before: Filled, transfer: Transfer) -> Filled:
     """All bonds of a model, reusing those of unchanged nodes from `before`."""
     stays = transfer.stays
-    asked = _near(model, ~stays)
-    pairs = rule.neighbours.pairs(asked)
+    near_rows = _near(model, ~stays)
+    pairs = rule.neighbours.pairs(near_rows)
     fresh = rule.looked(chosen(pairs, ~(stays[pairs.source] & stays[pairs.target])))
     row = np.full(len(before.lack), -1)
     row[transfer.before[stays, 0]] = np.flatnonzero(stays)
-    found = _joined(before.found, row, fresh, len(stays))
+    paired = _joined(before.paired, row, fresh, len(stays))
     lack = np.zeros((len(stays), *before.lack.shape[1:]))
     lack[stays] = before.lack[transfer.before[stays, 0]]
     changed = np.zeros(len(stays), dtype=bool)
-    changed[asked] = True
-    some = np.flatnonzero(changed[found.pairs.source])
-    lack[asked] = rule.lack(asked, _taken(found, some))
-    return _filled(rule, found, lack)
+    changed[near_rows] = True
+    changed_pairs = np.flatnonzero(changed[paired.pairs.source])
+    lack[near_rows] = rule.lack(near_rows, _taken(paired, changed_pairs))
+    return _filled(rule, paired, lack)
 
 
 def _joined(before: Paired, row: NDArray[np.int64], fresh: Paired, nodes: int) -> Paired:
     """Fresh pairs and those of unchanged nodes, with their new row numbers, in order."""
     source, target = row[before.pairs.source], row[before.pairs.target]
-    kept = np.flatnonzero((source >= 0) & (target >= 0))
-    old = _taken(before, kept)
-    old = old._replace(pairs=Pairs(source[kept], target[kept], old.pairs.length))
+    unchanged = np.flatnonzero((source >= 0) & (target >= 0))
+    old = _taken(before, unchanged)
+    old = old._replace(pairs=Pairs(source[unchanged], target[unchanged], old.pairs.length))
     columns: list[Any] = list(map(np.concatenate, zip(_columns(old), _columns(fresh), strict=True)))
     both = Paired(Pairs(*columns[:3]), *columns[3:])
     return _taken(both, np.argsort(both.pairs.source * nodes + both.pairs.target, kind="stable"))
 
 
-def _taken(found: Paired, which: NDArray[np.int64]) -> Paired:
+def _taken(paired: Paired, which: NDArray[np.int64]) -> Paired:
     """The selected pairs."""
-    columns: list[Any] = [column[which] for column in _columns(found)]
+    columns: list[Any] = [column[which] for column in _columns(paired)]
     return Paired(Pairs(*columns[:3]), *columns[3:])
 
 
-def _columns(found: Paired) -> tuple[Any, ...]:
-    return (*found.pairs, *found[1:])
+def _columns(paired: Paired) -> tuple[Any, ...]:
+    return (*paired.pairs, *paired[1:])
 
 
 def _near(model: Model, new: NDArray[np.bool_]) -> NDArray[np.int64]:
@@ -79,6 +79,6 @@ def _near(model: Model, new: NDArray[np.bool_]) -> NDArray[np.int64]:
     return np.flatnonzero(away <= reach)
 
 
-def _filled(rule: ByPairs, found: Paired, lack: NDArray[np.float64]) -> Filled:
-    part = rule.part(np.arange(len(rule.area)), found, lack)
-    return Filled(Assembly(part.bonds, rule.area, part.family), found, lack)
+def _filled(rule: ByPairs, paired: Paired, lack: NDArray[np.float64]) -> Filled:
+    part = rule.part(np.arange(len(rule.area)), paired, lack)
+    return Filled(Assembly(part.bonds, rule.area, part.family), paired, lack)

@@ -39,61 +39,67 @@ class Before:
     def _key(self) -> Rows:
         return self.source * self._nodes + self.bonds.neighbour
 
-    def between(self, one: Rows, other: Rows) -> tuple[NDArray[np.bool_], NDArray[np.int32]]:
+    def between(self, source: Rows, target: Rows) -> tuple[NDArray[np.bool_], NDArray[np.int32]]:
         """Whether nodes (k,) had bonds to others (k,), and the step in which each broke."""
-        key = one * self._nodes + other
+        key = source * self._nodes + target
         at = np.searchsorted(self._key, key).clip(max=len(self._key) - 1)
-        there = self._key[at] == key
-        return there, np.where(there, self.broken[at], 0)
+        had_bond = self._key[at] == key
+        return had_bond, np.where(had_bond, self.broken[at], 0)
 
-    def by_way_of(self, one: Rows, other: Rows, xi: NDArray[np.float64]) -> NDArray[np.int32]:
+    def by_way_of(self, source: Rows, target: Rows, xi: NDArray[np.float64]) -> NDArray[np.int32]:
         """Step (k,) since which a crack separates nodes (k,) from others without a bond, at vectors `xi` (k, 2), m.
 
         A crack separates them if exactly one of the two has lost its bond to a node halfway.
         """
-        begin, count = self.bonds.start[one], np.diff(self.bonds.start)[one]
-        own = np.repeat(np.arange(len(one)), count)
+        begin, count = self.bonds.start[source], np.diff(self.bonds.start)[source]
+        pair = np.repeat(np.arange(len(source)), count)
         number = np.arange(count.sum()) + np.repeat(begin - np.cumsum(count) + count, count)
-        there, when = self.between(self.bonds.neighbour[number].astype(np.int64), other[own])
-        own, number, when = own[there], number[there], when[there]
-        away = np.hypot(*(self.bonds.xi[number] - xi[own] / 2).T)
-        order = np.lexsort((away, own))
-        asked, first = np.unique(own[order], return_index=True)
+        had_bond, when = self.between(self.bonds.neighbour[number].astype(np.int64), target[pair])
+        pair, number, when = pair[had_bond], number[had_bond], when[had_bond]
+        away = np.hypot(*(self.bonds.xi[number] - xi[pair] / 2).T)
+        order = np.lexsort((away, pair))
+        unique_pairs, first = np.unique(pair[order], return_index=True)
         ways = np.column_stack([self.broken[number], when])[order[first]]
-        found = np.zeros(len(one), dtype=np.int32)
-        found[asked] = np.where((ways > 0).sum(axis=1) == 1, ways.max(axis=1), 0)
-        return found
+        steps = np.zeros(len(source), dtype=np.int32)
+        steps[unique_pairs] = np.where((ways > 0).sum(axis=1) == 1, ways.max(axis=1), 0)
+        return steps
 
 
 def inherited(before: Before, new: Bonds, transfer: Transfer) -> NDArray[np.int32]:
     """Steps (b,) in which the new bonds broke; 0 for intact ones."""
     source, target = sources(new), new.neighbour.astype(np.int64)
-    found = np.zeros(len(source), dtype=np.int32)
-    stays, gone = transfer.stays, np.ones(len(before.hurt), dtype=bool)
-    gone[transfer.before[stays, 0]] = False
+    steps = np.zeros(len(source), dtype=np.int32)
+    stays, removed = transfer.stays, np.ones(len(before.hurt), dtype=bool)
+    removed[transfer.before[stays, 0]] = False
     same = stays[source] & stays[target]  # in the order they had
-    found[same] = before.broken[~gone[before.source] & ~gone[before.bonds.neighbour]]
-    asked = np.flatnonzero(~same)
-    one, other, parts = transfer.before[source[asked]], transfer.before[target[asked]], transfer.parts > 0
-    mine, theirs = parts[source[asked]], parts[target[asked]]
-    known, when = one[:, 0] == other[:, 0], np.zeros(len(asked), dtype=np.int32)
+    steps[same] = before.broken[~removed[before.source] & ~removed[before.bonds.neighbour]]
+    changed_bonds = np.flatnonzero(~same)
+    source_origin, target_origin, parts = (
+        transfer.before[source[changed_bonds]],
+        transfer.before[target[changed_bonds]],
+        transfer.parts > 0,
+    )
+    mine, theirs = parts[source[changed_bonds]], parts[target[changed_bonds]]
+    has_origin, when = source_origin[:, 0] == target_origin[:, 0], np.zeros(len(changed_bonds), dtype=np.int32)
     for a in range(4):
         for b in range(4):
-            some = np.flatnonzero(mine[:, a] & theirs[:, b])
-            if not len(some):
+            both_parts = np.flatnonzero(mine[:, a] & theirs[:, b])
+            if not len(both_parts):
                 continue
-            there, then = before.between(one[some, a], other[some, b])
-            back = np.flatnonzero(~there)  # of a bond that only one end had
-            there[back], then[back] = before.between(other[some[back], b], one[some[back], a])
-            known[some] |= there
-            when[some] = np.maximum(when[some], then)
-    unknown = np.flatnonzero(~known & (before.hurt[one[:, 0]] | before.hurt[other[:, 0]]))
+            had_bond, then = before.between(source_origin[both_parts, a], target_origin[both_parts, b])
+            back = np.flatnonzero(~had_bond)  # of a bond that only one end had
+            had_bond[back], then[back] = before.between(
+                target_origin[both_parts[back], b], source_origin[both_parts[back], a]
+            )
+            has_origin[both_parts] |= had_bond
+            when[both_parts] = np.maximum(when[both_parts], then)
+    unknown = np.flatnonzero(~has_origin & (before.hurt[source_origin[:, 0]] | before.hurt[target_origin[:, 0]]))
     if len(unknown):
-        bonds = asked[unknown]
+        bonds = changed_bonds[unknown]
         xi = new.xi[bonds] + transfer.away[source[bonds]] - transfer.away[target[bonds]]
-        when[unknown] = before.by_way_of(one[unknown, 0], other[unknown, 0], xi)
-    found[asked] = when
-    return found
+        when[unknown] = before.by_way_of(source_origin[unknown, 0], target_origin[unknown, 0], xi)
+    steps[changed_bonds] = when
+    return steps
 
 
 def healed(before: Before, new: Bonds, transfer: Transfer, broken: NDArray[np.int32]) -> int:
@@ -103,14 +109,14 @@ def healed(before: Before, new: Bonds, transfer: Transfer, broken: NDArray[np.in
     order = np.argsort(old, kind="stable")
     child, begin = child[order], np.searchsorted(old[order], np.arange(len(before.hurt) + 1))
     which = np.flatnonzero(before.broken)
-    one, other = before.source[which], before.bonds.neighbour[which].astype(np.int64)
+    old_source, old_target = before.source[which], before.bonds.neighbour[which].astype(np.int64)
     counts = np.diff(begin)
-    pairs = counts[one] * counts[other]
+    pairs = counts[old_source] * counts[old_target]
     row, number = np.repeat(np.arange(len(which)), pairs), np.arange(pairs.sum())
     number -= np.repeat(np.cumsum(pairs) - pairs, pairs)
-    wide = counts[other[row]]
-    source = child[begin[one[row]] + number // np.maximum(wide, 1)]
-    target = child[begin[other[row]] + number % np.maximum(wide, 1)]
+    wide = counts[old_target[row]]
+    source = child[begin[old_source[row]] + number // np.maximum(wide, 1)]
+    target = child[begin[old_target[row]] + number % np.maximum(wide, 1)]
     now = Before(new, broken)
-    there, when = now.between(source, target)
-    return int(np.count_nonzero(there & (when == 0)))
+    has_bond, when = now.between(source, target)
+    return int(np.count_nonzero(has_bond & (when == 0)))

@@ -28,28 +28,28 @@ def gradients(
 ) -> list[NDArray[np.float64]]:
     """Gradient (k, w, 2) of each field (n, w) at these rows (k,); 0 if a node has too few neighbours."""
     count = np.diff(bonds.start)[rows]
-    own = np.repeat(np.arange(len(rows)), count)
+    row_number = np.repeat(np.arange(len(rows)), count)
     number = np.arange(count.sum()) + np.repeat(bonds.start[rows] - np.cumsum(count) + count, count)
-    own, number = own[intact[number]], number[intact[number]]
-    xi, other = bonds.xi[number], bonds.neighbour[number]
+    row_number, number = row_number[intact[number]], number[intact[number]]
+    xi, neighbour = bonds.xi[number], bonds.neighbour[number]
     weight = bonds.weight[number] / (xi**2).sum(axis=1) ** 2
 
     def total(terms: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.asarray(np.bincount(own, terms, minlength=len(rows)), dtype=np.float64)
+        return np.asarray(np.bincount(row_number, terms, minlength=len(rows)), dtype=np.float64)
 
     xx, xy, yy = (total(weight * xi[:, a] * xi[:, b]) for a, b in ((0, 0), (0, 1), (1, 1)))
     determinant = xx * yy - xy * xy
     enough = determinant > FLAT * (xx + yy) ** 2
     scale = np.where(enough, 1 / np.where(enough, determinant, 1.0), 0.0)
-    found = []
+    field_gradients = []
     for field in fields:
         gradient = np.zeros((len(rows), field.shape[1], 2))
         for w in range(field.shape[1]):
-            rise = weight * (field[other, w] - field[rows[own], w])
+            rise = weight * (field[neighbour, w] - field[rows[row_number], w])
             x, y = total(rise * xi[:, 0]), total(rise * xi[:, 1])
             gradient[:, w, 0], gradient[:, w, 1] = scale * (yy * x - xy * y), scale * (xx * y - xy * x)
-        found.append(gradient)
-    return found
+        field_gradients.append(gradient)
+    return field_gradients
 
 
 def moved(state: State, transfer: Transfer, bonds: Bonds, intact: NDArray[np.bool_]) -> State:
@@ -61,16 +61,16 @@ def moved(state: State, transfer: Transfer, bonds: Bonds, intact: NDArray[np.boo
         mean[stays] = field[transfer.before[stays, 0]]
     split, merged = (transfer.away, transfer.apart, transfer.apart), (transfer.away, None, None)
     for which, ways in ((transfer.split, split), (transfer.merged, merged)):
-        some = np.flatnonzero(which & transfer.away.any(axis=1))
-        rows, at = np.unique(transfer.before[some], return_inverse=True)
-        found = gradients(bonds, intact, rows, *fields)
-        for mean, gradient, way in zip(means, found, ways, strict=True):
+        new_rows = np.flatnonzero(which & transfer.away.any(axis=1))
+        rows, at = np.unique(transfer.before[new_rows], return_inverse=True)
+        field_gradients = gradients(bonds, intact, rows, *fields)
+        for mean, gradient, way in zip(means, field_gradients, ways, strict=True):
             if way is not None:
-                share = transfer.parts[some][..., None, None] * gradient[at.reshape(len(some), 4)]
-                mean[some] += np.einsum("kwa,ka->kw", share.sum(axis=1), way[some])
+                share = transfer.parts[new_rows][..., None, None] * gradient[at.reshape(len(new_rows), 4)]
+                mean[new_rows] += np.einsum("kwa,ka->kw", share.sum(axis=1), way[new_rows])
     sums = (
-        np.where(stays, one[transfer.before[:, 0]], (transfer.parts * one[transfer.before]).sum(axis=1))
-        for one in (state.dissipated, state.work, state.damped)
+        np.where(stays, energy[transfer.before[:, 0]], (transfer.parts * energy[transfer.before]).sum(axis=1))
+        for energy in (state.dissipated, state.work, state.damped)
     )
     u, v, a = means
     return State(u, v, a, *sums)

@@ -34,8 +34,8 @@ def transfer_of(tree: Tree, cells: Cells, splits: NDArray[np.bool_], merged: Cel
     ids = tree.ids(cells)
     by_id = np.argsort(ids)
 
-    def rows(some: Cells) -> Rows:
-        return np.asarray(by_id[np.searchsorted(ids, tree.ids(some), sorter=by_id).clip(max=len(ids) - 1)])
+    def rows(leaves: Cells) -> Rows:
+        return np.asarray(by_id[np.searchsorted(ids, tree.ids(leaves), sorter=by_id).clip(max=len(ids) - 1)])
 
     share = tree.areas(merged.quarters()).reshape(-1, 4)
     share /= share.sum(axis=1, keepdims=True)
@@ -47,7 +47,7 @@ def transfer_of(tree: Tree, cells: Cells, splits: NDArray[np.bool_], merged: Cel
     new = joined(cells.taken(stays), quarters, merged)
     before = np.concatenate([np.repeat(alone[:, None], 4, axis=1), from_quarters])
     parts = np.concatenate([np.tile([1.0, 0.0, 0.0, 0.0], (len(alone), 1)), share])
-    counts = [len(one.root) for one in (cells.taken(stays), quarters, merged)]
+    counts = [len(cell_group.root) for cell_group in (cells.taken(stays), quarters, merged)]
     kind = np.repeat([0, 1, 2], counts)
     order = tree.order(new)
     new, before, parts, kind = new.taken(order), before[order], parts[order], kind[order]
@@ -58,12 +58,12 @@ def transfer_of(tree: Tree, cells: Cells, splits: NDArray[np.bool_], merged: Cel
 
 
 def _apart(
-    tree: Tree, new: Cells, whole: Rows, split: NDArray[np.bool_], away: NDArray[np.float64]
+    tree: Tree, new: Cells, parent_row: Rows, split: NDArray[np.bool_], away: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Vectors (m, 2), m, from the centre of mass of four quarters to each; `whole` (m,) is the row of their parent."""
-    found, area = np.zeros_like(away), tree.areas(new.taken(split))
-    _, group = np.unique(whole[split], return_inverse=True)
+    """Vectors (m, 2), m, from the centre of mass of four quarters to each; `parent_row` (m,) is their parent's."""
+    vectors, area = np.zeros_like(away), tree.areas(new.taken(split))
+    _, group = np.unique(parent_row[split], return_inverse=True)
     for axis in (0, 1):
         mean = np.bincount(group, area * away[split, axis]) / np.bincount(group, area)
-        found[split, axis] = away[split, axis] - mean[group]
-    return found
+        vectors[split, axis] = away[split, axis] - mean[group]
+    return vectors

@@ -67,17 +67,19 @@ class Leaves(BondList):
         return {**super().keep(), "calm": self.memory.calm.copy(), "made": np.array([self.memory.created])}
 
 
-def remembered(kept: Kept, leaves: int) -> Memory:
+def remembered(checkpoint: Kept, leaves: int) -> Memory:
     """The history stored by `Leaves.keep` for so many leaves. Raises CheckpointError."""
-    return Memory(entry(kept, "calm", (leaves,), np.int64, 0).copy(), float(entry(kept, "made", (1,), float)[0]))
+    return Memory(
+        entry(checkpoint, "calm", (leaves,), np.int64, 0).copy(), float(entry(checkpoint, "made", (1,), float)[0])
+    )
 
 
 def tree_over(model: Model, mode: str, precision: str, kernel: str | None) -> Tree:
     """The cells of a model. Raises ModelError, in one sentence, for an unsupported model."""
     grid = model.grid
-    for place, found, expected in (("precision", precision, "float64"), ("kernel", kernel or "listed", "listed")):
-        if found != expected:
-            raise _refused(model, place, found, expected)
+    for place, actual, expected in (("precision", precision, "float64"), ("kernel", kernel or "listed", "listed")):
+        if actual != expected:
+            raise _refused(model, place, actual, expected)
     if (grid.delta != grid.delta[0]).any():
         raise _refused(
             model, "$.nodes", "several spacings", "one, the coarsest, as pdmesh build --adapt split makes it"
@@ -90,10 +92,12 @@ def tree_over(model: Model, mode: str, precision: str, kernel: str | None) -> Tr
 def named(model: Model) -> Model:
     """The model with boxes replaced by the ids of their nodes, so that nodes created later are in none."""
 
-    def by_ids(some):  # type: ignore[no-untyped-def]
-        if some.box is None:
-            return some
-        return msgspec.structs.replace(some, nodes=tuple(model.grid.ids[model.selected(some)].tolist()), box=None)
+    def by_ids(selection):  # type: ignore[no-untyped-def]
+        if selection.box is None:
+            return selection
+        return msgspec.structs.replace(
+            selection, nodes=tuple(model.grid.ids[model.selected(selection)].tolist()), box=None
+        )
 
     settings = model.settings
     conditions, regions = (tuple(map(by_ids, every)) for every in (settings.conditions, settings.regions))
@@ -126,6 +130,6 @@ def _clear(tree: Tree) -> None:
                 )
 
 
-def _refused(model: Model, place: str, found: str, expected: str) -> ModelError:
+def _refused(model: Model, place: str, actual: str, expected: str) -> ModelError:
     name = place if place in ("precision", "kernel") else f"{model.name}: {place}"
-    return ModelError(unfit(name, found, f"{expected}, as run.adapt is split"))
+    return ModelError(unfit(name, actual, f"{expected}, as run.adapt is split"))

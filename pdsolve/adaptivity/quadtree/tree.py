@@ -79,8 +79,8 @@ class Tree:
 
     def ids(self, cells: Cells) -> NDArray[np.int64]:
         """The ids (n,) of the nodes of these cells."""
-        own = cells.root * 4**cells.level + cells.path
-        return np.where(cells.level > 0, self._begin[cells.level] + own, self.model.grid.ids[cells.root])
+        path_number = cells.root * 4**cells.level + cells.path
+        return np.where(cells.level > 0, self._begin[cells.level] + path_number, self.model.grid.ids[cells.root])
 
     def cells(self, ids: NDArray[np.int64]) -> Cells:
         """Cells of the nodes with these ids (n,)."""
@@ -95,15 +95,15 @@ class Tree:
         """Leaves of the nodes with these ids (n,), in this order; None if they are not all leaves of a plate."""
         if not len(ids) or ids.min() < self.model.grid.ids.min() or ids.max() >= self._end:
             return None
-        found = self.cells(ids)
-        begin, size = found.path << (2 * (self.levels - found.level)), 4 ** (self.levels - found.level)
-        begin = begin + found.root * 4**self.levels
+        cells = self.cells(ids)
+        begin, size = cells.path << (2 * (self.levels - cells.level)), 4 ** (self.levels - cells.level)
+        begin = begin + cells.root * 4**self.levels
         apart = (begin[1:] >= (begin + size)[:-1]).all()  # in order and none within another
-        mine = np.array_equal(self.ids(found), ids) and not ((found.level > 0) & self.pinned[found.root]).any()
+        mine = np.array_equal(self.ids(cells), ids) and not ((cells.level > 0) & self.pinned[cells.root]).any()
         if not (apart and mine):
             return None
-        area, whole = self.areas(found), self.areas(self.roots()).sum()
-        return found if (area > 0).all() and abs(area.sum() - whole) <= TOGETHER * whole else None
+        area, total_area = self.areas(cells), self.areas(self.roots()).sum()
+        return cells if (area > 0).all() and abs(area.sum() - total_area) <= TOGETHER * total_area else None
 
     @property
     def _end(self) -> int:
@@ -118,13 +118,13 @@ class Tree:
 
     def offset(self, cells: Cells) -> NDArray[np.float64]:
         """Vectors (n, 2) from the centre of each cell's root to that of the cell, in spacings."""
-        found = np.zeros((len(cells.root), 2))
+        vectors = np.zeros((len(cells.root), 2))
         for level in range(1, self.levels + 1):
             digit = cells.path >> np.maximum(2 * (cells.level - level), 0)
             for axis in (0, 1):
                 step = (2.0 * (digit >> axis & 1) - 1) / 2 ** (level + 1)
-                found[:, axis] += np.where(level <= cells.level, step, 0.0)
-        return found
+                vectors[:, axis] += np.where(level <= cells.level, step, 0.0)
+        return vectors
 
     def place(self, cells: Cells) -> NDArray[np.float64]:
         """Centres (n, 2) of cells, m."""
@@ -142,15 +142,15 @@ class Tree:
         """For each level, the roots cut by an edge: their index (roots,), -1 for others, and area shares (odd,
         4^level)."""
         grid = self.model.grid
-        whole = np.abs(self.area / self.spacing**2 - 1) < WHOLE
-        odd, plate = np.flatnonzero(~whole), plate_of(grid, self.model.name)
+        is_full = np.abs(self.area / self.spacing**2 - 1) < WHOLE
+        odd, plate = np.flatnonzero(~is_full), plate_of(grid, self.model.name)
         if plate is None or not len(odd):
             return {}
         import shapely
 
         number = np.full(self.count, -1)
         number[odd] = np.arange(len(odd))
-        cells, before, found = self.roots().taken(odd), np.ones(len(odd)), {}
+        cells, before, shares = self.roots().taken(odd), np.ones(len(odd)), {}
         around = plate.buffer(WHOLE * self.spacing, join_style="mitre")
         shapely.prepare(around)
         for level in range(1, self.levels + 1):
@@ -162,8 +162,8 @@ class Tree:
             total = part.sum(axis=1, keepdims=True)
             part = part / np.where(total > 0, total, 1.0)
             before = (before[:, None] * part).ravel()
-            found[level] = number, before.reshape(len(odd), -1)
-        return found
+            shares[level] = number, before.reshape(len(odd), -1)
+        return shares
 
     def exact(self, cells: Cells) -> Cells:
         """The cells with a share of the plate."""
@@ -172,8 +172,8 @@ class Tree:
     def splits(self, cells: Cells) -> NDArray[np.bool_]:
         """Mask (n,) of cells that can be split."""
         can = (cells.level < self.levels) & ~self.pinned[cells.root]
-        some = np.flatnonzero(can)
-        can[some] = self.areas(cells.taken(some).quarters()).reshape(-1, 4).any(axis=1)
+        candidates = np.flatnonzero(can)
+        can[candidates] = self.areas(cells.taken(candidates).quarters()).reshape(-1, 4).any(axis=1)
         return can
 
     def model_of(self, cells: Cells) -> Model:
@@ -181,9 +181,9 @@ class Tree:
         settings, ids = self.model.settings, self.ids(cells)
         regions = []
         for region in settings.regions:
-            own = np.isin(cells.root, self.model.selected(region))
-            regions.append(msgspec.structs.replace(region, nodes=tuple(ids[own].tolist()), box=None))
-        now = tuple(one for one in settings.conditions if not isinstance(one, InitialVelocity))
+            in_region = np.isin(cells.root, self.model.selected(region))
+            regions.append(msgspec.structs.replace(region, nodes=tuple(ids[in_region].tolist()), box=None))
+        now = tuple(condition for condition in settings.conditions if not isinstance(condition, InitialVelocity))
         settings = msgspec.structs.replace(settings, area_rule="cells", conditions=now, regions=tuple(regions))
         return Model(self.grid_of(cells, ids), settings, self.model.name)
 

@@ -26,11 +26,11 @@ ROOT = np.sqrt(2 / 3)
 
 
 @njit(**INNER)
-def returned(trial, alpha, shear, yields, hardening, beside, ease):  # type: ignore[no-untyped-def]
+def returned(trial, alpha, shear, yields, hardening, deviation_square, ease):  # type: ignore[no-untyped-def]
     """The stress, six components, the plastic increment `more`, and x, from a trial stress and b."""
     p = (trial[0] + trial[1] + trial[2]) / 3
     s = (trial[0] - p, trial[1] - p, trial[2] - p, trial[3], trial[4], trial[5])
-    square, b = contracted(s, s), ease * beside
+    square, b = contracted(s, s), ease * deviation_square
     x, limit = square * 0, ROOT * (yields + hardening * alpha)
     size = np.sqrt(square + b)
     if (size - limit).real <= 0:
@@ -49,23 +49,37 @@ def returned(trial, alpha, shear, yields, hardening, beside, ease):  # type: ign
 
 
 @njit(**INNER)
-def thinned(trial, alpha, first, shear, yields, hardening, beside, ease):  # type: ignore[no-untyped-def]
+def thinned(trial, alpha, first, shear, yields, hardening, deviation_square, ease):  # type: ignore[no-untyped-def]
     """The strain zz to add for a trial stress, six components, so that the stress zz vanishes."""
     bulk, soft = first + 2 * shear / 3, hardening / (3 * shear)
     stiff = first + 2 * shear
     zz = -trial[2] / stiff
     for _ in range(ROUNDS):
-        here = (trial[0] + first * zz, trial[1] + first * zz, trial[2] + stiff * zz, trial[3], trial[4], trial[5])
-        found, more, x = returned(here, alpha, shear, yields, hardening, beside, ease)
-        slope = here[0] * 0 + stiff
+        shifted_trial = (
+            trial[0] + first * zz,
+            trial[1] + first * zz,
+            trial[2] + stiff * zz,
+            trial[3],
+            trial[4],
+            trial[5],
+        )
+        stress, more, x = returned(shifted_trial, alpha, shear, yields, hardening, deviation_square, ease)
+        slope = shifted_trial[0] * 0 + stiff
         if more.real > 0:
-            p = (here[0] + here[1] + here[2]) / 3
-            s = (here[0] - p, here[1] - p, here[2] - p, here[3], here[4], here[5])
+            p = (shifted_trial[0] + shifted_trial[1] + shifted_trial[2]) / 3
+            s = (
+                shifted_trial[0] - p,
+                shifted_trial[1] - p,
+                shifted_trial[2] - p,
+                shifted_trial[3],
+                shifted_trial[4],
+                shifted_trial[5],
+            )
             c, e = 1 / (1 + x), 1 / (1 + ease * x)
-            square, b = contracted(s, s) * c * c, ease * beside * e * e
+            square, b = contracted(s, s) * c * c, ease * deviation_square * e * e
             steep = square * c + ease * b * e + (square + b) * soft / (1 - soft * x)
             slope = bulk + 4 / 3 * shear * c - 2 * shear * s[2] * s[2] * c * c * c * c / steep
-        zz -= found[2] / slope
-        if abs(found[2].real) <= NEAR * yields and abs(found[2]) <= 1e3 * NEAR * yields:
+        zz -= stress[2] / slope
+        if abs(stress[2].real) <= NEAR * yields and abs(stress[2]) <= 1e3 * NEAR * yields:
             break
     return zz

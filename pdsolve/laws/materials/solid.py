@@ -88,11 +88,11 @@ def solid_of(model: Model, kind: Any, dimension: int) -> Solid:
 
 
 @njit(**INLINE)
-def respond(solid, i, h, beside):  # type: ignore[no-untyped-def]
-    """Response of node i to the gradient h, nine components; `beside`, Pa^2, is b of `j2`."""
+def respond(solid, i, h, deviation_square):  # type: ignore[no-untyped-def]
+    """Response of node i to the gradient h, nine components; `deviation_square`, Pa^2, is b of `j2`."""
     first, shear, kind = solid.first[i], solid.shear[i], solid.kind[i]
     if solid.rate:
-        return _rated(solid, i, grown(h), beside)
+        return _rated(solid, i, grown(h), deviation_square)
     if kind == NEO_HOOKE:
         E = neo_hooke.strain(h, first, shear, solid.plane_stress)
         return _finite(neo_hooke.stress(h, E, first, shear), h, E, solid.plane_stress)
@@ -101,9 +101,13 @@ def respond(solid, i, h, beside):  # type: ignore[no-untyped-def]
         trial, alpha = hooke(first, shear, e), solid.history[i, ALPHA_TOTAL]
         zz = h[0] * 0
         if solid.plane_stress:
-            zz = j2.thinned(trial, alpha, first, shear, solid.yields[i], solid.hardening[i], beside, solid.ease)
+            zz = j2.thinned(
+                trial, alpha, first, shear, solid.yields[i], solid.hardening[i], deviation_square, solid.ease
+            )
             trial = hooke(first, shear, with_zz(e, e[2] + zz))
-        sigma, more, x = j2.returned(trial, alpha, shear, solid.yields[i], solid.hardening[i], beside, solid.ease)
+        sigma, more, x = j2.returned(
+            trial, alpha, shear, solid.yields[i], solid.hardening[i], deviation_square, solid.ease
+        )
         return Response(full(sigma), sigma, _with_zz(grown(h), zz), more, x)
     return elastic(kind, h, first, shear, solid.plane_stress)
 
@@ -120,19 +124,19 @@ def elastic(kind, h, first, shear, plane_stress):  # type: ignore[no-untyped-def
 
 
 @njit(**INNER)
-def holds(solid, i, h, beside):  # type: ignore[no-untyped-def]
+def holds(solid, i, h, deviation_square):  # type: ignore[no-untyped-def]
     """Energy densities of node i, J/m^3: stored, and dissipated by plastic flow so far."""
     first, shear, kind = solid.first[i], solid.shear[i], solid.kind[i]
     if solid.rate or kind == J2:
-        found = respond(solid, i, h, beside)
-        alpha = solid.history[i, ALPHA_RATE if solid.rate else ALPHA_TOTAL] + j2.ROOT * found.more
+        response = respond(solid, i, h, deviation_square)
+        alpha = solid.history[i, ALPHA_RATE if solid.rate else ALPHA_TOTAL] + j2.ROOT * response.more
         spent = h[0] * 0
         if kind == J2:
             spent = alpha * (solid.yields[i] + solid.hardening[i] * alpha / 2)
-        held = contracted(found.sigma, compliant(first, shear, found.sigma)) / 2
+        strain_energy = contracted(response.sigma, compliant(first, shear, response.sigma)) / 2
         if solid.rate:
-            held *= det(found.F)
-        return held, spent
+            strain_energy *= det(response.F)
+        return strain_energy, spent
     if kind == SVK:
         E = svk.strain(h, first, shear, solid.plane_stress)
         return contracted(E, hooke(first, shear, E)) / 2, h[0] * 0
@@ -152,28 +156,39 @@ def dissipated(solid, i):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def keep(solid, i, h, beside):  # type: ignore[no-untyped-def]
+def keep(solid, i, h, deviation_square):  # type: ignore[no-untyped-def]
     """Update the history of node i after the gradient h."""
-    found, past = respond(solid, i, h, beside), solid.history[i]
+    response, past = respond(solid, i, h, deviation_square), solid.history[i]
     if solid.rate:
-        _put(past, 0, found.F)
-        _put(past, 9, found.sigma)
-        past[ALPHA_RATE] += j2.ROOT * found.more
-    elif solid.kind[i] == J2 and found.more > 0:
+        _put(past, 0, response.F)
+        _put(past, 9, response.sigma)
+        past[ALPHA_RATE] += j2.ROOT * response.more
+    elif solid.kind[i] == J2 and response.more > 0:
         first, shear = solid.first[i], solid.shear[i]
-        e, left = symmetric(h), compliant(first, shear, found.sigma)
-        _put(past, 0, (e[0] - left[0], e[1] - left[1], e[2] - left[2], e[3] - left[3], e[4] - left[4], e[5] - left[5]))
+        e, elastic_strain = symmetric(h), compliant(first, shear, response.sigma)
+        _put(
+            past,
+            0,
+            (
+                e[0] - elastic_strain[0],
+                e[1] - elastic_strain[1],
+                e[2] - elastic_strain[2],
+                e[3] - elastic_strain[3],
+                e[4] - elastic_strain[4],
+                e[5] - elastic_strain[5],
+            ),
+        )
         if solid.plane_stress:
             past[2] = -past[0] - past[1]
-        past[ALPHA_TOTAL] += j2.ROOT * found.more
+        past[ALPHA_TOTAL] += j2.ROOT * response.more
 
 
 @njit(**INNER)
 def _half_turn(x, y, z):  # type: ignore[no-untyped-def]
     """Q, nine components, from the components xy, xz, yz of W / 2: the half of a turn by 2 atan of their norm."""
     half = 1 / (1 + np.sqrt(1 + x * x + y * y + z * z))
-    x, y, z, one = half * x, half * y, half * z, x * 0 + 1
-    return product(inverse((one, -x, -y, x, one, -z, y, z, one)), (one, x, y, -x, one, z, -y, -z, one))
+    x, y, z, unit = half * x, half * y, half * z, x * 0 + 1
+    return product(inverse((unit, -x, -y, x, unit, -z, y, z, unit)), (unit, x, y, -x, unit, z, -y, -z, unit))
 
 
 @njit(**INNER)
@@ -213,11 +228,11 @@ def _finite(P, h, E, plane_stress):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _rated(solid, i, F, beside):  # type: ignore[no-untyped-def]
+def _rated(solid, i, F, deviation_square):  # type: ignore[no-untyped-def]
     """Response incremental from the history."""
-    p, first, shear, one = solid.history[i], solid.first[i], solid.shear[i], F[0] * 0 + 1
+    p, first, shear, unit = solid.history[i], solid.first[i], solid.shear[i], F[0] * 0 + 1
     flat = solid.plane_stress
-    zz = p[8] * one if flat else F[8]  # not known yet
+    zz = p[8] * unit if flat else F[8]  # not known yet
     F = (F[0], F[1], F[2], F[3], F[4], F[5], F[6], F[7], zz)
     before = (p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8])
     way, half = difference(F, before), mean(before, F)
@@ -230,7 +245,9 @@ def _rated(solid, i, F, beside):  # type: ignore[no-untyped-def]
     if flat:
         d = -trial[2] / (first + 2 * shear)
         if plastic:
-            d = j2.thinned(trial, alpha, first, shear, solid.yields[i], solid.hardening[i], beside, solid.ease)
+            d = j2.thinned(
+                trial, alpha, first, shear, solid.yields[i], solid.hardening[i], deviation_square, solid.ease
+            )
         trial = (
             trial[0] + first * d,
             trial[1] + first * d,
@@ -241,7 +258,9 @@ def _rated(solid, i, F, beside):  # type: ignore[no-untyped-def]
         )
         F = _with_zz(F, before[8] * d / (1 - d / 2))
     if plastic:
-        trial, more, x = j2.returned(trial, alpha, shear, solid.yields[i], solid.hardening[i], beside, solid.ease)
+        trial, more, x = j2.returned(
+            trial, alpha, shear, solid.yields[i], solid.hardening[i], deviation_square, solid.ease
+        )
     c, s = det(F), trial
     P = product(full((c * s[0], c * s[1], c * s[2], c * s[3], c * s[4], c * s[5])), transposed(inverse(F)))
     return Response(P, trial, F, more, x)

@@ -59,8 +59,8 @@ class RestingContact(PenaltyContact):
         self._closing: Array | None = None  # (bodies, bodies) m, gap of nodes of bodies that touch as drawn
         super().__init__(model, volume, operator)
         if self._settings.restitution < 1:
-            found = f"{self._settings.restitution:g} at rest"
-            raise ModelError(f"{model.name}: $.contact.restitution is {found}; use 1: nothing bounces")
+            actual = f"{self._settings.restitution:g} at rest"
+            raise ModelError(f"{model.name}: $.contact.restitution is {actual}; use 1: nothing bounces")
         self.symmetric = not self._settings.friction
         if self._joined.drawn.round.any():
             self._bound = self.of_round * self._bound
@@ -76,9 +76,9 @@ class RestingContact(PenaltyContact):
     def _close_gaps(self) -> None:
         """Let the nearest nodes of round bodies touch that hold each other: they lie beside where the drawing does."""
         assert self._body is not None
-        pairs, drawn = self._pairs, self._joined.drawn
+        pairs, drawn_faces = self._pairs, self._joined.drawn
         gap = self._gap(self.seen) - pairs.touch
-        near = self._parted(pairs.i, pairs.j) & (drawn.round[pairs.i] | drawn.round[pairs.j])
+        near = self._parted(pairs.i, pairs.j) & (drawn_faces.round[pairs.i] | drawn_faces.round[pairs.j])
         near &= (self._stiffness > 0) & (gap < HOLDS * pairs.touch)
         first, second = self._body[pairs.i[near]], self._body[pairs.j[near]]
         bodies = int(self._body.max()) + 1
@@ -114,12 +114,12 @@ class RestingContact(PenaltyContact):
         if self._body is None:
             return
         force = self._stiffness * self._touch(state.value).depth
-        some = np.flatnonzero(force > 0)
-        i, j, drawn = self._pairs.i[some], self._pairs.j[some], self._joined.drawn
+        pressed = np.flatnonzero(force > 0)
+        i, j, drawn_faces = self._pairs.i[pressed], self._pairs.j[pressed], self._joined.drawn
         place = (self._joined.nodes.x[i] + self._joined.nodes.x[j]) / 2
         first, second = np.sort([self._body[i], self._body[j]], axis=0)
-        curved = drawn.round[i] | drawn.round[j]
-        widths = round_widths(Pressed(place, force[some], self._pairs.h[some], first, second, curved))
+        curved = drawn_faces.round[i] | drawn_faces.round[j]
+        widths = round_widths(Pressed(place, force[pressed], self._pairs.h[pressed], first, second, curved))
         for pair, width in widths.items():
             if pair not in self.widths or width.force > self.widths[pair].force:
                 self.widths[pair] = width
@@ -135,15 +135,15 @@ class RestingContact(PenaltyContact):
         self._joined.forget()
         self._joined.follow(ALL)
         self._search(u)
-        found = np.zeros((len(self._pairs.i), 1 + u.shape[1]))
-        geometry(self._pairs, u, SKIN * self._finest if len(found) else 0.0, found)
-        self.seen, self._stiffness, self._normal = u.copy(), found[:, 0], found[:, 1:]
+        pair_geometry = np.zeros((len(self._pairs.i), 1 + u.shape[1]))
+        geometry(self._pairs, u, SKIN * self._finest if len(pair_geometry) else 0.0, pair_geometry)
+        self.seen, self._stiffness, self._normal = u.copy(), pair_geometry[:, 0], pair_geometry[:, 1:]
 
     def holding(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Rows (k,) of the nodes of pairs that touch where they were looked at last, or nearly so."""
         depth = self._pairs.touch - self._gap(self.seen)
-        some = (self._stiffness > 0) & (depth > -HOLDS * self._pairs.touch)
-        return self._pairs.i[some], self._pairs.j[some]
+        is_holding = (self._stiffness > 0) & (depth > -HOLDS * self._pairs.touch)
+        return self._pairs.i[is_holding], self._pairs.j[is_holding]
 
     def _gap(self, u: Array) -> Array:
         i, j, x = self._pairs.i, self._pairs.j, self._joined.nodes.x
@@ -184,8 +184,8 @@ class RestingContact(PenaltyContact):
     def energies(self, state: State) -> tuple[Array, Array]:
         """Energy densities (n,), J/m^3: stored in springs of touch and of friction; nothing is dissipated here."""
         now = self._touch(state.value)
-        held = self._shared(self._stiffness * (now.depth**2 + (now.slip**2).sum(axis=1)) / 2)
-        return held / self._volume, np.zeros(len(self._volume))
+        energy = self._shared(self._stiffness * (now.depth**2 + (now.slip**2).sum(axis=1)) / 2)
+        return energy / self._volume, np.zeros(len(self._volume))
 
     def _shared(self, energy: Array) -> Array:
         """Energies (n,) of nodes, J, of those of pairs (p,), half and half."""
@@ -194,8 +194,8 @@ class RestingContact(PenaltyContact):
 
     def touching(self, state: State) -> int:
         """Number of nodes that touch others."""
-        some = self._touch(state.value).depth > 0
-        return len(np.unique(np.concatenate([self._pairs.i[some], self._pairs.j[some]])))
+        in_touch = self._touch(state.value).depth > 0
+        return len(np.unique(np.concatenate([self._pairs.i[in_touch], self._pairs.j[in_touch]])))
 
     def friction(self, state: State) -> float:
         """Energy that friction has turned into heat so far, J/m, of a body J."""
@@ -208,27 +208,27 @@ class RestingContact(PenaltyContact):
         """Minus the derivative of the forces by the displacements, (n d, n d), N/m^2, in space N/m."""
         pairs, now, n = self._pairs, self._touch(value), self._normal
         u = value.astype(np.float64)
-        some = np.flatnonzero((self._stiffness > 0) & (pairs.touch - self._gap(u) > -TOUCHES * pairs.touch))
-        n, d, mu = n[some], n.shape[1], self._settings.friction
+        near_pairs = np.flatnonzero((self._stiffness > 0) & (pairs.touch - self._gap(u) > -TOUCHES * pairs.touch))
+        n, d, mu = n[near_pairs], n.shape[1], self._settings.friction
         nn = n[:, :, None] * n[:, None, :]
         block = nn.copy()
         if mu:
-            slip, cut = now.slip[some], now.cut[some]
+            slip, cut = now.slip[near_pairs], now.cut[near_pairs]
             length = np.sqrt((slip**2).sum(axis=1))
             way = slip / np.maximum(length, 1e-300)[:, None]
             slides = (cut < 1)[:, None, None]
             across = np.eye(d) - nn
             block += np.where(slides, cut[:, None, None] * (across - way[:, :, None] * way[:, None, :]), across)
             block -= np.where(slides, mu * way[:, :, None] * n[:, None, :], 0.0)
-        block *= self._stiffness[some, None, None]
-        return pair_matrix(pairs.i[some], pairs.j[some], block, len(self._volume))
+        block *= self._stiffness[near_pairs, None, None]
+        return pair_matrix(pairs.i[near_pairs], pairs.j[near_pairs], block, len(self._volume))
 
     def keep(self) -> Kept:
         """Friction's springs, and the displacements of the last equilibrium and of the last look, for a checkpoint."""
         return {**super().keep(), "at": self._at.copy(), "seen": self.seen.copy()}
 
-    def back(self, kept: Kept, broken: Broken) -> None:
+    def back(self, checkpoint: Kept, broken: Broken) -> None:
         """Restore a checkpoint. Raises CheckpointError."""
-        super().back(kept, broken)
-        self._at = entry(kept, "at", self._at.shape, np.float64).copy()
-        self.see(entry(kept, "seen", self.seen.shape, np.float64).copy())
+        super().back(checkpoint, broken)
+        self._at = entry(checkpoint, "at", self._at.shape, np.float64).copy()
+        self.see(entry(checkpoint, "seen", self.seen.shape, np.float64).copy())

@@ -23,8 +23,8 @@ NEAREST = {2: 1.5, 3: 1.8}  # spacings: of the bonds that tell a normal, to 8 no
 class Joined:
     """The bonds of n nodes, as contact knows them: which join two nodes up to a step."""
 
-    def __init__(self, model: Model, operator: Operator, drawn: bool) -> None:
-        """`drawn`: whether round and inclined bodies touch by their drawn surfaces."""
+    def __init__(self, model: Model, operator: Operator, use_drawn_faces: bool) -> None:
+        """`use_drawn_faces`: whether round and inclined bodies touch by their drawn surfaces."""
         self._operator, self._nodes, self._gone = operator, len(model.grid), 0
         self.until, self.wait = 0, EVERY  # step before which broken bonds are known; steps until they are asked for
         ends = [operator.bonds(int(rows[0]), int(rows[-1]) + 1, start=True) for rows in row_chunks(self._nodes)]
@@ -45,7 +45,7 @@ class Joined:
         self.nodes = Nodes(x, start, near_by, 1 / length[near], intact)
         self.surface = np.zeros(self._nodes, dtype=np.bool_)
         surface_nodes(self.nodes, self.surface)
-        self.drawn = drawn_faces(model.grid, self.surface & drawn)
+        self.drawn = drawn_faces(model.grid, self.surface & use_drawn_faces)
         self._marred = np.zeros(self._nodes, dtype=np.bool_)  # nodes that lost one of their nearest bonds
 
     def _found(self, source: NDArray[np.int64], target: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -60,14 +60,14 @@ class Joined:
         ends = np.concatenate([[0], np.cumsum(count)])
         bonds = np.arange(ends[-1]) + np.repeat(begin - ends[:-1], count)
         intact = nodes.intact[bonds]
-        kept = np.diff(np.concatenate([[0], np.cumsum(intact)])[ends])
-        intact &= np.repeat(kept >= CORNER[nodes.x.shape[1]], count)
+        remaining = np.diff(np.concatenate([[0], np.cumsum(intact)])[ends])
+        intact &= np.repeat(remaining >= CORNER[nodes.x.shape[1]], count)
         start, bonds, m = np.concatenate([[0], np.cumsum(intact)])[ends], bonds[intact], len(rows)
-        near, inverse, known = nodes.near[bonds].astype(np.int64), nodes.inverse[bonds], np.zeros(m, dtype=np.bool_)
-        found = Faces(rows, start, near, inverse, np.zeros((m, 3)), np.zeros(m), np.zeros((m, 3)), known)
-        learn_faces(nodes, found)
-        self._lay(found)
-        return found
+        near, inverse, is_known = nodes.near[bonds].astype(np.int64), nodes.inverse[bonds], np.zeros(m, dtype=np.bool_)
+        faces = Faces(rows, start, near, inverse, np.zeros((m, 3)), np.zeros(m), np.zeros((m, 3)), is_known)
+        learn_faces(nodes, faces)
+        self._lay(faces)
+        return faces
 
     def _lay(self, faces: Faces) -> None:
         """Give intact nodes the normals of their drawn surface, which turn with the nearest nodes.
@@ -85,12 +85,12 @@ class Joined:
         np.add.at(moment, node, apart[:, :, None] * apart[:, None, :])
         spread = np.linalg.eigvalsh(moment)
         laid &= spread[:, 0] > ALONG * spread[:, -1]  # else all are in a line or a plane
-        some = np.flatnonzero(laid)
+        laid_nodes = np.flatnonzero(laid)
         more = np.zeros((len(faces.rows), d))
-        change = -LENGTH[d] * wanted[some] + faces.still[some, :d]
-        more[some] = np.linalg.solve(moment[some], change[:, :, None])[:, :, 0]
+        change = -LENGTH[d] * wanted[laid_nodes] + faces.still[laid_nodes, :d]
+        more[laid_nodes] = np.linalg.solve(moment[laid_nodes], change[:, :, None])[:, :, 0]
         faces.inverse[bonds] += (apart * more[node]).sum(axis=1)
-        faces.still[some, :d], faces.bent[some] = LENGTH[d] * wanted[some], 0.0
+        faces.still[laid_nodes, :d], faces.bent[laid_nodes] = LENGTH[d] * wanted[laid_nodes], 0.0
 
     def behind(self, rows: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Mask (k,) of rows whose nodes are behind others at their drawn surface, as long as they have all bonds."""
@@ -149,11 +149,11 @@ def candidates(
     """Pairs (p,) of these rows (k,), in order, that no bond joins and that are at most as far apart now as one of the
     two has its `reach` (k,), m."""
     place = joined.nodes.x[rows] + u[rows].astype(np.float64)
-    one, two = tree_of(place).query_pairs(float(reach.max(initial=0.0)), output_type="ndarray").reshape(-1, 2).T
+    first, second = tree_of(place).query_pairs(float(reach.max(initial=0.0)), output_type="ndarray").reshape(-1, 2).T
     if len(reach) and reach.min() < reach.max():
-        near = lengths(place[two] - place[one]) <= np.maximum(reach[one], reach[two])
-        one, two = one[near], two[near]
-    i, j = np.minimum(rows[one], rows[two]), np.maximum(rows[one], rows[two])
+        near = lengths(place[second] - place[first]) <= np.maximum(reach[first], reach[second])
+        first, second = first[near], second[near]
+    i, j = np.minimum(rows[first], rows[second]), np.maximum(rows[first], rows[second])
     loose = ~joined.join(i, j)
     i, j = i[loose], j[loose]
     order = np.lexsort((j, i))

@@ -28,10 +28,10 @@ class Pressed(NamedTuple):
     second: Rows  # (p,) the larger one
     round: NDArray[np.bool_]  # (p,) whether a drawn surface is curved there
 
-    def part(self, some: NDArray[Any]) -> Pressed:
+    def part(self, selection: NDArray[Any]) -> Pressed:
         """Those of a mask or of numbers."""
-        place, force, spacing = self.place[some], self.force[some], self.spacing[some]
-        return Pressed(place, force, spacing, self.first[some], self.second[some], self.round[some])
+        place, force, spacing = self.place[selection], self.force[selection], self.spacing[selection]
+        return Pressed(place, force, spacing, self.first[selection], self.second[selection], self.round[selection])
 
 
 class Width(NamedTuple):
@@ -43,23 +43,23 @@ class Width(NamedTuple):
 
 def round_widths(pairs: Pressed) -> dict[tuple[int, int], Width]:
     """The widths of contact of each two bodies that touch where one of them is round."""
-    some = pairs.first != pairs.second
-    pairs = pairs.part(some)
+    between_bodies = pairs.first != pairs.second
+    pairs = pairs.part(between_bodies)
     if not len(pairs.force):
         return {}
     near = tree_of(pairs.place).query_pairs(ASIDE * float(pairs.spacing.max()), output_type="ndarray").T
-    one, other = near[
+    first, second = near[
         :, (pairs.first[near[0]] == pairs.first[near[1]]) & (pairs.second[near[0]] == pairs.second[near[1]])
     ]
-    found: dict[tuple[int, int], Width] = {}
-    of_place = connected(len(pairs.force), one, other)
+    widths: dict[tuple[int, int], Width] = {}
+    of_place = connected(len(pairs.force), first, second)
     for number in np.unique(of_place[pairs.round]):
         mine = np.flatnonzero(of_place == number)
         bodies = int(pairs.first[mine[0]]), int(pairs.second[mine[0]])
         half, force = _half_width(pairs.part(mine)), float(pairs.force[mine].sum())
-        before = found.get(bodies, Width(np.inf, 0.0))
-        found[bodies] = Width(min(half, before.half), force + before.force)
-    return found
+        before = widths.get(bodies, Width(np.inf, 0.0))
+        widths[bodies] = Width(min(half, before.half), force + before.force)
+    return widths
 
 
 def _half_width(pairs: Pressed) -> float:

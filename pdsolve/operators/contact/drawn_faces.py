@@ -60,33 +60,33 @@ class Surface(NamedTuple):
 def drawn_faces(grid: Grid, surface: NDArray[np.bool_]) -> DrawnFaces:
     """The drawn faces of several bodies; `surface` (n,) masks the nodes that lack neighbours to one side."""
     nodes, d = len(grid), grid.dimension
-    found = DrawnFaces(np.zeros((nodes, d)), np.zeros(nodes), *np.zeros((2, nodes), dtype=np.bool_))
+    faces = DrawnFaces(np.zeros((nodes, d)), np.zeros(nodes), *np.zeros((2, nodes), dtype=np.bool_))
     rows = np.flatnonzero(surface)
     if grid.bodies is None or not grid.outline or not len(rows):
-        return found
+        return faces
     facets = _facets(grid)
     number, near = grid.bodies.number[rows], NEAR * float(grid.delta[rows].max())
     pieces = _pieces(facets, grid.position[rows], near, FINEST[d] * float(grid.delta[rows].min()))
     body_of = _bodies(grid, rows, pieces)
     for body in np.unique(number):
-        own = rows[number == body]
+        body_rows = rows[number == body]
         mine = Pieces(*(column[body_of[pieces.facet] == body] for column in pieces))
         if len(mine.facet):
-            ball = _on_ball(grid, own, facets[np.unique(mine.facet)])
-            _lay(found, grid, own, ball or _on_pieces(grid, own, mine))
-    return found
+            ball = _on_ball(grid, body_rows, facets[np.unique(mine.facet)])
+            _lay(faces, grid, body_rows, ball or _on_pieces(grid, body_rows, mine))
+    return faces
 
 
-def _lay(found: DrawnFaces, grid: Grid, rows: Rows, surface: Surface) -> None:
+def _lay(faces: DrawnFaces, grid: Grid, rows: Rows, surface: Surface) -> None:
     """Set what the surface of one body says of its nodes in these rows (k,)."""
     delta, (normal, depth, smooth, curved) = grid.delta[rows], surface
     along_axis = np.abs(normal).max(axis=1) > 1 - ON_AXIS
     laid = smooth & (curved | ~along_axis) & (np.abs(depth) < NEAR * delta)
-    behind = laid & (depth > (1 + ROUND_OFF) * delta)
-    found.behind[rows[behind]] = True
-    laid &= ~behind
-    found.normal[rows[laid]], found.beyond[rows[laid]] = normal[laid], (depth - delta / 2)[laid]
-    found.round[rows[laid]] = curved[laid]
+    covered = laid & (depth > (1 + ROUND_OFF) * delta)
+    faces.behind[rows[covered]] = True
+    laid &= ~covered
+    faces.normal[rows[laid]], faces.beyond[rows[laid]] = normal[laid], (depth - delta / 2)[laid]
+    faces.round[rows[laid]] = curved[laid]
 
 
 def _on_ball(grid: Grid, rows: Rows, facets: Array) -> Surface | None:
@@ -117,11 +117,11 @@ def _on_pieces(grid: Grid, rows: Rows, pieces: Pieces) -> Surface:
     depth = ((middles[nearest] - places) * normals[nearest]).sum(axis=1)
     mean = normals[nearest]
     for spacing in np.unique(delta):  # trees find all within one distance
-        some = np.flatnonzero((delta == spacing) & (np.abs(depth) < spacing))
-        pairs = tree_of(places[some]).sparse_distance_matrix(tree, spacing, output_type="ndarray")
-        count = np.maximum(np.bincount(pairs["i"], minlength=len(some)), 1)
+        near_nodes = np.flatnonzero((delta == spacing) & (np.abs(depth) < spacing))
+        pairs = tree_of(places[near_nodes]).sparse_distance_matrix(tree, spacing, output_type="ndarray")
+        count = np.maximum(np.bincount(pairs["i"], minlength=len(near_nodes)), 1)
         for axis, column in enumerate(normals.T):
-            mean[some, axis] = np.bincount(pairs["i"], column[pairs["j"]], len(some)) / count
+            mean[near_nodes, axis] = np.bincount(pairs["i"], column[pairs["j"]], len(near_nodes)) / count
     length = np.sqrt((mean**2).sum(axis=1))
     return Surface(mean / np.maximum(length, 1e-300)[:, None], depth, length > SMOOTH, length < 1 - STRAIGHT)
 
@@ -131,10 +131,10 @@ def _bodies(grid: Grid, rows: Rows, pieces: Pieces) -> Rows:
     assert grid.bodies is not None
     nearest, body_of = np.full(len(pieces.facet), np.inf), np.zeros(len(pieces.facet), dtype=np.int64)
     for body in np.unique(grid.bodies.number[rows]):
-        own = rows[grid.bodies.number[rows] == body]
-        way, at = tree_of(grid.position[own]).query(pieces.middle)
-        inside = ((pieces.middle - grid.position[own[at]]) * pieces.normal).sum(axis=1) > 0
-        inside &= (way < NEAR * grid.delta[own[at]]) & (way < nearest)
+        body_rows = rows[grid.bodies.number[rows] == body]
+        way, at = tree_of(grid.position[body_rows]).query(pieces.middle)
+        inside = ((pieces.middle - grid.position[body_rows[at]]) * pieces.normal).sum(axis=1) > 0
+        inside &= (way < NEAR * grid.delta[body_rows[at]]) & (way < nearest)
         nearest[inside], body_of[inside] = way[inside], body + 1
     bodies, facets = len(grid.bodies.names) + 1, int(pieces.facet.max(initial=-1)) + 1
     votes = np.bincount(pieces.facet * bodies + body_of, minlength=facets * bodies).reshape(facets, bodies)
@@ -165,7 +165,7 @@ def _pieces(facets: Array, places: Array, reach: float, finest: float) -> Pieces
     """Facets (f, d, d) halved until no side is longer than `finest`, m, as far as they are near places (k, d)."""
     tree, normal = tree_of(places), _normals(facets)
     first, second = np.triu_indices(facets.shape[1], 1)
-    facet, found, of = np.arange(len(facets)), [facets[:0]], [np.zeros(0, dtype=np.int64)]
+    facet, small_facets, of = np.arange(len(facets)), [facets[:0]], [np.zeros(0, dtype=np.int64)]
     while len(facets):
         middle = facets.mean(axis=1)
         radius = np.sqrt(((facets - middle[:, None]) ** 2).sum(axis=2).max(axis=1))
@@ -173,13 +173,13 @@ def _pieces(facets: Array, places: Array, reach: float, finest: float) -> Pieces
         facets, facet = facets[near], facet[near]
         long = np.sqrt(((facets[:, first] - facets[:, second]) ** 2).sum(axis=2))
         small = long.max(axis=1, initial=0.0) <= finest
-        found.append(facets[small])
+        small_facets.append(facets[small])
         of.append(facet[small])
         rest, side = facets[~small], long[~small].argmax(axis=1)
-        each = np.arange(len(rest))
-        half = (rest[each, first[side]] + rest[each, second[side]]) / 2
-        one, two = rest, rest.copy()
-        one[each, first[side]], two[each, second[side]] = half, half
-        facets, facet = np.concatenate([one, two]), np.tile(facet[~small], 2)
+        index = np.arange(len(rest))
+        half = (rest[index, first[side]] + rest[index, second[side]]) / 2
+        first_half, second_half = rest, rest.copy()
+        first_half[index, first[side]], second_half[index, second[side]] = half, half
+        facets, facet = np.concatenate([first_half, second_half]), np.tile(facet[~small], 2)
     number = np.concatenate(of)
-    return Pieces(np.concatenate(found).mean(axis=1), normal[number], number)
+    return Pieces(np.concatenate(small_facets).mean(axis=1), normal[number], number)

@@ -117,16 +117,16 @@ def learn_faces(nodes, faces):  # type: ignore[no-untyped-def]
 
 
 @njit(forceinline=True, **INNER)
-def normal(nodes, i, found):  # type: ignore[no-untyped-def]
-    """Set `found` (d,) to the normal of node i in the reference; returns how far it is from flat."""
+def normal(nodes, i, vector):  # type: ignore[no-untyped-def]
+    """Set `vector` (d,) to the normal of node i in the reference; returns how far it is from flat."""
     d, count = nodes.x.shape[1], 0
     for a in range(d):
-        found[a] = 0.0
+        vector[a] = 0.0
     for b in range(nodes.start[i], nodes.start[i + 1]):
         if nodes.intact[b]:
             j, count = nodes.near[b], count + 1
             for a in range(d):
-                found[a] -= (nodes.x[j, a] - nodes.x[i, a]) * nodes.inverse[b]
+                vector[a] -= (nodes.x[j, a] - nodes.x[i, a]) * nodes.inverse[b]
     return abs(count - (FLAT if d == 2 else FLAT_IN_SPACE))
 
 
@@ -149,15 +149,15 @@ def _normal_now(faces, u, m):  # type: ignore[no-untyped-def]
 
 
 @njit(forceinline=True, **INNER)
-def _between(r, first, second, bent, other):  # type: ignore[no-untyped-def]
+def _between(r, first, second, bent_first, bent_second):  # type: ignore[no-untyped-def]
     """A vector (x, y, z) along the normal of a pair `r` apart with these normals, all (x, y, z), and its square.
 
-    `bent` and `other` are how far the nodes are from flat.
+    `bent_first` and `bent_second` are how far the nodes are from flat.
     """
     x, y, z = 0.0, 0.0, 0.0
-    if bent <= other:
+    if bent_first <= bent_second:
         x, y, z = first
-    if other <= bent:
+    if bent_second <= bent_first:
         x, y, z = x - second[0], y - second[1], z - second[2]
     square = x * x + y * y + z * z
     if square < LOOSE * LOOSE:
@@ -171,10 +171,10 @@ def _facing(first, second):  # type: ignore[no-untyped-def]
     dot = _dot(first, second)
     if dot <= 0.0:
         return 1.0
-    one, two = _dot(first, first), _dot(second, second)
-    if one < LOOSE * LOOSE or two < LOOSE * LOOSE:
+    first_square, second_square = _dot(first, first), _dot(second, second)
+    if first_square < LOOSE * LOOSE or second_square < LOOSE * LOOSE:
         return 1.0
-    return min(max((ASKEW - dot / np.sqrt(one * two)) / (ASKEW - FACING), 0.0), 1.0)
+    return min(max((ASKEW - dot / np.sqrt(first_square * second_square)) / (ASKEW - FACING), 0.0), 1.0)
 
 
 @njit(forceinline=True, **INNER)
@@ -204,9 +204,9 @@ def _pressed(pairs, u, q, slack):  # type: ignore[no-untyped-def]
     r, square, reach = (x, y, z), x * x + y * y + z * z, h * (1.0 if d == 2 else WIDE)
     if square >= reach * reach + (far + abs(beyond)) ** 2:
         return 0.0, 0.0, nothing, nothing
-    one, two, faces = pairs.first[q], pairs.second[q], pairs.faces
-    first, second = _normal_now(faces, u, one), _normal_now(faces, u, two)
-    x, y, z, length = _between(r, first, second, faces.bent[one], faces.bent[two])
+    first_face, second_face, faces = pairs.first[q], pairs.second[q], pairs.faces
+    first, second = _normal_now(faces, u, first_face), _normal_now(faces, u, second_face)
+    x, y, z, length = _between(r, first, second, faces.bent[first_face], faces.bent[second_face])
     along = r[0] * x + r[1] * y + r[2] * z
     near = along - beyond * np.sqrt(length) if beyond != 0.0 else along  # of half a spacing under both surfaces
     if near * near >= far * far * length or square * length - along * along >= reach * reach * length:
@@ -232,16 +232,16 @@ def nearer(pairs):  # type: ignore[no-untyped-def]
     for q in range(len(pairs.i)):
         reach, r = pairs.h[q] * (1.0 if d == 2 else WIDE), _three(pairs.apart, q)
         if _dot(r, r) < reach * reach + (pairs.touch[q] + abs(pairs.beyond[q])) ** 2:
-            one, two = pairs.first[q], pairs.second[q]
-            first, second = _three(faces.still, one), _three(faces.still, two)
-            x, y, z, length = _between(r, first, second, faces.bent[one], faces.bent[two])
+            first_face, second_face = pairs.first[q], pairs.second[q]
+            first, second = _three(faces.still, first_face), _three(faces.still, second_face)
+            x, y, z, length = _between(r, first, second, faces.bent[first_face], faces.bent[second_face])
             gap = (r[0] * x + r[1] * y + r[2] * z) / np.sqrt(length) - pairs.beyond[q]
             pairs.touch[q] = max(min(pairs.touch[q], gap), 0.0)
 
 
 @cached_njit(error_model="numpy")
-def ease(pairs, u, held, lost):  # type: ignore[no-untyped-def]
-    """Let pairs touch nearer where they would hold more than the energies `held` (p,), J: none comes of nothing.
+def ease(pairs, u, pair_energy, lost):  # type: ignore[no-untyped-def]
+    """Let pairs touch nearer where they would hold more than the energies `pair_energy` (p,), J: none comes of nothing.
 
     Nodes that were inside a body until its bonds broke are often nearer than the distance of touch. What a pair holds
     less than before is added to what its nodes have `lost` (n,), J.
@@ -250,26 +250,26 @@ def ease(pairs, u, held, lost):  # type: ignore[no-untyped-def]
     for q in range(len(pairs.i)):
         stiffness, depth, _, _ = _pressed(pairs, u, q, 0.0)
         now = stiffness * depth * depth / 2
-        if now > held[q]:
-            more = depth - np.sqrt(2.0 * held[q] / stiffness)
+        if now > pair_energy[q]:
+            more = depth - np.sqrt(2.0 * pair_energy[q] / stiffness)
             if more > ROUND_OFF * pairs.h[q]:
                 pairs.touch[q] -= more
                 pairs.most[q] = max(pairs.most[q] - more, 0.0)
-        elif held[q] - now > ROUND_OFF * held[q]:
-            lost[pairs.i[q]] += (held[q] - now) / 2
-            lost[pairs.j[q]] += (held[q] - now) / 2
+        elif pair_energy[q] - now > ROUND_OFF * pair_energy[q]:
+            lost[pairs.i[q]] += (pair_energy[q] - now) / 2
+            lost[pairs.j[q]] += (pair_energy[q] - now) / 2
 
 
 @cached_njit(error_model="numpy")
-def add_forces(pairs, each, u, v, mu, e, dt, out, spent, lost):  # type: ignore[no-untyped-def]
+def add_forces(pairs, inverse_volume, u, v, mu, e, dt, out, spent, lost):  # type: ignore[no-untyped-def]
     """Add the forces of all pairs; friction's springs and depths go on by a step of `dt` s.
 
-    `each` (n,) is 1 over the volume of a node, 1/m^d.
+    `inverse_volume` (n,) is 1 over the volume of a node, 1/m^d.
     """
     d = u.shape[1]
     pairs.faces.known[:] = False
     if mu == 0.0 and e == 1.0:
-        _push_alone(pairs, each, u, out)
+        _push_alone(pairs, inverse_volume, u, out)
         return
     for q in range(len(pairs.i)):
         i, j = pairs.i[q], pairs.j[q]
@@ -278,11 +278,11 @@ def add_forces(pairs, each, u, v, mu, e, dt, out, spent, lost):  # type: ignore[
         if mu > 0.0:
             _rub(pairs, v, mu, dt, q, stiffness, felt, n, spent)
         if depth > 0.0:
-            push, one, two = stiffness * felt, each[i], each[j]
+            push, inverse_i, inverse_j = stiffness * felt, inverse_volume[i], inverse_volume[j]
             for a in range(d):
                 force = push * n[a] - pull[a] + (pairs.drag[q, a] if mu > 0.0 else 0.0)
-                out[i, a] -= force * one
-                out[j, a] += force * two
+                out[i, a] -= force * inverse_i
+                out[j, a] += force * inverse_j
 
 
 @njit(**INNER)
@@ -299,7 +299,7 @@ def push_anew(pushes, u, out):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _push_alone(pairs, each, u, out):  # type: ignore[no-untyped-def]
+def _push_alone(pairs, inverse_volume, u, out):  # type: ignore[no-untyped-def]
     """The forces of `add_forces` without friction and restitution."""
     for m in range(len(pairs.faces.rows)):
         _normal_now(pairs.faces, u, m)
@@ -307,11 +307,11 @@ def _push_alone(pairs, each, u, out):  # type: ignore[no-untyped-def]
         stiffness, depth, n, pull = _pressed(pairs, u, q, 0.0)
         if depth > 0.0:
             i, j = pairs.i[q], pairs.j[q]
-            push, one, two = stiffness * depth, each[i], each[j]
+            push, inverse_i, inverse_j = stiffness * depth, inverse_volume[i], inverse_volume[j]
             for a in range(u.shape[1]):
                 force = push * n[a] - pull[a]
-                out[i, a] -= force * one
-                out[j, a] += force * two
+                out[i, a] -= force * inverse_i
+                out[j, a] += force * inverse_j
 
 
 @njit(forceinline=True, **INNER)
@@ -360,43 +360,43 @@ def _rub(pairs, v, mu, dt, q, stiffness, depth, n, spent):  # type: ignore[no-un
 
 
 @cached_njit(error_model="numpy")
-def pressed_pairs(pairs, u, held, rubbed, found):  # type: ignore[no-untyped-def]
-    """Add the energies, J, of pairs to their nodes, and set `found` (p, 2 + d): stiffness, depth and normal."""
+def pressed_pairs(pairs, u, node_energy, rubbed, pair_state):  # type: ignore[no-untyped-def]
+    """Add the energies, J, of pairs to their nodes, and set `pair_state` (p, 2 + d): stiffness, depth and normal."""
     d = u.shape[1]
     pairs.faces.known[:] = False
     for q in range(len(pairs.i)):
         stiffness, depth, n, _ = _pressed(pairs, u, q, 0.0)
-        found[q, 0], found[q, 1] = stiffness, depth
+        pair_state[q, 0], pair_state[q, 1] = stiffness, depth
         normal_energy, spring = stiffness * depth * depth / 2, 0.0
         for a in range(d):
-            found[q, 2 + a] = n[a]
+            pair_state[q, 2 + a] = n[a]
             spring += stiffness * pairs.slip[q, a] * pairs.slip[q, a] / 2
         for node in (pairs.i[q], pairs.j[q]):
-            held[node] += (normal_energy + spring) / 2
+            node_energy[node] += (normal_energy + spring) / 2
             rubbed[node] += spring / 2
 
 
 @cached_njit(error_model="numpy")
-def geometry(pairs, u, slack, found):  # type: ignore[no-untyped-def]
-    """Set `found` (p, 1 + d): stiffness, 0 of those farther apart than touch and `slack`, m, and normal of pairs."""
+def geometry(pairs, u, slack, pair_geometry):  # type: ignore[no-untyped-def]
+    """Set `pair_geometry` (p, 1 + d): stiffness, 0 if farther apart than touch and `slack`, m, and normal of pairs."""
     pairs.faces.known[:] = False
     for q in range(len(pairs.i)):
-        found[q, 0], _, n, _ = _pressed(pairs, u, q, slack)
+        pair_geometry[q, 0], _, n, _ = _pressed(pairs, u, q, slack)
         for a in range(u.shape[1]):
-            found[q, 1 + a] = n[a]
+            pair_geometry[q, 1 + a] = n[a]
 
 
 @cached_njit(error_model="numpy")
-def facing_to(faces, u, towards, found):  # type: ignore[no-untyped-def]
-    """Set `found` (m,) to how much the normals of these nodes face vectors (m, 3), 0 to 1."""
+def facing_to(faces, u, towards, facing):  # type: ignore[no-untyped-def]
+    """Set `facing` (m,) to how much the normals of these nodes face vectors (m, 3), 0 to 1."""
     faces.known[:] = False
     for m in range(len(faces.rows)):
-        found[m] = _facing(_normal_now(faces, u, m), _three(towards, m))
+        facing[m] = _facing(_normal_now(faces, u, m), _three(towards, m))
 
 
 @cached_njit(error_model="numpy")
-def surface_nodes(nodes, found):  # type: ignore[no-untyped-def]
-    """Set the mask `found` (n,) of nodes that lack bonds to one side, or nearly all."""
+def surface_nodes(nodes, surface):  # type: ignore[no-untyped-def]
+    """Set the mask `surface` (n,) of nodes that lack bonds to one side, or nearly all."""
     d, vector = nodes.x.shape[1], np.empty(3)
     for i in range(len(nodes.x)):
         normal(nodes, i, vector)
@@ -405,7 +405,7 @@ def surface_nodes(nodes, found):  # type: ignore[no-untyped-def]
             square += vector[a] * vector[a]
         for b in range(nodes.start[i], nodes.start[i + 1]):
             count += nodes.intact[b]
-        found[i] = square > LOOSE * LOOSE or count < 2 * d
+        surface[i] = square > LOOSE * LOOSE or count < 2 * d
 
 
 @cached_njit(error_model="numpy")

@@ -48,8 +48,8 @@ class PenaltyContact(Bondless):
         assert model.settings.contact is not None
         grid, self._settings, self.bonded = model.grid, model.settings.contact, operator
         self.unknowns: tuple[Unknown, ...] = (Unknown("u", grid.dimension, 2),)
-        drawn = grid.dimension == 2 or self.drawn_in_space
-        self._joined, self._delta, self._volume = Joined(model, operator, drawn), grid.delta, volume
+        use_drawn_faces = grid.dimension == 2 or self.drawn_in_space
+        self._joined, self._delta, self._volume = Joined(model, operator, use_drawn_faces), grid.delta, volume
         self._body = None if grid.bodies is None else grid.bodies.number
         self._each = 1 / volume  # 1/m^d
         self._cell, self._k = grid.delta**grid.dimension, pair_stiffness(model, self._settings)
@@ -96,9 +96,9 @@ class PenaltyContact(Bondless):
         if len(self._pairs.i) or not len(self._rows):
             return 0 if len(self._pairs.i) else EVERY
         fastest = np.sqrt(farthest(state.rate, self._still, self._rows))
-        left = SKIN * self._finest / 2 - np.sqrt(farthest(state.value, self._before, self._rows))
+        remaining_way = SKIN * self._finest / 2 - np.sqrt(farthest(state.value, self._before, self._rows))
         most = self._joined.until + self._joined.wait - step
-        return most if 2 * fastest * dt * most <= left else 0
+        return most if 2 * fastest * dt * most <= remaining_way else 0
 
     def pushes(self, step: int) -> tuple[Pushes, int]:
         """The pairs that `free_steps` has seen, and for how many steps from this one on `push_anew` may push them."""
@@ -118,10 +118,10 @@ class PenaltyContact(Bondless):
         self._relearn()
         changed, skin = self._joined.follow(step), SKIN * self._finest
         if changed or farthest(state.value, self._before, self._rows) > (skin / 2) ** 2:
-            held = self._pressed_energies(state)
-            here, there = self._search(state.value)
+            pair_energy = self._pressed_energies(state)
+            new_rows, old_rows = self._search(state.value)
             now = np.full(len(self._pairs.i), 0.0 if changed else np.nan)  # nan: came from afar
-            now[here] = held[there]
+            now[new_rows] = pair_energy[old_rows]
             ease(self._pairs, state.value, now, self._lost)
 
     def _relearn(self) -> None:
@@ -138,8 +138,8 @@ class PenaltyContact(Bondless):
 
     def _pressed_energies(self, state: State) -> NDArray[np.float64]:
         """Energies (p,), J, of the springs of touch."""
-        found = self._pressed(state.value)[2]
-        return np.asarray(found[:, 0] * found[:, 1] ** 2 / 2)
+        pair_state = self._pressed(state.value)[2]
+        return np.asarray(pair_state[:, 0] * pair_state[:, 1] ** 2 / 2)
 
     def _search(self, u: NDArray[np.floating]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Find the pairs that may touch until a node has moved by half a skin, and how near they were at first.
@@ -162,20 +162,20 @@ class PenaltyContact(Bondless):
         self.round.search(u, self._rows, SKIN * self._finest, self._lost)
         nodes = len(self._volume)
         key, old = pairs.i * nodes + pairs.j, before.i * nodes + before.j
-        _, here, there = np.intersect1d(key, old, assume_unique=True, return_indices=True)
+        _, new_rows, old_rows = np.intersect1d(key, old, assume_unique=True, return_indices=True)
         for name in ("slip", "drag", "most", "short"):
-            getattr(pairs, name)[here] = getattr(before, name)[there]
+            getattr(pairs, name)[new_rows] = getattr(before, name)[old_rows]
         nearer(pairs)
         self._pairs = pairs
-        return here, there
+        return new_rows, old_rows
 
     def _listed(self, i: NDArray[np.int64], j: NDArray[np.int64]) -> PairList:
         """These pairs (p,), at rest."""
         mean, nothing = (self._delta[i] + self._delta[j]) / 2, np.zeros((len(i), self.unknowns[0].width))
         k = 2 / (1 / self._k[i] + 1 / self._k[j]) * self._cell[i] * self._cell[j]
-        drawn, parted = self._joined.drawn, self._parted(i, j)
-        beyond = np.where(parted, drawn.beyond[i] + drawn.beyond[j], 0.0)
-        k *= np.where(parted & (drawn.round[i] | drawn.round[j]), self.of_round, 1.0)
+        drawn_faces, parted = self._joined.drawn, self._parted(i, j)
+        beyond = np.where(parted, drawn_faces.beyond[i] + drawn_faces.beyond[j], 0.0)
+        k *= np.where(parted & (drawn_faces.round[i] | drawn_faces.round[j]), self.of_round, 1.0)
         wide = np.maximum(self._delta[i], self._delta[j])
         rows, ends = np.unique(np.concatenate([i, j]), return_inverse=True)
         first, second = ends.reshape(2, -1)
@@ -194,10 +194,14 @@ class PenaltyContact(Bondless):
         """Energies (n,), J, of all springs and of those of friction; stiffness, depth, normal of pairs (p, 2 + d)."""
         self._relearn()
         pairs, nodes = self._pairs, len(self._volume)
-        held, rubbed, found = np.zeros(nodes), np.zeros(nodes), np.zeros((len(pairs.i), 2 + pairs.slip.shape[1]))
-        pressed_pairs(pairs, value, held, rubbed, found)
-        self.round.store(value, held, rubbed)
-        return held, rubbed, found
+        node_energy, rubbed, pair_state = (
+            np.zeros(nodes),
+            np.zeros(nodes),
+            np.zeros((len(pairs.i), 2 + pairs.slip.shape[1])),
+        )
+        pressed_pairs(pairs, value, node_energy, rubbed, pair_state)
+        self.round.store(value, node_energy, rubbed)
+        return node_energy, rubbed, pair_state
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Energy densities (n,), J/m^3: stored in springs of touch and of friction, and lost where faces broke."""
@@ -205,8 +209,8 @@ class PenaltyContact(Bondless):
 
     def touching(self, state: State) -> int:
         """Number of nodes that touch others."""
-        some = self._pressed(state.value)[2][:, 1] > 0
-        ends = self._pairs.i[some], self._pairs.j[some], self.round.touching(state.value)
+        in_touch = self._pressed(state.value)[2][:, 1] > 0
+        ends = self._pairs.i[in_touch], self._pairs.j[in_touch], self.round.touching(state.value)
         return len(np.unique(np.concatenate(ends)))
 
     def friction(self, state: State) -> float:
@@ -222,19 +226,19 @@ class PenaltyContact(Bondless):
         from scipy.sparse import diags_array
 
         lightness = diags_array(1 / np.repeat(self._volume, state.value.shape[1]))
-        found: csr_array = (lightness @ self.stiffness_matrix(state.value)).tocsr()
-        return found
+        matrix: csr_array = (lightness @ self.stiffness_matrix(state.value)).tocsr()
+        return matrix
 
     def stiffness_matrix(self, value: NDArray[Any]) -> csr_array:
         """Minus the derivative of the forces by the displacements, (n d, n d), at constant normals and weights.
 
         N/m^2, in space N/m.
         """
-        found, pairs = self._pressed(value)[2], self._pairs
-        some = np.flatnonzero(found[:, 1] > 0)
-        n = found[some, 2:]
-        block = found[some, 0, None, None] * n[:, :, None] * n[:, None, :]
-        return pair_matrix(pairs.i[some], pairs.j[some], block, len(self._volume))
+        pair_state, pairs = self._pressed(value)[2], self._pairs
+        pressed_rows = np.flatnonzero(pair_state[:, 1] > 0)
+        n = pair_state[pressed_rows, 2:]
+        block = pair_state[pressed_rows, 0, None, None] * n[:, :, None] * n[:, None, :]
+        return pair_matrix(pairs.i[pressed_rows], pairs.j[pressed_rows], block, len(self._volume))
 
     def keep(self) -> Kept:
         """The pairs and their springs for a checkpoint, where nodes were at the last search, and the heat booked."""
@@ -256,22 +260,22 @@ class PenaltyContact(Bondless):
             **self.round.keep(),
         }
 
-    def back(self, kept: Kept, broken: Broken) -> None:
+    def back(self, checkpoint: Kept, broken: Broken) -> None:
         """Restore a checkpoint. Raises CheckpointError."""
         nodes, d = len(self._volume), self.unknowns[0].width
-        slip = entry(kept, "slip", (None, d), np.float64)
-        drag = entry(kept, "drag", slip.shape, np.float64)
-        touch, most, short = (entry(kept, name, (len(slip),), np.float64) for name in ("touch", "most", "short"))
-        ends = (entry(kept, f"slip_{end}", (len(slip),), np.int64, 0, nodes - 1) for end in ("source", "target"))
+        slip = entry(checkpoint, "slip", (None, d), np.float64)
+        drag = entry(checkpoint, "drag", slip.shape, np.float64)
+        touch, most, short = (entry(checkpoint, name, (len(slip),), np.float64) for name in ("touch", "most", "short"))
+        ends = (entry(checkpoint, f"slip_{end}", (len(slip),), np.int64, 0, nodes - 1) for end in ("source", "target"))
         i, j = ends
         if (np.diff(i * nodes + j) <= 0).any() or (i >= j).any():
             raise CheckpointError("'slip_source' and 'slip_target' are not pairs in order")
-        self._spent[:] = entry(kept, "rubbed", (nodes,), np.float64)
-        self._lost[:] = entry(kept, "lost", (nodes,), np.float64)
-        self._before = entry(kept, "searched", (None, d), np.float64).copy()
-        self._kept_until, self._kept_wait = map(int, entry(kept, "followed", (2,), np.int64))
-        self.rigid.back(kept)
-        self.round.back(kept)
+        self._spent[:] = entry(checkpoint, "rubbed", (nodes,), np.float64)
+        self._lost[:] = entry(checkpoint, "lost", (nodes,), np.float64)
+        self._before = entry(checkpoint, "searched", (None, d), np.float64).copy()
+        self._kept_until, self._kept_wait = map(int, entry(checkpoint, "followed", (2,), np.int64))
+        self.rigid.back(checkpoint)
+        self.round.back(checkpoint)
         self._pairs = self._listed(i, j)._replace(
             slip=slip.copy(), drag=drag.copy(), touch=touch.copy(), most=most.copy(), short=short.copy()
         )
@@ -316,11 +320,11 @@ def _refuse_overlap(model: Model, contact: Contact, pairs: PairList) -> None:
     grid = model.grid
     if grid.bodies is None:
         return
-    some = np.flatnonzero(grid.bodies.parted(pairs.i, pairs.j))
-    i, j = pairs.i[some], pairs.j[some]
+    pair_rows = np.flatnonzero(grid.bodies.parted(pairs.i, pairs.j))
+    i, j = pairs.i[pair_rows], pairs.j[pair_rows]
     touch = contact.distance * (grid.delta[i] + grid.delta[j]) / 2
-    depth = touch + pairs.beyond[some] - np.sqrt(((grid.position[j] - grid.position[i]) ** 2).sum(axis=1))
-    if not len(some) or not (depth > (1 - DEEP) * touch).any():
+    depth = touch + pairs.beyond[pair_rows] - np.sqrt(((grid.position[j] - grid.position[i]) ** 2).sum(axis=1))
+    if not len(pair_rows) or not (depth > (1 - DEEP) * touch).any():
         return
     at = int(np.argmax(depth))
     first, second = (grid.bodies.names[grid.bodies.number[end]] for end in (i[at], j[at]))

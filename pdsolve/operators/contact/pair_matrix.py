@@ -17,11 +17,11 @@ def pair_matrix(i: NDArray[np.int64], j: NDArray[np.int64], block: NDArray[np.fl
 
     d = block.shape[1]
     rows, columns, values = [], [], []
-    for one, other in ((i, j), (j, i)):
-        for end, sign in ((one, 1.0), (other, -1.0)):
-            rows.append((d * one[:, None, None] + np.arange(d)[:, None] + np.zeros((d, d), int)).ravel())
+    for first, second in ((i, j), (j, i)):
+        for end, sign in ((first, 1.0), (second, -1.0)):
+            rows.append((d * first[:, None, None] + np.arange(d)[:, None] + np.zeros((d, d), int)).ravel())
             columns.append((d * end[:, None, None] + np.arange(d) + np.zeros((d, d), int)).ravel())
             values.append((sign * block).ravel())
     ends = np.concatenate(rows), np.concatenate(columns)
-    found: csr_array = coo_array((np.concatenate(values), ends), shape=(d * nodes, d * nodes)).tocsr()
-    return found
+    matrix: csr_array = coo_array((np.concatenate(values), ends), shape=(d * nodes, d * nodes)).tocsr()
+    return matrix

@@ -62,9 +62,13 @@ class RigidMotion:
 
     def __init__(self, model: Model, volume: Array) -> None:
         """`volume` (n,), m^d."""
-        numbers = [number for number, one in enumerate(model.settings.conditions) if isinstance(one, Driving)]
-        found = rigid_bodies(model.grid, model.settings)
-        self.bodies = tuple(_body(model, volume, one, rows, numbers.index(number)) for one, rows, number in found)
+        numbers = [
+            number for number, condition in enumerate(model.settings.conditions) if isinstance(condition, Driving)
+        ]
+        body_entries = rigid_bodies(model.grid, model.settings)
+        self.bodies = tuple(
+            _body(model, volume, condition, rows, numbers.index(number)) for condition, rows, number in body_entries
+        )
         count = len(self.bodies)
         self.beside = np.zeros((count, 6))  # force and torque of contact now that no node of the body has
         self.motion = Motion(*(np.zeros((count, width)) for width in (3, 4, 3, 3, 3, 6)))
@@ -97,8 +101,8 @@ class RigidMotion:
             torque += self.beside[b, 3:]
             before, spin, hold = motion.velocity[b].copy(), self.spin(b), motion.hold[b].copy()
             factor, momentum = self._factor(body, (step + 0.5) * dt), motion.momentum[b].copy()
-            held = factor * body.velocity
-            motion.velocity[b] = np.where(body.held, held, before + dt / body.mass * force)
+            prescribed_velocity = factor * body.velocity
+            motion.velocity[b] = np.where(body.held, prescribed_velocity, before + dt / body.mass * force)
             motion.momentum[b] += dt * torque
             goal = self._advance(b, body, dt, (step + 0.5) * dt)
             motion.hold[b, :3] = np.where(body.held, body.mass / dt * (motion.velocity[b] - before) - force, 0.0)
@@ -143,10 +147,10 @@ class RigidMotion:
         """Their motion for a checkpoint."""
         return {f"rigid_{name}": values.copy() for name, values in self.motion._asdict().items()}
 
-    def back(self, kept: Kept) -> None:
+    def back(self, checkpoint: Kept) -> None:
         """Restore a checkpoint. Raises CheckpointError."""
         for name, values in self.motion._asdict().items():
-            values[:] = entry(kept, f"rigid_{name}", values.shape, np.float64)
+            values[:] = entry(checkpoint, f"rigid_{name}", values.shape, np.float64)
 
     def force_of(self, rows: NDArray[np.int64], dimension: int) -> Array:
         """Force (d,) of contact on the body of these rows, N/m, in space N."""
@@ -161,11 +165,11 @@ def _body(model: Model, volume: Array, body: RigidBody, rows: NDArray[np.int64],
     centre = mass @ x / mass.sum()
     arm = wide(x - centre)
     inertia = np.eye(3) * (mass @ (arm**2).sum(axis=1)) - (mass[:, None] * arm).T @ arm
-    spin, held = spin_of(body), np.array([way in body.held for way in "xyz"])
+    spin, constrained = spin_of(body), np.array([way in body.held for way in "xyz"])
     velocity = np.array([body.x, body.y, body.z])
     compliance = np.linalg.pinv(inertia, rcond=NO_INERTIA, hermitian=True)
     of = rows, cell, rho, arm, wide(centre[None])[0], body.radius, float(mass.sum()), compliance, inertia
-    return Body(*of, velocity, spin, held, "spin" in body.held, profile)
+    return Body(*of, velocity, spin, constrained, "spin" in body.held, profile)
 
 
 def _turned(turn: Array, way: Array) -> Array:
@@ -173,8 +177,8 @@ def _turned(turn: Array, way: Array) -> Array:
     angle = float(np.sqrt(way @ way))
     w, v = np.cos(angle / 2), np.sinc(angle / (2 * np.pi)) / 2 * way
     first, rest = turn[0], turn[1:]
-    found = np.array([w * first - v @ rest, *(w * rest + first * v + np.cross(v, rest))])
-    return np.asarray(found / np.sqrt(found @ found))
+    rotation = np.array([w * first - v @ rest, *(w * rest + first * v + np.cross(v, rest))])
+    return np.asarray(rotation / np.sqrt(rotation @ rotation))
 
 
 def _matrix(turn: Array) -> Array:

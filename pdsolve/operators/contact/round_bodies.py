@@ -73,8 +73,8 @@ class RoundBodies:
             if not (depth > half).any():
                 continue
             at = int(np.argmax(depth))
-            row, own = near.rows[at], self._rigid.bodies[b].rows[0]
-            first, second = (bodies.names[bodies.number[one]] for one in (own, row))
+            row, body_row = near.rows[at], self._rigid.bodies[b].rows[0]
+            first, second = (bodies.names[bodies.number[end]] for end in (body_row, row))
             raise ModelError(
                 f"{model.name}: $.bodies: '{first}' and '{second}' are {depth[at]:.3g} m deep in each other at node"
                 f" {model.grid.ids[row]}; bodies may touch at most"
@@ -94,14 +94,14 @@ class RoundBodies:
         for number, (b, radius) in enumerate(self._radius):
             far = lengths(self._arm(b, u, rows))
             close = rows[far < radius + self._deep[rows] + slack]
-            before, held = self._near[number], self._held(number, u)
+            before, energy_before = self._near[number], self._held(number, u)
             near = _at_rest(close, radius + self._deep[close])
-            _, here, there = np.intersect1d(close, before.rows, assume_unique=True, return_indices=True)
+            _, new_rows, old_rows = np.intersect1d(close, before.rows, assume_unique=True, return_indices=True)
             for name in Near._fields[1:]:
-                getattr(near, name)[here] = getattr(before, name)[there]
+                getattr(near, name)[new_rows] = getattr(before, name)[old_rows]
             self._near[number], self._faces[number] = near, self._joined.faces(close)
             now, allowed = self._pressed(number, u), np.zeros(len(close))
-            allowed[here] = held[there]
+            allowed[new_rows] = energy_before[old_rows]
             most = np.sqrt(2 * allowed / np.where(now.k > 0, now.k, np.inf))
             more = np.where(now.k > 0, np.maximum(now.depth - most, 0.0), 0.0)
             near.touch[:] -= more
@@ -158,32 +158,32 @@ class RoundBodies:
         now = self._pressed(number, u)
         return np.asarray(now.k * now.depth**2 / 2)
 
-    def store(self, u: NDArray[Any], held: Array, rubbed: Array) -> None:
-        """Add the energies, J, of all springs to `held` (n,), and those of friction to `rubbed`."""
+    def store(self, u: NDArray[Any], node_energy: Array, rubbed: Array) -> None:
+        """Add the energies, J, of all springs to `node_energy` (n,), and those of friction to `rubbed`."""
         for number, near in enumerate(self._near):
             now = self._pressed(number, u)
             spring = now.k * (near.slip**2).sum(axis=1) / 2
-            held[near.rows] += now.k * now.depth**2 / 2 + spring
+            node_energy[near.rows] += now.k * now.depth**2 / 2 + spring
             rubbed[near.rows] += spring
 
     def touching(self, u: NDArray[Any]) -> NDArray[np.int64]:
         """Rows of the nodes that touch round bodies."""
-        some = (near.rows[self._pressed(number, u).depth > 0] for number, near in enumerate(self._near))
-        return np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *some]))
+        touching_rows = (near.rows[self._pressed(number, u).depth > 0] for number, near in enumerate(self._near))
+        return np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *touching_rows]))
 
     def keep(self) -> Kept:
         """What is near, for a checkpoint."""
         every = ((f"round_{number}", near._asdict()) for number, near in enumerate(self._near))
         return {f"{body}_{name}": values.copy() for body, near in every for name, values in near.items()}
 
-    def back(self, kept: Kept) -> None:
+    def back(self, checkpoint: Kept) -> None:
         """Restore a checkpoint. Raises CheckpointError."""
         for number in range(len(self._near)):
-            rows = entry(kept, f"round_{number}_rows", (None,), np.int64, 0, len(self._k) - 1).copy()
+            rows = entry(checkpoint, f"round_{number}_rows", (None,), np.int64, 0, len(self._k) - 1).copy()
             near = _at_rest(rows, np.zeros(len(rows)))
             for name in Near._fields[1:]:
                 values = getattr(near, name)
-                values[:] = entry(kept, f"round_{number}_{name}", values.shape, np.float64)
+                values[:] = entry(checkpoint, f"round_{number}_{name}", values.shape, np.float64)
             self._near[number] = near
         self.learn()
 
@@ -194,5 +194,5 @@ def lengths(vectors: Array) -> Array:
 
 
 def _at_rest(rows: NDArray[np.int64], touch: Array) -> Near:
-    some = len(rows)
-    return Near(rows, touch, np.zeros((some, 3)), np.zeros((some, 3)), np.zeros(some), np.zeros(some))
+    count = len(rows)
+    return Near(rows, touch, np.zeros((count, 3)), np.zeros((count, 3)), np.zeros(count), np.zeros(count))

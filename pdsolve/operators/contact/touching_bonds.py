@@ -24,16 +24,16 @@ Array = NDArray[np.float64]
 class TouchingBonds(SofteningBonds):
     """The bonds of n nodes, and the pairs of them that touch; see `SofteningBonds`."""
 
-    def __init__(self, law: Law, whole: Assembly, contact: RestingContact) -> None:
+    def __init__(self, law: Law, assembly: Assembly, contact: RestingContact) -> None:
         """Bonds of a pair law that conserve momentum."""
-        super().__init__(law, whole)
+        super().__init__(law, assembly)
         self._contact, self.symmetric = contact, contact.symmetric
 
-    def forces(self, found: Response) -> Array:
+    def forces(self, response: Response) -> Array:
         """Forces (n, d) of bonds, of supports and of contact on nodes, N/m."""
-        return super().forces(found) + self._contact.forces(found.value)
+        return super().forces(response) + self._contact.forces(response.value)
 
-    def tangent(self, found: Response, secant: bool = False) -> csr_array:
+    def tangent(self, response: Response, secant: bool = False) -> csr_array:
         """Minus the derivative (n d, n d) of the forces by the displacements, N/m^2."""
-        both: csr_array = (super().tangent(found, secant) + self._contact.stiffness_matrix(found.value)).tocsr()
+        both: csr_array = (super().tangent(response, secant) + self._contact.stiffness_matrix(response.value)).tocsr()
         return both

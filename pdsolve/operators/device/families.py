@@ -47,14 +47,14 @@ class FamiliesOnDevice(Padded, Families):
         super().__init__(law, model, exact, symmetric, precision, 1, placed)
         self.session, self.dimension, self.fused, self.needs_upload = session, len(self._u), False, True
         self.room, self._fresh = self._u.shape[1], [np.zeros(0, dtype=np.int64)]
-        slots, put, forces = self.slots, session.put, 8 * self.dimension * self.room
+        slots, upload, forces = self.slots, session.put, 8 * self.dimension * self.room
         first = slots.start.astype(np.int32), slots.slots, slots.ids, slots.vectors, slots.kinds
         tables = *first, slots.rows, self._own, self._m
         session.room_for(*(table.nbytes for table in tables), forces, 9 * self.room)
         self._rows, self._given = session.zeros(slots.rows.nbytes), session.zeros(forces)
-        self._tables, self._constants = [put(table) for table in first], put(self._own)
-        self._nodal, self._flags = put(self._m), put(np.zeros(2, dtype=np.int32))
-        self.dissipated, self._named = put(np.zeros(self.room)), put(np.zeros(self.room, dtype=np.uint8))
+        self._tables, self._constants = [upload(table) for table in first], upload(self._own)
+        self._nodal, self._flags = upload(self._m), upload(np.zeros(2, dtype=np.int32))
+        self.dissipated, self._named = upload(np.zeros(self.room)), upload(np.zeros(self.room, dtype=np.uint8))
         session.write(self._rows, slots.rows[: self._used])
 
     @property
@@ -69,15 +69,21 @@ class FamiliesOnDevice(Padded, Families):
         lines = [f"#define C {count}", f"#define FIELDS {self.slots.vectors.shape[1]}", f"#define SUMS {sums}"]
         lines.append(f"#define WIDTH {wide}")
         code = Code("a")
-        found = code.call(said["accumulate"], law, *self._bond(code), tuple(code.named(f"s[{k}]") for k in range(sums)))
-        lines.append(_macro("ACCUMULATE", code, [f"s[{k}] = {one.text};" for k, one in enumerate(found)]))
+        outputs = code.call(
+            said["accumulate"], law, *self._bond(code), tuple(code.named(f"s[{k}]") for k in range(sums))
+        )
+        lines.append(_macro("ACCUMULATE", code, [f"s[{k}] = {output.text};" for k, output in enumerate(outputs)]))
         code = Code("b")
         constants = tuple(code.named(f"own[{k} * m + i]") for k in range(len(self._own)))
-        found = code.call(said["finish"], law, tuple(code.named(f"s[{k}]") for k in range(sums)), constants)
-        lines.append(_macro("FINISH", code, [f"nodal[{k} * m + i] = {one.text};" for k, one in enumerate(found)]))
+        outputs = code.call(said["finish"], law, tuple(code.named(f"s[{k}]") for k in range(sums)), constants)
+        lines.append(
+            _macro("FINISH", code, [f"nodal[{k} * m + i] = {output.text};" for k, output in enumerate(outputs)])
+        )
         code = Code("c")
-        found = code.call(said["bond_force"], law, *self._bond(code), *self._ends(code, nodal_count))
-        lines.append(_macro("BOND_FORCE", code, [f"f[{k}] = f[{k}] + {one.text};" for k, one in enumerate(found)]))
+        outputs = code.call(said["bond_force"], law, *self._bond(code), *self._ends(code, nodal_count))
+        lines.append(
+            _macro("BOND_FORCE", code, [f"f[{k}] = f[{k}] + {output.text};" for k, output in enumerate(outputs)])
+        )
         code = Code("d")
         if self._tabled.watched:
             value, limit = code.call(said["nears"], law, *self._bond(code), *self._ends(code, nodal_count))
@@ -101,8 +107,10 @@ class FamiliesOnDevice(Padded, Families):
 
     def _ends(self, code: Code, nodal_count: int) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
         """The nodal numbers of a node and its neighbour in C."""
-        here, there = (tuple(code.named(f"nodal[{k} * m + {end}]") for k in range(nodal_count)) for end in "ij")
-        return here, there
+        node_numbers, neighbour_numbers = (
+            tuple(code.named(f"nodal[{k} * m + {end}]") for k in range(nodal_count)) for end in "ij"
+        )
+        return node_numbers, neighbour_numbers
 
     def take_passes(self, program: Any) -> None:
         """Keep the kernels of the passes."""
@@ -164,9 +172,9 @@ class FamiliesOnDevice(Padded, Families):
         for row in (self._used + torn).tolist():
             self.session.write(self._rows, rows[row], row * rows[row].nbytes)
 
-    def back(self, kept: Kept, broken: Broken) -> None:
+    def back(self, checkpoint: Kept, broken: Broken) -> None:
         """Restore the history of bonds and the broken bonds of a checkpoint."""
-        super().back(kept, broken)
+        super().back(checkpoint, broken)
         self.needs_upload = True
 
     def hand_over(self) -> None:

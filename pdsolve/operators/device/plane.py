@@ -62,15 +62,18 @@ class PlaneOnDevice(Padded, SimdLattice):
 
     def _make(self) -> None:
         """Copy the tables to the device, and make room for what changes."""
-        blocks, slots, put = self.blocks, self.blocks.slots.copy(), self.session.put
+        blocks, slots, upload = self.blocks, self.blocks.slots.copy(), self.session.put
         slots[:, PULL], slots[:, BOUND] = blocks.whole, slots[:, LIMITS]
-        own, most = blocks.peak, blocks.limit
-        first = blocks.start.astype(np.int32), slots, blocks.ids, blocks.vectors, *self._shared(), own, most
-        self._tables = [put(table) for table in first]
-        self._gone, self._soft = put(self._bits), put(self._bits)
-        self._broken_in, self._torn = put(self.tracks.broken), put(np.zeros(len(blocks.start) - 1, dtype=np.int32))
-        self.dissipated = put(self.tracks.dissipated)
-        self._pull, self._edge, self._worst = (put(self.tracks.worst) for _ in range(3))
+        peak, most = blocks.peak, blocks.limit
+        first = blocks.start.astype(np.int32), slots, blocks.ids, blocks.vectors, *self._shared(), peak, most
+        self._tables = [upload(table) for table in first]
+        self._gone, self._soft = upload(self._bits), upload(self._bits)
+        self._broken_in, self._torn = (
+            upload(self.tracks.broken),
+            upload(np.zeros(len(blocks.start) - 1, dtype=np.int32)),
+        )
+        self.dissipated = upload(self.tracks.dissipated)
+        self._pull, self._edge, self._worst = (upload(self.tracks.worst) for _ in range(3))
 
     @property
     def arguments(self) -> list[Any]:
@@ -83,9 +86,9 @@ class PlaneOnDevice(Padded, SimdLattice):
         of = self._remembers, self._pair.elastic_in_compression, self._law.matches_work
         return pair_functions(functions_of(self._law), *of, "plane.cl")
 
-    def back(self, kept: Kept, broken: Broken) -> None:
+    def back(self, checkpoint: Kept, broken: Broken) -> None:
         """Restore the history of bonds and the broken bonds of a checkpoint."""
-        super().back(kept, broken)
+        super().back(checkpoint, broken)
         self.needs_upload = True
 
     def hand_over(self) -> None:
@@ -130,9 +133,9 @@ class PlaneOnDevice(Padded, SimdLattice):
 
     def _bits_of(self, which: NDArray[np.bool_]) -> NDArray[np.uint32]:
         """Bits (w, m) of nodes, of bonds (slots, 64)."""
-        found, start = np.zeros_like(self._bits), self.blocks.start
+        bits, start = np.zeros_like(self._bits), self.blocks.start
         for k in range(int(np.diff(start).max(initial=0))):
             block = np.flatnonzero(np.diff(start) > k)
-            lanes = found[k // WORD].reshape(-1, LANES)
+            lanes = bits[k // WORD].reshape(-1, LANES)
             lanes[block] |= which[start[block] + k].astype(np.uint32) << np.uint32(k % WORD)
-        return found
+        return bits

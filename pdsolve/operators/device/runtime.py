@@ -57,15 +57,17 @@ def devices() -> list[Found]:
 def chosen(name: str) -> tuple[Found, Any]:
     """The device of a name, `opencl` (the first GPU, else the first of all) or `opencl:1`. Raises ModelError."""
     every, (_, _, number) = _all(), name.partition(":")
-    found = [_described(at, device) for at, device in enumerate(every)]
+    descriptions = [_described(at, device) for at, device in enumerate(every)]
     if number and int(number) >= len(every):
         raise ModelError(
             f"device {name} does not exist; use one of opencl:0 to opencl:{len(every) - 1} (--device list)"
         )
-    best = int(number) if number else next((one.number for one in found if one.kind == "GPU"), 0)
-    if not found[best].double:
-        raise ModelError(f"device opencl:{best}, {found[best].name}, has no float64 ({DOUBLE}); use one with it")
-    return found[best], every[best]
+    best = (
+        int(number) if number else next((candidate.number for candidate in descriptions if candidate.kind == "GPU"), 0)
+    )
+    if not descriptions[best].double:
+        raise ModelError(f"device opencl:{best}, {descriptions[best].name}, has no float64 ({DOUBLE}); use one with it")
+    return descriptions[best], every[best]
 
 
 class Session:
@@ -190,17 +192,17 @@ class Session:
 
 
 def _all() -> list[Any]:
-    cl, found = _library(), []
+    cl, device_list = _library(), []
     with suppress(cl.Error):  # without a runtime
         for platform in cl.get_platforms():
             with suppress(cl.Error):  # one whose device is gone hides no other
-                found += platform.get_devices()
-    if not found:
+                device_list += platform.get_devices()
+    if not device_list:
         raise ModelError(
             "device: no OpenCL runtime has a device; install a driver of the device, or PoCL: pip install"
             " pocl-binary-distribution"
         )
-    return found
+    return device_list
 
 
 @cache

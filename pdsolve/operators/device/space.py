@@ -42,25 +42,25 @@ class SpaceOnDevice(SpaceLattice):
         self._most = min(self._most, int(families.counts(tiles.bits, sites).sum()))
         tables = (tiles.offsets, tiles.table, tiles.c, tiles.cells, tiles.kind, tiles.peak, tiles.limit)
         self._remembers = bool(law.memory)
-        own = [self.room * size for size in (4 * self._words, 4, 1, 1, 8)]
-        own += [4 * len(tiles.kind)] * 2
-        own += [12 * self._most, self._remembered() * len(tiles.kind)]
-        session.room_for(*(table.nbytes for table in tables), *own)
+        buffer_sizes = [self.room * size for size in (4 * self._words, 4, 1, 1, 8)]
+        buffer_sizes += [4 * len(tiles.kind)] * 2
+        buffer_sizes += [12 * self._most, self._remembered() * len(tiles.kind)]
+        session.room_for(*(table.nbytes for table in tables), *buffer_sizes)
         self._make()
 
     def _make(self) -> None:
         """Copy the tables to the device, and make room for what changes."""
-        tiles, put, site = self.tiles, self.session.put, self._sites.site
+        tiles, upload, site = self.tiles, self.session.put, self._sites.site
         node = np.full(self.room, -1, dtype=np.int32)
         node[site] = np.arange(len(site))
-        wide = [np.pad(each, ((0, 0), (0, self.room - each.shape[1]))) for each in (tiles.c, tiles.cells)]
+        wide = [np.pad(array, ((0, 0), (0, self.room - array.shape[1]))) for array in (tiles.c, tiles.cells)]
         of_nodes = [self.spread(values.astype(np.uint8)) for values in (tiles.held, tiles.material)]
         tables = tiles.offsets, tiles.table, *wide, tiles.kind, node, *of_nodes, tiles.peak, tiles.limit
-        self._tables = [put(table) for table in tables]
-        self._intact = put(np.zeros((self._words, self.room), dtype=np.uint32))
-        self._breaks, self._used = self.session.zeros(12 * self._most), put(np.zeros(2, dtype=np.int32))
-        self.dissipated = put(np.zeros(self.room))
-        self._memory, self._torn = (put(np.zeros(len(tiles.kind), dtype=np.int32)) for _ in range(2))
+        self._tables = [upload(table) for table in tables]
+        self._intact = upload(np.zeros((self._words, self.room), dtype=np.uint32))
+        self._breaks, self._used = self.session.zeros(12 * self._most), upload(np.zeros(2, dtype=np.int32))
+        self.dissipated = upload(np.zeros(self.room))
+        self._memory, self._torn = (upload(np.zeros(len(tiles.kind), dtype=np.int32)) for _ in range(2))
         self._worst = self.session.zeros(self._remembered() * len(tiles.kind))
 
     def _remembered(self) -> int:
@@ -101,22 +101,22 @@ class SpaceOnDevice(SpaceLattice):
         """Enter values (..., m) of the device in an array (n, ...) of the state."""
         state[:] = values[..., self._sites.site].T
 
-    def back(self, kept: Kept, broken: Broken) -> None:
+    def back(self, checkpoint: Kept, broken: Broken) -> None:
         """Restore the history of bonds and the broken bonds of a checkpoint."""
-        super().back(kept, broken)
+        super().back(checkpoint, broken)
         self.needs_upload = True
 
     def hand_over(self) -> None:
         """Give the history of bonds to the device, if it is another than the device's."""
         if not self.needs_upload:
             return
-        found = np.zeros((self._words, self.room), dtype=np.uint32)
+        intact_bits = np.zeros((self._words, self.room), dtype=np.uint32)
         of_tiles = slice(self.tiles.margin, self.tiles.margin + ROW * len(self.tiles.bits))
         lanes = np.arange(ROW, dtype=np.uint16)
         for slot, bits in enumerate(self.tiles.bits.T):
-            there = (bits[:, None] >> lanes & np.uint16(1)).astype(np.uint32).ravel()
-            found[slot // WORD, of_tiles] |= there << np.uint32(slot % WORD)
-        self.session.write(self._intact, found)
+            slot_bits = (bits[:, None] >> lanes & np.uint16(1)).astype(np.uint32).ravel()
+            intact_bits[slot // WORD, of_tiles] |= slot_bits << np.uint32(slot % WORD)
+        self.session.write(self._intact, intact_bits)
         if self._remembers:
             self._hand_over_memory()
         self.needs_upload = False
@@ -134,16 +134,16 @@ class SpaceOnDevice(SpaceLattice):
         """Bring what bonds remember up to the device's, in tiles of which one has softened."""
         torn = np.zeros(len(self.tiles.kind), dtype=np.int32)
         self.session.read(self._torn, torn)
-        some = np.flatnonzero(torn)
-        if not len(some):
+        torn_tiles = np.flatnonzero(torn)
+        if not len(torn_tiles):
             return
-        worst = np.empty((len(some), len(self.tiles.offsets), ROW))
-        for number, tile in enumerate(some.tolist()):
+        worst = np.empty((len(torn_tiles), len(self.tiles.offsets), ROW))
+        for number, tile in enumerate(torn_tiles.tolist()):
             self.session.read(self._worst, worst[number], tile * self._remembered())
         with self._breaking:
-            self.tiles = layout.extended(self.tiles, some[self.tiles.memory[some] < 0])
+            self.tiles = layout.extended(self.tiles, torn_tiles[self.tiles.memory[torn_tiles] < 0])
             which, slot, lane = np.nonzero(worst)
-            recall(self.tiles, some[which], slot, lane, worst[which, slot, lane])
+            recall(self.tiles, torn_tiles[which], slot, lane, worst[which, slot, lane])
         self.session.write(self._torn, np.zeros_like(torn))
 
     def fetch(self) -> None:
@@ -165,10 +165,10 @@ class SpaceOnDevice(SpaceLattice):
         self.session.read(self._breaks, breaks)
         self.session.write(self._used, np.zeros(2, dtype=np.int32))
         breaks = breaks[np.lexsort(breaks.T[[1, 0, 2]])]
-        own, slot = breaks[:, 0] - self.tiles.margin, breaks[:, 1]
-        bit = np.uint16(1) << (own % ROW).astype(np.uint16)
-        target = self.tiles.node[own + self.tiles.offsets[slot]]
+        source, slot = breaks[:, 0] - self.tiles.margin, breaks[:, 1]
+        bit = np.uint16(1) << (source % ROW).astype(np.uint16)
+        target = self.tiles.node[source + self.tiles.offsets[slot]]
         with self._breaking:
-            np.bitwise_and.at(self.tiles.bits, (own // ROW, slot), ~bit)
-            ends = (breaks[:, 2], self.tiles.node[own], target)
+            np.bitwise_and.at(self.tiles.bits, (source // ROW, slot), ~bit)
+            ends = (breaks[:, 2], self.tiles.node[source], target)
             self._new.append(Broken(*(column.astype(np.int64) for column in ends)))

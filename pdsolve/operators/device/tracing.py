@@ -35,13 +35,13 @@ class Code:
     def call(self, function: Function, *values: Any) -> tuple[Any, ...]:
         """What a function returns, given traced numbers and constants. Raises ModelError for what it cannot write."""
         try:
-            found: tuple[Any, ...] = plain(function)(*values)
+            outputs: tuple[Any, ...] = plain(function)(*values)
         except TypeError:
             raise ModelError(
                 f"device: the law's {function.__name__} does more than add, multiply and divide; use one that a"
                 " device computes to the same bits (--device cpu)"
             ) from None
-        return found
+        return outputs
 
 
 class Traced:
@@ -55,10 +55,10 @@ class Traced:
 
 
 def _binary(sign: str, swapped: bool) -> Callable[[Traced, Any], Traced]:
-    def both(self: Traced, other: Any) -> Traced:
-        text = other.text if isinstance(other, Traced) else f"(REAL){float(other).hex()}"
-        left, right = (text, self.text) if swapped else (self.text, text)
-        return self._code.write(f"{left} {sign} {right}")
+    def both(self: Traced, operand: Any) -> Traced:
+        text = operand.text if isinstance(operand, Traced) else f"(REAL){float(operand).hex()}"
+        left_side, right_side = (text, self.text) if swapped else (self.text, text)
+        return self._code.write(f"{left_side} {sign} {right_side}")
 
     return both
 
@@ -70,9 +70,15 @@ for _name, _sign in (("add", "+"), ("sub", "-"), ("mul", "*"), ("truediv", "/"))
 
 def plain(function: Function) -> Function:
     """A function, and those of its file that it calls, as Python has them and not as compiled."""
-    whole: Any = getattr(function, "py_func", function)
-    scope = dict(whole.__globals__)
-    for name in whole.__code__.co_names:
+    python_function: Any = getattr(function, "py_func", function)
+    scope = dict(python_function.__globals__)
+    for name in python_function.__code__.co_names:
         if getattr(scope.get(name), "py_func", None) is not None:
             scope[name] = plain(scope[name])
-    return FunctionType(whole.__code__, scope, whole.__name__, whole.__defaults__, whole.__closure__)
+    return FunctionType(
+        python_function.__code__,
+        scope,
+        python_function.__name__,
+        python_function.__defaults__,
+        python_function.__closure__,
+    )

@@ -51,7 +51,7 @@ class Translation:
             name = f"{key[0]}_{len(self._written)}"
             body = _Body(self, plain, types)
             lines, kind = body.lines(), body.kind
-            parameters = ", ".join(f"{one} {name}" for name, one in zip(body.parameters, types, strict=True))
+            parameters = ", ".join(f"{c_type} {name}" for name, c_type in zip(body.parameters, types, strict=True))
             self._texts.append(f"inline {kind} {name}({parameters}) {{\n" + "\n".join(lines) + "\n}")
             self._written[key] = name, kind
         return self._written[key]
@@ -66,12 +66,12 @@ class Translation:
 class _Body:
     """The statements of one function."""
 
-    def __init__(self, whole: Translation, function: Function, types: tuple[str, ...]) -> None:
-        self._whole, self._function = whole, function
+    def __init__(self, translation: Translation, function: Function, types: tuple[str, ...]) -> None:
+        self._whole, self._function = translation, function
         (self._tree,) = ast.parse(textwrap.dedent(inspect.getsource(function))).body
         assert isinstance(self._tree, ast.FunctionDef)
-        own = [one.arg for one in self._tree.args.args]
-        self.parameters = own[-len(types) :]  # the law comes first, where it comes at all
+        argument_names = [argument.arg for argument in self._tree.args.args]
+        self.parameters = argument_names[-len(types) :]  # the law comes first, where it comes at all
         self._types = dict(zip(self.parameters, types, strict=True))
         self._assigned: list[str] = []
         self.kind = REAL
@@ -96,7 +96,7 @@ class _Body:
         if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
             return self._assign(node.targets[0].id, *self._value(node.value))
         if isinstance(node, ast.If) and not node.orelse:
-            inner = [line for one in node.body for line in self._statement(one)]
+            inner = [line for child in node.body for line in self._statement(child)]
             return [f"  if ({self._value(node.test)[0]}) {{", *inner, "  }"]
         raise self._unknown(node)
 
@@ -117,14 +117,14 @@ class _Body:
                 return node.id, self._types[node.id]
             return _number(self._whole.named(node.id, self._function)), DOUBLE
         if isinstance(node, ast.BinOp) and type(node.op) in SIGNS:
-            (left, one), (right, other) = self._value(node.left), self._value(node.right)
-            return f"({left} {SIGNS[type(node.op)]} {right})", _wider(one, other)
+            (left_text, one), (right_text, right_kind) = self._value(node.left), self._value(node.right)
+            return f"({left_text} {SIGNS[type(node.op)]} {right_text})", _wider(one, right_kind)
         if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
             text, kind = self._value(node.operand)
             return f"(-{text})", kind
         if isinstance(node, ast.Compare) and len(node.ops) == 1 and type(node.ops[0]) in TESTS:
-            left, right = (self._value(one)[0] for one in (node.left, node.comparators[0]))
-            return f"({left} {TESTS[type(node.ops[0])]} {right})", DOUBLE
+            left_text, right_text = (self._value(one)[0] for one in (node.left, node.comparators[0]))
+            return f"({left_text} {TESTS[type(node.ops[0])]} {right_text})", DOUBLE
         if isinstance(node, ast.BoolOp):
             sign = " && " if isinstance(node.op, ast.And) else " || "
             return f"({sign.join(self._value(one)[0] for one in node.values)})", DOUBLE
@@ -133,20 +133,24 @@ class _Body:
         raise self._unknown(node)
 
     def _call(self, node: ast.Call) -> tuple[str, str]:
-        of_law = [one for one in node.args if not (isinstance(one, ast.Name) and one.id == "law")]
-        values = [self._value(one) for one in of_law if not (isinstance(one, ast.Constant) and one.value is None)]
+        of_law = [argument for argument in node.args if not (isinstance(argument, ast.Name) and argument.id == "law")]
+        values = [
+            self._value(argument)
+            for argument in of_law
+            if not (isinstance(argument, ast.Constant) and argument.value is None)
+        ]
         text, kinds = ", ".join(text for text, _ in values), tuple(kind for _, kind in values)
         if isinstance(node.func, ast.Attribute):
             name = SAME_BITS.get(getattr(np, node.func.attr, None))  # type: ignore[arg-type]
             if name is None:
                 raise self._unknown(node.func.attr)
             kind = DOUBLE if DOUBLE in kinds else REAL
-            return f"{name}({', '.join(f'({kind}){one}' for one, _ in values)})", kind
+            return f"{name}({', '.join(f'({kind}){argument}' for argument, _ in values)})", kind
         assert isinstance(node.func, ast.Name)
         function = self._whole.named(node.func.id, self._function)
         if function is fused:
             kind = DOUBLE if DOUBLE in kinds else REAL
-            return f"fma({', '.join(f'({kind}){one}' for one, _ in values)})", kind
+            return f"fma({', '.join(f'({kind}){argument}' for argument, _ in values)})", kind
         called, kind = self._whole.called(function, kinds)
         return f"{called}({text})", kind
 
@@ -158,8 +162,8 @@ class _Body:
         )
 
 
-def _wider(one: str, other: str) -> str:
-    return DOUBLE if DOUBLE in (one, other) else REAL
+def _wider(first: str, second: str) -> str:
+    return DOUBLE if DOUBLE in (first, second) else REAL
 
 
 def _number(value: Any) -> str:

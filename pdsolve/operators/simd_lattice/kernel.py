@@ -145,14 +145,14 @@ def _pair(blocks: Any) -> Pair:
 def _sum_straight(blocks, tracks, u, before, step, b, lane, s):  # type: ignore[no-untyped-def]
     table = u, blocks.slots, blocks.ids, blocks.vectors, blocks.stiffness, blocks.near, blocks.edge, blocks.whole
     shrink = tracks.shrink
-    slot, last, own = blocks.start[b], blocks.start[b + 1], b * LANES + lane
+    slot, last, node = blocks.start[b], blocks.start[b + 1], b * LANES + lane
     for k in range(2 * ROW):
         s[k] = 0
-    slot = add_slots(*table, shrink, slot, last, own, lane, s)
+    slot = add_slots(*table, shrink, slot, last, node, lane, s)
     while slot < last:
-        slot = add_any(*table, shrink, slot, last, own, lane, s)
+        slot = add_any(*table, shrink, slot, last, node, lane, s)
         if slot < last and not _age(blocks, tracks, u, before, step, slot, b, lane, s):
-            slot = add_far(*table, shrink, slot, slot + 1, own, lane, s)
+            slot = add_far(*table, shrink, slot, slot + 1, node, lane, s)
 
 
 def _sum_one_sided(blocks, tracks, u, before, step, b, lane, s):  # type: ignore[no-untyped-def]
@@ -161,25 +161,25 @@ def _sum_one_sided(blocks, tracks, u, before, step, b, lane, s):  # type: ignore
         return
     table = u, blocks.slots, blocks.ids, blocks.vectors, blocks.stiffness, blocks.near, blocks.edge, blocks.whole
     shrink = tracks.shrink
-    slot, last, own = blocks.start[b], blocks.start[b + 1], b * LANES + lane
+    slot, last, node = blocks.start[b], blocks.start[b + 1], b * LANES + lane
     for k in range(2 * ROW):
         s[k] = 0
     while slot < last:
-        slot = add_any_one_sided(*table, shrink, slot, last, own, lane, s)
+        slot = add_any_one_sided(*table, shrink, slot, last, node, lane, s)
         if slot < last and not _age(blocks, tracks, u, before, step, slot, b, lane, s):
-            slot = add_far_one_sided(*table, shrink, slot, slot + 1, own, lane, s)
+            slot = add_far_one_sided(*table, shrink, slot, slot + 1, node, lane, s)
 
 
 def _sum_curved(blocks, tracks, u, before, step, b, lane, s):  # type: ignore[no-untyped-def]
-    own, none = b * LANES + lane, same(u, 0.0)
-    here, fx, fy = beside(u, PLANE, own), none, none
+    node, none = b * LANES + lane, same(u, 0.0)
+    displacement, fx, fy = beside(u, PLANE, node), none, none
     for slot in range(blocks.start[b], blocks.start[b + 1]):
         v, way = blocks.vectors[blocks.slots[slot, VECTOR]], np.int64(blocks.slots[slot, lane // ROW])
         if way < FAR:
-            there = beside(u, PLANE, own + way)
+            neighbour_displacement = beside(u, PLANE, node + way)
         else:
-            there = listed(u, PLANE, blocks.ids, (way - FAR) * ROW + lane % ROW)
-        x, y = there[0] - here[0], there[1] - here[1]
+            neighbour_displacement = listed(u, PLANE, blocks.ids, (way - FAR) * ROW + lane % ROW)
+        x, y = neighbour_displacement[0] - displacement[0], neighbour_displacement[1] - displacement[1]
         e = (v[4] * x + v[2]) * x + (v[4] * y + v[3]) * y
         w = row_of(blocks.stiffness, blocks.slots[slot, PULL], lane)
         e = unless_none(w, e, none)
@@ -248,11 +248,11 @@ def _age(blocks, tracks, u, before, step, slot, b, first, s):  # type: ignore[no
 
     Returns whether there were any.
     """
-    some, law = False, blocks.slots[slot, LIMITS]
+    any_changed, law = False, blocks.slots[slot, LIMITS]
     for k in range(across(s)):
         lane, e = first + k, s[_E + k]
         if e > blocks.edge[blocks.slots[slot, BOUND], lane]:
-            some, row, stretch, i = True, _own_rows(blocks, slot), e / (1 + np.sqrt(1 + e)), b * LANES + lane
+            any_changed, row, stretch, i = True, _own_rows(blocks, slot), e / (1 + np.sqrt(1 + e)), b * LANES + lane
             peak, limit = np.float64(blocks.peak[law, lane]), np.float64(blocks.limit[law, lane])
             if stretch > peak:
                 last, worst = _stretch_before(blocks, tracks, before, slot, i, lane), 0.0
@@ -268,7 +268,7 @@ def _age(blocks, tracks, u, before, step, slot, b, first, s):  # type: ignore[no
                 soften(blocks, tracks, slot, b, lane, stretch, peak, limit)
             blocks.edge[row, lane] = e
             blocks.near[row, lane] = min(e, NARROW)
-    return some
+    return any_changed
 
 
 def soften(blocks: Any, tracks: Any, slot: Any, b: Any, lane: Any, stretch: Any, peak: Any, limit: Any) -> None:
@@ -360,16 +360,16 @@ def sum_blocks(blocks, tracks, before, out, step):  # type: ignore[no-untyped-de
 
 
 @cached_njit(error_model="numpy")
-def energy_densities(blocks, worst, u, shrink, own, gone):  # type: ignore[no-untyped-def]
+def energy_densities(blocks, worst, u, shrink, strain_energy, dissipated):  # type: ignore[no-untyped-def]
     """Add stored energy and energy dissipated by softening, J/m^3, of the nodes' intact bonds to arrays (m,).
 
     On one thread, as it is needed only once in many steps.
     """
     for b in range(len(blocks.start) - 1):
         for slot in range(blocks.start[b], blocks.start[b + 1]):
-            _energies_of(blocks, worst, u, shrink, b, slot, own)
+            _energies_of(blocks, worst, u, shrink, b, slot, strain_energy)
             if blocks.softened[b]:
-                _spent_of(blocks, worst, b, slot, gone)
+                _spent_of(blocks, worst, b, slot, dissipated)
 
 
 @njit(**INNER)
@@ -424,5 +424,5 @@ def _spent_of(blocks, worst, b, slot, out):  # type: ignore[no-untyped-def]
         largest = worst[slot, lane]
         if largest > 0 and blocks.near[blocks.slots[slot, BOUND], lane] < np.inf:
             peak, limit = blocks.peak[law, lane], blocks.limit[law, lane]
-            whole = blocks.stiffness[blocks.whole[slot], lane] / inverse / 4
-            out[b * LANES + lane] += spent(blocks.law, whole, largest, peak, limit)
+            full_stiffness = blocks.stiffness[blocks.whole[slot], lane] / inverse / 4
+            out[b * LANES + lane] += spent(blocks.law, full_stiffness, largest, peak, limit)

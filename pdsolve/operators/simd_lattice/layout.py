@@ -78,10 +78,10 @@ def blocks_of(law: Law, parts: Iterable[Any], nodes: int, kind: type[np.floating
     """
     tables, slots = Tables(), []
     for part in parts:
-        found = slots_of(part.bonds, part.first, room_of(nodes), tables)
-        if found is None:
+        part_slots = slots_of(part.bonds, part.first, room_of(nodes), tables)
+        if part_slots is None:
             return None
-        slots.append(found)
+        slots.append(part_slots)
     if not is_filled(slots):
         return None
     return joined(law, tables, slots, kind, threads)
@@ -160,19 +160,19 @@ def slots_of(bonds: Any, first: int, room: int, tables: Tables) -> Slots | None:
     placed = place(bonds, first, room, tables)
     if placed is None:
         return None
-    length, there = lengths(tables.xi()), placed.lane >= 0
+    length, has_bond = lengths(tables.xi()), placed.lane >= 0
     vector = np.empty(len(bonds.xi), dtype=np.int32)
-    vector[placed.lane[there]] = np.repeat(placed.vector, there.sum(axis=1))
+    vector[placed.lane[has_bond]] = np.repeat(placed.vector, has_bond.sum(axis=1))
     pulls = tables.pulls.numbers(bonds.stiffness / length[vector])
     bounds = np.float64(SIDES**2) * tables.peaks.numbers(bonds.peak) + tables.limits.numbers(bonds.limit)
     return Slots(
         counts=placed.counts,
         vector=placed.vector,
-        mask=np.packbits(there, axis=1, bitorder="little").view(np.uint64)[:, 0],
+        mask=np.packbits(has_bond, axis=1, bitorder="little").view(np.uint64)[:, 0],
         way=placed.way,
         ids=placed.ids,
-        pull=_rows(pulls, placed.lane, there),
-        bound=_rows(tables.bounds.numbers(bounds), placed.lane, there),
+        pull=_rows(pulls, placed.lane, has_bond),
+        bound=_rows(tables.bounds.numbers(bounds), placed.lane, has_bond),
         bonds=len(bonds.neighbour),
     )
 
@@ -230,41 +230,41 @@ def _ways(
     `lane` (s, 64) are the bonds of slots, whose blocks begin with the nodes `first` (s,) of `room`.
     """
     to = neighbour[lane].astype(np.int64) if len(neighbour) else lane.astype(np.int64)
-    to, there = to.reshape(-1, ROW), (lane >= 0).reshape(-1, ROW)
-    own = (first[:, None] + ROW * np.arange(LANES // ROW)).ravel()
-    way = to - own[:, None] - np.arange(ROW)
-    low = np.where(there, way, np.iinfo(np.int64).max).min(axis=1, initial=np.iinfo(np.int64).max)
-    high = np.where(there, way, np.iinfo(np.int64).min).max(axis=1, initial=np.iinfo(np.int64).min)
-    low[~there.any(axis=1)] = high[~there.any(axis=1)] = 0  # what such a row finds there does not matter
-    scattered = (low != high) | (own + low < 0) | (own + low > room - ROW)
+    to, has_bond = to.reshape(-1, ROW), (lane >= 0).reshape(-1, ROW)
+    first_node = (first[:, None] + ROW * np.arange(LANES // ROW)).ravel()
+    way = to - first_node[:, None] - np.arange(ROW)
+    low = np.where(has_bond, way, np.iinfo(np.int64).max).min(axis=1, initial=np.iinfo(np.int64).max)
+    high = np.where(has_bond, way, np.iinfo(np.int64).min).max(axis=1, initial=np.iinfo(np.int64).min)
+    low[~has_bond.any(axis=1)] = high[~has_bond.any(axis=1)] = 0  # what such a row finds there does not matter
+    scattered = (low != high) | (first_node + low < 0) | (first_node + low > room - ROW)
     low[scattered] = FAR + np.arange(np.count_nonzero(scattered))
-    return low.reshape(-1, LANES // ROW), np.where(there, to, 0)[scattered].astype(np.int32)
+    return low.reshape(-1, LANES // ROW), np.where(has_bond, to, 0)[scattered].astype(np.int32)
 
 
-def _rows(numbers: NDArray[np.int32], lane: NDArray[np.int32], there: NDArray[np.bool_]) -> _Rows:
+def _rows(numbers: NDArray[np.int32], lane: NDArray[np.int32], has_bond: NDArray[np.bool_]) -> _Rows:
     """Values of the bonds (b,), slot by slot; LAST in lanes without a bond."""
     if not len(numbers):
         return _Rows(np.zeros(0, np.int32), np.zeros(0, np.bool_), np.zeros((0, LANES), np.int32))
-    number = np.where(there, numbers[lane], np.int32(LAST))
+    number = np.where(has_bond, numbers[lane], np.int32(LAST))
     mixed = (number != number[:, :1]).any(axis=1)
     return _Rows(number[:, 0], mixed, number[mixed])
 
 
 def _shared(rows: list[_Rows]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """The row of each slot (s,), and the values of each row's lanes (., 64)."""
-    first, mixed, own = (np.concatenate(column) for column in zip(*rows, strict=True))
+    first, mixed, mixed_values = (np.concatenate(column) for column in zip(*rows, strict=True))
     row, uniform = np.zeros(len(first), np.int32), np.unique(first[~mixed])
     row[~mixed] = np.searchsorted(uniform, first[~mixed])
-    own, which = np.unique(own, axis=0, return_inverse=True)
+    mixed_values, which = np.unique(mixed_values, axis=0, return_inverse=True)
     row[mixed] = len(uniform) + which.ravel()
-    return row, np.concatenate([np.repeat(uniform[:, None], LANES, axis=1), own])
+    return row, np.concatenate([np.repeat(uniform[:, None], LANES, axis=1), mixed_values])
 
 
 def there(mask: NDArray[np.uint64], first: int = 0) -> NDArray[np.int64]:
     """Numbers of the bonds in slots with these masks, the first of which is slot `first`."""
-    some = np.flatnonzero(mask)
-    row, lane = np.divmod(np.flatnonzero(_bits(mask[some])), LANES)
-    return np.asarray(LANES * (first + some[row]) + lane)
+    used_slots = np.flatnonzero(mask)
+    row, lane = np.divmod(np.flatnonzero(_bits(mask[used_slots])), LANES)
+    return np.asarray(LANES * (first + used_slots[row]) + lane)
 
 
 def ends(blocks: Blocks, numbers: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -278,20 +278,20 @@ def ends(blocks: Blocks, numbers: NDArray[np.int64]) -> tuple[NDArray[np.int64],
 
 
 def springs(
-    blocks: Blocks, numbers: NDArray[np.int64], whole: bool = False
+    blocks: Blocks, numbers: NDArray[np.int64], initial: bool = False
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Reference vectors (k, 2), m, and force densities at unit stretch (k,), N/m^3, of bonds: what remains, or the
-    `whole`."""
+    `initial`."""
     slot, lane = np.divmod(numbers, LANES)
     table = blocks.vectors[blocks.slots[slot, VECTOR]].astype(np.float64)
-    row = blocks.whole[slot] if whole else blocks.slots[slot, PULL]
+    row = blocks.whole[slot] if initial else blocks.slots[slot, PULL]
     return table[:, :2], blocks.stiffness[row, lane] / np.sqrt(table[:, 4])
 
 
 def find(
-    blocks: Blocks, whole: NDArray[np.uint64], source: NDArray[np.int64], target: NDArray[np.int64]
+    blocks: Blocks, masks: NDArray[np.uint64], source: NDArray[np.int64], target: NDArray[np.int64]
 ) -> NDArray[np.int64]:
-    """Numbers (k,) of the bonds from `source` (k,) to `target` (k,), among those in the masks `whole`.
+    """Numbers (k,) of the bonds from `source` (k,) to `target` (k,), among those in the masks `masks`.
 
     Arguments are rows of nodes. Raises CheckpointError for a missing bond.
     """
@@ -299,15 +299,15 @@ def find(
     block = np.unique(source // LANES)
     slots = [np.arange(blocks.start[b], blocks.start[b + 1]) for b in block]
     slot = np.concatenate([np.zeros(0, dtype=np.int64), *slots])
-    at = there(whole[slot])
+    at = there(masks[slot])
     numbers = slot[at // LANES] * LANES + at % LANES
-    one, other = ends(blocks, numbers)
-    key = one * room + other
+    bond_source, bond_target = ends(blocks, numbers)
+    key = bond_source * room + bond_target
     order = np.argsort(key)
     wanted = source * room + target
-    found = np.searchsorted(key, wanted, sorter=order)
-    expect_found(np.append(key[order], -1)[found] == wanted, source, target)
-    return numbers[order[found]]
+    position = np.searchsorted(key, wanted, sorter=order)
+    expect_found(np.append(key[order], -1)[position] == wanted, source, target)
+    return numbers[order[position]]
 
 
 def revive(
@@ -322,13 +322,16 @@ def revive(
 
     `intact` (s,) were the masks of the unbroken plate.
     """
-    whole = _bits(intact)
-    gone, soft = whole & (broken != 0), np.broadcast_to(worst > 0, whole.shape) if len(worst) else np.zeros_like(whole)
-    blocks.mask[:] = np.packbits(whole & ~gone, axis=1, bitorder="little").view(np.uint64)[:, 0]
+    has_bond = _bits(intact)
+    is_broken, soft = (
+        has_bond & (broken != 0),
+        np.broadcast_to(worst > 0, has_bond.shape) if len(worst) else np.zeros_like(has_bond),
+    )
+    blocks.mask[:] = np.packbits(has_bond & ~is_broken, axis=1, bitorder="little").view(np.uint64)[:, 0]
     blocks.slots[:, PULL], blocks.slots[:, BOUND] = blocks.whole, blocks.slots[:, LIMITS]
-    torn = np.flatnonzero((gone | soft).any(axis=1))
+    torn = np.flatnonzero((is_broken | soft).any(axis=1))
     pull, bound = (len(table) - len(intact) + torn for table in (blocks.stiffness, blocks.edge))
-    row, gone, ever, soft = blocks.slots[torn, LIMITS], gone[torn], soft, soft[torn] & ~gone[torn]
+    row, is_broken, ever, soft = blocks.slots[torn, LIMITS], is_broken[torn], soft, soft[torn] & ~is_broken[torn]
     stiffness, near, edges = blocks.stiffness[blocks.whole[torn]], blocks.near[row], blocks.edge[row]
     assert law.pair is not None
     if len(worst):
@@ -338,7 +341,7 @@ def revive(
             stiffness[soft] = law.pair.secant(blocks.law, largest, largest, peak, limit) * stiffness[soft]
         edges[soft] = edge[torn][soft]
         near[soft] = np.minimum(edges[soft], NARROW)
-    stiffness[gone], near[gone], edges[gone] = 0, np.inf, np.inf
+    stiffness[is_broken], near[is_broken], edges[is_broken] = 0, np.inf, np.inf
     blocks.stiffness[pull], blocks.near[bound], blocks.edge[bound] = stiffness, near, edges
     blocks.slots[torn, PULL], blocks.slots[torn, BOUND] = pull, bound
     block = np.searchsorted(blocks.start, torn, side="right") - 1
@@ -367,10 +370,10 @@ def _bits(mask: NDArray[np.uint64]) -> NDArray[np.bool_]:
 
 def _numbered(keys: NDArray[np.int64], most: int) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
     """Numbers of the distinct keys, all below `most`, and the keys."""
-    seen = np.zeros(most, dtype=bool)
-    seen[keys] = True
-    number = np.cumsum(seen, dtype=np.int32) - np.int32(1)
-    return number[keys], np.flatnonzero(seen)
+    occurs = np.zeros(most, dtype=bool)
+    occurs[keys] = True
+    number = np.cumsum(occurs, dtype=np.int32) - np.int32(1)
+    return number[keys], np.flatnonzero(occurs)
 
 
 class Distinct:
@@ -385,20 +388,20 @@ class Distinct:
         """Numbers of `values`; new values are added."""
         if self._share > 0:
             self._tolerance = max(self._tolerance, self._share * float(np.abs(values).max(initial=0.0)))
-        number, known = self._look_up(values)
-        if not known.all():
-            self._add(np.sort(values[~known]))
-            number, known = self._look_up(values)
-            assert known.all()
+        number, is_known = self._look_up(values)
+        if not is_known.all():
+            self._add(np.sort(values[~is_known]))
+            number, is_known = self._look_up(values)
+            assert is_known.all()
         return number
 
     def loosen(self, share: float) -> None:
         """Treat values within this share as equal from now on, if it is larger than before."""
         self._share = max(self._share, share)
 
-    def _near(self, one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def _near(self, first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.bool_]:
         with np.errstate(invalid="ignore"):  # infinite less infinite
-            return np.asarray((one == other) | (np.abs(one - other) <= self._tolerance))
+            return np.asarray((first == second) | (np.abs(first - second) <= self._tolerance))
 
     def _look_up(self, values: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
         if not len(self.values):

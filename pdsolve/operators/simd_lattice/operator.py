@@ -54,21 +54,21 @@ class SimdLattice:
         """The state in this operator's own array layout."""
         nodes, tracks = len(self._stiffness_bound), self.tracks
         u, v, a = (array[:, :nodes].T for array in (tracks.u[0], tracks.v, tracks.a))
-        own = State(u, v, a, tracks.dissipated[:nodes], tracks.work[:nodes], state.damped)
-        for values, here in zip(state, own, strict=True):
-            if values.ctypes.data != here.ctypes.data:
-                here[:] = values
-        return own
+        local_state = State(u, v, a, tracks.dissipated[:nodes], tracks.work[:nodes], state.damped)
+        for values, local_values in zip(state, local_state, strict=True):
+            if values.ctypes.data != local_values.ctypes.data:
+                local_values[:] = values
+        return local_state
 
     def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
         """Add the force densities (n, w), N/m^3, to `out`; bonds over their limit break in this `step`, `dt` s long."""
-        own = self.place(state)
+        local_state = self.place(state)
         before = self.tracks.u[0] - self.tracks.v.dtype.type(dt) * self.tracks.v
         blocks = self.blocks
         if step == 0 and self.tracks.shrink is not None:  # of what is strained from the start none breaks yet
             blocks = blocks._replace(edge=np.full_like(blocks.edge, np.inf))
         sum_blocks(blocks, self.tracks, before, out, step)
-        state.dissipated[:] = own.dissipated
+        state.dissipated[:] = local_state.dissipated
 
     def swell(self, strain: NDArray[np.float64]) -> None:
         """Let bonds stretch from what they are long at these strains (n,) of free nodes; of straight lines."""
@@ -79,9 +79,9 @@ class SimdLattice:
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Energy densities (n,), J/m^3: stored, and dissipated by softening so far."""
         self.place(state)
-        held, spent = np.zeros_like(self.tracks.work), np.zeros_like(self.tracks.work)
-        energy_densities(self.blocks, self.tracks.worst, self.tracks.u[0], self.tracks.shrink, held, spent)
-        return held[: len(self._stiffness_bound)], spent[: len(self._stiffness_bound)]
+        strain_energy, spent = np.zeros_like(self.tracks.work), np.zeros_like(self.tracks.work)
+        energy_densities(self.blocks, self.tracks.worst, self.tracks.u[0], self.tracks.shrink, strain_energy, spent)
+        return strain_energy[: len(self._stiffness_bound)], spent[: len(self._stiffness_bound)]
 
     def fields(self, state: State) -> dict[str, NDArray[np.float64]]:
         """Empty: a pair law stores no fields besides displacements."""
@@ -102,7 +102,7 @@ class SimdLattice:
         if self._pair.elastic_in_compression:
             eta = state.value[target].astype(np.float64) - state.value[source]
             shorter = ((2 * xi + eta) * eta).sum(axis=1) < 0
-            pull = np.where(shorter, layout.springs(self.blocks, numbers, whole=True)[1], pull)
+            pull = np.where(shorter, layout.springs(self.blocks, numbers, initial=True)[1], pull)
         return of_springs(source, target, xi, pull, state.value)
 
     def _curved_tangent(self, numbers: NDArray[np.int64], state: State) -> csr_array:
@@ -131,16 +131,16 @@ class SimdLattice:
         slots = self.blocks.start[[first // LANES, -(-last // LANES)]]
         mask = self._whole if start else self.blocks.mask
         source, target = self._ends(layout.there(mask[slots[0] : slots[1]], int(slots[0])))
-        own = np.flatnonzero((source >= first) & (source < last))
-        own = own[np.lexsort((target[own], source[own]))]
-        return source[own], target[own]
+        in_range = np.flatnonzero((source >= first) & (source < last))
+        in_range = in_range[np.lexsort((target[in_range], source[in_range]))]
+        return source[in_range], target[in_range]
 
     def broken(self, after: int = 0) -> Broken:
         """Bonds broken after a step: step, source row and target row of each."""
         new = layout.there(self._looked_at & ~self.blocks.mask)
         if len(new):
-            found = self.tracks.broken.ravel()[new].astype(np.int64), *self._ends(new)
-            self._broken = Broken(*(np.concatenate(columns) for columns in zip(self._broken, found, strict=True)))
+            new_columns = self.tracks.broken.ravel()[new].astype(np.int64), *self._ends(new)
+            self._broken = Broken(*(np.concatenate(columns) for columns in zip(self._broken, new_columns, strict=True)))
             self._looked_at = self.blocks.mask.copy()
         if after == 0:
             return self._broken
@@ -156,22 +156,24 @@ class SimdLattice:
         edge = self.blocks.edge[rows[slot], lane]
         return {"worst": worst[softened], "worst_edge": edge, "worst_source": source, "worst_target": target}
 
-    def back(self, kept: Kept, broken: Broken) -> None:
+    def back(self, checkpoint: Kept, broken: Broken) -> None:
         """Restore the history of bonds and the broken bonds of a checkpoint."""
         steps, worst, edge = self.tracks.broken.ravel(), self.tracks.worst.ravel(), np.zeros_like(self.tracks.worst)
-        torn, (softened, values, edges) = self._find(broken.source, broken.target), self._softened(kept)
+        torn, (softened, values, edges) = self._find(broken.source, broken.target), self._softened(checkpoint)
         steps[:] = worst[:] = 0
         steps[torn] = broken.step
         worst[softened], edge.ravel()[softened] = values, edges
         self._looked_at, self._broken = self._whole, Broken(*(column[:0] for column in self._broken))
         layout.revive(self._law, self.blocks, self._whole, self.tracks.broken, self.tracks.worst, edge)
 
-    def _softened(self, kept: Kept) -> tuple[NDArray[np.int64], NDArray[Any], NDArray[Any]]:
+    def _softened(self, checkpoint: Kept) -> tuple[NDArray[np.int64], NDArray[Any], NDArray[Any]]:
         """Softened bonds (k,) of a checkpoint, their largest stretches and edges (k,)."""
         nodes, rows = len(self._stiffness_bound) - 1, (None,) if self.tracks.worst.size else (0,)
-        values = entry(kept, "worst", rows, self.tracks.worst.dtype)
-        edges = entry(kept, "worst_edge", values.shape, self.blocks.edge.dtype, high=np.inf)
-        source, target = (entry(kept, f"worst_{end}", values.shape, np.int64, 0, nodes) for end in ("source", "target"))
+        values = entry(checkpoint, "worst", rows, self.tracks.worst.dtype)
+        edges = entry(checkpoint, "worst_edge", values.shape, self.blocks.edge.dtype, high=np.inf)
+        source, target = (
+            entry(checkpoint, f"worst_{end}", values.shape, np.int64, 0, nodes) for end in ("source", "target")
+        )
         return self._find(source, target), values, edges
 
     def bytes(self) -> int:

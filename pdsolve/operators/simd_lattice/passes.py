@@ -69,19 +69,22 @@ def _there(slots, slot, array, like, at, lane):  # type: ignore[no-untyped-def]
     return listed(array, like, slots.ids, (way - FAR) * ROW + lane % ROW)
 
 
-def _bond(slots: Any, slot: Any, c: Any, u: Any, own: Any, at: Any, lane: Any) -> Any:
+def _bond(slots: Any, slot: Any, c: Any, u: Any, displacement: Any, at: Any, lane: Any) -> Any:
     """Deformed bonds of some lanes; lanes without a bond are undeformed."""
 
 
 @overload(_bond, jit_options=INNER | {"forceinline": True})
-def _bond_of(slots, slot, c, u, own, at, lane):  # type: ignore[no-untyped-def]
-    return _bond_in_the_plane if len(own) == 2 else _bond_in_space
+def _bond_of(slots, slot, c, u, displacement, at, lane):  # type: ignore[no-untyped-def]
+    return _bond_in_the_plane if len(displacement) == 2 else _bond_in_space
 
 
-def _bond_in_the_plane(slots, slot, c, u, own, at, lane):  # type: ignore[no-untyped-def]
+def _bond_in_the_plane(slots, slot, c, u, displacement, at, lane):  # type: ignore[no-untyped-def]
     v = slots.vectors[slots.slots[slot, VECTOR]]
-    there = _there(slots, slot, u, (0, 0), at, lane)
-    x, y = unless_none(c[0], there[0] - own[0], there[0] * 0.0), unless_none(c[0], there[1] - own[1], there[1] * 0.0)
+    neighbour_displacement = _there(slots, slot, u, (0, 0), at, lane)
+    x, y = (
+        unless_none(c[0], neighbour_displacement[0] - displacement[0], neighbour_displacement[0] * 0.0),
+        unless_none(c[0], neighbour_displacement[1] - displacement[1], neighbour_displacement[1] * 0.0),
+    )
     e = (v[4] * x + v[2]) * x + (v[4] * y + v[3]) * y
     q = np.sqrt(1.0 + e)
     reach = q + 1.0
@@ -90,11 +93,14 @@ def _bond_in_the_plane(slots, slot, c, u, own, at, lane):  # type: ignore[no-unt
     return Bond((v[0], v[1]), (x, y), v[5], q, stretch, v[5] * stretch, v[6] * (reach * once))
 
 
-def _bond_in_space(slots, slot, c, u, own, at, lane):  # type: ignore[no-untyped-def]
+def _bond_in_space(slots, slot, c, u, displacement, at, lane):  # type: ignore[no-untyped-def]
     v = slots.vectors[slots.slots[slot, VECTOR]]
-    there, none = _there(slots, slot, u, (0, 0, 0), at, lane), own[0] * 0.0
-    x, y = unless_none(c[0], there[0] - own[0], none), unless_none(c[0], there[1] - own[1], none)
-    z = unless_none(c[0], there[2] - own[2], none)
+    neighbour_displacement, none = _there(slots, slot, u, (0, 0, 0), at, lane), displacement[0] * 0.0
+    x, y = (
+        unless_none(c[0], neighbour_displacement[0] - displacement[0], none),
+        unless_none(c[0], neighbour_displacement[1] - displacement[1], none),
+    )
+    z = unless_none(c[0], neighbour_displacement[2] - displacement[2], none)
     e = (v[6] * x + v[3]) * x + (v[6] * y + v[4]) * y + (v[6] * z + v[5]) * z
     q = np.sqrt(1.0 + e)
     reach = q + 1.0
@@ -104,18 +110,18 @@ def _bond_in_space(slots, slot, c, u, own, at, lane):  # type: ignore[no-untyped
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def gather_blocks(slots, law, u, own, m, likes, by_lanes, first, last):  # type: ignore[no-untyped-def]
+def gather_blocks(slots, law, u, constants, m, likes, by_lanes, first, last):  # type: ignore[no-untyped-def]
     """Fill m (w, n) in some blocks with nodal numbers between the passes or, without `by_lanes`, with their sums."""
     none = same(u, 0.0)
     for b in range(first, last):
         for lane in range(0, LANES, across(u)):
             at = b * LANES + lane
-            here, sums = beside(u, likes[VECTORS], at), nothing(law, likes[VECTORS], none)
+            displacement, sums = beside(u, likes[VECTORS], at), nothing(law, likes[VECTORS], none)
             for slot in range(slots.start[b], slots.start[b + 1]):
                 c = _numbers(slots, slot, likes[COLUMNS], lane)
-                sums = accumulate(law, _bond(slots, slot, c, u, here, at, lane), c, sums)
+                sums = accumulate(law, _bond(slots, slot, c, u, displacement, at, lane), c, sums)
             if by_lanes:
-                keep(finish(law, sums, beside(own, likes[OWN], at)), m, at)
+                keep(finish(law, sums, beside(constants, likes[OWN], at)), m, at)
             else:
                 keep(sums, m, at)
 
@@ -127,12 +133,14 @@ def exchange_blocks(slots, law, u, m, f, likes, first, last):  # type: ignore[no
     for b in range(first, last):
         for lane in range(0, LANES, across(u)):
             at = b * LANES + lane
-            here, nodal = beside(u, likes[VECTORS], at), beside(m, likes[NODAL], at)
+            displacement, nodal = beside(u, likes[VECTORS], at), beside(m, likes[NODAL], at)
             pull = blank(likes[VECTORS], none)
             for slot in range(slots.start[b], slots.start[b + 1]):
                 c = _numbers(slots, slot, likes[COLUMNS], lane)
-                there = _there(slots, slot, m, likes[NODAL], at, lane)
-                pull = summed(pull, bond_force(law, _bond(slots, slot, c, u, here, at, lane), c, nodal, there))
+                neighbour_nodal = _there(slots, slot, m, likes[NODAL], at, lane)
+                pull = summed(
+                    pull, bond_force(law, _bond(slots, slot, c, u, displacement, at, lane), c, nodal, neighbour_nodal)
+                )
             keep(pull, f, at)
 
 
@@ -142,12 +150,12 @@ def watch_blocks(slots, law, u, m, near, likes, first, last):  # type: ignore[no
     for b in range(first, last):
         for lane in range(0, LANES, across(u)):
             at = b * LANES + lane
-            here, nodal = beside(u, likes[VECTORS], at), beside(m, likes[NODAL], at)
+            displacement, nodal = beside(u, likes[VECTORS], at), beside(m, likes[NODAL], at)
             for slot in range(slots.start[b], slots.start[b + 1]):
                 c = _numbers(slots, slot, likes[COLUMNS], lane)
-                there = _there(slots, slot, m, likes[NODAL], at, lane)
-                found, limit = nears(law, _bond(slots, slot, c, u, here, at, lane), c, nodal, there)
-                if which_above(found, limit * (1.0 - SAFE)) != 0:
+                neighbour_nodal = _there(slots, slot, m, likes[NODAL], at, lane)
+                value, limit = nears(law, _bond(slots, slot, c, u, displacement, at, lane), c, nodal, neighbour_nodal)
+                if which_above(value, limit * (1.0 - SAFE)) != 0:
                     for k in range(across(u)):
                         near[at + k] = True
                     break

@@ -28,8 +28,8 @@ def placed(law: Law, bonds: Bonds) -> tuple[Placed, layout.Tables] | None:
     if law.lanes is None or not len(bonds.neighbour) or (bonds.xi.shape[1] == 3 and not law.lanes.in_space):
         return None
     tables, nodes = layout.Tables(bonds.xi.shape[1]), len(bonds.start) - 1
-    found = layout.place(bonds, 0, -(-nodes // LANES) * LANES, tables)
-    return None if found is None or layout.sparse(found, len(bonds.neighbour)) else (found, tables)
+    positions = layout.place(bonds, 0, -(-nodes // LANES) * LANES, tables)
+    return None if positions is None or layout.sparse(positions, len(bonds.neighbour)) else (positions, tables)
 
 
 class Families(BondList):
@@ -59,8 +59,8 @@ class Families(BondList):
         self._lanes = law.lanes
         self._tabled = law.lanes.tabled(self.columns, self._bonds)
         self._lane_of = np.empty(len(exact.neighbour), dtype=np.int64)
-        some = np.flatnonzero(where.lane.ravel() >= 0)
-        self._lane_of[where.lane.ravel()[some]] = some
+        bond_lanes = np.flatnonzero(where.lane.ravel() >= 0)
+        self._lane_of[where.lane.ravel()[bond_lanes]] = bond_lanes
         kinds, rows, of_slot = _shared(where.lane, self._tabled)
         self._whole, self._used = of_slot, len(rows)
         self.slots = Slots(
@@ -76,26 +76,26 @@ class Families(BondList):
         self._dissipated, self._work = np.zeros((2, self._nodes))
         wide = law.width(self.columns, d)
         self._m, self._f = aligned(np.zeros((wide, room), dtype=kind)), aligned(np.zeros((d, room), dtype=kind))
-        own = law.lanes.standing(self.columns, self._every)
-        idle = np.repeat(own[:, :1], room - self._nodes, axis=1)  # as good as any, and no 0 over 0
-        self._own = aligned(np.hstack([own, idle]).astype(kind))
-        self._likes = (0,) * len(self._tabled.columns), (0,) * self._tabled.nodal_count, (0,) * len(own), (0,) * d
+        constants = law.lanes.standing(self.columns, self._every)
+        idle = np.repeat(constants[:, :1], room - self._nodes, axis=1)  # as good as any, and no 0 over 0
+        self._own = aligned(np.hstack([constants, idle]).astype(kind))
+        self._likes = (0,) * len(self._tabled.columns), (0,) * self._tabled.nodal_count, (0,) * len(constants), (0,) * d
         self._by_lanes = law.lanes.by_lanes(self.columns)
         self._ready = True
 
     def place(self, state: State) -> State:
         """The state in this operator's own array layout."""
         u, v, a = (array[:, : self._nodes].T for array in (self._u, self._v, self._a))
-        own = State(u, v, a, self._dissipated, self._work, state.damped)
-        for values, here in zip(state, own, strict=True):
-            if values.ctypes.data != here.ctypes.data:
-                here[:] = values
-        return own
+        local_state = State(u, v, a, self._dissipated, self._work, state.damped)
+        for values, local_values in zip(state, local_state, strict=True):
+            if values.ctypes.data != local_values.ctypes.data:
+                local_values[:] = values
+        return local_state
 
-    def back(self, kept: Kept, broken: Broken) -> None:
+    def back(self, checkpoint: Kept, broken: Broken) -> None:
         """Restore the history of bonds and the broken bonds of a checkpoint."""
         self.slots.slots[:, KIND] = self._whole
-        super().back(kept, broken)
+        super().back(checkpoint, broken)
 
     def bytes(self) -> int:
         """Memory of all arrays, bytes, without the rows that slots get as their bonds break."""
@@ -132,11 +132,11 @@ class Families(BondList):
         slot, lane = np.divmod(self._lane_of[bonds], LANES)
         kind, table = self.slots.slots[:, KIND], self.slots.rows
         for torn in np.unique(slot).tolist():
-            own = self._used + torn
-            if kind[torn] != -1 - own:
+            row_number = self._used + torn
+            if kind[torn] != -1 - row_number:
                 old = kind[torn]
-                table[own] = self.slots.kinds[old][:, None] if old >= 0 else table[-1 - old]
-                kind[torn] = -1 - own
+                table[row_number] = self.slots.kinds[old][:, None] if old >= 0 else table[-1 - old]
+                kind[torn] = -1 - row_number
         table[self._used + slot, :, lane] = 0
         self._own[:, rows] = self._lanes.standing(self.columns, rows)
 
@@ -171,16 +171,16 @@ def _shared(
     number = np.zeros(len(columns[0]), dtype=np.int64)
     for at, column in enumerate(columns):  # one number for all that a bond has
         distinct = kinds[tabled.alike[at]]
-        one = distinct.numbers(column).astype(np.int64)
-        columns[at] = distinct.values[one]
-        number = np.unique(number * len(distinct.values) + one, return_inverse=True)[1].ravel()
+        value_numbers = distinct.numbers(column).astype(np.int64)
+        columns[at] = distinct.values[value_numbers]
+        number = np.unique(number * len(distinct.values) + value_numbers, return_inverse=True)[1].ravel()
     last = int(number.max(initial=-1))
     values = np.zeros((last + 2, len(columns)))  # the last of them for lanes without a bond
     for c, column in enumerate(columns):
         values[number, c] = column
-    found = np.where(lane >= 0, number[lane], last + 1)
-    mixed = (found != found[:, :1]).any(axis=1)
-    own, which = np.unique(found[mixed], axis=0, return_inverse=True)
-    of_slot = found[:, 0].astype(np.int32)
+    lane_numbers = np.where(lane >= 0, number[lane], last + 1)
+    mixed = (lane_numbers != lane_numbers[:, :1]).any(axis=1)
+    distinct_rows, which = np.unique(lane_numbers[mixed], axis=0, return_inverse=True)
+    of_slot = lane_numbers[:, 0].astype(np.int32)
     of_slot[mixed] = -1 - which.ravel()
-    return values, values[own].transpose(0, 2, 1).copy(), of_slot
+    return values, values[distinct_rows].transpose(0, 2, 1).copy(), of_slot

@@ -22,43 +22,43 @@ def members(sites: Sites) -> NDArray[np.uint16]:
     """The bits (t, k) of all pairs of nodes that are one of the offsets apart."""
     radius = int(np.abs(sites.ways).max())
     x, y, z = (side + 2 * radius for side in sites.sides)
-    there = np.zeros((z, y, x), dtype=np.bool_)
+    has_node = np.zeros((z, y, x), dtype=np.bool_)
     inner = slice(radius, -radius)
     count = int(np.prod(sites.sides))
-    there[inner, inner, inner] = (sites.node[:count] >= 0).reshape(sites.sides[::-1])
+    has_node[inner, inner, inner] = (sites.node[:count] >= 0).reshape(sites.sides[::-1])
     bits = np.zeros((sites.tiles, len(sites.ways)), dtype=np.uint16)
-    _fill(sites.node, np.array(sites.sides), radius, there.ravel(), sites.ways @ np.array([1, x, x * y]), bits)
+    _fill(sites.node, np.array(sites.sides), radius, has_node.ravel(), sites.ways @ np.array([1, x, x * y]), bits)
     return bits
 
 
 @cached_njit(error_model="numpy")
-def _fill(node, sides, radius, there, steps, bits):  # type: ignore[no-untyped-def]
+def _fill(node, sides, radius, has_node, steps, bits):  # type: ignore[no-untyped-def]
     columns, rows = sides[0], sides[1]
     for site in range(len(node)):
         if node[site] < 0:
             continue
         x, y, z = site % columns, site // columns % rows, site // (columns * rows)
-        own = ((z + radius) * (rows + 2 * radius) + y + radius) * (columns + 2 * radius) + x + radius
+        padded_place = ((z + radius) * (rows + 2 * radius) + y + radius) * (columns + 2 * radius) + x + radius
         tile, bit = site // ROW, np.uint16(1) << np.uint16(site % ROW)
         for slot in range(len(steps)):
-            if there[own + steps[slot]]:
+            if has_node[padded_place + steps[slot]]:
                 bits[tile, slot] |= bit
 
 
 def counts(bits: NDArray[np.uint16], sites: Sites) -> NDArray[np.int64]:
     """Number (n,) of each node's bonds."""
-    found = np.zeros(len(sites.site), dtype=np.int64)
-    _count(bits, sites.node, found)
-    return found
+    bond_counts = np.zeros(len(sites.site), dtype=np.int64)
+    _count(bits, sites.node, bond_counts)
+    return bond_counts
 
 
 @cached_njit(error_model="numpy")
-def _count(bits, node, found):  # type: ignore[no-untyped-def]
+def _count(bits, node, bond_counts):  # type: ignore[no-untyped-def]
     for site in range(len(node)):
         if node[site] >= 0:
             lane = np.uint16(site % ROW)
             for slot in range(bits.shape[1]):
-                found[node[site]] += (bits[site // ROW, slot] >> lane) & np.uint16(1)
+                bond_counts[node[site]] += (bits[site // ROW, slot] >> lane) & np.uint16(1)
 
 
 @cached_njit(error_model="numpy")
@@ -99,13 +99,13 @@ def whole(bits, kind, which):  # type: ignore[no-untyped-def]
 
 
 @cached_njit(error_model="numpy")
-def sum_bonds(tiles, weights, some, found):  # type: ignore[no-untyped-def]
-    """Fill the sums of stiffness over length times `weights` (k, p), (16 s, p) for the s tiles `some`."""
-    for number in range(len(some)):
-        t = some[number]
+def sum_bonds(tiles, weights, tile_numbers, sums):  # type: ignore[no-untyped-def]
+    """Fill the sums of stiffness over length times `weights` (k, p), (16 s, p) for the s tiles `tile_numbers`."""
+    for number in range(len(tile_numbers)):
+        t = tile_numbers[number]
         for lane in range(ROW):
             site = t * ROW + lane
-            row = found[number * ROW + lane]
+            row = sums[number * ROW + lane]
             row[:] = 0
             if tiles.node[site] < 0:
                 continue

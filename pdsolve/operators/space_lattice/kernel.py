@@ -120,11 +120,11 @@ def sum_tiles(tiles, u, rate, dt, ages, out, dissipated, breaks, first, last):  
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def sum_some(tiles, u, rate, out, dissipated, some):  # type: ignore[no-untyped-def]
-    """Add the force densities, N/m^3, of the tiles with `some` sites (16 t,) to `out` (n, 3); nothing breaks."""
+def sum_some(tiles, u, rate, out, dissipated, site_mask):  # type: ignore[no-untyped-def]
+    """Add the force densities, N/m^3, of the tiles with `site_mask` sites (16 t,) to `out` (n, 3); nothing breaks."""
     nothing = Breaks(np.zeros(1, np.int64), np.empty((ROW * len(tiles.offsets), 2), np.int32))
     for t in range(len(tiles.kind)):
-        if some[t * ROW : t * ROW + ROW].any():
+        if site_mask[t * ROW : t * ROW + ROW].any():
             sum_tiles(tiles, u, rate, 0.0, False, out, dissipated, nothing, t, t + 1)
 
 
@@ -144,10 +144,10 @@ def _sum_lanes(tiles, u, rate, dt, ages, out, dissipated, breaks, limits, t, lan
     for k in range(SCRATCH):
         s[k] = 0
     count, slot, kind = len(tiles.offsets), 0, tiles.kind[t]
-    own, row = tiles.margin + t * ROW + lane, np.int64(tiles.memory[t])
+    place, row = tiles.margin + t * ROW + lane, np.int64(tiles.memory[t])
     to = (tiles.offsets, tiles.table, tiles.bits, tiles.c, tiles.cells, tiles.share)
     while True:
-        at = (t, own, lane, row, count)
+        at = (t, place, lane, row, count)
         slot = _add(kind, u, to, limits, slot, count, at, s)
         if slot == count:
             return True
@@ -201,9 +201,9 @@ def _age_slot(tiles, u, rate, dt, out, dissipated, breaks, t, lane, slot, count)
             continue
         site = t * ROW + k
         i, j = tiles.node[site], tiles.node[site + offset]
-        own, pair = tiles.margin + site, pair_number(tiles, i, j)
+        place, pair = tiles.margin + site, pair_number(tiles, i, j)
         peak, limit = tiles.peak[pair, slot], tiles.limit[pair, slot]
-        x, y, z = _relative(u, own, offset)
+        x, y, z = _relative(u, place, offset)
         stretch, worst = _stretch(row, x, y, z), tiles.worst[memory, slot, k] if memory >= 0 else 0.0
         if stretch <= peak or stretch <= worst or tiles.held[i] or tiles.held[j]:
             continue
@@ -215,7 +215,7 @@ def _age_slot(tiles, u, rate, dt, out, dissipated, breaks, t, lane, slot, count)
             y - dt * (rate[j, 1] - rate[i, 1]),
             z - dt * (rate[j, 2] - rate[i, 2]),
         )
-        w = stiffness(tiles, row, t, own, offset)
+        w = stiffness(tiles, row, t, place, offset)
         pull = added_pull(tiles.law, stretch, last, worst, peak, limit) * (w / (1 + stretch))
         out[i, 0] += pull * (row[0] + x)
         out[i, 1] += pull * (row[1] + y)
@@ -260,10 +260,10 @@ def _weaken(tiles, t, slot, lane, stretch, peak, limit):  # type: ignore[no-unty
 
 
 @njit(**INNER)
-def _relative(u, own, offset):  # type: ignore[no-untyped-def]
+def _relative(u, place, offset):  # type: ignore[no-untyped-def]
     """The displacement of a site's neighbour less its own, eta, m."""
-    far = own + offset
-    return u[0, far] - u[0, own], u[1, far] - u[1, own], u[2, far] - u[2, own]
+    far = place + offset
+    return u[0, far] - u[0, place], u[1, far] - u[1, place], u[2, far] - u[2, place]
 
 
 @njit(**INNER)
@@ -274,16 +274,16 @@ def _stretch(row, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def stiffness(tiles, row, t, own, offset):  # type: ignore[no-untyped-def]
+def stiffness(tiles, row, t, place, offset):  # type: ignore[no-untyped-def]
     """Stiffness over length of a bond."""
     kind = tiles.kind[t]
     if kind in (ALIKE, SOFT_ALIKE):
         return np.float64(row[PULL])
     c, cells, w = tiles.c, tiles.cells, np.float64(0)
     for axis in range(3):
-        w += row[SHARES + axis] * (np.float64(c[axis, own]) + np.float64(c[axis, own + offset]))
+        w += row[SHARES + axis] * (np.float64(c[axis, place]) + np.float64(c[axis, place + offset]))
     if kind in (GENERAL, SOFT_GENERAL):
-        w *= cells[VOLUME, own + offset] * (cells[MODULUS, own] + cells[MODULUS, own + offset])
+        w *= cells[VOLUME, place + offset] * (cells[MODULUS, place] + cells[MODULUS, place + offset])
     return w
 
 
@@ -296,12 +296,12 @@ def hold_tiles(tiles, u, own_held, own_spent, first, last):  # type: ignore[no-u
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def hold_some(tiles, u, own_held, own_spent, some):  # type: ignore[no-untyped-def]
-    """`hold_tiles` of the nodes at `some` sites (16 t,) alone."""
+def hold_some(tiles, u, own_held, own_spent, site_mask):  # type: ignore[no-untyped-def]
+    """`hold_tiles` of the nodes at `site_mask` sites (16 t,) alone."""
     for t in range(len(tiles.kind)):
         lanes = np.uint16(0)
         for k in range(ROW):
-            if some[t * ROW + k]:
+            if site_mask[t * ROW + k]:
                 lanes |= np.uint16(1) << np.uint16(k)
         if lanes != 0:
             _hold_tile(tiles, u, own_held, own_spent, t, lanes)
@@ -317,11 +317,11 @@ def _hold_tile(tiles, u, own_held, own_spent, t, lanes):  # type: ignore[no-unty
             continue
         for k in range(ROW):
             if (word >> np.uint16(k)) & np.uint16(1):
-                own, i, j = tiles.margin + t * ROW + k, tiles.node[t * ROW + k], tiles.node[t * ROW + k + offset]
-                x, y, z = _relative(u, own, offset)
+                place, i, j = tiles.margin + t * ROW + k, tiles.node[t * ROW + k], tiles.node[t * ROW + k + offset]
+                x, y, z = _relative(u, place, offset)
                 pair, worst = pair_number(tiles, i, j), tiles.worst[row, slot, k] if row >= 0 else 0.0
                 peak, limit = tiles.peak[pair, slot], tiles.limit[pair, slot]
-                c = stiffness(tiles, field, t, own, offset) / field[INVERSE] / 4
+                c = stiffness(tiles, field, t, place, offset) / field[INVERSE] / 4
                 own_held[i] += held(tiles.law, c, _stretch(field, x, y, z), worst, peak, limit)
                 if worst > 0:
                     own_spent[i] += spent(tiles.law, c, worst, peak, limit)

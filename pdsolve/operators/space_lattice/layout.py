@@ -74,18 +74,19 @@ def in_precision(tiles: Tiles, kind: type[np.floating]) -> Tiles:
     return tiles._replace(table=tiles.table.astype(kind), c=c, cells=cells, share=tiles.share.astype(kind))
 
 
-def extended(tiles: Tiles, some: NDArray[np.int64]) -> Tiles:
-    """The tiles, of which `some` (s,) have a memory from now on."""
+def extended(tiles: Tiles, tile_numbers: NDArray[np.int64]) -> Tiles:
+    """The tiles, of which `tile_numbers` (s,) have a memory from now on."""
     used, room = int(tiles.memory.max(initial=-1)) + 1, len(tiles.share)
-    if used + len(some) > room:
-        more = max(used + len(some) - room, room // 4)
+    if used + len(tile_numbers) > room:
+        more = max(used + len(tile_numbers) - room, room // 4)
         share, worst = (
-            np.concatenate([each, np.zeros((more, *each.shape[1:]), each.dtype)]) for each in (tiles.share, tiles.worst)
+            np.concatenate([array, np.zeros((more, *array.shape[1:]), array.dtype)])
+            for array in (tiles.share, tiles.worst)
         )
         tiles = tiles._replace(share=share, worst=worst)
-    tiles.memory[some] = used + np.arange(len(some))
-    tiles.kind[some] += np.uint8(SOFTENED)
-    tiles.share[used : used + len(some)], tiles.worst[used : used + len(some)] = 1, 0
+    tiles.memory[tile_numbers] = used + np.arange(len(tile_numbers))
+    tiles.kind[tile_numbers] += np.uint8(SOFTENED)
+    tiles.share[used : used + len(tile_numbers)], tiles.worst[used : used + len(tile_numbers)] = 1, 0
     return tiles
 
 
@@ -109,10 +110,10 @@ def table_of(ways: NDArray[np.int64], spacing: float, strength: NDArray[np.float
 
 def sort(tiles: Tiles) -> None:
     """Find what the stiffnesses of each tile's bonds are made of."""
-    there = tiles.cells[MODULUS] > 0
-    corrected = (tiles.c != 1).any(axis=0) & there
+    has_node = tiles.cells[MODULUS] > 0
+    corrected = (tiles.c != 1).any(axis=0) & has_node
     general = (np.abs(tiles.cells[VOLUME] - 1) > SAME) | (np.abs(tiles.cells[MODULUS] - 0.5) > SAME)
-    before = [np.concatenate([[0], np.cumsum(own, dtype=np.int32)]) for own in (corrected, general & there)]
+    before = [np.concatenate([[0], np.cumsum(mask, dtype=np.int32)]) for mask in (corrected, general & has_node)]
     families.kinds(tiles.node, tiles.bits, tiles.offsets, tiles.margin, *before, tiles.kind)
 
 
@@ -120,10 +121,10 @@ def intact(
     sites: Sites, bits: NDArray[np.uint16], rows: NDArray[np.int64], tile: int = 0
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
     """Source and target rows (b,) and slots of the bonds of these rows, in order; `bits` are those from `tile` on."""
-    own = sites.site[rows] - sites.margin
-    there = (bits[own // ROW - tile] >> (own % ROW).astype(np.uint16)[:, None]) & np.uint16(1)
-    which, slot = np.nonzero(there)
-    source, target = rows[which], sites.node[own[which] + sites.steps[slot]].astype(np.int64)
+    site = sites.site[rows] - sites.margin
+    is_intact = (bits[site // ROW - tile] >> (site % ROW).astype(np.uint16)[:, None]) & np.uint16(1)
+    which, slot = np.nonzero(is_intact)
+    source, target = rows[which], sites.node[site[which] + sites.steps[slot]].astype(np.int64)
     order = np.lexsort((target, source))
     return source[order], target[order], slot[order]
 
@@ -149,18 +150,18 @@ def shares(
 ) -> NDArray[np.float64]:
     """What is left (b,) of the stiffness of bonds at e (b,)."""
     tile, lane = np.divmod(sites.site[source] - sites.margin, ROW)
-    found, which = np.ones(len(e)), np.flatnonzero((tiles.memory[tile] >= 0) & (e > tiles.floor))
-    found[which] = tiles.share[tiles.memory[tile[which]], slot[which], lane[which]]
-    return found
+    remaining, which = np.ones(len(e)), np.flatnonzero((tiles.memory[tile] >= 0) & (e > tiles.floor))
+    remaining[which] = tiles.share[tiles.memory[tile[which]], slot[which], lane[which]]
+    return remaining
 
 
 def placed(
     sites: Sites, source: NDArray[np.int64], target: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.uint16]]:
     """Tile, slot and bit of bonds (b,) from `source` to `target`; those of another bond for one that is none."""
-    own, step = (sites.site[source] - sites.margin).astype(np.int64), sites.site[target] - sites.site[source]
+    site, step = (sites.site[source] - sites.margin).astype(np.int64), sites.site[target] - sites.site[source]
     slot = np.searchsorted(sites.steps, step).clip(max=len(sites.ways) - 1)
-    return own // ROW, slot, np.uint16(1) << (own % ROW).astype(np.uint16)
+    return site // ROW, slot, np.uint16(1) << (site % ROW).astype(np.uint16)
 
 
 def cleared(sites: Sites, source: NDArray[np.int64], target: NDArray[np.int64], bits: NDArray[Any]) -> None:

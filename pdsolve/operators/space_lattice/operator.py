@@ -53,8 +53,8 @@ class SpaceLattice:
 
     def only(self, first: int, last: int) -> None:
         """Sum and break the bonds of the nodes `first` to `last` - 1 alone, and of those in their tiles."""
-        here = (self.tiles.node >= first) & (self.tiles.node < last)
-        tiles = np.flatnonzero(here.reshape(-1, ROW).any(axis=1))
+        in_range = (self.tiles.node >= first) & (self.tiles.node < last)
+        tiles = np.flatnonzero(in_range.reshape(-1, ROW).any(axis=1))
         self._summed = int(tiles[0]), int(tiles[-1]) + 1
 
     def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
@@ -64,7 +64,7 @@ class SpaceLattice:
 
     def _add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
         self._place(state.value)
-        found: list[tuple[int, NDArray[np.int64]]] = []  # first tile of a sum, and the bonds that broke in it
+        broken_by_tile: list[tuple[int, NDArray[np.int64]]] = []  # first tile of a sum, and the bonds that broke in it
         waiting: list[int] = []  # tiles whose bonds soften for the first time
         room = ROOM * ROW * len(self.tiles.offsets)
 
@@ -75,7 +75,7 @@ class SpaceLattice:
                 begin, breaks.used[0] = first, 0
                 first = sum_tiles(self.tiles, self._u, *of_state, breaks, first, last)
                 if breaks.used[0]:
-                    found.append((begin, breaks.ends[: breaks.used[0]].astype(np.int64)))
+                    broken_by_tile.append((begin, breaks.ends[: breaks.used[0]].astype(np.int64)))
                 elif first == begin:
                     waiting.append(first)
                     first += 1
@@ -85,17 +85,17 @@ class SpaceLattice:
             self.tiles = layout.extended(self.tiles, np.array(sorted(waiting)))
             for tile in sorted(waiting):
                 work(tile, tile + 1)
-        for _, ends in sorted(found, key=lambda one: one[0]):
+        for _, ends in sorted(broken_by_tile, key=lambda one: one[0]):
             source, target = ends.T
             self._new.append(Broken(np.full(len(source), step, dtype=np.int64), source, target))
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """The energy densities (n,), J/m^3, that nodes hold, and that softening has spent so far."""
         self._place(state.value)
-        held, spent = np.zeros((2, len(self._stiffness_bound)))
+        strain_energy, spent = np.zeros((2, len(self._stiffness_bound)))
         tiles, u = self.tiles, self._u
-        self._share(lambda first, last: hold_tiles(tiles, u, held, spent, first, last))
-        return held, spent
+        self._share(lambda first, last: hold_tiles(tiles, u, strain_energy, spent, first, last))
+        return strain_energy, spent
 
     def fields(self, state: State) -> dict[str, NDArray[np.float64]]:
         """No fields: a pair law stores none beside the displacements."""
@@ -123,11 +123,11 @@ class SpaceLattice:
         `start`."""
         last = len(self._stiffness_bound) if last is None else last
         bits, tile = self._whole(first, last) if start else (self.tiles.bits, 0)
-        found = [
+        bond_lists = [
             layout.intact(self._sites, bits, np.arange(begin, min(begin + ROWS, last)), tile)
             for begin in range(first, max(last, first + 1), ROWS)
         ]
-        source, target, _ = (np.concatenate(column) for column in zip(*found, strict=True))
+        source, target, _ = (np.concatenate(column) for column in zip(*bond_lists, strict=True))
         return source, target
 
     def broken(self, after: int = 0) -> Broken:
@@ -147,27 +147,29 @@ class SpaceLattice:
             return {}
         tiles = self.tiles
         tile = np.flatnonzero(tiles.memory >= 0)
-        there = (tiles.bits[tile][..., None] >> np.arange(ROW, dtype=np.uint16)) & np.uint16(1)
-        worst = tiles.worst[tiles.memory[tile]] * there
+        is_intact = (tiles.bits[tile][..., None] >> np.arange(ROW, dtype=np.uint16)) & np.uint16(1)
+        worst = tiles.worst[tiles.memory[tile]] * is_intact
         which, slot, lane = np.nonzero(worst)
         site = tile[which] * ROW + lane
         source, target = (tiles.node[at].astype(np.int64) for at in (site, site + tiles.offsets[slot]))
         return {"worst": worst[which, slot, lane], "worst_source": source, "worst_target": target}
 
-    def back(self, kept: Kept, broken: Broken) -> None:
+    def back(self, checkpoint: Kept, broken: Broken) -> None:
         """Restore the history of bonds and the broken bonds of a checkpoint."""
         bits, _ = self._whole(0, len(self._stiffness_bound))
         layout.cleared(self._sites, broken.source, broken.target, bits)
         if self._law.memory:
-            self._recall(kept, bits)
+            self._recall(checkpoint, bits)
         self.tiles.bits[:] = bits
         self._broken, self._new = Broken(*(column.astype(np.int64) for column in broken)), []
 
-    def _recall(self, kept: Kept, bits: NDArray[np.uint16]) -> None:
+    def _recall(self, checkpoint: Kept, bits: NDArray[np.uint16]) -> None:
         """Restore what the bonds in the bits (t, k) remember."""
-        worst = entry(kept, "worst", (None,), np.float64)
+        worst = entry(checkpoint, "worst", (None,), np.float64)
         nodes = len(self._stiffness_bound) - 1
-        source, target = (entry(kept, f"worst_{end}", worst.shape, np.int64, 0, nodes) for end in ("source", "target"))
+        source, target = (
+            entry(checkpoint, f"worst_{end}", worst.shape, np.int64, 0, nodes) for end in ("source", "target")
+        )
         layout.cleared(self._sites, source, target, bits.copy())  # raises for what is no bond
         tile, slot, bit = layout.placed(self._sites, source, target)
         self.tiles = layout.extended(layout.forgetful(self.tiles), np.unique(tile))
@@ -182,8 +184,8 @@ class SpaceLattice:
         """The bits (s, k) at the start of s tiles, which have the rows `first` to `last` - 1, and the first tile."""
         low, high = 0, len(self.tiles.bits)
         if 0 < last - first < len(self._stiffness_bound):
-            own = (self._sites.site[first:last] - self._sites.margin) // ROW
-            low, high = int(own.min()), int(own.max()) + 1
+            row_tiles = (self._sites.site[first:last] - self._sites.margin) // ROW
+            low, high = int(row_tiles.min()), int(row_tiles.max()) + 1
         with self._breaking:
             bits, (_, source, target) = self.tiles.bits[low:high].copy(), self.broken()
         of_these = (source >= first) & (source < last)

@@ -53,9 +53,9 @@ def _place(tiles, t, slot, lane):  # type: ignore[no-untyped-def]
     """Where the numbers of a tile's bonds are, and those of the bonds the other way."""
     row, x = tiles.beyond + t // tiles.across, tiles.pad + t % tiles.across * ROW + lane
     count = len(tiles.offsets)
-    own = (np.int64(tiles.lines[row]) * count + slot) * tiles.wide + x
-    there = np.int64(tiles.lines[row + tiles.rows[slot]])
-    return own, (there * count + count - 1 - slot) * tiles.wide + x + tiles.ahead[slot]
+    place = (np.int64(tiles.lines[row]) * count + slot) * tiles.wide + x
+    neighbour_line = np.int64(tiles.lines[row + tiles.rows[slot]])
+    return place, (neighbour_line * count + count - 1 - slot) * tiles.wide + x + tiles.ahead[slot]
 
 
 def _numbers(tiles: Any, t: Any, slot: Any, lane: Any, u: Any, like: Any) -> Any:
@@ -68,25 +68,35 @@ def _numbers_of(tiles, t, slot, lane, u, like):  # type: ignore[no-untyped-def]
 
 
 def _two(tiles, t, slot, lane, u, like):  # type: ignore[no-untyped-def]
-    own, other = _place(tiles, t, slot, lane)
+    place, reverse_place = _place(tiles, t, slot, lane)
     (size,) = beside(tiles.volume, (0,), tiles.margin + t * ROW + lane + tiles.offsets[slot])
-    a, b = beside(tiles.numbers, (0, 0), own), beside(tiles.numbers, (0, 0), other)
+    a, b = beside(tiles.numbers, (0, 0), place), beside(tiles.numbers, (0, 0), reverse_place)
     return bonded((a[0] * size, b[0] * size, a[1] * size, b[1] * size), tiles.bits, t, slot, lane)
 
 
 def _three(tiles, t, slot, lane, u, like):  # type: ignore[no-untyped-def]
-    own, other = _place(tiles, t, slot, lane)
+    place, reverse_place = _place(tiles, t, slot, lane)
     (size,) = beside(tiles.volume, (0,), tiles.margin + t * ROW + lane + tiles.offsets[slot])
-    a, b = beside(tiles.numbers, (0, 0, 0), own), beside(tiles.numbers, (0, 0), other)
+    a, b = beside(tiles.numbers, (0, 0, 0), place), beside(tiles.numbers, (0, 0), reverse_place)
     return bonded((a[0] * size, b[0] * size, a[1] * size, b[1] * size, a[2] * size), tiles.bits, t, slot, lane)
 
 
 @njit(forceinline=True, **INNER)
-def _bond(tiles, t, slot, lane, u, own):  # type: ignore[no-untyped-def]
+def _bond(tiles, t, slot, lane, u, displacement):  # type: ignore[no-untyped-def]
     """Deformed bonds of some lanes; lanes without a bond are undeformed."""
     v, at = tiles.vectors[slot], tiles.margin + t * ROW + lane + tiles.offsets[slot]
-    there = beside(u, (0, 0, 0), at)
-    away = bonded((there[0] - own[0], there[1] - own[1], there[2] - own[2]), tiles.bits, t, slot, lane)
+    neighbour_displacement = beside(u, (0, 0, 0), at)
+    away = bonded(
+        (
+            neighbour_displacement[0] - displacement[0],
+            neighbour_displacement[1] - displacement[1],
+            neighbour_displacement[2] - displacement[2],
+        ),
+        tiles.bits,
+        t,
+        slot,
+        lane,
+    )
     less = same(u, tiles.inverse[slot])
     e = fused(less, away[0], same(u, v[3])) * away[0]
     e = fused(fused(less, away[1], same(u, v[4])), away[1], e)
@@ -100,7 +110,7 @@ def _bond(tiles, t, slot, lane, u, own):  # type: ignore[no-untyped-def]
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def gather_tiles(tiles, law, u, own, m, likes, first, last):  # type: ignore[no-untyped-def]
+def gather_tiles(tiles, law, u, constants, m, likes, first, last):  # type: ignore[no-untyped-def]
     """Fill m (w, m) in some tiles with nodal numbers between the passes."""
     none = same(u, 0.0)
     for t in range(first, last):
@@ -108,12 +118,12 @@ def gather_tiles(tiles, law, u, own, m, likes, first, last):  # type: ignore[no-
             continue
         for lane in range(0, ROW, across(u)):
             at = tiles.margin + t * ROW + lane
-            here, sums = beside(u, likes[VECTORS], at), nothing(law, likes[VECTORS], none)
+            displacement, sums = beside(u, likes[VECTORS], at), nothing(law, likes[VECTORS], none)
             for slot in range(len(tiles.offsets)):
                 if tiles.bits[t, slot] != 0:
                     c = _numbers(tiles, t, slot, lane, u, likes[COLUMNS])
-                    sums = accumulate(law, _bond(tiles, t, slot, lane, u, here), c, sums)
-            keep(finish(law, sums, beside(own, likes[OWN], at)), m, at)
+                    sums = accumulate(law, _bond(tiles, t, slot, lane, u, displacement), c, sums)
+            keep(finish(law, sums, beside(constants, likes[OWN], at)), m, at)
 
 
 @cached_njit(nogil=True, error_model="numpy")
@@ -126,17 +136,17 @@ def exchange_tiles(tiles, law, u, m, f, near, likes, first, last):  # type: igno
             continue
         for lane in range(0, ROW, across(u)):
             at, over = tiles.margin + t * ROW + lane, 0
-            here, nodal = beside(u, likes[VECTORS], at), beside(m, likes[NODAL], at)
+            displacement, nodal = beside(u, likes[VECTORS], at), beside(m, likes[NODAL], at)
             pull = blank(likes[VECTORS], none)
             for slot in range(len(tiles.offsets)):
                 if tiles.bits[t, slot] != 0:
                     c = _numbers(tiles, t, slot, lane, u, likes[COLUMNS])
-                    there = beside(m, likes[NODAL], at + tiles.offsets[slot])
-                    bond = _bond(tiles, t, slot, lane, u, here)
-                    pull = summed(pull, bond_force(law, bond, c, nodal, there))
+                    neighbour_nodal = beside(m, likes[NODAL], at + tiles.offsets[slot])
+                    bond = _bond(tiles, t, slot, lane, u, displacement)
+                    pull = summed(pull, bond_force(law, bond, c, nodal, neighbour_nodal))
                     if near is not None:
-                        found, limit = nears(law, bond, c, nodal, there)
-                        over |= which_above(found, limit * (1.0 - SAFE))
+                        value, limit = nears(law, bond, c, nodal, neighbour_nodal)
+                        over |= which_above(value, limit * (1.0 - SAFE))
             keep(pull, f, at)
             if near is not None:
                 for k in range(across(u)):

@@ -58,8 +58,8 @@ def sites_of(grid: Grid, reach: float, whole_rows: bool = False) -> Sites | None
         place = np.rint(along)
         if np.abs(along - place).max() > OFF_PLACE:
             return None
-        whole = ROW if whole_rows and not sides else 1
-        sides.append(-(-(int(place.max()) + 1) // whole) * whole)
+        multiple = ROW if whole_rows and not sides else 1
+        sides.append(-(-(int(place.max()) + 1) // multiple) * multiple)
         site += stride * place.astype(np.int64)
         stride *= sides[-1]
         if len(grid) < LEAST_FILLED * stride and len(sides) == 3:

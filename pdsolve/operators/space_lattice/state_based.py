@@ -69,20 +69,20 @@ class FamiliesInTiles(BondList):
         self._watched = tabled.watched
         self.tiles = _tiles(placed, exact, tabled, kind)
         self._whole = self.tiles.bits.copy()
-        wide, own = law.width(self.columns, 3), law.lanes.standing(self.columns, self._every)
+        wide, constants = law.width(self.columns, 3), law.lanes.standing(self.columns, self._every)
         self._u, self._f = (aligned(np.zeros((3, room), dtype=kind)) for _ in range(2))
-        self._m, self._own = aligned(np.zeros((wide, room), dtype=kind)), np.repeat(own[:, :1], room, axis=1)
-        self._own[:, self._sites.site] = own
+        self._m, self._own = aligned(np.zeros((wide, room), dtype=kind)), np.repeat(constants[:, :1], room, axis=1)
+        self._own[:, self._sites.site] = constants
         self._own, self._over = aligned(self._own.astype(kind)), np.zeros(room, dtype=np.bool_)
-        self._likes = (0, 0), (0,) * tabled.nodal_count, (0,) * len(own), (0,) * 3
+        self._likes = (0, 0), (0,) * tabled.nodal_count, (0,) * len(constants), (0,) * 3
         self._found: NDArray[Any] | None = None  # the nodal numbers (n, w) that are at the sites
         self._pulled = False  # whether the forces at the sites are theirs
         self._ready = True
 
-    def back(self, kept: Kept, broken: Broken) -> None:
+    def back(self, checkpoint: Kept, broken: Broken) -> None:
         """Restore the history of bonds and the broken bonds of a checkpoint."""
         self.tiles.bits[:] = self._whole
-        super().back(kept, broken)
+        super().back(checkpoint, broken)
 
     def bytes(self) -> int:
         """Memory of all arrays, bytes."""
@@ -121,9 +121,9 @@ class FamiliesInTiles(BondList):
     def _lose(self, bonds: NDArray[np.int64], rows: NDArray[np.int64]) -> None:
         super()._lose(bonds, rows)
         source = np.searchsorted(self._bonds.start, bonds, side="right") - 1
-        own = self._sites.site[source].astype(np.int64) - self._sites.margin
-        bit = np.uint16(1) << (own % ROW).astype(np.uint16)
-        np.bitwise_and.at(self.tiles.bits, (own // ROW, self._slot[bonds]), ~bit)
+        site = self._sites.site[source].astype(np.int64) - self._sites.margin
+        bit = np.uint16(1) << (site % ROW).astype(np.uint16)
+        np.bitwise_and.at(self.tiles.bits, (site // ROW, self._slot[bonds]), ~bit)
         self._own[:, self._sites.site[rows]] = self._lanes.standing(self.columns, rows)
         self._found = None
 
@@ -150,8 +150,8 @@ def _tiles(placed: Placed, bonds: Bonds, tabled: Tabled, kind: type[np.floating]
     squared = (xi**2).sum(axis=1)
     length = np.sqrt(squared)
     vectors = np.column_stack([xi, 2 * xi / squared[:, None], length, 1 / length])
-    own = sites.site.astype(np.int64) - sites.margin
-    source, bits = np.repeat(own, np.diff(bonds.start)), np.zeros((sites.tiles, count), dtype=np.uint16)
+    site = sites.site.astype(np.int64) - sites.margin
+    source, bits = np.repeat(site, np.diff(bonds.start)), np.zeros((sites.tiles, count), dtype=np.uint16)
     np.bitwise_or.at(bits, (source // ROW, slot), np.uint16(1) << (source % ROW).astype(np.uint16))
     size, beyond = np.zeros((1, sites.size)), reach * (y + 1)
     size[0, sites.site] = volume
@@ -182,8 +182,8 @@ def _lines(
     (x, y, z), count, margin = placed.sites.sides, len(placed.sites.ways), placed.sites.margin
     wide, site = x + 2 * ROW, placed.sites.site.astype(np.int64) - margin
     scale = np.array([np.abs(c[np.isfinite(c)]).max(initial=1e-300) for c in columns])[:, None, None]
-    lines, found = np.zeros(y * z, dtype=np.int32), [np.zeros((len(columns), count, wide))]
-    known: dict[bytes, list[int]] = {}
+    lines, line_values = np.zeros(y * z, dtype=np.int32), [np.zeros((len(columns), count, wide))]
+    numbers_by_digest: dict[bytes, list[int]] = {}
     order = np.argsort(site, kind="stable")
     ends = np.searchsorted(site[order], np.arange(z + 1) * x * y)
     for plane in range(z):
@@ -196,22 +196,22 @@ def _lines(
         for values, column in zip(dense, columns, strict=True):
             values[row, placed.slot[which], ROW + along] = column[which] / placed.volume[bonds.neighbour[which]]
         for at in np.unique(row).tolist():
-            lines[plane * y + at] = _number(dense[:, at], scale, known, found)
-    return lines, np.stack(found, axis=1).reshape(len(columns), -1)
+            lines[plane * y + at] = _number(dense[:, at], scale, numbers_by_digest, line_values)
+    return lines, np.stack(line_values, axis=1).reshape(len(columns), -1)
 
 
 def _number(
     line: NDArray[np.float64],
     scale: NDArray[np.float64],
-    known: dict[bytes, list[int]],
-    found: list[NDArray[np.float64]],
+    numbers_by_digest: dict[bytes, list[int]],
+    line_values: list[NDArray[np.float64]],
 ) -> int:
-    """The number of a line (q, k, w) among those `found`; a new one is added."""
-    alike = known.setdefault(blake2b((np.rint(line / scale * GRAIN) + 0.0).tobytes()).digest(), [])
+    """The number of a line (q, k, w) among those `line_values`; a new one is added."""
+    alike = numbers_by_digest.setdefault(blake2b((np.rint(line / scale * GRAIN) + 0.0).tobytes()).digest(), [])
     for number in alike:
         with np.errstate(invalid="ignore"):  # of infinite limits
-            if ((line == found[number]) | (np.abs(line - found[number]) <= SAME * scale)).all():
+            if ((line == line_values[number]) | (np.abs(line - line_values[number]) <= SAME * scale)).all():
                 return number
-    alike.append(len(found))
-    found.append(line.copy())
+    alike.append(len(line_values))
+    line_values.append(line.copy())
     return alike[-1]

@@ -55,22 +55,22 @@ class AccountsOnRanks(MotionAccounts):
         rows = dict.fromkeys(grid.nearest(places)[1].tolist() if places else [])
         self._owned = [[row for row in rows if slab.first <= row < slab.last] for slab in system.slabs]
         self._order = {row: number for number, row in enumerate(rows)}
-        here: Here = self._team.part.now
-        self._kinds, self._checks = here.grips, here.watch
+        subdomain: Here = self._team.part.now
+        self._kinds, self._checks = subdomain.grips, subdomain.watch
         lengths_of_all = self._team.everywhere(lengths_known)
         self._team.everywhere(know, lengths_of_all)
         self.known = self._ask(step)
         self.last, self._clamped = self.known.ledger, 0.0
 
-    def settle(self, state: State, step: int, asked: Asked | None) -> None:
+    def settle(self, state: State, step: int, bond_state: Asked | None) -> None:
         """Make this step the last entry."""
         if self.last.step != step:
             self.known = self._ask(step)
             self.last = self.known.ledger
 
-    def take(self, state: State, step: int, asked: Asked | None) -> None:
+    def take(self, state: State, step: int, bond_state: Asked | None) -> None:
         """Record the ledger, the probes and the reactions of this step. Raises UnstableError."""
-        self.settle(state, step, asked)
+        self.settle(state, step, bond_state)
         self._check()
         self._most = max(self._most, abs(self.last.work))
         extent = self.known.extent
@@ -82,9 +82,11 @@ class AccountsOnRanks(MotionAccounts):
         self._ledgers.append(self.last)
         time = self.last.time
         if self._order:
-            found = [probe for some in self._team.everywhere(probes, each=self._owned) for probe in some]
-            found.sort(key=lambda probe: self._order[probe[0]])
-            self._probes += [(step, time, *values) for _, *values in found]
+            probe_values = [
+                probe for rank_probes in self._team.everywhere(probes, items=self._owned) for probe in rank_probes
+            ]
+            probe_values.sort(key=lambda probe: self._order[probe[0]])
+            self._probes += [(step, time, *values) for _, *values in probe_values]
         if self._kinds:
             self._reactions += self._team.everywhere(reactions, step, time)[-1]
 
@@ -92,14 +94,14 @@ class AccountsOnRanks(MotionAccounts):
         """The ledger entry after a step, from all ranks."""
         said: list[Said] = self._team.everywhere(say, step)
         count = len(self._whole.model.grid)
-        sums = {name: total([one.sums[name] for one in said], count) for name in said[0].sums}
-        ledger = Ledger(step, step * self._whole.time_step, broken=sum(one.broken for one in said), **sums)
+        sums = {name: total([report.sums[name] for report in said], count) for name in said[0].sums}
+        ledger = Ledger(step, step * self._whole.time_step, broken=sum(report.broken for report in said), **sums)
         least, most = (
-            tuple(pick(values) for values in zip(*(getattr(one.extent, end) for one in said), strict=True))
+            tuple(pick(values) for values in zip(*(getattr(report.extent, end) for report in said), strict=True))
             for end, pick in (("least", min), ("most", max))
         )
         extent = Extent(least, most, said[0].extent.kind)
-        return Known(ledger, max(one.latest for one in said), all(one.finite for one in said), extent)
+        return Known(ledger, max(report.latest for report in said), all(report.finite for report in said), extent)
 
     def _check(self) -> None:
         """Raise UnstableError as one process does."""
@@ -113,22 +115,22 @@ class AccountsOnRanks(MotionAccounts):
 
 def asked(team: Team, step: int) -> Asked:
     """What the operator says of the window's state after a step, asked once."""
-    here: Here = team.part.now
-    if here.step != step:
-        here.asked, here.step = ask(here.system, here.state), step
-    return here.asked
+    subdomain: Here = team.part.now
+    if subdomain.step != step:
+        subdomain.asked, subdomain.step = ask(subdomain.system, subdomain.state), step
+    return subdomain.asked
 
 
 def say(team: Team, step: int) -> Said:
     """What this rank says of the state after a step."""
     part: Part = team.part
-    here: Here = part.now
-    found, slab = asked(team, step), part.slab
+    subdomain: Here = part.now
+    bond_state, slab = asked(team, step), part.slab
     with np.errstate(over="ignore", invalid="ignore"):  # of a run that becomes unstable
-        values = terms(here.system, here.state, found.held, found.spent)
+        values = terms(subdomain.system, subdomain.state, bond_state.held, bond_state.spent)
         sums = {name: branches(of()[part.own], slab.first, slab.nodes) for name, of in values.items()}
-    mine, u = broken(part), here.state.value[part.own]
-    d = here.system.model.grid.dimension
+    mine, u = broken(part), subdomain.state.value[part.own]
+    d = subdomain.system.model.grid.dimension
     finite = bool(np.isfinite(u).all())
     return Said(sums, len(mine.step), int(mine.step.max(initial=0)), finite, extent_of(u[:, :d]))
 
@@ -145,8 +147,8 @@ def know(team: Team, of_all: list[tuple[float, float]]) -> None:
 
 def crushed(team: Team) -> str | None:
     """An inverted triangle of own nodes, in words."""
-    here: Here = team.part.now
-    return here.watch.crushed(here.state.value[:, :2], Broken(*broken(team.part)))
+    subdomain: Here = team.part.now
+    return subdomain.watch.crushed(subdomain.state.value[:, :2], Broken(*broken(team.part)))
 
 
 def wildest(team: Team, finite: bool) -> tuple[float, int]:
@@ -164,19 +166,22 @@ def wildest(team: Team, finite: bool) -> tuple[float, int]:
 def probes(team: Team, rows: list[int]) -> list[tuple[Any, ...]]:
     """The motion of own nodes at rows of the whole grid: row, id, and what is recorded of it."""
     part: Part = team.part
-    here: Here = part.now
+    subdomain: Here = part.now
     d = part.model.grid.dimension
     at, ids = [row - part.slab.begin for row in rows], part.model.grid.ids
-    return [(row, int(ids[one]), *motion_of(here.state, one, d)) for row, one in zip(rows, at, strict=True)]
+    return [
+        (row, int(ids[local_row]), *motion_of(subdomain.state, local_row, d))
+        for row, local_row in zip(rows, at, strict=True)
+    ]
 
 
 def reactions(team: Team, step: int, time: float) -> list[Reaction]:
     """The reactions of all ranks, on the last one: each adds to the sums of those before it, node by node."""
     part: Part = team.part
-    here: Here = part.now
-    system, state, d = here.system, here.state, here.system.model.grid.dimension
+    subdomain: Here = part.now
+    system, state, d = subdomain.system, subdomain.state, subdomain.system.model.grid.dimension
     drive, area, rho = system.drive, system.area, system.model.rho
-    holds, loads, count = drive.holds, drive.loads, len(here.grips)
+    holds, loads, count = drive.holds, drive.loads, len(subdomain.grips)
     pulls, pushes = np.zeros((2, count * d))
     sums = _Sums(pulls, pushes, np.zeros((count, d)), np.zeros(count, dtype=np.int64))
     if team.rank > 0:
@@ -184,9 +189,9 @@ def reactions(team: Team, step: int, time: float) -> list[Reaction]:
     pull = area[holds.node] * (rho[holds.node] * state.second[holds.node, holds.axis].astype(float) - drive.held_force)
     np.add.at(sums.pull, d * holds.profile + holds.axis, pull)
     np.add.at(sums.push, d * loads.profile + loads.axis, area[loads.node] * loads.value)
-    for number, grip in enumerate(here.grips):
-        moved = state.value[grip.rows, :d].astype(float)
-        sums.moved[number] = np.add.reduce(np.concatenate([sums.moved[number : number + 1], moved]), axis=0)
+    for number, grip in enumerate(subdomain.grips):
+        displacement = state.value[grip.rows, :d].astype(float)
+        sums.moved[number] = np.add.reduce(np.concatenate([sums.moved[number : number + 1], displacement]), axis=0)
         sums.nodes[number] += len(grip.rows)
     if team.rank < team.size - 1:
         team.comm.send(sums, team.rank + 1, PASSED)
@@ -194,7 +199,7 @@ def reactions(team: Team, step: int, time: float) -> list[Reaction]:
     at = system.load_time(step)
     return [
         _reaction(sums, grip, number, (step, time), factor_now(drive.profiles, number, at))
-        for number, grip in enumerate(here.grips)
+        for number, grip in enumerate(subdomain.grips)
     ]
 
 
@@ -207,12 +212,12 @@ class _Sums(NamedTuple):
 
 def _reaction(sums: _Sums, grip: Grip, number: int, when: tuple[int, float], factor: float) -> Reaction:
     d = sums.moved.shape[1]
-    here = slice(d * number, d * number + d)
-    force = (sums.pull[here] + float(factor) * sums.push[here]).tolist()
+    components = slice(d * number, d * number + d)
+    force = (sums.pull[components] + float(factor) * sums.push[components]).tolist()
     mean = (sums.moved[number] / sums.nodes[number]).tolist()
     return Reaction(*when, grip.number, grip.kind, *force[:2], *mean[:2], *force[2:], *mean[2:])
 
 
 def _watch(team: Team) -> MotionChecks:
-    here: Here = team.part.now
-    return here.watch
+    subdomain: Here = team.part.now
+    return subdomain.watch

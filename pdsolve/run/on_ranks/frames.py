@@ -54,37 +54,43 @@ def frame(team: Team, step: int, after: int, names: Sequence[str] | None, keeps:
     """Send the fields of these `names` after a step, and a checkpoint if it `keeps` one; breaks are those `after` a
     step. Where this rank has a file of its own, that is where both go, but for what is of held components."""
     part: Part = team.part
-    here: Here = part.now
-    own: dict[str, NDArray[Any]] = {}
+    subdomain: Here = part.now
+    local_fields: dict[str, NDArray[Any]] = {}
     if names is not None:
-        found = fields(here.system, here.state, names, asked(team, step) if here.step == step else None)
-        own = {name: values[part.own].astype("<f4") for name, values in found.items()}
-    sent = {name: [values] for name, values in own.items()}, _checkpoint(part) if keeps else {}
-    if here.file is not None:
-        kept = {name: pieces[0] for name, pieces in sent[1].items() if name != HELD}
-        here.file.put(step, step * here.system.time_step, own if names is not None else None, kept)
-        sent = {name: [] for name in own}, {HELD: sent[1][HELD]} if keeps else {}
+        subdomain_fields = fields(
+            subdomain.system, subdomain.state, names, asked(team, step) if subdomain.step == step else None
+        )
+        local_fields = {name: values[part.own].astype("<f4") for name, values in subdomain_fields.items()}
+    sent = {name: [values] for name, values in local_fields.items()}, _checkpoint(part) if keeps else {}
+    if subdomain.file is not None:
+        checkpoint = {name: pieces[0] for name, pieces in sent[1].items() if name != HELD}
+        subdomain.file.put(
+            step, step * subdomain.system.time_step, local_fields if names is not None else None, checkpoint
+        )
+        sent = {name: [] for name in local_fields}, {HELD: sent[1][HELD]} if keeps else {}
     _send(team, [piece for columns in sent for pieces in columns.values() for piece in pieces])
     new, ids, begin = broken(part, after), part.model.grid.ids, part.slab.begin
     breaks = np.array([new.step, new.source + begin, new.target + begin, ids[new.source], ids[new.target]])
-    told, kept_said = ({name: [_said(one) for one in pieces] for name, pieces in columns.items()} for columns in sent)
-    return Rows(told, kept_said, breaks)
+    field_descriptions, checkpoint_descriptions = (
+        {name: [_said(array) for array in pieces] for name, pieces in columns.items()} for columns in sent
+    )
+    return Rows(field_descriptions, checkpoint_descriptions, breaks)
 
 
 def _checkpoint(part: Part) -> dict[str, Columns]:
     """A copy of what a resumed run needs of own nodes; of held components by condition and axis."""
-    here: Here = part.now
-    kept = dict(parts.keep(part))  # before the state, which it may bring up to date
-    own = {name: [values[part.own].copy()] for name, values in here.state._asdict().items()}
-    own[HELD] = [here.system.drive.held_force[rows] for rows in held_runs(here)]
-    return own | {name: [np.array(values)] for name, values in kept.items()}
+    subdomain: Here = part.now
+    operator_arrays = dict(parts.keep(part))  # before the state, which it may bring up to date
+    local_arrays = {name: [values[part.own].copy()] for name, values in subdomain.state._asdict().items()}
+    local_arrays[HELD] = [subdomain.system.drive.held_force[rows] for rows in held_runs(subdomain)]
+    return local_arrays | {name: [np.array(values)] for name, values in operator_arrays.items()}
 
 
-def held_runs(here: Here) -> list[NDArray[np.int64]]:
+def held_runs(subdomain: Here) -> list[NDArray[np.int64]]:
     """The held components of each condition and axis, which are in the order of their rows."""
-    holds, d = here.system.drive.holds, here.system.model.grid.dimension
+    holds, d = subdomain.system.drive.holds, subdomain.system.model.grid.dimension
     of = holds.profile * d + holds.axis
-    return [np.flatnonzero(of == number) for number in range(len(here.grips) * d)]
+    return [np.flatnonzero(of == number) for number in range(len(subdomain.grips) * d)]
 
 
 def _said(values: NDArray[Any]) -> tuple[str, int, int]:
@@ -106,41 +112,45 @@ def _send(team: Team, columns: Columns) -> None:
     if part.sending is not None:
         MPI.Request.Waitall(part.sending.requests)
     flat = [_flat(values) for values in columns]
-    requests = [team.comm.Isend(one[at : at + PIECE], 0, FRAME) for one in flat for at in range(0, len(one), PIECE)]
+    requests = [
+        team.comm.Isend(array[at : at + PIECE], 0, FRAME) for array in flat for at in range(0, len(array), PIECE)
+    ]
     part.sending = Sending(requests, flat)
 
 
 def received(
-    team: Team, own: Iterator[NDArray[Any]], said: Sequence[Mapping[str, list[tuple[str, int, int]]]]
+    team: Team, local_arrays: Iterator[NDArray[Any]], said: Sequence[Mapping[str, list[tuple[str, int, int]]]]
 ) -> dict[str, Column]:
-    """The columns that all ranks send, of which each says this; `own` are those of this rank."""
-    found = {}
+    """The columns that all ranks send, of which each says this; `local_arrays` are those of this rank."""
+    columns = {}
     for name in said[0]:
         runs = range(len(said[0][name]))
-        order = [(rank, *one[name][run]) for run in runs for rank, one in enumerate(said)]
+        order = [(rank, *description[name][run]) for run in runs for rank, description in enumerate(said)]
         kind = np.dtype(order[0][1] if order else "<f4")
         crc = 0
         for _, _, length, after in order:
             crc = crc_joined(crc, after, length * kind.itemsize)
-        found[name] = Column(kind, sum(length for *_, length, _ in order), crc, _pieces(team, own, order, kind))
-    return found
+        columns[name] = Column(
+            kind, sum(length for *_, length, _ in order), crc, _pieces(team, local_arrays, order, kind)
+        )
+    return columns
 
 
 def _pieces(
-    team: Team, own: Iterator[NDArray[Any]], order: list[tuple[int, str, int, int]], kind: np.dtype[Any]
+    team: Team, local_arrays: Iterator[NDArray[Any]], order: list[tuple[int, str, int, int]], kind: np.dtype[Any]
 ) -> Iterator[NDArray[Any]]:
     """The values of a column as they arrive."""
     for rank, _, length, _ in order:
         if rank == 0:
-            yield next(own).reshape(-1)
+            yield next(local_arrays).reshape(-1)
             continue
-        left = length * kind.itemsize
-        while left:
-            into = np.empty(min(left, PIECE), dtype=np.uint8)
+        bytes_left = length * kind.itemsize
+        while bytes_left:
+            into = np.empty(min(bytes_left, PIECE), dtype=np.uint8)
             request = team.comm.Irecv(into, rank, FRAME)
             while not request.Test():
                 clock.sleep(NAP)
-            left -= len(into)
+            bytes_left -= len(into)
             yield into.view(kind)
 
 
@@ -155,14 +165,14 @@ def nodes(team: Team, first: int, last: int) -> tuple[NDArray[Any], ...]:
 def births(team: Team, first: int, last: int) -> tuple[Nodes, Families]:
     """The nodes of these rows and their families, from all ranks."""
     *columns, target = (np.concatenate(column) for column in zip(*team.everywhere(nodes, first, last), strict=True))
-    found = Nodes(*columns)
-    return found, Families(np.concatenate([[0], np.cumsum(found.family - found.cut)]), target)
+    new_nodes = Nodes(*columns)
+    return new_nodes, Families(np.concatenate([[0], np.cumsum(new_nodes.family - new_nodes.cut)]), target)
 
 
 def begin_file(team: Team, path: str) -> None:
     """Give this rank a file of its own, for what is written from now on."""
     part: Part = team.part
-    here: Here = part.now
+    subdomain: Here = part.now
     slab, grid = part.slab, part.model.grid
 
     def own(first: int, last: int) -> Nodes:
@@ -178,11 +188,11 @@ def begin_file(team: Team, path: str) -> None:
     births = Births(slab.last - slab.first, grid.dimension, bonds, own, families, slab.first)
     index = Path(path).name.rpartition(".")[0]
     meta = {"program": f"pdsolve {VERSION}", "dimension": grid.dimension, INDEX_OF: index}
-    here.file = RankFile(team, lambda: Writer.begin(Path(path), births, grid.cracks, meta), slab.first)
+    subdomain.file = RankFile(team, lambda: Writer.begin(Path(path), births, grid.cracks, meta), slab.first)
 
 
 def end_file(team: Team) -> None:
     """Close the file of this rank. Raises WriteError."""
-    here: Here = team.part.now
-    if here.file is not None:
-        here.file.close()
+    subdomain: Here = team.part.now
+    if subdomain.file is not None:
+        subdomain.file.close()

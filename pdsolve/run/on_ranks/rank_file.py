@@ -38,9 +38,9 @@ class RankFile:
     ) -> None:
         """Write a frame when the last one is written. Raises WriteError if that failed."""
         self._thread.wait()
-        kept = {f"{name}@{step}": values for name, values in checkpoint.items()} or None
-        frame = Frame(step, time, fields, NOTHING, (), (), kept, first=self._first, keeps=self._kept)
-        self._kept = step if kept else self._kept
+        step_arrays = {f"{name}@{step}": values for name, values in checkpoint.items()} or None
+        frame = Frame(step, time, fields, NOTHING, (), (), step_arrays, first=self._first, keeps=self._kept)
+        self._kept = step if step_arrays else self._kept
         self._thread.begin(partial(self._write, frame))
 
     def close(self) -> None:

@@ -66,11 +66,12 @@ class RecorderOnRanks(Recorder):
         names = self.system.asked.settings.run.fields if whole else None
         after = max(self.written, self._since)
         said: list[frames.Rows] = self._team.everywhere(frames.frame, step, after, names, state)
-        breaks = np.concatenate([one.breaks for one in said], axis=1)
+        breaks = np.concatenate([rank_rows.breaks for rank_rows in said], axis=1)
         order = np.lexsort((breaks[2], breaks[1], breaks[0]))
-        own = iter(self._team.part.sending.held)
-        fields, kept = (
-            frames.received(self._team, own, [getattr(one, name) for one in said]) for name in ("fields", "checkpoint")
+        local_arrays = iter(self._team.part.sending.held)
+        fields, checkpoint = (
+            frames.received(self._team, local_arrays, [getattr(rank_rows, name) for rank_rows in said])
+            for name in ("fields", "checkpoint")
         )
         self.written = step
         return self.accounts.entered(
@@ -81,7 +82,7 @@ class RecorderOnRanks(Recorder):
                 breaks=Breaks(*breaks[[0, 3, 4]][:, order]),
                 ledger=(),
                 probes=(),
-                checkpoint=kept if state else None,
+                checkpoint=checkpoint if state else None,
                 wall_time=self.wall(),
                 ready=partial(expect_written, self._team) if self._files else None,
             )
@@ -128,7 +129,7 @@ class RecorderOnRanks(Recorder):
         self._files = pieces.files_of(real, number, self._team.size)
         for name in self._files:
             expect_piece(real.parent / name, real.name)
-        self._team.everywhere(frames.begin_file, each=[str(real.parent / name) for name in self._files])
+        self._team.everywhere(frames.begin_file, items=[str(real.parent / name) for name in self._files])
 
     def close(self) -> None:
         """Close the files of all ranks. Raises WriteError."""

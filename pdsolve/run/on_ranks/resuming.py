@@ -54,10 +54,11 @@ def gone_on(results: Results, model: Model, options: Options, meta: Mapping[str,
 
 def warn_of_processor(output: Path, meta: Mapping[str, Any]) -> None:
     """Warn if a run goes on on another kind of processor, where sums round otherwise."""
-    before, here = meta.get("processor"), processor_kind()
-    if before is not None and before != here:
+    before, processor = meta.get("processor"), processor_kind()
+    if before is not None and before != processor:
         words = (
-            f"{output}: begun on a processor of kind {before}, goes on on {here}: not bit-identical, sums round anew"
+            f"{output}: begun on a processor of kind {before}, goes on on {processor}: not bit-identical, sums round"
+            " anew"
         )
         warnings.warn(words, ResultsWarning, stacklevel=2)
 
@@ -95,9 +96,9 @@ def _is_same(team: Team, first: int, last: int, family: NDArray[np.int64], cut: 
     begin, end = max(first, part.slab.first), min(last, part.slab.last)
     if begin >= end:
         return True
-    rows, there = slice(begin - part.slab.begin, end - part.slab.begin), slice(begin - first, end - first)
+    rows, entries = slice(begin - part.slab.begin, end - part.slab.begin), slice(begin - first, end - first)
     count = part.counted.family[rows] - part.counted.bonds[rows]
-    return bool((part.counted.family[rows] == family[there]).all() and (count == cut[there]).all())
+    return bool((part.counted.family[rows] == family[entries]).all() and (count == cut[entries]).all())
 
 
 def restore(system: OnRanks, state: State, step: int, results: Results) -> None:
@@ -107,24 +108,24 @@ def restore(system: OnRanks, state: State, step: int, results: Results) -> None:
     for name, values in state._asdict().items():
         _scatter(system, name, results.entries(name), values[:1])
     counts = np.array(team.everywhere(_held)).T  # of each condition and axis, by rank
-    held = entry(_whole(results, [HELD]), HELD, (int(counts.sum()),), np.float64)
+    held_force = entry(_whole(results, [HELD]), HELD, (int(counts.sum()),), np.float64)
     ends = np.concatenate([[0], np.cumsum(counts.ravel())])
-    runs = [held[first:last] for first, last in pairwise(ends)]
-    team.everywhere(_hold, each=[runs[rank :: team.size] for rank in range(team.size)])
+    runs = [held_force[first:last] for first, last in pairwise(ends)]
+    team.everywhere(_hold, items=[runs[rank :: team.size] for rank in range(team.size)])
     broken = _broken(system.model.grid, results.breaks(), step)
     of_bonds, of_nodes = (set().union(*names) for names in zip(*team.everywhere(_names), strict=True))
-    whole = _whole(results, of_nodes)
+    node_arrays = _whole(results, of_nodes)
     shared = [
-        {name: values.reshape(nodes, -1)[slab.begin : slab.end] for name, values in whole.items()}
+        {name: values.reshape(nodes, -1)[slab.begin : slab.end] for name, values in node_arrays.items()}
         for slab in system.slabs
     ]
-    team.everywhere(_back, _whole(results, of_bonds), broken, step, each=shared)
+    team.everywhere(_back, _whole(results, of_bonds), broken, step, items=shared)
 
 
 def _whole(results: Results, names: Iterable[str]) -> Kept:
     """Arrays of the last checkpoint, as far as they are there."""
-    found = {name: list(results.entries(name)) for name in sorted(names)}
-    return {name: np.concatenate(parts) for name, parts in found.items() if parts}
+    pieces_by_name = {name: list(results.entries(name)) for name in sorted(names)}
+    return {name: np.concatenate(parts) for name, parts in pieces_by_name.items() if parts}
 
 
 def _scatter(system: OnRanks, name: str, parts: Iterator[NDArray[Any]], row: NDArray[Any]) -> None:
@@ -133,13 +134,13 @@ def _scatter(system: OnRanks, name: str, parts: Iterator[NDArray[Any]], row: NDA
     first, nodes, team = 0, len(system.model.grid), system.team
     assert team is not None
     for values in parts:
-        some = entry({name: values}, name, (None, *row.shape[1:]) if row.ndim > 1 else (None, 1), row.dtype)
-        last = first + len(some)
-        each = [
-            (max(slab.begin, first), some[max(slab.begin - first, 0) : max(slab.end - first, 0)])
+        piece = entry({name: values}, name, (None, *row.shape[1:]) if row.ndim > 1 else (None, 1), row.dtype)
+        last = first + len(piece)
+        shares = [
+            (max(slab.begin, first), piece[max(slab.begin - first, 0) : max(slab.end - first, 0)])
             for slab in system.slabs
         ]
-        team.everywhere(_put, name, each=each)
+        team.everywhere(_put, name, items=shares)
         first = last
     if first != nodes:
         raise CheckpointError(f"'{name}' has {first} nodes; it must have {nodes}")
@@ -162,14 +163,14 @@ def _broken(grid: Grid, breaks: Breaks, step: int) -> Broken:
     return broken
 
 
-def _put(team: Team, name: str, given: tuple[int, NDArray[Any]]) -> None:
+def _put(team: Team, name: str, share: tuple[int, NDArray[Any]]) -> None:
     """Take over some rows, from the first on, of an array of the state of a window."""
     part: Part = team.part
-    first, values = given
-    there = getattr(part.now.state, name)
+    first, values = share
+    array = getattr(part.now.state, name)
     at = first - part.slab.begin
     if len(values):
-        there[at : at + len(values)] = values.reshape(-1, *there.shape[1:])
+        array[at : at + len(values)] = values.reshape(-1, *array.shape[1:])
 
 
 def _held(team: Team) -> list[int]:
@@ -179,22 +180,22 @@ def _held(team: Team) -> list[int]:
 
 def _hold(team: Team, runs: list[NDArray[np.float64]]) -> None:
     """Take over the forces that hold own nodes, of each condition and axis."""
-    here: Here = team.part.now
-    for rows, values in zip(held_runs(here), runs, strict=True):
-        here.system.drive.held_force[rows] = values
+    subdomain: Here = team.part.now
+    for rows, values in zip(held_runs(subdomain), runs, strict=True):
+        subdomain.system.drive.held_force[rows] = values
 
 
 def _names(team: Team) -> tuple[list[str], list[str]]:
     """The names of what this rank's operator keeps of bonds, and of nodes."""
-    kept = parts.keep(team.part)
-    of_bonds = [name for name in kept if parts.is_of_bonds(kept, name)]
-    return of_bonds, [name for name in kept if name not in of_bonds]
+    operator_arrays = parts.keep(team.part)
+    of_bonds = [name for name in operator_arrays if parts.is_of_bonds(operator_arrays, name)]
+    return of_bonds, [name for name in operator_arrays if name not in of_bonds]
 
 
 def _back(team: Team, of_bonds: Kept, broken: Broken, step: int, of_nodes: Kept) -> None:
     """Take over the history of bonds, and broken ones; then all is as after the step."""
     part: Part = team.part
-    here: Here = part.now
+    subdomain: Here = part.now
     parts.back(part, {**of_bonds, **of_nodes}, broken)
-    put_loads(here.system.drive, here.system.load_time(step))
-    here.step = -1  # nothing has been asked of this state
+    put_loads(subdomain.system.drive, subdomain.system.load_time(step))
+    subdomain.step = -1  # nothing has been asked of this state

@@ -19,24 +19,28 @@ def pieces(team: Team, nodes: int) -> int:
     pairs = np.concatenate(team.everywhere(joints), axis=1)
     labels, ends = np.unique(pairs, return_inverse=True)
     counts, alone = zip(*team.everywhere(sizes, labels, PIECE * nodes), strict=True)
-    found = connected(len(labels), *ends.reshape(2, -1)) if len(labels) else np.zeros(0, dtype=np.int64)
-    joined = np.bincount(found, weights=np.sum(counts, axis=0)) if len(labels) else np.zeros(0)
+    component = connected(len(labels), *ends.reshape(2, -1)) if len(labels) else np.zeros(0, dtype=np.int64)
+    joined = np.bincount(component, weights=np.sum(counts, axis=0)) if len(labels) else np.zeros(0)
     return int(sum(alone)) + int((joined > PIECE * nodes).sum())
 
 
 def joints(team: Team) -> NDArray[np.int64]:
     """The pairs (2, k) of pieces, by the row of a node in the whole grid, that a bond joins to one of another rank."""
     part: Part = team.part
-    here: Here = part.now
-    own, nodes = part.own, len(part.model.grid)
-    sound = damage(here.system, broken(part)) <= CRACKED
-    source, target = part.operator.bonds(own.start, own.stop)
-    inside = (target >= own.start) & (target < own.stop)
-    whole = inside & sound[source] & sound[target]
-    number = connected(own.stop - own.start, source[whole] - own.start, target[whole] - own.start)
-    here.pieces = np.unique(number, return_index=True)[1][number] + part.slab.first
+    subdomain: Here = part.now
+    local_rows, nodes = part.own, len(part.model.grid)
+    sound = damage(subdomain.system, broken(part)) <= CRACKED
+    source, target = part.operator.bonds(local_rows.start, local_rows.stop)
+    inside = (target >= local_rows.start) & (target < local_rows.stop)
+    sound_bonds = inside & sound[source] & sound[target]
+    number = connected(
+        local_rows.stop - local_rows.start,
+        source[sound_bonds] - local_rows.start,
+        target[sound_bonds] - local_rows.start,
+    )
+    subdomain.pieces = np.unique(number, return_index=True)[1][number] + part.slab.first
     shared = np.zeros((2, nodes))  # what others know of ghosts: the pieces that they are of, and whether they count
-    shared[:, own] = here.pieces, sound[own]
+    shared[:, local_rows] = subdomain.pieces, sound[local_rows]
     part.ghosts.fill(shared)
     across = ~inside & sound[source] & (shared[1, target] > 0)
     return np.unique(shared[0, np.array([source, target])[:, across]].astype(np.int64), axis=1)
@@ -44,9 +48,9 @@ def joints(team: Team) -> NDArray[np.int64]:
 
 def sizes(team: Team, labels: NDArray[np.int64], least: float) -> tuple[NDArray[np.int64], int]:
     """How many own nodes each of these pieces (k,) has, and how many others have more nodes than the `least`."""
-    here: Here = team.part.now
-    names, counts = np.unique(here.pieces, return_counts=True)
-    found = np.zeros(len(labels), dtype=np.int64)
-    known = np.isin(names, labels)
-    found[np.searchsorted(labels, names[known])] = counts[known]
-    return found, int((counts[~known] > least).sum())
+    subdomain: Here = team.part.now
+    names, counts = np.unique(subdomain.pieces, return_counts=True)
+    node_counts = np.zeros(len(labels), dtype=np.int64)
+    has_label = np.isin(names, labels)
+    node_counts[np.searchsorted(labels, names[has_label])] = counts[has_label]
+    return node_counts, int((counts[~has_label] > least).sum())

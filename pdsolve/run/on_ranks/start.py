@@ -92,28 +92,28 @@ def prepare(model: Model, options: Options, team: Team) -> Prepared:
     refuse_on_ranks(model)
     scheme_of(model, options)
     slabs, parts = built(model, options, team, operator_of)
-    largest = np.array([max(one.resistance for one in parts)])
+    largest = np.array([max(report.resistance for report in parts)])
     bound = stable(largest, np.ones(1))
     steps = step_of(model, bound), bound
     layers = any(isinstance(condition, Absorb) for condition in model.settings.conditions)
     listed = layers and model.grid.lattice is None
     damped = [damping(model, slab.begin, slab.end) if listed else None for slab in slabs]
-    plain, whole = options._replace(team=None), None if model.grid.lattice is None else model
-    begun = team.everywhere(start, plain, steps, whole, each=damped)
-    rests = all(one.resting for one in begun)
-    energy = 0.0 if rests else total([one.kinetic for one in begun], len(model.grid))
-    here: Here = team.part.now
-    same = {field.name: getattr(here.system, field.name) for field in fields(System)}
+    plain, full_model = options._replace(team=None), None if model.grid.lattice is None else model
+    begun = team.everywhere(start, plain, steps, full_model, items=damped)
+    rests = all(report.resting for report in begun)
+    energy = 0.0 if rests else total([report.kinetic for report in begun], len(model.grid))
+    subdomain: Here = team.part.now
+    same = {field.name: getattr(subdomain.system, field.name) for field in fields(System)}
     same |= {"model": counted(model, steps[0]), "options": options, "stepper": Marching(team), "initial_energy": energy}
-    lonely, bonds = np.concatenate([one.lonely for one in parts]), sum(one.bonds for one in parts)
-    return Prepared(OnRanks(**same, team=team, slabs=tuple(slabs), total=bonds, lonely=lonely), here.state)
+    lonely, bonds = np.concatenate([report.lonely for report in parts]), sum(report.bonds for report in parts)
+    return Prepared(OnRanks(**same, team=team, slabs=tuple(slabs), total=bonds, lonely=lonely), subdomain.state)
 
 
 def start(
     team: Team,
     options: Options,
     steps: tuple[float, float],
-    whole: Model | None,
+    full_model: Model | None,
     damped: NDArray[np.float64] | None,
 ) -> Begun:
     """Make the system of this rank's window; `damped` (m,), 1/s, is known of listed nodes with layers that absorb."""
@@ -122,9 +122,9 @@ def start(
     scheme, kind = SCHEMES[options.mode], np.dtype(options.precision).type
     driven = drive(model, counted_bonds.area, scheme.exact_load, kind, part.own, partial(added_up, team))
     if damped is None:
-        damped = damping(model) if whole is None else damping(whole, slab.begin, slab.end)
-    beside = Beside(part.ghosts, damped, any(team.comm.allgather(bool(damped.any()))))
-    prepared = assembled(model, options, scheme, part.operator, counted_bonds, steps, driven, beside)
+        damped = damping(model) if full_model is None else damping(full_model, slab.begin, slab.end)
+    rank_coupling = Beside(part.ghosts, damped, any(team.comm.allgather(bool(damped.any()))))
+    prepared = assembled(model, options, scheme, part.operator, counted_bonds, steps, driven, rank_coupling)
     part.now = Here(part, prepared)
     velocity = initial_velocity(model, prepared.state.value.shape[1])
     kinetic = (model.rho / 2 * counted_bonds.area * (velocity**2).sum(axis=1))[part.own]
@@ -133,9 +133,9 @@ def start(
 
 def march(team: Team, first: int, last: int) -> None:
     """Take the steps `first` to `last` - 1."""
-    here: Here = team.part.now
-    here.system.stepper.march(here.state, first, last)
+    subdomain: Here = team.part.now
+    subdomain.system.stepper.march(subdomain.state, first, last)
 
 
-def _own(rows: NDArray[np.int64], own: slice) -> NDArray[np.int64]:
-    return np.asarray(rows[(rows >= own.start) & (rows < own.stop)])
+def _own(rows: NDArray[np.int64], local_rows: slice) -> NDArray[np.int64]:
+    return np.asarray(rows[(rows >= local_rows.start) & (rows < local_rows.stop)])

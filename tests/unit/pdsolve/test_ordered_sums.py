@@ -28,4 +28,4 @@ def test_another_order_would_be_another_sum() -> None:
 
 def test_a_rank_says_a_few_numbers_of_many() -> None:
     found = branches(np.ones(50_000), 17, 100_003)
-    assert len(found.whole) + sum(map(len, found.cut.values())) < 2 * 128 + 2 * 20
+    assert len(found.sums) + sum(map(len, found.cut.values())) < 2 * 128 + 2 * 20

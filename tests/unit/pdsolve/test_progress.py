@@ -22,6 +22,10 @@ class Bar:
 
     def __init__(self, n: int = 0) -> None:
         self.n, self.total, self.texts = n, 0, list[str]()
+        self.start_t = self.last_print_t = 0.0
+
+    def reset(self, total: int) -> None:
+        self.n, self.total = 0, total
 
     def update(self, more: int) -> None:
         self.n += more

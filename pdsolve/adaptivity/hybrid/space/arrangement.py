@@ -70,8 +70,8 @@ def pieces_of(count: int) -> Pieces:
 
 def first_of(pieces: Pieces, count: int) -> Pieces:
     """So many of the first ones."""
-    found: list[Any] = [each[:count] for each in pieces]
-    return Pieces(*found)
+    columns: list[Any] = [column[:count] for column in pieces]
+    return Pieces(*columns)
 
 
 class Points(NamedTuple):
@@ -83,9 +83,9 @@ class Points(NamedTuple):
 
 
 @cached_njit(error_model="numpy")
-def classify(box, node, cells, some, kind, above):  # type: ignore[no-untyped-def]
-    """Set, for `some` sites, the `kind` of the fine node there, and whether a coarse node is `above` it."""
-    for site in some:
+def classify(box, node, cells, sites, kind, above):  # type: ignore[no-untyped-def]
+    """Set, for `sites` sites, the `kind` of the fine node there, and whether a coarse node is `above` it."""
+    for site in sites:
         if node[site] < 0:
             continue
         x, y, z = fine_at(box, site)
@@ -98,10 +98,10 @@ def _look_around(box, cells, of, x, y, z, coarse, fine):  # type: ignore[no-unty
     """Fill the bits (w,) of the `coarse` and the `fine` ones of the cells around a fine node; whether there are any."""
     some_coarse = some_fine = False
     coarse[:] = fine[:] = 0
-    number, (left, front, low) = 0, ((x >> 1) + of.low[x % 2], (y >> 1) + of.low[y % 2], (z >> 1) + of.low[z % 2])
+    number, (left_side, front, low) = 0, ((x >> 1) + of.low[x % 2], (y >> 1) + of.low[y % 2], (z >> 1) + of.low[z % 2])
     for cz in range(low, low + of.wide):
         for cy in range(front, front + of.wide):
-            row = cell_place(box, left, cy, cz)
+            row = cell_place(box, left_side, cy, cz)
             for kind in cells[row : row + of.wide]:
                 if kind != VOID:
                     word, bit = number // WORD, np.uint64(1) << np.uint64(number % WORD)
@@ -116,11 +116,11 @@ def _look_around(box, cells, of, x, y, z, coarse, fine):  # type: ignore[no-unty
 
 
 @njit(forceinline=True, **INNER)
-def _meet(some, others):  # type: ignore[no-untyped-def]
+def _meet(bits_a, bits_b):  # type: ignore[no-untyped-def]
     """Whether two sets of bits (w,) have one in common."""
     both = np.uint64(0)
-    for n in range(len(others)):
-        both |= some[n] & others[n]
+    for n in range(len(bits_b)):
+        both |= bits_a[n] & bits_b[n]
     return both != 0
 
 
@@ -135,23 +135,23 @@ def _sides(box, cells, of, first, x, y, z):  # type: ignore[no-untyped-def]
     """Number of sides of a bond with cells."""
     sides = 0
     for side in range(SIDES):
-        some = False
+        has_cells = False
         for part in range(first[side], first[side + 1]):
-            some |= _cell(box, cells, of, part, x, y, z) != VOID
-        sides += some
+            has_cells |= _cell(box, cells, of, part, x, y, z) != VOID
+        sides += has_cells
     return sides
 
 
 @cached_njit(error_model="numpy")
-def arrange(fine, cells, bits, some, pieces):  # type: ignore[no-untyped-def]
-    """Set the bits of the whole bonds of nodes at the sites `some`, which are in order, and list their pieces.
+def arrange(fine, cells, bits, sites, pieces):  # type: ignore[no-untyped-def]
+    """Set the bits of the whole bonds of nodes at the sites `sites`, which are in order, and list their pieces.
 
     Bonds are those of which a node is the lower end. Returns the number of pieces; those for which there is no room are
     only counted.
     """
-    box, tiles, of, half, made = fine.box, fine.tiles, fine.divisions, len(fine.tiles.offsets) // 2, 0
+    box, tiles, of, half, count = fine.box, fine.tiles, fine.divisions, len(fine.tiles.offsets) // 2, 0
     coarse_bits, fine_bits = np.empty((2, of.through.shape[2]), np.uint64)
-    for site in some:
+    for site in sites:
         if tiles.node[site] < 0:
             continue
         x, y, z = fine_at(box, site)
@@ -167,47 +167,47 @@ def arrange(fine, cells, bits, some, pieces):  # type: ignore[no-untyped-def]
                 if not (bits[tile, slot] >> lane) & np.uint16(1):
                     _set_bits(bits, site, site + tiles.offsets[slot], slot)
             elif _meet(passed, fine_bits):
-                made = _divide(fine, cells, (site, x, y, z), k, pieces, made)
-    return made
+                count = _divide(fine, cells, (site, x, y, z), k, pieces, count)
+    return count
 
 
 @njit(**INNER)
-def _set_bits(bits, site, other, slot):  # type: ignore[no-untyped-def]
+def _set_bits(bits, site, target, slot):  # type: ignore[no-untyped-def]
     """Set both directions of a bond."""
-    for own, number in ((site, slot), (other, bits.shape[1] - 1 - slot)):
-        bits[own // ROW, number] |= np.uint16(1) << np.uint16(own % ROW)
+    for end, number in ((site, slot), (target, bits.shape[1] - 1 - slot)):
+        bits[end // ROW, number] |= np.uint16(1) << np.uint16(end % ROW)
 
 
 @njit(**INNER)
-def _divide(fine, cells, own, k, pieces, made):  # type: ignore[no-untyped-def]
+def _divide(fine, cells, node, k, pieces, count):  # type: ignore[no-untyped-def]
     """List the pieces of a bond; returns how many there are then."""
-    box, tiles, of, (site, x, y, z) = fine.box, fine.tiles, fine.divisions, own
+    box, tiles, of, (site, x, y, z) = fine.box, fine.tiles, fine.divisions, node
     slot, first = len(tiles.offsets) // 2 + k, of.first[x % 2 + 2 * (y % 2) + 4 * (z % 2), k]
     sides = _sides(box, cells, of, first, x, y, z)
     for side in range(SIDES):
-        some = False
+        has_cells = False
         for part in range(first[side], first[side + 1]):
-            some |= _cell(box, cells, of, part, x, y, z) != VOID
+            has_cells |= _cell(box, cells, of, part, x, y, z) != VOID
         part, last = first[side], first[side + 1]
-        while some and part < last:
+        while has_cells and part < last:
             begin = part
             while part < last and _cell(box, cells, of, part, x, y, z) != COARSE:
                 part += 1
             if part > begin:
-                if made < len(pieces.owner):
+                if count < len(pieces.owner):
                     length = of.t[part - 1, 1] - of.t[begin, 0]
-                    ends = _place_of(box, of, own, begin, 0), _place_of(box, of, own, part - 1, 1)
+                    ends = _place_of(box, of, node, begin, 0), _place_of(box, of, node, part - 1, 1)
                     back = of.node[part - 1, 1] and not of.node[begin, 0]
-                    pieces.owner[made], pieces.kind[made] = site, 2 * (begin * PARTS + part - 1 - begin) + back
-                    pieces.near[made], pieces.far[made] = (ends[1], ends[0]) if back else ends
-                    pieces.k[made] = _stiffness(fine, site, slot) / (sides * length)
+                    pieces.owner[count], pieces.kind[count] = site, 2 * (begin * PARTS + part - 1 - begin) + back
+                    pieces.near[count], pieces.far[count] = (ends[1], ends[0]) if back else ends
+                    pieces.k[count] = _stiffness(fine, site, slot) / (sides * length)
                     i, j = tiles.node[site], tiles.node[site + tiles.offsets[slot]]
-                    pieces.breaks[made] = (
+                    pieces.breaks[count] = (
                         0.0 if tiles.held[i] or tiles.held[j] else fine.weakness[pair_number(tiles, i, j)]
                     )
-                made += 1
+                count += 1
             part += 1
-    return made
+    return count
 
 
 @njit(**INNER)
@@ -220,9 +220,9 @@ def _stiffness(fine, site, slot):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _place_of(box, of, own, part, which):  # type: ignore[no-untyped-def]
+def _place_of(box, of, node, part, which):  # type: ignore[no-untyped-def]
     """The place where a part of a node's bond begins, 0, or ends, 1."""
-    at, (_, x, y, z), unit = of.at[part, which], own, of.unit
+    at, (_, x, y, z), unit = of.at[part, which], node, of.unit
     return _place(box, unit, unit * (x - x % 2) + at[0], unit * (y - y % 2) + at[1], unit * (z - z % 2) + at[2])
 
 
@@ -240,36 +240,41 @@ def at_place(box, unit, place):  # type: ignore[no-untyped-def]
     """The place (x, y, z) in h / unit of a number."""
     side = BLOCK * unit
     across, along = box.sx // BLOCK + 1, box.sy // BLOCK + 1
-    block, own = place // (side * side * side), place % (side * side * side)
+    block, in_block = place // (side * side * side), place % (side * side * side)
     return (
-        block % across * side + own % side,
-        block // across % along * side + own // side % side,
-        block // (across * along) * side + own // (side * side),
+        block % across * side + in_block % side,
+        block // across % along * side + in_block // side % side,
+        block // (across * along) * side + in_block // (side * side),
     )
 
 
 @cached_njit(error_model="numpy")
-def merge(old, stale, made, order, found):  # type: ignore[no-untyped-def]
-    """Fill what is `found` with the old pieces whose owners are not `stale` (sites,), and with those `made`, in the
+def merge(old, stale, new, order, merged):  # type: ignore[no-untyped-def]
+    """Fill what is `merged` with the old pieces whose owners are not `stale` (sites,), and with those `new`, in the
     `order` (q,) of their near ends."""
     at, n = 0, 0
     for m in order:
         while n < len(old.owner) and (
-            old.near[n] < made.near[m] or (old.near[n] == made.near[m] and old.owner[n] < made.owner[m])
+            old.near[n] < new.near[m] or (old.near[n] == new.near[m] and old.owner[n] < new.owner[m])
         ):
-            at, n = at + _copy(old, n, found, at, not stale[old.owner[n]]), n + 1
-        at += _copy(made, m, found, at, True)
+            at, n = at + _copy(old, n, merged, at, not stale[old.owner[n]]), n + 1
+        at += _copy(new, m, merged, at, True)
     while n < len(old.owner):
-        at, n = at + _copy(old, n, found, at, not stale[old.owner[n]]), n + 1
+        at, n = at + _copy(old, n, merged, at, not stale[old.owner[n]]), n + 1
 
 
 @njit(**INNER)
-def _copy(one, n, other, at, wanted):  # type: ignore[no-untyped-def]
+def _copy(source, n, target, at, wanted):  # type: ignore[no-untyped-def]
     """Copy a piece if it is wanted; how many there are then."""
     if not wanted:
         return 0
-    other.owner[at], other.kind[at], other.k[at], other.breaks[at] = one.owner[n], one.kind[n], one.k[n], one.breaks[n]
-    other.near[at], other.far[at] = one.near[n], one.far[n]
+    target.owner[at], target.kind[at], target.k[at], target.breaks[at] = (
+        source.owner[n],
+        source.kind[n],
+        source.k[n],
+        source.breaks[n],
+    )
+    target.near[at], target.far[at] = source.near[n], source.far[n]
     return 1
 
 
@@ -314,8 +319,8 @@ def kinds_of(of: Divisions, table: NDArray[np.floating], h: float) -> tuple[NDAr
     length[length <= 0] = 1.0  # of no piece
     xi = np.column_stack([length[:, None] * row[:, :3], row[:, INVERSE] / length**2])
     _, which, direction = np.unique(np.round(xi[:, :3] / h, 9), axis=0, return_index=True, return_inverse=True)
-    there = xi[which]
-    both = np.stack([there, there * [-1, -1, -1, 1]], axis=1).reshape(-1, 4)
+    unique_xi = xi[which]
+    both = np.stack([unique_xi, unique_xi * [-1, -1, -1, 1]], axis=1).reshape(-1, 4)
     return np.column_stack([2 * direction.ravel(), 2 * direction.ravel() + 1]).ravel().astype(np.int32), aligned(both)
 
 
@@ -345,45 +350,45 @@ def _between(box, x, y, z, beyond, sites, w):  # type: ignore[no-untyped-def]
 
 
 @cached_njit(error_model="numpy")
-def carriers(box, some, sites, w):  # type: ignore[no-untyped-def]
-    """Fill the sites and weights (b, 4) by which fine nodes on the border, at the sites `some` (b,), move."""
-    for n in range(len(some)):
-        x, y, z = fine_at(box, some[n])
+def carriers(box, border_sites, sites, w):  # type: ignore[no-untyped-def]
+    """Fill the sites and weights (b, 4) by which fine nodes on the border, at the sites `border_sites` (b,), move."""
+    for n in range(len(border_sites)):
+        x, y, z = fine_at(box, border_sites[n])
         _between(box, x >> 1, y >> 1, z >> 1, (0.5 * (x % 2), 0.5 * (y % 2), 0.5 * (z % 2)), sites[n], w[n])
 
 
 @cached_njit(error_model="numpy")
-def gather(fine, kind, some, own, found):  # type: ignore[no-untyped-def]
-    """Fill in what is `found` (k,) of coarse nodes at the fine sites `some`: their shares of what is the `own` (sites,)
-    of all fine nodes that are not free."""
+def gather(fine, kind, coarse_sites, fine_values, coarse_values):  # type: ignore[no-untyped-def]
+    """Set `coarse_values` (k,) of coarse nodes at the fine sites `coarse_sites` to their shares of the `fine_values`
+    (sites,) of all fine nodes that are not free."""
     box, tiles = fine.box, fine.tiles
-    for n in range(len(some)):
-        x, y, z = fine_at(box, some[n])
-        found[n] = 0.0
+    for n in range(len(coarse_sites)):
+        x, y, z = fine_at(box, coarse_sites[n])
+        coarse_values[n] = 0.0
         for dz in range(max(z - 1, 0), min(z + 2, box.sz)):
             for dy in range(max(y - 1, 0), min(y + 2, box.sy)):
                 for dx in range(max(x - 1, 0), min(x + 2, box.sx)):
                     site = fine_site(box, dx, dy, dz)
                     if tiles.node[site] >= 0 and kind[site] != FREE:
                         share = 0.5 ** (abs(dx - x) + abs(dy - y) + abs(dz - z))
-                        found[n] += share * own[site]
+                        coarse_values[n] += share * fine_values[site]
 
 
 @cached_njit(error_model="numpy")
-def interpolate(box, known, row, value, some, found):  # type: ignore[no-untyped-def]
-    """Fill `found` (k, 3) with the values of fine nodes at the sites `some`, from `value` (n, 3) of nodes.
+def interpolate(box, buffers, row, value, fine_sites, fine_values):  # type: ignore[no-untyped-def]
+    """Fill `fine_values` (k, 3) with the values of fine nodes at the sites `fine_sites`, from `value` (n, 3) of nodes.
 
     Nodes that were there before are those with a `row` (sites,) of at least 0; others lie in coarse cells.
     """
-    sites, w = known
-    for n in range(len(some)):
-        if row[some[n]] >= 0:
+    sites, w = buffers
+    for n in range(len(fine_sites)):
+        if row[fine_sites[n]] >= 0:
             for axis in range(3):
-                found[n, axis] = value[row[some[n]], axis]
+                fine_values[n, axis] = value[row[fine_sites[n]], axis]
             continue
-        x, y, z = fine_at(box, some[n])
+        x, y, z = fine_at(box, fine_sites[n])
         for axis in range(3):
-            found[n, axis] = 0.0
+            fine_values[n, axis] = 0.0
         count = 0
         for dz in range(1 + z % 2):
             for dy in range(1 + y % 2):
@@ -393,19 +398,19 @@ def interpolate(box, known, row, value, some, found):  # type: ignore[no-untyped
         for m in range(count):
             w[m] = 1.0 / count
             for axis in range(3):
-                found[n, axis] += w[m] * value[row[sites[m]], axis]
+                fine_values[n, axis] += w[m] * value[row[sites[m]], axis]
 
 
 @cached_njit(nogil=True, error_model="numpy")
 def count_bonds(sites, row, offsets, bits):  # type: ignore[no-untyped-def]
     """Number (k,) of the bonds of nodes at these sites to nodes, which have a `row` of at least 0."""
-    found = np.zeros(len(sites), dtype=np.int64)
+    counts = np.zeros(len(sites), dtype=np.int64)
     for n in range(len(sites)):
         tile, lane = sites[n] // ROW, np.uint16(sites[n] % ROW)
         for slot in range(len(offsets)):
             if (bits[tile, slot] >> lane) & np.uint16(1) and row[sites[n] + offsets[slot]] >= 0:
-                found[n] += 1
-    return found
+                counts[n] += 1
+    return counts
 
 
 @cached_njit(nogil=True, error_model="numpy")

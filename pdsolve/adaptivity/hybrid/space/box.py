@@ -69,12 +69,12 @@ def coarse_site(box, x, y, z):  # type: ignore[no-untyped-def]
 @njit(**INNER)
 def touches(box, cells, x, y, z, wanted):  # type: ignore[no-untyped-def]
     """Whether a fine node is in, or at the border of, a cell of a kind."""
-    found = False
+    touching = False
     for dz in (-1, 0):
         for dy in (-1, 0):
             for dx in (-1, 0):
-                found |= cells[cell_place(box, (x + dx) >> 1, (y + dy) >> 1, (z + dz) >> 1)] == wanted
-    return found
+                touching |= cells[cell_place(box, (x + dx) >> 1, (y + dy) >> 1, (z + dz) >> 1)] == wanted
+    return touching
 
 
 @njit(**INNER)

@@ -41,18 +41,18 @@ class Elastic(NamedTuple):
 
 def elastic_of(table: NDArray[np.floating]) -> Elastic:
     """The stiffness of a full lattice with these bonds; see `Tiles.table`."""
-    xi, held = table[:, :3], table[:, PULL] / 2
+    xi, energy = table[:, :3], table[:, PULL] / 2
     n2 = xi**2 * table[:, INVERSE, None]
-    held = held / table[:, INVERSE]
-    return Elastic(float((held * n2[:, 0] ** 2).sum()), float((held * n2[:, 0] * n2[:, 1]).sum()))
+    energy = energy / table[:, INVERSE]
+    return Elastic(float((energy * n2[:, 0] ** 2).sum()), float((energy * n2[:, 0] * n2[:, 1]).sum()))
 
 
 def ways() -> NDArray[np.int64]:
     """The offsets (26, 3) of a coarse node's springs, in the order of their sites."""
     steps = np.arange(-1, 2)
-    z, y, x = (each.ravel() for each in np.meshgrid(steps, steps, steps, indexing="ij"))
-    found = np.column_stack([x, y, z])
-    return np.asarray(found[found.any(axis=1)])
+    z, y, x = (axis_steps.ravel() for axis_steps in np.meshgrid(steps, steps, steps, indexing="ij"))
+    offsets = np.column_stack([x, y, z])
+    return np.asarray(offsets[offsets.any(axis=1)])
 
 
 def stiffnesses(elastic: Elastic, tau: float, h: float) -> NDArray[np.float64]:
@@ -102,21 +102,21 @@ def tiles_of(law: Law, sites: Sites, stiffness: NDArray[np.float64]) -> Tiles:
 
 
 @cached_njit(error_model="numpy")
-def set_springs(box, cells, modulus, way, some, tiles):  # type: ignore[no-untyped-def]
-    """Set the springs of the coarse nodes (k, 3) in `some`; `modulus` (c,) is that of cells."""
-    for n in range(len(some)):
-        x, y, z = some[n]
+def set_springs(box, cells, modulus, way, nodes, tiles):  # type: ignore[no-untyped-def]
+    """Set the springs of the coarse nodes (k, 3) in `nodes`; `modulus` (c,) is that of cells."""
+    for n in range(len(nodes)):
+        x, y, z = nodes[n]
         site = coarse_site(box, x, y, z)
         tile, lane = site // ROW, site % ROW
         for slot in range(len(way)):
-            count, there = 0, 0.0
+            count, total_modulus = 0, 0.0
             for sz in range(min(way[slot, 2], 0) - (way[slot, 2] == 0), 1 - (way[slot, 2] < 0)):
                 for sy in range(min(way[slot, 1], 0) - (way[slot, 1] == 0), 1 - (way[slot, 1] < 0)):
                     for sx in range(min(way[slot, 0], 0) - (way[slot, 0] == 0), 1 - (way[slot, 0] < 0)):
                         count += 1
                         cell = cell_place(box, x + sx, y + sy, z + sz)
-                        there += modulus[cell] if cells[cell] == COARSE else 0.0
-            share, bit = there / count, np.uint16(1) << np.uint16(lane)
+                        total_modulus += modulus[cell] if cells[cell] == COARSE else 0.0
+            share, bit = total_modulus / count, np.uint16(1) << np.uint16(lane)
             tiles.share[tile, slot, lane] = share
             if share > 0:
                 tiles.bits[tile, slot] |= bit
@@ -140,9 +140,9 @@ def _kind(tiles, tile):  # type: ignore[no-untyped-def]
 
 
 @cached_njit(error_model="numpy")
-def hold_springs(tiles, u, held, some):  # type: ignore[no-untyped-def]
-    """Add the energies (n,), J, of the springs of the coarse nodes in `some` tiles (s,), half to each end."""
-    for t in some:
+def hold_springs(tiles, u, node_energy, tile_numbers):  # type: ignore[no-untyped-def]
+    """Add the energies (n,), J, of the springs of the coarse nodes in `tile_numbers` tiles (s,), half to each end."""
+    for t in tile_numbers:
         if tiles.kind[t] == EMPTY:
             continue
         for slot in range(len(tiles.offsets)):
@@ -152,22 +152,22 @@ def hold_springs(tiles, u, held, some):  # type: ignore[no-untyped-def]
                     e = _strain(tiles, u, t * ROW + lane, slot)
                     stretch = e / (np.sqrt(1 + e) + 1)
                     c = row[PULL] * tiles.share[t, slot, lane] / row[INVERSE] / 4
-                    held[tiles.node[t * ROW + lane]] += c * stretch * stretch
+                    node_energy[tiles.node[t * ROW + lane]] += c * stretch * stretch
 
 
 @njit(**INNER)
 def _strain(tiles, u, site, slot):  # type: ignore[no-untyped-def]
     """The e of a spring."""
-    row, own = tiles.table[slot], tiles.margin + site
-    far, e = own + tiles.offsets[slot], 0.0
+    row, near = tiles.table[slot], tiles.margin + site
+    far, e = near + tiles.offsets[slot], 0.0
     for axis in range(3):
-        eta = u[axis, far] - u[axis, own]
+        eta = u[axis, far] - u[axis, near]
         e += row[INVERSE] * eta * (2 * row[axis] + eta)
     return e
 
 
 @cached_njit(error_model="numpy")
-def hot_nodes(box, tiles, lasts, u, hot, found):  # type: ignore[no-untyped-def]
+def hot_nodes(box, tiles, lasts, u, hot, hot_sites):  # type: ignore[no-untyped-def]
     """List the fine sites of coarse nodes with a spring stretched beyond what is `hot` (sites,) at one of its ends;
     returns how many there are.
 
@@ -183,13 +183,15 @@ def hot_nodes(box, tiles, lasts, u, hot, found):  # type: ignore[no-untyped-def]
                 if (word >> np.uint16(lane)) & np.uint16(1) == 0:
                     continue
                 site = t * ROW + lane
-                other = site + tiles.offsets[slot]
-                limit = min(hot[site], hot[other])
+                neighbour = site + tiles.offsets[slot]
+                limit = min(hot[site], hot[neighbour])
                 above = _strain(tiles, u, site, slot) > limit * (2 + limit)
-                if above and not (lasts[tiles.node[site]] or lasts[tiles.node[other]]):
-                    for one in (site, other):
-                        row, x = one // (box.cx + 1), one % (box.cx + 1)
-                        if count < len(found):
-                            found[count] = fine_site(box, 2 * x, 2 * (row % (box.cy + 1)), 2 * (row // (box.cy + 1)))
+                if above and not (lasts[tiles.node[site]] or lasts[tiles.node[neighbour]]):
+                    for end in (site, neighbour):
+                        row, x = end // (box.cx + 1), end % (box.cx + 1)
+                        if count < len(hot_sites):
+                            hot_sites[count] = fine_site(
+                                box, 2 * x, 2 * (row % (box.cy + 1)), 2 * (row // (box.cy + 1))
+                            )
                             count += 1
     return count

@@ -34,7 +34,7 @@ class Divisions(NamedTuple):
 
 def divisions(ways: NDArray[np.int64]) -> Divisions:
     """The parts of the bonds `ways` (k, 3)."""
-    first, found = parts_of(ways)
+    first, all_parts = parts_of(ways)
     reach = int(np.abs(ways).max(initial=1))
     low = (np.arange(2) - reach) // 2
     wide = int(((np.arange(2) + reach) // 2 - low).max()) + 1
@@ -44,12 +44,12 @@ def divisions(ways: NDArray[np.int64]) -> Divisions:
     for f in range(8):
         place = place_of(f, 3)
         for k, way in enumerate(ways.tolist()):
-            for part in found[first[f, k, 0] : first[f, k, -1]]:
+            for part in all_parts[first[f, k, 0] : first[f, k, -1]]:
                 x, y, z = (cell - low[start] for cell, start in zip(part.cell, place, strict=True))
                 word, bit = divmod(int((z * wide + y) * wide + x), WORD)
                 through[f, k, word] |= np.uint64(1 << bit)
                 ends.append([[x + t * dx for x, dx in zip(place, way, strict=True)] for t in part[:2]])
-    t = np.array([part[:2] for part in found])
+    t = np.array([part[:2] for part in all_parts])
     at = np.rint(unit * np.array(ends)).astype(np.int64)
-    node, cell = (at % unit == 0).all(axis=2), np.array([part.cell for part in found], dtype=np.int64)
+    node, cell = (at % unit == 0).all(axis=2), np.array([part.cell for part in all_parts], dtype=np.int64)
     return Divisions(first, t, cell, at, node, through, low, wide, unit)

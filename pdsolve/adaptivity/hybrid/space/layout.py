@@ -102,33 +102,33 @@ def _copied(tiles: Tiles) -> Tiles:
     return tiles._replace(bits=tiles.bits.copy(), node=tiles.node.copy(), kind=tiles.kind.copy())
 
 
-def arranged(whole: Whole, zone: Zone, new: NDArray[np.int64]) -> Zone:
+def arranged(full_model: Whole, zone: Zone, new: NDArray[np.int64]) -> Zone:
     """The zone after the cells `new` (k, 3), which are fine already, have become so.
 
     Bits and numbers are new arrays: results may still ask for bonds of before.
     """
-    fine, box = whole.fine, whole.fine.box
+    fine, box = full_model.fine, full_model.fine.box
     dirty = np.flatnonzero(near(box, new, fine.reach - 1, 0))  # lower ends of bonds that pass these cells
     arrangement.classify(box, fine.tiles.node, zone.cells, dirty, zone.kind, zone.above)
     zone = zone._replace(tiles=_copied(zone.tiles), springs=_copied(zone.springs))
-    made = arrangement.pieces_of(2 * len(zone.pieces.owner) + ROOM * len(dirty))
-    count = arrangement.arrange(fine, zone.cells, zone.tiles.bits, dirty, made)
-    if count > len(made.owner):
-        made = arrangement.pieces_of(count)
-        arrangement.arrange(fine, zone.cells, zone.tiles.bits, dirty, made)
+    new_pieces = arrangement.pieces_of(2 * len(zone.pieces.owner) + ROOM * len(dirty))
+    count = arrangement.arrange(fine, zone.cells, zone.tiles.bits, dirty, new_pieces)
+    if count > len(new_pieces.owner):
+        new_pieces = arrangement.pieces_of(count)
+        arrangement.arrange(fine, zone.cells, zone.tiles.bits, dirty, new_pieces)
     stale = np.zeros(len(zone.kind), dtype=bool)
     stale[dirty] = True
-    old, made = zone.pieces, arrangement.first_of(made, count)
+    old, new_pieces = zone.pieces, arrangement.first_of(new_pieces, count)
     ordered = arrangement.pieces_of(len(old.owner) - np.count_nonzero(stale[old.owner]) + count)
-    arrangement.merge(old, stale, made, np.argsort(made.near, kind="stable"), ordered)
+    arrangement.merge(old, stale, new_pieces, np.argsort(new_pieces.near, kind="stable"), ordered)
     corners = np.unique((new[:, None] + np.array(list(np.ndindex(2, 2, 2)))).reshape(-1, 3), axis=0)
-    coarse_springs.set_springs(box, zone.cells, whole.modulus, whole.springs_at.ways, corners, zone.springs)
+    coarse_springs.set_springs(box, zone.cells, full_model.modulus, full_model.springs_at.ways, corners, zone.springs)
     return zone._replace(pieces=ordered)
 
 
-def begun(whole: Whole, cells: NDArray[np.uint8], springs: Tiles) -> Zone:
+def begun(full_model: Whole, cells: NDArray[np.uint8], springs: Tiles) -> Zone:
     """The zone of cells (c,)."""
-    fine, box, count = whole.fine, whole.fine.box, len(whole.sites.node)
+    fine, box, count = full_model.fine, full_model.fine.box, len(full_model.sites.node)
     zone = Zone(
         cells=cells,
         kind=np.zeros(count, dtype=np.uint8),
@@ -138,13 +138,13 @@ def begun(whole: Whole, cells: NDArray[np.uint8], springs: Tiles) -> Zone:
         ),
         springs=springs,
         pieces=arrangement.pieces_of(0),
-        u=aligned(np.zeros((3, whole.sites.size))),
-        u_coarse=aligned(np.zeros((3, whole.springs_at.size))),
+        u=aligned(np.zeros((3, full_model.sites.size))),
+        u_coarse=aligned(np.zeros((3, full_model.springs_at.size))),
     )
     arrangement.classify(box, fine.tiles.node, cells, np.arange(count), zone.kind, zone.above)
     inner = cells.reshape(box.padded)[(slice(box.pad, -box.pad),) * 3]
     every = np.argwhere(inner == FINE)[:, ::-1]
-    corners = np.column_stack([each.ravel() for each in np.meshgrid(
+    corners = np.column_stack([axis_corners.ravel() for axis_corners in np.meshgrid(
         *(np.arange(side + 1) for side in (box.cx, box.cy, box.cz)), indexing="ij")])  # fmt: skip
-    coarse_springs.set_springs(box, cells, whole.modulus, whole.springs_at.ways, corners, springs)
-    return arranged(whole, zone, np.ascontiguousarray(every)) if len(every) else zone
+    coarse_springs.set_springs(box, cells, full_model.modulus, full_model.springs_at.ways, corners, springs)
+    return arranged(full_model, zone, np.ascontiguousarray(every)) if len(every) else zone

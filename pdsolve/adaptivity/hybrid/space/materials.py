@@ -34,9 +34,9 @@ class MeanDensities(Model):
 
 def masses(model: Model, sites: Sites, fine: Fine) -> NDArray[np.float64]:
     """The mass (sites,), kg, of fine nodes."""
-    found = np.zeros(len(sites.node))
-    found[sites.site - sites.margin] = fine.cube * fine.tiles.cells[VOLUME, sites.site] * model.rho
-    return found
+    mass = np.zeros(len(sites.node))
+    mass[sites.site - sites.margin] = fine.cube * fine.tiles.cells[VOLUME, sites.site] * model.rho
+    return mass
 
 
 def weakness(tiles: Tiles) -> NDArray[np.float64]:
@@ -48,33 +48,33 @@ def weakness(tiles: Tiles) -> NDArray[np.float64]:
 def moduli(box: Box, tiles: Tiles) -> NDArray[np.float64]:
     """Stiffness (c,) of coarse cells over that of the first material."""
     inside = tiles.cells[MODULUS, tiles.margin :][: box.sx * box.sy * box.sz]
-    found = (2.0 * inside.astype(np.float64)).reshape(box.sz, box.sy, box.sx)
+    modulus = (2.0 * inside.astype(np.float64)).reshape(box.sz, box.sy, box.sx)
     for axis, cells in enumerate((box.cz, box.cy, box.cx)):
-        first, middle, last = (_every_second(found, axis, step, cells, 1.0) for step in range(3))
-        found = (first + 2 * middle + last) / 4
-    return np.pad(found, box.pad, constant_values=1.0).ravel()
+        first, middle, last = (_every_second(modulus, axis, step, cells, 1.0) for step in range(3))
+        modulus = (first + 2 * middle + last) / 4
+    return np.pad(modulus, box.pad, constant_values=1.0).ravel()
 
 
 def weakest(box: Box, tiles: Tiles) -> NDArray[np.float64]:
     """The least peak (sites,) of a bond's stretch in the cells around each coarse node; infinite without a node."""
     nodes = tiles.node[: box.sx * box.sy * box.sz]
     count = int(np.sqrt(len(tiles.peak)) + 0.5)
-    own = tiles.peak[:: count + 1].min(axis=1)  # a bond between two materials has one between theirs
-    found = np.where(nodes < 0, np.inf, own[tiles.material[nodes]]).reshape(box.sz, box.sy, box.sx)
+    material_peak = tiles.peak[:: count + 1].min(axis=1)  # a bond between two materials has one between theirs
+    least_peak = np.where(nodes < 0, np.inf, material_peak[tiles.material[nodes]]).reshape(box.sz, box.sy, box.sx)
     for axis, cells in enumerate((box.cz, box.cy, box.cx)):
-        ends = (_every_second(found, axis, step, cells + 1, np.inf) for step in range(-BESIDE, BESIDE + 1))
-        found = np.minimum.reduce(list(ends))
-    return found.ravel()
+        ends = (_every_second(least_peak, axis, step, cells + 1, np.inf) for step in range(-BESIDE, BESIDE + 1))
+        least_peak = np.minimum.reduce(list(ends))
+    return least_peak.ravel()
 
 
 def _every_second(of: NDArray[np.float64], axis: int, first: int, count: int, outside: float) -> NDArray[np.float64]:
     """So many of every second entry along an axis, from `first` on."""
     at = first + 2 * np.arange(count)
     inside = (at >= 0) & (at < of.shape[axis])
-    found = np.take(of, np.where(inside, at, 0), axis=axis)
+    entries = np.take(of, np.where(inside, at, 0), axis=axis)
     shape = np.ones(of.ndim, dtype=int)
     shape[axis] = count
-    return np.where(inside.reshape(shape), found, outside)
+    return np.where(inside.reshape(shape), entries, outside)
 
 
 __all__ = ["MeanDensities", "masses", "moduli", "weakest", "weakness"]

@@ -49,10 +49,10 @@ class SpaceHybrid:
     symmetric = True
     unknowns: tuple[Unknown, ...] = (Unknown("u", 3, 2),)
 
-    def __init__(self, whole: Whole, zone: Zone, history: History, threads: int) -> None:
+    def __init__(self, full_model: Whole, zone: Zone, history: History, threads: int) -> None:
         """`zone` is that of its cells."""
-        self.whole, self._zone, self.history, self._threads = whole, zone, history, threads
-        fine, count = whole.fine, len(whole.sites.node)
+        self.whole, self._zone, self.history, self._threads = full_model, zone, history, threads
+        fine, count = full_model.fine, len(full_model.sites.node)
         self.sites = np.flatnonzero((zone.kind == FREE) | zone.above)
         self.rows = fine.tiles.node[self.sites].astype(np.int64)  # of the grid
         self._row = np.full(count, -1, dtype=np.int32)
@@ -60,7 +60,7 @@ class SpaceHybrid:
         self._free = np.flatnonzero(zone.kind[self.sites] == FREE)
         self._coarse = np.flatnonzero(zone.above[self.sites])
         self._border = np.flatnonzero(zone.kind == BORDER)
-        nodes, border, margin = len(self.sites), len(self._border), whole.sites.margin
+        nodes, border, margin = len(self.sites), len(self._border), full_model.sites.margin
         on, self._w = np.zeros((border, arrangement.ENDS), np.int64), np.zeros((border, arrangement.ENDS))
         arrangement.carriers(fine.box, self._border, on, self._w)
         self._on, self._pieces = self._row[on], pieces.linked(fine, zone.kind, self._row, zone.pieces)
@@ -74,12 +74,12 @@ class SpaceHybrid:
         self._new: list[Broken] = []
         self._breaking = RLock()  # held while bits and broken bonds disagree: results ask for both during a march
 
-    def _gathered(self, own: NDArray[np.floating]) -> NDArray[np.float64]:
-        """What nodes (n,) have of what is the fine nodes' `own` (sites,)."""
-        found, coarse = own[self.sites].astype(np.float64), np.zeros(len(self._coarse))
-        arrangement.gather(self.whole.fine, self._zone.kind, self.sites[self._coarse], own, coarse)
-        found[self._coarse] = coarse
-        return found
+    def _gathered(self, fine_values: NDArray[np.floating]) -> NDArray[np.float64]:
+        """What nodes (n,) have of what is the fine nodes' `fine_values` (sites,)."""
+        node_values, coarse = fine_values[self.sites].astype(np.float64), np.zeros(len(self._coarse))
+        arrangement.gather(self.whole.fine, self._zone.kind, self.sites[self._coarse], fine_values, coarse)
+        node_values[self._coarse] = coarse
+        return node_values
 
     def _above(self, sites: NDArray[np.int64]) -> NDArray[np.int64]:
         """The coarse sites at fine sites."""
@@ -89,15 +89,15 @@ class SpaceHybrid:
 
     def _numbered(self, tiles: Tiles) -> Tiles:
         """The tiles with the numbers of nodes, followed by those on the border, whose bonds do not break."""
-        zone, whole, nodes = self._zone, self.whole.fine.tiles, len(self.sites)
+        zone, full_tiles, nodes = self._zone, self.whole.fine.tiles, len(self.sites)
         tiles.node[:] = np.where(zone.kind == FREE, self._row, -1)
         tiles.node[self._border] = nodes + np.arange(len(self._border))
-        there = (tiles.node.reshape(-1, ROW) >= 0).any(axis=1)
-        tiles.kind[:] = np.where(there, whole.kind, EMPTY)
-        every = np.concatenate([self.rows, whole.node[self._border]])
-        held = whole.held[every]
-        held[nodes:] = True
-        return tiles._replace(held=held, material=whole.material[every])
+        has_node = (tiles.node.reshape(-1, ROW) >= 0).any(axis=1)
+        tiles.kind[:] = np.where(has_node, full_tiles.kind, EMPTY)
+        every = np.concatenate([self.rows, full_tiles.node[self._border]])
+        unbreakable = full_tiles.held[every]
+        unbreakable[nodes:] = True
+        return tiles._replace(held=unbreakable, material=full_tiles.material[every])
 
     def _carried(self, springs: Tiles) -> Tiles:
         """The springs with the numbers of nodes."""
@@ -110,14 +110,16 @@ class SpaceHybrid:
     def model(self) -> Model:
         """The model of the n current nodes, without conditions."""
         assert self.whole.model is not None
-        found = part_of(self.whole.model, self.rows)
-        delta = found.grid.delta.copy()
+        active_model = part_of(self.whole.model, self.rows)
+        delta = active_model.grid.delta.copy()
         delta[self._coarse] *= 2
-        found = dataclasses.replace(found, grid=dataclasses.replace(found.grid, delta=delta, areas=self.volume))
-        if not found.settings.regions:
-            return found
+        active_model = dataclasses.replace(
+            active_model, grid=dataclasses.replace(active_model.grid, delta=delta, areas=self.volume)
+        )
+        if not active_model.settings.regions:
+            return active_model
         mass = self._gathered(masses(self.whole.model, self.whole.sites, self.whole.fine))
-        return MeanDensities(found.grid, found.settings, found.name, mass / self.volume)
+        return MeanDensities(active_model.grid, active_model.settings, active_model.name, mass / self.volume)
 
     def place(self, state: State) -> State:
         """The state itself: its arrays are those of all nodes."""
@@ -166,7 +168,7 @@ class SpaceHybrid:
 
     def _sum_and_break(self, state: State, step: int, dt: float) -> None:
         zone, density = self._zone, self._density
-        found: list[tuple[int, NDArray[np.int64]]] = []
+        broken_by_tile: list[tuple[int, NDArray[np.int64]]] = []
         room = ROOM * ROW * len(zone.tiles.offsets)
 
         def work(first: int, last: int) -> None:
@@ -176,10 +178,10 @@ class SpaceHybrid:
                 of_state = state.rate, dt, step > 0, density, state.dissipated
                 first = sum_tiles(zone.tiles, zone.u, *of_state, breaks, first, last)
                 if breaks.used[0]:
-                    found.append((begin, breaks.ends[: breaks.used[0]].astype(np.int64)))
+                    broken_by_tile.append((begin, breaks.ends[: breaks.used[0]].astype(np.int64)))
 
         share(work, len(zone.tiles.kind), self._threads)
-        for _, ends in sorted(found, key=lambda one: one[0]):
+        for _, ends in sorted(broken_by_tile, key=lambda one: one[0]):
             source, target = ends.T
             self._clear(source, target)
             self._new.append(Broken(np.full(len(source), step, dtype=np.int64), source, target))
@@ -203,11 +205,11 @@ class SpaceHybrid:
         self._place(state.value)
         zone, density, force = self._zone, self._density, self._force
         force[:], density[:] = 0, 0
-        for tiles, u, out, some in (
+        for tiles, u, out, site_mask in (
             (zone.tiles, zone.u, density, near(box, new, reach + 2)),
             (zone.springs, zone.u_coarse, force, np.ones(len(zone.springs.node), dtype=np.bool_)),
         ):
-            sum_some(tiles, u, state.rate, out, state.dissipated, some)
+            sum_some(tiles, u, state.rate, out, state.dissipated, site_mask)
         self._add_pieces(state.value, force)
         return density[: len(self.sites)] + force / self.volume[:, None], which
 
@@ -226,32 +228,34 @@ class SpaceHybrid:
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Strain energy densities (n,), J/m^3, and zeros: no bond softens."""
-        every, above = (np.ones(len(each), dtype=np.bool_) for each in (self._zone.kind, self._zone.springs.node))
+        every, above = (
+            np.ones(len(site_values), dtype=np.bool_) for site_values in (self._zone.kind, self._zone.springs.node)
+        )
         return self._held(state, every, above), np.zeros(len(self.sites))
 
     def held_around(self, state: State, new: NDArray[np.int64]) -> NDArray[np.float64]:
         """Strain energy densities (n,), J/m^3, without bonds that are as they were before the cells `new` (k, 3) became
         fine."""
         box = self.whole.fine.box
-        some, above = near(box, new, self.whole.fine.reach - 1), np.zeros(len(self._zone.springs.node), np.bool_)
+        site_mask, above = near(box, new, self.whole.fine.reach - 1), np.zeros(len(self._zone.springs.node), np.bool_)
         for corner in np.ndindex(2, 2, 2):
             x, y, z = (new + np.array(corner)).T
             above[(z * (box.cy + 1) + y) * (box.cx + 1) + x] = True
-        return self._held(state, some, above)
+        return self._held(state, site_mask, above)
 
-    def _held(self, state: State, some: NDArray[np.bool_], above: NDArray[np.bool_]) -> NDArray[np.float64]:
-        """Strain energy densities (n,), J/m^3, of bonds, springs and pieces from `some` (sites,) fine nodes, or coarse
-        ones `above` (sites,), and others in their tiles."""
+    def _held(self, state: State, site_mask: NDArray[np.bool_], above: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """Strain energy densities (n,), J/m^3, of bonds, springs and pieces from fine nodes of
+        `site_mask` (sites,), or coarse ones of `above` (sites,), and others in their tiles."""
         self._place(state.value)
-        zone, nodes, held = self._zone, len(self.sites), np.zeros(len(self.sites))
-        own, nothing = np.zeros((2, len(self._density)))
-        hold_some(zone.tiles, zone.u, own, nothing, some)
+        zone, nodes, node_energy = self._zone, len(self.sites), np.zeros(len(self.sites))
+        bond_density, nothing = np.zeros((2, len(self._density)))
+        hold_some(zone.tiles, zone.u, bond_density, nothing, site_mask)
         coarse_springs.hold_springs(
-            zone.springs, zone.u_coarse, held, np.flatnonzero(above.reshape(-1, ROW).any(axis=1))
+            zone.springs, zone.u_coarse, node_energy, np.flatnonzero(above.reshape(-1, ROW).any(axis=1))
         )
-        pieces.hold_pieces(state.value, self._pieces, some, held)
-        pieces.pass_on(own[nodes:, None], self._on, self._w, self._border_volume, held[:, None])
-        return held / self.volume + own[:nodes]
+        pieces.hold_pieces(state.value, self._pieces, site_mask, node_energy)
+        pieces.pass_on(bond_density[nodes:, None], self._on, self._w, self._border_volume, node_energy[:, None])
+        return node_energy / self.volume + bond_density[:nodes]
 
     def fields(self, state: State) -> dict[str, NDArray[np.float64]]:
         """Empty: bonds store no fields beside the displacements."""
@@ -266,19 +270,19 @@ class SpaceHybrid:
         from pdsolve.adaptivity.hybrid.space.tangent import tangent_of  # few runs need it
 
         zone, nodes, border = self._zone, len(self.sites), len(self._border)
-        whole, margin = self.whole, self.whole.sites.margin
+        full_model, margin = self.whole, self.whole.sites.margin
         every = (margin + np.append(self.sites, self._border)).astype(np.int32)
-        sites = whole.sites._replace(site=every, node=zone.tiles.node)
-        at = whole.springs_at
+        sites = full_model.sites._replace(site=every, node=zone.tiles.node)
+        at = full_model.springs_at
         above = at._replace(site=np.full(nodes, at.margin, dtype=np.int32), node=zone.springs.node)
         above.site[self._coarse] = self._coarse_sites
-        found = self._pieces
-        of_pieces = pieces.listed(found)
+        piece_springs = self._pieces
+        of_pieces = pieces.listed(piece_springs)
         free = np.append(self._free, nodes + np.arange(border))
         linked = Linked(
             self.volume,
             (self._on, self._w),
-            (found.rows, found.w),
+            (piece_springs.rows, piece_springs.w),
             of_pieces.ends,
             (zone.tiles, sites, free, np.append(self.volume, self._border_volume), False),
             (zone.springs, above, self._coarse, np.ones(nodes), True),
@@ -297,13 +301,13 @@ class SpaceHybrid:
         low, high = np.searchsorted(self._coarse, [first, last])
         rows, above = self._coarse[low:high], self._coarse_sites[low:high] - self.whole.springs_at.margin
         with self._breaking:
-            found = [listed(sites, np.arange(first, last), self._row, zone.tiles)]
-            _, gone, lost = self.broken()
-        found.append(listed(above, rows, zone.springs.node, zone.springs))
+            bond_lists = [listed(sites, np.arange(first, last), self._row, zone.tiles)]
+            _, broken_source, broken_target = self.broken()
+        bond_lists.append(listed(above, rows, zone.springs.node, zone.springs))
         if start:
-            own = (gone >= first) & (gone < last)
-            found.append((gone[own], lost[own]))
-        source, target = (np.concatenate(ends) for ends in zip(*found, strict=True))
+            in_range = (broken_source >= first) & (broken_source < last)
+            bond_lists.append((broken_source[in_range], broken_target[in_range]))
+        source, target = (np.concatenate(ends) for ends in zip(*bond_lists, strict=True))
         order = np.lexsort((target, source))
         return source[order], target[order]
 
@@ -312,14 +316,16 @@ class SpaceHybrid:
         """Volumes (n,), and numbers of bonds at the start, with and without those cut by pre-cracks."""
         return self._counted(np.ones(len(self.sites), dtype=np.bool_), np.zeros(len(self.sites), dtype=np.int64))
 
-    def _counted(self, some: NDArray[np.bool_], before: NDArray[np.int64]) -> Counted:
-        """Volumes (n,) and numbers of bonds at the start; `before` (n,) of those that are not `some` (n,)."""
+    def _counted(self, changed: NDArray[np.bool_], before: NDArray[np.int64]) -> Counted:
+        """Volumes (n,) and numbers of bonds at the start; `before` (n,) of those that are not `changed` (n,)."""
         zone, springs, count = self._zone, self._zone.springs, before
         with self._breaking:
-            count[some] = arrangement.count_bonds(self.sites[some], self._row, zone.tiles.offsets, zone.tiles.bits)
+            count[changed] = arrangement.count_bonds(
+                self.sites[changed], self._row, zone.tiles.offsets, zone.tiles.bits
+            )
             source = self.broken().source
-            count += np.bincount(source[some[source]], minlength=len(count))
-        fresh = some[self._coarse]
+            count += np.bincount(source[changed[source]], minlength=len(count))
+        fresh = changed[self._coarse]
         above = self._coarse_sites[fresh] - self.whole.springs_at.margin
         count[self._coarse[fresh]] += arrangement.count_bonds(above, springs.node, springs.offsets, springs.bits)
         family = count.copy()
@@ -341,7 +347,7 @@ class SpaceHybrid:
             source = np.concatenate([of.source, *(self.sites[new.source] for new in self._new)])
             target = np.concatenate([of.target, *(self.sites[new.target] for new in self._new)])
             self.history, self._new = of._replace(step=step, source=source, target=target), []
-            ends = (self._row[each].astype(np.int64) for each in (self.history.source, self.history.target))
+            ends = (self._row[rows].astype(np.int64) for rows in (self.history.source, self.history.target))
             self._known = Broken(self.history.step, *ends)
 
     def zone_summary(self) -> ZoneSummary:
@@ -358,10 +364,10 @@ class SpaceHybrid:
         self._place(state.value)
         zone, box, fine = self._zone, self.whole.fine.box, self.whole.fine
         sites = np.unique(self.sites[self.broken(since).source])
-        found = np.zeros(26 * max(len(self._coarse), 1), dtype=np.int64)
-        held = fine.tiles.held[self.rows]
-        count = coarse_springs.hot_nodes(box, zone.springs, held, zone.u_coarse, self.whole.hot, found)
-        sites = np.unique(np.concatenate([sites, found[:count]]))
+        hot_sites = np.zeros(26 * max(len(self._coarse), 1), dtype=np.int64)
+        unbreakable = fine.tiles.held[self.rows]
+        count = coarse_springs.hot_nodes(box, zone.springs, unbreakable, zone.u_coarse, self.whole.hot, hot_sites)
+        sites = np.unique(np.concatenate([sites, hot_sites[:count]]))
         new = np.zeros((np.count_nonzero(zone.cells == COARSE), 3), dtype=np.int64)
         count = mark_balls(box, zone.cells, places(box, sites), AHEAD, new)
         return new[:count]
@@ -371,13 +377,13 @@ class SpaceHybrid:
         self.broken()
         after = SpaceHybrid(self.whole, arranged(self.whole, self._zone, new), self.history, self._threads)
         row = self._row[after.sites]
-        some = (row < 0) | near(self.whole.fine.box, new, self.whole.fine.reach + 1)[after.sites]
-        after.counted = after._counted(some, np.where(some, 0, self.counted.bonds[row]))
+        changed = (row < 0) | near(self.whole.fine.box, new, self.whole.fine.reach + 1)[after.sites]
+        after.counted = after._counted(changed, np.where(changed, 0, self.counted.bonds[row]))
         return after
 
-    def restored(self, kept: Kept) -> SpaceHybrid:
+    def restored(self, checkpoint: Kept) -> SpaceHybrid:
         """The operator of a checkpoint's cells, some of which have become fine. Raises CheckpointError."""
-        cells = like(kept, "cells", self._zone.cells)
+        cells = like(checkpoint, "cells", self._zone.cells)
         new = (self._zone.cells == COARSE) & (cells == FINE)
         if not ((cells == self._zone.cells) | new).all():
             raise CheckpointError("cells are not those of the start; coarse ones may only become fine")
@@ -388,10 +394,10 @@ class SpaceHybrid:
 
     def moved(self, which: NDArray[np.int64], values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Values (k, 3) of rows of the grid `which` (k,), interpolated from those of the nodes here (n, 3)."""
-        found, scratch = np.zeros((len(which), 3)), (np.zeros(8, np.int64), np.zeros(8))
+        grid_values, scratch = np.zeros((len(which), 3)), (np.zeros(8, np.int64), np.zeros(8))
         sites = self.whole.sites.site[which].astype(np.int64) - self.whole.sites.margin
-        arrangement.interpolate(self.whole.fine.box, scratch, self._row, values, sites, found)
-        return found
+        arrangement.interpolate(self.whole.fine.box, scratch, self._row, values, sites, grid_values)
+        return grid_values
 
     def row_of_grid(self, which: NDArray[np.int64]) -> NDArray[np.int64]:
         """Rows (k,) of the rows of the grid `which`, -1 for nodes that are none now."""
@@ -401,7 +407,7 @@ class SpaceHybrid:
         """Rows (k, 8) of the nodes that move rows of the grid `which` (k,), and their shares."""
         margin = self.whole.sites.margin
         sites, box = self.whole.sites.site[which] - margin, self.whole.fine.box
-        own, at = self._row[sites], places(box, sites)
+        node_rows, at = self._row[sites], places(box, sites)
         rows, w = np.zeros((len(which), 8), np.int64), np.zeros((len(which), 8))
         for number, corner in enumerate(np.ndindex(2, 2, 2)):
             step = np.array(corner)
@@ -409,8 +415,8 @@ class SpaceHybrid:
             end = np.minimum(at - at % 2 + 2 * step, np.array([box.sx, box.sy, box.sz]) - 1)
             rows[:, number] = self._row[(end[:, 2] * box.sy + end[:, 1]) * box.sx + end[:, 0]]
             w[:, number] = part
-        known = own >= 0
-        rows[known], w[known] = own[known, None], np.eye(8)[0]
+        is_node = node_rows >= 0
+        rows[is_node], w[is_node] = node_rows[is_node, None], np.eye(8)[0]
         rows[w == 0] = 0
         return rows, w
 
@@ -424,15 +430,15 @@ class SpaceHybrid:
         books = np.array([self.history.made, self.history.largest])
         return {"cells": self._zone.cells.copy(), "zone_books": books}
 
-    def back(self, kept: Kept, broken: Broken) -> None:
+    def back(self, checkpoint: Kept, broken: Broken) -> None:
         """Restore the broken bonds and the books of a checkpoint of these cells."""
-        if not np.array_equal(like(kept, "cells", self._zone.cells), self._zone.cells):
+        if not np.array_equal(like(checkpoint, "cells", self._zone.cells), self._zone.cells):
             raise CheckpointError("cells are not those of the nodes")
-        made, largest = entry(kept, "zone_books", (2,), float).tolist()
+        energy_created, largest = entry(checkpoint, "zone_books", (2,), float).tolist()
         layout.cleared(self._lattice, broken.source, broken.target, self._zone.tiles.bits)
         self._clear(broken.source, broken.target)
-        source, target = (self.sites[each] for each in (broken.source, broken.target))
-        self.history = History(broken.step.astype(np.int64), source, target, made, largest)
+        source, target = (self.sites[rows] for rows in (broken.source, broken.target))
+        self.history = History(broken.step.astype(np.int64), source, target, energy_created, largest)
 
     def bytes(self) -> int:
         """The memory of all arrays, bytes."""

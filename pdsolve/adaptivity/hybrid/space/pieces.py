@@ -81,16 +81,18 @@ def linked(fine: Fine, kind: NDArray[np.uint8], row: NDArray[np.int32], of: Piec
             np.empty(half, np.int64),
         )
         entries = TOGETHER * groups
-        found = Groups(*np.empty((2, groups), np.int32), *np.empty((2, entries), np.int32), *np.empty((2, entries)))
-        points, used = group(fine, of, numbers, found)
+        group_arrays = Groups(
+            *np.empty((2, groups), np.int32), *np.empty((2, entries), np.int32), *np.empty((2, entries))
+        )
+        points, used = group(fine, of, numbers, group_arrays)
         if points >= 0:
             break
         size *= 2
     carry = carried(fine, kind, numbers.place[:points])
     u, force = (aligned(np.zeros((points, 4))) for _ in range(2))
-    of_groups = found.site[:used], found.near[:used]
-    far, direction = found.far[: TOGETHER * used], found.direction[: TOGETHER * used]
-    k, breaks = found.k[: TOGETHER * used], found.breaks[: TOGETHER * used]
+    of_groups = group_arrays.site[:used], group_arrays.near[:used]
+    far, direction = group_arrays.far[: TOGETHER * used], group_arrays.direction[: TOGETHER * used]
+    k, breaks = group_arrays.k[: TOGETHER * used], group_arrays.breaks[: TOGETHER * used]
     ends = *of_groups, far, direction, fine.xi, k, breaks
     return PieceSprings(carry.number, row[carry.site], carry.w, *ends, u, force, np.zeros(TOGETHER))
 
@@ -105,19 +107,19 @@ class Listed(NamedTuple):
 
 def listed(springs: PieceSprings) -> Listed:
     """The springs with a stiffness."""
-    some = springs.k > 0
+    is_stiff = springs.k > 0
     ends = np.column_stack([np.repeat(springs.near, TOGETHER), springs.far])
-    return Listed(ends[some], springs.xi[springs.direction[some], :3], springs.k[some])
+    return Listed(ends[is_stiff], springs.xi[springs.direction[is_stiff], :3], springs.k[is_stiff])
 
 
 @cached_njit(error_model="numpy")
-def group(fine, pieces, numbers, found):  # type: ignore[no-untyped-def]
+def group(fine, pieces, numbers, group_arrays):  # type: ignore[no-untyped-def]
     """Put pieces into groups; the numbers of points and of groups, or -1 if there are more points than numbers."""
     count, m, run, i, unit = 0, 0, -1, 0, fine.divisions.unit
     for n in range(len(pieces.near)):
         place = pieces.near[n]
         if n == 0 or place != pieces.near[n - 1]:
-            m = _filled(found, m, i)
+            m = _filled(group_arrays, m, i)
             i, count = _number(numbers, place, count)
             run += 1
         j, count = _number(numbers, pieces.far[n], count)
@@ -125,25 +127,25 @@ def group(fine, pieces, numbers, found):  # type: ignore[no-untyped-def]
             return -1, 0
         if numbers.run[j] == run:
             at = numbers.at[j]
-            found.k[at] += pieces.k[n]
-            found.breaks[at] = max(found.breaks[at], pieces.breaks[n])
+            group_arrays.k[at] += pieces.k[n]
+            group_arrays.breaks[at] = max(group_arrays.breaks[at], pieces.breaks[n])
             continue
         if m % TOGETHER == 0:
-            found.near[m // TOGETHER] = i
+            group_arrays.near[m // TOGETHER] = i
             x, y, z = at_place(fine.box, unit, place)
-            found.site[m // TOGETHER] = fine_site(fine.box, x // unit, y // unit, z // unit)
+            group_arrays.site[m // TOGETHER] = fine_site(fine.box, x // unit, y // unit, z // unit)
         numbers.run[j], numbers.at[j] = run, m
-        found.far[m], found.direction[m] = j, fine.direction[pieces.kind[n]]
-        found.k[m], found.breaks[m] = pieces.k[n], pieces.breaks[n]
+        group_arrays.far[m], group_arrays.direction[m] = j, fine.direction[pieces.kind[n]]
+        group_arrays.k[m], group_arrays.breaks[m] = pieces.k[n], pieces.breaks[n]
         m += 1
-    return count, _filled(found, m, i) // TOGETHER
+    return count, _filled(group_arrays, m, i) // TOGETHER
 
 
 @njit(**INNER)
-def _filled(found, m, i):  # type: ignore[no-untyped-def]
+def _filled(group_arrays, m, i):  # type: ignore[no-untyped-def]
     """Fill the last group with springs without stiffness; the entries used then."""
     while m % TOGETHER:
-        found.far[m], found.direction[m], found.k[m], found.breaks[m] = i, 0, 0.0, 0.0
+        group_arrays.far[m], group_arrays.direction[m], group_arrays.k[m], group_arrays.breaks[m] = i, 0, 0.0, 0.0
         m += 1
     return m
 
@@ -195,26 +197,26 @@ def _put_points(value, pieces):  # type: ignore[no-untyped-def]
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def hold_pieces(value, pieces, some, held):  # type: ignore[no-untyped-def]
-    """Add the energies of pieces, J, to `held` (n,), half to each end; of those with their near ends at `some` (sites,)
-    fine sites alone."""
+def hold_pieces(value, pieces, site_mask, node_energy):  # type: ignore[no-untyped-def]
+    """Add the energies of pieces, J, to `node_energy` (n,), half to each end; of those with their near ends at fine
+    sites of `site_mask` (sites,) alone."""
     _put_points(value, pieces)
     energy, u = pieces.force, pieces.u
     energy[:] = 0
     for n in range(len(pieces.k)):
         i, j, row, e = pieces.near[n // TOGETHER], pieces.far[n], pieces.xi[pieces.direction[n]], 0.0
-        if not some[pieces.site[n // TOGETHER]] or pieces.k[n] == 0:
+        if not site_mask[pieces.site[n // TOGETHER]] or pieces.k[n] == 0:
             continue
         for axis in range(3):
             eta = u[j, axis] - u[i, axis]
             e += row[3] * eta * (2 * row[axis] + eta)
         stretch = e / (np.sqrt(1 + e) + 1)
-        found = pieces.k[n] / row[3] * stretch * stretch / 4
-        energy[i, 0] += found
-        energy[j, 0] += found
+        end_energy = pieces.k[n] / row[3] * stretch * stretch / 4
+        energy[i, 0] += end_energy
+        energy[j, 0] += end_energy
     for q in range(len(pieces.number)):
         for m in range(pieces.number[q]):
-            held[pieces.rows[q, m]] += pieces.w[q, m] * energy[q, 0]
+            node_energy[pieces.rows[q, m]] += pieces.w[q, m] * energy[q, 0]
 
 
 @cached_njit(nogil=True)
@@ -230,10 +232,10 @@ def follow(sites, rows, w, value, u):  # type: ignore[no-untyped-def]
     """Displacements of the nodes on the border (b,) to their sites of u (3, m), from those of nodes `rows` (b, 4)."""
     for n in range(len(sites)):
         for axis in range(3):
-            found = 0.0
+            displacement = 0.0
             for m in range(ENDS):
-                found += w[n, m] * value[rows[n, m], axis]
-            u[axis, sites[n]] = found
+                displacement += w[n, m] * value[rows[n, m], axis]
+            u[axis, sites[n]] = displacement
 
 
 @cached_njit(nogil=True)

@@ -38,26 +38,28 @@ CUBE = 8  # cells along the side of the block in which tau is found
 def body_of(model: Model, options: Options, threads: int) -> SpaceHybrid:
     """The operator at the start. Raises ModelError for a body that the method does not support."""
     for place, expected in (("mode", "conservative"), ("precision", "float64")):
-        found = getattr(options, place)
-        if found != expected:
-            raise refused(model, place, found, expected)
-    made = tiled(model, np.float64)
-    if made is None:
+        actual = getattr(options, place)
+        if actual != expected:
+            raise refused(model, place, actual, expected)
+    tiling = tiled(model, np.float64)
+    if tiling is None:
         raise refused(model, "$.nodes", "on nodes that fit no tiles", "one cubic lattice, more than two horizons long")
-    law, h = law_of(model), made.sites.spacing
-    whole = whole_of(model, made.sites, made.tiles)._replace(cut=made.counted.family - made.counted.bonds)
-    box, tiles = whole.fine.box, made.tiles
-    _expect_numbers(model, whole.fine)
+    law, h = law_of(model), tiling.sites.spacing
+    full_model = whole_of(model, tiling.sites, tiling.tiles)._replace(cut=tiling.counted.family - tiling.counted.bonds)
+    box, tiles = full_model.fine.box, tiling.tiles
+    _expect_numbers(model, full_model.fine)
     shape = box.sz, box.sy, box.sx
     count, first = int(np.prod(shape)), model.grid.position.min(axis=0)
-    volume = tiles.cells[VOLUME][made.sites.margin :][:count].reshape(shape)
+    volume = tiles.cells[VOLUME][tiling.sites.margin :][:count].reshape(shape)
     cracks = (model.grid.cracks.reshape(-1, 3, 3) - first) / h
-    moved = between(model, box, made.sites.site.astype(np.int64) - made.sites.margin, tiles.node)
-    cells = cells_at_start(box, volume, tiles.node[:count].reshape(shape) >= 0, whole.fine.reach, cracks, moved)
-    resistance = float((made.stiffness_bound / model.rho).max()) / SEAM
+    unfit_nodes = between(model, box, tiling.sites.site.astype(np.int64) - tiling.sites.margin, tiles.node)
+    cells = cells_at_start(
+        box, volume, tiles.node[:count].reshape(shape) >= 0, full_model.fine.reach, cracks, unfit_nodes
+    )
+    resistance = float((tiling.stiffness_bound / model.rho).max()) / SEAM
     driven = drive(model, model.grid.cells, True, np.float64)
-    whole = whole._replace(resistance=resistance, solid=int(np.count_nonzero(cells != VOID)), driven=driven)
-    return operator_on(law, whole, cells, tau_of(law, tiles.table, h), threads)
+    full_model = full_model._replace(resistance=resistance, solid=int(np.count_nonzero(cells != VOID)), driven=driven)
+    return operator_on(law, full_model, cells, tau_of(law, tiles.table, h), threads)
 
 
 def _expect_numbers(model: Model, fine: Fine) -> None:
@@ -67,13 +69,13 @@ def _expect_numbers(model: Model, fine: Fine) -> None:
         raise refused(model, "$.horizon.ratio", f"{fine.reach} spacings", f"fewer in a lattice of {nodes} places")
 
 
-def operator_on(law: Law, whole: Whole, cells: NDArray[np.uint8], tau: float, threads: int = 1) -> SpaceHybrid:
+def operator_on(law: Law, full_model: Whole, cells: NDArray[np.uint8], tau: float, threads: int = 1) -> SpaceHybrid:
     """The operator of these cells (c,)."""
     bind(law)
-    elastic = coarse_springs.elastic_of(whole.fine.tiles.table)
-    strength = coarse_springs.stiffnesses(elastic, tau, whole.sites.spacing)
-    springs = coarse_springs.tiles_of(law, whole.springs_at, strength)
-    return SpaceHybrid(whole, begun(whole, cells, springs), NOTHING, threads)
+    elastic = coarse_springs.elastic_of(full_model.fine.tiles.table)
+    strength = coarse_springs.stiffnesses(elastic, tau, full_model.sites.spacing)
+    springs = coarse_springs.tiles_of(law, full_model.springs_at, strength)
+    return SpaceHybrid(full_model, begun(full_model, cells, springs), NOTHING, threads)
 
 
 def whole_of(model: Model | None, sites: Sites, tiles: Tiles) -> Whole:
@@ -90,7 +92,7 @@ def whole_of(model: Model | None, sites: Sites, tiles: Tiles) -> Whole:
 
 def full_block(law: Law, table: NDArray[np.floating], h: float, cells: tuple[int, int, int]) -> Whole:
     """A block of so many cells along each axis, all of whose bonds are those of a full lattice; see `Tiles.table`."""
-    x, y, z = (2 * each + 1 for each in cells)
+    x, y, z = (2 * cell_count + 1 for cell_count in cells)
     ways, count, stride = np.rint(table[:, :3] / h).astype(np.int64), x * y * z, np.array([1, x, x * y])
     node = np.full(-(-count // ROW) * ROW, -1, dtype=np.int32)
     node[:count] = np.arange(count)
@@ -106,15 +108,15 @@ def full_block(law: Law, table: NDArray[np.floating], h: float, cells: tuple[int
 def tau_of(law: Law, table: NDArray[np.floating], h: float) -> float:
     """The force on the vertex of a fine cube in a sheared block of coarse cells without body diagonals, over
     C11 h^2 gamma."""
-    whole, half = full_block(law, table, h, (CUBE, CUBE, CUBE)), CUBE // 2
+    full_model, half = full_block(law, table, h, (CUBE, CUBE, CUBE)), CUBE // 2
     cells, nodes = np.zeros((CUBE,) * 3, dtype=np.uint8), 2 * CUBE + 1
     cells[half:, half:, half:] = FINE
-    cells = np.pad(cells, whole.fine.box.pad, constant_values=VOID)
-    found = operator_on(law, whole, cells.ravel(), 0.0)
+    cells = np.pad(cells, full_model.fine.box.pad, constant_values=VOID)
+    operator = operator_on(law, full_model, cells.ravel(), 0.0)
     vertex = CUBE * (1 + nodes + nodes**2)
-    value, row = np.zeros((len(found.sites), 3)), np.searchsorted(found.sites, vertex)
-    value[:, 1] = SHEAR * h * (found.sites // nodes**2)
-    force = (found.forces(value) - found.forces(-value))[row, 0] / 2  # without what is quadratic in the shear
+    value, row = np.zeros((len(operator.sites), 3)), np.searchsorted(operator.sites, vertex)
+    value[:, 1] = SHEAR * h * (operator.sites // nodes**2)
+    force = (operator.forces(value) - operator.forces(-value))[row, 0] / 2  # without what is quadratic in the shear
     return abs(float(force)) / (coarse_springs.elastic_of(table).c11 * h**2 * SHEAR)
 
 
@@ -125,22 +127,28 @@ def drive_of_nodes(operator: SpaceHybrid, time: float) -> Drive:
     assert model is not None
     holds, loads, cells = every.holds, every.loads, model.grid.cells
     row = operator.row_of_grid(holds.node)
-    some = row >= 0
-    held = Entries(row[some], holds.axis[some], holds.value[some], holds.profile[some], holds.kind[some])
+    is_node = row >= 0
+    node_holds = Entries(
+        row[is_node], holds.axis[is_node], holds.value[is_node], holds.profile[is_node], holds.kind[is_node]
+    )
     acting = loads.value != 0
     rows, w = operator.spread(loads.node[acting])
     force = (w * (loads.value * cells[loads.node])[acting, None]).ravel()
-    each = [np.repeat(column[acting], rows.shape[1]) for column in (loads.profile, loads.axis)]
-    key = np.column_stack([*each, rows.ravel()])
+    columns = [np.repeat(column[acting], rows.shape[1]) for column in (loads.profile, loads.axis)]
+    key = np.column_stack([*columns, rows.ravel()])
     key, force = key[force != 0], force[force != 0]
     which, at = np.unique(key, axis=0, return_inverse=True)
     sums = np.bincount(at.ravel(), force, minlength=len(which)) if len(which) else np.zeros(0)
     profile, axis, node = which.T.astype(np.int64)
     loaded = Entries(node, axis, sums / operator.volume[node], profile, np.zeros(len(node), dtype=np.int64))
     shape = len(operator.volume), operator.unknowns[0].width
-    found = drive_of([], [], [], shape)._replace(profiles=every.profiles, loads=loaded, holds=held, varies=every.varies)
-    found = found._replace(held_force=np.zeros(len(held.node)), held_speed=np.zeros(len(held.node)))
-    put_loads(found, time)
-    found.before[:] = found.force
-    found.held_force[:] = found.force[held.node, held.axis]
-    return found
+    node_drive = drive_of([], [], [], shape)._replace(
+        profiles=every.profiles, loads=loaded, holds=node_holds, varies=every.varies
+    )
+    node_drive = node_drive._replace(
+        held_force=np.zeros(len(node_holds.node)), held_speed=np.zeros(len(node_holds.node))
+    )
+    put_loads(node_drive, time)
+    node_drive.before[:] = node_drive.force
+    node_drive.held_force[:] = node_drive.force[node_holds.node, node_holds.axis]
+    return node_drive

@@ -24,23 +24,23 @@ def between(model: Model, box: Box, site: NDArray[np.int64], node: NDArray[np.in
     A held node may hang between held ones alone; initial velocities, and what is prescribed, are to be linear between
     coarse nodes. `site` (n,) is where the rows of the grid are, `node` (sites,) the row at each site or -1.
     """
-    found = [np.zeros(0, dtype=np.int64)]
+    unfit_rows = [np.zeros(0, dtype=np.int64)]
     for condition in model.settings.conditions:
         if isinstance(condition, Displacement | Velocity):
-            rows, held = model.selected(condition), np.zeros((len(site), 1))
-            held[rows] = 1.0
-            found.append(rows[_mean(held, rows, box, site, node)[:, 0] < 1.0])
-            given = [value or 0.0 for value in components(condition, 3)]
-            if any(map(is_of_place, given)):
+            rows, is_constrained = model.selected(condition), np.zeros((len(site), 1))
+            is_constrained[rows] = 1.0
+            unfit_rows.append(rows[_mean(is_constrained, rows, box, site, node)[:, 0] < 1.0])
+            prescribed_values = [value or 0.0 for value in components(condition, 3)]
+            if any(map(is_of_place, prescribed_values)):
                 values = np.zeros((len(site), 3))
-                values[rows] = model.vectors(given, rows)
+                values[rows] = model.vectors(prescribed_values, rows)
                 away = np.abs(_mean(values, rows, box, site, node) - values[rows]).max(axis=1)
-                found.append(rows[away > SAME * np.abs(values).max()])
+                unfit_rows.append(rows[away > SAME * np.abs(values).max()])
     if any(isinstance(condition, InitialVelocity) for condition in model.settings.conditions):
         velocity, rows = initial_velocity(model), np.arange(len(site))
         away = np.abs(_mean(velocity, rows, box, site, node) - velocity).max(axis=1)
-        found.append(rows[away > SAME * np.abs(velocity).max()])
-    return places(box, site[np.unique(np.concatenate(found))])
+        unfit_rows.append(rows[away > SAME * np.abs(velocity).max()])
+    return places(box, site[np.unique(np.concatenate(unfit_rows))])
 
 
 def _mean(
@@ -51,11 +51,11 @@ def _mean(
     A node that is not there counts as one that moves likewise.
     """
     at, sides = places(box, site[rows]), np.array([box.sx, box.sy, box.sz])
-    found = np.zeros((len(rows), values.shape[1]))
+    mean = np.zeros((len(rows), values.shape[1]))
     for signs in product((-1, 1), repeat=3):
         end = at + np.array(signs) * (at % 2)
         inside = np.where(end < sides, end, at)
-        other = node[(inside[:, 2] * box.sy + inside[:, 1]) * box.sx + inside[:, 0]]
-        there = (end < sides).all(axis=1) & (other >= 0)
-        found += values[np.where(there, other, rows)] / 8
-    return found
+        neighbour = node[(inside[:, 2] * box.sy + inside[:, 1]) * box.sx + inside[:, 0]]
+        has_neighbour = (end < sides).all(axis=1) & (neighbour >= 0)
+        mean += values[np.where(has_neighbour, neighbour, rows)] / 8
+    return mean

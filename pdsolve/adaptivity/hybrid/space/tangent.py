@@ -26,15 +26,15 @@ def tangent_of(linked: Linked, value: NDArray[np.float64]) -> csr_array:
     nodes = len(value)
     points = vstack([eye_array(nodes), *(_moved(rows, w, nodes) for rows, w in (linked.border, linked.points))]).tocsr()
     u, last = points @ value, points.shape[0]
-    found = csr_array((3 * last, 3 * last))
+    matrix = csr_array((3 * last, 3 * last))
     for tiles, sites, rows, volume, share in (linked.bonds, linked.springs):
-        found += _of_tiles(tiles, sites, rows, volume, u, share)
-    one, other = (last - len(linked.points[0]) + linked.ends.astype(np.int64)).T
+        matrix += _of_tiles(tiles, sites, rows, volume, u, share)
+    near, far = (last - len(linked.points[0]) + linked.ends.astype(np.int64)).T
     pull = linked.stiffness * np.sqrt((linked.xi**2).sum(axis=1))
-    for first, second, sign in ((one, other, 1.0), (other, one, -1.0)):
-        found += of_springs(first, second, sign * linked.xi, pull, u)
+    for first, second, sign in ((near, far, 1.0), (far, near, -1.0)):
+        matrix += of_springs(first, second, sign * linked.xi, pull, u)
     tied, density = kron(points, eye_array(3)).tocsr(), diags_array(np.repeat(1 / linked.volume, 3))
-    return (density @ (tied.T @ found @ tied)).tocsr()
+    return (density @ (tied.T @ matrix @ tied)).tocsr()
 
 
 def _moved(rows: NDArray[np.int32], w: NDArray[np.float64], nodes: int) -> csr_array:

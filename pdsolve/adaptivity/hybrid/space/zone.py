@@ -21,58 +21,58 @@ FLANKS = 8  # h: cells this near to the faces of a pre-crack are fine: none of t
 def cells_at_start(
     box: Box,
     volume: NDArray[np.float64],
-    there: NDArray[np.bool_],
+    has_node: NDArray[np.bool_],
     reach: int,
     cracks: NDArray[np.float64],
-    moved: NDArray[np.int64],
+    unfit_nodes: NDArray[np.int64],
 ) -> NDArray[np.uint8]:
-    """Initial cells (c,): fine around pre-cracks, where a surface cuts cells and beside the fine nodes `moved` (k, 3),
-    coarse elsewhere.
+    """Initial cells (c,): fine around pre-cracks, where a surface cuts cells and beside the fine nodes `unfit_nodes`
+    (k, 3), coarse elsewhere.
 
-    `volume` and `there` (z, y, x) are of fine nodes: cells over h^3, and whether there is one. `cracks` (t, 3, 3) are
-    triangles in spacings from the first node. A face along cells cuts none, except at re-entrant edges.
+    `volume` and `has_node` (z, y, x) are of fine nodes: cells over h^3, and whether there is one. `cracks` (t, 3, 3)
+    are triangles in spacings from the first node. A face along cells cuts none, except at re-entrant edges.
     """
-    whole = _cubes(there)
-    around = np.zeros(there.shape, dtype=np.int8)
+    full_cubes = _cubes(has_node)
+    around = np.zeros(has_node.shape, dtype=np.int8)
     for side in product((0, 1), repeat=3):
-        around += np.pad(whole, [(1 - s, s) for s in side])
-    odd = there & ((np.abs(volume - around / 8) > SAME) | np.isin(around, (3, 5, 6, 7)))
-    some, good = np.zeros((2, box.cz, box.cy, box.cx), dtype=bool)
+        around += np.pad(full_cubes, [(1 - s, s) for s in side])
+    odd = has_node & ((np.abs(volume - around / 8) > SAME) | np.isin(around, (3, 5, 6, 7)))
+    in_body, good = np.zeros((2, box.cz, box.cy, box.cx), dtype=bool)
     good[:] = True
     wide = [
-        (0, max(0, 2 * count + 1 - side)) for count, side in zip((box.cz, box.cy, box.cx), there.shape, strict=True)
+        (0, max(0, 2 * count + 1 - side)) for count, side in zip((box.cz, box.cy, box.cx), has_node.shape, strict=True)
     ]
-    odd, there = (np.pad(each, wide) for each in (odd, there))
-    solid = np.zeros_like(there)
-    solid[tuple(slice(0, n) for n in whole.shape)] = whole
+    odd, has_node = (np.pad(mask, wide) for mask in (odd, has_node))
+    solid = np.zeros_like(has_node)
+    solid[tuple(slice(0, n) for n in full_cubes.shape)] = full_cubes
     for z, y, x in product(range(3), repeat=3):
-        here = np.s_[z : z + 2 * box.cz - 1 : 2, y : y + 2 * box.cy - 1 : 2, x : x + 2 * box.cx - 1 : 2]
-        some |= odd[here]
-        good &= ~odd[here] & there[here]
+        cell_nodes = np.s_[z : z + 2 * box.cz - 1 : 2, y : y + 2 * box.cy - 1 : 2, x : x + 2 * box.cx - 1 : 2]
+        in_body |= odd[cell_nodes]
+        good &= ~odd[cell_nodes] & has_node[cell_nodes]
         if max(z, y, x) < 2:
-            some |= solid[here]
-            good &= solid[here]
-    cells = np.where(some, FINE, VOID).astype(np.uint8)
+            in_body |= solid[cell_nodes]
+            good &= solid[cell_nodes]
+    cells = np.where(in_body, FINE, VOID).astype(np.uint8)
     cells[good] = COARSE
-    if (some & ~good).any():
+    if (in_body & ~good).any():
         from scipy import ndimage  # takes long to import
 
-        away = 2 * ndimage.distance_transform_edt(~(some & ~good)) - 1
+        away = 2 * ndimage.distance_transform_edt(~(in_body & ~good)) - 1
         cells[(away <= reach + RING) & good] = FINE
     _around_cracks(cells, cracks)
     for side in product((0, 1), repeat=3):
-        z, y, x = ((moved - side) // 2).clip(0, [box.cx - 1, box.cy - 1, box.cz - 1]).T[::-1]
+        z, y, x = ((unfit_nodes - side) // 2).clip(0, [box.cx - 1, box.cy - 1, box.cz - 1]).T[::-1]
         cells[z, y, x] = np.where(cells[z, y, x] == COARSE, FINE, cells[z, y, x])
     return np.pad(cells, box.pad, constant_values=VOID).ravel()
 
 
-def _cubes(there: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _cubes(has_node: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Mask of the cubes between nodes with a node at all eight corners, by their lowest one."""
-    found = there
+    is_full = has_node
     for axis in range(3):
-        low, high = (np.take(found, np.arange(found.shape[axis] - 1) + end, axis=axis) for end in (0, 1))
-        found = low & high
-    return found
+        low, high = (np.take(is_full, np.arange(is_full.shape[axis] - 1) + end, axis=axis) for end in (0, 1))
+        is_full = low & high
+    return is_full
 
 
 def _around_cracks(cells: NDArray[np.uint8], cracks: NDArray[np.float64]) -> None:

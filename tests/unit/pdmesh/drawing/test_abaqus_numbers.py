@@ -84,9 +84,9 @@ def test_an_instance_that_is_turned_first(row: str, tmp_path: Path) -> None:
 
 def test_names_used_twice(tmp_path: Path) -> None:
     again = PARTS.replace("ROW\n", "").replace("*ASSEMBLY", "*PART, NAME=p\n*END PART\n*ASSEMBLY")
-    assert "line 10: *PART: NAME=p twice" in refusal(tmp_path, again)
+    assert "line 10: *PART: NAME=p is used twice" in refusal(tmp_path, again)
     again = PARTS.replace("ROW\n", "").replace("*END ASSEMBLY", "*INSTANCE, NAME=ONE, PART=p\n")
-    assert "line 13: *INSTANCE: NAME=ONE twice" in refusal(tmp_path, again)
+    assert "line 13: *INSTANCE: NAME=ONE is used twice" in refusal(tmp_path, again)
 
 
 # ---- lines

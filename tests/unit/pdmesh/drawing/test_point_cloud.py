@@ -89,7 +89,7 @@ def test_points_on_the_surface_are_inside_the_drawn_one(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("more", "message"),
     [
-        ([("Zones/body/Spacing", "1")], naming("Zones/body/Spacing", expected="none")),
+        ([("Zones/body/Spacing", "1")], naming("Zones/body/Spacing", expected="leave it out")),
         ([("--adapt", "hybrid")], naming("run.adapt", found="hybrid", expected="none")),
     ],
 )

@@ -261,7 +261,7 @@ TOGETHER: dict[str, tuple[Callable[[], Scene | Body], str, str]] = {
     ),
     "a fine zone": (
         lambda: scene().adapt("hybrid"),
-        "$.run.adapt is hybrid",
+        "$.run.adapt (hybrid)",
         "adaptive cells are those of one body alone",
     ),
 }

@@ -143,5 +143,5 @@ def test_regions_have_their_own_stiffness() -> None:
 
 def test_a_model_without_material_is_said() -> None:
     nodes, families = plate(3)
-    with pytest.raises(ResultsError, match=naming("memory", found=("model", "read"))):
+    with pytest.raises(ResultsError, match=naming("memory", found=("model", "missing"))):
         strain.stiffness(results_of(nodes, families, np.zeros((9, 2)), [], {"nodes": []}), 0)
