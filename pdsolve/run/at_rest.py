@@ -51,13 +51,13 @@ def at_rest(model: Model, options: Options, scheme: Scheme, breaks: bool = True)
     driven = drive(model, area, scheme.exact_load, np.float64)
     driven.force[:] = driven.before[:] = driven.held_force[:] = 0  # nothing acts before the first load step
     state = operator.place(zero_state(*driven.force.shape))
+    flows = any(SOLIDS[material.solid].flows for material in model.materials)
     method: Method
     if static.method == "relaxation":
         method = Relaxation(operator, static.tolerance, static.iterations)
     else:
         free, most = driven.force.size - len(driven.holds.node), FACTORED_IN[model.grid.dimension]
         pairs = law.pair is not None and contact is None
-        flows = any(SOLIDS[material.solid].flows for material in model.materials)
         method = Newton(operator, area, static.tolerance, static.iterations, free, most, pairs, flows)
     if contact is not None:
         method = Touching(method, operator, contact)
@@ -74,7 +74,8 @@ def at_rest(model: Model, options: Options, scheme: Scheme, breaks: bool = True)
         system = replace(system, stepper=repeating(model, operator, stepper, breakable, *filled[1:], growth))
     if breaks and follows_arc(model):
         _refuse_size(model, driven)
-        system = replace(system, stepper=ArcLengthSteps(model, operator, driven, area, breaking, **remember))
+        arc = ArcLengthSteps(model, operator, driven, area, breaking, **remember, flows=flows)
+        system = replace(system, stepper=arc)
     if growth is not None and follows_cracks(model):
         system = replace(system, stepper=CrackLengthSteps(model, operator, driven, area, stepper, growth))
     return Prepared(system, state)

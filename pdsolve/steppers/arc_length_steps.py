@@ -60,10 +60,15 @@ class ArcLengthSteps(PathRecords):
         area: Array,
         breaking: Breaking | None,
         remember: Callable[[State], None] = lambda state: None,
+        flows: bool = False,
     ) -> None:
-        """`breaking` knows the limits of bonds, None: there are none; `remember` is called with each equilibrium."""
+        """`breaking` knows the limits of bonds, None: there are none; `remember` is called with each equilibrium.
+
+        The tangent of a solid that `flows` is elastic at an equilibrium that it has reached. Its path goes on in the
+        direction of its last step.
+        """
         super().__init__(model, drive, area)
-        self._operator, self._breaking, self._remember = operator, breaking, remember
+        self._operator, self._breaking, self._remember, self._flows = operator, breaking, remember, flows
         self._free = np.flatnonzero(~self._held.ravel())
         static, shape = model.settings.run.static, self._held.shape
         self._tolerance = max(static.tolerance, COARSEST)
@@ -118,16 +123,21 @@ class ArcLengthSteps(PathRecords):
         last, largest, begins = self._last, self._largest, len(self.rested) <= bool(self._start.any())
         if not self.rested and self._start.any():
             return self._settle(state, last.value, 0.0, step)
-        way = self._way(state)
-        size = norm(way)
+        if self._flows and not begins:
+            way, turned = last.value - self._before.value, last.factor - self._before.factor
+            size = norm(way)
+        else:
+            way = self._way(state)
+            size = norm(way)
+            turned = -1.0 if not begins and (way * (last.value - self._before.value)).sum() < 0 else 1.0
+            way *= turned
         self._most = self._most or size / self._steps
         self._more = self._more or self._most
-        ahead = -1.0 if not begins and (way * (last.value - self._before.value)).sum() < 0 else 1.0
         while True:
-            turn = ahead * self._more / size
-            guess = Path(last.value + turn * way, last.factor + turn, last.spent + self._more)
+            share = self._more / size
+            guess = Path(last.value + share * way, last.factor + share * turned, last.spent + self._more)
             try:
-                new, count, residual = self._found(state, guess, ahead / size * way, step)
+                new, count, residual = self._found(state, guess, 1 / size * way, step)
                 if not norm(new.value - guess.value) < BENT * self._more:
                     raise UnsettledError("the path bends within the shortest step")
                 if new.factor >= 1:

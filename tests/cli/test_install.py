@@ -87,7 +87,7 @@ def test_the_doctor_knows_opencl_devices() -> None:
     found = doctor._devices()
     assert (found.good, found.needed) == (True, False)
     for word in ("opencl:0", "float64", "GB"):
-        assert word in found.found
+        assert word in found.detail
 
 
 BROKEN = {
@@ -107,7 +107,7 @@ def test_the_doctor_says_why_there_are_no_devices(here: Path, how: str, monkeypa
     monkeypatch.setenv("PYTHONPATH", str(here / "blocked"))
     found = doctor._devices()
     assert (found.good, found.needed) == (False, False)
-    assert word in found.found
+    assert word in found.detail
     assert "--device opencl" in doctor.lines([found])[0]
 
 
@@ -119,7 +119,7 @@ def test_a_library_that_cannot_be_loaded_is_told_from_one_that_is_not_there(
     Path("blocked/gmsh.py").write_text("raise OSError('libGLU.so.1: cannot open shared object file')")
     monkeypatch.setenv("PYTHONPATH", str(here / "blocked"))
     found = doctor._gmsh()
-    assert mentions(found.found, "OSError", "libGLU.so.1")
+    assert mentions(found.detail, "OSError", "libGLU.so.1")
     assert mentions(found.cure, "apt-get install libgl1")
 
 

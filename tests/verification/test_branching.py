@@ -85,14 +85,13 @@ def branched(delta: float, ratio: float, seed: int | None = None, **material: ob
 )
 def test_controls_keep_cracks_in_one_place(control: str, first: float) -> None:
     """Of 1 mm; the first break is an independent program's, and is not chaotic. Without a control, nodes crack where no
-    crack is: measured 0.9 per cent of them (independent: 9.5 of some measure of damage), elsewhere none."""
+    crack is in an independent program (9.5 of some measure of damage); here none do, as torn nodes have no gradient."""
     found = branched(1e-3, 3, control=control)
     assert found.first == pytest.approx(first, abs=0.02)  # measured 6.71, 6.98, 6.85, 6.71
     assert found.mirrored
-    if control == "none":
-        assert found.away > 0.005
-        return
     assert found.away == 0
+    if control == "none":
+        return  # it branches at 50.5 mm already, and ends at 44.7
     assert 60 <= found.branch <= 90  # measured 69.5, 79.5, breitzman-dayal 72.5
     assert 42 <= found.far <= 60  # measured 58.3, 54.2, 54.2
 
