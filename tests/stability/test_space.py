@@ -79,7 +79,7 @@ def test_fronts_near_free_sides(failure: Callable[..., None]) -> None:
     for wide in (4, 8, 16):
         results, area = parted(material, wide, 16)
         cost[wide] = float(results.history()[-1]["dissipated"]) / (material.G0 * area)
-    assert list(cost.values()) == pytest.approx([0.936, 0.952, 0.974], abs=2e-3)
+    assert list(cost.values()) == pytest.approx([0.934, 0.950, 0.972], abs=1e-3)
     far = 2 * cost[16] - cost[8]
     failure(
         fails=f"A crack through blocks 4, 8 and 16 nodes wide costs {', '.join(f'{one:.3f}' for one in cost.values())} "
