@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from pdmesh.lazy_imports import lazily
 
-VERSION = "1.0.0"
+VERSION = "1.1.0"
 
 if TYPE_CHECKING:
     from shapely import box
