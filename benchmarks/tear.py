@@ -39,10 +39,11 @@ over G0 H, at the program's own time step and at shorter ones (`python -m benchm
 
 In the conservative mode a bond that softens or breaks in a step adds the force that makes the work of the step the
 area below its curve. What is left are nodes that slow within a step, while bonds still pull: it is gone with shorter
-steps. A broken bond that also pulls in the next steps, until what is left of its energy is spent, gave 0.995 to 1.000 of
-G0 H in a trial with a list of bonds (20 to 200 m/s, steps of 1.5 to 0.25 times 90 % of the stable one), where this rule
-gave 0.928 to 1.003. It needs the last breaks of each march, and is not built. In the thesis mode a bond is gone in the step in which it passes its limit, so that a fast cut costs nothing.
-Families other than ordinary ones have that rule too.
+steps. A broken bond that also pulls in the next steps, until what is left of its energy is spent, gave 0.995 to 1.000
+of G0 H in a trial with a list of bonds (20 to 200 m/s, steps of 1.5 to 0.25 times 90 % of the stable one), where this
+rule gave 0.928 to 1.003. It needs the last breaks of each march, and is not built. In the thesis mode a bond is gone
+in the step in which it passes its limit, so that a fast cut costs nothing. Families other than ordinary ones have that
+rule too.
 """
 
 
