@@ -144,8 +144,8 @@ def _run(path: Path, values: Mapping[str, float | str]) -> bytes:
     except BaseException as error:
         return pickle.dumps(_reason(error, path) + known(error, tree, names))
     if not isinstance(scene, Scene | Body):
-        description = "none" if scene is None else f"a {type(scene).__name__}"
-        return pickle.dumps(f"scene: {description}; define scene = Scene(...), or Body(...)")
+        wrong = "scene is missing" if scene is None else f"scene is of type '{type(scene).__name__}'"
+        return pickle.dumps(f"{wrong}; define scene = Scene(...), or Body(...)")
     kind = Scene if isinstance(scene, Scene) else Body
     try:
         return pickle.dumps((kind.__name__, {field.name: getattr(scene, field.name) for field in fields(kind)}))

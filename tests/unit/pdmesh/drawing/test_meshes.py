@@ -133,7 +133,7 @@ def test_a_group_of_lines_without_a_kind_is_said_not_to_be_used(tmp_path: Path) 
 @pytest.mark.parametrize("name", ["Fixs/rim/Box", "Plate/Length", "Material/Rho"])
 def test_a_parameter_that_means_nothing(name: str, tmp_path: Path) -> None:
     meshio.write(tmp_path / "part.msh", plate(), file_format="gmsh22", binary=False)
-    with pytest.raises(SceneError, match=naming("part.msh", f"parameter 'Peridynamics/{name}'", found="name")):
+    with pytest.raises(SceneError, match=naming("part.msh", f"parameter 'Peridynamics/{name}' is")):
         read_mesh(tmp_path / "part.msh", [*SET, (name, "1")])
 
 

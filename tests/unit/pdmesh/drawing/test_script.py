@@ -62,7 +62,7 @@ def test_constants_can_be_set(path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("scene = 5\n", naming("scene", found="int", expected=("defines", "scene"))),
+        ("scene = 5\n", naming("scene", found="int", expected=("define", "scene"))),
         ("x = 1\n", "scene is missing"),
         ("scene = (\n", "line 1: '\\(' was never closed"),
         ("import nowhere_at_all\n", "line 1: ModuleNotFoundError"),
