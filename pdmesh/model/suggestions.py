@@ -175,10 +175,21 @@ def described(kind: inspection.Type) -> list[str]:
         elif isinstance(one, inspection.CollectionType):
             words.append(f"a list{_several(one)}, each {_first(one.item_type)}")
         elif isinstance(one, inspection.StrType) and one.pattern is not None:
-            words.append(f"a word such as {DIGITS.sub('N', one.pattern).strip('^$()')}")
+            words.append(listed(_examples(one.pattern)))
         elif not isinstance(one, inspection.NoneType | inspection.LiteralType):
             words.append(_tagged(one) or TYPES.get(type(one), "a value"))
     return list(dict.fromkeys(words))
+
+
+def _examples(pattern: str) -> list[str]:
+    """The words that a pattern such as ``^(cpu|opencl(:N)?)$`` stands for, of which an end may be left out."""
+    words = []
+    for part in (
+        DIGITS.sub("N", pattern).removeprefix("^").removesuffix("$").removeprefix("(").removesuffix(")").split("|")
+    ):
+        start, _, end = part.removesuffix(")?").partition("(")
+        words += [start, start + end] if end else [part]
+    return words
 
 
 def _tagged(kind: inspection.Type) -> str:

@@ -67,3 +67,11 @@ def test_a_word_deep_in_a_grid_file() -> None:
     with pytest.raises(msgspec.ValidationError) as error:
         msgspec.json.decode(text, type=GridFile)
     assert mentions(explained(error.value, GridFile, dict), "$.nodes[0].border", expected=("'true'", "'false'"))
+
+
+def test_the_words_of_a_pattern_are_listed() -> None:
+    text = '{"run": {"device": "gpu"}}'
+    with pytest.raises(msgspec.DecodeError) as error:
+        msgspec.json.decode(text, type=Settings)
+    said = explained(error.value, Settings, lambda: msgspec.json.decode(text))
+    assert said == "$.run.device is 'gpu'; use cpu, opencl or opencl:N"
