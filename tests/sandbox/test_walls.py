@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 from hostile import ATTACKS, PLATE, REAL
+from messages import mentions
 from plates import MESH
 
 pytest.importorskip("gmsh", exc_type=(ImportError, OSError))
@@ -117,12 +118,10 @@ def test_a_missing_wall_is_said_once(
 
     for module in (child, mesh_checks):
         monkeypatch.setattr(module, "warn_of_missing", twice)
-    said = f"pdmesh: warning: {name}: read without seccomp, which this system lacks"
     for words in ([], ["--force", "-q"]):
         assert main(["build", name, *words]) == 0
-        assert [line for line in capsys.readouterr().err.splitlines() if "read without" in line] == [
-            f"{said} read files of others elsewhere"
-        ]
+        (line,) = [line for line in capsys.readouterr().err.splitlines() if "read without" in line]
+        assert mentions(line, "pdmesh: warning", name, "seccomp", "elsewhere")
     assert main(["build", name, "--force", "--trust"]) == 0
     stands.reverse()
     assert main(["build", name, "--force"]) == 0
