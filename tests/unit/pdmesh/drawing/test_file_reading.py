@@ -39,7 +39,7 @@ SOURCES = {  # name, content, what is said
     "an end without words": (
         "a.py",
         "import os\nos._exit(0)\n",
-        "a program that ended with exit code 0",
+        "the program ended with exit code 0",
     ),
     "an end in another program": ("a.py", "import os\nos.execv('/bin/true', ['true'])\n", "ended with exit code 0"),
     "a crash": ("a.py", "import os\nos.abort()\n", "a program that was ended by SIGABRT"),
@@ -87,12 +87,12 @@ SOURCES = {  # name, content, what is said
     "a STEP file that is cut off": (
         "a.step",
         "ISO-10303-21;\nDATA;\n",
-        "no end of the shapes",
+        "the shapes have no end",
     ),
     "a BREP file that is cut off": (
         "a.brep",
         "DBRep_DrawableShape\n\nCASCADE Topology V1, (c) Matra-Datavision\nLocations 0\nCurve2ds 6\n",
-        "no end of the shapes",
+        "the shapes have no end",
     ),
     "nothing in a STEP file": ("a.step", "", "another content"),
     "no shapes in a STEP file": ("a.step", "ISO-10303-21;\nDATA;\nENDSEC;\nEND-ISO-10303-21;\n", "a.step: Gmsh says: "),
