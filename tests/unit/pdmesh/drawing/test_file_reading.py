@@ -42,7 +42,7 @@ SOURCES = {  # name, content, what is said
         "the program ended with exit code 0",
     ),
     "an end in another program": ("a.py", "import os\nos.execv('/bin/true', ['true'])\n", "ended with exit code 0"),
-    "a crash": ("a.py", "import os\nos.abort()\n", "a program that was ended by SIGABRT"),
+    "a crash": ("a.py", "import os\nos.abort()\n", "the program was ended by SIGABRT"),
     "half of a character": (
         "a.py",
         HEAD + "name = '\\ud800'\nscene = Scene(box(0, 0, 1, 1), 0.1)\n",
@@ -53,16 +53,16 @@ SOURCES = {  # name, content, what is said
         HEAD + "scene = Scene(box(0, 0, 1, 1), 0.1).load('top', traction=(0, 1), name='\\udcff')\n",
         "'\\udcff', half of a character",
     ),
-    "200 000 signs": ("a.py", "x = " + "-" * 200_000 + "1\n", "expression too long or nested too deep"),
-    "a sum of 100 000": ("a.py", "x = " + "+".join(["1"] * 100_000) + "\n", "expression too long or nested too deep"),
+    "200 000 signs": ("a.py", "x = " + "-" * 200_000 + "1\n", "too long or nested too deep"),
+    "a sum of 100 000": ("a.py", "x = " + "+".join(["1"] * 100_000) + "\n", "too long or nested too deep"),
     "200 000 brackets": ("a.py", "x = " + "(" * 200_000 + "\n", "line 1: too many nested parentheses"),
     "200 000 digits": ("a.py", "x = " + "1" * 200_000 + "\n", "line 1: Exceeds the limit"),
     "a run that is none": (
         "a.py",
         HEAD + "scene = Scene(box(0, 0, 1, 1), 0.1, run=3)\n",
-        "line 2: run: 3",
+        "line 2: run is 3",
     ),
-    "the smallest spacing": ("a.py", HEAD + "scene = Scene(box(0, 0, 1, 1), 5e-324)\n", "line 2: spacing: 4.9"),
+    "the smallest spacing": ("a.py", HEAD + "scene = Scene(box(0, 0, 1, 1), 5e-324)\n", "line 2: spacing is 4.9"),
     "the smallest spacing of a zone": (
         "a.py",
         HEAD + "scene = Scene(box(0, 0, 1, 1), 0.1).zone(box(0, 0, 0.5, 0.5), 5e-324)\n",
@@ -101,39 +101,39 @@ SOURCES = {  # name, content, what is said
         f"an empty {suffix}": (f"a{suffix}", "", "a" + suffix)
         for suffix in (".inp", ".off", ".stl", ".msh", ".vtu", ".ply")
     },
-    "an .off of nothing": ("a.off", "", "what meshio cannot read"),
+    "an .off of nothing": ("a.off", "", "meshio cannot read"),
     "an .inp without points": ("a.inp", "*NODE\n", "no points"),
     "an .inp of words": ("a.inp", "hello\n", "line 1: 'hello'"),
     "an .inp with a hole": (
         "a.inp",
         "*NODE\n1, 0, 0\n*ELEMENT, TYPE=CPS3\n1, 1, 2, 3\n",
-        "2, which is defined nowhere",
+        "2 is not defined",
     ),
     "an .off that is cut off": ("a.off", "OFF\n3 1 0\n0 0 0\n", "a mesh in the format of its suffix"),
     "an .off of words": ("a.off", "OFF\nx y z\n", "invalid literal for int() with base 10: 'x'"),
     "an .stl that is cut off": ("a.stl", "solid\nfacet\n", "a mesh in the format of its suffix"),
     "an .stl of zeros": ("a.stl", "\0" * 90, "no points"),
-    "a .ply without an end": ("a.ply", PLY, "no end of the header"),
+    "a .ply without an end": ("a.ply", PLY, "the header has no end"),
     "cells of points that are not there": (
         "a.off",
         "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n",
-        "points that are not there",
+        "points that do not exist",
     ),
     "cells that overlap": (
         "a.off",
         "OFF\n4 2 0\n0 0 0\n1 0 0\n0 1 0\n.5 .1 0\n3 0 1 2\n3 0 1 3\n",
-        "a.off: cells: ",
+        "a.off: cells overlap: ",
     ),
     "a mesh that includes another": (
         "a.inp",
         "** x\r *In*clude , INPUT=/etc/passwd\n",
         "'*INCLUDE'",
     ),
-    "entities": ("a.xdmf", "<!DOCTYPE x [<!ENTITY a 'b'>]>\n<x/>\n", "a definition of entities"),
+    "entities": ("a.xdmf", "<!DOCTYPE x [<!ENTITY a 'b'>]>\n<x/>\n", "defines entities"),
     "data in another folder": (
         "a.xdmf",
         XDMF.replace("FILE", "../b.h5"),
-        "data in '../b.h5'",
+        "data are in '../b.h5'",
     ),
     "raw data of another folder": (
         "a.xdmf",
@@ -160,7 +160,7 @@ def test_one_line(
     assert main(["build", file, *spacing, *trust, "-o", "out.json"]) == 2
     out, err = capsys.readouterr()
     assert out == ""
-    assert err.startswith(f"pdmesh: {file}: ")
+    assert err.startswith((f"pdmesh: {file}: ", f"pdmesh: {file} "))
     assert said in err
     assert err.count("\n") == 1
     assert os.listdir() == [file]
