@@ -20,6 +20,7 @@ from pdsolve.results import Nodes, Results, ResultsError
 AROUND = 3.0  # of the coarsest spacing: nodes further from the line do not count
 PER_SPACING = 2  # points for the finest spacing
 MOST = 5000  # points
+LONGEST = 10.0  # of the part's diagonal: a longer line has been meant in other units
 SHEARED = np.array([[1.0, 2e-3, 3e-3], [0.0, 1.0, 5e-3], [0.0, 0.0, 1.0]])  # a cubic lattice, so that no eight nodes
 # are on one sphere, of which Delaunay's tetrahedra would be any
 
@@ -38,7 +39,7 @@ def line(results: Results, name: str, step: int, start: tuple[float, ...], end: 
     A value is linear in the triangle of three nodes (in a body the tetrahedron of four) that are all bonded to each
     other. Where bonds are cut or broken, and at the edge, it is that of the nearest node. It is NaN off the plate or
     the body and where the nearest node's value is unreliable (see `fields.torn`). Raises ResultsError for ends of
-    another dimension, a line without length or outside, and for a frame without the field.
+    another dimension, a line without length, outside or far longer than the part, and for a frame without the field.
     """
     for word, place in (("--from", start), ("--to", end)):
         if len(place) != results.dimension:
@@ -48,6 +49,12 @@ def line(results: Results, name: str, step: int, start: tuple[float, ...], end: 
     if not length > 0:
         raise ResultsError(f"--to is {_told(end)}, where the line begins; use another place")
     nodes = results.nodes(step)
+    size = float(np.linalg.norm(np.ptp(nodes.position, axis=0)))
+    if length > LONGEST * size:
+        raise ResultsError(
+            f"the line from {_told(start)} to {_told(end)} is {length:g} m long, and the part {size:.3g} m; use some of"
+            f" {_told(_bounds(results, nodes))} (m), or write units such as 20mm"
+        )
     rows = np.flatnonzero(_from_line(nodes.position, *ends) <= AROUND * nodes.delta.max())
     count = min(int(np.ceil(PER_SPACING * length / nodes.delta[rows].min(initial=length))) + 1, MOST)
     share = np.linspace(0, 1, max(count, 2))

@@ -38,6 +38,7 @@ def test_a_picture_numbers_and_a_table(small_results: Path, here: Path, capsys: 
     ("words", "message"),
     [
         (["--from", "1,0", "--to", "2,0"], naming(found=("1,0", "2,0"), expected="-0.0005")),
+        (["--from", "0,0", "--to", "20,5"], naming(found=("20,5", "20.6155"), expected=("-0.0005", "20mm"))),
         (["--from", "0,0", "--to", "0,0"], naming("--to", found="0,0", expected="place")),
         ([*WAY, "--component", "xx"], naming("displacement", found="component 'xx'", expected=("magnitude", "x"))),
         ([*WAY, "--frame", "9"], naming(found="frame 9", expected=("0", "3"))),
