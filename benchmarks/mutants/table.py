@@ -317,8 +317,8 @@ MUTANTS = (
     ),
     Mutant(
         "pdsolve/steppers/arc_length_steps.py",
-        "ahead = -1.0 if not begins and",
-        "ahead = 1.0 if not begins and",
+        "turned = -1.0 if not begins and",
+        "turned = 1.0 if not begins and",
         "tests/verification/test_arc_length.py::test_two_bars_snap_through",
     ),
     Mutant(
