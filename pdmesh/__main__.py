@@ -180,8 +180,8 @@ def _document(args: argparse.Namespace) -> Document:
     if args.drawing.suffix.lower() == ".json" and not (args.refine or args.cracks):
         if not assigned:
             return read_file(args.drawing)
-        if _are_settings(assigned):
-            return _with_settings(args.drawing, assigned)
+        if len(assigned) == len(args.assignments) and _are_settings(args.assignments):
+            return _with_settings(args.drawing, args.assignments)
     return build_file(args.drawing, assigned, args.refine, args.trust, args.cracks).document
 
 
