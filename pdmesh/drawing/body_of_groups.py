@@ -70,11 +70,10 @@ def body_of(gmsh_output: Mapping[str, Any], values: Mapping[str, float | str], s
         if name.removeprefix(PREFIX).startswith(OF_PLATES) or name.endswith(ON_PLATES):
             raise SceneError(f"parameter '{name}' is for plates only; leave it out for a body in space")
     parameters = Parameters(values, named.unit_of(values))
-    physical = [Physical(group["name"], group["dimension"], group["number"]) for group in gmsh_output["groups"]]
+    raw_groups = gmsh_output["groups"]
+    physical = [Physical(group["name"], group["dimension"], group["number"]) for group in raw_groups]
     meant = meaning(physical, gmsh_output["zones"], KINDS, parameters, KINDS_OF_PLATES)
-    groups = {
-        kind: {name: gmsh_output["groups"][at] for name, at in places.items()} for kind, places in meant.groups.items()
-    }
+    groups = {kind: {name: raw_groups[at] for name, at in places.items()} for kind, places in meant.groups.items()}
     spacings = {
         name: checked_spacing(parameters.length(f"Zones/{name}/Spacing"), f"zone '{name}': spacing")
         for name in groups["zone"]

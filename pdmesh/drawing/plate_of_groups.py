@@ -87,21 +87,20 @@ def scene_of(
     parameters = Parameters(values, named.unit_of(values))
     metric_groups = [in_metres(group, parameters.unit) for group in groups]
     physical = [Physical(group.name, group.dimension, group.number) for group in metric_groups]
-    group_meaning = meaning(physical, new_zones, GROUPS, parameters)
+    meant = meaning(physical, new_zones, GROUPS, parameters)
     named_groups = {
-        kind: {name: metric_groups[at] for name, at in places.items()} for kind, places in group_meaning.groups.items()
+        kind: {name: metric_groups[at] for name, at in places.items()} for kind, places in meant.groups.items()
     }
     _check_places(named_groups)
     zones = tuple(_zone(name, group, parameters) for name, group in named_groups["zone"].items())
     if not zones:
         raise SceneError("zones: there is none, and no surface in the drawing; add one, such as 'zone:NAME'")
-    material = named.material(parameters, "Material", None)
     scene = Scene(
         outline=shapely.union_all([zone.shape for zone in zones]),
-        notes=(*group_meaning.notes, *_reaching_beyond(zones)),
+        notes=(*meant.notes, *_reaching_beyond(zones)),
         spacing=max(zone.spacing for zone in zones),
         zones=zones,
-        material=material,
+        material=named.material(parameters, "Material", None),
         touching=named.contact(parameters),
         medium=named.medium(parameters),
         horizon=parameters.number("Horizon ratio", 3.0),
