@@ -313,7 +313,9 @@ def _doctor(args: argparse.Namespace) -> int:
     from pdmesh.reports import doctor
 
     findings = doctor.findings()
-    commandline.report({"findings": [finding._asdict() for finding in findings]}, doctor.lines(findings), args)
+    keys = {"detail": "found"}  # as programs that read the output know it
+    records = [{keys.get(name, name): value for name, value in finding._asdict().items()} for finding in findings]
+    commandline.report({"findings": records}, doctor.lines(findings), args)
     return commandline.OK if all(finding.good or not finding.needed for finding in findings) else commandline.FAILURE
 
 
