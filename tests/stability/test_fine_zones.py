@@ -80,7 +80,7 @@ def test_a_border_that_is_stretched(failure: Callable[..., None], pdsolve: Calla
     models = [plate_of(grid, loads, adapt) for adapt in ("hybrid", "none")]
     anew, whole = (pdsolve(model) for model in models)
     assert (anew.code, whole.code) == (0, 0)
-    assert [mentions(line, found=("border", "stretched")) for line in anew.err] == [True, True, True]
+    assert [mentions(line, found=("border", "stretch")) for line in anew.err] == [True, True, True]
     assert anew.out[-1] == whole.out[-1]  # bonds broken and energies
     failure(
         fails="A plate, pulled at its edges by 60 MPa within two microseconds, tears faster than its fine zone grows.",
@@ -101,7 +101,7 @@ def test_zones_too_narrow(failure: Callable[..., None], pdsolve: Callable[..., S
     runs = {ratio: pdsolve(with_horizon(struck("hybrid", steps=85), ratio), "--json") for ratio in (4.0, 5.0, 6.0)}
     assert [said.code for said in runs.values()] == [0, 0, 0]
     for ratio, times in ((5.0, 1), (6.0, 2)):
-        assert [mentions(line, found=("border", "stretched")) for line in runs[ratio].err] == [True] * times
+        assert [mentions(line, found=("border", "stretch")) for line in runs[ratio].err] == [True] * times
     assert runs[4.0].err == []
     stretch = json.loads("\n".join(runs[4.0].out))["hybrid"]["clipped_stretch"]
     assert stretch < 0.6  # measured 0.52

@@ -80,7 +80,7 @@ def intensity(rows: int) -> float:
 
 def balance(said: Said) -> float:
     """The balance a run ends with."""
-    return float(said.out[2].split("balance ")[1].split()[0])
+    return float(said.out[2].split("balance error ")[1].split(")")[0])
 
 
 @pytest.mark.slow

@@ -103,10 +103,13 @@ def test_controls_keep_cracks_in_one_place(control: str, first: float) -> None:
 def test_a_crack_branches(ratio: float, first: float, place: tuple[float, float], far: float) -> None:
     """Of 0.5 mm, five plates; microseconds and millimetres of an independent program, one plate. With m = 4 its one
     plate branched at 78 mm; of these the first four did at 71, 70, 55, 72: no number to compare more closely than
-    that cracks branch in the right half."""
+    that cracks branch in the right half. Where the crack ends, the one plate is of the same scatter as the five."""
     runs = [branched(0.5e-3, ratio, seed) for seed in (None, 1, 2, 3, 4)]
     assert runs[0].mirrored
     assert max(run.away for run in runs) == 0
     assert [run.first for run in runs] == pytest.approx([first] * 5, abs=0.2)  # measured 6.10 to 6.13, 6.20 to 6.24
-    assert place[0] <= np.median([run.branch for run in runs]) <= place[1]  # measured 60.5, 70
-    assert np.median([run.far for run in runs]) == pytest.approx(far, abs=3)  # measured 50.8, 58.3
+    assert place[0] <= np.median([run.branch for run in runs]) <= place[1]  # measured 63.7, 70
+    ends = [run.far for run in runs]
+    scatter = np.std(ends, ddof=1) * np.sqrt(1 + 1 / len(ends))  # of one plate about the mean of the others
+    assert scatter < 3  # measured 1.7
+    assert abs(np.mean(ends) - far) < 2.78 * scatter  # measured 2.1; nineteen of twenty (Student, 4 degrees of freedom)

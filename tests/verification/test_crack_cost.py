@@ -17,7 +17,7 @@ GLASS = Material(E=65e9, rho=2235.0, G0=204.0, plane="space", micromodulus="cons
     [  # at free sides bonds are fewer, so that what a block costs rises with its width; `far` is without sides
         ("bond", 16, 0.952, 1.0),  # measured 0.9524, 0.9948; of the bare sum over the lattice 0.992
         ("ordinary", 8, 0.765, 0.98),  # measured 0.7646, 0.9823
-        ("correspondence", 8, 0.917, 1.0),  # measured 0.9166, 0.9968
+        ("correspondence", 8, 0.848, 1.0),  # measured 0.8475, 0.9967: torn families at sides are bounded
     ],
 )
 def test_a_crack_costs_G0(model: str, layers: int, narrow: float, far: float) -> None:

@@ -226,7 +226,7 @@ def test_an_edge_that_is_hot_at_once_stays_fine(how: str) -> None:
 def test_auto_takes_fine_nodes_and_a_plan_knows_the_zone(small: Model) -> None:
     run = msgspec.structs.replace(small.settings.run, adapt="auto")
     auto = Model(small.grid, msgspec.structs.replace(small.settings, run=run))
-    with pytest.warns(ModelWarning, match="a plate that a content swells"):
+    with pytest.warns(ModelWarning, match="swells by a content"):
         assert prepare(auto, ONE).system.kernel == "blocks"
     plan = estimate_run(small, ONE)
     assert plan.in_blocks
