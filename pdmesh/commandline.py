@@ -268,9 +268,14 @@ def _shown_once(name: str, quiet: bool = False) -> Callable[..., None]:
 
 
 def words(argv: Sequence[str] | None) -> list[str]:
-    """The words of a command line: the given ones, or this process's own after `trust.settle`."""
+    """The words of a command line: the given ones, or this process's own after `trust.settle`.
+
+    Outside of `run`, where nothing is to be saved, Ctrl-C then ends the process at once, as other signals do.
+    """
     if argv is not None:
         return list(argv)
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
     trust.settle()
     return sys.argv[1:]
 

@@ -1,8 +1,10 @@
-"""Descriptions of how a process ended."""
+"""Descriptions of how a process, or a library within it, ended."""
 
 from __future__ import annotations
 
 import signal
+
+WITHOUT_WORDS = "nothing; it stopped, probably for lack of memory"  # what a library says whose error has no message
 
 
 def how_it_ended(code: int) -> str:

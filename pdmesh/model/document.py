@@ -22,6 +22,7 @@ from typing import Annotated, Any, ClassVar, Literal, get_args
 
 import msgspec
 
+from pdmesh.background_thread import BackgroundThread
 from pdmesh.files import read_bytes, write_atomically
 from pdmesh.model.contact import BodyNodes as BodyNodes
 from pdmesh.model.contact import Contact as Contact
@@ -338,12 +339,15 @@ def _read_file(path: Path) -> Document:
         document = read_document(data, str(path))
         _compare(str(path), _matches(data))
         return document
-    from concurrent.futures import ThreadPoolExecutor  # here, as few files are so large
-
-    with ThreadPoolExecutor(1) as pool:  # the digest leaves Python to what reads
-        matches = pool.submit(_matches, data)
+    matches: list[bool] = []
+    digest = BackgroundThread("digest")  # which leaves Python to what reads
+    try:
+        digest.begin(lambda: matches.append(_matches(data)))
         document = read_document(data, str(path))
-    _compare(str(path), matches.result())
+        digest.wait()
+    finally:
+        digest.end()
+    _compare(str(path), all(matches))
     return document
 
 

@@ -6,7 +6,6 @@ broken bonds and its ledger: a killed run loses at most the last frame. About on
 checkpoint in full precision, from which a run can continue.
 """
 
-from pdsolve.results.background_thread import BackgroundThread
 from pdsolve.results.background_writer import Behind, behind
 from pdsolve.results.errors import (
     BusyError,
@@ -28,7 +27,6 @@ from pdsolve.results.schema import Breaks, Epoch, Families, Frame, Nodes
 from pdsolve.results.writer import Writer, put_away
 
 __all__ = [
-    "BackgroundThread",
     "Behind",
     "Breaks",
     "BusyError",

@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 
 from pdmesh import stopping
-from pdsolve.results.background_thread import BackgroundThread
+from pdmesh.background_thread import BackgroundThread
 from pdsolve.results.schema import Frame
 from pdsolve.results.writer import Writer
 

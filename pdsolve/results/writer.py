@@ -34,7 +34,7 @@ from pdsolve.results.opening import for_writing
 from pdsolve.results.pieces import KEY as KEY_OF_PIECES
 from pdsolve.results.pieces import Pieces, beside, written
 from pdsolve.results.reader import Results
-from pdsolve.results.removal import remove
+from pdsolve.results.removal import INDEX_OF, remove
 from pdsolve.results.schema import (
     CHUNK,
     STEPPED,
@@ -96,7 +96,7 @@ class Writer:
         Raises WriteError if it cannot be written, leaving nothing behind.
         """
         if path is not None:
-            remove(path, KEY_OF_PIECES not in meta)
+            remove(path, of_ranks=not {KEY_OF_PIECES, INDEX_OF} & meta.keys())
         writer = cls(_connected(path), path)
         try:
             with writer._transaction(new=True) as connection:

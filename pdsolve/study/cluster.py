@@ -18,19 +18,11 @@ def solved_by(tasks: Sequence[Task], scheduler: str) -> Iterator[Outcome]:
 
     TLS credentials come from Dask's own settings. Raises StudyError.
     """
-    try:
-        from distributed import Client, KilledWorker, as_completed
-    except ImportError:
-        raise StudyError(MISSING) from None
     if not tasks:
         return
-    try:
-        client = Client(scheduler, timeout=PATIENCE)
-    except (OSError, ValueError, TypeError) as error:
-        raise StudyError(
-            f"--scheduler {scheduler} does not answer ({error}); start it, or correct the address"
-        ) from None
-    with client:
+    with _client(scheduler) as client:
+        from distributed import KilledWorker, as_completed
+
         futures = dict(zip(client.map(solved, tasks, pure=False), tasks, strict=True))
         for future in as_completed(futures):
             try:
@@ -41,6 +33,25 @@ def solved_by(tasks: Sequence[Task], scheduler: str) -> Iterator[Outcome]:
                 ) from None
             yield outcome
             future.release()
+
+
+def expect_scheduler(scheduler: str) -> None:
+    """Raise StudyError unless a Dask scheduler answers at this address."""
+    _client(scheduler).close()
+
+
+def _client(scheduler: str) -> Any:
+    """A client of the scheduler at this address. Raises StudyError."""
+    try:
+        from distributed import Client
+    except ImportError:
+        raise StudyError(MISSING) from None
+    try:
+        return Client(scheduler, timeout=PATIENCE)
+    except (OSError, ValueError, TypeError) as error:
+        raise StudyError(
+            f"--scheduler {scheduler} does not answer ({error}); start it, or correct the address"
+        ) from None
 
 
 def _outcome(future: Any, number: int, killed: type[Exception]) -> Outcome:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 from pdmesh import VERSION, SceneError, file_parameters
 from pdsolve.numerics.thread_team import cores
 from pdsolve.results import holder, remove, writing_to
-from pdsolve.study.cluster import solved_by
+from pdsolve.study.cluster import expect_scheduler, solved_by
 from pdsolve.study.description import Study, StudyError
 from pdsolve.study.measure_columns import measures_of
 from pdsolve.study.one_run import Outcome, Task
@@ -60,6 +60,8 @@ def solve_study(
     with writing_to(output):
         dimension = check(study, crew.trust)
         if force:
+            if crew.scheduler is not None:
+                expect_scheduler(crew.scheduler)
             _clear(study, output)
         with _table(study, output) as table:
             runs = {} if table.rows() else kept(table.runs, study)

@@ -8,7 +8,7 @@ import warnings
 from pathlib import Path
 from typing import NamedTuple
 
-from pdsolve.results import BusyError, Kind, Results, ResultsError, WriteError, remove, state_of
+from pdsolve.results import BusyError, Kind, Results, ResultsError, WriteError, state_of
 from pdsolve.run.simulation import resume, simulate
 from pdsolve.study.description import Case
 from pdsolve.study.recovered_runs import provenance
@@ -90,7 +90,5 @@ def _gone_on(task: Task) -> Results:
         except ResultsError as error:
             if not task.again:
                 raise ResultsError(f"{error} (--again: solves it anew)") from None
-    if state.kind is not Kind.NONE:
-        remove(task.output)
-    how = options(task.case, task.threads)
+    how = options(task.case, task.threads)  # what is there stays until the new run is prepared
     return simulate(model_of_run(task.drawing, task.case, task.trust), task.output, how, provenance=own_provenance)

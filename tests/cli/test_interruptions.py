@@ -46,6 +46,22 @@ def model(here: Path, probed: Model, monkeypatch: pytest.MonkeyPatch) -> Path:
     return here / "plate.json"
 
 
+@pytest.mark.parametrize("before", [signal.default_int_handler, signal.SIG_IGN])
+def test_a_process_of_its_own_is_ended_at_once_before_it_listens(
+    before: signal.Handlers, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without a traceback; one in the background ignores it as before."""
+    monkeypatch.setattr(commandline.trust, "settle", lambda: None)
+    monkeypatch.setattr(sys, "argv", ["pdmesh", "doctor"])
+    signal.signal(signal.SIGINT, before)
+    assert commandline.words(["info"]) == ["info"]
+    assert signal.getsignal(signal.SIGINT) is before
+    assert commandline.words(None) == ["doctor"]
+    is_usual = before is signal.default_int_handler
+    assert signal.getsignal(signal.SIGINT) is (signal.SIG_DFL if is_usual else before)
+    assert commandline.run("pdmesh", lambda: signal.raise_signal(signal.SIGINT) or 0, dict) == (130 if is_usual else 0)
+
+
 def check_resumed(probed: Model, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--resume", "plate.sqlite", "-q"]) == 0
     assert capsys.readouterr() == ("", "")

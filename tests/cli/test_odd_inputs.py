@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import io
 import json
 import shutil
+import sys
 import time
 import warnings
 from argparse import Namespace
 from pathlib import Path
+from types import SimpleNamespace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -20,6 +24,7 @@ from tampered import tampered
 from pdmesh import Scene, box
 from pdmesh.__main__ import main as pdmesh
 from pdmesh.commandline import warnings_as_notes
+from pdmesh.drawing.sandbox import gmsh_reader, mesh_reader
 from pdmesh.drawing.sandbox.gmsh_reader import _silent
 from pdmesh.grid.lattice import build_grid
 from pdmesh.grid.ligaments import ligaments
@@ -109,6 +114,26 @@ def test_gmsh_that_says_nothing_gets_words() -> None:
     entry = {"name": "Peridynamics/Zones/body/Spacing", "type": "number", "values": [1e-6]}
     assert mentions(_silent([entry]), "1e-06", "memory", "spacing")
     assert mentions(_silent([]), "memory")
+
+
+def test_an_error_of_gmsh_without_words_gets_some(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a drawing, of a mesh that is read, and of one whose elements are asked for."""
+    logger = SimpleNamespace(start=lambda: None, get=lambda: ["Error   : "])
+    option = SimpleNamespace(setNumber=lambda *_: None)
+    fake = SimpleNamespace(logger=logger, option=option, merge=Mock(side_effect=Exception), initialize=lambda **_: None)
+    monkeypatch.setitem(sys.modules, "gmsh", fake)
+    for name, stand_in in (("limit_time", lambda _: None), ("_open", fake.merge), ("with_names", lambda *_: ([], []))):
+        monkeypatch.setattr(gmsh_reader, name, stand_in)
+    file = io.StringIO()
+    gmsh_reader._read({"path": "a.geo", "cad": False, "walls": False, "seconds": 60}, file)
+    assert mentions(json.loads(file.getvalue())["messages"][0], "memory")
+    job = {"path": "a.msh", "reader": "gmsh", "tags": []}
+    assert mentions(mesh_reader._found(job)[0]["error"], "Gmsh says", "memory", expected="fewer")
+    monkeypatch.setattr(fake, "merge", Mock(side_effect=MemoryError("Unable to allocate 2 GiB")))
+    monkeypatch.setattr(mesh_reader, "OTHERS", {"gmsh": SimpleNamespace(read=fake.merge)})
+    assert mentions(mesh_reader._found(job)[0]["error"], "memory", expected="fewer")
+    monkeypatch.setattr(mesh_reader, "OTHERS", {"gmsh": SimpleNamespace(read=Mock(side_effect=Exception))})
+    assert mesh_reader._found(job)[0]["error"] == "Gmsh cannot read the file"
 
 
 # ---- cracks of many points

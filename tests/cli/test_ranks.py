@@ -183,7 +183,7 @@ def test_bits_are_those_of_one_process(here: Path, case: str) -> None:
 def long(folder: Path) -> Path:
     """A plate in a file, with so many steps that it can be stopped on the way."""
     model = CASES["bilinear, struck"][0]
-    run = msgspec.structs.replace(model.settings.run, steps=6000, every=50, ledger=10, time_step=2e-8)
+    run = msgspec.structs.replace(model.settings.run, steps=4000, every=50, ledger=10, time_step=2e-8)
     slow = dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, run=run))
     (folder / "long.json").write_text(slow.to_json())
     return folder / "long.json"
@@ -232,7 +232,7 @@ def test_a_killed_rank_ends_all_and_the_run_goes_on_in_one_process(here: Path, r
         assert child.returncode == signal.SIGKILL
     assert not any(Path(f"/proc/{number}").exists() for number in every.values())
     assert len(lines) == 1, lines
-    assert mentions(lines[0], found="rank killed", expected="--resume")
+    assert mentions(lines[0], found="a rank was killed", expected="--resume")
     resume(output).close()
     simulate(read_model(path), here / "one.sqlite").close()
     expect_same(here / "one.sqlite", output)

@@ -225,3 +225,17 @@ def test_what_was_lost_of_a_log_is_said(model: Path, probed: Model, capsys: pyte
     log.rename("renamed.sqlite-wal")
     assert main(["--resume", "renamed.sqlite", "-q"]) == 0
     assert contents(Path("renamed.sqlite")) == contents(path)
+
+
+def test_a_run_is_prepared_where_a_signal_needs_no_interpreter(model: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Long compiled calls may come from the first look at the model on."""
+    events: list[str] = []
+
+    def read(*_: object) -> None:
+        events.append("read")
+        raise commandline.UsageError("no further")
+
+    monkeypatch.setattr("pdmesh.stopping.expect_long_call", lambda: events.append("expect"))
+    monkeypatch.setattr("pdsolve.model.read_model", read)
+    assert main([str(model), "-q"]) == 2
+    assert events == ["expect", "read"]

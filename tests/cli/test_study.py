@@ -11,6 +11,8 @@ from collections.abc import Callable
 from contextlib import closing
 from itertools import product
 from pathlib import Path
+from types import SimpleNamespace
+from unittest.mock import Mock
 
 import pytest
 from messages import mentions, naming
@@ -25,9 +27,9 @@ from pdpost.measures.scatter import chosen
 from pdpost.reading.studies import Read
 from pdsolve.__main__ import main
 from pdsolve.model import ModelError
-from pdsolve.results import writing_to
+from pdsolve.results import ResultsError, writing_to
 from pdsolve.study import dispatch, one_run, workers
-from pdsolve.study.description import Case
+from pdsolve.study.description import Case, read_study
 from pdsolve.study.one_run import Outcome, Task
 from pdsolve.study.run_model import model_of_run
 from pdsolve.study.table import Column, Row, Table
@@ -251,6 +253,38 @@ def test_force_removes_all_that_the_table_names_or_nothing(
     assert said in error
     assert error.count("\n") == 1
     assert tree(solved) == before
+
+
+def test_force_removes_nothing_while_a_run_is_written(solved: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before = tree(solved)
+    with writing_to(Path("study.runs/0005.sqlite")):
+        assert main(["study", "study.toml", "--force"]) == 2
+    assert mentions(capsys.readouterr().err, "0005.sqlite", found="a run is writing to it")
+    assert tree(solved) == before
+
+
+def test_force_removes_nothing_before_a_scheduler_answers(
+    solved: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = tree(solved)
+    refused = SimpleNamespace(Client=Mock(side_effect=OSError("refused")))
+    for library, reason in ((None, "distributed"), (refused, "does not answer (refused)")):
+        monkeypatch.setitem(sys.modules, "distributed", library)
+        assert main(["study", "study.toml", "--force", "--scheduler", "tcp://127.0.0.1:1"]) == 2
+        assert mentions(capsys.readouterr().err, "--scheduler", found=reason)
+        assert tree(solved) == before
+
+
+def test_a_run_stays_until_the_one_in_its_place_is_prepared(solved: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with Table.open(solved / "study.sqlite") as table:
+        digest = table.about()["drawing_sha256"]
+    case = read_study(Path("study.toml")).cases()[4]
+    task = Task(5, Path("plate.json"), case, Path("study.runs/0005.sqlite"), digest=digest, again=True)
+    before = task.output.read_bytes()
+    monkeypatch.setattr(one_run, "resume", Mock(side_effect=ResultsError("of another version")))
+    monkeypatch.setattr(one_run, "model_of_run", Mock(side_effect=ModelError("plate.json is gone")))
+    assert one_run.solved(task).error == "plate.json is gone"
+    assert task.output.read_bytes() == before
 
 
 def test_a_run_is_not_written_through_a_link(solved: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,14 +5,18 @@ from __future__ import annotations
 import json
 import random
 import re
+import threading
+import time
 import warnings
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
 from pdmesh import Circle, Material, Scene, box
 from pdmesh.__main__ import main as pdmesh
 from pdmesh.grid.building import build
+from pdmesh.model import document
 from pdmesh.model.document import GridError, GridWarning, encode, read_file
 from pdsolve.__main__ import main as pdsolve
 from pdsolve.model import ModelError, read_model
@@ -94,3 +98,22 @@ def test_programs_say_it_once_and_go_on(path: Path, capsys: pytest.CaptureFixtur
         said = [line for line in capsys.readouterr().err.splitlines() if "$.digest" in line]
         assert len(said) == 1
         assert said[0].startswith(f"{name}: warning: {path}: ")
+
+
+def test_the_digest_of_a_large_file_is_computed_beside_its_reading(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An edit is said, and what goes wrong on either side is raised and leaves no thread."""
+    monkeypatch.setattr(document, "LARGE", 0)
+    assert encode(read_file(path)) == TEXT
+    path.write_bytes(TEXT.replace(b"2235", b"2236"))
+    with pytest.warns(GridWarning):
+        read_file(path)
+    threads = threading.active_count()
+    for place, error in (("_matches", MemoryError), ("read_document", KeyboardInterrupt)):
+        with monkeypatch.context() as patch:
+            patch.setattr(document, place, Mock(side_effect=error))
+            with pytest.raises(error):
+                read_file(path)
+    until = time.monotonic() + 10.0
+    while threading.active_count() > threads and time.monotonic() < until:
+        time.sleep(1e-3)
+    assert threading.active_count() <= threads

@@ -16,6 +16,7 @@ LOADED = {  # what a bare library loads, by the variable that leads to it
     "OCL_ICD_VENDORS": ("vendors", "import pyopencl; pyopencl.get_platforms()"),
     "OPENCL_VENDOR_PATH": ("vendors", "import pyopencl; pyopencl.get_platforms()"),
     "OPENCL_LAYERS": ("./libevil.so", "import pyopencl; pyopencl.get_platforms()"),
+    "HDF5_PLUGIN_PATH": ("vendors", "import h5py; h5py.h5z.filter_avail(32001)"),
     "MPI4PY_LIBMPI": ("./libevil.so", "from mpi4py import MPI"),
 }
 pytestmark = [

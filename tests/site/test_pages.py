@@ -28,6 +28,18 @@ def test_a_picture_is_described_in_words(page: Path) -> None:
         assert len(words.split()) >= 3, picture
 
 
+def test_the_same_bits_are_promised_on_one_kind_of_processor() -> None:
+    """Another kind rounds elsewhere, as it multiplies and adds in one step or sums more numbers at once."""
+    promises = 0
+    for page in EVERY:
+        for part in re.split(r"\n\s*\n|\n(?=[-|#] ?)", page.read_text(encoding="utf-8")):
+            for sentence in re.split(r"(?<=[.;])\s", part):
+                if "developers" not in page.parts and re.search(r"bit-identical|\bto the bit\b|bit by bit", sentence):
+                    promises += 1
+                    assert re.search(r"kind\s+of\s+processor|of\s+one\s+kind", sentence), (page.name, sentence)
+    assert promises > 5
+
+
 def test_formulas_are_drawn_without_a_script() -> None:
     """Each of them is one that the site's own converter knows."""
     math = pytest.importorskip("docutils.utils.math.latex2mathml")

@@ -14,12 +14,15 @@ import numpy.ctypeslib  # Gmsh's module imports it when it is first used
 import numpy.ma  # likewise, np.unique
 from numpy.typing import NDArray
 
+from pdmesh.drawing.exit_status import WITHOUT_WORDS
+
 TYPES = {  # Gmsh's numbers, meshio's names
     15: "vertex", 1: "line", 8: "line3",
     2: "triangle", 9: "triangle6", 3: "quad", 16: "quad8", 10: "quad9",
     4: "tetra", 11: "tetra10", 5: "hexahedron", 17: "hexahedron20", 12: "hexahedron27",
     6: "wedge", 18: "wedge15", 13: "wedge18", 7: "pyramid", 19: "pyramid13", 14: "pyramid14",
 }  # fmt: skip
+FEWER = "use a mesh of fewer elements"
 BY_PROPERTY = (".bdf", ".nas")  # formats whose groups are properties, which Gmsh has as entities
 
 
@@ -40,8 +43,9 @@ def read(path: Path) -> meshio.Mesh:
     try:
         gmsh.merge(str(path))
     except Exception as error:  # gmsh raises bare Exception
-        said = [line.partition(":")[2].strip() for line in gmsh.logger.get() if line.startswith("Error")]
-        raise ValueError(f"Gmsh says: {said[0] if said else ' '.join(str(error).split())}") from None
+        logged = [line.partition(":")[2].strip() for line in gmsh.logger.get() if line.startswith("Error")]
+        words = next(filter(None, [*logged, " ".join(str(error).split())]), f"{WITHOUT_WORDS}; {FEWER}")
+        raise ValueError(f"Gmsh says: {words}") from None
     tags, places, _ = gmsh.model.mesh.getNodes()
     if not len(tags):
         raise ValueError("the mesh has no points")

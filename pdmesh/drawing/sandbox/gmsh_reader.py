@@ -17,6 +17,7 @@ from typing import Any, TextIO
 import numpy as np
 import numpy.ctypeslib  # Gmsh's module imports it when it is first used
 
+from pdmesh.drawing.exit_status import WITHOUT_WORDS
 from pdmesh.drawing.sandbox.surface_triangles import spatial_groups, unmeshed
 from pdmesh.drawing.sandbox.walls import limit_time, raise_walls, say_stage
 from pdmesh.drawing.sandbox.zone_groups import add_zones, dimension_of, with_names
@@ -148,7 +149,7 @@ def _assign(gmsh: Any, drawing_parameters: list[dict[str, Any]], assignments: li
 def _silent(parameters: list[dict[str, Any]]) -> str:
     """What to say of an error without a message, as Gmsh raises if its memory is not enough."""
     spacing = f" (it is {_finest(_spacings(parameters)):g})" if _spacings(parameters) else ""
-    return f"nothing; it stopped, probably for lack of memory; a larger spacing{spacing} needs fewer triangles"
+    return f"{WITHOUT_WORDS}; a larger spacing{spacing} needs fewer triangles"
 
 
 # ---- curves

@@ -29,6 +29,7 @@ NEEDED = {  # by meshio, to read a format
     ".med": ("h5py",),
 }
 OTHERS = {"gmsh": gmsh_mesh, "exodus": exodus}
+NAMES = {"gmsh": "Gmsh", "exodus": "netCDF4"}
 
 
 def main(result: str) -> None:
@@ -83,9 +84,13 @@ def _found(job: dict[str, Any]) -> tuple[dict[str, Any], dict[str, NDArray[Any]]
         return {"missing": error.name}, {}
     except KeyError as error:
         return {"error": f"{error.args[0]} is not defined"}, {}
+    except MemoryError:
+        return {"error": f"there is not enough memory to read it; {gmsh_mesh.FEWER}"}, {}
     except (Exception, SystemExit) as error:  # meshio exits where no reader of the suffix can read the file
         says = str(error) if isinstance(error, Exception) and "at least one array" not in str(error) else ""
-        reason = says or "meshio cannot read the file"  # numpy's words where a file is empty say nothing
+        reason = (
+            says or f"{NAMES.get(job['reader'], 'meshio')} cannot read the file"
+        )  # numpy's words where a file is empty say nothing
         return {"error": reason}, {}
 
 

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.background_thread import BackgroundThread
 from pdsolve.numerics.team import Team
-from pdsolve.results import BackgroundThread, Breaks, Frame, ResultsError, Writer
+from pdsolve.results import Breaks, Frame, ResultsError, Writer
 
 WRITTEN = 9  # tag of messages: that a frame is in the files of all ranks
 NOTHING = Breaks(*np.zeros((3, 0), dtype=np.int64))

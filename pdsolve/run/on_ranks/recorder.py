@@ -113,9 +113,11 @@ class RecorderOnRanks(Recorder):
         return Writer.begin(output, births, grid.cracks, meta)
 
     def divide(self, output: Path | None) -> None:
-        """Let each rank write a file of its own beside the index `output`, if there are so many nodes."""
+        """Let each rank write a file of its own beside the index `output`, if there are so many nodes.
+
+        Databases of an earlier run are removed after all names are checked. Raises WriteError.
+        """
         if self.system.is_in_pieces and output is not None:
-            remove(output)
             self._write_apart(output, 0)
 
     def go_on(self, output: Path, sets: tuple[pieces.Pieces, ...]) -> tuple[str, ...]:
@@ -129,6 +131,8 @@ class RecorderOnRanks(Recorder):
         self._files = pieces.files_of(real, number, self._team.size)
         for name in self._files:
             expect_piece(real.parent / name, real.name)
+        if number == 0:
+            remove(output)
         self._team.everywhere(frames.begin_file, items=[str(real.parent / name) for name in self._files])
 
     def close(self) -> None:

@@ -5,12 +5,16 @@ from __future__ import annotations
 import os
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from hostile_variables import FORGERIES, FORMS, VARIABLES, Variable
 
 from pdmesh import trust
+from pdmesh.drawing.sandbox import child
 from pdmesh.environment_variables import LIBRARIES, is_safe_place, library_of, safe_variables
+from pdsolve.numerics import team
+from pdsolve.operators.device import runtime
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="folders have no modes there")
 
@@ -145,3 +149,37 @@ def test_the_page_names_every_library() -> None:
 def test_no_word_of_a_value_names_what_is_here(name: str, value: str, here: Path) -> None:
     Path("evil.so").touch()
     assert safe_variables({name: value}) == ({}, [name])
+
+
+def test_devices_and_ranks_are_safe_in_a_process_that_no_command_prepared(
+    here: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As in a notebook, where a model alone may choose a device."""
+    names = ("OCL_ICD_VENDORS", "OPENCL_VENDOR_PATH", "OPENCL_LAYERS", "MPI4PY_LIBMPI")
+    for name in (*names, "POCL_CACHE_DIR", "PYOPENCL_CACHE_DIR"):
+        monkeypatch.setenv(name, "./vendors")
+    monkeypatch.setenv("PYOPENCL_NO_CACHE", "1")
+    monkeypatch.setenv("PMI_RANK", "0")
+    world = SimpleNamespace(Get_size=lambda: 1)
+    monkeypatch.setitem(sys.modules, "pyopencl", SimpleNamespace())
+    monkeypatch.setitem(sys.modules, "mpi4py", SimpleNamespace(MPI=SimpleNamespace(COMM_WORLD=world)))
+    runtime._library.__wrapped__()
+    assert Path(os.environ["POCL_CACHE_DIR"]) == trust.private_folder().path / "pocl"
+    assert team.team() is None
+    assert not {*names, "PYOPENCL_CACHE_DIR"} & os.environ.keys()
+
+
+def test_a_reader_of_meshes_gets_no_such_variable(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nor where no command has prepared the process: h5py would load filters from the current folder."""
+    environments: list[dict[str, str]] = []
+
+    def run(*_: object, env: dict[str, str], **__: object) -> SimpleNamespace:
+        environments.append(env)
+        return SimpleNamespace(returncode=0)
+
+    monkeypatch.setenv("HDF5_PLUGIN_PATH", "vendors")
+    monkeypatch.setattr(child.subprocess, "run", run)
+    child.run_reader("reader", "h5py", Path("a.med"), {}, here / "result.json", 1.0, None)
+    (environment,) = environments
+    assert "HDF5_PLUGIN_PATH" not in environment
+    assert environment["PATH"] == trust.environment()["PATH"]

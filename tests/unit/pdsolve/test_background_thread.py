@@ -12,8 +12,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from pdsolve.results import background_thread
-from pdsolve.results.background_thread import BackgroundThread
+from pdmesh import background_thread
+from pdmesh.background_thread import BackgroundThread
 from pdsolve.results.background_writer import Behind
 
 

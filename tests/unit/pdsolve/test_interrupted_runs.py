@@ -152,6 +152,22 @@ def test_an_interrupt_before_the_first_frame_leaves_nothing(
         assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("place", ["pdsolve.run.simulation.prepare", "pdsolve.run.simulation._finish"])
+def test_old_results_stay_until_a_run_is_prepared(
+    small_plate: Model, small_results: Path, monkeypatch: pytest.MonkeyPatch, place: str
+) -> None:
+    """As `--force` does not remove them; the first frame of the new run takes their place."""
+
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    before = small_results.read_bytes()
+    monkeypatch.setattr(place, interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        simulate(small_plate, small_results)
+    assert {path.name: path.read_bytes() for path in small_results.parent.iterdir()} == {"small.sqlite": before}
+
+
 class Foreign:
     """Another program that keeps a database to itself from a step on."""
 

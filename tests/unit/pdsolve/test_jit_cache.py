@@ -7,8 +7,12 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
+from plates import ROOT
+
+from pdsolve.codegen.jit_cache import cached_njit
 
 KERNEL = """
 import sys, time
@@ -146,3 +150,17 @@ def test_a_process_that_only_loads_kernels_loads_no_compiler(tmp_path: Path) -> 
         for words in ((), (), ("more",))
     ]
     assert said == ["True\n", "False\n", "False\n"]
+
+
+def twice(x: float) -> float:
+    return x + x
+
+
+def test_kernels_leave_python_to_other_threads() -> None:
+    """One of them ends the program for a signal; others write results."""
+    for options in ({}, {"error_model": "numpy"}):
+        kernel: Any = cached_njit(**options)(twice)
+        assert kernel.targetoptions["nogil"]
+    for package in ("pdmesh", "pdsolve", "pdpost"):
+        for file in (ROOT / package).rglob("*.py"):
+            assert "nogil=False" not in file.read_text("utf-8"), file

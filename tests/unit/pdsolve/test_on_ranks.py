@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import sqlite3
+from collections.abc import Callable
 from contextlib import closing
 from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 import pytest
+from messages import naming
 from plates import plate, square_grid
 from whole import contents
 
@@ -18,7 +20,7 @@ from pdsolve.errors import UnstableError
 from pdsolve.model import Model, ModelWarning
 from pdsolve.numerics.team import Team
 from pdsolve.options import Options
-from pdsolve.results import Results
+from pdsolve.results import Results, WriteError
 from pdsolve.run.simulation import Progress, resume, simulate
 
 pytestmark = pytest.mark.skipif(find_spec("mpi4py") is None, reason="needs mpi4py")
@@ -111,3 +113,30 @@ def test_the_nodes_of_another_model_are_not_gone_on_with(alone: Team, tmp_path: 
                 model = Model(dataclasses.replace(model.grid, cracks=np.empty((0, 4))), model.settings)
             system = start.prepare(model, Options(), alone).system
             assert resuming.is_same(system, results) == cracked
+
+
+@pytest.mark.parametrize(
+    ("name", "mine"),
+    [
+        ("rank.0-0", lambda copy: copy),  # a copy of a user, not of a rank
+        ("rank.3-7", lambda _: b"notes"),
+    ],
+)
+def test_a_file_of_somebody_else_is_met_before_anything_is_removed(
+    alone: Team, tmp_path: Path, name: str, mine: Callable[[bytes], bytes]
+) -> None:
+    model = torn(steps=20, until=None)
+    simulate(model, tmp_path / "rank").close()
+    (tmp_path / name).write_bytes(mine((tmp_path / "rank").read_bytes()))
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    with pytest.raises(WriteError, match=naming(name, expected="move it away")):
+        simulate(model, tmp_path / "rank", Options(team=alone, one_file=100))
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+def test_the_file_of_a_rank_has_no_files_of_ranks_beside_it(alone: Team, tmp_path: Path) -> None:
+    """What is called like one is left alone, and nothing is removed before it would be met."""
+    simulate(torn(steps=20, until=None), tmp_path / "rank").close()
+    (tmp_path / "rank.0-0.0-0").write_text("notes")
+    simulate(torn(steps=20, until=None), tmp_path / "rank", Options(team=alone, one_file=100)).close()
+    assert (tmp_path / "rank.0-0.0-0").read_text() == "notes"

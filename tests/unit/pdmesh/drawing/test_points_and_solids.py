@@ -278,6 +278,22 @@ def test_a_slit_of_double_nodes_is_a_pre_crack(slit: bool, tmp_path: Path) -> No
     assert np.abs(cracks[:, [0, 2]]).max(initial=0) == pytest.approx(6e-3 * slit)
 
 
+@pytest.mark.process
+def test_a_slit_of_double_nodes_is_one_as_gmsh_writes_it(tmp_path: Path) -> None:
+    """In MSH 2, which Gmsh reads; nodes at one place stay two."""
+    nodes, cells = (part.splitlines() for part in plate(True).removeprefix("*NODE\n").split("*ELEMENT, TYPE=CPS4\n"))
+    points = [line.replace(",", "") + " 0" for line in nodes]
+    quads = [line.replace(",", " 3 2 0 1", 1).replace(",", "") for line in cells]
+    head = ["$MeshFormat", "2.2 0 8", "$EndMeshFormat"]
+    body = ["$Nodes", str(len(points)), *points, "$EndNodes", "$Elements", str(len(quads)), *quads, "$EndElements", ""]
+    path = tmp_path / "plate.msh"
+    path.write_text("\n".join([*head, *body]))
+    built = build_file(path, STEEL)
+    assert mentions(built.notes, "double nodes", "(0, 4)", "(6, 4)", "6 mm")
+    cracks = built.grid.cracks
+    assert np.hypot(*(cracks[:, 2:] - cracks[:, :2]).T).sum() == pytest.approx(6e-3)
+
+
 @pytest.mark.slow
 def test_a_slit_of_double_nodes_cuts_bonds(tmp_path: Path) -> None:
     path = tmp_path / "plate.inp"
