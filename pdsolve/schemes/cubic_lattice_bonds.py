@@ -16,13 +16,12 @@ from numpy.typing import NDArray
 from pdmesh.model.neighbours import Pairs, lengths, row_chunks
 from pdmesh.model.visibility import SightInSpace
 from pdsolve.bonds.assembly import Counted
-from pdsolve.codegen.space_slots import INVERSE, PULL
 from pdsolve.codegen.vector_code import ROW
+from pdsolve.lattice.sums import EMPTY, Tiles
 from pdsolve.laws import law_of
 from pdsolve.model import Model
 from pdsolve.operators.space_lattice import families, layout
-from pdsolve.operators.space_lattice.kernel import EMPTY, Tiles
-from pdsolve.operators.space_lattice.layout import SAME, Springs
+from pdsolve.operators.space_lattice.layout import INVERSE, PULL, SAME, Springs
 from pdsolve.operators.space_lattice.sites import Sites, sites_of
 from pdsolve.schemes.average_horizon import Rule, shares
 

@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.errors import UnstableError
+from pdsolve.lattice.sums import Tiles, recall
 from pdsolve.laws.calls import functions_of
 from pdsolve.laws.law import Law
 from pdsolve.operators.device.runtime import Session
 from pdsolve.operators.device.source import body_functions, together
 from pdsolve.operators.protocol import Kept
 from pdsolve.operators.space_lattice import families, layout
-from pdsolve.operators.space_lattice.kernel import Tiles, recall
 from pdsolve.operators.space_lattice.operator import SpaceLattice
 from pdsolve.operators.space_lattice.sites import Sites
 from pdsolve.state import Broken

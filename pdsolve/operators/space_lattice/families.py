@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
+from pdsolve.lattice.sums import ALIKE, CORRECTED, EMPTY, GENERAL, stiffness
 from pdsolve.operators.simd_lattice.kernel import INNER
-from pdsolve.operators.space_lattice.kernel import ALIKE, CORRECTED, EMPTY, GENERAL, stiffness
 from pdsolve.operators.space_lattice.sites import Sites
 
 FULL = np.uint16(2**ROW - 1)  # bits of a slot that all lanes have

@@ -9,15 +9,16 @@ from numpy.typing import NDArray
 
 from pdsolve.checkpoint_validation import expect_found
 from pdsolve.codegen.pull import NARROW
-from pdsolve.codegen.space_slots import FIELDS, INVERSE, PULL, SHARES, X2
 from pdsolve.codegen.vector_code import ROW
+from pdsolve.lattice.bond import FIELDS, where_inverse, where_weight
+from pdsolve.lattice.sums import MODULUS, SOFTENED, VOLUME, Tiles
 from pdsolve.laws.law import Law
 from pdsolve.laws.pair import no_bonds
 from pdsolve.operators.simd_lattice.layout import aligned
 from pdsolve.operators.space_lattice import families
-from pdsolve.operators.space_lattice.kernel import MODULUS, SOFTENED, VOLUME, Tiles
 from pdsolve.operators.space_lattice.sites import Sites
 
+INVERSE, PULL, SHARES = where_inverse(3), where_weight(3), where_weight(3) + 1  # in a row of `Tiles.table`
 SAME = 1e-11  # relative: stiffnesses this close are one
 ROUNDED = 1e-5  # relative: what rounding does to e, and more
 
@@ -43,6 +44,7 @@ def tiles_of(law: Law, sites: Sites, bits: NDArray[np.uint16], springs: Springs)
     edge = peak * (peak + 2) * (1 - ROUNDED)
     tiles = Tiles(
         law=no_bonds(law),
+        axes=(0, 0, 0),
         offsets=sites.steps.astype(np.int32),
         table=table_of(sites.ways, sites.spacing, springs.strength),
         bits=bits,
@@ -102,7 +104,7 @@ def table_of(ways: NDArray[np.int64], spacing: float, strength: NDArray[np.float
     xi = ways * spacing
     squared = (xi**2).sum(axis=1)
     table = np.zeros((len(ways), FIELDS))
-    table[:, :3], table[:, X2 : X2 + 3], table[:, INVERSE] = xi, 2 * xi / squared[:, None], 1 / squared
+    table[:, :3], table[:, 3:6], table[:, INVERSE] = xi, 2 * xi / squared[:, None], 1 / squared
     table[:, PULL] = strength / np.sqrt(squared)
     table[:, SHARES : SHARES + 3] = table[:, PULL, None] * xi**2 / squared[:, None] / 2
     return table

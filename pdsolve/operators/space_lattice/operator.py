@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from pdsolve.checkpoint_validation import entry
 from pdsolve.codegen.vector_code import ROW
+from pdsolve.lattice.sums import Tiles, hold_tiles, place_rows, recall, room_for, sum_tiles
 from pdsolve.laws.calls import bind
 from pdsolve.laws.law import Law
 from pdsolve.numerics.thread_team import share
 from pdsolve.operators.protocol import Kept
 from pdsolve.operators.simd_lattice.layout import aligned
 from pdsolve.operators.space_lattice import layout
-from pdsolve.operators.space_lattice.kernel import Breaks, Tiles, hold_tiles, place_rows, recall, sum_tiles
 from pdsolve.operators.space_lattice.sites import Sites
 from pdsolve.state import Broken, State, Unknown
 
@@ -69,13 +69,13 @@ class SpaceLattice:
         room = ROOM * ROW * len(self.tiles.offsets)
 
         def work(first: int, last: int) -> None:
-            breaks = Breaks(np.zeros(1, dtype=np.int64), np.empty((room, 2), dtype=np.int32))
-            of_state = state.rate, dt, step > 0, out, state.dissipated
+            breaks = room_for(room)
+            of_state = state.rate, dt, step, out, state.dissipated
             while first < last:
                 begin, breaks.used[0] = first, 0
                 first = sum_tiles(self.tiles, self._u, *of_state, breaks, first, last)
                 if breaks.used[0]:
-                    broken_by_tile.append((begin, breaks.ends[: breaks.used[0]].astype(np.int64)))
+                    broken_by_tile.append((begin, breaks.bonds[: breaks.used[0]].copy()))
                 elif first == begin:
                     waiting.append(first)
                     first += 1
@@ -85,9 +85,7 @@ class SpaceLattice:
             self.tiles = layout.extended(self.tiles, np.array(sorted(waiting)))
             for tile in sorted(waiting):
                 work(tile, tile + 1)
-        for _, ends in sorted(broken_by_tile, key=lambda one: one[0]):
-            source, target = ends.T
-            self._new.append(Broken(np.full(len(source), step, dtype=np.int64), source, target))
+        self._new += [Broken(*bonds.T) for _, bonds in sorted(broken_by_tile, key=lambda one: one[0])]
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """The energy densities (n,), J/m^3, that nodes hold, and that softening has spent so far."""

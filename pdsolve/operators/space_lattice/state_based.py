@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from pdsolve.bonds.assembly import Bonds
 from pdsolve.codegen.vector_code import ROW
+from pdsolve.lattice.sums import place_rows
 from pdsolve.laws.bond_arrays import Now, Tabled
 from pdsolve.laws.law import Law
 from pdsolve.model import Model
@@ -18,7 +19,6 @@ from pdsolve.numerics.thread_team import share
 from pdsolve.operators.bond_list import BondList
 from pdsolve.operators.protocol import Kept
 from pdsolve.operators.simd_lattice.layout import aligned
-from pdsolve.operators.space_lattice.kernel import place_rows
 from pdsolve.operators.space_lattice.passes import FamilyTiles, add_rows, exchange_tiles, gather_tiles
 from pdsolve.operators.space_lattice.sites import Sites, sites_of
 from pdsolve.state import Broken

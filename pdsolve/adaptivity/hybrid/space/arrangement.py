@@ -27,11 +27,11 @@ from pdsolve.adaptivity.hybrid.space.box import (
 )
 from pdsolve.adaptivity.hybrid.space.divisions import SIDES, WORD, Divisions
 from pdsolve.codegen.jit_cache import cached_njit
-from pdsolve.codegen.space_slots import INVERSE
 from pdsolve.codegen.vector_code import ROW
+from pdsolve.lattice.sums import VOLUME, Tiles, pair_number, stiffness
 from pdsolve.operators.simd_lattice.kernel import INNER
 from pdsolve.operators.simd_lattice.layout import aligned
-from pdsolve.operators.space_lattice.kernel import VOLUME, Tiles, pair_number, stiffness
+from pdsolve.operators.space_lattice.layout import INVERSE
 
 PARTS = 8  # of a bond, more than there are
 BLOCK = 8  # spacings along a side of what is numbered together

@@ -21,14 +21,13 @@ from numpy.typing import NDArray
 from pdsolve.adaptivity.hybrid.space.box import COARSE, Box, cell_place, coarse_site, fine_site
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.pull import NARROW
-from pdsolve.codegen.space_slots import INVERSE, PULL
 from pdsolve.codegen.vector_code import ROW
+from pdsolve.lattice.sums import ALIKE, EMPTY, MODULUS, SOFT_GENERAL, VOLUME, Tiles
 from pdsolve.laws.law import Law
 from pdsolve.laws.pair import no_bonds
 from pdsolve.operators.simd_lattice.kernel import INNER
 from pdsolve.operators.simd_lattice.layout import aligned
-from pdsolve.operators.space_lattice.kernel import ALIKE, EMPTY, MODULUS, SOFT_GENERAL, VOLUME, Tiles
-from pdsolve.operators.space_lattice.layout import table_of
+from pdsolve.operators.space_lattice.layout import INVERSE, PULL, table_of
 from pdsolve.operators.space_lattice.sites import Sites
 
 
@@ -80,6 +79,7 @@ def tiles_of(law: Law, sites: Sites, stiffness: NDArray[np.float64]) -> Tiles:
     tiles, slots = sites.tiles, len(sites.ways)
     return Tiles(
         law=no_bonds(law),
+        axes=(0, 0, 0),
         offsets=sites.steps.astype(np.int32),
         table=table_of(sites.ways, sites.spacing, stiffness * length),
         bits=np.zeros((tiles, slots), dtype=np.uint16),

@@ -13,9 +13,9 @@ from pdsolve.adaptivity.hybrid.space.box import FINE, Box
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import Drive
+from pdsolve.lattice.sums import Tiles
 from pdsolve.model import Model
 from pdsolve.operators.simd_lattice.layout import aligned
-from pdsolve.operators.space_lattice.kernel import Tiles
 from pdsolve.operators.space_lattice.sites import Sites
 
 ROOM = 16  # pieces of a node, about

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.space.arrangement import Fine
 from pdsolve.adaptivity.hybrid.space.box import Box
+from pdsolve.lattice.sums import MODULUS, VOLUME, Tiles
 from pdsolve.model import Model
-from pdsolve.operators.space_lattice.kernel import MODULUS, VOLUME, Tiles
 from pdsolve.operators.space_lattice.sites import Sites
 
 BESIDE = 2  # spacings from a coarse node to the farthest fine nodes of its cells

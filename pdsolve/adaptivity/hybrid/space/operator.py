@@ -29,11 +29,11 @@ from pdsolve.bonds.assembly import Counted
 from pdsolve.checkpoint_validation import entry, like
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.errors import CheckpointError, LateZoneError
+from pdsolve.lattice.sums import EMPTY, VOLUME, Tiles, hold_some, room_for, sum_some, sum_tiles
 from pdsolve.model import Model
 from pdsolve.numerics.thread_team import share
 from pdsolve.operators.protocol import Kept
 from pdsolve.operators.space_lattice import layout
-from pdsolve.operators.space_lattice.kernel import EMPTY, VOLUME, Breaks, Tiles, hold_some, sum_some, sum_tiles
 from pdsolve.operators.space_lattice.operator import ROOM
 from pdsolve.operators.space_lattice.sites import Sites
 from pdsolve.state import Broken, State, Unknown
@@ -140,8 +140,8 @@ class SpaceHybrid:
         zone, nodes, force, density = self._zone, len(self.sites), self._force, self._density
         force[:], density[:] = 0, 0
         self._sum_bonds(state, step, dt)
-        nothing = Breaks(np.zeros(1, np.int64), np.empty((ROW * len(zone.springs.offsets) + 1, 2), np.int32))
-        of_state = state.rate, dt, False, force, state.dissipated
+        nothing = room_for(ROW * len(zone.springs.offsets) + 1)
+        of_state = state.rate, dt, 0, force, state.dissipated
 
         def work(first: int, last: int) -> None:
             sum_tiles(zone.springs, zone.u_coarse, *of_state, nothing, first, last)
@@ -172,19 +172,19 @@ class SpaceHybrid:
         room = ROOM * ROW * len(zone.tiles.offsets)
 
         def work(first: int, last: int) -> None:
-            breaks = Breaks(np.zeros(1, dtype=np.int64), np.empty((room, 2), dtype=np.int32))
+            breaks = room_for(room)
             while first < last:
                 begin, breaks.used[0] = first, 0
-                of_state = state.rate, dt, step > 0, density, state.dissipated
+                of_state = state.rate, dt, step, density, state.dissipated
                 first = sum_tiles(zone.tiles, zone.u, *of_state, breaks, first, last)
                 if breaks.used[0]:
-                    broken_by_tile.append((begin, breaks.ends[: breaks.used[0]].astype(np.int64)))
+                    broken_by_tile.append((begin, breaks.bonds[: breaks.used[0]].copy()))
 
         share(work, len(zone.tiles.kind), self._threads)
-        for _, ends in sorted(broken_by_tile, key=lambda one: one[0]):
-            source, target = ends.T
-            self._clear(source, target)
-            self._new.append(Broken(np.full(len(source), step, dtype=np.int64), source, target))
+        for _, bonds in sorted(broken_by_tile, key=lambda one: one[0]):
+            broken = Broken(*bonds.T)
+            self._clear(broken.source, broken.target)
+            self._new.append(broken)
 
     def _clear(self, source: NDArray[np.int64], target: NDArray[np.int64]) -> None:
         """Take broken bonds out of those of the whole body too, so that none is there again."""

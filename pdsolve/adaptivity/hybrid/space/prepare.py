@@ -17,15 +17,15 @@ from pdsolve.adaptivity.hybrid.space.materials import moduli, weakest, weakness
 from pdsolve.adaptivity.hybrid.space.operator import SpaceHybrid
 from pdsolve.adaptivity.hybrid.space.prescribed_motion import between
 from pdsolve.adaptivity.hybrid.space.zone import cells_at_start
-from pdsolve.codegen.space_slots import INVERSE, PULL
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import Drive, Entries, drive, drive_of, put_loads
+from pdsolve.lattice.sums import VOLUME, Tiles
 from pdsolve.laws import law_of
 from pdsolve.laws.calls import bind
 from pdsolve.laws.law import Law
 from pdsolve.model import Model
 from pdsolve.operators.space_lattice import families, layout
-from pdsolve.operators.space_lattice.kernel import VOLUME, Tiles
+from pdsolve.operators.space_lattice.layout import INVERSE, PULL
 from pdsolve.operators.space_lattice.sites import Sites
 from pdsolve.options import Options
 from pdsolve.schemes.cubic_lattice_bonds import tiled

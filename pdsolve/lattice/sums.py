@@ -23,29 +23,25 @@ from numba import njit
 from numba.extending import overload
 from numpy.typing import NDArray
 
+from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.jit_cache import cached_njit
-from pdsolve.codegen.lanes import across
-from pdsolve.codegen.space_slots import (
-    INVERSE,
-    PULL,
-    SCRATCH,
-    SHARES,
-    add_alike,
-    add_alike_far,
-    add_corrected,
-    add_corrected_far,
-    add_general,
-    add_general_far,
-    add_soft_alike,
-    add_soft_alike_far,
-    add_soft_corrected,
-    add_soft_corrected_far,
-    add_soft_general,
-    add_soft_general_far,
-)
+from pdsolve.codegen.lanes import across, beside, keep, same, where_above
+from pdsolve.codegen.tile_lanes import bonded, magnitude
 from pdsolve.codegen.vector_code import ROW
+from pdsolve.lattice.bond import (
+    IN_PLACE,
+    any_beyond,
+    corrected_weight,
+    difference,
+    elongation,
+    factor,
+    factor_near,
+    pulled,
+    where_inverse,
+    where_weight,
+    zeros,
+)
 from pdsolve.laws.calls import added_pull, broken_energy, held, pair_of, secant, spent
-from pdsolve.operators.simd_lattice.kernel import INNER
 
 # Tiles: without a node; what their bonds' stiffnesses are made of; and the same of tiles with a memory
 EMPTY, ALIKE, CORRECTED, GENERAL, SOFT_ALIKE, SOFT_CORRECTED, SOFT_GENERAL = range(7)
@@ -59,10 +55,11 @@ class Tiles(NamedTuple):
     of materials; r tiles with a memory."""
 
     law: Any  # columns of no bonds, by whose type kernels are compiled
+    axes: tuple[int, ...]  # as many entries as there are axes, d
     offsets: NDArray[np.int32]  # (k,) from a site to that of its neighbour
-    table: NDArray[np.floating]  # (k, 12) xi, 2 xi / |xi|^2, 1 / |xi|^2, w = stiffness / |xi|, w n_a^2 / 2
+    table: NDArray[np.floating]  # (k, 12) of the offsets, see `bond`
     bits: NDArray[np.uint16]  # (t, k) lanes with an intact bond
-    c: NDArray[np.floating]  # (3, m) corrections along x, y and z
+    c: NDArray[np.floating]  # (d, m) corrections along each axis
     cells: NDArray[np.floating]  # (2, m) cell over h^3; half of the modulus over E
     kind: NDArray[np.uint8]  # (t,) EMPTY to SOFT_GENERAL
     node: NDArray[np.int32]  # (16 t,) row of a site's node, or -1
@@ -83,148 +80,180 @@ class Breaks(NamedTuple):
     """Room for what breaks."""
 
     used: NDArray[np.int64]  # (1,) bonds
-    ends: NDArray[np.int32]  # (., 2) rows of source and target
+    bonds: NDArray[np.int64]  # (., 3) step, and rows of source and target
+
+
+def room_for(bonds: int) -> Breaks:
+    """Room for so many bonds that break."""
+    return Breaks(np.zeros(1, dtype=np.int64), np.empty((bonds, 3), dtype=np.int64))
+
+
+class Motion(NamedTuple):
+    """How sites move in a step, and what this does to bonds."""
+
+    u: NDArray[np.floating]  # (d, m) displacements of sites, m
+    rate: NDArray[np.floating]  # (d, m) velocities of sites since the last step, m/s; or (d, n) of nodes
+    by_sites: bool  # which of them
+    dt: float  # s
+    step: int  # 0: bonds neither soften nor break
 
 
 @cached_njit(nogil=True)
 def place_rows(site, value, u, first, last):  # type: ignore[no-untyped-def]
-    """Displacements (n, 3) of the rows `first` to `last` - 1 to their sites, u (3, m)."""
+    """Displacements (n, d) of the rows `first` to `last` - 1 to their sites, u (d, m)."""
     for i in range(first, last):
-        for axis in range(3):
+        for axis in range(len(u)):
             u[axis, site[i]] = value[i, axis]
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def sum_tiles(tiles, u, rate, dt, ages, out, dissipated, breaks, first, last):  # type: ignore[no-untyped-def]
-    """Add the force densities, N/m^3, of the tiles `first` to `last` - 1 to `out` (n, 3); if bonds age now, those over
-    their limit break and those over their peak soften.
+def sum_tiles(tiles, u, rate, dt, step, out, dissipated, breaks, first, last):  # type: ignore[no-untyped-def]
+    """Add the force densities, N/m^3, of the tiles `first` to `last` - 1 to `out` (n, d); bonds over their limit break
+    and those over their peak soften, but not in step 0.
 
     Returns the tile to go on with: `last`, or one that there was no room left to write breaks of, or one whose bonds
     soften and that has no memory.
     """
-    s, f, count = np.empty(SCRATCH, u.dtype), np.empty((3, ROW)), len(tiles.offsets)
-    limits = u.dtype.type(tiles.near), u.dtype.type(tiles.floor), u.dtype.type(tiles.edge)
+    s, motion = np.empty((len(u), ROW), u.dtype), Motion(u, rate.T, False, dt, step)
     for t in range(first, last):
         if tiles.kind[t] == EMPTY:
             continue
-        if breaks.used[0] + ROW * count > len(breaks.ends):
+        if breaks.used[0] + ROW * len(tiles.offsets) > len(breaks.bonds):
             return t
-        for lane in range(0, ROW, across(s)):
-            if not _sum_lanes(tiles, u, rate, dt, ages, out, dissipated, breaks, limits, t, lane, s):
+        for lane in range(0, ROW, across(u)):
+            done, f = sum_lanes(tiles, motion, out.T, dissipated, breaks, t, lane)
+            if not done:
                 return t
-            for k in range(across(s)):
-                for axis in range(3):
-                    f[axis, lane + k] = s[ROW * axis + k]
-        _write(tiles, t, f, out)
+            keep(f, s, lane)
+        _write(tiles, t, s, out)
     return last
 
 
 @cached_njit(nogil=True, error_model="numpy")
 def sum_some(tiles, u, rate, out, dissipated, site_mask):  # type: ignore[no-untyped-def]
-    """Add the force densities, N/m^3, of the tiles with `site_mask` sites (16 t,) to `out` (n, 3); nothing breaks."""
-    nothing = Breaks(np.zeros(1, np.int64), np.empty((ROW * len(tiles.offsets), 2), np.int32))
+    """Add the force densities, N/m^3, of the tiles with `site_mask` sites (16 t,) to `out` (n, d); nothing breaks."""
+    nothing = Breaks(np.zeros(1, np.int64), np.empty((ROW * len(tiles.offsets), 3), np.int64))
     for t in range(len(tiles.kind)):
         if site_mask[t * ROW : t * ROW + ROW].any():
-            sum_tiles(tiles, u, rate, 0.0, False, out, dissipated, nothing, t, t + 1)
+            sum_tiles(tiles, u, rate, 0.0, 0, out, dissipated, nothing, t, t + 1)
 
 
 @njit(**INNER)
 def _write(tiles, t, f, out):  # type: ignore[no-untyped-def]
-    """Add the force densities f (3, 16) of a tile to `out` (n, 3)."""
+    """Add the force densities f (d, 16) of a tile to `out` (n, d)."""
     for lane in range(ROW):
         i = tiles.node[t * ROW + lane]
         if i >= 0:
-            for axis in range(3):
+            for axis in range(len(f)):
                 out[i, axis] += f[axis, lane]
 
 
-@njit(**INNER)
-def _sum_lanes(tiles, u, rate, dt, ages, out, dissipated, breaks, limits, t, lane, s):  # type: ignore[no-untyped-def]
-    """Force densities on some lanes of a tile, from `lane` on, at the beginning of s; False if it needs a memory."""
-    for k in range(SCRATCH):
-        s[k] = 0
-    count, slot, kind = len(tiles.offsets), 0, tiles.kind[t]
-    place, row = tiles.margin + t * ROW + lane, np.int64(tiles.memory[t])
-    to = (tiles.offsets, tiles.table, tiles.bits, tiles.c, tiles.cells, tiles.share)
-    while True:
-        at = (t, place, lane, row, count)
-        slot = _add(kind, u, to, limits, slot, count, at, s)
-        if slot == count:
-            return True
-        if ages and not _age_slot(tiles, u, rate, dt, out, dissipated, breaks, t, lane, slot, across(s)):
-            return False
-        slot = _add_far(kind, u, to, limits, slot, at, s)
+@njit(**IN_PLACE)
+def sum_lanes(tiles, motion, pulls, dissipated, breaks, t, lane):  # type: ignore[no-untyped-def]
+    """Whether they could be summed, and the force densities on some lanes of a tile, from `lane` on, N/m^3.
 
-
-@njit(**INNER)
-def _add(kind, u, to, limits, slot, count, at, s):  # type: ignore[no-untyped-def]
-    """Add bonds from a slot on; returns the first that is left alone, or `count`."""
-    if kind == ALIKE:
-        return add_alike(u, *to, limits, slot, count, *at, s)
-    if kind == CORRECTED:
-        return add_corrected(u, *to, limits, slot, count, *at, s)
-    if kind == GENERAL:
-        return add_general(u, *to, limits, slot, count, *at, s)
-    if kind == SOFT_ALIKE:
-        return add_soft_alike(u, *to, limits, slot, count, *at, s)
-    if kind == SOFT_CORRECTED:
-        return add_soft_corrected(u, *to, limits, slot, count, *at, s)
-    return add_soft_general(u, *to, limits, slot, count, *at, s)
-
-
-@njit(**INNER)
-def _add_far(kind, u, to, limits, slot, at, s):  # type: ignore[no-untyped-def]
-    """Add the bonds of one slot, however long; returns the next slot."""
-    if kind == ALIKE:
-        return add_alike_far(u, *to, limits, slot, slot + 1, *at, s)
-    if kind == CORRECTED:
-        return add_corrected_far(u, *to, limits, slot, slot + 1, *at, s)
-    if kind == GENERAL:
-        return add_general_far(u, *to, limits, slot, slot + 1, *at, s)
-    if kind == SOFT_ALIKE:
-        return add_soft_alike_far(u, *to, limits, slot, slot + 1, *at, s)
-    if kind == SOFT_CORRECTED:
-        return add_soft_corrected_far(u, *to, limits, slot, slot + 1, *at, s)
-    return add_soft_general_far(u, *to, limits, slot, slot + 1, *at, s)
-
-
-@njit(**INNER)
-def _age_slot(tiles, u, rate, dt, out, dissipated, breaks, t, lane, slot, count):  # type: ignore[no-untyped-def]
-    """Take out the bonds of a slot that are over their limit, and book what they have spent; soften those over their
-    peak. False if there is no memory for it.
-
-    The pulls that match their work go to `out` (n, 3) at once: a tile that gets a memory is summed anew without them.
+    They could not where a bond softens in a tile without a memory. The pulls that match the work of bonds that break or
+    soften go to `pulls` (d, .) at once: a tile that gets a memory is summed anew without them.
     """
+    c, cells, share, kind = tiles.c, tiles.cells, tiles.share, tiles.kind[t]
+    if kind == ALIKE:
+        return _sum(tiles, None, None, None, motion, pulls, dissipated, breaks, t, lane)
+    if kind == CORRECTED:
+        return _sum(tiles, c, None, None, motion, pulls, dissipated, breaks, t, lane)
+    if kind == GENERAL:
+        return _sum(tiles, c, cells, None, motion, pulls, dissipated, breaks, t, lane)
+    if kind == SOFT_ALIKE:
+        return _sum(tiles, None, None, share, motion, pulls, dissipated, breaks, t, lane)
+    if kind == SOFT_CORRECTED:
+        return _sum(tiles, c, None, share, motion, pulls, dissipated, breaks, t, lane)
+    return _sum(tiles, c, cells, share, motion, pulls, dissipated, breaks, t, lane)
+
+
+@njit(**IN_PLACE)
+def _sum(tiles, c, cells, share, motion, pulls, dissipated, breaks, t, lane):  # type: ignore[no-untyped-def]
+    """`sum_lanes` of a kind of tile: without corrections, cells of their own or softened bonds they are None."""
+    slot, aged, f = 0, -1, zeros(motion.u, tiles.axes)
+    while True:
+        slot, f = _add(tiles, c, cells, share, motion.u, t, lane, slot, aged, f)
+        if slot == len(tiles.offsets):
+            return True, f
+        if motion.step > 0 and not _age_slot(tiles, motion, pulls, dissipated, breaks, t, lane, slot):
+            return False, f
+        aged = slot
+
+
+@njit(**IN_PLACE)
+def _add(tiles, c, cells, share, u, t, lane, first, aged, f):  # type: ignore[no-untyped-def]
+    """Add the pulls of bonds to f, slot by slot from `first` on.
+
+    Returns the first slot with a bond that may soften or break, but for the slot `aged` where that was seen to; or the
+    number of slots.
+    """
+    own, near, edge = tiles.margin + t * ROW + lane, same(u, tiles.near), same(u, tiles.edge)
+    here = beside(u, tiles.axes, own)
+    for slot in range(first, len(tiles.offsets)):
+        if tiles.bits[t, slot] == 0:
+            continue
+        row, at = tiles.table[slot], own + tiles.offsets[slot]
+        eta = difference(beside(u, tiles.axes, at), here)
+        (e,) = bonded((elongation(eta, row),), tiles.bits, t, slot, lane)
+        g, size = factor_near(e), magnitude(e)
+        if any_beyond(size, near):
+            if slot != aged and any_beyond(e, edge):
+                return slot, f
+            g = factor(u, e, size, near, g)
+        w = _weight(tiles, c, cells, share, u, row, e, own, at, t, slot, lane)
+        f = pulled(f, w * (e * g), eta, row)
+    return len(tiles.offsets), f
+
+
+@njit(**IN_PLACE)
+def _weight(tiles, c, cells, share, u, row, e, own, at, t, slot, lane):  # type: ignore[no-untyped-def]
+    """Stiffness over length of bonds at e."""
+    if c is None:
+        w = same(u, row[where_weight(len(tiles.axes))])
+    else:
+        w = corrected_weight(row, beside(c, tiles.axes, at), beside(c, tiles.axes, own))
+    if cells is not None:
+        volume, modulus = beside(cells, (0, 0), at)
+        w = (w * volume) * (modulus + beside(cells, (0, 0), own)[1])
+    if share is not None:
+        (left,) = beside(share[tiles.memory[t], slot : slot + 1], (0,), lane)
+        w = w * where_above(e, same(u, tiles.floor), left, same(u, 1.0))
+    return w
+
+
+@njit(**INNER)
+def _age_slot(tiles, motion, pulls, dissipated, breaks, t, lane, slot):  # type: ignore[no-untyped-def]
+    """Take out the bonds of a slot that are over their limit, and book what they have spent; soften those over their
+    peak. False if there is no memory for it."""
     row, offset, word, memory = tiles.table[slot], tiles.offsets[slot], tiles.bits[t, slot], np.int64(tiles.memory[t])
-    for k in range(lane, lane + count):
+    u, rate = motion.u, motion.rate
+    for k in range(lane, lane + across(u)):
         if not (word >> np.uint16(k)) & np.uint16(1):
             continue
         site = t * ROW + k
         i, j = tiles.node[site], tiles.node[site + offset]
         place, pair = tiles.margin + site, pair_number(tiles, i, j)
         peak, limit = tiles.peak[pair, slot], tiles.limit[pair, slot]
-        x, y, z = _relative(u, place, offset)
-        stretch, worst = _stretch(row, x, y, z), tiles.worst[memory, slot, k] if memory >= 0 else 0.0
+        stretch, worst = _stretch(row, u, place, offset), tiles.worst[memory, slot, k] if memory >= 0 else 0.0
         if stretch <= peak or stretch <= worst or tiles.held[i] or tiles.held[j]:
             continue
         if stretch <= limit and not soften(tiles, t, slot, k, stretch, peak, limit):
             return False
-        last = _stretch(
-            row,
-            x - dt * (rate[j, 0] - rate[i, 0]),
-            y - dt * (rate[j, 1] - rate[i, 1]),
-            z - dt * (rate[j, 2] - rate[i, 2]),
-        )
+        near, far = (place, place + offset) if motion.by_sites else (np.int64(i), np.int64(j))
+        last = _stretch_before(row, u, rate, motion.dt, place, offset, near, far)
         w = stiffness(tiles, row, t, place, offset)
         pull = added_pull(tiles.law, stretch, last, worst, peak, limit) * (w / (1 + stretch))
-        out[i, 0] += pull * (row[0] + x)
-        out[i, 1] += pull * (row[1] + y)
-        out[i, 2] += pull * (row[2] + z)
+        for axis in range(len(u)):
+            pulls[axis, near] += pull * (row[axis] + (u[axis, place + offset] - u[axis, place]))
         if stretch <= limit:
             continue
-        dissipated[i] += broken_energy(tiles.law, w / row[INVERSE] / 4, stretch, last, peak, limit)
+        modulus = w / row[where_inverse(len(u))] / 4
+        dissipated[i] += broken_energy(tiles.law, modulus, stretch, last, peak, limit)
         tiles.bits[t, slot] &= ~(np.uint16(1) << np.uint16(k))
-        breaks.ends[breaks.used[0], 0], breaks.ends[breaks.used[0], 1] = i, j
+        bond = breaks.bonds[breaks.used[0]]
+        bond[0], bond[1], bond[2] = motion.step, i, j
         breaks.used[0] += 1
     return True
 
@@ -260,28 +289,42 @@ def _weaken(tiles, t, slot, lane, stretch, peak, limit):  # type: ignore[no-unty
 
 
 @njit(**INNER)
-def _relative(u, place, offset):  # type: ignore[no-untyped-def]
-    """The displacement of a site's neighbour less its own, eta, m."""
-    far = place + offset
-    return u[0, far] - u[0, place], u[1, far] - u[1, place], u[2, far] - u[2, place]
+def _stretch(row, u, place, offset):  # type: ignore[no-untyped-def]
+    """The stretch of the bond of a site."""
+    along, square = u.dtype.type(0), u.dtype.type(0)
+    for axis in range(len(u)):
+        eta = u[axis, place + offset] - u[axis, place]
+        along += row[axis] * eta
+        square += eta * eta
+    return _ratio(row[where_inverse(len(u))] * (2 * along + square))
 
 
 @njit(**INNER)
-def _stretch(row, x, y, z):  # type: ignore[no-untyped-def]
-    """The stretch of a bond whose relative displacement eta is (x, y, z), m."""
-    e = row[INVERSE] * (2 * (row[0] * x + row[1] * y + row[2] * z) + (x * x + y * y + z * z))
+def _stretch_before(row, u, rate, dt, place, offset, near, far):  # type: ignore[no-untyped-def]
+    """The stretch of the bond of a site one step ago, since when its ends have moved with `rate` (d, .), m/s."""
+    along, square = 0.0, 0.0
+    for axis in range(len(u)):
+        eta = u[axis, place + offset] - u[axis, place] - dt * (rate[axis, far] - rate[axis, near])
+        along += row[axis] * eta
+        square += eta * eta
+    return _ratio(row[where_inverse(len(u))] * (2 * along + square))
+
+
+@njit(**INNER)
+def _ratio(e):  # type: ignore[no-untyped-def]
+    """The stretch at e."""
     return e / (np.sqrt(1 + e) + 1)
 
 
 @njit(**INNER)
 def stiffness(tiles, row, t, place, offset):  # type: ignore[no-untyped-def]
     """Stiffness over length of a bond."""
-    kind = tiles.kind[t]
+    kind, axes = tiles.kind[t], len(tiles.axes)
     if kind in (ALIKE, SOFT_ALIKE):
-        return np.float64(row[PULL])
+        return np.float64(row[where_weight(axes)])
     c, cells, w = tiles.c, tiles.cells, np.float64(0)
-    for axis in range(3):
-        w += row[SHARES + axis] * (np.float64(c[axis, place]) + np.float64(c[axis, place + offset]))
+    for axis in range(axes):
+        w += row[where_weight(axes) + 1 + axis] * (np.float64(c[axis, place]) + np.float64(c[axis, place + offset]))
     if kind in (GENERAL, SOFT_GENERAL):
         w *= cells[VOLUME, place + offset] * (cells[MODULUS, place] + cells[MODULUS, place + offset])
     return w
@@ -318,11 +361,10 @@ def _hold_tile(tiles, u, own_held, own_spent, t, lanes):  # type: ignore[no-unty
         for k in range(ROW):
             if (word >> np.uint16(k)) & np.uint16(1):
                 place, i, j = tiles.margin + t * ROW + k, tiles.node[t * ROW + k], tiles.node[t * ROW + k + offset]
-                x, y, z = _relative(u, place, offset)
                 pair, worst = pair_number(tiles, i, j), tiles.worst[row, slot, k] if row >= 0 else 0.0
                 peak, limit = tiles.peak[pair, slot], tiles.limit[pair, slot]
-                c = stiffness(tiles, field, t, place, offset) / field[INVERSE] / 4
-                own_held[i] += held(tiles.law, c, _stretch(field, x, y, z), worst, peak, limit)
+                c = stiffness(tiles, field, t, place, offset) / field[where_inverse(len(u))] / 4
+                own_held[i] += held(tiles.law, c, _stretch(field, u, place, offset), worst, peak, limit)
                 if worst > 0:
                     own_spent[i] += spent(tiles.law, c, worst, peak, limit)
 

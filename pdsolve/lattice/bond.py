@@ -1,0 +1,190 @@
+"""The bond of a lattice in some lanes of a tile: how far it is stretched, and what it pulls with.
+
+One description for the plane and for space: tuples have one entry of lanes for each axis, and code is generated for as
+many as there are. Products and sums that are fused here are so on every processor that can.
+
+xi      reference vector of a bond, m
+eta     displacement of its far end less that of its near end, m
+e       (2 xi.eta + eta.eta) / xi.xi, so that 1 + e is the square of the ratio of lengths
+row     (FIELDS,) of a slot: xi, 2 xi / xi.xi, 1 / xi.xi, the stiffness over length w, and w n_a^2 / 2 for each axis a
+        with the direction n of the bond
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba import njit, types
+from numba.core import cgutils
+from numba.extending import intrinsic, register_jitable
+
+from pdsolve.codegen.inner_functions import INNER
+from pdsolve.codegen.lanes import Lanes, same, where_above
+from pdsolve.codegen.pull import WIDE, coefficients
+from pdsolve.codegen.vector_code import INT, call, repeat
+
+FIELDS = 12  # of a row
+IN_PLACE = INNER | {"forceinline": True}  # how functions of a bond are compiled: into the loop that calls them
+
+
+@register_jitable
+def where_inverse(dimension: int) -> int:
+    """Where 1 / xi.xi is in a row."""
+    return 2 * dimension
+
+
+@register_jitable
+def where_weight(dimension: int) -> int:
+    """Where the stiffness over length is in a row; what it is with corrections along each axis follows."""
+    return 2 * dimension + 1
+
+
+def _entries(context: Any, builder: Any, kind: Any, row: Any, vector: Any, first: int, count: int) -> list[Any]:
+    """So many entries of a row from `first` on, each in all lanes."""
+    data = context.make_array(kind)(context, builder, row).data
+    numbers = (builder.load(builder.gep(data, [INT(first + axis)])) for axis in range(count))
+    return [repeat(builder, vector, number) for number in numbers]
+
+
+@intrinsic
+def difference(typingctx, a, b):  # type: ignore[no-untyped-def]
+    """a - b of two vectors."""
+
+    def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
+        pairs = zip(*(cgutils.unpack_tuple(builder, value) for value in values), strict=True)
+        return context.make_tuple(builder, signature.return_type, [builder.fsub(x, y) for x, y in pairs])
+
+    return a(a, b), generate
+
+
+@intrinsic
+def elongation(typingctx, eta, row):  # type: ignore[no-untyped-def]
+    """The e of a bond from its eta."""
+    lanes = eta.dtype
+
+    def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
+        vector, d = context.get_value_type(lanes), len(eta)
+        doubled = _entries(context, builder, row, values[1], vector, d, d)
+        (inverse,) = _entries(context, builder, row, values[1], vector, where_inverse(d), 1)
+        e = ir.Constant(vector, [0.0] * lanes.count)
+        for along, x in zip(cgutils.unpack_tuple(builder, values[0]), doubled, strict=True):
+            e = call(builder, "fmuladd", call(builder, "fmuladd", inverse, along, x), along, e)
+        return e
+
+    return lanes(eta, row), generate
+
+
+@intrinsic
+def pulled(typingctx, f, pull, eta, row):  # type: ignore[no-untyped-def]
+    """f + pull (xi + eta)."""
+
+    def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
+        vector = context.get_value_type(eta.dtype)
+        reference = _entries(context, builder, row, values[3], vector, 0, len(eta))
+        totals, relative = (cgutils.unpack_tuple(builder, values[number]) for number in (0, 2))
+        axes = zip(totals, relative, reference, strict=True)
+        after = [call(builder, "fmuladd", values[1], builder.fadd(x, along), total) for total, along, x in axes]
+        return context.make_tuple(builder, signature.return_type, after)
+
+    return f(f, pull, eta, row), generate
+
+
+@intrinsic
+def corrected_weight(typingctx, row, c, c_own):  # type: ignore[no-untyped-def]
+    """The stiffness over length of a bond whose ends have the corrections c and `c_own` along each axis."""
+    lanes = c.dtype
+
+    def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
+        first = where_weight(len(c)) + 1
+        shares = _entries(context, builder, row, values[0], context.get_value_type(lanes), first, len(c))
+        both = zip(*(cgutils.unpack_tuple(builder, value) for value in values[1:]), strict=True)
+        sums = [builder.fadd(far, near) for far, near in both]
+        weight = builder.fmul(shares[0], sums[0])
+        for share, total in zip(shares[1:], sums[1:], strict=True):
+            weight = call(builder, "fmuladd", share, total, weight)
+        return weight
+
+    return lanes(row, c, c_own), generate
+
+
+@intrinsic
+def advanced(typingctx, values, rates, dt):  # type: ignore[no-untyped-def]
+    """`values` + dt `rates` of two vectors, each product and each sum rounded."""
+
+    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        pairs = zip(*(cgutils.unpack_tuple(builder, tuple_value) for tuple_value in arguments[:2]), strict=True)
+        after = [builder.fadd(x, builder.fmul(arguments[2], rate)) for x, rate in pairs]
+        return context.make_tuple(builder, signature.return_type, after)
+
+    return values(values, rates, dt), generate
+
+
+@intrinsic
+def divided(typingctx, vector, number):  # type: ignore[no-untyped-def]
+    """A vector over a number of each lane."""
+
+    def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
+        entries = [builder.fdiv(entry, values[1]) for entry in cgutils.unpack_tuple(builder, values[0])]
+        return context.make_tuple(builder, signature.return_type, entries)
+
+    return vector(vector, number), generate
+
+
+@intrinsic
+def zeros(typingctx, array, like):  # type: ignore[no-untyped-def]
+    """A zero vector of as many axes as a tuple has entries, in the type of an array's elements."""
+    vectors = types.UniTuple(Lanes(array.dtype), len(like))
+
+    def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
+        zero = ir.Constant(context.get_value_type(vectors.dtype), [0.0] * vectors.dtype.count)
+        return context.make_tuple(builder, vectors, [zero] * len(like))
+
+    return vectors(array, like), generate
+
+
+@intrinsic
+def any_beyond(typingctx, a, b):  # type: ignore[no-untyped-def]
+    """Whether a > b in any lane, or one of them is no number."""
+
+    def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
+        bits = ir.IntType(a.count)
+        mask = builder.bitcast(builder.fcmp_unordered(">", *values), bits)
+        return builder.icmp_unsigned("!=", mask, bits(0))
+
+    return types.boolean(a, b), generate
+
+
+def _polynomial_up_to(number: int) -> Any:
+    """g(e) = 1 / (1 + e + sqrt(1 + e)) by the polynomial for |e| up to NARROW (0) or WIDE (1)."""
+
+    @intrinsic
+    def polynomial(typingctx, e):  # type: ignore[no-untyped-def]
+        factors = coefficients("float32" if e.kind == types.float32 else "float64")[number]
+
+        def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
+            value, *rest = (ir.Constant(values[0].type, [factor] * e.count) for factor in reversed(factors))
+            for factor in rest:
+                value = call(builder, "fmuladd", value, values[0], factor)
+            return value
+
+        return e(e), generate
+
+    return polynomial
+
+
+factor_near, _factor_wide = _polynomial_up_to(0), _polynomial_up_to(1)
+
+
+@njit(**IN_PLACE)
+def factor(u, e, size, near, nearest):  # type: ignore[no-untyped-def]
+    """g(e) at any e, whose `size` is |e|: `nearest` up to `near`, then by the wide polynomial, then by a root.
+
+    Lane by lane, so that a sum does not depend on the lanes beside it.
+    """
+    g, wide = where_above(size, near, _factor_wide(e), nearest), same(u, WIDE)
+    if any_beyond(size, wide):
+        q2 = 1.0 + e
+        return where_above(size, wide, 1.0 / (q2 + np.sqrt(q2)), g)
+    return g
