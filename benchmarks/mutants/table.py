@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from benchmarks.mutants.diffusion import DIFFUSION
 from benchmarks.mutants.drawings import DRAWINGS
+from benchmarks.mutants.lattice import LATTICE
 from benchmarks.mutants.mutant import CONTRACTS, UNIT, Mutant
 from benchmarks.mutants.right_answers import RIGHT_ANSWERS
 
 MUTANTS = (
     *DRAWINGS,
+    *LATTICE,
     Mutant(
         "pdsolve/steppers/holds.py",
         "v[i, axis] = holds.value[e] * factor_at(profiles, holds.profile[e], time - dt / 2)",

@@ -48,6 +48,7 @@ EMPTY, ALIKE, CORRECTED, GENERAL, SOFT_ALIKE, SOFT_CORRECTED, SOFT_GENERAL = ran
 SOFTENED = SOFT_ALIKE - ALIKE  # added to a tile's kind as it gets a memory
 VOLUME, MODULUS = 0, 1  # rows of `cells`
 EVERY = 2**ROW - 1  # bits of all lanes
+UNAGED, AGED, UNDONE = range(3)  # lanes: summed, the same though bonds softened or broke, not summed
 
 
 class Tiles(NamedTuple):
@@ -121,8 +122,8 @@ def sum_tiles(tiles, u, rate, dt, step, out, dissipated, breaks, first, last):  
         if breaks.used[0] + ROW * len(tiles.offsets) > len(breaks.bonds):
             return t
         for lane in range(0, ROW, across(u)):
-            done, f = sum_lanes(tiles, motion, out.T, dissipated, breaks, t, lane)
-            if not done:
+            status, f = sum_lanes(tiles, motion, out.T, dissipated, breaks, t, lane)
+            if status == UNDONE:
                 return t
             keep(f, s, lane)
         _write(tiles, t, s, out)
@@ -150,77 +151,56 @@ def _write(tiles, t, f, out):  # type: ignore[no-untyped-def]
 
 @njit(**IN_PLACE)
 def sum_lanes(tiles, motion, pulls, dissipated, breaks, t, lane):  # type: ignore[no-untyped-def]
-    """Whether they could be summed, and the force densities on some lanes of a tile, from `lane` on, N/m^3.
+    """UNAGED, AGED or UNDONE, and the force densities on some lanes of a tile, from `lane` on, N/m^3.
 
-    They could not where a bond softens in a tile without a memory. The pulls that match the work of bonds that break or
-    soften go to `pulls` (d, .) at once: a tile that gets a memory is summed anew without them.
+    Lanes are not summed where a bond softens in a tile without a memory. The pulls that match the work of bonds that
+    break or soften go to `pulls` (d, .) at once: a tile that gets a memory is summed anew without them.
     """
-    c, cells, share, kind = tiles.c, tiles.cells, tiles.share, tiles.kind[t]
-    if kind == ALIKE:
-        return _sum(tiles, None, None, None, motion, pulls, dissipated, breaks, t, lane)
-    if kind == CORRECTED:
-        return _sum(tiles, c, None, None, motion, pulls, dissipated, breaks, t, lane)
-    if kind == GENERAL:
-        return _sum(tiles, c, cells, None, motion, pulls, dissipated, breaks, t, lane)
-    if kind == SOFT_ALIKE:
-        return _sum(tiles, None, None, share, motion, pulls, dissipated, breaks, t, lane)
-    if kind == SOFT_CORRECTED:
-        return _sum(tiles, c, None, share, motion, pulls, dissipated, breaks, t, lane)
-    return _sum(tiles, c, cells, share, motion, pulls, dissipated, breaks, t, lane)
-
-
-@njit(**IN_PLACE)
-def _sum(tiles, c, cells, share, motion, pulls, dissipated, breaks, t, lane):  # type: ignore[no-untyped-def]
-    """`sum_lanes` of a kind of tile: without corrections, cells of their own or softened bonds they are None."""
-    slot, aged, f = 0, -1, zeros(motion.u, tiles.axes)
+    slot, aged, f = np.int64(0), np.int64(-1), zeros(motion.u, tiles.axes)  # literals would be a type of their own
     while True:
-        slot, f = _add(tiles, c, cells, share, motion.u, t, lane, slot, aged, f)
+        slot, f = _add(tiles, motion.u, t, lane, slot, aged, f)
         if slot == len(tiles.offsets):
-            return True, f
+            return UNAGED if aged < 0 else AGED, f
         if motion.step > 0 and not _age_slot(tiles, motion, pulls, dissipated, breaks, t, lane, slot):
-            return False, f
+            return UNDONE, f
         aged = slot
 
 
 @njit(**IN_PLACE)
-def _add(tiles, c, cells, share, u, t, lane, first, aged, f):  # type: ignore[no-untyped-def]
+def _add(tiles, u, t, lane, first, aged, f):  # type: ignore[no-untyped-def]
     """Add the pulls of bonds to f, slot by slot from `first` on.
 
     Returns the first slot with a bond that may soften or break, but for the slot `aged` where that was seen to; or the
     number of slots.
     """
     own, near, edge = tiles.margin + t * ROW + lane, same(u, tiles.near), same(u, tiles.edge)
-    here = beside(u, tiles.axes, own)
-    for slot in range(first, len(tiles.offsets)):
-        if tiles.bits[t, slot] == 0:
+    axes, kind, row_of_memory = tiles.axes, tiles.kind[t], np.int64(tiles.memory[t])
+    here, c_here = beside(u, axes, own), beside(tiles.c, axes, own)
+    softened, tile = kind >= SOFT_ALIKE, np.uint64(t)
+    kind = kind - SOFTENED if softened else kind
+    for number in range(first, len(tiles.offsets)):
+        slot = np.uint64(number)  # saves a look whether it counts from the end
+        if tiles.bits[tile, slot] == 0:
             continue
         row, at = tiles.table[slot], own + tiles.offsets[slot]
-        eta = difference(beside(u, tiles.axes, at), here)
-        (e,) = bonded((elongation(eta, row),), tiles.bits, t, slot, lane)
+        w = same(u, row[where_weight(len(axes))])  # before eta takes registers
+        if kind != ALIKE:
+            w = corrected_weight(row, beside(tiles.c, axes, at), c_here)
+            if kind == GENERAL:
+                volume, modulus = beside(tiles.cells, (0, 0), at)
+                w = (w * volume) * (modulus + beside(tiles.cells, (0, 0), own)[1])
+        eta = difference(beside(u, axes, at), here)
+        (e,) = bonded((elongation(eta, row),), tiles.bits, t, number, lane)
         g, size = factor_near(e), magnitude(e)
         if any_beyond(size, near):
-            if slot != aged and any_beyond(e, edge):
-                return slot, f
+            if number != aged and any_beyond(e, edge):
+                return number, f
             g = factor(u, e, size, near, g)
-        w = _weight(tiles, c, cells, share, u, row, e, own, at, t, slot, lane)
+        if softened:
+            (left,) = beside(tiles.share[row_of_memory, slot : slot + np.uint64(1)], (0,), lane)
+            w = w * where_above(e, same(u, tiles.floor), left, same(u, 1.0))
         f = pulled(f, w * (e * g), eta, row)
     return len(tiles.offsets), f
-
-
-@njit(**IN_PLACE)
-def _weight(tiles, c, cells, share, u, row, e, own, at, t, slot, lane):  # type: ignore[no-untyped-def]
-    """Stiffness over length of bonds at e."""
-    if c is None:
-        w = same(u, row[where_weight(len(tiles.axes))])
-    else:
-        w = corrected_weight(row, beside(c, tiles.axes, at), beside(c, tiles.axes, own))
-    if cells is not None:
-        volume, modulus = beside(cells, (0, 0), at)
-        w = (w * volume) * (modulus + beside(cells, (0, 0), own)[1])
-    if share is not None:
-        (left,) = beside(share[tiles.memory[t], slot : slot + 1], (0,), lane)
-        w = w * where_above(e, same(u, tiles.floor), left, same(u, 1.0))
-    return w
 
 
 @njit(**INNER)

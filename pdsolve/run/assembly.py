@@ -26,6 +26,7 @@ from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.numerics.team import Team
 from pdsolve.operators.device.runtime import Session
 from pdsolve.operators.protocol import Operator
+from pdsolve.operators.space_lattice.operator import SpaceLattice
 from pdsolve.options import Options
 from pdsolve.ranks.diffusing import EulerOnRanks
 from pdsolve.run.operator_factory import held_by_ground, in_blocks, operator_of, stable_step, touched
@@ -33,6 +34,7 @@ from pdsolve.run.system import Prepared, System
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import State
 from pdsolve.steppers.ghosts import Ghosts
+from pdsolve.steppers.lattice_march import LatticeMarch
 from pdsolve.steppers.protocol import Stepper
 from pdsolve.steppers.verlet import Verlet
 from pdsolve.steppers.verlet_blocks import VerletBlocks
@@ -138,6 +140,8 @@ def stepper_of(
     )
     if isinstance(operator, OnDevice):
         return VerletOnDevice((operator, state, drive), rho, dt, damping), drive
+    if isinstance(operator, SpaceLattice) and ghosts is None and rho.dtype == np.float64:  # float32 sums in float64 too
+        return LatticeMarch(operator, drive, rho, dt, damping), drive
     blocks, touching = in_blocks(operator)
     if blocks and not damps:
         fused = VerletBlocks(blocks, drive, rho, dt, touching, ghosts)

@@ -38,7 +38,7 @@ DEFAULT = Options()
 # each node
 MEMORY = {"thesis": (196e6, 1030.0), "conservative": (181e6, 1030.0)}
 IN_SPACE = 1700.0  # bytes for each node of a body in tiles whose file lists it
-LATTICE = {"float64": 480.0, "float32": 385.0}  # bytes for each node of a box in space whose file holds a lattice
+LATTICE = {"float64": 550.0, "float32": 385.0}  # bytes for each node of a box in space whose file holds a lattice
 LISTED = 130.0  # bytes for each bond of a law that is no pair's
 SPLITTING = 640.0  # the same where cells split: all pairs are kept, and two lists there while they do
 # Seconds: of a bond and of a node in a step on one thread, breaking included; of a bond of another law; of an entry of

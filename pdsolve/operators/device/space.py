@@ -50,7 +50,7 @@ class SpaceOnDevice(SpaceLattice):
 
     def _make(self) -> None:
         """Copy the tables to the device, and make room for what changes."""
-        tiles, upload, site = self.tiles, self.session.put, self._sites.site
+        tiles, upload, site = self.tiles, self.session.put, self.sites.site
         node = np.full(self.room, -1, dtype=np.int32)
         node[site] = np.arange(len(site))
         wide = [np.pad(array, ((0, 0), (0, self.room - array.shape[1]))) for array in (tiles.c, tiles.cells)]
@@ -90,16 +90,16 @@ class SpaceOnDevice(SpaceLattice):
     def spread(self, values: NDArray[Any], idle: float = 0.0) -> NDArray[Any]:
         """Nodal values (n, ...) at their sites (..., m)."""
         wide = np.full((*values.shape[1:], self.room), idle, dtype=values.dtype)
-        wide[..., self._sites.site] = values.T
+        wide[..., self.sites.site] = values.T
         return wide
 
     def rows(self, nodes: NDArray[np.int64]) -> NDArray[np.int64]:
         """Where the device has these nodes (k,)."""
-        return self._sites.site[nodes].astype(np.int64)
+        return self.sites.site[nodes].astype(np.int64)
 
     def collected(self, values: NDArray[Any], state: NDArray[Any]) -> None:
         """Enter values (..., m) of the device in an array (n, ...) of the state."""
-        state[:] = values[..., self._sites.site].T
+        state[:] = values[..., self.sites.site].T
 
     def back(self, checkpoint: Kept, broken: Broken) -> None:
         """Restore the history of bonds and the broken bonds of a checkpoint."""
@@ -140,7 +140,7 @@ class SpaceOnDevice(SpaceLattice):
         worst = np.empty((len(torn_tiles), len(self.tiles.offsets), ROW))
         for number, tile in enumerate(torn_tiles.tolist()):
             self.session.read(self._worst, worst[number], tile * self._remembered())
-        with self._breaking:
+        with self.breaking:
             self.tiles = layout.extended(self.tiles, torn_tiles[self.tiles.memory[torn_tiles] < 0])
             which, slot, lane = np.nonzero(worst)
             recall(self.tiles, torn_tiles[which], slot, lane, worst[which, slot, lane])
@@ -168,7 +168,7 @@ class SpaceOnDevice(SpaceLattice):
         source, slot = breaks[:, 0] - self.tiles.margin, breaks[:, 1]
         bit = np.uint16(1) << (source % ROW).astype(np.uint16)
         target = self.tiles.node[source + self.tiles.offsets[slot]]
-        with self._breaking:
+        with self.breaking:
             np.bitwise_and.at(self.tiles.bits, (source // ROW, slot), ~bit)
             ends = (breaks[:, 2], self.tiles.node[source], target)
             self._new.append(Broken(*(column.astype(np.int64) for column in ends)))

@@ -40,12 +40,12 @@ class SpaceLattice:
         """`bound` (n,), N/m^4, of the stiffness of nodes."""
         bind(law)
         self._law, self.tiles, self.symmetric = law, tiles, symmetric
-        self._sites, self._stiffness_bound, self._threads = sites, bound, threads
+        self.sites, self._stiffness_bound, self.threads = sites, bound, threads
         self._summed = 0, len(tiles.kind)  # tiles
-        self._u = aligned(np.zeros((3, tiles.cells.shape[1]), dtype=tiles.cells.dtype))
+        self.u = aligned(np.zeros((3, tiles.cells.shape[1]), dtype=tiles.cells.dtype))
         self._broken = Broken(*(np.zeros(0, dtype=np.int64) for _ in Broken._fields))
         self._new: list[Broken] = []
-        self._breaking = RLock()  # held while bits and broken bonds disagree: results ask for both during a march
+        self.breaking = RLock()  # held while bits and broken bonds disagree: results ask for both during a march
 
     def place(self, state: State) -> State:
         """The state itself: its arrays are those of all nodes."""
@@ -59,7 +59,7 @@ class SpaceLattice:
 
     def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
         """Add the force densities (n, w), N/m^3, to `out`; bonds over their limit break in this `step`, `dt` s long."""
-        with self._breaking:
+        with self.breaking:
             self._add(state, out, step, dt)
 
     def _add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
@@ -73,7 +73,7 @@ class SpaceLattice:
             of_state = state.rate, dt, step, out, state.dissipated
             while first < last:
                 begin, breaks.used[0] = first, 0
-                first = sum_tiles(self.tiles, self._u, *of_state, breaks, first, last)
+                first = sum_tiles(self.tiles, self.u, *of_state, breaks, first, last)
                 if breaks.used[0]:
                     broken_by_tile.append((begin, breaks.bonds[: breaks.used[0]].copy()))
                 elif first == begin:
@@ -82,16 +82,24 @@ class SpaceLattice:
 
         self._share(work)
         if waiting:
-            self.tiles = layout.extended(self.tiles, np.array(sorted(waiting)))
+            self.extend(np.array(sorted(waiting)))
             for tile in sorted(waiting):
                 work(tile, tile + 1)
         self._new += [Broken(*bonds.T) for _, bonds in sorted(broken_by_tile, key=lambda one: one[0])]
+
+    def extend(self, tile_numbers: NDArray[np.int64]) -> None:
+        """Give tiles (s,) whose bonds soften a memory."""
+        self.tiles = layout.extended(self.tiles, tile_numbers)
+
+    def take_out(self, bonds: NDArray[np.int64]) -> None:
+        """Note bonds (k, 3) that are broken now: the step, and the rows of source and target."""
+        self._new.append(Broken(*bonds.T))
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """The energy densities (n,), J/m^3, that nodes hold, and that softening has spent so far."""
         self._place(state.value)
         strain_energy, spent = np.zeros((2, len(self._stiffness_bound)))
-        tiles, u = self.tiles, self._u
+        tiles, u = self.tiles, self.u
         self._share(lambda first, last: hold_tiles(tiles, u, strain_energy, spent, first, last))
         return strain_energy, spent
 
@@ -107,11 +115,11 @@ class SpaceLattice:
         """The tangent (n w, n w), N/m^4: minus the derivative of the force densities by the values."""
         from pdsolve.operators.tangent import of_springs  # SciPy takes as long to import as numba, and few runs ask
 
-        source, target, slot = layout.intact(self._sites, self.tiles.bits, np.arange(len(self._stiffness_bound)))
-        xi, pull = layout.springs(self.tiles, self._sites, source, target, slot)
+        source, target, slot = layout.intact(self.sites, self.tiles.bits, np.arange(len(self._stiffness_bound)))
+        xi, pull = layout.springs(self.tiles, self.sites, source, target, slot)
         eta = state.value[target].astype(np.float64) - state.value[source]
         e = ((2 * xi + eta) * eta).sum(axis=1) / (xi**2).sum(axis=1)
-        pull *= layout.shares(self.tiles, self._sites, source, slot, e)
+        pull *= layout.shares(self.tiles, self.sites, source, slot, e)
         return of_springs(source, target, xi, pull, state.value)
 
     def bonds(
@@ -122,7 +130,7 @@ class SpaceLattice:
         last = len(self._stiffness_bound) if last is None else last
         bits, tile = self._whole(first, last) if start else (self.tiles.bits, 0)
         bond_lists = [
-            layout.intact(self._sites, bits, np.arange(begin, min(begin + ROWS, last)), tile)
+            layout.intact(self.sites, bits, np.arange(begin, min(begin + ROWS, last)), tile)
             for begin in range(first, max(last, first + 1), ROWS)
         ]
         source, target, _ = (np.concatenate(column) for column in zip(*bond_lists, strict=True))
@@ -130,7 +138,7 @@ class SpaceLattice:
 
     def broken(self, after: int = 0) -> Broken:
         """The bonds broken after a step: step, source and target row of each."""
-        with self._breaking:
+        with self.breaking:
             if self._new:
                 every = zip(self._broken, *self._new, strict=True)
                 self._broken, self._new = Broken(*(np.concatenate(columns) for columns in every)), []
@@ -155,7 +163,7 @@ class SpaceLattice:
     def back(self, checkpoint: Kept, broken: Broken) -> None:
         """Restore the history of bonds and the broken bonds of a checkpoint."""
         bits, _ = self._whole(0, len(self._stiffness_bound))
-        layout.cleared(self._sites, broken.source, broken.target, bits)
+        layout.cleared(self.sites, broken.source, broken.target, bits)
         if self._law.memory:
             self._recall(checkpoint, bits)
         self.tiles.bits[:] = bits
@@ -168,33 +176,33 @@ class SpaceLattice:
         source, target = (
             entry(checkpoint, f"worst_{end}", worst.shape, np.int64, 0, nodes) for end in ("source", "target")
         )
-        layout.cleared(self._sites, source, target, bits.copy())  # raises for what is no bond
-        tile, slot, bit = layout.placed(self._sites, source, target)
+        layout.cleared(self.sites, source, target, bits.copy())  # raises for what is no bond
+        tile, slot, bit = layout.placed(self.sites, source, target)
         self.tiles = layout.extended(layout.forgetful(self.tiles), np.unique(tile))
         recall(self.tiles, tile, slot, np.log2(bit).astype(np.int64), worst)
 
     def bytes(self) -> int:
         """The memory of all arrays, bytes."""
-        arrays = (*self.tiles, self._sites.site, self._sites.ways, self._u, self._stiffness_bound, *self.broken())
+        arrays = (*self.tiles, self.sites.site, self.sites.ways, self.u, self._stiffness_bound, *self.broken())
         return sum(getattr(array, "nbytes", 0) for array in arrays)
 
     def _whole(self, first: int, last: int) -> tuple[NDArray[np.uint16], int]:
         """The bits (s, k) at the start of s tiles, which have the rows `first` to `last` - 1, and the first tile."""
         low, high = 0, len(self.tiles.bits)
         if 0 < last - first < len(self._stiffness_bound):
-            row_tiles = (self._sites.site[first:last] - self._sites.margin) // ROW
+            row_tiles = (self.sites.site[first:last] - self.sites.margin) // ROW
             low, high = int(row_tiles.min()), int(row_tiles.max()) + 1
-        with self._breaking:
+        with self.breaking:
             bits, (_, source, target) = self.tiles.bits[low:high].copy(), self.broken()
         of_these = (source >= first) & (source < last)
-        tile, slot, bit = layout.placed(self._sites, source[of_these], target[of_these])
+        tile, slot, bit = layout.placed(self.sites, source[of_these], target[of_these])
         np.bitwise_or.at(bits, (tile - low, slot), bit)
         return bits, low
 
     def _place(self, value: NDArray[Any]) -> None:
         nodes = len(self._stiffness_bound)
-        share(lambda first, last: place_rows(self._sites.site, value, self._u, first, last), nodes, self._threads)
+        share(lambda first, last: place_rows(self.sites.site, value, self.u, first, last), nodes, self.threads)
 
     def _share(self, work: Callable[[int, int], None]) -> None:
         begin, end = self._summed
-        share(lambda first, last: work(begin + first, begin + last), end - begin, self._threads)
+        share(lambda first, last: work(begin + first, begin + last), end - begin, self.threads)

@@ -180,7 +180,7 @@ def test_what_only_plates_can_have_is_refused(change: dict[str, object], options
 
 @pytest.mark.slow
 def test_a_lattice_is_planned_with_less_than_listed_nodes() -> None:
-    """A million nodes take 690 MB in float64 and 590 in float32; the process takes 181 MB of them without any."""
+    """A million nodes take 731 MB in float64 and 590 in float32; the process takes 181 MB of them without any."""
     from pdsolve.run.estimate import estimate_run
 
     grid = whole_lattice(Lattice((0.0, 0.0, 0.0), 1e-3, 20, 20, 20), cracks=np.zeros((0, 9)))
@@ -188,5 +188,5 @@ def test_a_lattice_is_planned_with_less_than_listed_nodes() -> None:
     listed = Model(replace(grid, lattice=None), held.settings)
     found = [estimate_run(model, ONE._replace(precision=kind)) for model in (held, listed) for kind in PRECISIONS]
     each = [(plan.memory - 181e6) / len(grid) for plan in found]
-    assert each[:2] == pytest.approx([(690e6 - 181e6) / 1e6, (590e6 - 181e6) / 1e6], rel=0.1)
+    assert each[:2] == pytest.approx([(731e6 - 181e6) / 1e6, (590e6 - 181e6) / 1e6], rel=0.1)
     assert min(each[2:]) > 3 * each[0]

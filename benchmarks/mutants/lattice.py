@@ -1,0 +1,20 @@
+"""Lines of the march of bodies, each broken by hand."""
+
+from __future__ import annotations
+
+from benchmarks.mutants.mutant import UNIT, Mutant
+
+MARCH = "pdsolve/steppers/lattice_march.py"
+VERLET = f"{UNIT}/test_lattice_march.py::test_each_bit_is_that_of_verlet_on_any_number_of_threads"
+LATTICE = tuple(
+    Mutant(MARCH, line, becomes, VERLET)
+    for line, becomes in (
+        ("    course.pulled[t] = False\n", ""),
+        ("bonds[np.lexsort((tile, bonds[:, 0]))]", "bonds[:-1]"),
+        ("np.concatenate(broken + self._collect_breaks())", "self._collect_breaks()[0]"),
+        ("v = advanced(advanced(v, a, half), a, half)", "v = advanced(v, a, dt)"),
+        ("(drive.before[i, axis] + drive.force[i, axis]) / 2", "drive.force[i, axis]"),
+        ("v[axis, lane] /= 1 + c * dt / 2", "v[axis, lane] /= 1 + c * dt"),
+        ("course.v[after][axis, site]", "course.v[0][axis, site]"),
+    )
+)

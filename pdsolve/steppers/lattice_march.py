@@ -1,0 +1,307 @@
+"""Velocity Verlet for bonds in tiles, in one sweep a step; the scheme and each bit are Verlet's, in double precision.
+
+The forces of some lanes stay in registers until their nodes have moved, as their neighbours read only the displacements
+and the velocities of this step: those of two steps are kept alternately. A sequence of s steps has s + 1 sweeps: the
+first one begins a step, the last one ends one, and each other one ends a step and begins the next.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pdsolve.codegen.inner_functions import INNER
+from pdsolve.codegen.jit_cache import cached_njit
+from pdsolve.codegen.lanes import across, beside, keep, same
+from pdsolve.codegen.vector_code import ROW
+from pdsolve.conditions import Drive, apply_loads, held
+from pdsolve.lattice.bond import IN_PLACE, advanced, divided, zeros
+from pdsolve.lattice.sums import EMPTY, UNAGED, UNDONE, Motion, room_for, sum_lanes
+from pdsolve.numerics.thread_team import gate_of, meet, side_by_side
+from pdsolve.operators.simd_lattice.layout import aligned
+from pdsolve.operators.space_lattice.operator import SpaceLattice
+from pdsolve.state import State
+from pdsolve.steppers.holds import hold_component, release_component
+
+READY, NO_ROOM, NO_MEMORY = range(3)  # what a tile waits for
+BETWEEN_LOOKS = 16  # sweeps in which nobody else can ask which bonds are broken
+ROOM = 16  # tiles of a thread all of whose bonds may break before it stops for more room
+
+
+class Course(NamedTuple):
+    """The motion of m sites in t tiles, along d axes; what acts on them besides bonds."""
+
+    u: tuple[NDArray[np.floating], NDArray[np.floating]]  # (d, m) displacements, m, of even and of odd sweeps
+    v: tuple[NDArray[np.floating], NDArray[np.floating]]  # (d, m) velocities, m/s, likewise
+    pulled: NDArray[np.bool_]  # (t,) whether pulls of bonds that break or soften are where its next velocities will be
+    rho: NDArray[np.floating]  # (m,) kg/m^3, 1 without a node
+    damping: NDArray[np.float64]  # (n,) of nodes, 1/s
+    constrained: NDArray[np.bool_]  # (n, d) whether a component is prescribed
+    plain: NDArray[np.bool_]  # (t,) whether neither a load nor a hold nor damping acts on the tile
+    held: NDArray[np.int64]  # (holds,) prescribed components in the order of their tiles
+    held_start: NDArray[np.int64]  # (t + 1,) those of a tile
+    waiting: NDArray[np.uint8]  # (t,) READY, or what a tile waits for
+    stop: NDArray[np.int64]  # (1,) the sweep in which tiles wait, or -1
+
+
+class Local(NamedTuple):
+    """A tile's motion while it is advanced, along d axes."""
+
+    force: NDArray[np.floating]  # (d, 16) force densities, N/m^3
+    a: NDArray[np.floating]  # (d, 16) accelerations, m/s^2
+    before: NDArray[np.floating]  # (d, 16) velocities one step ago, m/s
+    work: NDArray[np.float64]  # (16,) see `State`
+
+
+class LatticeMarch:
+    """Takes steps of bonds in tiles."""
+
+    def __init__(
+        self,
+        operator: SpaceLattice,
+        drive: Drive,
+        rho: NDArray[np.floating],
+        dt: float,
+        damping: NDArray[np.float64],
+    ) -> None:
+        """`rho` (n,) is the density, kg/m^3, `dt` the step, s, `damping` (n,) the damping of free components, 1/s."""
+        sites, kind, count = operator.sites, rho.dtype, operator.sites.tiles
+        axes, size = len(operator.tiles.axes), operator.sites.size
+        tile, lane = np.divmod(sites.site[drive.holds.node].astype(np.int64) - sites.margin, ROW)
+        spread_rho = np.ones(size, dtype=kind)
+        spread_rho[sites.site] = rho
+        plain = np.ones(count, dtype=np.bool_)
+        plain[tile] = False
+        for nodes in (drive.loads.node, np.flatnonzero(damping)):
+            plain[(sites.site[nodes] - sites.margin) // ROW] = False
+
+        def like_u() -> NDArray[np.floating]:
+            return aligned(np.zeros((axes, size), dtype=kind))
+
+        self._operator, self._dt, self.damping = operator, dt, damping
+        self._of_lanes = drive._replace(holds=drive.holds._replace(node=lane))
+        self._breaks = [room_for(ROOM * ROW * len(sites.ways)) for _ in range(operator.threads)]
+        self._course = Course(
+            u=(operator.u, like_u()),
+            v=(like_u(), like_u()),
+            pulled=np.zeros(count, dtype=np.bool_),
+            rho=aligned(spread_rho),
+            damping=damping,
+            constrained=held(drive),
+            plain=plain,
+            held=np.argsort(tile, kind="stable"),
+            held_start=np.searchsorted(np.sort(tile), np.arange(count + 1)),
+            waiting=np.zeros(count, dtype=np.uint8),
+            stop=np.zeros(1, dtype=np.int64),
+        )
+
+    def march(self, state: State, first: int, last: int) -> None:
+        """Take the steps `first` to `last` - 1, in place."""
+        site, course = self._operator.sites.site, self._course
+        for axis in range(len(course.u[0])):
+            course.u[0][axis, site], course.v[0][axis, site] = state.value[:, axis], state.rate[:, axis]
+        sweep, ends = 0, last - first + 1 if last > first else 0
+        while sweep < ends or ends == 0:
+            with self._operator.breaking:
+                sweep = self._sweep(state, (first, last), sweep, min(sweep + BETWEEN_LOOKS, ends))
+            if ends == 0:
+                return  # compiled
+        after = (last - first + 1) % 2
+        for axis in range(len(course.u[0])):
+            state.value[:, axis], state.rate[:, axis] = course.u[after][axis, site], course.v[after][axis, site]
+
+    def _sweep(self, state: State, steps: tuple[int, int], begin: int, end: int) -> int:
+        """Do the sweeps `begin` to `end` - 1 of a sequence of steps, or fewer; returns the one to go on with."""
+        threads, stop = self._operator.threads, self._course.stop
+
+        def sweep(thread: int, first: int, last: int, again: bool, gate: Any) -> None:
+            sweeps = (*steps, first, last, again)
+            drive, breaks = self._of_lanes, self._breaks[thread]
+            sweep_tiles(self._operator.tiles, self._course, drive, state, self._dt, sweeps, breaks, thread, gate)
+
+        broken: list[NDArray[np.int64]] = []
+        stop[0], gate = -1, gate_of(threads)
+        side_by_side(lambda thread: sweep(thread, begin, end, False, gate), threads)
+        while stop[0] >= 0:
+            end = int(stop[0]) + 1
+            broken += self._collect_breaks()
+            self._operator.extend(np.flatnonzero(self._course.waiting == NO_MEMORY))
+            stop[0] = -1
+            sweep(0, end - 1, end, True, gate_of(1))
+        bonds = np.concatenate(broken + self._collect_breaks())
+        if len(bonds):  # the same on any number of threads: in the order of steps, and of tiles
+            tile = self._operator.sites.site[bonds[:, 1]] // ROW
+            self._operator.take_out(bonds[np.lexsort((tile, bonds[:, 0]))])
+        return end
+
+    def _collect_breaks(self) -> list[NDArray[np.int64]]:
+        """The bonds (., 3) of each thread that broke since the last call, whose room is free again."""
+        bonds = [breaks.bonds[: breaks.used[0]].copy() for breaks in self._breaks]
+        for breaks in self._breaks:
+            breaks.used[0] = 0
+        return bonds
+
+
+@cached_njit(nogil=True, error_model="numpy")
+def sweep_tiles(tiles, course, drive, state, dt, sweeps, breaks, thread, gate):  # type: ignore[no-untyped-def]
+    """Do sweeps of a sequence of steps; all threads call this together, each with a share of the tiles.
+
+    `sweeps` are the first step, the one after the last, the first sweep, the one after the last, and whether only tiles
+    that wait are swept. It stops after a sweep in which tiles wait. Prescribed components of `drive` are numbered by
+    the lanes of their tiles, loads by nodes. The accelerations of `state` are those of the last step of a node whose
+    tile is not plain, and of all nodes after the last sweep.
+    """
+    first, last, begin, end, again = sweeps
+    force, a, before = np.zeros((3, len(tiles.axes), ROW), course.rho.dtype)
+    local = Local(force, a, before, np.zeros(ROW))
+    count = len(tiles.kind)
+    first_tile, end_tile = count * thread // gate.threads, count * (thread + 1) // gate.threads
+    for sweep in range(begin, end):
+        step, starts, ends = first + sweep - 1, sweep == 0, sweep == last - first
+        if not starts and drive.varies and not again:
+            if thread == 0:
+                apply_loads(drive, step * dt)
+            meet(gate)
+        now, after = sweep % 2, (sweep + 1) % 2
+        motion = Motion(course.u[now], course.v[now], True, dt, step)
+        of_step = motion, state, breaks, after, starts, ends
+        for t in range(first_tile, end_tile):
+            if again and course.waiting[t] == READY:
+                continue
+            course.waiting[t] = _sweep_tile(tiles, course, drive, of_step, local, t)
+            if course.waiting[t] != READY:
+                course.stop[0] = sweep
+        meet(gate)
+        if course.stop[0] == sweep:
+            return
+
+
+@njit(**IN_PLACE)
+def _sweep_tile(tiles, course, drive, of_step, local, t):  # type: ignore[no-untyped-def]
+    """End a step for a tile and begin the next one, or one of both; returns what it waits for."""
+    motion, _, _, after, starts, ends = of_step
+    if tiles.kind[t] == EMPTY:
+        return READY
+    if not starts:
+        waits_for = _sum_tile(tiles, course, of_step, local, t)
+        if waits_for != READY:
+            return waits_for
+    if course.plain[t] and not starts and not ends:
+        for lane in range(0, ROW, across(motion.u)):
+            _advance_lanes(tiles, course, motion, local.force, after, tiles.margin + t * ROW, lane)
+    else:
+        _advance_tile(tiles, course, drive, of_step, local, t)
+    return READY
+
+
+@njit(**IN_PLACE)
+def _sum_tile(tiles, course, of_step, local, t):  # type: ignore[no-untyped-def]
+    """Fill the force densities on a tile; returns what it waits for."""
+    motion, state, breaks, after, _, _ = of_step
+    pulls = course.v[after]  # of bonds that soften or break: their place is free until the tile is advanced
+    if breaks.used[0] + ROW * len(tiles.offsets) > len(breaks.bonds):
+        return NO_ROOM
+    if not course.pulled[t]:
+        for lane in range(0, ROW, across(motion.u)):
+            keep(zeros(motion.u, tiles.axes), pulls, tiles.margin + t * ROW + lane)
+    for lane in range(0, ROW, across(motion.u)):
+        status, f = sum_lanes(tiles, motion, pulls, state.dissipated, breaks, t, lane)
+        keep(f, local.force, lane)
+        if status != UNAGED:
+            course.pulled[t] = True
+        if status == UNDONE:
+            return NO_MEMORY
+    if course.pulled[t]:
+        _add_pulls(tiles, course, pulls, local.force, t)
+    return READY
+
+
+@njit(**INNER)
+def _add_pulls(tiles, course, pulls, force, t):  # type: ignore[no-untyped-def]
+    """Add the pulls of bonds that softened or broke to the force densities (d, 16) of a tile."""
+    course.pulled[t] = False
+    for axis in range(len(force)):
+        for lane in range(ROW):
+            force[axis, lane] += pulls[axis, tiles.margin + t * ROW + lane]
+
+
+@njit(**IN_PLACE)
+def _advance_lanes(tiles, course, motion, force, after, own, lane):  # type: ignore[no-untyped-def]
+    """End a step for some lanes, on which only bonds act, and begin the next one; `own` is the tile's first site."""
+    axes, dt, half, at = tiles.axes, same(motion.u, motion.dt), same(motion.u, motion.dt / 2), own + lane
+    (rho,) = beside(course.rho, (0,), at)
+    a, v = divided(beside(force, axes, lane), rho), beside(motion.rate, axes, at)
+    v = advanced(advanced(v, a, half), a, half)
+    keep(v, course.v[after], at)
+    keep(advanced(beside(motion.u, axes, at), v, dt), course.u[after], at)
+
+
+@njit(**INNER)
+def _advance_tile(tiles, course, drive, of_step, local, t):  # type: ignore[no-untyped-def]
+    """End a step for a tile with its force densities, and begin the next one, or one of both."""
+    motion, state, _, after, starts, ends = of_step
+    own, dt = tiles.margin + t * ROW, motion.dt
+    u, v = course.u[after][:, own : own + ROW], course.v[after][:, own : own + ROW]
+    for lane in range(ROW):
+        i = tiles.node[t * ROW + lane]
+        for axis in range(len(u)):
+            u[axis, lane], v[axis, lane] = motion.u[axis, own + lane], motion.rate[axis, own + lane]
+            local.a[axis, lane] = state.second[i, axis] if i >= 0 else 0
+            local.before[axis, lane] = v[axis, lane] - dt / 2 * local.a[axis, lane]
+    if not starts:
+        _end_step(tiles, course, drive, motion, state, v, local, t)
+    if not ends:
+        _begin_step(course, drive, u, v, local.a, dt, (motion.step + 1) * dt, t)
+    for lane in range(ROW):
+        i = tiles.node[t * ROW + lane]
+        if i >= 0:
+            for axis in range(len(u)):
+                state.second[i, axis] = local.a[axis, lane]
+
+
+@njit(**INNER)
+def _begin_step(course, drive, u, v, a, dt, time, t):  # type: ignore[no-untyped-def]
+    """The first half of the kick of a tile, and the drift to the displacements at `time`, s."""
+    for axis in range(len(u)):
+        for lane in range(ROW):
+            v[axis, lane] += dt / 2 * a[axis, lane]
+            u[axis, lane] += dt * v[axis, lane]
+    for k in range(course.held_start[t], course.held_start[t + 1]):
+        hold_component(u.T, v.T, a.T, drive.holds, drive.profiles, drive.held_speed, course.held[k], dt, time)
+
+
+@njit(**INNER)
+def _end_step(tiles, course, drive, motion, state, v, local, t):  # type: ignore[no-untyped-def]
+    """From the force densities on a tile to accelerations, the second half of the kick, and damping; v are (d, 16)."""
+    own, a, dt, axes, work = tiles.margin + t * ROW, local.a, motion.dt, len(v), local.work
+    rho = course.rho[own : own + ROW]
+    for lane in range(ROW):
+        i = tiles.node[t * ROW + lane]
+        if i < 0:
+            continue
+        work[lane] = state.work[i]
+        for axis in range(axes):
+            a[axis, lane] = (local.force[axis, lane] + drive.force[i, axis]) / rho[lane]
+        for axis in range(axes):
+            work[lane] += (drive.before[i, axis] + drive.force[i, axis]) / 2 * (dt * v[axis, lane])
+    for k in range(course.held_start[t], course.held_start[t + 1]):
+        speed, force, time = drive.held_speed, drive.held_force, motion.step * dt
+        of_holds = drive.holds, drive.profiles, speed, force
+        release_component(v.T, a.T, rho, work, *of_holds, course.held[k], dt, time)
+    for lane in range(ROW):
+        i = tiles.node[t * ROW + lane]
+        if i < 0:
+            continue
+        c, state.work[i] = course.damping[i], work[lane]
+        for axis in range(axes):
+            v[axis, lane] += dt / 2 * a[axis, lane]
+            if c > 0 and not course.constrained[i, axis]:
+                undamped = a[axis, lane]
+                middle = v[axis, lane] - dt / 2 * undamped
+                v[axis, lane] /= 1 + c * dt / 2
+                a[axis, lane] = undamped - c * v[axis, lane]
+                mean = (local.before[axis, lane] + v[axis, lane]) / 2
+                state.damped[i] += rho[lane] * c * mean * (dt * middle)
