@@ -31,6 +31,7 @@ TAGS = ("gmsh:physical", "medit:ref", "cell_tags", "region", "material")  # cell
 NASTRAN = (".bdf", ".nas")
 EXODUS = (".e", ".exo", ".ex2", ".g", ".gen")
 MSH = (b"$MeshFormat", b"$NOD", b"$Comments")  # beginnings of Gmsh's own format, of all versions
+REMEDY = "check that the file is complete, or use a coarser mesh"  # where reading takes too long
 EXTRA = {"h5py", "netCDF4"}  # packages of the extra [meshes]
 
 
@@ -81,7 +82,7 @@ def _read_confined(path: Path, reader: str, trust: bool) -> Mesh:
             else:
                 shutil.copyfile(path, place / job["path"])
         result, limit = folder / "found.npz", SECONDS + SECONDS_PER_BYTE * size
-        last = child.run_reader("pdmesh.drawing.sandbox.mesh_reader", reader, path, job, result, limit, place)
+        last = child.run_reader("pdmesh.drawing.sandbox.mesh_reader", reader, path, job, result, limit, place, REMEDY)
         try:
             with np.load(result) as archive:
                 arrays = dict(archive)

@@ -29,12 +29,13 @@ def csv(columns: Columns) -> bytes:
 def of_field(results: Results, name: str, step: int) -> dict[str, NDArray[np.generic]]:
     """Node, reference position and all components of a field after `step`, in SI units.
 
-    Strain and stress come with the damage, which tells where they are unreliable.
+    Strain and stress come with the damage, and with the separation, which tells where they are unreliable.
     """
     nodes = results.nodes(step)
     components = fields.components(results, name, step)
     named = {f"{name}_{part}" if part else name: values for part, values in components.items()}
-    more = {"damage": fields.values(results, "damage", step)} if fields.FIELDS[name].fitted else {}
+    shares = ("damage", "separation") if fields.FIELDS[name].fitted else ()
+    more = {share: fields.values(results, share, step) for share in shares}
     return {"node": nodes.ids, **_places(nodes), **more, **named}
 
 

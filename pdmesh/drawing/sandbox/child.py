@@ -98,12 +98,19 @@ def _read(path: Path, job: dict[str, Any], limit: float, folder: Path | None) ->
 
 
 def run_reader(
-    module: str, name: str, path: Path, job: Mapping[str, Any], result: Path, limit: float, folder: Path | None
+    module: str,
+    name: str,
+    path: Path,
+    job: Mapping[str, Any],
+    result: Path,
+    limit: float,
+    folder: Path | None,
+    remedy: str = "simplify the shapes, or use a larger spacing",
 ) -> str:
     """Run a module that reads a job as JSON from stdin and writes `result`; returns the end of its output.
 
-    It runs in `folder` and may compute for `limit` seconds. Raises SceneError, naming `path` and what it last did, if
-    it takes longer.
+    It runs in `folder` and may compute for `limit` seconds. Raises SceneError, naming `path`, what it last did and the
+    `remedy`, if it takes longer.
     """
     said = result.with_name("said")
     command = [sys.executable, "-P", "-m", module, str(result)]
@@ -122,13 +129,10 @@ def run_reader(
     except subprocess.TimeoutExpired:
         raise SceneError(
             f"{path}: {name} was still {_stage(said)} after waiting for {PATIENCE * limit:g} s and was stopped;"
-            " simplify the drawing"
+            f" {remedy}"
         ) from None
     if OUT_OF_TIME is not None and ended == -OUT_OF_TIME:
-        raise SceneError(
-            f"{path}: {name} was still {_stage(said)} after {limit:g} s of processor time; simplify the shapes, or"
-            " use a larger spacing"
-        )
+        raise SceneError(f"{path}: {name} was still {_stage(said)} after {limit:g} s of processor time; {remedy}")
     return _last_words(said, ended)
 
 

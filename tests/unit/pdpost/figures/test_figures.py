@@ -200,7 +200,7 @@ def torn_plate() -> tuple[Results, NDArray[np.float64]]:
 
 
 def test_torn_nodes_have_no_say_in_the_colours_of_strain_and_stress() -> None:
-    """Two nodes with damage above 0.35 are light grey, said to be left out, and do not widen the colours."""
+    """Two nodes with a separation above 0.35 are light grey, said to be left out, and do not widen the colours."""
     results, torn = torn_plate()
     for name, few in (("strain", 0.02), ("stress", 1e9)):
         shown = field_figure.values_of(results, name, 1, "xy")
@@ -215,7 +215,7 @@ def test_torn_nodes_have_no_say_in_the_colours_of_strain_and_stress() -> None:
         assert grey.get_facecolor()[0] == pytest.approx(to_rgba(style.TORN))
         assert [path.vertices.mean(axis=0)[0] for path in grey.get_paths()] == pytest.approx([5, 6], abs=0.3)
         words = [text.get_text() for text in figure.legends[0].get_texts()]
-        assert words == ["left out, damage above 0.35: 2 nodes"]
+        assert words == ["left out, separation above 0.35: 2 nodes"]
     for name in ("damage", "displacement"):
         assert not field_figure.values_of(results, name, 1, "" if name == "damage" else "x").torn.any()
 
