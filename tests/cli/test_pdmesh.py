@@ -33,7 +33,10 @@ def test_build_writes_the_model_and_says_so(here: Path, capsys: pytest.CaptureFi
         "duran50.json: 2732 nodes (2222 of 0.001 m, 510 of 0.002 m)",
         "lattice of 0.001 m: shifted by (0, 0.0005) m, off the cracks",
     ]
-    assert err == ""
+    (warning,) = err.splitlines()
+    assert warning.startswith("warning: duran50.json: ")
+    strength = ("0.002 m", "0.71", "0.001 m", "'top'", "'bottom'", "coarse")
+    assert mentions(warning, found=strength, expected=("material.coarse", '"matched"', '"unbreakable"'))
     assert [path.name for path in here.iterdir()] == ["duran50.json"]
 
 

@@ -123,17 +123,17 @@ def test_the_crack_of_the_whole_plate(solved: Callable[[str], Path], capsys: pyt
     assert len(arms) == 2
     assert arms[0]["length"] == pytest.approx(arms[1]["length"], rel=1e-9)
     speeds = [speed for branch in result["branches"] for speed in branch["speed"] if speed is not None]
-    assert 0.2 < min(speeds) / 3036 < max(speeds) / 3036 < 0.6  # measured 0.30 and 0.57
+    assert 0.2 < min(speeds) / 3036 < max(speeds) / 3036 < 0.6  # measured 0.32 and 0.51
     for branch in result["branches"]:
         assert branch["time"] == sorted(branch["time"])
         bands = zip(branch["speed_low"], branch["speed"], branch["speed_high"], strict=True)
         assert all(low <= speed <= high for low, speed, high in bands if speed is not None)
     spent = np.array(result["release"]["value"], dtype=float) / result["release"]["G0"]
-    assert np.nanmedian(spent) == pytest.approx(1.24, abs=0.15)  # measured 1.24, from 1.07 to 1.50 at the trunk's end
+    assert np.nanmedian(spent) == pytest.approx(1.16, abs=0.15)  # measured 1.16, from 1.01 to 1.62
     (fork,) = result["forks"]
-    assert fork["place"] == pytest.approx([68.5e-3, 0.0], abs=3e-3)  # measured 68.5 mm
-    assert fork["angle"] == pytest.approx(55, abs=10)  # measured 54.6 degrees; in the thesis mode 43.0
-    assert [piece["nodes"] for piece in result["fragments"]["pieces"]] == [2470]
+    assert fork["place"] == pytest.approx([68.5e-3, 0.0], abs=3e-3)  # measured 68.4 mm
+    assert fork["angle"] == pytest.approx(59, abs=10)  # measured 58.7 degrees; in the thesis mode 43.0
+    assert [piece["nodes"] for piece in result["fragments"]["pieces"]] == [2464]
 
 
 @pytest.mark.slow
@@ -281,7 +281,7 @@ def test_a_run_without_a_frame_yet(small_results: Path, capsys: pytest.CaptureFi
     assert main([command, str(small_results)]) == 2
     err = capsys.readouterr().err
     assert err.count("\n") == 1
-    assert "no" in err or mentions(err, found=("empty", "ledger"))
+    assert "no" in err or mentions(err, found=("energy balance", "empty"))
 
 
 def test_a_locked_file(

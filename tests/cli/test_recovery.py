@@ -156,7 +156,7 @@ def test_another_run_has_begun_to_write(
         assert main([str(model), "-q"]) == 1
     out, err = capsys.readouterr()
     assert (out, err.count("\n")) == ("", 1)
-    assert mentions(err, "plate.sqlite", found=("another", "run"), expected="leave it out")
+    assert mentions(err, "plate.sqlite", found=("another", "run", "writing"), expected="this one stops")
     simulate(probed, Path("alone.sqlite")).close()
     assert contents(path) == contents(Path("alone.sqlite"))
 
@@ -220,7 +220,7 @@ def test_what_was_lost_of_a_log_is_said(model: Path, probed: Model, capsys: pyte
         assert main(words) == 2
         out, err = capsys.readouterr()
         assert (out, err.count("\n")) == ("", 1)
-        assert mentions(err, found="copy.sqlite-wal", expected="both")
+        assert mentions(err, "copy.sqlite", found="copy.sqlite-wal", expected=("rename", "remove"))
     assert log.exists()
     log.rename("renamed.sqlite-wal")
     assert main(["--resume", "renamed.sqlite", "-q"]) == 0

@@ -153,13 +153,15 @@ def test_it_goes_on_where_it_was_stopped_and_grows(solved: Path, monkeypatch: py
 def test_another_drawing_and_another_file_are_refused(solved: Path, capsys: pytest.CaptureFixture[str]) -> None:
     Path("plate.json").write_bytes(Path("plate.json").read_bytes().rpartition(b',\n"digest"')[0] + b"\n}\n")
     assert main(["study", "study.toml"]) == 2
-    assert mentions(capsys.readouterr().err, "study.sqlite", found="plate.json", expected="same")
+    assert mentions(capsys.readouterr().err, "study.sqlite", found=("another", "plate.json"), expected="--force")
     assert main(["study", "study.toml", "-o", "study.runs/0001.sqlite"]) == 2
     assert mentions(capsys.readouterr().err, found=("table", "study"))
     assert main(["study", "study.toml", "-o", "plate.json"]) == 2
     Path("study.sqlite").unlink()
     assert main(["study", "study.toml"]) == 2
-    assert mentions(capsys.readouterr().err, "study.runs", found="files", expected=("none", "first"))
+    assert mentions(
+        capsys.readouterr().err, "study.runs", found=("files of other runs", "plate.json"), expected="move them away"
+    )
 
 
 @pytest.mark.slow
@@ -173,7 +175,7 @@ def test_a_damaged_table_is_refused_and_made_anew_from_its_runs(
     for words in (["study", "study.toml"], ["study", "study.toml", "--again"]):
         assert main(words) == 2
         said = capsys.readouterr().err
-        assert said.startswith("pdsolve study: study.sqlite: run 2 damaged, ")
+        assert said.startswith("pdsolve study: study.sqlite: run 2 is damaged; ")
         assert mentions(said, "remove", "study.runs", "anew")
         assert said.count("\n") == 1
     for words in (

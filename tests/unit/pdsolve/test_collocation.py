@@ -104,13 +104,13 @@ def test_the_commands_take_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert solve_command([str(path), "--set", "run.collocation.kappa=1.5", "-o", str(tmp_path / "x.sqlite")]) == 2
     assert capsys.readouterr().err.count("\n") == 1
     assert solve_command([str(path), "--set", "material.law=bilinear", "-o", str(tmp_path / "x.sqlite")]) == 2
-    words = "$.material.law is bilinear"
+    words = "$.material.law is bilinear; use brittle, as run.adapt is collocation"
     assert capsys.readouterr().err == f"pdsolve: {path}: {words}\n"
     assert sorted(file.name for file in tmp_path.glob("*.sqlite")) == []
 
 
 FEW = (
-    "$.run.collocation.damped: found false with 4 spacings in the horizon, expected true, or at least 12 spacings: with"
+    "$.run.collocation.damped is false with 4 spacings in the horizon; use true, or at least 12 spacings: with"
     " fewer the seam is damped, which took 64 % of the work from a struck plate with 4"
 )
 

@@ -197,7 +197,9 @@ def test_a_drawing_is_built_for_it(tmp_path: Path) -> None:
     mesh = tmp_path / "plate.msh"
     square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]) * 1e-2
     meshio.Mesh(square, [("triangle", [[0, 1, 2], [0, 2, 3]])]).write(mesh, file_format="gmsh22")
-    with pytest.raises(SceneError, match=naming("--adapt", found="mesh", expected="drawing")):
+    with pytest.raises(
+        SceneError, match=naming("plate.msh", "--adapt", found="mesh", expected=("drawings", "leave it out"))
+    ):
         build_file(mesh, [("--adapt", "hybrid")])
 
 

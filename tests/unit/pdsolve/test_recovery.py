@@ -248,7 +248,7 @@ def test_a_second_run_without_the_file_of_the_lock(
             resume(path).close()
         return False
 
-    with pytest.raises(TakenError, match=naming("plate.sqlite", found=("run", "writing"), expected="leave it out")):
+    with pytest.raises(TakenError, match=naming("plate.sqlite", found=("run", "writing"), expected="this one stops")):
         simulate(probed, path, watch=resumed)
     assert contents(path) == contents(whole)
 

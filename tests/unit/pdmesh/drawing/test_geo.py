@@ -140,7 +140,9 @@ def test_assignments_may_supply_what_the_drawing_leaves_out(tmp_path: Path) -> N
     assert (len(load.nodes or ()), len(fix.nodes or ())) == (82, 41)
     assert (found.horizon.ratio, found.material.nu if found.material else 0) == (4, 0.2)
     assert dict(scene.parameters)["Peridynamics/Fixes/foot/Box"] == "0 0 0.04 0.0005"
-    with pytest.raises(SceneError, match=naming("'Peridynamics/Fixs/foot/Box'", found="name")):
+    with pytest.raises(
+        SceneError, match=naming("'Peridynamics/Fixs/foot/Box'", expected="'Peridynamics/Fixes/foot/Box'")
+    ):
         read_geo(path, [("Fixs/foot/Box", "0 0 1 1")])
     with pytest.raises(SceneError, match=naming("'Peridynamics/Plate/Size'")):
         read_geo(path, [("Plate/Size", "2")])
@@ -209,7 +211,7 @@ BAD = {
         BUILT_IN.replace("Material/rho", "material/rhoo"),
         naming("'Peridynamics/material/rhoo'", expected="'Peridynamics/Material/rho'"),
     ),
-    "empty": ("\n", naming("zones", found="missing")),
+    "empty": ("\n", naming("zones", found="none", expected=("'zone:NAME'", "Zones/plate/Spacing="))),
     "negative spacing": (
         BUILT_IN.replace("{1e-3, Min 1e-5, Max 0.1,", "{-1e-3,"),
         naming("spacing", "zone 'plate'", found="-0.001 m", expected="0 m"),

@@ -189,7 +189,7 @@ def test_meshes_of_gmsh(tmp_path: Path) -> None:
         ("text.msh", b"no mesh\n", naming("text.msh", expected=("format", "suffix"))),
         ("empty.vtu", b"", naming("empty.vtu", expected="mesh")),
         ("solid.msh", plate(solid=True), naming("cell 0", found="volume")),
-        ("tilted.vtu", triangle((0, 1, 1.0)), "z of several"),
+        ("tilted.vtu", triangle((0, 1, 1.0)), naming("points", found="z has several values", expected="plane mesh")),
         ("flat.vtu", triangle((2, 0, 0.0)), naming("cell 0", found="area")),
         ("nan.vtu", triangle((np.nan, 1, 0)), naming("point 2", found="nan", expected="finite")),
         ("lines.vtu", meshio.Mesh([[0, 0, 0], [1, 0, 0.0]], [("line", [[0, 1]])]), naming(found=("triangle", "quad"))),

@@ -147,7 +147,7 @@ def test_a_bare_drawing_builds_with_parameters_alone(tmp_path: Path) -> None:
     scene = read_geo(path, [("Zones/plate/Spacing", "1e-3"), ("Fixes/l/Edge", "left"), *MATERIAL])
     assert isinstance(scene, Scene)
     assert scene.shape.area == pytest.approx(8e-4, rel=1e-12)
-    with pytest.raises(SceneError, match=naming("zones", found="missing", expected="Zones/plate/Spacing=")):
+    with pytest.raises(SceneError, match=naming("zones", found="none", expected="Zones/plate/Spacing=")):
         read_geo(path)
 
 
