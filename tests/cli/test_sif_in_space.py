@@ -77,9 +77,10 @@ def test_intensities_along_a_front(block_of: Path, capsys: pytest.CaptureFixture
 
 @pytest.mark.slow
 def test_a_front_in_a_body_that_yields_has_J_alone(
-    block_of: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    block_of: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """J is by the work of the stress, which is 0 here; K has no meaning."""
+    monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(
         "pdpost.measures.intensities_in_space.stress_work", lambda results, step: np.zeros(len(results.nodes(step).ids))
     )

@@ -66,7 +66,8 @@ COARSE = {  # what stands on a page, and what is run in its place
     "geometries/quenched_slab.py": "geometries/quenched_slab.py --set spacing=5e-4",
     "geometries/drying_mud.py": "geometries/drying_mud.py --set spacing=4e-3",
     "--set Zones/near/Spacing=1.25e-4 --set Zones/far/Spacing=2.5e-4": "--set 'Run/Duration=500'",
-    "geometries/screw.geo": "geometries/screw.geo --set Zones/near/Spacing=5e-4 --set Zones/far/Spacing=1e-3",
+    "geometries/screw.geo": "geometries/screw.geo --set Zones/near/Spacing=5e-4 --set Zones/far/Spacing=1e-3"
+    " --set Run/Duration=500",
 }
 CI = ".ci/run types it"
 NOT_RUN = {  # commands that no test can run, and why

@@ -181,14 +181,15 @@ def test_no_wider_zone_cures_steps_that_are_too_long(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_in_the_end_all_nodes_are_fine() -> None:
+def test_in_the_end_all_nodes_are_fine(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where the widest trigger is too late as well, the run is that without a moving zone."""
+    monkeypatch.setattr("pdsolve.adaptivity.hybrid.outlook.WIDER", (0.69,))  # at 0.5 this zone grows in time
     with warnings.catch_warnings(record=True) as found:
         warnings.simplefilter("always", ModelWarning)
         one = simulate(stretched(4.0))
-    said = [str(each.message) for each in found if mentions(each.message, "step 38")]
+    said = [str(each.message) for each in found if mentions(each.message, "step 39")]
     assert all(
-        mentions(line, word) for line, word in zip(said, ("run.hybrid.kappa 0.5", "run.adapt none"), strict=True)
+        mentions(line, word) for line, word in zip(said, ("run.hybrid.kappa 0.69", "run.adapt none"), strict=True)
     )
     other = simulate(stretched(4.0, "none"))
     for name in ("energy", "broken_bonds", "balance", "kernel"):
