@@ -159,3 +159,11 @@ def moving(tmp_path_factory: pytest.TempPathFactory) -> Path:
     model = torn_plate()
     simulate(model, path, Options(threads=1), adapt=Moving(model.grid)).close()
     return path
+
+
+@pytest.fixture
+def listens() -> Iterator[None]:
+    """Ctrl-C is heard: whoever runs the tests in the background has them ignore it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)

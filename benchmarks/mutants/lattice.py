@@ -14,7 +14,7 @@ LATTICE = tuple(
         ("np.concatenate(broken + self._collect_breaks())", "self._collect_breaks()[0]"),
         ("v = advanced(advanced(v, a, half), a, half)", "v = advanced(v, a, dt)"),
         ("(drive.before[i, axis] + drive.force[i, axis]) / 2", "drive.force[i, axis]"),
-        ("v[axis, lane] /= 1 + c * dt / 2", "v[axis, lane] /= 1 + c * dt"),
+        ("if c > 0 and not course.constrained[i, axis]", "if c > 0"),
         ("course.v[after][axis, site]", "course.v[0][axis, site]"),
     )
 )

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
-from numba.extending import overload
+from numba.extending import overload, register_jitable
 from numpy.typing import NDArray
 
 from pdsolve.codegen.inner_functions import INNER
@@ -84,9 +84,16 @@ class Breaks(NamedTuple):
     bonds: NDArray[np.int64]  # (., 3) step, and rows of source and target
 
 
+@register_jitable
 def room_for(bonds: int) -> Breaks:
     """Room for so many bonds that break."""
     return Breaks(np.zeros(1, dtype=np.int64), np.empty((bonds, 3), dtype=np.int64))
+
+
+@njit(**INNER)
+def has_room(tiles, breaks):  # type: ignore[no-untyped-def]
+    """Whether all bonds of a tile can break."""
+    return breaks.used[0] + ROW * len(tiles.offsets) <= len(breaks.bonds)
 
 
 class Motion(NamedTuple):
@@ -119,7 +126,7 @@ def sum_tiles(tiles, u, rate, dt, step, out, dissipated, breaks, first, last):  
     for t in range(first, last):
         if tiles.kind[t] == EMPTY:
             continue
-        if breaks.used[0] + ROW * len(tiles.offsets) > len(breaks.bonds):
+        if not has_room(tiles, breaks):
             return t
         for lane in range(0, ROW, across(u)):
             status, f = sum_lanes(tiles, motion, out.T, dissipated, breaks, t, lane)
@@ -133,7 +140,7 @@ def sum_tiles(tiles, u, rate, dt, step, out, dissipated, breaks, first, last):  
 @cached_njit(nogil=True, error_model="numpy")
 def sum_some(tiles, u, rate, out, dissipated, site_mask):  # type: ignore[no-untyped-def]
     """Add the force densities, N/m^3, of the tiles with `site_mask` sites (16 t,) to `out` (n, d); nothing breaks."""
-    nothing = Breaks(np.zeros(1, np.int64), np.empty((ROW * len(tiles.offsets), 3), np.int64))
+    nothing = room_for(ROW * len(tiles.offsets))
     for t in range(len(tiles.kind)):
         if site_mask[t * ROW : t * ROW + ROW].any():
             sum_tiles(tiles, u, rate, 0.0, 0, out, dissipated, nothing, t, t + 1)

@@ -1,4 +1,4 @@
-"""Prescribed components of the motion, one at a time: Verlet's treatment before and after the forces."""
+"""Prescribed and damped components of the motion, one at a time: Verlet's treatment before and after the forces."""
 
 from __future__ import annotations
 
@@ -39,3 +39,17 @@ def release_component(v, a, rho, work, holds, profiles, held_speed, held_force, 
     work[i] += rho[i] / 2 * (speed * speed - held_speed[e] * held_speed[e])
     work[i] -= (held_force[e] + force) / 2 * way
     held_force[e] = force
+
+
+@njit
+def damp_component(v, a, before, rho, c, i, axis, dt):  # type: ignore[no-untyped-def]
+    """Damp a component at the end of a step with c, 1/s, as at its beginning; the energy taken, J/m^3.
+
+    v, a and `before`, the velocities one step ago, are (n, d). The energy that Verlet takes out of the motion is the
+    mean force of both ends times the displacement between them.
+    """
+    undamped = a[i, axis]
+    middle = v[i, axis] - dt / 2 * undamped
+    v[i, axis] /= 1 + c * dt / 2
+    a[i, axis] = undamped - c * v[i, axis]
+    return rho[i] * c * (before[i, axis] + v[i, axis]) / 2 * (dt * middle)

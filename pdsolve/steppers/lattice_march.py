@@ -19,12 +19,12 @@ from pdsolve.codegen.lanes import across, beside, keep, same
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import Drive, apply_loads, held
 from pdsolve.lattice.bond import IN_PLACE, advanced, divided, zeros
-from pdsolve.lattice.sums import EMPTY, UNAGED, UNDONE, Motion, room_for, sum_lanes
+from pdsolve.lattice.sums import EMPTY, UNAGED, UNDONE, Breaks, Motion, has_room, room_for, sum_lanes
 from pdsolve.numerics.thread_team import gate_of, meet, side_by_side
 from pdsolve.operators.simd_lattice.layout import aligned
 from pdsolve.operators.space_lattice.operator import SpaceLattice
 from pdsolve.state import State
-from pdsolve.steppers.holds import hold_component, release_component
+from pdsolve.steppers.holds import damp_component, hold_component, release_component
 
 READY, NO_ROOM, NO_MEMORY = range(3)  # what a tile waits for
 BETWEEN_LOOKS = 16  # sweeps in which nobody else can ask which bonds are broken
@@ -56,6 +56,27 @@ class Local(NamedTuple):
     work: NDArray[np.float64]  # (16,) see `State`
 
 
+class Sweeps(NamedTuple):
+    """Sweeps of a sequence of steps."""
+
+    first: int  # step
+    last: int  # step after the last one
+    begin: int  # sweep
+    end: int  # sweep after the last one
+    again: bool  # only tiles that wait are swept
+
+
+class Sweep(NamedTuple):
+    """One sweep."""
+
+    motion: Motion  # at its beginning
+    state: State
+    breaks: Breaks  # of the thread
+    after: int  # which of `Course.u` and `Course.v` the motion goes to
+    starts: bool  # it ends no step
+    ends: bool  # it begins no step
+
+
 class LatticeMarch:
     """Takes steps of bonds in tiles."""
 
@@ -81,7 +102,7 @@ class LatticeMarch:
         def like_u() -> NDArray[np.floating]:
             return aligned(np.zeros((axes, size), dtype=kind))
 
-        self._operator, self._dt, self.damping = operator, dt, damping
+        self._operator, self._dt = operator, dt
         self._of_lanes = drive._replace(holds=drive.holds._replace(node=lane))
         self._breaks = [room_for(ROOM * ROW * len(sites.ways)) for _ in range(operator.threads)]
         self._course = Course(
@@ -118,7 +139,7 @@ class LatticeMarch:
         threads, stop = self._operator.threads, self._course.stop
 
         def sweep(thread: int, first: int, last: int, again: bool, gate: Any) -> None:
-            sweeps = (*steps, first, last, again)
+            sweeps = Sweeps(*steps, first, last, again)
             drive, breaks = self._of_lanes, self._breaks[thread]
             sweep_tiles(self._operator.tiles, self._course, drive, state, self._dt, sweeps, breaks, thread, gate)
 
@@ -149,10 +170,9 @@ class LatticeMarch:
 def sweep_tiles(tiles, course, drive, state, dt, sweeps, breaks, thread, gate):  # type: ignore[no-untyped-def]
     """Do sweeps of a sequence of steps; all threads call this together, each with a share of the tiles.
 
-    `sweeps` are the first step, the one after the last, the first sweep, the one after the last, and whether only tiles
-    that wait are swept. It stops after a sweep in which tiles wait. Prescribed components of `drive` are numbered by
-    the lanes of their tiles, loads by nodes. The accelerations of `state` are those of the last step of a node whose
-    tile is not plain, and of all nodes after the last sweep.
+    It stops after a sweep in which tiles wait. Prescribed components of `drive` are numbered by the lanes of their
+    tiles, loads by nodes. The accelerations of `state` are those of the last step of a node whose tile is not plain,
+    and of all nodes after the last sweep.
     """
     first, last, begin, end, again = sweeps
     force, a, before = np.zeros((3, len(tiles.axes), ROW), course.rho.dtype)
@@ -167,11 +187,11 @@ def sweep_tiles(tiles, course, drive, state, dt, sweeps, breaks, thread, gate): 
             meet(gate)
         now, after = sweep % 2, (sweep + 1) % 2
         motion = Motion(course.u[now], course.v[now], True, dt, step)
-        of_step = motion, state, breaks, after, starts, ends
+        of_sweep = Sweep(motion, state, breaks, after, starts, ends)
         for t in range(first_tile, end_tile):
             if again and course.waiting[t] == READY:
                 continue
-            course.waiting[t] = _sweep_tile(tiles, course, drive, of_step, local, t)
+            course.waiting[t] = _sweep_tile(tiles, course, drive, of_sweep, local, t)
             if course.waiting[t] != READY:
                 course.stop[0] = sweep
         meet(gate)
@@ -180,35 +200,35 @@ def sweep_tiles(tiles, course, drive, state, dt, sweeps, breaks, thread, gate): 
 
 
 @njit(**IN_PLACE)
-def _sweep_tile(tiles, course, drive, of_step, local, t):  # type: ignore[no-untyped-def]
+def _sweep_tile(tiles, course, drive, of_sweep, local, t):  # type: ignore[no-untyped-def]
     """End a step for a tile and begin the next one, or one of both; returns what it waits for."""
-    motion, _, _, after, starts, ends = of_step
+    motion, starts = of_sweep.motion, of_sweep.starts
     if tiles.kind[t] == EMPTY:
         return READY
     if not starts:
-        waits_for = _sum_tile(tiles, course, of_step, local, t)
+        waits_for = _sum_tile(tiles, course, of_sweep, local, t)
         if waits_for != READY:
             return waits_for
-    if course.plain[t] and not starts and not ends:
+    if course.plain[t] and not starts and not of_sweep.ends:
         for lane in range(0, ROW, across(motion.u)):
-            _advance_lanes(tiles, course, motion, local.force, after, tiles.margin + t * ROW, lane)
+            _advance_lanes(tiles, course, motion, local.force, of_sweep.after, tiles.margin + t * ROW, lane)
     else:
-        _advance_tile(tiles, course, drive, of_step, local, t)
+        _advance_tile(tiles, course, drive, of_sweep, local, t)
     return READY
 
 
 @njit(**IN_PLACE)
-def _sum_tile(tiles, course, of_step, local, t):  # type: ignore[no-untyped-def]
+def _sum_tile(tiles, course, of_sweep, local, t):  # type: ignore[no-untyped-def]
     """Fill the force densities on a tile; returns what it waits for."""
-    motion, state, breaks, after, _, _ = of_step
-    pulls = course.v[after]  # of bonds that soften or break: their place is free until the tile is advanced
-    if breaks.used[0] + ROW * len(tiles.offsets) > len(breaks.bonds):
+    motion, breaks, dissipated = of_sweep.motion, of_sweep.breaks, of_sweep.state.dissipated
+    pulls = course.v[of_sweep.after]  # of bonds that soften or break: their place is free until the tile is advanced
+    if not has_room(tiles, breaks):
         return NO_ROOM
     if not course.pulled[t]:
         for lane in range(0, ROW, across(motion.u)):
             keep(zeros(motion.u, tiles.axes), pulls, tiles.margin + t * ROW + lane)
     for lane in range(0, ROW, across(motion.u)):
-        status, f = sum_lanes(tiles, motion, pulls, state.dissipated, breaks, t, lane)
+        status, f = sum_lanes(tiles, motion, pulls, dissipated, breaks, t, lane)
         keep(f, local.force, lane)
         if status != UNAGED:
             course.pulled[t] = True
@@ -240,9 +260,9 @@ def _advance_lanes(tiles, course, motion, force, after, own, lane):  # type: ign
 
 
 @njit(**INNER)
-def _advance_tile(tiles, course, drive, of_step, local, t):  # type: ignore[no-untyped-def]
+def _advance_tile(tiles, course, drive, of_sweep, local, t):  # type: ignore[no-untyped-def]
     """End a step for a tile with its force densities, and begin the next one, or one of both."""
-    motion, state, _, after, starts, ends = of_step
+    motion, state, after = of_sweep.motion, of_sweep.state, of_sweep.after
     own, dt = tiles.margin + t * ROW, motion.dt
     u, v = course.u[after][:, own : own + ROW], course.v[after][:, own : own + ROW]
     for lane in range(ROW):
@@ -251,9 +271,9 @@ def _advance_tile(tiles, course, drive, of_step, local, t):  # type: ignore[no-u
             u[axis, lane], v[axis, lane] = motion.u[axis, own + lane], motion.rate[axis, own + lane]
             local.a[axis, lane] = state.second[i, axis] if i >= 0 else 0
             local.before[axis, lane] = v[axis, lane] - dt / 2 * local.a[axis, lane]
-    if not starts:
+    if not of_sweep.starts:
         _end_step(tiles, course, drive, motion, state, v, local, t)
-    if not ends:
+    if not of_sweep.ends:
         _begin_step(course, drive, u, v, local.a, dt, (motion.step + 1) * dt, t)
     for lane in range(ROW):
         i = tiles.node[t * ROW + lane]
@@ -299,9 +319,4 @@ def _end_step(tiles, course, drive, motion, state, v, local, t):  # type: ignore
         for axis in range(axes):
             v[axis, lane] += dt / 2 * a[axis, lane]
             if c > 0 and not course.constrained[i, axis]:
-                undamped = a[axis, lane]
-                middle = v[axis, lane] - dt / 2 * undamped
-                v[axis, lane] /= 1 + c * dt / 2
-                a[axis, lane] = undamped - c * v[axis, lane]
-                mean = (local.before[axis, lane] + v[axis, lane]) / 2
-                state.damped[i] += rho[lane] * c * mean * (dt * middle)
+                state.damped[i] += damp_component(v.T, a.T, local.before.T, rho, c, lane, axis, dt)

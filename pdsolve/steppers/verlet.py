@@ -15,7 +15,7 @@ from pdsolve.conditions import Drive, apply_loads, held
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
 from pdsolve.steppers.ghosts import Ghosts
-from pdsolve.steppers.holds import hold_component, release_component
+from pdsolve.steppers.holds import damp_component, hold_component, release_component
 
 
 class Verlet:
@@ -94,15 +94,10 @@ def _end(state, drive, out, rho, dt, time):  # type: ignore[no-untyped-def]
 def _damp(state, before, rho, constrained, c, dt):  # type: ignore[no-untyped-def]
     """Damp the end of a step with c (n,), 1/s, as its beginning, and book the energy taken.
 
-    `before` (n, w) are the velocities one step ago. The energy that Verlet takes out of the motion is the mean force of
-    both ends times the displacement between them.
+    `before` (n, w) are the velocities one step ago.
     """
     v, a = state.rate, state.second
     for i in range(len(v)):
         for axis in range(v.shape[1]):
             if not constrained[i, axis]:
-                undamped = a[i, axis]
-                middle = v[i, axis] - dt / 2 * undamped
-                v[i, axis] /= 1 + c[i] * dt / 2
-                a[i, axis] = undamped - c[i] * v[i, axis]
-                state.damped[i] += rho[i] * c[i] * (before[i, axis] + v[i, axis]) / 2 * (dt * middle)
+                state.damped[i] += damp_component(v, a, before, rho, c[i], i, axis, dt)

@@ -3,26 +3,19 @@
 from __future__ import annotations
 
 import signal
-import sys
 import threading
 import time
-from collections.abc import Iterator
 from queue import SimpleQueue
 from types import SimpleNamespace
 
 import pytest
+from interrupts import interrupted_at
 
 from pdmesh import background_thread
 from pdmesh.background_thread import BackgroundThread
 from pdsolve.results.background_writer import Behind
 
-
-@pytest.fixture(autouse=True)
-def _listens() -> Iterator[None]:
-    """Whoever runs the tests in the background has them ignore Ctrl-C."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, before)
+pytestmark = pytest.mark.usefixtures("listens")
 
 
 class Slow:
@@ -70,26 +63,11 @@ def test_an_interrupt_at_any_line_of_waiting_leaves_the_writer_free() -> None:
     """Ctrl-C as each line of the waiting thread begins, in our modules and in those of Python: none hangs."""
     line = 0
     while True:
-        writer, seen = Slow(), [0]
+        writer = Slow()
         behind = Behind(lambda writer=writer: writer, False)  # type: ignore[arg-type, return-value, misc]
         behind.stop = lambda writer=writer: bool(writer.go.put(None))  # type: ignore[misc]  # lets go at the first look
         behind.write(lambda: 1)  # type: ignore[arg-type, return-value]
-
-        def trace(frame: object, event: str, _: object, seen: list[int] = seen, line: int = line) -> object:
-            if event == "line":
-                seen[0] += 1
-                if seen[0] == line:
-                    signal.raise_signal(signal.SIGINT)
-            return trace
-
-        interrupted = False
-        sys.settrace(trace)  # type: ignore[arg-type]
-        try:
-            behind._wait()
-        except KeyboardInterrupt:
-            interrupted = True
-        finally:
-            sys.settrace(None)
+        interrupted = interrupted_at(line, behind._wait)
         writer.go.put(None)
         began = time.monotonic()
         behind.abandon("interrupted")

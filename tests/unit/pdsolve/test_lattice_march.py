@@ -11,6 +11,7 @@ from tiled_bodies import CASES, SOFT, body, changed
 
 from pdmesh import Box
 from pdmesh.model.document import Absorb, Acceleration, Displacement, Load, Velocity
+from pdsolve.conditions import damping
 from pdsolve.model import Model
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
@@ -23,7 +24,7 @@ STEPS, RAMP = 25, ((0.0, 0.0), (1e-4, 1.0))
 BOTTOM, TOP, BACK = (-1, -1, -1, 9, 9, 0.1), (-1, -1, 0.5, 9, 9, 9), (-1, 0.6, -1, 9, 9, 9)
 
 
-def driven(damping: float = 0.0) -> Model:
+def driven(rate: float = 0.0) -> Model:
     """A body that softens: some of it is held, moved, pushed, pulled more and more, and absorbs; most of it is free."""
     block = body(Box((0, 0, 0), (1.0, 0.7, 0.6)), SOFT)
     conditions = (
@@ -34,7 +35,7 @@ def driven(damping: float = 0.0) -> Model:
         Load(box=TOP, body_force=(0.0, 0.0, 1e8), breakable=True),
         Absorb(box=BACK),
     )
-    return changed(block, conditions=conditions, run=msgspec.structs.replace(block.settings.run, damping=damping))
+    return changed(block, conditions=conditions, run=msgspec.structs.replace(block.settings.run, damping=rate))
 
 
 def started(model: Model, threads: int = 1) -> Prepared:
@@ -57,9 +58,8 @@ def outcome(prepared: Prepared) -> list[np.ndarray]:
 def of_verlet(model: Model) -> list[np.ndarray]:
     prepared = started(model)
     system = prepared.system
-    stepper = system.stepper
-    assert isinstance(stepper, LatticeMarch)
-    Verlet(system.operator, system.drive, model.rho, system.time_step, stepper.damping).march(
+    assert isinstance(system.stepper, LatticeMarch)
+    Verlet(system.operator, system.drive, model.rho, system.time_step, damping(system.model)).march(
         prepared.state, 1, STEPS + 1
     )
     return outcome(prepared)

@@ -4,26 +4,18 @@ from __future__ import annotations
 
 import re
 import signal
-import sys
 import threading
 import time
-from collections.abc import Iterator
 
 import pytest
+from interrupts import interrupted_at
 from plates import ROOT
 
 from pdsolve.numerics import thread_team
 from pdsolve.numerics.thread_team import side_by_side
 
+pytestmark = pytest.mark.usefixtures("listens")
 THREADS = 3
-
-
-@pytest.fixture(autouse=True)
-def _listens() -> Iterator[None]:
-    """Whoever runs the tests in the background has them ignore Ctrl-C."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, before)
 
 
 class Parts:
@@ -44,23 +36,8 @@ def test_an_interrupt_at_any_line_lets_all_parts_end_or_none_begin(monkeypatch: 
     line, interrupts = 0, 0
     monkeypatch.setattr(thread_team._Helper, "idle", [])
     while True:
-        parts, seen = Parts(), [0]
-
-        def trace(frame: object, event: str, _: object, seen: list[int] = seen, line: int = line) -> object:
-            if event == "line":
-                seen[0] += 1
-                if seen[0] == line:
-                    signal.raise_signal(signal.SIGINT)
-            return trace
-
-        interrupted = False
-        sys.settrace(trace)  # type: ignore[arg-type]
-        try:
-            side_by_side(parts, THREADS)
-        except KeyboardInterrupt:
-            interrupted = True
-        finally:
-            sys.settrace(None)
+        parts = Parts()
+        interrupted = interrupted_at(line, lambda parts=parts: side_by_side(parts, THREADS))  # type: ignore[misc]
         assert sorted(parts.begun) == sorted(parts.ended)
         assert len(parts.ended) in ((0, THREADS) if interrupted else (THREADS,))
         interrupts += interrupted
