@@ -109,6 +109,7 @@ def test_compare_draws_names_of_files_and_titles(results: Path, capsys: pytest.C
     quiet_terminal(capsys)
 
 
+@pytest.mark.quick_cases(8)
 @pytest.mark.parametrize("name", FILES, ids=ascii)
 @pytest.mark.parametrize("suffix", ["pvd", "xdmf"])
 def test_files_that_name_others_do_so_in_plain_names(

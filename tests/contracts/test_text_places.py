@@ -25,6 +25,10 @@ STREAMS = ("sys.stdout", "sys.stderr", "sys.__stdout__", "sys.__stderr__")
 CALLS = ("print", "write", "writelines", "get_supported_filetypes", "print_figure")
 CALLS += tuple(f"set_{axis}tick{what}" for axis in "xyz" for what in ("s", "labels"))
 SIGNS = re.compile(r"</?[a-z]+\d?[ >]")
+IMPORTS = "|".join(sorted({name.partition(".")[0] for name in GATES}))
+CONCERNED = re.compile(  # of most files no line is: to walk them all takes seconds
+    rf"\b({'|'.join(CALLS)})\s*\(|^\s*(import|from)\s+({IMPORTS})\b|{SIGNS.pattern}", re.MULTILINE
+)
 XML = {  # files that write XML or SVG of numbers, and names that are safe in a page
     "pdmesh/model/svg_picture.py",
     "pdpost/exports/frame_files.py",
@@ -47,6 +51,8 @@ PARTS = {
 
 def offences(text: str, name: str) -> Iterator[str]:
     """Places of a module that go around `plain_text`."""
+    if not CONCERNED.search(text):
+        return
     for node in ast.walk(ast.parse(text)):
         where = f"{name}:{getattr(node, 'lineno', 0)}"
         if isinstance(node, ast.Import | ast.ImportFrom):

@@ -18,6 +18,7 @@ def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.quick_cases(5)
 @pytest.mark.parametrize("number", [*range(1, 8), 9, 10, 11])  # 0 and 8 draw a report
 def test_some_forgeries(sound: Path, number: int) -> None:
     """One case each, of all kinds."""

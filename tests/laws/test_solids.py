@@ -85,6 +85,7 @@ def test_neo_hooke_in_uniaxial_strain_and_shear(stretch: float, first: float) ->
     assert (sheared.sigma[0], sheared.sigma[3]) == pytest.approx((mu * gamma**2, mu * gamma), abs=1e-14)
 
 
+@pytest.mark.slow
 def test_j2() -> None:
     """E = 200 GPa, nu = 0.3, sigma_y = 250 MPa, strain or shear angle 0.01; MPa."""
     steel = {"E": 200e3, "yields": 250.0}
@@ -102,6 +103,7 @@ def test_j2() -> None:
     assert abs(pulled.sigma[2]) <= 1e-9
 
 
+@pytest.mark.slow
 def test_j2_remembers() -> None:
     """Pulled beyond yield and back: what is left is what Hooke takes from the stress; nothing flows twice."""
     steel = node(J2, 200e3, yields=250.0, H=1e3)

@@ -15,6 +15,7 @@ def stretched(bonds, value):  # type: ignore[no-untyped-def]
     return bond.eta, bond.stretch, bond.elongation
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_a_bond_stretches_from_its_swollen_length(dimension: int) -> None:
     """By the mean of its ends' strains, along each axis."""

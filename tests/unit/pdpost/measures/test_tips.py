@@ -236,7 +236,7 @@ def drawn(angle: float, jitter: float, seed: int = 0) -> Branch:
     return tips(at_steps(nodes, np.where(cracked, steps, -1), time_step=1e-7))[0]
 
 
-@pytest.mark.quick_cases(3)
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize("angle", [0, 10, 30, 45, 60])
 def test_a_known_speed(angle: float) -> None:
     """Within 6 % everywhere, 2 % as a whole, at any angle to the lattice; the band holds it."""
