@@ -11,6 +11,8 @@ from pathlib import Path
 
 from pdmesh import stopping
 
+FilePath = str | os.PathLike[str]  # what functions for scripts take
+
 KINDS = {
     stat.S_IFDIR: "a folder",
     stat.S_IFIFO: "a pipe",

@@ -15,6 +15,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.files import FilePath
 from pdmesh.model import selection
 from pdmesh.model.consistency import examine
 from pdmesh.model.contact import RigidBody
@@ -332,12 +333,13 @@ def model_of(text: str, name: str) -> Model:
     return Model(grid_of(document, name), settings_of(document), name)
 
 
-def read_model(path: Path, settings: Path | None = None, assignments: Sequence[tuple[str, str]] = ()) -> Model:
+def read_model(path: FilePath, settings: FilePath | None = None, assignments: Sequence[tuple[str, str]] = ()) -> Model:
     """The model in a grid file, with the keys of a TOML file and then ``NAME=VALUE`` assignments laid over it.
 
     Names are dotted (``run.steps``), values TOML; fields may also be ``all``, ``ux,uy`` or ``+energy``. Raises
     GridError or ModelError.
     """
+    path, settings = Path(path), None if settings is None else Path(settings)
     document = read_file(path)
     space = document.version == SPACE_VERSION
     merged = overlaid(settings_of(document), path, settings, assignments, 3 if space else 2)

@@ -11,6 +11,7 @@ from pdmesh.drawing.additions import ADAPT, adapted, added, sorted_out
 from pdmesh.drawing.parameters import Parameter, full_name, unknown
 from pdmesh.drawing.scratch import scratch
 from pdmesh.file_kinds import CAD, MESHES
+from pdmesh.files import FilePath
 from pdmesh.grid import building
 from pdmesh.grid.building import Built, looked_at
 from pdmesh.model.document import read_file
@@ -21,7 +22,7 @@ from pdmesh.scene.shapes import SceneError
 
 
 def read_scene(
-    path: Path,
+    path: FilePath,
     assignments: Sequence[tuple[str, str]] = (),
     refine: Sequence[str] = (),
     trust: bool = False,
@@ -33,6 +34,7 @@ def read_scene(
     `trust` allows a Python scene to run, and a drawing to run commands and read other files. Files of values that
     conditions name are read beside the file. Raises UntrustedError, SceneError or GridError.
     """
+    path = Path(path)
     scene = _read_scene(path, assignments, refine, trust, cracks)
     try:
         return with_files(scene, path.parent)
@@ -61,7 +63,7 @@ def _read_scene(
 
 
 def build_file(
-    path: Path,
+    path: FilePath,
     assignments: Sequence[tuple[str, str]] = (),
     refine: Sequence[str] = (),
     trust: bool = False,
@@ -71,6 +73,7 @@ def build_file(
 
     Raises UntrustedError, SceneError or GridError.
     """
+    path = Path(path)
     if path.suffix.lower() in MESHES:
         from pdmesh.drawing.meshes import read_mesh
 
@@ -94,8 +97,11 @@ def build_file(
         raise SceneError(f"{path}: {error}") from None
 
 
-def file_parameters(path: Path, assignments: Sequence[tuple[str, str]] = (), trust: bool = False) -> list[Parameter]:
+def file_parameters(
+    path: FilePath, assignments: Sequence[tuple[str, str]] = (), trust: bool = False
+) -> list[Parameter]:
     """The parameters of a drawing, a script, a CAD file or a model. Raises SceneError or GridError."""
+    path = Path(path)
     suffix = path.suffix.lower()
     if suffix == ".json":
         parameters = dict(read_file(path).parameters)

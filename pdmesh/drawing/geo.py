@@ -20,6 +20,7 @@ from pdmesh.drawing.plate_places import Group, face, in_metres
 from pdmesh.drawing.sandbox.child import read_copies, read_trusted
 from pdmesh.drawing.sandbox.copies import Copy, cad_copy, drawing_bytes, drawing_copies
 from pdmesh.drawing.sandbox.tokens import decoded
+from pdmesh.files import FilePath
 from pdmesh.quantities import UNITS
 from pdmesh.scene.body import Body
 from pdmesh.scene.scene import Scene
@@ -111,11 +112,12 @@ def cad_parameters(path: Path, assignments: Sequence[tuple[str, str]] = ()) -> l
     ]
 
 
-def read_outline(path: Path, spacing: float, unit: str = "m") -> Surface:
+def read_outline(path: FilePath, spacing: float, unit: str = "m") -> Surface:
     """The plate in a STEP or BREP file, for a scene in Python with nodes of `spacing`, m.
 
     `unit` is that of a BREP file's coordinates; a STEP file names its own. Raises SceneError.
     """
+    path = Path(path)
     gmsh_output = _shapes(path, CHORD_TOLERANCE * UNITS[unit].of(spacing), unit)
     if "points" in gmsh_output:
         raise SceneError(f"{path} has volumes, and a plate is needed; remove them")

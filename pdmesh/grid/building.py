@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from pdmesh.files import FilePath
 from pdmesh.grid import implicit_lattice, soundness
 from pdmesh.grid.adaptive_scene import nested, undivided
 from pdmesh.grid.bodies import build_body
@@ -44,9 +45,9 @@ class Built:
         """SVG for a notebook: that of the grid."""
         return self.grid._repr_svg_()
 
-    def write(self, path: Path) -> None:
+    def write(self, path: FilePath) -> None:
         """Write the grid file at `path` in one atomic step, over one that is there. Raises OSError."""
-        write_file(self.document, path)
+        write_file(self.document, Path(path))
 
 
 def build(scene: Scene | Body) -> Built:

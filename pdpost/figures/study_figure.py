@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 
+from pdmesh.files import FilePath
 from pdmesh.plain_figure import Figure
 from pdmesh.plain_text import for_figure, for_legend
 from pdpost.figures.charts import WIDTH, look, plain
@@ -28,12 +29,12 @@ FEW = 6  # values that are all written at the axis
 LOGARITHMIC = 20.0  # largest over smallest value of an axis that counts in powers
 
 
-def study(path: Path, measures: Sequence[str] = (), over: str | None = None) -> Figure:
+def study(path: FilePath, measures: Sequence[str] = (), over: str | None = None) -> Figure:
     """Measures of the study at `path` against the parameter `over`: a dot for each run, the median and the range.
 
     By default the most informative measures, against the parameter with the most values. Raises StudyError.
     """
-    study = read(path)
+    study = read(Path(path))
     names, against = chosen(study, measures, over)
     return panels_of(study, {name: spreads(study, name, against) for name in names}, against)
 

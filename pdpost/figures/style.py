@@ -16,7 +16,7 @@ from matplotlib import font_manager
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.transforms import Bbox
 
-from pdmesh.files import write_atomically
+from pdmesh.files import FilePath, write_atomically
 from pdmesh.plain_figure import Figure, formats
 
 STYLE: dict[str, Any] = {
@@ -142,8 +142,9 @@ def narrow() -> bool:
     return bool(matplotlib.rcParams["figure.figsize"][0] < NARROW)
 
 
-def save(figure: Figure, path: Path) -> None:
+def save(figure: Figure, path: FilePath) -> None:
     """Write a figure in the format of the path's suffix, with reproducible bytes. Raises FigureError."""
+    path = Path(path)
     write_atomically(path, written(figure, check_format(path)))
 
 

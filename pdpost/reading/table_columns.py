@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.files import FilePath
 from pdmesh.plain_text import for_html
 from pdsolve.study.measure_columns import OWN
 from pdsolve.study.table import Table
@@ -41,12 +42,12 @@ def columns_of(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> Columns:
     return Columns({name: _array([row[at] for row in listed]) for at, name in enumerate(header)})
 
 
-def study_table(path: Path) -> Columns:
+def study_table(path: FilePath) -> Columns:
     """All runs of the study at `path`: number, status, repetition, parameters, measures.
 
     Raises StudyError.
     """
-    with Table.open(path) as table:
+    with Table.open(Path(path)) as table:
         rows, names = table.rows(), list(table.columns())
     run_columns = [name for name in OWN if name != "key"]
     return columns_of(

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.files import FilePath
 from pdmesh.model.crack_particles import Particles
 from pdmesh.model.output_fields import UNITS, USUAL
 from pdsolve.results import pieces, validation
@@ -44,8 +45,9 @@ class Results:
         self.decoded: dict[type, Any] = {}  # parts of the model, which stays as it is, by their type
 
     @classmethod
-    def open(cls, path: Path) -> Results:
+    def open(cls, path: FilePath) -> Results:
         """The results in the file at `path`, read only. Raises ResultsError if it is not a database of results."""
+        path = Path(path)
         if not path.is_file():
             raise ResultsError(f"{path}: no such file; name a database of results")
         with explained(path):

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pdmesh import stopping
+from pdmesh.files import FilePath
 from pdsolve.adaptivity.hybrid.arrays import EVERY
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.adaptivity.hybrid.outlook import decided, of_long_steps
@@ -87,7 +88,7 @@ class Request(NamedTuple):
 
 def simulate(
     model: Model,
-    output: Path | None = None,
+    output: FilePath | None = None,
     options: Options = DEFAULT,
     watch: Watcher | None = None,
     provenance: str = "",
@@ -99,6 +100,7 @@ def simulate(
     run; `adapt` may change the nodes during the run. No other run may be writing to that file. Raises ModelError,
     UnstableError (frames so far are kept), ResultsError.
     """
+    output = None if output is None else Path(output)
     with _alone(output):
         results = _simulate(model, options, Request(output, watch, provenance, adapt, compiled=compile_seconds()))
     return _moved_on(results, output, options.threads, watch)
@@ -223,7 +225,7 @@ def _changes(system: System, adapt: Adapt | None) -> bool:
 
 
 def resume(
-    output: Path,
+    output: FilePath,
     threads: int | None = None,
     watch: Watcher | None = None,
     adapt: Adapt | None = None,
@@ -238,6 +240,7 @@ def resume(
     with, as many as before or not; `device` may be another one, None: the same. Raises ResultsError, ModelError,
     UnstableError.
     """
+    output = Path(output)
     request = Request(output, watch, "", adapt, threads, team, device, compiled=compile_seconds())
     results, motion = _resumed(output, request), name_of(output)
     if motion_follows(results) and (motion.is_symlink() or (motion.exists() and not is_empty(motion))):

@@ -16,6 +16,7 @@ from typing import Annotated, Any, Literal
 
 import msgspec
 
+from pdmesh.files import FilePath
 from pdmesh.model.suggestions import explained
 from pdsolve.study.measure_columns import column_of
 
@@ -158,10 +159,11 @@ class Study:
         return list(cases.values())
 
 
-def read_study(path: Path) -> Study:
+def read_study(path: FilePath) -> Study:
     """The study in the TOML file at `path`. Raises StudyError."""
     from pdmesh.files import read_bytes
 
+    path = Path(path)
     try:
         text = read_bytes(path).decode("utf-8")
         content = tomllib.loads(text)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from pdmesh import VERSION, SceneError, file_parameters
+from pdmesh.files import FilePath
 from pdsolve.numerics.thread_team import cores
 from pdsolve.results import holder, remove, writing_to
 from pdsolve.study.cluster import expect_scheduler, solved_by
@@ -46,7 +47,7 @@ ALONE = Crew()
 
 def solve_study(
     study: Study,
-    output: Path,
+    output: FilePath,
     crew: Crew = ALONE,
     watch: Callable[[Going], None] | None = None,
     again: bool = False,
@@ -57,6 +58,7 @@ def solve_study(
     Failed runs are skipped unless `again`; `force` discards existing results. `watch` is called after each run. Raises
     StudyError, BusyError, OSError; a failed run raises none.
     """
+    output = Path(output)
     with writing_to(output):
         dimension = check(study, crew.trust)
         if force:

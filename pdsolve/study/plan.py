@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
+from pdmesh.files import FilePath
 from pdmesh.model.bond_counts import pair_count
 from pdsolve.codegen import jit_cache
 from pdsolve.numerics.thread_team import cores
@@ -23,7 +23,7 @@ COMPILE = 8.0
 LISTED = 12  # different runs, in lines
 
 
-def plan_study(path: Path, trust: bool = False) -> dict[str, Any]:
+def plan_study(path: FilePath, trust: bool = False) -> dict[str, Any]:
     """Cost of solving all runs of the study at `path`, as if none were solved yet.
 
     Raises StudyError, SceneError, GridError, ModelError.
