@@ -32,6 +32,7 @@ PATIENCE = 60  # s until a command has no end, waiting included
 ANSWERS = 0, 1, 2, 3
 MARKS = ("thesis.txt", "0001.sqlite", "photo.png", "keys", "far/0002.sqlite")
 STUDY = 'drawing = "plate.json"\nvary.model.material.G0 = [3, 4, 5]\n'
+DRAWN, FOLLOWED = Path("out.png"), ("link", "link to no file")
 ENDS = ("-journal", "-journal", "-journal", "-wal", "-shm", "-lock")
 
 Main = Callable[[list[str]], int]
@@ -50,7 +51,10 @@ class Case(NamedTuple):
         return self.markers / self.chance.choice(MARKS)
 
     def replace(self, place: Path) -> str:
-        """Let something else be at a place: a link, a hard link, a folder, a pipe, a copy of a marker, or nothing."""
+        """Let something else be at a place: a link, a hard link, a folder, a pipe, a copy of a marker, or nothing.
+
+        What commands name with -o is no link to a marker: they follow it.
+        """
         clear(place)
         kinds: dict[str, Callable[[], object]] = {
             "link": lambda: place.symlink_to(self.marker().resolve()),
@@ -65,7 +69,7 @@ class Case(NamedTuple):
             "zeros": lambda: os.truncate(place, 2**33) if not place.touch() else None,
             "nothing": lambda: None,
         }
-        kind = self.chance.choice(list(kinds))
+        kind = self.chance.choice([kind for kind in kinds if place != DRAWN or kind not in FOLLOWED])
         kinds[kind]()
         return f"{place.name}: {kind}"
 
@@ -183,7 +187,7 @@ def side_files(case: Case) -> tuple[str, list[Command]]:
 
     name = case.chance.choice(("finished", "stopped"))
     done = [beside(case, Path(f"{name}.sqlite")) for _ in range(case.chance.choice((1, 1, 2)))]
-    file, drawn = f"{name}.sqlite", ["-o", "out.png", "--force"]
+    file, drawn = f"{name}.sqlite", ["-o", str(DRAWN), "--force"]
     every: list[Command] = [
         (pdpost, ["sql", file]),
         (pdpost, ["crack", file, "--json"]),
@@ -202,7 +206,7 @@ def study_commands(case: Case) -> list[Command]:
     from pdpost.__main__ import main as pdpost
     from pdsolve.__main__ import main as pdsolve
 
-    drawn = ["-o", "out.png", "--force"]
+    drawn = ["-o", str(DRAWN), "--force"]
     reads: list[Command] = [
         (pdpost, ["study", "study.sqlite", *drawn]),
         (pdpost, ["crack", "study.sqlite", *drawn]),
@@ -245,7 +249,7 @@ def study_folders(case: Case) -> tuple[str, list[Command]]:
     chance, runs = case.chance, Path("study.runs")
     places = [runs / f"{number:04d}.sqlite" for number in (1, 2, 3, 7)]
     places += [runs / "0001.sqlite-wal", runs / "0002.sqlite-journal", runs / "0003.sqlite-lock", runs / "notes.txt"]
-    places += [runs, runs, Path("study.sqlite"), Path("study.sqlite-lock"), Path("out.png"), Path("other.runs")]
+    places += [runs, runs, Path("study.sqlite"), Path("study.sqlite-lock"), DRAWN, Path("other.runs")]
     chosen = sorted(set(chance.sample(places, chance.choice((1, 1, 2)))), key=runs.__eq__)  # the folder itself last
     done = [case.replace(place) for place in chosen]
     if chance.random() < 0.2:
