@@ -268,11 +268,11 @@ def shares(n: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _corrections_in_space(full: NDArray[np.float64], bond_energy: NDArray[np.float64]) -> NDArray[np.float64]:
     """Factors c (k, 3) that give nodes of `bond_energy` (k, 3, 3) the energy `full` (k,), Pa; see `shares`."""
+    lacks = full[:, None] - bond_energy.sum(axis=2)  # before what follows, so that nodes inside lack nothing
     scale = bond_energy.trace(axis1=1, axis2=2)
     bond_energy += (
         ROUND_OFF * np.where(scale > 0, scale, 1.0)[:, None, None] * np.eye(3)
     )  # bonds may all lie in a plane
-    lacks = full[:, None] - bond_energy.sum(axis=2)
     factors = 1 + np.linalg.solve(bond_energy, lacks[..., None])[..., 0]
     factors = np.where(scale[:, None] > 0, np.clip(factors, LEAST, MOST), 1.0)
     factors[np.abs(factors - 1).max(axis=1) <= ROUND_OFF] = 1

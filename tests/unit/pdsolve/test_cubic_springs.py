@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from tiled_bodies import BLOCK, CASES, GLASS, body, changed, cracked
 
+from pdmesh import Box
 from pdmesh.model.document import Region
 from pdsolve.bonds.assembly import stiffness_bound
 from pdsolve.model import Model
@@ -42,6 +43,17 @@ def test_tiles_have_the_bonds_of_the_list(name: str) -> None:
     pair = number[source] * len(model.materials) + number[target]
     for table, column in ((tiles.peak, bonds.peak), (tiles.limit, bonds.limit)):
         assert np.allclose(np.where(held, np.inf, table[pair, slot]), column, rtol=1e-12, atol=0)
+
+
+@pytest.mark.process
+def test_nodes_with_whole_families_are_not_corrected() -> None:
+    """To the last bit, so that their tiles are those of the fast loop; all others are corrected."""
+    model = body(Box((0, 0, 0), (1.2, 1.2, 1.2)))
+    tiles, sites, *_ = tiled(model, np.float64)  # type: ignore[misc]
+    is_whole = (np.abs(model.grid.position - 0.6) < 0.3).all(axis=1)
+    is_corrected = (tiles.c[:, sites.site] != 1).any(axis=0)
+    assert is_whole.sum() == 6**3
+    assert np.array_equal(is_corrected, ~is_whole)
 
 
 @pytest.mark.process
