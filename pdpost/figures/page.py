@@ -92,28 +92,19 @@ def _grid(results: Results, nodes: Nodes) -> dict[str, str]:
     low, high = nodes.position.min(axis=0) * 1e3, nodes.position.max(axis=0) * 1e3
     levels, counts = np.unique(nodes.delta, return_counts=True)
     bonds, total_size = pair_count(int((nodes.family - nodes.cut).sum())), float(nodes.area.sum())
+    changes = len(results.epochs()) - 1
+    later = f" at the start, {len(results.nodes().ids)} at the end, after {changes} changes" if changes else ""
+    cracks = results.cracks()
+    pre_cracks = f"{len(cracks)} triangles" if results.dimension == 3 else _text(cracks.tolist()) + " m"
     extent = {"area": f"{total_size * 1e6:.6g} mm²"} if len(low) == 2 else {"volume": f"{total_size * 1e9:.6g} mm³"}
     return {
-        "nodes": str(len(nodes.ids)) + _later(results),
+        "nodes": str(len(nodes.ids)) + later,
         "spacings": ", ".join(f"{count} of {level * 1e3:.4g} mm" for level, count in zip(levels, counts, strict=True)),
         "from, to": f"{_text(low.tolist(), '.4g')} to {_text(high.tolist(), '.4g')} mm",
         **extent,
         "bonds": f"{bonds}, and {pair_count(int(nodes.cut.sum()))} cut by pre-cracks",
-        "pre-cracks": _pre_cracks(results),
+        "pre-cracks": pre_cracks if len(cracks) else "none",
     }
-
-
-def _pre_cracks(results: Results) -> str:
-    cracks = results.cracks()
-    if not len(cracks):
-        return "none"
-    return f"{len(cracks)} triangles" if results.dimension == 3 else _text(cracks.tolist()) + " m"
-
-
-def _later(results: Results) -> str:
-    """Words for the number of nodes at the end, if it changed; else ""."""
-    changes = len(results.epochs()) - 1
-    return f" at the start, {len(results.nodes().ids)} at the end, after {changes} changes" if changes else ""
 
 
 def _settings(model: dict[str, Any], meta: Mapping[str, Any]) -> dict[str, str]:

@@ -126,22 +126,15 @@ def _weights(
     simplex = mesh.find_simplex(targets)
     inside = np.flatnonzero(simplex >= 0)
     simplex_corners = mesh.simplices[simplex[inside]]
-    bonded = _bonded(results, rows, simplex_corners, len(nodes.ids), step)
+    start, neighbour = intact(results, results.families(step), step)
+    count, corner_rows = len(nodes.ids), rows[simplex_corners]
+    keys = np.repeat(np.arange(count), np.diff(start)) * count + neighbour  # rising but for neighbours' order
+    bonded = np.ones(len(inside), dtype=bool)  # all corners to each other
+    for one, other in combinations(corner_rows.T, 2):
+        bonded &= np.isin(one * count + other, keys)
     inside, simplex_corners = inside[bonded], simplex_corners[bonded]
     turn = mesh.transform[simplex[inside]]
     first = np.einsum("kab,kb->ka", turn[:, :d], targets[inside] - turn[:, d])
     corners[inside] = simplex_corners
     weights[inside] = np.column_stack([first, 1 - first.sum(axis=1)])
     return corners, weights
-
-
-def _bonded(
-    results: Results, rows: NDArray[np.int64], corners: NDArray[np.int64], count: int, step: int
-) -> NDArray[np.bool_]:
-    """Whether the nodes of each triangle (k, 3) or tetrahedron (k, 4) are all bonded to each other after `step`."""
-    start, neighbour = intact(results, results.families(step), step)
-    keys = np.repeat(np.arange(count), np.diff(start)) * count + neighbour  # rising but for neighbours' order
-    all_bonded = np.ones(len(corners), dtype=bool)
-    for first, second in combinations(range(corners.shape[1]), 2):
-        all_bonded &= np.isin(rows[corners[:, first]] * count + rows[corners[:, second]], keys)
-    return all_bonded
