@@ -67,7 +67,7 @@ def report(results: Results, name: str) -> str:
     shown, moves, flat = usual(results, int(steps[0])), not diffuses(results), results.dimension == 2
     scene_images = [_image(scene(results, model), "the plate, its grid and its conditions")] if flat else []
     sections = [
-        *([("Crack", _crack(results) if flat else _crack_in_space(results))] if moves else []),
+        *([("Crack", _crack(results))] if moves else []),
         ("Animation", [_picture(_film(results, shown), "gif", f"{shown} over time")]),
         (f"Fields at {moment(results, int(steps[-1]), 'µs')}", _fields(results, int(steps[-1]))),
         ("Balance", _balance(results) if moves else _masses(results)),
@@ -165,16 +165,17 @@ def _masses(results: Results) -> list[str]:
 
 
 def _crack(results: Results) -> list[str]:
-    summary = crack_summary.crack(results)
-    items = "".join(f"<li>{for_html(spelled(sentence))}</li>" for sentence in crack_summary.sentences(summary))
-    return [f"<ul>{items}</ul>", _image(crack_figure.crack(results, summary), "path, length and speed of the crack")]
-
-
-def _crack_in_space(results: Results) -> list[str]:
-    summary = crack_in_space.crack_in_space(results)
-    items = "".join(f"<li>{for_html(spelled(sentence))}</li>" for sentence in crack_in_space.sentences(summary))
-    figure = crack_surface_figure.crack_surface(results, summary)
-    return [f"<ul>{items}</ul>", _image(figure, "surface of the crack, its area and its cost")]
+    if results.dimension == 3:
+        in_space = crack_in_space.crack_in_space(results)
+        sentences = crack_in_space.sentences(in_space)
+        figure = crack_surface_figure.crack_surface(results, in_space)
+        words = "surface of the crack, its area and its cost"
+    else:
+        summary = crack_summary.crack(results)
+        sentences = crack_summary.sentences(summary)
+        figure, words = crack_figure.crack(results, summary), "path, length and speed of the crack"
+    items = "".join(f"<li>{for_html(spelled(sentence))}</li>" for sentence in sentences)
+    return [f"<ul>{items}</ul>", _image(figure, words)]
 
 
 def _fields(results: Results, step: int) -> list[str]:
