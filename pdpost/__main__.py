@@ -79,7 +79,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         for name in ("results", "reference", "compare"):
             for path in _paths(args, name):
                 commandline.expect(path, Kind.RESULTS)
-        _say_what_is_lost(args)
+        from pdsolve.results import ResultsError, state_of
+
+        for path in _paths(args, "results"):
+            with suppress(ResultsError, OSError):  # what cannot be opened is left to the command to report
+                if Path(f"{os.path.realpath(path)}-wal").exists() and (warning := state_of(path).warning):
+                    commandline.warn(f"pdpost: warning: {path}: {warning}")  # how far a killed run's log can be read
         if args.command in OF_PLATES:
             _refuse_bodies(args)
         return int(args.run(args))
@@ -91,19 +96,6 @@ def _paths(args: argparse.Namespace, name: str) -> list[Path]:
     """Paths given for the option or argument `name`; empty if the command does not have it."""
     value = getattr(args, name, None)
     return value if isinstance(value, list) else [] if value is None else [value]
-
-
-def _say_what_is_lost(args: argparse.Namespace) -> None:
-    """Warn how far the log of a killed run can be read.
-
-    A file that cannot be opened is left to the command to report.
-    """
-    from pdsolve.results import ResultsError, state_of
-
-    for path in _paths(args, "results"):
-        with suppress(ResultsError, OSError):
-            if Path(f"{os.path.realpath(path)}-wal").exists() and (warning := state_of(path).warning):
-                commandline.warn(f"pdpost: warning: {path}: {warning}")
 
 
 def _refuse_bodies(args: argparse.Namespace) -> None:

@@ -119,7 +119,13 @@ def _render(args: argparse.Namespace) -> int:
     path = picture_path(args, ".render.png")
     if path is not None:
         style.check_format(path)
-    _check_render(args)
+    exclusive_options = [option for option, value in (("--crack", args.crack), ("--explode", args.explode)) if value]
+    names = ("field", "component", "largest", "level", "plane")  # which say nothing of cracks
+    others = [f"--{name}" for name in names if getattr(args, name) is not None]
+    if exclusive_options and len(exclusive_options + others) > 1:
+        raise commandline.UsageError(
+            f"{exclusive_options[0]} cannot be combined with {(exclusive_options + others)[1]}; use one of them"
+        )
     with style.styled(dict(args.assignments)), Results.open(args.results) as results:
         slices.expect_body(results)
         step, time = chosen_frame(results, args)
@@ -143,17 +149,6 @@ def _render(args: argparse.Namespace) -> int:
     result = {"output": None if path is None else str(path), "step": step, "time": time, "field": name}
     commandline.report(result, [f"{path}: {name} at {when}"], args)
     return commandline.OK
-
-
-def _check_render(args: argparse.Namespace) -> None:
-    """Raise UsageError for options that say nothing of cracks beside `--crack` or `--explode`."""
-    exclusive_options = [option for option, value in (("--crack", args.crack), ("--explode", args.explode)) if value]
-    names = ("field", "component", "largest", "level", "plane")
-    others = [f"--{name}" for name in names if getattr(args, name) is not None]
-    if exclusive_options and len(exclusive_options + others) > 1:
-        raise commandline.UsageError(
-            f"{exclusive_options[0]} cannot be combined with {(exclusive_options + others)[1]}; use one of them"
-        )
 
 
 def _cracked(results: Results, step: int, explode: float | None) -> Figure:

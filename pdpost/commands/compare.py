@@ -62,7 +62,12 @@ def _compare(args: argparse.Namespace) -> int:
     files: list[Path] = args.results
     if len(files) < 2:
         raise commandline.UsageError(f"compare: only {len(files)} database is given; give two or more")
-    titles = _titles(files, args.titles)
+    names = [file.stem for file in files]
+    titles = names if len(set(names)) == len(names) else list(map(str, files))
+    if args.titles is not None:
+        titles = [title.strip() for title in args.titles.split(",")]
+        if len(titles) != len(files):
+            raise commandline.UsageError(f"--titles has {len(titles)} titles; give {len(files)}, one for each database")
     args.results = files[0].with_name("compare.sqlite")
     path = picture_path(args, ".png")
     if path is not None:
@@ -91,14 +96,3 @@ def _compare(args: argparse.Namespace) -> int:
     }
     commandline.report(result, [f"{path}: {args.field} of {', '.join(titles)}"], args)
     return commandline.OK
-
-
-def _titles(files: list[Path], text: str | None) -> list[str]:
-    """What stands above each picture. Raises UsageError."""
-    if text is None:
-        names = [file.stem for file in files]
-        return names if len(set(names)) == len(names) else list(map(str, files))
-    titles = [title.strip() for title in text.split(",")]
-    if len(titles) != len(files):
-        raise commandline.UsageError(f"--titles has {len(titles)} titles; give {len(files)}, one for each database")
-    return titles

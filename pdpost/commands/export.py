@@ -8,7 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from pdmesh import commandline
-from pdpost.commands.shared import add_every, add_frame, add_results, chosen_frame, chosen_stride, counted
+from pdpost.commands.shared import add_every, add_frame, add_results, chosen_frame, chosen_stride, counted, some_of
 
 if TYPE_CHECKING:
     from pdpost.commands.shared import Commands
@@ -35,7 +35,11 @@ def add(commands: Commands) -> None:
     add_frame(export)
     add_every(export)
     export.add_argument(
-        "--also", type=_tensors, default=(), metavar="NAMES", help="also write fitted tensors: strain,stress"
+        "--also",
+        type=some_of("strain", "stress"),
+        default=(),
+        metavar="NAMES",
+        help="also write fitted tensors: strain,stress",
     )
     export.add_argument(
         "--squares",
@@ -48,13 +52,6 @@ def add(commands: Commands) -> None:
         help="write the numbers of a .xdmf into the file itself, as text, which meshio and other readers need",
     )
     export.set_defaults(run=_export)
-
-
-def _tensors(text: str) -> tuple[str, ...]:
-    names = tuple(text.split(","))
-    if not set(names) <= {"strain", "stress"}:
-        raise argparse.ArgumentTypeError(f"cannot read '{text}'; use strain, stress or strain,stress")
-    return names
 
 
 def _export(args: argparse.Namespace) -> int:

@@ -10,7 +10,7 @@ from pdpost.commands.shared import add_every, chosen_stride, counted, picture_pa
 
 if TYPE_CHECKING:
     from pdpost.commands.shared import Commands
-    from pdpost.measures.fatigue import Life, Line
+    from pdpost.measures.fatigue import Life
 
 HEADER = (
     *("run", "tip", "cycles", "growth, m", "K, Pa m^0.5", "dK, Pa m^0.5", "da/dN to the next, m", "settled"),
@@ -71,6 +71,8 @@ def _told(run: Life) -> dict[str, Any]:
 
 
 def _lines(run: Life) -> list[str]:
+    import numpy as np
+
     wrong = run.error / run.cycles if run.error and run.cycles else None
     off = "" if wrong is None else f", with an error from jumps and from K that is estimated at {wrong:.1%}"
     lines = [f"{run.cycles:.6g} cycles in all{off}"]
@@ -79,19 +81,15 @@ def _lines(run: Life) -> list[str]:
     lines += [
         f"{tip.name}: grown by {tip.length[-1] * 1e3:.4g} mm until {tip.cycles[-1]:.4g} cycles" for tip in run.growths
     ]
-    if run.growths:
-        lines.append("the crack grows in too few frames for a line" if run.line is None else _words(run.line))
+    if run.growths and run.line is not None:
+        at = float(run.line.at(np.array(10e6)))
+        lines.append(
+            f"da/dN = {at:.4g} m a cycle at 10 MPa m^0.5, m = {run.line.m:.4g}, from {run.line.points} points, which"
+            f" scatter by {10**run.line.scatter - 1:.1%}"
+        )
+    elif run.growths:
+        lines.append("the crack grows in too few frames for a line")
     return lines
-
-
-def _words(line: Line) -> str:
-    import numpy as np
-
-    at = float(line.at(np.array(10e6)))
-    return (
-        f"da/dN = {at:.4g} m a cycle at 10 MPa m^0.5, m = {line.m:.4g}, from {line.points} points, which scatter by"
-        f" {10**line.scatter - 1:.1%}"
-    )
 
 
 def _rows(run: Life) -> Any:

@@ -51,7 +51,8 @@ def deliver(
 ) -> int:
     """Print the result, write the table and return the exit code. Values that are not numbers become null or empty."""
     if args.csv is not None:
-        write_csv(args, _table(header, rows))
+        table = [header, *(finite(row) for row in rows)]
+        write_csv(args, "".join(",".join(map(for_csv, line)) + "\n" for line in table).encode())
         if args.csv == "-":
             return commandline.OK
         lines = [f"{args.csv}: the numbers", *lines]
@@ -74,8 +75,3 @@ def finite(value: Any) -> Any:
     if isinstance(value, float) and not np.isfinite(value):
         return None
     return value
-
-
-def _table(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> bytes:
-    lines = [header, *(finite(row) for row in rows)]
-    return "".join(",".join(map(for_csv, line)) + "\n" for line in lines).encode()

@@ -239,11 +239,23 @@ def plane(text: str) -> tuple[str, float]:
     return axis, at
 
 
+def some_of(first: str, second: str) -> Callable[[str], tuple[str, ...]]:
+    """A type of an option: one of two names, or both with a comma between."""
+
+    def names_of(text: str) -> tuple[str, ...]:
+        names = tuple(text.split(","))
+        if not set(names) <= {first, second}:
+            raise argparse.ArgumentTypeError(f"cannot read '{text}'; use {first}, {second} or {first},{second}")
+        return names
+
+    return names_of
+
+
 def add_colours(command: argparse.ArgumentParser) -> None:
     """Add --largest, the value, in SI units, at which the colours end, and --hide, of lines."""
     command.add_argument(
         "--hide",
-        type=_lines,
+        type=some_of("cracks", "zone"),
         default=(),
         metavar="NAMES",
         help="lines that are left out: cracks, zone (the border of finer nodes), or cracks,zone",
@@ -256,13 +268,6 @@ def add_colours(command: argparse.ArgumentParser) -> None:
         " otherwise the largest value, or the value that 99.5 %% of the nodes stay below if a few are far above it;"
         " for strain and stress, nodes that have lost more than 0.35 of their bonds do not count)",
     )
-
-
-def _lines(text: str) -> tuple[str, ...]:
-    names = tuple(text.split(","))
-    if not set(names) <= {"cracks", "zone"}:
-        raise argparse.ArgumentTypeError(f"cannot read '{text}'; use cracks, zone or cracks,zone")
-    return names
 
 
 def positive(text: str) -> float:

@@ -29,7 +29,9 @@ def deliver_fronts(args: argparse.Namespace, results: Results, steps: list[int],
 
         style.save(front_figure.along_fronts(front_states), path)
     for front in last:
-        if left_out := Counter(_reason(why) for why in front.refused if why):
+        if left_out := Counter(  # what is in the way, without where
+            why.split(" from the front")[0].rsplit(" ", 3)[0] for why in front.refused if why
+        ):
             reasons = ", ".join(f"{count} at {why}" for why, count in left_out.most_common())
             said = f"{sum(left_out.values())} of {len(front.along)} points left out: {reasons}"
             commandline.warn(f"{args.results}: {front.name}: {said}")
@@ -39,11 +41,6 @@ def deliver_fronts(args: argparse.Namespace, results: Results, steps: list[int],
     header = ("front", "step", "time, s", "along, m", "x, m", "y, m", "z, m", *names)
     rows = (row for front in front_states for row in _rows(front))
     return number_options.deliver(args, result, lines, header, rows, path)
-
-
-def _reason(why: str) -> str:
-    """What is in the way, without where."""
-    return why.split(" from the front")[0].rsplit(" ", 3)[0]
 
 
 def _told(front: AlongFront) -> dict[str, Any]:

@@ -94,7 +94,11 @@ def _tradeoff(args: argparse.Namespace) -> int:
         (point.name, point.nodes, *point.cost, *point.errors, worst, at in best)
         for at, (point, worst) in enumerate(rated)
     ]
-    lines = [_told(*rated[at], kinds) for at in best]
+    lines = []
+    for point, worst in (rated[at] for at in best):
+        errors = [(kind, getattr(point.errors, kind)) for kind in kinds]
+        parts = ", ".join(f"{kind} {share:.2%}" for kind, share in errors if share is not None)
+        lines.append(f"on the front: {point.name}, {point.cost.wall_time:.3g} s, within {worst:.2%} ({parts})")
     if args.within is not None:
         lines.append(f"the cheapest within {args.within:.3g}: {cheapest or 'none of them'}")
     return number_options.deliver(args, result, lines, header, rows, picture)
@@ -131,8 +135,3 @@ def _kinds(points: list[Point], wanted_kinds: list[str]) -> list[str]:
 def _worst(point: Point, kinds: list[str]) -> float:
     errors = [getattr(point.errors, kind) for kind in kinds]
     return max((error for error in errors if error is not None), default=float("nan"))
-
-
-def _told(point: Point, worst: float, kinds: list[str]) -> str:
-    parts = [f"{kind} {getattr(point.errors, kind):.2%}" for kind in kinds if getattr(point.errors, kind) is not None]
-    return f"on the front: {point.name}, {point.cost.wall_time:.3g} s, within {worst:.2%} ({', '.join(parts)})"

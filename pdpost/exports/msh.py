@@ -34,24 +34,21 @@ def write(
     path: Path, points: NDArray[np.float64], cells: tuple[str, NDArray[np.int64]], frames: Iterable[Frame]
 ) -> None:
     """Write points (p, 3), m, their cells (vertices, quads or hexahedra), and one view a field with all frames."""
+    kind, corners = cells
     with replacing(path) as part, part.open("wb") as file:
         file.write(b"$MeshFormat\n2.2 1 8\n" + np.int32(1).tobytes() + b"\n$EndMeshFormat\n")
         file.write(b"$Nodes\n%d\n" % len(points))
         listed = np.zeros(len(points), dtype=[("number", "<i4"), ("place", "<f8", 3)])
         listed["number"], listed["place"] = np.arange(1, len(points) + 1), points
         file.write(listed.tobytes() + b"\n$EndNodes\n")
-        _elements(file, *cells)
+        file.write(b"$Elements\n%d\n" % len(corners))
+        file.write(np.array([ELEMENTS[kind], len(corners), len(TAGS)], dtype="<i4").tobytes())
+        tags = np.broadcast_to(TAGS, (len(corners), len(TAGS)))
+        rows = np.column_stack([np.arange(1, len(corners) + 1), tags, corners + 1])
+        file.write(rows.astype("<i4").tobytes() + b"\n$EndElements\n")
         for frame in frames:
             for name, values in frame.data.items():
                 _view(file, name, frame, np.asarray(values, dtype=np.float64).reshape(len(frame.points), -1))
-
-
-def _elements(file: BufferedWriter, kind: str, corners: NDArray[np.int64]) -> None:
-    file.write(b"$Elements\n%d\n" % len(corners))
-    file.write(np.array([ELEMENTS[kind], len(corners), len(TAGS)], dtype="<i4").tobytes())
-    tags = np.broadcast_to(TAGS, (len(corners), len(TAGS)))
-    rows = np.column_stack([np.arange(1, len(corners) + 1), tags, corners + 1])
-    file.write(rows.astype("<i4").tobytes() + b"\n$EndElements\n")
 
 
 def _view(file: BufferedWriter, name: str, frame: Frame, values: NDArray[np.float64]) -> None:

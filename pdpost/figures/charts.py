@@ -55,7 +55,10 @@ def histories(curves: list[History], quantity: str) -> Figure:
         if len(curve.nodes) > 1:
             sides = (curve.low * factor, curve.high * factor)
             axes.fill_between(curve.time * second, *sides, color=style["color"], alpha=0.2, lw=0)
-        name = curve.label if curve.place is None else f"{curve.label} at {_millimetres(curve.place)}"
+        name = curve.label
+        if curve.place is not None:
+            millimetres = ", ".join(f"{x * 1e3:.4g}" for x in curve.place)
+            name += f" at ({millimetres}) mm".replace("-", "\N{MINUS SIGN}")
         if len(symbols) > 1:
             name += f", {symbols[curve.component]}"
         axes.plot(curve.time * second, curve.value * factor, lw=1.2, label=name, **style)
@@ -183,7 +186,3 @@ def line(sampled_line: Line, name: str, parts: Sequence[str], title: str) -> Fig
     if parts != [""]:
         axes.legend(frameon=False)
     return figure
-
-
-def _millimetres(place: tuple[float, ...]) -> str:
-    return f"({', '.join(f'{x * 1e3:.4g}' for x in place)}) mm".replace("-", "\N{MINUS SIGN}")

@@ -57,13 +57,9 @@ def colours(name: str, part: str, values: NDArray[np.float64], largest: float | 
     cmap = "magma_r" if name in SHARES else "coolwarm" if signed else "viridis"
     text = caption(name, part)
     text = text[0].lower() + text[1:]
-    ends = [f"{word} {factor * value:.4g}" for word, value, far in _extremes(finite, below, above) if far]
+    extremes = ("smallest", finite.min(initial=np.inf), below), ("largest", finite.max(initial=-np.inf), above)
+    ends = [f"{word} {factor * value:.4g}" for word, value, far in extremes if far]
     return Colours(low, high, cmap, factor, f"{text}, {label}" if label else text, beyond, ", ".join(ends))
-
-
-def _extremes(finite: NDArray[np.float64], below: bool, above: bool) -> tuple[tuple[str, float, bool], ...]:
-    """Smallest and largest of values (k,), with whether colours end before them."""
-    return ("smallest", finite.min(initial=np.inf), below), ("largest", finite.max(initial=-np.inf), above)
 
 
 def usual(values: NDArray[np.float64]) -> float:
@@ -94,14 +90,12 @@ def title(results: Results, name: str, part: str, step: int, scale: float) -> st
 
 def at(results: Results, step: int, scale: float = 0.0) -> str:
     """When a picture is, and its deformation scale."""
-    when = f"at {moment(results, step) if counts_load_steps(results) else _timed(results, step)}"
-    return when if scale in (0.0, 1.0) else f"{when}, {scale:g} times the displacement"
-
-
-def _timed(results: Results, step: int) -> str:
-    """Time of a step, in the time unit of the run's last frame, and the step."""
-    time_step = float(results.meta()["time_step"])
-    _, times = results.frames()
-    factor, prefix = prefixed(min(float(times[-1]) if len(times) else step * time_step, 1.0))  # no ks
-    time = step * time_step * factor
-    return f"{time:{'.4g' if time < 9999.5 else '.0f'}} {prefix}s (step {step})"
+    if counts_load_steps(results):
+        when = moment(results, step)
+    else:  # in the time unit of the run's last frame
+        time_step = float(results.meta()["time_step"])
+        _, times = results.frames()
+        factor, prefix = prefixed(min(float(times[-1]) if len(times) else step * time_step, 1.0))  # no ks
+        time = step * time_step * factor
+        when = f"{time:{'.4g' if time < 9999.5 else '.0f'}} {prefix}s (step {step})"
+    return f"at {when}" if scale in (0.0, 1.0) else f"at {when}, {scale:g} times the displacement"

@@ -44,7 +44,10 @@ def crack(results: Results, summary: Summary | None = None, window: Box | None =
     summary = crack_summary.crack(results) if summary is None else summary
     where = shape(results, summary.step, 0.0)
     box = window or box_of([where])
-    charts = _charts(summary)
+    charts: list[Chart] = []  # beside the plate: none if no crack grows, and no speed for a run at rest
+    if summary.branches:
+        released = [_released] if np.isfinite(summary.release.value).any() else []
+        charts = [_lengths, *([] if summary.at_rest else [_speeds]), *released]
     figure, plate, places = _panels(box, len(charts))
     on = on_grey_plate(plate, box, where, damage_at(results, summary.step))
     when = time_text(summary.step * summary.time_step, micro="µs")
@@ -68,14 +71,6 @@ def crack(results: Results, summary: Summary | None = None, window: Box | None =
         axes.set_xlim(places[0].get_xlim())
     plate.set_title(f"Damage and path of the crack at {when}", fontsize="medium")
     return figure
-
-
-def _charts(summary: Summary) -> list[Chart]:
-    """The charts beside the plate: none if no crack grows, and no speed for a run at rest."""
-    if not summary.branches:
-        return []
-    speed = [] if summary.at_rest else [_speeds]
-    return [_lengths, *speed, *([_released] if np.isfinite(summary.release.value).any() else [])]
 
 
 def comparison(

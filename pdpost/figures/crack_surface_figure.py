@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
 from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
-from numpy.typing import NDArray
 
 from pdmesh.plain_figure import Figure
 from pdpost.figures.charts import WIDTH, look, plain
 from pdpost.figures.labels import scaled
 from pdpost.figures.opening_colours import Opening, opening_colours
-from pdpost.measures.crack_faces import Surface
 from pdpost.measures.crack_in_space import SummaryInSpace
 from pdpost.reading.time_text import time_text
-from pdsolve.results import Nodes, Results
+from pdsolve.results import Results
 
 VIEW = (25.0, -60.0)  # degrees: height and turn of the eye
 LIGHT = np.array([-0.35, -0.45, 0.82])  # from where the light comes
@@ -40,22 +37,38 @@ def crack_surface(results: Results, summary: SummaryInSpace) -> Figure:
     figure.suptitle(f"Surface of the crack at {when}" if opened else f"No crack has grown at {when}", fontsize="medium")
     if opened:
         figure.colorbar(colours.painted, ax=axes, label=colours.label, shrink=0.6, pad=0.08, extend="max")
-        _over_time(figure.add_subplot(grid[1, 0]), summary)
-        _release(figure.add_subplot(grid[1, 1]), summary)
+        area, release = figure.add_subplot(grid[1, 0]), figure.add_subplot(grid[1, 1])
+        second, seconds = scaled([summary.time], "s")
+        plain(area)
+        area.plot(summary.time * second, summary.area * 1e6, lw=1.3, **look(0))
+        area.set(xlabel=f"time, {seconds}", ylabel="area that opened, mm²")
+        plain(release)
+        release.plot(summary.time * second, summary.release / summary.G0, lw=1.3, **look(1))
+        release.axhline(1.0, color="0.5", lw=0.8, ls=":")
+        release.set(xlabel=f"time, {seconds}", ylabel="dissipated / area / G₀", ylim=(0, None))
     return figure
 
 
 def _surface(axes: Axes3D, results: Results, summary: SummaryInSpace) -> Opening:
     """Draw the faces, the front and the box of the body; returns the colours of what opened."""
     surface = summary.surface
-    low, high = _in_view(results.nodes(0), surface)
+    nodes = results.nodes(0)
+    half = nodes.delta[:, None] / 2
+    low, high = (nodes.position - half).min(axis=0), (nodes.position + half).max(axis=0)
+    if len(surface.faces):  # the part of the body around the cracks
+        ends = surface.corners.min(axis=0), surface.corners.max(axis=0)
+        around = AROUND * float(np.max(ends[1] - ends[0]))
+        low, high = np.maximum(low, ends[0] - around), np.minimum(high, ends[1] + around)
     metre, metres = scaled([low, high], "m")
     opening = opening_colours(surface)
     colours = opening.painted.to_rgba(surface.time * opening.factor)
     colours[~surface.grown] = to_rgba(OLD)
     if len(surface.faces):
         quads = surface.corners[surface.faces]
-        colours[:, :3] *= _brightness(quads)[:, None]
+        normal = np.cross(quads[:, 2] - quads[:, 0], quads[:, 3] - quads[:, 1])
+        normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(float).tiny)
+        brightness = DARKEST + (1 - DARKEST) * np.abs(normal @ LIGHT)  # lit alike on both sides
+        colours[:, :3] *= brightness[:, None]
         axes.add_collection3d(
             Poly3DCollection(quads * metre, facecolors=colours, edgecolors=colours, linewidths=0.2, zorder=1)
         )
@@ -75,36 +88,3 @@ def _surface(axes: Axes3D, results: Results, summary: SummaryInSpace) -> Opening
     axes.view_init(*VIEW)
     axes.grid(visible=False)
     return opening
-
-
-def _in_view(nodes: Nodes, surface: Surface) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The low and high corner (3,) of the part of the body around the cracks, m."""
-    half = nodes.delta[:, None] / 2
-    low, high = (nodes.position - half).min(axis=0), (nodes.position + half).max(axis=0)
-    if not len(surface.faces):
-        return low, high
-    ends = surface.corners.min(axis=0), surface.corners.max(axis=0)
-    around = AROUND * float(np.max(ends[1] - ends[0]))
-    return np.maximum(low, ends[0] - around), np.minimum(high, ends[1] + around)
-
-
-def _brightness(quads: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The brightness (f,) of faces (f, 4, 3), lit alike on both sides."""
-    normal = np.cross(quads[:, 2] - quads[:, 0], quads[:, 3] - quads[:, 1])
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(float).tiny)
-    return np.asarray(DARKEST + (1 - DARKEST) * np.abs(normal @ LIGHT))
-
-
-def _over_time(axes: Axes, summary: SummaryInSpace) -> None:
-    second, seconds = scaled([summary.time], "s")
-    plain(axes)
-    axes.plot(summary.time * second, summary.area * 1e6, lw=1.3, **look(0))
-    axes.set(xlabel=f"time, {seconds}", ylabel="area that opened, mm²")
-
-
-def _release(axes: Axes, summary: SummaryInSpace) -> None:
-    second, seconds = scaled([summary.time], "s")
-    plain(axes)
-    axes.plot(summary.time * second, summary.release / summary.G0, lw=1.3, **look(1))
-    axes.axhline(1.0, color="0.5", lw=0.8, ls=":")
-    axes.set(xlabel=f"time, {seconds}", ylabel="dissipated / area / G₀", ylim=(0, None))

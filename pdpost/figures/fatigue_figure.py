@@ -66,7 +66,9 @@ def _growth(axes: Axes, runs: Sequence[Life], named: bool) -> None:
     if axes.get_legend_handles_labels()[1]:
         axes.legend(frameon=False, fontsize="small")
     axes.set(xscale="log", yscale="log", xlabel="ΔK, MPa√m", ylabel="growth a cycle, m")
-    _ticks(axes)
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
+    axes.xaxis.set_minor_formatter(NullFormatter())
 
 
 def _lives(axes: Axes, runs: Sequence[Life]) -> None:
@@ -89,9 +91,3 @@ def _lives(axes: Axes, runs: Sequence[Life]) -> None:
     axes.set(xscale="log", yscale="log", xlabel="cycles until the first bonds break", ylabel="range of stretch")
     if axes.get_legend_handles_labels()[1]:
         axes.legend(frameon=False, fontsize="small")
-
-
-def _ticks(axes: Axes) -> None:
-    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
-    axes.xaxis.set_minor_formatter(NullFormatter())

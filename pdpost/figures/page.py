@@ -67,7 +67,7 @@ def report(results: Results, name: str) -> str:
     shown, moves, flat = usual(results, int(steps[0])), not diffuses(results), results.dimension == 2
     scene_images = [_image(scene(results, model), "the plate, its grid and its conditions")] if flat else []
     sections = [
-        *([("Crack", _crack(results) if flat else _crack_in_space(results))] if moves else []),
+        *([("Crack", _crack(results))] if moves else []),
         ("Animation", [_picture(_film(results, shown), "gif", f"{shown} over time")]),
         (f"Fields at {moment(results, int(steps[-1]), 'µs')}", _fields(results, int(steps[-1]))),
         ("Balance", _balance(results) if moves else _masses(results)),
@@ -92,28 +92,19 @@ def _grid(results: Results, nodes: Nodes) -> dict[str, str]:
     low, high = nodes.position.min(axis=0) * 1e3, nodes.position.max(axis=0) * 1e3
     levels, counts = np.unique(nodes.delta, return_counts=True)
     bonds, total_size = pair_count(int((nodes.family - nodes.cut).sum())), float(nodes.area.sum())
+    changes = len(results.epochs()) - 1
+    later = f" at the start, {len(results.nodes().ids)} at the end, after {changes} changes" if changes else ""
+    cracks = results.cracks()
+    pre_cracks = f"{len(cracks)} triangles" if results.dimension == 3 else _text(cracks.tolist()) + " m"
     extent = {"area": f"{total_size * 1e6:.6g} mm²"} if len(low) == 2 else {"volume": f"{total_size * 1e9:.6g} mm³"}
     return {
-        "nodes": str(len(nodes.ids)) + _later(results),
+        "nodes": str(len(nodes.ids)) + later,
         "spacings": ", ".join(f"{count} of {level * 1e3:.4g} mm" for level, count in zip(levels, counts, strict=True)),
         "from, to": f"{_text(low.tolist(), '.4g')} to {_text(high.tolist(), '.4g')} mm",
         **extent,
         "bonds": f"{bonds}, and {pair_count(int(nodes.cut.sum()))} cut by pre-cracks",
-        "pre-cracks": _pre_cracks(results),
+        "pre-cracks": pre_cracks if len(cracks) else "none",
     }
-
-
-def _pre_cracks(results: Results) -> str:
-    cracks = results.cracks()
-    if not len(cracks):
-        return "none"
-    return f"{len(cracks)} triangles" if results.dimension == 3 else _text(cracks.tolist()) + " m"
-
-
-def _later(results: Results) -> str:
-    """Words for the number of nodes at the end, if it changed; else ""."""
-    changes = len(results.epochs()) - 1
-    return f" at the start, {len(results.nodes().ids)} at the end, after {changes} changes" if changes else ""
 
 
 def _settings(model: dict[str, Any], meta: Mapping[str, Any]) -> dict[str, str]:
@@ -174,16 +165,17 @@ def _masses(results: Results) -> list[str]:
 
 
 def _crack(results: Results) -> list[str]:
-    summary = crack_summary.crack(results)
-    items = "".join(f"<li>{for_html(spelled(sentence))}</li>" for sentence in crack_summary.sentences(summary))
-    return [f"<ul>{items}</ul>", _image(crack_figure.crack(results, summary), "path, length and speed of the crack")]
-
-
-def _crack_in_space(results: Results) -> list[str]:
-    summary = crack_in_space.crack_in_space(results)
-    items = "".join(f"<li>{for_html(spelled(sentence))}</li>" for sentence in crack_in_space.sentences(summary))
-    figure = crack_surface_figure.crack_surface(results, summary)
-    return [f"<ul>{items}</ul>", _image(figure, "surface of the crack, its area and its cost")]
+    if results.dimension == 3:
+        in_space = crack_in_space.crack_in_space(results)
+        sentences = crack_in_space.sentences(in_space)
+        figure = crack_surface_figure.crack_surface(results, in_space)
+        words = "surface of the crack, its area and its cost"
+    else:
+        summary = crack_summary.crack(results)
+        sentences = crack_summary.sentences(summary)
+        figure, words = crack_figure.crack(results, summary), "path, length and speed of the crack"
+    items = "".join(f"<li>{for_html(spelled(sentence))}</li>" for sentence in sentences)
+    return [f"<ul>{items}</ul>", _image(figure, words)]
 
 
 def _fields(results: Results, step: int) -> list[str]:

@@ -176,7 +176,13 @@ def paint(
     torn = np.zeros(len(values), dtype=bool) if torn is None else torn
     values = np.where(torn, np.nan, values)
     if nodes.cells is None:
-        return [_image(on, nodes, values, colours, torn)]
+        mean, covered = _filled(on, nodes, values)
+        image = colours.to_rgba(np.ma.masked_invalid(mean), bytes=True)
+        if torn.any():
+            share, _ = _filled(on, nodes, torn.astype(float))
+            image[(share > 0) & np.isnan(mean)] = np.array(to_rgba(TORN)) * 255
+        image[~covered] = 0
+        return [show(on, image, nodes)]
     painted = painted_cells(on, nodes) if painted is None else painted
     artists: list[Artist] = [
         _cells(on, painted, array=np.ma.masked_invalid(values), cmap=colours.cmap, norm=colours.norm)
@@ -301,18 +307,6 @@ def _cells(on: Sheet, painted: list[Curve], **more: Any) -> PathCollection:
     collection = PathCollection(painted, **{"edgecolors": "face", "linewidths": 0.4, **more})
     on.axes.add_collection(collection, autolim=False)
     return collection
-
-
-def _image(
-    on: Sheet, nodes: Shape, values: NDArray[np.float64], colours: ScalarMappable, torn: NDArray[np.bool_]
-) -> Artist:
-    mean, covered = _filled(on, nodes, values)
-    painted = colours.to_rgba(np.ma.masked_invalid(mean), bytes=True)
-    if torn.any():
-        share, _ = _filled(on, nodes, torn.astype(float))
-        painted[(share > 0) & np.isnan(mean)] = np.array(to_rgba(TORN)) * 255
-    painted[~covered] = 0
-    return show(on, painted, nodes)
 
 
 def _filled(on: Sheet, nodes: Shape, values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:

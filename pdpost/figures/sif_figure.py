@@ -42,7 +42,12 @@ def sif(results: Results, tip_series: list[Series], spent: Release, window: Box 
     plate.set_title(f"Damage at {when} and the rings of the tips, the last they had", fontsize="medium")
     _curves(intensity, shown, ("K1", "K2"), "Pa√m", "stress intensity")
     _curves(energy, shown, ("J",), "J/m²", "J")
-    _released(energy, shown, spent)
+    if np.isfinite(spent.value).any():  # dD/da and G0 beside J
+        second, _ = scaled((series.time for series in shown), "s")
+        factor, _ = scaled((side["J"] for series in shown for side in (series.low, series.high)), "J/m²")
+        energy.plot(spent.time * second, spent.value * factor, color="black", lw=1.0, ls="-.", label="dD/da")
+        energy.axhline(spent.G0 * factor, color="0.4", lw=0.8, ls=":", label="G₀")
+        energy.legend(frameon=False)
     figure.legend(*intensity.get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False)
     return figure
 
@@ -92,13 +97,3 @@ def _squares(
         return time, curves
     at = np.interp(np.arange((len(time) - 1) * BETWEEN + 1) / BETWEEN, np.arange(len(time)), time)
     return at, [np.interp(at, time, np.sqrt(curve)) ** 2 for curve in curves]
-
-
-def _released(axes: Axes, shown: list[Series], spent: Release) -> None:
-    """Draw dD/da and G0 beside J."""
-    second, _ = scaled((series.time for series in shown), "s")
-    factor, _ = scaled((side["J"] for series in shown for side in (series.low, series.high)), "J/m²")
-    if np.isfinite(spent.value).any():
-        axes.plot(spent.time * second, spent.value * factor, color="black", lw=1.0, ls="-.", label="dD/da")
-        axes.axhline(spent.G0 * factor, color="0.4", lw=0.8, ls=":", label="G₀")
-        axes.legend(frameon=False)

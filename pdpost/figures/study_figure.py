@@ -66,7 +66,9 @@ def _panel(axes: Axes, study: Read, name: str, measure_spreads: Sequence[Spread]
         mine = [spread for spread in measure_spreads if spread.series == which]
         at = np.array([places[spread.value] for spread in mine])
         if axes.get_xscale() == "linear":
-            at += _aside(number, len(series), places)
+            values = np.sort(list(places.values()))
+            room = float(np.diff(values).min()) if len(values) > 1 else 1.0
+            at += WIDE * room * ((number + 0.5) / len(series) - 0.5)  # dots of several series beside each other
         colour = look(number)["color"]
         for x, spread in zip(at, mine, strict=True):
             axes.plot(
@@ -77,7 +79,12 @@ def _panel(axes: Axes, study: Read, name: str, measure_spreads: Sequence[Spread]
         middle = factor * np.array([spread.median for spread in mine])
         axes.plot(at, middle, marker="_", ms=9, mew=1.6, lw=0.9, color=colour, label=for_legend(which) or None)
     missing = sum(len(spread.measured) - len(spread.known) for spread in measure_spreads)
-    _show_all(axes, places)
+    least, most = min(places.values()), max(places.values())  # also of values at which no run has one
+    if axes.get_xscale() == "log":
+        margin = (most / least) ** ASIDE
+        axes.set_xlim(least / margin, most * margin)
+    elif most > least:
+        axes.set_xlim(least - ASIDE * (most - least), most + ASIDE * (most - least))
     axes.set_ylabel(", ".join(filter(None, [name.replace("_", " "), unit])))
     if missing:
         which = f"did not happen in {missing}" if missing < len(study.rows) else "in none"
@@ -102,23 +109,6 @@ def _places(axes: Axes, study: Read, measure_spreads: Sequence[Spread], over: st
     axes.set_xlim(-0.6, len(values) - 0.4)
     axes.set_xlabel("" if over is None else short(over))
     return {value: float(number) for number, value in enumerate(values)}
-
-
-def _show_all(axes: Axes, places: Mapping[object, float]) -> None:
-    """Extend the axis to parameter values at which no run has a value."""
-    low, high = min(places.values()), max(places.values())
-    if axes.get_xscale() == "log":
-        room = (high / low) ** ASIDE
-        axes.set_xlim(low / room, high * room)
-    elif high > low:
-        axes.set_xlim(low - ASIDE * (high - low), high + ASIDE * (high - low))
-
-
-def _aside(number: int, count: int, places: Mapping[object, float]) -> float:
-    """Offset of a series along the axis, so that the dots of several series are told apart."""
-    at = np.sort(list(places.values()))
-    room = float(np.diff(at).min()) if len(at) > 1 else 1.0
-    return WIDE * room * ((number + 0.5) / count - 0.5)
 
 
 def overlay(

@@ -28,7 +28,7 @@ def tradeoff(points: Sequence[Point], by: str, kinds: Sequence[str], within: flo
     panels = np.atleast_1d(figure.subplots(rows, columns, squeeze=False)).ravel()
     cost = np.array([getattr(point.cost, by) for point in points])
     for panel, kind in zip(panels, kinds, strict=False):
-        error = np.array([_known(getattr(point.errors, kind)) for point in points])
+        error = np.array([getattr(point.errors, kind) for point in points], dtype=np.float64)  # NaN for None
         draw(panel, cost, error, [point.name for point in points])
         panel.set(xlabel=COSTS[by], title=f"error of {kind}" if kind != "worst" else "largest error")
         if within is not None:
@@ -72,7 +72,3 @@ def _short(text: str) -> str:
     """A number without trailing zeros."""
     number, percent = text.removesuffix("%"), text[-1:] if text.endswith("%") else ""
     return (number.rstrip("0").rstrip(".") if "." in number else number) + percent
-
-
-def _known(value: float | None) -> float:
-    return np.nan if value is None else value

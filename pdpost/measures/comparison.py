@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from pdmesh.model.output_fields import CRACKED
-from pdpost.measures.cracks import Event, growth
+from pdpost.measures.cracks import growth
 from pdpost.measures.paths import Polyline, distance, path
 from pdpost.measures.plate_geometry import check_alike
 from pdsolve.results import Results
@@ -43,16 +43,10 @@ def compare(
         growth(results, direction, threshold, step)
         for results, step in zip((first_run, second_run), steps, strict=True)
     )
-    later = (
-        _later(mine, its)
-        for mine, its in (
-            (first_growth.start, second_growth.start),
-            (first_growth.branching, second_growth.branching),
-            (first_growth.split, second_growth.split),
-        )
+    events = (
+        (first_growth.start, second_growth.start),
+        (first_growth.branching, second_growth.branching),
+        (first_growth.split, second_growth.split),
     )
+    later = (None if mine is None or its is None else its.time - mine.time for mine, its in events)
     return Comparison(paths, *apart, *later)
-
-
-def _later(first_event: Event | None, second_event: Event | None) -> float | None:
-    return None if first_event is None or second_event is None else second_event.time - first_event.time

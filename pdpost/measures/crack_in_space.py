@@ -131,25 +131,20 @@ def table(summary: SummaryInSpace) -> tuple[tuple[str, ...], list[tuple[object, 
     return header, list(zip(*(column.tolist() for column in columns), strict=True))
 
 
-def _front(summary: SummaryInSpace) -> str:
-    """Words for the front at the end."""
-    long = [length(line) * 1e3 for line in summary.fronts]
-    if not long:
-        return "front at the end: none, the cracks end at the surface of the body"
-    parts = "" if len(long) == 1 else f" in {len(long)} lines, the longest {long[0]:.4g} mm"
-    return f"front at the end: {sum(long):.4g} mm{parts}"
-
-
 def sentences(summary: SummaryInSpace) -> list[str]:
     """The summary for a reader, a line each."""
     new_faces = summary.surface.grown
     if not new_faces.any():
         return ["nothing opened"]
     area, speed = float(summary.surface.area[new_faces].sum()), _speeds(summary)
+    front = "none, the cracks end at the surface of the body"
+    if long := [length(line) * 1e3 for line in summary.fronts]:
+        parts = "" if len(long) == 1 else f" in {len(long)} lines, the longest {long[0]:.4g} mm"
+        front = f"{sum(long):.4g} mm{parts}"
     lines = [
         f"area that opened: {area * 1e6:.4g} mm^2, the first at {time_text(float(summary.surface.time[new_faces][0]))}",
         f"dissipated over area, of G0: {summary.release[-1] / summary.G0:.3g}",
-        _front(summary),
+        f"front at the end: {front}",
     ]
     if speed is not None:
         low, middle, high = speed

@@ -52,19 +52,15 @@ def grown(results: Results, step: int, threshold: float = CRACKED) -> Grown:
     nodes, since = results.nodes(step), cracked_since(results, threshold, step)
     rows = np.flatnonzero((since > 0) & (since <= step))
     position, delta = nodes.position[rows], nodes.delta[rows]
-    links = _touching(position, delta)
-    spread = _spread(links, since[rows], _roots(links, position, delta, since[rows]))
-    return Grown(position, delta, separation_at(results, step)[rows], *spread, links)
-
-
-def _touching(position: NDArray[np.float64], delta: NDArray[np.float64]) -> csr_array:
-    """Graph (c, c) of nodes within 1.5 times the larger spacing of each other; weights: distance in mean spacings."""
-    size = len(position)
+    # a graph of the nodes within 1.5 times the larger spacing of each other, its weights distances in mean spacings
     near = cKDTree(position).query_pairs((LINKED + ROUND_OFF) * float(delta.max(initial=0.0)), output_type="ndarray")
     far = np.hypot(*(position[near[:, 0]] - position[near[:, 1]]).T)
     close = far <= (LINKED + ROUND_OFF) * delta[near].max(axis=1, initial=0.0)
     near, far = near[close], far[close] / delta[near[close]].mean(axis=1)
-    return csr_array((np.tile(far, 2), (near.T.ravel(), near[:, ::-1].T.ravel())), (size, size))
+    ends = near.T.ravel(), near[:, ::-1].T.ravel()
+    links = csr_array((np.tile(far, 2), ends), (len(rows), len(rows)))
+    spread = _spread(links, since[rows], _roots(links, position, delta, since[rows]))
+    return Grown(position, delta, separation_at(results, step)[rows], *spread, links)
 
 
 class _Patches:

@@ -55,10 +55,11 @@ def crack(results: Results, step: int | None = None, threshold: float = CRACKED,
     """
     step = last_step(results) if step is None else step
     limit, rest = rayleigh_of(results), at_rest(results)
-    branches = [
-        replace(branch, speed=_possible(branch.speed, 0.0 if rest else limit))
-        for branch in tips(results, step, threshold)
-    ]
+    branches = []
+    for branch in tips(results, step, threshold):
+        too_fast = branch.speed.low > (0.0 if rest else limit)  # surely: there a whole stretch broke at once
+        speed = Speeds(*(np.where(too_fast, np.nan, column) for column in branch.speed))
+        branches.append(replace(branch, speed=speed))
     along = along or heading([branch.place for branch in branches])
     return Summary(
         step,
@@ -78,12 +79,6 @@ def crack(results: Results, step: int | None = None, threshold: float = CRACKED,
 def _mean_speed(branch: Branch, summary: Summary) -> float | None:
     mean = branch.mean_speed
     return None if mean is None or mean > summary.rayleigh_speed or summary.at_rest else mean
-
-
-def _possible(speeds: Speeds, limit: float) -> Speeds:
-    """Speeds with NaN where they are surely above the Rayleigh speed: there a whole stretch broke at once."""
-    too_fast = speeds.low > limit
-    return Speeds(*(np.where(too_fast, np.nan, column) for column in speeds))
 
 
 def numbers(summary: Summary) -> dict[str, object]:
@@ -155,7 +150,10 @@ def sentences(summary: Summary) -> list[str]:
         lines.append(f"fork at {where}: {fork.angle:.1f} degrees between {len(fork.arms)} arms")
     lines += _spent(summary.release)
     for way in summary.directions:
-        lines.append(f"from {_place(way.tip)}: {_left(way)}")
+        band = f" ({way.low:+.1f} to {way.high:+.1f})" if way.low < way.high else ""
+        angle, overall_angle = (f"{round(number, 1) + 0.0:+.1f}" for number in (way.angle, way.whole))
+        over = f"over its first {way.length * 1e3:.3g} mm, {overall_angle} as a whole"
+        lines.append(f"from {_place(way.tip)}: {angle} degrees{band} from the notch {over}")
     if len(summary.fragments.pieces) > 1:
         areas = ", ".join(f"{piece.area * 1e6:.4g}" for piece in summary.fragments.pieces)
         lines.append(f"{len(summary.fragments.pieces)} pieces of {areas} mm^2, cracked nodes left out")
@@ -202,13 +200,6 @@ def _spent(release: Release) -> list[str]:
     if release.before > NOTHING * release.whole * release.length[-1]:
         total_text += f", with {release.before:.3g} J/m before they grew"
     return [f"spent over advance, of G0: {middle:.3g} in the median, {low:.3g} to {high:.3g}; {total_text}"]
-
-
-def _left(way: Direction) -> str:
-    """Words for the direction in which a crack left its notch."""
-    band = f" ({way.low:+.1f} to {way.high:+.1f})" if way.low < way.high else ""
-    angle, overall_angle = (f"{round(number, 1) + 0.0:+.1f}" for number in (way.angle, way.whole))
-    return f"{angle} degrees{band} from the notch over its first {way.length * 1e3:.3g} mm, {overall_angle} as a whole"
 
 
 def predictions(expected: Sequence[Predicted], results: Results) -> list[str]:

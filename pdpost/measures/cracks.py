@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from pdmesh.model.crack_particles import Particles
 from pdmesh.model.graphs import connected
 from pdmesh.model.output_fields import CRACKED
 from pdpost.measures.cracked_nodes import LINKED, ROUND_OFF, cracked_since
@@ -66,13 +65,20 @@ def growth(
     time_step = float(results.meta()["time_step"])
     axis = np.array(direction)
     along = nodes.position @ axis
-    begun = _start(nodes, since)
-    ends, start = (_furthest(along[since == 0]), _furthest(along[since >= 0])), None
-    if begun is not None:
-        start = Event(begun, begun * time_step, _furthest(along[since == begun]))
+    begins = since > 0
+    if (since == 0).any():
+        away, _ = cKDTree(nodes.position[since == 0]).query(nodes.position)
+        begins &= away >= (ADVANCE - ROUND_OFF) * nodes.delta.min()
+    when, grown, ends = since, since[begins], (_furthest(along[since == 0]), _furthest(along[since >= 0]))
     particles = results.particles()
     if len(particles.place):
-        start, ends = _of_particles(particles, until, time_step, axis)
+        along, when = particles.place @ axis, particles.step
+        grown = when[(when > 0) & (when <= until)]
+        ends = _furthest(along[when == 0]), _furthest(along[when <= until])
+    start = None
+    if len(grown):
+        begun = int(grown.min())
+        start = Event(begun, begun * time_step, _furthest(along[when == begun]))
     branches = tips(results, step, threshold) if branches is None else branches
     forked = [Event(round(fork.time / time_step), fork.time, float(axis @ fork.place)) for fork in forks(branches)[:1]]
     first = breaks.step[:1][breaks.step[:1] <= until].tolist()
@@ -84,27 +90,6 @@ def growth(
         split=_split(nodes, since, time_step),
         final_tip=ends[1],
     )
-
-
-def _of_particles(
-    particles: Particles, until: float, time_step: float, axis: NDArray[np.float64]
-) -> tuple[Event | None, tuple[float | None, float | None]]:
-    """When cracks of particles started, and the furthest tip at the start and at the time `until`."""
-    along, step = particles.place @ axis, particles.step
-    grew, start = step[(step > 0) & (step <= until)], None
-    if len(grew):
-        first = int(grew.min())
-        start = Event(first, first * time_step, _furthest(along[step == first]))
-    return start, (_furthest(along[step == 0]), _furthest(along[step <= until]))
-
-
-def _start(nodes: Nodes, since: NDArray[np.int64]) -> int | None:
-    """First step of crack growth, from the step (n,) since which nodes are cracked (-1: never); None without growth."""
-    cracked = since > 0
-    if (since == 0).any():
-        away, _ = cKDTree(nodes.position[since == 0]).query(nodes.position)
-        cracked &= away >= (ADVANCE - ROUND_OFF) * nodes.delta.min()
-    return int(since[cracked].min()) if cracked.any() else None
 
 
 def _furthest(along: NDArray[np.float64]) -> float | None:

@@ -76,7 +76,12 @@ def _direction(branch: Branch, tip: NDArray[np.float64], heading: NDArray[np.flo
     if len(points) < FEWEST:
         return None
     count = _straight(points, spacing, along - along[0])
-    angle, off = _angle(axis_of(points[:count]), heading), _band(points[:count], spacing[:count])
+    line, free = points[:count], count - 2
+    # the uncertainty is Student's, but not below the resolution of the nodes
+    scatter = float(stdtrit(free, (1 + SURE) / 2)) * np.sqrt((_across(line) ** 2).sum() / free)
+    from_middle = (line - line.mean(axis=0)) @ axis_of(line)
+    slope = max(float(scatter), NORMAL * PLACED * float(spacing[:count].max())) / np.sqrt((from_middle**2).sum())
+    angle, off = _angle(axis_of(line), heading), float(np.degrees(np.arctan(slope)))
     length, overall_angle = float(along[count - 1]), _angle(axis_of(points), heading)
     return Direction(place, angle, angle - off, angle + off, length, overall_angle)
 
@@ -91,15 +96,6 @@ def _straight(points: NDArray[np.float64], spacing: NDArray[np.float64], far: ND
             break
         count += 1
     return count
-
-
-def _band(points: NDArray[np.float64], spacing: NDArray[np.float64]) -> float:
-    """Uncertainty of a fitted line's direction, degrees: Student's, but not below the resolution of the nodes."""
-    free = len(points) - 2
-    along = (points - points.mean(axis=0)) @ axis_of(points)
-    scatter = float(stdtrit(free, (1 + SURE) / 2)) * np.sqrt((_across(points) ** 2).sum() / free)
-    slope = max(float(scatter), NORMAL * PLACED * float(spacing.max())) / np.sqrt((along**2).sum())
-    return float(np.degrees(np.arctan(slope)))
 
 
 def _across(points: NDArray[np.float64]) -> NDArray[np.float64]:

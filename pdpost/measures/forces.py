@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.document import LoadCell, Run
+from pdmesh.model.document import Run
 from pdmesh.model.suggestions import called
 from pdpost.reading.embedded_model import read
 from pdsolve.results import Results, ResultsError
@@ -65,14 +65,13 @@ def reactions(results: Results) -> list[Reaction]:
         )
     if not all_reactions:
         raise ResultsError(f"{results.name}: no condition acts; use a load or something that is held")
-    return all_reactions + [_summed(cell, number, all_reactions) for number, cell in enumerate(model.run.load_cells)]
-
-
-def _summed(cell: LoadCell, number: int, all_reactions: list[Reaction]) -> Reaction:
-    parts = [reaction for reaction in all_reactions if reaction.name in cell.of]
-    force = np.sum([reaction.force for reaction in parts], axis=0)
-    displacement = np.mean([reaction.displacement for reaction in parts], axis=0)
-    return Reaction(number, cell.name, CELL, parts[0].step, parts[0].time, force, displacement)
+    cells = []
+    for number, cell in enumerate(model.run.load_cells):
+        parts = [reaction for reaction in all_reactions if reaction.name in cell.of]
+        force = np.sum([reaction.force for reaction in parts], axis=0)
+        displacement = np.mean([reaction.displacement for reaction in parts], axis=0)
+        cells.append(Reaction(number, cell.name, CELL, parts[0].step, parts[0].time, force, displacement))
+    return all_reactions + cells
 
 
 def chosen(all_reactions: list[Reaction], names: list[str]) -> list[Reaction]:

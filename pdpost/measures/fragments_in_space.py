@@ -63,7 +63,9 @@ def fragments(results: Results, step: int, parted_pairs: Opened) -> Fragments:
     piece = connected_pieces(parted_pairs)
     count = np.bincount(piece)
     large = count >= SMALLEST
-    velocity = _velocity(results, step)
+    names = ("vx", "vy", "vz")
+    is_stored = set(names) <= set(results.stored(step) if step in results.frames()[0] else ())
+    velocity = [results.field(name, step).astype(float) for name in names] if is_stored else []
     columns = np.column_stack([np.ones(len(mass)), nodes.position, *velocity])
     sums = np.column_stack([np.bincount(piece, mass * column) for column in columns.T])
     volume = np.bincount(piece, nodes.area)
@@ -85,11 +87,3 @@ def _mean(sums: NDArray[np.float64], first: int) -> tuple[float, float, float]:
     """Three components of a mean, from sums weighted by mass."""
     x, y, z = (float(component) for component in sums[first : first + 3] / sums[0])
     return x, y, z
-
-
-def _velocity(results: Results, step: int) -> list[NDArray[np.float64]]:
-    """The components (n,) of velocity after `step`, m/s; none if they are not stored."""
-    names = ("vx", "vy", "vz")
-    if not set(names) <= set(results.stored(step) if step in results.frames()[0] else ()):
-        return []
-    return [results.field(name, step).astype(float) for name in names]

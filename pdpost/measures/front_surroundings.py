@@ -56,11 +56,16 @@ class ObstaclesInSpace:
         if front_place.curvature:
             rooms.append(Room(AXIS / abs(front_place.curvature), "the middle of the front's arc"))
         points = self._cracks.points
+        x, y, _, _ = across(points, front_place)
+        slack = np.maximum(BESIDE * spacing, SLANT * np.hypot(x, y))
+        behind = (np.abs(y) < slack) & (x < slack)  # of the crack whose front has the arc
         ahead = np.concatenate(self._cracks.fronts)
+        x, y, s, _ = across(ahead, front_place)
+        on_arc = np.hypot(x, y) < np.maximum(BESIDE * spacing, SLANT * np.abs(s))
         for places, what in (
             (self._surface, "the surface of the body"),
-            (points[~_behind(points, front_place, spacing)], "another crack or a bend of this one"),
-            (ahead[~_on(ahead, front_place, spacing)], "another front or a bend of this one"),
+            (points[~behind], "another crack or a bend of this one"),
+            (ahead[~on_arc], "another front or a bend of this one"),
             (nodes.position[near[self._held[near]]], "nodes of a load or grip"),
             (nodes.position[near[other_material]], "another material"),
         ):
@@ -87,17 +92,3 @@ def _outside(nodes: Nodes) -> NDArray[np.float64]:
     middles = nodes.position[row]
     middles[np.arange(len(row)), sides % 3] += np.where(sides < 3, 0.5, -0.5) * nodes.delta[row]
     return middles
-
-
-def _behind(points: NDArray[np.float64], front_place: FrontPlace, spacing: float) -> NDArray[np.bool_]:
-    """Mask (p,) of points of the crack whose front has the arc."""
-    x, y, _, _ = across(points, front_place)
-    slack = np.maximum(BESIDE * spacing, SLANT * np.hypot(x, y))
-    return np.asarray((np.abs(y) < slack) & (x < slack))
-
-
-def _on(points: NDArray[np.float64], front_place: FrontPlace, spacing: float) -> NDArray[np.bool_]:
-    """Mask (p,) of points of fronts that are on the arc."""
-    x, y, s, _ = across(points, front_place)
-    slack = np.maximum(BESIDE * spacing, SLANT * np.abs(s))
-    return np.asarray(np.hypot(x, y) < slack)

@@ -18,10 +18,9 @@ from scipy.spatial import cKDTree
 
 from pdmesh.model.document import Horizon, Material
 from pdmesh.model.domain_integrals import Motion
-from pdmesh.model.front_integrals import FoundInSpace, FrontPlace, SampledInSpace, Tube, front_integrals
+from pdmesh.model.front_integrals import FoundInSpace, SampledInSpace, Tube, front_integrals
 from pdmesh.model.gradients import PAIRS, gradients_of, green, hooke
 from pdmesh.model.tip_fields import Elastic
-from pdpost.measures.crack_fronts import Polyline
 from pdpost.measures.cracked_nodes import ROUND_OFF, separation_at
 from pdpost.measures.front_places import Cracks, FrontPoints, cracks_at, front_points
 from pdpost.measures.front_surroundings import ObstaclesInSpace
@@ -30,7 +29,7 @@ from pdpost.measures.stress_intensities import CRUMB
 from pdpost.measures.tip_surroundings import Room
 from pdpost.reading.embedded_model import at_rest, read
 from pdpost.reading.stored_fields import vector
-from pdsolve.results import Families, Results, ResultsError
+from pdsolve.results import Results, ResultsError
 
 LEAST, MOST = 2.0, 3.5  # horizons of room that are needed, and that are used
 HALF = 1.5  # horizons of a tube to both sides of its point
@@ -102,7 +101,10 @@ def along_fronts(
     """
     cracks, nodes = cracks_at(results, step), results.nodes(step)
     ratio = read(results, _Model).horizon.ratio
-    lines = cracks.fronts if near is None else sorted(cracks.fronts, key=lambda line: _away(line, near))[:1]
+    lines = cracks.fronts
+    if near is not None:
+        place = np.array(near)
+        lines = sorted(lines, key=lambda line: float(np.linalg.norm(line - place, axis=1).min()))[:1]
     line_points = [front_points(nodes, cracks, line, ratio) for line in lines]
     numbered = [(number, points) for number, points in enumerate(line_points) if len(points.places)]
     if not numbered:
@@ -136,10 +138,6 @@ def along_fronts(
         found_here = _along(results, step, f"front {number}", points, got, solids, refused)
         series.append(found_here if at.work is None else _yielded(found_here))
     return series
-
-
-def _away(line: Polyline, near: tuple[float, ...]) -> float:
-    return float(np.linalg.norm(line - np.array(near), axis=1).min())
 
 
 def _rooms(
@@ -186,10 +184,12 @@ def _sample(results: Results, step: int, rows: NDArray[np.int64]) -> SampledInSp
     """The fields of some nodes."""
     nodes = results.nodes(step)
     families = intact(results, results.families(step), step)
-    row_families = _of_rows(families, rows)
+    count = np.diff(families.start)[rows]
+    start = np.concatenate([[0], np.cumsum(count)])
+    neighbour = families.neighbour[np.arange(start[-1]) + np.repeat(families.start[rows] - start[:-1], count)]
 
     def fitted(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        return gradients_of(nodes.position, nodes.area, values, row_families.start, row_families.neighbour, rows)
+        return gradients_of(nodes.position, nodes.area, values, start, neighbour, rows)
 
     gradient = fitted(vector(results, "displacement", step))
     gradient[separation_at(results, step)[rows] > CRUMB] = np.nan
@@ -207,14 +207,6 @@ def _sample(results: Results, step: int, rows: NDArray[np.int64]) -> SampledInSp
     work = stress_work(results, step)
     parts = _tensor(strain), _tensor(stress), motion, None if work is None else work[rows]
     return SampledInSpace(nodes.position[rows], nodes.area[rows], gradient, *parts)
-
-
-def _of_rows(families: Families, rows: NDArray[np.int64]) -> Families:
-    """The families of some rows."""
-    count = np.diff(families.start)[rows]
-    start = np.concatenate([[0], np.cumsum(count)])
-    at = np.arange(start[-1]) + np.repeat(families.start[rows] - start[:-1], count)
-    return Families(start, families.neighbour[at])
 
 
 def _tensor(packed: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -245,7 +237,7 @@ def _along(
         _, K1, K2, K3 = tubes[1]
         of_K[at] = (K1**2 + K2**2) / solid.effective + K3**2 / (2 * solid.shear)
     value, low, high = ({quantity: column[row] for quantity, column in columns.items()} for row in range(3))
-    frames = _frames(points.places)
+    frames = np.array([front_place.frame for front_place in points.places])
     place, time = (
         np.array([front_place.place for front_place in points.places]),
         step * float(results.meta()["time_step"]),
@@ -262,7 +254,3 @@ def _yielded(front: AlongFront) -> AlongFront:
         for columns in (front.value, front.low, front.high)
     )
     return front._replace(value=value, low=low, high=high, of_K=np.full_like(front.of_K, np.nan))
-
-
-def _frames(places: list[FrontPlace]) -> NDArray[np.float64]:
-    return np.array([front_place.frame for front_place in places])

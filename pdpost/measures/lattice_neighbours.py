@@ -26,12 +26,7 @@ def neighbours(nodes: Nodes) -> NDArray[np.int64]:
         near = tree.sparse_distance_matrix(second_tree, (1 + NEAR) * reach, output_type="ndarray")
         level_pairs.append(np.column_stack([rows[near["i"]], others[near["j"]]]))
     pairs = np.sort(np.concatenate(level_pairs), axis=1)
-    pairs = pairs[_touch(nodes, pairs)]
-    return np.asarray(pairs[np.lexsort(pairs.T[::-1])])
-
-
-def _touch(nodes: Nodes, pairs: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Mask (b,) of pairs whose cubes touch along one axis and overlap along the others."""
     half = nodes.delta[pairs].sum(axis=1)[:, None] / 2
     way = np.sort(np.abs(np.diff(nodes.position[pairs], axis=1)[:, 0]), axis=1) / half
-    return np.asarray((np.abs(way[:, 2] - 1) < NEAR) & (way[:, 1] < 1 - NEAR))
+    pairs = pairs[(np.abs(way[:, 2] - 1) < NEAR) & (way[:, 1] < 1 - NEAR)]  # touch along one axis, overlap along others
+    return np.asarray(pairs[np.lexsort(pairs.T[::-1])])

@@ -59,7 +59,7 @@ def line(results: Results, name: str, step: int, start: tuple[float, ...], end: 
     count = min(int(np.ceil(PER_SPACING * length / nodes.delta[rows].min(initial=length))) + 1, MOST)
     share = np.linspace(0, 1, max(count, 2))
     places = ends[0] + share[:, None] * (ends[1] - ends[0])
-    on = _covered(nodes, places) if results.dimension == 3 else _on_plate(results, nodes, places)
+    on = _on_part(results, nodes, places)
     if not len(rows) or not on.any():
         raise ResultsError(
             f"{results.name}: no place from {_told(start)} to {_told(end)} is in the"
@@ -98,13 +98,11 @@ def _from_line(
     return np.asarray(np.sqrt(((away - share[:, None] * way) ** 2).sum(axis=1)))
 
 
-def _covered(nodes: Nodes, places: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Mask (k,) of the places in the cube of their nearest node."""
-    away, nearest = cKDTree(nodes.position).query(places, p=np.inf)
-    return np.asarray(away <= (0.5 + NEAR) * nodes.delta[nearest])
-
-
-def _on_plate(results: Results, nodes: Nodes, places: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _on_part(results: Results, nodes: Nodes, places: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Mask (k,) of the places on the plate, or in a body in the cube of their nearest node."""
+    if results.dimension == 3:
+        away, nearest = cKDTree(nodes.position).query(places, p=np.inf)
+        return np.asarray(away <= (0.5 + NEAR) * nodes.delta[nearest])
     slack = 1e-6 * float(nodes.delta.min())
     return np.asarray(shapely.dwithin(plate(results).shape, shapely.points(places), slack))
 
@@ -126,22 +124,15 @@ def _weights(
     simplex = mesh.find_simplex(targets)
     inside = np.flatnonzero(simplex >= 0)
     simplex_corners = mesh.simplices[simplex[inside]]
-    bonded = _bonded(results, rows, simplex_corners, len(nodes.ids), step)
+    start, neighbour = intact(results, results.families(step), step)
+    count, corner_rows = len(nodes.ids), rows[simplex_corners]
+    keys = np.repeat(np.arange(count), np.diff(start)) * count + neighbour  # rising but for neighbours' order
+    bonded = np.ones(len(inside), dtype=bool)  # all corners to each other
+    for one, other in combinations(corner_rows.T, 2):
+        bonded &= np.isin(one * count + other, keys)
     inside, simplex_corners = inside[bonded], simplex_corners[bonded]
     turn = mesh.transform[simplex[inside]]
     first = np.einsum("kab,kb->ka", turn[:, :d], targets[inside] - turn[:, d])
     corners[inside] = simplex_corners
     weights[inside] = np.column_stack([first, 1 - first.sum(axis=1)])
     return corners, weights
-
-
-def _bonded(
-    results: Results, rows: NDArray[np.int64], corners: NDArray[np.int64], count: int, step: int
-) -> NDArray[np.bool_]:
-    """Whether the nodes of each triangle (k, 3) or tetrahedron (k, 4) are all bonded to each other after `step`."""
-    start, neighbour = intact(results, results.families(step), step)
-    keys = np.repeat(np.arange(count), np.diff(start)) * count + neighbour  # rising but for neighbours' order
-    all_bonded = np.ones(len(corners), dtype=bool)
-    for first, second in combinations(range(corners.shape[1]), 2):
-        all_bonded &= np.isin(rows[corners[:, first]] * count + rows[corners[:, second]], keys)
-    return all_bonded

@@ -63,18 +63,16 @@ def plate(results: Results) -> Plate:
         )
         shape = shapely.difference(outer, holes)
     else:
-        shape = _around(results.nodes(0))
+        nodes = results.nodes(0)
+        half, reach = nodes.delta[:, None] / 2, CLOSED * float(nodes.delta.max())
+        low, high = nodes.position - half, nodes.position + half
+        if len(half) > MANY:
+            shape = shapely.box(*low.min(axis=0), *high.max(axis=0))
+        else:
+            squares = shapely.union_all(shapely.box(*low.T, *high.T))
+            shape = squares.buffer(reach, join_style="mitre").buffer(-reach, join_style="mitre")
     shapely.prepare(shape)
     return Plate(edges, results.cracks(), shape, geometry.run.adapt != "none", geometry.run.adapt == "split")
-
-
-def _around(nodes: Nodes) -> shapely.Geometry:
-    half, reach = nodes.delta[:, None] / 2, CLOSED * float(nodes.delta.max())
-    low, high = nodes.position - half, nodes.position + half
-    if len(half) > MANY:
-        return shapely.box(*low.min(axis=0), *high.max(axis=0))
-    squares = shapely.union_all(shapely.box(*low.T, *high.T))
-    return squares.buffer(reach, join_style="mitre").buffer(-reach, join_style="mitre")
 
 
 def check_alike(results: Results, reference: Results) -> None:

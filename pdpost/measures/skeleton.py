@@ -49,7 +49,11 @@ class Skeleton:
 
     def chains(self) -> list[Chain]:
         """All parts as chains from joint to joint; joints are where cracks begin, end, fork and meet."""
-        joints = {at for at in range(len(self.links)) if self._is_joint(at)}
+        joints = {
+            at
+            for at, links in enumerate(self.links)
+            if links and (at in self.begins or len(links) != 2 or len(self._further(at)) != 1)
+        }
         chains = []
         for joint in sorted(joints):
             for following in sorted(self._further(joint)):
@@ -79,9 +83,6 @@ class Skeleton:
         for chain in self.chains():
             if len(self.links[chain[0]]) == 1 and self.is_end(chain[-1]) and self._length(chain) < SHORTEST:
                 self._cut(chain)
-
-    def _is_joint(self, at: int) -> bool:
-        return bool(self.links[at]) and (at in self.begins or len(self.links[at]) != 2 or len(self._further(at)) != 1)
 
     def _further(self, at: int) -> list[int]:
         """The parts that follow one, away from the crack's origin."""

@@ -182,15 +182,11 @@ def _too_small(results: Results, step: int, tip: Tip, room: Room, ring: Ring | N
     message = f"{room.limit} is {where} the tip at ({x:.4g}, {y:.4g}) m; it needs room of"
     if ring is not None:
         return f"{message} {least:.3g} m"
-    enough = room.radius / (LEAST * ratio)
-    finer = f" (nodes {_rounded_down(enough)} m apart have it)" if enough > FINEST * spacing else ""
+    enough, finer = room.radius / (LEAST * ratio), ""
+    if enough > FINEST * spacing:
+        unit = 10.0 ** (np.floor(np.log10(enough)) - 1)  # two digits, rounded down
+        finer = f" (nodes {np.floor(enough / unit * (1 + ROUND_OFF)) * unit:.2g} m apart have it)"
     return f"{message} {LEAST:g} horizons, {least:.3g} m{finer}"
-
-
-def _rounded_down(number: float) -> str:
-    """A positive number rounded down to two digits."""
-    unit = 10.0 ** (np.floor(np.log10(number)) - 1)
-    return f"{np.floor(number / unit * (1 + ROUND_OFF)) * unit:.2g}"
 
 
 def _rings(results: Results, step: int, tip: Tip, room: Room, ring: Ring | None) -> tuple[Ring, ...]:

@@ -145,20 +145,22 @@ class Obstacles:
         elastic = stiffness(self._results, step)
         near = nearest(nodes, tip.place)
         other_material = (elastic.E[near] != elastic.E) | (elastic.nu[near] != elastic.nu)
+        tips = [at.place for front in self._fronts if (at := front.at(time)) is not None]
+        other_tips = np.array([place for place in tips if not np.array_equal(place, tip.place)]).reshape(-1, 2)
+        acted_on = np.zeros(len(nodes.ids), dtype=bool)
+        for condition in self._conditions:
+            if condition["kind"] not in FREE:
+                acted_on |= selected(nodes, condition.get("nodes"), condition.get("box"))
         rooms = [Room(float(self._edge.distance(shapely.Point(tip.place))), "the edge of the plate")]
         for places, what in (
-            (self._other_tips(tip, time), "another tip"),
+            (other_tips, "another tip"),
             (self._other_cracks(tip, time, float(nodes.delta[near])), "another crack or a bend of this one"),
-            (nodes.position[self._acted_on(nodes)], "nodes of a load or grip"),
+            (nodes.position[acted_on], "nodes of a load or grip"),
             (nodes.position[other_material], "another material"),
         ):
             if len(places):
                 rooms.append(Room(float(np.hypot(*(places - tip.place).T).min()), what))
         return min(rooms)
-
-    def _other_tips(self, tip: Tip, time: float) -> NDArray[np.float64]:
-        places = [at.place for front in self._fronts if (at := front.at(time)) is not None]
-        return np.array([place for place in places if not np.array_equal(place, tip.place)]).reshape(-1, 2)
 
     def _other_cracks(self, tip: Tip, time: float, spacing: float) -> NDArray[np.float64]:
         """Points of all cracks except those on the line behind the tip."""
@@ -175,13 +177,6 @@ class Obstacles:
         along, across = away @ tip.way, away @ np.array([-tip.way[1], tip.way[0]])
         behind_tip = (along < spacing) & (np.abs(across) <= np.maximum(BESIDE * spacing, SLANT * np.abs(along)))
         return np.asarray((away + tip.place)[~behind_tip])
-
-    def _acted_on(self, nodes: Nodes) -> NDArray[np.bool_]:
-        acted_on = np.zeros(len(nodes.ids), dtype=bool)
-        for condition in self._conditions:
-            if condition["kind"] not in FREE:
-                acted_on |= selected(nodes, condition.get("nodes"), condition.get("box"))
-        return acted_on
 
 
 class _Conditions(msgspec.Struct):

@@ -187,7 +187,9 @@ def _branch(chain: Chain, points: list[_Point], began: float, length: float, tim
     along = length + np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(smooth, axis=0).T))])
     time = np.maximum.accumulate(np.maximum(step * time_step, began))
     fast = speeds(along, time, spacing, line, time_step)
-    return Branch(place, time, _directions(place, along, spacing), along, fast, spacing, line, chain[0], chain[-1])
+    stretches = (window(along, at, WINDOW * spacing[at]) or slice(None) for at in range(len(place)))  # as of its speeds
+    direction = np.array([axis_of(place[points]) for points in stretches])
+    return Branch(place, time, direction, along, fast, spacing, line, chain[0], chain[-1])
 
 
 def _points(skeleton: Skeleton, cracked: Grown, chain: Chain, pre_cracks: NDArray[np.float64]) -> list[_Point]:
@@ -220,14 +222,6 @@ def _tip_near(point: _Point, pre_cracks: NDArray[np.float64]) -> list[_Point]:
     far = np.hypot(*(pre_cracks - point.place).T)
     near = len(far) > 0 and 0.1 * point.spacing < far.min() <= NEAR_TIP * point.spacing
     return [point._replace(place=pre_cracks[far.argmin()])] if near else []
-
-
-def _directions(
-    place: NDArray[np.float64], along: NDArray[np.float64], spacing: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Directions (k, 2) of a path at its points, over the stretch used for its speeds."""
-    near = (window(along, at, WINDOW * spacing[at]) or slice(None) for at in range(len(place)))
-    return np.array([axis_of(place[points]) for points in near])
 
 
 def _heading(points: NDArray[np.float64], reach: float) -> NDArray[np.float64]:

@@ -93,28 +93,17 @@ def by_stress(
         across = np.array([-vectors[1, 1], vectors[0, 1]])
         across = across if across @ way > 0 else -across
         return Verdict(share, (float(np.arctan2(way[0] * across[1] - way[1] * across[0], across @ way)),))
-    profile = _hoop(at, near, far, angle, tip, horizon)
-    return Verdict(share, _maxima(profile, rules.branch if forks else np.inf))
-
-
-ANGLES = np.radians(np.arange(-WIDEST, WIDEST + 1, 1.0))
-
-
-def _hoop(
-    at: Sampled,
-    near: NDArray[np.bool_],
-    far: NDArray[np.float64],
-    angle: NDArray[np.float64],
-    tip: NDArray[np.float64],
-    horizon: float,
-) -> NDArray[np.float64]:
-    """Hoop stress around a tip at `ANGLES`, extrapolated to a distance of one horizon."""
+    # the hoop stress around the tip at ANGLES, extrapolated to a distance of one horizon
     out = (at.position[near] - tip) / far[near, None]
     xx, yy, xy = at.stress[near].T
     hoop = xx * out[:, 1] ** 2 + yy * out[:, 0] ** 2 - 2 * xy * out[:, 0] * out[:, 1]
     hoop = hoop * np.sqrt(far[near] / horizon)
     weight = at.area[near] * np.exp(-(((ANGLES[:, None] - angle[near]) / np.radians(SPREAD)) ** 2) / 2)
-    return np.asarray((weight @ hoop) / weight.sum(axis=1))
+    profile = (weight @ hoop) / weight.sum(axis=1)
+    return Verdict(share, _maxima(profile, rules.branch if forks else np.inf))
+
+
+ANGLES = np.radians(np.arange(-WIDEST, WIDEST + 1, 1.0))
 
 
 def _maxima(profile: NDArray[np.float64], branch: float) -> tuple[float, ...]:

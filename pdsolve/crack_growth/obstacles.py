@@ -48,7 +48,8 @@ class Obstacles:
         other_arms = arms[distance(start, arms) > self.slack]
         for turn in TURNS:
             way = np.array([np.cos(angle + turn), np.sin(angle + turn)])
-            place = self._stop(start, way, length, other_arms)
+            far = self._met(start, way, (1 + LEFT) * length, other_arms)
+            place = start + (far.min() if len(far) else length) * way  # at an obstacle not far beyond the length
             if self._clears(start, place):
                 return place
         return place
@@ -59,13 +60,6 @@ class Obstacles:
         """Whether an edge or one of the `arms` (k, 4) lies ahead along a unit vector, within `reach`, m."""
         far = self._met(start, way, reach, arms[distance(start, arms) > self.slack])
         return len(far) > 0
-
-    def _stop(
-        self, start: NDArray[np.float64], way: NDArray[np.float64], length: float, other_arms: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        """End of an arm along a unit vector: at the first obstacle, if that is not far beyond `length`."""
-        far = self._met(start, way, (1 + LEFT) * length, other_arms)
-        return np.asarray(start + (far.min() if len(far) else length) * way)
 
     def _met(
         self, start: NDArray[np.float64], way: NDArray[np.float64], reach: float, other_arms: NDArray[np.float64]

@@ -40,18 +40,14 @@ def tips_of(particles: Particles, ground: Obstacles) -> list[Tip]:
     for number, others in enumerate(around):
         if len(others) != 1:
             continue
-        tip = _followed(particles, around, number)
+        line = [number, around[number][0]]
+        while len(around[line[-1]]) == 2:
+            line.append(next(neighbour for neighbour in around[line[-1]] if neighbour != line[-2]))
+        back = particles.place[line]
+        tip = Tip(number, back, float(np.hypot(*np.diff(back, axis=0).T).sum()), len(around[line[-1]]) > 2)
         if not ground.inside(tip.place, tip.way(0.5 * tip.length)):
             continue
         on = distance(tip.place, every) <= ground.slack
         if on.sum() == 1:
             tips.append(tip)
     return tips
-
-
-def _followed(particles: Particles, around: list[list[int]], number: int) -> Tip:
-    line = [number, around[number][0]]
-    while len(around[line[-1]]) == 2:
-        line.append(next(neighbour for neighbour in around[line[-1]] if neighbour != line[-2]))
-    back = particles.place[line]
-    return Tip(number, back, float(np.hypot(*np.diff(back, axis=0).T).sum()), len(around[line[-1]]) > 2)

@@ -129,7 +129,9 @@ def _locked(path: Path, place: Path) -> int | None:
         raise WriteError(f"{place} is no lock of pdsolve for {path.name}; move it away")
     with suppress(OSError):  # a full disk: the name is missing, the lock holds
         os.ftruncate(handle, 0)
-        os.write(handle, f"{_holder()}\n".encode())
+        host = socket.gethostname()
+        on_host = f" on {host}" if host else ""
+        os.write(handle, f"process {os.getpid()}{on_host}\n".encode())
     return handle
 
 
@@ -140,12 +142,6 @@ def _is_ours(handle: int) -> bool:
         return False
     os.lseek(handle, 0, os.SEEK_SET)
     return LOCK.fullmatch(os.read(handle, 300)) is not None
-
-
-def _holder() -> str:
-    """The lock's holder in words: the process and, if known, the host."""
-    host = socket.gethostname()
-    return f"process {os.getpid()}" + (f" on {host}" if host else "")
 
 
 def _is_at(handle: int, place: Path) -> bool:

@@ -35,10 +35,7 @@ def connect(path: Path | None, how: str = "", **options: Any) -> sqlite3.Connect
     SQLite joins no other database, trusts no schema, and looks at each page before it uses it. Raises sqlite3.Error.
     """
     place = ":memory:" if path is None else f"{Path(os.path.realpath(path)).as_uri()}?{how}"
-    return _configured(sqlite3.connect(place, uri=path is not None, **options))
-
-
-def _configured(connection: sqlite3.Connection) -> sqlite3.Connection:
+    connection = sqlite3.connect(place, uri=path is not None, **options)
     connection.setlimit(sqlite3.SQLITE_LIMIT_ATTACHED, 0)
     connection.execute("PRAGMA trusted_schema = OFF")
     connection.execute("PRAGMA cell_size_check = ON")
@@ -68,7 +65,10 @@ def read_only(path: Path) -> sqlite3.Connection:
             hot = error.sqlite_errorcode == sqlite3.SQLITE_READONLY_ROLLBACK
         data = rolled_back(path, _is_intact_without_journal(path)) if hot else None
         if data is not None:
-            return _in_memory(data)
+            connection = connect(None)
+            if data:  # without the mark of a log, which a database in memory cannot have
+                connection.deserialize(data[:18] + b"\1\1" + data[20:])
+            return connection
         if not hot or time.monotonic() > until:
             break
     for side_file in _beside(os.path.realpath(path)):
@@ -118,14 +118,6 @@ def _is_intact_without_journal(path: Path) -> bool:
             return bool(count) and connection.execute("PRAGMA integrity_check(1)").fetchone() == ("ok",)
     except sqlite3.Error:
         return False
-
-
-def _in_memory(data: bytes) -> sqlite3.Connection:
-    """A connection to a database in memory that has these bytes. Raises sqlite3.Error."""
-    connection = connect(None)
-    if data:  # without the mark of a log, which a database in memory cannot have
-        connection.deserialize(data[:18] + b"\1\1" + data[20:])
-    return connection
 
 
 def _is_hot(path: Path) -> bool:

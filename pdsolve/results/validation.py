@@ -113,12 +113,10 @@ def checked_rows(rows: Iterable[Row], columns: Sequence[tuple[str, str, int]]) -
         if at is not None:
             yield f"{columns[at][0]} is a {type(row[at]).__name__}; it must be {columns[at][1] or 'a value'}"
             continue
-        large = next((at for at, value in enumerate(row) if type(value) in (float, int) and not _bearable(value)), None)
+        numbers = ((at, value) for at, value in enumerate(row) if type(value) in (float, int))
+        # NaN, which is none in SQL, is not between them either
+        large = next((at for at, value in numbers if not -1e100 <= value <= 1e100), None)
         yield row if large is None else f"{columns[large][0]} is {row[large]:g}; it must be at most 1e100"
-
-
-def _bearable(value: float) -> bool:
-    return -1e100 <= value <= 1e100  # false of NaN, which is none in SQL
 
 
 def wrong_nodes(nodes: Nodes, row: NDArray[np.int64], birth: NDArray[np.int64]) -> str | None:

@@ -149,7 +149,8 @@ class Study:
             raise StudyError(f"{self.path} has {count} runs; use at most {MOST}")
         for listed in about.runs or (Set(),):
             for chosen in itertools.product(*(values for _, _, values in ranges)):
-                parts = _parts(about.set)
+                parts: dict[str, dict[str, Any]] = {"drawing": {}, "model": {}, "options": {}}
+                _lay(parts, about.set)
                 _lay(parts, listed)
                 for (kind, name, _), value in zip(ranges, chosen, strict=True):
                     parts[kind][name] = value
@@ -220,12 +221,6 @@ def _ranges(vary: Vary, name: str) -> Iterator[tuple[str, str, Sequence[Any]]]:
             value_text = f"{values!r:.60}"
             raise StudyError(f"{name}: $.vary: {parameter} is {value_text}; use a list of values")
         yield kind, parameter, values
-
-
-def _parts(chosen_set: Set) -> dict[str, dict[str, Any]]:
-    parts: dict[str, dict[str, Any]] = {"drawing": {}, "model": {}, "options": {}}
-    _lay(parts, chosen_set)
-    return parts
 
 
 def _lay(parts: dict[str, dict[str, Any]], above: Set) -> None:

@@ -51,16 +51,12 @@ def disturbed(model: Model, repeat: Repeat, repetition: int, time_step: float) -
             raise ModelError(
                 f"{model.name}: repeat.noise cannot be used with run.adapt {settings.run.adapt}; use notch or step"
             )
-        inside = ~(grid.border | _outermost(grid))  # a node outside the outline has no bonds
+        low, high = grid.position.min(axis=0), grid.position.max(axis=0)  # a bare list of nodes marks none as border
+        outermost = ((grid.position == low) | (grid.position == high)).any(axis=1)
+        inside = ~(grid.border | outermost)  # a node outside the outline has no bonds
         noise = draw.standard_normal(grid.position.shape) * (repeat.noise * grid.delta * inside)[:, None]
         grid = replace(grid, position=grid.position + noise, lattice=None)
     return replace(model, grid=grid, settings=settings)
-
-
-def _outermost(grid: Grid) -> NDArray[np.bool_]:
-    """Mask (n,) of the nodes on the bounding box; a bare list of nodes has none marked as border."""
-    low, high = grid.position.min(axis=0), grid.position.max(axis=0)
-    return np.asarray(((grid.position == low) | (grid.position == high)).any(axis=1))
 
 
 def _moved(grid: Grid, far: float) -> NDArray[np.float64]:

@@ -22,7 +22,8 @@ def measured(results: Results) -> dict[str, float | None]:
         measures |= _cracked(crack(results))
     elif len(steps := results.breaks().step):
         measures["first_break"] = int(steps.min()) * summary["time_step"]
-    return {name: _number(measures.get(name)) for name in names}
+    values = {name: measures.get(name) for name in names}
+    return {name: None if value is None or not math.isfinite(value) else value for name, value in values.items()}
 
 
 def _cracked(summary: Summary) -> dict[str, Any]:
@@ -45,7 +46,3 @@ def _cracked(summary: Summary) -> dict[str, Any]:
         "spent": float(np.median(spent)) if len(spent) else None,
         "pieces": len(summary.fragments.pieces),
     }
-
-
-def _number(value: Any) -> float | None:
-    return None if value is None or not math.isfinite(value) else value

@@ -10,7 +10,7 @@ from typing import Any
 from pdmesh import Body, SceneError, UntrustedError, build_file, file_parameters, read_scene
 from pdmesh.file_kinds import MESHES
 from pdmesh.model.document import SPACE_VERSION, GridError, Material, Medium, Settings, read_file, settings_of
-from pdmesh.model.node_grid import Grid, grid_of
+from pdmesh.model.node_grid import grid_of
 from pdmesh.model.unused_settings import in_vain
 from pdsolve.model import Model, ModelError, overlaid
 from pdsolve.options import Options
@@ -26,7 +26,12 @@ ANY = Settings(material=Material(E=1.0, rho=1.0, G0=1.0), medium=Medium(D=1.0))
 
 def model_of_run(drawing: Path, case: Case, trust: bool = False) -> Model:
     """The model of a run from the drawing at this path. Raises SceneError, GridError, ModelError."""
-    grid, settings = _built(drawing, case, trust)
+    if drawing.suffix.lower() == ".json" and not case.drawing:
+        document = read_file(drawing)
+        grid, settings = grid_of(document, str(drawing)), settings_of(document)
+    else:
+        built = build_file(drawing, case.assignments("drawing"), trust=trust)
+        grid, settings = built.grid, built.settings
     model = Model(grid, overlaid(settings, drawing, None, case.assignments("model")), str(drawing))
     said = in_vain(model.settings, case.model)
     if said is not None:
@@ -104,11 +109,3 @@ def _dimension(drawing: Path, case: Case, trust: bool) -> int:
             f"{drawing} is a model of diffusion, and a study measures cracks and energies; use one of mechanics"
         )
     return dimension
-
-
-def _built(drawing: Path, case: Case, trust: bool) -> tuple[Grid, Settings]:
-    if drawing.suffix.lower() == ".json" and not case.drawing:
-        document = read_file(drawing)
-        return grid_of(document, str(drawing)), settings_of(document)
-    built = build_file(drawing, case.assignments("drawing"), trust=trust)
-    return built.grid, built.settings

@@ -171,7 +171,10 @@ class Table:
                     last = max(last, number)
                     numbers[case.key] = number
                     first = {"number": number, "key": case.key, "status": WAITING, "repetition": case.repetition}
-                    self._insert(first | {"file": f"{self.runs.name}/{number:04}.sqlite"} | case.values)
+                    row = first | {"file": f"{self.runs.name}/{number:04}.sqlite"} | case.values
+                    names, marks = ", ".join(map(quoted, row)), ", ".join("?" * len(row))
+                    stored = [_stored(value) for value in row.values()]
+                    self.connection.execute(f"INSERT INTO run ({names}) VALUES ({marks})", stored)
                     new.append(number)
             table_checksums.seal(self.connection, new)
         return {case.key: numbers[case.key] for case in cases}
@@ -181,11 +184,6 @@ class Table:
             return
         self.connection.execute(f"ALTER TABLE run ADD COLUMN {quoted(name)}")
         self.connection.execute("INSERT INTO column_unit VALUES (?, ?, ?, ?)", (name, *column))
-
-    def _insert(self, values: Mapping[str, Any]) -> None:
-        names, marks = ", ".join(map(quoted, values)), ", ".join("?" * len(values))
-        stored = [_stored(value) for value in values.values()]
-        self.connection.execute(f"INSERT INTO run ({names}) VALUES ({marks})", stored)
 
     def finish(self, number: int, measures: Mapping[str, Any] | None, error: str | None = None) -> None:
         """Store how a run ended: its measures, or its error."""

@@ -42,17 +42,12 @@ def _stop_when_closed(parent_pipe: Connection) -> None:
         parent_pipe.recv_bytes()
     _stops.set()
     if _solves.is_set():
-        _interrupt()
+        if hasattr(signal, "pthread_kill"):  # the main thread, in Python code or in a system call
+            signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
+        else:
+            signal.raise_signal(signal.SIGINT)
         threading.Event().wait(GRACE)
     os._exit(1)
-
-
-def _interrupt() -> None:
-    """Interrupt the main thread, in Python code or in a system call."""
-    if hasattr(signal, "pthread_kill"):
-        signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
-    else:
-        signal.raise_signal(signal.SIGINT)
 
 
 def solve(task: Task) -> Outcome:
