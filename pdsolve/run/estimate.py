@@ -144,12 +144,8 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
         plan = plan._replace(wall_time=_path_time(system, plan), along_path=True)
     if cycle is not None:
         plan = plan._replace(wall_time=(1 + SWELLING / cycle) * plan.wall_time)
-    return _with_zone(plan, model) if moves else plan
-
-
-def _with_zone(plan: Plan, model: Model) -> Plan:
-    """The plan of a plate, or a body, with a zone on this model of the nodes at the start."""
-    return plan._replace(finest=int(np.isclose(model.grid.delta, model.grid.delta.min()).sum()))
+    grid = model.grid  # with a moving zone that of the start
+    return plan._replace(finest=int(np.isclose(grid.delta, grid.delta.min()).sum())) if moves else plan
 
 
 def _path_steps(run: Run) -> int:
