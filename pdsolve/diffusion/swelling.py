@@ -72,15 +72,13 @@ class Swelling:
 
     def begin(self, state: State) -> None:
         """Let heat of deformation count from the stress of this state on."""
-        if self._capacity is not None:
-            self._h.second[:, 0] = self._slope(state)
-
-    def _slope(self, state: State) -> NDArray[np.float64]:
-        """The derivative (n,) of energies by the strain of free nodes, J/m^3: minus the trace of stress."""
+        if self._capacity is None:
+            return
+        # The derivative of energies by the strain of free nodes, J/m^3: minus the trace of stress
         strain = self._strain()
         more, less = self._held(state, strain + SMALL), self._held(state, strain - SMALL)
         self._bonds.swell(strain)
-        return (more - less) / (2 * SMALL)
+        self._h.second[:, 0] = (more - less) / (2 * SMALL)
 
     def _deform(self, state: State) -> None:
         """Heat the free nodes by the change of stress since this was done last; booked as supplied."""

@@ -131,7 +131,11 @@ class PathSteps(PathRecords):
         state.work[:] += work / self._area
         self._book(state, step, response)
         self._note(step, iterations, residual, new.factor, after, new.spent)
-        self._warn_of_holds(step)
+        message = None if self._told else held_crack(self._model, self._bonds, self._last.value)
+        if message is not None:  # a crack arrives at bonds that do not break
+            self._told = True
+            said = f"{self._model.name}: path step {step}: {message}"
+            warnings.warn(said, ModelWarning, stacklevel=2)
 
     def _first(self, state: State) -> tuple[Path, int, float]:
         """Elastic, or as far as what does not grow where bonds soften under this alone."""
@@ -258,14 +262,6 @@ class PathSteps(PathRecords):
         return resting(
             self._contact, lambda: follower.follow(self._last, guess, self._more, tell, secants, steady), follower.left
         )
-
-    def _warn_of_holds(self, step: int) -> None:
-        """Report, once, a crack that arrives at bonds that do not break."""
-        message = None if self._told else held_crack(self._model, self._bonds, self._last.value)
-        if message is not None:
-            self._told = True
-            said = f"{self._model.name}: path step {step}: {message}"
-            warnings.warn(said, ModelWarning, stacklevel=2)
 
     def _outside(self, at: Path, response: Response) -> Array:
         """Loads and reactions (n, d), N/m."""
