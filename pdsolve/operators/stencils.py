@@ -123,7 +123,9 @@ def stencil_of(ratio: float, J: NDArray[np.float64], dimension: int) -> Stencil:
     belong to independent sublattices. A share of a compact stencil, also exact for quadratics, couples them. (Including
     nearest nodes in the stencil would make the symbol negative.)
     """
-    xi = _nodes(ratio, dimension)
+    usual = PARTS[dimension]
+    # an auxiliary lattice that coincides with nodes if possible
+    xi = chosen(ratio, dimension, next((n for n in (usual, 3) if ratio >= n and ratio % n == 0), usual))
     apart = int(np.gcd.reduce(xi, axis=None))
     for alpha in ALPHAS:
         try:
@@ -141,12 +143,6 @@ def stencil_of(ratio: float, J: NDArray[np.float64], dimension: int) -> Stencil:
             near = _summed(ball(COMPACT, dimension), J, NEAR)
             return _checked(*_mixed(_summed(xi, J, alpha), near), f"alpha {alpha}")
     raise refused
-
-
-def _nodes(ratio: float, dimension: int) -> NDArray[np.int64]:
-    """The usual nodes, of an auxiliary lattice that coincides with nodes if possible."""
-    usual = PARTS[dimension]
-    return chosen(ratio, dimension, next((n for n in (usual, 3) if ratio >= n and ratio % n == 0), usual))
 
 
 def _long(stencil: Stencil) -> float:

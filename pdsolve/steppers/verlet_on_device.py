@@ -51,8 +51,13 @@ class VerletOnDevice:
         self.session, self._ahead, self._last = operator.session, False, 0
         count, kind = operator.dimension * operator.room, rho.dtype
         self.session.expect_countable(count)
-        self.session.room_for(*self._wanted(kind.itemsize))
-        program = self.session.build(self._source(kind, bool(damping.any())))
+        room, drive, size = operator.room, self._drive, kind.itemsize
+        motion, nodal = 6 * [size * count], [2 * size * room, *3 * [8 * room], 4 * room]
+        conditions = [*7 * [8 * len(drive.loads.node)], *7 * [8 * len(drive.holds.node)]]
+        self.session.room_for(*motion, *nodal, *conditions)
+        defines = ["#define DAMPED"] if damping.any() else ["#define FUSED"] if operator.fused else []
+        first = preamble(kind.name, operator.dimension, operator.together)
+        program = self.session.build("\n".join([first, *defines, operator.source(), text_of("verlet.cl")]))
         self._kernel = program.advance
         if isinstance(operator, FamiliesOnDevice):
             operator.take_passes(program)
@@ -66,19 +71,6 @@ class VerletOnDevice:
         self._weight, self._damping = to_device(weight), to_device(operator.spread(damping))
         self._work, self._damped = (to_device(np.zeros(operator.room)) for _ in range(2))
         self._place_conditions()
-
-    def _wanted(self, size: int) -> list[int]:
-        """Memory of the arrays of motion and conditions, bytes each; `size` is that of a number."""
-        room, drive = self._operator.room, self._drive
-        motion, nodal = 6 * [size * self._operator.dimension * room], [2 * size * room, *3 * [8 * room], 4 * room]
-        return [*motion, *nodal, *7 * [8 * len(drive.loads.node)], *7 * [8 * len(drive.holds.node)]]
-
-    def _source(self, kind: Any, damped: bool) -> str:
-        """The program of the run."""
-        operator = self._operator
-        defines = ["#define DAMPED"] if damped else ["#define FUSED"] if operator.fused else []
-        first = preamble(kind.name, operator.dimension, operator.together)
-        return "\n".join([first, *defines, operator.source(), text_of("verlet.cl")])
 
     def _place_conditions(self) -> None:
         """Put loads and holds on the device, by the nodes on which they act."""
@@ -118,7 +110,9 @@ class VerletOnDevice:
         operator, drive = self._operator, self._drive
         before, now, after = self._u
         if isinstance(operator, FamiliesOnDevice) and not phase & STARTS and operator.sum_families(now):
-            self._fail(operator, step)
+            for buffer, values in ((now, self._state.value), (self._v[0], self._state.rate)):
+                self._read(buffer, values)
+            operator.fail(now, self._state, step, self._dt)
         motion = before, now, after, *self._v, self._a, self._weight, self._damping, self._work, self._damped
         acting = self._acts, self._now, self._ago, *self._load, *self._hold, self._speed, self._force
         numbers = np.int32(self._factors.count), np.int32(drive.varies), np.float64(self._dt)
@@ -126,13 +120,6 @@ class VerletOnDevice:
         arguments = [*operator.arguments, *motion, *acting, self._factors.buffer, *numbers, *last]
         self.session.launch(self._kernel, (operator.room // operator.together, LANES // operator.together), arguments)
         self._u, self._v = [now, after, before], self._v[::-1]
-
-    def _fail(self, operator: FamiliesOnDevice, step: int) -> None:
-        """Let bonds of families fail in a step that has drifted."""
-        state = self._state
-        for buffer, values in ((self._u[1], state.value), (self._v[0], state.rate)):
-            self._read(buffer, values)
-        operator.fail(self._u[1], state, step, self._dt)
 
     def _read(self, buffer: Any, values: NDArray[Any]) -> None:
         """Enter a buffer in an array of the state."""

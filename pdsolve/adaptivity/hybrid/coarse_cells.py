@@ -210,17 +210,12 @@ def _on_lattice(model: Model, h: float, origin: NDArray[np.float64]) -> Plate:
     place = (row + BELOW) * at.stride + LEFT + column
     rows = np.full(at.places, -1, dtype=np.int32)
     rows[place] = np.arange(len(place))
-    listed = Listed(place, rows, _areas(model, at, h, place, rows))
+    if grid.areas is not None:
+        areas = grid.areas / h**2
+    else:  # a quarter of each adjacent square between nodes
+        areas = quarters((rows >= 0).reshape(-1, at.stride)).ravel()[place] / 4
+    listed = Listed(place, rows, areas)
     return Plate(model, at, h, origin, cracks, (0, 0), (nx + 1, ny + 1), listed)
-
-
-def _areas(
-    model: Model, at: Lattice, h: float, place: NDArray[np.int64], rows: NDArray[np.int32]
-) -> NDArray[np.float64]:
-    """Areas (n,) of nodes over h^2: those of the grid, or else a quarter of each adjacent square between nodes."""
-    if model.grid.areas is not None:
-        return model.grid.areas / h**2
-    return quarters((rows >= 0).reshape(-1, at.stride)).ravel()[place] / 4
 
 
 def squares(has_node: NDArray[np.bool_]) -> NDArray[np.bool_]:
