@@ -292,7 +292,14 @@ def _cracks(model: Model) -> NDArray[np.int64]:
             part = grid.part(rows)
             away = distances(part.position, triangles, ON * float(grid.delta.max()))
             hits.append(rows[away < ON * part.delta])
-        return _faces(model, np.concatenate(hits))
+        on_faces = np.concatenate(hits)
+        if len(on_faces):
+            warn(
+                model,
+                f"$.notch runs through {len(on_faces)} nodes, the first {named(model, int(on_faces[0]))}; put it"
+                " between nodes: all bonds of such a node are cut",
+            )
+        return on_faces
     import shapely  # here, as a plate without cracks needs none
 
     segments = grid.cracks.reshape(-1, 2, 2)
@@ -315,17 +322,6 @@ def _cracks(model: Model) -> NDArray[np.int64]:
             )
         hit |= on
     return np.asarray(rows[hit])
-
-
-def _faces(model: Model, hit: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Warn of the rows (k,) of nodes on a pre-crack in a body, and return them."""
-    if len(hit):
-        warn(
-            model,
-            f"$.notch runs through {len(hit)} nodes, the first {named(model, int(hit[0]))}; put it between nodes:"
-            " all bonds of such a node are cut",
-        )
-    return hit
 
 
 def _probes(model: Model) -> None:
