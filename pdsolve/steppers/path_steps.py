@@ -10,6 +10,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -221,8 +222,10 @@ class PathSteps(PathRecords):
                 share = self._more / done
                 ahead = last.value + share * (last.value - self._before.value)
                 guess = Path(ahead, last.factor + share * (last.factor - self._before.factor), 0.0)
+            steady = NEVER if secants == PATIENT else STEADY
+            follow = partial(self._follower.follow, last, guess, self._more, self._tell(step), secants, steady)
             try:
-                new, count, residual = self._found(step, guess, secants)
+                new, count, residual = resting(self._contact, follow, self._follower.left)
                 break
             except UnsettledError as error:
                 secants = self._begin_again(secants, error)
@@ -255,13 +258,6 @@ class PathSteps(PathRecords):
         else:
             raise error
         return secants
-
-    def _found(self, step: int, guess: Path | None, secants: int) -> tuple[Path, int, float]:
-        """The next equilibrium, from a guess."""
-        follower, tell, steady = self._follower, self._tell(step), NEVER if secants == PATIENT else STEADY
-        return resting(
-            self._contact, lambda: follower.follow(self._last, guess, self._more, tell, secants, steady), follower.left
-        )
 
     def _outside(self, at: Path, response: Response) -> Array:
         """Loads and reactions (n, d), N/m."""

@@ -93,8 +93,15 @@ class VerletOnDevice:
         """Take the steps `first` to `last` - 1. Raises DeviceLostError."""
         if last <= first:
             return
-        if not self._ahead:
-            self._hand_over()
+        if not self._ahead:  # the device has not the state of the host
+            operator, write, drive = self._operator, self.session.write, self._drive
+            operator.hand_over()
+            self.session.finish()
+            for buffer, values in self._mirrored():
+                write(buffer, operator.spread(values))
+            for buffer in (self._now, self._ago):
+                write(buffer, drive.force[self._nodes])
+            write(self._force, drive.held_force[self._holds.order])
         self._ahead, steps, self._last = True, last - first, last - 1
         for sweep in range(steps + 1):
             if sweep % AT_ONCE == 0:
@@ -126,17 +133,6 @@ class VerletOnDevice:
         wide = np.empty((*values.shape[1:], self._operator.room), dtype=values.dtype)
         self.session.read(buffer, wide)
         self._operator.collected(wide, values)
-
-    def _hand_over(self) -> None:
-        """Give the state of the host to the device."""
-        operator, write, drive = self._operator, self.session.write, self._drive
-        operator.hand_over()
-        self.session.finish()
-        for buffer, values in self._mirrored():
-            write(buffer, operator.spread(values))
-        for buffer in (self._now, self._ago):
-            write(buffer, drive.force[self._nodes])
-        write(self._force, drive.held_force[self._holds.order])
 
     def _mirrored(self) -> list[tuple[Any, NDArray[Any]]]:
         """Buffers, and the arrays of the state that they are."""

@@ -255,7 +255,11 @@ def cells_of(plate: Plate, reach: int, steep: NDArray[np.int64] | None = None) -
         corner = AROUND + (node_y - BELOW - below) // 2, AROUND + (node_x - LEFT - left_side) // 2
         cells[corner] = np.where(cells[corner] == COARSE, FINE, cells[corner])
     if steep is not None and len(steep):
-        cells[in_disc(_around(plate, steep), (reach + RING + 1) / 2) & (cells == COARSE)] = FINE
+        beside_steep = np.zeros_like(cells, dtype=bool)
+        y, x = np.divmod(plate.places_of(steep), at.stride)
+        for below, left_side in ((0, 0), (0, 1), (1, 0), (1, 1)):
+            beside_steep[AROUND + (y - BELOW - below) // 2, AROUND + (x - LEFT - left_side) // 2] = True
+        cells[in_disc(beside_steep, (reach + RING + 1) / 2) & (cells == COARSE)] = FINE
     for tip_x, tip_y in tips_of(plate).tolist():
         low_x, low_y = (max(int(tip) // 2 - TIPS, 0) + AROUND for tip in (tip_x, tip_y))
         near_tip = cells[low_y:-AROUND, low_x:-AROUND][: 2 * TIPS, : 2 * TIPS]
@@ -263,16 +267,6 @@ def cells_of(plate: Plate, reach: int, steep: NDArray[np.int64] | None = None) -
         away_x, away_y = (np.maximum(np.abs(tip - 2 * cell - 1) - 1, 0) for tip, cell in ((tip_x, x), (tip_y, y)))
         near_tip[(np.hypot(away_x, away_y) < TIPS) & (near_tip == COARSE)] = FINE
     return cells.ravel()
-
-
-def _around(plate: Plate, rows: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Mask (rows, columns) of the cells, with those around the plate, that these nodes are in or beside."""
-    at = plate.at
-    near_cells = np.zeros((at.ny // 2 + 2 * AROUND, at.nx // 2 + 2 * AROUND), dtype=bool)
-    y, x = np.divmod(plate.places_of(rows), at.stride)
-    for below, left_side in ((0, 0), (0, 1), (1, 0), (1, 1)):
-        near_cells[AROUND + (y - BELOW - below) // 2, AROUND + (x - LEFT - left_side) // 2] = True
-    return near_cells
 
 
 def _in_plate(plate: Plate) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
