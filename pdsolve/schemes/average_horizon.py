@@ -140,15 +140,9 @@ class Rule:
 
     def part(self, rows: NDArray[np.int64], paired: Paired, lack: NDArray[np.float64]) -> Part:
         """Bonds of consecutive rows with these pairs and the nodes' surface corrections (n, d)."""
-        position, pairs = self._model.grid.position, paired.pairs
-        n = (position[pairs.target] - position[pairs.source]) / pairs.length[:, None]
-        total = np.zeros(len(n))  # of each pair's correction, equal for both directions; 1 inside a uniform grid
-        for axis, correction in enumerate(lack.T):
-            mean = (correction[pairs.source] + correction[pairs.target]) / 2
-            total += n[:, axis] ** 2 * mean if n.shape[1] == 3 else (n[:, axis] / mean) ** 2
-        factor = total if n.shape[1] == 3 else total**-0.5
+        factor = _energy_factor(self._model.grid.position, paired.pairs, lack)
         paired = paired._replace(stiffness=paired.stiffness * factor * paired.weight)
-        return part_of(position, self.held, rows, paired)
+        return part_of(self._model.grid.position, self.held, rows, paired)
 
 
 def fill(model: Model, corrections: Corrections = ALL) -> Filling:
@@ -283,6 +277,16 @@ def _corrections_in_space(full: NDArray[np.float64], bond_energy: NDArray[np.flo
     factors = np.where(scale[:, None] > 0, np.clip(factors, LEAST, MOST), 1.0)
     factors[np.abs(factors - 1).max(axis=1) <= ROUND_OFF] = 1
     return factors
+
+
+def _energy_factor(position: NDArray[np.float64], pairs: Pairs, lack: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Correction (b,) of each pair's modulus, equal for both directions; 1 inside a uniform grid."""
+    n = (position[pairs.target] - position[pairs.source]) / pairs.length[:, None]
+    total = np.zeros(len(n))
+    for axis, correction in enumerate(lack.T):
+        mean = (correction[pairs.source] + correction[pairs.target]) / 2
+        total += n[:, axis] ** 2 * mean if n.shape[1] == 3 else (n[:, axis] / mean) ** 2
+    return total if n.shape[1] == 3 else total**-0.5
 
 
 def _full_energy(model: Model, rows: NDArray[np.int64], corrections: Corrections) -> NDArray[np.float64]:

@@ -23,12 +23,7 @@ ALIKE = 4  # rows, at least, for which it is worth it
 def with_patterns(ground: LatticeConstants) -> LatticeConstants:
     """The constant arrays with the stiffnesses of edge rows, stored once for equal rows."""
     rows = np.flatnonzero(edges(ground) & (ground.there[0] > 0).reshape(-1, ROW).any(axis=1))
-    at, wide = ground.at, -(-ground.at.below // ROW)
-    what = np.concatenate([ground.there, ground.lack]).reshape(3, -1, ROW).transpose(1, 0, 2).reshape(-1, 3 * ROW)
-    kind = np.pad(_distinct(what)[1], wide)
-    around = _distinct(np.lib.stride_tricks.sliding_window_view(kind, 2 * wide + 1))[1]
-    within_reach = np.arange(-at.below, at.below + 1) * (at.stride // ROW)  # rows with equal surroundings are equal
-    first, number, count = _distinct(around[rows[:, None] + within_reach])
+    first, number, count = _distinct(_around(ground, rows))
     often = np.argsort(-count, kind="stable")[: ROOM // (8 * ROW * len(ground.ways))]
     often = often[count[often] >= ALIKE]
     rank = np.full(len(count), -1)
@@ -38,6 +33,15 @@ def with_patterns(ground: LatticeConstants) -> LatticeConstants:
     stiffness = np.zeros((1, len(often) * len(ground.ways) * ROW))
     _keep(ground, rows[first[often]], stiffness)
     return ground._replace(pattern=pattern, known=stiffness.reshape(-1, 1, ROW))
+
+
+def _around(ground: LatticeConstants, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Surroundings of each of these rows (r, ...) within reach of its bonds; rows with equal surroundings are equal."""
+    at, wide = ground.at, -(-ground.at.below // ROW)
+    what = np.concatenate([ground.there, ground.lack]).reshape(3, -1, ROW).transpose(1, 0, 2).reshape(-1, 3 * ROW)
+    kind = np.pad(_distinct(what)[1], wide)
+    surroundings = _distinct(np.lib.stride_tricks.sliding_window_view(kind, 2 * wide + 1))[1]
+    return np.asarray(surroundings[rows[:, None] + np.arange(-at.below, at.below + 1) * (at.stride // ROW)])
 
 
 def _distinct(values: NDArray[np.generic]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:

@@ -67,14 +67,7 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         del coarse, far
         self._at_fine, self._at_coarse = np.zeros(len(fine), np.int64), np.zeros(len(self._coarse), np.int32)
         self.places = merged(hybrid.plate.at, fine, self._coarse, self._at_fine, self._at_coarse)
-        self._at_far = np.zeros(0, dtype=np.int32)
-        if len(self._far):  # far nodes are numbered too
-            beneath, before = hybrid.beneath_far(self._far.astype(np.int64)), self.places
-            both = np.sort(np.concatenate([before, beneath]), kind="stable")  # two runs, which are merged
-            self.places = both[np.append(True, both[1:] != both[:-1])]
-            rows = np.searchsorted(self.places, before)
-            self._at_fine[:], self._at_coarse[:] = rows[self._at_fine], rows[self._at_coarse]
-            self._at_far = np.searchsorted(self.places, beneath).astype(np.int32)
+        self._at_far = self._merge_far()
         self._lists = fine, self._coarse, self._at_fine, self._at_coarse
         self._bonds = np.zeros((len(fine), len(hybrid.ground.ways)), dtype=np.bool_)  # past and present ones
         self._springs = np.zeros((len(self._coarse), 1), dtype=np.uint8)  # bits, without those that are fine bonds too
@@ -92,6 +85,17 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
     def kind(self) -> np.dtype[Any]:
         """Precision of the motion."""
         return self.hybrid.zone.fine.u.dtype
+
+    def _merge_far(self) -> NDArray[np.int32]:
+        """Number the far nodes too; returns their rows (f,)."""
+        if not len(self._far):
+            return np.zeros(0, dtype=np.int32)
+        beneath, before = self.hybrid.beneath_far(self._far.astype(np.int64)), self.places
+        both = np.sort(np.concatenate([before, beneath]), kind="stable")  # two runs, which are merged
+        self.places = both[np.append(True, both[1:] != both[:-1])]
+        rows = np.searchsorted(self.places, before)
+        self._at_fine[:], self._at_coarse[:] = rows[self._at_fine], rows[self._at_coarse]
+        return np.searchsorted(self.places, beneath).astype(np.int32)
 
     def _counts(self) -> tuple[int, int]:
         """How many changes of cells there have been, and how many cells are coarse."""

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model.kd_trees import tree_of
 from pdmesh.model.neighbours import lengths, row_chunks
+from pdmesh.model.node_grid import Bodies, Grid
 from pdsolve.model import Model
 from pdsolve.operators.contact.drawn_faces import drawn_faces
 from pdsolve.operators.contact.kernel import Faces, Nodes, learn_faces, surface_nodes
@@ -30,14 +31,7 @@ class Joined:
         source, target = (np.concatenate(column) for column in zip(*ends, strict=True))
         x, delta, self._bodies = model.grid.position, model.grid.delta, model.grid.bodies
         if self._bodies is not None and self._bodies.rigid:
-            # With the nearest nodes of rigid bodies as if bonds joined them, for their normals
-            rows = np.flatnonzero(np.isin(self._bodies.number, self._bodies.rigid))
-            reach = NEAREST[x.shape[1]] * float(delta[rows].max())
-            pairs = rows[tree_of(x[rows]).query_pairs(reach, output_type="ndarray")].reshape(-1, 2)
-            i, j = pairs[self._bodies.moving_as_one(*pairs.T)].T
-            source, target = np.concatenate([source, i, j]), np.concatenate([target, j, i])
-            order = np.lexsort((target, source))
-            source, target = source[order], target[order]
+            source, target = _and_rigid(model.grid, self._bodies, source, target)
         once = source < target
         self._key = source[once] * self._nodes + target[once]
         self.intact = np.ones(len(self._key), dtype=np.bool_)
@@ -134,6 +128,19 @@ class Joined:
         number = self._found(source, target)
         key = np.minimum(source, target) * self._nodes + np.maximum(source, target)
         return np.asarray((self._key[number] == key) & self.intact[number] | as_one)
+
+
+def _and_rigid(
+    grid: Grid, bodies: Bodies, source: NDArray[np.int64], target: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Bonds, in order, with the nearest nodes of rigid bodies as if bonds joined them, for their normals."""
+    rows = np.flatnonzero(np.isin(bodies.number, bodies.rigid))
+    reach = NEAREST[grid.dimension] * float(grid.delta[rows].max())
+    pairs = rows[tree_of(grid.position[rows]).query_pairs(reach, output_type="ndarray")].reshape(-1, 2)
+    i, j = pairs[bodies.moving_as_one(*pairs.T)].T
+    source, target = np.concatenate([source, i, j]), np.concatenate([target, j, i])
+    order = np.lexsort((target, source))
+    return source[order], target[order]
 
 
 def candidates(

@@ -191,10 +191,7 @@ def place(bonds: Any, first: int, room: int, tables: Tables) -> Placed | None:
     count = len(bonds.start) - 1
     row = np.repeat(np.arange(count, dtype=np.int64), np.diff(bonds.start))
     blocks, vectors = -(-count // LANES), max(len(tables.keys), 1)
-    key_of, occurs = row // LANES * vectors + vector, np.zeros(blocks * vectors, dtype=bool)
-    occurs[key_of] = True
-    number = np.cumsum(occurs, dtype=np.int32) - np.int32(1)
-    slot, keys = number[key_of], np.flatnonzero(occurs)
+    slot, keys = _numbered(row // LANES * vectors + vector, blocks * vectors)
     lane = np.full((len(keys), LANES), -1, dtype=np.int32)
     lane[slot, row % LANES] = np.arange(len(row), dtype=np.int32)
     nodes = first + keys // vectors * LANES
@@ -369,6 +366,14 @@ def aligned(values: NDArray[Any], more: int = 0) -> NDArray[Any]:
 def _bits(mask: NDArray[np.uint64]) -> NDArray[np.bool_]:
     """The bits (s, 64) of masks (s,)."""
     return np.unpackbits(mask[:, None].view(np.uint8), axis=1, bitorder="little").view(np.bool_)
+
+
+def _numbered(keys: NDArray[np.int64], most: int) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+    """Numbers of the distinct keys, all below `most`, and the keys."""
+    occurs = np.zeros(most, dtype=bool)
+    occurs[keys] = True
+    number = np.cumsum(occurs, dtype=np.int32) - np.int32(1)
+    return number[keys], np.flatnonzero(occurs)
 
 
 class Distinct:

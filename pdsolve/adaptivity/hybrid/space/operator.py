@@ -136,7 +136,7 @@ class SpaceHybrid:
         self._place(state.value)
         zone, nodes, force, density = self._zone, len(self.sites), self._force, self._density
         force[:], density[:] = 0, 0
-        with self._breaking:  # those that break are noted
+        with self._breaking:
             self._sum_and_break(state, step, dt)
         nothing = room_for(ROW * len(zone.springs.offsets) + 1)
         of_state = state.rate, dt, 0, force, state.dissipated

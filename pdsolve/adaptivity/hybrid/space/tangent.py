@@ -12,7 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array, diags_array, eye_array, kron, vstack
 
+from pdsolve.lattice.sums import Tiles
 from pdsolve.operators.space_lattice import layout
+from pdsolve.operators.space_lattice.sites import Sites
 from pdsolve.operators.tangent import of_springs
 
 if TYPE_CHECKING:
@@ -26,12 +28,7 @@ def tangent_of(linked: Linked, value: NDArray[np.float64]) -> csr_array:
     u, last = points @ value, points.shape[0]
     matrix = csr_array((3 * last, 3 * last))
     for tiles, sites, rows, volume, share in (linked.bonds, linked.springs):
-        source, target, slot = layout.intact(sites, tiles.bits, rows)
-        xi, pull = layout.springs(tiles, sites, source, target, slot)
-        if share:
-            tile, lane = np.divmod(sites.site[source] - sites.margin, tiles.share.shape[2])
-            pull *= tiles.share[tile, slot, lane]
-        matrix += of_springs(source, target, xi, pull * volume[source], u)
+        matrix += _of_tiles(tiles, sites, rows, volume, u, share)
     near, far = (last - len(linked.points[0]) + linked.ends.astype(np.int64)).T
     pull = linked.stiffness * np.sqrt((linked.xi**2).sum(axis=1))
     for first, second, sign in ((near, far, 1.0), (far, near, -1.0)):
@@ -44,3 +41,20 @@ def _moved(rows: NDArray[np.int32], w: NDArray[np.float64], nodes: int) -> csr_a
     """Weights (k, nodes) of points that move with nodes `rows` (k, 4)."""
     where = np.repeat(np.arange(len(rows)), rows.shape[1]), rows.ravel()
     return coo_array((w.ravel(), where), (len(rows), nodes)).tocsr()
+
+
+def _of_tiles(
+    tiles: Tiles,
+    sites: Sites,
+    rows: NDArray[np.int64],
+    volume: NDArray[np.float64],
+    u: NDArray[np.float64],
+    share: bool,
+) -> csr_array:
+    """Minus the derivative of the forces, N, on points, of the bonds of `rows`; `volume` is what densities are of."""
+    source, target, slot = layout.intact(sites, tiles.bits, rows)
+    xi, pull = layout.springs(tiles, sites, source, target, slot)
+    if share:
+        tile, lane = np.divmod(sites.site[source] - sites.margin, tiles.share.shape[2])
+        pull *= tiles.share[tile, slot, lane]
+    return of_springs(source, target, xi, pull * volume[source], u)
