@@ -129,7 +129,13 @@ def advise(model: Model, unbonded: NDArray[np.int64], partial_cells: bool, symme
     if model.grid.lattice is None:
         _places(model, nearest(model))
     lonely = np.setdiff1d(unbonded, _cracks(model))
-    _lonely(model, lonely[~model.grid.rigid[lonely]] if model.grid.bodies is not None else lonely)
+    lonely = lonely[~model.grid.rigid[lonely]] if model.grid.bodies is not None else lonely
+    if len(lonely):
+        warn(
+            model,
+            f"$.nodes: {len(lonely)} have no bond, the first {named(model, int(lonely[0]))}; nothing holds such a"
+            " node back: give it neighbours within the horizon, inside the plate",
+        )
     _shapes(model)
     _probes(model)
     _coarse(model)
@@ -281,7 +287,19 @@ def _cracks(model: Model) -> NDArray[np.int64]:
     near = grid.chosen(None, [*(corners.min(axis=0) - reach), *(corners.max(axis=0) + reach)])
     chunks = np.split(near, range(AT_ONCE, len(near), AT_ONCE))
     if grid.dimension == 3:
-        return _faces(model, np.concatenate([_on_faces(grid, rows) for rows in chunks]))
+        triangles, hits = grid.cracks.reshape(-1, 3, 3), []
+        for rows in chunks:
+            part = grid.part(rows)
+            away = distances(part.position, triangles, ON * float(grid.delta.max()))
+            hits.append(rows[away < ON * part.delta])
+        on_faces = np.concatenate(hits)
+        if len(on_faces):
+            warn(
+                model,
+                f"$.notch runs through {len(on_faces)} nodes, the first {named(model, int(on_faces[0]))}; put it"
+                " between nodes: all bonds of such a node are cut",
+            )
+        return on_faces
     import shapely  # here, as a plate without cracks needs none
 
     segments = grid.cracks.reshape(-1, 2, 2)
@@ -306,24 +324,6 @@ def _cracks(model: Model) -> NDArray[np.int64]:
     return np.asarray(rows[hit])
 
 
-def _on_faces(grid: Grid, rows: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Rows (k,) among these of nodes that are on a pre-crack in a body."""
-    part = grid.part(rows)
-    away = distances(part.position, grid.cracks.reshape(-1, 3, 3), ON * float(grid.delta.max()))
-    return rows[away < ON * part.delta]
-
-
-def _faces(model: Model, hit: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Warn of the rows (k,) of nodes on a pre-crack in a body, and return them."""
-    if len(hit):
-        warn(
-            model,
-            f"$.notch runs through {len(hit)} nodes, the first {named(model, int(hit[0]))}; put it between nodes:"
-            " all bonds of such a node are cut",
-        )
-    return hit
-
-
 def _probes(model: Model) -> None:
     """Raise ModelError for a probe outside the plate or the body."""
     grid = model.grid
@@ -340,15 +340,6 @@ def _probes(model: Model) -> None:
         )
 
 
-def _lonely(model: Model, lonely: NDArray[np.int64]) -> None:
-    if len(lonely):
-        warn(
-            model,
-            f"$.nodes: {len(lonely)} have no bond, the first {named(model, int(lonely[0]))}; nothing holds such a"
-            " node back: give it neighbours within the horizon, inside the plate",
-        )
-
-
 def _shapes(model: Model) -> None:
     """Warn of plates that are only a few nodes wide."""
     grid, widest = model.grid, float(model.horizons.max())
@@ -361,21 +352,18 @@ def _shapes(model: Model) -> None:
             f"$.horizon is {widest:g} m in a plate of {extent:g} m; use less than half of it: every node is a"
             " surface node, and the plate too stiff",
         )
-    if _is_flat(grid, extent):
+    if grid.lattice is not None:
+        is_flat = min(grid.lattice.counts) == 1
+    else:
+        middle = grid.position - grid.position.mean(axis=0)
+        is_flat = bool(np.sqrt(np.linalg.eigvalsh(middle.T @ middle)[0].clip(min=0)) < ON * extent)
+    if is_flat:
         noun, plural = ("row", "rows") if model.grid.dimension == 2 else ("layer", "layers")
         warn(
             model,
             f"$.nodes: all {len(grid)} are in one {noun}; use several {plural}: bonds along a {noun} do not resist"
             " motion across it",
         )
-
-
-def _is_flat(grid: Grid, extent: float) -> bool:
-    """Whether all nodes are in one row of a plate, or in one layer of a body."""
-    if grid.lattice is not None:
-        return min(grid.lattice.counts) == 1
-    middle = grid.position - grid.position.mean(axis=0)
-    return bool(np.sqrt(np.linalg.eigvalsh(middle.T @ middle)[0].clip(min=0)) < ON * extent)
 
 
 def advise_damped(model: Model, damped: float, put_in: float) -> None:

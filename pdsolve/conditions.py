@@ -202,6 +202,8 @@ def drive(
     """
     d, nodes = model.grid.dimension, len(model.grid)
     begin, end, _ = local_rows.indices(nodes)
+    # fine nodes everywhere, and bonds that know of shared loads
+    loads_are_shared = exact_total and model.settings.run.adapt == "none" and is_corrected(model)
     profiles: list[Sequence[tuple[float, float]]] = []
     loads: list[Entries] = []
     holds: list[Entries] = []
@@ -210,7 +212,7 @@ def drive(
             continue
         rows, number = model.selected(condition), len(profiles)
         rows = rows[(rows >= begin) & (rows < end)]
-        if isinstance(condition, Load) and condition.shares is not None and not (exact_total and _fine(model)):
+        if isinstance(condition, Load) and condition.shares is not None and not loads_are_shared:
             rows = rows[shares_of(condition, model.grid.ids[rows]) == 1.0]  # the first row alone, as a load without
             condition = msgspec.structs.replace(condition, shares=None)
         profiles.append(() if isinstance(condition, Spring | Pin) else condition.profile)
@@ -317,11 +319,6 @@ def initial_acceleration(drive: Drive, rho: NDArray[np.floating]) -> NDArray[np.
         prescribed = holds.value[e] * factor_now(drive.profiles, holds.profile[e], 0.0)
         acceleration[holds.node[e], holds.axis[e]] = prescribed if holds.kind[e] == ACCELERATION else 0.0
     return acceleration
-
-
-def _fine(model: Model) -> bool:
-    """Whether a model has fine nodes everywhere and bonds that know of shared loads."""
-    return model.settings.run.adapt == "none" and is_corrected(model)
 
 
 def is_corrected(model: Model) -> bool:

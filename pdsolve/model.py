@@ -107,7 +107,11 @@ class Model:
         except GridError as error:
             raise ModelError(str(error)) from None
         if not self.diffuses:
-            self._check_planes()
+            refused, what = ("space", "a plate") if self.grid.dimension == 2 else ("strain", "a body in space")
+            assert self.settings.material is not None
+            if self.settings.material.plane == refused:
+                expected = "stress or strain" if self.grid.dimension == 2 else "space"
+                raise ModelError(f"{self.name}: $.material.plane is '{refused}'; use {expected} in {what}")
         for number, region in enumerate(self.settings.regions):
             for name in ("plane", "sight", "gamma"):
                 value, elsewhere = (getattr(material, name) for material in (region.material, self.settings.material))
@@ -184,7 +188,14 @@ class Model:
             tuple(condition for condition in self.settings.conditions if isinstance(condition, OfDiffusion)),
             self.settings.run,
         )
-        mine = (*self._unstressed(), *mine)
+        assert self.settings.material is not None
+        # nodes begin with the contents T0 of the materials where no condition says another
+        every = self.grid.dimension * (-LARGEST,) + self.grid.dimension * (LARGEST,)
+        unstressed = [InitialConcentration(box=every, value=self.settings.material.T0 or 0.0)]
+        for region in self.settings.regions:
+            value = region.material.T0 or 0.0
+            unstressed.append(InitialConcentration(nodes=region.nodes, box=region.box, value=value))
+        mine = (*unstressed, *mine)
         steps = Run(time_step=time_step, steps=run.steps, every=run.every, ledger=run.ledger)
         if run.solver == "static":
             steps = msgspec.structs.replace(steps, solver="implicit", theta=run.theta)
@@ -193,29 +204,19 @@ class Model:
         medium = msgspec.structs.replace(self.settings.medium, broken=1.0, deformation=False)
         return self._part(physics="diffusion", medium=medium, material=None, regions=(), conditions=mine, run=steps)
 
-    def _unstressed(self) -> Iterator[InitialConcentration]:
-        """The contents T0 of the materials, which nodes begin with where no condition says another."""
-        assert self.settings.material is not None
-        every = self.grid.dimension * (-LARGEST,) + self.grid.dimension * (LARGEST,)
-        yield InitialConcentration(box=every, value=self.settings.material.T0 or 0.0)
-        for region in self.settings.regions:
-            yield InitialConcentration(nodes=region.nodes, box=region.box, value=region.material.T0 or 0.0)
-
     def _part(self, **settings: Any) -> Model:
         return replace(self, settings=msgspec.structs.replace(self.settings, **settings))
 
-    def _check_planes(self) -> None:
-        refused, what = ("space", "a plate") if self.grid.dimension == 2 else ("strain", "a body in space")
-        assert self.settings.material is not None
-        if self.settings.material.plane == refused:
-            expected = "stress or strain" if self.grid.dimension == 2 else "space"
-            raise ModelError(f"{self.name}: $.material.plane is '{refused}'; use {expected} in {what}")
-
     def _check_places(self) -> None:
-        if _ascend(self.grid.position):
+        position = self.grid.position
+        above = np.zeros(max(len(position) - 1, 0), dtype=np.bool_)
+        for along in position.T:  # what a later one says counts more
+            step = np.diff(along)
+            above = (step > 0) | (step == 0) & above
+        if above.all():  # places are in order, the last coordinate first, and none is there twice
             return
-        order = np.lexsort(self.grid.position.T)
-        same = (np.diff(self.grid.position[order], axis=0) == 0).all(axis=1)
+        order = np.lexsort(position.T)
+        same = (np.diff(position[order], axis=0) == 0).all(axis=1)
         if same.any():
             at = int(same.argmax())
             first, second = sorted(self.grid.ids[order[at : at + 2]].tolist())
@@ -312,15 +313,6 @@ class Model:
         return encode(document_of(self.grid, self.settings)).decode()
 
 
-def _ascend(position: NDArray[np.float64]) -> bool:
-    """Whether places (n, d) are in order, the last coordinate first, and none is there twice."""
-    above = np.zeros(max(len(position) - 1, 0), dtype=np.bool_)
-    for along in position.T:  # what a later one says counts more
-        step = np.diff(along)
-        above = (step > 0) | (step == 0) & above
-    return bool(above.all())
-
-
 def on_device(model: Model, device: str) -> Model:
     """The model, whose bonds another device sums. Raises ModelError for one of no such name, or that cannot."""
     settings = overlaid(model.settings, Path(model.name), assignments=[("run.device", f'"{device}"')])
@@ -344,21 +336,16 @@ def read_model(path: FilePath, settings: FilePath | None = None, assignments: Se
     space = document.version == SPACE_VERSION
     merged = overlaid(settings_of(document), path, settings, assignments, 3 if space else 2)
     if space:
-        _refuse_planes(path, settings, assignments)
+        layers = [] if settings is None else [_read_toml(settings)]
+        layers += [_nested(name, _toml_value(name, text)) for name, text in assignments]
+        for layer in layers:
+            material = layer.get("material")
+            plane = material.get("plane", "space") if isinstance(material, dict) else "space"
+            if plane != "space":
+                raise ModelError(f"{path}: material.plane is '{plane}'; use space, or none, in a body in space")
     grid = grid_of(document, str(path))
     examine(grid, str(path))
     return Model(grid, merged, str(path))
-
-
-def _refuse_planes(path: Path, settings: Path | None, assignments: Sequence[tuple[str, str]]) -> None:
-    """Raise ModelError if settings give a body in space a `material.plane` other than space."""
-    layers = [] if settings is None else [_read_toml(settings)]
-    layers += [_nested(name, _toml_value(name, text)) for name, text in assignments]
-    for layer in layers:
-        material = layer.get("material")
-        plane = material.get("plane", "space") if isinstance(material, dict) else "space"
-        if plane != "space":
-            raise ModelError(f"{path}: material.plane is '{plane}'; use space, or none, in a body in space")
 
 
 def overlaid(

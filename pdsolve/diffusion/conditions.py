@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.document import Concentration, Exchange, InitialConcentration, Solid, Source, Timed
+from pdmesh.model.document import Concentration, Exchange, InitialConcentration, Solid, Source
 from pdmesh.model.values_of_place import Value
 from pdsolve.conditions import Drive, Entries, chosen, drive_of, entries, held, hold_values
 from pdsolve.diffusion.edge_fluxes import Cloud, beside_edge, over_cells
@@ -88,7 +88,8 @@ def boundary_conditions(model: Model, volume: NDArray[np.float64]) -> BoundaryCo
         profiles.append(condition.profile)
         if isinstance(condition, Concentration):
             most = float(np.max(model.values(condition.value, rows)))
-            _possible(model, f"$.conditions[{number}].value", _largest(most, condition))
+            most *= max((at for _, at in condition.profile), default=1.0)
+            _possible(model, f"$.conditions[{number}].value", most)
             if condition.edge is not None and _has_edges(model):
                 rows, faces = _edge(model, number, condition, len(at_edges))
                 edges.append(faces)
@@ -156,10 +157,6 @@ def _edge(model: Model, number: int, condition: Concentration, edge: int) -> tup
     area = delta ** (len(axes) - 1)
     edge_and_beyond = np.full(len(rows), edge), np.zeros(len(rows))
     return rows[on], Faces(middle[:, axes], normal[:, axes], area, *edge_and_beyond).chosen(first)
-
-
-def _largest(value: float, condition: Timed) -> float:
-    return value * max((at for _, at in condition.profile), default=1.0)
 
 
 def _possible(model: Model, place: str, value: float) -> None:

@@ -72,25 +72,13 @@ class Swelling:
 
     def begin(self, state: State) -> None:
         """Let heat of deformation count from the stress of this state on."""
-        if self._capacity is not None:
-            self._h.second[:, 0] = self._slope(state)
-
-    def _slope(self, state: State) -> NDArray[np.float64]:
-        """The derivative (n,) of energies by the strain of free nodes, J/m^3: minus the trace of stress."""
+        if self._capacity is None:
+            return
+        # The derivative of energies by the strain of free nodes, J/m^3: minus the trace of stress
         strain = self._strain()
         more, less = self._held(state, strain + SMALL), self._held(state, strain - SMALL)
         self._bonds.swell(strain)
-        return (more - less) / (2 * SMALL)
-
-    def _deform(self, state: State) -> None:
-        """Heat the free nodes by the change of stress since this was done last; booked as supplied."""
-        if self._capacity is None:
-            return
-        before = self._h.second[:, 0].copy()
-        self.begin(state)
-        change = np.where(self._free, self._T0 * self._alpha / self._capacity * (self._h.second[:, 0] - before), 0.0)
-        self._h.value[:, 0] += change
-        self._h.work[:] += change
+        self._h.second[:, 0] = (more - less) / (2 * SMALL)
 
     def clamped(self, state: State) -> NDArray[np.float64]:
         """The energy densities (n,) that bonds would hold at no displacement, J/m^3: what heat can do at most."""
@@ -121,8 +109,14 @@ class Swelling:
         strain_energy = self._held(state, before) if strain_energy is None else strain_energy
         if self._broken is not None:
             self._broken.update(self._content)
-        if not (rests and step == 1):  # before which nothing is strained
-            self._deform(state)
+        if self._capacity is not None and not (rests and step == 1):  # before which nothing is strained
+            # heat of deformation, by the change of stress since this was done last; booked as supplied
+            previous_slope = self._h.second[:, 0].copy()
+            self.begin(state)
+            slope_change = self._h.second[:, 0] - previous_slope
+            change = np.where(self._free, self._T0 * self._alpha / self._capacity * slope_change, 0.0)
+            self._h.value[:, 0] += change
+            self._h.work[:] += change
         self._content.march(self._h, (step - 1) // self.cycle + 1, (step - 1) // self.cycle + 2)
         strain = self._strain()
         state.work[:] += (self._held(state, strain) - strain_energy) / 2

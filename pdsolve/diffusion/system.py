@@ -70,7 +70,11 @@ def prepare(model: Model, threads: int | None = None, listed: bool = False) -> t
     bonds = (lambda: stored.bonds) if run.adapt == "collocation" else partial(Families, model)
     if done.fluxes:
         inside = Fick(stored.exchange, bonds, medium, None, change)
-        done = with_fluxes(done, _cloud(stored.bonds, inside))
+        x, around = stored.bonds.position, (stored.bonds.delta, stored.bonds.reach, stored.bonds.diffusivity)
+        gain = np.zeros(x.T.shape)  # of nodes in linear fields
+        for rates, along in zip(gain, x.T, strict=True):
+            inside.rates(np.ascontiguousarray(along), rates)
+        done = with_fluxes(done, Cloud(x, inside.volume, *around, inside.volume[:, None] * gain.T))
     operator, drive = Fick(stored.exchange, bonds, medium, done.exchange, change), done.drive()
     content, operator.solid = begin(model, drive)
     most = bound(operator, done.free)
@@ -83,15 +87,6 @@ def prepare(model: Model, threads: int | None = None, listed: bool = False) -> t
     transport = Transport(counted(model, step), operator, drive, done.free, *steps, *of, held=prescribed_amount)
     second, (rate, dissipated, work, damped) = np.zeros((len(content), 0)), np.zeros((4, len(content)))
     return transport, State(content[:, None], rate[:, None], second, dissipated, work, damped)
-
-
-def _cloud(bonds: Bonds, operator: Fick) -> Cloud:
-    """The nodes, and what they gain in linear fields."""
-    x, volume = bonds.position, operator.volume
-    gain = np.zeros(x.T.shape)
-    for rates, along in zip(gain, x.T, strict=True):
-        operator.rates(np.ascontiguousarray(along), rates)
-    return Cloud(x, volume, bonds.delta, bonds.reach, bonds.diffusivity, volume[:, None] * gain.T)
 
 
 def expect_usual(model: Model, options: Options) -> None:

@@ -74,11 +74,6 @@ def torn_stiffness(law: Columns, start: NDArray[np.float64]) -> NDArray[np.float
     return STIFFENS * start
 
 
-def scale(law: Columns, bonds: Bonds) -> NDArray[np.float64]:
-    """Relative stiffness of nodes (n,), N/m^4."""
-    return correspondence.scale(law, bonds)  # type: ignore[arg-type]
-
-
 def rows(law: Columns, dimension: int) -> int:
     """Width of `m`: A, H, sigma, J, as in `correspondence`."""
     return 2 * dimension**2 + (4 if dimension == 2 else 6) + 1
@@ -237,7 +232,7 @@ LAW = Law(
     passes=Passes(pull, gather, close),
     energy=energy,
     width=rows,
-    scale=scale,
+    scale=correspondence.scale,
     failure=Failure(alert, fails),
     again=Again(gather_again, close_again),
     mend=mend,

@@ -236,11 +236,6 @@ def pair_of(law: Any) -> Pair:
     return _pairs[getattr(law, "instance_class", type(law))]
 
 
-def functions_of(law: Law) -> dict[str, Function]:
-    """The functions of a law by the names of this file, with defaults for those it does not have."""
-    return _functions(law)
-
-
 def bind(law: Law) -> None:
     """Bind the functions of a law to its columns' type; numba keeps them for the life of the process."""
     kind = law.Columns
@@ -248,7 +243,7 @@ def bind(law: Law) -> None:
         return
     # numba calls what it compiles after the names of types: two laws of the same columns would be one
     kind.__name__ = f"{kind.__module__}.{kind.__name__}".replace(".", "_")
-    said = _bound[kind] = _functions(law)
+    said = _bound[kind] = functions_of(law)
     if law.pair is not None:
         _pairs[kind] = law.pair
     for options, functions in _DISPATCHED:
@@ -257,8 +252,8 @@ def bind(law: Law) -> None:
                 _overload(function, options, kind, said[function.__name__])
 
 
-def _functions(law: Law) -> dict[str, Function]:
-    """The functions of a law, with defaults for those it does not have."""
+def functions_of(law: Law) -> dict[str, Function]:
+    """The functions of a law by the names of this file, with defaults for those it does not have."""
     passes = law.passes
     functions: dict[str, Function] = {"energy": law.energy, "age": law.age or _remember_nothing}
     if isinstance(passes, Passes):

@@ -126,16 +126,6 @@ def mend(law: Columns, bonds: AnyList, rows: NDArray[np.int64]) -> None:
     law.slip[:, intact_bonds.which] = slip - np.einsum("kab,bk->ak", linear, xi)
 
 
-def torn_stiffness(law: Columns, start: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Bound of the stiffness (n,) of nodes that have lost bonds, N/m^4."""
-    return correspondence.torn_stiffness(law, start)  # type: ignore[arg-type]
-
-
-def scale(law: Columns, bonds: Bonds) -> NDArray[np.float64]:
-    """Relative stiffness of nodes (n,), N/m^4."""
-    return correspondence.scale(law, bonds)  # type: ignore[arg-type]
-
-
 def width(law: Columns, dimension: int) -> int:
     """Width of `m`: A, c R Z R^T, c R Z, and H, sigma, J as in `correspondence`, c, 4 mu psi."""
     return 4 * dimension**2 + (4 if dimension == 2 else 6) + 3
@@ -322,10 +312,10 @@ LAW = Law(
     passes=Sums(numbers, nothing, accumulate, close, nodal_numbers, bond_force),
     energy=energy,
     width=width,
-    scale=scale,
+    scale=correspondence.scale,
     failure=Failure(alert, fails),
     nodes=NodeMemory(("history", "slip"), remember, hold),
     mend=mend,
-    torn_stiffness=torn_stiffness,
+    torn_stiffness=correspondence.torn_stiffness,
     fields=fields,
 )

@@ -71,11 +71,6 @@ def mend(law: Columns, bonds: AnyList, rows: NDArray[np.int64]) -> None:
     law.inverse[rows[law.share[rows] == 0]] = 0
 
 
-def scale(law: Columns, bonds: Bonds) -> NDArray[np.float64]:
-    """Relative stiffness of nodes (n,), N/m^4."""
-    return correspondence.scale(law, bonds)
-
-
 def rows(law: Columns, dimension: int) -> int:
     """Width of `m`: A, Z, and H, sigma, J as in `correspondence`."""
     return 3 * dimension**2 + (4 if dimension == 2 else 6) + 1
@@ -194,11 +189,6 @@ def standing(law: Columns, rows: NDArray[np.int64]) -> NDArray[np.floating]:
     return np.vstack([law.inverse[rows].T, first, shear, share, np.ceil(share), *Z])
 
 
-def by_lanes(law: Columns) -> bool:
-    """Whether nodes can be finished in lanes: all of one solid without a history."""
-    return correspondence.by_lanes(law)
-
-
 def finish(law, sums, node_constants):  # type: ignore[no-untyped-def]
     H, P, s, J = closed(law, sums[:4], node_constants)
     Z = node_constants[8:]
@@ -258,10 +248,10 @@ LAW = Law(
     passes=Sums(numbers, nothing, accumulate, close, nodal_numbers, bond_force),
     energy=energy,
     width=rows,
-    scale=scale,
+    scale=correspondence.scale,
     failure=Failure(alert, fails),
     nodes=NodeMemory(("history",), remember, hold),
-    lanes=Lanes(finish, nears, tabled, standing, by_lanes),
+    lanes=Lanes(finish, nears, tabled, standing, correspondence.by_lanes),
     mend=mend,
     torn_stiffness=correspondence.torn_stiffness,
     fields=fields,

@@ -50,7 +50,11 @@ class BondList:
         self.unknowns: tuple[Unknown, ...] = law.unknowns(bonds.xi.shape[1])
         self.law, self._bonds, self._model = law, bonds, model
         columns = law.columns(model, exact)
-        self._stiffness_bound = self._bound(law, columns, exact)
+        if law.scale is None:
+            self._stiffness_bound = stiffness_bound(exact, columns.stiffness, symmetric)
+        else:
+            self._take(columns, exact)
+            self._stiffness_bound = self._resistance(law, exact)
         self._take(columns if precision == "float64" else law.columns(model, bonds), bonds)
         self._failing = np.zeros(len(bonds.neighbour), dtype=np.bool_)
 
@@ -58,13 +62,6 @@ class BondList:
         """Replace the columns and the bonds."""
         self.columns = columns if self.law.pair is None else columns._replace(matches_work=self.law.matches_work)
         self._list: AnyList = list_of(bonds)
-
-    def _bound(self, law: Law, columns: Any, exact: Bonds) -> NDArray[np.float64]:
-        """Bound of each node's stiffness at rest, N/m^4, from bonds in double precision and their columns."""
-        if law.scale is None:
-            return stiffness_bound(exact, columns.stiffness, self.symmetric)
-        self._take(columns, exact)
-        return self._resistance(law, exact)
 
     def _resistance(self, law: Law, bonds: Bonds) -> NDArray[np.float64]:
         """Bound of each node's stiffness, N/m^4, with the intact bonds, of a law with a first pass."""

@@ -123,15 +123,18 @@ def stencil_of(ratio: float, J: NDArray[np.float64], dimension: int) -> Stencil:
     belong to independent sublattices. A share of a compact stencil, also exact for quadratics, couples them. (Including
     nearest nodes in the stencil would make the symbol negative.)
     """
-    xi = _nodes(ratio, dimension)
+    usual = PARTS[dimension]
+    # an auxiliary lattice that coincides with nodes if possible
+    xi = chosen(ratio, dimension, next((n for n in (usual, 3) if ratio >= n and ratio % n == 0), usual))
     apart = int(np.gcd.reduce(xi, axis=None))
+    waves = 2 * np.pi / WAVES[dimension] * np.eye(dimension)  # the longest ones considered
     for alpha in ALPHAS:
         try:
             candidate = stencil(xi // apart, J, alpha)
         except StencilError as error:
             refused = error
             continue
-        if candidate.least < SOFT * _long(candidate):
+        if candidate.least < SOFT * np.linalg.eigvalsh(symbols(candidate.xi, candidate.theta, waves)).min():
             refused = StencilError(
                 f"stencil: {len(xi)} nodes with alpha {alpha} are soft to some wave; use a smaller alpha"
             )
@@ -141,19 +144,6 @@ def stencil_of(ratio: float, J: NDArray[np.float64], dimension: int) -> Stencil:
             near = _summed(ball(COMPACT, dimension), J, NEAR)
             return _checked(*_mixed(_summed(xi, J, alpha), near), f"alpha {alpha}")
     raise refused
-
-
-def _nodes(ratio: float, dimension: int) -> NDArray[np.int64]:
-    """The usual nodes, of an auxiliary lattice that coincides with nodes if possible."""
-    usual = PARTS[dimension]
-    return chosen(ratio, dimension, next((n for n in (usual, 3) if ratio >= n and ratio % n == 0), usual))
-
-
-def _long(stencil: Stencil) -> float:
-    """The smallest eigenvalue of the longest waves considered."""
-    d = stencil.xi.shape[1]
-    waves = 2 * np.pi / WAVES[d] * np.eye(d)
-    return float(np.linalg.eigvalsh(symbols(stencil.xi, stencil.theta, waves)).min())
 
 
 def longest(stencil: Stencil, spacing: float, rho: float) -> float:

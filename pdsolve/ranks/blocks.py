@@ -70,7 +70,9 @@ def _numbered(filling: Filling, slab: Slab, tables: Tables, bond_survey: Seen) -
     all_slots, room = [], room_of(slab.nodes)
     for first in range(*slab.chunks, ROWS):
         last = min(first + ROWS, slab.chunks[1])
-        part = _in_whole(filling.part(np.arange(first, last) - slab.begin), slab)
+        part = filling.part(np.arange(first, last) - slab.begin)
+        bonds = part.bonds._replace(neighbour=part.bonds.neighbour + np.int32(slab.begin))
+        part = part._replace(first=part.first + slab.begin, bonds=bonds)  # rows of the whole grid
         slots = slots_of(part.bonds, part.first, room, tables)
         if slots is None:
             return None
@@ -83,12 +85,6 @@ def _numbered(filling: Filling, slab: Slab, tables: Tables, bond_survey: Seen) -
         assert slots is not None
         all_slots.append(slots)
     return all_slots
-
-
-def _in_whole(part: Part, slab: Slab) -> Part:
-    """A part whose rows are those of the whole grid."""
-    bonds = part.bonds._replace(neighbour=part.bonds.neighbour + np.int32(slab.begin))
-    return part._replace(first=part.first + slab.begin, bonds=bonds)
 
 
 def rows_of(part: Part, first: int, last: int) -> Part:

@@ -3,7 +3,7 @@ its window with every order."""
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -96,15 +96,10 @@ def build(team: Team, starts: NDArray[np.int64], dt: float, share: tuple[Slab, C
 def march(team: Team, first: int, last: int, share: Share) -> Share:
     """Take the steps `first` to `last` - 1; returns what has become of own nodes."""
     part: DiffusingPart = team.part
-    state = State(*(_owned(values) for values in share.state))
+    state = State(*map(np.array, share.state))  # copies: rank 0 shares rows of its own arrays with itself
     part.operator.solid, part.drive.force[:] = share.solid, share.force
     part.stepper.march(state, first, last)
     own_rows = part.own
     return Share(
         State(*(values[own_rows] for values in state)), part.operator.solid[own_rows], part.drive.force[own_rows]
     )
-
-
-def _owned(values: NDArray[Any]) -> NDArray[Any]:
-    """A copy: rank 0 shares rows of its own arrays with itself."""
-    return np.array(values)

@@ -34,25 +34,20 @@ class GhostExchange:
 
     def fill(self, values: NDArray[Any]) -> None:
         """Set the ghosts' columns of `values` (w, m) to those of their owners."""
+        from mpi4py import MPI
+
         began = clock.perf_counter()
         comm, wide = self._comm, len(values)
         room = [np.empty((wide, _length(rows)), values.dtype) for _, rows in self._in]
         waits = [comm.Irecv(into, rank, EXCHANGED) for into, (rank, _) in zip(room, self._in, strict=True)]
         sent = [np.ascontiguousarray(values[:, rows]) for _, rows in self._out]
         waits += [comm.Isend(values, rank, EXCHANGED) for values, (rank, _) in zip(sent, self._out, strict=True)]
-        _wait(waits, began)
+        while not MPI.Request.Testall(waits):
+            if clock.perf_counter() > began + SPIN:  # the processor is not taken from others for long
+                clock.sleep(NAP)
         for into, (_, rows) in zip(room, self._in, strict=True):
             values[:, rows] = into
         self.seconds += clock.perf_counter() - began
-
-
-def _wait(waits: list[Any], began: float) -> None:
-    """Wait until all messages have gone through, without taking the processor from others for long."""
-    from mpi4py import MPI
-
-    while not MPI.Request.Testall(waits):
-        if clock.perf_counter() > began + SPIN:
-            clock.sleep(NAP)
 
 
 def _rows(rows: NDArray[np.int64]) -> NDArray[np.int64] | slice:

@@ -9,7 +9,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.document import Lattice
 from pdmesh.model.neighbours import ROUND_OFF, ROWS, Neighbours
 from pdmesh.model.node_grid import Grid
 from pdsolve.model import Model, ModelError
@@ -88,14 +87,9 @@ def _slab(grid: Grid, first: int, last: int, around: float) -> Slab:
     near = grid.chosen(None, [*(own_positions.min(axis=0) - around), *(own_positions.max(axis=0) + around)])
     begin, end = int(near[0]), int(near[-1]) + 1
     if grid.lattice is not None and grid.dimension == 3:
-        begin -= begin % _layers(grid.lattice)
+        # the fewest layers of a box that fill blocks and tiles of the kernels: the window then has those of the whole
+        layer = grid.lattice.columns * grid.lattice.rows
+        begin -= begin % (LANES // math.gcd(LANES, layer) * layer)
     else:
         begin = max(begin // LANES - 1, 0) * LANES
     return Slab(first, last, begin, min((-(-end // LANES) + 1) * LANES, nodes), chunks, nodes)
-
-
-def _layers(lattice: Lattice) -> int:
-    """Nodes of the fewest layers of a box that fill blocks and tiles of the kernels: a window that begins with them has
-    those of the whole."""
-    layer = lattice.columns * lattice.rows
-    return LANES // math.gcd(LANES, layer) * layer

@@ -42,7 +42,12 @@ class Splitting:
         """Split and merge cells after `step`; None if all stay."""
         operator, wanted = leaves(system), self.settings
         energy, before = operator.energies(state)[0], Before(operator.list, operator.steps())
-        look = self._look(system, state, energy, before)
+        if wanted.by == "energy":
+            height = criteria.heights(self.tree, operator.cells, energy, self._critical)
+        else:
+            height = criteria.stretches(self.tree, operator.cells, operator.list, before.broken, state.value)
+        model = system.model
+        look = criteria.Look(operator.cells, model.grid.position, model.horizons, height, before.hurt)
         operator.memory = operator.memory._replace(
             calm=np.where(look.height < wanted.merge, operator.memory.calm + 1, 0)
         )
@@ -52,15 +57,6 @@ class Splitting:
             return None
         cells, transfer = transfer_of(self.tree, operator.cells, splits, merged)
         return self._changed(system, state, step, (cells, transfer), (before, energy))
-
-    def _look(self, system: System, state: State, energy: NDArray[np.float64], before: Before) -> criteria.Look:
-        """State of nodes with energy densities `energy` (n,), J/m^3, for the criteria."""
-        operator, model = leaves(system), system.model
-        if self.settings.by == "energy":
-            height = criteria.heights(self.tree, operator.cells, energy, self._critical)
-        else:
-            height = criteria.stretches(self.tree, operator.cells, operator.list, before.broken, state.value)
-        return criteria.Look(operator.cells, model.grid.position, model.horizons, height, before.hurt)
 
     def _changed(
         self,

@@ -139,17 +139,15 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
     if splits:
         plan = plan._replace(most=most, memory=plan.memory + round((SPLITTING - LISTED) * plan.bonds))
     if in_blocks and model.grid.dimension == 3 and not plan.at_rest:
-        plan = _in_tiles(plan, model, options)
+        bytes_per_node = IN_SPACE if model.grid.lattice is None else LATTICE[options.precision]
+        memory = round(MEMORY[options.mode][0] + bytes_per_node * len(model.grid))
+        plan = plan._replace(wall_time=TILED * plan.wall_time, memory=memory)  # of a body in tiles
     if along_path:
         plan = plan._replace(wall_time=_path_time(system, plan), along_path=True)
     if cycle is not None:
         plan = plan._replace(wall_time=(1 + SWELLING / cycle) * plan.wall_time)
-    return _with_zone(plan, model) if moves else plan
-
-
-def _with_zone(plan: Plan, model: Model) -> Plan:
-    """The plan of a plate, or a body, with a zone on this model of the nodes at the start."""
-    return plan._replace(finest=int(np.isclose(model.grid.delta, model.grid.delta.min()).sum()))
+    grid = model.grid  # with a moving zone that of the start
+    return plan._replace(finest=int(np.isclose(grid.delta, grid.delta.min()).sum())) if moves else plan
 
 
 def _path_steps(run: Run) -> int:
@@ -170,13 +168,6 @@ def _path_time(system: System, plan: Plan) -> float:
     across = min(float(np.ptp(grid.position, axis=0).min() / np.median(grid.delta)) + 1, plan.nodes**0.5)  # nodes
     step_time = STEPPED + STEPPED_BOND * plan.bonds * width**2 + STEPPED_FACTORS * plan.nodes * across**2 * width**3
     return slower() * float(BEGIN + plan.steps * step_time)
-
-
-def _in_tiles(plan: Plan, model: Model, options: Options) -> Plan:
-    """The plan of a plate's blocks as that of a body in tiles."""
-    bytes_per_node = IN_SPACE if model.grid.lattice is None else LATTICE[options.precision]
-    memory = round(MEMORY[options.mode][0] + bytes_per_node * len(model.grid))
-    return plan._replace(wall_time=TILED * plan.wall_time, memory=memory)
 
 
 def _diffusing(model: Model, options: Options) -> Plan:

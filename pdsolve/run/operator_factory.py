@@ -77,8 +77,13 @@ def _on_device(
     model: Model, options: Options, scheme: Scheme, filling: Filling, law: Law, statistics: BondStatistics
 ) -> tuple[Operator, Counted]:
     """The operator of bonds that are in no tiles on a device. Raises ModelError."""
-    if law.lanes is not None:
-        return _families_on_device(model, options, scheme, filling, law, statistics)
+    if law.lanes is not None:  # a law of families
+        bonds = listed(statistics.parts(), filling.area).bonds
+        where = state_based.placed(law, bonds)
+        if where is None:
+            raise ModelError(f"{model.name}: $.run.device: nodes are on no lattice; use cpu, or nodes on one")
+        of = law, model, bonds, scheme.symmetric, options.precision, where
+        return FamiliesOnDevice(*of, Session(model.settings.run.device)), statistics.counted(filling.area)
     if law.pair is None or law.pair.held is not None:
         raise ModelError(f"{model.name}: $.run.device: the law is no straight line; use cpu for such a law")
     session, kind = Session(model.settings.run.device), np.dtype(options.precision).type
@@ -92,18 +97,6 @@ def _on_device(
         raise ModelError(f"{model.name}: $.run.device: nodes are on no lattice; use cpu, or nodes on one")
     operator = PlaneOnDevice(law, blocks, statistics.stiffness_bound, scheme.symmetric, statistics.softens, session)
     return operator, statistics.counted(filling.area)
-
-
-def _families_on_device(
-    model: Model, options: Options, scheme: Scheme, filling: Filling, law: Law, statistics: BondStatistics
-) -> tuple[Operator, Counted]:
-    """The operator of families on a device. Raises ModelError."""
-    bonds = listed(statistics.parts(), filling.area).bonds
-    where = state_based.placed(law, bonds)
-    if where is None:
-        raise ModelError(f"{model.name}: $.run.device: nodes are on no lattice; use cpu, or nodes on one")
-    of = law, model, bonds, scheme.symmetric, options.precision, where
-    return FamiliesOnDevice(*of, Session(model.settings.run.device)), statistics.counted(filling.area)
 
 
 def held_by_ground(model: Model, volume: NDArray[np.float64], bonds: Operator) -> Operator:

@@ -101,15 +101,13 @@ def checkpoint(system: System, state: State) -> dict[str, NDArray[Any]]:
     if isinstance(system.stepper, SteppedRest):
         arrays |= system.stepper.keep()
     crack_arrays = {} if system.growth is None else system.growth.keep()
-    checkpoint_arrays = {name: _copied(values) for name, values in arrays.items()} | of_bonds | crack_arrays
+    copies = {  # zeros alone, which the system makes when they are read, take no memory
+        name: values.copy() if values.any() else np.zeros_like(values) for name, values in arrays.items()
+    }
+    checkpoint_arrays = copies | of_bonds | crack_arrays
     for prepared in system.beside:
         checkpoint_arrays |= {_of(prepared.system, name): values for name, values in checkpoint(*prepared).items()}
     return checkpoint_arrays
-
-
-def _copied(values: NDArray[Any]) -> NDArray[Any]:
-    """A copy; zeros alone, which the system makes when they are read, take no memory."""
-    return values.copy() if values.any() else np.zeros_like(values)
 
 
 def _of(system: System, name: str) -> str:

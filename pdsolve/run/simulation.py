@@ -47,7 +47,7 @@ from pdsolve.run.prepare import prepare
 from pdsolve.run.recorder import Past, Recorder, restore
 from pdsolve.run.static_start import started
 from pdsolve.run.summary import meta, summary
-from pdsolve.run.system import Prepared, System
+from pdsolve.run.system import System
 from pdsolve.state import State
 from pdsolve.steppers.equilibrium import UnsettledError
 from pdsolve.steppers.load_steps import Going
@@ -143,7 +143,10 @@ def _solve(model: Model, options: Options, request: Request) -> Results:
 def _noted(model: Model, options: Options, request: Request) -> tuple[Recorder, Request]:
     """The records of a run that begins, which alone keep its system and its state."""
     with stopping.patience(stopping.AT_ONCE) if request.sooner else nullcontext():  # where a run before was saved
-        prepared = _prepared(model, options)
+        if options.team is None or model.diffuses:
+            prepared = prepare(model, options)
+        else:
+            prepared = on_ranks.prepare(model, options, options.team)
     if has_initial_displacement(model):
         prepared = displaced(prepared)
     system, state = started(prepared) if model.settings.run.start == "static" else prepared
@@ -152,13 +155,6 @@ def _noted(model: Model, options: Options, request: Request) -> tuple[Recorder, 
     if system.transport is None:
         advise(system.model, system.unbonded, system.scheme.partial_cells, system.scheme.symmetric)
     return _records(system, state, request)
-
-
-def _prepared(model: Model, options: Options) -> Prepared:
-    """A model made ready, a motion on all ranks if there are many."""
-    if options.team is None or model.diffuses:
-        return prepare(model, options)
-    return on_ranks.prepare(model, options, options.team)
 
 
 def _records(system: System, state: State, request: Request) -> tuple[Recorder, Request]:

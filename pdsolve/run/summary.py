@@ -12,7 +12,6 @@ from pdmesh.model.bond_counts import pair_count
 from pdsolve.adaptivity.quadtree.operator import Leaves
 from pdsolve.codegen.processor import processor_kind
 from pdsolve.run.recorder import Recorder
-from pdsolve.run.system import System
 from pdsolve.steppers.arc_length_steps import ArcLengthSteps
 from pdsolve.steppers.crack_length_steps import CrackLengthSteps
 from pdsolve.steppers.fatigue_steps import FatigueSteps
@@ -48,7 +47,7 @@ def meta(notes: Recorder, provenance: str) -> dict[str, Any]:
 def summary(notes: Recorder, step: int, stopped_early: bool) -> dict[str, Any]:
     """Results of a run for its summary."""
     system, wall = notes.system, notes.wall()
-    return {
+    results: dict[str, Any] = {
         "nodes": len(system.model.grid),
         "bonds": pair_count(system.bonds),
         "steps": step,
@@ -64,36 +63,19 @@ def summary(notes: Recorder, step: int, stopped_early: bool) -> dict[str, Any]:
         "bond_updates_per_second": notes.updates(step) / wall if wall > 0 else 0.0,
         "stopped": system.model.settings.run.until if stopped_early else None,
         **notes.accounts.summary(),
-        **_touched(notes),
-        **_grown(system),
-        **_finer(system),
-        **_rested(system.stepper if isinstance(system.stepper, SteppedRest) else system.load_steps),
     }
-
-
-def _touched(notes: Recorder) -> dict[str, Any]:
-    """Stiffness of contact, N/m^5, in space N/m^7, and heat of friction, J/m, of a body J."""
-    contact = notes.system.contact
-    if contact is None:
-        return {}
-    return {"contact": {"stiffness": contact.stiffness, "friction": contact.friction(notes.state)}}
-
-
-def _grown(system: System) -> dict[str, Any]:
-    """Results of cracks of particles, and remarks about them."""
-    if system.growth is None:
-        return {}
-    return {"particles": len(system.growth.particles.place), "remarks": system.growth.remarks}
-
-
-def _finer(system: System) -> dict[str, Any]:
-    """Statistics of finer nodes that come and go."""
-    if system.zone_summary is None:
-        return {}
-    statistics = system.zone_summary._asdict()
-    if not isinstance(system.operator, Leaves):
-        return {"hybrid": statistics}
-    return {"split": {name: statistics[name] for name in ("refinement", "fine_share")}}
+    if system.contact is not None:  # N/m^5, in space N/m^7; heat, J/m, of a body J
+        contact = system.contact
+        results["contact"] = {"stiffness": contact.stiffness, "friction": contact.friction(notes.state)}
+    if system.growth is not None:
+        results |= {"particles": len(system.growth.particles.place), "remarks": system.growth.remarks}
+    if system.zone_summary is not None:
+        statistics = system.zone_summary._asdict()
+        if isinstance(system.operator, Leaves):
+            results["split"] = {name: statistics[name] for name in ("refinement", "fine_share")}
+        else:
+            results["hybrid"] = statistics
+    return results | _rested(system.stepper if isinstance(system.stepper, SteppedRest) else system.load_steps)
 
 
 def _rested(load_stepper: LoadSteps | SteppedRest | None) -> dict[str, Any]:

@@ -14,11 +14,7 @@ def wall_time(summary: dict[str, Any], how: str | None = None) -> str:
         how = f" {millions:.0f} million directed bond updates a second ({summary['kernel']})"
     compiled = summary.get("compile_time", 0.0)  # files of earlier releases have none
     apart = f"; compiled kernels for {compiled:.0f} s" if compiled >= SHOWN else ""
-    return f"wall time {summary['wall_time']:.2f} s on {_device(summary)},{how}{apart}"
-
-
-def _device(summary: dict[str, Any]) -> str:
-    """What took the steps of a run, in words."""
-    if summary["device"] != "cpu":
-        return str(summary["device"])
-    return f"{summary['threads']} thread{'s' if summary['threads'] > 1 else ''}"
+    device = str(summary["device"])
+    if device == "cpu":
+        device = f"{summary['threads']} thread{'s' if summary['threads'] > 1 else ''}"
+    return f"wall time {summary['wall_time']:.2f} s on {device},{how}{apart}"

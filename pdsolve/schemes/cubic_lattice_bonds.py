@@ -58,7 +58,10 @@ def tiled(model: Model, kind: type[np.floating], unbreakable: bool = False) -> T
         return None
     count = families.counts(bits, sites)
     tiles = layout.tiles_of(law, sites, bits, springs)
-    _correct(tiles, sites, rule)
+    squared = 1 / tiles.table[:, INVERSE]
+    n = tiles.table[:, :3] / np.sqrt(squared)[:, None]
+    for rows, bond_energy in _in_parts(tiles, sites, shares(n) * squared[:, None] / 2):  # surface corrections
+        tiles.c[:, sites.site[rows]] = rule.lack_in_space(rows, bond_energy.reshape(-1, 3, 3)).T
     layout.sort(tiles)
     stiffness_bound = _bound(tiles, sites)
     family = count + cut if cut.any() else count
@@ -131,14 +134,6 @@ def _in_parts(
         families.sum_bonds(tiles, weights, tile_numbers, sums)
         rows = tiles.node.reshape(-1, ROW)[tile_numbers].ravel().astype(np.int64)
         yield rows[rows >= 0], sums[rows >= 0]
-
-
-def _correct(tiles: Tiles, sites: Sites, rule: Rule) -> None:
-    """Set the surface corrections of all nodes."""
-    squared = 1 / tiles.table[:, INVERSE]
-    n = tiles.table[:, :3] / np.sqrt(squared)[:, None]
-    for rows, bond_energy in _in_parts(tiles, sites, shares(n) * squared[:, None] / 2):
-        tiles.c[:, sites.site[rows]] = rule.lack_in_space(rows, bond_energy.reshape(-1, 3, 3)).T
 
 
 def _bound(tiles: Tiles, sites: Sites) -> NDArray[np.float64]:

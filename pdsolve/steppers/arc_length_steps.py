@@ -102,7 +102,9 @@ class ArcLengthSteps(PathRecords):
             new, iterations, residual = self._follow(state, step)
         except UnsettledError as error:
             raise UnsettledError(f"{self._model.name}: path step {step}: {error}") from None
-        after = self._outside(state, new)
+        put_loads(self._drive, new.factor)
+        inside = self._area[:, None] * forces(self._operator, state)
+        after = np.where(self._held, -inside, self._start + new.factor * self._growth)  # loads and reactions, N/m
         work = along((self._before, self._last, new), (*self._pushed, after)).sum(axis=1)
         self._pushed, self._before, self._last = (self._pushed[1], after), self._last, new
         state.work[:] += work / self._area
@@ -127,7 +129,7 @@ class ArcLengthSteps(PathRecords):
             way, turned = last.value - self._before.value, last.factor - self._before.factor
             size = norm(way)
         else:
-            way = self._way(state)
+            way = self._by_loads(*self._factors(state))  # the derivative of the displacements by the factor
             size = norm(way)
             turned = -1.0 if not begins and (way * (last.value - self._before.value)).sum() < 0 else 1.0
             way *= turned
@@ -206,11 +208,6 @@ class ArcLengthSteps(PathRecords):
             f" {self._tolerance:g} of the external forces)"
         )
 
-    def _way(self, state: State) -> Array:
-        """Derivative (n, w) of the displacements by the factor at an equilibrium, m."""
-        matrix, solve = self._factors(state)
-        return self._by_loads(matrix, solve)
-
     def _by_loads(self, matrix: csr_array, solve: Callable[[Array], Array]) -> Array:
         way = np.where(self._held, self._growth, 0.0)
         pushed = np.where(self._held, 0.0, self._growth).ravel() - matrix @ way.ravel()
@@ -224,9 +221,3 @@ class ArcLengthSteps(PathRecords):
             return matrix, factors(matrix[free][:, free], self._operator.symmetric)
         except RuntimeError:
             raise UnsettledError("the tangent is singular") from None
-
-    def _outside(self, state: State, at: Path) -> Array:
-        """Loads and reactions (n, w), N/m."""
-        put_loads(self._drive, at.factor)
-        inside = self._area[:, None] * forces(self._operator, state)
-        return np.where(self._held, -inside, self._start + at.factor * self._growth)

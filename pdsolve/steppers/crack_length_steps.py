@@ -112,7 +112,13 @@ class CrackLengthSteps(PathRecords):
         held_force = self._drive.held_force.copy()
         start = last.factor if not self._start.any() else STEP_BACK * last.factor
         try:
-            if not growth.lengthen(self._next(state), state, step):
+            judged = growth.judged(state)
+            shares = self._shares(judged)
+            # Tips that go straight on to what is ahead of them; or else those with the largest share
+            tips = [tip for tip in judged if tip[1].straight] or [
+                tip for tip, share in zip(judged, shares, strict=True) if share > (1 - ALIKE) * shares.max()
+            ]
+            if not growth.lengthen(tips, state, step):
                 raise NoTipError("no crack goes on")
             cut = inside - forces(operator, state)  # forces of the bonds that are gone
             motion.expect_supports()
@@ -169,12 +175,3 @@ class CrackLengthSteps(PathRecords):
         if not share > 0:
             raise NoTipError("no tip is opened by the loads, with room for intensities around it")
         return share
-
-    def _next(self, state: State) -> list[tuple[Any, Any]]:
-        """Tips that go straight on to what is ahead of them; or else those with the largest share."""
-        judged = self._cracks.judged(state)
-        shares = self._shares(judged)
-        straight = [judged_tip for judged_tip in judged if judged_tip[1].straight]
-        return straight or [
-            judged_tip for judged_tip, share in zip(judged, shares, strict=True) if share > (1 - ALIKE) * shares.max()
-        ]

@@ -77,7 +77,11 @@ class FatigueSteps(CycleSteps):
         """Let bonds tire until the next ones break, and settle without these. Returns iterations in all."""
         bonds, law, motion = self._breakable, self._law, self._motion
         stretches = bonds.stretches(state.value)
-        grows = self._grows()
+        broken_count = self._cut + np.bincount(bonds.source[~bonds.intact], minlength=len(self._family))
+        damaged = broken_count > law.damaged * self._family
+        near = damaged.copy()
+        near[bonds.source[damaged[bonds.target]]] = True
+        grows = near[bonds.source] | near[bonds.target]  # within a horizon of damage
         eps = np.where(bonds.intact, np.abs(stretches) * shares(law, grows), 0.0)
         cycles, self._at = jump(self._life, law, eps, grows, self._at, law.cycles - self._cycles)
         self._cycles = min(self._cycles + cycles, law.cycles)
@@ -100,15 +104,6 @@ class FatigueSteps(CycleSteps):
             self._operator.back(self._operator.keep(), broken)
             self._end("what was left could not bear the largest loads")
             return before
-
-    def _grows(self) -> NDArray[np.bool_]:
-        """Whether bonds (b,) are within a horizon of damage."""
-        bonds, nodes = self._breakable, len(self._family)
-        broken_count = self._cut + np.bincount(bonds.source[~bonds.intact], minlength=nodes)
-        damaged = broken_count > self._law.damaged * self._family
-        near = damaged.copy()
-        near[bonds.source[damaged[bonds.target]]] = True
-        return near[bonds.source] | near[bonds.target]
 
 
 def tiring(

@@ -256,7 +256,10 @@ class LoadSteps:
             u.append(state.value.copy())
             pushed.append(self._outside(state, load))
             self._remember(state)
-        state.work[:] += _along(u, pushed).sum(axis=1)
+        # work, J/m^3, of forces along the path through three states, quadratic in between
+        (u0, um, u1), (f0, fm, f1) = u, pushed
+        work = (f0 * (4 * um - 3 * u0 - u1) + 4 * fm * (u1 - u0) + f1 * (u0 - 4 * um + 3 * u1)) / 6
+        state.work[:] += work.sum(axis=1)
         return Settled(iterations, equilibrium.residual)
 
     def break_overstretched(self, state: State, step: int, equilibrium: Settled) -> tuple[Settled, int, float]:
@@ -362,15 +365,11 @@ class LoadSteps:
             raise ModelError(f"{model.name}: $.conditions: {said}")
         self._loose = loose_bodies
         self._balance(when)
-        if not model.settings.run.static.floating:
-            self._tell_loose(f"{when}{loose_bodies.said}, without loads: it stays where it comes to rest")
-        self.method.hold_softly(loose_bodies.nodes)
-
-    def _tell_loose(self, said: str) -> None:
-        """Report, once, what breaking bonds cut free."""
-        if not self._told_loose:
+        if not model.settings.run.static.floating and not self._told_loose:
             self._told_loose = True
-            warnings.warn(f"{self._model.name}: {said}", ModelWarning, stacklevel=2)
+            said = f"{when}{loose_bodies.said}, without loads: it stays where it comes to rest"
+            warnings.warn(f"{model.name}: {said}", ModelWarning, stacklevel=2)
+        self.method.hold_softly(loose_bodies.nodes)
 
     def _balance(self, when: str) -> None:
         """Check that loads on unsupported bodies balance. Raises UnsettledError."""
@@ -387,9 +386,3 @@ def held_at(drive: Drive, time: float) -> Array:
     still = holds.kind == DISPLACEMENT
     at[holds.node[still], holds.axis[still]] = (holds.value * factors_at(drive.profiles, time)[holds.profile])[still]
     return at
-
-
-def _along(u: list[Array], pushed: list[Array]) -> Array:
-    """Work (n, d), J/m^3, of forces along the path through three states, quadratic in between."""
-    (u0, um, u1), (f0, fm, f1) = u, pushed
-    return (f0 * (4 * um - 3 * u0 - u1) + 4 * fm * (u1 - u0) + f1 * (u0 - 4 * um + 3 * u1)) / 6

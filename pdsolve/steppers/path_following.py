@@ -14,7 +14,6 @@ Units are a plate's, by metre of thickness; in space forces are in N, energies i
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -191,7 +190,12 @@ class Follower:
     def _along(self, last: Path, more: float) -> Path:
         """Where the control is by `more` larger, along the straight direction of growing loads."""
         way = self.direction(self.bonds.respond(last.value))
-        growth_along, turn = self._grown_along(last, way), max(last.factor, 1e-6) * 1e-3
+        begin, turn = self.control.measure(last.value, last.spent), max(last.factor, 1e-6) * 1e-3
+
+        def growth_along(at: float) -> float:
+            value = last.value + at * way
+            return self.control.measure(value, self.bonds.respond(value).spent) - begin
+
         while growth_along(turn) < more and turn < 1e3:
             turn *= 2
         low, high = 0.0, turn
@@ -199,15 +203,6 @@ class Follower:
             middle = (low + high) / 2
             low, high = (middle, high) if growth_along(middle) < more else (low, middle)
         return Path(last.value + high * way, last.factor + high, last.spent)
-
-    def _grown_along(self, last: Path, way: Array) -> Callable[[float], float]:
-        begin = self.control.measure(last.value, last.spent)
-
-        def grown(turn: float) -> float:
-            value = last.value + turn * way
-            return self.control.measure(value, self.bonds.respond(value).spent) - begin
-
-        return grown
 
     def _pushed(self, matrix: csr_array) -> Array:
         """Forces (f,) that lambda adds on free components at fixed displacements of these, N/m."""

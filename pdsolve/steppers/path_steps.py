@@ -10,6 +10,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -131,7 +132,11 @@ class PathSteps(PathRecords):
         state.work[:] += work / self._area
         self._book(state, step, response)
         self._note(step, iterations, residual, new.factor, after, new.spent)
-        self._warn_of_holds(step)
+        message = None if self._told else held_crack(self._model, self._bonds, self._last.value)
+        if message is not None:  # a crack arrives at bonds that do not break
+            self._told = True
+            said = f"{self._model.name}: path step {step}: {message}"
+            warnings.warn(said, ModelWarning, stacklevel=2)
 
     def _first(self, state: State) -> tuple[Path, int, float]:
         """Elastic, or as far as what does not grow where bonds soften under this alone."""
@@ -217,8 +222,10 @@ class PathSteps(PathRecords):
                 share = self._more / done
                 ahead = last.value + share * (last.value - self._before.value)
                 guess = Path(ahead, last.factor + share * (last.factor - self._before.factor), 0.0)
+            steady = NEVER if secants == PATIENT else STEADY
+            follow = partial(self._follower.follow, last, guess, self._more, self._tell(step), secants, steady)
             try:
-                new, count, residual = self._found(step, guess, secants)
+                new, count, residual = resting(self._contact, follow, self._follower.left)
                 break
             except UnsettledError as error:
                 secants = self._begin_again(secants, error)
@@ -251,21 +258,6 @@ class PathSteps(PathRecords):
         else:
             raise error
         return secants
-
-    def _found(self, step: int, guess: Path | None, secants: int) -> tuple[Path, int, float]:
-        """The next equilibrium, from a guess."""
-        follower, tell, steady = self._follower, self._tell(step), NEVER if secants == PATIENT else STEADY
-        return resting(
-            self._contact, lambda: follower.follow(self._last, guess, self._more, tell, secants, steady), follower.left
-        )
-
-    def _warn_of_holds(self, step: int) -> None:
-        """Report, once, a crack that arrives at bonds that do not break."""
-        message = None if self._told else held_crack(self._model, self._bonds, self._last.value)
-        if message is not None:
-            self._told = True
-            said = f"{self._model.name}: path step {step}: {message}"
-            warnings.warn(said, ModelWarning, stacklevel=2)
 
     def _outside(self, at: Path, response: Response) -> Array:
         """Loads and reactions (n, d), N/m."""

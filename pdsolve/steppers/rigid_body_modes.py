@@ -73,12 +73,6 @@ def _turns(arm: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.stack([np.cross(axis, arm) for axis in np.eye(3)], axis=2)
 
 
-def _rigid_modes(arm: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Displacements (n, d, m) of places (n, d) in the translations and the rotations of a rigid body."""
-    n, d = arm.shape
-    return np.concatenate([np.broadcast_to(np.eye(d), (n, d, d)), _turns(arm)], axis=2)
-
-
 def _unsupported(
     position: NDArray[np.float64], part: NDArray[np.int64], size: NDArray[np.int64], constrained: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
@@ -95,7 +89,9 @@ def _unsupported(
     square = (arm**2).sum(axis=1)
     extent, reach = (np.sqrt(np.bincount(part, square * mask, count) / inside) for mask in (rows, True))
     scale = np.where(extent > 0, extent, np.where(reach > 0, reach, 1.0))
-    modes = _rigid_modes(arm / scale[part][:, None])
+    arm = arm / scale[part][:, None]
+    n, d = arm.shape
+    modes = np.concatenate([np.broadcast_to(np.eye(d), (n, d, d)), _turns(arm)], axis=2)  # translations, rotations
     resistance = _gram(modes, constrained, part, count)
     free = _singular(resistance)
     if free.any():  # unless the motion moves nothing: a turn of one node, or of a row of nodes about itself

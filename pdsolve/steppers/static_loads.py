@@ -83,7 +83,9 @@ def _in_path_steps(model: Model) -> Model:
             )
         conditions.append(msgspec.structs.replace(condition, profile=((0.0, points[0][1]), (1.0, points[1][1]))))
     if follows_cracks(model):
-        steps = run.static.load_steps or _particles_across(model)
+        # a crack of particles goes through the largest extent of the plate
+        spacing, extent = run.particles.spacing * model.grid.delta.min(), np.ptp(model.grid.position, axis=0).max()
+        steps = run.static.load_steps or int(np.ceil(extent / spacing))
     else:
         steps = PATH_STEPS * (run.static.load_steps or CRACK_STEPS)
     changed = msgspec.structs.replace(run, time_step=1.0, steps=steps, every=1, ledger=1)
@@ -91,12 +93,6 @@ def _in_path_steps(model: Model) -> Model:
     stepped_model = dataclasses.replace(model, settings=settings)
     _refuse_loads(stepped_model, [1.0])
     return stepped_model
-
-
-def _particles_across(model: Model) -> int:
-    """Steps in which a crack of particles goes through the largest extent of the plate."""
-    extent = np.ptp(model.grid.position, axis=0).max()
-    return int(np.ceil(extent / (model.settings.run.particles.spacing * model.grid.delta.min())))
 
 
 def in_steps_of_content(model: Model, precision: str) -> Model:

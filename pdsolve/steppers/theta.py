@@ -97,21 +97,18 @@ class Theta:
         volume, weight = self._operator.volume, self._dt * self._theta
         right = np.where(follows, volume * right, 0.0)
         if self._factored:
-            self._factors = self._factors or self._factors_of(state)
+            if self._factors is None:  # for the free nodes, reused for all steps
+                from scipy.sparse import diags_array
+
+                all_volumes, keep = diags_array(volume), diags_array(self._free.astype(float))
+                coupling = keep @ all_volumes @ self._operator.tangent(state) @ keep
+                self._factors = factors(all_volumes + weight * coupling)
             return self._factors(right)
 
         def product(change: NDArray[np.float64]) -> NDArray[np.float64]:
             return np.where(follows, volume * (change - weight * self._rates(change)), 0.0)
 
         return gradients(product, right, volume * (1 + weight * self._operator.stiffness_bound() / 2))
-
-    def _factors_of(self, state: State) -> Solve:
-        """A solver for the free nodes, reused for all steps."""
-        from scipy.sparse import diags_array
-
-        volume, keep = diags_array(self._operator.volume), diags_array(self._free.astype(float))
-        matrix = volume + self._dt * self._theta * (keep @ volume @ self._operator.tangent(state) @ keep)
-        return factors(matrix)
 
 
 def gradients(product: Solve, right: NDArray[np.float64], diagonal: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -65,6 +65,11 @@ class VerletBlocks:
         loaded[drive.loads.node // LANES] = True
         held_start = np.searchsorted(block[hold_order], np.arange(count + 1))
         block_range = (0, count) if ghosts is None else ghosts.blocks
+        # Equal parts of the blocks, one a thread, are to be equal work: blocks at an interface between spacings cost
+        # more than others, so that each part takes groups from everywhere
+        moving = block_range[1] - block_range[0]
+        thread_of_block = np.arange(moving) // max(1, moving // (16 * threads)) % threads
+        turns = block_range[0] + np.argsort(thread_of_block, kind="stable").astype(np.int64)
         self._operator, self._dt, self._threads, self._contact = operator, dt, threads, contact
         self._ghosts = ghosts
         self._rows = np.zeros(0, dtype=np.int64)  # on which contact acted
@@ -77,7 +82,7 @@ class VerletBlocks:
             plain=~loaded & (np.diff(held_start) == 0),
             held=hold_order,
             held_start=held_start,
-            turns=block_range[0] + _turns(block_range[1] - block_range[0], threads),
+            turns=turns,
             push=np.zeros((2, LANES * count if contact is not None else 0)),
             pushed=np.zeros(count, dtype=np.bool_),
             stop=np.zeros(1, dtype=np.int64),
@@ -129,15 +134,6 @@ def _spread(values: NDArray[Any], count: int, idle: float = 0.0) -> NDArray[Any]
     wide = np.full((*values.shape[1:], LANES * count), idle, dtype=values.dtype)
     wide[..., : len(values)] = values.T
     return aligned(wide)
-
-
-def _turns(count: int, threads: int) -> NDArray[np.int64]:
-    """Order of all `count` blocks such that equal parts, one a thread, are equal work.
-
-    Blocks at an interface between spacings cost more than others, so that each part takes groups from everywhere.
-    """
-    group = max(1, count // (16 * threads))
-    return np.argsort(np.arange(count) // group % threads, kind="stable").astype(np.int64)
 
 
 @cached_njit(nogil=True, error_model="numpy")

@@ -51,8 +51,13 @@ class VerletOnDevice:
         self.session, self._ahead, self._last = operator.session, False, 0
         count, kind = operator.dimension * operator.room, rho.dtype
         self.session.expect_countable(count)
-        self.session.room_for(*self._wanted(kind.itemsize))
-        program = self.session.build(self._source(kind, bool(damping.any())))
+        room, drive, size = operator.room, self._drive, kind.itemsize
+        motion, nodal = 6 * [size * count], [2 * size * room, *3 * [8 * room], 4 * room]
+        conditions = [*7 * [8 * len(drive.loads.node)], *7 * [8 * len(drive.holds.node)]]
+        self.session.room_for(*motion, *nodal, *conditions)
+        defines = ["#define DAMPED"] if damping.any() else ["#define FUSED"] if operator.fused else []
+        first = preamble(kind.name, operator.dimension, operator.together)
+        program = self.session.build("\n".join([first, *defines, operator.source(), text_of("verlet.cl")]))
         self._kernel = program.advance
         if isinstance(operator, FamiliesOnDevice):
             operator.take_passes(program)
@@ -66,19 +71,6 @@ class VerletOnDevice:
         self._weight, self._damping = to_device(weight), to_device(operator.spread(damping))
         self._work, self._damped = (to_device(np.zeros(operator.room)) for _ in range(2))
         self._place_conditions()
-
-    def _wanted(self, size: int) -> list[int]:
-        """Memory of the arrays of motion and conditions, bytes each; `size` is that of a number."""
-        room, drive = self._operator.room, self._drive
-        motion, nodal = 6 * [size * self._operator.dimension * room], [2 * size * room, *3 * [8 * room], 4 * room]
-        return [*motion, *nodal, *7 * [8 * len(drive.loads.node)], *7 * [8 * len(drive.holds.node)]]
-
-    def _source(self, kind: Any, damped: bool) -> str:
-        """The program of the run."""
-        operator = self._operator
-        defines = ["#define DAMPED"] if damped else ["#define FUSED"] if operator.fused else []
-        first = preamble(kind.name, operator.dimension, operator.together)
-        return "\n".join([first, *defines, operator.source(), text_of("verlet.cl")])
 
     def _place_conditions(self) -> None:
         """Put loads and holds on the device, by the nodes on which they act."""
@@ -101,8 +93,15 @@ class VerletOnDevice:
         """Take the steps `first` to `last` - 1. Raises DeviceLostError."""
         if last <= first:
             return
-        if not self._ahead:
-            self._hand_over()
+        if not self._ahead:  # the device has not the state of the host
+            operator, write, drive = self._operator, self.session.write, self._drive
+            operator.hand_over()
+            self.session.finish()
+            for buffer, values in self._mirrored():
+                write(buffer, operator.spread(values))
+            for buffer in (self._now, self._ago):
+                write(buffer, drive.force[self._nodes])
+            write(self._force, drive.held_force[self._holds.order])
         self._ahead, steps, self._last = True, last - first, last - 1
         for sweep in range(steps + 1):
             if sweep % AT_ONCE == 0:
@@ -118,7 +117,9 @@ class VerletOnDevice:
         operator, drive = self._operator, self._drive
         before, now, after = self._u
         if isinstance(operator, FamiliesOnDevice) and not phase & STARTS and operator.sum_families(now):
-            self._fail(operator, step)
+            for buffer, values in ((now, self._state.value), (self._v[0], self._state.rate)):
+                self._read(buffer, values)
+            operator.fail(now, self._state, step, self._dt)
         motion = before, now, after, *self._v, self._a, self._weight, self._damping, self._work, self._damped
         acting = self._acts, self._now, self._ago, *self._load, *self._hold, self._speed, self._force
         numbers = np.int32(self._factors.count), np.int32(drive.varies), np.float64(self._dt)
@@ -127,29 +128,11 @@ class VerletOnDevice:
         self.session.launch(self._kernel, (operator.room // operator.together, LANES // operator.together), arguments)
         self._u, self._v = [now, after, before], self._v[::-1]
 
-    def _fail(self, operator: FamiliesOnDevice, step: int) -> None:
-        """Let bonds of families fail in a step that has drifted."""
-        state = self._state
-        for buffer, values in ((self._u[1], state.value), (self._v[0], state.rate)):
-            self._read(buffer, values)
-        operator.fail(self._u[1], state, step, self._dt)
-
     def _read(self, buffer: Any, values: NDArray[Any]) -> None:
         """Enter a buffer in an array of the state."""
         wide = np.empty((*values.shape[1:], self._operator.room), dtype=values.dtype)
         self.session.read(buffer, wide)
         self._operator.collected(wide, values)
-
-    def _hand_over(self) -> None:
-        """Give the state of the host to the device."""
-        operator, write, drive = self._operator, self.session.write, self._drive
-        operator.hand_over()
-        self.session.finish()
-        for buffer, values in self._mirrored():
-            write(buffer, operator.spread(values))
-        for buffer in (self._now, self._ago):
-            write(buffer, drive.force[self._nodes])
-        write(self._force, drive.held_force[self._holds.order])
 
     def _mirrored(self) -> list[tuple[Any, NDArray[Any]]]:
         """Buffers, and the arrays of the state that they are."""

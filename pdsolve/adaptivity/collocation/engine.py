@@ -94,7 +94,12 @@ class CollocationEngine:
             if how == ROOM:
                 self._grow()
             else:
-                self._refuse_overstretched(step)
+                largest = self.zone_summary().clipped_stretch
+                if largest > 1:
+                    raise UnstableError(
+                        f"step {step}: the fine zone was refined too late (stretch of coarse pairs: {largest:.2f} of"
+                        " critical); use a smaller run.collocation.kappa or time step"
+                    )
                 self._switch()
             first, where = step, FORCES
 
@@ -115,14 +120,6 @@ class CollocationEngine:
         more = max(len(self.zone.breaks.step), int(np.count_nonzero(self.zone.flags)) * ROW * len(self.ground.ways))
         longer = (np.concatenate([column, np.zeros(more, dtype=np.int32)]) for column in self.zone.breaks)
         self.zone = self.zone._replace(breaks=Breaks(*longer))
-
-    def _refuse_overstretched(self, step: int) -> None:
-        largest = self.zone_summary().clipped_stretch
-        if largest > 1:
-            raise UnstableError(
-                f"step {step}: the fine zone was refined too late (stretch of coarse pairs: {largest:.2f} of"
-                " critical); use a smaller run.collocation.kappa or time step"
-            )
 
     def _switch(self) -> None:
         """Refine where wanted: switch coarse nodes to fine ones."""

@@ -10,13 +10,13 @@ from pdmesh.model.document import Collocation
 from pdmesh.model.material_constants import pressure_speed
 from pdsolve.adaptivity.collocation.edge_row_patterns import with_patterns
 from pdsolve.adaptivity.collocation.engine import CollocationEngine, Manner
-from pdsolve.adaptivity.collocation.layout import LatticeConstants, Plate, ground_of, placed
+from pdsolve.adaptivity.collocation.layout import ground_of, placed
 from pdsolve.adaptivity.collocation.operator import CollocationOperator
 from pdsolve.adaptivity.collocation.simd_rows import stiffness_bound
 from pdsolve.adaptivity.collocation.zone import begun, eligible
 from pdsolve.adaptivity.hybrid.coarse_cells import refuse, refused
 from pdsolve.adaptivity.hybrid.springs import fine_springs
-from pdsolve.conditions import Drive, drive, initial_velocity
+from pdsolve.conditions import drive, initial_velocity
 from pdsolve.model import Model
 from pdsolve.operators.stencils import StencilError, elastic, longest, stencil_of
 
@@ -49,15 +49,21 @@ def collocation_of(
     at, place = placed(model, int(np.abs(springs.dx).max()), f"as run.adapt is {model.settings.run.adapt}")
     ground, plate = ground_of(model, springs, at, place, stencil)
     ground = with_patterns(ground)
-    bound = min(_bound(ground, plate), longest(stencil, 2 * h, material.rho))
+    # of fine nodes: those at edges, and one full family for all others
+    odd = np.flatnonzero((plate.row >= 0) & ~plate.whole)
+    stiffness = stiffness_bound(ground, plate.cut, np.concatenate([odd, np.flatnonzero(plate.whole)[:1]]))
+    bound = min(float(np.sqrt(2 * ground.rho / stiffness)), longest(stencil, 2 * h, material.rho))
     ground = ground._replace(dt=step_of(model, bound))
     how = model.settings.run.collocation
     every = int(ratio * h / (2 * pressure_speed(material) * ground.dt))
     manner = Manner(how.kappa, band(how, model), max(1, min(OFTEN, every)), threads)
     zone = begun(ground, plate, eligible(ground, plate, round(min(how.margin * ratio, at.nx + at.ny))), manner.band)
-    engine = CollocationEngine(
-        plate, ground, zone, _placed(drive(model, plate.area, True, np.float64), ground, place), manner
-    )
+    driven = drive(model, plate.area, True, np.float64)
+    force, before = np.zeros((2, at.places, 2))
+    force[place], before[place] = driven.force, driven.before
+    loads, holds = (entries._replace(node=place[entries.node]) for entries in (driven.loads, driven.holds))
+    driven = driven._replace(force=force, before=before, loads=loads, holds=holds)  # by places in place of rows
+    engine = CollocationEngine(plate, ground, zone, driven, manner)
     engine.start(initial_velocity(model))
     return CollocationOperator(engine), bound
 
@@ -69,18 +75,3 @@ def band(how: Collocation, model: Model) -> float:
     if share is None:
         share = next((damped for below, damped in DAMPED if ratio < below), 0.0)
     return float(share * np.sqrt(material.E / material.rho) / model.grid.delta[0])
-
-
-def _bound(ground: LatticeConstants, plate: Plate) -> float:
-    """The surely stable step, s, of fine nodes: of those at edges, and of one full family for all others."""
-    odd = np.flatnonzero((plate.row >= 0) & ~plate.whole)
-    usual = np.flatnonzero(plate.whole)[:1]
-    return float(np.sqrt(2 * ground.rho / stiffness_bound(ground, plate.cut, np.concatenate([odd, usual]))))
-
-
-def _placed(driven: Drive, ground: LatticeConstants, place: np.ndarray[tuple[int], np.dtype[np.int64]]) -> Drive:
-    """The drive with places in place of rows."""
-    force, before = np.zeros((2, ground.at.places, 2))
-    force[place], before[place] = driven.force, driven.before
-    loads, holds = (entries._replace(node=place[entries.node]) for entries in (driven.loads, driven.holds))
-    return driven._replace(force=force, before=before, loads=loads, holds=holds)

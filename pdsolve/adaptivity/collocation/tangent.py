@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array, eye_array, kron
 
 from pdsolve.adaptivity.collocation.engine import CollocationEngine
-from pdsolve.adaptivity.collocation.layout import LatticeConstants, is_cut
+from pdsolve.adaptivity.collocation.layout import is_cut
 from pdsolve.adaptivity.collocation.simd_rows import stiffness
 from pdsolve.adaptivity.collocation.zone import COARSE, FINE
 from pdsolve.codegen.jit_cache import cached_njit
@@ -32,7 +32,10 @@ def tangent_of(
     points = coo_array((weights, (follows, parents)), (nodes + len(between), nodes)).tocsr()
 
     fine = active[kind[active] == FINE]
-    node, k, pull = _fine_bonds(ground, zone.cut, fine)
+    room = len(fine) * len(ground.ways)
+    node, k, pull = np.zeros(room, dtype=np.int64), np.zeros(room, dtype=np.int64), np.zeros(room)
+    count = _list_fine_bonds(ground, zone.cut, fine, node, k, pull)
+    node, k, pull = node[:count], k[:count], pull[:count]
     xi = ground.table[k, :2]
     pull *= np.sqrt((xi**2).sum(axis=1)) / ground.h**2
     source, target = point[fine[node]], point[fine[node] + ground.ways[k]]
@@ -47,16 +50,6 @@ def tangent_of(
     rows, columns = (2 * centre_points[:, None] + a).ravel(), (2 * stencil_points[:, None] + b).ravel()
     matrix += coo_array((np.tile(theta.ravel(), len(coarse)), (rows, columns)), matrix.shape).tocsr()
     return (matrix[: 2 * nodes] @ kron(points, eye_array(2)).tocsr()).tocsr()
-
-
-def _fine_bonds(
-    ground: LatticeConstants, cut: NDArray[np.uint16], places: NDArray[np.int64]
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-    """Intact bonds of fine nodes: index of each bond's place, index in the family, stiffness, N/m^2."""
-    room = len(places) * len(ground.ways)
-    node, spring, pull = np.zeros(room, dtype=np.int64), np.zeros(room, dtype=np.int64), np.zeros(room)
-    count = _list_fine_bonds(ground, cut, places, node, spring, pull)
-    return node[:count], spring[:count], pull[:count]
 
 
 @cached_njit(error_model="numpy")

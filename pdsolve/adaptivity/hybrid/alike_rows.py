@@ -16,7 +16,6 @@ from pdsolve.adaptivity.hybrid.node_rows import NodeRows
 from pdsolve.adaptivity.hybrid.springs import STIFFNESS, Springs
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import damping, unbreakable
-from pdsolve.model import Model
 
 USUAL, EMPTY = 0, 1  # entries of the first two rows
 
@@ -35,7 +34,15 @@ class _Fields(NamedTuple):
 def node_rows(plate: Plate, irregular_bonds: Irregular, springs: tuple[Springs, ...]) -> NodeRows:
     """The rows of a plate with these irregular nodes; `springs` are those of each material in a full lattice."""
     full = _bits_of(np.array([one.table[:, STIFFNESS] for one in springs]))
-    usual, slowed = _usual(plate, full[0]), _slowed(plate.model)
+    model, run = plate.model, plate.model.settings.run
+    usual_values = model.materials[0].rho * plate.h**2, 0, -1, False, full[0], run.damping
+    kinds = np.float64, np.uint8, np.int32, np.bool_, np.uint64, np.float64
+    # What a node deep in a plate has
+    usual = _Fields(*(np.array(value, dtype=kind) for value, kind in zip(usual_values, kinds, strict=True)))
+    slowed = None  # where nothing is damped
+    if run.damping or any(isinstance(condition, Absorb) for condition in model.settings.conditions):
+        node_damping = damping(model)
+        slowed = node_damping if node_damping.any() else None
     columns: list[list[NDArray[Any]]] = [[np.tile(one, (2, ROW))] for one in usual]
     for column, nothing in zip(columns, (0, 0, -1, False, 0, 0), strict=True):
         column[0][EMPTY] = nothing
@@ -51,24 +58,6 @@ def node_rows(plate: Plate, irregular_bonds: Irregular, springs: tuple[Springs, 
             column.append(values.reshape(-1, ROW)[new])
     row_fields = _Fields(*(np.concatenate(column) for column in columns))
     return NodeRows(np.concatenate(entries), *row_fields[:5], None if slowed is None else row_fields.damping)
-
-
-def _usual(plate: Plate, bits: np.uint64) -> _Fields:
-    """What a node deep in a plate has, () each."""
-    run, dense = plate.model.settings.run, plate.model.materials[0].rho
-    usual = dense * plate.h**2, 0, -1, False, bits, run.damping
-    kinds = np.float64, np.uint8, np.int32, np.bool_, np.uint64, np.float64
-    return _Fields(*(np.array(value, dtype=kind) for value, kind in zip(usual, kinds, strict=True)))
-
-
-def _slowed(model: Model) -> NDArray[np.float64] | None:
-    """Damping (n,) of all nodes of the grid, 1/s; None where nothing is damped."""
-    if not model.settings.run.damping and not any(
-        isinstance(condition, Absorb) for condition in model.settings.conditions
-    ):
-        return None
-    node_damping = damping(model)
-    return node_damping if node_damping.any() else None
 
 
 def _strips(

@@ -26,7 +26,9 @@ def divided(place: tuple[int, ...], way: tuple[int, ...]) -> list[list[Part]]:
     """The parts of the bond `way` (d,) from a node at `place` (d,) in its cell, 0 or 1 along each axis; by side."""
     crossings = sorted({0.0, 1.0, *(share for x, dx in zip(place, way, strict=True) for share in _crossings(x, dx))})
     parts_by_side = []
-    for side in _sides(place, way):
+    # the directions from a bond to its cells: both across each line or face between cells that it lies in
+    across = ((-0.5, 0.5) if dx == 0 and x == 0 else (0.0,) for x, dx in zip(place, way, strict=True))
+    for side in product(*across):
         parts = []
         for t0, t1 in pairwise(crossings):
             middle = (t0 + t1) / 2
@@ -55,12 +57,6 @@ def parts_of(ways: NDArray[np.int64]) -> tuple[NDArray[np.int64], list[Part]]:
 def place_of(f: int, d: int) -> tuple[int, ...]:
     """Where a node is in its cell, 0 or 1 along each of d axes, by the number of that place."""
     return tuple(f >> axis & 1 for axis in range(d))
-
-
-def _sides(place: tuple[int, ...], way: tuple[int, ...]) -> list[tuple[float, ...]]:
-    """Directions from a bond to its cells: both across each line or face between cells that it lies in."""
-    across = ((-0.5, 0.5) if dx == 0 and x == 0 else (0.0,) for x, dx in zip(place, way, strict=True))
-    return list(product(*across))
 
 
 def _crossings(start: int, step: int) -> list[float]:

@@ -210,17 +210,12 @@ def _on_lattice(model: Model, h: float, origin: NDArray[np.float64]) -> Plate:
     place = (row + BELOW) * at.stride + LEFT + column
     rows = np.full(at.places, -1, dtype=np.int32)
     rows[place] = np.arange(len(place))
-    listed = Listed(place, rows, _areas(model, at, h, place, rows))
+    if grid.areas is not None:
+        areas = grid.areas / h**2
+    else:  # a quarter of each adjacent square between nodes
+        areas = quarters((rows >= 0).reshape(-1, at.stride)).ravel()[place] / 4
+    listed = Listed(place, rows, areas)
     return Plate(model, at, h, origin, cracks, (0, 0), (nx + 1, ny + 1), listed)
-
-
-def _areas(
-    model: Model, at: Lattice, h: float, place: NDArray[np.int64], rows: NDArray[np.int32]
-) -> NDArray[np.float64]:
-    """Areas (n,) of nodes over h^2: those of the grid, or else a quarter of each adjacent square between nodes."""
-    if model.grid.areas is not None:
-        return model.grid.areas / h**2
-    return quarters((rows >= 0).reshape(-1, at.stride)).ravel()[place] / 4
 
 
 def squares(has_node: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -260,7 +255,11 @@ def cells_of(plate: Plate, reach: int, steep: NDArray[np.int64] | None = None) -
         corner = AROUND + (node_y - BELOW - below) // 2, AROUND + (node_x - LEFT - left_side) // 2
         cells[corner] = np.where(cells[corner] == COARSE, FINE, cells[corner])
     if steep is not None and len(steep):
-        cells[in_disc(_around(plate, steep), (reach + RING + 1) / 2) & (cells == COARSE)] = FINE
+        beside_steep = np.zeros_like(cells, dtype=bool)
+        y, x = np.divmod(plate.places_of(steep), at.stride)
+        for below, left_side in ((0, 0), (0, 1), (1, 0), (1, 1)):
+            beside_steep[AROUND + (y - BELOW - below) // 2, AROUND + (x - LEFT - left_side) // 2] = True
+        cells[in_disc(beside_steep, (reach + RING + 1) / 2) & (cells == COARSE)] = FINE
     for tip_x, tip_y in tips_of(plate).tolist():
         low_x, low_y = (max(int(tip) // 2 - TIPS, 0) + AROUND for tip in (tip_x, tip_y))
         near_tip = cells[low_y:-AROUND, low_x:-AROUND][: 2 * TIPS, : 2 * TIPS]
@@ -268,16 +267,6 @@ def cells_of(plate: Plate, reach: int, steep: NDArray[np.int64] | None = None) -
         away_x, away_y = (np.maximum(np.abs(tip - 2 * cell - 1) - 1, 0) for tip, cell in ((tip_x, x), (tip_y, y)))
         near_tip[(np.hypot(away_x, away_y) < TIPS) & (near_tip == COARSE)] = FINE
     return cells.ravel()
-
-
-def _around(plate: Plate, rows: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Mask (rows, columns) of the cells, with those around the plate, that these nodes are in or beside."""
-    at = plate.at
-    near_cells = np.zeros((at.ny // 2 + 2 * AROUND, at.nx // 2 + 2 * AROUND), dtype=bool)
-    y, x = np.divmod(plate.places_of(rows), at.stride)
-    for below, left_side in ((0, 0), (0, 1), (1, 0), (1, 1)):
-        near_cells[AROUND + (y - BELOW - below) // 2, AROUND + (x - LEFT - left_side) // 2] = True
-    return near_cells
 
 
 def _in_plate(plate: Plate) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:

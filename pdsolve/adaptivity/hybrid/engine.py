@@ -304,19 +304,15 @@ class Hybrid:
         number = zone.number[:ENTRIES].copy()  # the others say where rows are, and what changed last
         return checkpoint | {"cells": zone.cells.copy(), "total": zone.total.copy(), "number": number}
 
-    def _put_bits(self, node: NDArray[np.int64], spring: NDArray[np.integer]) -> None:
-        """Mark exactly these bonds as broken, besides those missing at the start."""
-        lost, (_, before, before_spring) = self.zone.lost, self.broken()
-        for k in range(len(self.ground.ways) // 2):
-            lost[before[before_spring == k]] &= ~(np.uint64(1) << np.uint64(k))
-            lost[node[spring == k]] |= np.uint64(1) << np.uint64(k)
-
     def back(self, checkpoint: Kept) -> None:
         """Restore a checkpoint. Raises CheckpointError."""
         zone, breaks, cells = self.zone, self._kept_breaks(checkpoint), like(checkpoint, "cells", self.zone.cells)
         self._check_cells(cells)
-        node = breaks.node
-        self._put_bits(node, breaks.spring)
+        node, lost, (_, before, before_spring) = breaks.node, zone.lost, self.broken()
+        for k in range(len(self.ground.ways) // 2):  # exactly these are broken, besides those missing at the start
+            bit = np.uint64(1) << np.uint64(k)
+            lost[before[before_spring == k]] &= ~bit
+            lost[node[breaks.spring == k]] |= bit
         for _, nodes, rows in self._lattices():
             for array in nodes[:3]:
                 array.reshape(-1, array.shape[-1] // ROW, ROW)[:, rows] = 0

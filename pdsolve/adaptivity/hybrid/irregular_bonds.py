@@ -188,7 +188,9 @@ def first_alike(plate: Plate, rows: NDArray[np.int64], reach: int) -> NDArray[np
         kind = (far + 1) * kind + np.minimum(away, far)
     at = np.column_stack([x, y]) + np.array(plate.first)
     for crack in plate.cracks:
-        near = np.flatnonzero(_distance(at, crack) < 1.5 * far)
+        start, way = crack[:2], crack[2:] - crack[:2]
+        share = np.clip((at - start) @ way / max(float(way @ way), np.finfo(float).tiny), 0.0, 1.0)
+        near = np.flatnonzero(np.hypot(*(at - start - share[:, None] * way).T) < 1.5 * far)
         crack_position = np.zeros(len(rows), dtype=np.int64)
         crack_position[near] = 1 + (_beside(at[near], crack, 2 * far) if (crack[:2] == crack[2:]).any() else near)
         kind = np.unique(kind, return_inverse=True)[1] * (1 + crack_position.max(initial=0)) + crack_position
@@ -217,10 +219,3 @@ def _is_rectangle(plate: Plate) -> bool:
     x, y = rings[0].T
     area = abs(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))) / 2
     return bool(abs(area - np.ptp(x) * np.ptp(y)) < SAME * area)
-
-
-def _distance(at: NDArray[np.number], segment: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Distances (k,) of places (k, 2) from a segment (4,), in one unit."""
-    start, way = segment[:2], segment[2:] - segment[:2]
-    share = np.clip((at - start) @ way / max(float(way @ way), np.finfo(float).tiny), 0.0, 1.0)
-    return np.asarray(np.hypot(*(at - start - share[:, None] * way).T))

@@ -72,7 +72,12 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         self._bonds = np.zeros((len(fine), len(hybrid.ground.ways)), dtype=np.bool_)  # past and present ones
         self._springs = np.zeros((len(self._coarse), 1), dtype=np.uint8)  # bits, without those that are fine bonds too
         kinds, springs = (fine_nodes.kind, fine_nodes.entry, fine_nodes.own), (zone.coarse.entry, zone.coarse.own)
-        list_bonds(kinds, springs, zone.lost, hybrid.ground.ways, self._same(), self._lists, self._bonds, self._springs)
+        ground = hybrid.ground
+        number = {(int(dx), int(dy)): k for k, (dx, dy) in enumerate(zip(ground.dx, ground.dy, strict=True))}
+        ways = zip(ground.coarse_dx.tolist(), ground.coarse_dy.tolist(), strict=True)
+        # which bond of the fine family each spring (8,) of the coarse lattice is too; -1: none
+        same = np.array([number.get((2 * dx, 2 * dy), -1) for dx, dy in ways])
+        list_bonds(kinds, springs, zone.lost, ground.ways, same, self._lists, self._bonds, self._springs)
         self._far_springs = bits_of_springs(zone.far.entry, zone.far.own, self._far)  # likewise
         self._changes = self._counts()
 
@@ -114,13 +119,6 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         for first in range(0, len(self._coarse), TOGETHER):
             chunk = slice(first, first + TOGETHER)
             yield self._at_coarse[chunk].astype(np.int64), self._coarse[chunk].astype(np.int64)
-
-    def _same(self) -> NDArray[np.int64]:
-        """Which bond of the fine family each spring (8,) of the coarse lattice is too; -1: none."""
-        ground = self.hybrid.ground
-        number = {(int(dx), int(dy)): k for k, (dx, dy) in enumerate(zip(ground.dx, ground.dy, strict=True))}
-        ways = zip(ground.coarse_dx.tolist(), ground.coarse_dy.tolist(), strict=True)
-        return np.array([number.get((2 * dx, 2 * dy), -1) for dx, dy in ways])
 
     @cached_property
     def model(self) -> Model:
@@ -278,14 +276,10 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         light[self._at_coarse] = zone.coarse.light[self._coarse]
         light[self._at_far] = zone.far.light[self._far]
         coarse, far = self._coarse.astype(np.int64), self._far.astype(np.int64)
-        points = points_of(self.hybrid, self._row_of(), self._fine, coarse, far)
-        return tangent_of(self.hybrid, points, state.value, self.model.rho, light)
-
-    def _row_of(self) -> NDArray[np.int32]:
-        """The row of the current node at each fine place, -1 without one."""
         row_of = np.full(self.hybrid.plate.at.places, -1, dtype=np.int32)
         row_of[self.places] = np.arange(len(self.places))
-        return row_of
+        points = points_of(self.hybrid, row_of, self._fine, coarse, far)
+        return tangent_of(self.hybrid, points, state.value, self.model.rho, light)
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Strain energy densities (n,), J/m^3, and zeros for softening, which is part of the state."""

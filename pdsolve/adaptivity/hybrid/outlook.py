@@ -24,7 +24,7 @@ from pdmesh.model.refused_settings import impossible
 from pdmesh.model.selection import components, given_of
 from pdmesh.model.values_at_places import largest
 from pdmesh.model.values_of_place import Value, is_of_place
-from pdsolve.adaptivity.hybrid.coarse_cells import Plate, cells_of, plate_of, tips_of
+from pdsolve.adaptivity.hybrid.coarse_cells import cells_of, plate_of, tips_of
 from pdsolve.adaptivity.hybrid.lattice import COARSE, FINE
 from pdsolve.adaptivity.hybrid.springs import springs_of
 from pdsolve.errors import LateZoneError, UnstableError
@@ -118,7 +118,13 @@ def outlook(model: Model, options: Options) -> Outlook:
     fine, coarse = (int(np.count_nonzero(cells == kind)) for kind in (FINE, COARSE))
     begins = fine / max(fine + coarse, 1)
     q = _strain(model) / (model.settings.run.hybrid.kappa * min(material_springs.peak for material_springs in springs))
-    grows = STRIP * plate.h * _running(plate, begins > 0) / (plate.size * plate.h**2)
+    run, side = model.settings.run, float(np.sqrt(plate.size) * plate.h)
+    material = model.materials[0]
+    lasts = run.duration if run.duration is not None else run.steps * (run.time_step or 0.0)
+    way = SPEED * rayleigh_speed(material.E, material.rho, material.plane) * lasts
+    cracks = max(len(tips_of(plate)), int(begins > 0))  # of pre-cracks, else one where an outline makes cells fine
+    length = cracks * min(way or side, side)
+    grows = STRIP * plate.h * length / (plate.size * plate.h**2)
     ends = 1.0 if q >= 1 else min(begins + grows, 1.0)
     mean = begins + GROWN * (ends - begins)
     return Outlook(begins, ends, q, EVEN + FIXED / len(model.grid) + FINE_NODES * mean)
@@ -147,16 +153,6 @@ def _largest(model: Model, condition: Selection, vector: Sequence[Value | None])
     is_place_dependent = any(map(is_of_place, vector))
     position = model.grid.part(model.selected(condition)).position if is_place_dependent else np.zeros((0, len(vector)))
     return np.array([largest(value, position) for value in vector])
-
-
-def _running(plate: Plate, begins: bool) -> float:
-    """L, m: of the tips of pre-cracks, else of one crack where an outline makes cells fine from the start."""
-    model = plate.model
-    run, side = model.settings.run, float(np.sqrt(plate.size) * plate.h)
-    material = model.materials[0]
-    lasts = run.duration if run.duration is not None else run.steps * (run.time_step or 0.0)
-    way = SPEED * rayleigh_speed(material.E, material.rho, material.plane) * lasts
-    return max(len(tips_of(plate)), int(begins)) * min(way or side, side)
 
 
 def of_long_steps(error: BaseException, step: float, bound: float) -> BaseException:

@@ -20,7 +20,7 @@ from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, FINE, LEFT
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.adaptivity.hybrid.precracks import begin_coarse, lengthened
 from pdsolve.adaptivity.hybrid.springs import Springs, coarse_springs, e_of, springs_of, stretches
-from pdsolve.conditions import Drive, drive, initial_velocity
+from pdsolve.conditions import drive, initial_velocity
 from pdsolve.laws.calls import bind
 from pdsolve.laws.pair import no_bonds
 from pdsolve.laws.pair_laws import bilinear
@@ -54,7 +54,10 @@ def hybrid_of(
     driven = drive(model, area, True, np.float64)
     rows = ROOM + 6 * int(np.count_nonzero(cells == FINE))
     damps = ground.nodes.damping is not None
-    loads, holds = _loads(plate, driven, area), _entries(plate, driven.holds, 1)
+    loads, holds = _entries(plate, driven.loads, 4), _entries(plate, driven.holds, 1)
+    loads.value[:, VALUE] *= area[driven.loads.node]
+    nonzero = loads.value[:, VALUE] != 0
+    loads = loads._replace(what=loads.what[nonzero], value=loads.value[nonzero])
     if not swells and kind is np.float64:
         cells = far_cells(plate, ground, cells, np.concatenate([loads.what[:, PLACE], holds.what[:, PLACE]]))
     zone = zone_of(plate.at, cells, len(ground.ways), rows, ground.varied, threads, swells, damps, kind=kind)._replace(
@@ -176,13 +179,6 @@ def _resistance(plate: Plate, springs: tuple[Springs, ...], irregular_bonds: Irr
             a, b, c = ((k * inverse * term).sum() for term in (x * x, y * y, x * y))
             inside.append(((a + b) / 2 + np.hypot((a - b) / 2, c)) / rho[number])
     return np.concatenate([inside, irregular_bonds.stiffness_bound[irregular_bonds.which] / rho[irregular_materials]])
-
-
-def _loads(plate: Plate, driven: Drive, area: CellAreas) -> Entries:
-    entries = _entries(plate, driven.loads, 4)
-    entries.value[:, VALUE] *= area[driven.loads.node]
-    nonzero = entries.value[:, VALUE] != 0
-    return entries._replace(what=entries.what[nonzero], value=entries.value[nonzero])
 
 
 def _entries(plate: Plate, driven: conditions.Entries, most: int) -> Entries:

@@ -75,11 +75,19 @@ def stretches(
 
 
 def split(tree: Tree, look: Look, threshold: float) -> NDArray[np.bool_]:
-    """Mask (n,) of the leaves that split."""
+    """Mask (n,) of the leaves that split: wanted ones and the coarser ones they touch, without those whose coarser
+    neighbour cannot be split."""
     flagged = look.height > threshold
-    wanted = tree.splits(look.cells)
-    wanted[wanted] = _within(look.place[wanted], look, flagged, 1.0)
-    return _balanced(tree, look, wanted)
+    level, can = look.cells.level, tree.splits(look.cells)
+    to_split = can.copy()
+    to_split[can] = _within(look.place[can], look, flagged, 1.0)
+    for at in range(tree.levels - 1, 0, -1):
+        coarser = np.flatnonzero(can & (level < at))
+        to_split[coarser] |= _touches(tree, look.cells.taken(coarser), look, to_split & (level == at))
+    for at in range(1, tree.levels):
+        finer = np.flatnonzero(to_split & (level == at))
+        to_split[finer] = ~_touches(tree, look.cells.taken(finer), look, ~to_split & (level < at))
+    return to_split
 
 
 def _within(
@@ -108,18 +116,6 @@ def _touches(tree: Tree, cells: Cells, look: Look, others: NDArray[np.bool_]) ->
         away, _ = tree_of(look.place[at_level]).query(place, p=np.inf, distance_upper_bound=2 * tree.spacing)
         touching |= away <= (half + tree.spacing / 2.0 ** (at + 1)) * (1 + ROUND_OFF)
     return touching
-
-
-def _balanced(tree: Tree, look: Look, wanted: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """The wanted leaves plus the coarser leaves they touch, without those whose coarser neighbour cannot be split."""
-    level, can, to_split = look.cells.level, tree.splits(look.cells), wanted.copy()
-    for at in range(tree.levels - 1, 0, -1):
-        coarser = np.flatnonzero(can & (level < at))
-        to_split[coarser] |= _touches(tree, look.cells.taken(coarser), look, to_split & (level == at))
-    for at in range(1, tree.levels):
-        finer = np.flatnonzero(to_split & (level == at))
-        to_split[finer] = ~_touches(tree, look.cells.taken(finer), look, ~to_split & (level < at))
-    return to_split
 
 
 def merge(tree: Tree, look: Look, calm: NDArray[np.bool_], splits: NDArray[np.bool_], threshold: float) -> Cells:

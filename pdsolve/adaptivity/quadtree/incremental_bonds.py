@@ -35,7 +35,10 @@ def filled(rule: ByPairs) -> Filled:
 def refilled(rule: ByPairs, model: Model, before: Filled, transfer: Transfer) -> Filled:
     """All bonds of a model, reusing those of unchanged nodes from `before`."""
     stays = transfer.stays
-    near_rows = _near(model, ~stays)
+    position, delta = model.grid.position, model.grid.delta
+    reach = float((model.horizons + delta / 2).max()) * (1 + ROUND_OFF)
+    away, _ = tree_of(position[~stays]).query(position, distance_upper_bound=2 * reach)
+    near_rows = np.flatnonzero(away <= reach)  # new nodes, and all that may interact with one
     pairs = rule.neighbours.pairs(near_rows)
     fresh = rule.looked(chosen(pairs, ~(stays[pairs.source] & stays[pairs.target])))
     row = np.full(len(before.lack), -1)
@@ -69,14 +72,6 @@ def _taken(paired: Paired, which: NDArray[np.int64]) -> Paired:
 
 def _columns(paired: Paired) -> tuple[Any, ...]:
     return (*paired.pairs, *paired[1:])
-
-
-def _near(model: Model, new: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Rows of new nodes, and of all nodes that may interact with one."""
-    position, delta = model.grid.position, model.grid.delta
-    reach = float((model.horizons + delta / 2).max()) * (1 + ROUND_OFF)
-    away, _ = tree_of(position[new]).query(position, distance_upper_bound=2 * reach)
-    return np.flatnonzero(away <= reach)
 
 
 def _filled(rule: ByPairs, paired: Paired, lack: NDArray[np.float64]) -> Filled:

@@ -184,13 +184,10 @@ class RestingContact(PenaltyContact):
     def energies(self, state: State) -> tuple[Array, Array]:
         """Energy densities (n,), J/m^3: stored in springs of touch and of friction; nothing is dissipated here."""
         now = self._touch(state.value)
-        energy = self._shared(self._stiffness * (now.depth**2 + (now.slip**2).sum(axis=1)) / 2)
-        return energy / self._volume, np.zeros(len(self._volume))
-
-    def _shared(self, energy: Array) -> Array:
-        """Energies (n,) of nodes, J, of those of pairs (p,), half and half."""
+        of_pairs = self._stiffness * (now.depth**2 + (now.slip**2).sum(axis=1)) / 2
         ends, nodes = (self._pairs.i, self._pairs.j), len(self._volume)
-        return np.asarray(sum(np.bincount(end, energy / 2, nodes) for end in ends))
+        energy = np.asarray(sum(np.bincount(end, of_pairs / 2, nodes) for end in ends))  # half and half
+        return energy / self._volume, np.zeros(nodes)
 
     def touching(self, state: State) -> int:
         """Number of nodes that touch others."""

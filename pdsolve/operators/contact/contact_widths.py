@@ -56,16 +56,14 @@ def round_widths(pairs: Pressed) -> dict[tuple[int, int], Width]:
     for number in np.unique(of_place[pairs.round]):
         mine = np.flatnonzero(of_place == number)
         bodies = int(pairs.first[mine[0]]), int(pairs.second[mine[0]])
-        half, force = _half_width(pairs.part(mine)), float(pairs.force[mine].sum())
+        contact = pairs.part(mine)
+        middle = np.average(contact.place, axis=0, weights=contact.force)
+        apart = (contact.place - middle) / contact.spacing[:, None]
+        moment = np.average(apart[:, :, None] * apart[:, None, :], axis=0, weights=contact.force)
+        along = np.linalg.eigvalsh(moment)[1]  # the first is across the face
+        # The smaller half-width, in spacings, of the ellipse, or in the plane of the strip, that Hertz has for them
+        half = float(np.sqrt(OVER_MOMENT[apart.shape[1]] * (along + CELL)))
+        force = float(pairs.force[mine].sum())
         before = widths.get(bodies, Width(np.inf, 0.0))
         widths[bodies] = Width(min(half, before.half), force + before.force)
     return widths
-
-
-def _half_width(pairs: Pressed) -> float:
-    """The smaller half-width, in spacings, of the ellipse, or in the plane of the strip, that Hertz has for them."""
-    middle = np.average(pairs.place, axis=0, weights=pairs.force)
-    apart = (pairs.place - middle) / pairs.spacing[:, None]
-    moment = np.average(apart[:, :, None] * apart[:, None, :], axis=0, weights=pairs.force)
-    along = np.linalg.eigvalsh(moment)[1]  # the first is across the face
-    return float(np.sqrt(OVER_MOMENT[apart.shape[1]] * (along + CELL)))

@@ -154,16 +154,11 @@ def _facets(grid: Grid) -> Array:
     return np.asarray(facets[(facets[:, 0] != facets[:, 1]).any(axis=1)])
 
 
-def _normals(facets: Array) -> Array:
-    """Normals (f, d) of length 1 of facets (f, d, d), out of their bodies."""
-    sides = np.diff(facets, axis=1)
-    across = np.cross(sides[:, 0], sides[:, 1]) if facets.shape[1] == 3 else sides[:, 0] @ np.array([[0, -1], [1, 0]])
-    return np.asarray(across / np.sqrt((across**2).sum(axis=1))[:, None])
-
-
 def _pieces(facets: Array, places: Array, reach: float, finest: float) -> Pieces:
     """Facets (f, d, d) halved until no side is longer than `finest`, m, as far as they are near places (k, d)."""
-    tree, normal = tree_of(places), _normals(facets)
+    tree, sides = tree_of(places), np.diff(facets, axis=1)
+    across = np.cross(sides[:, 0], sides[:, 1]) if facets.shape[1] == 3 else sides[:, 0] @ np.array([[0, -1], [1, 0]])
+    normal = across / np.sqrt((across**2).sum(axis=1))[:, None]  # of length 1, out of the body
     first, second = np.triu_indices(facets.shape[1], 1)
     facet, small_facets, of = np.arange(len(facets)), [facets[:0]], [np.zeros(0, dtype=np.int64)]
     while len(facets):

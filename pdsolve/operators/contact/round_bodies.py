@@ -94,7 +94,8 @@ class RoundBodies:
         for number, (b, radius) in enumerate(self._radius):
             far = lengths(self._arm(b, u, rows))
             close = rows[far < radius + self._deep[rows] + slack]
-            before, energy_before = self._near[number], self._held(number, u)
+            pressed = self._pressed(number, u)
+            before, energy_before = self._near[number], pressed.k * pressed.depth**2 / 2  # J
             near = _at_rest(close, radius + self._deep[close])
             _, new_rows, old_rows = np.intersect1d(close, before.rows, assume_unique=True, return_indices=True)
             for name in Near._fields[1:]:
@@ -152,11 +153,6 @@ class RoundBodies:
         n, depth, facing = arm / far[:, None], np.maximum(near.touch - far, 0.0), np.zeros(len(far))
         facing_to(self._faces[number], u, n, facing)
         return Pressed(n, np.where(facing > 0, depth, 0.0), self._k[near.rows] * facing)
-
-    def _held(self, number: int, u: NDArray[Any]) -> Array:
-        """Energies (p,), J, of the springs of touch."""
-        now = self._pressed(number, u)
-        return np.asarray(now.k * now.depth**2 / 2)
 
     def store(self, u: NDArray[Any], node_energy: Array, rubbed: Array) -> None:
         """Add the energies, J, of all springs to `node_energy` (n,), and those of friction to `rubbed`."""

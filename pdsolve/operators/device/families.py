@@ -65,7 +65,8 @@ class FamiliesOnDevice(Padded, Families):
     def source(self) -> str:
         """What the bonds are in OpenCL C. Raises ModelError for a law that no device computes to the same bits."""
         said, law, wide = functions_of(self.law), self.columns, len(self._m)
-        sums, (nodal_count, count) = self._sums(), (self._tabled.nodal_count, len(self._tabled.columns))
+        sums = len(said["nothing"](law, (0.0,) * self.dimension, 0.0))  # of the first pass
+        nodal_count, count = self._tabled.nodal_count, len(self._tabled.columns)
         lines = [f"#define C {count}", f"#define FIELDS {self.slots.vectors.shape[1]}", f"#define SUMS {sums}"]
         lines.append(f"#define WIDTH {wide}")
         code = Code("a")
@@ -92,11 +93,6 @@ class FamiliesOnDevice(Padded, Families):
         else:
             lines.append("#define NEARS")
         return "\n".join([*lines, text_of("families.cl")])
-
-    def _sums(self) -> int:
-        """How many sums the first pass has."""
-        nothing = functions_of(self.law)["nothing"]
-        return len(nothing(self.columns, (0.0,) * self.dimension, 0.0))
 
     def _bond(self, code: Code) -> tuple[Bond, tuple[Any, ...]]:
         """A deformed bond and its numbers in C."""

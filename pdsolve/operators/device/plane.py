@@ -45,15 +45,10 @@ class PlaneOnDevice(Padded, SimdLattice):
         self._remembers = bool(self.tracks.worst.size)
         words = -(-int(np.diff(blocks.start).max(initial=1)) // WORD)
         self._bits = np.zeros((words, self.room), dtype=np.uint32)
-        session.room_for(*self._wanted())
-        self._make()
-
-    def _wanted(self) -> list[int]:
-        """Memory of the arrays of bonds on the device, bytes each."""
-        blocks, tracks = self.blocks, self.tracks
         arrays: list[NDArray[Any]] = [blocks.start, blocks.slots, blocks.ids, blocks.vectors, blocks.peak, blocks.limit]
-        arrays += [*self._shared(), tracks.broken, *[tracks.worst] * 3, *[self._bits] * 2, tracks.dissipated]
-        return [array.nbytes for array in arrays]
+        arrays += [*self._shared(), self.tracks.broken, *[self.tracks.worst] * 3, *[self._bits] * 2]
+        session.room_for(*(array.nbytes for array in [*arrays, self.tracks.dissipated]))
+        self._make()
 
     def _shared(self) -> list[NDArray[Any]]:
         """Stiffness and edge of bonds before any broke."""

@@ -117,18 +117,14 @@ class SpaceOnDevice(SpaceLattice):
             slot_bits = (bits[:, None] >> lanes & np.uint16(1)).astype(np.uint32).ravel()
             intact_bits[slot // WORD, of_tiles] |= slot_bits << np.uint32(slot % WORD)
         self.session.write(self._intact, intact_bits)
-        if self._remembers:
-            self._hand_over_memory()
+        if self._remembers:  # what softened bonds remember
+            tiles = self.tiles
+            self.session.clear(self._worst)
+            self.session.write(self._memory, (tiles.memory >= 0).astype(np.int32))
+            self.session.write(self._torn, np.zeros(len(tiles.kind), dtype=np.int32))
+            for tile in np.flatnonzero(tiles.memory >= 0).tolist():
+                self.session.write(self._worst, tiles.worst[tiles.memory[tile]], tile * self._remembered())
         self.needs_upload = False
-
-    def _hand_over_memory(self) -> None:
-        """Give what softened bonds remember to the device."""
-        tiles = self.tiles
-        self.session.clear(self._worst)
-        self.session.write(self._memory, (tiles.memory >= 0).astype(np.int32))
-        self.session.write(self._torn, np.zeros(len(tiles.kind), dtype=np.int32))
-        for tile in np.flatnonzero(tiles.memory >= 0).tolist():
-            self.session.write(self._worst, tiles.worst[tiles.memory[tile]], tile * self._remembered())
 
     def _fetch_memory(self) -> None:
         """Bring what bonds remember up to the device's, in tiles of which one has softened."""

@@ -159,22 +159,17 @@ class SimdLattice:
     def back(self, checkpoint: Kept, broken: Broken) -> None:
         """Restore the history of bonds and the broken bonds of a checkpoint."""
         steps, worst, edge = self.tracks.broken.ravel(), self.tracks.worst.ravel(), np.zeros_like(self.tracks.worst)
-        torn, (softened, values, edges) = self._find(broken.source, broken.target), self._softened(checkpoint)
+        torn = self._find(broken.source, broken.target)
+        nodes, rows = len(self._stiffness_bound) - 1, (None,) if self.tracks.worst.size else (0,)
+        values = entry(checkpoint, "worst", rows, self.tracks.worst.dtype)
+        edges = entry(checkpoint, "worst_edge", values.shape, self.blocks.edge.dtype, high=np.inf)
+        ends = (entry(checkpoint, f"worst_{end}", values.shape, np.int64, 0, nodes) for end in ("source", "target"))
+        softened = self._find(*ends)
         steps[:] = worst[:] = 0
         steps[torn] = broken.step
         worst[softened], edge.ravel()[softened] = values, edges
         self._looked_at, self._broken = self._whole, Broken(*(column[:0] for column in self._broken))
         layout.revive(self._law, self.blocks, self._whole, self.tracks.broken, self.tracks.worst, edge)
-
-    def _softened(self, checkpoint: Kept) -> tuple[NDArray[np.int64], NDArray[Any], NDArray[Any]]:
-        """Softened bonds (k,) of a checkpoint, their largest stretches and edges (k,)."""
-        nodes, rows = len(self._stiffness_bound) - 1, (None,) if self.tracks.worst.size else (0,)
-        values = entry(checkpoint, "worst", rows, self.tracks.worst.dtype)
-        edges = entry(checkpoint, "worst_edge", values.shape, self.blocks.edge.dtype, high=np.inf)
-        source, target = (
-            entry(checkpoint, f"worst_{end}", values.shape, np.int64, 0, nodes) for end in ("source", "target")
-        )
-        return self._find(source, target), values, edges
 
     def bytes(self) -> int:
         """Memory of all arrays, bytes, without the rows that slots get as their bonds break."""

@@ -17,7 +17,7 @@ from pdsolve.run.inversion_checks import Extent, MotionChecks, extent_of
 from pdsolve.run.measures import Asked, Ledger, ask, terms
 from pdsolve.run.motion_accounts import MotionAccounts, motion_of, unstable_words
 from pdsolve.run.on_ranks.start import Here, OnRanks
-from pdsolve.run.reactions import Grip, Reaction
+from pdsolve.run.reactions import Reaction
 from pdsolve.state import Broken, State
 
 Array = NDArray[np.float64]
@@ -71,7 +71,11 @@ class AccountsOnRanks(MotionAccounts):
     def take(self, state: State, step: int, bond_state: Asked | None) -> None:
         """Record the ledger, the probes and the reactions of this step. Raises UnstableError."""
         self.settle(state, step, bond_state)
-        self._check()
+        if self._is_unstable(self.last, self.known.finite):  # the error is that of one process
+            worst = self._team.everywhere(wildest, self.known.finite)
+            most = max(speed for speed, _ in worst)
+            node = next(node for speed, node in worst if speed == most)
+            raise UnstableError(unstable_words(self._whole, self.last, max(self._most, self._clamped), node))
         self._most = max(self._most, abs(self.last.work))
         extent = self.known.extent
         if self._checks.is_crushed(extent):
@@ -102,15 +106,6 @@ class AccountsOnRanks(MotionAccounts):
         )
         extent = Extent(least, most, said[0].extent.kind)
         return Known(ledger, max(report.latest for report in said), all(report.finite for report in said), extent)
-
-    def _check(self) -> None:
-        """Raise UnstableError as one process does."""
-        if not self._is_unstable(self.last, self.known.finite):
-            return
-        worst = self._team.everywhere(wildest, self.known.finite)
-        most = max(speed for speed, _ in worst)
-        node = next(node for speed, node in worst if speed == most)
-        raise UnstableError(unstable_words(self._whole, self.last, max(self._most, self._clamped), node))
 
 
 def asked(team: Team, step: int) -> Asked:
@@ -196,11 +191,14 @@ def reactions(team: Team, step: int, time: float) -> list[Reaction]:
     if team.rank < team.size - 1:
         team.comm.send(sums, team.rank + 1, PASSED)
         return []
-    at = system.load_time(step)
-    return [
-        _reaction(sums, grip, number, (step, time), factor_now(drive.profiles, number, at))
-        for number, grip in enumerate(subdomain.grips)
-    ]
+    at, all_reactions = system.load_time(step), list[Reaction]()
+    for number, grip in enumerate(subdomain.grips):
+        components = slice(d * number, d * number + d)
+        factor = float(factor_now(drive.profiles, number, at))
+        force = (sums.pull[components] + factor * sums.push[components]).tolist()
+        mean = (sums.moved[number] / sums.nodes[number]).tolist()
+        all_reactions.append(Reaction(step, time, grip.number, grip.kind, *force[:2], *mean[:2], *force[2:], *mean[2:]))
+    return all_reactions
 
 
 class _Sums(NamedTuple):
@@ -208,14 +206,6 @@ class _Sums(NamedTuple):
     push: Array  # (grips d,) of loads at factor 1
     moved: Array  # (grips, d) of displacements
     nodes: NDArray[np.int64]  # (grips,)
-
-
-def _reaction(sums: _Sums, grip: Grip, number: int, when: tuple[int, float], factor: float) -> Reaction:
-    d = sums.moved.shape[1]
-    components = slice(d * number, d * number + d)
-    force = (sums.pull[components] + float(factor) * sums.push[components]).tolist()
-    mean = (sums.moved[number] / sums.nodes[number]).tolist()
-    return Reaction(*when, grip.number, grip.kind, *force[:2], *mean[:2], *force[2:], *mean[2:])
 
 
 def _watch(team: Team) -> MotionChecks:

@@ -67,7 +67,11 @@ class SpaceHybrid:
         volume = fine.cube * fine.tiles.cells[VOLUME, margin : margin + count]
         self.volume = self._gathered(volume)
         self._border_volume = volume[self._border]
-        self._zone = zone._replace(tiles=self._numbered(zone.tiles), springs=self._carried(zone.springs))
+        tiles, springs = self._numbered(zone.tiles), zone.springs
+        springs.node[:] = -1
+        springs.node[self._above(self.sites[self._coarse])] = self._coarse
+        springs = springs._replace(held=np.ones(nodes, np.bool_), material=np.zeros(nodes, np.uint8))
+        self._zone = zone._replace(tiles=tiles, springs=springs)
         self._coarse_sites = self.whole.springs_at.margin + self._above(self.sites[self._coarse])
         self._force, self._density = np.zeros((nodes, 3)), np.zeros((nodes + border, 3))
         self._known = Broken(*np.zeros((3, 0), dtype=np.int64))
@@ -98,13 +102,6 @@ class SpaceHybrid:
         unbreakable = full_tiles.held[every]
         unbreakable[nodes:] = True
         return tiles._replace(held=unbreakable, material=full_tiles.material[every])
-
-    def _carried(self, springs: Tiles) -> Tiles:
-        """The springs with the numbers of nodes."""
-        springs.node[:] = -1
-        springs.node[self._above(self.sites[self._coarse])] = self._coarse
-        nodes = len(self.sites)
-        return springs._replace(held=np.ones(nodes, np.bool_), material=np.zeros(nodes, np.uint8))
 
     @cached_property
     def model(self) -> Model:
@@ -139,7 +136,8 @@ class SpaceHybrid:
         self._place(state.value)
         zone, nodes, force, density = self._zone, len(self.sites), self._force, self._density
         force[:], density[:] = 0, 0
-        self._sum_bonds(state, step, dt)
+        with self._breaking:
+            self._sum_and_break(state, step, dt)
         nothing = room_for(ROW * len(zone.springs.offsets) + 1)
         of_state = state.rate, dt, 0, force, state.dissipated
 
@@ -160,11 +158,6 @@ class SpaceHybrid:
     @property
     def _peak(self) -> float:
         return float(e_of(self.whole.fine.tiles.peak.min()))
-
-    def _sum_bonds(self, state: State, step: int, dt: float) -> None:
-        """Force densities of the bonds of fine nodes; those that break are noted."""
-        with self._breaking:
-            self._sum_and_break(state, step, dt)
 
     def _sum_and_break(self, state: State, step: int, dt: float) -> None:
         zone, density = self._zone, self._density

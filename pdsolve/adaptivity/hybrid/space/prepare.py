@@ -47,7 +47,10 @@ def body_of(model: Model, options: Options, threads: int) -> SpaceHybrid:
     law, h = law_of(model), tiling.sites.spacing
     full_model = whole_of(model, tiling.sites, tiling.tiles)._replace(cut=tiling.counted.family - tiling.counted.bonds)
     box, tiles = full_model.fine.box, tiling.tiles
-    _expect_numbers(model, full_model.fine)
+    nodes = (int(box.sx) + BLOCK) * (int(box.sy) + BLOCK) * (int(box.sz) + BLOCK)
+    if nodes * full_model.fine.divisions.unit**3 >= 1 << 63:  # integers cannot count where pieces end
+        reach = f"{full_model.fine.reach} spacings"
+        raise refused(model, "$.horizon.ratio", reach, f"fewer in a lattice of {nodes} places")
     shape = box.sz, box.sy, box.sx
     count, first = int(np.prod(shape)), model.grid.position.min(axis=0)
     volume = tiles.cells[VOLUME][tiling.sites.margin :][:count].reshape(shape)
@@ -60,13 +63,6 @@ def body_of(model: Model, options: Options, threads: int) -> SpaceHybrid:
     driven = drive(model, model.grid.cells, True, np.float64)
     full_model = full_model._replace(resistance=resistance, solid=int(np.count_nonzero(cells != VOID)), driven=driven)
     return operator_on(law, full_model, cells, tau_of(law, tiles.table, h), threads)
-
-
-def _expect_numbers(model: Model, fine: Fine) -> None:
-    """Raise ModelError where places at which pieces end are more than integers can count; see `Divisions.unit`."""
-    nodes = (int(fine.box.sx) + BLOCK) * (int(fine.box.sy) + BLOCK) * (int(fine.box.sz) + BLOCK)
-    if nodes * fine.divisions.unit**3 >= 1 << 63:
-        raise refused(model, "$.horizon.ratio", f"{fine.reach} spacings", f"fewer in a lattice of {nodes} places")
 
 
 def operator_on(law: Law, full_model: Whole, cells: NDArray[np.uint8], tau: float, threads: int = 1) -> SpaceHybrid:

@@ -83,19 +83,14 @@ def _around_cracks(cells: NDArray[np.uint8], cracks: NDArray[np.float64]) -> Non
     middle = np.asarray(2.0 * where[:, ::-1] + 1, dtype=np.float64)
     corner = np.sqrt(3.0)  # from the middle of a cell
     near = distances(middle, cracks, FLANKS + corner) < FLANKS + corner
-    edges = _edges(cracks)
-    near |= distances(middle, edges[:, [0, 1, 1]], TIPS + corner) < TIPS + corner
-    cells[tuple(where[near].T)] = FINE
-
-
-def _edges(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The edges (e, 2, 3) that belong to one triangle alone."""
-    ends = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2, 3)
+    ends = cracks[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2, 3)
     key = np.round(ends, 6)
     swap = np.array([tuple(a) > tuple(b) for a, b in key])
     key[swap] = key[swap][:, ::-1]
     _, first, count = np.unique(key.reshape(-1, 6), axis=0, return_index=True, return_counts=True)
-    return np.asarray(ends[first[count == 1]])
+    edges = ends[first[count == 1]]  # those of one triangle alone
+    near |= distances(middle, edges[:, [0, 1, 1]], TIPS + corner) < TIPS + corner
+    cells[tuple(where[near].T)] = FINE
 
 
 @cached_njit(error_model="numpy")
