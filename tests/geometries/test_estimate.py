@@ -80,12 +80,13 @@ print(next(line.split()[1] for line in Path("/proc/self/status").read_text().spl
 @pytest.mark.slow  # where nothing is compiled any more: that takes memory too
 @pytest.mark.parametrize("mode", MODES)
 def test_the_memory_of_the_process_is_known(mode: str, tmp_path: Path) -> None:
-    """Measured: 43_621 nodes take 0.94 to 1.05 of what is said beyond a handful of nodes.
+    """Measured: 133_036 nodes take 0.90 to 0.97 of what is said beyond a handful of nodes.
 
     What the libraries themselves take depends on how much of their files a system maps: between two of them 46 MB
-    lay, a fifth of a small run.
+    lay, a fifth of a small run. Some parts of them a handful of nodes does not use: with 43_621 nodes they make 1.04 to
+    1.23 of what is said.
     """
-    peaks, said = peaks_and_said(tmp_path, mode, lambda width: plate(width, 0.75), (20, 240))
+    peaks, said = peaks_and_said(tmp_path, mode, lambda width: plate(width, 0.75), (20, 420))
     assert peaks[0] == pytest.approx(said[0], rel=0.35)
     assert peaks[1] - peaks[0] == pytest.approx(said[1] - said[0], rel=0.2)
 
