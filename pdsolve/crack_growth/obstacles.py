@@ -49,7 +49,8 @@ class Obstacles:
         for turn in TURNS:
             way = np.array([np.cos(angle + turn), np.sin(angle + turn)])
             far = self._met(start, way, (1 + LEFT) * length, other_arms)
-            place = start + (far.min() if len(far) else length) * way  # at an obstacle not far beyond the length
+            # an obstacle not far beyond the length ends the arm
+            place = np.asarray(start + (far.min() if len(far) else length) * way)
             if self._clears(start, place):
                 return place
         return place

@@ -35,7 +35,7 @@ def connect(path: Path | None, how: str = "", **options: Any) -> sqlite3.Connect
     SQLite joins no other database, trusts no schema, and looks at each page before it uses it. Raises sqlite3.Error.
     """
     place = ":memory:" if path is None else f"{Path(os.path.realpath(path)).as_uri()}?{how}"
-    connection = sqlite3.connect(place, uri=path is not None, **options)
+    connection: sqlite3.Connection = sqlite3.connect(place, uri=path is not None, **options)
     connection.setlimit(sqlite3.SQLITE_LIMIT_ATTACHED, 0)
     connection.execute("PRAGMA trusted_schema = OFF")
     connection.execute("PRAGMA cell_size_check = ON")
