@@ -174,22 +174,19 @@ def _build(args: argparse.Namespace) -> int:
 def _document(args: argparse.Namespace) -> Document:
     """The model in a .json file, or the model that any other file would be built into."""
     from pdmesh.drawing.file_reading import build_file
-    from pdmesh.model.document import read_file
+    from pdmesh.model.document import Settings, read_file
 
     assigned = _assigned(args)
     if args.drawing.suffix.lower() == ".json" and not (args.refine or args.cracks):
         if not assigned:
             return read_file(args.drawing)
-        if len(assigned) == len(args.assignments) and _are_settings(args.assignments):
+        # names of settings of a model, such as material.coarse, and none of a drawing's parameters
+        are_settings = (
+            "." in name and name.partition(".")[0] in Settings.__struct_fields__ for name, _ in args.assignments
+        )
+        if len(assigned) == len(args.assignments) and all(are_settings):
             return _with_settings(args.drawing, args.assignments)
     return build_file(args.drawing, assigned, args.refine, args.trust, args.cracks).document
-
-
-def _are_settings(assigned: Sequence[tuple[str, str]]) -> bool:
-    """Whether all names are of settings of a model, such as material.coarse, and none of a drawing's parameters."""
-    from pdmesh.model.document import Settings
-
-    return all("." in name and name.partition(".")[0] in Settings.__struct_fields__ for name, _ in assigned)
 
 
 def _with_settings(path: Path, assigned: Sequence[tuple[str, str]]) -> Document:

@@ -84,17 +84,13 @@ class Parser(argparse.ArgumentParser):
         """What to do about an unknown argument."""
         if not word.startswith("-"):
             return "leave it out"
-        options = [option for option in self._options(arguments) if option.startswith("--")]
-        option_name = meant(word, options, cutoff=1.0) or (self.set_by and self.set_by(word)) or meant(word, options)
-        return f"did you mean {option_name}?" if option_name else "leave it out"
-
-    def _options(self, arguments: argparse.Namespace) -> list[str]:
-        """The options of this parser and of the chosen command."""
         options = list(self._option_string_actions)
         for action in self._actions:
-            if isinstance(action, argparse._SubParsersAction):
+            if isinstance(action, argparse._SubParsersAction):  # the options of the chosen command too
                 options += action.choices[getattr(arguments, action.dest)]._option_string_actions
-        return options
+        options = [option for option in options if option.startswith("--")]
+        option_name = meant(word, options, cutoff=1.0) or (self.set_by and self.set_by(word)) or meant(word, options)
+        return f"did you mean {option_name}?" if option_name else "leave it out"
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if action.choices is None or value in action.choices:

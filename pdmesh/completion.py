@@ -18,19 +18,15 @@ class Completion(argparse.Action):
         except ImportError:
             parser.error("--completion needs the package shtab; install it: pip install 'pdsuite[completion]'")
         for word, make_parser in getattr(parser, "others", {}).items():
-            _complete_word(parser, word, make_parser())
+            # offered as the first word of a command line, followed by the arguments of its own parser
+            first = next(action for action in parser._actions if not action.option_strings)
+            first.choices = [*(first.choices or ()), word]
+            for action in make_parser()._actions:
+                if not set(action.option_strings) & set(parser._option_string_actions):
+                    parser._add_action(action)
         _complete_files(parser, shtab, str(shell))
         say(shtab.complete(parser, shell=str(shell)))
         parser.exit()
-
-
-def _complete_word(parser: argparse.ArgumentParser, word: str, subparser: argparse.ArgumentParser) -> None:
-    """Offer `word` as the first word of a command line, followed by the arguments of `subparser`."""
-    first = next(action for action in parser._actions if not action.option_strings)
-    first.choices = [*(first.choices or ()), word]
-    for action in subparser._actions:
-        if not set(action.option_strings) & set(parser._option_string_actions):
-            parser._add_action(action)
 
 
 def _complete_files(parser: argparse.ArgumentParser, shtab: Any, shell: str) -> None:

@@ -138,7 +138,7 @@ def safe_variables(variables: Mapping[str, str]) -> tuple[dict[str, str], list[s
         if library is None or (name not in WHOLE_NAMES and PLAIN.fullmatch(value) and not os.path.lexists(value)):
             used[name] = value
             continue
-        entries = _entries(name, value)
+        entries = value.replace(":", " ").split() if name == "LD_PRELOAD" else value.split(os.pathsep)
         safe = [entry for entry in entries if _is_safe(entry, name, library)]
         if safe == entries:
             used[name] = value
@@ -157,12 +157,6 @@ def _is_safe(entry: str, name: str, library: Library) -> bool:
     return is_safe_place(entry, name)
 
 
-def _entries(name: str, value: str) -> list[str]:
-    if name == "LD_PRELOAD":
-        return value.replace(":", " ").split()
-    return value.split(os.pathsep)
-
-
 def is_safe_place(place: str, name: str = "") -> bool:
     """Whether a path is absolute and, for a variable `name` that loads code, nobody else may write to it."""
     if not os.path.isabs(place):
@@ -175,8 +169,9 @@ def is_safe_place(place: str, name: str = "") -> bool:
     if steps is None:
         return False
     *parents, last = steps
-    if any(_others_may_replace_entries(step) for step in parents):
-        return False
+    for mode in map(_mode, parents):
+        if stat.S_ISDIR(mode) and mode & stat.S_IWOTH and not mode & stat.S_ISVTX:
+            return False  # everybody may remove or rename what is in it
     if name in PATHS:
         return not _mode(last) & stat.S_IWOTH
     complete = os.path.lexists(os.path.realpath(place))  # if not, whoever may make the rest decides what it holds
@@ -219,12 +214,6 @@ def _steps(place: str) -> list[Path] | None:
             rest[:0] = target.parts[1:] if target.is_absolute() else target.parts
             steps.append(path)  # so that the last step is never a link
     return steps
-
-
-def _others_may_replace_entries(path: Path) -> bool:
-    """Whether everybody may remove or rename what is in a folder."""
-    mode = _mode(path)
-    return stat.S_ISDIR(mode) and bool(mode & stat.S_IWOTH) and not mode & stat.S_ISVTX
 
 
 def _mode(path: Path) -> int:

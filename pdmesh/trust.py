@@ -173,8 +173,9 @@ def private_folder() -> Folder:
     """
     import tempfile  # slow
 
+    user = os.getuid() if hasattr(os, "getuid") else 0  # on Windows, caches are each user's own
     for place in _caches(environment()):
-        folder = place / f"pdsuite-{_user()}"
+        folder = place / f"pdsuite-{user}"
         with suppress(OSError):
             folder.mkdir(mode=0o700, parents=True, exist_ok=True)
             if _is_private(folder):
@@ -197,10 +198,6 @@ def _caches(variables: Mapping[str, str]) -> Iterator[Path]:
     temporary = Path(tempfile.gettempdir())
     if temporary.resolve() != Path.cwd().resolve():  # which is the last that Python takes for it
         yield temporary
-
-
-def _user() -> int:
-    return os.getuid() if hasattr(os, "getuid") else 0  # on Windows, caches are each user's own
 
 
 def _is_private(folder: Path) -> bool:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -33,21 +33,15 @@ def read_abaqus(path: Path, trust: bool = False) -> Mesh:
     model = Model(path)
     for keyword in keywords(path, trust):
         model.take(keyword)
-    return _mesh(model, _remarks(model))
-
-
-def _remarks(model: Model) -> tuple[str, ...]:
     placed = {instance.part for instance in model.instances.values()}
     idle = [part.name for key, part in model.parts.items() if key not in placed]
     if model.parts and not placed:
-        raise SceneError(f"{model.path} has parts but no *INSTANCE of any; add an assembly")
+        raise SceneError(f"{path} has parts but no *INSTANCE of any; add an assembly")
     notes = unused("part", idle, "no instance in the assembly, not built")
-    return (*notes, *_unread(model.unread))
-
-
-def _unread(names: Iterable[str]) -> list[str]:
-    listed = [f"*{name.capitalize()}" for name in names]
-    return [f"not used: {', '.join(listed)} (values come from --set)"] if listed else []
+    if model.unread:
+        listed = ", ".join(f"*{name.capitalize()}" for name in model.unread)
+        notes.append(f"not used: {listed} (values come from --set)")
+    return _mesh(model, tuple(notes))
 
 
 def _mesh(model: Model, notes: tuple[str, ...]) -> Mesh:
@@ -66,7 +60,11 @@ def _mesh(model: Model, notes: tuple[str, ...]) -> Mesh:
     surfaces = list(_surfaces(every_set, blocks, first))
     for _, side in surfaces:
         blocks.append(side)
-    sets = {name: _of_blocks(rows, first) + [NONE] * len(surfaces) for name, rows in element_sets.items()}
+    sets: dict[str, list[Rows]] = {}
+    for name, rows in element_sets.items():
+        ends = pairwise(np.searchsorted(rows, first).tolist())  # rows are in order, so each block has a part of them
+        in_blocks = [rows[start:end] - low for (start, end), low in zip(ends, first[:-1], strict=True)]
+        sets[name] = in_blocks + [NONE] * len(surfaces)
     for number, (name, side) in enumerate(surfaces, start=len(every)):
         sets.setdefault(name, [NONE] * len(blocks))[number] = np.arange(len(side.data))
     plane, more = _plane([elements for elements, _ in every])
@@ -77,12 +75,6 @@ def _mesh(model: Model, notes: tuple[str, ...]) -> Mesh:
     )
     mesh = Mesh(np.concatenate(points), tuple(blocks), sets, node_sets, plane=plane, notes=(*notes, *more))
     return replace(mesh, parts=part)
-
-
-def _of_blocks(rows: Rows, first: Rows) -> list[Rows]:
-    """Rows of the mesh, in order, as rows of each of its blocks."""
-    ends = pairwise(np.searchsorted(rows, first).tolist())
-    return [rows[start:end] - low for (start, end), low in zip(ends, first[:-1], strict=True)]
 
 
 def _copied(

@@ -71,7 +71,12 @@ def keywords(path: Path, trust: bool, within: tuple[Path, ...] = ()) -> Iterator
             continue
         if current is not None:
             yield current
-        current = _keyword(path, number, text)
+        name, *pieces = PIECE.findall(text[1:]) or [""]
+        options = {}
+        for piece in pieces:
+            key, _, value = piece.partition("=")
+            options[key.strip().upper().replace(" ", "")] = value.strip().strip('"').strip()
+        current = Keyword(path, number, "".join(name.replace("*", "").split()).upper(), options)
         if current.name == "INCLUDE":
             if not trust:
                 raise current.error(f"'*INCLUDE' is not read; put the mesh in one file{ADVICE}")
@@ -97,12 +102,3 @@ def _lines(path: Path) -> Iterator[tuple[int, str]]:
             pieces = []
     if pieces:
         yield first, "".join(pieces)
-
-
-def _keyword(path: Path, number: int, text: str) -> Keyword:
-    name, *pieces = PIECE.findall(text[1:]) or [""]
-    options = {}
-    for piece in pieces:
-        key, _, value = piece.partition("=")
-        options[key.strip().upper().replace(" ", "")] = value.strip().strip('"').strip()
-    return Keyword(path, number, "".join(name.replace("*", "").split()).upper(), options)

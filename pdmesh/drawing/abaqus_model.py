@@ -117,7 +117,10 @@ class Model:
             raise keyword.error(f"*{keyword.name}: INPUT= is not read; put the mesh in one file")
         match keyword.name:
             case "PART":
-                self._begin_part(keyword)
+                name = keyword.word("NAME")
+                if name.upper() in self.parts:
+                    raise keyword.error(f"*PART: NAME={name} is used twice; give each part a name of its own")
+                self.current = self.parts[name.upper()] = Scope(name)
             case "INSTANCE":
                 self._place(keyword)
             case "ENDPART" | "ENDINSTANCE" | "ASSEMBLY" | "ENDASSEMBLY":
@@ -126,12 +129,6 @@ class Model:
                 TAKEN[name](self.current, keyword)
             case name if name not in PLAIN:
                 self.unread.setdefault(name, keyword.line)
-
-    def _begin_part(self, keyword: Keyword) -> None:
-        name = keyword.word("NAME")
-        if name.upper() in self.parts:
-            raise keyword.error(f"*PART: NAME={name} is used twice; give each part a name of its own")
-        self.current = self.parts[name.upper()] = Scope(name)
 
     def _place(self, keyword: Keyword) -> None:
         if "LIBRARY" in keyword.options:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -129,8 +129,13 @@ class SetRows:
         numbers: dict[str, list[tuple[Entry, int]]] = {}
         others: dict[SetName, Entry] = {}
         for entry in members.entries:
-            keyword, line, _ = entry
-            instance, word = self._place(of, entry)
+            keyword, line, word = entry
+            instance = of.instance
+            if not instance:  # it is by INSTANCE=, or before the dot of "INSTANCE.NAME"
+                instance = self._instance(keyword, line)
+                before, dot, member = word.partition(".")
+                if not instance and dot and before and before.upper() in self.copies:
+                    instance, word = before.upper(), member
             name = SetName(instance, of.kind, word.upper())
             if NUMBER.fullmatch(word):
                 numbers.setdefault(instance, []).append((entry, keyword.integer(line, word)))
@@ -153,18 +158,11 @@ class SetRows:
         for keyword, line, some_numbers in members.ranges:
             ranges.setdefault(of.instance or self._instance(keyword, line), []).append(some_numbers)
         for instance, every in ranges.items():
-            yield _among(self.copies[instance].numbers(of.kind), every)
-
-    def _place(self, of: SetName, entry: Entry) -> tuple[str, str]:
-        """The instance that a member is of, by INSTANCE= or as "INSTANCE.NAME", and its number or name there."""
-        keyword, line, word = entry
-        if of.instance:
-            return of.instance, word
-        instance = self._instance(keyword, line)
-        before, dot, member = word.partition(".")
-        if not instance and dot and before and before.upper() in self.copies:
-            return before.upper(), member
-        return instance, word
+            all_numbers = self.copies[instance].numbers(of.kind)
+            inside = np.zeros(len(all_numbers.ids), dtype=bool)  # whatever else the ranges have
+            for id_range in every:
+                all_numbers.mark(id_range, inside)
+            yield all_numbers.rows[inside]
 
     def _instance(self, keyword: Keyword, line: int) -> str:
         """The instance that a keyword names, "" for none. Raises SceneError."""
@@ -181,11 +179,3 @@ def _union(direct_rows: list[Rows], named: list[Rows]) -> Rows:
     if len(named) == 1 and not any(map(len, direct_rows)):
         return named[0]
     return np.unique(np.concatenate([*direct_rows, *named]))
-
-
-def _among(numbers: Numbered, ranges: Iterable[range]) -> Rows:
-    """The rows of those numbers that are in a range, whatever else the ranges have."""
-    inside = np.zeros(len(numbers.ids), dtype=bool)
-    for id_range in ranges:
-        numbers.mark(id_range, inside)
-    return numbers.rows[inside]

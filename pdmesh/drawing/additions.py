@@ -28,7 +28,15 @@ def added(scene: Scene, refine: Sequence[str], cracks: Sequence[str], adapt: str
     """
     unit, parameters = unit_of(dict(scene.parameters)), dict(scene.parameters)
     for word in cracks:
-        scene = scene.crack(_points(word, unit), word)
+        try:
+            numbers = list(quantities(word, UNITS, unit))
+        except ValueError:
+            numbers = []
+        if len(numbers) < 4 or len(numbers) % 2:
+            raise SceneError(
+                f"--crack: cannot read '{word}'; give the places of its ends and kinks, x0,y0,x1,y1 or more"
+            )
+        scene = scene.crack(list(zip(numbers[::2], numbers[1::2], strict=True)), word)
         parameters[CRACK + word] = word
     for word in refine:
         scene = replace(scene, refinements=(*scene.refinements, refinement(word, unit)))
@@ -72,13 +80,3 @@ def refinement(word: str, unit: Unit) -> Refinement:
             f"--refine: cannot read '{word}'; use crack, notch or hole, then :DISTANCE or :DISTANCE:SPACING"
         )
     return Refinement(target, distance, spacing[0] if spacing else None)  # type: ignore[arg-type]
-
-
-def _points(word: str, unit: Unit) -> list[tuple[float, float]]:
-    try:
-        numbers = list(quantities(word, UNITS, unit))
-    except ValueError:
-        numbers = []
-    if len(numbers) < 4 or len(numbers) % 2:
-        raise SceneError(f"--crack: cannot read '{word}'; give the places of its ends and kinks, x0,y0,x1,y1 or more")
-    return list(zip(numbers[::2], numbers[1::2], strict=True))

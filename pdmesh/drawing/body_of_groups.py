@@ -142,23 +142,22 @@ def _points(group: Mapping[str, Any], parameters: Parameters) -> list[tuple[floa
     return [tuple(parameters.unit.metres(np.array(curve[0], dtype=float)).tolist()) for curve in group["curves"]]
 
 
-def _where(gmsh_output: Mapping[str, Any], group: Mapping[str, Any], parameters: Parameters) -> Where:
-    """The place of a group. Raises SceneError for several points."""
-    if group["dimension"]:
-        shape = _shell if group["dimension"] == 3 else _sheet
-        return shape(gmsh_output, group, parameters)
-    points = _points(group, parameters)
-    if len(points) != 1:
-        raise SceneError(f'group "{group["name"]}" has {len(points)} points; use one, as it is a support at one node')
-    return shapely.Point(points[0])
-
-
 def _places(gmsh_output: Mapping[str, Any], groups: Mapping[str, Any], parameters: Parameters, kind: str) -> Placed:
     """Names, places and parameter folders of the conditions of a kind."""
     top = KINDS[kind][1]
     places: Placed = []
     for name, group in groups.items():
-        places.append((name, _where(gmsh_output, group, parameters), f"{top}/{name}"))
+        if group["dimension"]:
+            shape = _shell if group["dimension"] == 3 else _sheet
+            where: Where = shape(gmsh_output, group, parameters)
+        else:
+            points = _points(group, parameters)
+            if len(points) != 1:
+                raise SceneError(
+                    f'group "{group["name"]}" has {len(points)} points; use one, as it is a support at one node'
+                )
+            where = shapely.Point(points[0])
+        places.append((name, where, f"{top}/{name}"))
     for name in sorted(parameters.below(str(top)) - set(groups)):
         word, *others = picked(parameters, f"{top}/{name}")
         if others:
@@ -171,7 +170,15 @@ def _places(gmsh_output: Mapping[str, Any], groups: Mapping[str, Any], parameter
 
 def _placed(gmsh_output: Mapping[str, Any], parameters: Parameters, name: str) -> Where:
     if name.endswith("/Box"):
-        return _box(parameters, name)
+        text, place = parameters.text(name), PREFIX + name
+        try:
+            x0, y0, z0, x1, y1, z1 = (parameters.unit.metres(float(word)) for word in text.split())
+        except ValueError:
+            wanted = "use six numbers 'x0 y0 z0 x1 y1 z1' in a body"
+            raise SceneError(f"parameter '{place}' is '{text}'; {wanted}") from None
+        if not (x0 < x1 and y0 < y1 and z0 < z1):
+            raise SceneError(f"parameter '{place}' is '{text}'; use x0 < x1, y0 < y1 and z0 < z1")
+        return brick((x0, y0, z0), (x1, y1, z1))
     if name.endswith("/Node"):
         return shapely.Point(point_in(parameters.text(name), 3, f"parameter '{PREFIX}{name}'", parameters.unit))
     return face(
@@ -180,14 +187,3 @@ def _placed(gmsh_output: Mapping[str, Any], parameters: Parameters, name: str) -
         f"parameter '{PREFIX}{name}'",
         parameters.unit,
     )
-
-
-def _box(parameters: Parameters, name: str) -> Shell:
-    text, place = parameters.text(name), PREFIX + name
-    try:
-        x0, y0, z0, x1, y1, z1 = (parameters.unit.metres(float(word)) for word in text.split())
-    except ValueError:
-        raise SceneError(f"parameter '{place}' is '{text}'; use six numbers 'x0 y0 z0 x1 y1 z1' in a body") from None
-    if not (x0 < x1 and y0 < y1 and z0 < z1):
-        raise SceneError(f"parameter '{place}' is '{text}'; use x0 < x1, y0 < y1 and z0 < z1")
-    return brick((x0, y0, z0), (x1, y1, z1))

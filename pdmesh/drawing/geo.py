@@ -40,7 +40,8 @@ def read_geo(path: Path, assignments: Sequence[tuple[str, str]] = (), trust: boo
     text = decoded(drawing_bytes(path))
     copies = {} if trust else drawing_copies(path)
     gmsh_output = _found(path, assignments, copies)
-    scene = _scene(path, gmsh_output, _values(gmsh_output), text)
+    values = {entry["name"]: _value(entry) for entry in gmsh_output["parameters"]}
+    scene = _scene(path, gmsh_output, values, text)
     remarks = tuple(f"{path}: Gmsh says: {message}" for message in dict.fromkeys(gmsh_output["remarks"]))
     return replace(scene, notes=(*scene.notes, *_notes(copies), *remarks))
 
@@ -200,7 +201,3 @@ def _groups(gmsh_output: Mapping[str, Any]) -> list[Group]:
 def _value(entry: Mapping[str, Any]) -> float | str:
     value = (entry.get("values") or [""])[0]
     return float(value) if entry["type"] == "number" else str(value)
-
-
-def _values(gmsh_output: Mapping[str, Any]) -> dict[str, float | str]:
-    return {entry["name"]: _value(entry) for entry in gmsh_output["parameters"]}

@@ -34,17 +34,16 @@ def ends_of(blocks: Iterable[Block], of_place: Rows) -> tuple[Rows, bool]:
 
     In the latter case cells that touch are joined, as such a file says nothing of slits.
     """
-    edges = np.concatenate([_sides(block.corners) for block in blocks])
+    sides = []
+    for block in blocks:
+        ends = np.stack([block.corners, np.roll(block.corners, -1, axis=1)], axis=2).reshape(-1, 2)
+        sides.append(ends[ends[:, 0] != ends[:, 1]])
+    edges = np.concatenate(sides)
     alone, shared = _once(edges)
     _, touching = _once(of_place[edges])
     if not shared and touching and sum(len(block.data) for block in blocks) >= FEW:
         return _once(of_place[edges])[0], True
     return alone, False
-
-
-def _sides(corners: Rows) -> Rows:
-    ends = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2)
-    return np.asarray(ends[ends[:, 0] != ends[:, 1]])
 
 
 def _once(edges: Rows) -> tuple[Rows, bool]:
@@ -85,15 +84,11 @@ def slits(
     inner = inner[shapely.length(inner) > 10 * slack]
     if not len(inner):
         return []
-    merged = shapely.line_merge(shapely.union_all(_snapped(inner, places, 4 * slack)))
+    far, nearest = tree_of(places).query(shapely.get_coordinates(inner))
+    onto_nodes = np.where((far <= 4 * slack)[:, None], places[nearest], shapely.get_coordinates(inner))
+    inner = shapely.set_coordinates(inner, onto_nodes)  # ends are put back where they were cut off from
+    merged = shapely.line_merge(shapely.union_all(inner))
     return [shapely.get_coordinates(line) for line in shapely.get_parts(merged)]
-
-
-def _snapped(lines: NDArray[np.object_], places: NDArray[np.float64], slack: float) -> NDArray[np.object_]:
-    """Lines whose ends are put back onto the nodes that they were cut off from."""
-    far, nearest = tree_of(places).query(shapely.get_coordinates(lines))
-    snapped_ends = np.where((far <= slack)[:, None], places[nearest], shapely.get_coordinates(lines))
-    return np.asarray(shapely.set_coordinates(lines, snapped_ends))
 
 
 def slit_remark(lines: Sequence[NDArray[np.float64]], unit: str) -> list[str]:

@@ -75,7 +75,9 @@ def read_mesh(
     """
     mesh = mesh_checks.read(path, trust)
     try:
-        _check_points(mesh)
+        for row, axis in np.argwhere(~(np.abs(mesh.points) < FARTHEST))[:1].tolist():
+            value = f"{mesh.points[row, axis]:g}"  # of which no area or distance can be computed
+            raise SceneError(f"points: point {row} has the coordinate {value}; use a finite one below {FARTHEST:g}")
         mesh = with_cells(mesh)
         values = given(assignments)
         cloud = bool(mesh.volumes) and not mesh.of_dimension(2)[0]
@@ -88,18 +90,14 @@ def read_mesh(
         raise SceneError(f"{path}: {error}") from None
 
 
-def _check_points(mesh: Mesh) -> None:
-    """Raise SceneError for a coordinate that no area or distance can be computed of."""
-    for row, axis in np.argwhere(~(np.abs(mesh.points) < FARTHEST))[:1].tolist():
-        value = f"{mesh.points[row, axis]:g}"
-        raise SceneError(f"points: point {row} has the coordinate {value}; use a finite one below {FARTHEST:g}")
-
-
 def _plate(
     mesh: Mesh, values: dict[str, float | str], path: Path, cracks: Sequence[str]
 ) -> tuple[Grid, Settings, tuple[str, ...]]:
     """The nodes of a plane mesh. Raises SceneError."""
-    _refuse_others(mesh)
+    if mesh.points.shape[1] > 2 and np.ptp(mesh.points[:, 2]) > FLAT * np.ptp(mesh.points[:, :2], axis=0).max():
+        raise SceneError("points: z has several values; use a plane mesh, or one of solids")
+    if not mesh.of_dimension(2)[0]:
+        raise SceneError("the mesh has no triangle and no quad; add some")
     of_place = joined(mesh.points)
     places = mesh.points[of_place, :2]
     faces, lines, points = (_Cells.of(mesh, dimension, places) for dimension in (2, 1, 0))
@@ -141,15 +139,6 @@ def _of_parts(mesh: Mesh, faces: _Cells, ends: Rows, places: NDArray[np.float64]
             part_edges = np.flatnonzero(mesh.parts[ends[:, 0]] == part)
             on_part_edge[part_edges] = along(places, ends[part_edges], _union(faces.shapes[of_face == part]).boundary)
     return on_part_edge
-
-
-def _refuse_others(mesh: Mesh) -> None:
-    """Raise SceneError for cells in space, and for a mesh without faces."""
-    points = mesh.points
-    if points.shape[1] > 2 and np.ptp(points[:, 2]) > FLAT * np.ptp(points[:, :2], axis=0).max():
-        raise SceneError("points: z has several values; use a plane mesh, or one of solids")
-    if not mesh.of_dimension(2)[0]:
-        raise SceneError("the mesh has no triangle and no quad; add some")
 
 
 def _groups(

@@ -31,7 +31,11 @@ class _Card(NamedTuple):
 
     def check(self) -> None:
         """Raise SceneError for an id or a coordinate that is no number, of which Gmsh would read the beginning."""
-        for word in self.fields[:1] if self.name == "GRID" else self._ids():
+        ids = self.fields[:1]
+        if self.name != "GRID":  # an element has the numbers of its property and nodes too
+            count = NODES.get(self.name, -2)
+            ids = [*ids, *filter(None, self.fields[1 : 2 + count])] if count > 0 else []
+        for word in ids:
             number = whole_number(word)
             if number is None or not 0 < number <= LARGEST:
                 wanted = f"use a whole number from 1 to {LARGEST}"
@@ -39,11 +43,6 @@ class _Card(NamedTuple):
         for word in filter(None, self.fields[2:5] if self.name == "GRID" else ()):
             if finite_number(SHORT.sub("E", word)) is None:
                 raise SceneError(f"{self.place}: GRID: '{word:.60}' is not a coordinate; use a finite number")
-
-    def _ids(self) -> list[str]:
-        """The element's own number, then those of its property and nodes that are there."""
-        count = NODES.get(self.name, -2)
-        return [*self.fields[:1], *filter(None, self.fields[1 : 2 + count])] if count > 0 else []
 
 
 def checked_bulk(path: Path) -> tuple[bytes, tuple[str, ...]]:
@@ -60,7 +59,12 @@ def checked_bulk(path: Path) -> tuple[bytes, tuple[str, ...]]:
             card, line = ALIKE[card], line.replace(match[1] if match else "", ALIKE[card], 1)
         _refuse_others(place, card, _field(line, star, 2))
         if card in READ and not _field(line, star, 2).strip():
-            line = _with_property(line, star)
+            if "," in line:
+                words = line.split(",")
+                line = ",".join([*words[:2], PROPERTY, *words[3:]])
+            else:
+                wide, first = (16, 24) if star else (8, 16)
+                line = line[:first].ljust(first) + PROPERTY.ljust(wide) + line[first + wide :]
         elif re.match(r"(?:C(?:ELAS|BUSH|DAMP|ROD|BEAM|GAP|ONROD|ONM|TUBE|BEND|VISC)|R(?:BE|BAR|ROD))", card):
             others[card] = None
         if match:
@@ -69,7 +73,8 @@ def checked_bulk(path: Path) -> tuple[bytes, tuple[str, ...]]:
         if last.name == "GRID":
             line = _without_plus(line, star, 2 - len(last.fields), 5 - len(last.fields))
         if line.strip() and not line.lstrip().startswith("$"):
-            last.fields.extend(_fields(line, star))
+            pieces = _pieces(line.partition("$")[0], star)
+            last.fields.extend(piece.strip() for piece in pieces[1 : 5 if star else 9])
         lines.append(line)
     last.check()
     notes = (f"not used: elements {', '.join(others)}, which have no cells",) if others else ()
@@ -91,12 +96,6 @@ def _field(line: str, star: str, number: int) -> str:
     return _pieces(line.partition("$")[0], star)[number]
 
 
-def _fields(line: str, star: str) -> list[str]:
-    """All fields of a line with data, without blanks around them."""
-    pieces = _pieces(line.partition("$")[0], star)
-    return [piece.strip() for piece in pieces[1 : 5 if star else 9]]
-
-
 def _pieces(line: str, star: str) -> list[str]:
     """A line cut into its name or mark, four or eight fields with data, and the rest."""
     count = 4 if star else 8
@@ -113,11 +112,3 @@ def _without_plus(line: str, star: str, first: int, end: int) -> str:
     for at in range(max(first, 0) + 1, min(end + 1, len(pieces), 5 if star else 9)):
         pieces[at] = PLUS.sub(r"\1 ", pieces[at])
     return ("," if "," in line else "").join(pieces)
-
-
-def _with_property(line: str, star: str) -> str:
-    if "," in line:
-        words = line.split(",")
-        return ",".join([*words[:2], PROPERTY, *words[3:]])
-    wide, first = (16, 24) if star else (8, 16)
-    return line[:first].ljust(first) + PROPERTY.ljust(wide) + line[first + wide :]

@@ -29,12 +29,20 @@ def read_table(path: Path) -> Mesh:
         if HEADER.match(line):
             if names is not None:
                 raise SceneError(f"{path}: line {number}: a second or late 'header:'; use one, before the first point")
-            names = _columns(path, number, line.partition(":")[2])
+            text = line.partition(":")[2]
+            names = tuple(NAMES.get(word.lower(), word) for word in text.replace(",", " ").split())
+            if not {"x", "y", "block", "volume"} <= set(names) or len(set(names)) < len(names):
+                wanted = "use the header: x y z block_id volume"
+                raise SceneError(f"{path}: line {number}: cannot read '{text.strip():.60}'; {wanted}")
             continue
         words = line.partition("#")[0].replace(",", " ").split()
         if words:
             names = names or COLUMNS.get(len(words))
-            rows.append(_row(path, number, words, names))
+            row = [value for value in map(finite_number, words) if value is not None]
+            if names is None or not len(row) == len(words) == len(names):
+                wanted = " ".join(names or COLUMNS[5])
+                raise SceneError(f"{path}: line {number}: cannot read '{' '.join(words):.60}'; use numbers {wanted}")
+            rows.append(row)
             numbers.append(number)
     if names is None or not rows:
         raise SceneError(f"{path} has no points; use lines of x, y, z, block and volume")
@@ -51,21 +59,3 @@ def read_table(path: Path) -> Mesh:
     members = np.split(order, first[1:])
     sets = {f"block_{block}": [rows] for block, rows in zip(blocks.tolist(), members, strict=True)}
     return Mesh(points, (cells,), sets, volumes=(of["volume"],))
-
-
-def _columns(path: Path, number: int, text: str) -> tuple[str, ...]:
-    words = text.replace(",", " ").split()
-    names = tuple(NAMES.get(word.lower(), word) for word in words)
-    if not {"x", "y", "block", "volume"} <= set(names) or len(set(names)) < len(names):
-        raise SceneError(
-            f"{path}: line {number}: cannot read '{text.strip():.60}'; use the header: x y z block_id volume"
-        )
-    return names
-
-
-def _row(path: Path, number: int, words: list[str], names: tuple[str, ...] | None) -> list[float]:
-    row = [value for value in map(finite_number, words) if value is not None]
-    if names is None or not len(row) == len(words) == len(names):
-        wanted = " ".join(names or COLUMNS[5])
-        raise SceneError(f"{path}: line {number}: cannot read '{' '.join(words):.60}'; use numbers {wanted}")
-    return row

@@ -126,16 +126,14 @@ def given(assignments: Iterable[tuple[str, str]]) -> dict[str, float | str]:
 
     Raises SceneError for an unknown name.
     """
-    values = {full_name(name): _guessed(value) for name, value in assignments}
+    values: dict[str, float | str] = {}
+    for name, value in assignments:
+        try:
+            values[full_name(name)] = float(value)
+        except ValueError:
+            values[full_name(name)] = value
     refuse_unknown(values, from_drawing=False)
     return values
-
-
-def _guessed(text: str) -> float | str:
-    try:
-        return float(text)
-    except ValueError:
-        return text
 
 
 def refuse_unknown(names: Iterable[str], from_drawing: bool) -> None:
@@ -275,7 +273,9 @@ def one_like(name: str, names: Iterable[str]) -> str:
 
 def material(parameters: Parameters, folder: str, base: Material | None) -> Material | None:
     """The material below a folder, completed from `base`; None if no parameter is given."""
-    every = ((field.name, f"{folder}/{MATERIAL[field.name]}", field.type) for field in _fields())
+    about = inspection.type_info(Material)
+    assert isinstance(about, inspection.StructType)
+    every = ((field.name, f"{folder}/{MATERIAL[field.name]}", field.type) for field in about.fields)
     values = {name: parameters.of_type(parameter_name, kind) for name, parameter_name, kind in every}
     settings = {name: value for name, value in values.items() if value is not None}
     if base is not None:
@@ -290,12 +290,6 @@ def material(parameters: Parameters, folder: str, base: Material | None) -> Mate
         if name not in settings and not (name == "G0" and "critical_stretch" in settings):
             raise SceneError(f"parameter '{PREFIX}{folder}/{name}' is missing; give a number")
     return _converted(settings, Material, folder)
-
-
-def _fields() -> tuple[inspection.Field, ...]:
-    material_type = inspection.type_info(Material)
-    assert isinstance(material_type, inspection.StructType)
-    return material_type.fields
 
 
 def content(parameters: Parameters, folder: str) -> float | str:

@@ -158,7 +158,9 @@ def _zone(name: str, group: Group, parameters: Parameters) -> Zone:
 
 def _check_places(groups: dict[str, dict[str, Group]]) -> None:
     """Raise SceneError for places that are not finite, or not in one plane."""
-    points = [np.asarray(curve) for group in _all(groups) for curve in _curves_of(group)]
+    every = [group for kind in groups.values() for group in kind.values()]
+    curves = [curve for group in every for boundary in (group.curves, *group.surfaces) for curve in boundary]
+    points = [np.asarray(curve) for curve in curves]
     if points:
         cloud = np.concatenate(points)
         if not np.isfinite(cloud).all():
@@ -167,14 +169,6 @@ def _check_places(groups: dict[str, dict[str, Group]]) -> None:
             raise SceneError(
                 f"drawing: z goes from {cloud[:, 2].min():g} to {cloud[:, 2].max():g} m; draw a plane of one z"
             )
-
-
-def _all(groups: dict[str, dict[str, Group]]) -> list[Group]:
-    return [group for kind in groups.values() for group in kind.values()]
-
-
-def _curves_of(group: Group) -> list[Any]:
-    return [*group.curves, *(curve for surface in group.surfaces for curve in surface)]
 
 
 def _with_conditions(scene: Scene, groups: dict[str, dict[str, Group]], parameters: Parameters) -> Scene:

@@ -45,7 +45,16 @@ def places(
     """Name, place and parameter folder of each condition of a kind, whose folders are below `top`."""
     condition_places: list[tuple[str, Curve | Surface | shapely.Point, str]] = []
     for name, group in groups.items():
-        condition_places.append((name, _where(f"{kind} '{name}'", group), f"{top}/{name}"))
+        place = f"{kind} '{name}'"
+        if group.dimension == 2:
+            where: Curve | Surface | shapely.Point = surface_of(place, group)
+        elif group.dimension == 1:
+            where = MultiLineString(lines_of(place, group.curves))
+        elif len(group.curves) == 1:
+            where = shapely.Point(point_of(group.curves[0]))
+        else:
+            raise SceneError(f"{place} has {len(group.curves)} points; use one, as it is a support at one node")
+        condition_places.append((name, where, f"{top}/{name}"))
     for name in sorted(parameters.below(top) - set(groups)):
         condition_places.append((name, _picked(scene, parameters, f"{top}/{name}"), f"{top}/{name}"))
     return condition_places
@@ -58,31 +67,17 @@ def _picked(scene: Scene, parameters: Parameters, folder: str) -> Curve | Surfac
         raise SceneError(f"parameter '{PREFIX}{folder}/{others[0]}' cannot be combined with a {word}; use one of them")
     match word:
         case "Box":
-            return _box(parameters, name)
+            place = PREFIX + name
+            try:
+                x0, y0, x1, y1 = (parameters.unit.metres(float(number)) for number in text.split())
+            except ValueError:
+                raise SceneError(f"parameter '{place}' is '{text}'; use four numbers 'x0 y0 x1 y1'") from None
+            if not (-LARGEST <= x0 < x1 <= LARGEST and -LARGEST <= y0 < y1 <= LARGEST):
+                raise SceneError(f"parameter '{place}' is '{text}'; use x0 < x1 and y0 < y1, at most {LARGEST:g} m")
+            return shapely.box(x0, y0, x1, y1)
         case "Edge":
             return scene.edge(text, f"parameter '{PREFIX}{name}'", parameters.unit)
     return shapely.Point(*point_in(text, 2, f"parameter '{PREFIX}{name}'", parameters.unit))
-
-
-def _where(place: str, group: Group) -> Curve | Surface | shapely.Point:
-    if group.dimension == 2:
-        return surface_of(place, group)
-    if group.dimension == 1:
-        return MultiLineString(lines_of(place, group.curves))
-    if len(group.curves) != 1:
-        raise SceneError(f"{place} has {len(group.curves)} points; use one, as it is a support at one node")
-    return shapely.Point(point_of(group.curves[0]))
-
-
-def _box(parameters: Parameters, name: str) -> Surface:
-    text, place = parameters.text(name), PREFIX + name
-    try:
-        x0, y0, x1, y1 = (parameters.unit.metres(float(word)) for word in text.split())
-    except ValueError:
-        raise SceneError(f"parameter '{place}' is '{text}'; use four numbers 'x0 y0 x1 y1'") from None
-    if not (-LARGEST <= x0 < x1 <= LARGEST and -LARGEST <= y0 < y1 <= LARGEST):
-        raise SceneError(f"parameter '{place}' is '{text}'; use x0 < x1 and y0 < y1, at most {LARGEST:g} m")
-    return shapely.box(x0, y0, x1, y1)
 
 
 def point_of(curve: Any) -> tuple[float, float]:

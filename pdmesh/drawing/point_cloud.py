@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,12 +33,19 @@ def body_of_points(mesh: Mesh, values: Mapping[str, float | str], source: str) -
     places, volumes, unit = mesh.points[rows], np.concatenate(mesh.volumes), unit_of(values)
     if len(places) < FEWEST:
         raise SceneError(f"points: {len(places)} on no lattice are too few; use {FEWEST} or more in space")
-    spacing = _spacings(places, volumes)
+    near = tree_of(places).query(places, k=min(AROUND, len(places)))[1]
+    spacing = np.asarray(volumes[near].mean(axis=1) ** (1 / 3))  # the width of a cube of the mean volume around
     triangles = surface_of(places, spacing)
     corners, outside = _around(places, triangles, float(volumes.sum()), float(np.median(spacing)))
     outer = triangles + len(places)
     body_group = {"name": "zone:body", "dimension": 3, "triangles": outer, "volume": float(volumes.sum()), "cones": []}
-    groups, bare = _groups(mesh, values)
+    first = np.cumsum([0, *(len(block.data) for block in mesh.cells)])
+    groups, bare = [], []
+    for name, members in sorted(mesh.cell_sets.items()):
+        set_rows = np.concatenate([at + some for at, some in zip(first[:-1], members, strict=True)])
+        names = group_names(name, 3, KINDS, values) if len(set_rows) else []
+        groups += [{"name": full, "dimension": 3, "rows": set_rows} for full in names]
+        bare += [name] * (not names and len(set_rows) > 0)
     geometry = {
         "points": np.concatenate([places, corners]),
         "groups": [group | {"number": number} for number, group in enumerate([body_group, *groups], start=1)],
@@ -57,24 +63,6 @@ def body_of_points(mesh: Mesh, values: Mapping[str, float | str], source: str) -
     )
     notes = (*body.notes, *mesh.notes, said, *unused("group", bare, "no material of its own"))
     return replace(body, nodes=cloud, parameters=tuple(values.items()), notes=notes)
-
-
-def _groups(mesh: Mesh, values: Mapping[str, float | str]) -> tuple[list[dict[str, Any]], list[str]]:
-    """Groups of nodes, with their rows, and the names of those that have no use."""
-    first = np.cumsum([0, *(len(block.data) for block in mesh.cells)])
-    groups, bare = [], []
-    for name, members in sorted(mesh.cell_sets.items()):
-        rows = np.concatenate([at + some for at, some in zip(first[:-1], members, strict=True)])
-        names = group_names(name, 3, KINDS, values) if len(rows) else []
-        groups += [{"name": full, "dimension": 3, "rows": rows} for full in names]
-        bare += [name] * (not names and len(rows) > 0)
-    return groups, bare
-
-
-def _spacings(places: NDArray[np.float64], volumes: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The width (n,) of a cube of the mean volume of the nodes near each."""
-    near = tree_of(places).query(places, k=min(AROUND, len(places)))[1]
-    return np.asarray(volumes[near].mean(axis=1) ** (1 / 3))
 
 
 def _around(

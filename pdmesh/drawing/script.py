@@ -52,19 +52,14 @@ def read_script(path: Path, assignments: Sequence[tuple[str, str]] = (), trust: 
             scene = replace(Scene(**parts), **more)
     except SceneError as error:
         raise SceneError(f"{path}: {error}") from None
-    _refuse_halves(scene, path)
-    return scene
-
-
-def _refuse_halves(scene: Scene | Body, path: Path) -> None:
-    """Raise SceneError for text with a lone surrogate, half of a character, which no file can hold."""
     named: list[Any] = [*scene.zones, *scene.cracks]
     named += [part.region for part in scene.regions] + [condition.action for condition in scene.conditions]
     for word in [*(part.name for part in named), *(word for pair in scene.parameters for word in pair)]:
         try:
             str(word).encode("utf-8")
-        except UnicodeEncodeError:
+        except UnicodeEncodeError:  # a lone surrogate, which no file can hold
             raise SceneError(f"{path} has {str(word)[:40]!a}, half of a character; use whole ones") from None
+    return scene
 
 
 def script_parameters(path: Path, assignments: Sequence[tuple[str, str]] = (), trust: bool = False) -> list[Parameter]:
@@ -140,7 +135,12 @@ def _run(path: Path, values: Mapping[str, float | str]) -> bytes:
         return pickle.dumps(_reason(error, path))
     try:
         exec(compile(tree, str(path), "exec"), names)
-        scene = _without_functions(names.get("scene"), path)
+        scene = names.get("scene")
+        if isinstance(scene, Scene | Body):  # values of place are handed over as tables: of files, and of functions
+            from pdmesh.drawing.tabulated_functions import tabulated  # here, as it draws on what reads drawings
+            from pdmesh.scene.files_of_values import with_files
+
+            scene = tabulated(with_files(scene, path.parent))
     except BaseException as error:
         return pickle.dumps(_reason(error, path) + known(error, tree, names))
     if not isinstance(scene, Scene | Body):
@@ -151,16 +151,6 @@ def _run(path: Path, values: Mapping[str, float | str]) -> bytes:
         return pickle.dumps((kind.__name__, {field.name: getattr(scene, field.name) for field in fields(kind)}))
     except Exception as error:
         return pickle.dumps(f"scene: an object cannot be handed over ({error}); use shapes and numbers")
-
-
-def _without_functions(scene: object, path: Path) -> object:
-    """A scene whose values of place can be handed over: the tables of files beside it, and of functions."""
-    if not isinstance(scene, Scene | Body):
-        return scene
-    from pdmesh.drawing.tabulated_functions import tabulated  # here, as it draws on what reads drawings
-    from pdmesh.scene.files_of_values import with_files
-
-    return tabulated(with_files(scene, path.parent))
 
 
 def _reason(error: BaseException, path: Path) -> str:

@@ -67,7 +67,10 @@ def body_of_mesh(mesh: Mesh, values: Mapping[str, float | str], source: str) -> 
         "zones": [],  # none is made of groups without a kind
         "whole": zones[0],
     }
-    spacing = mesh.spacing or _spacing(float(volume.sum()) / len(volume), places)
+    spacing = mesh.spacing
+    if not spacing:  # about the width of a cell, so that whole nodes, and enough, are across the body
+        across, width = float(np.ptp(places, axis=0).min()), (float(volume.sum()) / len(volume)) ** (1 / 3)
+        spacing = float(f"{across / max(THINNEST, np.ceil(across / width * (1 - ROUND_OFF))):.12g}")
     unit = str(values.get(f"{PREFIX}Units") or "m")
     unit_of(values)
     said = [f"nodes are {spacing:.6g} {unit} apart, from the size of the cells (Zones/body/Spacing)"]
@@ -79,12 +82,6 @@ def body_of_mesh(mesh: Mesh, values: Mapping[str, float | str], source: str) -> 
     notes += unused("group", bare, "no material of its own (--set Materials/NAME/E=... gives one)")
     body = body_of(geometry, {SPACING: spacing} | dict(values) if zones[1:] else values, source)
     return replace(body, notes=(*body.notes, *mesh.notes, *said, *notes))
-
-
-def _spacing(volume: float, places: NDArray[np.float64]) -> float:
-    """About the width of a cell of this mean volume, so that whole nodes, and enough, are across the body."""
-    across = float(np.ptp(places, axis=0).min())
-    return float(f"{across / max(THINNEST, np.ceil(across / volume ** (1 / 3) * (1 - ROUND_OFF))):.12g}")
 
 
 def _faces(blocks: list[Block]) -> _Faces:

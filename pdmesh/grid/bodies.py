@@ -26,7 +26,6 @@ from pdmesh.model.document import (
     Lattice,
     Load,
     Material,
-    MediumRegion,
     Region,
     Selection,
     Settings,
@@ -149,11 +148,21 @@ def _alone(body: Body, lists: bool = False) -> tuple[Grid, Settings, tuple[str, 
     settings = Settings(
         material=None if body.material is None else in_space(body.material),
         horizon=Horizon(ratio=float(body.horizon)),
-        regions=tuple(_region(part.solid, part.region, cloud) for part in body.regions),
+        regions=tuple(
+            msgspec.structs.replace(
+                part.region,
+                nodes=_nodes(part.solid, f"material '{part.region.name}'", cloud),
+                material=in_space(part.region.material),
+            )
+            for part in body.regions
+        ),
         conditions=tuple(_condition(condition, body, cloud) for condition in body.conditions),
         physics=body.physics,
         medium=medium_of(body.medium, body.material),
-        media=tuple(_medium(part.solid, part.region, cloud) for part in body.media),
+        media=tuple(
+            msgspec.structs.replace(part.region, nodes=_nodes(part.solid, f"medium '{part.region.name}'", cloud))
+            for part in body.media
+        ),
         contact=body.touching,
         run=body.run,
     )
@@ -240,15 +249,6 @@ def _across(sheet: Sheet) -> NDArray[np.float64]:
     return np.asarray(across * np.sign(across[np.abs(across).argmax()]))
 
 
-def _region(solid: object, region: Region, cloud: Cloud) -> Region:
-    nodes = _nodes(solid, f"material '{region.name}'", cloud)
-    return msgspec.structs.replace(region, nodes=nodes, material=in_space(region.material))
-
-
-def _medium(solid: object, region: MediumRegion, cloud: Cloud) -> MediumRegion:
-    return msgspec.structs.replace(region, nodes=_nodes(solid, f"medium '{region.name}'", cloud))
-
-
 def _nodes(solid: object, place: str, cloud: Cloud) -> tuple[int, ...]:
     """The ids of those in a solid. Raises SceneError, beginning with `place`."""
     assert isinstance(solid, Shell)
@@ -301,7 +301,13 @@ def _found(where: Where, condition: SolidCondition, body: Body, cloud: Cloud) ->
         reach = condition.rows * cloud.delta * (1 - SLACK)
         return distances(cloud.position, where.triangles, float(reach.max())) < reach, where.area
     if isinstance(where, str):
-        return _along(where, condition.rows, body, cloud)
+        axis, end = SIDES[where]
+        side = float(body.shell.bounds[(end + 1) // 2, axis])
+        away = (side - cloud.position[:, axis]) * end
+        triangles = body.shell.triangles
+        flat = (np.abs(triangles[..., axis] - side) <= SLACK * body.finest).all(axis=1)
+        area = Sheet(triangles[flat]).area if flat.any() else None
+        return away < condition.rows * cloud.delta * (1 - SLACK), area
     what = "at a point" if isinstance(where, shapely.Point) else "in a solid"
     if isinstance(action, Load) and action.traction is not None:
         raise SceneError(
@@ -326,13 +332,3 @@ def _at(point: Sequence[float], place: str, cloud: Cloud) -> NDArray[np.bool_]:
             f" is at ({x:g}, {y:g}, {z:g}) m; put it in the body"
         )
     return np.asarray(np.arange(len(away)) == nearest)
-
-
-def _along(side: str, rows: int, body: Body, cloud: Cloud) -> tuple[NDArray[np.bool_], float | None]:
-    """The nodes (n,) of rows along a side of the body, and its area, m^2, where it is flat."""
-    axis, end = SIDES[side]
-    reach = float(body.shell.bounds[(end + 1) // 2, axis])
-    away = (reach - cloud.position[:, axis]) * end
-    triangles = body.shell.triangles
-    flat = (np.abs(triangles[..., axis] - reach) <= SLACK * body.finest).all(axis=1)
-    return away < rows * cloud.delta * (1 - SLACK), Sheet(triangles[flat]).area if flat.any() else None

@@ -14,7 +14,6 @@ from pdmesh.model.contact import REST
 from pdmesh.model.document import InitialVelocity, Region, RigidBody, Settings
 from pdmesh.model.node_grid import Bodies, Grid
 from pdmesh.scene.conditions import Shift
-from pdmesh.scene.plate import BodyBeside
 from pdmesh.scene.scene import Scene
 from pdmesh.scene.shapes import SceneError
 
@@ -31,7 +30,13 @@ def build_scene(scene: Scene) -> tuple[Grid, Settings, tuple[Shift, ...]]:
         return grid, msgspec.structs.replace(settings, contact=scene.touching), plate_shifts
     run = msgspec.structs.replace(scene.run, gaps=())
     alone = [replace(scene, bodies=(), regions=(), media=(), conditions=(), run=run)]
-    alone += [_as_plate(scene, body) for body in scene.bodies]
+    for body in scene.bodies:
+        material = body.material or scene.material
+        try:
+            plate = Scene(body.shape, body.spacing, material, scene.horizon, units=scene.units, medium=scene.medium)
+        except SceneError as error:
+            raise SceneError(f"body '{body.name}': {error}") from None
+        alone.append(plate)
     grids: list[Grid] = []
     shifts: list[Shift] = []
     for body_scene in alone:
@@ -49,14 +54,6 @@ def build_scene(scene: Scene) -> tuple[Grid, Settings, tuple[Shift, ...]]:
         contact=scene.touching,
     )
     return grid, settings, tuple(shifts)
-
-
-def _as_plate(scene: Scene, body: BodyBeside) -> Scene:
-    try:
-        material = body.material or scene.material
-        return Scene(body.shape, body.spacing, material, scene.horizon, units=scene.units, medium=scene.medium)
-    except SceneError as error:
-        raise SceneError(f"body '{body.name}': {error}") from None
 
 
 def joined(grids: list[Grid], names: tuple[str, ...]) -> Grid:

@@ -26,7 +26,10 @@ def cell_areas(
     rows = np.arange(len(position)) if regular is None else np.flatnonzero(~regular)
     if not len(rows):
         return areas
-    needed = rows if regular is None else _with_neighbours(position, delta, rows)
+    needed = rows
+    if regular is not None:  # cells are bounded by nodes within four spacings
+        distance, _ = tree_of(position[rows]).query(position, distance_upper_bound=4 * float(delta.max()))
+        needed = np.flatnonzero(distance <= 4 * delta)
     unit, origin = float(delta.min()), position.min(axis=0)
     points = np.round((position[needed] - origin) / unit * FRACTIONS) / FRACTIONS
     around = shapely.transform(shape, lambda corners: (corners - origin) / unit)
@@ -39,11 +42,3 @@ def cell_areas(
     cells[outside] = shapely.intersection(cells[outside], around)
     areas[rows] = shapely.area(cells) * unit**2
     return areas
-
-
-def _with_neighbours(
-    position: NDArray[np.float64], delta: NDArray[np.float64], rows: NDArray[np.int64]
-) -> NDArray[np.int64]:
-    """These `rows` and all rows that may bound their cells: those within four spacings."""
-    distance, _ = tree_of(position[rows]).query(position, distance_upper_bound=4 * float(delta.max()))
-    return np.flatnonzero(distance <= 4 * delta)

@@ -84,7 +84,10 @@ def place_nodes(body: Body) -> list[Cubic]:
     lost: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []
     for step in range(len(refined) + 1):
         cubes = _cubes(body, step)
-        present = np.ones(cubes.size, dtype=bool) if step == 0 else _children(refined[step - 1])
+        if step == 0:
+            present = np.ones(cubes.size, dtype=bool)
+        else:  # the eighths of what is refined
+            present = refined[step - 1].repeat(2, axis=0).repeat(2, axis=1).repeat(2, axis=2)
         if step < len(refined):
             present &= ~refined[step]
         if not present.any():
@@ -118,7 +121,8 @@ def _refuse_thin(levels: list[Cubic]) -> None:
 def _cubes(body: Body, step: int) -> Cubes:
     """The cubes that fill the bounding box of a body, halved `step` times. Raises SceneError for too many."""
     low, high = body.shell.bounds
-    count = np.maximum(np.ceil((high - low) / body.spacing - SLACK), 1).astype(np.int64) + _on_faces(body)
+    count = np.maximum(np.ceil((high - low) / body.spacing - SLACK), 1).astype(np.int64)
+    count += body.run.adapt in ON_ONE_LATTICE  # whose outer nodes lie on the box, for coarse cells to end there
     if float(np.prod(count.astype(float))) * 8**step > MOST_CUBES:
         size = " x ".join(f"{side:g}" for side in high - low)
         raise SceneError(
@@ -126,11 +130,6 @@ def _cubes(body: Body, step: int) -> Cubes:
             f" {MOST_CUBES:.0e} cubes"
         )
     return Cubes((low + high) / 2 - count / 2 * body.spacing, body.spacing / 2**step, count * 2**step)
-
-
-def _on_faces(body: Body) -> bool:
-    """Whether the outer nodes lie on the faces of the box around a body, for coarse cells to end there."""
-    return body.run.adapt in ON_ONE_LATTICE
 
 
 def _refined(body: Body) -> list[NDArray[np.bool_]]:
@@ -151,25 +150,13 @@ def _refined(body: Body) -> list[NDArray[np.bool_]]:
                     raise SceneError(f"zone '{zone.name}': the middle of no cube is in it; enlarge it")
                 zone_masks[zone.grown] |= in_zone
         if finer is not None:
-            zone_masks[True] |= _parents(finer)
+            x, y, z = (side // 2 for side in finer.shape)
+            zone_masks[True] |= finer.reshape(x, 2, y, 2, z, 2).any(axis=(1, 3, 5))
         if zone_masks[True].any():
             zone_masks[True] = distance_transform_edt(~zone_masks[True]) <= body.horizon * (1 + SLACK)
         finer = zone_masks[True] | zone_masks[False]
         refined_masks.append(finer)
     return refined_masks[::-1]
-
-
-def _children(cubes: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Mask of the cubes that these are divided into."""
-    for axis in range(3):
-        cubes = cubes.repeat(2, axis=axis)
-    return cubes
-
-
-def _parents(cubes: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Mask of the cubes that contain any of these."""
-    x, y, z = (side // 2 for side in cubes.shape)
-    return np.asarray(cubes.reshape(x, 2, y, 2, z, 2).any(axis=(1, 3, 5)))
 
 
 def _trimmed(cubes: Cubes, present: NDArray[np.bool_]) -> tuple[Cubes, NDArray[np.bool_]]:

@@ -82,7 +82,12 @@ def place_nodes(scene: Scene, start: tuple[float, float] = (0.0, 0.0)) -> Placed
         regular.append(~near(points, level.shape.boundary, INTERIOR * level.spacing))
         coarser.append(level)
         if len(coarser) < len(every):
-            rows.append(_rows(points[~regular[-1]], level.spacing))
+            edge = points[~regular[-1]]
+            if len(edge):  # with three more points between each two neighbours
+                first, second = tree_of(edge).query_pairs(level.spacing * (1 + SLACK), output_type="ndarray").T
+                between = [edge[first] + share * (edge[second] - edge[first]) for share in (0.25, 0.5, 0.75)]
+                edge = np.concatenate([edge, *between])
+            rows.append(edge)
     counts = [len(points) for points in points_by_level]
     if not sum(counts):
         raise SceneError(f"spacing: the plate has no node; use a spacing below {scene.spacing:g} m")
@@ -92,15 +97,6 @@ def place_nodes(scene: Scene, start: tuple[float, float] = (0.0, 0.0)) -> Placed
         if not shapely.contains_xy(inside, np.concatenate(points_by_level)[delta <= zone.spacing * (1 + 1e-9)]).any():
             raise SceneError(f"zone '{zone.name}' has no node; use a spacing below {zone.spacing:g} m")
     return PlacedNodes(np.concatenate(points_by_level), delta, np.concatenate(regular), tuple(shifts))
-
-
-def _rows(points: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
-    """Points (n, 2) of a lattice and three more between each two neighbours, (k, 2), m."""
-    if not len(points):
-        return points
-    first, second = tree_of(points).query_pairs(spacing * (1 + SLACK), output_type="ndarray").T
-    between = [points[first] + share * (points[second] - points[first]) for share in (0.25, 0.5, 0.75)]
-    return np.concatenate([points, *between])
 
 
 def _level_nodes(

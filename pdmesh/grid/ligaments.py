@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -46,7 +46,9 @@ def ligaments(grid: Grid, faces: list[shapely.Polygon]) -> list[Ligament]:
     `faces` are the parts into which its cracks divide the plate.
     """
     sizes = np.unique(grid.delta)
-    cracks = _coarse(grid.cracks, EXACT * THINNEST / 2 * float(sizes[0]))
+    # without points that are near their line: discs around a million points would take for ever to unite
+    cracks = shapely.line_merge(shapely.multilinestrings(grid.cracks.reshape(-1, 2, 2)))
+    cracks = shapely.simplify(cracks, EXACT * THINNEST / 2 * float(sizes[0]), preserve_topology=False)
     if len(sizes) > MOST_SIZES:
         sizes = np.exp2(np.unique(np.ceil(np.log2(sizes))))
     gaps = list(_between(faces, cracks, THINNEST * float(sizes[-1])))
@@ -61,15 +63,6 @@ def ligaments(grid: Grid, faces: list[shapely.Polygon]) -> list[Ligament]:
         if all(np.hypot(*np.subtract(ligament.place, thinner.place)) > ligament.spacing for thinner in distinct):
             distinct.append(ligament)
     return distinct
-
-
-def _coarse(segments: NDArray[np.float64], tolerance: float) -> shapely.Geometry:
-    """The segments (k, 4) of cracks as polylines without points that are nearer than `tolerance`, m, to their line.
-
-    Discs around a million points would take for ever to unite.
-    """
-    lines = shapely.multilinestrings(segments.reshape(-1, 2, 2))
-    return shapely.simplify(shapely.line_merge(lines), tolerance, preserve_topology=False)
 
 
 def _thin(gaps: list[_Gap], grid: Grid) -> Iterator[Ligament]:
@@ -92,20 +85,15 @@ def _thin(gaps: list[_Gap], grid: Grid) -> Iterator[Ligament]:
 
 def _between(faces: list[shapely.Polygon], cracks: shapely.Geometry, widest: float) -> Iterator[_Gap]:
     """Gaps between two edges, holes or cracks that do not touch each other."""
-    lines = shapely.union_all([cracks, *(face.boundary for face in faces)])
-    edges = _connected(shapely.get_parts(lines))
+    lines = shapely.get_parts(shapely.union_all([cracks, *(face.boundary for face in faces)]))
+    number = connected(len(lines), *shapely.STRtree(lines).query(lines, predicate="intersects"))  # of those that touch
+    edges = np.array([shapely.multilinestrings(lines[number == group]) for group in range(number.max() + 1)])
     plate = shapely.union_all(faces)
     for first, second in shapely.STRtree(edges).query(edges, predicate="dwithin", distance=widest).T:
         line = shapely.shortest_line(edges[first], edges[second])
         middle = line.interpolate(0.5, normalized=True)
         if first < second and plate.contains(middle):
             yield _Gap(float(line.length), shapely.get_coordinates(middle))
-
-
-def _connected(lines: NDArray[Any]) -> NDArray[Any]:
-    """Lines merged into groups that touch."""
-    number = connected(len(lines), *shapely.STRtree(lines).query(lines, predicate="intersects"))
-    return np.array([shapely.multilinestrings(lines[number == group]) for group in range(number.max() + 1)])
 
 
 def _reached(face: shapely.Polygon, cracks: shapely.Geometry, radius: float) -> list[shapely.Polygon]:

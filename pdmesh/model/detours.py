@@ -57,8 +57,9 @@ class Detours:
         self._slack, self._farthest = slack, farthest
         lines = shapely.union_all(shapely.multilinestrings(segments))  # cracks that meet have a vertex there
         ends = np.concatenate([shapely.get_coordinates(line)[[0, -1]] for line in shapely.get_parts(lines)])
-        place, vertex = _vertices(ends, slack)
-        arms = vertex.reshape(-1, 2)
+        pairs = tree_of(ends).query_pairs(slack, output_type="ndarray")
+        _, first, number = np.unique(connected(len(ends), *pairs.T), return_index=True, return_inverse=True)
+        place, arms = ends[first], number.reshape(-1, 2)  # vertices, and those of the two ends of each line
         arms = arms[arms[:, 0] != arms[:, 1]]
         passed = _passed(place, arms, lines, slack, inside)
         self._obstacles = [_lines(place, arms, passed, slack)]
@@ -139,13 +140,6 @@ class Detours:
         passable = along | free
         graph = coo_array((length[passable], (first[passable], second[passable])), shape=(count, count)).tocsr()
         return np.asarray(dijkstra(graph, directed=False, limit=self._farthest))
-
-
-def _vertices(ends: NDArray[np.float64], slack: float) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Distinct places (v, 2) of the ends (e, 2), merged within `slack`, and the vertex number (e,) of each end."""
-    pairs = tree_of(ends).query_pairs(slack, output_type="ndarray")
-    _, first, number = np.unique(connected(len(ends), *pairs.T), return_index=True, return_inverse=True)
-    return ends[first], number.ravel()
 
 
 def _passed(

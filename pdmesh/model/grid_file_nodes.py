@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from itertools import chain
 from struct import pack
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import msgspec
 
@@ -119,15 +119,10 @@ def _lines(nodes: NodeColumns, rows: slice) -> bytes:
     ):
         values = column[rows]
         same = bool((values == values[0]).all())
-        texts = _texts(values[:1] if same else values)
+        text = msgspec.json.encode((values[:1] if same else values).tolist())
+        texts = text[1:-1].split(b",") if values.ndim == 1 else text[2:-2].split(b"],[")
         line += before + (texts[0] if same else b"%b") + after
         if not same:
             varying.append(texts)
     count = len(nodes.id[rows])
     return BETWEEN.join([line + b"}"] * count) % tuple(chain.from_iterable(zip(*varying, strict=True)))
-
-
-def _texts(values: NDArray[Any]) -> list[bytes]:
-    """Each of the values (n,) or rows (n, 3) in words."""
-    text = msgspec.json.encode(values.tolist())
-    return text[1:-1].split(b",") if values.ndim == 1 else text[2:-2].split(b"],[")

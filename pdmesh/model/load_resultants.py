@@ -30,7 +30,10 @@ def resultants(document: Document, grid: Grid) -> Iterator[Resultant]:
         if isinstance(load, Load):
             rows = np.flatnonzero(selected(grid, load.nodes, load.box))
             force = nodal_forces(load, grid, rows)
-            moment = np.atleast_1d(_turning(grid.position[rows] - middle, force).sum(axis=0))
+            arm = grid.position[rows] - middle
+            flat = grid.dimension == 2
+            turning = arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0] if flat else np.cross(arm, force)
+            moment = np.atleast_1d(turning.sum(axis=0))
             yield Resultant(called(load.name, number), force.sum(axis=0), moment)
 
 
@@ -56,10 +59,3 @@ def shares_of(load: Load, ids: NDArray[np.int64]) -> NDArray[np.float64]:
     nodes = np.array(load.nodes, dtype=np.int64)
     order = np.argsort(nodes, kind="stable")
     return np.array(load.shares)[order[np.searchsorted(nodes, ids, sorter=order)]]
-
-
-def _turning(arm: NDArray[np.float64], force: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Moments (k,) in the plane or (k, 3) of forces with these arms, both (k, d)."""
-    if arm.shape[1] == 2:
-        return np.asarray(arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0])
-    return np.cross(arm, force)

@@ -126,7 +126,9 @@ class Neighbours:
             if not len(group_rows):
                 continue
             if len(group.map):
-                pair_lists.append(_by_offsets(group, group_rows, self._index[group_rows]))
+                near = group.map[group.place[self._index[group_rows]][:, None] + group.offsets]
+                exists = near >= 0
+                pair_lists.append((np.repeat(group_rows, exists.sum(axis=1)), near[exists].astype(np.int64)))
             for target_group in self._groups:
                 if target_group is not group or not len(group.map):
                     pair_lists += self._others(group_rows, target_group)
@@ -188,14 +190,6 @@ def _by_window(rows: NDArray[np.int64], position: NDArray[np.float64], target_gr
         targets.append(map_rows[row, place].astype(np.int64))
     source, target = np.concatenate(sources), np.concatenate(targets)
     return Pairs(source, target, lengths(position[target] - position[source]))
-
-
-def _by_offsets(
-    group: _Group, rows: NDArray[np.int64], index: NDArray[np.int32]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    target = group.map[group.place[index][:, None] + group.offsets]
-    exists = target >= 0
-    return np.repeat(rows, exists.sum(axis=1)), target[exists].astype(np.int64)
 
 
 def _groups(position: NDArray[np.float64], delta: NDArray[np.float64], reach: NDArray[np.float64]) -> list[_Group]:

@@ -176,10 +176,17 @@ def document_of(grid: Grid, settings: Settings) -> Document:
     """The document of a grid and its settings."""
     space = grid.dimension == 3
     cracks = grid.cracks.tolist()
+    if grid.lattice is not None:  # it stands for the nodes
+        nodes = columns_of(())
+    else:
+        n, d = grid.position.shape
+        position, delta = np.zeros((n, 3)), np.ones((n, 3))
+        position[:, :d], delta[:, :d] = grid.position, grid.delta[:, None]
+        nodes = NodeColumns(grid.ids, grid.border, position, grid.hole_id, delta)
     return Document(
         notch=tuple(map(tuple, cracks) if space else ((x0, y0, 0.0, x1, y1, 0.0) for x0, y0, x1, y1 in cracks)),
         version=SPACE_VERSION if space else FORMAT_VERSION,
-        nodes=_columns(grid),
+        nodes=nodes,
         lattice=grid.lattice,
         outline=tuple(tuple(map(tuple, ring.tolist())) for ring in grid.outline),
         holes=tuple(tuple(map(tuple, ring.tolist())) for ring in grid.holes),
@@ -190,16 +197,6 @@ def document_of(grid: Grid, settings: Settings) -> Document:
         parameters=dict(grid.parameters),
         **{field: getattr(settings, field) for field in Settings.__struct_fields__},
     )
-
-
-def _columns(grid: Grid) -> NodeColumns:
-    """All nodes; those of a lattice that stands for them are none."""
-    if grid.lattice is not None:
-        return columns_of(())
-    n, d = grid.position.shape
-    position, delta = np.zeros((n, 3)), np.ones((n, 3))
-    position[:, :d], delta[:, :d] = grid.position, grid.delta[:, None]
-    return NodeColumns(grid.ids, grid.border, position, grid.hole_id, delta)
 
 
 def bodies_of(records: tuple[BodyNodes, ...], ids: NDArray[np.int64]) -> Bodies | None:

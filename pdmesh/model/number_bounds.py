@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable
-from typing import TypeGuard
 
 import msgspec
 
@@ -37,9 +36,7 @@ def _is_within(value: object) -> bool:
     """Whether all numbers are in range; many regions are read in a tenth of the time that places would take."""
     if isinstance(value, float):
         return value == 0 or LEAST <= abs(value) <= MOST
-    parts = value if isinstance(value, tuple) else msgspec.structs.astuple(value) if _is_struct(value) else ()
+    parts = value if isinstance(value, tuple) else ()
+    if isinstance(value, msgspec.Struct):
+        parts = msgspec.structs.astuple(value)
     return all(_is_within(part) for part in parts if not isinstance(part, int | str | None))
-
-
-def _is_struct(value: object) -> TypeGuard[msgspec.Struct]:
-    return isinstance(value, msgspec.Struct)

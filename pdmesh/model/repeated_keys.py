@@ -21,19 +21,14 @@ def repeated_key(text: bytes | str) -> str | None:
     same keys; long arrays of numbers are skipped.
     """
     data = text.encode() if isinstance(text, str) else text
-    with suppress(ValueError):  # if what was left out is no whole value
-        if _search(NUMBERS.sub(b"[]", _without_nodes(data))) is None:
-            return None
-    return _search(data)  # the text itself has the last word, and the places
-
-
-def _without_nodes(data: bytes) -> bytes:
-    """The text without the records of its nodes, if none of them can have a key twice."""
     start = data.find(BEGIN) + len(BEGIN)
     end = data.find(END, start)
-    if start < len(BEGIN) or end < 0 or data.count(b'"', start, end) != SIGNS * data.count(b"{", start, end):
-        return data
-    return data[:start] + data[end:]
+    # none of the nodes can have a key twice, if they have as many quotes as their keys need
+    alike = start >= len(BEGIN) and end >= 0 and data.count(b'"', start, end) == SIGNS * data.count(b"{", start, end)
+    with suppress(ValueError):  # if what was left out is no whole value
+        if _search(NUMBERS.sub(b"[]", data[:start] + data[end:] if alike else data)) is None:
+            return None
+    return _search(data)  # the text itself has the last word, and the places
 
 
 def _search(data: bytes) -> str | None:

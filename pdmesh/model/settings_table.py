@@ -70,8 +70,12 @@ def _line(cells: tuple[str, ...], wide: list[int]) -> str:
 
 def _below(struct: type[msgspec.Struct], key: str, name: str) -> Iterator[Setting]:
     """The setting of this key, or those of the struct that it holds."""
-    (field,) = (field for field in _fields(struct) if field.encode_name == key)
-    inner = next((one for one in _members(field.type) if isinstance(one, inspection.StructType)), None)
+    about = inspection.type_info(struct)
+    assert isinstance(about, inspection.StructType)
+    (field,) = (field for field in about.fields if field.encode_name == key)
+    kind = field.type.type if isinstance(field.type, inspection.Metadata) else field.type
+    members = kind.types if isinstance(kind, inspection.UnionType) else (kind,)
+    inner = next((one for one in members if isinstance(one, inspection.StructType)), None)
     if inner is not None:
         for below in inner.fields:
             yield from _below(inner.cls, below.encode_name, f"{name}.{below.encode_name}")
@@ -84,17 +88,6 @@ def _below(struct: type[msgspec.Struct], key: str, name: str) -> Iterator[Settin
         comment = "; ".join(filter(None, [comment, f"needed: {DECLARED[key].needed}"]))
     values = " or ".join(described(field.type))
     yield Setting(name, unit, _default(field), values, comment)
-
-
-def _fields(struct: type[msgspec.Struct]) -> tuple[inspection.Field, ...]:
-    about = inspection.type_info(struct)
-    assert isinstance(about, inspection.StructType)
-    return about.fields
-
-
-def _members(kind: inspection.Type) -> tuple[inspection.Type, ...]:
-    kind = kind.type if isinstance(kind, inspection.Metadata) else kind
-    return kind.types if isinstance(kind, inspection.UnionType) else (kind,)
 
 
 def _default(field: inspection.Field) -> str:

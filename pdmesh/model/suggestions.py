@@ -176,8 +176,10 @@ def described(kind: inspection.Type) -> list[str]:
             words.append(f"a list{_several(one)}, each {_first(one.item_type)}")
         elif isinstance(one, inspection.StrType) and one.pattern is not None:
             words.append(listed(_examples(one.pattern)))
+        elif isinstance(one, inspection.StructType) and one.tag_field is not None:
+            words.append(f"a table with {one.tag_field} = '{one.tag}'")
         elif not isinstance(one, inspection.NoneType | inspection.LiteralType):
-            words.append(_tagged(one) or TYPES.get(type(one), "a value"))
+            words.append(TYPES.get(type(one), "a value"))
     return list(dict.fromkeys(words))
 
 
@@ -190,13 +192,6 @@ def _examples(pattern: str) -> list[str]:
         start, _, end = part.removesuffix(")?").partition("(")
         words += [start, start + end] if end else [part]
     return words
-
-
-def _tagged(kind: inspection.Type) -> str:
-    """A table that is known by a word in it."""
-    if isinstance(kind, inspection.StructType) and kind.tag_field is not None:
-        return f"a table with {kind.tag_field} = '{kind.tag}'"
-    return ""
 
 
 def _first(kind: inspection.Type) -> str:

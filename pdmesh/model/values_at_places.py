@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -63,7 +63,10 @@ def _evaluated(part: ast.expr, terms: dict[str, Any]) -> Any:
     """The value of a checked part of an expression."""
     match part:
         case ast.Constant(value=value):
-            return np.float64(_number(value))
+            try:
+                return np.float64(float(value))
+            except OverflowError:
+                raise PlaceError("a number is larger than a float holds; use at most 1.8e308") from None
         case ast.Name(id=name):
             if name not in terms:
                 raise PlaceError(f"an expression has {name}; use x and y in a plate")
@@ -75,21 +78,9 @@ def _evaluated(part: ast.expr, terms: dict[str, Any]) -> Any:
         case ast.Compare(left=left, ops=[op], comparators=[right]):
             return np.where(OPERATORS[type(op)](_evaluated(left, terms), _evaluated(right, terms)), 1.0, 0.0)
         case ast.Call(func=ast.Name(id=name), args=args):
-            return _function(name)(*(_evaluated(argument, terms) for argument in args))
+            function = getattr(np, NAMED.get(name, name))
+            return function(*(_evaluated(argument, terms) for argument in args))
     raise PlaceError(f"an expression has {type(part).__name__}; use numbers, places and functions")
-
-
-def _number(value: Any) -> float:
-    """A number of an expression. Raises PlaceError for one that no float holds."""
-    try:
-        return float(value)
-    except OverflowError:
-        raise PlaceError("a number is larger than a float holds; use at most 1.8e308") from None
-
-
-def _function(name: str) -> Callable[..., Any]:
-    """The function of numpy that an expression calls by a name."""
-    return getattr(np, NAMED.get(name, name))  # type: ignore[no-any-return]
 
 
 def _interpolated(table: Table, position: NDArray[np.float64]) -> NDArray[np.float64]:

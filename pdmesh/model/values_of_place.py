@@ -107,16 +107,13 @@ def wrong_value(value: str | Table, dimension: int) -> str | None:
         elif is_file(value):
             return f"the file '{value:.80}' was not read; give its values or an expression"
         else:
-            _check_names(parsed(value), AXES[:dimension])
+            axes = AXES[:dimension]
+            for part in ast.walk(parsed(value)):
+                if isinstance(part, ast.Name) and part.id in AXES and part.id not in axes:
+                    return f"an expression has {part.id}; use {', '.join(axes)} in a plate"
     except PlaceError as error:
         return str(error)
     return None
-
-
-def _check_names(tree: ast.expr, axes: str) -> None:
-    for part in ast.walk(tree):
-        if isinstance(part, ast.Name) and part.id in AXES and part.id not in axes:
-            raise PlaceError(f"an expression has {part.id}; use {', '.join(axes)} in a plate")
 
 
 @lru_cache(64)

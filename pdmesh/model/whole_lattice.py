@@ -118,12 +118,14 @@ class WholeLattice(Grid):
         cells = np.full(len(rows), self.lattice.spacing**self.dimension)
         if self.dimension == 2:
             cells = cells / np.where(ends[0], 2, 1) / np.where(ends[1], 2, 1)
+        hole_id = self.hole_id  # a number that all have takes no memory
+        hole_id = hole_id[rows] if any(hole_id.strides) else np.broadcast_to(hole_id[0], len(rows))
         return Grid(
             ids=rows + 1,
             position=np.column_stack([along[index] for along, index in zip(self._lines(), at, strict=True)]),
             delta=self.delta[rows],
             border=np.logical_or.reduce(ends),
-            hole_id=_some(self.hole_id, rows),
+            hole_id=hole_id,
             areas=cells,
             **self._shapes(),
         )
@@ -178,8 +180,3 @@ class WholeLattice(Grid):
 def _made_anew(fields: dict[str, Any]) -> WholeLattice:
     """The grid with these fields."""
     return WholeLattice(**fields)
-
-
-def _some(values: NDArray[Any], rows: NDArray[np.int64]) -> NDArray[Any]:
-    """The values (k,) of these rows (k,); a number that all have takes no memory."""
-    return values[rows] if any(values.strides) else np.broadcast_to(values[0], len(rows))

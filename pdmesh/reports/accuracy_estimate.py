@@ -123,7 +123,9 @@ def proposal(scene: Scene, within: float) -> Proposal:
             shares = [share for share in (curve.share(within) for curve in curves) if share is not None]
             if len(shares) < len(curves):
                 continue
-            finest = _rounded_down(min(shares) * size)
+            largest = min(shares) * size
+            unit = 10.0 ** (np.floor(np.log10(largest)) + 1 - ROUNDED)
+            finest = float(f"{np.floor(largest / unit * (1 + 1e-9)) * unit:.{ROUNDED}g}")
             promised = max(curve.at(finest / size) for curve in curves)
             guessed = any(within < curve.error[0] for curve in curves)
             try:
@@ -175,7 +177,8 @@ def updates(scene: Scene) -> float:
     h, area, family = scene.finest, scene.shape.area, np.pi * scene.horizon**2
     if scene.run.adapt == "hybrid":
         low_x, low_y, high_x, high_y = scene.shape.bounds
-        tips = sum(len(_ends_inside(slit.line, scene)) for slit in scene.slits)
+        ends = [shapely.Point(slit.line.coords[at]) for slit in scene.slits for at in (0, -1)]
+        tips = len([end for end in ends if scene.shape.boundary.distance(end) > 1e-3 * scene.finest])
         path = TIP * h + max(high_x - low_x, high_y - low_y)
         fine = min(tips * path * 2 * BESIDE * h, area)
         return float(scene.run.steps * (family * fine / h**2 + LATTICE * (area - fine) / (2 * h) ** 2))
@@ -189,12 +192,6 @@ def updates(scene: Scene) -> float:
         bonds += family * remainder.intersection(zone).area / spacing**2
         remainder = remainder.difference(zone)
     return float(scene.run.steps * (bonds + family * remainder.area / scene.spacing**2))
-
-
-def _ends_inside(line: shapely.LineString, scene: Scene) -> list[shapely.Point]:
-    """The ends of a pre-crack that are not on the plate's edge."""
-    ends = (shapely.Point(line.coords[at]) for at in (0, -1))
-    return [end for end in ends if scene.shape.boundary.distance(end) > 1e-3 * scene.finest]
 
 
 def because(within: float, size: float, named: str) -> str:
@@ -255,8 +252,15 @@ def changed(scene: Scene, finest: float, ratio: float, adapt: str = "none") -> S
         )
         spacing = factor * scene.spacing
     else:
-        zones, spacing = (), RATIO * finest
-        refinements = () if adapt == "hybrid" else _around(scene, finest)
+        zones, spacing, refinements = (), RATIO * finest, ()
+        if adapt != "hybrid":
+            targets = [("crack", bool(scene.cracks)), ("hole", bool(scene.holes))]
+            distance = max(NEAR * feature(scene)[0], RATIO * scene.horizon * finest)
+            refinements = tuple(
+                Refinement(name, distance, finest)  # type: ignore[arg-type]
+                for name, present in targets
+                if present
+            )
         if not refinements:
             spacing = finest
     laid = finest if adapt == "hybrid" else spacing
@@ -278,23 +282,12 @@ def changed(scene: Scene, finest: float, ratio: float, adapt: str = "none") -> S
     return replace(rescaled_scene, run=run)
 
 
-def _around(scene: Scene, finest: float) -> tuple[Refinement, ...]:
-    targets = [("crack", bool(scene.cracks)), ("hole", bool(scene.holes))]
-    distance = max(NEAR * feature(scene)[0], RATIO * scene.horizon * finest)
-    return tuple(Refinement(name, distance, finest) for name, present in targets if present)  # type: ignore[arg-type]
-
-
 def _stable(scene: Scene, ratio: float, spacing: float) -> float:
     return min(stable_step(material, ratio, spacing) for material in _materials(scene))
 
 
 def _materials(scene: Scene) -> list[Material]:
     return [material for material in (scene.material, *(part.region.material for part in scene.regions)) if material]
-
-
-def _rounded_down(value: float) -> float:
-    unit = 10.0 ** (np.floor(np.log10(value)) + 1 - ROUNDED)
-    return float(f"{np.floor(value / unit * (1 + 1e-9)) * unit:.{ROUNDED}g}")
 
 
 def lines(proposal: Proposal) -> list[str]:

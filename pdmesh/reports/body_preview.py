@@ -52,7 +52,8 @@ def _section(
     """Draw the nodes whose cubes the plane through the centre cuts, those nearest to it on one side."""
     a, b = way
     across = 3 - a - b
-    near = np.flatnonzero(_near(grid, across, middle))
+    away = grid.position[:, across] - middle[across]
+    near = np.flatnonzero((away >= -1e-6 * grid.delta) & (away < grid.delta * (1 - 1e-6)))
     place = grid.position[:, [a, b]] * 1e3
     low, high = place.min(axis=0), place.max(axis=0)
     margin = MARGIN * float((high - low).max()) + float(grid.delta.max()) * 500
@@ -90,11 +91,6 @@ def marked(document: Document, grid: Grid) -> Iterator[tuple[str, str, NDArray[n
         rows = selection.selected(grid, entry.nodes, entry.box)
         sums = total(entry, grid, np.flatnonzero(rows))
         yield f"{kind} '{for_legend(name)}': {int(rows.sum())} nodes{sums}", CONDITIONS[number % len(CONDITIONS)], rows
-
-
-def _near(grid: Grid, across: int, middle: NDArray[np.float64]) -> NDArray[np.bool_]:
-    away = grid.position[:, across] - middle[across]
-    return np.asarray((away >= -1e-6 * grid.delta) & (away < grid.delta * (1 - 1e-6)))
 
 
 def _crossed(triangles: NDArray[np.float64], across: int, at: float) -> NDArray[np.float64]:

@@ -48,7 +48,15 @@ class Finding(NamedTuple):
 
 def findings() -> list[Finding]:
     """All findings about this installation."""
-    return [_python(), *_packages(), _gmsh(), _walls(), _ffmpeg(), _cores(), _cache(), _devices(), *_extras()]
+    version = ".".join(map(str, sys.version_info[:3]))
+    good = sys.version_info >= (3, 11)
+    python = Finding("Python", good, f"{version} in {sys.prefix}", "3.11 or newer is needed")
+    packages = [
+        Finding(name, version is not None, version or "not installed", f"pip install {name}")
+        for name, version in dependencies().items()
+        if name != "gmsh"
+    ]
+    return [python, *packages, _gmsh(), _walls(), _ffmpeg(), _cores(), _cache(), _devices(), *_extras()]
 
 
 def lines(findings: list[Finding]) -> list[str]:
@@ -62,17 +70,6 @@ def lines(findings: list[Finding]) -> list[str]:
         )
     bad = [finding.name for finding in findings if finding.needed and not finding.good]
     return [*said, f"missing: {', '.join(bad)}" if bad else "all that is needed is there"]
-
-
-def _python() -> Finding:
-    version = ".".join(map(str, sys.version_info[:3]))
-    return Finding("Python", sys.version_info >= (3, 11), f"{version} in {sys.prefix}", "3.11 or newer is needed")
-
-
-def _packages() -> Iterator[Finding]:
-    for name, version in dependencies().items():
-        if name != "gmsh":
-            yield Finding(name, version is not None, version or "not installed", f"pip install {name}")
 
 
 def _gmsh() -> Finding:

@@ -24,7 +24,11 @@ PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""))
 
 def symbols(axes: Axes, condition: AnyCondition, grid: Grid, rows: NDArray[np.int64], colour: str) -> None:
     """Draw a load, or what is held, on its nodes, rows (k,), in mm."""
-    sample_rows = rows[_some(grid.position[rows])]
+    # at most MOST of the nodes, evenly along their longer side
+    position = grid.position[rows]
+    order = np.argsort(position[:, int(np.ptp(position, axis=0).argmax())], kind="stable")
+    ranks = np.linspace(0, len(order) - 1, min(MOST, len(order))).round().astype(int)
+    sample_rows = rows[np.sort(order[ranks])]
     at = grid.position[sample_rows] * 1e3
     if isinstance(condition, Displacement):
         mark = HELD[condition.x is not None, condition.y is not None]
@@ -69,10 +73,3 @@ def total(condition: AnyCondition, grid: Grid, rows: NDArray[np.int64]) -> str:
     value = float(np.linalg.norm(nodal_forces(condition, grid, rows).sum(axis=0)))
     size, prefix = next((scale for scale in PREFIXES if value >= scale[0]), PREFIXES[-1])
     return f", {value / size:.4g} {prefix}{'N/m' if grid.dimension == 2 else 'N'}"
-
-
-def _some(position: NDArray[np.float64]) -> NDArray[np.int64]:
-    """At most MOST of places (k, 2), evenly along their longer side."""
-    order = np.argsort(position[:, int(np.ptp(position, axis=0).argmax())], kind="stable")
-    ranks = np.linspace(0, len(order) - 1, min(MOST, len(order))).round().astype(int)
-    return np.sort(order[ranks])

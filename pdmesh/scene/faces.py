@@ -30,7 +30,11 @@ def face(shell: Shell, words: str, place: str, unit: Unit = METRE) -> str | Shee
         return words.strip()
     first, points = parsed(words, place, unit)
     triangles, at = shell.triangles, points[0]
-    normal = _normals(triangles)
+    a, b, c = triangles.transpose(1, 0, 2)
+    normal = np.cross(b - a, c - a)
+    size = np.linalg.norm(normal, axis=1)
+    turn = np.sign(np.einsum("ti,ti->", a, normal)) or 1.0  # of the volume: which way all triangles turn
+    normal = turn * normal / np.where(size > 0, size, 1.0)[:, None]  # outward where the surface is closed
     if first == "normal":
         is_facing = normal @ at >= FACING * np.linalg.norm(at)
         if not is_facing.any():
@@ -44,15 +48,6 @@ def face(shell: Shell, words: str, place: str, unit: Unit = METRE) -> str | Shee
 def parsed(words: str, place: str, unit: Unit = METRE) -> tuple[str, NDArray[np.float64]]:
     """The first word of a choice that is no side, and the points (1, 3) behind it. Raises SceneError."""
     return points_in(words, FORMS, 3, place, EXPECTED, unit)
-
-
-def _normals(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The normals (t, 3) of triangles (t, 3, 3), outward where these turn as a closed surface's do."""
-    a, b, c = triangles.transpose(1, 0, 2)
-    normal = np.cross(b - a, c - a)
-    size = np.linalg.norm(normal, axis=1)
-    sign = np.sign(np.einsum("ti,ti->", a, normal)) or 1.0  # of the volume: which way all triangles turn
-    return np.asarray(sign * normal / np.where(size > 0, size, 1.0)[:, None])
 
 
 def _patches(triangles: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray[np.int64]:

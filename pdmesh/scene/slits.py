@@ -7,11 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from shapely import LineString
 
 from pdmesh.scene.shapes import CHORD_TOLERANCE, SceneError, Surface
@@ -79,18 +78,18 @@ def _slit(crack: Crack, around: _Around) -> Slit:
     points = shapely.get_coordinates(line if around.inside.covers(line) else _trimmed(crack, around))
     for end, before in ((0, 1), (-1, -2)):
         if on < edge.distance(shapely.Point(points[end])) <= missed:
-            points[end] = _on_edge(points[end], points[before], edge, missed)
-    return Slit(crack.name, LineString(points), _notes(crack, points, on))
-
-
-def _notes(crack: Crack, points: NDArray[np.float64], slack: float) -> tuple[str, ...]:
-    line = shapely.get_coordinates(crack.line)
-    return tuple(
-        f"crack '{crack.name}': its end at ({line[end][0]:.7g}, {line[end][1]:.7g}) m is put onto the plate's edge,"
+            way = points[end] - points[before]  # straight ahead, else to the nearest place
+            ahead = LineString([points[end], points[end] + 2 * missed * way / np.hypot(*way)]).intersection(edge)
+            nearest = shapely.shortest_line(shapely.Point(points[end]), edge if ahead.is_empty else ahead)
+            points[end] = shapely.get_coordinates(nearest)[-1]
+    drawn = shapely.get_coordinates(crack.line)
+    notes = tuple(
+        f"crack '{crack.name}': its end at ({drawn[end][0]:.7g}, {drawn[end][1]:.7g}) m is put onto the plate's edge,"
         f" at ({points[end][0]:.7g}, {points[end][1]:.7g}) m"
         for end in (0, -1)
-        if np.hypot(*(points[end] - line[end])) > slack
+        if np.hypot(*(points[end] - drawn[end])) > on
     )
+    return Slit(crack.name, LineString(points), notes)
 
 
 def _trimmed(crack: Crack, around: _Around) -> LineString:
@@ -106,9 +105,3 @@ def _trimmed(crack: Crack, around: _Around) -> LineString:
                 f" of at most {longest:g} m"
             )
     return inside_parts[0]
-
-
-def _on_edge(end: Any, before: Any, edge: shapely.Geometry, missed: float) -> Any:
-    """The place (2,), m, on the edge for the end of a crack: straight ahead, or the nearest."""
-    ahead = LineString([end, end + 2 * missed * (end - before) / np.hypot(*(end - before))]).intersection(edge)
-    return shapely.get_coordinates(shapely.shortest_line(shapely.Point(end), edge if ahead.is_empty else ahead))[-1]

@@ -133,19 +133,15 @@ def run_reader(
         ) from None
     if OUT_OF_TIME is not None and ended == -OUT_OF_TIME:
         raise SceneError(f"{path}: {name} was still {_stage(said)} after {limit:g} s of processor time; {remedy}")
-    return _last_words(said, ended)
+    text = said.read_bytes()[-4000:].decode(errors="replace").strip()
+    lines = [line for line in text.splitlines() if not line.startswith(STAGE)]
+    return lines[-1] if lines else f"it {how_it_ended(ended)} while {_stage(said)}"
 
 
 def _stage(said: Path) -> str:
     """What a reader said last that it does."""
     lines = said.read_bytes().decode(errors="replace").splitlines()
     return next((line.removeprefix(STAGE) for line in reversed(lines) if line.startswith(STAGE)), "reading")
-
-
-def _last_words(said: Path, ended: int) -> str:
-    text = said.read_bytes()[-4000:].decode(errors="replace").strip()
-    lines = [line for line in text.splitlines() if not line.startswith(STAGE)]
-    return lines[-1] if lines else f"it {how_it_ended(ended)} while {_stage(said)}"
 
 
 def _check_installed(output: Mapping[str, Any]) -> None:

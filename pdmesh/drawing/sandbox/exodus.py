@@ -77,7 +77,12 @@ def read(path: Path) -> meshio.Mesh:
             for name, members in sets.items()
         }
         data = {"volume": volumes} if any(np.isfinite(block_volumes).any() for block_volumes in volumes) else {}
-        return meshio.Mesh(points, blocks, cell_data=data, cell_sets=named, point_sets=_node_sets(variables))
+        node_sets = {
+            name: np.array(variables[f"node_ns{number}"][:], dtype=np.int64) - 1
+            for number, name in enumerate(_names(variables, "ns_names", "ns_prop1", "nodeset"), start=1)
+            if f"node_ns{number}" in variables
+        }
+        return meshio.Mesh(points, blocks, cell_data=data, cell_sets=named, point_sets=node_sets)
 
 
 def _blocks(variables: Any) -> tuple[list[Any], list[NDArray[np.float64]], dict[str, dict[int, Rows]]]:
@@ -97,28 +102,15 @@ def _blocks(variables: Any) -> tuple[list[Any], list[NDArray[np.float64]], dict[
             raise ValueError(f"elements '{word}' of {cells.shape[1]} nodes are not read")
         sets.setdefault(name, {})[len(blocks)] = np.arange(len(cells))
         blocks.append((kind, cells))
-        volumes.append(_volumes(variables, number, len(cells)) if kind == "vertex" else np.full(len(cells), np.nan))
+        attribute = variables.get(f"attrib{number}") if kind == "vertex" else None
+        block_volumes = np.full(len(cells), np.nan)
+        if attribute is not None:  # volumes are the attribute of that name, or the last (behind the radius)
+            values = np.array(attribute[:], dtype=float).reshape(len(cells), -1)
+            labels = [label.lower() for label in _texts(variables.get(f"attrib_name{number}"))]
+            at = next((place for place, label in enumerate(labels) if "vol" in label), values.shape[1] - 1)
+            block_volumes = values[:, at]
+        volumes.append(block_volumes)
     return blocks, volumes, sets
-
-
-def _volumes(variables: Any, block: int, count: int) -> NDArray[np.float64]:
-    """Volumes of a block's particles: the attribute of that name, or the last (behind the radius); NaN without one."""
-    attribute = variables.get(f"attrib{block}")
-    if attribute is None:
-        return np.full(count, np.nan)
-    values = np.array(attribute[:], dtype=float).reshape(count, -1)
-    words = [word.lower() for word in _texts(variables.get(f"attrib_name{block}"))]
-    at = next((place for place, word in enumerate(words) if "vol" in word), values.shape[1] - 1)
-    return np.asarray(values[:, at])
-
-
-def _node_sets(variables: Any) -> dict[str, Rows]:
-    names = _names(variables, "ns_names", "ns_prop1", "nodeset")
-    return {
-        name: np.array(variables[f"node_ns{number}"][:], dtype=np.int64) - 1
-        for number, name in enumerate(names, start=1)
-        if f"node_ns{number}" in variables
-    }
 
 
 def _side_sets(variables: Any, blocks: list[Any]) -> dict[str, dict[str, Rows]]:

@@ -14,7 +14,7 @@ import os
 import sys
 from importlib import import_module
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import meshio
 import numpy as np
@@ -49,7 +49,8 @@ def main(result: str) -> None:
             about, arrays = {"missing": error.name}, {}
         except OSError as error:
             about, arrays = {"library": str(error)}, {}
-        _write(file, about | {"walls": walls}, arrays)
+        description = np.frombuffer(json.dumps(about | {"walls": walls}).encode(), dtype=np.uint8)
+        np.savez(file, about=description, **arrays)  # type: ignore[arg-type]
         file.flush()
         os._exit(0)
 
@@ -68,10 +69,6 @@ def _load(reader: str, suffix: str) -> None:
     for module in NEEDED.get(suffix, ()):
         with contextlib.suppress(ImportError):  # meshio says so, where it needs it
             import_module(module)
-
-
-def _write(file: BinaryIO, about: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> None:
-    np.savez(file, about=np.frombuffer(json.dumps(about).encode(), dtype=np.uint8), **arrays)  # type: ignore[arg-type]
 
 
 def _found(job: dict[str, Any]) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
@@ -100,7 +97,10 @@ def _described(mesh: Any, tags: list[str]) -> tuple[dict[str, Any], dict[str, ND
     tag = next((name for name in tags if name in mesh.cell_data), None)
     if tag is not None:
         for number, (block, values) in enumerate(zip(mesh.cells, mesh.cell_data[tag], strict=True)):
-            arrays[f"tags {number}"] = _whole(values, len(block.data))
+            numbers = np.asarray(values).ravel()
+            if len(numbers) != len(block.data) or not np.isfinite(numbers).all():
+                raise ValueError("groups are not numbers, one for each cell")
+            arrays[f"tags {number}"] = numbers.astype(np.int64)
     sets = {name: members for name, members in mesh.cell_sets.items() if not name.startswith("gmsh:")}
     for place, members in enumerate(sets.values()):
         for number, cells in enumerate(members):
@@ -128,13 +128,6 @@ def _arrays(mesh: Any) -> dict[str, NDArray[Any]]:
         if "volume" in mesh.cell_data and block.type == "vertex":
             arrays[f"volumes {number}"] = np.asarray(mesh.cell_data["volume"][number], dtype=np.float64)
     return arrays
-
-
-def _whole(values: Any, count: int) -> NDArray[Any]:
-    numbers = np.asarray(values).ravel()
-    if len(numbers) != count or not np.isfinite(numbers).all():
-        raise ValueError("groups are not numbers, one for each cell")
-    return numbers.astype(np.int64)
 
 
 if __name__ == "__main__":

@@ -22,13 +22,11 @@ def _what(drawing: Drawing, place: int) -> str:
     text = drawing.text(place)
     if text == "Point" and drawing.text(place + 1) == "(":
         values = drawing.partner[place + 1] + 2
-        return "mesh sizes of points" if drawing.text(values) == "{" and _count(drawing, values) > 3 else ""
+        if drawing.text(values) != "{":
+            return ""
+        inside, depth = range(values + 1, drawing.partner[values]), drawing.depths[values] + 1
+        commas = sum(drawing.text(i) == "," and drawing.depths[i] == depth for i in inside)
+        return "mesh sizes of points" if commas >= 3 else ""
     if drawing.text(place - 1) == ".":
         return f"Mesh.{text}" if drawing.text(place - 2) == "Mesh" and text in words.OPTION_SIZES else ""
     return {"Characteristic": "MeshSize"}.get(text, text) if text in SIZES else ""
-
-
-def _count(drawing: Drawing, bracket: int) -> int:
-    """Number of values between braces."""
-    inside = range(bracket + 1, drawing.partner[bracket])
-    return 1 + sum(drawing.text(i) == "," and drawing.depths[i] == drawing.depths[bracket] + 1 for i in inside)

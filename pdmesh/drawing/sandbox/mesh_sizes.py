@@ -57,14 +57,10 @@ def _ask_for(sizes: dict[tuple[int, int], float], gmsh: Any) -> None:
 def _of_surface(gmsh: Any, tag: int) -> tuple[float, float]:
     """The mean curvature of a surface, of its two directions the larger one, 1/m, and its area, untrimmed, m^2."""
     (u0, v0), (u1, v1) = gmsh.model.getParametrizationBounds(2, tag)
-    along = np.linspace(0, 1, 2 * CELLS + 1)
-    u, v = np.meshgrid(u0 + (u1 - u0) * along, v0 + (v1 - v0) * along, indexing="ij")
+    shares = np.linspace(0, 1, 2 * CELLS + 1)
+    u, v = np.meshgrid(u0 + (u1 - u0) * shares, v0 + (v1 - v0) * shares, indexing="ij")
     places = gmsh.model.getValue(2, tag, np.stack([u, v], axis=2).ravel())
-    return _mean(np.array(places).reshape(*u.shape, 3))
-
-
-def _mean(at: Array) -> tuple[float, float]:
-    """The mean curvature, and the area, of a lattice (2 n + 1, 2 n + 1, 3) of places on a surface."""
+    at = np.array(places).reshape(*u.shape, 3)
     first_curvature, along = _bent(at[:, 1::2])
     second_curvature, across = _bent(at[1::2].transpose(1, 0, 2))
     area = np.linalg.norm(np.cross(along, across.transpose(1, 0, 2)), axis=2)

@@ -131,7 +131,11 @@ def admitted(drawing: Drawing, drawing_names: Collection[str]) -> list[Token]:
         elif token.text == "." and token.kind == "sign" and drawing.kind(place + 1) != "word":
             raise Refused(token.line, "'.'", "a name after it")
         elif token.text == "~" and token.kind == "sign":
-            _check_indices(drawing, place)
+            count, before = 1, place
+            while drawing.text(before - 1) == "}" and drawing.text(drawing.partner[before - 1] - 1) == "~":
+                count, before = count + 1, drawing.partner[before - 1] - 1
+            if count > MOST_INDICES:
+                raise Refused(token.line, f"{count} of '~{{...}}' in a row", f"at most {MOST_INDICES}")
     return admitted_tokens
 
 
@@ -154,14 +158,6 @@ def _listed(drawing: Drawing, place: int, drawing_names: Collection[str]) -> boo
         either = text in words.ATTRIBUTES and drawing.text(place + 1) in ("-", ",", "}")
         return text in KEYWORDS or not (either and text in drawing_names)
     return text in words.COLORS and (text not in drawing_names or drawing.text(place - 1) == "Color")
-
-
-def _check_indices(drawing: Drawing, place: int) -> None:
-    count, before = 1, place
-    while drawing.text(before - 1) == "}" and drawing.text(drawing.partner[before - 1] - 1) == "~":
-        count, before = count + 1, drawing.partner[before - 1] - 1
-    if count > MOST_INDICES:
-        raise Refused(drawing.tokens[place].line, f"{count} of '~{{...}}' in a row", f"at most {MOST_INDICES}")
 
 
 def _is_option(drawing: Drawing, place: int) -> bool:

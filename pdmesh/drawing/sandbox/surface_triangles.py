@@ -48,7 +48,14 @@ def spatial_groups(gmsh: Any, tolerance: float, conforming: bool) -> dict[str, A
     if discrete and len(discrete) == len(gmsh.model.getEntities(2)):  # of STL files, which are triangles already
         places, _, triangles = _triangles(gmsh)
     elif conforming or set(gmsh.model.getEntities(2)) - set(gmsh.model.occ.getEntities(2)):
-        places, triangles, curved = _meshed(gmsh, tolerance)
+        gmsh.model.mesh.clear()
+        gmsh.model.mesh.removeConstraints()  # of a drawing for another mesh
+        for option, value in OPTIONS.items():
+            gmsh.option.setNumber(f"Mesh.{option}", value)
+        set_sizes(gmsh, tolerance)
+        gmsh.model.mesh.generate(2)
+        places, tags, triangles = _triangles(gmsh)
+        curved = cones(gmsh, places, tags, triangles)
     else:
         places, _, triangles = _drawn(gmsh, tolerance)
     return {
@@ -63,7 +70,9 @@ def spatial_groups(gmsh: Any, tolerance: float, conforming: bool) -> dict[str, A
                 "surfaces": [],
                 "triangles": _of(triangles, _faces(gmsh, dimension, entities)) if dimension >= 2 else [],
                 "cones": _of(curved, _faces(gmsh, dimension, entities)) if dimension == 3 else [],
-                "volume": _volume(gmsh, entities) if dimension == 3 else 0.0,
+                "volume": float(sum(gmsh.model.occ.getMass(3, tag) for tag in entities))
+                if dimension == 3 and _by_open_cascade(gmsh, entities)
+                else 0.0,
             }
             for name, dimension, entities in groups
         ],
@@ -105,20 +114,6 @@ def _drawn(gmsh: Any, tolerance: float) -> tuple[NDArray[np.float64], NDArray[np
     return _triangles(gmsh)
 
 
-def _meshed(
-    gmsh: Any, tolerance: float
-) -> tuple[NDArray[np.float64], dict[int, NDArray[np.int64]], dict[int, NDArray[np.float64]]]:
-    """Places, and by surface the numbers of corners and the cones, of the triangles of a mesh."""
-    gmsh.model.mesh.clear()
-    gmsh.model.mesh.removeConstraints()  # of a drawing for another mesh
-    for option, value in OPTIONS.items():
-        gmsh.option.setNumber(f"Mesh.{option}", value)
-    set_sizes(gmsh, tolerance)
-    gmsh.model.mesh.generate(2)
-    places, tags, triangles = _triangles(gmsh)
-    return places, triangles, cones(gmsh, places, tags, triangles)
-
-
 def _triangles(gmsh: Any) -> tuple[NDArray[np.float64], NDArray[np.int64], dict[int, NDArray[np.int64]]]:
     """Places (n, 3) and tags (n,) of all nodes, and the numbers (t, 3) of corners by surface."""
     tags, places, _ = gmsh.model.mesh.getNodes()
@@ -158,9 +153,3 @@ def _faces(gmsh: Any, dimension: int, entities: list[int]) -> list[int]:
     if dimension == 2:
         return entities
     return [abs(tag) for _, tag in gmsh.model.getBoundary([(3, tag) for tag in entities], combined=True)]
-
-
-def _volume(gmsh: Any, volumes: list[int]) -> float:
-    if not _by_open_cascade(gmsh, volumes):
-        return 0.0
-    return float(sum(gmsh.model.occ.getMass(3, tag) for tag in volumes))
