@@ -73,8 +73,11 @@ def for_csv(value: object) -> str:
     if not isinstance(value, str):
         return repr(value) if isinstance(value, float) else str(value)
     cell = shortened(visible(value), MOST_IN_A_CELL).replace("\n", "\\n").replace("\t", "\\t")
-    if FORMULA.match(cell) and not _is_number(cell):
-        cell = f"'{cell}"
+    if FORMULA.match(cell):
+        try:
+            float(cell)
+        except ValueError:
+            cell = f"'{cell}"
     return '"' + cell.replace('"', '""') + '"' if QUOTED.search(cell) else cell
 
 
@@ -86,11 +89,3 @@ def for_html(text: object) -> str:
 def for_file_name(name: str) -> str:
     """A name for a file that other files refer to: one that is not all printable text gets underscores for the rest."""
     return name if name.isprintable() else NOT_IN_FILE_NAMES.sub("_", visible(name).replace("\\x", "_"))
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True

@@ -355,7 +355,14 @@ def run(parameters: Parameters) -> Run:
     if any(value is not None for value in rest.values()):
         settings["static"] = {name: value for name, value in rest.items() if value is not None}
     if step is not None:
-        settings["steps"] = _steps(step, duration)
+        if duration is None or not step > 0 or not duration >= 0:
+            text = "none" if duration is None else f"{duration:g} s"
+            raise SceneError(
+                f"{PREFIX}Run: Time step is {step:g} s and Duration {text}; give both, positive, or Duration alone"
+            )
+        if duration / step > 1e9:
+            raise SceneError(f"{PREFIX}Run: the run takes {duration / step:.1g} steps; use at most 1e9")
+        settings["steps"] = round(duration / step)
     elif duration is not None:
         settings["duration"] = duration  # in steps that the solver knows
     return _converted(settings, Run, "Run")
@@ -366,18 +373,6 @@ def contact(parameters: Parameters) -> Contact | None:
     settings = {name: parameters.maybe(f"Contact/{parameter_name}") for name, parameter_name in CONTACT.items()}
     settings = {name: value for name, value in settings.items() if value is not None}
     return _converted(settings, Contact, "Contact") if settings else None
-
-
-def _steps(step: float, duration: float | None) -> int:
-    """Number of steps of `step` s in a duration, s. Raises SceneError for a step without a duration."""
-    if duration is None or not step > 0 or not duration >= 0:
-        text = "none" if duration is None else f"{duration:g} s"
-        raise SceneError(
-            f"{PREFIX}Run: Time step is {step:g} s and Duration {text}; give both, positive, or Duration alone"
-        )
-    if duration / step > 1e9:
-        raise SceneError(f"{PREFIX}Run: the run takes {duration / step:.1g} steps; use at most 1e9")
-    return round(duration / step)
 
 
 def _converted(fields: dict[str, Any], kind: type[T], place: str) -> T:

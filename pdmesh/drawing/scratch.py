@@ -74,14 +74,10 @@ def _held(folder: str) -> Iterator[bool]:
         yield False
         return
     try:
-        yield _locked(handle)
+        free = False
+        with suppress(OSError):  # another process has the lock, or there are no locks here
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            free = True
+        yield free
     finally:
         os.close(handle)
-
-
-def _locked(handle: int) -> bool:
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:  # someone holds it, or there are no locks here
-        return False
-    return True

@@ -225,7 +225,12 @@ def _clear_of_nodes(crack: CrackFace, cloud: Cloud) -> tuple[CrackFace, tuple[st
     if not len(on):
         return crack, ()
     near_rows = np.flatnonzero(near < 2 * cloud.delta)
-    spacing, across = float(cloud.delta[near_rows].min()), _across(crack.sheet)
+    spacing = float(cloud.delta[near_rows].min())
+    a, b, c = triangles.transpose(1, 0, 2)
+    normal = np.cross(b - a, c - a)
+    _, axes = np.linalg.eigh(np.einsum("ti,tj->ij", normal, normal / np.linalg.norm(normal, axis=1, keepdims=True)))
+    across = axes[:, -1]  # most of the sheet, with its largest component positive
+    across = across * np.sign(across[np.abs(across).argmax()])
     for sixteenths in (sign * step for step in range(1, 8) for sign in (1, -1)):
         shifted_triangles = triangles + sixteenths / 16 * spacing * across
         apart = distances(cloud.position[near_rows], shifted_triangles, spacing)
@@ -238,15 +243,6 @@ def _clear_of_nodes(crack: CrackFace, cloud: Cloud) -> tuple[CrackFace, tuple[st
         f"{place} runs through {len(on)} nodes, the first at ({x:g}, {y:g}, {z:g}) m; put it between nodes, which"
         " are the middles of cubes around the body's own, by a move of less than half a spacing"
     )
-
-
-def _across(sheet: Sheet) -> NDArray[np.float64]:
-    """The direction (3,) across most of a sheet, its largest component positive."""
-    a, b, c = sheet.triangles.transpose(1, 0, 2)
-    normal = np.cross(b - a, c - a)
-    _, axes = np.linalg.eigh(np.einsum("ti,tj->ij", normal, normal / np.linalg.norm(normal, axis=1, keepdims=True)))
-    across = axes[:, -1]
-    return np.asarray(across * np.sign(across[np.abs(across).argmax()]))
 
 
 def _nodes(solid: object, place: str, cloud: Cloud) -> tuple[int, ...]:

@@ -109,7 +109,13 @@ def _level_nodes(
     coarser_shapes = [coarser_level.shape.buffer(slack, join_style="mitre") for coarser_level in coarser]
 
     def placed(share: tuple[float, float]) -> NDArray[np.float64]:
-        points = _lattice(scene, level, share)
+        spacing = level.spacing
+        origin = np.array(scene.whole.bounds[:2]) + spacing * np.array(share)
+        low, high = np.array(level.shape.bounds[:2]), np.array(level.shape.bounds[2:])
+        first = np.ceil((low - origin) / spacing - SLACK).astype(int)
+        last = np.floor((high - origin) / spacing + SLACK).astype(int)
+        x, y = (places(origin[axis], spacing, np.arange(first[axis], last[axis] + 1)) for axis in (0, 1))
+        points = np.column_stack([np.tile(x, len(y)), np.repeat(y, len(x))])
         mask: NDArray[np.bool_] = shapely.contains_xy(inside, points)
         for shape in coarser_shapes:
             mask &= ~shapely.contains_xy(shape, points)
@@ -138,17 +144,6 @@ def _level_nodes(
             " between nodes"
         )
     return points, ((chosen[0] - start[0]) * level.spacing, (chosen[1] - start[1]) * level.spacing)
-
-
-def _lattice(scene: Scene, level: Level, share: tuple[float, float]) -> NDArray[np.float64]:
-    """Points (k, 2) of the lattice within the level's bounding box, moved by `share` of its spacing; m."""
-    spacing = level.spacing
-    origin = np.array(scene.whole.bounds[:2]) + spacing * np.array(share)
-    low, high = np.array(level.shape.bounds[:2]), np.array(level.shape.bounds[2:])
-    first = np.ceil((low - origin) / spacing - SLACK).astype(int)
-    last = np.floor((high - origin) / spacing + SLACK).astype(int)
-    x, y = (places(origin[axis], spacing, np.arange(first[axis], last[axis] + 1)) for axis in (0, 1))
-    return np.column_stack([np.tile(x, len(y)), np.repeat(y, len(x))])
 
 
 def segments(scene: Scene) -> NDArray[np.float64]:

@@ -44,13 +44,25 @@ def remarks(grid: Grid, settings: Settings) -> tuple[str, ...]:
     faces = faces_of(plate, grid)
     thin = ligaments(grid, faces)
     piece_list = _pieces(grid, settings, faces)
-    return (
-        *_loose(grid, settings, piece_list, thin),
-        *_bare(grid, piece_list, faces),
-        *_cut(grid, plate, piece_list, faces),
-        *_unheld(grid, settings, piece_list),
-        *_narrow(thin),
-    )
+    said = [*_loose(grid, settings, piece_list, thin), *_bare(grid, piece_list, faces)]
+    if len(faces) > len(shapely.get_parts(plate)):  # which may be intended
+        parts = "; ".join(piece.words(grid) for piece in _largest(piece_list).values())
+        said.append(f"the cracks cut the plate into pieces: {parts}")
+    number = np.zeros(len(grid), dtype=np.int64)
+    for at, piece in enumerate(piece_list):
+        number[piece.rows] = at
+    said += [
+        f"warning: {force:.3g} N/m on {piece_list[at].words(grid)} act without supports and without balance, and they"
+        " fly off or turn; add a fix, a move or an opposite load"
+        for at, force in unheld(grid, settings, number)
+    ]
+    said += [
+        f"warning: the plate is {width:.2g} m wide at ({x:.6g}, {y:.6g}) m, {width / spacing:.2g} spacings of"
+        f" {spacing:g} m, and {THINNEST:g} are needed: use finer nodes there"
+        for (x, y), width, spacing in thin[:MOST_SAID]
+    ]
+    said += [f"warning: {len(thin) - MOST_SAID} more places are as thin"] * (len(thin) > MOST_SAID)
+    return tuple(said)
 
 
 def _pieces(grid: Grid, settings: Settings, faces: list[shapely.Polygon]) -> list[_Piece]:
@@ -121,34 +133,3 @@ def _bare(grid: Grid, pieces: list[_Piece], faces: list[shapely.Polygon]) -> lis
             raise SceneError(f"plate: {said}")
         warnings.append(f"warning: {said}")
     return warnings
-
-
-def _cut(grid: Grid, plate: shapely.Geometry, pieces: list[_Piece], faces: list[shapely.Polygon]) -> list[str]:
-    """A remark that cracks cut the plate, which may be intended."""
-    if len(faces) <= len(shapely.get_parts(plate)):
-        return []
-    return [
-        f"the cracks cut the plate into pieces: {'; '.join(piece.words(grid) for piece in _largest(pieces).values())}"
-    ]
-
-
-def _narrow(thin: list[Ligament]) -> list[str]:
-    """Warnings of ligaments too thin for their nodes, one line each."""
-    said = [
-        f"warning: the plate is {width:.2g} m wide at ({x:.6g}, {y:.6g}) m, {width / spacing:.2g} spacings of"
-        f" {spacing:g} m, and {THINNEST:g} are needed: use finer nodes there"
-        for (x, y), width, spacing in thin[:MOST_SAID]
-    ]
-    return said + [f"warning: {len(thin) - MOST_SAID} more places are as thin"] * (len(thin) > MOST_SAID)
-
-
-def _unheld(grid: Grid, settings: Settings, pieces: list[_Piece]) -> list[str]:
-    """Warnings of loaded pieces without supports."""
-    number = np.zeros(len(grid), dtype=np.int64)
-    for at, piece in enumerate(pieces):
-        number[piece.rows] = at
-    return [
-        f"warning: {force:.3g} N/m on {pieces[at].words(grid)} act without supports and without balance, and they fly"
-        " off or turn; add a fix, a move or an opposite load"
-        for at, force in unheld(grid, settings, number)
-    ]

@@ -62,7 +62,12 @@ class Detours:
         place, arms = ends[first], number.reshape(-1, 2)  # vertices, and those of the two ends of each line
         arms = arms[arms[:, 0] != arms[:, 1]]
         passed = _passed(place, arms, lines, slack, inside)
-        self._obstacles = [_lines(place, arms, passed, slack)]
+        barriers = place[arms]
+        way = barriers[:, 1] - barriers[:, 0]
+        longer = slack * way / np.hypot(*way.T)[:, None]  # at vertices that cannot be passed
+        barriers[:, 0] -= np.where(passed[arms[:, 0]], 0.0, 1.0)[:, None] * longer
+        barriers[:, 1] += np.where(passed[arms[:, 1]], 0.0, 1.0)[:, None] * longer
+        self._obstacles = [shapely.multilinestrings(barriers)]
         self._obstacles += [] if void is None or void.is_empty else [void]
         shapely.prepare(self._obstacles)
         self._corners = _corners(place, arms, passed)
@@ -163,20 +168,6 @@ def _passed(
     within = shapely.dwithin(shapely.points(place[tips])[:, None], parts[None, :], slack).sum(axis=1)
     passed[tips[within > 1]] = False
     return passed
-
-
-def _lines(
-    place: NDArray[np.float64], arms: NDArray[np.int64], passed: NDArray[np.bool_], slack: float
-) -> shapely.Geometry:
-    """Cracks as lines that legs must not meet, slightly extended at vertices that cannot be passed."""
-    import shapely
-
-    segments = place[arms]
-    way = segments[:, 1] - segments[:, 0]
-    longer = slack * way / np.hypot(*way.T)[:, None]
-    segments[:, 0] -= np.where(passed[arms[:, 0]], 0.0, 1.0)[:, None] * longer
-    segments[:, 1] += np.where(passed[arms[:, 1]], 0.0, 1.0)[:, None] * longer
-    return shapely.multilinestrings(segments)
 
 
 def _corners(place: NDArray[np.float64], arms: NDArray[np.int64], passed: NDArray[np.bool_]) -> Corners:

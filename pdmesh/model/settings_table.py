@@ -58,14 +58,12 @@ def markdown(rows: list[Setting]) -> list[str]:
         own = [row._replace(name=f"`{row.name}`") for row in rows if row.name.split(".")[0] == part]
         cells = [("setting", "unit", "default", "values", "meaning"), *own]
         wide = [max(len(row[column]) for row in cells) for column in range(3)]
-        table = [_line(row, wide) for row in cells]
+        table = []
+        for row in cells:
+            padded = [cell.ljust(width) for cell, width in zip(row, wide, strict=False)]
+            table.append(f"| {' | '.join([*padded, *(cell.replace('|', '/') for cell in row[len(wide) :])])} |")
         lines += [*([""] if lines else []), f"## {part}", "", table[0], "|---" * 5 + "|", *table[1:]]
     return lines
-
-
-def _line(cells: tuple[str, ...], wide: list[int]) -> str:
-    padded = [cell.ljust(width) for cell, width in zip(cells, wide, strict=False)]
-    return f"| {' | '.join([*padded, *(cell.replace('|', '/') for cell in cells[len(wide) :])])} |"
 
 
 def _below(struct: type[msgspec.Struct], key: str, name: str) -> Iterator[Setting]:

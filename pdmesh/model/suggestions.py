@@ -50,7 +50,13 @@ def explained(error: Exception, kind: type, decode: Callable[[], Any]) -> str:
     """The message of an error in parsing a `kind`: the place, its value, taken from `decode`, and what to use there."""
     text = str(error)
     if not isinstance(error, msgspec.ValidationError):
-        return _unreadable(text)
+        if (malformed := MALFORMED.fullmatch(text)) is not None:
+            return f"not valid JSON: {malformed[1]} at byte {malformed[2]}; correct it there, or build the file anew"
+        if "truncated" in text:
+            return "not valid JSON: it ends too early; use a whole file"
+        if "out of range" in text:
+            return "a number is larger than any float; use at most 1.8e308"
+        return f"not valid JSON: {text}; build the file anew"
     if (removed := removed_setting(error, kind)) is not None:
         version = f"version {removed.last} was the last that had it"
         return f"{removed.place}.{removed.name} was removed ({version}); leave it out"
@@ -117,17 +123,6 @@ def _value(given: Callable[[], Any], place: str) -> Any:
     with suppress(msgspec.DecodeError, UnicodeDecodeError, RecursionError, LookupError, TypeError, ValueError):
         return _at(given(), place)
     return UNSET
-
-
-def _unreadable(text: str) -> str:
-    """The message about a text that is not JSON, from what the reader says."""
-    if (malformed := MALFORMED.fullmatch(text)) is not None:
-        return f"not valid JSON: {malformed[1]} at byte {malformed[2]}; correct it there, or build the file anew"
-    if "truncated" in text:
-        return "not valid JSON: it ends too early; use a whole file"
-    if "out of range" in text:
-        return "a number is larger than any float; use at most 1.8e308"
-    return f"not valid JSON: {text}; build the file anew"
 
 
 def _instead(name: str, place: str, kind: type, given: Callable[[], Any]) -> str:

@@ -118,7 +118,12 @@ def proposal(scene: Scene, within: float) -> Proposal:
     size, named = feature(scene)
     proposals: list[Proposal] = []
     errors: list[SceneError] = []
-    for adapt in ("none", "hybrid") if _may_move(scene) else ("none",):
+    run, profiles = scene.run, {material.micromodulus for material in _materials(scene)}
+    plain = run.solver == "explicit" and run.start == "unloaded" and not run.damping
+    plain &= len(profiles) == 1 and scene.area_rule in (None, "cells")
+    plain &= not any(isinstance(condition.action, Acceleration | Absorb) for condition in scene.conditions)
+    # a moving fine zone is for cracks, and the solver refuses some settings with one
+    for adapt in ("none", "hybrid") if scene.cracks and plain else ("none",):
         for ratio, curves in measured(adapt).items():
             shares = [share for share in (curve.share(within) for curve in curves) if share is not None]
             if len(shares) < len(curves):
@@ -142,14 +147,6 @@ def proposal(scene: Scene, within: float) -> Proposal:
         raise errors[0] from None
     least = min(max(float(curve.error[0]) for curve in curves) for curves in measured().values()) / EXTRAPOLATED
     raise SceneError(f"--within is {within:.3g}; use {least:.3g} or more, as finer grids were not measured")
-
-
-def _may_move(scene: Scene) -> bool:
-    """Whether a scene has cracks for a moving fine zone, and no setting that the solver refuses with one."""
-    is_refused = any(isinstance(condition.action, Acceleration | Absorb) for condition in scene.conditions)
-    run, profiles = scene.run, {material.micromodulus for material in _materials(scene)}
-    plain = run.solver == "explicit" and run.start == "unloaded" and not run.damping
-    return bool(scene.cracks) and plain and not is_refused and len(profiles) == 1 and scene.area_rule in (None, "cells")
 
 
 def _knock(scene: Scene) -> float:

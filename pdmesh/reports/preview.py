@@ -44,7 +44,12 @@ def draw(document: Document, name: str, with_bonds: bool = False) -> Figure:
     grid = grid_of(document, name)
     selection.check(document, grid, name)
     plate_of(grid, name)
-    window = _window(grid, document.horizon.ratio) if with_bonds else _whole(grid)
+    if with_bonds:
+        window = _window(grid, document.horizon.ratio)
+    else:
+        low, high = grid.position.min(axis=0), grid.position.max(axis=0)
+        margin = MARGIN * float((high - low).max()) + float(grid.delta.max()) / 2
+        window = low - margin, high + margin
     size = window[1] - window[0]
     height = float(np.clip(WIDTH * size[1] / size[0], 1.5, TALLEST))
     figure = Figure(figsize=(WIDTH, height + 1.1), dpi=DPI, layout="constrained")
@@ -78,12 +83,6 @@ def save(figure: Figure, path: Path) -> None:
     picture = io.BytesIO()
     figure.savefig(picture, format=kind, metadata=undated.get(kind))
     write_atomically(path, picture.getvalue())
-
-
-def _whole(grid: Grid) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    low, high = grid.position.min(axis=0), grid.position.max(axis=0)
-    margin = MARGIN * float((high - low).max()) + float(grid.delta.max()) / 2
-    return low - margin, high + margin
 
 
 def _window(grid: Grid, ratio: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

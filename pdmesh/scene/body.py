@@ -8,7 +8,6 @@ from typing import Any, ClassVar, Generic, TypeAlias, TypeVar
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from pdmesh.model.contact import REST
 from pdmesh.model.document import (
@@ -245,8 +244,16 @@ class Body(PlainFields, MechanicalConditions[Where], DiffusionConditions[Where])
     def crack(self, sheet: Sheet | Any, name: str = "") -> Body:
         """The body with a crack: a `Sheet`, or triangles (t, 3, 3), m."""
         name = name or f"{len(self.cracks) + 1}"
-        crack_sheet = sheet if isinstance(sheet, Sheet) else Sheet(_triangles(sheet, f"crack '{name}'"))
-        return replace(self, cracks=(*self.cracks, CrackFace(name, crack_sheet)))
+        if not isinstance(sheet, Sheet):
+            try:
+                triangles = np.asarray(sheet, dtype=float)
+            except (TypeError, ValueError):
+                triangles = np.zeros(0)
+            if triangles.shape[1:] != (3, 3) or not np.isfinite(triangles).all() or not len(triangles):
+                wanted = "use triangles of three places (x, y, z) in metres"
+                raise SceneError(f"crack '{name}' is {sheet!r:.80}; {wanted}")
+            sheet = Sheet(triangles)
+        return replace(self, cracks=(*self.cracks, CrackFace(name, sheet)))
 
     def region(self, solid: Solid, material: Material, name: str = "") -> Body:
         """The body with another material in a solid."""
@@ -319,13 +326,3 @@ class Body(PlainFields, MechanicalConditions[Where], DiffusionConditions[Where])
             checked(where, place)
         condition = SolidCondition(where, rows, action, functions)
         return replace(self, conditions=(*self.conditions, condition))
-
-
-def _triangles(value: Any, place: str) -> NDArray[np.float64]:
-    try:
-        triangles = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
-        triangles = np.zeros(0)
-    if triangles.ndim != 3 or triangles.shape[1:] != (3, 3) or not np.isfinite(triangles).all() or not len(triangles):
-        raise SceneError(f"{place} is {value!r:.80}; use triangles of three places (x, y, z) in metres")
-    return triangles

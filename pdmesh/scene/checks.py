@@ -299,9 +299,22 @@ def _numbers_of(condition: PlacedCondition, place: str) -> list[float]:
     """The values of a condition. Raises SceneError for some that contradict each other."""
     action = condition.action
     if isinstance(action, Load):
-        return _of_load(condition, action, place)
+        vectors = given_of(action)
+        if len(vectors) != 1:
+            names = " and ".join(vectors) or "none"
+            raise SceneError(f"{place}: {names} given; give one of {', '.join(LOADS)}")
+        if action.traction is not None and not isinstance(condition.place.shape, Curve):
+            what = "on a surface" if isinstance(condition.place.shape, Surface) else "at a point"
+            wanted = "use a force or a body force there, or a curve"
+            raise SceneError(f"{place}: a traction {what} is not possible; {wanted}")
+        return [value for vector in vectors.values() for value in vector if isinstance(value, float | int)]
     if isinstance(action, Spring):
-        return [*_stiffness(condition, action, place)]
+        wrong = wrong_spring(action, 2)
+        if wrong is not None:
+            raise SceneError(f"{place}{wrong}")
+        if action.stiffness is not None and not isinstance(condition.place.shape, Curve):
+            raise SceneError(f"{place}: a stiffness is only possible along a curve; use a body_stiffness there")
+        return [*(action.stiffness or action.body_stiffness or ())]
     if isinstance(action, Pin):
         return [*action.centre]
     if isinstance(action, Absorb | OfDiffusion):
@@ -309,25 +322,3 @@ def _numbers_of(condition: PlacedCondition, place: str) -> list[float]:
     if action.x is None and action.y is None:
         raise SceneError(f"{place} has no component; give x, y or both")
     return [value for value in (action.x, action.y) if isinstance(value, float | int)]
-
-
-def _of_load(condition: PlacedCondition, load: Load, place: str) -> list[float]:
-    """The values of a load. Raises SceneError for none or several, or a traction that is not along a curve."""
-    vectors = given_of(load)
-    if len(vectors) != 1:
-        names = " and ".join(vectors) or "none"
-        raise SceneError(f"{place}: {names} given; give one of {', '.join(LOADS)}")
-    if load.traction is not None and not isinstance(condition.place.shape, Curve):
-        what = "on a surface" if isinstance(condition.place.shape, Surface) else "at a point"
-        raise SceneError(f"{place}: a traction {what} is not possible; use a force or a body force there, or a curve")
-    return [value for vector in vectors.values() for value in vector if isinstance(value, float | int)]
-
-
-def _stiffness(condition: PlacedCondition, spring: Spring, place: str) -> tuple[float, ...]:
-    """The stiffness of a spring support along each axis."""
-    wrong = wrong_spring(spring, 2)
-    if wrong is not None:
-        raise SceneError(f"{place}{wrong}")
-    if spring.stiffness is not None and not isinstance(condition.place.shape, Curve):
-        raise SceneError(f"{place}: a stiffness is only possible along a curve; use a body_stiffness there")
-    return spring.stiffness or spring.body_stiffness or ()

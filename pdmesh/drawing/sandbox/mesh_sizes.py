@@ -26,8 +26,14 @@ def set_sizes(gmsh: Any, tolerance: float) -> None:
     curvature = {(2, tag): _of_surface(gmsh, tag) for _, tag in gmsh.model.getEntities(2)}
     curved = {entity: _size(of, tolerance) for entity, (of, _) in curvature.items() if of > 0}
     count = sum(curvature[entity][1] / (np.sqrt(3) / 4 * size**2) for entity, size in curved.items())
-    curves = {(1, tag): _of_curve(gmsh, tag) for _, tag in gmsh.model.getEntities(1)}
-    curved |= {entity: _size(of, tolerance) for entity, of in curves.items() if of > 0}
+    for _, tag in gmsh.model.getEntities(1):
+        (low,), (high,) = gmsh.model.getParametrizationBounds(1, tag)
+        places = gmsh.model.getValue(1, tag, np.linspace(low, high, 2 * CELLS + 1))
+        bent, chord = _bent(np.array(places).reshape(-1, 3))
+        length = np.linalg.norm(chord, axis=1)
+        mean = float((bent * length).sum() / length.sum()) if length.sum() > 0 else 0.0
+        if mean > 0:
+            curved[1, tag] = _size(mean, tolerance)
     _ask_for({entity: size * max(1.0, (count / MOST) ** 0.5) for entity, size in curved.items()}, gmsh)
 
 
@@ -75,12 +81,3 @@ def _bent(at: Array) -> tuple[Array, Array]:
     off = np.divide(np.linalg.norm(np.cross(way, chord), axis=-1), length, out=np.zeros_like(length), where=length > 0)
     bent = off > FLAT * length
     return np.divide(8 * off, length**2, out=np.zeros_like(length), where=bent), chord
-
-
-def _of_curve(gmsh: Any, tag: int) -> float:
-    """The mean curvature of a curve, 1/m."""
-    (low,), (high,) = gmsh.model.getParametrizationBounds(1, tag)
-    places = gmsh.model.getValue(1, tag, np.linspace(low, high, 2 * CELLS + 1))
-    bent, chord = _bent(np.array(places).reshape(-1, 3))
-    length = np.linalg.norm(chord, axis=1)
-    return float((bent * length).sum() / length.sum()) if length.sum() > 0 else 0.0

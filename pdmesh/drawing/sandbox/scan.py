@@ -79,8 +79,14 @@ def names(drawing: Drawing) -> set[str]:
     defined_names = set()
     constants, structs = drawing.inside("DefineConstant"), drawing.inside("Struct")
     for place, token in enumerate(drawing.tokens):
-        if token.kind == "word" and (
-            drawing.text(_behind_index(drawing, place)) in ASSIGNMENTS
+        if token.kind != "word":
+            continue
+        behind = place + 1  # a name may have an index, such as ``a~{i}(2)``
+        while drawing.text(behind) == "~" and drawing.text(behind + 1) == "{":
+            behind = drawing.partner[behind + 1] + 1
+        behind = drawing.partner[behind] + 1 if drawing.text(behind) in ("(", "[") else behind
+        if (
+            drawing.text(behind) in ASSIGNMENTS
             or drawing.text(place - 1) in ("For", "Macro", "Function", "Struct", "::")
             or drawing.text(place - 2) in ("Exists", "GetForced", "GetForcedStr")
             or (place in constants and drawing.text(place - 1) in (",", "[") and drawing.text(place + 1) in (",", "]"))
@@ -88,14 +94,6 @@ def names(drawing: Drawing) -> set[str]:
         ):
             defined_names.add(token.text)
     return defined_names
-
-
-def _behind_index(drawing: Drawing, place: int) -> int:
-    """Position behind a name and its index, such as ``a~{i}(2)``."""
-    place += 1
-    while drawing.text(place) == "~" and drawing.text(place + 1) == "{":
-        place = drawing.partner[place + 1] + 1
-    return drawing.partner[place] + 1 if drawing.text(place) in ("(", "[") else place
 
 
 def readings(drawing: Drawing) -> list[Reading]:

@@ -121,7 +121,12 @@ def written(tokens: Iterable[Token]) -> tuple[bytes, Sequence[int]]:
     origins: list[int] = []
     size, row = 0, 0
     for token in tokens:
-        text = _anew(token)
+        text = token.text
+        if text in SKIPPING:
+            text += 8 * " "
+        elif token.kind == "string" and len(pieces := re.split("\r\n?|\n", token.content)) > 1:
+            quoted = " , ".join(f"{text[0]}{piece}{text[0]}" for piece in pieces)
+            text = f"Str( {quoted} )"  # which joins them with line feeds
         size += len(text.encode()) + 1
         if token.row != row or size > LONGEST_LINE:
             lines.append([])
@@ -129,12 +134,3 @@ def written(tokens: Iterable[Token]) -> tuple[bytes, Sequence[int]]:
             size, row = len(text.encode()) + 1, token.row
         lines[-1].append(text)
     return "".join(" ".join(line) + "\n" for line in lines).encode() or b"\n", origins
-
-
-def _anew(token: Token) -> str:
-    if token.text in SKIPPING:
-        return token.text + 8 * " "
-    if token.kind == "string" and len(pieces := re.split("\r\n?|\n", token.content)) > 1:
-        quote = token.text[0]
-        return f"Str( {' , '.join(f'{quote}{piece}{quote}' for piece in pieces)} )"  # which joins them with line feeds
-    return token.text
