@@ -71,6 +71,7 @@ LIBRARIES = (
     Library("Qt", ("QT_", "QML_", "QML2_"), "plug-ins: shared libraries", True),
     Library("OpenCASCADE", ("CSF_", "CASROOT"), "plug-ins and settings"),
     Library("Gmsh", ("GMSH",), "settings", True),
+    Library("PETSc in Gmsh", ("PETSC_",), "shared libraries"),
     Library("VTK and PyVista", ("VTK_", "PYVISTA_"), "plug-ins and settings", True),
     Library("Dask", ("DASK_", "DISTRIBUTED_"), "settings that name modules"),
     Library("IPython and Jupyter", ("IPYTHON", "JUPYTER_"), "settings: Python files", True),
@@ -89,7 +90,8 @@ LIBRARIES = (
 
 WHOLE_NAMES = frozenset({"HOME", "TMPDIR", "TEMP", "TMP", "PATH", "TERMINFO"})  # of which other names begin alike
 MOST_LINKS = 40  # of a path, as Linux follows them
-NEVER = ("PYTHONBREAKPOINT", "PYTHONINSPECT", "PYTHONSTARTUP")  # code where nobody asks for any
+# Code where nobody asks for any; options of PETSc may name libraries anywhere in a line, also by their addresses
+NEVER = ("PETSC_OPTIONS", "PETSC_OPTIONS_YAML", "PYTHONBREAKPOINT", "PYTHONINSPECT", "PYTHONSTARTUP")
 # Places in which private folders are made, or files that are not run: others may write beside these
 SHARED_PLACES = frozenset({
     "NUMBA_CACHE_DIR", "SQLITE_TMPDIR", "TEMP", "TMP", "TMPDIR", "XDG_CACHE_HOME", "XDG_DATA_DIRS", "XDG_RUNTIME_DIR",
@@ -151,10 +153,20 @@ def safe_variables(variables: Mapping[str, str]) -> tuple[dict[str, str], list[s
 
 def _is_safe(entry: str, name: str, library: Library) -> bool:
     """Whether an entry is a safe place, or a word that the library may take and that is no place."""
-    if library.takes_words and not PLACE.search(name) and not os.path.isabs(entry):
-        words = [word.replace("\\", "/").split("/")[0] for word in SEPARATORS.split(entry)]
-        return bool(words[0]) and not any(word in (".", "..") or (word and os.path.lexists(word)) for word in words)
-    return is_safe_place(entry, name)
+    if os.path.isabs(entry) and (os.path.lexists(entry) or not is_safe_place(entry, name)):
+        return is_safe_place(entry, name)
+    if not library.takes_words or PLACE.search(name):
+        return os.path.isabs(entry)
+    words = SEPARATORS.split(entry)
+    return bool(words[0]) and all(_is_safe_word(word, name) for word in words)
+
+
+def _is_safe_word(word: str, name: str) -> bool:
+    """Whether a word of a value is a safe place, or begins with nothing that is in the current folder."""
+    if os.path.isabs(word):
+        return is_safe_place(word, name)
+    begins = word.replace("\\", "/").split("/")[0]
+    return begins not in (".", "..") and not (begins and os.path.lexists(begins))
 
 
 def is_safe_place(place: str, name: str = "") -> bool:

@@ -33,7 +33,7 @@ VARIABLES = (
     Variable("FONTCONFIG_FILE"), Variable("XDG_CONFIG_HOME"), Variable("GIO_MODULE_DIR"), Variable("TMPDIR"),
     Variable("HOME"), Variable("PATH"), Variable("TEMP"), Variable("TMP"), Variable("PYTHONPYCACHEPREFIX"),
     Variable("IPYTHONDIR"), Variable("JUPYTER_PATH"), Variable("FREI0R_PATH"), Variable("SQLITE_TMPDIR"),
-    Variable("DRI_DRIVERS_PATH"),
+    Variable("DRI_DRIVERS_PATH"), Variable("PETSC_DIR"),
 )  # fmt: skip
 
 

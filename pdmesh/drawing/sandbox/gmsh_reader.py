@@ -7,6 +7,7 @@ pdmesh.drawing.sandbox.gmsh_reader RESULT`` with a Job as JSON on stdin.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import re
@@ -49,7 +50,8 @@ def _read(job: dict[str, Any], file: TextIO) -> None:
     except OSError as error:
         json.dump(gmsh_output | {"library": str(error)}, file)
         return
-    gmsh.initialize(interruptible=False, readConfigFiles=False)
+    with contextlib.chdir(Path(__file__).parent):  # PETSc in it runs libraries that .petscrc here names
+        gmsh.initialize(interruptible=False, readConfigFiles=False)
     gmsh.option.setNumber("General.Terminal", 0)
     gmsh.logger.start()
     if job["walls"]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import sys
 from pathlib import Path
@@ -11,7 +12,7 @@ import pytest
 from hostile_variables import FORGERIES, FORMS, VARIABLES, Variable
 
 from pdmesh import trust
-from pdmesh.drawing.sandbox import child
+from pdmesh.drawing.sandbox import child, gmsh_reader
 from pdmesh.environment_variables import LIBRARIES, is_safe_place, library_of, safe_variables
 from pdsolve.numerics import team
 from pdsolve.operators.device import runtime
@@ -143,12 +144,31 @@ def test_the_page_names_every_library() -> None:
     ("name", "value"),
     [
         ("POCL_EXTRA_BUILD_FLAGS", "-fplugin=./evil.so"), ("OMPI_MCA_plm_rsh_agent", "sh ./evil.so"),
-        ("KMP_X", "x=evil.so"), ("VK_LOADER_X", "a.json,evil.so"), ("OMPI_MCA_x", "a;evil.so"),
+        ("KMP_X", "x=evil.so"), ("LLVM_X", "-load /tmp/evil.so"),
+        ("POCL_X", "/none -fplugin=./evil.so"), ("VK_LOADER_X", "a.json,evil.so"), ("OMPI_MCA_x", "a;evil.so"),
     ],
 )  # fmt: skip
 def test_no_word_of_a_value_names_what_is_here(name: str, value: str, here: Path) -> None:
     Path("evil.so").touch()
     assert safe_variables({name: value}) == ({}, [name])
+
+
+@pytest.mark.parametrize("name", ["PETSC_OPTIONS", "PETSC_OPTIONS_YAML"])
+def test_options_of_petsc_are_never_used(name: str, here: Path) -> None:
+    """They may name a library in any place of a line, behind one that looks like an absolute path."""
+    for value in ("-dll_prepend ./libevil.so", "/none -dll_prepend ./libevil.so", "-options_file x"):
+        assert safe_variables({name: value}) == ({}, [])
+
+
+def test_gmsh_starts_outside_the_current_folder(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """PETSc, a part of it, runs a library that a file .petscrc there names, also where a drawing is trusted."""
+    folders: list[Path] = []
+    fake = SimpleNamespace(initialize=lambda **_: folders.append(Path.cwd()))
+    monkeypatch.setitem(sys.modules, "gmsh", fake)
+    with pytest.raises(AttributeError):  # of its options
+        gmsh_reader._read({}, io.StringIO())
+    assert folders == [Path(gmsh_reader.__file__).parent]
+    assert Path.cwd() == here
 
 
 def test_devices_and_ranks_are_safe_in_a_process_that_no_command_prepared(
