@@ -324,6 +324,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         if args.command not in ("schema", "doctor"):
             studies = (Kind.STUDY,) if args.command == "plan" else ()
             commandline.expect(args.drawing, Kind.DRAWING, Kind.MODEL, *studies)
+            commandline.expect_other_outputs(args)
         from pdmesh.model.document import GridWarning
 
         with commandline.warnings_as_notes("pdmesh", args, GridWarning):

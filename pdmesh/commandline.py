@@ -30,6 +30,8 @@ BY_SIGNAL = 128  # an exit code less the number of the signal that ended a progr
 INTERRUPTED = BY_SIGNAL + signal.SIGINT
 # What asks a program to end: Ctrl-C, a scheduler or a shutdown, a terminal that is closed, which Windows has not
 STOPS = (signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if sys.platform != "win32" else []))
+INPUTS = ("drawing", "model", "settings", "results", "reference", "compare")  # arguments that name files to read
+OUTPUTS = ("output", "csv", "surface")
 OF_ARGPARSE = tuple(  # its messages in our words
     (re.compile(pattern), words)
     for pattern, words in (
@@ -189,6 +191,25 @@ def expect(path: Path, *kinds: Kind) -> None:
         raise UsageError(said)
 
 
+def expect_other_outputs(args: argparse.Namespace) -> None:
+    """Raise UsageError if a file that the user names for output is also one that the command reads.
+
+    `pdmesh build` alone may write a grid file in place.
+    """
+    in_place = getattr(args, "command", None) == "build"
+    inputs = [path for name in INPUTS for path in _named(args, name) if not (in_place and name == "drawing")]
+    for output in (path for name in OUTPUTS for path in _named(args, name)):
+        with suppress(OSError):  # no file yet
+            if any(path.samefile(output) for path in inputs):
+                raise UsageError(f"{output} is an input of this command; name another file to write to")
+
+
+def _named(args: argparse.Namespace, name: str) -> list[Path]:
+    """The files that an option or argument names; none if the command does not have it."""
+    value = getattr(args, name, None)
+    return [Path(path) for path in (value if isinstance(value, list) else [value]) if path is not None]
+
+
 def output_path(named_path: Path | None, source: Path, suffix: str, force: bool, is_companion: bool = False) -> Path:
     """Output path: `named_path`, or the source's name with the new suffix in the current folder.
 
@@ -202,7 +223,7 @@ def output_path(named_path: Path | None, source: Path, suffix: str, force: bool,
         irregular_kind = irregular(path)
     except OSError as error:  # a name that is too long, links in a ring
         raise UsageError(f"{path}: {error.strerror}") from None
-    if source.suffix != suffix and path.exists() and source.exists() and path.samefile(source):
+    if suffix != ".json" and path.exists() and source.exists() and path.samefile(source):
         raise UsageError(f"{path} is the input itself; name another file to write to")
     if path.is_dir() or not path.parent.is_dir():
         raise UsageError(

@@ -76,6 +76,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     args = parser().parse_args(commandline.words(argv))
 
     def command() -> int:
+        commandline.expect_other_outputs(args)
         for name in ("results", "reference", "compare"):
             for path in _paths(args, name):
                 commandline.expect(path, Kind.RESULTS)

@@ -178,6 +178,7 @@ def _uncollected() -> Iterator[None]:
 
 def _solve(args: argparse.Namespace, ranks: Team | None) -> int:
     commandline.expect(args.model, Kind.RESULTS if args.resume else Kind.MODEL)
+    commandline.expect_other_outputs(args)
     launch.expect_room(ranks)
     with _uncollected():
         from pdmesh.model.document import GridWarning

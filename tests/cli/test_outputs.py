@@ -206,6 +206,32 @@ def test_a_full_disk_names_what_was_to_be_written(there: Path, capsys: pytest.Ca
         assert made(there) == ({name, "frames"} if name == "frames.pvd" else {name})
 
 
+@pytest.mark.parametrize(
+    ("words", "read"),
+    [
+        ("pdsolve plate.json --settings set.toml -o set.toml", "set.toml"),
+        ("pdsolve model.sqlite", "model.sqlite"),
+        ("pdmesh info plate.json -o plate.json", "plate.json"),
+        ("pdmesh params scene.py --trust -o ./scene.py", "scene.py"),
+        ("pdpost crack small.sqlite --compare other.sqlite --csv other.sqlite", "other.sqlite"),
+        ("pdpost crack small.sqlite --surface small.sqlite", "small.sqlite"),
+        ("pdpost tradeoff small.sqlite other.sqlite --reference small.sqlite --csv other.sqlite", "other.sqlite"),
+    ],
+)
+def test_nothing_is_written_over_an_input(
+    there: Path, capsys: pytest.CaptureFixture[str], words: str, read: str
+) -> None:
+    """By any option, also by a second input of the command, and by the default name."""
+    (there / "set.toml").write_text("[run]\nsteps = 3\n")
+    shutil.copy("small.sqlite", "other.sqlite")
+    shutil.copy("plate.json", "model.sqlite")
+    before = Path(read).read_bytes()
+    program, *rest = words.split()
+    assert MAIN[program]([*rest, "--force"]) == 2
+    assert mentions(capsys.readouterr().err, read)
+    assert Path(read).read_bytes() == before
+
+
 @pytest.mark.slow
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("name", FEW)
