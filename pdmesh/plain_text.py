@@ -14,6 +14,7 @@ MOST_IN_A_CELL = 32_000  # letters; spreadsheets take some 700 more
 MOST_IN_A_FIGURE = 120  # letters of a line
 MOST_OF_A_NAME = 60
 LINES_IN_A_FIGURE = 4
+BYTES_IN_QUOTES = 200  # Gmsh reads lines of up to 255
 LONG_WORD = re.compile(rf"\S{{{MOST_OF_A_WORD + 1},}}")
 FORMULA = re.compile(r"\s*[=+@\-\uff1d\uff0b\uff20\uff0d]")  # beginnings that spreadsheets compute, also full-width
 QUOTED = re.compile(r"[,;\"'|]|^\s|\s$")  # in a cell: separators of any country, quotes, outer spaces
@@ -61,6 +62,12 @@ def for_legend(name: str) -> str:
     """
     line = shortened(visible(name), MOST_OF_A_NAME).replace("\n", "\\n")
     return f" {line}" if line.startswith("_") else line
+
+
+def for_quotes(name: str) -> str:
+    """A name between double quotes on a line of a file, as in Gmsh's format, which has no sign for a quote in it."""
+    line = visible(name).replace("\n", "\\n").replace("\t", "\\t").replace('"', "'")
+    return shortened(line, BYTES_IN_QUOTES * len(line) // max(len(line.encode()), 1))
 
 
 def for_csv(value: object) -> str:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.files import replacing
+from pdmesh.plain_text import for_quotes
 
 ELEMENTS = {"vertex": 15, "quad": 3, "hexahedron": 5}  # Gmsh's numbers
 TAGS = (0, 1)  # of each element: physical group, the plate's surface
@@ -53,6 +54,7 @@ def write(
 
 def _view(file: BufferedWriter, name: str, frame: Frame, values: NDArray[np.float64]) -> None:
     finite = np.isfinite(values).all(axis=1)
+    name = for_quotes(name)
     head = f'$NodeData\n1\n"{name}"\n1\n{frame.time!r}\n3\n{frame.number}\n{values.shape[1]}\n{finite.sum()}\n'
     rows = np.zeros(int(finite.sum()), dtype=[("number", "<i4"), ("values", "<f8", values.shape[1])])
     rows["number"], rows["values"] = frame.points[finite] + 1, values[finite].reshape(rows["values"].shape)

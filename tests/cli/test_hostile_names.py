@@ -126,6 +126,15 @@ def test_files_that_name_others_do_so_in_plain_names(
     assert all((path.parent / file).is_file() for file in files)
 
 
+def test_views_of_gmsh_have_names_of_one_quoted_line(results: Path) -> None:
+    """A line end, a quotation mark or a line that is too long would make Gmsh read what follows wrongly."""
+    assert pdpost(["export", str(results), "-o", "wild.msh"]) == 0
+    views = Path("wild.msh").read_bytes().split(b"$NodeData\n1\n")[1:]
+    names = [view.split(b"\n1\n")[0] for view in views]
+    assert all(re.fullmatch(rb'"[^"\n]{1,250}"', name) for name in names)
+    assert sum(name.startswith(b'"load ') for name in names) == len(NAMES)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", FILES, ids=ascii)
 def test_a_report_of_a_file_of_any_name(name: str, results: Path, capsys: pytest.CaptureFixture[str]) -> None:
