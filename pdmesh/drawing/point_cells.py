@@ -37,7 +37,12 @@ def with_cells(mesh: Mesh) -> Mesh:
     rows = np.concatenate([np.zeros(0, dtype=np.int64), *(block.data[:, 0] for block in mesh.cells)])
     volume = np.concatenate([np.zeros(0), *mesh.volumes])
     unknown = int(np.isnan(volume).sum())
-    if not len(rows) or unknown:
+    if not len(rows):
+        raise SceneError(
+            f"no face and no solid is in it, but {len(mesh.points)} points; add triangles, quads or solids, or"
+            " give points their volumes (a text file of lines x y z block volume)"
+        )
+    if unknown:
         raise SceneError(
             f"{unknown} points have no volume; use cells, or an attribute 'volume' of each point (or a text file of"
             " lines x y z block volume)"

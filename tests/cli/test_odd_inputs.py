@@ -98,7 +98,7 @@ def test_a_mesh_without_faces(here: Path, capsys: pytest.CaptureFixture[str]) ->
     (here / "bare.off").write_text("OFF\n\n3 0 0\n\n0 0 0\n1 0 0\n0 1 0\n")
     assert pdmesh(["build", "bare.off"]) == 2
     said = capsys.readouterr().err
-    assert mentions(said, "bare.off", expected="cells")
+    assert mentions(said, "bare.off", found="no face", expected="triangles")
     assert said.count("\n") == 1
 
 
