@@ -226,7 +226,7 @@ def _solve(args: argparse.Namespace, ranks: Team | None) -> int:
             path, meta, summary = Path(results.name), results.meta(), results.summary()
     lines = summary_lines(path, summary)
     if meta["status"] == "interrupted":
-        words = f"interrupted; to go on: pdsolve --resume {path}"
+        words = f"interrupted; to go on: pdsolve --resume {shlex.quote(str(path))}"
         if ranks is None:
             lines.insert(0, words)
         else:  # beside what the launcher says on stdout
@@ -269,7 +269,7 @@ def _says_how_to_go_on(path: Path, args: argparse.Namespace) -> Iterator[None]:
         yield
     except KeyboardInterrupt as stop:
         if stop.args:
-            commandline.note(f"pdsolve: stopped {stop}; to go on: pdsolve --resume {path}", args)
+            commandline.note(f"pdsolve: stopped {stop}; to go on: pdsolve --resume {shlex.quote(str(path))}", args)
         raise
 
 

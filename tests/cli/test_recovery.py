@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from argparse import Namespace
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from whole import contents, newest
 
 from pdmesh import commandline
 from pdpost.__main__ import main as pdpost
-from pdsolve.__main__ import main
+from pdsolve.__main__ import _says_how_to_go_on, main
 from pdsolve.model import Model
 from pdsolve.options import Options
 from pdsolve.results import Results
@@ -239,3 +240,10 @@ def test_a_run_is_prepared_where_a_signal_needs_no_interpreter(model: Path, monk
     monkeypatch.setattr("pdsolve.model.read_model", read)
     assert main([str(model), "-q"]) == 2
     assert events == ["expect", "read"]
+
+
+def test_a_command_to_go_on_is_one_for_a_shell(capsys: pytest.CaptureFixture[str]) -> None:
+    """Its file may have any name."""
+    with pytest.raises(KeyboardInterrupt), _says_how_to_go_on(Path("$(touch a) b.sqlite"), Namespace(quiet=False)):
+        raise KeyboardInterrupt("in a load step")
+    assert "--resume '$(touch a) b.sqlite'" in capsys.readouterr().err
