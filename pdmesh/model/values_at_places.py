@@ -62,7 +62,7 @@ def largest(value: Value | None, position: NDArray[np.float64]) -> float:
 def _evaluated(part: ast.expr, terms: dict[str, Any]) -> Any:
     """The value of a checked part of an expression."""
     match part:
-        case ast.Constant(value=value):
+        case ast.Constant(value=int() | float() as value):
             try:
                 return np.float64(float(value))
             except OverflowError:
