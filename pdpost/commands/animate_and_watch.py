@@ -19,6 +19,7 @@ from pdpost.commands.shared import (
     chosen_scale,
     chosen_stride,
     counted,
+    largest_of,
     positive,
     seconds,
 )
@@ -90,7 +91,7 @@ def _animate(args: argparse.Namespace) -> int:
         how = {
             "part": args.component,
             "scale": chosen_scale(results, int(steps[-1]), args),
-            "largest": args.largest,
+            "largest": largest_of(args, field),
             "window": args.window,
             "hide": args.hide,
             "clip": args.clip,
@@ -134,7 +135,7 @@ def _watch(args: argparse.Namespace) -> int:
                 path = path or chosen(field)
                 how: dict[str, Any] = {
                     "scale": scale,
-                    "largest": args.largest,
+                    "largest": largest_of(args, field),
                     "window": args.window,
                     "hide": args.hide,
                 }

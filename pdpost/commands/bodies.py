@@ -9,8 +9,10 @@ from pdmesh import commandline
 from pdpost.commands.shared import (
     add_csv,
     add_frame,
+    add_largest,
     add_results,
     chosen_frame,
+    largest_of,
     picture_path,
     plane,
     positive,
@@ -68,9 +70,7 @@ def add(commands: Commands) -> None:
 
 def _add_shared(command: argparse.ArgumentParser) -> None:
     add_frame(command)
-    command.add_argument(
-        "--largest", type=positive, metavar="N", help="the value at which the colours end, in SI units"
-    )
+    add_largest(command)
     command.add_argument(
         "--field", metavar="NAME", help="field to draw (default: damage; in models of diffusion content)"
     )
@@ -95,7 +95,7 @@ def _slice(args: argparse.Namespace) -> int:
         shown = slices.values(results, name, step, part or None)
         section = slices.cut(results, shown, step, *args.plane)
         if path is not None:
-            style.save(slice_figure.plane(results, section, name, part, step, args.largest), path)
+            style.save(slice_figure.plane(results, section, name, part, step, largest_of(args, name)), path)
         nodes, when = results.nodes(step), moment(results, step)
         x, y, z = nodes.position[section.rows].T
         table = {"node": nodes.ids[section.rows], "x": x, "y": y, "z": z, name: section.values}
@@ -139,7 +139,7 @@ def _render(args: argparse.Namespace) -> int:
         name = args.field or fields.usual(results, step)
         part = fields.component(name, args.component, results.dimension)
         values = slices.values(results, name, step, part or None)
-        shown = colours.colours(name, part, values, args.largest)
+        shown = colours.colours(name, part, values, largest_of(args, name))
         title = colours.title(results, name, part, step, 0.0)
         if args.level is not None:
             title = f"{colours.caption(name, part)} of {args.level:g} {fields.FIELDS[name].unit}".rstrip()

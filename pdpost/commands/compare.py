@@ -18,6 +18,7 @@ from pdpost.commands.shared import (
     check_window,
     chosen_frame,
     chosen_scale,
+    largest_of,
     picture_path,
 )
 
@@ -84,7 +85,13 @@ def _compare(args: argparse.Namespace) -> int:
             compared_frames.append({"results": str(file), "title": title, "step": step, "time": time})
         check_window(runs[0], args)
         scale = chosen_scale(runs[0], panels[0].step, args)
-        how = {"part": part or None, "scale": scale, "largest": args.largest, "window": args.window, "hide": args.hide}
+        how = {
+            "part": part or None,
+            "scale": scale,
+            "largest": largest_of(args, args.field),
+            "window": args.window,
+            "hide": args.hide,
+        }
         if path is not None:
             style.save(frames_figure.panels(panels, args.field, **how), path)
     result = {

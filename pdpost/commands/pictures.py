@@ -20,6 +20,7 @@ from pdpost.commands.shared import (
     chosen_frame,
     chosen_frames,
     chosen_scale,
+    largest_of,
     numbers,
     picture_path,
     write_csv,
@@ -113,13 +114,13 @@ def _field(args: argparse.Namespace) -> int:
 
     def show(results: Results, step: int, scale: float) -> Drawn:
         part = fields.component(name, args.component, results.dimension)
-        shown = field_figure.values_of(results, name, step, part)
-        how: dict[str, Any] = {"part": part or None, "scale": scale, "largest": args.largest, "window": args.window}
+        shown, largest = field_figure.values_of(results, name, step, part), largest_of(args, name)
+        how: dict[str, Any] = {"part": part or None, "scale": scale, "largest": largest, "window": args.window}
         how["hide"] = args.hide
         if _cut_open(results, name, args):
             from pdpost.figures import crack_render
 
-            figure = crack_render.frame_cut_open(results, name, part, step, args.clip, args.largest)
+            figure = crack_render.frame_cut_open(results, name, part, step, args.clip, largest)
         else:
             figure = field_figure.field(results, name, step, shown=shown, **how)
         unit = fields.FIELDS[name].unit
@@ -164,7 +165,12 @@ def _sheet(args: argparse.Namespace, name: str, part: str) -> int:
         steps = chosen_frames(results, args)
         check_window(results, args)
         scale = chosen_scale(results, steps[-1], args)
-        how: dict[str, Any] = {"scale": scale, "largest": args.largest, "window": args.window, "hide": args.hide}
+        how: dict[str, Any] = {
+            "scale": scale,
+            "largest": largest_of(args, name),
+            "window": args.window,
+            "hide": args.hide,
+        }
         if path is not None:
             style.save(frames_figure.frames(results, name, steps, part=part or None, **how), path)
     result = {"output": None if path is None else str(path), "component": part or None, "steps": steps, "scale": scale}

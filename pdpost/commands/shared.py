@@ -252,7 +252,7 @@ def some_of(first: str, second: str) -> Callable[[str], tuple[str, ...]]:
 
 
 def add_colours(command: argparse.ArgumentParser) -> None:
-    """Add --largest, the value, in SI units, at which the colours end, and --hide, of lines."""
+    """Add --largest, the value at which the colours end, and --hide, of lines."""
     command.add_argument(
         "--hide",
         type=some_of("cracks", "zone"),
@@ -260,14 +260,51 @@ def add_colours(command: argparse.ArgumentParser) -> None:
         metavar="NAMES",
         help="lines that are left out: cracks, zone (the border of finer nodes), or cracks,zone",
     )
+    add_largest(
+        command,
+        "; fields with a sign end at -N too (default: 1 for damage, otherwise the largest value, or the value that"
+        " 99.5 %% of the nodes stay below if a few are far above it; for strain and stress, nodes that have lost more"
+        " than 0.35 of their bonds do not count)",
+    )
+
+
+def add_largest(command: argparse.ArgumentParser, more: str = "") -> None:
+    """Add --largest, the value at which the colours end: a text that `largest_of` reads once the field is known."""
     command.add_argument(
         "--largest",
-        type=positive,
+        type=_amount,
         metavar="N",
-        help="the value at which the colours end, in SI units; fields with a sign end at -N too (default: 1 for damage,"
-        " otherwise the largest value, or the value that 99.5 %% of the nodes stay below if a few are far above it;"
-        " for strain and stress, nodes that have lost more than 0.35 of their bonds do not count)",
+        help=f"the value at which the colours end, in SI units or with a unit, such as 50MPa or 20um{more}",
     )
+
+
+def _amount(text: str) -> str:
+    """A text of a number above 0, with a unit or without."""
+    from pdmesh.quantities import NUMBER
+
+    number = NUMBER.fullmatch(text)
+    if number is None or not 0 < float(number[1]) < float("inf"):
+        raise argparse.ArgumentTypeError(f"cannot use '{text}'; use a number above 0, with a unit such as MPa or um")
+    return text
+
+
+def largest_of(args: argparse.Namespace, field: str) -> float | None:
+    """The value of --largest, in the SI unit of a field. Raises UsageError for a unit of something else."""
+    from pdmesh.quantities import KINDS, quantity
+    from pdpost.measures.fields import FIELDS
+
+    if args.largest is None or field not in FIELDS:  # which is refused where it is read
+        return None
+    unit = FIELDS[field].unit
+    units = KINDS.get(unit, {})
+    try:
+        return quantity(args.largest, units)
+    except ValueError:
+        usable = f", in {unit}" if unit else " without a unit"
+        usable += f", or with one of the units {', '.join(units)}" if units else ""
+        raise commandline.UsageError(
+            f"--largest: cannot use '{args.largest}' for {field}; use a number above 0{usable}"
+        ) from None
 
 
 def positive(text: str) -> float:

@@ -31,6 +31,25 @@ def test_the_commands_and_the_library_know_the_same_fields() -> None:
     assert tuple(pictures.FIELDS) == tuple(FIELDS)
 
 
+def test_the_end_of_the_colours_may_have_a_unit(few_results: Path, here: Path) -> None:
+    words = ["displacement", str(few_results)]
+    assert main([*words, "--largest", "20um", "-o", "unit.svg"]) == 0
+    assert main([*words, "--largest", "2e-5", "-o", "si.svg"]) == 0
+    assert main([*words, "--largest", "2e-6", "-o", "less.svg"]) == 0
+    unit, si, less = ((here / f"{name}.svg").read_bytes() for name in ("unit", "si", "less"))
+    assert unit == si != less
+
+
+@pytest.mark.parametrize(("field", "unit"), [("stress", "um"), ("velocity", "mm"), ("damage", "m")])
+def test_a_unit_of_something_else_is_refused(
+    few_results: Path, here: Path, capsys: pytest.CaptureFixture[str], field: str, unit: str
+) -> None:
+    assert main([field, str(few_results), "--largest", f"5{unit}", "-o", "no.png"]) == 2
+    err = capsys.readouterr().err
+    assert (err.count("\n"), list(here.glob("*.png"))) == (1, [])
+    assert mentions(err, "--largest", found=f"'5{unit}'", expected="number above 0")
+
+
 @pytest.mark.slow
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("name", PICTURES)
