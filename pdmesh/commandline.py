@@ -192,13 +192,16 @@ def expect(path: Path, *kinds: Kind) -> None:
 
 
 def expect_other_outputs(args: argparse.Namespace) -> None:
-    """Raise UsageError if a file that the user names for output is also one that the command reads.
+    """Raise UsageError if a file that the user names for output is one that the command reads, or another output.
 
     `pdmesh build` alone may write a grid file in place.
     """
     in_place = getattr(args, "command", None) == "build"
     inputs = [path for name in INPUTS for path in _named(args, name) if not (in_place and name == "drawing")]
-    for output in (path for name in OUTPUTS for path in _named(args, name)):
+    outputs = [path for name in OUTPUTS for path in _named(args, name)]
+    for number, output in enumerate(outputs):
+        if os.path.realpath(output) in map(os.path.realpath, outputs[:number]):
+            raise UsageError(f"{output} is named for two outputs; give each a name of its own")
         with suppress(OSError):  # no file yet
             if any(path.samefile(output) for path in inputs):
                 raise UsageError(f"{output} is an input of this command; name another file to write to")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import stat
+from argparse import Namespace
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,6 +16,7 @@ from messages import mentions, naming
 import pdmesh.__main__
 import pdpost.__main__
 import pdsolve.__main__
+from pdmesh import commandline
 from pdmesh.files import irregular, replacing, write_atomically
 from pdsolve.model import Model
 from pdsolve.results import Results, WriteError, Writer
@@ -204,6 +206,12 @@ def test_a_full_disk_names_what_was_to_be_written(there: Path, capsys: pytest.Ca
     else:
         assert (there / name).read_text() == "precious"
         assert made(there) == ({name, "frames"} if name == "frames.pvd" else {name})
+
+
+def test_two_outputs_are_two_files() -> None:
+    commandline.expect_other_outputs(Namespace(surface=Path("x.vtp"), csv="-", output=None))
+    with pytest.raises(commandline.UsageError, match=r"x\.vtp"):
+        commandline.expect_other_outputs(Namespace(surface=Path("x.vtp"), csv="./x.vtp"))
 
 
 @pytest.mark.parametrize(
