@@ -168,7 +168,7 @@ leave:
 """
 
 
-class Table:
+class SignalTable:
     """What the compiled code knows: the pipe, the seconds after each signal, lines and exit codes, unfinished files.
 
     `end` is the address of the function in C that ends the process with an exit code, by default ``_exit``.

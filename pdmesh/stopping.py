@@ -19,7 +19,7 @@ from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from pdmesh.compiled_watch import Table
+    from pdmesh.compiled_watch import SignalTable
 
 AT_ONCE = (1.5, 0.0)  # s from the first signal to the end, and from each later one, where nothing is to be saved
 SAVING = (math.inf, 10.0, 1.5)  # likewise, of a run that writes a checkpoint when it is asked to end
@@ -32,7 +32,7 @@ COMPILE = 255  # what the pipe hears when a long call is near; no signal has thi
 _patience: tuple[float, ...] = AT_ONCE
 _unfinished: dict[str, int] = {}  # files, in the order of their creation, and their rows in the table
 _last_words: tuple[int, bytes] | None = None
-_table: Table | None = None  # of the compiled code, while it watches
+_table: SignalTable | None = None  # of the compiled code, while it watches
 _mouth: int | None = None  # of the pipe, while a thread listens
 _is_ready = threading.Event()  # the compiled code watches, or there is none
 
@@ -172,13 +172,13 @@ def _watch_compiled(ear: int, lines: dict[int, tuple[int, str]], begin: tuple[in
     Other threads may change what the table is to have meanwhile: each value is looked at again when it is written.
     """
     global _table
-    from pdmesh.compiled_watch import Table, compiled_watch
+    from pdmesh.compiled_watch import SignalTable, compiled_watch
 
     watch = compiled_watch()
     if watch is None:
         _is_ready.set()
         return False
-    _table = table = Table()
+    _table = table = SignalTable()
     try:
         table.listen(ear, lines)
         table.begin(*begin)

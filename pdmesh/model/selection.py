@@ -41,7 +41,7 @@ PRESCRIBED = (Displacement, Velocity, Acceleration)
 SLACK = 1e-9  # of a node's spacing: how far beside a box it is still in it
 
 
-class Cloud(Protocol):
+class Positioned(Protocol):
     """Nodes with positions, as a grid and as results have them."""
 
     @property
@@ -70,25 +70,25 @@ def given_of(load: Load) -> dict[str, Sequence[Value]]:
     return {name: vector for name, vector in candidates if vector is not None}
 
 
-def rows_of(cloud: Cloud, ids: NDArray[np.int64]) -> NDArray[np.int64]:
+def rows_of(nodes: Positioned, ids: NDArray[np.int64]) -> NDArray[np.int64]:
     """The rows (k,) of the nodes with these ids (k,), which must be there."""
-    order = np.argsort(cloud.ids)
-    return np.asarray(order[np.searchsorted(cloud.ids, ids, sorter=order)], dtype=np.int64)
+    order = np.argsort(nodes.ids)
+    return np.asarray(order[np.searchsorted(nodes.ids, ids, sorter=order)], dtype=np.int64)
 
 
-def in_box(cloud: Cloud, box: ArrayLike) -> NDArray[np.bool_]:
+def in_box(nodes: Positioned, box: ArrayLike) -> NDArray[np.bool_]:
     """Mask (n,) of the nodes in a box or on its edge; a box is its low corner, then its high one, m."""
-    low, high = np.reshape(np.asarray(box, dtype=float), (2, cloud.position.shape[1]))
-    slack = SLACK * cloud.delta[:, None]
-    return np.asarray(((cloud.position >= low - slack) & (cloud.position <= high + slack)).all(axis=1))
+    low, high = np.reshape(np.asarray(box, dtype=float), (2, nodes.position.shape[1]))
+    slack = SLACK * nodes.delta[:, None]
+    return np.asarray(((nodes.position >= low - slack) & (nodes.position <= high + slack)).all(axis=1))
 
 
-def selected(cloud: Cloud, ids: Sequence[int] | None, box: ArrayLike | None) -> NDArray[np.bool_]:
+def selected(nodes: Positioned, ids: Sequence[int] | None, box: ArrayLike | None) -> NDArray[np.bool_]:
     """Mask (n,) of the nodes of a condition or region: those with its ids or, without ids, those in its box."""
     if ids is not None:
-        return np.isin(cloud.ids, np.array(ids, dtype=np.int64))
+        return np.isin(nodes.ids, np.array(ids, dtype=np.int64))
     assert box is not None
-    return in_box(cloud, box)
+    return in_box(nodes, box)
 
 
 def last_selecting(selections: Sequence[Selection], grid: Grid) -> NDArray[np.int64]:

@@ -144,7 +144,7 @@ def xdmf(
                 points, cells = _points(results, step, squares)
                 corners = cells[1].shape[1]
                 same = node_data(results, step) | node_sets.columns(results, step)
-                cloud = xdmf_file.Cloud(points, cells, _each(same, corners))
+                cloud = xdmf_file.MeshPoints(points, cells, _each(same, corners))
             yield xdmf_file.Frame(times[step], _each(point_data(results, step, also), corners), cloud)
 
     xdmf_file.write(path, frames(), inline)

@@ -26,7 +26,7 @@ KINDS = {"f": "Float", "i": "Int", "u": "UInt"}
 Data = Mapping[str, NDArray[np.generic]]  # (n,), (n, 3) or (n, 9) by name
 
 
-class Cloud(NamedTuple):
+class MeshPoints(NamedTuple):
     """Points and cells that the data belongs to."""
 
     points: NDArray[np.float64]  # (n, 3) m
@@ -39,7 +39,7 @@ class Frame(NamedTuple):
 
     time: float  # s
     data: Data
-    cloud: Cloud | None  # None: as in the frame before
+    cloud: MeshPoints | None  # None: as in the frame before
 
 
 def write(path: Path, frames: Iterable[Frame], inline: bool = False) -> None:

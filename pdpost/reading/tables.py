@@ -52,7 +52,7 @@ class _Model(msgspec.Struct):
     medium: Medium | None = None
 
 
-class Table(NamedTuple):
+class TableColumns(NamedTuple):
     """A table or view and its columns."""
 
     name: str
@@ -67,7 +67,7 @@ class Query(NamedTuple):
     sql: str
 
 
-def tables(results: Results) -> list[Table]:
+def tables(results: Results) -> list[TableColumns]:
     """The tables for users, the most useful first."""
     medium = read(results, _Model).medium
     heats = medium is not None and medium.carries == "heat"
@@ -76,7 +76,7 @@ def tables(results: Results) -> list[Table]:
     for name, about in SHOWN.items():
         columns = [row[1] for row in results.connection.execute(f"PRAGMA table_info({name})")]
         units = tuple((column, units_of.get(column, "").removesuffix("1")) for column in columns)
-        user_tables += [Table(name, about, units)] * bool(columns)  # older files have fewer
+        user_tables += [TableColumns(name, about, units)] * bool(columns)  # older files have fewer
     return user_tables
 
 

@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 from pdmesh import compiled_watch, stopping
-from pdmesh.compiled_watch import Table
+from pdmesh.compiled_watch import SignalTable
 from pdmesh.files import LARGE, check_regular
 
 PROGRAM = """if True:
@@ -159,7 +159,7 @@ def ended(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[int]]:
     codes: list[int] = []
     end = ctypes.CFUNCTYPE(None, ctypes.c_int)(codes.append)
     address = ctypes.cast(end, ctypes.c_void_p).value
-    monkeypatch.setattr(compiled_watch, "Table", partial(Table, address))
+    monkeypatch.setattr(compiled_watch, "SignalTable", partial(SignalTable, address))
     before = signal.signal(signal.SIGINT, lambda *_: None)
     yield codes
     signal.signal(signal.SIGINT, before)
@@ -191,7 +191,7 @@ def test_the_compiled_watch_reads_signals_and_ends(
     watch = compiled_watch.compiled_watch()
     assert watch is not None
     partial_file, finished = written(tmp_path, "part", "finished")
-    table = compiled_watch.Table()
+    table = compiled_watch.SignalTable()
     table.listen(pipe[0], {2: (130, "by Ctrl-C"), 15: (143, "by SIGTERM \udcff")})
     table.begin(0, math.inf, 0)
     table.set_patience((math.inf, 0.05))
@@ -217,7 +217,7 @@ def test_the_compiled_watch_reads_signals_and_ends(
 def test_the_compiled_watch_leaves_at_a_zero(ended: list[int], pipe: tuple[int, int]) -> None:
     watch = compiled_watch.compiled_watch()
     assert watch is not None
-    table = compiled_watch.Table()
+    table = compiled_watch.SignalTable()
     table.listen(pipe[0], {15: (143, "")})
     table.begin(1, time.monotonic() + 60.0, 15)
     table.set_patience((60.0,))
@@ -229,7 +229,7 @@ def test_the_compiled_watch_leaves_at_a_zero(ended: list[int], pipe: tuple[int, 
 def test_time_counts_from_a_signal_before_the_code_was_compiled(ended: list[int], pipe: tuple[int, int]) -> None:
     watch = compiled_watch.compiled_watch()
     assert watch is not None
-    table = compiled_watch.Table()
+    table = compiled_watch.SignalTable()
     table.listen(pipe[0], {15: (143, "")})
     table.begin(1, time.monotonic() - 1.0, 15)
     table.set_patience((math.inf,))
