@@ -101,8 +101,8 @@ class Theta:
                 from scipy.sparse import diags_array
 
                 all_volumes, keep = diags_array(volume), diags_array(self._free.astype(float))
-                coupling = keep @ all_volumes @ self._operator.tangent(state) @ keep
-                self._factors = factors(all_volumes + weight * coupling)
+                tangent = self._operator.tangent(state)
+                self._factors = factors(all_volumes + weight * (keep @ all_volumes @ tangent @ keep))
             return self._factors(right)
 
         def product(change: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -279,6 +279,7 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         row_of = np.full(self.hybrid.plate.at.places, -1, dtype=np.int32)
         row_of[self.places] = np.arange(len(self.places))
         points = points_of(self.hybrid, row_of, self._fine, coarse, far)
+        del row_of  # of all fine places, beside the tangent
         return tangent_of(self.hybrid, points, state.value, self.model.rho, light)
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -29,7 +29,7 @@ class Pressed(NamedTuple):
     round: NDArray[np.bool_]  # (p,) whether a drawn surface is curved there
 
     def part(self, selection: NDArray[Any]) -> Pressed:
-        """Those of a mask or of numbers."""
+        """The pairs of a mask (p,), or of row numbers."""
         place, force, spacing = self.place[selection], self.force[selection], self.spacing[selection]
         return Pressed(place, force, spacing, self.first[selection], self.second[selection], self.round[selection])
 
