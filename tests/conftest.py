@@ -65,6 +65,8 @@ def duran_json(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def solved(duran_json: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
     """The database of the whole Duran run in a mode, solved once a session."""
+    from quick_guard import shared
+
     from pdsolve.run.simulation import Options, simulate
 
     folder = tmp_path_factory.mktemp("solved")
@@ -72,7 +74,8 @@ def solved(duran_json: Path, tmp_path_factory: pytest.TempPathFactory) -> Callab
     def database(mode: str) -> Path:
         path = folder / f"{mode}.sqlite"
         if not path.exists():
-            simulate(read_model(duran_json), path, Options(mode)).close()
+            with shared():
+                simulate(read_model(duran_json), path, Options(mode)).close()
         return path
 
     return database

@@ -6,6 +6,7 @@ import statistics
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from typing import Any
 
 import pytest
@@ -94,16 +95,21 @@ def pytest_configure() -> None:
     sys.addaudithook(_note_start)
 
 
-@pytest.hookimpl(wrapper=True)
-def pytest_fixture_setup(fixturedef: Any) -> Iterator[None]:
-    """Leave out what fixtures take that several tests share: which test pays is chance."""
-    if fixturedef.scope == "function":
-        return (yield)
+@contextmanager
+def shared() -> Iterator[None]:
+    """Leave out what several tests share: which test pays is chance."""
     seconds, starts = CLOCK.seconds(), CLOCK.starts()
     try:
-        return (yield)
+        yield
     finally:
         CLOCK.leave_out(CLOCK.seconds() - seconds, CLOCK.starts() - starts)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_fixture_setup(fixturedef: Any) -> Iterator[None]:
+    """Leave out what fixtures of wider scope take."""
+    with nullcontext() if fixturedef.scope == "function" else shared():
+        return (yield)
 
 
 @pytest.hookimpl(wrapper=True)
