@@ -30,7 +30,15 @@ BY_SIGNAL = 128  # an exit code less the number of the signal that ended a progr
 INTERRUPTED = BY_SIGNAL + signal.SIGINT
 # What asks a program to end: Ctrl-C, a scheduler or a shutdown, a terminal that is closed, which Windows has not
 STOPS = (signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if sys.platform != "win32" else []))
-INPUTS = ("drawing", "model", "settings", "results", "reference", "compare")  # arguments that name files to read
+INPUTS = (
+    "drawing",
+    "model",
+    "settings",
+    "results",
+    "reference",
+    "compare",
+    "beside",
+)  # arguments that name files to read
 OUTPUTS = ("output", "csv", "surface")
 OF_ARGPARSE = tuple(  # its messages in our words
     (re.compile(pattern), words)
@@ -196,12 +204,13 @@ def expect_other_outputs(args: argparse.Namespace) -> None:
 
     `pdmesh build` alone may write a grid file in place.
     """
-    in_place = getattr(args, "command", None) == "build"
+    in_place = getattr(args, "command", None) == "build" and args.drawing.suffix.lower() == ".json"
     inputs = [path for name in INPUTS for path in _named(args, name) if not (in_place and name == "drawing")]
-    outputs = [path for name in OUTPUTS for path in _named(args, name)]
-    for number, output in enumerate(outputs):
-        if os.path.realpath(output) in map(os.path.realpath, outputs[:number]):
-            raise UsageError(f"{output} is named for two outputs; give each a name of its own")
+    options: dict[str, str] = {}  # by the file that each names
+    for option, output in ((name, path) for name in OUTPUTS for path in _named(args, name)):
+        first = options.setdefault(os.path.realpath(output), option)
+        if first != option:
+            raise UsageError(f"{output} is named by --{first} and by --{option}; give each a file of its own")
         with suppress(OSError):  # no file yet
             if any(path.samefile(output) for path in inputs):
                 raise UsageError(f"{output} is an input of this command; name another file to write to")

@@ -67,7 +67,11 @@ def for_legend(name: str) -> str:
 def for_quotes(name: str) -> str:
     """A name between double quotes on a line of a file, as in Gmsh's format, which has no sign for a quote in it."""
     line = visible(name).replace("\n", "\\n").replace("\t", "\\t").replace('"', "'")
-    return shortened(line, BYTES_IN_QUOTES * len(line) // max(len(line.encode()), 1))
+    short, most = line, len(line)
+    while len(short.encode()) > BYTES_IN_QUOTES:  # letters of several bytes may stand at one end
+        most = most * 9 // 10
+        short = shortened(line, most)
+    return short
 
 
 def for_csv(value: object) -> str:

@@ -38,7 +38,8 @@ VARIABLES = (
 
 
 def _relative(variable: Variable, here: Path, _: Path) -> str:
-    (here / variable.place).mkdir(exist_ok=True)
+    if not (here / variable.place).exists():  # or it is the library that is planted there
+        (here / variable.place).mkdir()
     return variable.place
 
 

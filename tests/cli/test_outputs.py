@@ -221,6 +221,8 @@ def test_two_outputs_are_two_files() -> None:
         ("pdsolve model.sqlite", "model.sqlite"),
         ("pdmesh info plate.json -o plate.json", "plate.json"),
         ("pdmesh params scene.py --trust -o ./scene.py", "scene.py"),
+        ("pdmesh build scene.py --trust -o scene.py", "scene.py"),
+        ("pdpost fatigue small.sqlite --beside other.sqlite --csv other.sqlite", "other.sqlite"),
         ("pdpost crack small.sqlite --compare other.sqlite --csv other.sqlite", "other.sqlite"),
         ("pdpost crack small.sqlite --surface small.sqlite", "small.sqlite"),
         ("pdpost tradeoff small.sqlite other.sqlite --reference small.sqlite --csv other.sqlite", "other.sqlite"),

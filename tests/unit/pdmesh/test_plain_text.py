@@ -10,7 +10,17 @@ import pytest
 from matplotlib.text import Text
 
 from pdmesh.plain_figure import Figure, formats
-from pdmesh.plain_text import for_csv, for_figure, for_file_name, for_html, for_legend, for_line, shortened, visible
+from pdmesh.plain_text import (
+    for_csv,
+    for_figure,
+    for_file_name,
+    for_html,
+    for_legend,
+    for_line,
+    for_quotes,
+    shortened,
+    visible,
+)
 
 HOSTILE = [
     "$x^$",
@@ -117,3 +127,11 @@ def test_a_figure_keeps_its_own_powers() -> None:
 def test_no_format_runs_its_text() -> None:
     assert "pgf" not in formats()
     assert {"png", "pdf", "svg"} <= set(formats())
+
+
+@pytest.mark.parametrize("name", ["\u4e00" * 60 + "a" * 300, "a" * 300 + "\u4e00" * 60, "plain", 'a "b"\nc'])
+def test_a_name_in_quotes_is_one_short_line(name: str) -> None:
+    """Gmsh reads lines of up to 255 bytes, and has no sign for a quote."""
+    line = for_quotes(name)
+    assert len(line.encode()) <= 200
+    assert not {'"', "\n"} & set(line)
