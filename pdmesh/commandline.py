@@ -205,9 +205,9 @@ def expect_other_outputs(args: argparse.Namespace) -> None:
     `pdmesh build` alone may write a grid file in place.
     """
     in_place = getattr(args, "command", None) == "build" and args.drawing.suffix.lower() == ".json"
-    inputs = [path for name in INPUTS for path in _named(args, name) if not (in_place and name == "drawing")]
+    inputs = [path for name in INPUTS for path in paths_of(args, name) if not (in_place and name == "drawing")]
     options: dict[str, str] = {}  # by the file that each names
-    for option, output in ((name, path) for name in OUTPUTS for path in _named(args, name)):
+    for option, output in ((name, path) for name in OUTPUTS for path in paths_of(args, name)):
         first = options.setdefault(os.path.realpath(output), option)
         if first != option:
             raise UsageError(f"{output} is named by --{first} and by --{option}; give each a file of its own")
@@ -216,8 +216,8 @@ def expect_other_outputs(args: argparse.Namespace) -> None:
                 raise UsageError(f"{output} is an input of this command; name another file to write to")
 
 
-def _named(args: argparse.Namespace, name: str) -> list[Path]:
-    """The files that an option or argument names; none if the command does not have it."""
+def paths_of(args: argparse.Namespace, name: str) -> list[Path]:
+    """The paths that the option or argument `name` has; none if the command does not have it."""
     value = getattr(args, name, None)
     return [Path(path) for path in (value if isinstance(value, list) else [value]) if path is not None]
 

@@ -78,11 +78,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     def command() -> int:
         commandline.expect_other_outputs(args)
         for name in ("results", "reference", "compare"):
-            for path in _paths(args, name):
+            for path in commandline.paths_of(args, name):
                 commandline.expect(path, Kind.RESULTS)
         from pdsolve.results import ResultsError, state_of
 
-        for path in _paths(args, "results"):
+        for path in commandline.paths_of(args, "results"):
             with suppress(ResultsError, OSError):  # what cannot be opened is left to the command to report
                 if Path(f"{os.path.realpath(path)}-wal").exists() and (warning := state_of(path).warning):
                     commandline.warn(f"pdpost: warning: {path}: {warning}")  # how far a killed run's log can be read
@@ -93,12 +93,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     return commandline.run("pdpost", command, _exits)
 
 
-def _paths(args: argparse.Namespace, name: str) -> list[Path]:
-    """Paths given for the option or argument `name`; empty if the command does not have it."""
-    value = getattr(args, name, None)
-    return value if isinstance(value, list) else [] if value is None else [value]
-
-
 def _refuse_bodies(args: argparse.Namespace) -> None:
     """Raise ResultsError for results of bodies in space.
 
@@ -107,7 +101,7 @@ def _refuse_bodies(args: argparse.Namespace) -> None:
     from pdpost.reading.studies import StudyError, stands_for
     from pdsolve.results import Results, ResultsError
 
-    for path in _paths(args, "results"):
+    for path in commandline.paths_of(args, "results"):
         dimension = 2
         with suppress(ResultsError, StudyError, OSError), Results.open(stands_for([path])[0].path) as results:
             dimension = results.dimension

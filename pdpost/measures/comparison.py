@@ -48,5 +48,5 @@ def compare(
         (first_growth.branching, second_growth.branching),
         (first_growth.split, second_growth.split),
     )
-    later = (None if mine is None or its is None else its.time - mine.time for mine, its in events)
+    later = (None if first is None or second is None else second.time - first.time for first, second in events)
     return Comparison(paths, *apart, *later)
