@@ -18,8 +18,7 @@
 # make bench-speed  measure the solver on all plates: benchmarks/speed.json and .png
 # make bench-quick  the same on one plate; fails where the fast kernel is too slow
 # make compare AGAINST=DIR  solve all scenes here and with another checkout, and compare bit by bit
-# make drawn-mutants  break the code in places that are drawn, for two minutes, and see that tests notice
-# make mutants  break the code on purpose, in places written down and in a hundred drawn, and see that tests notice
+# make mutants  break the code on purpose, in places written down, and see that tests notice
 # make places   tests of files, users, locks, processes, walls and caches where the host has no name, as another user, without HOME and so on (PLACES="spaced wheel")
 # make size    lines of the packages, and through how many files a model goes until its first step
 # make endurance  hundreds of forgeries; then kills, corruptions, full disks and more, in at most an hour: docs/developers/endurance.md
@@ -32,7 +31,7 @@ TWO := -n 2 --dist worksteal # tests in two processes
 unexport PYTHONDONTWRITEBYTECODE # tests start hundreds of processes, each of which would compile all it imports
 
 .PHONY: demo test slow breadth optional thesis sources failures handbook materials forks docs split check bench bench-speed bench-quick compare \
-	mutants drawn-mutants size places endurance install package pythons gmsh-libraries clean
+	mutants size places endurance install package pythons gmsh-libraries clean
 
 # The first picture is of a plate without adaptivity: its kernels are compiled in a fifth of the time of hybrid's, which
 # a short run compiles meanwhile on another core
@@ -157,9 +156,6 @@ compare: $(VENV)/install.done gmsh-libraries
 
 size: $(VENV)/install.done gmsh-libraries
 	$(BIN)/python -m benchmarks.size
-
-drawn-mutants: $(VENV)/test.done gmsh-libraries
-	$(BIN)/python -m benchmarks.mutants --sample-only --minutes 2
 
 mutants: $(VENV)/test.done gmsh-libraries
 	$(BIN)/python -m benchmarks.mutants

@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 import ast
-import json
 import os
 import re
 import shutil
-import signal
 import subprocess
 import sys
-import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from itertools import zip_longest
 from pathlib import Path
-from typing import NamedTuple
 
 from benchmarks.mutants import kept as kept_kernels
-from benchmarks.mutants import order
 from benchmarks.mutants.kept import VARIABLE
 
 ROOT = Path(__file__).parent.parent.parent
@@ -27,29 +22,6 @@ MADE = {"demo", "site", "build", "dist"}  # by `make`, beside the sources
 IN_KERNELS = ("pdsolve/", "pdmesh/model/")  # kernels are made of files in here ...
 LAWS = "pdsolve/laws/"  # ... and of functions of these that nothing marks
 COMPILED = re.compile(r"njit|overload|register_jitable|vectorize")
-FAILED = re.compile(r"^(?:FAILED|ERROR) (\S+?\.py(?:::\w+(?:\[.*?\](?= - |$))?)?)", re.MULTILINE)
-RUNNING = re.compile(r"^(tests/\S+\.py::.*?) ?$", re.MULTILINE)
-NO_TESTS, TIMED_OUT = 5, -1
-
-
-class Ran(NamedTuple):
-    """What became of tests."""
-
-    code: int  # pytest's own, or TIMED_OUT
-    said: str
-    seconds: float
-
-    @property
-    def failed(self) -> str | None:
-        """The first test, or file of tests, that failed."""
-        found = FAILED.search(self.said)
-        return found[1] if found else None
-
-    @property
-    def running(self) -> str | None:
-        """The test that was running when the time was up."""
-        found = RUNNING.findall(self.said)
-        return found[-1] if found else None
 
 
 def copied(folder: Path) -> Path:
@@ -59,50 +31,31 @@ def copied(folder: Path) -> Path:
     return folder
 
 
-def run(
-    tree: Path,
-    tests: Sequence[str],
-    limit: float,
-    *,
-    slow: bool = False,
-    kept: bool = False,
-    first: Sequence[str] = (),
-    left_out: Iterable[str] = (),
-    collect: bool = False,
-) -> Ran:
-    """Run these tests of a tree until one fails, for so many seconds at most; slow ones if that is said, or if
-    they are among the first.
+def first_failure(tree: Path, tests: Sequence[str], *, with_kernels: bool) -> str:
+    """The first of these tests of a tree that fails, as pytest names it, with kernels compiled before if that is said.
 
-    Kernels compiled before, in any tree beside this one, are used if they are `kept`. Some come first, some are left
-    out; with `collect` nothing is run, but only imported.
+    It is empty where all pass; each test has its own limit of time.
+
+    Raises
+    ------
+    RuntimeError
+        Where the tests could not be run; the message has the end of what pytest wrote.
     """
-    words = [sys.executable, "-m", "pytest", "-v", "-x", "-p", "no:cacheprovider", "--tb=no", *tests]
-    by_name = any("::" in test for test in tests)  # chosen one by one, whatever their tier
-    words += ["-m", "not endurance"]
-    words += ["-p", kept_kernels.__name__] if kept else []
-    words += ["-p", order.__name__] + (["--collect-only"] if collect else [])
-    kernels, shared, named = (tree.with_name(name) for name in (f"{tree.name} kernels", "kernels", f"{tree.name}.json"))
-    named.write_text(json.dumps([list(first), sorted(left_out), slow or by_name]), encoding="utf-8")
+    words = [sys.executable, "-m", "pytest", "-x", "-p", "no:cacheprovider", "--tb=no", "-m", "not endurance", *tests]
+    words += ["-p", kept_kernels.__name__] if with_kernels else []
+    kernels, shared = (tree.with_name(name) for name in (f"{tree.name} kernels", "kernels"))
     for folder, is_by_state in ((kernels, True), (shared, False)):
         if not folder.exists():
             folder.mkdir(mode=0o700)
             _begin(folder, is_by_state)
-    environment = {**os.environ, "PYTHONPATH": str(tree), "PYTHONDONTWRITEBYTECODE": "1", "PYTHONUNBUFFERED": "1"}
-    environment |= {"NUMBA_CACHE_DIR": str(kernels), VARIABLE: str(shared), order.VARIABLE: str(named)}
-    began, said = time.perf_counter(), tree / "said"
-    with said.open("wb") as out:
-        child = subprocess.Popen(
-            words, cwd=tree, stdout=out, stderr=out, stdin=subprocess.DEVNULL, env=environment, start_new_session=True
+    environment = {**os.environ, "PYTHONPATH": str(tree), "PYTHONDONTWRITEBYTECODE": "1"}
+    environment |= {"NUMBA_CACHE_DIR": str(kernels), VARIABLE: str(shared)}
+    done = subprocess.run(words, cwd=tree, env=environment, capture_output=True, text=True)
+    if done.returncode not in (0, 1):
+        raise RuntimeError(
+            f"{' '.join(tests)}: these tests could not be run\n{done.stdout[-4000:]}{done.stderr[-400:]}"
         )
-        try:
-            code = child.wait(limit)
-        except subprocess.TimeoutExpired:
-            code = TIMED_OUT
-        finally:
-            if child.poll() is None:
-                os.killpg(child.pid, signal.SIGKILL)
-                child.wait()
-    return Ran(code, said.read_text(errors="replace"), time.perf_counter() - began)
+    return "\n".join(line for line in done.stdout.splitlines() if line.startswith(("FAILED", "ERROR")))
 
 
 def _begin(folder: Path, is_by_state: bool) -> None:
