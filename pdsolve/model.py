@@ -277,9 +277,14 @@ class Model:
         return self.settings.horizon.ratio * self.grid.delta
 
     @cached_property
-    def finest_horizon(self) -> float:
-        """The smallest horizon of all nodes, m; of a window too, that of the whole model."""
-        return float(self.settings.horizon.ratio * np.min(self.grid.delta, initial=np.inf))
+    def finest_horizons(self) -> NDArray[np.float64]:
+        """The smallest horizon of each body, m; of a window too, those of whole bodies."""
+        return self.settings.horizon.ratio * self.grid.finest_spacings
+
+    def finest_horizon_of(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
+        """The smallest horizon of the body of each of these rows (k,) of the grid, m."""
+        bodies = self.grid.bodies
+        return self.finest_horizons[np.zeros_like(rows) if bodies is None else bodies.number[rows]]
 
     def values(self, value: Value, rows: NDArray[np.int64]) -> NDArray[np.float64] | float:
         """A value of a condition on these rows (k,) of the grid: one number, or (k,) if it depends on the place."""
@@ -301,7 +306,7 @@ class Model:
         """The model of the rows `first` to `last` - 1, of which a condition or a region may have none."""
         part = object.__new__(Model)
         part.__dict__.update(grid=self.grid.window(first, last), settings=self.settings, name=self.name)
-        part.__dict__.update(finest_horizon=self.finest_horizon)
+        part.__dict__.update(finest_horizons=self.finest_horizons)
         return part
 
     def _repr_svg_(self) -> str | None:

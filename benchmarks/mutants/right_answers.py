@@ -46,14 +46,14 @@ RIGHT_ANSWERS = (
     # zones of several spacings
     Mutant(
         "pdsolve/schemes/coarse_strength.py",
-        'np.minimum(reach, model.finest_horizon) if material.coarse == "matched" else reach',
+        'np.minimum(reach, model.finest_horizon_of(rows)) if material.coarse == "matched" else reach',
         "reach",
         "tests/verification/test_zone_strength.py::test_strength_of_a_coarse_zone",
     ),
     Mutant(
         "pdsolve/schemes/coarse_strength.py",
-        "(reach > model.finest_horizon * (1 + ROUND_OFF)) & (",
-        "(reach < 0) & (",
+        "reach > model.finest_horizon_of(rows) * (1 + ROUND_OFF)",
+        "reach < 0",
         "tests/verification/test_zone_strength.py::test_strength_of_a_coarse_zone",
     ),
     Mutant(
@@ -88,7 +88,7 @@ RIGHT_ANSWERS = (
     ),
     Mutant(
         "pdsolve/model.py",
-        "        part.__dict__.update(finest_horizon=self.finest_horizon)\n",
+        "        part.__dict__.update(finest_horizons=self.finest_horizons)\n",
         "",
         "tests/verification/test_zone_strength.py::test_a_window_knows_the_finest_spacing_of_all",
     ),

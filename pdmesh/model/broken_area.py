@@ -35,7 +35,7 @@ class BrokenArea(NamedTuple):
 
 
 class _Shares:
-    """Shares of bonds in the area of a crack, in lattices of one material and one ratio of horizon to spacing."""
+    """Shares of bonds in the area of a crack, in lattices of one kind of material and one ratio of the horizon."""
 
     def __init__(self, material: Material, ratio: float) -> None:
         self._unit = msgspec.structs.replace(material, E=1.0, G0=1.0)
@@ -74,10 +74,13 @@ def broken_area(
     `material_of` (n,) are numbers of `materials`.
     """
     d = grid.dimension
-    material_shares = [
+    kinds = {_kind(material): material for material in materials}  # few, where each node has a material of its own
+    shares_of_kinds = [
         _Shares(msgspec.structs.replace(material, plane="space") if d == 3 else material, ratio)
-        for material in materials
+        for material in kinds.values()
     ]
+    numbers = {kind: number for number, kind in enumerate(kinds)}
+    kind_of = np.array([numbers[_kind(material)] for material in materials])[material_of]
     position, delta, cells = grid.position, grid.delta, grid.cells
     G0 = np.array([material.G0 for material in materials])[material_of]
 
@@ -85,14 +88,14 @@ def broken_area(
         source: NDArray[np.int64], target: NDArray[np.int64], length: NDArray[np.float64]
     ) -> NDArray[np.float64]:
         """Shares of directed pairs (b,) by the material of their sources, over the spacing's area, cells counted."""
-        h, number, out = delta[source], material_of[source], np.zeros(len(source))
-        for material_number, of_material in enumerate(material_shares):
-            matching = np.flatnonzero(number == material_number)
-            out[matching] = of_material.of(length[matching] / h[matching])
+        h, number, out = delta[source], kind_of[source], np.zeros(len(source))
+        for kind_number, of_kind in enumerate(shares_of_kinds):
+            matching = np.flatnonzero(number == kind_number)
+            out[matching] = of_kind.of(length[matching] / h[matching])
         return np.asarray(out * cells[target] / h**d)
 
     rows, which = np.unique(source, return_inverse=True)
-    family_share, reach = np.zeros(len(rows)), max(material_share.reach for material_share in material_shares)
+    family_share, reach = np.zeros(len(rows)), max(of_kind.reach for of_kind in shares_of_kinds)
     near = Neighbours(position, delta, reach * delta)
     body = None if grid.bodies is None else grid.bodies.number
     for first in range(0, len(rows), ROWS):
@@ -101,8 +104,13 @@ def broken_area(
         if body is not None:
             pair_shares = np.where(body[pairs.source] == body[pairs.target], pair_shares, 0.0)
         family_share += np.bincount(np.searchsorted(rows, pairs.source), pair_shares, len(rows))
-    full_share = np.array([material_share.whole for material_share in material_shares])[material_of[rows]]
+    full_share = np.array([of_kind.whole for of_kind in shares_of_kinds])[kind_of[rows]]
     stands_for = np.clip(full_share / np.maximum(family_share, full_share / MISSING), 1.0, MISSING)
     length = lengths(position[target] - position[source])
     each_way = shares(source, target, length) * cells[source] / delta[source] * stands_for[which] / 2
     return BrokenArea(float(each_way.sum()), float((each_way * (G0[source] + G0[target]) / 2).sum()))
+
+
+def _kind(material: Material) -> tuple[str, str, str]:
+    """What of a material the shares of its bonds depend on, for E = 1 and G0 = 1."""
+    return material.micromodulus, material.plane, material.calibration

@@ -127,6 +127,15 @@ class Grid:
         return float(self.cells.sum())
 
     @property
+    def finest_spacings(self) -> NDArray[np.float64]:
+        """The smallest spacing of each body, m."""
+        if self.bodies is None:
+            return np.asarray(np.min(self.delta, initial=np.inf, keepdims=True))
+        finest = np.full(len(self.bodies.names), np.inf)
+        np.minimum.at(finest, self.bodies.number, self.delta)
+        return finest
+
+    @property
     def rigid(self) -> NDArray[np.bool_]:
         """Mask (n,) of the nodes of rigid bodies."""
         if self.bodies is None:

@@ -35,42 +35,66 @@ MOST = 16  # spacings that are shown one by one; of more, the finest and the coa
 class ZoneStrength(NamedTuple):
     """Strength of the bonds of one spacing in even tension along an axis."""
 
+    body: str | None  # its name, where there are several
     spacing: float  # m
-    share: float  # of the strength of the finest zone; infinite where bonds do not break
+    finest: float  # m, that of the finest zone of its body
+    share: float  # of the strength of that zone; infinite where bonds do not break
     critical_stretch: float | None  # of brittle bonds
     strength: float | None  # Pa, the stress at which the first bonds break or, of softening ones, at the peak
 
 
 def zone_strengths(grid: Grid, settings: Settings, mode: str) -> list[ZoneStrength]:
-    """Strengths of the plate's material at all spacings, from fine to coarse; none without bonds that break."""
-    material = settings.material
-    if material is None or material.failure == "none":
+    """Strengths of each body that is not rigid at all of its spacings, from fine to coarse, of the material of most of
+    its nodes; none of bodies without bonds that break."""
+    if settings.material is None:
         return []
-    if grid.dimension == 3:
-        material = msgspec.structs.replace(material, plane="space")
-    spacings = np.unique(np.round(grid.delta[:1] if not any(grid.delta.strides) else grid.delta, 15))
-    shown = spacings if len(spacings) <= MOST else spacings[[0, -1]]
-    finest = float(spacings[0])
-    return [_strength(material, settings.horizon.ratio, float(spacing), finest, mode == "thesis") for spacing in shown]
+    materials = settings.material, *(region.material for region in settings.regions)
+    number = selection.last_selecting(settings.regions, grid) if settings.regions else None
+    zones: list[ZoneStrength] = []
+    for at, finest in enumerate(grid.finest_spacings):
+        if grid.bodies is not None and (at in grid.bodies.rigid or finest == np.inf):
+            continue
+        where: Any = slice(None) if grid.bodies is None else grid.bodies.number == at
+        material = materials[0 if number is None else int(np.bincount(number[where]).argmax())]
+        if material.failure == "none":
+            continue
+        if grid.dimension == 3:
+            material = msgspec.structs.replace(material, plane="space")
+        body = None if grid.bodies is None else grid.bodies.names[at]
+        spacings = np.unique(np.round(grid.delta[where] if any(grid.delta.strides) else grid.delta[:1], 15))
+        for spacing in spacings if len(spacings) <= MOST else spacings[[0, -1]]:
+            strength = _strength(material, settings.horizon.ratio, float(spacing), float(finest), mode == "thesis")
+            zones.append(ZoneStrength(body, float(spacing), float(finest), *strength))
+    return zones
 
 
-def _strength(material: Material, ratio: float, spacing: float, finest: float, one_sided: bool) -> ZoneStrength:
+def weakest_zone(grid: Grid, settings: Settings) -> ZoneStrength | None:
+    """The zone with the least share of the strength of the finest one of its body; None if none is weaker."""
+    if settings.run.adapt != "none" or not any(grid.delta.strides):
+        return None
+    zones = zone_strengths(grid, settings, "conservative")
+    weakest = min(zones, key=lambda zone: zone.share, default=None)
+    return None if weakest is None or weakest.share >= 1 - SAME else weakest
+
+
+def _strength(
+    material: Material, ratio: float, spacing: float, finest: float, one_sided: bool
+) -> tuple[float, float | None, float | None]:
+    """Share of the strength at the finest spacing, critical stretch and strength, Pa; see `ZoneStrength`."""
     if material.coarse == "unbreakable" and spacing > finest * (1 + SAME):
-        return ZoneStrength(spacing, np.inf, None, None)
+        return np.inf, None, None
     reference_spacing = finest if material.coarse == "matched" else spacing
     if material.law == "cohesive" or material.failure == "stress":
-        return ZoneStrength(spacing, 1.0, None, material.f_t if material.law == "cohesive" else material.strength)
+        return 1.0, None, (material.f_t if material.law == "cohesive" else material.strength)
     share = float(np.sqrt(finest / reference_spacing))
     partial = has_partial_cells(material)
     if material.model != "bond" or not lattice_ratios(ratio, material.micromodulus, material.plane, partial).c11 > 0:
-        return ZoneStrength(spacing, share, None, None)
+        return share, None, None
     critical = float(critical_stretch(material, np.array([ratio * reference_spacing]))[0])
     critical *= 1.0 if one_sided else calibration(ratio, material, partial).stretch
     if material.law == "bilinear" and material.kr > 1:
-        return ZoneStrength(
-            spacing, share, None, cohesive_softening.strength_of_peak(material, ratio, ratio * reference_spacing)
-        )
-    return ZoneStrength(spacing, share, critical, critical * material.E * along_axes(material, ratio, one_sided).young)
+        return share, None, cohesive_softening.strength_of_peak(material, ratio, ratio * reference_spacing)
+    return share, critical, critical * material.E * along_axes(material, ratio, one_sided).young
 
 
 def lines(zones: list[dict[str, Any]]) -> list[str]:
@@ -79,16 +103,17 @@ def lines(zones: list[dict[str, Any]]) -> list[str]:
 
 
 def _words(zone: dict[str, Any]) -> str:
-    spacing, share, critical, strength = zone.values()
+    body, spacing, _, share, critical, strength = zone.values()
+    of = "" if body is None else f" of body '{body}'"
     if share is None:
-        return f"no breaking bonds at {spacing:g} m"
+        return f"no breaking bonds at {spacing:g} m{of}"
     said = [
         f"{strength:.4g} Pa" if strength is not None else "",
         f"critical stretch {critical:.4g}" if critical is not None else "",
         f"{share:.3g} of the finest zone's" if share != 1 or strength is None else "",
     ]
     more = ", ".join(filter(None, said[1:]))
-    return f"{said[0]} at {spacing:g} m".strip() + (f" ({more})" if more else "")
+    return f"{said[0]} at {spacing:g} m{of}".strip() + (f" ({more})" if more else "")
 
 
 def described(zones: list[ZoneStrength]) -> list[dict[str, Any]]:
@@ -98,8 +123,8 @@ def described(zones: list[ZoneStrength]) -> list[dict[str, Any]]:
 
 def remarks(grid: Grid, settings: Settings) -> Iterator[str]:
     """A warning of loads and motions on zones that are weaker than the finest one."""
-    zones = zone_strengths(grid, settings, "conservative") if settings.run.adapt == "none" else []
-    if not zones or not (weakest := zones[-1]).share < 1 - SAME:
+    weakest = weakest_zone(grid, settings)
+    if weakest is None:
         return
     coarse = outside_finest(grid)
     acting = [
@@ -111,7 +136,7 @@ def remarks(grid: Grid, settings: Settings) -> Iterator[str]:
         verb = "acts" if len(acting) == 1 else "act"
         yield (
             f"nodes of {weakest.spacing:g} m have {weakest.share:.2g} of the strength of those of"
-            f" {zones[0].spacing:g} m, as the critical stretch falls with the square root of the horizon, and"
+            f" {weakest.finest:g} m, as the critical stretch falls with the square root of the horizon, and"
             f" {', '.join(acting)} {verb} on coarse nodes: cracks may start there or follow the"
             ' border of the zones; material.coarse = "matched" or "unbreakable" prevents it'
         )
@@ -119,10 +144,8 @@ def remarks(grid: Grid, settings: Settings) -> Iterator[str]:
 
 def outside_finest(grid: Grid) -> NDArray[np.bool_]:
     """Mask (n,) of nodes that are coarser than the finest of their body."""
-    body = np.zeros(len(grid), dtype=np.int64) if grid.bodies is None else grid.bodies.number
-    finest = np.full(int(body.max()) + 1, np.inf)
-    np.minimum.at(finest, body, grid.delta)
-    return np.asarray(grid.delta > finest[body] * (1 + SAME))
+    body: Any = 0 if grid.bodies is None else grid.bodies.number
+    return np.asarray(grid.delta > grid.finest_spacings[body] * (1 + SAME))
 
 
 def _pulls(condition: Any) -> bool:

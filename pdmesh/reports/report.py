@@ -17,7 +17,7 @@ from pdmesh.model import selection, zone_strengths
 from pdmesh.model.bond_counts import pair_count
 from pdmesh.model.consistency import examine
 from pdmesh.model.document import ON_ONE_LATTICE, Document, GridError, Material, Settings, settings_of
-from pdmesh.model.fracture_energy import stretch_of_lattice, with_fracture_energy
+from pdmesh.model.fracture_energy import with_fracture_energy
 from pdmesh.model.lattice_calibration import along_axes, has_partial_cells, lattice_ratios
 from pdmesh.model.load_resultants import resultants
 from pdmesh.model.node_grid import Grid, grid_of
@@ -119,20 +119,13 @@ def _lattice(material: Material | None, ratio: float, dimension: int, mode: str)
 
 
 def _critical_stretch(document: Document, grid: Grid) -> dict[str, float]:
-    """The stretch at which brittle bonds break in the conservative mode, by the spacing of their nodes, m."""
-    if document.material is None:
-        return {}
-    spacings = np.unique(np.round(grid.delta, 15)) if any(grid.delta.strides) else grid.delta[:1]
-    material, ratio, finest = document.material, document.horizon.ratio, float(spacings.min())
-    spacings = spacings[:1] if material.coarse == "unbreakable" else spacings
-    of = {
-        f"{node_spacing:g}": finest if material.coarse == "matched" else float(node_spacing)
-        for node_spacing in spacings
+    """The stretch at which brittle bonds of the first body break in the conservative mode, by the spacing, m."""
+    zones = zone_strengths.zone_strengths(grid, settings_of(document), "conservative")
+    return {
+        f"{zone.spacing:g}": zone.critical_stretch
+        for zone in zones
+        if zone.critical_stretch is not None and (grid.bodies is None or zone.body == grid.bodies.names[0])
     }
-    stretches = {
-        name: stretch_of_lattice(material, ratio, node_spacing, grid.dimension) for name, node_spacing in of.items()
-    }
-    return {spacing: stretch for spacing, stretch in stretches.items() if stretch is not None}
 
 
 def _extent(grid: Grid, plate: Any) -> dict[str, float | None]:

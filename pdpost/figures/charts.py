@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.axes import Axes
 
+from pdmesh.model.content_amounts import way
 from pdmesh.model.output_fields import FIELDS
 from pdmesh.plain_figure import Figure
 from pdmesh.plain_text import for_legend
@@ -15,7 +16,7 @@ from pdpost.figures.labels import scaled, ten_to
 from pdpost.figures.style import COLOURS
 from pdpost.measures import fields
 from pdpost.measures.balance import Balance
-from pdpost.measures.diffused_amounts import Masses
+from pdpost.measures.diffused_amounts import AMOUNTS, Masses
 from pdpost.measures.forces import Reaction
 from pdpost.measures.gaps import Pulled
 from pdpost.measures.histories import History
@@ -93,16 +94,22 @@ def balance(books: Balance, per: str = "/m") -> Figure:
 
 
 def masses(books: Masses, unit: str = "mol") -> Figure:
-    """Amounts of a substance or heat in this unit over time and, where a solid dissolves, the share that is left."""
+    """Amounts of a substance or heat in this unit over time and, where a solid dissolves, the share that is left.
+
+    An amount is that of its way at the end, and negative while it goes the other way.
+    """
     dissolves = bool(np.isfinite(books.left).any())
     figure = Figure(figsize=(WIDTH, 5.0 if dissolves else 3.2), layout="constrained")
     panels = figure.subplots(1 + dissolves, 1, sharex=True, squeeze=False)[:, 0]
     second, seconds = scaled([books.time], "s")
-    names = {"inside": "inside", "through": "gone out", "supplied": "supplied", "dissolved": "dissolved so far"}
-    shown = [name for name in names if np.any(getattr(books, name) != 0)]
-    factor, unit = scaled([getattr(books, name) for name in shown], unit)
-    for number, name in enumerate(shown):
-        panels[-1].plot(books.time * second, getattr(books, name) * factor, lw=1.4, label=names[name], **look(number))
+    over_time = {"dissolved so far": books.dissolved}
+    for name in reversed(AMOUNTS):
+        amount = getattr(books, name)
+        over_time = {way(name, amount[-1]): np.where(amount[-1] < 0, -amount, amount), **over_time}
+    shown = {word: amount for word, amount in over_time.items() if np.any(amount != 0)}
+    factor, unit = scaled(list(shown.values()), unit)
+    for number, (word, amount) in enumerate(shown.items()):
+        panels[-1].plot(books.time * second, amount * factor, lw=1.4, label=word, **look(number))
     panels[-1].set(xlabel=f"time, {seconds}", ylabel=f"amount, {unit}")
     if dissolves:
         panels[0].plot(books.time * second, books.left, lw=1.4, label="solid", **look(0))

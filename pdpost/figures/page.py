@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from pdmesh.model.bond_counts import pair_count
+from pdmesh.model.content_amounts import way
 from pdmesh.model.suggestions import called
 from pdmesh.plain_figure import Figure
 from pdmesh.plain_text import for_html
@@ -22,7 +23,7 @@ from pdpost.figures.scene_figure import acted_on, scene
 from pdpost.figures.style import written
 from pdpost.measures import crack_in_space, crack_summary
 from pdpost.measures.balance import balance, per_thickness, remarks
-from pdpost.measures.diffused_amounts import amounts
+from pdpost.measures.diffused_amounts import AMOUNTS, amounts
 from pdpost.measures.fields import usual
 from pdpost.measures.forces import reactions
 from pdpost.reading.embedded_model import moment, whole
@@ -156,8 +157,9 @@ def _balance(results: Results) -> list[str]:
 
 
 def _masses(results: Results) -> list[str]:
-    (books, unit), names = amounts(results), {"inside": "inside", "through": "gone out", "supplied": "supplied"}
-    last = {word: f"{getattr(books, name)[-1]:.6g} {unit}" for name, word in names.items()}
+    books, unit = amounts(results)
+    at_end = {name: float(getattr(books, name)[-1]) for name in AMOUNTS}
+    last = {way(name, amount): f"{abs(amount):.6g} {unit}" for name, amount in at_end.items()}
     last["balance error"] = f"{books.error[-1]:+.1e} of what there was"
     if np.isfinite(books.left[-1]):
         last["solid left"] = f"{books.left[-1]:.2%}"

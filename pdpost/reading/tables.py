@@ -17,7 +17,7 @@ SHOWN = {  # what is in it
     "node_death": "the first step without a node, by its row in 'node'; the others live on",
     "epoch": "the steps at which nodes are born and die, and how many there are then",
     "frame": "when the fields were written",
-    "history": "the ledger, per unit thickness",
+    "history": "the ledger, per unit thickness; 'broken' counts the rows of 'bond_break'",
     "mass": "of diffusion: what there is of a substance, or of heat over its capacity, and where it has gone",
     "reaction": "what each condition, counted from 0, does to the plate, per unit thickness",
     "probe": "the nodes at the probes, as often as the ledger",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pdmesh.model.zone_strengths import SAME, outside_finest, zone_strengths
+from pdmesh.model.zone_strengths import outside_finest, weakest_zone
 from pdsolve.checks import named, warn
 from pdsolve.model import Model
 from pdsolve.results import Results
@@ -12,10 +12,8 @@ from pdsolve.results import Results
 
 def warn_of_coarse_breaks(model: Model, results: Results) -> None:
     """Warn if bonds of coarser nodes than the finest of their body broke, and had less strength for it."""
-    grid, zones = model.grid, []
-    if model.settings.run.adapt == "none" and any(grid.delta.strides):
-        zones = zone_strengths(grid, model.settings, "conservative")
-    if not zones or not zones[-1].share < 1 - SAME:
+    grid, weakest = model.grid, weakest_zone(model.grid, model.settings)
+    if weakest is None:
         return
     coarse = outside_finest(grid)
     breaks, order = results.breaks(), np.argsort(grid.ids)
@@ -27,6 +25,6 @@ def warn_of_coarse_breaks(model: Model, results: Results) -> None:
         warn(
             model,
             f"{len(outside) / len(breaks.step):.0%} of the broken bonds are outside the finest zone, where strength is"
-            f" down to {zones[-1].share:.2g} of that within; the first broke at step {breaks.step[first]},"
+            f" down to {weakest.share:.2g} of that within; the first broke at step {breaks.step[first]},"
             f' {named(model, row)}; widen the fine zone, or set material.coarse to "matched" or "unbreakable"',
         )

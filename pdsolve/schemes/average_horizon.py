@@ -204,7 +204,7 @@ def _of_end(
     no_fail = np.zeros(len(pairs.length), dtype=np.bool_)
     ratio, delta = model.settings.horizon.ratio, model.grid.delta
     for material_rows, material in model.material_columns.of(model.material_of[end]):
-        length, far = pairs.length[material_rows], reach[material_rows]
+        length, far, rows = pairs.length[material_rows], reach[material_rows], end[material_rows]
         calibrated = _calibration(model, material, corrections)
         if _has_partial_cells(material, corrections):
             source_spacing, target_spacing = delta[pairs.source[material_rows]], delta[pairs.target[material_rows]]
@@ -213,9 +213,9 @@ def _of_end(
             counted = np.where(length <= far * (1 + ROUND_OFF), 1.0, 0.0)
         c = counted * calibrated.stiffness * micromodulus(material, length, far)
         modulus[material_rows] = c * calibrated.shells.at(length / far * ratio)
-        critical = calibrated.stretch * critical_stretch(material, strength_reach(model, material, far))
+        critical = calibrated.stretch * critical_stretch(material, strength_reach(model, material, rows, far))
         peak[material_rows], limit[material_rows] = limits(material, Sizes(critical, length, far, ratio))
-        no_fail[material_rows] = is_unbreakable(model, material, far)
+        no_fail[material_rows] = is_unbreakable(model, material, rows, far)
     return modulus, peak, limit, no_fail
 
 

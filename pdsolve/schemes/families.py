@@ -92,7 +92,7 @@ def _counts(
     return weights * _shells(material, ratio).at(length / reach * ratio)
 
 
-Limit = Callable[[NDArray[np.int64], NDArray[np.float64]], NDArray[np.float64]]  # of materials and horizons (b,), m
+Limit = Callable[[NDArray[np.int64], NDArray[np.float64]], NDArray[np.float64]]  # of rows and horizons (b,), m
 
 
 def fill(model: Model) -> Filling:
@@ -120,7 +120,7 @@ def filled(model: Model, limits: Limit) -> Filling:
         pairs = chosen(pairs, counts(pairs) > ROUND_OFF)
         pairs = chosen(pairs, sight.inside(pairs))
         reach = (horizon[pairs.source] + horizon[pairs.target]) / 2
-        source_limit, target_limit = (limits(model.material_of[end], reach) for end in (pairs.source, pairs.target))
+        source_limit, target_limit = (limits(end, reach) for end in (pairs.source, pairs.target))
         limit = source_limit / 2 + target_limit / 2
         part = counts(pairs._replace(length=sight.apart(pairs, first.detour, farthest)))
         nothing = np.zeros(len(limit))
@@ -131,7 +131,7 @@ def filled(model: Model, limits: Limit) -> Filling:
 
 
 def _limits(model: Model) -> Limit:
-    """Failure limits of bonds by the number of a material."""
+    """Failure limits of bonds by the material of a node."""
     ratio = model.settings.horizon.ratio
     strength = np.array([model_material.strength or np.inf for model_material in model.materials])
     cost_of = np.array(
@@ -141,11 +141,11 @@ def _limits(model: Model) -> Limit:
         ]
     )
 
-    def limits(numbers: NDArray[np.int64], reach: NDArray[np.float64]) -> NDArray[np.float64]:
-        limit = np.full_like(reach, np.inf)
+    def limits(rows: NDArray[np.int64], reach: NDArray[np.float64]) -> NDArray[np.float64]:
+        limit, numbers = np.full_like(reach, np.inf), model.material_of[rows]
         for material_rows, material in model.material_columns.of(numbers):
             spent, far = cost_of[numbers[material_rows]], reach[material_rows]
-            near = strength_reach(model, material, far)
+            near = strength_reach(model, material, rows[material_rows], far)
             if material.failure == "stress":
                 limit[material_rows] = strength[numbers[material_rows]]
             elif material.failure == "stretch":
@@ -153,7 +153,8 @@ def _limits(model: Model) -> Limit:
             elif material.failure == "energy":
                 d = dimension_of(material.plane)  # of one stretch, it falls with the square or the cube of the horizon
                 limit[material_rows] = material.G0 / (spent * near ** (d + 1)) * (near / far) ** d
-            limit[material_rows] = np.where(is_unbreakable(model, material, far), np.inf, limit[material_rows])
+            unbreakable_bonds = is_unbreakable(model, material, rows[material_rows], far)
+            limit[material_rows] = np.where(unbreakable_bonds, np.inf, limit[material_rows])
         return limit
 
     return limits

@@ -132,9 +132,10 @@ class Newton:
             return equilibrium
         state.value[:] = start
         self.forget()
+        loose = "" if self._floating is None else "support the bodies that nothing but contact or --float holds, or "
         raise UnsettledError(
             f"no equilibrium after {done} iterations of {self.said} (tolerance {self._tolerance:g} of the external"
-            " forces); check the supports, or take smaller load steps (run.static.load_steps)"
+            f" forces); {loose}take smaller load steps (run.static.load_steps)"
         )
 
     def _renew(self, state: State, conditions: Asked, before: int, tell: Tell) -> tuple[Settled | None, int]:

@@ -6,6 +6,7 @@ import dataclasses
 import json
 import warnings
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -120,10 +121,53 @@ def two_materials() -> Model:
     return plate(two_zones(), 3.0, material=GLASS, regions=(upper,))
 
 
+def with_a_finer_body_beside() -> Grid:
+    """The two zones, and beside them a body with nodes 0.5 mm apart."""
+    zones, body = two_zones(), square_grid(12, 12, delta=5e-4, x0=0.1)
+    count, more = len(zones), len(body)
+    return dataclasses.replace(
+        zones,
+        ids=np.arange(1, count + more + 1),
+        position=np.vstack([zones.position, body.position]),
+        delta=np.concatenate([zones.delta, body.delta]),
+        border=np.zeros(count + more, dtype=bool),
+        hole_id=np.full(count + more, -1),
+        bodies=Bodies(np.repeat([0, 1], [count, more]), ("plate", "chip")),
+    )
+
+
+@pytest.mark.parametrize("model_of_bonds", [{}, {"model": "ordinary", "nu": 0.2, "failure": "stretch"}])
+@pytest.mark.parametrize("coarse", ["matched", "unbreakable"])
+def test_a_finer_body_beside_changes_no_strength(coarse: str, model_of_bonds: dict[str, Any]) -> None:
+    """The finest zone is that of a bond's own body."""
+    material = msgspec.structs.replace(GLASS, coarse=coarse, **model_of_bonds)
+    fill = average_horizon.fill if material.model == "bond" else families.fill
+    alone = fill(plate(two_zones(), 3.0, material=material)).whole().bonds
+    beside = fill(plate(with_a_finer_body_beside(), 3.0, material=material)).whole().bonds
+    assert np.array_equal(beside.limit[: len(alone.limit)], alone.limit)
+    assert np.isfinite(beside.limit[len(alone.limit) :]).all()
+
+
+def test_strengths_are_those_of_each_body() -> None:
+    """Of its own material, over its own finest zone; a rigid body has none."""
+    grid = with_a_finer_body_beside()
+    chip = Region(material=msgspec.structs.replace(GLASS, G0=4 * GLASS.G0), box=(0.09, -1, 1, 1))
+    settings = plate(grid, 3.0, material=GLASS, regions=(chip,)).settings
+    fine, coarse, beside = zone_strengths(grid, settings, "conservative")
+    assert [zone.body for zone in (fine, coarse, beside)] == ["plate", "plate", "chip"]
+    assert [zone.share for zone in (fine, coarse, beside)] == pytest.approx([1.0, 0.5**0.5, 1.0])
+    assert beside.strength / fine.strength == pytest.approx(2 * 2**0.5)
+    load = Load(name="pull", box=(77e-3, -1, 0.09, 1), traction=(1e6, 0.0))
+    (said,) = remarks(grid, msgspec.structs.replace(settings, conditions=(load,)))
+    assert said.startswith("nodes of 0.002 m have 0.71 of the strength of those of 0.001 m")
+    rigid = dataclasses.replace(grid, bodies=grid.bodies._replace(rigid=(1,)))
+    assert [zone.body for zone in zone_strengths(rigid, settings, "conservative")] == ["plate", "plate"]
+
+
 def test_a_window_knows_the_finest_spacing_of_all() -> None:
     """A rank whose nodes are all coarse has the strength of the whole model's finest zone."""
     model = plate(two_zones(), 3.0, material=msgspec.structs.replace(GLASS, coarse="matched"))
-    assert model.window(len(model.grid) - 100, len(model.grid)).finest_horizon == model.finest_horizon == 3e-3
+    assert model.window(len(model.grid) - 100, len(model.grid)).finest_horizons == model.finest_horizons == 3e-3
 
 
 def pulled_apart(coarse: str) -> Model:

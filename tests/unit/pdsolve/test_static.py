@@ -369,6 +369,19 @@ def test_iterations_are_those_that_were_allowed() -> None:
         seen.extend([] if now.going is None else [now.going.iterations])
         return False
 
-    with pytest.raises(UnsettledError, match=naming("1 iterations", "Newton")):
+    with pytest.raises(UnsettledError, match=naming("1 iterations", "Newton", expected="load steps")) as error:
         simulate(model, None, Options(threads=1), look)
     assert max(seen) == 1
+    assert "support" not in str(error.value)  # which were looked at before
+
+
+@pytest.mark.slow
+def test_supports_are_named_where_bodies_are_held_softly() -> None:
+    """Of a bar that floats, one Newton step is too few where its halves turn."""
+    ends = (
+        Load(box=(0.0295, -1.0, 1.0, 1.0), body_force=(1e11, 0.0)),
+        Load(box=(-1.0, -1.0, 5e-4, 1.0), body_force=(-1e11, 0.0)),
+    )
+    model = cantilever(Static(iterations=1, floating=True), conditions=ends)
+    with pytest.raises(UnsettledError, match=naming("1 iterations", "Newton", expected="--float")):
+        simulate(model, None, Options(threads=1))

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import msgspec
 import numpy as np
 import pytest
 from plates import GLASS, square_grid
 
+from pdmesh.model import broken_area as module
 from pdmesh.model.broken_area import broken_area
 from pdmesh.model.document import Material
+from pdmesh.model.material_constants import micromodulus
 from pdmesh.model.neighbours import Neighbours
 from pdmesh.model.node_grid import Grid
 
@@ -61,3 +65,25 @@ def test_of_two_materials_half_of_each_counts() -> None:
     some = upper[pairs.source] != upper[pairs.target]
     found = broken_area(grid, 3.0, (GLASS, tough), upper, pairs.source[some], pairs.target[some])
     assert found.cost == pytest.approx(2 * GLASS.G0 * found.area)
+
+
+def test_a_material_for_each_node_costs_no_more_calls(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Materials that differ in E and G0 alone share the sums of one lattice; the cost is that of their mean G0."""
+    grid = square_grid(20, 20, 1e-3)
+    pairs = Neighbours(grid.position, grid.delta, 3 * grid.delta).pairs(np.arange(len(grid)))
+    upper = grid.position[:, 1] > grid.position[:, 1].mean()
+    some = upper[pairs.source] != upper[pairs.target]
+    calls: list[int] = []
+
+    def counted(*words: Any) -> Any:
+        calls.append(1)
+        return micromodulus(*words)
+
+    monkeypatch.setattr(module, "micromodulus", counted)
+    one = broken_area(grid, 3.0, (GLASS,), np.zeros(400, dtype=np.int64), pairs.source[some], pairs.target[some])
+    of_one, own = len(calls), np.arange(400)
+    materials = tuple(msgspec.structs.replace(GLASS, E=60e9 + 1e7 * node, G0=100.0 + node) for node in range(400))
+    many = broken_area(grid, 3.0, materials, own, pairs.source[some], pairs.target[some])
+    assert len(calls) == 2 * of_one
+    assert many.area == pytest.approx(one.area)
+    assert many.cost == pytest.approx(one.area * 299.5, rel=1e-3)

@@ -11,6 +11,7 @@ import pytest
 from drawn import alone, at, lattice, run
 
 from pdpost.exports import csv_columns
+from pdpost.measures.bond_pairs import pairs
 from pdpost.measures.crack_summary import Summary, crack, numbers, sentences
 from pdpost.measures.cracked_nodes import cracked_since, damage_at, separation_at
 from pdpost.measures.cracks import Growth, clusters, growth, is_split
@@ -158,6 +159,17 @@ def test_a_pre_crack_is_not_damage(small_results: Path) -> None:
         (sql,) = (query.sql for query in queries(results) if "damaged" in query.asks)
         rows = {row[0]: row[3] for row in results.connection.execute(sql)}
         assert list(rows.values()) == pytest.approx(np.sort(damage_at(results, 60))[::-1][:10])
+
+
+def test_bonds_are_counted_in_pairs(small_results: Path) -> None:
+    """By the run, by `pdpost bonds` and by the query that the database comes with, whose table has both directions."""
+    with Results.open(small_results) as results:
+        count = results.summary()["broken_bonds"]
+        (sql,) = (query.sql for query in queries(results) if "broken" in query.asks)
+        assert count > 0
+        assert pairs(results, 60).broken.sum() == count
+        assert sum(bonds for _, bonds in results.connection.execute(sql)) == count
+        assert len(results.breaks().step) == results.history()["broken"][-1] == 2 * count  # as the page on files says
 
 
 def test_since_when_nodes_are_cracked(small_results: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from media import grid, row
 from pdmesh.model.document import Horizon, Run, Settings, Source
 from pdmesh.model.medium import Medium
 from pdpost.__main__ import main as pdpost
+from pdpost.figures import charts, page
 from pdpost.measures.diffused_amounts import Masses, amounts, masses
 from pdpost.reading.tables import tables
 from pdsolve.model import Model
@@ -27,6 +29,21 @@ def test_the_balance_counts_what_came_in_and_what_went_out() -> None:
     table["inside"], table["through"], table["supplied"] = (4, 2, 1), (0, 3, 3), (0, 1, 1)
     found = masses(SimpleNamespace(name="some.sqlite", masses=lambda: table))  # type: ignore[arg-type]
     assert found.error == pytest.approx([0, 0, -0.25])
+
+
+def test_charts_and_pages_have_a_word_for_the_sign() -> None:
+    """3 mol came in and 1 was withdrawn: no negative amount went out."""
+    table = np.zeros(2, dtype=[(name, np.float64) for name in COLUMNS])
+    table["inside"], table["through"], table["supplied"], table["time"] = (4, 6), (0, -3), (0, -1), (0, 1)
+    results: Any = SimpleNamespace(
+        name="some.sqlite", masses=lambda: table, model=lambda: '{"medium": {"D": 1.0}}', decoded={}, dimension=2
+    )
+    axes = charts.masses(masses(results)).axes[0]
+    drawn = {line.get_label(): line.get_ydata()[-1] for line in axes.get_lines()}
+    assert drawn == {"inside": 6, "come in": 3, "withdrawn": 1}
+    rows, _ = page._masses(results)
+    for word, amount in (("inside", 6), ("come in", 3), ("withdrawn", 1)):
+        assert f"<th>{word}</th><td>{amount} mol</td>" in rows
 
 
 @pytest.mark.slow
