@@ -89,8 +89,8 @@ def _add_drawing(command: argparse.ArgumentParser, output: str) -> None:
     commandline.add_common_options(
         command,
         output=output,
-        assignment="override a parameter of the drawing, such as Zones/fine/Spacing=5e-4, or a"
-        " setting as pdsolve names it, such as material.E=65e9",
+        assignment="override a parameter of the drawing, such as Zones/fine/Spacing=0.5mm, or a"
+        " setting as pdsolve names it, such as material.E=65GPa; numbers without a unit are in the drawing's",
     )
     command.add_argument(
         "--refine",
@@ -125,11 +125,8 @@ def _add_drawing(command: argparse.ArgumentParser, output: str) -> None:
 
 def _assigned(args: argparse.Namespace) -> list[tuple[str, str]]:
     """Assignments of --set, with --unit as the parameter Units."""
-    from pdmesh.drawing.parameters import OF_SETTINGS
-
     adapt = [("--adapt", args.adapt)] if args.adapt else []
-    given = [(OF_SETTINGS.get(name, name), value) for name, value in args.assignments]
-    return [*([("Units", args.unit)] if args.unit else []), *adapt, *given]
+    return [*([("Units", args.unit)] if args.unit else []), *adapt, *args.assignments]
 
 
 def _build(args: argparse.Namespace) -> int:

@@ -46,7 +46,7 @@ def parser() -> argparse.ArgumentParser:
     commandline.add_common_options(
         program,
         output="the database (default: the model's name with .sqlite, in the current folder)",
-        assignment="override a setting of the model, such as run.steps=500 or material.E=65e9",
+        assignment="override a setting of the model, such as run.steps=500 or material.E=65GPa",
     )
     program.add_argument("--settings", type=Path, metavar="TOML", help="settings that override those of the model")
     program.add_argument(
@@ -286,7 +286,7 @@ def _refuse_unused(args: argparse.Namespace, settings: Settings) -> None:
     """Raise UsageError for a given setting that a run of this kind does not use."""
     from pdmesh.model.unused_settings import in_vain
 
-    # a table that is emptied takes away what is said
+    # a table that is emptied, or a setting that is left out, takes away what is said
     setting_names = [name for name, value in (*args.assignments, *_flags(args)) if value != "{}"]
     said = in_vain(settings, setting_names)
     if said is not None:
