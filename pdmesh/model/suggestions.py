@@ -143,6 +143,13 @@ def dotted_names(kind: type, depth: int = 3) -> list[str]:
     return [".".join(path) for path, _ in leaves(inspection.type_info(kind), depth)]
 
 
+def may_be_none(name: str, kind: type) -> bool:
+    """Whether the setting with this dotted name may be left out, and has no word none of its own."""
+    types = _types(f"$.{name}", kind)
+    words = [value for one in types for value in getattr(one, "values", ())]
+    return "none" not in words and any(isinstance(one, inspection.NoneType) for one in types)
+
+
 def leaves(
     outer: inspection.Type, depth: int = 3, path: tuple[str, ...] = ()
 ) -> Iterator[tuple[tuple[str, ...], inspection.Field]]:

@@ -230,6 +230,8 @@ def test_flags_stand_for_settings(model: Path, here: Path, capsys: pytest.Captur
         assert mentions(said, *parts)
         assert said.count("\n") == 1
     assert MAIN["pdsolve"]([str(model), "--fields", "heat"]) == 2
+    ended = ["--set", "run.until=quiet", "--set", "run.quiet=1e-5", "--until", "none", "--dry-run"]
+    assert MAIN["pdsolve"]([str(model), *ended]) == 0
     assert mentions(capsys.readouterr().err, "$.run.fields[0]", found="'heat'")
 
 
