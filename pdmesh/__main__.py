@@ -30,6 +30,7 @@ def parser() -> argparse.ArgumentParser:
         "build", help="build a node grid from a drawing, a scene or a mesh, and write it as JSON"
     )
     _add_drawing(build, "the grid file (default: the drawing's name with .json, in the current folder)")
+    build.add_argument("--dry-run", action="store_true", help="say what would be built, and write nothing")
     build.set_defaults(run=_build)
     info = commands.add_parser("info", help="report the nodes, bonds, material, conditions and cracks of a model")
     _add_drawing(info, "a file for the report as JSON (default: none)")
@@ -136,14 +137,15 @@ def _build(args: argparse.Namespace) -> int:
     from pdmesh.model.refused_settings import refuse
     from pdmesh.reports.report import nodes_by_spacing
 
-    path = commandline.output_path(args.output, args.drawing, ".json", args.force)
+    path = commandline.output_path(args.output, args.drawing, ".json", args.force or args.dry_run)
     built = build_file(args.drawing, _assigned(args), args.refine, args.trust, args.cracks)
     grid, settings = built.grid, built.settings
     refuse(settings, grid.dimension, str(args.drawing))
-    write_file(built.document, path)
+    if not args.dry_run:
+        write_file(built.document, path)
     counts = nodes_by_spacing(grid)
-    result = {
-        "output": str(path),
+    result: dict[str, Any] = {
+        "output": None if args.dry_run else str(path),
         "nodes": len(grid),
         "nodes_by_spacing": counts,
         "area" if grid.dimension == 2 else "volume": grid.size,
@@ -154,6 +156,8 @@ def _build(args: argparse.Namespace) -> int:
         f"{path}: {len(grid)} nodes ({', '.join(f'{number} of {spacing} m' for spacing, number in counts.items())})"
     ]
     lines += map(str, built.shifts)
+    if args.dry_run:
+        lines.append(f"{path} was not written (--dry-run); pdmesh info reports more")
     if settings.material is None and settings.medium is None:
         lines.append("no material: the solver will need one (--settings or --set material.E=...)")
     said = (*unused_settings.remarks(settings), *zone_strengths.remarks(built.grid, settings))
