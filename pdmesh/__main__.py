@@ -106,8 +106,7 @@ def _add_drawing(command: argparse.ArgumentParser, output: str) -> None:
         default=[],
         dest="cracks",
         metavar="X0,Y0,X1,Y1",
-        help="add a pre-crack between two points, such as 0,20,50,20mm; more points make kinks (--crack=-1,0,2,0 if the"
-        " first is negative)",
+        help="add a pre-crack between two points, such as 0,20,50,20mm; more points make kinks",
     )
     command.add_argument(
         "--unit",

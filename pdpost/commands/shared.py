@@ -149,8 +149,7 @@ def add_window(command: argparse.ArgumentParser) -> None:
         "--window",
         type=_window,
         metavar="X0,Y0,X1,Y1",
-        help="draw this part of the plate alone, m, or with a unit, such as 0,0,50,20mm (--window=X0,... if X0 is"
-        " negative; default: all of it)",
+        help="draw this part of the plate alone, m, or with a unit, such as 0,0,50,20mm (default: all of it)",
     )
 
 
