@@ -69,10 +69,10 @@ def parser() -> argparse.ArgumentParser:
 
 def _parameter(word: str) -> str:
     """The parameter of drawings that an unknown option may mean, as --set gives it; "" if there is none."""
-    from pdmesh.drawing.parameters import NAMES
+    from pdmesh.drawing.parameters import NAMES, OF_SETTINGS
     from pdmesh.spelling import meant
 
-    name = meant(word, NAMES, cutoff=1.0)
+    name = meant(word, [*OF_SETTINGS, *NAMES], cutoff=1.0)
     return f"--set {name}=VALUE" if name else ""
 
 
