@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
+SMALLEST = 1e-3  # share of a window that the plate fills: 30 by 30 of 1000 by 1000 pixels
 YIELDS = "K means nothing here, as the body yields"
 
 
@@ -211,9 +212,13 @@ def check_window(results: Results, args: argparse.Namespace) -> None:
     from pdsolve.results import ResultsError
 
     shape, window = plate(results).shape, box(*args.window)
+    asked, whole = (",".join(f"{edge:g}" for edge in edges) for edges in (args.window, shape.bounds))
     if not shape.intersects(window) or shape.touches(window):
-        asked, whole = (",".join(f"{edge:g}" for edge in edges) for edges in (args.window, shape.bounds))
         raise ResultsError(f"--window {asked} shows nothing of the plate; use some of {whole} (m)")
+    if box(*shape.bounds).intersection(window).area < SMALLEST * window.area:
+        raise ResultsError(
+            f"--window {asked} shows the plate as a point; use some of {whole} (m), or write units such as 20mm"
+        )
 
 
 def _expect_plate(results: Results, option: str) -> None:
