@@ -394,6 +394,8 @@ def _read_toml(path: Path) -> dict[str, Any]:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise ModelError(f"{path}: cannot be read: {error.strerror}") from None
+    except tomllib.TOMLDecodeError as error:
+        raise ModelError(f"{path}: {explained(error, Settings, dict)}") from None
     except ValueError as error:  # a number may be too long
         raise ModelError(f"{path}: {error}") from None
     except RecursionError:

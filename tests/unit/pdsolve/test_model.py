@@ -123,7 +123,9 @@ def test_wrong_settings_are_named(bare: Path, name: str, value: str, message: st
 
 def test_a_toml_file_that_is_none_is_named(bare: Path, tmp_path: Path) -> None:
     (tmp_path / "settings.toml").write_text("material = ")
-    with pytest.raises(ModelError, match=naming("settings.toml", "Invalid value")):
+    with pytest.raises(
+        ModelError, match=naming("settings.toml", "not valid TOML", "invalid value", expected="correct")
+    ):
         read_model(bare, tmp_path / "settings.toml")
 
 
