@@ -30,6 +30,7 @@ def parser() -> argparse.ArgumentParser:
         "build", help="build a node grid from a drawing, a scene or a mesh, and write it as JSON"
     )
     _add_drawing(build, "the grid file (default: the drawing's name with .json, in the current folder)")
+    build.add_argument("--dry-run", action="store_true", help="say what would be built, and write nothing")
     build.set_defaults(run=_build)
     info = commands.add_parser("info", help="report the nodes, bonds, material, conditions and cracks of a model")
     _add_drawing(info, "a file for the report as JSON (default: none)")
@@ -68,10 +69,10 @@ def parser() -> argparse.ArgumentParser:
 
 def _parameter(word: str) -> str:
     """The parameter of drawings that an unknown option may mean, as --set gives it; "" if there is none."""
-    from pdmesh.drawing.parameters import NAMES
+    from pdmesh.drawing.parameters import NAMES, OF_SETTINGS
     from pdmesh.spelling import meant
 
-    name = meant(word, NAMES, cutoff=1.0)
+    name = meant(word, [*OF_SETTINGS, *NAMES], cutoff=1.0)
     return f"--set {name}=VALUE" if name else ""
 
 
@@ -89,8 +90,8 @@ def _add_drawing(command: argparse.ArgumentParser, output: str) -> None:
     commandline.add_common_options(
         command,
         output=output,
-        assignment="override a parameter of the drawing, such as Zones/fine/Spacing=5e-4, or a"
-        " setting as pdsolve names it, such as material.E=65e9",
+        assignment="override a parameter of the drawing, such as Zones/fine/Spacing=0.5mm, or a"
+        " setting as pdsolve names it, such as material.E=65GPa; numbers without a unit are in the drawing's",
     )
     command.add_argument(
         "--refine",
@@ -105,8 +106,7 @@ def _add_drawing(command: argparse.ArgumentParser, output: str) -> None:
         default=[],
         dest="cracks",
         metavar="X0,Y0,X1,Y1",
-        help="add a pre-crack between two points, such as 0,20,50,20mm; more points make kinks (--crack=-1,0,2,0 if the"
-        " first is negative)",
+        help="add a pre-crack between two points, such as 0,20,50,20mm; more points make kinks",
     )
     command.add_argument(
         "--unit",
@@ -125,11 +125,8 @@ def _add_drawing(command: argparse.ArgumentParser, output: str) -> None:
 
 def _assigned(args: argparse.Namespace) -> list[tuple[str, str]]:
     """Assignments of --set, with --unit as the parameter Units."""
-    from pdmesh.drawing.parameters import OF_SETTINGS
-
     adapt = [("--adapt", args.adapt)] if args.adapt else []
-    given = [(OF_SETTINGS.get(name, name), value) for name, value in args.assignments]
-    return [*([("Units", args.unit)] if args.unit else []), *adapt, *given]
+    return [*([("Units", args.unit)] if args.unit else []), *adapt, *args.assignments]
 
 
 def _build(args: argparse.Namespace) -> int:
@@ -139,14 +136,15 @@ def _build(args: argparse.Namespace) -> int:
     from pdmesh.model.refused_settings import refuse
     from pdmesh.reports.report import nodes_by_spacing
 
-    path = commandline.output_path(args.output, args.drawing, ".json", args.force)
+    path = commandline.output_path(args.output, args.drawing, ".json", args.force or args.dry_run)
     built = build_file(args.drawing, _assigned(args), args.refine, args.trust, args.cracks)
     grid, settings = built.grid, built.settings
     refuse(settings, grid.dimension, str(args.drawing))
-    write_file(built.document, path)
+    if not args.dry_run:
+        write_file(built.document, path)
     counts = nodes_by_spacing(grid)
-    result = {
-        "output": str(path),
+    result: dict[str, Any] = {
+        "output": None if args.dry_run else str(path),
         "nodes": len(grid),
         "nodes_by_spacing": counts,
         "area" if grid.dimension == 2 else "volume": grid.size,
@@ -157,6 +155,8 @@ def _build(args: argparse.Namespace) -> int:
         f"{path}: {len(grid)} nodes ({', '.join(f'{number} of {spacing} m' for spacing, number in counts.items())})"
     ]
     lines += map(str, built.shifts)
+    if args.dry_run:
+        lines.append(f"{path} was not written (--dry-run); pdmesh info reports more")
     if settings.material is None and settings.medium is None:
         lines.append("no material: the solver will need one (--settings or --set material.E=...)")
     said = (*unused_settings.remarks(settings), *zone_strengths.remarks(built.grid, settings))

@@ -75,6 +75,11 @@ class Parser(argparse.ArgumentParser):
     # How --set gives what an unknown option may mean; "" if it means nothing
     set_by: Callable[[str], str] | None = None
 
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**settings)
+        # a value of an option, such as -1us or -5,0,50,20mm, is no option
+        self._negative_number_matcher = re.compile(r"-\.?\d")
+
     def error(self, message: str) -> NoReturn:
         for pattern, words in OF_ARGPARSE:
             message = pattern.sub(words, message)

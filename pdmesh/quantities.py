@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 
@@ -39,8 +41,15 @@ TIMES = {
     "h": Unit(3600, 1),
 }
 STRESSES = {"Pa": Unit(1, 1), "kPa": Unit(1000, 1), "MPa": Unit(1_000_000, 1), "GPa": Unit(1_000_000_000, 1)}
-KINDS = {"m": UNITS, "s": TIMES, "Pa": STRESSES}  # units by the SI unit that they are converted to
-NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\W\d_]*)\s*")
+KINDS = {  # units by the SI unit that they are converted to
+    "m": UNITS,
+    "s": TIMES,
+    "Pa": STRESSES,
+    "m/s": {"m/s": Unit(1, 1), "mm/s": Unit(1, 1000), "km/s": Unit(1000, 1)},
+    "kg/m^3": {"kg/m^3": Unit(1, 1), "g/cm^3": Unit(1000, 1)},
+    "J/m^2": {"J/m^2": Unit(1, 1), "N/m": Unit(1, 1), "N/mm": Unit(1000, 1), "kJ/m^2": Unit(1000, 1)},
+}
+NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*((?:[^\W\d_][\w/^]*)?)\s*")
 
 
 def quantities(text: str, units: Mapping[str, Unit], usual: Unit | None = None) -> tuple[float, ...]:
@@ -51,7 +60,7 @@ def quantities(text: str, units: Mapping[str, Unit], usual: Unit | None = None) 
     """
     values, unit = [], usual
     for word in reversed(text.split(",")):
-        match = NUMBER.fullmatch(word.replace("\N{MICRO SIGN}", "u").replace("\N{GREEK SMALL LETTER MU}", "u"))
+        match = _number_and_unit(word)
         if match is None or (match[2] and match[2] not in units):
             raise ValueError(text)
         unit = units[match[2]] if match[2] else unit
@@ -66,3 +75,32 @@ def quantity(text: str, units: Mapping[str, Unit], usual: Unit | None = None) ->
     """The SI value of one number, such as ``20us``. Raises ValueError."""
     (value,) = quantities(text, units, usual) if "," not in text else ()
     return value
+
+
+def number_in(text: str, unit: str) -> float:
+    """The number in a text such as ``0.5mm``, in the unit of this name; a number without a unit has it already.
+
+    The unit "" is that of pure numbers. Raises ValueError, whose message is what to use.
+    """
+    with suppress(ValueError):
+        return float(text)
+    match, units = _number_and_unit(text), next((units for units in KINDS.values() if unit in units), {})
+    if match is None or match[2] not in (unit, *units):
+        raise ValueError(usable(unit))
+    if match[2] == unit:
+        return float(match[1])
+    (over, under), (own_over, own_under) = units[match[2]], units[unit]
+    over, under = over * own_under, under * own_over
+    common = math.gcd(over, under)
+    return float(match[1]) * (over // common) / (under // common)
+
+
+def usable(unit: str) -> str:
+    """What a number of a unit may be, in words."""
+    words = [f"in {unit}"] if unit else []
+    words += [f"or with one of the units {', '.join(units)}" for units in KINDS.values() if unit in units]
+    return ", ".join(["a number", *words])
+
+
+def _number_and_unit(text: str) -> re.Match[str] | None:
+    return NUMBER.fullmatch(text.replace("\N{MICRO SIGN}", "u").replace("\N{GREEK SMALL LETTER MU}", "u"))

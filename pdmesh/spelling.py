@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-ALIKE = 0.6  # words that are no less similar are taken for the same one misspelt
-CLOSE = 0.8  # names with paths that are no less similar: one word of them is misspelt
+ALIKE = 0.65  # words that are no less similar are taken for the same one misspelt
+CLOSE = 0.8  # names with paths that are no less similar, and other words for a name: one word of them is misspelt
+SHORTEST = 5  # letters of another word that is meant where it is misspelt: field is no misspelt file
 
 # What other programs and books call our keys, options and values; spaces, hyphens and capitals do not matter
 OTHER_NAMES = {
@@ -94,12 +95,15 @@ def meant(name: str, known: Iterable[str], cutoff: float = ALIKE) -> str:
 
 
 def _by_letters(word: str, known: list[str], cutoff: float) -> str:
-    """The one of the `known` names whose last part, or another word for it, is most similar to `word`."""
+    """The one of the `known` names whose last part, or else another word for it, is most similar to `word`."""
     words = {_plain(_last(other)): other for other in reversed(known)}
-    for own, others in OTHER_NAMES.items():
-        if (name := words.get(_plain(own))) is not None:
-            words = {_plain(other): name for other in others} | words
-    return words.get(nearest(word, words, cutoff), "")
+    others = {
+        _plain(other): words[_plain(own)]
+        for own, every in OTHER_NAMES.items()
+        for other in every
+        if _plain(own) in words and len(_plain(other)) >= SHORTEST
+    }
+    return words.get(nearest(word, words, cutoff)) or others.get(nearest(word, others, max(cutoff, CLOSE)), "")
 
 
 def _last(name: str) -> str:

@@ -46,7 +46,7 @@ def parser() -> argparse.ArgumentParser:
     commandline.add_common_options(
         program,
         output="the database (default: the model's name with .sqlite, in the current folder)",
-        assignment="override a setting of the model, such as run.steps=500 or material.E=65e9",
+        assignment="override a setting of the model, such as run.steps=500 or material.E=65GPa",
     )
     program.add_argument("--settings", type=Path, metavar="TOML", help="settings that override those of the model")
     program.add_argument(
@@ -133,8 +133,9 @@ def _add_ends(program: argparse.ArgumentParser) -> None:
     """Add the options of when a run ends, and of equilibrium."""
     program.add_argument(
         "--until",
-        metavar="split|quiet:S",
-        help="stop when the plate has split in two, or when no bond has broken for S seconds, such as 20us (run.until)",
+        metavar="split|quiet:S|none",
+        help="stop when the plate has split in two, or when no bond has broken for S seconds, such as 20us; none: at"
+        " the end (run.until)",
     )
     program.add_argument("--static", action="store_true", help="solve for equilibrium, in load steps (run.solver)")
     program.add_argument("--float", action="store_true", help="hold unsupported bodies softly (run.static.floating)")
@@ -284,11 +285,11 @@ def _names_the_signal(watch: Watch) -> Iterator[None]:
 
 def _refuse_unused(args: argparse.Namespace, settings: Settings) -> None:
     """Raise UsageError for a given setting that a run of this kind does not use."""
-    from pdmesh.model.unused_settings import in_vain
+    from pdmesh.model.unused_settings import in_vain, value_of
 
-    # a table that is emptied takes away what is said
+    # a table that is emptied, or a setting that is left out, takes away what is said
     setting_names = [name for name, value in (*args.assignments, *_flags(args)) if value != "{}"]
-    said = in_vain(settings, setting_names)
+    said = in_vain(settings, [name for name in setting_names if value_of(settings, name) is not None])
     if said is not None:
         raise commandline.UsageError(said)
 
@@ -312,9 +313,9 @@ def _flags(args: argparse.Namespace) -> list[tuple[str, str]]:
         flags.append(("run.static.floating", "true"))
     if args.until is not None:
         kind, _, quiet = args.until.partition(":")
-        if (kind == "quiet") != bool(quiet):
-            raise commandline.UsageError(f"--until: cannot read '{args.until}'; use split or quiet:SECONDS")
-        flags += [("run.until", kind), *([("run.quiet", _time(quiet))] if quiet else [])]
+        if kind not in ("split", "quiet", "none") or (kind == "quiet") != bool(quiet):
+            raise commandline.UsageError(f"--until: cannot read '{args.until}'; use split, quiet:SECONDS or none")
+        flags += [("run.until", kind), ("run.quiet", _time(quiet) if quiet else "none")]
     return flags
 
 

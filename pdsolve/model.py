@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -46,7 +45,7 @@ from pdmesh.model.node_grid import Grid, document_of, grid_of
 from pdmesh.model.number_bounds import beyond
 from pdmesh.model.output_fields import OF_CONTENT
 from pdmesh.model.rigid_bodies import densities, without_bonds
-from pdmesh.model.suggestions import explained
+from pdmesh.model.suggestions import explained, may_be_none
 from pdmesh.model.values_at_places import values_at, vectors_at
 from pdmesh.model.values_of_place import Value, is_of_place
 
@@ -389,7 +388,7 @@ def _without_other_end(below: dict[str, Any], above: dict[str, Any]) -> dict[str
     critical stretch."""
     for part, either in (("run", ("steps", "duration")), ("material", ("G0", "critical_stretch"))):
         new, old = above.get(part), below.get(part)
-        names_above = [name for name in either if isinstance(new, dict) and name in new]
+        names_above = [name for name in either if isinstance(new, dict) and new.get(name) is not None]
         if len(names_above) == 1 and isinstance(old, dict):
             below = below | {part: {name: value for name, value in old.items() if name not in either}}
     return below
@@ -400,6 +399,8 @@ def _read_toml(path: Path) -> dict[str, Any]:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise ModelError(f"{path}: cannot be read: {error.strerror}") from None
+    except tomllib.TOMLDecodeError as error:
+        raise ModelError(f"{path}: {explained(error, Settings, dict)}") from None
     except ValueError as error:  # a number may be too long
         raise ModelError(f"{path}: {error}") from None
     except RecursionError:
@@ -410,21 +411,29 @@ def _toml_value(name: str, text: str) -> Any:
     try:
         return tomllib.loads(f"value = {text}")["value"]
     except ValueError:
-        return float(text) if POINTED.fullmatch(text) else _with_unit(name, text)
+        return float(text) if POINTED.fullmatch(text) else _word(name, text)
     except RecursionError:
         raise ModelError(f"--set {name}: {NESTED}") from None
 
 
-def _with_unit(name: str, text: str) -> float | str:
-    """A number such as ``65GPa`` in the unit of its setting; any other text as it is, a bare word."""
-    from pdmesh.quantities import KINDS, NUMBER, quantity
+def _word(name: str, text: str) -> float | str | None:
+    """A bare word: a number such as ``65GPa`` in the unit of its setting, ``none`` where a setting may be left out.
 
-    if NUMBER.fullmatch(text) is not None:
-        from pdmesh.model.settings_table import unit_of  # reads source files
+    Raises ModelError for another unit.
+    """
+    from pdmesh.quantities import NUMBER, number_in
 
-        with suppress(ValueError):
-            return quantity(text, KINDS.get(unit_of(name), {}))
-    return text
+    if text == "none" and may_be_none(name, Settings):
+        return None
+    if NUMBER.fullmatch(text) is None:
+        return text
+    from pdmesh.model.settings_table import unit_of  # reads source files
+
+    unit = unit_of(name)
+    try:
+        return number_in(text, unit) if unit else text
+    except ValueError as error:
+        raise ModelError(f"$.{name} is '{text}'; use {error}") from None
 
 
 def _fields(text: str, run: Any) -> list[str]:

@@ -14,7 +14,17 @@ from typing import Any
 import shapely
 
 from pdmesh.drawing.body_of_groups import body_of
-from pdmesh.drawing.parameters import OWN, PREFIX, Parameter, full_name, given, refuse_unknown, unit_of, unknown
+from pdmesh.drawing.parameters import (
+    OWN,
+    PREFIX,
+    Parameter,
+    full_name,
+    given,
+    refuse_unknown,
+    unit_of,
+    unit_of_parameter,
+    unknown,
+)
 from pdmesh.drawing.plate_of_groups import scene_of
 from pdmesh.drawing.plate_places import Group, face, in_metres
 from pdmesh.drawing.sandbox.child import read_copies, read_trusted
@@ -142,11 +152,11 @@ def _notes(copies: Mapping[str, Copy]) -> tuple[str, ...]:
 
 def _found(path: Path, assignments: Sequence[tuple[str, str]], copies: Mapping[str, Copy]) -> Mapping[str, Any]:
     """Output of Gmsh for a drawing: for its copies or, if there are none, for the trusted file. Raises SceneError."""
-    named = [(full_name(name), value) for name, value in assignments]
+    named = [(full_name(name), text, unit_of_parameter(full_name(name))) for name, text in assignments]
     gmsh_output = read_copies(copies, named, TIME_LIMIT) if copies else read_trusted(path, named, TIME_LIMIT)
     _refuse_unknown(path, gmsh_output)
-    for name, text in gmsh_output["not numbers"]:
-        raise SceneError(f"{path}: parameter '{name}' is '{text}'; use a number")
+    for name, text, use in gmsh_output["not numbers"]:
+        raise SceneError(f"{path}: parameter '{name}' is '{text}'; use {use}")
     _refuse_messages(path, gmsh_output)
     for entry in gmsh_output["parameters"]:
         value, low, high = _value(entry), entry.get("min", -1e200), entry.get("max", 1e200)

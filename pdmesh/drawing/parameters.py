@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -10,11 +11,11 @@ import msgspec
 import msgspec.inspect as inspection
 import numpy as np
 
-from pdmesh.model.document import ADAPTS, Contact, Run
+from pdmesh.model.document import ADAPTS, Contact, Run, Settings
 from pdmesh.model.material import DECLARED, Material
 from pdmesh.model.medium import Medium
-from pdmesh.model.suggestions import explained
-from pdmesh.quantities import UNITS, Unit
+from pdmesh.model.suggestions import dotted_names, explained
+from pdmesh.quantities import UNITS, Unit, number_in
 from pdmesh.scene.conditions import Profile, parse_profile
 from pdmesh.scene.heat import Heat
 from pdmesh.scene.shapes import SceneError
@@ -106,6 +107,15 @@ OF_SETTINGS = {  # parameters by the names that settings of the solver have
 }
 
 
+QUANTITIES = {  # SI units of parameters by their last words, without an axis
+    **dict.fromkeys(("Spacing", "Distance", "Width", "Radius", "Opening", "Displacement", "Initial displacement"), "m"),
+    **dict.fromkeys(("Time step", "Duration"), "s"),
+    **dict.fromkeys(("Velocity", "Initial velocity"), "m/s"),
+    "Traction": "Pa",
+    **{drawn: DECLARED[name].unit for name, drawn in MATERIAL.items()},
+}
+
+
 @dataclass(frozen=True)
 class Parameter:
     """One parameter of a drawing: name, value, unit and meaning."""
@@ -117,23 +127,31 @@ class Parameter:
 
 
 def full_name(name: str) -> str:
-    """A parameter's name with ``Peridynamics/`` before it."""
-    return name if name.startswith(PREFIX) else PREFIX + name
+    """A parameter's name with ``Peridynamics/`` before it; that of a setting of the solver is its parameter's."""
+    return name if name.startswith(PREFIX) else PREFIX + OF_SETTINGS.get(name, name)
 
 
 def given(assignments: Iterable[tuple[str, str]]) -> dict[str, float | str]:
     """The assigned parameters of a file that has none itself, as numbers where possible, else as words.
 
-    Raises SceneError for an unknown name.
+    A length with a unit is converted to the assigned one. Raises SceneError for an unknown name.
     """
-    values: dict[str, float | str] = {}
-    for name, value in assignments:
-        try:
-            values[full_name(name)] = float(value)
-        except ValueError:
-            values[full_name(name)] = value
+    named = [(full_name(name), text) for name, text in assignments]
+    values: dict[str, float | str] = dict(named)
+    lengths = values.get(f"{PREFIX}Units") or "m"
+    for name, text in named:
+        unit = unit_of_parameter(name)
+        with suppress(ValueError):
+            values[name] = number_in(text, str(lengths) if unit == "m" else unit)
     refuse_unknown(values, from_drawing=False)
     return values
+
+
+def unit_of_parameter(name: str) -> str:
+    """The SI unit of the parameter with this full name; "" of a word, a pure number, or a drawing's own number."""
+    folder, _, last = name.removeprefix(PREFIX).rpartition("/")
+    own = folder.split("/")[0] in (OWN, "Contact")  # whose distance is one in spacings
+    return "" if own else QUANTITIES.get(last[:-2] if last[-2:] in (" x", " y", " z") else last, "")
 
 
 def refuse_unknown(names: Iterable[str], from_drawing: bool) -> None:
@@ -145,9 +163,7 @@ def refuse_unknown(names: Iterable[str], from_drawing: bool) -> None:
         group = words[1] if len(words) > 2 else ANY
         likely = [template.replace(ANY, group) for template in NAMES] + ["/".join([OWN, *words[1:]])] * from_drawing
         also = f" (a drawing's own numbers go below '{PREFIX}{OWN}/')" if from_drawing else ""
-        raise SceneError(
-            f"parameter '{name}' is unknown;{one_like(name, [PREFIX + template for template in likely])}{also}"
-        )
+        raise SceneError(_about_unknown(name.removeprefix(PREFIX), likely, "is unknown", PREFIX, also))
 
 
 def refuse_space(names: Iterable[str]) -> None:
@@ -262,13 +278,18 @@ class Parameters:
 
 def unknown(name: str, names: Iterable[str]) -> str:
     """Message about a parameter that is not in a drawing."""
-    return f"parameter '{name}' is not in the drawing;{one_like(name, names)}"
+    return _about_unknown(name, names, "is not in the drawing")
 
 
-def one_like(name: str, names: Iterable[str]) -> str:
-    """End of a message about an unknown name: the most similar of the `names` ones, or what else to do."""
-    near = meant(name, names, cutoff=0.0)
-    return f" did you mean '{near}'?" if near else " leave it out"
+def _about_unknown(name: str, names: Iterable[str], problem: str, prefix: str = "", also: str = "") -> str:
+    """Message about an unknown parameter: the one of `names` that it means or is similar to, or where to see them."""
+    names = list(names)
+    near = meant(name, names, cutoff=1.0)
+    if not near and name in dotted_names(Settings):
+        return f"parameter '{name}' is a setting of the solver; give it to pdsolve"
+    near = near or meant(name, names)
+    use = f"did you mean '{prefix}{near}'?" if near else "pdmesh params lists those of a drawing"
+    return f"parameter '{prefix}{name}' {problem}; {use}{also}"
 
 
 def material(parameters: Parameters, folder: str, base: Material | None) -> Material | None:

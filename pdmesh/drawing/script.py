@@ -27,6 +27,7 @@ from pdmesh.drawing.keyword_suggestions import known
 from pdmesh.drawing.parameters import Parameter, unknown
 from pdmesh.drawing.scratch import scratch
 from pdmesh.files import read_bytes
+from pdmesh.quantities import KINDS, number_in
 from pdmesh.scene.body import Body
 from pdmesh.scene.scene import Scene
 from pdmesh.scene.shapes import SceneError, UntrustedError
@@ -72,7 +73,7 @@ def _assigned(path: Path, parameters: list[Parameter], assignments: Sequence[tup
     for name, word in assignments:
         if name not in values:
             raise SceneError(f"{path}: {unknown(name, values)}")
-        values[name] = replace(values[name], value=_converted(name, word, values[name].value, path))
+        values[name] = replace(values[name], value=_converted(values[name], word, path))
     return list(values.values())
 
 
@@ -191,22 +192,23 @@ def _parameters(text: str, tree: ast.Module) -> list[Parameter]:
             name, node, value = constant
             comment = lines[(node.end_lineno or 1) - 1].encode()[node.end_col_offset or 0 :].decode().strip()
             unit, colon, meaning = comment.removeprefix("#").partition(":") if comment.startswith("#") else ("", "", "")
-            if not colon:
+            if not colon and not any(unit.strip() in units for units in KINDS.values()):
                 unit, meaning = "", unit
             parameters.append(Parameter(name, value, unit.strip(), meaning.strip()))
     return parameters
 
 
-def _converted(name: str, word: str, default: float | str, path: Path) -> float | str:
-    if isinstance(default, str):
+def _converted(parameter: Parameter, word: str, path: Path) -> float | str:
+    if isinstance(parameter.value, str):
         return word
-    is_integer = isinstance(default, int)
+    is_integer, use = isinstance(parameter.value, int), "a finite number"
     try:
-        value = float(word)
-    except ValueError:
-        value = float("nan")
+        value = number_in(word, parameter.unit)
+    except ValueError as error:
+        value, use = float("nan"), str(error)
     if not math.isfinite(value) or (is_integer and value != round(value)):
-        raise SceneError(f"{path}: parameter '{name}' is '{word}'; use a {'whole' if is_integer else 'finite'} number")
+        use = "a whole number" if is_integer else use
+        raise SceneError(f"{path}: parameter '{parameter.name}' is '{word}'; use {use}")
     return round(value) if is_integer else value
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from typing import Any, NamedTuple, TypeVar
@@ -49,6 +50,8 @@ def called(name: str | None, number: int, what: str = "condition") -> str:
 def explained(error: Exception, kind: type, decode: Callable[[], Any]) -> str:
     """The message of an error in parsing a `kind`: the place, its value, taken from `decode`, and what to use there."""
     text = str(error)
+    if isinstance(error, tomllib.TOMLDecodeError):
+        return f"not valid TOML: {text[:1].lower()}{text[1:]}; correct it there"
     if not isinstance(error, msgspec.ValidationError):
         if (malformed := MALFORMED.fullmatch(text)) is not None:
             return f"not valid JSON: {malformed[1]} at byte {malformed[2]}; correct it there, or build the file anew"
@@ -72,6 +75,7 @@ def explained(error: Exception, kind: type, decode: Callable[[], Any]) -> str:
     if "out of range" in text:
         return f"{place} is larger than any float (1.8e308); use {wanted}"
     value = _value(decode, place)
+    place = f"a value in {place[:-5]}" if place.endswith("[...]") else place  # of any name
     words = [str(word) for known_type in _types(place, kind) for word in getattr(known_type, "values", ())]
     near = meant(value, words) if isinstance(value, str) and value not in words else ""
     hint = f" (did you mean '{near}'?)" if near else ""
@@ -141,6 +145,13 @@ def _instead(name: str, place: str, kind: type, given: Callable[[], Any]) -> str
 def dotted_names(kind: type, depth: int = 3) -> list[str]:
     """The dotted names of all settings in a struct and in those inside of it."""
     return [".".join(path) for path, _ in leaves(inspection.type_info(kind), depth)]
+
+
+def may_be_none(name: str, kind: type) -> bool:
+    """Whether the setting with this dotted name may be left out, and has no word none of its own."""
+    types = _types(f"$.{name}", kind)
+    words = [value for one in types for value in getattr(one, "values", ())]
+    return "none" not in words and any(isinstance(one, inspection.NoneType) for one in types)
 
 
 def leaves(

@@ -83,8 +83,9 @@ def _animate(args: argparse.Namespace) -> int:
     with style.styled(settings), Results.open(args.results) as results:
         steps, times = frames(results)
         field = args.field or usual(results, int(steps[0]))
-        path = commandline.output_path(args.output, args.results, f".{field}.gif", args.force)
-        kind = animation.check_format(path)
+        none = args.json and args.output is None
+        path = None if none else commandline.output_path(args.output, args.results, f".{field}.gif", args.force)
+        kind = None if path is None else animation.check_format(path)
         dpi = rcParams["savefig.dpi"] if "savefig.dpi" in settings else "figure"
         check_window(results, args)
         stride = chosen_stride(results, args)
@@ -101,12 +102,15 @@ def _animate(args: argparse.Namespace) -> int:
         }
         if kind == "gif":
             film = animation.gif(results, field, rate=args.rate, **how)
-        else:
+        elif kind is not None:
             film = animation.mp4(animation.frames(results, field, **how), args.rate)
-    write_atomically(path, film)
     count = len(steps[::stride])
-    result = {"output": str(path), "field": field, "frames": count, "rate": args.rate, "end": float(times[-1])}
-    commandline.report(result, [f"{path}: {field}, {count} frames, {len(film) / 1e6:.3g} MB"], args)
+    result = {"output": path and str(path), "field": field, "frames": count, "rate": args.rate, "end": float(times[-1])}
+    lines = []
+    if path is not None:
+        write_atomically(path, film)
+        lines.append(f"{path}: {field}, {count} frames, {len(film) / 1e6:.3g} MB")
+    commandline.report(result, lines, args)
     return commandline.OK
 
 

@@ -27,7 +27,7 @@ def add(commands: Commands) -> None:
     )
     for name, words, count, text in (
         ("--node", "ID", (1,), "a node by its id"),
-        ("--at", "X,Y", (2, 3), f"the node nearest to a place, {PLACE} (--at=X,Y if X is negative)"),
+        ("--at", "X,Y", (2, 3), f"the node nearest to a place, {PLACE}"),
         ("--box", "X0,Y0,X1,Y1", (4, 6), "the mean of the nodes in a box, m, with their range; in a body six numbers"),
     ):
         history.add_argument(
@@ -70,7 +70,7 @@ def add(commands: Commands) -> None:
         nargs="+",
         metavar=("NAME", "X,Y"),
         help="draw the force against an opening, its peak and the area under the curve: a gap of the model by name, or"
-        " two places, m, between whose nearest nodes it is (' -1,0' if X is negative; X,Y,Z in a body)",
+        " two places, m, between whose nearest nodes it is (X,Y,Z in a body)",
     )
     reaction.add_argument(
         "--smooth", type=int, default=1, metavar="N", help="with --gap: average over N steps (default: 1)"

@@ -23,7 +23,7 @@ def add(commands: Commands) -> None:
             required=True,
             type=place,
             metavar="X,Y[,Z]",
-            help=f"where the line {where}, m, or such as 5,20mm, of a body with z ({word}=X,... if X is negative)",
+            help=f"where the line {where}, m, or such as 5,20mm, of a body with z",
         )
     line.add_argument("--field", choices=FIELDS, default="displacement", help="field to draw (default: displacement)")
     line.add_argument(

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
+SMALLEST = 1e-3  # share of a window that the plate fills: 30 by 30 of 1000 by 1000 pixels
 YIELDS = "K means nothing here, as the body yields"
 
 
@@ -149,8 +150,7 @@ def add_window(command: argparse.ArgumentParser) -> None:
         "--window",
         type=_window,
         metavar="X0,Y0,X1,Y1",
-        help="draw this part of the plate alone, m, or with a unit, such as 0,0,50,20mm (--window=X0,... if X0 is"
-        " negative; default: all of it)",
+        help="draw this part of the plate alone, m, or with a unit, such as 0,0,50,20mm (default: all of it)",
     )
 
 
@@ -212,9 +212,13 @@ def check_window(results: Results, args: argparse.Namespace) -> None:
     from pdsolve.results import ResultsError
 
     shape, window = plate(results).shape, box(*args.window)
+    asked, whole = (",".join(f"{edge:g}" for edge in edges) for edges in (args.window, shape.bounds))
     if not shape.intersects(window) or shape.touches(window):
-        asked, whole = (",".join(f"{edge:g}" for edge in edges) for edges in (args.window, shape.bounds))
         raise ResultsError(f"--window {asked} shows nothing of the plate; use some of {whole} (m)")
+    if box(*shape.bounds).intersection(window).area < SMALLEST * window.area:
+        raise ResultsError(
+            f"--window {asked} shows the plate as a point; use some of {whole} (m), or write units such as 20mm"
+        )
 
 
 def _expect_plate(results: Results, option: str) -> None:

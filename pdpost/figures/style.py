@@ -18,6 +18,7 @@ from matplotlib.transforms import Bbox
 
 from pdmesh.files import FilePath, write_atomically
 from pdmesh.plain_figure import Figure, formats
+from pdmesh.spelling import meant
 
 STYLE: dict[str, Any] = {
     "figure.figsize": (7.0, 4.8),  # inches: the width of what is drawn; heights are as the pictures need them
@@ -96,7 +97,12 @@ def _checked(style: Mapping[str, object]) -> dict[str, Any]:
     journal = style.pop("journal", None)
     for name, value in style.items():
         if name not in matplotlib.rcParams or not name.startswith(KINDS):
-            raise FigureError(f"--set {name} is no matplotlib setting; use one such as savefig.dpi")
+            known = [setting for setting in matplotlib.rcParams if setting.startswith(KINDS)]
+            near = meant(name, STYLE, cutoff=1.0) or meant(name, known)
+            raise FigureError(
+                f"--set {name} is no matplotlib setting; "
+                + (f"did you mean {near}?" if near else "use one such as savefig.dpi")
+            )
         if name.startswith(OF_TEX):
             raise FigureError(
                 f"--set {name}: TeX is not used, as it would run names in a model as a program; leave it out"

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pdmesh.model.material import Material
 from pdmesh.model.material_constants import BONDS_NU
 from pdmesh.model.refused_settings import of_material
+from pdmesh.spelling import meant
 from pdsolve.laws import (
     breitzman_dayal,
     cohesive_micropolar,
@@ -85,7 +86,9 @@ def law_named(material: Material, place: str) -> tuple[str, Law]:
             return f"{material.model}, cohesive, {material.shape}", cohesive_micropolar.LAWS[material.shape]
         return material.model, MODELS[material.model]
     if material.law not in LAWS:
-        hint = f" (or material.model = '{material.law}')" if material.law in MODELS else ""
+        near = meant(material.law, LAWS)
+        hint = f" (did you mean '{near}'?)" if near else ""
+        hint = f" (or material.model = '{material.law}')" if material.law in MODELS else hint
         raise ModelError(f"{place}.law is '{material.law}'; use one of {', '.join(LAWS)}{hint}")
     if material.law == "cohesive":
         return f"cohesive, {material.shape}", cohesive.LAWS[material.shape]

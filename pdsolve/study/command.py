@@ -43,6 +43,7 @@ def parser() -> argparse.ArgumentParser:
         help="address of a Dask scheduler whose workers share this folder, such as tls://x:8786",
     )
     commandline.add_trust(program)
+    program.set_by = lambda word: "pdmesh plan STUDY, which solves nothing" if word == "--dry-run" else ""
     program.add_argument("--json", action="store_true", help="print the rows as JSON on stdout")
     program.add_argument("-q", "--quiet", action="store_true", help="print nothing but errors and warnings")
     return program

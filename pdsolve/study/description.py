@@ -172,7 +172,7 @@ def read_study(path: FilePath) -> Study:
         _refuse_odd(msgspec.to_builtins(about, builtin_types=(date, time)), "$")
     except OSError as error:
         raise StudyError(f"{path}: cannot be read: {error.strerror}") from None
-    except msgspec.ValidationError as error:
+    except (msgspec.ValidationError, tomllib.TOMLDecodeError) as error:
         raise StudyError(f"{path}: {explained(error, Description, lambda: content)}") from None
     except (ValueError, RecursionError) as error:  # TOML's and UTF-8's
         raise StudyError(f"{path}: {error}") from None

@@ -50,6 +50,20 @@ def test_build_as_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert result["area"] == pytest.approx(0.004, rel=1e-12)
 
 
+@pytest.mark.process
+def test_a_dry_run_says_what_would_be_built_and_writes_nothing(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["build", SCRIPT, "--trust", "--set", "spacing=4mm"]
+    dry = said(capsys, *words, "--dry-run")
+    assert list(here.iterdir()) == []
+    assert said(capsys, *words) == dry | {"output": "duran50_one_scale.json"}
+    (here / "duran50_one_scale.json").write_text("mine")
+    assert main([*words, "--dry-run"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith(f"duran50_one_scale.json: {dry['nodes']} nodes")
+    assert lines[-1] == "duran50_one_scale.json was not written (--dry-run); pdmesh info reports more"
+    assert (here / "duran50_one_scale.json").read_text() == "mine"
+
+
 @pytest.mark.slow
 def test_an_output_is_kept_unless_forced(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (here / "duran50_one_scale.json").write_text("mine")
@@ -190,6 +204,14 @@ REFUSED = {
     "unknown to list": (["params", DURAN, "--set", "Zone/fine/Spacing=1"], "'Peridynamics/Zones/fine/Spacing'"),
     "unknown constant": (["params", SCRIPT, "--trust", "--set", "spacin=1"], "'spacing'"),
     "unit of a script": (["build", SCRIPT, "--trust", "--unit", "mm"], "--unit is not for a Python scene"),
+    "another unit": (["build", DURAN, "--set", "material.E=5mm"], "'5mm'; use a number, in Pa, or with one of the"),
+    "no unit": (["build", DURAN, "--set", "Horizon ratio=5mm"], "'5mm'; use a number\n"),
+    "setting of the solver": (["build", DURAN, "--set", "run.ledger=5"], "'run.ledger' is a setting of the solver"),
+    "by meaning": (["build", DURAN, "--set", "young=5"], "did you mean 'Peridynamics/Material/E'?"),
+    "name of nothing": (["build", DURAN, "--set", "bogus=5"], "; pdmesh params lists"),
+    "constant of nothing": (["params", SCRIPT, "--trust", "--set", "material.nu=0"], "is a setting of the solver"),
+    "unit of a constant": (["params", SCRIPT, "--trust", "--set", "spacing=5s"], "'5s'; use a number, in m, or with"),
+    "dry run of nothing": (["build", DURAN, "--dry-run", "-o", "nowhere/plate.json"], "no folder"),
     "no number": (["build", DURAN, "--set", "Zones/fine/Spacing=x"], "'x'"),
     "wrong ratio": (["build", DURAN, "--set", "Zones/fine/Spacing=7e-4"], "over a power of 2"),
     "crack too long": (["build", DURAN, "--set", "Plate/Crack length=0.2"], "crack 'notch'"),

@@ -113,6 +113,11 @@ def test_numbers_are_those_of_the_frame(small_results: Path, here: Path, capsys:
         (["export", "-o", "x.vtu", "--time", "1"], naming("--time", found="1", expected=("0", "3e-06"))),
         (["crack", "--step", "61"], naming("--step", found="61", expected=("0", "60"))),
         (["crack", "--step", "-1"], naming("--step", found="-1", expected=("0", "60"))),
+        (["damage", "--time", "-1us"], naming("--time", found="-1e-06", expected=("0", "3e-06"))),
+        (["damage", "--window", "-5,-2,-1,-1mm"], naming("-0.005,-0.002,-0.001,-0.001", expected="0.0205")),
+        (["damage", "--window", "0,0,20,6"], naming("0,0,20,6", found="point", expected=("0.0205", "20mm"))),
+        (["damage", "--set", "dpi=100"], naming("--set dpi", expected="savefig.dpi")),
+        (["nodes", "--set", "fontsize=9"], naming("--set fontsize", expected="font.size")),
         (["damage", "--window", "1,1,2,2"], naming("1,1,2,2", expected="-0.0005,-0.006,0.0205,0.006")),
         (["watch", "--window", "1,1,2,2"], naming("--window", found="1,1,2,2", expected="plate")),
         (["animate", "--window", "1,1,2,2"], naming("--window", found="1,1,2,2", expected="plate")),
@@ -360,7 +365,9 @@ def test_numbers_are_not_written_over(small_results: Path, here: Path, capsys: p
 def test_a_film(small_results: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["animate", str(small_results), "--stride", "2", "--scale", "auto", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
-    assert (told["output"], told["frames"]) == ("small.damage.gif", 2)
+    assert (told["output"], told["frames"], list(here.glob("*.gif"))) == (None, 2, [])  # as of other pictures
+    assert main(["animate", str(small_results), "--stride", "2", "--scale", "auto"]) == 0
+    assert capsys.readouterr().out.startswith("small.damage.gif: damage, 2 frames, ")
     assert (here / "small.damage.gif").read_bytes().startswith(b"GIF89a")
 
 

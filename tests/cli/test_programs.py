@@ -235,6 +235,7 @@ def test_flags_stand_for_settings(model: Path, here: Path, capsys: pytest.Captur
 
 def test_settings_take_units(model: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["--set", "run.time_step=50ns", "--set", "run.duration=3us", "--set", "material.E=65GPa", "--json"]
+    words += ["--set", "run.until=quiet", "--set", "run.quiet=10us", "--until", "none"]
     assert MAIN["pdsolve"]([str(model), "--dry-run", *words]) == 0
     plan = json.loads(capsys.readouterr().out)
     assert (plan["time_step"], plan["steps"]) == (5e-8, 60)
@@ -246,6 +247,9 @@ def test_settings_take_units(model: Path, capsys: pytest.CaptureFixture[str]) ->
         (["pdsolve", "x.json", "--dt", "1e-8"], ("'--dt'", "--set run.time_step")),
         (["pdsolve", "x.json", "--young=65e9"], ("'--young=65e9'", "--set material.E")),
         (["pdsolve", "x.json", "--cores", "2"], ("'--cores'", "--threads")),
+        (["pdsolve", "study", "x.toml", "--dry-run"], ("'--dry-run'", "pdmesh plan")),
+        (["pdmesh", "build", "x.geo", "--dt", "1"], ("'--dt'", "--set run.time_step")),
+        (["pdmesh", "build", "x.geo", "--every", "1"], ("'--every'", "--set run.every")),
         (["pdmesh", "build", "x.geo", "--dx", "1"], ("'--dx'", "--set Zones/NAME/Spacing")),
         (["pdpost", "damage", "x.sqlite", "--dpi", "300"], ("'--dpi'", "--set savefig.dpi")),
         (["pdpost", "damage", "x.sqlite", "--vmax", "1"], ("'--vmax'", "--largest")),

@@ -35,6 +35,7 @@ FLOWS = [*FAMILY, "material.solid=j2", "material.failure=none", "material.yield_
         (["material.model=micropolar", "material.nu=0.34"], naming("$.material.nu", found="0.34", expected="0.3333")),
         ([*FAMILY, "material.order=7"], naming("$.material.order", found="7", expected="4")),
         ([*FAMILY, "material.order=8"], re.escape("material.order")),
+        (["material.law=bilinar"], naming("$.material.law", "'bilinar'", expected="mean 'bilinear'")),
         (["material.law=cohesive"], naming("$.material.f_t", found="missing", expected=("strength", "Pa"))),
         ([*COHESIVE, "material.shape=round"], re.escape("material.shape")),
         ([*COHESIVE, "material.nu=0.4"], naming("$.material.nu", found="0.4", expected="0.3333")),

@@ -33,15 +33,16 @@ PLACE = re.compile(r"'(?:[^']*[/\\])?([0-9]+\.[a-z]+)'(?:, line ([0-9]+))?", re.
 
 def read_copies(
     copies: Mapping[str, Copy],
-    assignments: list[tuple[str, str]],
+    assignments: list[tuple[str, str, str]],
     limit: float,
     tolerance: float = 0.0,
     unit: str = "M",
 ) -> dict[str, Any]:
     """Output of Gmsh for copies, of which the first is the drawing or the CAD file. Raises SceneError.
 
-    `limit` is that of processor time, s. `tolerance` is the largest distance of a chord of a CAD file from its curve; 0
-    takes it from the size. `unit`, one of Open CASCADE's names, is the unit of coordinates and of the tolerance.
+    `limit` is that of processor time, s. An assignment is a name, a text, and the SI unit of a number in it.
+    `tolerance` is the largest distance of a chord of a CAD file from its curve; 0 takes it from the size. `unit`, one
+    of Open CASCADE's names, is the unit of coordinates and of the tolerance.
     """
     first = next(iter(copies))
     with scratch() as folder:
@@ -62,7 +63,7 @@ def read_copies(
     return gmsh_output
 
 
-def read_trusted(path: Path, assignments: list[tuple[str, str]], limit: float) -> dict[str, Any]:
+def read_trusted(path: Path, assignments: list[tuple[str, str, str]], limit: float) -> dict[str, Any]:
     """Output of Gmsh for a trusted drawing, read in place and without confinement. Raises SceneError."""
     job = {"path": str(path.resolve()), "cad": False, "assignments": assignments, "tolerance": 0.0, "unit": "M"}
     job["walls"] = False

@@ -22,6 +22,7 @@ from pdmesh.drawing.exit_status import WITHOUT_WORDS
 from pdmesh.drawing.sandbox.surface_triangles import spatial_groups, unmeshed
 from pdmesh.drawing.sandbox.walls import limit_time, raise_walls, say_stage
 from pdmesh.drawing.sandbox.zone_groups import add_zones, dimension_of, with_names
+from pdmesh.quantities import number_in
 
 PREFIX = "Peridynamics/"
 BODIES = f"{PREFIX}Bodies/"
@@ -92,7 +93,7 @@ def _open(gmsh: Any, job: dict[str, Any], gmsh_output: dict[str, Any]) -> None:
     gmsh_output["parameters"] = _parameters_of(gmsh)
     if assignments:
         drawing_names = {entry["name"] for entry in gmsh_output["parameters"]}
-        gmsh_output["supplied"] = [name for name, _ in assignments if name not in drawing_names]
+        gmsh_output["supplied"] = [name for name, _, _ in assignments if name not in drawing_names]
         for reset in (gmsh.onelab.clear, gmsh.parser.clear, gmsh.clear):
             reset()
         gmsh_output["not numbers"] = _assign(gmsh, gmsh_output["parameters"], assignments)
@@ -131,20 +132,28 @@ def _parameters_of(gmsh: Any) -> list[dict[str, Any]]:
 
 def _assign(gmsh: Any, drawing_parameters: list[dict[str, Any]], assignments: list[list[str]]) -> list[list[str]]:
     """Set parameters, including those that the drawing does not define; returns those that should be numbers and
-    are not."""
+    are not, and what to use.
+
+    Numbers with a unit are converted to that of the parameter: for lengths that of the drawing, for the drawing's own
+    numbers the one it declares.
+    """
     wrong = []
-    kinds = {entry["name"]: entry["type"] for entry in drawing_parameters}
-    for name, value in assignments:
-        if kinds.get(name) == "string":
-            gmsh.onelab.setString(name, [value])
+    entries = {entry["name"]: entry for entry in drawing_parameters}
+    drawn = entries.get(f"{PREFIX}Units", {"values": ["m"]})["values"][0] or "m"
+    lengths = {name: text for name, text, _ in assignments}.get(f"{PREFIX}Units") or drawn
+    for name, text, unit in assignments:
+        entry = entries.get(name, {"type": None})
+        unit = unit or entry.get("attributes", {}).get("Units", "")
+        if entry["type"] == "string":
+            gmsh.onelab.setString(name, [text])
             continue
         try:
-            gmsh.onelab.setNumber(name, [float(value)])
-        except ValueError:
-            if name in kinds:
-                wrong.append([name, value])
+            gmsh.onelab.setNumber(name, [number_in(text, lengths if unit in ("m", drawn) else unit)])
+        except ValueError as error:
+            if entry["type"] == "number":
+                wrong.append([name, text, str(error)])
             else:
-                gmsh.onelab.setString(name, [value])
+                gmsh.onelab.setString(name, [text])
     return wrong
 
 

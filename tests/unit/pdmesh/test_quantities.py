@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from pdmesh.quantities import STRESSES, TIMES, UNITS, Unit, quantities, quantity
+from pdmesh.quantities import STRESSES, TIMES, UNITS, Unit, number_in, quantities, quantity
 
 
 @pytest.mark.parametrize(
@@ -41,3 +41,37 @@ def test_times_and_stresses() -> None:
     assert quantity("65GPa", STRESSES) == 65e9
     with pytest.raises(ValueError):  # noqa: PT011
         quantity("20mm", TIMES)
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "number"),
+    [
+        ("0.5mm", "m", 5e-4),
+        ("0.7mm", "mm", 0.7),
+        ("5e-4", "mm", 5e-4),
+        ("5cm", "mm", 50.0),
+        ("1in", "cm", 2.54),
+        ("65 GPa", "Pa", 65e9),
+        ("-25ns", "s", -25e-9),
+        ("2.2g/cm^3", "kg/m^3", 2200.0),
+        ("0.2N/mm", "J/m^2", 200.0),
+        ("300K", "K", 300.0),
+        ("4", "", 4.0),
+    ],
+)
+def test_a_number_in_the_unit_of_a_parameter(text: str, unit: str, number: float) -> None:
+    assert number_in(text, unit) == number
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "use"),
+    [
+        ("5MPa", "m", "a number, in m, or with one of the units m, cm, mm, um, in, ft"),
+        ("5mm", "", "a number"),
+        ("5mm", "degree", "a number, in degree"),
+        ("fine", "s", "a number, in s, or with one of the units s, ms, us, ns, min, h"),
+    ],
+)
+def test_another_unit_is_refused(text: str, unit: str, use: str) -> None:
+    with pytest.raises(ValueError, match=f"^{use}$"):
+        number_in(text, unit)

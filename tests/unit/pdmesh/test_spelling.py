@@ -34,6 +34,10 @@ OPTIONS = ("--output", "--force", "--threads", "--resume", "--static", "--every"
         ("Peridynamics/Zones/fine/dx", ["Peridynamics/Zones/fine/Spacing", "Peridynamics/Bodies/fine/Spacing"],
          "Peridynamics/Zones/fine/Spacing"),
         ("xyzzy", OPTIONS, ""),
+        ("--field", OPTIONS, ""),  # no misspelt --file, which is another word for --output
+        ("--material", OPTIONS, ""),  # nor interval, for --every
+        ("--frame", OPTIONS[:5], ""),  # nor --force
+        ("--overwrit", OPTIONS, "--force"),
     ],
 )  # fmt: skip
 def test_a_name_is_known_by_its_meaning_or_its_letters(word: str, known: tuple[str, ...], other: str) -> None:

@@ -61,6 +61,16 @@ def test_settings_from_assignments_alone(bare: Path) -> None:
     assert again.settings.run.time_step == 5e-8
 
 
+def test_none_takes_back_what_may_be_left_out(bare: Path) -> None:
+    material = ("material", "{E = 65e9, rho = 2235, G0 = 204, f_t = 3e7}")
+    given = [("run", "{until = 'quiet', quiet = 1e-5, steps = 7}"), ("run.fatigue", "{A = 1.0, m = 2.0}")]
+    none = [(name, "none") for name in ("run.until", "run.quiet", "run.fatigue", "run.duration", "material.f_t")]
+    model = read_model(bare, assignments=[material, *given, *none, ("run.adapt", "none")])
+    run = model.settings.run
+    assert (run.until, run.quiet, run.fatigue, run.steps, run.adapt) == (None, None, None, 7, "none")
+    assert model.materials[0].f_t is None
+
+
 def test_a_model_comes_back_from_its_text() -> None:
     model = plate(square_grid(5, 4), conditions=(Load(nodes=(1, 2), traction=(1.0, 0.0), rows=1),), run=Run(steps=7))
     again = model_of(model.to_json(), "again")
@@ -89,6 +99,9 @@ def test_a_duration_is_counted_in_the_sure_step_and_the_end_said_last_counts(bar
     [
         ("run.steps", "many", r"\$.run.steps"),
         ("run.stepz", "3", r"\$.run.stepz is unknown"),
+        ("run.time_step", "5MPa", naming("$.run.time_step", "'5MPa'", expected=("in s", "ms", "us"))),
+        ("horizon.ratio", "4mm", naming("$.horizon.ratio", "'4mm'", expected="from 1 to 64")),
+        ("material.E", "none", naming("$.material.E", "'none'", expected="above 0")),
         ("material.E", "-1", r"\$.material.E"),
         ("horizon.ratio", "nan", r"\$.horizon.ratio"),
         (
@@ -110,7 +123,9 @@ def test_wrong_settings_are_named(bare: Path, name: str, value: str, message: st
 
 def test_a_toml_file_that_is_none_is_named(bare: Path, tmp_path: Path) -> None:
     (tmp_path / "settings.toml").write_text("material = ")
-    with pytest.raises(ModelError, match=naming("settings.toml", "Invalid value")):
+    with pytest.raises(
+        ModelError, match=naming("settings.toml", "not valid TOML", "invalid value", expected="correct")
+    ):
         read_model(bare, tmp_path / "settings.toml")
 
 

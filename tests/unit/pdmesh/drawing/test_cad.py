@@ -58,6 +58,8 @@ def test_cad_files(name: str, cad: Path) -> None:
     again = read_cad(cad / name, in_mm) if name == "plate.step" else read_cad(cad / "mm.brep", in_mm)
     assert shapely.get_coordinates(again.shape) == pytest.approx(shapely.get_coordinates(scene.shape), abs=1e-15)
     assert build_grid(again)[1].conditions[0].nodes == build_grid(scene)[1].conditions[0].nodes
+    with_units = [("Zones/plate/Spacing", "1mm"), ("Fixes/foot/Box", "0 0 0.04 0.0005")]
+    assert dict(read_cad(cad / name, with_units).parameters) == dict(scene.parameters)
     outline = read_outline(cad / name, 1e-4)
     assert outline.area == pytest.approx(area, rel=2e-5)  # measured: 8.7e-6
     assert read_outline(cad / "mm.brep", 1e-4, unit="mm").area == pytest.approx(outline.area, rel=1e-12)

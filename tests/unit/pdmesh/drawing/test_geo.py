@@ -113,6 +113,49 @@ def test_assignments_reach_the_drawing(tmp_path: Path) -> None:
     assert scene.drawing == path.read_text(encoding="utf-8")
 
 
+OWN = """
+  kink = {10, Name "Peridynamics/Plate/Kink", Units "degree"}, size = {4, Name "Peridynamics/Plate/Size", Units "cm"},
+"""
+
+
+@pytest.mark.process
+@pytest.mark.parametrize("unit", ["m", "mm"])
+def test_assignments_take_units(unit: str, tmp_path: Path) -> None:
+    """The unit of lengths is the drawing's, or the assigned one; of the drawing's own numbers the one it declares."""
+    path = written(tmp_path, BUILT_IN.replace("  law =", f"{OWN}  law ="))
+    named = [("Zones/plate/Spacing", "0.05mm"), ("Loads/top/Traction y", "2MPa"), ("material.E", "70GPa")]
+    named += [("run.duration", "5us"), ("Plate/Size", "30mm"), ("Plate/Kink", "5degree"), ("Material/rho", "2e3")]
+    found = {entry.name: entry.value for entry in read_parameters(path, [*named, ("Units", unit)])}
+    spacing = found.pop("Peridynamics/Zones/plate/Spacing")
+    assert spacing == (5e-5 if unit == "m" else 0.05)
+    assert found == {
+        "Peridynamics/Loads/top/Traction y": 2e6,
+        "Peridynamics/Material/E": 70e9,
+        "Peridynamics/Material/Force law": "brittle",
+        "Peridynamics/Material/G0": 204,
+        "Peridynamics/Material/rho": 2000,
+        "Peridynamics/Plate/Kink": 5,
+        "Peridynamics/Plate/Size": 3,
+        "Peridynamics/Run/Duration": 5e-6,
+        "Peridynamics/Units": unit,
+    }
+
+
+@pytest.mark.parametrize(
+    ("assignment", "message"),
+    [
+        (("Plate/Kink", "5mm"), naming("Plate/Kink", "'5mm'", expected="in degree")),
+        (("Material/nu", "5mm"), naming("Material/nu", "'5mm'", expected="a number")),
+        (("Run/Duration", "5mm"), naming("Run/Duration", "'5mm'", expected="a number")),
+    ],
+)
+@pytest.mark.process
+def test_other_units_are_refused(assignment: tuple[str, str], message: str, tmp_path: Path) -> None:
+    path = written(tmp_path, BUILT_IN.replace("  law =", f"{OWN}  law ="))
+    with pytest.raises(SceneError, match=message):
+        read_geo(path, [assignment])
+
+
 @pytest.mark.slow
 def test_parameters_are_set_by_name_with_or_without_the_prefix() -> None:
     assignments = [("Plate/Length", "0.2"), ("Peridynamics/Material/Micromodulus", "constant")]

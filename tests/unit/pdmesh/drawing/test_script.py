@@ -47,6 +47,17 @@ def test_constants_are_parameters(path: Path) -> None:
     ]
 
 
+def test_constants_take_the_unit_of_their_comment(tmp_path: Path) -> None:
+    path = tmp_path / "plate.py"
+    path.write_text("length = 0.1  # m\nwidth = 20.0  # mm: of the plate\nlifted = 2.0  # by a crane\n")
+    named = [("length", "90mm"), ("width", "3cm")]
+    assert [(it.name, it.value, it.unit, it.meaning) for it in script_parameters(path, named, trust=True)] == [
+        ("length", 0.09, "m", ""),
+        ("width", 30.0, "mm", "of the plate"),
+        ("lifted", 2.0, "", "by a crane"),
+    ]
+
+
 @pytest.mark.slow
 def test_constants_can_be_set(path: Path) -> None:
     scene = read_script(path, [("spacing", "5e-4"), ("rows", "3"), ("kind", "left"), ("shift", "0")], trust=True)
@@ -94,8 +105,10 @@ def test_bad_files(text: str, message: str, tmp_path: Path) -> None:
     ("assignment", "message"),
     [
         (("spacin", "1"), naming("parameter 'spacin'", expected="'spacing'")),
-        (("spacing", "x"), naming("parameter 'spacing'", found="'x'", expected=("finite", "number"))),
+        (("spacing", "x"), naming("parameter 'spacing'", found="'x'", expected=("number", "in m"))),
         (("spacing", "nan"), naming(found="'nan'", expected=("finite", "number"))),
+        (("spacing", "1MPa"), naming(found="'1MPa'", expected=("in m", "mm"))),
+        (("rows", "1mm"), naming(found="'1mm'", expected=("whole", "number"))),
         (("rows", "1.5"), naming(found="'1.5'", expected=("whole", "number"))),
     ],
 )

@@ -57,7 +57,8 @@ def test_a_value_of_no_certain_place() -> None:
     text = '{"notch": [], "nodes": [], "parameters": {"a": 1, "b": null}}'
     with pytest.raises(msgspec.ValidationError) as error:
         msgspec.json.decode(text, type=GridFile)
-    assert mentions(explained(error.value, GridFile, lambda: msgspec.json.decode(text)), "$.parameters[...]", "number")
+    said = explained(error.value, GridFile, lambda: msgspec.json.decode(text))
+    assert said == "a value in $.parameters is of another type; use a number or a word"
 
 
 def test_a_word_deep_in_a_grid_file() -> None:
