@@ -18,7 +18,9 @@ from pdmesh.model.node_grid import Grid
 from pdsolve.bonds.assembly import Bonds
 from pdsolve.laws import LAWS, law_of, limits
 from pdsolve.laws.bond_limits import Sizes
+from pdsolve.laws.calls import added_pull, bind, broken_energy, tension, total
 from pdsolve.laws.law import Law
+from pdsolve.laws.pair import no_bonds
 from pdsolve.model import Model
 from pdsolve.operators.bond_list import BondList
 from pdsolve.schemes import average_horizon
@@ -166,3 +168,46 @@ def test_a_crack_costs_G0(law: str, dimension: int) -> None:
     model = patch(material, 3.0) if dimension == 2 else block(msgspec.structs.replace(material, plane="space"), 2.0)
     bonds = average_horizon.fill(model).whole().bonds
     assert cost(law_of(model), model, bonds) / material.G0 == pytest.approx(1, abs=0.01)
+
+
+@every
+def test_what_a_bond_pulls_once_more_makes_the_work_of_its_step_the_area_below_its_curve(law: str) -> None:
+    """From `before` to `stretch`, in units of the critical stretch; Verlet takes the mean of both forces itself.
+
+    Beyond its limit one step ago, a bond pulls no more.
+    """
+    material, one = of(law, 1e-6), np.ones(1)
+    bond_law = law_of(plate(square_grid(2, 1), material=material))
+    bind(bond_law)
+    columns = no_bonds(bond_law)
+    peak, limit = (float(column[0]) for column in limits(material, Sizes(CRITICAL * one, one, 3 * one, 3.0)))
+    soft, kinks = (limit - peak) / 8, [peak + (limit - peak) * part for part in (2 / 9, 1 / 4)]
+
+    def force(stretch: float, worst: float) -> float:
+        """Over stiffness."""
+        worst = max(worst, stretch) if max(worst, stretch) > peak else 0.0
+        return float(tension(columns, stretch, worst, peak, limit)) if worst <= limit else 0.0
+
+    for before, worst, stretch in (
+        (-peak / 2, 0.0, 3 * limit),
+        (0.3 * peak, 0.0, 1.01 * limit),
+        (0.3 * peak, 0.0, peak + 3 * soft),
+        (peak + soft, peak + soft, peak + 3 * soft),
+        (peak / 2, peak + 5 * soft, peak + 6 * soft),
+        (peak / 2, peak + 5 * soft, 2 * limit),
+    ):
+        if not soft and (worst or stretch <= limit):
+            continue
+        places = sorted({before, *(at for at in (0.0, worst, peak, *kinks, limit) if before < at < stretch), stretch})
+        area = 0.0
+        for low, high in itertools.pairwise(places):
+            half = (high - low) / 2
+            area += half * sum(weight * force(low + half * (1 + at), worst) for at, weight in RULE)
+        taken = (force(before, worst) + force(stretch, worst)) / 2
+        taken += added_pull(columns, stretch, before, worst, peak, limit)
+        assert taken * (stretch - before) == pytest.approx(area, rel=1e-9, abs=0)
+        if stretch > limit:
+            whole = total(columns, STIFFNESS, peak, limit)
+            assert broken_energy(columns, STIFFNESS, stretch, before, peak, limit) == whole
+    assert added_pull(columns, 3 * limit, 2 * limit, 0.0, peak, limit) == 0
+    assert added_pull(columns, 1.2 * peak, 1.2 * peak, 0.0, peak, limit) == 0

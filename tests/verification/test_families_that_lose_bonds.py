@@ -62,6 +62,22 @@ def test_torn_families_are_no_stiffer_than_straight_faces() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    ("settings", "share"), [({}, 0.069), ({"form": "rate", "plane": "strain"}, 0.0)], ids=["none", "rate"]
+)
+def test_torn_families_with_a_history_have_all_of_their_stress_or_none(settings: dict[str, str], share: float) -> None:
+    """Most of a quarter of a family, whose stress without a history is cut to a part."""
+    system, _ = prepare(torn(**settings), Options(threads=1))
+    operator, node = bonded(system.operator), 200
+    law, bonds = operator.columns, operator._bonds
+    first, xi = bonds.start[node], bonds.xi[bonds.start[node] : bonds.start[node + 1]]
+    left = (xi[:, 0] > -1e-4) & (xi[:, 1] > -1e-4) & (xi[:, 1] < 2.5e-3)
+    law.broken[first : first + len(xi)] = ~left
+    operator.law.mend(law, operator._list, np.array([node]))
+    assert law.share[node] == pytest.approx(share, abs=0.001)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("control", ["silling", "wan"])
 def test_rubble_is_as_stiff_as_the_body_was(control: str) -> None:
     """Half of all bonds are gone at random. Without a limit, 2.4 to 20 times the stiffness; measured 1.0 at most."""
@@ -73,6 +89,14 @@ def test_rubble_is_as_stiff_as_the_body_was(control: str) -> None:
     operator.sever(prepare(torn(control=control), Options(threads=1))[1], np.flatnonzero(gone), 1)
     assert len(operator.broken().step) > 0.45 * len(source)
     assert (operator.intact_stiffness_bound() <= 1.02 * operator.stiffness_bound()).all()
+
+
+@pytest.mark.slow
+def test_the_stable_step_without_control_is_that_of_torn_families() -> None:
+    """Without a control, torn families side by side are stiffer than the intact body."""
+    model = torn(control="none")
+    system, _ = prepare(model, Options(threads=1))
+    assert intact_stable_step(model, bonded(system.operator)) / system.bound == pytest.approx(1.109, abs=0.005)
 
 
 @pytest.mark.slow

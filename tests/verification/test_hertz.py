@@ -142,6 +142,17 @@ def test_a_contact_of_round_bodies_narrower_than_four_spacings_is_warned_of() ->
     assert len(said) == 1
 
 
+def test_bodies_that_are_drawn_to_touch_do_wherever_their_nodes_are() -> None:
+    """The lowest nodes of a small disc are beside its lowest place, .033 of a spacing above where they touch."""
+    run = Run(solver="static", static=Static(load_steps=1))
+    scene = Scene(box(-12 * H, -5 * H, 12 * H, 0), H, UNIT, run=run).fix("bottom").contact(0.0)
+    built = build(scene.body(shapely.Point(0, 4 * H).buffer(4 * H, 128), "disc"))
+    contact = prepare(pressed(built.grid, built.settings, 0.1 * H), Options(threads=1)).system.contact
+    assert isinstance(contact, RestingContact)
+    depth = contact._pairs.touch - contact._gap(contact.seen)
+    assert depth[contact._stiffness > 0].max() == pytest.approx(0.0, abs=1e-9 * H)
+
+
 @pytest.mark.slow
 def test_wide_and_flat_contacts_are_not_warned_of() -> None:
     with warnings.catch_warnings():

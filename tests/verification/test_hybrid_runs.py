@@ -5,12 +5,13 @@ from __future__ import annotations
 import msgspec
 import numpy as np
 import pytest
-from plates import plate
+from plates import GLASS, plate
 from zones import STEEL, again, rectangle, struck
 
-from pdmesh.model.document import Displacement, Load, Run
+from pdmesh.model.document import Displacement, InitialVelocity, Load, Run
 from pdsolve.adaptivity.hybrid.engine import Hybrid
 from pdsolve.adaptivity.hybrid.lattice import COARSE, FINE
+from pdsolve.conditions import initial_velocity
 from pdsolve.model import Model
 from pdsolve.numerics.thread_team import cores
 from pdsolve.options import Options
@@ -80,6 +81,29 @@ def test_fine_everywhere_it_is_the_uniform_plate() -> None:
     assert held[back] == pytest.approx(other.system.operator.energies(other.state)[0], rel=1e-9)
     assert system.family[back].tolist() == other.system.family.tolist()
     assert system.count[back].tolist() == other.system.count.tolist()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("law", ["brittle", "bilinear"])
+def test_fine_everywhere_a_cut_costs_what_it_does_in_the_uniform_plate(law: str) -> None:
+    """Half of a plate leaves the other half at 20 m/s: bonds take some steps to break, and match their work alike."""
+    glass = msgspec.structs.replace(GLASS, law=law, kr=2.0 if law == "bilinear" else 1.0)
+    leaves = InitialVelocity(box=(-1.0, -1.0, 0.0101, 1.0), x=-20.0)
+    grid, settings = rectangle(20, 12, 1e-3), {"material": glass, "conditions": (leaves,)}
+    models = [
+        plate(grid, 4, **settings, run=Run(time_step=4e-8, steps=300, adapt=adapt)) for adapt in ("hybrid", "none")
+    ]
+    one, other = (prepare(model, Options(threads=1)) for model in models)
+    run = hybrid(one)
+    run.zone.cells[run.zone.cells == COARSE] = FINE
+    run.start(initial_velocity(models[0]))
+    for problem in (one, other):
+        problem.march(1, 301)
+    fine, uniform = ledger(one, 300), ledger(other, 300)
+    assert uniform.broken > 100
+    rate = other.state.rate
+    assert np.abs(run.zone.fine.v[:, run.plate.place].T - rate).max() < 1e-11 * np.abs(rate).max()  # measured 7e-14
+    assert fine.dissipated == pytest.approx(uniform.dissipated, rel=1e-9)
 
 
 @pytest.mark.slow

@@ -6,6 +6,8 @@ S is in the springs at most, of which e^2 comes back: (v / v1)^2 = 1 - S (1 - e^
 
 from __future__ import annotations
 
+import warnings
+
 import msgspec
 import numpy as np
 import pytest
@@ -13,9 +15,10 @@ from shapely import Point
 from touching import UNIT
 
 from pdmesh import Run, Scene, box, build
-from pdmesh.model.document import InitialVelocity
+from pdmesh.model.document import InitialVelocity, RigidBody
 from pdsolve.model import Model, ModelNote
 from pdsolve.options import Options
+from pdsolve.run.doubtful_conditions import advise_conditions
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import simulate
 
@@ -58,3 +61,14 @@ def test_a_disc_rebounds_by_the_share_of_energy_in_contact() -> None:
 def test_a_restitution_that_bodies_do_not_show_is_said() -> None:
     with pytest.warns(ModelNote, match=r"\$.contact.restitution.*0.6 with bodies that deform, which show more"):
         simulate(disc_on_wall(0.6, Run(steps=1)), None, Options(threads=1)).close()
+
+
+def test_bodies_that_are_all_rigid_show_their_restitution() -> None:
+    model = disc_on_wall(0.6, Run(steps=1))
+    grid, settings = model.grid, model.settings
+    assert grid.bodies is not None
+    wall = next(condition for condition in settings.conditions if isinstance(condition, RigidBody))
+    disc = msgspec.structs.replace(wall, nodes=tuple(grid.ids[grid.bodies.number == 0].tolist()), name="disc")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        advise_conditions(Model(grid, msgspec.structs.replace(settings, conditions=(wall, disc))), 1.0)

@@ -13,6 +13,7 @@ from failures import saying
 from messages import mentions, naming
 from plates import GLASS, plate, square_grid, two_scale_grid
 
+from pdmesh.model.contact import Contact
 from pdmesh.model.document import Lattice, Region, Run
 from pdmesh.model.node_grid import Grid, whole_lattice
 from pdsolve.checks import advise, advise_spent, closing, nearest, refuse
@@ -20,6 +21,7 @@ from pdsolve.model import Model, ModelError
 from pdsolve.options import Options
 from pdsolve.run.inversion_checks import MotionChecks
 from pdsolve.run.motion_accounts import MotionAccounts
+from pdsolve.run.plastic_checks import warn_of_plastic_strain
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import simulate
 from pdsolve.run.system import Prepared
@@ -153,6 +155,15 @@ def test_bonds_that_take_too_little_are_said(created: float, told: int) -> None:
         assert len(lines) == count
 
 
+def test_bonds_are_not_blamed_for_energy_that_contact_or_a_zone_may_have_made() -> None:
+    for changes in ({"contact": Contact()}, {"run": Run(adapt="hybrid")}, {}):
+        model = plate(square_grid(9, 8))
+        model = dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, **changes))
+        with saying() as lines:
+            advise_spent(model, 0.3, 5.0, 1.0)
+        assert len(lines) == (not changes)
+
+
 @pytest.mark.parametrize(("changed", "symmetric", "told"), [(False, True, 1), (True, True, 0), (False, False, 0)])
 def test_a_run_says_that_its_bonds_took_too_little(changed: bool, symmetric: bool, told: int) -> None:
     """Where the balance is that of the bonds alone: of 1 J/m that is booked, motion has lost 0.7."""
@@ -164,6 +175,26 @@ def test_a_run_says_that_its_bonds_took_too_little(changed: bool, symmetric: boo
     with saying() as lines:
         accounts.close()
     assert len([line for line in lines if "took 0.70 of their energy" in line]) == told
+
+
+@pytest.mark.parametrize(
+    ("strain", "told"),  # xx, yy, zz, xy, yz, xz
+    [
+        ((0.099, -0.0495, -0.0495, 0.0, 0.0, 0.0), False),
+        ((0.101, -0.0505, -0.0505, 0.0, 0.0, 0.0), True),
+        ((0.0, 0.0, 0.0, 0.085, 0.0, 0.0), False),
+        ((0.0, 0.0, 0.0, 0.088, 0.0, 0.0), True),
+    ],
+)
+def test_the_equivalent_plastic_strain_is_warned_of_above_a_tenth(strain: tuple[float, ...], told: bool) -> None:
+    """In tension it is the strain itself, in shear 2 / sqrt(3) of that of the tensor."""
+    solid = SimpleNamespace(history=np.array([6 * [0.0] + [0.0], [*strain, 0.0]]))
+    system = SimpleNamespace(
+        model=plate(square_grid(2, 1)), operator=SimpleNamespace(columns=SimpleNamespace(solid=solid))
+    )
+    with saying() as lines:
+        assert warn_of_plastic_strain(system, 3) == told  # type: ignore[arg-type]
+    assert len(lines) == told
 
 
 def test_a_node_that_passes_another_is_seen_on_lattices_with_and_without_gaps() -> None:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from plates import GLASS, plate, square_grid
 from zones import rectangle
 
-from pdmesh import Scene, SceneError, box
+from pdmesh import Medium, Scene, SceneError, box, build
 from pdmesh.__main__ import main as build_command
 from pdmesh.drawing.file_reading import build_file, read_scene
 from pdmesh.drawing.parameters import Parameters, run
@@ -37,7 +37,9 @@ from pdmesh.model.node_grid import Grid, document_of, whole_lattice
 from pdmesh.model.refused_settings import impossible
 from pdmesh.quantities import UNITS
 from pdsolve.__main__ import main as solve_command
-from pdsolve.adaptivity.hybrid.coarse_cells import plate_of
+from pdsolve.adaptivity.hybrid.coarse_cells import cells_of, plate_of
+from pdsolve.adaptivity.hybrid.lattice import AROUND, COARSE, FINE
+from pdsolve.adaptivity.hybrid.prepare import steep_rows
 from pdsolve.adaptivity.hybrid.springs import coarse_springs, fine_springs, stretches
 from pdsolve.checks import advise_made
 from pdsolve.model import Model, ModelError, ModelWarning
@@ -133,6 +135,25 @@ def test_the_compact_lattice_is_as_stiff_as_the_fine_one() -> None:
         first, last = cut.first[:, :, 0].ravel(), cut.first[:, :, 1].ravel()
         for one, other in zip(first, last, strict=True):
             assert np.diff(cut.t[one:other], axis=1).sum() == pytest.approx(1.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("how", ["temperature", "exchange", "supply"])
+def test_cells_beside_an_edge_where_a_content_leaps_are_fine(how: str) -> None:
+    """They reach a family and a ring of cells into the plate; all others are coarse."""
+    exchange = {"coefficient": 1.0, "outside": 300.0}
+    settings = {"temperature": {"T": 300.0}, "exchange": exchange, "supply": {"flux": 1.0}}
+    glass = msgspec.structs.replace(GLASS, alpha=9e-6, T0=293.0)
+    scene = Scene(box(0, 0, 0.04, 0.02), 1e-3, glass, 4.0, HYBRID, medium=Medium(D=1e-3))
+    built = build(getattr(scene, how)("left", **settings[how]))
+    model = Model(built.grid, built.settings)
+    steep = steep_rows(model)
+    x = model.grid.position[:, 0]
+    assert set(steep) == set(np.flatnonzero(x == x.min()))
+    whole = plate_of(model.moving_part(), "conservative")
+    cells = cells_of(whole, 4, steep).reshape(-1, whole.at.cell_stride)
+    across = cells[len(cells) // 2]
+    assert across[AROUND : AROUND + 20].tolist() == 5 * [FINE] + 15 * [COARSE]
+    assert not (cells_of(whole, 4) == FINE).any()
 
 
 def test_bits_of_cells_are_those_of_the_stretches_of_bonds() -> None:

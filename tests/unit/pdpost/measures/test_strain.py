@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from messages import naming
 from stored import MODEL, plate, results_of
 
 from pdmesh.model import gradients
+from pdmesh.model.document import Material
 from pdpost.measures import fields, strain
 from pdsolve.results import ResultsError
 
@@ -145,3 +148,22 @@ def test_a_model_without_material_is_said() -> None:
     nodes, families = plate(3)
     with pytest.raises(ResultsError, match=naming("memory", found=("model", "missing"))):
         strain.stiffness(results_of(nodes, families, np.zeros((9, 2)), [], {"nodes": []}), 0)
+
+
+@pytest.mark.parametrize(("columns", "stress"), [(4, (7.0, 0.0, 0.0, 0.0)), (6, (1.0, 1.0, 1.0, 0.0, 0.0, 2.0))])
+def test_the_work_of_the_stress_is_elastic_and_plastic(
+    columns: int, stress: tuple[float, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """E = 10, nu = 1/4: s^2 / 2 E of a bar; p^2 / 2 K and t^2 / 2 G of pressure and shear. One node has flowed."""
+    steel = Material(
+        E=10.0, rho=1.0, G0=1.0, nu=0.25, model="correspondence", solid="j2", yield_stress=5.0, hardening=2.0
+    )
+    monkeypatch.setattr(strain, "_materials", lambda results, step: (np.zeros(2, dtype=int), (steel,)))
+    stored = dict(zip(("sxx", "syy", "szz", "sxy", "sxz", "syz"), np.outer(stress, np.ones(2)), strict=False))
+    flowed = np.array([0.0, 1.0])
+    monkeypatch.setattr(strain, "scalar", lambda results, name, step: flowed)
+    results = SimpleNamespace(dimension=2 if columns == 4 else 3, field=lambda name, step: stored[name])
+    elastic = {4: 49 / 20, 6: 1 / (2 * 20 / 3) + 4 / (2 * 4)}[columns]
+    assert strain.stress_work(results, 1) == pytest.approx([elastic, elastic + 5.0 + 2.0 / 2])  # type: ignore[arg-type]
+    flowed[1] = 0.0
+    assert strain.stress_work(results, 1) is None  # type: ignore[arg-type]
