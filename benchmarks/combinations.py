@@ -71,8 +71,8 @@ def combinations() -> str:
     lines = [
         "## What goes with what",
         "",
-        "A number after *no* points to the list below the table: the setting that is refused, and the value that it must"
-        " have.\n`make materials` writes this section and the one above from the declarations of the materials"
+        "A number after *no* points to the list below the table: the setting that is refused, and the value that it"
+        " must have.\n`make materials` writes this section and the one above from the declarations of the materials"
         " (`pdmesh/model/materials`).",
         "",
         "| | " + " | ".join(("3D", *RUNS, "thesis mode", "MPI ranks")) + " |",

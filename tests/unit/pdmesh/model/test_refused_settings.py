@@ -212,7 +212,7 @@ def test_every_command_refuses_in_one_line(tmp_path: Path, capsys: pytest.Captur
     ("run", "law", "expected"),
     [
         (Run(solver="static"), {}, "(or law 'cohesive'), as the solver is static"),
-        (Run(solver="static", cracks="particles"), {"law": "cohesive", "f_t": 3e6}, "as the solver is static and cracks are particles"),
+        (Run(solver="static", cracks="particles"), {"law": "cohesive", "f_t": 3e6}, "static and cracks are particles"),
         (Run(start="static"), {}, "as run.start is static"),
     ],
 )
