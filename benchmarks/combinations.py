@@ -5,6 +5,7 @@ Writes sections of docs/guide/materials.md. A row of a table is a material that 
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,6 +17,7 @@ from benchmarks.pages import put_section
 from pdmesh.model.document import Collocation, Material, Run, Settings
 from pdmesh.model.material import DECLARED, switch_of
 from pdmesh.model.materials import KINDS
+from pdmesh.model.refusals import Impossible
 from pdmesh.model.refused_settings import impossible, on_ranks
 
 PAGE = Path(__file__).parents[1] / "docs" / "guide" / "materials.md"
@@ -37,24 +39,31 @@ MATERIALS: dict[str, dict[str, Any]] = {
 }
 RUNS = {
     "load steps": Run(solver="static"),
-    "start at rest": Run(start="static"),
+    "static start": Run(start="static"),
     "hybrid": Run(adapt="hybrid"),
     "collocation": Run(adapt="collocation", collocation=Collocation(damped=True)),
     "split": Run(adapt="split"),
     "particles": Run(cracks="particles"),
-    "device": Run(device="opencl"),
+    "OpenCL": Run(device="opencl"),
 }
 
 
 def refusals(material: Material) -> Iterator[str]:
-    """What is refused of a material in space, in each run, in the thesis mode and on ranks; "" where nothing is."""
+    """What is refused of a material in 3D, in each run, in the thesis mode and on ranks; "" where nothing is."""
     for dimension, run in ((3, Run()), *((2, run) for run in RUNS.values())):
-        wrong = next(impossible(Settings(material=material, run=run), dimension), None)
-        yield "" if wrong is None else f"`{wrong.place.removeprefix('$.')}`: {wrong.use}"
+        yield note_of(next(impossible(Settings(material=material, run=run), dimension), None))
     wrong_name = next(KINDS[material.model].one_sided(material), None)
-    yield "" if wrong_name is None else f"`material.{wrong_name.name}`: {wrong_name.expected}"
-    wrong = next(on_ranks(Settings(material=material)), None)
-    yield "" if wrong is None else f"`{wrong.place.removeprefix('$.')}`: {wrong.use}"
+    yield "" if wrong_name is None else f"`material.{wrong_name.name}` must be {wrong_name.expected}"
+    yield note_of(next(on_ranks(Settings(material=material)), None))
+
+
+def note_of(wrong: Impossible | None) -> str:
+    """The note on a refusal, "" for none: the words of its message, as a condition."""
+    if wrong is None:
+        return ""
+    use = re.sub(r", as (run\.\w+) is", r" when `\1` is", str(wrong.use))
+    use = use.replace(", as the solver is", " when the solver is")
+    return f"`{wrong.place.removeprefix('$.')}` must be {use}"
 
 
 def combinations() -> str:
@@ -62,10 +71,11 @@ def combinations() -> str:
     lines = [
         "## What goes with what",
         "",
-        "A number after *no* refers to the list below, which has what the message expects instead. `make materials`"
-        " writes this section and\nthe one above from the declarations of the materials (`pdmesh/model/materials`).",
+        "A number after *no* points to the list below the table: the setting that is refused, and the value that it"
+        " must have.\n`make materials` writes this section and the one above from the declarations of the materials"
+        " (`pdmesh/model/materials`).",
         "",
-        "| | " + " | ".join(("space", *RUNS, "thesis mode", "many ranks")) + " |",
+        "| | " + " | ".join(("3D", *RUNS, "thesis mode", "MPI ranks")) + " |",
         "|---|" + "---|" * (len(RUNS) + 3),
     ]
     known: dict[str, int] = {}

@@ -32,16 +32,17 @@ def wrong(material: Material) -> Refusals:
 
 def from_rest(material: Material) -> Refusals:
     """What nodes have been through on the way is not known."""
+    elastic = [f"'{solid.name}'" for solid in SOLIDS.values() if not solid.flows]
     if SOLIDS[material.solid].flows:
-        yield Refusal("solid", f"one that does not flow at rest with '{material.model}'")
+        yield Refusal("solid", f"{' or '.join(elastic)}, as run.start is static")
     if material.form == "rate":
-        yield Refusal("form", f"'total' at rest with '{material.model}'")
+        yield Refusal("form", "'total', as run.start is static")
 
 
 def at_rest(material: Material, breaks: bool) -> Refusals:
     """Bonds break one round after the other, of solids whose nodes remember nothing."""
     if breaks and material.failure != "none" and (SOLIDS[material.solid].flows or material.form == "rate"):
-        yield Refusal("failure", f"'none' at rest where nodes of '{material.model}' have a history")
+        yield Refusal("failure", "'none' with solid 'j2' or form 'rate', as the solver is static")
 
 
 def with_particles(material: Material) -> Refusals:

@@ -15,6 +15,7 @@ from pdmesh.model.materials.kind import (
 )
 
 SAME = 1e-12  # of Poisson's ratios: nearer than round-off
+OTHERS = "'bond', 'ordinary' or 'correspondence'"
 NO_ROTATIONS = "load steps solve for displacements, not for the rotations that nodes of 'micropolar' have too"
 NEAR = 1e-3  # of Poisson's ratios: bonds whose shear is this soft are springs
 
@@ -36,20 +37,20 @@ def wrong(material: Material) -> Refusals:
 
 def in_space(material: Material) -> Refusals:
     """A beam's rotation is one number."""
-    yield Refusal("model", "another in a body in space")
+    yield Refusal("model", f"{OTHERS} in 3D")
 
 
 def from_rest(material: Material) -> Refusals:
     """Load steps, by which a start at rest is solved, know displacements alone."""
-    yield Refusal("model", f"another where the start is at rest: {NO_ROTATIONS}")
+    yield Refusal("model", f"{OTHERS}, as run.start is static: {NO_ROTATIONS}")
 
 
 def at_rest(material: Material, breaks: bool) -> Refusals:
     """Path steps follow bonds that soften; load steps know no rotations."""
     if not softens(material):
-        yield Refusal("model", f"another at rest, or law 'cohesive' with it: {NO_ROTATIONS}")
+        yield Refusal("model", f"{OTHERS} (or law 'cohesive'), as the solver is static: {NO_ROTATIONS}")
     elif not breaks:
-        yield Refusal("model", f"another at rest with cracks of particles: {NO_ROTATIONS}")
+        yield Refusal("model", f"{OTHERS}, as the solver is static and cracks are particles: {NO_ROTATIONS}")
 
 
 MICROPOLAR = Kind(

@@ -55,7 +55,7 @@ def test_the_page_is_what_materials_say(section: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("name", "where"), [pytest.param(*one, marks=needs_opencl) if one[1] == "device" else one for one in YES]
+    ("name", "where"), [pytest.param(*one, marks=needs_opencl) if one[1] == "OpenCL" else one for one in YES]
 )
 def test_what_goes_with_what_is_prepared(name: str, where: str) -> None:
     """All that the page says yes to, in a plate."""
@@ -67,7 +67,7 @@ def test_what_goes_with_what_is_prepared(name: str, where: str) -> None:
     material = msgspec.structs.replace(GLASS, **MATERIALS[name])
     model = plate(CRACKED, 3, material=material, conditions=held, **({} if run is None else {"run": run}))
     found = prepare(model, Options("thesis" if run is None else "conservative"))
-    if where == "start at rest":
+    if where == "static start":
         started(found)
     assert found.system.bonds > 0
 

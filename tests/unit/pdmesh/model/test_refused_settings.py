@@ -211,9 +211,9 @@ def test_every_command_refuses_in_one_line(tmp_path: Path, capsys: pytest.Captur
 @pytest.mark.parametrize(
     ("run", "law", "expected"),
     [
-        (Run(solver="static"), {}, "another at rest, or law 'cohesive' with it"),
-        (Run(solver="static", cracks="particles"), {"law": "cohesive", "f_t": 3e6}, "another at rest with cracks of"),
-        (Run(start="static"), {}, "another where the start is at rest"),
+        (Run(solver="static"), {}, "(or law 'cohesive'), as the solver is static"),
+        (Run(solver="static", cracks="particles"), {"law": "cohesive", "f_t": 3e6}, "static and cracks are particles"),
+        (Run(start="static"), {}, "as run.start is static"),
     ],
 )
 def test_nodes_that_rotate_are_refused_at_rest_for_their_rotations(
