@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from pdsolve.adaptivity.collocation.layout import LatticeConstants, Layout, Plate, dilated, kinds_of
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.pull import WIDE
+from pdsolve.codegen.record import Record
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.operators.simd_lattice.layout import aligned
 from pdsolve.operators.stencils import ball
@@ -32,6 +33,23 @@ class Breaks(NamedTuple):
     step: NDArray[np.int32]
     node: NDArray[np.int32]  # place of one of both nodes
     spring: NDArray[np.int32]  # its number among those of that node
+
+
+class Totals(Record):
+    """Energies since the start, and stretches of coarse pairs. Checkpoints hold them in this order."""
+
+    dissipated: float  # J/m, by bonds
+    switched: float  # J/m, that making nodes fine has added
+    largest_e: float  # of coarse pairs so far
+    damped: float  # J/m, taken by damping before nodes were switched last
+
+
+class Counts(Record):
+    """Numbers of events. Checkpoints hold them in this order."""
+
+    broken_bonds: int  # in `breaks`
+    any_hot: int  # 1 where fine nodes are wanted around any coarse one, or 0
+    switches: int  # how often nodes have become fine
 
 
 class Zone(NamedTuple):
@@ -54,14 +72,9 @@ class Zone(NamedTuple):
     flags: NDArray[np.uint16]  # (r,) of rows, a bit for each node that has a bond over its bound
     again: NDArray[np.uint8]  # (places / 16,) rows whose bonds broke in this step
     hot: NDArray[np.bool_]  # (places,) coarse nodes around which fine ones are wanted
-    total: NDArray[np.float64]  # (4,) dissipated by bonds, J/m; made by switching, J/m; largest e of coarse pairs;
-    # taken by damping before nodes were switched last, J/m
-    number: NDArray[np.int64]  # (3,) breaks; whether any place is hot; switches
+    totals: Totals
+    counts: Counts
     breaks: Breaks
-
-
-DISSIPATED, SWITCHED, LARGEST, DAMPED = range(4)
-BROKEN, HOT, SWITCHES = range(3)
 
 
 def even(at: Layout) -> NDArray[np.bool_]:
@@ -139,8 +152,8 @@ def begun(ground: LatticeConstants, plate: Plate, active: NDArray[np.bool_], ban
         flags=np.zeros(0, dtype=np.uint16),
         again=np.zeros(places // ROW, dtype=np.uint8),
         hot=np.zeros(places, dtype=np.bool_),
-        total=np.zeros(4),
-        number=np.zeros(3, dtype=np.int64),
+        totals=Totals.of(),
+        counts=Counts.of(),
         breaks=Breaks(*np.zeros((3, EVENTS), dtype=np.int32)),
     )
     return renumbered(ground, plate, zone, active, band)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pdmesh.model.document import Concentration, Exchange, InitialVelocity, Source, Velocity
 from pdsolve import conditions
 from pdsolve.adaptivity.hybrid.alike_rows import node_rows
-from pdsolve.adaptivity.hybrid.arrays import PLACE, VALUE, Entries, LatticeConstants, zone_of
+from pdsolve.adaptivity.hybrid.arrays import Entries, Entry, LatticeConstants, zone_of
 from pdsolve.adaptivity.hybrid.coarse_cells import CellAreas, Plate, cells_of, plate_of
 from pdsolve.adaptivity.hybrid.engine import Hybrid
 from pdsolve.adaptivity.hybrid.far_cells import far_cells
@@ -55,11 +55,10 @@ def hybrid_of(
     rows = ROOM + 6 * int(np.count_nonzero(cells == FINE))
     damps = ground.nodes.damping is not None
     loads, holds = _entries(plate, driven.loads, 4), _entries(plate, driven.holds, 1)
-    loads.value[:, VALUE] *= area[driven.loads.node]
-    nonzero = loads.value[:, VALUE] != 0
-    loads = loads._replace(what=loads.what[nonzero], value=loads.value[nonzero])
+    loads.of["value"] *= area[driven.loads.node]
+    loads = loads._replace(of=loads.of[loads.of["value"] != 0])
     if not swells and kind is np.float64:
-        cells = far_cells(plate, ground, cells, np.concatenate([loads.what[:, PLACE], holds.what[:, PLACE]]))
+        cells = far_cells(plate, ground, cells, np.concatenate([loads.of["place"], holds.of["place"]]))
     zone = zone_of(plate.at, cells, len(ground.ways), rows, ground.varied, threads, swells, damps, kind=kind)._replace(
         loads=loads, holds=holds
     )
@@ -183,7 +182,7 @@ def _resistance(plate: Plate, springs: tuple[Springs, ...], irregular_bonds: Irr
 
 def _entries(plate: Plate, driven: conditions.Entries, most: int) -> Entries:
     """Entries with room for at most `most` nodes each."""
-    what = np.column_stack([plate.places_of(driven.node), driven.axis, driven.profile, driven.kind])
-    value = np.zeros((len(what), 4))
-    value[:, VALUE] = driven.value
-    return Entries(what, value, np.zeros((most * len(what), 2), dtype=np.int64), np.zeros(most * len(what)))
+    entries, room = np.zeros(len(driven.node), Entry.fields()), most * len(driven.node)
+    entries["place"], entries["axis"] = plate.places_of(driven.node), driven.axis
+    entries["profile"], entries["kind"], entries["value"] = driven.profile, driven.kind, driven.value
+    return Entries(entries, np.zeros((room, 2), dtype=np.int64), np.zeros(room))
