@@ -99,6 +99,10 @@ class Border(NamedTuple):
     w: NDArray[np.float64]
     off: NDArray[np.float64]  # (., 2) how far they are off the line between those, where nodes swell, m
 
+    def first(self, count: int) -> Border:
+        """The first `count` of these nodes."""
+        return Border(*(column[:count] for column in self))
+
 
 class Entry(Record):
     """A load on a component of a fine node, or a component whose motion is prescribed."""

@@ -389,7 +389,7 @@ class SpaceHybrid:
         """Values (k, 3) of rows of the grid `which` (k,), interpolated from those of the nodes here (n, 3)."""
         grid_values, scratch = np.zeros((len(which), 3)), (np.zeros(8, np.int64), np.zeros(8))
         sites = self.whole.sites.site[which].astype(np.int64) - self.whole.sites.margin
-        arrangement.interpolate(self.whole.fine.box, scratch, self._row, values, sites, grid_values)
+        arrangement.interpolate(self.whole.fine.box, *scratch, self._row, values, sites, grid_values)
         return grid_values
 
     def row_of_grid(self, which: NDArray[np.int64]) -> NDArray[np.int64]:
