@@ -14,7 +14,7 @@ from plates import plate, square_grid
 
 from pdmesh.model.document import Material, Region, Run, Velocity
 from pdmesh.model.node_grid import Grid
-from pdsolve.adaptivity.hybrid.arrays import LatticeConstants, Zone
+from pdsolve.adaptivity.hybrid.arrays import LatticeConstants, PlateZone
 from pdsolve.adaptivity.hybrid.engine import Hybrid
 from pdsolve.adaptivity.hybrid.lattice import COARSE, FAR, FINE, FREE, VOID, coarse_place, far_place, fine_place
 from pdsolve.adaptivity.hybrid.prepare import hybrid_of
@@ -44,7 +44,7 @@ class Zoned(NamedTuple):
         return self.hybrid.ground
 
     @property
-    def zone(self) -> Zone:
+    def zone(self) -> PlateZone:
         """What changes."""
         return self.hybrid.zone
 

@@ -7,15 +7,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.adaptivity.collocation.layout import LatticeConstants, Plate
+from pdsolve.adaptivity.collocation.layout import CollocationPlate, LatticeConstants
 from pdsolve.adaptivity.collocation.march import BEGIN, DONE, FORCES, ROOM, SUM, held, march
 from pdsolve.adaptivity.collocation.zone import (
     COARSE,
     FINE,
-    Breaks,
+    BreakEvents,
+    CollocationZone,
     Counts,
     Totals,
-    Zone,
     areas_of,
     renumbered,
     spread,
@@ -42,7 +42,9 @@ class Manner(NamedTuple):
 class CollocationEngine:
     """A plate in motion; nodes are numbered as on their lattice."""
 
-    def __init__(self, plate: Plate, ground: LatticeConstants, zone: Zone, drive: Drive, manner: Manner) -> None:
+    def __init__(
+        self, plate: CollocationPlate, ground: LatticeConstants, zone: CollocationZone, drive: Drive, manner: Manner
+    ) -> None:
         """`zone` is the initial zone; entries of `drive` refer to places."""
         self.plate, self.ground, self.zone, self.drive, self.manner = plate, ground, zone, drive, manner
         self.work = np.zeros(ground.at.places)  # J/m^3
@@ -115,7 +117,7 @@ class CollocationEngine:
         """Enlarge the arrays of broken bonds."""
         more = max(len(self.zone.breaks.step), int(np.count_nonzero(self.zone.flags)) * ROW * len(self.ground.ways))
         longer = (np.concatenate([column, np.zeros(more, dtype=np.int32)]) for column in self.zone.breaks)
-        self.zone = self.zone._replace(breaks=Breaks(*longer))
+        self.zone = self.zone._replace(breaks=BreakEvents(*longer))
 
     def _switch(self) -> None:
         """Refine where wanted: switch coarse nodes to fine ones."""
@@ -155,10 +157,10 @@ class CollocationEngine:
         """Places of active nodes."""
         return np.flatnonzero((self.zone.node == FINE) | (self.zone.node == COARSE))
 
-    def broken(self) -> Breaks:
+    def broken(self) -> BreakEvents:
         """Bonds broken so far."""
         count = self.zone.counts.broken_bonds
-        return Breaks(*(column[:count] for column in self.zone.breaks))
+        return BreakEvents(*(column[:count] for column in self.zone.breaks))
 
     def zone_summary(self) -> ZoneSummary:
         """Summary of the fine zone for the run's report."""
@@ -232,14 +234,14 @@ class CollocationEngine:
         for name, field in (("own_work", self.work), ("damped", self.zone.damped), ("spent", self.zone.spent)):
             field[places] = entry(checkpoint, name, places.shape, float)
 
-    def _kept_breaks(self, checkpoint: Kept) -> Breaks:
+    def _kept_breaks(self, checkpoint: Kept) -> BreakEvents:
         """Broken bonds of a checkpoint, checked to exist at the start and to have broken once.
 
         Raises CheckpointError.
         """
         ground, half = self.ground, len(self.ground.ways) // 2
         step = entry(checkpoint, "break_step", (None,), np.int32, 1)
-        breaks = Breaks(
+        breaks = BreakEvents(
             step,
             entry(checkpoint, "break_node", step.shape, np.int32, 0, ground.at.places - 1),
             entry(checkpoint, "break_spring", step.shape, np.int32, 0, half - 1),

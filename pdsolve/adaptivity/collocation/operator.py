@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from pdsolve.adaptivity.collocation.engine import CollocationEngine
 from pdsolve.adaptivity.collocation.layout import is_cut
-from pdsolve.adaptivity.collocation.zone import COARSE, FINE, Breaks
+from pdsolve.adaptivity.collocation.zone import COARSE, FINE, BreakEvents
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.adaptivity.hybrid.irregular_bonds import part_of
 from pdsolve.adaptivity.two_lattice_operator import Sums, TwoLatticeOperator
@@ -42,7 +42,7 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
         self.area = engine.area[self.places]
         self._switches = int(engine.zone.counts.switches)
         # as they are now: the bonds of the start are asked for while others march
-        self._cut, self._before = engine.zone.cut.copy(), Breaks(*(column.copy() for column in engine.broken()))
+        self._cut, self._before = engine.zone.cut.copy(), BreakEvents(*(column.copy() for column in engine.broken()))
 
     @cached_property
     def model(self) -> Model:

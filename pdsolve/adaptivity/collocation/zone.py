@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.adaptivity.collocation.layout import LatticeConstants, Layout, Plate, dilated, kinds_of
+from pdsolve.adaptivity.collocation.layout import CollocationPlate, LatticeConstants, Layout, dilated, kinds_of
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.pull import WIDE
 from pdsolve.codegen.record import Record
@@ -27,7 +27,7 @@ NONE, FINE, COARSE, BETWEEN = range(4)  # places: without a node; active ones; t
 EVENTS = 4096  # room for so many breaks at first
 
 
-class Breaks(NamedTuple):
+class BreakEvents(NamedTuple):
     """The b broken bonds, in arrays with room for more."""
 
     step: NDArray[np.int32]
@@ -52,7 +52,7 @@ class Counts(Record):
     switches: int  # how often nodes have become fine
 
 
-class Zone(NamedTuple):
+class CollocationZone(NamedTuple):
     """The variable arrays of a plate solved by collocation, for compiled code."""
 
     u: NDArray[np.float64]  # (2, places) m
@@ -74,7 +74,7 @@ class Zone(NamedTuple):
     hot: NDArray[np.bool_]  # (places,) coarse nodes around which fine ones are wanted
     totals: Totals
     counts: Counts
-    breaks: Breaks
+    breaks: BreakEvents
 
 
 def even(at: Layout) -> NDArray[np.bool_]:
@@ -95,7 +95,7 @@ def parents(at: Layout, places: NDArray[np.int64]) -> NDArray[np.int64]:
     )
 
 
-def eligible(ground: LatticeConstants, plate: Plate, margin: int) -> NDArray[np.bool_]:
+def eligible(ground: LatticeConstants, plate: CollocationPlate, margin: int) -> NDArray[np.bool_]:
     """Mask (places,) of coarse places that may be active.
 
     They are not beside a node with a condition, nor within `margin` spacings of one without a whole family. Bonds have
@@ -110,7 +110,7 @@ def eligible(ground: LatticeConstants, plate: Plate, margin: int) -> NDArray[np.
     return may_be_active
 
 
-def nodes_of(ground: LatticeConstants, plate: Plate, active: NDArray[np.bool_]) -> NDArray[np.uint8]:
+def nodes_of(ground: LatticeConstants, plate: CollocationPlate, active: NDArray[np.bool_]) -> NDArray[np.uint8]:
     """Kind of each place if these coarse nodes are active."""
     kinds = np.zeros(ground.at.places, dtype=np.uint8)
     around = active[parents(ground.at, plate.place)].all(axis=1)
@@ -118,7 +118,7 @@ def nodes_of(ground: LatticeConstants, plate: Plate, active: NDArray[np.bool_]) 
     return kinds
 
 
-def areas_of(ground: LatticeConstants, plate: Plate, node: NDArray[np.uint8]) -> NDArray[np.float64]:
+def areas_of(ground: LatticeConstants, plate: CollocationPlate, node: NDArray[np.uint8]) -> NDArray[np.float64]:
     """Areas (places,) of active nodes, m^2: their own plus those of fictitious nodes by their weights."""
     areas = np.zeros(ground.at.places)
     kind = node[plate.place]
@@ -128,13 +128,13 @@ def areas_of(ground: LatticeConstants, plate: Plate, node: NDArray[np.uint8]) ->
     return areas
 
 
-def begun(ground: LatticeConstants, plate: Plate, active: NDArray[np.bool_], band: float) -> Zone:
+def begun(ground: LatticeConstants, plate: CollocationPlate, active: NDArray[np.bool_], band: float) -> CollocationZone:
     """The initial zone at rest; nodes within a horizon of the seam are damped by `band`, 1/s."""
     places = ground.at.places
     nothing = np.zeros(0, dtype=np.int64)
     u, v, a, f = (aligned(np.zeros((2, places))) for _ in range(4))
     spent, damping, damped = np.zeros((3, places))
-    zone = Zone(
+    zone = CollocationZone(
         u=u,
         v=v,
         a=a,
@@ -154,12 +154,14 @@ def begun(ground: LatticeConstants, plate: Plate, active: NDArray[np.bool_], ban
         hot=np.zeros(places, dtype=np.bool_),
         totals=Totals.of(),
         counts=Counts.of(),
-        breaks=Breaks(*np.zeros((3, EVENTS), dtype=np.int32)),
+        breaks=BreakEvents(*np.zeros((3, EVENTS), dtype=np.int32)),
     )
     return renumbered(ground, plate, zone, active, band)
 
 
-def renumbered(ground: LatticeConstants, plate: Plate, zone: Zone, active: NDArray[np.bool_], band: float) -> Zone:
+def renumbered(
+    ground: LatticeConstants, plate: CollocationPlate, zone: CollocationZone, active: NDArray[np.bool_], band: float
+) -> CollocationZone:
     """The zone with these coarse nodes active; nodes within a horizon of the seam are damped by `band`, 1/s."""
     at, node = ground.at, nodes_of(ground, plate, active)
     fine = node == FINE
@@ -182,7 +184,7 @@ def renumbered(ground: LatticeConstants, plate: Plate, zone: Zone, active: NDArr
     )
 
 
-def spread(zone: Zone, at: Layout, places: NDArray[np.int64]) -> None:
+def spread(zone: CollocationZone, at: Layout, places: NDArray[np.int64]) -> None:
     """Interpolate the motion of nodes between coarse ones."""
     four = parents(at, places)
     for field in (zone.u, zone.v, zone.a):
@@ -190,7 +192,7 @@ def spread(zone: Zone, at: Layout, places: NDArray[np.int64]) -> None:
 
 
 def widened(
-    ground: LatticeConstants, plate: Plate, active: NDArray[np.bool_], hot: NDArray[np.bool_]
+    ground: LatticeConstants, plate: CollocationPlate, active: NDArray[np.bool_], hot: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
     """The coarse nodes that stay active when the neighbourhoods of the `hot` ones are refined."""
     at, stays_active = ground.at, active.copy()

@@ -58,7 +58,7 @@ class LatticeConstants(NamedTuple):
     cracks: NDArray[np.float64]  # (j, 4) segments in fine spacings
 
 
-class Nodes(NamedTuple):
+class LatticeNodes(NamedTuple):
     """Nodes of one lattice, and their rows of 16."""
 
     u: NDArray[np.float64]  # (2, 2, n) displacements now and one step on, in turn, m
@@ -82,7 +82,7 @@ class Nodes(NamedTuple):
     damped: NDArray[np.float64] | None  # (n,) J/m, taken from a node by damping so far
 
 
-class Pieces(NamedTuple):
+class ClippedPieces(NamedTuple):
     """The remaining pieces of clipped bonds, ordered by their owners."""
 
     owner: NDArray[np.int64]  # (p,)
@@ -128,7 +128,7 @@ class Entries(NamedTuple):
     part: NDArray[np.float64]  # (.,) of the entry's value that this node has
 
 
-class Breaks(NamedTuple):
+class BreakEvents(NamedTuple):
     """Broken directed bonds, in order."""
 
     step: NDArray[np.int32]
@@ -172,19 +172,19 @@ class Totals(Record):
     largest_e: float  # the largest of those so far
 
 
-class Zone(NamedTuple):
+class PlateZone(NamedTuple):
     """The variable arrays of a hybrid plate: cells, bonds, nodes, loads and books."""
 
     cells: NDArray[np.uint8]  # (c,)
     lost: NDArray[np.uint64]  # (n,) bonds that have broken, of the first half of the family. Never cleared
-    fine: Nodes
-    coarse: Nodes
-    far: Nodes  # 4 h apart
+    fine: LatticeNodes
+    coarse: LatticeNodes
+    far: LatticeNodes  # 4 h apart
     tied: Border  # coarse nodes on the border of cells of 4 h, which move with far ones
-    pieces: Pieces
-    spare: Pieces
+    pieces: ClippedPieces
+    spare: ClippedPieces
     border: Border
-    breaks: Breaks
+    breaks: BreakEvents
     spent: NDArray[np.float64]  # (n,) J/m, by the bonds of a fine node so far
     stirred: NDArray[np.bool_]  # (n,) fine nodes one of whose bonds has softened or broken
     stirs: NDArray[np.int64]  # (n,) those, in order
@@ -211,12 +211,12 @@ def nodes_of(
     varied: bool = False,
     swells: bool = False,
     damps: bool = False,
-) -> Nodes:
+) -> LatticeNodes:
     """Idle nodes of precision `kind`, with room for `entries` rows of stiffnesses, in memory that is taken as it is
     written."""
     rows = places // ROW
     zeros = partial(reserved, of=kind)
-    return Nodes(
+    return LatticeNodes(
         u=zeros(2, 2, places),
         v=zeros(2, places),
         f=zeros(2, places),
@@ -264,17 +264,17 @@ def zone_of(
     damps: bool = False,
     *,
     kind: Any = np.float64,
-) -> Zone:
+) -> PlateZone:
     """A plate with these cells (c,) and idle nodes of precision `kind`, with room for `rows` rows of fine nodes."""
     piece = ROW * rows * springs // 4
     nothing = Entries(np.zeros(0, Entry.fields()), np.zeros((0, 2), np.int64), np.zeros(0))
 
-    def pieces() -> Pieces:
+    def pieces() -> ClippedPieces:
         ends = np.zeros((piece, 4), np.int64)
-        return Pieces(np.zeros(piece, np.int64), ends, np.zeros((piece, 8)), np.zeros((piece, 2)))
+        return ClippedPieces(np.zeros(piece, np.int64), ends, np.zeros((piece, 8)), np.zeros((piece, 2)))
 
     events, nodes = ROW * rows * springs, ROW * rows
-    return Zone(
+    return PlateZone(
         cells=cells,
         lost=reserved(at.places, of=np.uint64),
         fine=nodes_of(at.places, springs, rows, kind, varied, swells, damps),
@@ -284,7 +284,7 @@ def zone_of(
         pieces=pieces(),
         spare=pieces(),
         border=border_of(nodes),
-        breaks=Breaks(np.zeros(events, np.int32), np.zeros(events, np.int64), np.zeros(events, np.int32)),
+        breaks=BreakEvents(np.zeros(events, np.int32), np.zeros(events, np.int64), np.zeros(events, np.int32)),
         spent=reserved(at.places),
         stirred=reserved(at.places, of=np.bool_),
         stirs=reserved(at.places, of=np.int64),
@@ -304,7 +304,7 @@ def zone_of(
     )
 
 
-def grown(zone: Zone) -> Zone:
+def grown(zone: PlateZone) -> PlateZone:
     """The zone in arrays with room for twice as many entries."""
     fine, counts = zone.fine, zone.counts
 
@@ -321,8 +321,8 @@ def grown(zone: Zone) -> Zone:
             masks=twice(fine.masks, rows),
             masked=twice(fine.masked, rows),
         ),
-        pieces=Pieces(*(twice(array, counts.pieces) for array in zone.pieces)),
-        spare=Pieces(*(twice(array, 0) for array in zone.spare)),
+        pieces=ClippedPieces(*(twice(array, counts.pieces) for array in zone.pieces)),
+        spare=ClippedPieces(*(twice(array, 0) for array in zone.spare)),
         border=Border(*(twice(array, counts.border_nodes) for array in zone.border)),
-        breaks=Breaks(*(twice(array, counts.broken_bonds) for array in zone.breaks)),
+        breaks=BreakEvents(*(twice(array, counts.broken_bonds) for array in zone.breaks)),
     )

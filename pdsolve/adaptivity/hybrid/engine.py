@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid import arrays
-from pdsolve.adaptivity.hybrid.arrays import HOLD_COLUMNS, STORED, LatticeConstants, Nodes, Zone
+from pdsolve.adaptivity.hybrid.arrays import HOLD_COLUMNS, STORED, LatticeConstants, LatticeNodes, PlateZone
 from pdsolve.adaptivity.hybrid.clipped_bonds import stretch_of
-from pdsolve.adaptivity.hybrid.coarse_cells import Plate, squares_in_cells
+from pdsolve.adaptivity.hybrid.coarse_cells import HybridPlate, squares_in_cells
 from pdsolve.adaptivity.hybrid.energy import held
 from pdsolve.adaptivity.hybrid.lattice import BELOW, BELOW_COARSE, COARSE, FAR, FINE, FREE, IDLE, LEFT
 from pdsolve.adaptivity.hybrid.march import CLIP, DONE, march
@@ -39,7 +39,7 @@ class ZoneSummary(NamedTuple):
 
 
 class Strains(NamedTuple):
-    """Minus half the strains of free nodes, as `Nodes.shrink` has them."""
+    """Minus half the strains of free nodes, as `LatticeNodes.shrink` has them."""
 
     fine: NDArray[np.float64]
     coarse: NDArray[np.float64]
@@ -48,7 +48,7 @@ class Strains(NamedTuple):
 class Hybrid:
     """A plate in motion; nodes are numbered as on their lattices."""
 
-    def __init__(self, plate: Plate, ground: LatticeConstants, zone: Zone, drive: Drive) -> None:
+    def __init__(self, plate: HybridPlate, ground: LatticeConstants, zone: PlateZone, drive: Drive) -> None:
         """Cells of `zone` are those of the start."""
         self.plate, self.ground, self.zone, self.drive, self.now = plate, ground, zone, drive, 0
         self._squares = squares_in_cells(plate)
@@ -122,7 +122,7 @@ class Hybrid:
             self._damp(*slowing)
 
     def _damp(self, fine: NDArray[np.float64] | None, coarse: NDArray[np.float64] | None) -> None:
-        """Damp the nodes so from now on; see `Nodes.damping`."""
+        """Damp the nodes so from now on; see `LatticeNodes.damping`."""
         zone = self.zone
         self.zone = zone._replace(fine=zone.fine._replace(damping=fine), coarse=zone.coarse._replace(damping=coarse))
 
@@ -201,10 +201,10 @@ class Hybrid:
         """Fine places (n,) of all nodes of the grid."""
         return self.plate.place
 
-    def broken(self) -> arrays.Breaks:
+    def broken(self) -> arrays.BreakEvents:
         """Bonds broken so far."""
         (step, node, spring), count = self.zone.breaks, self.zone.counts.broken_bonds
-        return arrays.Breaks(step[:count], node[:count], spring[:count])
+        return arrays.BreakEvents(step[:count], node[:count], spring[:count])
 
     def spenders(self) -> NDArray[np.int64]:
         """Fine places (k,) at which a bond has broken or softened, in order."""
@@ -219,14 +219,14 @@ class Hybrid:
         largest, limit = _stretch(zone.totals.largest_e), _stretch(self.ground.least[0])
         return ZoneSummary(float(zone.totals.refinement), float(fine), float(largest / limit))
 
-    def _lattices(self) -> Iterator[tuple[str, Nodes, NDArray[np.int64]]]:
+    def _lattices(self) -> Iterator[tuple[str, LatticeNodes, NDArray[np.int64]]]:
         """Name and nodes of all lattices, and their rows with a node that is not idle."""
         zone = self.zone
         yield "fine", zone.fine, zone.fine.rows[: zone.counts.fine_rows]
         yield "coarse", zone.coarse, zone.coarse.rows[: zone.counts.coarse_rows]
         yield "far", zone.far, zone.far.rows[: zone.counts.far_rows]
 
-    def active(self, nodes: Nodes, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+    def active(self, nodes: LatticeNodes, rows: NDArray[np.int64]) -> NDArray[np.int64]:
         """Places of the free nodes in these rows of a lattice."""
         places = (rows[:, None] * ROW + np.arange(ROW)).ravel()
         return np.asarray(places[nodes.kind[places] == FREE])
@@ -334,7 +334,7 @@ class Hybrid:
         if not ((cells == start) | may).all():
             raise CheckpointError("cells are not those of the start; coarse ones may only become fine")
 
-    def _kept_breaks(self, checkpoint: Kept) -> arrays.Breaks:
+    def _kept_breaks(self, checkpoint: Kept) -> arrays.BreakEvents:
         """Broken bonds of a checkpoint, checked to exist at the start and to have broken once in each direction."""
         ground, plate = self.ground, self.plate
         step = entry(checkpoint, "break_step", (None,), np.int32, 1)
@@ -347,7 +347,7 @@ class Hybrid:
         intact = are_intact(ground.nodes, self.zone.lost, owner, spring % half)
         if not (inside & intact).all() or len(np.unique(node * 2 * half + spring)) < len(node):
             raise CheckpointError("a broken bond is none of the plate, or there twice")
-        return arrays.Breaks(step, node, spring)
+        return arrays.BreakEvents(step, node, spring)
 
     def _put_numbers(self, checkpoint: Kept, node: NDArray[np.int64], spring: NDArray[np.int32]) -> None:
         """Restore the counts of a checkpoint with these broken bonds, and the nodes with softened or broken bonds."""
@@ -378,18 +378,18 @@ class Hybrid:
         return sum(array.nbytes for part in lattices for array in part if array is not None)
 
 
-def _hold_columns(zone: Zone) -> NDArray[np.float64]:
+def _hold_columns(zone: PlateZone) -> NDArray[np.float64]:
     """Values, velocities and forces (e, 4) of all held components, as checkpoints have them."""
     return np.column_stack([zone.holds.of[name] for name in HOLD_COLUMNS])
 
 
-def _put_holds(checkpoint: Kept, zone: Zone) -> None:
+def _put_holds(checkpoint: Kept, zone: PlateZone) -> None:
     """Restore values, velocities and forces of all held components."""
     for name, column in zip(HOLD_COLUMNS, like(checkpoint, "holds", _hold_columns(zone)).T, strict=True):
         zone.holds.of[name] = column
 
 
-def _put_damped(checkpoint: Kept, zone: Zone) -> None:
+def _put_damped(checkpoint: Kept, zone: PlateZone) -> None:
     """Restore the energies that damping has taken from nodes."""
     for name, damped in (("fine", zone.fine.damped), ("coarse", zone.coarse.damped)):
         if damped is not None:

@@ -11,7 +11,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.arrays import LatticeConstants
-from pdsolve.adaptivity.hybrid.coarse_cells import Plate
+from pdsolve.adaptivity.hybrid.coarse_cells import HybridPlate
 from pdsolve.adaptivity.hybrid.energy import green_held, kinetic, strain_e
 from pdsolve.adaptivity.hybrid.far_nodes import bilinear_of_far, far_around, set_far
 from pdsolve.adaptivity.hybrid.lattice import (
@@ -46,7 +46,7 @@ NEAR = 12  # likewise where cells become fine or far springs are stretched
 
 
 def far_cells(
-    plate: Plate, ground: LatticeConstants, cells: NDArray[np.uint8], driven: NDArray[np.int64]
+    plate: HybridPlate, ground: LatticeConstants, cells: NDArray[np.uint8], driven: NDArray[np.int64]
 ) -> NDArray[np.uint8]:
     """The cells (c,) with far ones away from outlines, cracks, fine cells and the `driven` places of fine nodes.
 

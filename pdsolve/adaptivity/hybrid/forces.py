@@ -35,7 +35,7 @@ from pdsolve.conditions import factor_at
 from pdsolve.numerics.thread_team import meet, wait
 from pdsolve.operators.simd_lattice.kernel import INNER, displaced
 
-# Places in `Zone.turns`, in memory of its own each: how many parts of a job have been handed out to threads.
+# Places in `PlateZone.turns`, in memory of its own each: how many parts of a job have been handed out to threads.
 SUM = 0  # forces on fine rows
 BROKEN = 8  # fine rows with a bond that is to break
 MOVE = 16  # motion of fine rows

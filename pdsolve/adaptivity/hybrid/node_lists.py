@@ -58,7 +58,7 @@ def list_bonds(kind, entry, own, coarse_entry, coarse_own, lost, ways, same, lis
     """Set the mask (k, family) of past and present bonds of fine nodes to nodes that exist, and the bits (q, 1) of the
     springs of coarse nodes, without those that are fine bonds too: `same` (8,) says which, -1: none.
 
-    The first five are columns of the `Nodes` of both lattices.
+    The first five are columns of the `LatticeNodes` of both lattices.
     """
     fine, coarse, at_fine, at_coarse = lists
     half = len(ways) // 2

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.adaptivity.hybrid.arrays import Nodes
+from pdsolve.adaptivity.hybrid.arrays import LatticeNodes
 from pdsolve.adaptivity.hybrid.engine import Hybrid, ZoneSummary
 from pdsolve.adaptivity.hybrid.irregular_bonds import part_of
 from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, BELOW_COARSE, COARSE, FAR, IDLE, LEFT
@@ -376,7 +376,7 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         return Broken(*(column[new] for column in broken))
 
 
-def _present(nodes: Nodes, rows: int) -> NDArray[np.int64]:
+def _present(nodes: LatticeNodes, rows: int) -> NDArray[np.int64]:
     """Places of the nodes that are not idle, from the first `rows` rows."""
     places = (nodes.rows[:rows, None] * ROW + np.arange(ROW)).ravel()
     return np.asarray(places[nodes.kind[places] != IDLE])

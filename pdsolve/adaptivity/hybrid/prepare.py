@@ -12,7 +12,7 @@ from pdmesh.model.document import Concentration, Exchange, InitialVelocity, Sour
 from pdsolve import conditions
 from pdsolve.adaptivity.hybrid.alike_rows import node_rows
 from pdsolve.adaptivity.hybrid.arrays import Entries, Entry, LatticeConstants, zone_of
-from pdsolve.adaptivity.hybrid.coarse_cells import CellAreas, Plate, cells_of, plate_of
+from pdsolve.adaptivity.hybrid.coarse_cells import CellAreas, HybridPlate, cells_of, plate_of
 from pdsolve.adaptivity.hybrid.engine import Hybrid
 from pdsolve.adaptivity.hybrid.far_cells import far_cells
 from pdsolve.adaptivity.hybrid.irregular_bonds import Irregular, irregular
@@ -81,7 +81,7 @@ def steep_rows(model: Model) -> NDArray[np.int64]:
 
 
 def ground_of(
-    plate: Plate,
+    plate: HybridPlate,
     springs: tuple[Springs, ...],
     irregular_bonds: Irregular,
     dt: float,
@@ -135,7 +135,7 @@ def ground_of(
     )
 
 
-def _cells(plate: Plate, springs: tuple[Springs, ...]) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+def _cells(plate: HybridPlate, springs: tuple[Springs, ...]) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
     """k1, k2 and a quarter of the mass (3, m) of coarse cells, and which of these each cell (c,) has.
 
     They are means of the cell's nodes, weighted by their areas in it.
@@ -159,7 +159,7 @@ def _cells(plate: Plate, springs: tuple[Springs, ...]) -> tuple[NDArray[np.float
     return np.ascontiguousarray(cells.T), around.ravel()
 
 
-def _resistance(plate: Plate, springs: tuple[Springs, ...], irregular_bonds: Irregular) -> NDArray[np.float64]:
+def _resistance(plate: HybridPlate, springs: tuple[Springs, ...], irregular_bonds: Irregular) -> NDArray[np.float64]:
     """A bound of stiffness over density, 1/s^2, over nodes at edges and nodes of a full lattice."""
     model = plate.model
     rho, every = np.array([material.rho for material in model.materials]), [len(model.grid)]
@@ -180,7 +180,7 @@ def _resistance(plate: Plate, springs: tuple[Springs, ...], irregular_bonds: Irr
     return np.concatenate([inside, irregular_bonds.stiffness_bound[irregular_bonds.which] / rho[irregular_materials]])
 
 
-def _entries(plate: Plate, driven: conditions.Entries, most: int) -> Entries:
+def _entries(plate: HybridPlate, driven: conditions.Entries, most: int) -> Entries:
     """Entries with room for at most `most` nodes each."""
     entries, room = np.zeros(len(driven.node), Entry.fields()), most * len(driven.node)
     entries["place"], entries["axis"] = plate.places_of(driven.node), driven.axis

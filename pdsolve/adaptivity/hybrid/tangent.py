@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array, diags_array, eye_array, kron, vstack
 
-from pdsolve.adaptivity.hybrid.arrays import Nodes
+from pdsolve.adaptivity.hybrid.arrays import LatticeNodes
 from pdsolve.adaptivity.hybrid.engine import Hybrid
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.operators.tangent import of_green_springs, of_springs
 
-XI, STIFFNESS = slice(2, 4), 5  # of `Pieces.value`
+XI, STIFFNESS = slice(2, 4), 5  # of `ClippedPieces.value`
 
 
 class Points(NamedTuple):
@@ -126,7 +126,7 @@ def _forces(hybrid: Hybrid, points: Points, value: NDArray[np.float64]) -> csr_a
 
 
 def _springs(
-    nodes: Nodes, places: NDArray[np.int64], table: NDArray[np.float64]
+    nodes: LatticeNodes, places: NDArray[np.int64], table: NDArray[np.float64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
     """Springs of the nodes of a lattice: index of each one's place, index in the `table`, and stiffness, N/m^2."""
     entry = nodes.entry[places // ROW].astype(np.int64)

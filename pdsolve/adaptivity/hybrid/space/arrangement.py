@@ -18,7 +18,7 @@ from pdsolve.adaptivity.hybrid.space.box import (
     COARSE,
     FREE,
     VOID,
-    Box,
+    CellBox,
     cell_place,
     fine_at,
     fine_site,
@@ -41,7 +41,7 @@ ENDS = 4  # coarse nodes that an end moves with, at most
 class Fine(NamedTuple):
     """The constant arrays of the fine lattice of a whole body."""
 
-    box: Box
+    box: CellBox
     tiles: Tiles  # with all bonds that are intact, those in coarse cells too
     divisions: Divisions  # of the upper half of the offsets
     reach: int  # spacings, along an axis
@@ -51,7 +51,7 @@ class Fine(NamedTuple):
     xi: NDArray[np.float64]  # (g, 4) xi, m, from the near end to the far one, and 1 / |xi|^2
 
 
-class Pieces(NamedTuple):
+class ClippedPieces(NamedTuple):
     """The p pieces of clipped bonds, in the order of their near ends, then of their owners."""
 
     owner: NDArray[np.int32]  # (p,) site of the bond's lower node
@@ -62,16 +62,16 @@ class Pieces(NamedTuple):
     breaks: NDArray[np.float64]  # (p,) least e at which bonds break over that of its own; 0 if it never breaks
 
 
-def pieces_of(count: int) -> Pieces:
+def pieces_of(count: int) -> ClippedPieces:
     """Room for so many pieces."""
     owner, kind = np.empty((2, count), np.int32)
-    return Pieces(owner, kind, *np.empty((2, count), np.int64), *np.empty((2, count)))
+    return ClippedPieces(owner, kind, *np.empty((2, count), np.int64), *np.empty((2, count)))
 
 
-def first_of(pieces: Pieces, count: int) -> Pieces:
+def first_of(pieces: ClippedPieces, count: int) -> ClippedPieces:
     """So many of the first ones."""
     columns: list[Any] = [column[:count] for column in pieces]
-    return Pieces(*columns)
+    return ClippedPieces(*columns)
 
 
 class Points(NamedTuple):
@@ -428,8 +428,8 @@ def list_bonds(sites, row, offsets, bits, target):  # type: ignore[no-untyped-de
 __all__ = [
     "BORDER",
     "ENDS",
+    "ClippedPieces",
     "Fine",
-    "Pieces",
     "Points",
     "arrange",
     "at_place",
