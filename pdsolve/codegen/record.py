@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 KINDS = {"int": np.int64, "float": np.float64}
+_Base: Any = np.record  # its stubs say that nobody inherits from what it inherits from
 
 
-class Record(np.record):
+class Record(_Base):
     """A struct of numbers, in Python as in compiled code; the annotations of a subclass, int or float, are its fields.
 
     No field may have the name of an attribute of NumPy's arrays, such as `sum`, which would hide it.

@@ -135,7 +135,7 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
     settings = counted(model, step).settings
     advise(model, np.flatnonzero(count == 0), scheme.partial_cells, scheme.symmetric)
     options = options._replace(threads=1) if moves else options
-    plan = estimate_size(settings, options, len(model.grid), int(count.sum()), step, bound, in_blocks)
+    plan = estimate_size(settings, options, len(model.grid), int(count.sum()), (step, bound), in_blocks)
     if splits:
         plan = plan._replace(most=most, memory=plan.memory + round((SPLITTING - LISTED) * plan.bonds))
     if in_blocks and model.grid.dimension == 3 and not plan.at_rest:
@@ -182,9 +182,9 @@ def _diffusing(model: Model, options: Options) -> Plan:
 
 
 def estimate_size(
-    settings: Settings, options: Options, nodes: int, bonds: int, step: float, bound: float, in_blocks: bool = True
+    settings: Settings, options: Options, nodes: int, bonds: int, steps: tuple[float, float], in_blocks: bool = True
 ) -> Plan:
-    """Cost of solving so many nodes and bonds; `step`, s, is the run's and `bound` the surely stable one."""
+    """Cost of solving so many nodes and bonds; `steps`, s, are the run's step and the surely stable one."""
     run = settings.run
     rest, load_step = resting(run, nodes, bonds)
     if run.solver == "static":
@@ -192,7 +192,7 @@ def estimate_size(
             rest = REST + DEAD * (rest - REST)
         tires = run.fatigue is not None
         seconds = slower() * (BEGIN + run.steps * (JUMPED if tires else 1) * load_step)
-        return Plan(nodes, bonds, run.steps, step, bound, round(rest), seconds, at_rest=True, in_jumps=tires)
+        return Plan(nodes, bonds, run.steps, *steps, round(rest), seconds, at_rest=True, in_jumps=tires)
     least, bytes_per_node = MEMORY[options.mode]
     memory = least + bytes_per_node * nodes + (0 if in_blocks else LISTED * bonds)
     threads = threads_of(options, nodes, in_blocks)
@@ -207,7 +207,7 @@ def estimate_size(
     if run.start == "static":
         memory, seconds = max(memory, rest), seconds + load_step
     seconds = slower() * (seconds + BEGIN + BEGIN_NODE * nodes)
-    return Plan(nodes, bonds, run.steps, step, bound, round(memory), seconds, in_blocks=in_blocks)
+    return Plan(nodes, bonds, run.steps, *steps, round(memory), seconds, in_blocks=in_blocks)
 
 
 def resting(run: Run, nodes: int, bonds: int) -> tuple[float, float]:

@@ -101,7 +101,7 @@ class Border(NamedTuple):
 
     def first(self, count: int) -> Border:
         """The first `count` of these nodes."""
-        return Border(*(column[:count] for column in self))
+        return Border(self.node[:count], self.end[:count], self.w[:count], self.off[:count])
 
 
 class Entry(Record):
