@@ -219,7 +219,7 @@ def drive(
         if isinstance(condition, RigidBody | Spring | Pin):  # operators have their forces
             continue
         if isinstance(condition, Load):
-            values = _body_force(condition, rows, model, (areas, total), exact_total)
+            values = _body_force(condition, rows, model, areas, total, exact_total)
             loads.append(entries(np.repeat(rows, d), np.tile(np.arange(d), len(rows)), values.ravel(), number))
             continue
         for axis, value in enumerate(components(condition, d)):
@@ -330,11 +330,11 @@ def _body_force(
     load: Load,
     rows: NDArray[np.int64],
     model: Model,
-    sizes: tuple[Areas, Callable[[NDArray[np.float64]], float]],
+    areas: Areas,
+    total: Callable[[NDArray[np.float64]], float],
     exact_total: bool,
 ) -> NDArray[np.float64]:
-    """Body force (rows, d), N/m^3, of a load at factor 1; `sizes` are the nodes' areas and what adds them up."""
-    areas, total = sizes
+    """Body force (rows, d), N/m^3, of a load at factor 1; `total` adds up areas."""
     if load.body_force is not None:
         return model.vectors(load.body_force, rows)
     if load.force is not None:

@@ -14,7 +14,7 @@ from plates import plate, square_grid
 
 from pdmesh.model.document import Material, Region, Run, Velocity
 from pdmesh.model.node_grid import Grid
-from pdsolve.adaptivity.hybrid.arrays import PIECES, TIED, LatticeConstants, Zone
+from pdsolve.adaptivity.hybrid.arrays import LatticeConstants, PlateZone
 from pdsolve.adaptivity.hybrid.engine import Hybrid
 from pdsolve.adaptivity.hybrid.lattice import COARSE, FAR, FINE, FREE, VOID, coarse_place, far_place, fine_place
 from pdsolve.adaptivity.hybrid.prepare import hybrid_of
@@ -44,7 +44,7 @@ class Zoned(NamedTuple):
         return self.hybrid.ground
 
     @property
-    def zone(self) -> Zone:
+    def zone(self) -> PlateZone:
         """What changes."""
         return self.hybrid.zone
 
@@ -70,7 +70,7 @@ class Zoned(NamedTuple):
                 nodes.u[0][:, places] = displacement(*position.T)
             if velocity is not None:
                 nodes.v[:, places] = velocity(*position.T)
-        node, end, w, _ = (column[: self.zone.number[TIED]] for column in self.zone.tied)
+        node, end, w, _ = (column[: self.zone.counts.tied_nodes] for column in self.zone.tied)
         u = self.zone.far.u[0]
         self.zone.coarse.u[0][:, node] = (1 - w) * u[:, end[:, 0]] + w * u[:, end[:, 1]]
         self.march(1, 1)
@@ -105,7 +105,7 @@ class Zoned(NamedTuple):
     @property
     def pieces(self) -> int:
         """How many pieces of clipped bonds there are."""
-        return int(self.zone.number[PIECES])
+        return int(self.zone.counts.pieces)
 
 
 def rectangle(columns: int, rows: int, delta: float, cracks: Any = ()) -> Grid:

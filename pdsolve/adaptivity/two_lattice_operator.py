@@ -29,7 +29,7 @@ class Sums(NamedTuple):
     broken: int  # directed bonds, so far
 
 
-class Nodes(Protocol):
+class TwoLatticeEngine(Protocol):
     """The fine and coarse nodes."""
 
     def march(self, first: int, last: int) -> None:
@@ -48,7 +48,7 @@ class Nodes(Protocol):
         """The memory of the nodes' arrays, bytes."""
 
 
-N = TypeVar("N", bound=Nodes)
+N = TypeVar("N", bound=TwoLatticeEngine)
 
 
 class TwoLatticeOperator(ABC, Generic[N]):

@@ -8,6 +8,7 @@ clipped_pieces    the forces of clipped bonds in space
 pull              polynomials for the force of a bond
 fused             a product and a sum in one rounding
 atomics           counters that threads share
+record            structs of numbers that compiled code reads and writes
 inner_functions   functions that only compiled code calls
 jit_cache         kernels stored on disk
 kernel_sources    what a stored kernel was compiled from

@@ -59,10 +59,10 @@ class Collocated:
         every = np.concatenate([far, self._inner.at])
         self._outer = _linear(_lacking(near, 2 * steps, every), every, self._model)
         fines = np.concatenate([near, self._outer.at]) / 2
-        self._bonds = _lattice((fines, len(near)), spacing, steps, conductance, threads)
+        self._bonds = _lattice(fines, len(near), spacing, steps, conductance, threads)
         pulls = stencil.xi[(stencil.xi != 0).any(axis=1)], stencil.theta[(stencil.xi != 0).any(axis=1), 0, 0]
         pulls = pulls[0], pulls[1] / (2 * spacing) ** 2 / (2 * spacing) ** families.dimension
-        self._stencils = _lattice((every / 4, len(far)), 2 * spacing, *pulls, threads)
+        self._stencils = _lattice(every / 4, len(far), 2 * spacing, *pulls, threads)
         self._pulls, self._keys, self._places = pulls, _Keys(far), np.zeros((len(volume), far.shape[1]), dtype=np.int64)
         self._places[coarse] = far
         self._far = np.isin(np.arange(len(volume)), coarse)
@@ -276,14 +276,14 @@ def _matrix(rows: NDArray[np.int64], weights: NDArray[np.float64], nodes: int) -
 
 
 def _lattice(
-    nodes: tuple[NDArray[np.float64], int],
+    places: NDArray[np.float64],
+    real: int,
     spacing: float,
     steps: NDArray[np.int64],
     conductance: NDArray[np.float64],
     threads: int,
 ) -> OnLattice:
-    """Exchange on a lattice of `nodes`: places (n, d), in units of spacing, m, and the number of real ones."""
-    places, real = nodes
+    """Exchange on a lattice of nodes at `places` (n, d), in units of spacing, m, the first `real` of which are real."""
     box: Box | None = box_of(places * spacing, spacing, int(np.abs(steps).max()), real)
     assert box is not None
     volume = np.full(len(places), spacing ** places.shape[1])

@@ -43,7 +43,8 @@ class Swelling:
 
     def __init__(
         self,
-        content: tuple[Stepper, State],
+        content: Stepper,
+        content_state: State,
         motion: Stepper,
         bonds: Swollen,
         model: Model,
@@ -51,13 +52,13 @@ class Swelling:
         broken: BrokenBonds | None = None,
         free: NDArray[np.bool_] | None = None,
     ) -> None:
-        """`content` is its stepper, whose steps are `cycle` of the motion long, and its state.
+        """`content` takes steps that are `cycle` of the motion long.
 
         `model` has the materials, each with alpha and T0. `broken` bonds conduct less; None: all conduct alike.
         `free` (n,) are the nodes whose content is not prescribed; None: all.
         """
         self._broken, self._free = broken, np.ones(len(model.grid), dtype=np.bool_) if free is None else free
-        self._content, self._h = content
+        self._content, self._h = content, content_state
         self.motion, self.cycle, self._bonds = motion, cycle, bonds
         self._alpha, self._T0 = coefficients(model)
         medium = model.settings.medium

@@ -26,7 +26,7 @@ from pdsolve.laws.bond_arrays import AnyList, left
 from pdsolve.laws.correspondence import ENERGY, STRESS, STRETCH
 from pdsolve.laws.largest_principal_stress import principal
 from pdsolve.laws.law import INLINE, Again, Failure, Law, Passes
-from pdsolve.laws.materials.solid import Solid, holds, respond
+from pdsolve.laws.materials.solid import SolidColumns, holds, respond
 from pdsolve.model import Model
 
 STIFFENS = 1.8  # largest eigenvalue of torn families over that of the start
@@ -40,7 +40,7 @@ class Columns(NamedTuple):
     weight: NDArray[np.floating]  # (b,) w, m^d
     limit: NDArray[np.floating]  # (b,)
     broken: NDArray[np.int32]  # (b,) step in which it did, 0 while intact
-    solid: Solid
+    solid: SolidColumns
     failure: int
     least: float  # the least limit of all
     horizon: NDArray[np.float64]  # (n,) m

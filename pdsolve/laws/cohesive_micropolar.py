@@ -45,15 +45,15 @@ class Columns(NamedTuple):
     broken: NDArray[np.int32]  # (b,) step in which the bond broke, 0 while intact
 
 
-class Linear(Columns):
+class LinearColumns(Columns):
     """Columns of bonds that soften along a line."""
 
 
-class Bilinear(Columns):
+class BilinearColumns(Columns):
     """Columns of bonds that soften along two lines."""
 
 
-class Exponential(Columns):
+class ExponentialColumns(Columns):
     """Columns of bonds that soften exponentially."""
 
 
@@ -157,7 +157,7 @@ def _law(kind: type[Any], shape: str) -> Law:
 
 
 LAWS: dict[str, Law] = {  # by `Material.shape`
-    "linear": _law(Linear, "linear"),
-    "bilinear": _law(Bilinear, "bilinear"),
-    "exponential": _law(Exponential, "exponential"),
+    "linear": _law(LinearColumns, "linear"),
+    "bilinear": _law(BilinearColumns, "bilinear"),
+    "exponential": _law(ExponentialColumns, "exponential"),
 }

@@ -44,7 +44,7 @@ from pdsolve.laws.materials.solid import (
     J2,
     LINEAR,
     SVK,
-    Solid,
+    SolidColumns,
     dissipated,
     elastic,
     holds,
@@ -74,7 +74,7 @@ class Columns(NamedTuple):
     weight: NDArray[np.floating]  # (b,) w, m^d
     limit: NDArray[np.floating]  # (b,) of the stretch, the energy or the stress, at which the bond fails
     broken: NDArray[np.int32]  # (b,) step in which it did, 0 while intact
-    solid: Solid
+    solid: SolidColumns
     history: NDArray[np.floating]  # that of the solid
     failure: int
     least: float  # the least limit of all
@@ -205,7 +205,7 @@ def fields(law: Columns, value: NDArray[np.floating], m: NDArray[np.floating]) -
     return shown(law.d, law.solid, m, law.d * law.d)
 
 
-def shown(d: int, solid: Solid, m: NDArray[np.floating], at: int) -> dict[str, NDArray[np.float64]]:
+def shown(d: int, solid: SolidColumns, m: NDArray[np.floating], at: int) -> dict[str, NDArray[np.float64]]:
     """Fields (n,) of nodes with gradients in m from `at` on: stress, rotation in the plane, J, alpha."""
     H, rest = m[:, at : at + d * d].astype(float), m[:, at + d * d :].astype(float)
     field_columns = {"sxx": rest[:, 0], "syy": rest[:, 1], "sxy": rest[:, 3], "szz": rest[:, 2]}

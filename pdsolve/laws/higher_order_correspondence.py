@@ -29,7 +29,7 @@ from pdsolve.laws.bond_arrays import AnyList, list_of
 from pdsolve.laws.correspondence import BESIDE, FAILURES, NEVER, POWER, ROUND, STRESS, STRETCH
 from pdsolve.laws.largest_principal_stress import principal
 from pdsolve.laws.law import INLINE, INNER, Failure, Law, NodeMemory, Passes
-from pdsolve.laws.materials.solid import Solid, solid_of
+from pdsolve.laws.materials.solid import SolidColumns, solid_of
 from pdsolve.model import Model, ModelError
 
 CARRIED = 1e-5  # of the largest diagonal entry of R: with less, a family does not tell a monomial from others
@@ -48,7 +48,7 @@ class Columns(NamedTuple):
     itself: NDArray[np.floating]  # (n,) sqrt(w) of the node itself, 0 without the constant term
     limit: NDArray[np.floating]  # (b,)
     broken: NDArray[np.int32]  # (b,) step in which it did, 0 while intact
-    solid: Solid
+    solid: SolidColumns
     history: NDArray[np.floating]
     horizon: NDArray[np.float64]  # (n,) m
     failure: int

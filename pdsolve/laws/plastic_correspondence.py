@@ -26,7 +26,7 @@ from pdsolve.laws import correspondence
 from pdsolve.laws.bond_arrays import AnyList, deformed, left, reference
 from pdsolve.laws.correspondence import failing, held_by, lifted, remembered
 from pdsolve.laws.law import INNER, Failure, Law, NodeMemory, Sums
-from pdsolve.laws.materials.solid import NEO_HOOKE, SVK, Solid, respond
+from pdsolve.laws.materials.solid import NEO_HOOKE, SVK, SolidColumns, respond
 from pdsolve.laws.materials.tensors import (
     contracted,
     det,
@@ -65,7 +65,7 @@ class Columns(NamedTuple):
     back: NDArray[np.int64]  # (b,) the bond the other way
     limit: NDArray[np.floating]  # (b,) of the stretch, the energy or the stress, at which the bond fails
     broken: NDArray[np.int32]  # (b,) step in which it did, 0 while intact
-    solid: Solid
+    solid: SolidColumns
     history: NDArray[np.floating]  # that of the solid
     failure: int
     least: float  # the least limit of all

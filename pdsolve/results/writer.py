@@ -163,7 +163,7 @@ class Writer:
             if frame.fields is not None:
                 self._append("frame", [(frame.step, frame.time, " ".join(frame.fields))])
                 for name, values in frame.fields.items():
-                    self._write_field((frame.step, name, frame.first // CHUNK), values, frame.rows)
+                    self._write_field(frame.step, name, frame.first // CHUNK, values, frame.rows)
             self._append("bond_break", records("bond_break", frame.breaks))
             self._append("history", frame.ledger)
             self._append("mass", frame.masses)
@@ -313,13 +313,17 @@ class Writer:
         self._append("epoch", [(epoch.step, epoch.nodes, epoch.bonds)])
 
     def _write_field(
-        self, key: tuple[int, str, int], values: NDArray[np.floating] | Column, rows: NDArray[np.int64] | None
+        self,
+        step: int,
+        name: str,
+        first: int,
+        values: NDArray[np.floating] | Column,
+        rows: NDArray[np.int64] | None,
     ) -> None:
         """Write the values (n,) of the nodes `rows`, NaN for others in a chunk; chunks without values are left out.
 
-        `key` is step, name and the number of the first chunk.
+        `first` is the number of the first chunk.
         """
-        step, name, first = key
         if isinstance(values, Column):
             for chunk, part in enumerate(_in_chunks(values.pieces), first):
                 self._append("field_chunk", [(step, name, chunk, part.data)])

@@ -61,7 +61,7 @@ def system_of(model: Model, options: Options, scheme: Scheme) -> Prepared:
     bonds, filled = operator_of(model, options, scheme, filling, model.settings.run.cracks == "particles")
     operator, touching = touched(model, filled.area, held_by_ground(model, filled.area, bonds))
     bound = stable_step(model, operator)
-    prepared = assembled(model, options, scheme, operator, filled, (step_of(model, bound), bound))
+    prepared = assembled(model, options, scheme, operator, filled, step_of(model, bound), bound)
     if touching is not None:
         touching.rigid.start(prepared.state, prepared.system.drive, prepared.system.time_step)
     growth = growth_of(model, bonds, filling, prepared.system.drive, prepared.system.time_step)
@@ -74,16 +74,18 @@ def assembled(
     scheme: Scheme,
     operator: Operator,
     filled: Counted,
-    steps: tuple[float, float],
+    step: float,
+    bound: float,
+    *,
     driven: Drive | None = None,
     rank_coupling: Beside | None = None,
 ) -> Prepared:
     """The system of a model with this operator, and its state.
 
-    `steps`, s, are the run's step and the surely stable one; `driven` are the conditions, if not those of the model;
+    `step`, s, is the run's and `bound` the surely stable one; `driven` are the conditions, if not those of the model;
     `rank_coupling` is what a window has to do with other ranks.
     """
-    kind, (step, bound) = np.dtype(options.precision).type, steps
+    kind = np.dtype(options.precision).type
     rho = model.rho.astype(kind)
     width = sum(unknown.width for unknown in operator.unknowns)
     driven = widened(driven or drive(model, filled.area, scheme.exact_load, kind), width)

@@ -63,8 +63,8 @@ def zone_of(system: System) -> SpaceHybrid:
 def _on(system: System, after: SpaceHybrid, step: int) -> System:
     """The system of other nodes."""
     steps, driven = (system.time_step, system.bound), drive_of_nodes(after, step * system.time_step)
-    new_system = assembled(after.model, system.options, system.scheme, after, after.counted, steps, driven).system
-    return dataclasses.replace(new_system, whole=system.whole)
+    prepared = assembled(after.model, system.options, system.scheme, after, after.counted, *steps, driven=driven)
+    return dataclasses.replace(prepared.system, whole=system.whole)
 
 
 def _moved(before: SpaceHybrid, after: SpaceHybrid, state: State, rows: NDArray[np.int64]) -> State:

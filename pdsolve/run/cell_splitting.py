@@ -56,18 +56,20 @@ class Splitting:
         if not splits.any() and not len(merged.root):
             return None
         cells, transfer = transfer_of(self.tree, operator.cells, splits, merged)
-        return self._changed(system, state, step, (cells, transfer), (before, energy))
+        return self._changed(system, state, step, cells, transfer, before, energy)
 
     def _changed(
         self,
         system: System,
         state: State,
         step: int,
-        after: tuple[Cells, Transfer],
-        past: tuple[Before, NDArray[np.float64]],
+        cells: Cells,
+        transfer: Transfer,
+        before: Before,
+        energies_before: NDArray[np.float64],
     ) -> Change:
-        """The leaves `after` this step, made from the previous bonds and their energies (n,), J/m^3, in `past`."""
-        (cells, transfer), (before, energies_before), old_operator = after, past, leaves(system)
+        """The leaves `cells` after this step, made from the bonds before and their energies (n,), J/m^3."""
+        old_operator = leaves(system)
         new, begun = self._cloud(system, cells, transfer)
         operator = leaves(new)
         broken = inherited(before, operator.list, transfer)
@@ -96,7 +98,7 @@ class Splitting:
         bonds = filled(rule) if transfer is None else refilled(rule, model, leaves(system).filled, transfer)
         operator = Leaves(tree, cells, model, bonds, system.scheme, threads)
         steps = system.time_step, system.bound
-        rest = assembled(model, system.options, system.scheme, operator, bonds.assembly.counted, steps)
+        rest = assembled(model, system.options, system.scheme, operator, bonds.assembly.counted, *steps)
         sure = stable(operator.stiffness_bound(), model.rho)
         if sure < system.time_step <= system.bound:
             raise UnstableError(

@@ -64,7 +64,7 @@ def operator_of(
         return families_in_tiles.FamiliesInTiles(*of, in_space), counted
     where = state_based.placed(law, bonds) if compiled else None
     if where is not None:
-        return state_based.Families(*of, where), counted
+        return state_based.Families(*of, *where), counted
     if options.kernel == "blocks":
         raise ModelError(
             "kernel is blocks; use listed: blocks need nodes on a lattice, a law that is written for them, and"
@@ -82,7 +82,7 @@ def _on_device(
         where = state_based.placed(law, bonds)
         if where is None:
             raise ModelError(f"{model.name}: $.run.device: nodes are on no lattice; use cpu, or nodes on one")
-        of = law, model, bonds, scheme.symmetric, options.precision, where
+        of = law, model, bonds, scheme.symmetric, options.precision, *where
         return FamiliesOnDevice(*of, Session(model.settings.run.device)), statistics.counted(filling.area)
     if law.pair is None or law.pair.held is not None:
         raise ModelError(f"{model.name}: $.run.device: the law is no straight line; use cpu for such a law")

@@ -137,7 +137,7 @@ def _swelling(model: Model, options: Options, scheme: Scheme) -> Prepared:
     broken = None if share == 1 else BrokenBonds(transport, bonds, share)
     if model.settings.medium.deformation:
         content = content._replace(state=content.state._replace(second=np.zeros((len(model.grid), 1))))
-    stepper = Swelling((marches, content.state), system.stepper, bonds, model, cycle, broken, transport.free)
+    stepper = Swelling(marches, content.state, system.stepper, bonds, model, cycle, broken, transport.free)
     if not rests:  # the first half step goes with what the strains of time 0 pull
         pull = forces(system.operator, state) / system.model.rho[:, None]
         state.second[:] += np.where(held(system.drive), 0.0, pull)
@@ -158,7 +158,7 @@ def _swelling_zone(model: Model, options: Options, scheme: Scheme) -> Prepared:
     cycle = cycle_of(model.settings.run, system.time_step, transport.bound)
     marches = Euler(transport.operator, transport.drive, cycle * system.time_step)
     broken = None if medium.broken == 1 else BrokenBonds(transport, PlateBonds(operator.hybrid), medium.broken)
-    stepper = SwellingZone((marches, content.state), operator, model, cycle, broken)
+    stepper = SwellingZone(marches, content.state, operator, model, cycle, broken)
     energy = system.initial_energy + operator.hybrid.stored()
     return Prepared(replace(system, stepper=stepper, beside=(content,), initial_energy=energy), operator.state())
 
@@ -194,7 +194,7 @@ def _split(model: Model, options: Options, scheme: Scheme) -> Prepared:
     bonds, threads = filled(scheme.by_pairs(now)), threads_of(options, len(model.grid), False)
     operator = Leaves(tree, cells, now, bonds, scheme, threads)
     bound = SURE[scheme.name] * stable(operator.stiffness_bound(), now.rho) / 2**tree.levels
-    rest = assembled(now, options, scheme, operator, bonds.assembly.counted, (step_of(model, bound), bound))
+    rest = assembled(now, options, scheme, operator, bonds.assembly.counted, step_of(model, bound), bound)
     return _set_going(rest, tree.model, initial_velocity(model))  # of which `now` knows nothing
 
 
@@ -205,7 +205,7 @@ def _refining(model: Model, options: Options, scheme: Scheme) -> Prepared:
     options = options._replace(threads=threads)
     bound = stable(operator.stiffness_bound(), operator.model.rho)
     steps, driven = (step_of(model, bound), bound), drive_of_nodes(operator, 0.0)
-    rest = assembled(operator.model, options, scheme, operator, operator.counted, steps, driven)
+    rest = assembled(operator.model, options, scheme, operator, operator.counted, *steps, driven=driven)
     return _set_going(rest, model, initial_velocity(model)[operator.rows])
 
 

@@ -38,7 +38,8 @@ class SwellingZone(Swelling):
 
     def __init__(
         self,
-        content: tuple[Stepper, State],
+        content: Stepper,
+        content_state: State,
         operator: HybridOperator,
         model: Model,
         cycle: int,
@@ -46,7 +47,7 @@ class SwellingZone(Swelling):
     ) -> None:
         """See `Swelling`; `model` is that of all nodes."""
         self._operator = operator
-        super().__init__(content, FusedMarch(operator), operator, model, cycle, broken)
+        super().__init__(content, content_state, FusedMarch(operator), operator, model, cycle, broken)
         operator.hybrid.renew()
 
     @property

@@ -127,19 +127,19 @@ class LatticeMarch:
         sweep, ends = 0, last - first + 1 if last > first else 0
         while sweep < ends or ends == 0:
             with self._operator.breaking:
-                sweep = self._sweep(state, (first, last), sweep, min(sweep + BETWEEN_LOOKS, ends))
+                sweep = self._sweep(state, first, last, sweep, min(sweep + BETWEEN_LOOKS, ends))
             if ends == 0:
                 return  # compiled
         after = (last - first + 1) % 2
         for axis in range(len(course.u[0])):
             state.value[:, axis], state.rate[:, axis] = course.u[after][axis, site], course.v[after][axis, site]
 
-    def _sweep(self, state: State, steps: tuple[int, int], begin: int, end: int) -> int:
+    def _sweep(self, state: State, first_step: int, last_step: int, begin: int, end: int) -> int:
         """Do the sweeps `begin` to `end` - 1 of a sequence of steps, or fewer; returns the one to go on with."""
         threads, stop = self._operator.threads, self._course.stop
 
         def sweep(thread: int, first: int, last: int, again: bool, gate: Any) -> None:
-            sweeps = Sweeps(*steps, first, last, again)
+            sweeps = Sweeps(first_step, last_step, first, last, again)
             drive, breaks = self._of_lanes, self._breaks[thread]
             sweep_tiles(self._operator.tiles, self._course, drive, state, self._dt, sweeps, breaks, thread, gate)
 

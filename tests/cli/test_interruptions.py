@@ -139,9 +139,9 @@ def test_twice_while_a_frame_is_written(
 ) -> None:
     write = Writer._write_field
 
-    def interrupted(writer: Writer, key: tuple[int, str, int], *more: object) -> None:
-        write(writer, key, *more)  # type: ignore[arg-type]
-        if key[0] == 40:
+    def interrupted(writer: Writer, step: int, *more: object) -> None:
+        write(writer, step, *more)  # type: ignore[arg-type]
+        if step == 40:
             for _ in range(2):
                 signal.raise_signal(signal.SIGINT)
                 time.sleep(0.05)  # two at once are one

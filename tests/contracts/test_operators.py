@@ -23,7 +23,6 @@ from pdmesh import Body, Box, build
 from pdmesh.model.document import Collocation, InitialVelocity, Region, Run, Split
 from pdmesh.model.node_grid import Grid
 from pdsolve.adaptivity.collocation.operator import CollocationOperator
-from pdsolve.adaptivity.hybrid.arrays import BORDERS
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.bonds.assembly import Bonds
 from pdsolve.errors import CheckpointError
@@ -184,7 +183,7 @@ def alone(system: Any) -> NDArray[np.bool_]:
     found = np.ones(len(system.area), dtype=np.bool_)
     if isinstance(system.operator, HybridOperator):
         zone, x = system.operator.hybrid.zone, system.model.grid.position
-        border = zone.border.node[: zone.number[BORDERS]]
+        border = zone.border.node[: zone.counts.border_nodes]
         tied = x[np.isin(system.operator.places, border)]
         found = np.linalg.norm(x[:, None] - tied, axis=2).min(axis=1) > 3 * H
     return found

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from pdsolve.laws.materials import solid as solids
-from pdsolve.laws.materials.solid import ALPHA_RATE, J2, LINEAR, NEO_HOOKE, SVK, Response, Solid
+from pdsolve.laws.materials.solid import ALPHA_RATE, J2, LINEAR, NEO_HOOKE, SVK, Response, SolidColumns
 
 NU = 0.3
 
@@ -24,13 +24,13 @@ def node(
     H: float = 0.0,
     flat: bool = False,
     rate: bool = False,
-) -> Solid:
+) -> SolidColumns:
     """One node of a material, in space or in plane strain, or `flat`: in plane stress."""
     numbers = (np.array([value]) for value in (E * nu / ((1 + nu) * (1 - 2 * nu)), E / (2 * (1 + nu)), yields, H))
     history = np.zeros((1, 16 if rate else 7))
     if rate:
         history[0, [0, 4, 8]] = 1
-    return Solid(np.array([kind], np.int8), *numbers, history, flat, rate)
+    return SolidColumns(np.array([kind], np.int8), *numbers, history, flat, rate)
 
 
 @njit
@@ -43,11 +43,11 @@ def _keep(solid: Any, h: Any) -> None:
     solids.keep(solid, 0, h, 0.0)
 
 
-def response(solid: Solid, h: NDArray[np.float64]) -> Response:
+def response(solid: SolidColumns, h: NDArray[np.float64]) -> Response:
     return Response(*_respond(solid, tuple(np.asarray(h).ravel().tolist())))
 
 
-def keep(solid: Solid, h: NDArray[np.float64]) -> None:
+def keep(solid: SolidColumns, h: NDArray[np.float64]) -> None:
     _keep(solid, tuple(np.asarray(h, dtype=float).ravel().tolist()))
 
 
@@ -64,7 +64,7 @@ def keep(solid: Solid, h: NDArray[np.float64]) -> None:
 def test_neo_hooke_in_uniaxial_stress(stretch: float, lateral: float, first: float, true: float) -> None:
     """E = 1, nu = 0.3: lateral stretch, P and sigma along; in space, and in plane stress, which finds it by itself."""
 
-    def pulled(solid: Solid, out: float) -> Response:
+    def pulled(solid: SolidColumns, out: float) -> Response:
         return response(solid, np.diag([stretch - 1, out - 1, out - 1 if not solid.plane_stress else 0.0]))
 
     for solid in (node(NEO_HOOKE), node(NEO_HOOKE, flat=True)):

@@ -16,7 +16,6 @@ from zones import H, pulse, rectangle, slope, zoned
 from pdmesh.model.document import Load, Run
 from pdpost.measures.cracked_nodes import separation_at
 from pdsolve.adaptivity.hybrid import far_cells
-from pdsolve.adaptivity.hybrid.arrays import REFINEMENT
 from pdsolve.adaptivity.hybrid.lattice import BORDER, FAR, FINE
 from pdsolve.model import Model
 from pdsolve.numerics.thread_team import cores
@@ -104,7 +103,7 @@ def test_far_cells_that_are_stretched_become_coarse() -> None:
         left = np.count_nonzero(field.zone.cells == FAR)
         assert left < far
         assert field.hybrid.motion()[1:] == pytest.approx(momentum, rel=1e-14)  # measured 3e-16
-        made = field.zone.total[REFINEMENT]
+        made = field.zone.totals.refinement
         assert field.conserved() - made == pytest.approx(energy, rel=2e-4)  # 6e-5; 0.02 is booked
     assert np.count_nonzero(field.zone.cells == FINE) > 80
 

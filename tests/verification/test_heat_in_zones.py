@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from whole import contents
 
 from pdmesh import Circle, Material, Medium, Run, Scene, box, build
-from pdsolve.adaptivity.hybrid.arrays import NEW, REFINEMENT
 from pdsolve.adaptivity.hybrid.lattice import COARSE, FINE
 from pdsolve.model import Model, ModelWarning
 from pdsolve.options import Options
@@ -107,10 +106,10 @@ def test_a_cell_that_becomes_fine_has_its_temperature_at_once() -> None:
     assert operator is not None
     free = pulled(plate, whole_grid() @ slope, bent(plate.system.model.grid.position, slope))
     zone, at = operator.hybrid.zone, operator.hybrid.plate.at
-    before = float(zone.total[REFINEMENT])
+    before = float(zone.totals.refinement)
     cell = np.arange(at.cells)
     new = np.flatnonzero((zone.cells == COARSE) & (cell % at.cell_stride > at.cell_stride // 2))
-    zone.new[: len(new)], zone.number[NEW], zone.cells[new] = new, len(new), FINE
+    zone.new[: len(new)], zone.counts.new_cells, zone.cells[new] = new, len(new), FINE
     operator.hybrid.renew()
     change = zone_moved(plate.system)
     assert change is not None
@@ -118,7 +117,7 @@ def test_a_cell_that_becomes_fine_has_its_temperature_at_once() -> None:
     force = change.system.hybrid.accelerations() * change.system.model.rho[:, None]  # type: ignore[union-attr]
     assert np.abs(force).max() < 1e-4 * E * ALPHA * np.hypot(*slope)
     held = float((change.system.area * change.system.stepper.clamped(change.state)).sum())  # type: ignore[attr-defined]
-    assert abs(zone.total[REFINEMENT] - before) < 1e-9 * held
+    assert abs(zone.totals.refinement - before) < 1e-9 * held
 
 
 def heated(

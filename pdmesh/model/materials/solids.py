@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True, kw_only=True)
-class Solid:
+class SolidKind:
     """A solid, `Material.solid`."""
 
     name: str
@@ -18,9 +18,9 @@ class Solid:
 SOLIDS = {
     solid.name: solid
     for solid in (
-        Solid(name="linear", rates=True, particles=True),
-        Solid(name="svk", particles=True),
-        Solid(name="neo hooke"),
-        Solid(name="j2", rates=True, flows=True),
+        SolidKind(name="linear", rates=True, particles=True),
+        SolidKind(name="svk", particles=True),
+        SolidKind(name="neo hooke"),
+        SolidKind(name="j2", rates=True, flows=True),
     )
 }

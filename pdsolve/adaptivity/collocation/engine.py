@@ -7,19 +7,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.adaptivity.collocation.layout import LatticeConstants, Plate
+from pdsolve.adaptivity.collocation.layout import CollocationPlate, LatticeConstants
 from pdsolve.adaptivity.collocation.march import BEGIN, DONE, FORCES, ROOM, SUM, held, march
 from pdsolve.adaptivity.collocation.zone import (
-    BROKEN,
     COARSE,
-    DAMPED,
-    DISSIPATED,
     FINE,
-    LARGEST,
-    SWITCHED,
-    SWITCHES,
-    Breaks,
-    Zone,
+    BreakEvents,
+    CollocationZone,
+    Counts,
+    Totals,
     areas_of,
     renumbered,
     spread,
@@ -46,7 +42,9 @@ class Manner(NamedTuple):
 class CollocationEngine:
     """A plate in motion; nodes are numbered as on their lattice."""
 
-    def __init__(self, plate: Plate, ground: LatticeConstants, zone: Zone, drive: Drive, manner: Manner) -> None:
+    def __init__(
+        self, plate: CollocationPlate, ground: LatticeConstants, zone: CollocationZone, drive: Drive, manner: Manner
+    ) -> None:
         """`zone` is the initial zone; entries of `drive` refer to places."""
         self.plate, self.ground, self.zone, self.drive, self.manner = plate, ground, zone, drive, manner
         self.work = np.zeros(ground.at.places)  # J/m^3
@@ -119,12 +117,12 @@ class CollocationEngine:
         """Enlarge the arrays of broken bonds."""
         more = max(len(self.zone.breaks.step), int(np.count_nonzero(self.zone.flags)) * ROW * len(self.ground.ways))
         longer = (np.concatenate([column, np.zeros(more, dtype=np.int32)]) for column in self.zone.breaks)
-        self.zone = self.zone._replace(breaks=Breaks(*longer))
+        self.zone = self.zone._replace(breaks=BreakEvents(*longer))
 
     def _switch(self) -> None:
         """Refine where wanted: switch coarse nodes to fine ones."""
         zone, ground, plate = self.zone, self.ground, self.plate
-        zone.total[DAMPED] += self._damped()
+        zone.totals.damped += self._damped()
         zone.damped[:] = 0.0
         before, coarse = self._coarse_energy(), zone.node == COARSE
         active = widened(ground, plate, coarse, zone.hot)
@@ -134,8 +132,8 @@ class CollocationEngine:
         zone.hot[:] = False
         self.zone, self.area = new, areas_of(ground, plate, new.node)
         after = self._coarse_energy() + self._energy(born, self._held(np.unique(born // ROW)))
-        self.zone.total[SWITCHED] += after - before
-        self.zone.number[SWITCHES] += 1
+        self.zone.totals.switched += after - before
+        self.zone.counts.switches += 1
 
     def _held(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
         """Energy densities (places,), J/m^3, of the fine nodes in these rows and of active coarse nodes."""
@@ -159,17 +157,17 @@ class CollocationEngine:
         """Places of active nodes."""
         return np.flatnonzero((self.zone.node == FINE) | (self.zone.node == COARSE))
 
-    def broken(self) -> Breaks:
+    def broken(self) -> BreakEvents:
         """Bonds broken so far."""
-        count = self.zone.number[BROKEN]
-        return Breaks(*(column[:count] for column in self.zone.breaks))
+        count = self.zone.counts.broken_bonds
+        return BreakEvents(*(column[:count] for column in self.zone.breaks))
 
     def zone_summary(self) -> ZoneSummary:
         """Summary of the fine zone for the run's report."""
         fine = self.area[self.zone.node == FINE].sum() / self.plate.area.sum()
         # of a place without neighbours e is 0
-        largest, limit = (np.sqrt(1 + e) - 1 for e in (self.zone.total[LARGEST], self.ground.limit))
-        return ZoneSummary(float(self.zone.total[SWITCHED]), float(fine), float(largest / limit))
+        largest, limit = (np.sqrt(1 + e) - 1 for e in (self.zone.totals.largest_e, self.ground.limit))
+        return ZoneSummary(float(self.zone.totals.switched), float(fine), float(largest / limit))
 
     def motion(self) -> tuple[float, float, float]:
         """Kinetic energy, J/m, and momentum, N s/m."""
@@ -180,9 +178,9 @@ class CollocationEngine:
     @property
     def spent(self) -> tuple[float, float, float]:
         """Energy dissipated by bonds and taken by damping, and work done, J/m."""
-        total = self.zone.total
-        damped = float(total[DAMPED]) + self._damped()
-        return float(total[DISSIPATED]), damped, float((self.work * self.area).sum())
+        totals = self.zone.totals
+        damped = float(totals.damped) + self._damped()
+        return float(totals.dissipated), damped, float((self.work * self.area).sum())
 
     def _damped(self) -> float:
         """Energy taken by damping since the last switch of nodes, J/m."""
@@ -197,7 +195,7 @@ class CollocationEngine:
             for name, field in (("fine_u", zone.u), ("fine_v", zone.v), ("fine_a", zone.a))
         }
         checkpoint |= {"held_speed": self.drive.held_speed.copy(), "drive_force": self.drive.held_force.copy()}
-        checkpoint |= {"total": zone.total.copy(), "number": zone.number.copy(), "coarse": zone.coarse.copy()}
+        checkpoint |= {"total": zone.totals.values(), "number": zone.counts.values(), "coarse": zone.coarse.copy()}
         checkpoint |= {"spent": zone.spent[places].copy(), "damped": zone.damped[places].copy()}
         return checkpoint | {"places": places, "own_work": self.work[places].copy()}
 
@@ -226,23 +224,24 @@ class CollocationEngine:
         for name, field in (("fine_u", self.zone.u), ("fine_v", self.zone.v), ("fine_a", self.zone.a)):
             field[:] = 0.0
             field[:, places] = entry(checkpoint, name, (2, len(places)), float)
-        drive, number = self.drive, like(checkpoint, "number", self.zone.number)
-        if number[BROKEN] != len(node) or (number < 0).any():
-            raise CheckpointError(f"'number' has {number[BROKEN]} broken bonds; {len(node)} broke")
+        drive, numbers = self.drive, like(checkpoint, "number", self.zone.counts.values())
+        counts, totals = Counts.of(numbers), like(checkpoint, "total", self.zone.totals.values())
+        if counts.broken_bonds != len(node) or (numbers < 0).any():
+            raise CheckpointError(f"'number' has {counts.broken_bonds} broken bonds; {len(node)} broke")
         drive.held_speed[:] = like(checkpoint, "held_speed", drive.held_speed)
         drive.held_force[:] = like(checkpoint, "drive_force", drive.held_force)
-        self.zone.total[:], self.zone.number[:] = like(checkpoint, "total", self.zone.total), number
+        self.zone = self.zone._replace(totals=Totals.of(totals), counts=counts)
         for name, field in (("own_work", self.work), ("damped", self.zone.damped), ("spent", self.zone.spent)):
             field[places] = entry(checkpoint, name, places.shape, float)
 
-    def _kept_breaks(self, checkpoint: Kept) -> Breaks:
+    def _kept_breaks(self, checkpoint: Kept) -> BreakEvents:
         """Broken bonds of a checkpoint, checked to exist at the start and to have broken once.
 
         Raises CheckpointError.
         """
         ground, half = self.ground, len(self.ground.ways) // 2
         step = entry(checkpoint, "break_step", (None,), np.int32, 1)
-        breaks = Breaks(
+        breaks = BreakEvents(
             step,
             entry(checkpoint, "break_node", step.shape, np.int32, 0, ground.at.places - 1),
             entry(checkpoint, "break_spring", step.shape, np.int32, 0, half - 1),

@@ -73,7 +73,7 @@ class LatticeConstants(NamedTuple):
     pairs: NDArray[np.float64]  # (s, 3) 2 xi / |xi|^2 and 1 / |xi|^2 of the stencil's nodes
 
 
-class Plate(NamedTuple):
+class CollocationPlate(NamedTuple):
     """The n nodes of a model on the lattice."""
 
     model: Model
@@ -103,7 +103,7 @@ def placed(model: Model, reach: int, refused: str) -> tuple[Layout, NDArray[np.i
 
 def ground_of(
     model: Model, springs: Springs, at: Layout, place: NDArray[np.int64], stencil: Stencil
-) -> tuple[LatticeConstants, Plate]:
+) -> tuple[LatticeConstants, CollocationPlate]:
     """Constant arrays of a plate, before its time step is chosen. Raises GridError, ModelError."""
     h, material = float(model.grid.delta[0]), model.materials[0]
     n = springs.table[:, :2] * np.sqrt(springs.table[:, 4:5])
@@ -152,7 +152,7 @@ def ground_of(
     for condition in model.settings.conditions:
         if not isinstance(condition, InitialVelocity):
             acted[place[model.selected(condition)]] = True
-    return ground, Plate(model, place, row, area, cut, parted, full_family, acted)
+    return ground, CollocationPlate(model, place, row, area, cut, parted, full_family, acted)
 
 
 def _areas(model: Model, at: Layout, place: NDArray[np.int64], row: NDArray[np.int32]) -> NDArray[np.float64]:

@@ -20,7 +20,7 @@ from pdsolve.adaptivity.collocation.simd_rows import (
     is_over,
     stiffness,
 )
-from pdsolve.adaptivity.collocation.zone import BROKEN, COARSE, DISSIPATED, FINE, HOT, LARGEST
+from pdsolve.adaptivity.collocation.zone import COARSE, FINE
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import apply_loads
@@ -77,7 +77,7 @@ def look(ground, zone, kappa):  # type: ignore[no-untyped-def]
             if e > hot and not (ground.no_fail[q] or ground.no_fail[j]):
                 zone.hot[q] = zone.hot[j] = any_hot = True
             if zone.node[j] == COARSE:
-                zone.total[LARGEST] = max(zone.total[LARGEST], e)
+                zone.totals.largest_e = max(zone.totals.largest_e, e)
     return any_hot
 
 
@@ -116,15 +116,15 @@ def _room(ground, zone):  # type: ignore[no-untyped-def]
     flagged = 0
     for n in range(len(zone.rows)):
         flagged += zone.flags[n] != 0
-    return zone.number[BROKEN] + flagged * ROW * len(ground.ways) <= len(zone.breaks.step)
+    return zone.counts.broken_bonds + flagged * ROW * len(ground.ways) <= len(zone.breaks.step)
 
 
 @njit(**INNER)
 def _break(ground, zone, step):  # type: ignore[no-untyped-def]
     """Break bonds over their limit, book their energy, and recompute forces there; returns whether fine nodes are
     needed."""
-    any_broken, already = False, zone.number[BROKEN]
-    zone.number[HOT] = 0
+    any_broken, already = False, zone.counts.broken_bonds
+    zone.counts.any_hot = 0
     for n in range(len(zone.rows)):
         if zone.flags[n] == 0:
             continue
@@ -138,7 +138,7 @@ def _break(ground, zone, step):  # type: ignore[no-untyped-def]
                 _break_one(ground, zone, step, p, k)
     if any_broken:
         _sum_again(ground, zone, already)
-    return zone.number[HOT] != 0
+    return zone.counts.any_hot != 0
 
 
 @njit(**INNER)
@@ -148,7 +148,7 @@ def _sum_again(ground, zone, already):  # type: ignore[no-untyped-def]
         if zone.again[row]:
             _add(ground, zone, row)
     zone.again[:] = 0
-    for n in range(already, zone.number[BROKEN]):
+    for n in range(already, zone.counts.broken_bonds):
         _match_work(ground, zone, zone.breaks.node[n], zone.breaks.spring[n])
 
 
@@ -174,20 +174,20 @@ def _match_work(ground, zone, p, k):  # type: ignore[no-untyped-def]
 @njit(**INNER)
 def _break_one(ground, zone, step, p, k):  # type: ignore[no-untyped-def]
     """Break bond k of node p, and book the energy it has dissipated."""
-    j, half, count = p + ground.ways[k], len(ground.ways) // 2, zone.number[BROKEN]
+    j, half, count = p + ground.ways[k], len(ground.ways) // 2, zone.counts.broken_bonds
     stretch, before, limit = _stretches(ground, zone, p, k)
     spring = stiffness(ground, p, k) * ground.there[0, p] / ground.table[k, 4]
     energy = broken_energy(ground.law, spring / 4, stretch, before, limit, limit)
-    zone.total[DISSIPATED] += 2 * energy
+    zone.totals.dissipated += 2 * energy
     for node in (p, j) if zone.node[j] == FINE else (p, p):
         zone.spent[node] += energy
     break_bond(ground, zone, p, k)
     zone.again[p // ROW] = zone.again[j // ROW] = 1
     zone.breaks.step[count] = step
     zone.breaks.node[count], zone.breaks.spring[count] = (p, k) if k < half else (j, k - half)
-    zone.number[BROKEN] += 1
+    zone.counts.broken_bonds += 1
     if zone.node[j] != FINE:
-        zone.number[HOT] = 1
+        zone.counts.any_hot = 1
         _warm(ground, zone, j)
 
 
@@ -253,15 +253,15 @@ def march(ground, zone, drive, work, rho, kappa, every, first, last, where, thre
     threads, rows = gate.threads, len(zone.rows)
     for step in range(first, last):
         if thread == 0:
-            zone.number[HOT] = 0
+            zone.counts.any_hot = 0
             if step > first or where == BEGIN:
                 _drift(ground, zone, drive, step * ground.dt)
                 follow(zone, zone.u)
-                zone.number[HOT] = step % every == 0 and look(ground, zone, kappa)
+                zone.counts.any_hot = step % every == 0 and look(ground, zone, kappa)
             else:
                 follow(zone, zone.u)
         meet(gate)
-        if zone.number[HOT] != 0:
+        if zone.counts.any_hot != 0:
             return SWITCH, step
         add_rows(ground, zone, rows * thread // threads, rows * (thread + 1) // threads)
         meet(gate)
@@ -274,7 +274,7 @@ def march(ground, zone, drive, work, rho, kappa, every, first, last, where, thre
                 _kick(ground, zone, drive, work)
                 _release(ground, zone, drive, work, rho, step * ground.dt)
         meet(gate)
-        hot = zone.number[HOT] != 0 and where != SUM
+        hot = zone.counts.any_hot != 0 and where != SUM
         meet(gate)
         if hot:
             return SWITCH, step

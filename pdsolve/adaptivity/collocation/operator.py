@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from pdsolve.adaptivity.collocation.engine import CollocationEngine
 from pdsolve.adaptivity.collocation.layout import is_cut
-from pdsolve.adaptivity.collocation.zone import COARSE, FINE, SWITCHES, Breaks
+from pdsolve.adaptivity.collocation.zone import COARSE, FINE, BreakEvents
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.adaptivity.hybrid.irregular_bonds import part_of
 from pdsolve.adaptivity.two_lattice_operator import Sums, TwoLatticeOperator
@@ -40,9 +40,9 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
         self._row_of = np.full(engine.ground.at.places, -1, dtype=np.int64)
         self._row_of[self.places] = np.arange(len(self.places))
         self.area = engine.area[self.places]
-        self._switches = int(engine.zone.number[SWITCHES])
+        self._switches = int(engine.zone.counts.switches)
         # as they are now: the bonds of the start are asked for while others march
-        self._cut, self._before = engine.zone.cut.copy(), Breaks(*(column.copy() for column in engine.broken()))
+        self._cut, self._before = engine.zone.cut.copy(), BreakEvents(*(column.copy() for column in engine.broken()))
 
     @cached_property
     def model(self) -> Model:
@@ -74,7 +74,7 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
     @property
     def current(self) -> bool:
         """Whether no nodes have been switched since this operator was made."""
-        return bool(self.hybrid.zone.number[SWITCHES] == self._switches)
+        return bool(self.hybrid.zone.counts.switches == self._switches)
 
     def changed(self) -> CollocationOperator | None:
         """The operator on the current nodes if they have changed, else None."""

@@ -15,9 +15,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.adaptivity.collocation.layout import LatticeConstants, Layout, Plate, dilated, kinds_of
+from pdsolve.adaptivity.collocation.layout import CollocationPlate, LatticeConstants, Layout, dilated, kinds_of
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.pull import WIDE
+from pdsolve.codegen.record import Record
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.operators.simd_lattice.layout import aligned
 from pdsolve.operators.stencils import ball
@@ -26,7 +27,7 @@ NONE, FINE, COARSE, BETWEEN = range(4)  # places: without a node; active ones; t
 EVENTS = 4096  # room for so many breaks at first
 
 
-class Breaks(NamedTuple):
+class BreakEvents(NamedTuple):
     """The b broken bonds, in arrays with room for more."""
 
     step: NDArray[np.int32]
@@ -34,7 +35,24 @@ class Breaks(NamedTuple):
     spring: NDArray[np.int32]  # its number among those of that node
 
 
-class Zone(NamedTuple):
+class Totals(Record):
+    """Energies since the start, and stretches of coarse pairs. Checkpoints hold them in this order."""
+
+    dissipated: float  # J/m, by bonds
+    switched: float  # J/m, that making nodes fine has added
+    largest_e: float  # of coarse pairs so far
+    damped: float  # J/m, taken by damping before nodes were switched last
+
+
+class Counts(Record):
+    """Numbers of events. Checkpoints hold them in this order."""
+
+    broken_bonds: int  # in `breaks`
+    any_hot: int  # 1 where fine nodes are wanted around any coarse one, or 0
+    switches: int  # how often nodes have become fine
+
+
+class CollocationZone(NamedTuple):
     """The variable arrays of a plate solved by collocation, for compiled code."""
 
     u: NDArray[np.float64]  # (2, places) m
@@ -54,14 +72,9 @@ class Zone(NamedTuple):
     flags: NDArray[np.uint16]  # (r,) of rows, a bit for each node that has a bond over its bound
     again: NDArray[np.uint8]  # (places / 16,) rows whose bonds broke in this step
     hot: NDArray[np.bool_]  # (places,) coarse nodes around which fine ones are wanted
-    total: NDArray[np.float64]  # (4,) dissipated by bonds, J/m; made by switching, J/m; largest e of coarse pairs;
-    # taken by damping before nodes were switched last, J/m
-    number: NDArray[np.int64]  # (3,) breaks; whether any place is hot; switches
-    breaks: Breaks
-
-
-DISSIPATED, SWITCHED, LARGEST, DAMPED = range(4)
-BROKEN, HOT, SWITCHES = range(3)
+    totals: Totals
+    counts: Counts
+    breaks: BreakEvents
 
 
 def even(at: Layout) -> NDArray[np.bool_]:
@@ -82,7 +95,7 @@ def parents(at: Layout, places: NDArray[np.int64]) -> NDArray[np.int64]:
     )
 
 
-def eligible(ground: LatticeConstants, plate: Plate, margin: int) -> NDArray[np.bool_]:
+def eligible(ground: LatticeConstants, plate: CollocationPlate, margin: int) -> NDArray[np.bool_]:
     """Mask (places,) of coarse places that may be active.
 
     They are not beside a node with a condition, nor within `margin` spacings of one without a whole family. Bonds have
@@ -97,7 +110,7 @@ def eligible(ground: LatticeConstants, plate: Plate, margin: int) -> NDArray[np.
     return may_be_active
 
 
-def nodes_of(ground: LatticeConstants, plate: Plate, active: NDArray[np.bool_]) -> NDArray[np.uint8]:
+def nodes_of(ground: LatticeConstants, plate: CollocationPlate, active: NDArray[np.bool_]) -> NDArray[np.uint8]:
     """Kind of each place if these coarse nodes are active."""
     kinds = np.zeros(ground.at.places, dtype=np.uint8)
     around = active[parents(ground.at, plate.place)].all(axis=1)
@@ -105,7 +118,7 @@ def nodes_of(ground: LatticeConstants, plate: Plate, active: NDArray[np.bool_]) 
     return kinds
 
 
-def areas_of(ground: LatticeConstants, plate: Plate, node: NDArray[np.uint8]) -> NDArray[np.float64]:
+def areas_of(ground: LatticeConstants, plate: CollocationPlate, node: NDArray[np.uint8]) -> NDArray[np.float64]:
     """Areas (places,) of active nodes, m^2: their own plus those of fictitious nodes by their weights."""
     areas = np.zeros(ground.at.places)
     kind = node[plate.place]
@@ -115,13 +128,13 @@ def areas_of(ground: LatticeConstants, plate: Plate, node: NDArray[np.uint8]) ->
     return areas
 
 
-def begun(ground: LatticeConstants, plate: Plate, active: NDArray[np.bool_], band: float) -> Zone:
+def begun(ground: LatticeConstants, plate: CollocationPlate, active: NDArray[np.bool_], band: float) -> CollocationZone:
     """The initial zone at rest; nodes within a horizon of the seam are damped by `band`, 1/s."""
     places = ground.at.places
     nothing = np.zeros(0, dtype=np.int64)
     u, v, a, f = (aligned(np.zeros((2, places))) for _ in range(4))
     spent, damping, damped = np.zeros((3, places))
-    zone = Zone(
+    zone = CollocationZone(
         u=u,
         v=v,
         a=a,
@@ -139,14 +152,16 @@ def begun(ground: LatticeConstants, plate: Plate, active: NDArray[np.bool_], ban
         flags=np.zeros(0, dtype=np.uint16),
         again=np.zeros(places // ROW, dtype=np.uint8),
         hot=np.zeros(places, dtype=np.bool_),
-        total=np.zeros(4),
-        number=np.zeros(3, dtype=np.int64),
-        breaks=Breaks(*np.zeros((3, EVENTS), dtype=np.int32)),
+        totals=Totals.of(),
+        counts=Counts.of(),
+        breaks=BreakEvents(*np.zeros((3, EVENTS), dtype=np.int32)),
     )
     return renumbered(ground, plate, zone, active, band)
 
 
-def renumbered(ground: LatticeConstants, plate: Plate, zone: Zone, active: NDArray[np.bool_], band: float) -> Zone:
+def renumbered(
+    ground: LatticeConstants, plate: CollocationPlate, zone: CollocationZone, active: NDArray[np.bool_], band: float
+) -> CollocationZone:
     """The zone with these coarse nodes active; nodes within a horizon of the seam are damped by `band`, 1/s."""
     at, node = ground.at, nodes_of(ground, plate, active)
     fine = node == FINE
@@ -169,7 +184,7 @@ def renumbered(ground: LatticeConstants, plate: Plate, zone: Zone, active: NDArr
     )
 
 
-def spread(zone: Zone, at: Layout, places: NDArray[np.int64]) -> None:
+def spread(zone: CollocationZone, at: Layout, places: NDArray[np.int64]) -> None:
     """Interpolate the motion of nodes between coarse ones."""
     four = parents(at, places)
     for field in (zone.u, zone.v, zone.a):
@@ -177,7 +192,7 @@ def spread(zone: Zone, at: Layout, places: NDArray[np.int64]) -> None:
 
 
 def widened(
-    ground: LatticeConstants, plate: Plate, active: NDArray[np.bool_], hot: NDArray[np.bool_]
+    ground: LatticeConstants, plate: CollocationPlate, active: NDArray[np.bool_], hot: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
     """The coarse nodes that stay active when the neighbourhoods of the `hot` ones are refined."""
     at, stays_active = ground.at, active.copy()

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.document import Absorb
-from pdsolve.adaptivity.hybrid.coarse_cells import Plate, strips
+from pdsolve.adaptivity.hybrid.coarse_cells import HybridPlate, strips
 from pdsolve.adaptivity.hybrid.irregular_bonds import Irregular
 from pdsolve.adaptivity.hybrid.node_rows import NodeRows
 from pdsolve.adaptivity.hybrid.springs import STIFFNESS, Springs
@@ -31,7 +31,7 @@ class _Fields(NamedTuple):
     damping: NDArray[np.float64]
 
 
-def node_rows(plate: Plate, irregular_bonds: Irregular, springs: tuple[Springs, ...]) -> NodeRows:
+def node_rows(plate: HybridPlate, irregular_bonds: Irregular, springs: tuple[Springs, ...]) -> NodeRows:
     """The rows of a plate with these irregular nodes; `springs` are those of each material in a full lattice."""
     full = _bits_of(np.array([one.table[:, STIFFNESS] for one in springs]))
     model, run = plate.model, plate.model.settings.run
@@ -61,7 +61,7 @@ def node_rows(plate: Plate, irregular_bonds: Irregular, springs: tuple[Springs, 
 
 
 def _strips(
-    plate: Plate, irregular_bonds: Irregular, full: NDArray[np.uint64], slowed: NDArray[np.float64] | None
+    plate: HybridPlate, irregular_bonds: Irregular, full: NDArray[np.uint64], slowed: NDArray[np.float64] | None
 ) -> Iterator[_Fields]:
     """The constants of all places, strip by strip; `full` are the bonds of each material in a full lattice.
 

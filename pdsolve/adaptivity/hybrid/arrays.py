@@ -13,20 +13,13 @@ from numpy.typing import NDArray
 from pdsolve.adaptivity.hybrid.lattice import Lattice
 from pdsolve.adaptivity.hybrid.node_rows import NodeRows
 from pdsolve.adaptivity.hybrid.springs import Stretches
+from pdsolve.codegen.record import Record
 from pdsolve.codegen.vector_code import ROW
 
 EVERY = 8  # steps between two looks at what has broken and what is stretched
 AHEAD = 8  # h: cells this near to a node that has lost a bond become fine
 TIPS = 12  # h: likewise to the tip of a pre-crack, at the start
 RING = 4  # h beyond the family's reach: likewise to a cell that an outline cuts, at the start
-
-PLACE, AXIS, PROFILE, KIND = range(4)  # of `Entries.what`
-VALUE, SPEED, LAST, FORCE = range(4)  # of `Entries.value`
-# of `Zone.number`
-ROWS, COARSE_ROWS, PIECES, BORDERS, BREAKS, LOADS, HOLDS, STIRS, REGRIDS, KNOWN, ENTRIES = range(11)
-NEW, DIRTY, AROUND, SHORT, FAR_ROWS, TIED, FAR_AROUND = range(11, 18)
-# of `Zone.total`
-WORK, DISSIPATED, REFINEMENT, CLIPPED, LARGEST = range(5)
 
 
 class LatticeConstants(NamedTuple):
@@ -65,7 +58,7 @@ class LatticeConstants(NamedTuple):
     cracks: NDArray[np.float64]  # (j, 4) segments in fine spacings
 
 
-class Nodes(NamedTuple):
+class LatticeNodes(NamedTuple):
     """Nodes of one lattice, and their rows of 16."""
 
     u: NDArray[np.float64]  # (2, 2, n) displacements now and one step on, in turn, m
@@ -89,7 +82,7 @@ class Nodes(NamedTuple):
     damped: NDArray[np.float64] | None  # (n,) J/m, taken from a node by damping so far
 
 
-class Pieces(NamedTuple):
+class ClippedPieces(NamedTuple):
     """The remaining pieces of clipped bonds, ordered by their owners."""
 
     owner: NDArray[np.int64]  # (p,)
@@ -106,18 +99,36 @@ class Border(NamedTuple):
     w: NDArray[np.float64]
     off: NDArray[np.float64]  # (., 2) how far they are off the line between those, where nodes swell, m
 
+    def first(self, count: int) -> Border:
+        """The first `count` of these nodes."""
+        return Border(self.node[:count], self.end[:count], self.w[:count], self.off[:count])
+
+
+class Entry(Record):
+    """A load on a component of a fine node, or a component whose motion is prescribed."""
+
+    place: int  # fine
+    axis: int  # of the component
+    profile: int  # of its factor over time
+    kind: int  # of holds: DISPLACEMENT or VELOCITY
+    value: float  # N/m, m or m/s at factor 1
+    mean_speed: float  # of holds: mean velocity since the last step, m/s
+    last_speed: float  # of holds: velocity at the last step, m/s
+    force: float  # of holds: on the component at the last step, N/m
+
+
+HOLD_COLUMNS = ("value", "mean_speed", "last_speed", "force")  # of the holds of a checkpoint
+
 
 class Entries(NamedTuple):
     """Loads, or held components: entries of all fine nodes, and of the nodes that move."""
 
-    what: NDArray[np.int64]  # (e, 4) fine place, axis, profile, kind
-    value: NDArray[np.float64]  # (e, 4) N/m, m or m/s at factor 1; of holds: mean velocity since the last step,
-    # velocity at the last step, m/s, and force on the component then, N/m
+    of: NDArray[Entry]  # (e,)
     on: NDArray[np.int64]  # (., 2) fine place, or -1 - coarse place; and entry
     part: NDArray[np.float64]  # (.,) of the entry's value that this node has
 
 
-class Breaks(NamedTuple):
+class BreakEvents(NamedTuple):
     """Broken directed bonds, in order."""
 
     step: NDArray[np.int32]
@@ -125,19 +136,55 @@ class Breaks(NamedTuple):
     spring: NDArray[np.int32]
 
 
-class Zone(NamedTuple):
+class Counts(Record):
+    """How many entries of the arrays of a zone are in use. Checkpoints hold the first `STORED`, in this order."""
+
+    fine_rows: int  # of 16 places with a node that is not idle, in `fine.rows`
+    coarse_rows: int  # likewise, in `coarse.rows`
+    pieces: int  # of clipped bonds
+    border_nodes: int  # fine nodes on the border of coarse cells
+    broken_bonds: int  # directed ones, in `breaks`
+    loads: int  # shares of nodes that move, in `loads.on`
+    holds: int  # held components of nodes that move, in `holds.on`
+    stirred_nodes: int  # in `stirs`
+    regrids: int  # how often cells have become others since all nodes were numbered
+    refined_nodes: int  # how many of the stirred nodes have fine cells around them
+    stiffness_rows: int  # rows of `fine.own` that are taken
+    new_cells: int  # in `new`
+    dirty: int  # fine nodes, in `dirty`
+    around: int  # coarse nodes, in `around`
+    lacks_room: int  # 1 where the arrays are too short for what comes next, or 0
+    far_rows: int  # of 16 places, in `far.rows`
+    tied_nodes: int  # coarse nodes on the border of far cells
+    far_around: int  # far nodes, in `far_around`
+
+
+STORED = 10
+
+
+class Totals(Record):
+    """Energies since the start, and stretches of clipped bonds. Checkpoints hold them in this order."""
+
+    work: float  # J/m, of loads and of what holds nodes
+    dissipated: float  # J/m, by bonds
+    refinement: float  # J/m, that making cells fine has added
+    clipped_e: float  # largest e of clipped bonds that may break, at the last forces
+    largest_e: float  # the largest of those so far
+
+
+class PlateZone(NamedTuple):
     """The variable arrays of a hybrid plate: cells, bonds, nodes, loads and books."""
 
     cells: NDArray[np.uint8]  # (c,)
     lost: NDArray[np.uint64]  # (n,) bonds that have broken, of the first half of the family. Never cleared
-    fine: Nodes
-    coarse: Nodes
-    far: Nodes  # 4 h apart
+    fine: LatticeNodes
+    coarse: LatticeNodes
+    far: LatticeNodes  # 4 h apart
     tied: Border  # coarse nodes on the border of cells of 4 h, which move with far ones
-    pieces: Pieces
-    spare: Pieces
+    pieces: ClippedPieces
+    spare: ClippedPieces
     border: Border
-    breaks: Breaks
+    breaks: BreakEvents
     spent: NDArray[np.float64]  # (n,) J/m, by the bonds of a fine node so far
     stirred: NDArray[np.bool_]  # (n,) fine nodes one of whose bonds has softened or broken
     stirs: NDArray[np.int64]  # (n,) those, in order
@@ -148,8 +195,8 @@ class Zone(NamedTuple):
     dirty: NDArray[np.int64]  # scratch: fine nodes that concerns
     around: NDArray[np.int64]  # scratch: coarse nodes that it concerns
     far_around: NDArray[np.int64]  # scratch: far nodes that it concerns
-    number: NDArray[np.int64]
-    total: NDArray[np.float64]
+    counts: Counts
+    totals: Totals
     s: NDArray[np.float64]  # (threads, .) scratch of the vector code
     turns: NDArray[np.int64]  # (64,) what has been handed out to threads, as `forces` has it
     aside: NDArray[np.int64]  # (threads, .) where bonds are to break
@@ -164,12 +211,12 @@ def nodes_of(
     varied: bool = False,
     swells: bool = False,
     damps: bool = False,
-) -> Nodes:
+) -> LatticeNodes:
     """Idle nodes of precision `kind`, with room for `entries` rows of stiffnesses, in memory that is taken as it is
     written."""
     rows = places // ROW
     zeros = partial(reserved, of=kind)
-    return Nodes(
+    return LatticeNodes(
         u=zeros(2, 2, places),
         v=zeros(2, places),
         f=zeros(2, places),
@@ -217,17 +264,17 @@ def zone_of(
     damps: bool = False,
     *,
     kind: Any = np.float64,
-) -> Zone:
+) -> PlateZone:
     """A plate with these cells (c,) and idle nodes of precision `kind`, with room for `rows` rows of fine nodes."""
     piece = ROW * rows * springs // 4
-    nothing = Entries(np.zeros((0, 4), np.int64), np.zeros((0, 4)), np.zeros((0, 2), np.int64), np.zeros(0))
+    nothing = Entries(np.zeros(0, Entry.fields()), np.zeros((0, 2), np.int64), np.zeros(0))
 
-    def pieces() -> Pieces:
+    def pieces() -> ClippedPieces:
         ends = np.zeros((piece, 4), np.int64)
-        return Pieces(np.zeros(piece, np.int64), ends, np.zeros((piece, 8)), np.zeros((piece, 2)))
+        return ClippedPieces(np.zeros(piece, np.int64), ends, np.zeros((piece, 8)), np.zeros((piece, 2)))
 
     events, nodes = ROW * rows * springs, ROW * rows
-    return Zone(
+    return PlateZone(
         cells=cells,
         lost=reserved(at.places, of=np.uint64),
         fine=nodes_of(at.places, springs, rows, kind, varied, swells, damps),
@@ -237,7 +284,7 @@ def zone_of(
         pieces=pieces(),
         spare=pieces(),
         border=border_of(nodes),
-        breaks=Breaks(np.zeros(events, np.int32), np.zeros(events, np.int64), np.zeros(events, np.int32)),
+        breaks=BreakEvents(np.zeros(events, np.int32), np.zeros(events, np.int64), np.zeros(events, np.int32)),
         spent=reserved(at.places),
         stirred=reserved(at.places, of=np.bool_),
         stirs=reserved(at.places, of=np.int64),
@@ -248,8 +295,8 @@ def zone_of(
         dirty=reserved(at.places, of=np.int64),
         around=reserved(at.coarse_places, of=np.int64),
         far_around=reserved(at.far_places, of=np.int64),
-        number=np.zeros(18, dtype=np.int64),
-        total=np.zeros(5),
+        counts=Counts.of(),
+        totals=Totals.of(),
         s=reserved(threads, 3 * ROW, of=kind),
         turns=np.zeros(64, dtype=np.int64),
         aside=reserved(threads, 2 * at.places // ROW, of=np.int64),
@@ -257,16 +304,16 @@ def zone_of(
     )
 
 
-def grown(zone: Zone) -> Zone:
+def grown(zone: PlateZone) -> PlateZone:
     """The zone in arrays with room for twice as many entries."""
-    fine, number = zone.fine, zone.number
+    fine, counts = zone.fine, zone.counts
 
     def twice(array: Any, used: int) -> NDArray[Any]:
         more = reserved(2 * len(array), *array.shape[1:], of=array.dtype)
         more[:used] = array[:used]
         return more
 
-    rows = int(number[ENTRIES]) + 1  # the next one may have been begun
+    rows = counts.stiffness_rows + 1  # the next one may have been begun
     return zone._replace(
         fine=fine._replace(
             own=twice(fine.own, rows),
@@ -274,8 +321,8 @@ def grown(zone: Zone) -> Zone:
             masks=twice(fine.masks, rows),
             masked=twice(fine.masked, rows),
         ),
-        pieces=Pieces(*(twice(array, number[PIECES]) for array in zone.pieces)),
-        spare=Pieces(*(twice(array, 0) for array in zone.spare)),
-        border=Border(*(twice(array, number[BORDERS]) for array in zone.border)),
-        breaks=Breaks(*(twice(array, number[BREAKS]) for array in zone.breaks)),
+        pieces=ClippedPieces(*(twice(array, counts.pieces) for array in zone.pieces)),
+        spare=ClippedPieces(*(twice(array, 0) for array in zone.spare)),
+        border=Border(*(twice(array, counts.border_nodes) for array in zone.border)),
+        breaks=BreakEvents(*(twice(array, counts.broken_bonds) for array in zone.breaks)),
     )

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from pdsolve.adaptivity.hybrid.arrays import BREAKS, DISSIPATED, STIRS
 from pdsolve.adaptivity.hybrid.clipped_bonds import own_entry, share_of, stretch_of
 from pdsolve.adaptivity.hybrid.energy import strain_e
 from pdsolve.adaptivity.hybrid.precracks import lasts, peak_and_limit
@@ -18,7 +17,7 @@ from pdsolve.operators.simd_lattice.kernel import INNER, displaced
 @njit(forceinline=True, **INNER)
 def _book(zone, p, energy):  # type: ignore[no-untyped-def]
     """Book an energy, J/m, dissipated by a bond of node p."""
-    zone.total[DISSIPATED] += energy
+    zone.totals.dissipated += energy
     zone.spent[p] += energy
 
 
@@ -41,23 +40,23 @@ def _stir(zone, p):  # type: ignore[no-untyped-def]
     """Mark a node as having a softened or broken bond."""
     if not zone.stirred[p]:
         zone.stirred[p] = True
-        zone.stirs[zone.number[STIRS]] = p
-        zone.number[STIRS] += 1
+        zone.stirs[zone.counts.stirred_nodes] = p
+        zone.counts.stirred_nodes += 1
 
 
 @njit(**INNER)
 def _note(zone, step, p, k):  # type: ignore[no-untyped-def]
     """Record a bond that breaks."""
-    n = zone.number[BREAKS]
+    n = zone.counts.broken_bonds
     zone.breaks.step[n], zone.breaks.node[n], zone.breaks.spring[n] = step, p, k
-    zone.number[BREAKS] += 1
+    zone.counts.broken_bonds += 1
 
 
 @njit(**INNER)
 def _own_row(zone, row):  # type: ignore[no-untyped-def]
     """Index of a row's own stiffnesses, which it gets if it has none."""
     if zone.fine.entry[row] < 0:
-        zone.fine.entry[row] = own_entry(zone.fine.entry, zone.number, row)
+        zone.fine.entry[row] = own_entry(zone.fine.entry, zone.counts, row)
     return zone.fine.entry[row]
 
 

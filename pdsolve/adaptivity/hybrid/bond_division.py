@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 NEAR = 1e-9  # of a cell: places this near to a line between cells are on it
 
 
-class Part(NamedTuple):
+class BondPart(NamedTuple):
     """The part of a bond in one cell."""
 
     begin: float  # share of the bond's length where it begins
@@ -22,7 +22,7 @@ class Part(NamedTuple):
     cell: tuple[int, ...]  # from the cell of the bond's node
 
 
-def divided(place: tuple[int, ...], way: tuple[int, ...]) -> list[list[Part]]:
+def divided(place: tuple[int, ...], way: tuple[int, ...]) -> list[list[BondPart]]:
     """The parts of the bond `way` (d,) from a node at `place` (d,) in its cell, 0 or 1 along each axis; by side."""
     crossings = sorted({0.0, 1.0, *(share for x, dx in zip(place, way, strict=True) for share in _crossings(x, dx))})
     parts_by_side = []
@@ -33,18 +33,18 @@ def divided(place: tuple[int, ...], way: tuple[int, ...]) -> list[list[Part]]:
         for t0, t1 in pairwise(crossings):
             middle = (t0 + t1) / 2
             at = (int((x + middle * dx + s) // 2) for x, dx, s in zip(place, way, side, strict=True))
-            parts.append(Part(t0, t1, tuple(at)))
+            parts.append(BondPart(t0, t1, tuple(at)))
         parts_by_side.append(parts)
     return parts_by_side
 
 
-def parts_of(ways: NDArray[np.int64]) -> tuple[NDArray[np.int64], list[Part]]:
+def parts_of(ways: NDArray[np.int64]) -> tuple[NDArray[np.int64], list[BondPart]]:
     """The parts of the bonds `ways` (k, d), from each of the 2^d places of a node in its cell, x fastest.
 
     Those of bond k from place f, on one side, are first[f, k, side] to first[f, k, side + 1].
     """
     d = ways.shape[1]
-    first, all_parts = np.zeros((2**d, len(ways), 2 ** (d - 1) + 1), dtype=np.int64), list[Part]()
+    first, all_parts = np.zeros((2**d, len(ways), 2 ** (d - 1) + 1), dtype=np.int64), list[BondPart]()
     for f in range(2**d):
         for k, way in enumerate(map(tuple, ways.tolist())):
             first[f, k] = len(all_parts)

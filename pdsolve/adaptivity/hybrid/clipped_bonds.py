@@ -10,7 +10,6 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from pdsolve.adaptivity.hybrid.arrays import ENTRIES, PIECES
 from pdsolve.adaptivity.hybrid.lattice import (
     EMPTY,
     FINE,
@@ -73,8 +72,8 @@ def set_row(ground, zone, row):  # type: ignore[no-untyped-def]
     if not is_active(fine.kind, row):
         return
     if ground.varied and fine.entry[row] == -1:
-        _begin_edges(ground, fine.edge[zone.number[ENTRIES]], row)
-    entry = own_entry(fine.entry, zone.number, row)
+        _begin_edges(ground, fine.edge[zone.counts.stiffness_rows], row)
+    entry = own_entry(fine.entry, zone.counts, row)
     row_stiffness, same = fine.own[entry], True
     for lane in range(ROW):
         p = row * ROW + lane
@@ -153,15 +152,15 @@ def _set_lane(ground, cells, lost, kind, p, row_stiffness, lane):  # type: ignor
 
 
 @njit(**INNER)
-def own_entry(entries, number, row):  # type: ignore[no-untyped-def]
+def own_entry(entries, counts, row):  # type: ignore[no-untyped-def]
     """Index of a row's own stiffnesses; a row that has none takes a new one."""
     entry = entries[row]
     if entry >= 0:
         return entry
     if entry < -1:
         return -2 - entry
-    number[ENTRIES] += 1
-    return number[ENTRIES] - 1
+    counts.stiffness_rows += 1
+    return counts.stiffness_rows - 1
 
 
 @njit(**INNER)
@@ -191,19 +190,19 @@ def add_pieces(ground, cells, lost, kind, p, pieces, count):  # type: ignore[no-
                     n += 1
                 if begin == first[side] and n == last:
                     continue
-                _set_piece(ground, kind, p, k, (begin, n - 1), pieces, count)
+                _set_piece(ground, kind, p, k, begin, n - 1, pieces, count)
                 pieces.value[count, 5] /= sides
                 count += 1
     return count
 
 
 @njit(**INNER)
-def _set_piece(ground, kind, p, k, stretches, pieces, count):  # type: ignore[no-untyped-def]
-    """Set the piece of bond k of fine node p from the first to the last of two stretches."""
+def _set_piece(ground, kind, p, k, first, last, pieces, count):  # type: ignore[no-untyped-def]
+    """Set the piece of bond k of fine node p from its stretch `first` to `last`."""
     pieces.owner[count] = p
-    for which in range(2):
-        _set_end(ground, kind, p, k, stretches[which], which, pieces, count)
-    value, length = pieces.value[count], ground.cut.t[stretches[1], 1] - ground.cut.t[stretches[0], 0]
+    _set_end(ground, kind, p, k, first, 0, pieces, count)
+    _set_end(ground, kind, p, k, last, 1, pieces, count)
+    value, length = pieces.value[count], ground.cut.t[last, 1] - ground.cut.t[first, 0]
     value[2], value[3] = length * ground.table[k, 0], length * ground.table[k, 1]
     value[4] = ground.table[k, 4] / length**2
     value[5] = stiffness(ground, p, k) / length
@@ -229,7 +228,7 @@ def _set_end(ground, kind, p, k, n, which, pieces, count):  # type: ignore[no-un
 @njit(**INNER)
 def put_pieces(ground, zone, dirty):  # type: ignore[no-untyped-def]
     """Replace the pieces owned by these fine nodes, given in order; all pieces stay ordered by owner."""
-    old, new, count = zone.pieces, zone.spare, zone.number[PIECES]
+    old, new, count = zone.pieces, zone.spare, zone.counts.pieces
     remaining = pieces = count - count  # a plain 0 would be compiled for once more
     for p in dirty:
         pieces = add_pieces(ground, zone.cells, zone.lost, zone.coarse.kind, p, new, pieces)
@@ -250,7 +249,7 @@ def put_pieces(ground, zone, dirty):  # type: ignore[no-untyped-def]
             _move(new, m, old, at)
             m -= 1
         at -= 1
-    zone.number[PIECES] = remaining + pieces
+    zone.counts.pieces = remaining + pieces
 
 
 @njit(forceinline=True, **INNER)

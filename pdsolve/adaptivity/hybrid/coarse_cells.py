@@ -34,7 +34,7 @@ class Listed(NamedTuple):
     area: NDArray[np.float64]  # (n,) of the cells of nodes, over h^2
 
 
-class Plate(NamedTuple):
+class HybridPlate(NamedTuple):
     """Nodes on a lattice: all of a rectangle, or those that are listed."""
 
     model: Model
@@ -130,7 +130,7 @@ class Plate(NamedTuple):
 class CellAreas:
     """Areas of the cells of a plate's nodes, m^2, computed for those that are asked for."""
 
-    plate: Plate
+    plate: HybridPlate
 
     def __getitem__(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
         """Areas (k,) of rows (k,) of the grid."""
@@ -151,7 +151,7 @@ def _halves(count: int) -> NDArray[np.float64]:
     return shares
 
 
-def plate_of(model: Model, mode: str) -> Plate:
+def plate_of(model: Model, mode: str) -> HybridPlate:
     """The lattice of a model's nodes. Raises ModelError, in one sentence, for an unsupported model."""
     farther = any(has_partial_cells(material) for material in model.materials)
     refuse(model, mode, LARGEST - 0.5 if farther else LARGEST)
@@ -185,7 +185,7 @@ def _origin(model: Model, h: float, origin: NDArray[np.float64]) -> NDArray[np.f
     return np.asarray(origin - h * (np.round((origin - corner) / h) % 2))
 
 
-def _rectangle(model: Model, lattice: Nodes) -> Plate:
+def _rectangle(model: Model, lattice: Nodes) -> HybridPlate:
     """The plate of all nodes of a lattice."""
     h, ends = lattice.spacing, model.grid.part(np.array([0, len(model.grid) - 1])).position
     origin = _origin(model, h, ends[0])
@@ -194,10 +194,10 @@ def _rectangle(model: Model, lattice: Nodes) -> Plate:
     at = lattice_of(nx, ny)
     cracks = (model.grid.cracks - np.tile(origin, 2)) / h
     clear(model, cracks, nx, ny)
-    return Plate(model, at, h, origin, cracks, (x, y), (lattice.columns, lattice.rows), None)
+    return HybridPlate(model, at, h, origin, cracks, (x, y), (lattice.columns, lattice.rows), None)
 
 
-def _on_lattice(model: Model, h: float, origin: NDArray[np.float64]) -> Plate:
+def _on_lattice(model: Model, h: float, origin: NDArray[np.float64]) -> HybridPlate:
     grid, origin = model.grid, _origin(model, h, origin)
     steps = (grid.position - origin) / h
     column, row = np.round(steps).astype(np.int64).T
@@ -215,7 +215,7 @@ def _on_lattice(model: Model, h: float, origin: NDArray[np.float64]) -> Plate:
     else:  # a quarter of each adjacent square between nodes
         areas = quarters((rows >= 0).reshape(-1, at.stride)).ravel()[place] / 4
     listed = Listed(place, rows, areas)
-    return Plate(model, at, h, origin, cracks, (0, 0), (nx + 1, ny + 1), listed)
+    return HybridPlate(model, at, h, origin, cracks, (0, 0), (nx + 1, ny + 1), listed)
 
 
 def squares(has_node: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -235,7 +235,7 @@ def quarters(has_node: NDArray[np.bool_]) -> NDArray[np.int8]:
     return counts
 
 
-def cells_of(plate: Plate, reach: int, steep: NDArray[np.int64] | None = None) -> NDArray[np.uint8]:
+def cells_of(plate: HybridPlate, reach: int, steep: NDArray[np.int64] | None = None) -> NDArray[np.uint8]:
     """Initial cells (c,): fine near tips of pre-cracks, where an outline cuts cells, around the nodes `steep` (rows
     of the grid), and where a motion is prescribed that coarse cells do not have; coarse elsewhere.
 
@@ -269,7 +269,7 @@ def cells_of(plate: Plate, reach: int, steep: NDArray[np.int64] | None = None) -
     return cells.ravel()
 
 
-def _in_plate(plate: Plate) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def _in_plate(plate: HybridPlate) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Masks (rows, columns) of the cells with some of the plate, and of those that are whole."""
     at = plate.at
     in_plate, good = np.zeros((2, at.ny // 2, at.nx // 2), dtype=bool)
@@ -291,7 +291,7 @@ def _in_plate(plate: Plate) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     return in_plate, good
 
 
-def squares_in_cells(plate: Plate) -> NDArray[np.uint8]:
+def squares_in_cells(plate: HybridPlate) -> NDArray[np.uint8]:
     """Number (c,) of squares with a node at all four corners, in each cell."""
     at = plate.at
     counts = np.zeros((at.ny // 2, at.nx // 2), dtype=np.uint8)
@@ -301,7 +301,7 @@ def squares_in_cells(plate: Plate) -> NDArray[np.uint8]:
     return np.pad(counts, AROUND).ravel()
 
 
-def tips_of(plate: Plate) -> NDArray[np.float64]:
+def tips_of(plate: HybridPlate) -> NDArray[np.float64]:
     """Ends (k, 2) of pre-cracks that lie inside the plate and on no other segment, in spacings."""
     ends = plate.cracks.reshape(-1, 2)
     inner = ((ends > 1e-6) & (ends < np.array([plate.at.nx, plate.at.ny]) - 1e-6)).all(axis=1)

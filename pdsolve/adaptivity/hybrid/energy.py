@@ -8,7 +8,6 @@ import numpy as np
 from numba import njit, types
 from numba.extending import overload
 
-from pdsolve.adaptivity.hybrid.arrays import COARSE_ROWS, FAR_ROWS, PIECES, ROWS
 from pdsolve.adaptivity.hybrid.lattice import FREE, IDLE
 from pdsolve.adaptivity.hybrid.springs import INVERSE, STIFFNESS, X, Y
 from pdsolve.codegen.jit_cache import cached_njit
@@ -145,7 +144,7 @@ def energy_of(ground, zone, now, fine_nodes, coarse_nodes):  # type: ignore[no-u
     for q in coarse_nodes:
         if coarse.kind[q] == FREE:
             energy += green_held(coarse, ground.coarse_table, ground.coarse_ways, uc, q) + kinetic(coarse, q)
-    for n in range(zone.number[PIECES]):
+    for n in range(zone.counts.pieces):
         if zone.mark[zone.pieces.owner[n]]:
             energy += piece_held(zone.pieces, u, uc, n)
     return energy
@@ -155,20 +154,20 @@ def energy_of(ground, zone, now, fine_nodes, coarse_nodes):  # type: ignore[no-u
 def held(ground, zone, now, fine_held_, coarse_held_, far_held):  # type: ignore[no-untyped-def]
     """Strain energies, J/m, of fine, coarse and far nodes, by their places; half of a piece's belongs to either end."""
     fine, coarse, pieces, s = zone.fine, zone.coarse, zone.pieces, zone.s[0]
-    for row in fine.rows[: zone.number[ROWS]]:
+    for row in fine.rows[: zone.counts.fine_rows]:
         row_held(fine, ground.table, ground.ways, False, row, fine.u[now], s)
         for p in range(row * ROW, row * ROW + ROW):
             fine_held_[p] = s[p % ROW] if fine.kind[p] != IDLE else 0.0
     lattices = (
-        (coarse, COARSE_ROWS, ground.coarse_table, ground.coarse_ways, coarse_held_),
-        (zone.far, FAR_ROWS, ground.far_table, ground.far_ways, far_held),
+        (coarse, zone.counts.coarse_rows, ground.coarse_table, ground.coarse_ways, coarse_held_),
+        (zone.far, zone.counts.far_rows, ground.far_table, ground.far_ways, far_held),
     )
     for nodes, count, table, ways, energies in lattices:
-        for row in nodes.rows[: zone.number[count]]:
+        for row in nodes.rows[:count]:
             row_held(nodes, table, ways, True, row, nodes.u[now], s)
             for q in range(row * ROW, row * ROW + ROW):
                 energies[q] = s[q % ROW] if nodes.kind[q] != IDLE else 0.0
-    for n in range(zone.number[PIECES]):
+    for n in range(zone.counts.pieces):
         half = piece_held(pieces, fine.u[now], coarse.u[now], n) / 2
         for which in range(2):
             a, b, w = pieces.end[n, 2 * which], pieces.end[n, 2 * which + 1], pieces.value[n, which]

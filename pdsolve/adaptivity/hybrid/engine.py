@@ -10,26 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid import arrays
-from pdsolve.adaptivity.hybrid.arrays import (
-    BREAKS,
-    DISSIPATED,
-    ENTRIES,
-    HOLDS,
-    KNOWN,
-    LARGEST,
-    LOADS,
-    NEW,
-    REFINEMENT,
-    REGRIDS,
-    ROWS,
-    STIRS,
-    WORK,
-    LatticeConstants,
-    Nodes,
-    Zone,
-)
+from pdsolve.adaptivity.hybrid.arrays import HOLD_COLUMNS, STORED, LatticeConstants, LatticeNodes, PlateZone
 from pdsolve.adaptivity.hybrid.clipped_bonds import stretch_of
-from pdsolve.adaptivity.hybrid.coarse_cells import Plate, squares_in_cells
+from pdsolve.adaptivity.hybrid.coarse_cells import HybridPlate, squares_in_cells
 from pdsolve.adaptivity.hybrid.energy import held
 from pdsolve.adaptivity.hybrid.lattice import BELOW, BELOW_COARSE, COARSE, FAR, FINE, FREE, IDLE, LEFT
 from pdsolve.adaptivity.hybrid.march import CLIP, DONE, march
@@ -56,7 +39,7 @@ class ZoneSummary(NamedTuple):
 
 
 class Strains(NamedTuple):
-    """Minus half the strains of free nodes, as `Nodes.shrink` has them."""
+    """Minus half the strains of free nodes, as `LatticeNodes.shrink` has them."""
 
     fine: NDArray[np.float64]
     coarse: NDArray[np.float64]
@@ -65,7 +48,7 @@ class Strains(NamedTuple):
 class Hybrid:
     """A plate in motion; nodes are numbered as on their lattices."""
 
-    def __init__(self, plate: Plate, ground: LatticeConstants, zone: Zone, drive: Drive) -> None:
+    def __init__(self, plate: HybridPlate, ground: LatticeConstants, zone: PlateZone, drive: Drive) -> None:
         """Cells of `zone` are those of the start."""
         self.plate, self.ground, self.zone, self.drive, self.now = plate, ground, zone, drive, 0
         self._squares = squares_in_cells(plate)
@@ -90,20 +73,20 @@ class Hybrid:
     def number(self) -> None:
         """Derive all nodes from the cells, whatever they were before."""
         zone = self.zone
-        zone.fine.own[: zone.number[ENTRIES]] = 0
+        zone.fine.own[: zone.counts.stiffness_rows] = 0
         for _, nodes, rows in self._lattices():
             nodes.entry[:] = -1
             nodes.kind.reshape(-1, ROW)[rows] = IDLE
             nodes.light.reshape(-1, ROW)[rows] = 0.0
-        zone.stirred[zone.stirs[: zone.number[STIRS]]] = False
-        zone.number[:] = 0
+        zone.stirred[zone.stirs[: zone.counts.stirred_nodes]] = False
+        zone = self.zone = zone._replace(counts=arrays.Counts.of())
         self._fine = -1, 0
         cells = np.flatnonzero(zone.cells == FINE)
         zone.new[: len(cells)] = cells
-        zone.number[NEW] = len(cells)
+        zone.counts.new_cells = len(cells)
         self.renew()
-        self.zone.total[:] = 0.0
-        self.zone = self.zone._replace(around=arrays.reserved(len(zone.around), of=np.int64))  # all coarse nodes were
+        around = arrays.reserved(len(zone.around), of=np.int64)  # all coarse nodes were
+        self.zone = self.zone._replace(totals=arrays.Totals.of(), around=around)
 
     def beneath(self, coarse: NDArray[np.int64]) -> NDArray[np.int64]:
         """Fine places (k,) that coarse nodes lie on."""
@@ -127,19 +110,19 @@ class Hybrid:
 
         `dt` is the time since the last step, s, 0 at rest. Raises LateZoneError if a clipped bond exceeds its limit.
         """
-        ground, number = self.ground, self.zone.number
-        acting, lattices = number[[LOADS, HOLDS]].copy(), (self.zone.fine, self.zone.coarse)
+        ground, counts = self.ground, self.zone.counts
+        loads, holds, lattices = counts.loads, counts.holds, (self.zone.fine, self.zone.coarse)
         slowing = [nodes.damping for nodes in lattices]
-        number[[LOADS, HOLDS]], self.ground = 0, ground._replace(dt=dt)
+        counts.loads, counts.holds, self.ground = 0, 0, ground._replace(dt=dt)
         try:
             self._damp(None, None)
             self._march(step + 1, step + 1)
         finally:
-            self.zone.number[[LOADS, HOLDS]], self.ground = acting, ground
+            counts.loads, counts.holds, self.ground = loads, holds, ground
             self._damp(*slowing)
 
     def _damp(self, fine: NDArray[np.float64] | None, coarse: NDArray[np.float64] | None) -> None:
-        """Damp the nodes so from now on; see `Nodes.damping`."""
+        """Damp the nodes so from now on; see `LatticeNodes.damping`."""
         zone = self.zone
         self.zone = zone._replace(fine=zone.fine._replace(damping=fine), coarse=zone.coarse._replace(damping=coarse))
 
@@ -211,39 +194,39 @@ class Hybrid:
 
     def book(self, work: float) -> None:
         """Book an energy, J/m, as work done on the plate."""
-        self.zone.total[WORK] += work
+        self.zone.totals.work += work
 
     @cached_property
     def _places(self) -> NDArray[np.int64]:
         """Fine places (n,) of all nodes of the grid."""
         return self.plate.place
 
-    def broken(self) -> arrays.Breaks:
+    def broken(self) -> arrays.BreakEvents:
         """Bonds broken so far."""
-        (step, node, spring), count = self.zone.breaks, self.zone.number[BREAKS]
-        return arrays.Breaks(step[:count], node[:count], spring[:count])
+        (step, node, spring), count = self.zone.breaks, self.zone.counts.broken_bonds
+        return arrays.BreakEvents(step[:count], node[:count], spring[:count])
 
     def spenders(self) -> NDArray[np.int64]:
         """Fine places (k,) at which a bond has broken or softened, in order."""
-        return np.unique(np.concatenate([self.broken().node, self.zone.stirs[: self.zone.number[STIRS]]]))
+        return np.unique(np.concatenate([self.broken().node, self.zone.stirs[: self.zone.counts.stirred_nodes]]))
 
     def zone_summary(self) -> ZoneSummary:
         """Summary of the fine zone for the run's report."""
-        zone, changes = self.zone, int(self.zone.number[REGRIDS])
+        zone, changes = self.zone, int(self.zone.counts.regrids)
         if self._fine[0] != changes:
             self._fine = changes, int(self._squares[zone.cells == FINE].sum())
         fine = self._fine[1] / self._whole
-        largest, limit = _stretch(zone.total[LARGEST]), _stretch(self.ground.least[0])
-        return ZoneSummary(float(zone.total[REFINEMENT]), float(fine), float(largest / limit))
+        largest, limit = _stretch(zone.totals.largest_e), _stretch(self.ground.least[0])
+        return ZoneSummary(float(zone.totals.refinement), float(fine), float(largest / limit))
 
-    def _lattices(self) -> Iterator[tuple[str, Nodes, NDArray[np.int64]]]:
+    def _lattices(self) -> Iterator[tuple[str, LatticeNodes, NDArray[np.int64]]]:
         """Name and nodes of all lattices, and their rows with a node that is not idle."""
         zone = self.zone
-        yield "fine", zone.fine, zone.fine.rows[: zone.number[ROWS]]
-        yield "coarse", zone.coarse, zone.coarse.rows[: zone.number[arrays.COARSE_ROWS]]
-        yield "far", zone.far, zone.far.rows[: zone.number[arrays.FAR_ROWS]]
+        yield "fine", zone.fine, zone.fine.rows[: zone.counts.fine_rows]
+        yield "coarse", zone.coarse, zone.coarse.rows[: zone.counts.coarse_rows]
+        yield "far", zone.far, zone.far.rows[: zone.counts.far_rows]
 
-    def active(self, nodes: Nodes, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+    def active(self, nodes: LatticeNodes, rows: NDArray[np.int64]) -> NDArray[np.int64]:
         """Places of the free nodes in these rows of a lattice."""
         places = (rows[:, None] * ROW + np.arange(ROW)).ravel()
         return np.asarray(places[nodes.kind[places] == FREE])
@@ -268,8 +251,8 @@ class Hybrid:
     @property
     def spent(self) -> tuple[float, float, float]:
         """Energy dissipated, work done, and energy created by refinement, J/m."""
-        total = self.zone.total
-        return float(total[DISSIPATED]), float(total[WORK]), float(total[REFINEMENT])
+        totals = self.zone.totals
+        return float(totals.dissipated), float(totals.work), float(totals.refinement)
 
     @property
     def damped(self) -> float:
@@ -279,7 +262,7 @@ class Hybrid:
 
     def keep(self) -> Kept:
         """Arrays for a checkpoint, from which a run continues bit by bit."""
-        zone, broken = self.zone, self.zone.number[BREAKS]
+        zone, broken = self.zone, self.zone.counts.broken_bonds
         checkpoint = {f"break_{name}": column[:broken].copy() for name, column in zone.breaks._asdict().items()}
         for name, nodes, rows in self._lattices():
             idle = nodes.kind.reshape(-1, ROW)[rows] == IDLE
@@ -292,17 +275,17 @@ class Hybrid:
                 slowed = np.flatnonzero(nodes.damped)
                 checkpoint |= {f"{name}_slowed": slowed, f"{name}_damped": nodes.damped[slowed]}
         if self.ground.varied:
-            entries = zone.fine.entry[zone.fine.rows[: zone.number[ROWS]]]
+            entries = zone.fine.entry[zone.fine.rows[: zone.counts.fine_rows]]
             stiffness_rows = np.where(entries < 0, -2 - entries, entries)
             checkpoint |= {
                 "edge": zone.fine.edge[stiffness_rows],
                 "own": zone.fine.own[stiffness_rows],
                 "usual": entries < 0,
             }
-        stirs = zone.stirs[: zone.number[STIRS]].copy()
-        checkpoint |= {"holds": zone.holds.value.copy(), "stirs": stirs, "spent": zone.spent[self.spenders()]}
-        number = zone.number[:ENTRIES].copy()  # the others say where rows are, and what changed last
-        return checkpoint | {"cells": zone.cells.copy(), "total": zone.total.copy(), "number": number}
+        stirs = zone.stirs[: zone.counts.stirred_nodes].copy()
+        checkpoint |= {"holds": _hold_columns(zone), "stirs": stirs, "spent": zone.spent[self.spenders()]}
+        number = zone.counts.values()[:STORED]  # the others say where rows are, and what changed last
+        return checkpoint | {"cells": zone.cells.copy(), "total": zone.totals.values(), "number": number}
 
     def back(self, checkpoint: Kept) -> None:
         """Restore a checkpoint. Raises CheckpointError."""
@@ -325,7 +308,7 @@ class Hybrid:
             column[: len(node)] = breaks._asdict()[name]
         self._put_numbers(checkpoint, node, breaks.spring)
         if self.ground.varied:
-            rows = zone.fine.rows[: zone.number[ROWS]]
+            rows = zone.fine.rows[: zone.counts.fine_rows]
             stiffness_rows = np.where(zone.fine.entry[rows] < 0, -2 - zone.fine.entry[rows], zone.fine.entry[rows])
             for name, array in (("edge", zone.fine.edge), ("own", zone.fine.own)):
                 array[stiffness_rows] = entry(
@@ -339,9 +322,9 @@ class Hybrid:
             for field, values in (("u", nodes.u[0]), ("v", nodes.v), ("f", nodes.f)):
                 values[:, places] = entry(checkpoint, f"{name}_{field}", (2, len(places)), values.dtype)
             nodes.wide[rows] = entry(checkpoint, f"{name}_wide", rows.shape, np.uint8)
-        zone.holds.value[:] = like(checkpoint, "holds", zone.holds.value)
-        zone.total[:] = like(checkpoint, "total", zone.total)
+        _put_holds(checkpoint, zone)
         _put_damped(checkpoint, zone)
+        self.zone = zone._replace(totals=arrays.Totals.of(like(checkpoint, "total", zone.totals.values())))
 
     def _check_cells(self, cells: NDArray[np.uint8]) -> None:
         """Raise CheckpointError for cells (c,) that those of the start do not become."""
@@ -351,7 +334,7 @@ class Hybrid:
         if not ((cells == start) | may).all():
             raise CheckpointError("cells are not those of the start; coarse ones may only become fine")
 
-    def _kept_breaks(self, checkpoint: Kept) -> arrays.Breaks:
+    def _kept_breaks(self, checkpoint: Kept) -> arrays.BreakEvents:
         """Broken bonds of a checkpoint, checked to exist at the start and to have broken once in each direction."""
         ground, plate = self.ground, self.plate
         step = entry(checkpoint, "break_step", (None,), np.int32, 1)
@@ -364,16 +347,18 @@ class Hybrid:
         intact = are_intact(ground.nodes, self.zone.lost, owner, spring % half)
         if not (inside & intact).all() or len(np.unique(node * 2 * half + spring)) < len(node):
             raise CheckpointError("a broken bond is none of the plate, or there twice")
-        return arrays.Breaks(step, node, spring)
+        return arrays.BreakEvents(step, node, spring)
 
     def _put_numbers(self, checkpoint: Kept, node: NDArray[np.int64], spring: NDArray[np.int32]) -> None:
         """Restore the counts of a checkpoint with these broken bonds, and the nodes with softened or broken bonds."""
-        zone, number = self.zone, entry(checkpoint, "number", (None,), np.int64)
-        if len(number) < ENTRIES:
-            raise CheckpointError(f"'number' has {len(number)} values; it needs {ENTRIES} at least")
+        zone, numbers = self.zone, entry(checkpoint, "number", (None,), np.int64)
+        if len(numbers) < STORED:
+            raise CheckpointError(f"'number' has {len(numbers)} values; it needs {STORED} at least")
+        past = arrays.Counts.of(numbers[:STORED])
         stirs = entry(checkpoint, "stirs", (None,), np.int64, 0, len(zone.stirs) - 1)
         fine = zone.fine.kind
-        if (number[[BREAKS, STIRS]] != [len(node), len(stirs)]).any() or not 0 <= number[KNOWN] <= len(stirs):
+        others = (past.broken_bonds, past.stirred_nodes) != (len(node), len(stirs))
+        if others or not 0 <= past.refined_nodes <= len(stirs):
             raise CheckpointError(f"'number' has other counts; there are {len(node)} bonds and {len(stirs)} nodes")
         if len(np.unique(stirs)) < len(stirs) or (fine[stirs] == IDLE).any():
             raise CheckpointError("stirred nodes are there twice, or are not fine")
@@ -382,7 +367,8 @@ class Hybrid:
             raise CheckpointError("a broken bond is of a node that is not fine")
         zone.stirs[: len(stirs)], zone.stirred[stirs] = stirs, True
         zone.spent[:] = 0.0
-        zone.number[[BREAKS, STIRS, KNOWN, REGRIDS]] = number[[BREAKS, STIRS, KNOWN, REGRIDS]]
+        zone.counts.broken_bonds, zone.counts.stirred_nodes = past.broken_bonds, past.stirred_nodes
+        zone.counts.refined_nodes, zone.counts.regrids = past.refined_nodes, past.regrids
         spenders = self.spenders()
         zone.spent[spenders] = entry(checkpoint, "spent", spenders.shape, float)
 
@@ -392,7 +378,18 @@ class Hybrid:
         return sum(array.nbytes for part in lattices for array in part if array is not None)
 
 
-def _put_damped(checkpoint: Kept, zone: Zone) -> None:
+def _hold_columns(zone: PlateZone) -> NDArray[np.float64]:
+    """Values, velocities and forces (e, 4) of all held components, as checkpoints have them."""
+    return np.column_stack([zone.holds.of[name] for name in HOLD_COLUMNS])
+
+
+def _put_holds(checkpoint: Kept, zone: PlateZone) -> None:
+    """Restore values, velocities and forces of all held components."""
+    for name, column in zip(HOLD_COLUMNS, like(checkpoint, "holds", _hold_columns(zone)).T, strict=True):
+        zone.holds.of[name] = column
+
+
+def _put_damped(checkpoint: Kept, zone: PlateZone) -> None:
     """Restore the energies that damping has taken from nodes."""
     for name, damped in (("fine", zone.fine.damped), ("coarse", zone.coarse.damped)):
         if damped is not None:

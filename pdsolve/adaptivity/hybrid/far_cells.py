@@ -10,12 +10,12 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pdsolve.adaptivity.hybrid.arrays import AROUND, FAR_AROUND, FAR_ROWS, NEW, REFINEMENT, LatticeConstants
-from pdsolve.adaptivity.hybrid.coarse_cells import Plate
+from pdsolve.adaptivity.hybrid.arrays import LatticeConstants
+from pdsolve.adaptivity.hybrid.coarse_cells import HybridPlate
 from pdsolve.adaptivity.hybrid.energy import green_held, kinetic, strain_e
 from pdsolve.adaptivity.hybrid.far_nodes import bilinear_of_far, far_around, set_far
-from pdsolve.adaptivity.hybrid.lattice import AROUND as RIM
 from pdsolve.adaptivity.hybrid.lattice import (
+    AROUND,
     BELOW,
     BORDER,
     COARSE,
@@ -46,7 +46,7 @@ NEAR = 12  # likewise where cells become fine or far springs are stretched
 
 
 def far_cells(
-    plate: Plate, ground: LatticeConstants, cells: NDArray[np.uint8], driven: NDArray[np.int64]
+    plate: HybridPlate, ground: LatticeConstants, cells: NDArray[np.uint8], driven: NDArray[np.int64]
 ) -> NDArray[np.uint8]:
     """The cells (c,) with far ones away from outlines, cracks, fine cells and the `driven` places of fine nodes.
 
@@ -57,8 +57,9 @@ def far_cells(
     if rows * columns < WORTH_FAR or ground.cell.shape[1] > 1 or ground.nodes.damping is not None:
         return cells
     new_cells = cells.reshape(-1, at.cell_stride).copy()
-    inner = new_cells[RIM : RIM + rows, RIM : RIM + columns]
-    odd = (inner != COARSE) | ground.cut_cells.reshape(new_cells.shape)[RIM : RIM + rows, RIM : RIM + columns]
+    inner = new_cells[AROUND : AROUND + rows, AROUND : AROUND + columns]
+    cut = ground.cut_cells.reshape(new_cells.shape)[AROUND : AROUND + rows, AROUND : AROUND + columns]
+    odd = (inner != COARSE) | cut
     y, x = np.divmod(driven, at.stride)
     odd[((y - BELOW) // 2).clip(max=rows - 1), ((x - LEFT) // 2).clip(max=columns - 1)] = True
     odd = in_square(odd, AWAY)[: rows // 2 * 2, : columns // 2 * 2]
@@ -86,7 +87,7 @@ def _mark_blocks(at, cells, x, y, listed, count):  # type: ignore[no-untyped-def
 def _mark_stretched(ground, zone, now, count):  # type: ignore[no-untyped-def]
     """List the far cells near stretched far springs."""
     at, far, table = ground.at, zone.far, ground.far_table
-    for row in far.rows[: zone.number[FAR_ROWS]]:
+    for row in far.rows[: zone.counts.far_rows]:
         if far.wide[row] == 0:
             continue
         for lane in range(ROW):
@@ -111,7 +112,7 @@ def divide(ground, zone, now):  # type: ignore[no-untyped-def]
 
     Nodes that come take the motion between far ones; the change of energy is booked. Nodes are to be listed then.
     """
-    at, new, count = ground.at, zone.new[: zone.number[NEW]], 0
+    at, new, count = ground.at, zone.new[: zone.counts.new_cells], 0
     for c in new:
         count = _mark_blocks(at, zone.cells, cell_column(at, c), cell_row(at, c), zone.dirty, count)
     count = _mark_stretched(ground, zone, now, count)
@@ -123,7 +124,7 @@ def divide(ground, zone, now):  # type: ignore[no-untyped-def]
     before = _energy(ground, zone, now)
     _begin(ground, zone, now)
     set_listed(ground, zone)
-    zone.total[REFINEMENT] += _energy(ground, zone, now) - before
+    zone.totals.refinement += _energy(ground, zone, now) - before
     return True
 
 
@@ -142,7 +143,7 @@ def _list_around(at, zone, blocks):  # type: ignore[no-untyped-def]
                 if n % 3 != 1 and n // 3 != 1:
                     zone.far_around[far] = far_place(at, (x + n % 3) // 2, (y + n // 3) // 2)
                     far += 1
-    zone.number[AROUND], zone.number[FAR_AROUND] = around, far
+    zone.counts.around, zone.counts.far_around = around, far
     for q in zone.around[:around]:
         zone.mark[fine_place(at, 2 * coarse_column(at, q), 2 * coarse_row(at, q))] = False
 
@@ -151,12 +152,12 @@ def _list_around(at, zone, blocks):  # type: ignore[no-untyped-def]
 def _energy(ground, zone, now):  # type: ignore[no-untyped-def]
     """Energy, J/m, of the listed nodes."""
     coarse, far, energy = zone.coarse, zone.far, 0.0
-    for q in zone.around[: zone.number[AROUND]]:
+    for q in zone.around[: zone.counts.around]:
         if coarse.kind[q] != IDLE:
             energy += green_held(coarse, ground.coarse_table, ground.coarse_ways, coarse.u[now], q)
         if coarse.kind[q] == FREE:
             energy += kinetic(coarse, q)
-    for q in zone.far_around[: zone.number[FAR_AROUND]]:
+    for q in zone.far_around[: zone.counts.far_around]:
         if far.kind[q] == FREE:
             energy += green_held(far, ground.far_table, ground.far_ways, far.u[now], q) + kinetic(far, q)
     return energy
@@ -166,7 +167,7 @@ def _energy(ground, zone, now):  # type: ignore[no-untyped-def]
 def _begin(ground, zone, now):  # type: ignore[no-untyped-def]
     """Give the listed coarse nodes that are not free the motion of far ones."""
     at, coarse, far, two = ground.at, zone.coarse, zone.far, zone.s[0, :2]
-    for q in zone.around[: zone.number[AROUND]]:
+    for q in zone.around[: zone.counts.around]:
         if coarse.kind[q] == FREE:
             continue
         x, y = coarse_column(at, q), coarse_row(at, q)
@@ -178,11 +179,11 @@ def _begin(ground, zone, now):  # type: ignore[no-untyped-def]
 @njit(**INNER)
 def set_listed(ground, zone):  # type: ignore[no-untyped-def]
     """Set kinds, masses and springs of the listed nodes; tied ones have no motion of their own."""
-    for q in zone.around[: zone.number[AROUND]]:
+    for q in zone.around[: zone.counts.around]:
         set_coarse(ground, zone.cells, zone.fine, zone.coarse, q)
         if zone.coarse.kind[q] == BORDER:
             zone.coarse.v[0, q] = zone.coarse.v[1, q] = 0.0
-    for q in zone.far_around[: zone.number[FAR_AROUND]]:
+    for q in zone.far_around[: zone.counts.far_around]:
         set_far(ground, zone, q)
         if zone.far.kind[q] == IDLE:
             zone.far.v[0, q] = zone.far.v[1, q] = 0.0

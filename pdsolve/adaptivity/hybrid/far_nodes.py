@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from numba import njit
 
-from pdsolve.adaptivity.hybrid.arrays import FAR_ROWS, TIED
 from pdsolve.adaptivity.hybrid.lattice import (
     BORDER,
     FAR,
@@ -123,9 +122,9 @@ def list_rows(nodes):  # type: ignore[no-untyped-def]
 def list_far(ground, zone, coarse_rows):  # type: ignore[no-untyped-def]
     """List rows with far nodes, and the coarse nodes tied to them, in so many rows."""
     coarse, far, tied, count = zone.coarse, zone.far, zone.tied, 0
-    zone.number[FAR_ROWS] = list_rows(far)
-    zone.number[TIED] = 0
-    if zone.number[FAR_ROWS] == 0:
+    zone.counts.far_rows = list_rows(far)
+    zone.counts.tied_nodes = 0
+    if zone.counts.far_rows == 0:
         return
     far.touched[:] = False
     for row in coarse.rows[:coarse_rows]:
@@ -136,4 +135,4 @@ def list_far(ground, zone, coarse_rows):  # type: ignore[no-untyped-def]
             tied.node[count], tied.end[count, 0], tied.end[count, 1], tied.w[count] = q, a, b, w
             coarse.touched[row] = far.touched[a // ROW] = far.touched[b // ROW] = True
             count += 1
-    zone.number[TIED] = count
+    zone.counts.tied_nodes = count

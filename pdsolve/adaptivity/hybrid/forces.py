@@ -12,21 +12,6 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from pdsolve.adaptivity.hybrid.arrays import (
-    AXIS,
-    BORDERS,
-    CLIPPED,
-    COARSE_ROWS,
-    FAR_ROWS,
-    LARGEST,
-    LOADS,
-    PIECES,
-    PROFILE,
-    ROWS,
-    TIED,
-    VALUE,
-    WORK,
-)
 from pdsolve.adaptivity.hybrid.bond_breaking import break_bonds
 from pdsolve.adaptivity.hybrid.damping import slow, tally
 from pdsolve.adaptivity.hybrid.energy import place_of, strain_e
@@ -50,8 +35,15 @@ from pdsolve.conditions import factor_at
 from pdsolve.numerics.thread_team import meet, wait
 from pdsolve.operators.simd_lattice.kernel import INNER, displaced
 
-# of `Zone.turns`: what is handed out, a part at a time, and how far the first thread is
-SUM, BROKEN, MOVE, PLAIN, TOUCHED, STAGE, FAR_PLAIN, FAR_TOUCHED = range(0, 64, 8)
+# Places in `PlateZone.turns`, in memory of its own each: how many parts of a job have been handed out to threads.
+SUM = 0  # forces on fine rows
+BROKEN = 8  # fine rows with a bond that is to break
+MOVE = 16  # motion of fine rows
+PLAIN = 24  # coarse rows on which springs alone act
+TOUCHED = 32  # other coarse rows
+STAGE = 40  # no job: the stage that the first thread has reached
+FAR_PLAIN = 48  # far rows on which springs alone act
+FAR_TOUCHED = 56  # other far rows
 ACTED, BROKE, LOADED, REST = range(1, 5)  # stages of a step: the first two are those the others wait for
 PART = 8  # fine rows that are handed out at once
 COARSE_PART = 64
@@ -62,7 +54,7 @@ def _clipped(zone, u, uc, f, fc):  # type: ignore[no-untyped-def]
     """Add the forces of clipped bonds; returns the largest e of those that could break."""
     pieces, largest = zone.pieces, 0.0
     end, value, relief = pieces.end, pieces.value, pieces.relief
-    for n in range(zone.number[PIECES]):
+    for n in range(zone.counts.pieces):
         eta_x = place_of(u, uc, pieces, n, 1, 0) - place_of(u, uc, pieces, n, 0, 0) + relief[n, 0]
         eta_y = place_of(u, uc, pieces, n, 1, 1) - place_of(u, uc, pieces, n, 0, 1) + relief[n, 1]
         x, y = value[n, 2], value[n, 3]
@@ -139,7 +131,7 @@ def _sum_fine(ground, zone, now, step, thread, job):  # type: ignore[no-untyped-
     fine, s = zone.fine, zone.s[thread]
     wide, u, breaks, aside = across(s), fine.u[now], job == BROKEN, zone.aside[thread]
     parts_per_row = ROW // wide
-    count = zone.asides[0] if breaks else zone.number[ROWS] * parts_per_row
+    count = zone.asides[0] if breaks else zone.counts.fine_rows * parts_per_row
     while True:
         first = take(zone.turns, job) * PART
         if first >= count:
@@ -199,7 +191,7 @@ def _put_aside(zone):  # type: ignore[no-untyped-def]
 def _move_fine(zone, now, dt, lag, ends, thread):  # type: ignore[no-untyped-def]
     """Kick and drift all fine rows; where a sequence `ends`, their damped forces are kept instead."""
     fine, s = zone.fine, zone.s[thread]
-    wide, u, after, count = across(s), fine.u[now], fine.u[1 - now], zone.number[ROWS]
+    wide, u, after, count = across(s), fine.u[now], fine.u[1 - now], zone.counts.fine_rows
     while True:
         first = take(zone.turns, MOVE) * PART
         if first >= count:
@@ -222,58 +214,58 @@ def _sweep_coarse(ground, zone, now, lag, ends, thread, stage):  # type: ignore[
 
     The stage LOADED processes touched rows, an earlier stage the others until the first thread reaches LOADED.
     """
-    lattice = zone.coarse, zone.number[COARSE_ROWS], ground.coarse_table, ground.coarse_ways
+    nodes, rows, table, ways = zone.coarse, zone.counts.coarse_rows, ground.coarse_table, ground.coarse_ways
     touched = stage == LOADED
-    _sweep(ground, zone, lattice, now, lag, ends, thread, (stage, TOUCHED if touched else PLAIN, touched))
+    job = TOUCHED if touched else PLAIN
+    _sweep(ground, zone, nodes, rows, table, ways, now, lag, ends, thread, stage, job, touched)
 
 
 @njit(**INNER)
 def _sweep_far(ground, zone, now, lag, ends, thread, gate):  # type: ignore[no-untyped-def]
     """Forces on far rows and their motion, see `_sweep`, once forces on tied nodes are passed on."""
-    lattice = zone.far, zone.number[FAR_ROWS], ground.far_table, ground.far_ways
+    nodes, rows, table, ways = zone.far, zone.counts.far_rows, ground.far_table, ground.far_ways
     meet(gate)
     if thread == 0:
-        _pass_on(zone.coarse.f, zone.far.f, zone.tied, zone.number[TIED])
-    _sweep(ground, zone, lattice, now, lag, ends, thread, (REST, FAR_PLAIN, False))
+        _pass_on(zone.coarse.f, zone.far.f, zone.tied, zone.counts.tied_nodes)
+    _sweep(ground, zone, nodes, rows, table, ways, now, lag, ends, thread, REST, FAR_PLAIN, False)
     meet(gate)
-    _sweep(ground, zone, lattice, now, lag, ends, thread, (REST, FAR_TOUCHED, True))
+    _sweep(ground, zone, nodes, rows, table, ways, now, lag, ends, thread, REST, FAR_TOUCHED, True)
 
 
 @njit(**INNER)
-def _sweep(ground, zone, lattice, now, lag, ends, thread, part):  # type: ignore[no-untyped-def]
+def _sweep(ground, zone, nodes, count, table, ways, now, lag, ends, thread, stage, job, touched):  # type: ignore[no-untyped-def]
     """Forces on rows of a compact lattice, followed by kick and drift unless a sequence `ends`; then forces are kept.
 
-    Of a `part`, touched rows or others, some are taken at a time before a stage. Notes rows with a hot bond.
+    Rows are those that are `touched`, or the others. Some are taken at a time, as the `job` counts them, until the
+    first thread reaches `stage`. Notes rows with a hot bond.
     """
-    coarse, count, table, ways = lattice
-    stage, job, touched = part
-    s, dt, row_stiffness, limit = zone.s[thread], ground.dt, coarse.own, ground.least[2]
-    wide, u, after = across(s), coarse.u[now], coarse.u[1 - now]
+    s, dt, row_stiffness, limit = zone.s[thread], ground.dt, nodes.own, ground.least[2]
+    wide, u, after = across(s), nodes.u[now], nodes.u[1 - now]
     while counted(zone.turns, STAGE) < stage:
         first = take(zone.turns, job) * COARSE_PART
         if first >= count:
             return
-        for row in coarse.rows[first : min(first + COARSE_PART, count)]:
-            if coarse.touched[row] != touched:
+        for row in nodes.rows[first : min(first + COARSE_PART, count)]:
+            if nodes.touched[row] != touched:
                 continue
-            entry, hot = coarse.entry[row], 0
+            entry, hot = nodes.entry[row], 0
             for lane in range(0, ROW, wide):
                 q = row * ROW + lane
                 if entry >= 0:
                     hot |= sum_green_own(
-                        u, table, ways, row_stiffness, coarse.shrink, 8, entry * 8 * ROW + lane, q, limit, s
+                        u, table, ways, row_stiffness, nodes.shrink, 8, entry * 8 * ROW + lane, q, limit, s
                     )
                 else:
-                    hot |= sum_green(u, table, ways, row_stiffness, coarse.shrink, 8, 0, q, limit, s)
+                    hot |= sum_green(u, table, ways, row_stiffness, nodes.shrink, 8, 0, q, limit, s)
                 if touched:
-                    add_forces(coarse.f, q, wide, s)
-                slow(coarse, q, wide, lag, s)
+                    add_forces(nodes.f, q, wide, s)
+                slow(nodes, q, wide, lag, s)
                 if touched or ends:
-                    keep_forces(coarse.f, q, wide, s)
+                    keep_forces(nodes.f, q, wide, s)
                 if not ends:
-                    tally(coarse, q, wide, dt, s, True, True)
-                    kick_and_drift(u, after, coarse.v, coarse.light, dt, dt / 2, q, s)
-            coarse.wide[row] = hot > 0
+                    tally(nodes, q, wide, dt, s, True, True)
+                    kick_and_drift(u, after, nodes.v, nodes.light, dt, dt / 2, q, s)
+            nodes.wide[row] = hot > 0
 
 
 @njit(**INNER)
@@ -306,36 +298,36 @@ def follow(u, uc, border, count):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _load(count, loads, fine, coarse, total, profiles, time, dt):  # type: ignore[no-untyped-def]
+def _load(count, loads, fine, coarse, totals, profiles, time, dt):  # type: ignore[no-untyped-def]
     """Add the loads at `time`, and their work since the last step by the trapezoidal rule."""
     last, now, then = -1, 0.0, 0.0
     for n in range(count):
-        on, e = loads.on[n, 0], loads.on[n, 1]
-        axis, profile, value = loads.what[e, AXIS], loads.what[e, PROFILE], loads.part[n] * loads.value[e, VALUE]
+        on, entry = loads.on[n, 0], loads.of[loads.on[n, 1]]
+        axis, profile, value = entry.axis, entry.profile, loads.part[n] * entry.value
         if profile != last:
             last = profile
             now, then = factor_at(profiles, profile, time), factor_at(profiles, profile, time - dt)
         after, before = value * now, value * then
         if on >= 0:
             fine.f[axis, on] += after
-            total[WORK] += (before + after) / 2 * dt * fine.v[axis, on]
+            totals.work += (before + after) / 2 * dt * fine.v[axis, on]
         else:
             coarse.f[axis, -1 - on] += after
-            total[WORK] += (before + after) / 2 * dt * coarse.v[axis, -1 - on]
+            totals.work += (before + after) / 2 * dt * coarse.v[axis, -1 - on]
 
 
 @njit(**INNER)
 def _act(ground, zone, profiles, now, step):  # type: ignore[no-untyped-def]
     """Initialize the forces with those of loads and of clipped bonds."""
     fine, coarse, dt = zone.fine, zone.coarse, ground.dt
-    _clear(fine, zone.number[ROWS])
-    _clear(coarse, zone.number[COARSE_ROWS])
-    _clear(zone.far, zone.number[FAR_ROWS])
-    _load(zone.number[LOADS], zone.loads, fine, coarse, zone.total, profiles, step * dt, dt if step > 0 else 0.0)
-    follow(fine.u[now], coarse.u[now], zone.border, zone.number[BORDERS])
+    _clear(fine, zone.counts.fine_rows)
+    _clear(coarse, zone.counts.coarse_rows)
+    _clear(zone.far, zone.counts.far_rows)
+    _load(zone.counts.loads, zone.loads, fine, coarse, zone.totals, profiles, step * dt, dt if step > 0 else 0.0)
+    follow(fine.u[now], coarse.u[now], zone.border, zone.counts.border_nodes)
     largest = _clipped(zone, fine.u[now], coarse.u[now], fine.f, coarse.f)
-    zone.total[CLIPPED] = largest
-    zone.total[LARGEST] = max(zone.total[LARGEST], largest)
+    zone.totals.clipped_e = largest
+    zone.totals.largest_e = max(zone.totals.largest_e, largest)
 
 
 @njit(**INNER)
@@ -360,10 +352,10 @@ def forces(ground, zone, profiles, now, step, lag, ends, thread, gate):  # type:
             meet(gate)
         elif stage == BROKE:
             if thread == 0:
-                _pass_on(zone.fine.f, zone.coarse.f, zone.border, zone.number[BORDERS])
+                _pass_on(zone.fine.f, zone.coarse.f, zone.border, zone.counts.border_nodes)
                 take(zone.turns, STAGE)
             _move_fine(zone, now, ground.dt, lag, ends, thread)
-    if zone.number[FAR_ROWS] > 0:
+    if zone.counts.far_rows > 0:
         _sweep_far(ground, zone, now, lag, ends, thread, gate)
     meet(gate)
 

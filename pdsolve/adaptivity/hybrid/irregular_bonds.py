@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model import selection
 from pdmesh.model.neighbours import ROWS
-from pdsolve.adaptivity.hybrid.coarse_cells import Plate, quarters, strips
+from pdsolve.adaptivity.hybrid.coarse_cells import HybridPlate, quarters, strips
 from pdsolve.adaptivity.hybrid.lattice import BELOW, LEFT
 from pdsolve.adaptivity.hybrid.springs import Springs, e_of
 from pdsolve.bonds.assembly import Paired, Part, stiffness_bound
@@ -42,7 +42,7 @@ class Irregular(NamedTuple):
     stiffness_bound: NDArray[np.float64]  # (r,) as in `Operator`
 
 
-def irregular(plate: Plate, springs: tuple[Springs, ...]) -> Irregular:
+def irregular(plate: HybridPlate, springs: tuple[Springs, ...]) -> Irregular:
     """Bonds of all nodes near irregular places; `springs` holds those of each material."""
     reach = int(np.abs(springs[0].dx).max())
     places, is_close = _near(plate, reach)
@@ -61,7 +61,7 @@ def irregular(plate: Plate, springs: tuple[Springs, ...]) -> Irregular:
     return irregular_bonds._replace(peak=limits[:, 0].copy(), limit=limits[:, 1].copy())
 
 
-def _near(plate: Plate, reach: int) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+def _near(plate: HybridPlate, reach: int) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     """Places (k,) of the nodes within three of a family's reaches of an irregular place, and which are within two."""
     stride, rows = plate.at.stride, plate.at.places // plate.at.stride
     places, is_close = [], []
@@ -74,7 +74,7 @@ def _near(plate: Plate, reach: int) -> tuple[NDArray[np.int64], NDArray[np.bool_
     return np.concatenate(places), np.concatenate(is_close)
 
 
-def _odd(plate: Plate, reach: int, low: int, high: int) -> NDArray[np.bool_]:
+def _odd(plate: HybridPlate, reach: int, low: int, high: int) -> NDArray[np.bool_]:
     """Mask of places in rows `low` to `high` - 1 without a node or a whole cell, at an interface, or next to a
     pre-crack."""
     at = plate.at
@@ -131,7 +131,7 @@ def _parts(
 
 
 def _fill(
-    plate: Plate,
+    plate: HybridPlate,
     parts: Iterable[tuple[NDArray[np.int64], Part]],
     sorted_rows: NDArray[np.int64],
     numbers: NDArray[np.int64],
@@ -175,7 +175,7 @@ def _numbers(limits: NDArray[np.float64], number_by_limits: dict[bytes, int]) ->
     return np.asarray(numbers[which])
 
 
-def first_alike(plate: Plate, rows: NDArray[np.int64], reach: int) -> NDArray[np.int64]:
+def first_alike(plate: HybridPlate, rows: NDArray[np.int64], reach: int) -> NDArray[np.int64]:
     """Number (s,) of the first of these rows (s,) of the grid with the same bonds, and neighbours with the same bonds,
     but for round-off, in families of this `reach`, h."""
     every = np.arange(len(rows))
@@ -208,7 +208,7 @@ def _beside(at: NDArray[np.int64], crack: NDArray[np.float64], far: int) -> NDAr
     return numbers
 
 
-def _is_rectangle(plate: Plate) -> bool:
+def _is_rectangle(plate: HybridPlate) -> bool:
     """Whether nodes, of one material, fill a rectangle from which nothing is cut."""
     grid = plate.model.grid
     if plate.listed is not None or plate.model.settings.regions or len(grid.holes) or grid.bodies is not None:

@@ -7,19 +7,6 @@ from __future__ import annotations
 
 from numba import njit
 
-from pdsolve.adaptivity.hybrid.arrays import (
-    AXIS,
-    COARSE_ROWS,
-    FAR_ROWS,
-    FORCE,
-    KIND,
-    LAST,
-    PROFILE,
-    ROWS,
-    SPEED,
-    VALUE,
-    WORK,
-)
 from pdsolve.adaptivity.hybrid.damping import tally
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import DISPLACEMENT, VELOCITY, factor_at
@@ -53,63 +40,63 @@ def _tally_rows(nodes, count, dt, s, starts):  # type: ignore[no-untyped-def]
 @njit(**INNER)
 def drift(ground, zone, now, drifts):  # type: ignore[no-untyped-def]
     """Half a kick of all nodes and a drift if `drifts`."""
-    for nodes, count in ((zone.fine, ROWS), (zone.coarse, COARSE_ROWS), (zone.far, FAR_ROWS)):
-        _tally_rows(nodes, zone.number[count], ground.dt, zone.s[0], drifts)
-        _kick_and_drift(nodes, zone.number[count], now, ground.dt, drifts)
+    counts = zone.counts
+    lattices = (zone.fine, counts.fine_rows), (zone.coarse, counts.coarse_rows), (zone.far, counts.far_rows)
+    for nodes, rows in lattices:
+        _tally_rows(nodes, rows, ground.dt, zone.s[0], drifts)
+        _kick_and_drift(nodes, rows, now, ground.dt, drifts)
 
 
 @njit(**INNER)
 def begin_holds(fine, coarse, holds, count):  # type: ignore[no-untyped-def]
     """Store forces and velocities of held components."""
     for n in range(count):
-        on, e = holds.on[n, 0], holds.on[n, 1]
-        axis = holds.what[e, AXIS]
+        on, entry = holds.on[n, 0], holds.of[holds.on[n, 1]]
+        axis = entry.axis
         if on >= 0:
-            holds.value[e, FORCE], holds.value[e, LAST] = fine.f[axis, on], fine.v[axis, on]
+            entry.force, entry.last_speed = fine.f[axis, on], fine.v[axis, on]
         else:
-            holds.value[e, FORCE], holds.value[e, LAST] = coarse.f[axis, -1 - on], coarse.v[axis, -1 - on]
+            entry.force, entry.last_speed = coarse.f[axis, -1 - on], coarse.v[axis, -1 - on]
 
 
 @njit(**INNER)
 def end_holds(fine, coarse, holds, count):  # type: ignore[no-untyped-def]
     """Give held components their prescribed velocities."""
     for n in range(count):
-        on, e = holds.on[n, 0], holds.on[n, 1]
+        on, entry = holds.on[n, 0], holds.of[holds.on[n, 1]]
         if on >= 0:
-            fine.v[holds.what[e, AXIS], on] = holds.value[e, LAST]
+            fine.v[entry.axis, on] = entry.last_speed
         else:
-            coarse.v[holds.what[e, AXIS], -1 - on] = holds.value[e, LAST]
+            coarse.v[entry.axis, -1 - on] = entry.last_speed
 
 
 @njit(**INNER)
-def hold(fine, coarse, holds, count, total, dt, profiles, now, step, ends, starts):  # type: ignore[no-untyped-def]
+def hold(fine, coarse, holds, count, totals, dt, profiles, now, step, ends, starts):  # type: ignore[no-untyped-def]
     """Book the holding forces until `step` unless a sequence `starts`, and hold on from there unless it `ends`."""
     for n in range(count):
-        on = holds.on[n, 0]
+        on, entry = holds.on[n, 0], holds.of[holds.on[n, 1]]
         if on >= 0:
-            _hold(fine.u, fine.v, fine.f, fine.mass, on, holds, n, total, dt, profiles, now, step, ends, starts)
+            _hold(fine, on, entry, totals, dt, profiles, now, step, ends, starts)
         else:
-            p = -1 - on
-            _hold(coarse.u, coarse.v, coarse.f, coarse.mass, p, holds, n, total, dt, profiles, now, step, ends, starts)
+            _hold(coarse, -1 - on, entry, totals, dt, profiles, now, step, ends, starts)
 
 
 @njit(**INNER)
-def _hold(u, v, f, mass, p, holds, n, total, dt, profiles, now, step, ends, starts):  # type: ignore[no-untyped-def]
-    """Book the force on one held component n until `step`, and hold it from there; see `hold`."""
-    e, time = holds.on[n, 1], step * dt
-    axis, profile, kind = holds.what[e, AXIS], holds.what[e, PROFILE], holds.what[e, KIND]
-    value, mean, speed = holds.value[e, VALUE], holds.value[e, SPEED], holds.value[e, SPEED]
-    if kind == VELOCITY:
-        speed = value * factor_at(profiles, profile, time)
+def _hold(nodes, p, entry, totals, dt, profiles, now, step, ends, starts):  # type: ignore[no-untyped-def]
+    """Book the force on the held component of node p until `step`, and hold it from there; see `hold`."""
+    axis, profile, time, speed = entry.axis, entry.profile, step * dt, entry.mean_speed
+    u, force = nodes.u, nodes.f[axis, p]
+    if entry.kind == VELOCITY:
+        speed = entry.value * factor_at(profiles, profile, time)
     if not starts:
-        total[WORK] -= (holds.value[e, FORCE] + f[axis, p]) / 2 * dt * mean
-        total[WORK] += mass[p] / 2 * (speed**2 - holds.value[e, LAST] ** 2)
-        holds.value[e, FORCE], holds.value[e, LAST] = f[axis, p], speed
+        totals.work -= (entry.force + force) / 2 * dt * entry.mean_speed
+        totals.work += nodes.mass[p] / 2 * (speed**2 - entry.last_speed**2)
+        entry.force, entry.last_speed = force, speed
     if ends:
         return
-    if kind == DISPLACEMENT:
-        speed = (value * factor_at(profiles, profile, time + dt) - u[now, axis, p]) / dt
+    if entry.kind == DISPLACEMENT:
+        speed = (entry.value * factor_at(profiles, profile, time + dt) - u[now, axis, p]) / dt
     else:
-        speed = value * factor_at(profiles, profile, time + dt / 2)
-    v[axis, p] = holds.value[e, SPEED] = speed
+        speed = entry.value * factor_at(profiles, profile, time + dt / 2)
+    nodes.v[axis, p] = entry.mean_speed = speed
     u[1 - now, axis, p] = u[now, axis, p] + dt * speed

@@ -7,23 +7,7 @@ from __future__ import annotations
 
 from numba import njit
 
-from pdsolve.adaptivity.hybrid.arrays import (
-    AHEAD,
-    BREAKS,
-    CLIPPED,
-    COARSE_ROWS,
-    ENTRIES,
-    EVERY,
-    FAR_ROWS,
-    HOLDS,
-    KNOWN,
-    NEW,
-    REGRIDS,
-    ROWS,
-    SHORT,
-    STIRS,
-    TIED,
-)
+from pdsolve.adaptivity.hybrid.arrays import AHEAD, EVERY
 from pdsolve.adaptivity.hybrid.energy import strain_e
 from pdsolve.adaptivity.hybrid.far_cells import divide
 from pdsolve.adaptivity.hybrid.forces import again, follow, forces
@@ -53,7 +37,7 @@ SPARE = 64  # rows: room for so many more is always kept
 def _look_for_broken(ground, zone):  # type: ignore[no-untyped-def]
     """List the cells to refine near nodes with a broken or softened bond."""
     at, count = ground.at, 0
-    for n in range(zone.number[KNOWN], zone.number[STIRS]):
+    for n in range(zone.counts.refined_nodes, zone.counts.stirred_nodes):
         p = zone.stirs[n]
         count = mark_disc(at, zone.cells, zone.new, count, fine_column(at, p), fine_row(at, p), AHEAD)
     return count
@@ -64,7 +48,7 @@ def _look_for_hot(ground, zone, now, count):  # type: ignore[no-untyped-def]
     """List the cells to refine near the nodes of a stretched coarse bond; returns their new `count`."""
     at, coarse, table = ground.at, zone.coarse, ground.coarse_table
     u = coarse.u[now]
-    for n in range(zone.number[COARSE_ROWS]):
+    for n in range(zone.counts.coarse_rows):
         row = coarse.rows[n]
         if coarse.wide[row] == 0:
             continue
@@ -100,18 +84,18 @@ def _lasts(ground, q):  # type: ignore[no-untyped-def]
 @njit(**INNER)
 def _has_room(zone, rows):  # type: ignore[no-untyped-def]
     """Whether the arrays have room for `rows` more fine rows, for new irregular rows, and for all bonds to break."""
-    events = ROW * (zone.number[ROWS] + rows) * zone.fine.own.shape[1]
-    entries = zone.number[ENTRIES] + rows + SPARE
-    return entries <= len(zone.fine.own) and zone.number[BREAKS] + events <= len(zone.breaks.step)
+    events = ROW * (zone.counts.fine_rows + rows) * zone.fine.own.shape[1]
+    entries = zone.counts.stiffness_rows + rows + SPARE
+    return entries <= len(zone.fine.own) and zone.counts.broken_bonds + events <= len(zone.breaks.step)
 
 
 @njit(**INNER)
 def _divide(ground, zone, now):  # type: ignore[no-untyped-def]
     """Make far cells coarse where it is due, before the cells in `zone.new` become fine."""
-    count = zone.number[NEW]
-    if zone.number[FAR_ROWS] > 0 and divide(ground, zone, now):
+    count = zone.counts.new_cells
+    if zone.counts.far_rows > 0 and divide(ground, zone, now):
         finish(ground, zone)
-        zone.number[NEW] = count
+        zone.counts.new_cells = count
         for c in zone.new[:count]:
             zone.cells[c] = FINE
 
@@ -120,28 +104,28 @@ def _divide(ground, zone, now):  # type: ignore[no-untyped-def]
 def _adapt(ground, zone, now, looks):  # type: ignore[no-untyped-def]
     """Refine where noted, or where found if it `looks`; or note that room is lacking."""
     if looks:
-        zone.number[NEW] = _look_for_hot(ground, zone, now, _look_for_broken(ground, zone))
+        zone.counts.new_cells = _look_for_hot(ground, zone, now, _look_for_broken(ground, zone))
         _divide(ground, zone, now)
-    begins, rows = zone.number[REGRIDS] == 0, 0
-    if begins or zone.number[NEW] > 0:
+    begins, rows = zone.counts.regrids == 0, 0
+    if begins or zone.counts.new_cells > 0:
         rows = mark_dirty(ground, zone)
-    zone.number[SHORT] = not _has_room(zone, rows)
-    if zone.number[SHORT] == 0 and (begins or zone.number[NEW] > 0):
+    zone.counts.lacks_room = not _has_room(zone, rows)
+    if zone.counts.lacks_room == 0 and (begins or zone.counts.new_cells > 0):
         refine(ground, zone, now)
 
 
 @njit(**INNER)
 def _go_on(ground, zone, profiles, now, step, starts, ends):  # type: ignore[no-untyped-def]
     """Begin a sequence by a drift and hold until the next step; at the start, only store the holding forces."""
-    fine, coarse, holds, count = zone.fine, zone.coarse, zone.holds, zone.number[HOLDS]
+    fine, coarse, holds, count = zone.fine, zone.coarse, zone.holds, zone.counts.holds
     if starts and ends:
         begin_holds(fine, coarse, holds, count)
     else:
         if starts:
             drift(ground, zone, now, starts)
-        hold(fine, coarse, holds, count, zone.total, ground.dt, profiles, now, step, ends, starts)
+        hold(fine, coarse, holds, count, zone.totals, ground.dt, profiles, now, step, ends, starts)
     if not ends:
-        follow(coarse.u[1 - now], zone.far.u[1 - now], zone.tied, zone.number[TIED])
+        follow(coarse.u[1 - now], zone.far.u[1 - now], zone.tied, zone.counts.tied_nodes)
 
 
 @cached_njit(nogil=True, error_model="numpy")
@@ -159,10 +143,10 @@ def march(ground, zone, profiles, now, first, last, drifted, thread, gate):  # t
                 if thread == 0:
                     _adapt(ground, zone, now, step >= first + drifted)
                 meet(gate)
-                if zone.number[SHORT] != 0:
+                if zone.counts.lacks_room != 0:
                     return ROOM, step, now
             forces(ground, zone, profiles, now, step, 0.0 if starts else ground.dt, ends, thread, gate)
-            largest = zone.total[CLIPPED]
+            largest = zone.totals.clipped_e
             meet(gate)
         if thread == 0:
             again(zone)
@@ -174,5 +158,5 @@ def march(ground, zone, profiles, now, first, last, drifted, thread, gate):  # t
             now = 1 - now
     if thread == 0 and last > first:
         drift(ground, zone, now, last == first)
-        end_holds(zone.fine, zone.coarse, zone.holds, zone.number[HOLDS])
+        end_holds(zone.fine, zone.coarse, zone.holds, zone.counts.holds)
     return DONE, last - 1, now

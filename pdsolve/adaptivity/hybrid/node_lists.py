@@ -1,18 +1,26 @@
-"""Lists of the current nodes of both lattices and of their bonds, and values of nodes in the order of these lists.
-
-fine, coarse        (k,), (q,) places of the current nodes on their lattice, in order
-at_fine, at_coarse  (k,), (q,) their rows among all n nodes, where a coarse node and the fine one it lies on are one
-"""
+"""Lists of the current nodes of both lattices and of their bonds, and values of nodes in the order of these lists."""
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.lattice import BELOW, BELOW_COARSE, FREE, IDLE, LEFT
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.operators.simd_lattice.kernel import INNER
+
+
+class NodeLists(NamedTuple):
+    """The current nodes of the fine and the coarse lattice; a coarse node and the fine one it lies on are one row."""
+
+    fine: NDArray[np.int64]  # (k,) places on their lattice, in order
+    coarse: NDArray[np.int32]  # (q,)
+    at_fine: NDArray[np.int64]  # (k,) rows among all n nodes
+    at_coarse: NDArray[np.int32]  # (q,)
 
 
 @njit(forceinline=True, **INNER)
@@ -46,10 +54,12 @@ def merged(at, fine, coarse, at_fine, at_coarse):  # type: ignore[no-untyped-def
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def list_bonds(zone_fine, zone_coarse, lost, ways, same, lists, bonds, springs):  # type: ignore[no-untyped-def]
+def list_bonds(kind, entry, own, coarse_entry, coarse_own, lost, ways, same, lists, bonds, springs):  # type: ignore[no-untyped-def]
     """Set the mask (k, family) of past and present bonds of fine nodes to nodes that exist, and the bits (q, 1) of the
-    springs of coarse nodes, without those that are fine bonds too: `same` (8,) says which, -1: none."""
-    kind, entry, row_stiffness = zone_fine
+    springs of coarse nodes, without those that are fine bonds too: `same` (8,) says which, -1: none.
+
+    The first five are columns of the `LatticeNodes` of both lattices.
+    """
     fine, coarse, at_fine, at_coarse = lists
     half = len(ways) // 2
     for i in range(len(fine)):
@@ -59,8 +69,7 @@ def list_bonds(zone_fine, zone_coarse, lost, ways, same, lists, bonds, springs):
         for k in range(len(ways)):
             j = p + ways[k]
             word = lost[p] >> np.uint64(k) if k < half else lost[j] >> np.uint64(k - half)
-            bonds[i, k] = (row_stiffness[row, k, lane] > 0 or word & np.uint64(1) != 0) and kind[j] != IDLE
-    entry, row_stiffness = zone_coarse
+            bonds[i, k] = (own[row, k, lane] > 0 or word & np.uint64(1) != 0) and kind[j] != IDLE
     i = 0
     for j in range(len(coarse)):
         row, lane, spring_bits = coarse[j] // ROW, coarse[j] % ROW, 0
@@ -68,7 +77,7 @@ def list_bonds(zone_fine, zone_coarse, lost, ways, same, lists, bonds, springs):
             i += 1
         twin = i < len(fine) and at_fine[i] == at_coarse[j]
         for k in range(8):
-            has_spring = entry[row] < 0 or row_stiffness[row, k, lane] > 0
+            has_spring = coarse_entry[row] < 0 or coarse_own[row, k, lane] > 0
             if has_spring and not (twin and same[k] >= 0 and bonds[i, same[k]]):
                 spring_bits |= 128 >> k
         springs[j, 0] = spring_bits
@@ -79,7 +88,7 @@ def gather(values, coarse_values, light, coarse_light, border, lists, out):  # t
     """Gather values (2, .) of both lattices in out (n, 2), times `light` (.,), where that is not of length 0; those of
     border nodes are means of the coarse nodes they lie between."""
     fine, coarse, at_fine, at_coarse = lists
-    node, end, w = border
+    node, end, w, _ = border
     scaled, b = len(light) > 0, 0
     for i in range(len(fine)):
         p, n = fine[i], at_fine[i]
@@ -100,17 +109,15 @@ def gather(values, coarse_values, light, coarse_light, border, lists, out):  # t
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def put(value, rate, fine_nodes, coarse_nodes, border, lists):  # type: ignore[no-untyped-def]
-    """Set displacements and velocities (2, .) of both lattices to values and rates (n, 2); border nodes follow, `off`
-    (., 2) the line between the coarse nodes they lie between."""
+def put(value, rate, u, v, kind, coarse_u, coarse_v, coarse_kind, border, lists):  # type: ignore[no-untyped-def]
+    """Set displacements and velocities (2, .) of both lattices to values and rates (n, 2); border nodes follow."""
     fine, coarse, at_fine, at_coarse = lists
     node, end, w, off = border
-    u, v, kind = coarse_nodes
     for j in range(len(coarse)):
-        if kind[coarse[j]] == FREE:
+        q, n = coarse[j], at_coarse[j]
+        if coarse_kind[q] == FREE:
             for axis in range(2):
-                u[axis, coarse[j]], v[axis, coarse[j]] = value[at_coarse[j], axis], rate[at_coarse[j], axis]
-    coarse_u, (u, v, kind), b = u, fine_nodes, 0
+                coarse_u[axis, q], coarse_v[axis, q] = value[n, axis], rate[n, axis]
     for i in range(len(fine)):
         p = fine[i]
         for axis in range(2):
@@ -124,8 +131,11 @@ def put(value, rate, fine_nodes, coarse_nodes, border, lists):  # type: ignore[n
 
 @cached_njit(nogil=True, error_model="numpy")
 def gather_far(values, light, tied, far, at_far, out):  # type: ignore[no-untyped-def]
-    """Gather values (2, .) of far nodes, and of coarse ones tied to them, in out (n, 2); `light` as in `gather`."""
-    rows, end, w = tied
+    """Gather values (2, .) of far nodes, and of coarse ones tied to them, in out (n, 2); `light` as in `gather`.
+
+    Nodes of `tied` and `at_far` are rows of out.
+    """
+    rows, end, w, _ = tied
     scaled = len(light) > 0
     for axis in range(2):
         for n in range(len(rows)):
@@ -141,7 +151,7 @@ def gather_far(values, light, tied, far, at_far, out):  # type: ignore[no-untype
 @cached_njit(nogil=True, error_model="numpy")
 def put_far(value, rate, u, v, coarse_u, tied, far, at_far):  # type: ignore[no-untyped-def]
     """Set displacements and velocities (2, .) of far nodes to values and rates (n, 2); tied coarse nodes follow."""
-    node, end, w = tied
+    node, end, w, _ = tied
     for axis in range(2):
         for j in range(len(far)):
             u[axis, far[j]], v[axis, far[j]] = value[at_far[j], axis], rate[at_far[j], axis]

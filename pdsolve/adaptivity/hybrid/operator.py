@@ -14,25 +14,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.adaptivity.hybrid.arrays import (
-    AXIS,
-    BORDERS,
-    COARSE_ROWS,
-    FAR_ROWS,
-    FORCE,
-    HOLDS,
-    PLACE,
-    PROFILE,
-    REGRIDS,
-    ROWS,
-    TIED,
-    VALUE,
-    Nodes,
-)
+from pdsolve.adaptivity.hybrid.arrays import LatticeNodes
 from pdsolve.adaptivity.hybrid.engine import Hybrid, ZoneSummary
 from pdsolve.adaptivity.hybrid.irregular_bonds import part_of
 from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, BELOW_COARSE, COARSE, FAR, IDLE, LEFT
-from pdsolve.adaptivity.hybrid.node_lists import bits_of_springs, gather, gather_far, list_bonds, merged, put, put_far
+from pdsolve.adaptivity.hybrid.node_lists import (
+    NodeLists,
+    bits_of_springs,
+    gather,
+    gather_far,
+    list_bonds,
+    merged,
+    put,
+    put_far,
+)
 from pdsolve.adaptivity.hybrid.node_rows import are_intact, of_nodes
 from pdsolve.adaptivity.two_lattice_operator import Sums, TwoLatticeOperator
 from pdsolve.codegen.vector_code import ROW
@@ -61,23 +56,23 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         self.hybrid, self._cut, self._strain = hybrid, cut, 0.0
         self._broken, self._looked = NOTHING, 0  # bonds whose rows are known, and how many have been looked for
         zone = hybrid.zone
-        fine_nodes, fine = zone.fine, _present(zone.fine, zone.number[ROWS])
-        coarse, far = _present(zone.coarse, zone.number[COARSE_ROWS]), _present(zone.far, zone.number[FAR_ROWS])
+        fine = _present(zone.fine, zone.counts.fine_rows)
+        coarse, far = _present(zone.coarse, zone.counts.coarse_rows), _present(zone.far, zone.counts.far_rows)
         self._fine, self._coarse, self._far = fine, coarse.astype(np.int32), far.astype(np.int32)
         del coarse, far
         self._at_fine, self._at_coarse = np.zeros(len(fine), np.int64), np.zeros(len(self._coarse), np.int32)
         self.places = merged(hybrid.plate.at, fine, self._coarse, self._at_fine, self._at_coarse)
         self._at_far = self._merge_far()
-        self._lists = fine, self._coarse, self._at_fine, self._at_coarse
+        self._lists = NodeLists(fine, self._coarse, self._at_fine, self._at_coarse)
         self._bonds = np.zeros((len(fine), len(hybrid.ground.ways)), dtype=np.bool_)  # past and present ones
         self._springs = np.zeros((len(self._coarse), 1), dtype=np.uint8)  # bits, without those that are fine bonds too
-        kinds, springs = (fine_nodes.kind, fine_nodes.entry, fine_nodes.own), (zone.coarse.entry, zone.coarse.own)
         ground = hybrid.ground
         number = {(int(dx), int(dy)): k for k, (dx, dy) in enumerate(zip(ground.dx, ground.dy, strict=True))}
         ways = zip(ground.coarse_dx.tolist(), ground.coarse_dy.tolist(), strict=True)
         # which bond of the fine family each spring (8,) of the coarse lattice is too; -1: none
         same = np.array([number.get((2 * dx, 2 * dy), -1) for dx, dy in ways])
-        list_bonds(kinds, springs, zone.lost, ground.ways, same, self._lists, self._bonds, self._springs)
+        columns = zone.fine.kind, zone.fine.entry, zone.fine.own, zone.coarse.entry, zone.coarse.own
+        list_bonds(*columns, zone.lost, ground.ways, same, self._lists, self._bonds, self._springs)
         self._far_springs = bits_of_springs(zone.far.entry, zone.far.own, self._far)  # likewise
         self._changes = self._counts()
 
@@ -100,7 +95,7 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
     def _counts(self) -> tuple[int, int]:
         """How many changes of cells there have been, and how many cells are coarse."""
         zone = self.hybrid.zone
-        return int(zone.number[REGRIDS]), int(np.count_nonzero(zone.cells == COARSE))
+        return int(zone.counts.regrids), int(np.count_nonzero(zone.cells == COARSE))
 
     @property
     def rows(self) -> NDArray[np.int64]:
@@ -214,21 +209,18 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         """Gather values (2, .) of all lattices in out (n, 2), over the masses of nodes if `light`."""
         zone = self.hybrid.zone
         over = [nodes.light if light else nodes.light[:0] for nodes in (zone.fine, zone.coarse)]
-        border = tuple(column[: zone.number[BORDERS]] for column in zone.border[:3])
-        gather(fine, coarse, *over, border, self._lists, out)
-        tied = tuple(column[: zone.number[TIED]] for column in zone.tied[:3])
-        rows = self._at_coarse[np.searchsorted(self._coarse, tied[0])]
-        gather_far(
-            far, zone.far.light if light else zone.far.light[:0], (rows, *tied[1:]), self._far, self._at_far, out
-        )
+        gather(fine, coarse, *over, zone.border.first(zone.counts.border_nodes), self._lists, out)
+        tied = zone.tied.first(zone.counts.tied_nodes)
+        tied = tied._replace(node=self._at_coarse[np.searchsorted(self._coarse, tied.node)].astype(np.int64))
+        gather_far(far, zone.far.light if light else zone.far.light[:0], tied, self._far, self._at_far, out)
 
     def _put(self, state: State) -> None:
         """Set all lattices to the values and rates of a state; border nodes are interpolated."""
         zone, now = self.hybrid.zone, self.hybrid.now
-        lattices = ((nodes.u[now], nodes.v, nodes.kind) for nodes in (zone.fine, zone.coarse))
-        border = tuple(column[: zone.number[BORDERS]] for column in zone.border)
-        put(state.value, state.rate, *lattices, border, self._lists)
-        tied = tuple(column[: zone.number[TIED]] for column in zone.tied[:3])
+        fine = zone.fine.u[now], zone.fine.v, zone.fine.kind
+        coarse = zone.coarse.u[now], zone.coarse.v, zone.coarse.kind
+        border, tied = zone.border.first(zone.counts.border_nodes), zone.tied.first(zone.counts.tied_nodes)
+        put(state.value, state.rate, *fine, *coarse, border, self._lists)
         put_far(state.value, state.rate, zone.far.u[now], zone.far.v, zone.coarse.u[now], tied, self._far, self._at_far)
 
     def swell(self, strain: NDArray[np.float64]) -> None:
@@ -239,12 +231,12 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         """Update a state from all lattices; work is known only to the ledger."""
         zone, now = self.hybrid.zone, self.hybrid.now
         self._gather(zone.fine.u[now], zone.coarse.u[now], zone.far.u[now], state.value)
-        border, count = zone.border, zone.number[BORDERS]
+        border, count = zone.border, zone.counts.border_nodes
         state.value[self._rows_of(border.node[:count])] += border.off[:count]
         self._gather(zone.fine.v, zone.coarse.v, zone.far.v, state.rate)
         self._accelerate(state.second)
-        holds = zone.holds.what[zone.holds.on[: zone.number[HOLDS], 1]]
-        state.second[self._rows_of(holds[:, PLACE]), holds[:, AXIS]] = 0.0
+        holds = zone.holds.of[zone.holds.on[: zone.counts.holds, 1]]
+        state.second[self._rows_of(holds["place"]), holds["axis"]] = 0.0
         spenders = self.hybrid.spenders()
         rows = np.minimum(self._rows_of(spenders), len(self.places) - 1)
         rows = rows[self.places[rows] == spenders]
@@ -307,15 +299,15 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
 
     def pushes(self, profiles: int) -> NDArray[np.float64]:
         """Forces (profiles, 2), N/m, of the loads at factor 1."""
-        loads, forces = self.hybrid.zone.loads, np.zeros((profiles, 2))
-        np.add.at(forces, (loads.what[:, PROFILE], loads.what[:, AXIS]), loads.value[:, VALUE])
+        loads, forces = self.hybrid.zone.loads.of, np.zeros((profiles, 2))
+        np.add.at(forces, (loads["profile"], loads["axis"]), loads["value"])
         return forces
 
     def pulls(self, profiles: int) -> NDArray[np.float64]:
         """Forces (profiles, 2), N/m, that hold the nodes with prescribed motion."""
-        holds, forces = self.hybrid.zone.holds, np.zeros((profiles, 2))
-        hold_rows = holds.on[: self.hybrid.zone.number[HOLDS], 1]
-        np.add.at(forces, (holds.what[hold_rows, PROFILE], holds.what[hold_rows, AXIS]), -holds.value[hold_rows, FORCE])
+        zone, forces = self.hybrid.zone, np.zeros((profiles, 2))
+        holds = zone.holds.of[zone.holds.on[: zone.counts.holds, 1]]
+        np.add.at(forces, (holds["profile"], holds["axis"]), -holds["force"])
         return forces
 
     def bonds(
@@ -384,7 +376,7 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         return Broken(*(column[new] for column in broken))
 
 
-def _present(nodes: Nodes, rows: int) -> NDArray[np.int64]:
+def _present(nodes: LatticeNodes, rows: int) -> NDArray[np.int64]:
     """Places of the nodes that are not idle, from the first `rows` rows."""
     places = (nodes.rows[:rows, None] * ROW + np.arange(ROW)).ravel()
     return np.asarray(places[nodes.kind[places] != IDLE])

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from pdmesh.model.document import Concentration, Exchange, InitialVelocity, Source, Velocity
 from pdsolve import conditions
 from pdsolve.adaptivity.hybrid.alike_rows import node_rows
-from pdsolve.adaptivity.hybrid.arrays import PLACE, VALUE, Entries, LatticeConstants, zone_of
-from pdsolve.adaptivity.hybrid.coarse_cells import CellAreas, Plate, cells_of, plate_of
+from pdsolve.adaptivity.hybrid.arrays import Entries, Entry, LatticeConstants, zone_of
+from pdsolve.adaptivity.hybrid.coarse_cells import CellAreas, HybridPlate, cells_of, plate_of
 from pdsolve.adaptivity.hybrid.engine import Hybrid
 from pdsolve.adaptivity.hybrid.far_cells import far_cells
 from pdsolve.adaptivity.hybrid.irregular_bonds import Irregular, irregular
@@ -55,11 +55,10 @@ def hybrid_of(
     rows = ROOM + 6 * int(np.count_nonzero(cells == FINE))
     damps = ground.nodes.damping is not None
     loads, holds = _entries(plate, driven.loads, 4), _entries(plate, driven.holds, 1)
-    loads.value[:, VALUE] *= area[driven.loads.node]
-    nonzero = loads.value[:, VALUE] != 0
-    loads = loads._replace(what=loads.what[nonzero], value=loads.value[nonzero])
+    loads.of["value"] *= area[driven.loads.node]
+    loads = loads._replace(of=loads.of[loads.of["value"] != 0])
     if not swells and kind is np.float64:
-        cells = far_cells(plate, ground, cells, np.concatenate([loads.what[:, PLACE], holds.what[:, PLACE]]))
+        cells = far_cells(plate, ground, cells, np.concatenate([loads.of["place"], holds.of["place"]]))
     zone = zone_of(plate.at, cells, len(ground.ways), rows, ground.varied, threads, swells, damps, kind=kind)._replace(
         loads=loads, holds=holds
     )
@@ -82,7 +81,7 @@ def steep_rows(model: Model) -> NDArray[np.int64]:
 
 
 def ground_of(
-    plate: Plate,
+    plate: HybridPlate,
     springs: tuple[Springs, ...],
     irregular_bonds: Irregular,
     dt: float,
@@ -136,7 +135,7 @@ def ground_of(
     )
 
 
-def _cells(plate: Plate, springs: tuple[Springs, ...]) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+def _cells(plate: HybridPlate, springs: tuple[Springs, ...]) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
     """k1, k2 and a quarter of the mass (3, m) of coarse cells, and which of these each cell (c,) has.
 
     They are means of the cell's nodes, weighted by their areas in it.
@@ -160,7 +159,7 @@ def _cells(plate: Plate, springs: tuple[Springs, ...]) -> tuple[NDArray[np.float
     return np.ascontiguousarray(cells.T), around.ravel()
 
 
-def _resistance(plate: Plate, springs: tuple[Springs, ...], irregular_bonds: Irregular) -> NDArray[np.float64]:
+def _resistance(plate: HybridPlate, springs: tuple[Springs, ...], irregular_bonds: Irregular) -> NDArray[np.float64]:
     """A bound of stiffness over density, 1/s^2, over nodes at edges and nodes of a full lattice."""
     model = plate.model
     rho, every = np.array([material.rho for material in model.materials]), [len(model.grid)]
@@ -181,9 +180,9 @@ def _resistance(plate: Plate, springs: tuple[Springs, ...], irregular_bonds: Irr
     return np.concatenate([inside, irregular_bonds.stiffness_bound[irregular_bonds.which] / rho[irregular_materials]])
 
 
-def _entries(plate: Plate, driven: conditions.Entries, most: int) -> Entries:
+def _entries(plate: HybridPlate, driven: conditions.Entries, most: int) -> Entries:
     """Entries with room for at most `most` nodes each."""
-    what = np.column_stack([plate.places_of(driven.node), driven.axis, driven.profile, driven.kind])
-    value = np.zeros((len(what), 4))
-    value[:, VALUE] = driven.value
-    return Entries(what, value, np.zeros((most * len(what), 2), dtype=np.int64), np.zeros(most * len(what)))
+    entries, room = np.zeros(len(driven.node), Entry.fields()), most * len(driven.node)
+    entries["place"], entries["axis"] = plate.places_of(driven.node), driven.axis
+    entries["profile"], entries["kind"], entries["value"] = driven.profile, driven.kind, driven.value
+    return Entries(entries, np.zeros((room, 2), dtype=np.int64), np.zeros(room))

@@ -16,12 +16,12 @@ from pdsolve.adaptivity.hybrid.lattice import BELOW, LEFT
 from pdsolve.conditions import initial_velocity
 
 if TYPE_CHECKING:
-    from pdsolve.adaptivity.hybrid.coarse_cells import Plate
+    from pdsolve.adaptivity.hybrid.coarse_cells import HybridPlate
 
 SAME = 1e-9  # of the largest value: round-off
 
 
-def between(plate: Plate) -> NDArray[np.int64]:
+def between(plate: HybridPlate) -> NDArray[np.int64]:
     """Places (k,) of fine nodes that would not move as prescribed if they hung between coarse nodes.
 
     A held node may hang between held ones alone; initial velocities, and what is prescribed, are to be linear between
@@ -45,7 +45,7 @@ def between(plate: Plate) -> NDArray[np.int64]:
     return np.unique(np.concatenate(unfit_places))
 
 
-def _not_linear(values: NDArray[np.float64], plate: Plate, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+def _not_linear(values: NDArray[np.float64], plate: HybridPlate, rows: NDArray[np.int64]) -> NDArray[np.int64]:
     """Places of these rows (k,) whose values (n, 2) are not the mean of those of the coarse nodes they lie between."""
     place = plate.places_of(rows)
     away = np.abs(_mean(values.__getitem__, plate, place) - values[rows]).max(axis=1, initial=0.0)
@@ -58,7 +58,7 @@ def _are_among(row_set: NDArray[np.int64], rows: NDArray[np.int64]) -> NDArray[n
 
 
 def _mean(
-    values: Callable[[NDArray[np.int64]], NDArray[np.float64]], plate: Plate, place: NDArray[np.int64]
+    values: Callable[[NDArray[np.int64]], NDArray[np.float64]], plate: HybridPlate, place: NDArray[np.int64]
 ) -> NDArray[np.float64]:
     """Mean (k, j) of coarse nodes' `values` (k, j), by their rows, which the nodes at these places (k,) lie between.
 

@@ -5,23 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from pdsolve.adaptivity.hybrid.arrays import (
-    AROUND,
-    AXIS,
-    BORDERS,
-    COARSE_ROWS,
-    DIRTY,
-    HOLDS,
-    KNOWN,
-    LOADS,
-    NEW,
-    PIECES,
-    PLACE,
-    REFINEMENT,
-    REGRIDS,
-    ROWS,
-    STIRS,
-)
 from pdsolve.adaptivity.hybrid.clipped_bonds import put_pieces, set_row
 from pdsolve.adaptivity.hybrid.damping import set_damping, undamp
 from pdsolve.adaptivity.hybrid.energy import energy_of
@@ -76,7 +59,7 @@ def _mark(ground, zone):  # type: ignore[no-untyped-def]
     """Mark all places within the family's reach of the new cells; returns their range of columns and rows."""
     at, reach = ground.at, ground.reach + 2
     x0, y0, x1, y1 = at.nx, at.ny, 0, 0
-    for c in zone.new[: zone.number[NEW]]:
+    for c in zone.new[: zone.counts.new_cells]:
         x, y = 2 * cell_column(at, c), 2 * cell_row(at, c)
         left_side, right = max(x - reach, 0), min(x + reach + 3, at.nx + 1)
         low, high = max(y - reach, 0), min(y + reach + 3, at.ny + 1)
@@ -103,7 +86,7 @@ def mark_dirty(ground, zone):  # type: ignore[no-untyped-def]
                     zone.dirty[dirty] = p
                     rows += p // ROW != last
                     dirty, last = dirty + 1, p // ROW
-    zone.number[DIRTY] = dirty
+    zone.counts.dirty = dirty
     _list_around(at, zone, x0, y0, x1, y1)
     return rows
 
@@ -115,10 +98,10 @@ def _list_around(at, zone, x0, y0, x1, y1):  # type: ignore[no-untyped-def]
 
     The new cells lie within these columns and rows of fine nodes.
     """
-    begins, around = zone.number[REGRIDS] == 0, 0
+    begins, around = zone.counts.regrids == 0, 0
     if begins:
         x0, y0, x1, y1 = 0, 0, at.nx + 1, at.ny + 1
-    for c in zone.new[: zone.number[NEW]]:
+    for c in zone.new[: zone.counts.new_cells]:
         p = fine_place(at, 2 * cell_column(at, c), 2 * cell_row(at, c))
         for corner in (p, p + 2, p + 2 * at.stride, p + 2 * at.stride + 2):
             zone.mark[corner] = True
@@ -129,7 +112,7 @@ def _list_around(at, zone, x0, y0, x1, y1):  # type: ignore[no-untyped-def]
                 zone.mark[p] = False
                 zone.around[around] = coarse_place(at, ix // 2, iy // 2)
                 around += 1
-    zone.number[AROUND] = around
+    zone.counts.around = around
 
 
 @njit(**INNER)
@@ -138,9 +121,9 @@ def refine(ground, zone, now):  # type: ignore[no-untyped-def]
 
     New nodes take the coarse displacements and velocities; the change of energy is booked.
     """
-    new, dirty, dirty_coarse = zone.new[: zone.number[NEW]], zone.dirty[: zone.number[DIRTY]], zone.around
-    dirty_coarse = dirty_coarse[: zone.number[AROUND]]
-    follow(zone.fine.u[now], zone.coarse.u[now], zone.border, zone.number[BORDERS])
+    new, dirty, dirty_coarse = zone.new[: zone.counts.new_cells], zone.dirty[: zone.counts.dirty], zone.around
+    dirty_coarse = dirty_coarse[: zone.counts.around]
+    follow(zone.fine.u[now], zone.coarse.u[now], zone.border, zone.counts.border_nodes)
     for p in dirty:
         zone.mark[p] = True
     for c in new:
@@ -148,13 +131,13 @@ def refine(ground, zone, now):  # type: ignore[no-untyped-def]
     before = energy_of(ground, zone, now, dirty, dirty_coarse)
     _begin_new(ground, zone, new, dirty, now)
     set_nodes(ground, zone, dirty, dirty_coarse, now)
-    if zone.number[REGRIDS] == 0:
+    if zone.counts.regrids == 0:
         begin_far(ground, zone)
     put_pieces(ground, zone, dirty)
     relieve(ground, zone)
     for p in dirty:
         zone.mark[p] = True
-    zone.total[REFINEMENT] += energy_of(ground, zone, now, dirty, dirty_coarse) - before
+    zone.totals.refinement += energy_of(ground, zone, now, dirty, dirty_coarse) - before
     for p in dirty:
         zone.mark[p] = False
     finish(ground, zone)
@@ -225,38 +208,38 @@ def _list_fine(ground, zone):  # type: ignore[no-untyped-def]
             zone.border.off[borders] = off_line(ground, fine.shrink, a, b, w)
             fine.touched[row] = coarse.touched[a // ROW] = coarse.touched[b // ROW] = True
             borders += 1
-    zone.number[ROWS], zone.number[BORDERS] = rows, borders
+    zone.counts.fine_rows, zone.counts.border_nodes = rows, borders
 
 
 @njit(**INNER)
 def finish(ground, zone):  # type: ignore[no-untyped-def]
     """Rebuild the lists of rows, border nodes, loads and holds once cells have become others."""
     fine, coarse = zone.fine, zone.coarse
-    zone.number[REGRIDS] += 1
-    zone.number[KNOWN] = zone.number[STIRS]
-    zone.number[NEW] = 0
+    zone.counts.regrids += 1
+    zone.counts.refined_nodes = zone.counts.stirred_nodes
+    zone.counts.new_cells = 0
     fine.touched[:] = False
     coarse.touched[:] = False
-    zone.number[COARSE_ROWS] = list_rows(coarse)
-    list_far(ground, zone, zone.number[COARSE_ROWS])
+    zone.counts.coarse_rows = list_rows(coarse)
+    list_far(ground, zone, zone.counts.coarse_rows)
     _list_fine(ground, zone)
-    for n in range(zone.number[PIECES]):
+    for n in range(zone.counts.pieces):
         for which in range(2):
             a, b = zone.pieces.end[n, 2 * which], zone.pieces.end[n, 2 * which + 1]
             if b < 0:
                 fine.touched[a // ROW] = True
             else:
                 coarse.touched[a // ROW] = coarse.touched[b // ROW] = True
-    zone.number[LOADS] = _place_loads(ground.at, zone.cells, fine, coarse, zone.loads)
-    zone.number[HOLDS] = _place_holds(ground.at, fine, coarse, zone.holds)
+    zone.counts.loads = _place_loads(ground.at, zone.cells, fine, coarse, zone.loads)
+    zone.counts.holds = _place_holds(ground.at, fine, coarse, zone.holds)
 
 
 @njit(**INNER)
 def _place_loads(at, cells, fine, coarse, loads):  # type: ignore[no-untyped-def]
     """Distribute loads to moving nodes: those of idle and border nodes go to the coarse nodes around them."""
     count = 0
-    for n in range(len(loads.what)):
-        p = loads.what[n, PLACE]
+    for n in range(len(loads.of)):
+        p = loads.of[n].place
         if fine.kind[p] == FREE:
             loads.on[count, 0], loads.on[count, 1], loads.part[count] = p, n, 1.0
             fine.touched[p // ROW] = True
@@ -280,18 +263,18 @@ def _place_loads(at, cells, fine, coarse, loads):  # type: ignore[no-untyped-def
 def _place_holds(at, fine, coarse, holds):  # type: ignore[no-untyped-def]
     """List the moving nodes that are held."""
     count = 0
-    for n in range(len(holds.what)):
-        p = holds.what[n, PLACE]
+    for n in range(len(holds.of)):
+        p = holds.of[n].place
         ix, iy = fine_column(at, p), fine_row(at, p)
         if fine.kind[p] == FREE:
             holds.on[count, 0], holds.on[count, 1] = p, n
             fine.touched[p // ROW] = True
-            undamp(fine, p, holds.what[n, AXIS])
+            undamp(fine, p, holds.of[n].axis)
             count += 1
         elif ix % 2 == 0 and iy % 2 == 0 and coarse.kind[coarse_place(at, ix // 2, iy // 2)] == FREE:
             q = coarse_place(at, ix // 2, iy // 2)
             holds.on[count, 0], holds.on[count, 1] = -1 - q, n
             coarse.touched[q // ROW] = True
-            undamp(coarse, q, holds.what[n, AXIS])
+            undamp(coarse, q, holds.of[n].axis)
             count += 1
     return count

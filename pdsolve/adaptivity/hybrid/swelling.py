@@ -15,7 +15,6 @@ from typing import Any
 from numba import njit, types
 from numba.extending import overload
 
-from pdsolve.adaptivity.hybrid.arrays import BORDERS, COARSE_ROWS, PIECES, ROWS
 from pdsolve.adaptivity.hybrid.energy import piece_held, row_held
 from pdsolve.adaptivity.hybrid.forces import follow
 from pdsolve.adaptivity.hybrid.lattice import FREE, coarse_column, coarse_place, coarse_row, fine_place
@@ -37,7 +36,7 @@ def _relieve(ground, zone):  # type: ignore[no-untyped-def]
 
     def relieve_pieces(ground, zone):  # type: ignore[no-untyped-def]
         fine, coarse, pieces = zone.fine.shrink, zone.coarse.shrink, zone.pieces
-        for n in range(zone.number[PIECES]):
+        for n in range(zone.counts.pieces):
             both = _shrink_at(fine, coarse, pieces, n, 0) + _shrink_at(fine, coarse, pieces, n, 1)
             x0, y0 = off_line(ground, fine, pieces.end[n, 0], pieces.end[n, 1], pieces.value[n, 0])
             x1, y1 = off_line(ground, fine, pieces.end[n, 2], pieces.end[n, 3], pieces.value[n, 1])
@@ -103,7 +102,7 @@ def _shrink_at(fine, coarse, pieces, n, which):  # type: ignore[no-untyped-def]
 def relieve_all(ground, zone, now):  # type: ignore[no-untyped-def]
     """See `relieve`; border nodes too."""
     relieve(ground, zone)
-    border, count = zone.border, zone.number[BORDERS]
+    border, count = zone.border, zone.counts.border_nodes
     for n in range(count):
         border.off[n] = off_line(ground, zone.fine.shrink, border.end[n, 0], border.end[n, 1], border.w[n])
     follow(zone.fine.u[now], zone.coarse.u[now], border, count)
@@ -139,14 +138,14 @@ def _mean(values, nodes, p, way):  # type: ignore[no-untyped-def]
 def stored(ground, zone, now):  # type: ignore[no-untyped-def]
     """Strain energy of all springs and pieces, J/m."""
     fine, coarse, energy, s = zone.fine, zone.coarse, 0.0, zone.s[0]
-    for row in fine.rows[: zone.number[ROWS]]:
+    for row in fine.rows[: zone.counts.fine_rows]:
         row_held(fine, ground.table, ground.ways, False, row, fine.u[now], s)
         for lane in range(ROW):
             energy += s[lane]
-    for row in coarse.rows[: zone.number[COARSE_ROWS]]:
+    for row in coarse.rows[: zone.counts.coarse_rows]:
         row_held(coarse, ground.coarse_table, ground.coarse_ways, True, row, coarse.u[now], s)
         for lane in range(ROW):
             energy += s[lane] if coarse.kind[row * ROW + lane] == FREE else 0.0
-    for n in range(zone.number[PIECES]):
+    for n in range(zone.counts.pieces):
         energy += piece_held(zone.pieces, fine.u[now], coarse.u[now], n)
     return energy

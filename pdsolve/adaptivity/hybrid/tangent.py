@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array, diags_array, eye_array, kron, vstack
 
-from pdsolve.adaptivity.hybrid.arrays import BORDERS, PIECES, TIED, Nodes
+from pdsolve.adaptivity.hybrid.arrays import LatticeNodes
 from pdsolve.adaptivity.hybrid.engine import Hybrid
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.operators.tangent import of_green_springs, of_springs
 
-XI, STIFFNESS = slice(2, 4), 5  # of `Pieces.value`
+XI, STIFFNESS = slice(2, 4), 5  # of `ClippedPieces.value`
 
 
 class Points(NamedTuple):
@@ -43,17 +43,16 @@ def points_of(hybrid: Hybrid, row_of: NDArray[np.int32], fine: NDArray[np.int64]
     on, far_on = hybrid.beneath(coarse), hybrid.beneath_far(far)
     row_of_coarse[coarse], row_of_far[far] = row_of[on], row_of[far_on]
     independent, of_node = np.ones(nodes), csr_array((nodes, nodes))
-    for border, count, rows, ends in (
-        (zone.border, BORDERS, row_of, row_of_coarse),
-        (zone.tied, TIED, row_of_coarse, row_of_far),
+    for border, entry_count, rows, ends in (
+        (zone.border, zone.counts.border_nodes, row_of, row_of_coarse),
+        (zone.tied, zone.counts.tied_nodes, row_of_coarse, row_of_far),
     ):
-        entry_count = int(zone.number[count])
         tied = rows[border.node[:entry_count]].astype(np.int64)
         of_node = of_node + _between(tied, ends[border.end[:entry_count]], border.w[:entry_count], nodes)
         independent[tied] = 0.0
     of_node = (of_node + diags_array(independent)).tocsr()
 
-    pieces, entry_count = zone.pieces, int(zone.number[PIECES])
+    pieces, entry_count = zone.pieces, int(zone.counts.pieces)
     of_fine, of_coarse = np.full(at.places, -1), np.full(at.coarse_places, -1)
     of_fine[fine], of_coarse[coarse] = np.arange(len(fine)), len(fine) + np.arange(len(coarse))
     of_far = np.full(at.far_places, -1)
@@ -118,7 +117,7 @@ def _forces(hybrid: Hybrid, points: Points, value: NDArray[np.float64]) -> csr_a
         source, target = number[places[node]], number[places[node] + ways[k]]
         matrix += of_green_springs(source, target, table[k, :2], stiffness, u)
 
-    piece_count, (first, second) = int(zone.number[PIECES]), points.ends
+    piece_count, (first, second) = int(zone.counts.pieces), points.ends
     piece = zone.pieces.value[:piece_count]
     for near, far, sign in ((first, second, 1.0), (second, first, -1.0)):
         matrix += of_green_springs(near, far, sign * piece[:, XI], piece[:, STIFFNESS], u)
@@ -127,7 +126,7 @@ def _forces(hybrid: Hybrid, points: Points, value: NDArray[np.float64]) -> csr_a
 
 
 def _springs(
-    nodes: Nodes, places: NDArray[np.int64], table: NDArray[np.float64]
+    nodes: LatticeNodes, places: NDArray[np.int64], table: NDArray[np.float64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
     """Springs of the nodes of a lattice: index of each one's place, index in the `table`, and stiffness, N/m^2."""
     entry = nodes.entry[places // ROW].astype(np.int64)

@@ -47,7 +47,7 @@ WAN = 1.5  # factor of silling's control that is about as strong as wan's
 ALPHA_TOTAL, ALPHA_RATE = 6, 15  # where alpha is in what is remembered
 
 
-class Solid(NamedTuple):
+class SolidColumns(NamedTuple):
     """Columns of n nodes."""
 
     kind: NDArray[np.int8]  # (n,) as above
@@ -71,7 +71,7 @@ class Response(NamedTuple):
     flow: Any  # x of `j2.returned`, 0 where nothing flows
 
 
-def solid_of(model: Model, kind: Any, dimension: int) -> Solid:
+def solid_of(model: Model, kind: Any, dimension: int) -> SolidColumns:
     """Columns of a model's nodes, in this precision."""
     of, first = model.material_of, model.materials[0]
     rate, plastic = first.form == "rate", any(material.solid == "j2" for material in model.materials)
@@ -84,7 +84,7 @@ def solid_of(model: Model, kind: Any, dimension: int) -> Solid:
     kinds = np.array([KINDS[material.solid] for material in model.materials], dtype=np.int8)[of]
     flat = dimension == 2 and first.plane == "stress"
     factor = WAN if first.control == "wan" else first.control_factor
-    return Solid(kinds, first_, shear, flow, hardening, past, flat, rate, max(1.0, factor / FLOWING))
+    return SolidColumns(kinds, first_, shear, flow, hardening, past, flat, rate, max(1.0, factor / FLOWING))
 
 
 @njit(**INLINE)

@@ -23,7 +23,7 @@ from pdsolve.laws.law import INNER, Pair, Softening
 from pdsolve.laws.pair import PairColumns, pair_law
 
 
-class Bilinear(PairColumns):
+class BilinearColumns(PairColumns):
     """Columns of bonds under this law."""
 
 
@@ -68,4 +68,4 @@ def spent_share(worst: float, peak: float, limit: float) -> float:
     return (worst - peak) / (limit - peak)
 
 
-LAW = pair_law(Bilinear, Pair(limits=limits, secant=secant, softening=Softening(spent, total, slope)))
+LAW = pair_law(BilinearColumns, Pair(limits=limits, secant=secant, softening=Softening(spent, total, slope)))

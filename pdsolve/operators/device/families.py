@@ -40,17 +40,18 @@ class FamiliesOnDevice(Padded, Families):
         exact: Bonds,
         symmetric: bool,
         precision: str,
-        placed: tuple[Placed, Tables],
+        where: Placed,
+        tables: Tables,
         session: Session,
     ) -> None:
         """Arguments are those of `Families`. Raises ModelError if the device has too little memory."""
-        super().__init__(law, model, exact, symmetric, precision, 1, placed)
+        super().__init__(law, model, exact, symmetric, precision, 1, where, tables)
         self.session, self.dimension, self.fused, self.needs_upload = session, len(self._u), False, True
         self.room, self._fresh = self._u.shape[1], [np.zeros(0, dtype=np.int64)]
         slots, upload, forces = self.slots, session.put, 8 * self.dimension * self.room
         first = slots.start.astype(np.int32), slots.slots, slots.ids, slots.vectors, slots.kinds
-        tables = *first, slots.rows, self._own, self._m
-        session.room_for(*(table.nbytes for table in tables), forces, 9 * self.room)
+        arrays = *first, slots.rows, self._own, self._m
+        session.room_for(*(array.nbytes for array in arrays), forces, 9 * self.room)
         self._rows, self._given = session.zeros(slots.rows.nbytes), session.zeros(forces)
         self._tables, self._constants = [upload(table) for table in first], upload(self._own)
         self._nodal, self._flags = upload(self._m), upload(np.zeros(2, dtype=np.int32))

@@ -45,13 +45,13 @@ class Families(BondList):
         symmetric: bool,
         precision: str,
         threads: int,
-        placed: tuple[Placed, layout.Tables],
+        where: Placed,
+        tables: layout.Tables,
     ) -> None:
-        """Arguments are those of `BondList`, and the positions `placed` of bonds in slots."""
+        """Arguments are those of `BondList`, and `where` bonds lie in slots, with the tables they refer to."""
         self._ready = False
         super().__init__(law, model, exact, symmetric, precision, threads)
         kind = np.dtype(precision).type
-        where, tables = placed
         count = len(where.counts)
         room = LANES * count
         assert law.lanes is not None

@@ -94,17 +94,17 @@ def prepare(model: Model, options: Options, team: Team) -> Prepared:
     slabs, parts = built(model, options, team, operator_of)
     largest = np.array([max(report.resistance for report in parts)])
     bound = stable(largest, np.ones(1))
-    steps = step_of(model, bound), bound
+    step = step_of(model, bound)
     layers = any(isinstance(condition, Absorb) for condition in model.settings.conditions)
     listed = layers and model.grid.lattice is None
     damped = [damping(model, slab.begin, slab.end) if listed else None for slab in slabs]
     plain, full_model = options._replace(team=None), None if model.grid.lattice is None else model
-    begun = team.everywhere(start, plain, steps, full_model, items=damped)
+    begun = team.everywhere(start, plain, step, bound, full_model, items=damped)
     rests = all(report.resting for report in begun)
     energy = 0.0 if rests else total([report.kinetic for report in begun], len(model.grid))
     subdomain: Here = team.part.now
     same = {field.name: getattr(subdomain.system, field.name) for field in fields(System)}
-    same |= {"model": counted(model, steps[0]), "options": options, "stepper": Marching(team), "initial_energy": energy}
+    same |= {"model": counted(model, step), "options": options, "stepper": Marching(team), "initial_energy": energy}
     lonely, bonds = np.concatenate([report.lonely for report in parts]), sum(report.bonds for report in parts)
     return Prepared(OnRanks(**same, team=team, slabs=tuple(slabs), total=bonds, lonely=lonely), subdomain.state)
 
@@ -112,7 +112,8 @@ def prepare(model: Model, options: Options, team: Team) -> Prepared:
 def start(
     team: Team,
     options: Options,
-    steps: tuple[float, float],
+    step: float,
+    bound: float,
     full_model: Model | None,
     damped: NDArray[np.float64] | None,
 ) -> Begun:
@@ -124,7 +125,9 @@ def start(
     if damped is None:
         damped = damping(model) if full_model is None else damping(full_model, slab.begin, slab.end)
     rank_coupling = Beside(part.ghosts, damped, any(team.comm.allgather(bool(damped.any()))))
-    prepared = assembled(model, options, scheme, part.operator, counted_bonds, steps, driven, rank_coupling)
+    prepared = assembled(
+        model, options, scheme, part.operator, counted_bonds, step, bound, driven=driven, rank_coupling=rank_coupling
+    )
     part.now = Here(part, prepared)
     velocity = initial_velocity(model, prepared.state.value.shape[1])
     kinetic = (model.rho / 2 * counted_bonds.area * (velocity**2).sum(axis=1))[part.own]

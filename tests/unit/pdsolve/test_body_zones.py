@@ -138,7 +138,7 @@ def test_a_checkpoint_of_other_cells_is_refused(monkeypatch: pytest.MonkeyPatch)
 def test_loads_of_new_nodes_are_those_of_the_time_of_the_step(monkeypatch: pytest.MonkeyPatch) -> None:
     times: list[float] = []
     monkeypatch.setattr(body_zones, "drive_of_nodes", lambda after, time: times.append(time))
-    monkeypatch.setattr(body_zones, "assembled", lambda *words: Part(system=Prepared(words[5], None)))  # type: ignore[arg-type]
+    monkeypatch.setattr(body_zones, "assembled", lambda *words, driven: Part(system=Prepared(words[5:7], None)))  # type: ignore[arg-type]
     monkeypatch.setattr(body_zones.dataclasses, "replace", lambda system, whole: (system, whole))
     system: Any = Part(time_step=0.5, bound=0.7, options=None, scheme=None, whole="whole")
     found: Any = body_zones._on(system, Part(model=None, counted=None), 8)  # type: ignore[arg-type]

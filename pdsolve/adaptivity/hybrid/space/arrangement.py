@@ -18,7 +18,7 @@ from pdsolve.adaptivity.hybrid.space.box import (
     COARSE,
     FREE,
     VOID,
-    Box,
+    CellBox,
     cell_place,
     fine_at,
     fine_site,
@@ -41,7 +41,7 @@ ENDS = 4  # coarse nodes that an end moves with, at most
 class Fine(NamedTuple):
     """The constant arrays of the fine lattice of a whole body."""
 
-    box: Box
+    box: CellBox
     tiles: Tiles  # with all bonds that are intact, those in coarse cells too
     divisions: Divisions  # of the upper half of the offsets
     reach: int  # spacings, along an axis
@@ -51,7 +51,7 @@ class Fine(NamedTuple):
     xi: NDArray[np.float64]  # (g, 4) xi, m, from the near end to the far one, and 1 / |xi|^2
 
 
-class Pieces(NamedTuple):
+class ClippedPieces(NamedTuple):
     """The p pieces of clipped bonds, in the order of their near ends, then of their owners."""
 
     owner: NDArray[np.int32]  # (p,) site of the bond's lower node
@@ -62,16 +62,16 @@ class Pieces(NamedTuple):
     breaks: NDArray[np.float64]  # (p,) least e at which bonds break over that of its own; 0 if it never breaks
 
 
-def pieces_of(count: int) -> Pieces:
+def pieces_of(count: int) -> ClippedPieces:
     """Room for so many pieces."""
     owner, kind = np.empty((2, count), np.int32)
-    return Pieces(owner, kind, *np.empty((2, count), np.int64), *np.empty((2, count)))
+    return ClippedPieces(owner, kind, *np.empty((2, count), np.int64), *np.empty((2, count)))
 
 
-def first_of(pieces: Pieces, count: int) -> Pieces:
+def first_of(pieces: ClippedPieces, count: int) -> ClippedPieces:
     """So many of the first ones."""
     columns: list[Any] = [column[:count] for column in pieces]
-    return Pieces(*columns)
+    return ClippedPieces(*columns)
 
 
 class Points(NamedTuple):
@@ -167,7 +167,7 @@ def arrange(fine, cells, bits, sites, pieces):  # type: ignore[no-untyped-def]
                 if not (bits[tile, slot] >> lane) & np.uint16(1):
                     _set_bits(bits, site, site + tiles.offsets[slot], slot)
             elif _meet(passed, fine_bits):
-                count = _divide(fine, cells, (site, x, y, z), k, pieces, count)
+                count = _divide(fine, cells, site, x, y, z, k, pieces, count)
     return count
 
 
@@ -179,9 +179,9 @@ def _set_bits(bits, site, target, slot):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _divide(fine, cells, node, k, pieces, count):  # type: ignore[no-untyped-def]
-    """List the pieces of a bond; returns how many there are then."""
-    box, tiles, of, (site, x, y, z) = fine.box, fine.tiles, fine.divisions, node
+def _divide(fine, cells, site, x, y, z, k, pieces, count):  # type: ignore[no-untyped-def]
+    """List the pieces of bond k of the node x, y, z; returns how many there are then."""
+    box, tiles, of = fine.box, fine.tiles, fine.divisions
     slot, first = len(tiles.offsets) // 2 + k, of.first[x % 2 + 2 * (y % 2) + 4 * (z % 2), k]
     sides = _sides(box, cells, of, first, x, y, z)
     for side in range(SIDES):
@@ -196,7 +196,7 @@ def _divide(fine, cells, node, k, pieces, count):  # type: ignore[no-untyped-def
             if part > begin:
                 if count < len(pieces.owner):
                     length = of.t[part - 1, 1] - of.t[begin, 0]
-                    ends = _place_of(box, of, node, begin, 0), _place_of(box, of, node, part - 1, 1)
+                    ends = _place_of(box, of, x, y, z, begin, 0), _place_of(box, of, x, y, z, part - 1, 1)
                     back = of.node[part - 1, 1] and not of.node[begin, 0]
                     pieces.owner[count], pieces.kind[count] = site, 2 * (begin * PARTS + part - 1 - begin) + back
                     pieces.near[count], pieces.far[count] = (ends[1], ends[0]) if back else ends
@@ -220,9 +220,9 @@ def _stiffness(fine, site, slot):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _place_of(box, of, node, part, which):  # type: ignore[no-untyped-def]
-    """The place where a part of a node's bond begins, 0, or ends, 1."""
-    at, (_, x, y, z), unit = of.at[part, which], node, of.unit
+def _place_of(box, of, x, y, z, part, which):  # type: ignore[no-untyped-def]
+    """The place where a part of a bond of the node x, y, z begins, 0, or ends, 1."""
+    at, unit = of.at[part, which], of.unit
     return _place(box, unit, unit * (x - x % 2) + at[0], unit * (y - y % 2) + at[1], unit * (z - z % 2) + at[2])
 
 
@@ -375,12 +375,12 @@ def gather(fine, kind, coarse_sites, fine_values, coarse_values):  # type: ignor
 
 
 @cached_njit(error_model="numpy")
-def interpolate(box, buffers, row, value, fine_sites, fine_values):  # type: ignore[no-untyped-def]
+def interpolate(box, sites, w, row, value, fine_sites, fine_values):  # type: ignore[no-untyped-def]
     """Fill `fine_values` (k, 3) with the values of fine nodes at the sites `fine_sites`, from `value` (n, 3) of nodes.
 
     Nodes that were there before are those with a `row` (sites,) of at least 0; others lie in coarse cells.
+    `sites` and `w` are scratch.
     """
-    sites, w = buffers
     for n in range(len(fine_sites)):
         if row[fine_sites[n]] >= 0:
             for axis in range(3):
@@ -428,8 +428,8 @@ def list_bonds(sites, row, offsets, bits, target):  # type: ignore[no-untyped-de
 __all__ = [
     "BORDER",
     "ENDS",
+    "ClippedPieces",
     "Fine",
-    "Pieces",
     "Points",
     "arrange",
     "at_place",

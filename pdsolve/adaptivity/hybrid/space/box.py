@@ -18,7 +18,7 @@ COARSE, FINE, VOID = range(3)  # cells
 IDLE, FREE, BORDER = range(3)  # fine nodes: in coarse cells alone, in fine ones alone, in both
 
 
-class Box(NamedTuple):
+class CellBox(NamedTuple):
     """A box of sx by sy by sz fine nodes and of cx by cy by cz cells."""
 
     sx: int
@@ -35,10 +35,10 @@ class Box(NamedTuple):
         return self.cz + 2 * self.pad, self.cy + 2 * self.pad, self.cx + 2 * self.pad
 
 
-def box_of(sides: tuple[int, int, int], reach: int) -> Box:
+def box_of(sides: tuple[int, int, int], reach: int) -> CellBox:
     """The numbering of a box of fine nodes whose bonds reach so many spacings."""
     x, y, z = (max(1, side // 2) for side in sides)
-    return Box(*sides, x, y, z, reach // 2 + 2)
+    return CellBox(*sides, x, y, z, reach // 2 + 2)
 
 
 @njit(forceinline=True, **INNER)

@@ -18,7 +18,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pdsolve.adaptivity.hybrid.space.box import COARSE, Box, cell_place, coarse_site, fine_site
+from pdsolve.adaptivity.hybrid.space.box import COARSE, CellBox, cell_place, coarse_site, fine_site
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.pull import NARROW
 from pdsolve.codegen.vector_code import ROW
@@ -62,7 +62,7 @@ def stiffnesses(elastic: Elastic, tau: float, h: float) -> NDArray[np.float64]:
     return np.asarray(np.array([edge, face, body])[np.count_nonzero(ways(), axis=1) - 1])
 
 
-def sites_of(box: Box, h: float) -> Sites:
+def sites_of(box: CellBox, h: float) -> Sites:
     """The sites of the coarse nodes of a box; no node is there yet."""
     sides = box.cx + 1, box.cy + 1, box.cz + 1
     every, stride = int(np.prod(sides)), sides[0] * sides[1]

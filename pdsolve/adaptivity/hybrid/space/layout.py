@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.space import arrangement, coarse_springs
-from pdsolve.adaptivity.hybrid.space.arrangement import Fine, Pieces
-from pdsolve.adaptivity.hybrid.space.box import FINE, Box
+from pdsolve.adaptivity.hybrid.space.arrangement import ClippedPieces, Fine
+from pdsolve.adaptivity.hybrid.space.box import FINE, CellBox
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import Drive
@@ -36,7 +36,7 @@ class Whole(NamedTuple):
     driven: Drive | None = None  # conditions on all fine nodes
 
 
-class Zone(NamedTuple):
+class BodyZone(NamedTuple):
     """What follows from the cells; arrays are changed in place, others replaced."""
 
     cells: NDArray[np.uint8]  # (c,)
@@ -44,7 +44,7 @@ class Zone(NamedTuple):
     above: NDArray[np.bool_]  # (sites,) whether a coarse node is there
     tiles: Tiles  # of bonds whole in fine cells
     springs: Tiles  # of coarse cells
-    pieces: Pieces
+    pieces: ClippedPieces
     u: NDArray[np.float64]  # (3, m) displacements of fine sites, m
     u_coarse: NDArray[np.float64]
 
@@ -76,12 +76,12 @@ def listed(
     return np.repeat(rows, count), target
 
 
-def places(box: Box, sites: NDArray[np.signedinteger]) -> NDArray[np.int64]:
+def places(box: CellBox, sites: NDArray[np.signedinteger]) -> NDArray[np.int64]:
     """The fine nodes (k, 3) at sites."""
     return np.column_stack([sites % box.sx, sites // box.sx % box.sy, sites // (box.sx * box.sy)])
 
 
-def near(box: Box, new: NDArray[np.int64], reach: int, above: int | None = None) -> NDArray[np.bool_]:
+def near(box: CellBox, new: NDArray[np.int64], reach: int, above: int | None = None) -> NDArray[np.bool_]:
     """Mask (sites,) of fine nodes within `reach` spacings of cells (k, 3); along z behind them within those `above`."""
     marked = np.zeros(-(-box.sx * box.sy * box.sz // ROW) * ROW, dtype=np.bool_)
     inside = marked[: box.sx * box.sy * box.sz].reshape(box.sz, box.sy, box.sx)
@@ -102,7 +102,7 @@ def _copied(tiles: Tiles) -> Tiles:
     return tiles._replace(bits=tiles.bits.copy(), node=tiles.node.copy(), kind=tiles.kind.copy())
 
 
-def arranged(full_model: Whole, zone: Zone, new: NDArray[np.int64]) -> Zone:
+def arranged(full_model: Whole, zone: BodyZone, new: NDArray[np.int64]) -> BodyZone:
     """The zone after the cells `new` (k, 3), which are fine already, have become so.
 
     Bits and numbers are new arrays: results may still ask for bonds of before.
@@ -126,10 +126,10 @@ def arranged(full_model: Whole, zone: Zone, new: NDArray[np.int64]) -> Zone:
     return zone._replace(pieces=ordered)
 
 
-def begun(full_model: Whole, cells: NDArray[np.uint8], springs: Tiles) -> Zone:
+def begun(full_model: Whole, cells: NDArray[np.uint8], springs: Tiles) -> BodyZone:
     """The zone of cells (c,)."""
     fine, box, count = full_model.fine, full_model.fine.box, len(full_model.sites.node)
-    zone = Zone(
+    zone = BodyZone(
         cells=cells,
         kind=np.zeros(count, dtype=np.uint8),
         above=np.zeros(count, dtype=np.bool_),

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.space.arrangement import Fine
-from pdsolve.adaptivity.hybrid.space.box import Box
+from pdsolve.adaptivity.hybrid.space.box import CellBox
 from pdsolve.lattice.sums import MODULUS, VOLUME, Tiles
 from pdsolve.model import Model
 from pdsolve.operators.space_lattice.sites import Sites
@@ -45,7 +45,7 @@ def weakness(tiles: Tiles) -> NDArray[np.float64]:
     return np.asarray(np.divide(e.min(), e, out=np.zeros(len(e)), where=np.isfinite(e)))
 
 
-def moduli(box: Box, tiles: Tiles) -> NDArray[np.float64]:
+def moduli(box: CellBox, tiles: Tiles) -> NDArray[np.float64]:
     """Stiffness (c,) of coarse cells over that of the first material."""
     inside = tiles.cells[MODULUS, tiles.margin :][: box.sx * box.sy * box.sz]
     modulus = (2.0 * inside.astype(np.float64)).reshape(box.sz, box.sy, box.sx)
@@ -55,7 +55,7 @@ def moduli(box: Box, tiles: Tiles) -> NDArray[np.float64]:
     return np.pad(modulus, box.pad, constant_values=1.0).ravel()
 
 
-def weakest(box: Box, tiles: Tiles) -> NDArray[np.float64]:
+def weakest(box: CellBox, tiles: Tiles) -> NDArray[np.float64]:
     """The least peak (sites,) of a bond's stretch in the cells around each coarse node; infinite without a node."""
     nodes = tiles.node[: box.sx * box.sy * box.sz]
     count = int(np.sqrt(len(tiles.peak)) + 0.5)

@@ -21,7 +21,7 @@ from pdsolve.adaptivity.hybrid.irregular_bonds import part_of
 from pdsolve.adaptivity.hybrid.space import arrangement, coarse_springs, pieces
 from pdsolve.adaptivity.hybrid.space.box import BORDER, COARSE, FINE, FREE
 from pdsolve.adaptivity.hybrid.space.history import History
-from pdsolve.adaptivity.hybrid.space.layout import Linked, Whole, Zone, arranged, listed, near, places
+from pdsolve.adaptivity.hybrid.space.layout import BodyZone, Linked, Whole, arranged, listed, near, places
 from pdsolve.adaptivity.hybrid.space.materials import MeanDensities, masses
 from pdsolve.adaptivity.hybrid.space.zone import mark_balls
 from pdsolve.adaptivity.hybrid.springs import e_of
@@ -49,7 +49,7 @@ class SpaceHybrid:
     symmetric = True
     unknowns: tuple[Unknown, ...] = (Unknown("u", 3, 2),)
 
-    def __init__(self, full_model: Whole, zone: Zone, history: History, threads: int) -> None:
+    def __init__(self, full_model: Whole, zone: BodyZone, history: History, threads: int) -> None:
         """`zone` is that of its cells."""
         self.whole, self._zone, self.history, self._threads = full_model, zone, history, threads
         fine, count = full_model.fine, len(full_model.sites.node)
@@ -389,7 +389,7 @@ class SpaceHybrid:
         """Values (k, 3) of rows of the grid `which` (k,), interpolated from those of the nodes here (n, 3)."""
         grid_values, scratch = np.zeros((len(which), 3)), (np.zeros(8, np.int64), np.zeros(8))
         sites = self.whole.sites.site[which].astype(np.int64) - self.whole.sites.margin
-        arrangement.interpolate(self.whole.fine.box, scratch, self._row, values, sites, grid_values)
+        arrangement.interpolate(self.whole.fine.box, *scratch, self._row, values, sites, grid_values)
         return grid_values
 
     def row_of_grid(self, which: NDArray[np.int64]) -> NDArray[np.int64]:

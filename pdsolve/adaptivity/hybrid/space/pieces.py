@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pdsolve.adaptivity.hybrid.space.arrangement import ENDS, Fine, Pieces, at_place, carried
+from pdsolve.adaptivity.hybrid.space.arrangement import ENDS, ClippedPieces, Fine, at_place, carried
 from pdsolve.adaptivity.hybrid.space.box import fine_site
 from pdsolve.codegen.clipped_pieces import TOGETHER, add_pieces
 from pdsolve.codegen.jit_cache import cached_njit
@@ -65,7 +65,7 @@ class Numbers(NamedTuple):
     at: NDArray[np.int64]  # (size / 2,) scratch: that piece
 
 
-def linked(fine: Fine, kind: NDArray[np.uint8], row: NDArray[np.int32], of: Pieces) -> PieceSprings:
+def linked(fine: Fine, kind: NDArray[np.uint8], row: NDArray[np.int32], of: ClippedPieces) -> PieceSprings:
     """The springs of pieces; `kind` and `row` (sites,) are those of fine nodes."""
     count = len(of.near)
     room = count + (TOGETHER - 1) * (np.count_nonzero(np.diff(of.near)) + 1) if count else 0

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pdmesh.model.document import Displacement, InitialVelocity, Velocity
 from pdmesh.model.selection import components
 from pdmesh.model.values_of_place import is_of_place
-from pdsolve.adaptivity.hybrid.space.box import Box
+from pdsolve.adaptivity.hybrid.space.box import CellBox
 from pdsolve.adaptivity.hybrid.space.layout import places
 from pdsolve.conditions import initial_velocity
 from pdsolve.model import Model
@@ -18,7 +18,7 @@ from pdsolve.model import Model
 SAME = 1e-9  # of the largest value: round-off
 
 
-def between(model: Model, box: Box, site: NDArray[np.int64], node: NDArray[np.int32]) -> NDArray[np.int64]:
+def between(model: Model, box: CellBox, site: NDArray[np.int64], node: NDArray[np.int32]) -> NDArray[np.int64]:
     """Fine nodes (k, 3) that would not move as prescribed if they hung between coarse nodes.
 
     A held node may hang between held ones alone; initial velocities, and what is prescribed, are to be linear between
@@ -44,7 +44,7 @@ def between(model: Model, box: Box, site: NDArray[np.int64], node: NDArray[np.in
 
 
 def _mean(
-    values: NDArray[np.float64], rows: NDArray[np.int64], box: Box, site: NDArray[np.int64], node: NDArray[np.int32]
+    values: NDArray[np.float64], rows: NDArray[np.int64], box: CellBox, site: NDArray[np.int64], node: NDArray[np.int32]
 ) -> NDArray[np.float64]:
     """Mean (k, j) of the values (n, j) of the coarse nodes that these rows (k,) lie between.
 

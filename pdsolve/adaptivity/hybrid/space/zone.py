@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model.triangulated_surface import distances
 from pdsolve.adaptivity.hybrid.arrays import RING, TIPS
-from pdsolve.adaptivity.hybrid.space.box import COARSE, FINE, VOID, Box, cell_place
+from pdsolve.adaptivity.hybrid.space.box import COARSE, FINE, VOID, CellBox, cell_place
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.operators.simd_lattice.kernel import INNER
 
@@ -19,7 +19,7 @@ FLANKS = 8  # h: cells this near to the faces of a pre-crack are fine: none of t
 
 
 def cells_at_start(
-    box: Box,
+    box: CellBox,
     volume: NDArray[np.float64],
     has_node: NDArray[np.bool_],
     reach: int,
