@@ -188,7 +188,9 @@ def test_strain_and_stress_of_a_body_are_drawn_and_tabled(
     assert picture.stat().st_size > 10_000
     rows = np.genfromtxt(table, delimiter=",", names=True)
     assert rows.dtype.names[4:] == (
-        *("damage", *(f"{name}_{part}" for part in ("largest", "smallest", "xx", "yy", "xy", "zz", "xz", "yz"))),
+        "damage",
+        "separation",
+        *(f"{name}_{part}" for part in ("largest", "smallest", "xx", "yy", "xy", "zz", "xz", "yz")),
         *(["stress_mises"] * (name == "stress")),
     )
     assert np.isfinite(rows[f"{name}_largest"]).all()
