@@ -11,7 +11,7 @@ DefineConstant[
 ];
 
 Rectangle(1) = {0, 0, 0, 0.1, 0.04};
-Point(10) = {0, 0.0205, 0};  Point(11) = {0.05, 0.0205, 0};  Line(10) = {10, 11};
+Point(10) = {0, 0.02, 0};  Point(11) = {0.05, 0.02, 0};  Line(10) = {10, 11};
 
 Physical Surface("zone:plate") = {1};
 Physical Curve("crack:slit") = {10};
