@@ -29,7 +29,7 @@ from pdmesh.model.refused_settings import impossible
 from pdmesh.scene.shapes import SceneError
 from pdsolve.model import Model, ModelWarning
 from pdsolve.options import Options
-from pdsolve.run.measures import books, damage
+from pdsolve.run.measures import compute_ledger_row, damage
 from pdsolve.run.node_changes import zone_moved
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import changing
@@ -138,7 +138,7 @@ def solved(
     cpu = time.thread_time() - began
     change = zone_moved(system) if system.hybrid else None
     system, state = (system, state) if change is None else (change.system, change.state)
-    broken, energies = system.operator.broken(), books(system, state, steps)
+    broken, energies = system.operator.broken(), compute_ledger_row(system, state, steps)
     cracked = system.model.grid.position[damage(system, broken) > CRACKED]
     if box is not None:
         cracked = cracked[((cracked > box[:2]) & (cracked < box[2:])).all(axis=1)]
@@ -151,7 +151,7 @@ def solved(
         cracked,
         energies.dissipated,
         energies.damped,
-        energies.balance(system.initial_energy),
+        energies.balance_error(system.initial_energy),
         begins,
         energies.fine_share,
         energies.clipped_stretch,

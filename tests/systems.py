@@ -18,7 +18,7 @@ from pdsolve.run.assembly import system_of
 from pdsolve.run.recorder import checkpoint
 from pdsolve.run.system import Prepared
 from pdsolve.state import Broken
-from pdsolve.steppers.equilibrium import Asked
+from pdsolve.steppers.equilibrium import EquilibriumConditions
 from pdsolve.steppers.newton import Newton
 
 SMALL = 1e-6
@@ -104,7 +104,9 @@ def equilibrium(problem: Prepared, held: NDArray[np.bool_], at: NDArray[np.float
     system, state = problem.system, problem.state
     rest = state._replace(value=np.zeros(state.value.shape), rate=np.zeros(state.value.shape))
     newton = Newton(system.operator, system.area, 1e-9, free=int((~held).sum()))
-    newton.settle(rest, Asked(SMALL * system.drive.force, held, SMALL * np.where(held, at, 0.0)), lambda *_: None)
+    newton.settle(
+        rest, EquilibriumConditions(SMALL * system.drive.force, held, SMALL * np.where(held, at, 0.0)), lambda *_: None
+    )
     return np.asarray(rest.value / SMALL)
 
 

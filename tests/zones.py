@@ -21,7 +21,7 @@ from pdsolve.adaptivity.hybrid.prepare import hybrid_of
 from pdsolve.model import Model, ModelWarning
 from pdsolve.options import Options
 from pdsolve.run.assembly import step_of
-from pdsolve.run.measures import Ledger, books
+from pdsolve.run.measures import LedgerRow, compute_ledger_row
 from pdsolve.run.node_changes import zone_moved
 from pdsolve.run.prepare import prepare
 
@@ -189,7 +189,7 @@ class Solved(NamedTuple):
     """What a run came to."""
 
     first: int  # step of the first broken bond; the last step without one
-    books: Ledger
+    books: LedgerRow
     balance: float
 
 
@@ -203,6 +203,6 @@ def side_by_side(model: Model, steps: int | None = None) -> tuple[Solved, Solved
         problem.march(1, steps + 1)
         change = zone_moved(problem.system) if adapt == "hybrid" else None
         system, state = (problem.system, problem.state) if change is None else (change.system, change.state)
-        broken, ledger = system.operator.broken(), books(system, state, steps)
-        found.append(Solved(int(broken.step.min(initial=steps)), ledger, ledger.balance(system.initial_energy)))
+        broken, ledger = system.operator.broken(), compute_ledger_row(system, state, steps)
+        found.append(Solved(int(broken.step.min(initial=steps)), ledger, ledger.balance_error(system.initial_energy)))
     return found[0], found[1]

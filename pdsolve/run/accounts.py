@@ -5,99 +5,104 @@ from __future__ import annotations
 from typing import Any, Protocol
 
 from pdsolve.results import Frame
-from pdsolve.run.measures import Asked
+from pdsolve.run.measures import BondState
 from pdsolve.run.system import Prepared, System
 from pdsolve.state import State
 
 
-class Accounts(Protocol):
+class PhysicsRecords(Protocol):
     """Accounts of what a run conserves: energy and momentum, or amounts of a substance."""
 
     @property
-    def broken(self) -> int:
+    def broken_bond_count(self) -> int:
         """Directed bonds broken, as of the last entry."""
 
     @property
-    def balance(self) -> float:
+    def balance_error(self) -> float:
         """Relative error of the balance at the last entry: amount created over amount supplied."""
 
-    def words(self, broken: int) -> str:
+    def progress_text(self, broken_bond_count: int) -> str:
         """State of the accounts in words, with so many broken bonds, for a progress display."""
 
-    def follow(self, system: System) -> None:
+    def switch_system(self, system: System) -> None:
         """Continue with changed nodes."""
 
-    def settle(self, state: State, step: int, bond_state: Asked) -> None:
+    def update_last_row(self, state: State, step: int, bond_state: BondState) -> None:
         """Make this step the last entry, without recording it."""
 
-    def take(self, state: State, step: int, bond_state: Asked) -> None:
+    def record_step(self, state: State, step: int, bond_state: BondState) -> None:
         """Record this step. Raises UnstableError."""
 
-    def entered(self, frame: Frame) -> Frame:
+    def move_records_into(self, frame: Frame) -> Frame:
         """The frame with the records since the last one."""
 
-    def meta(self) -> dict[str, Any]:
+    def metadata(self) -> dict[str, Any]:
         """Metadata of the results about the physics, known from the start."""
 
     def summary(self) -> dict[str, Any]:
         """Results of the run for its summary."""
 
-    def close(self) -> None:
+    def warn_at_end(self) -> None:
         """Issue warnings that follow from the final accounts."""
 
 
-class Together:
-    """The books of a motion and of what diffuses on the same nodes; see `Accounts`."""
+class CoupledRecords:
+    """The books of a motion and of what diffuses on the same nodes; see `PhysicsRecords`."""
 
-    def __init__(self, motion: Accounts, others: tuple[tuple[Accounts, Prepared], ...]) -> None:
+    def __init__(self, motion: PhysicsRecords, others: tuple[tuple[PhysicsRecords, Prepared], ...]) -> None:
         self._motion, self._others = motion, others
 
     @property
-    def broken(self) -> int:
+    def broken_bond_count(self) -> int:
         """Directed bonds broken, as of the last entry."""
-        return self._motion.broken
+        return self._motion.broken_bond_count
 
     @property
-    def balance(self) -> float:
+    def balance_error(self) -> float:
         """The worst of all, by size."""
-        return max([self._motion.balance, *(accounts.balance for accounts, _ in self._others)], key=abs)
+        return max([self._motion.balance_error, *(accounts.balance_error for accounts, _ in self._others)], key=abs)
 
-    def words(self, broken: int) -> str:
+    def progress_text(self, broken_bond_count: int) -> str:
         """How the books stand with so many broken bonds, for a watcher."""
-        return "; ".join([self._motion.words(broken), *(accounts.words(broken) for accounts, _ in self._others)])
+        return "; ".join(
+            [
+                self._motion.progress_text(broken_bond_count),
+                *(accounts.progress_text(broken_bond_count) for accounts, _ in self._others),
+            ]
+        )
 
-    def follow(self, system: System) -> None:
+    def switch_system(self, system: System) -> None:
         """Go on with other nodes."""
-        self._motion.follow(system)
+        self._motion.switch_system(system)
 
-    def settle(self, state: State, step: int, bond_state: Asked) -> None:
+    def update_last_row(self, state: State, step: int, bond_state: BondState) -> None:
         """Make the last entries those of this step, without noting them."""
-        self._motion.settle(state, step, bond_state)
+        self._motion.update_last_row(state, step, bond_state)
         for accounts, prepared in self._others:
-            accounts.settle(prepared.state, step, bond_state)
+            accounts.update_last_row(prepared.state, step, bond_state)
 
-    def take(self, state: State, step: int, bond_state: Asked) -> None:
+    def record_step(self, state: State, step: int, bond_state: BondState) -> None:
         """Note this step. Raises UnstableError."""
-        self._motion.take(state, step, bond_state)
+        self._motion.record_step(state, step, bond_state)
         for accounts, prepared in self._others:
-            accounts.take(prepared.state, step, bond_state)
+            accounts.record_step(prepared.state, step, bond_state)
 
-    def entered(self, frame: Frame) -> Frame:
+    def move_records_into(self, frame: Frame) -> Frame:
         """The frame with what was noted since the last one."""
-        frame = self._motion.entered(frame)
+        frame = self._motion.move_records_into(frame)
         for accounts, _ in self._others:
-            frame = accounts.entered(frame)
+            frame = accounts.move_records_into(frame)
         return frame
 
-    def meta(self) -> dict[str, Any]:
+    def metadata(self) -> dict[str, Any]:
         """What results say of the physics from the start on."""
-        return {**self._motion.meta(), "physics": "thermoelastic"}
+        return {**self._motion.metadata(), "physics": "thermoelastic"}
 
     def summary(self) -> dict[str, Any]:
         """What the run came to: that of the motion, and of each other under the name of its physics."""
         others = [accounts.summary() for accounts, _ in self._others]
         return {**self._motion.summary(), **{str(summary["physics"]): summary for summary in others}}
 
-    def close(self) -> None:
+    def warn_at_end(self) -> None:
         """Warn of what the books show in the end."""
-        self._motion.close()
+        self._motion.warn_at_end()

@@ -15,95 +15,106 @@ from pdsolve.errors import UnstableError
 from pdsolve.laws.material_checks import negative_secants
 from pdsolve.results import Frame, Results
 from pdsolve.run.inversion_checks import MotionChecks
-from pdsolve.run.measures import Asked, Ledger, books
+from pdsolve.run.measures import BondState, LedgerRow, compute_ledger_row
 from pdsolve.run.operator_factory import intact_stable_step
-from pdsolve.run.reactions import Reaction, grips, reactions
+from pdsolve.run.reactions import Reaction, acting_conditions, compute_reactions
 from pdsolve.run.system import System
 from pdsolve.state import State
 
 RUNAWAY = 10.0  # times the energy put in: more than this is not physics
 
 
-class MotionAccounts:
-    """The accounts of one motion; see `pdsolve.run.accounts.Accounts`."""
+class MechanicsRecords:
+    """The accounts of one motion; see `pdsolve.run.accounts.PhysicsRecords`."""
 
-    def __init__(self, system: System, state: State, step: int, bond_state: Asked, results: Results | None) -> None:
-        """`results` are those of a resumed run after `step`, else None."""
-        self._start(system, step, results)
-        self._watch: MotionChecks | None = None
+    def __init__(
+        self, system: System, state: State, step: int, bond_state: BondState, past_results: Results | None
+    ) -> None:
+        """`past_results` are those of a resumed run after `step`, else None."""
+        self._initialize_records(system, step, past_results)
+        self._motion_checks: MotionChecks | None = None
         self._given = False, False
-        self._look_around()
-        self.last, self._clamped = books(system, state, step, bond_state), self._heat(state)
+        self._find_monitored_nodes()
+        self.last, self._heat_energy = (
+            compute_ledger_row(system, state, step, bond_state),
+            self._largest_heat_energy(state),
+        )
 
-    def _start(self, system: System, step: int, results: Results | None) -> None:
+    def _initialize_records(self, system: System, step: int, past_results: Results | None) -> None:
         self._system, materials = system, system.model.materials
         self._flows = any(material.solid == "j2" and material.form != "rate" for material in materials)  # to warn of
-        self._nodes_changed = results is not None and len(results.epochs()) > 1  # which makes or loses energy
-        self._most = 0.0  # J/m, the largest work, given or taken
-        if results is not None:
-            done = results.history()
-            self._most = float(np.abs(done["work"][done["step"] <= step]).max(initial=0.0))
-        self._ledgers: list[Ledger] = []
+        self._nodes_changed = past_results is not None and len(past_results.epochs()) > 1  # which makes or loses energy
+        self._largest_work = 0.0  # J/m, the largest work, given or taken
+        if past_results is not None:
+            done = past_results.history()
+            self._largest_work = float(np.abs(done["work"][done["step"] <= step]).max(initial=0.0))
+        self._ledgers: list[LedgerRow] = []
         self._probes: list[tuple[float, ...]] = []
         self._reactions: list[Reaction] = []
 
-    def _heat(self, state: State) -> float:
+    def _largest_heat_energy(self, state: State) -> float:
         """What heat can do at most, J/m, against which little is round-off; 0 without it."""
         swelling = self._system.stepper
         return float(np.sum(self._system.area * swelling.clamped(state))) if isinstance(swelling, Swelling) else 0.0
 
-    def follow(self, system: System) -> None:
+    def switch_system(self, system: System) -> None:
         """Continue with changed nodes."""
-        self._system, self._looked, self._nodes_changed = system, False, True
-        if self._watch is not None:  # it has the nodes before, which are many
-            self._given, self._watch = self._watch.given, None
+        self._system, self._nodes_are_current, self._nodes_changed = system, False, True
+        if self._motion_checks is not None:  # it has the nodes before, which are many
+            self._given, self._motion_checks = self._motion_checks.given, None
 
-    def _look_around(self) -> None:
+    def _find_monitored_nodes(self) -> None:
         """Find the nodes of conditions and probes among the current nodes."""
         model, run = self._system.model, self._system.model.settings.run
         probes = [*run.probes, *(end for gap in run.gaps for end in gap.ends)]
-        self._grips = grips(self._system)
+        self._acting_conditions = acting_conditions(self._system)
         self._probed = model.grid.nearest(probes)[1].tolist() if probes else []
-        self._watch = MotionChecks(model, partial(self._system.operator.bonds, start=True), self._given)
-        self._looked = True
+        self._motion_checks = MotionChecks(model, partial(self._system.operator.bonds, start=True), self._given)
+        self._nodes_are_current = True
 
     @property
-    def broken(self) -> int:
+    def broken_bond_count(self) -> int:
         """Directed bonds broken, as of the last entry."""
         return self.last.broken
 
     @property
-    def balance(self) -> float:
-        """Relative error of the last ledger entry; see `Ledger.balance`."""
-        return self.last.balance(self._system.initial_energy, max(self._most, self._clamped))
+    def balance_error(self) -> float:
+        """Relative error of the last ledger entry; see `LedgerRow.balance_error`."""
+        return self.last.balance_error(self._system.initial_energy, max(self._largest_work, self._heat_energy))
 
-    def words(self, broken: int) -> str:
+    def progress_text(self, broken_bond_count: int) -> str:
         """State of the accounts in words, with so many broken bonds, for a progress display."""
-        fine, text = self._system.zone_summary, f"broken bonds {pair_count(broken)}, balance {self.balance:+.1e}"
+        fine, text = (
+            self._system.zone_summary,
+            f"broken bonds {pair_count(broken_bond_count)}, balance {self.balance_error:+.1e}",
+        )
         if fine is not None:
             text += f", fine {fine.fine_share:.1%}"
             text += f", clipped stretch {fine.clipped_stretch:.2f}" if fine.clipped_stretch else ""
         return text
 
-    def settle(self, state: State, step: int, bond_state: Asked) -> None:
+    def update_last_row(self, state: State, step: int, bond_state: BondState) -> None:
         """Make this step the last entry."""
         if self.last.step != step:
-            self.last, self._clamped = books(self._system, state, step, bond_state), self._heat(state)
+            self.last, self._heat_energy = (
+                compute_ledger_row(self._system, state, step, bond_state),
+                self._largest_heat_energy(state),
+            )
 
-    def take(self, state: State, step: int, bond_state: Asked) -> None:
+    def record_step(self, state: State, step: int, bond_state: BondState) -> None:
         """Record the ledger, the probes and the reactions of this step. Raises UnstableError."""
-        if not self._looked:
-            self._look_around()
+        if not self._nodes_are_current:
+            self._find_monitored_nodes()
         system = self._system
-        self.settle(state, step, bond_state)
+        self.update_last_row(state, step, bond_state)
         if self._is_unstable(self.last, bool(np.isfinite(state.value).all())):
             finite = np.isfinite(state.value).all(axis=1)
             worst = int((~finite).argmax() if not finite.all() else np.abs(state.rate).sum(axis=1).argmax())
-            most, node = max(self._most, self._clamped), int(system.model.grid.ids[worst])
-            raise UnstableError(unstable_words(system, self.last, most, node))
-        self._most = max(self._most, abs(self.last.work))
-        assert self._watch is not None
-        self._watch.look(state.value[:, : system.model.grid.dimension], bond_state.broken, step)
+            most, node = max(self._largest_work, self._heat_energy), int(system.model.grid.ids[worst])
+            raise UnstableError(instability_message(system, self.last, most, node))
+        self._largest_work = max(self._largest_work, abs(self.last.work))
+        assert self._motion_checks is not None
+        self._motion_checks.look(state.value[:, : system.model.grid.dimension], bond_state.broken, step)
         if self._flows:
             from pdsolve.run.plastic_checks import warn_of_plastic_strain  # few bodies flow
 
@@ -111,21 +122,21 @@ class MotionAccounts:
         self._ledgers.append(self.last)
         for row in dict.fromkeys(self._probed):
             node = int(system.model.grid.ids[row])
-            self._probes.append((step, self.last.time, node, *motion_of(state, row, system.model.grid.dimension)))
-        self._reactions += reactions(self._grips, system, state, step, self.last.time)
+            self._probes.append((step, self.last.time, node, *motion_values(state, row, system.model.grid.dimension)))
+        self._reactions += compute_reactions(self._acting_conditions, system, state, step, self.last.time)
 
-    def _is_unstable(self, books: Ledger, finite: bool) -> bool:
-        """Whether energy is created, or values are not `finite`."""
-        created = _created(self._system, books, max(self._most, self._clamped))
-        return not (finite and np.isfinite(books.kinetic + books.strain) and created <= RUNAWAY)
+    def _is_unstable(self, ledger_row: LedgerRow, values_are_finite: bool) -> bool:
+        """Whether energy is created, or values are not `values_are_finite`."""
+        created = _energy_ratio(self._system, ledger_row, max(self._largest_work, self._heat_energy))
+        return not (values_are_finite and np.isfinite(ledger_row.kinetic + ledger_row.strain) and created <= RUNAWAY)
 
-    def entered(self, frame: Frame) -> Frame:
+    def move_records_into(self, frame: Frame) -> Frame:
         """The frame with the records since the last one."""
         frame = frame._replace(ledger=self._ledgers, probes=self._probes, reactions=self._reactions)
         self._ledgers, self._probes, self._reactions = [], [], []
         return frame
 
-    def meta(self) -> dict[str, Any]:
+    def metadata(self) -> dict[str, Any]:
         """Metadata of the results about the physics, known from the start."""
         return {"initial_energy": self._system.initial_energy}
 
@@ -133,14 +144,14 @@ class MotionAccounts:
         """Results of the run for its summary."""
         names = "kinetic", "strain", "dissipated", "damped", "friction", "work"
         return {
-            "broken_bonds": pair_count(self.broken),
+            "broken_bonds": pair_count(self.broken_bond_count),
             "energy": {name: getattr(self.last, name) for name in names},
-            "balance": self.balance,
-            **self._broken_area(),
+            "balance": self.balance_error,
+            **self._crack_area_summary(),
             **({"energy_unit": "J"} if self._system.model.grid.dimension == 3 else {}),
         }
 
-    def _broken_area(self) -> dict[str, Any]:
+    def _crack_area_summary(self) -> dict[str, Any]:
         """Area of the cracks, G0 times it, and what bonds took, for a summary; nothing where nodes change, or cracks
         cost another energy.
 
@@ -148,56 +159,58 @@ class MotionAccounts:
         """
         system, run = self._system, self._system.model.settings.run
         plain = run.adapt == "none" and run.cracks == "bonds" and run.fatigue is None
-        if not plain or self._nodes_changed or system.options.team is not None or not self.broken:
+        if not plain or self._nodes_changed or system.options.team is not None or not self.broken_bond_count:
             return {}
         model, broken = system.model, system.operator.broken()
         of_material = model.materials, model.material_of
         cracks = broken_area(model.grid, model.settings.horizon.ratio, *of_material, broken.source, broken.target)
         if not cracks.cost > 0:  # bonds as long as a horizon, of a conical micromodulus, cost nothing
             return {}
-        created = self.balance * self.last.put_in(system.initial_energy, max(self._most, self._clamped))
+        created = self.balance_error * self.last.energy_scale(
+            system.initial_energy, max(self._largest_work, self._heat_energy)
+        )
         sure = system.scheme.symmetric and model.settings.contact is None
         return {"cracks": {**cracks._asdict(), "spent": self.last.dissipated - (created if sure else 0.0)}}
 
-    def close(self) -> None:
+    def warn_at_end(self) -> None:
         """Issue warnings that follow from the final accounts."""
         system, last = self._system, self.last
-        put_in = last.put_in(system.initial_energy, self._most)
-        closing(system.model, self.balance, last.dissipated, system.scheme.symmetric)
+        put_in = last.energy_scale(system.initial_energy, self._largest_work)
+        closing(system.model, self.balance_error, last.dissipated, system.scheme.symmetric)
         if system.scheme.symmetric and not self._nodes_changed:
-            advise_spent(system.model, self.balance * put_in, put_in, last.dissipated)
+            advise_spent(system.model, self.balance_error * put_in, put_in, last.dissipated)
         advise_made(system.model, last.refinement, put_in)
         advise_damped(system.model, last.damped + last.friction, put_in)
 
 
-def motion_of(state: State, row: int, d: int) -> list[float]:
+def motion_values(state: State, row: int, dimension: int) -> list[float]:
     """What is recorded of the motion of a node in d dimensions: u, v, a in the plane, and then along z."""
     fields = state.value, state.rate, state.second
-    plane, space = ([field[row, axes].tolist() for field in fields] for axes in (slice(2), slice(2, d)))
+    plane, space = ([field[row, axes].tolist() for field in fields] for axes in (slice(2), slice(2, dimension)))
     along = [value for values in space for value in values] or [0.0] * 3
     return [*(value for values in plane for value in values), *along]
 
 
-def unstable_words(system: System, books: Ledger, most: float, node: int) -> str:
+def instability_message(system: System, ledger_row: LedgerRow, largest_work: float, node_id: int) -> str:
     """What is said of a run that is not stable: step, time, the id of a node, energy and the stability bound.
 
-    `most`, J/m, is the largest work so far.
+    `largest_work`, J/m, is the largest work so far.
     """
     return (
-        f"unstable at step {books.step}, {books.time:.4g} s, node {node}: energy is"
-        f" {_created(system, books, most):.3g} times what was put in; the time step is {system.time_step:.4g} s,"
-        f" stable up to {system.bound:.4g} s"
-        f"{_suspect(system)}"
+        f"unstable at step {ledger_row.step}, {ledger_row.time:.4g} s, node {node_id}: energy is"
+        f" {_energy_ratio(system, ledger_row, largest_work):.3g} times what was put in; the time step is"
+        f" {system.time_step:.4g} s, stable up to {system.bound:.4g} s"
+        f"{_instability_cause(system)}"
     )
 
 
-def _created(system: System, books: Ledger, most: float) -> float:
+def _energy_ratio(system: System, ledger_row: LedgerRow, largest_work: float) -> float:
     """The energy that is there over what was put in; 0 where nothing was."""
-    energy_supplied = max(abs(books.work), most) + system.initial_energy
-    return (books.kinetic + books.strain) / energy_supplied if energy_supplied else 0.0
+    energy_supplied = max(abs(ledger_row.work), largest_work) + system.initial_energy
+    return (ledger_row.kinetic + ledger_row.strain) / energy_supplied if energy_supplied else 0.0
 
 
-def _suspect(system: System) -> str:
+def _instability_cause(system: System) -> str:
     """The likely cause of an instability other than the time step."""
     if system.time_step > system.bound:
         return ""

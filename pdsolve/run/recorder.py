@@ -22,9 +22,9 @@ from pdsolve.diffusion.swelling import Swelling
 from pdsolve.errors import CheckpointError
 from pdsolve.results import Breaks, Epoch, Families, Frame, Nodes, Results, Writer
 from pdsolve.results.schema import taken
-from pdsolve.run.accounts import Accounts, Together
-from pdsolve.run.measures import Asked, ask, bodies, fields, pieces
-from pdsolve.run.motion_accounts import MotionAccounts
+from pdsolve.run.accounts import CoupledRecords, PhysicsRecords
+from pdsolve.run.measures import BondState, count_bodies, count_pieces, evaluate_bonds, fields
+from pdsolve.run.motion_accounts import MechanicsRecords
 from pdsolve.run.node_changes import Change
 from pdsolve.run.system import System
 from pdsolve.state import Broken, State, zero_state
@@ -180,14 +180,16 @@ class Past(NamedTuple):
     results: Results | None = None  # so far; None: it begins
 
 
-def _accounts(system: System, state: State, past: Past, bond_state: Asked) -> Accounts:
+def _accounts(system: System, state: State, past: Past, bond_state: BondState) -> PhysicsRecords:
     """The books of a system as they stand after a step."""
     if system.transport is not None:
         return MassAccounts(system.transport, state, past.step, past.results)
-    motion = MotionAccounts(system, state, past.step, bond_state, past.results)
+    motion = MechanicsRecords(system, state, past.step, bond_state, past.results)
     if not system.beside:
         return motion
-    return Together(motion, tuple((_accounts(*prepared, past, bond_state), prepared) for prepared in system.beside))
+    return CoupledRecords(
+        motion, tuple((_accounts(*prepared, past, bond_state), prepared) for prepared in system.beside)
+    )
 
 
 class Recorder:
@@ -213,7 +215,7 @@ class Recorder:
 
     def _begin(self, past: Past) -> None:
         """Open the accounts of the state that the run begins with."""
-        self.now = ask(self.system, self.state)
+        self.now = evaluate_bonds(self.system, self.state)
         self.accounts = _accounts(self.system, self.state, past, self.now)
 
     def writer(self, system: System, output: Path | None, meta: Mapping[str, Any]) -> Writer:
@@ -228,7 +230,7 @@ class Recorder:
 
     def is_split(self) -> bool:
         """Whether there are more pieces than bodies."""
-        return pieces(self.system) > bodies(self.system)
+        return count_pieces(self.system) > count_bodies(self.system)
 
     def wall(self) -> float:
         """Seconds spent on the run, including those before an interruption, without those of compiling kernels."""
@@ -264,7 +266,7 @@ class Recorder:
     def let_go(self) -> None:
         """Forget the state, which the operator of a moving fine zone has, and energies of nodes."""
         self.state = zero_state(0, 2)
-        self.now = self.now._replace(held=self.state.work, spent=self.state.work)
+        self.now = self.now._replace(strain_energy=self.state.work, softening_energy=self.state.work)
 
     def _fetch(self) -> None:
         """Bring the state up to the steps taken."""
@@ -288,7 +290,7 @@ class Recorder:
             broken_before=before.broken_before + len(broken.step) - len(broken_after.step),
         )
         del before  # which nothing holds any more: a large one is not to stand beside the new one for long
-        self.accounts.follow(self.system)
+        self.accounts.switch_system(self.system)
         previous_rows = np.arange(self._count) if self._rows is None else self._rows
         new, rows = np.flatnonzero(origin < 0), np.zeros(len(origin), dtype=np.int64)
         rows[stay], rows[new] = previous_rows[origin[stay]], self._count + np.arange(len(new))
@@ -302,18 +304,18 @@ class Recorder:
         """Bring the accounts to this step, if they are not there yet."""
         if step != self.step:
             bond_state = self._asked(step)
-            self.accounts.settle(self.state, step, bond_state)
+            self.accounts.update_last_row(self.state, step, bond_state)
 
     def take(self, step: int) -> None:
         """Record this step in the accounts. Raises UnstableError."""
         bond_state = self._asked(step)
-        self.accounts.take(self.state, step, bond_state)
+        self.accounts.record_step(self.state, step, bond_state)
 
-    def _asked(self, step: int) -> Asked:
+    def _asked(self, step: int) -> BondState:
         """What the operator says of the state after this step, asked once."""
         self._fetch()
         if step != self.step:
-            self.now, self.step = ask(self.system, self.state), step
+            self.now, self.step = evaluate_bonds(self.system, self.state), step
         return self.now
 
     def frame(self, step: int, whole: bool, state: bool) -> Frame:
@@ -355,4 +357,4 @@ class Recorder:
             else system.growth.rows(-1 if self.new and step == 0 else self.written),
         )
         self.written, self._breaks, self._epochs = step, [], []
-        return self.accounts.entered(frame)
+        return self.accounts.move_records_into(frame)

@@ -405,7 +405,7 @@ def _march(notes: Recorder, writer: Behind, request: Request) -> str:
     notes.settle(step)
     compiled = {"compile_time": compile_seconds() - request.compiled}
     writer.done().tell({"summary": json.dumps(summary(notes, step, done) | compiled)})
-    notes.accounts.close()
+    notes.accounts.warn_at_end()
     notes.close()
     return "finished" if done or step == run.steps else "interrupted"
 
@@ -413,11 +413,11 @@ def _march(notes: Recorder, writer: Behind, request: Request) -> str:
 def _progress(notes: Recorder, step: int, load_step_progress: Going | None = None) -> Progress:
     """Data for a progress display after `step`, or within a load step `load_step_progress`."""
     books, steps = notes.accounts, notes.system.model.settings.run.steps
-    broken = books.broken if load_step_progress is None else load_step_progress.broken
-    words, stepper = books.words(broken), notes.system.stepper
+    broken = books.broken_bond_count if load_step_progress is None else load_step_progress.broken
+    words, stepper = books.progress_text(broken), notes.system.stepper
     if isinstance(stepper, SteppedRest):
         words = f"{stepper.words()}, {words}"
-    return Progress(step, steps, broken, books.balance, words, notes.system.zone_summary, load_step_progress)
+    return Progress(step, steps, broken, books.balance_error, words, notes.system.zone_summary, load_step_progress)
 
 
 def _can_stop(system: System, step: int, soon: bool) -> bool:

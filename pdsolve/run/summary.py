@@ -40,7 +40,7 @@ def meta(notes: Recorder, provenance: str) -> dict[str, Any]:
         "time_step": system.time_step,
         "stable_time_step": system.bound,
         "model": system.asked.to_json(),
-        **notes.accounts.meta(),
+        **notes.accounts.metadata(),
     }
 
 

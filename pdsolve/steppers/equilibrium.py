@@ -27,14 +27,14 @@ class UnsettledError(ArithmeticError):
     """A plate that does not come to rest; the message says how far it came and what to check."""
 
 
-class Asked(NamedTuple):
+class EquilibriumConditions(NamedTuple):
     """Loads and holds of an equilibrium; n nodes."""
 
     load: NDArray[np.float64]  # (n, w) body force, N/m^3
-    held: NDArray[np.bool_]  # (n, w) components that are held
-    at: NDArray[np.float64]  # (n, w) where, m
-    inner: float = 0.0  # N/m^3, size of what swelling alone makes of forces; as much counts as external
-    enough: float = 0.0  # residual that is enough, where the method would go on to a smaller one
+    constrained: NDArray[np.bool_]  # (n, w) components that are held
+    prescribed: NDArray[np.float64]  # (n, w) where, m
+    swelling_force: float = 0.0  # N/m^3, size of what swelling alone makes of forces; as much counts as external
+    sufficient_residual: float = 0.0  # residual that is enough, where the method would go on to a smaller one
 
 
 class Settled(NamedTuple):
@@ -50,7 +50,7 @@ class Method(Protocol):
     said: str  # which it is, for the record
     smallest: float  # share of a load step that is worth a try, where larger ones do not come to rest
 
-    def settle(self, state: State, conditions: Asked, tell: Tell) -> Settled:
+    def settle(self, state: State, conditions: EquilibriumConditions, tell: Tell) -> Settled:
         """Move the values of the state to equilibrium, in place. Raises UnsettledError."""
 
     def forget(self) -> None:
@@ -77,15 +77,17 @@ def weighted_tangent(operator: Operator, area: NDArray[np.float64], state: State
     return (diags_array(np.repeat(area, state.value.shape[1])) @ operator.tangent(state)).tocsr()
 
 
-def left_over(state: State, conditions: Asked, out: NDArray[np.float64], least: float, before: float = 0.0) -> float:
+def left_over(
+    state: State, conditions: EquilibriumConditions, out: NDArray[np.float64], least: float, before: float = 0.0
+) -> float:
     """Residual over external forces; `out` (n, w) are the forces of neighbours.
 
     External forces count at least as `least` times the norm of displacements, now or `before`, m; `least` in N/m^4.
     """
-    load = norm(conditions.load[~conditions.held])
-    outside = max(load if load > 0 else norm(out[conditions.held]), conditions.inner)
+    load = norm(conditions.load[~conditions.constrained])
+    outside = max(load if load > 0 else norm(out[conditions.constrained]), conditions.swelling_force)
     imbalance, scale = (
-        norm((out + conditions.load)[~conditions.held]),
+        norm((out + conditions.load)[~conditions.constrained]),
         max(outside, least * max(norm(state.value), before)),
     )
     return imbalance / scale if scale > 0 else float(imbalance > 0)

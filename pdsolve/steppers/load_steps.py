@@ -24,7 +24,7 @@ from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.operators.ground_supports import grounded
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import Broken, State
-from pdsolve.steppers.equilibrium import Asked, Method, Settled, Tell, UnsettledError, forces, norm
+from pdsolve.steppers.equilibrium import EquilibriumConditions, Method, Settled, Tell, UnsettledError, forces, norm
 from pdsolve.steppers.rigid_body_modes import Braced, Loose, loose, unbalanced
 from pdsolve.steppers.touching import Touching, and_touching
 
@@ -83,7 +83,7 @@ class LoadSteps:
         self._remember, self._grow = remember, grow
         self._contact = method.contact if isinstance(method, Touching) else None
         self.watch: Callable[[Going], None] | None = None
-        self._inner = 0.0  # N/m^3, of `Asked`
+        self._inner = 0.0  # N/m^3, of `EquilibriumConditions`
         self._loaded: Callable[[State], object] = lambda state: None
         self._warned, self._told_loose, self._loose = False, False, cast("Loose | None", None)
         self._braced: Braced | None = None  # of bodies that are supported
@@ -132,7 +132,7 @@ class LoadSteps:
         put_loads(self._drive, time)
         self._balance("")
         at = np.where(self.held, held_at(self._drive, time), 0.0)
-        conditions = Asked(self._drive.force.astype(float), self.held, at, self._inner)
+        conditions = EquilibriumConditions(self._drive.force.astype(float), self.held, at, self._inner)
         equilibrium = self.method.settle(state, conditions, self._tell(step, 0))
         self._note(state)
         return equilibrium
@@ -251,7 +251,7 @@ class LoadSteps:
         """Find equilibrium half the way to the last of three loads, and there; books the work."""
         u, pushed, iterations = [state.value.copy()], [self._outside(state, loads[0])], 0
         for load, place in zip(loads[1:], places, strict=True):
-            equilibrium = self.method.settle(state, Asked(load, self.held, place, self._inner), tell)
+            equilibrium = self.method.settle(state, EquilibriumConditions(load, self.held, place, self._inner), tell)
             iterations += equilibrium.iterations
             u.append(state.value.copy())
             pushed.append(self._outside(state, load))
@@ -304,7 +304,7 @@ class LoadSteps:
     def _settle(self, state: State, step: int, iterations: int, enough: float = 0.0) -> Settled:
         """Find equilibrium under the same loads; books their work, and the energy that the plate releases."""
         load, u = self._drive.force.astype(float), state.value.copy()
-        conditions = Asked(load, self.held, np.where(self.held, u, 0.0), self._inner, enough)
+        conditions = EquilibriumConditions(load, self.held, np.where(self.held, u, 0.0), self._inner, enough)
         residual_forces = [self._left(state, load)]
         equilibrium = self.method.settle(state, conditions, self._tell(step, iterations))
         end, way = state.value.copy(), state.value - u

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
 from pdsolve.steppers.equilibrium import (
-    Asked,
+    EquilibriumConditions,
     Settled,
     Tell,
     UnsettledError,
@@ -112,14 +112,14 @@ class Newton:
         matrix, free = self._symmetric(state), ~constrained.ravel()
         return negative_pivots(matrix[free][:, free])
 
-    def settle(self, state: State, conditions: Asked, tell: Tell) -> Settled:
+    def settle(self, state: State, conditions: EquilibriumConditions, tell: Tell) -> Settled:
         """Move the values of the state to equilibrium by Newton's method, in place; raises UnsettledError.
 
         The values are those of the start then.
         """
-        start, free, done = state.value.copy(), ~conditions.held, 0
+        start, free, done = state.value.copy(), ~conditions.constrained, 0
         self._before = norm(start)
-        if (state.value != np.where(free, state.value, conditions.at)).any():
+        if (state.value != np.where(free, state.value, conditions.prescribed)).any():
             self._lead(state, conditions)
         if self._lost is not None and not self._lost.lose(self._operator.broken()):
             self.forget()
@@ -137,9 +137,11 @@ class Newton:
             " forces); check the supports, or take smaller load steps (run.static.load_steps)"
         )
 
-    def _renew(self, state: State, conditions: Asked, before: int, tell: Tell) -> tuple[Settled | None, int]:
+    def _renew(
+        self, state: State, conditions: EquilibriumConditions, before: int, tell: Tell
+    ) -> tuple[Settled | None, int]:
         """Iterate with a new tangent each time; returns None without rest, and the iterations after those `before`."""
-        free, usual = ~conditions.held, 0.0  # m, norm of displacements after an iteration
+        free, usual = ~conditions.constrained, 0.0  # m, norm of displacements after an iteration
         weight = np.repeat(self._area, free.shape[1])[free.ravel()] if self._operator.symmetric else 1.0
 
         def weighted(out: Array) -> Array:
@@ -148,7 +150,7 @@ class Newton:
         out = forces(self._operator, state)
         residual = left_over(state, conditions, out, self._least, self._before)
         for done in range(before, before + self._most + 1):
-            if residual < max(self._tolerance, conditions.enough):
+            if residual < max(self._tolerance, conditions.sufficient_residual):
                 if done - before > NEARLY_LINEAR:
                     self.forget()
                 return Settled(done, residual), done
@@ -176,24 +178,24 @@ class Newton:
                 break
         return None, done
 
-    def _lead(self, state: State, conditions: Asked) -> None:
+    def _lead(self, state: State, conditions: EquilibriumConditions) -> None:
         """Move held components to their prescribed positions, and the rest by the linear response."""
-        free = ~conditions.held
+        free = ~conditions.constrained
         if self._matrix is None:
             self._take_tangent(state, free)
             self._fresh = False
         assert self._matrix is not None
         assert self._inverse is not None
-        way = np.where(free, 0.0, conditions.at - state.value).ravel()
+        way = np.where(free, 0.0, conditions.prescribed - state.value).ravel()
         along = -(self._matrix @ way)[free.ravel()]
         move = way.copy()
         move[free.ravel()] = self._inverse(along)
-        state.value[:] = np.where(free, state.value + move.reshape(free.shape), conditions.at)
+        state.value[:] = np.where(free, state.value + move.reshape(free.shape), conditions.prescribed)
 
-    def _mix(self, state: State, conditions: Asked, tell: Tell) -> tuple[Settled | None, int]:
+    def _mix(self, state: State, conditions: EquilibriumConditions, tell: Tell) -> tuple[Settled | None, int]:
         """Iterate with the old tangent until equilibrium or a stall; returns the iterations, too."""
         assert self._inverse is not None
-        free, weight = ~conditions.held, np.repeat(self._area, conditions.held.shape[1])
+        free, weight = ~conditions.constrained, np.repeat(self._area, conditions.constrained.shape[1])
         inner, least, best_values = free.ravel(), np.inf, state.value.copy()
         mixed = _Mixed()
         last: tuple[Array, Array] | None = None
@@ -201,7 +203,7 @@ class Newton:
         while True:
             out = forces(self._operator, state)
             residual, rest = left_over(state, conditions, out, self._least, self._before), (out + conditions.load)[free]
-            if residual < max(self._tolerance, conditions.enough):
+            if residual < max(self._tolerance, conditions.sufficient_residual):
                 return Settled(done, residual), done
             tell(done, residual)
             if residual < FALL * milestone:

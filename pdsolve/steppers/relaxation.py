@@ -17,7 +17,15 @@ from numpy.typing import NDArray
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
-from pdsolve.steppers.equilibrium import Asked, Settled, Tell, UnsettledError, forces, left_over, round_off
+from pdsolve.steppers.equilibrium import (
+    EquilibriumConditions,
+    Settled,
+    Tell,
+    UnsettledError,
+    forces,
+    left_over,
+    round_off,
+)
 
 MOST = 100_000  # iterations
 CAP = 1.9  # of the damping, as 2 would stop every motion
@@ -59,13 +67,13 @@ class Relaxation:
     def hold_softly(self, nodes: NDArray[np.bool_]) -> None:
         """Does nothing: relaxation has no equations to hold nodes in; see `pdsolve.steppers.static_loads`."""
 
-    def settle(self, state: State, conditions: Asked, tell: Tell) -> Settled:
+    def settle(self, state: State, conditions: EquilibriumConditions, tell: Tell) -> Settled:
         """Move the values of the state to equilibrium by dynamic relaxation, in place. Raises UnsettledError."""
         start, mass = state.value.copy(), np.broadcast_to(self._mass, state.value.shape).copy()
         mass[mass == 0] = 1.0  # of a node without a bond
-        free, done = ~conditions.held, 0
+        free, done = ~conditions.constrained, 0
         while True:
-            state.value[:] = np.where(free, start, conditions.at)
+            state.value[:] = np.where(free, start, conditions.prescribed)
             equilibrium, last = self._relax(state, conditions, mass, done, tell)
             if equilibrium is not None:
                 return equilibrium
@@ -77,10 +85,10 @@ class Relaxation:
             done, mass = last, mass * HEAVIER
 
     def _relax(
-        self, state: State, conditions: Asked, mass: NDArray[np.float64], done: int, tell: Tell
+        self, state: State, conditions: EquilibriumConditions, mass: NDArray[np.float64], done: int, tell: Tell
     ) -> tuple[Settled | None, int]:
         """Relax from the current state; None if the motion grows or iterations run out; and the iterations so far."""
-        v, before, free = np.zeros(state.value.shape), np.zeros(state.value.shape), ~conditions.held
+        v, before, free = np.zeros(state.value.shape), np.zeros(state.value.shape), ~conditions.constrained
         start, least, first = state.value.copy(), np.inf, True
         for iteration in range(done, self._most + 1):
             out = forces(self._operator, state)

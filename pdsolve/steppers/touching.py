@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pdsolve.operators.contact.at_rest import RestingContact
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
-from pdsolve.steppers.equilibrium import Asked, Method, Settled, Tell, UnsettledError, forces, left_over
+from pdsolve.steppers.equilibrium import EquilibriumConditions, Method, Settled, Tell, UnsettledError, forces, left_over
 from pdsolve.steppers.path_following import Path
 from pdsolve.steppers.rigid_body_modes import Pairs
 
@@ -29,7 +29,7 @@ class Touching:
         self._method, self._operator, self.contact = method, operator, contact
         self.said, self.smallest = method.said, min(method.smallest, SMALLEST)
 
-    def settle(self, state: State, conditions: Asked, tell: Tell) -> Settled:
+    def settle(self, state: State, conditions: EquilibriumConditions, tell: Tell) -> Settled:
         """Move the values of the state to equilibrium, in place. Raises UnsettledError."""
         start, contact, done = state.value.copy(), self.contact, 0
         contact.begin(state)

@@ -17,7 +17,7 @@ from pdsolve.conditions import drive_of, entries
 from pdsolve.operators.protocol import Kept
 from pdsolve.operators.together import Together
 from pdsolve.options import Options
-from pdsolve.run.measures import books, damage, pieces
+from pdsolve.run.measures import compute_ledger_row, count_pieces, damage
 from pdsolve.run.prepare import prepare
 from pdsolve.run.system import Prepared
 from pdsolve.state import Broken, State, Unknown
@@ -182,14 +182,14 @@ def test_measures_take_two_operators_for_one(kernel: str) -> None:
     """Energy is kept by both together; tangent, bound and bonds are those of the sum."""
     prepared = on_the_ground(kernel, 0.3)
     system, state = prepared
-    start = books(system, state, 0)
+    start = compute_ledger_row(system, state, 0)
     prepared.march(1, 401)
-    end = books(system, state, 400)
+    end = compute_ledger_row(system, state, 400)
     assert end.kinetic < 0.9 * start.kinetic  # measured 0.67
     assert end.kinetic + end.strain + end.dissipated == pytest.approx(
         start.kinetic, rel=0.02
     )  # measured 1e-2, Verlet's own
-    assert (damage(system).max(), pieces(system)) == (0, 1)
+    assert (damage(system).max(), count_pieces(system)) == (0, 1)
     K = system.operator.tangent(state._replace(value=np.zeros_like(state.value))).toarray()
     largest = float(np.abs(np.linalg.eigvals(K)).max())
     assert 1 < largest / system.operator.stiffness_bound().max() <= 2  # measured 1.55

@@ -13,7 +13,7 @@ from systems import matrix
 
 from pdmesh.model.document import InitialVelocity, Run
 from pdsolve.options import Options
-from pdsolve.run.measures import books
+from pdsolve.run.measures import compute_ledger_row
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import UnstableError, simulate
 from pdsolve.run.system import Prepared
@@ -41,10 +41,10 @@ def frequencies(problem: Prepared) -> np.ndarray:
 
 def energies(problem: Prepared) -> list[float]:
     """Energy over that of the start, after each 10^4 of 10^5 steps."""
-    start, found = books(*problem, 0), []
+    start, found = compute_ledger_row(*problem, 0), []
     for part in range(10):
         problem.march(part * PART + 1, (part + 1) * PART + 1)
-        now = books(*problem, (part + 1) * PART)
+        now = compute_ledger_row(*problem, (part + 1) * PART)
         found.append((now.kinetic + now.strain) / (start.kinetic + start.strain))
     return found
 

@@ -17,7 +17,7 @@ from pdsolve.adaptivity.hybrid.springs import fine_springs
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.errors import UnstableError
 from pdsolve.options import Options
-from pdsolve.run.measures import books
+from pdsolve.run.measures import compute_ledger_row
 from pdsolve.run.prepare import prepare
 
 RUN = Run(adapt="collocation", collocation=Collocation(damped=True), steps=10)
@@ -39,7 +39,7 @@ def test_where_all_is_fine_it_is_the_uniform_run(profile: str) -> None:
     broken = uniform.system.operator.broken()
     assert len(broken.step) > 500
     assert len(broken.step) == 2 * len(engine.broken().step)
-    ledger, shown = books(uniform.system, uniform.state, 120), type(problem.system.hybrid)(engine)
+    ledger, shown = compute_ledger_row(uniform.system, uniform.state, 120), type(problem.system.hybrid)(engine)
     shown.energies(shown.state())
     found = shown.books()
     for name in ("kinetic", "strain", "dissipated", "work"):

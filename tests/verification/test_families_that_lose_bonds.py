@@ -13,8 +13,8 @@ from plates import GLASS, plate, square_grid
 from pdmesh.model.document import Load, Run
 from pdsolve.model import Model
 from pdsolve.options import Options
-from pdsolve.run.measures import books
-from pdsolve.run.motion_accounts import unstable_words
+from pdsolve.run.measures import compute_ledger_row
+from pdsolve.run.motion_accounts import instability_message
 from pdsolve.run.operator_factory import bonded, intact_stable_step
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import simulate
@@ -80,9 +80,9 @@ def test_a_step_that_became_too_long_is_said_to_be_the_cause() -> None:
     """With whole families the step is not; with stiffer ones it is."""
     system, state = prepare(torn(), Options(threads=1, kernel="listed"))
     operator, node = bonded(system.operator), 200
-    entry = books(system, state, 0)
-    assert "not the cause" in unstable_words(system, entry, 1.0, node)
+    entry = compute_ledger_row(system, state, 0)
+    assert "not the cause" in instability_message(system, entry, 1.0, node)
     operator.columns.inverse[:] *= 3  # as of families that have lost bonds
-    said = unstable_words(system, entry, 1.0, node)
+    said = instability_message(system, entry, 1.0, node)
     assert "not the cause" not in said
     assert mentions(said, f"{intact_stable_step(system.model, operator):.4g} s", "run.time_step")

@@ -14,7 +14,7 @@ from pdsolve.adaptivity.hybrid.lattice import COARSE, FINE
 from pdsolve.model import Model
 from pdsolve.numerics.thread_team import cores
 from pdsolve.options import Options
-from pdsolve.run.measures import Ledger, books
+from pdsolve.run.measures import LedgerRow, compute_ledger_row
 from pdsolve.run.node_changes import zone_moved
 from pdsolve.run.prepare import prepare
 from pdsolve.run.system import Prepared
@@ -44,9 +44,9 @@ def followed(problem: Prepared) -> Prepared:
     return problem if change is None else Prepared(change.system, change.state)
 
 
-def ledger(problem: Prepared, step: int) -> Ledger:
+def ledger(problem: Prepared, step: int) -> LedgerRow:
     """The books of the nodes there are now."""
-    return books(*followed(problem), step)
+    return compute_ledger_row(*followed(problem), step)
 
 
 @pytest.mark.slow
@@ -96,7 +96,7 @@ def test_a_struck_plate_breaks_as_the_uniform_one() -> None:
                 assert seen is None or not (seen & ~lost).any()
                 seen = lost
         system, state = followed(problem)
-        found[adapt], broken = books(system, state, 170), system.operator.broken()
+        found[adapt], broken = compute_ledger_row(system, state, 170), system.operator.broken()
         first[adapt] = int(broken.step.min())
         y = np.sort(system.model.grid.position[broken.source, 1])
         assert np.abs(y + y[::-1] - 0.2).max() < 1e-12
@@ -104,7 +104,7 @@ def test_a_struck_plate_breaks_as_the_uniform_one() -> None:
     assert abs(first["hybrid"] - first["none"]) <= 1  # 42, 43
     assert found["hybrid"].work == pytest.approx(found["none"].work, rel=0.04)
     assert found["hybrid"].dissipated == pytest.approx(found["none"].dissipated, rel=0.1)
-    assert abs(found["hybrid"].balance(system.initial_energy)) < 0.01
+    assert abs(found["hybrid"].balance_error(system.initial_energy)) < 0.01
     assert 0 < told.clipped_stretch < 1
     assert told.fine_share < 0.8
     assert abs(told.refinement) < 0.005 * found["hybrid"].work

@@ -20,7 +20,7 @@ from pdmesh.model.material_constants import lame
 from pdsolve.options import Options
 from pdsolve.run.at_rest import at_rest
 from pdsolve.run.prepare import scheme_of
-from pdsolve.steppers.equilibrium import Asked
+from pdsolve.steppers.equilibrium import EquilibriumConditions
 from pdsolve.steppers.newton import Newton
 from pdsolve.steppers.static_loads import in_load_steps
 
@@ -46,7 +46,7 @@ def error(side: int, order: int, ratio: float, degrees: float = 0.0) -> float:
     components = np.column_stack([outer, outer])
     state.value[:] = exact
     newton = Newton(system.operator, system.area, 1e-10, free=int((~components).sum()))
-    newton.settle(state, Asked(load, components, exact), lambda *_: None)
+    newton.settle(state, EquilibriumConditions(load, components, exact), lambda *_: None)
     return float(np.sqrt(((state.value - exact)[~outer] ** 2).sum(axis=1).mean()))
 
 

@@ -18,7 +18,7 @@ from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import simulate
 from pdsolve.run.system import Prepared
-from pdsolve.steppers.equilibrium import Asked
+from pdsolve.steppers.equilibrium import EquilibriumConditions
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.newton import Newton
 from pdsolve.steppers.static_loads import in_load_steps
@@ -39,7 +39,7 @@ LAWS = {
 }
 
 
-def pulled(law: dict[str, Any]) -> tuple[Prepared, Asked]:
+def pulled(law: dict[str, Any]) -> tuple[Prepared, EquilibriumConditions]:
     """A block of 12 x 9 nodes, held on the left, pulled and sheared on the right; and its conditions."""
     material = msgspec.structs.replace(SOFT, **law)
     pull = 5e-3 if material.solid == "j2" else 0.1
@@ -53,7 +53,9 @@ def pulled(law: dict[str, Any]) -> tuple[Prepared, Asked]:
     put_loads(problem.system.drive, 0.0)
     stepper = problem.system.stepper
     assert isinstance(stepper, LoadSteps)
-    return problem, Asked(problem.system.drive.force.astype(float), stepper.held, np.zeros((len(grid), 2)))
+    return problem, EquilibriumConditions(
+        problem.system.drive.force.astype(float), stepper.held, np.zeros((len(grid), 2))
+    )
 
 
 @pytest.mark.quick_cases(1)

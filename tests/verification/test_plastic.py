@@ -18,7 +18,7 @@ from pdmesh.model.document import Displacement, Load, Run, Static
 from pdmesh.model.node_grid import Grid
 from pdsolve.model import Model
 from pdsolve.options import Options
-from pdsolve.run.measures import books
+from pdsolve.run.measures import compute_ledger_row
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import resume, simulate
 from pdsolve.run.system import Prepared
@@ -53,7 +53,7 @@ def moments(layers: int, most: int) -> tuple[list[float], float]:
         if step % 4 == 0:
             stress = system.operator.fields(state)["sxx"]
             found.append(float((stress * y)[middle].sum() * delta / 2 / MOMENT))
-    return found, books(system, state, 4 * most).balance(0.0)
+    return found, compute_ledger_row(system, state, 4 * most).balance_error(0.0)
 
 
 @pytest.mark.slow
@@ -120,9 +120,9 @@ def pulled_bar(strain: float, steps: int, **settings: object) -> tuple[float, fl
     model = plate(grid, 3, material=msgspec.structs.replace(STEEL, **settings), conditions=conditions, run=run)
     system, state = prepare(in_load_steps(model, "float64"), Options(threads=1))
     system.stepper.march(state, 1, steps)
-    before = books(system, state, steps - 1)
+    before = compute_ledger_row(system, state, steps - 1)
     system.stepper.march(state, steps, steps + 1)
-    after = books(system, state, steps)
+    after = compute_ledger_row(system, state, steps)
     force = -forces(system.operator, state)[np.array(right) - 1, 0].sum() * 1e-6
     booked = after.strain + after.dissipated - before.strain - before.dissipated
     return float(force / (0.011 * PERFECT)), 1 - booked / (after.work - before.work)

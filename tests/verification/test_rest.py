@@ -26,7 +26,7 @@ from pdsolve.schemes import SCHEMES
 from pdsolve.schemes.average_horizon import Corrections, fill
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import State
-from pdsolve.steppers.equilibrium import Asked
+from pdsolve.steppers.equilibrium import EquilibriumConditions
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.newton import Newton
 from pdsolve.steppers.relaxation import Relaxation, by_eigenvalue
@@ -48,7 +48,7 @@ class Linear:
         out -= (self._matrix @ state.value.ravel()).reshape(out.shape)
 
 
-def pulled(delta: float) -> tuple[Prepared, Asked]:
+def pulled(delta: float) -> tuple[Prepared, EquilibriumConditions]:
     """A plate of 1 x 0.5, three columns clamped, the last one pulled; and what it is to be at rest under."""
     columns, rows = round(1 / delta), int(0.5 / delta)
     conditions = (
@@ -60,10 +60,14 @@ def pulled(delta: float) -> tuple[Prepared, Asked]:
     put_loads(problem.system.drive, 0.0)
     stepper = problem.system.stepper
     assert isinstance(stepper, LoadSteps)
-    return problem, Asked(problem.system.drive.force.astype(float), stepper.held, np.zeros((len(model.grid), 2)))
+    return problem, EquilibriumConditions(
+        problem.system.drive.force.astype(float), stepper.held, np.zeros((len(model.grid), 2))
+    )
 
 
-def count(operator: Any, problem: Prepared, asked: Asked, mass: NDArray[np.float64], tolerance: float) -> int:
+def count(
+    operator: Any, problem: Prepared, asked: EquilibriumConditions, mass: NDArray[np.float64], tolerance: float
+) -> int:
     problem.state.value[:] = 0
     relaxation = Relaxation(operator, tolerance, mass=mass)
     return relaxation.settle(problem.state, asked, lambda *_: None).iterations
@@ -84,7 +88,7 @@ def test_relaxation_takes_as_long_as_is_known(delta: float, known: tuple[int, ..
     problem, asked = pulled(delta)
     K = problem.system.operator.tangent(problem.state)
     mass = by_row_sum(K)
-    free = ~asked.held.ravel()
+    free = ~asked.constrained.ravel()
     root = diags_array(mass[free] ** -0.5)
     scaled = root @ K[free][:, free] @ root
     assert eigsh(scaled, k=1, sigma=0, return_eigenvectors=False)[0] ** 0.5 == pytest.approx(lowest, abs=1e-5)
@@ -105,7 +109,7 @@ def test_displacements_are_those_of_a_direct_solution(method: str) -> None:
         problem = at_rest(problem.system.model, ONE, SCHEMES["thesis"])
         put_loads(problem.system.drive, 0.0)
         asked = asked._replace(load=problem.system.drive.force.astype(float))
-    operator, free = problem.system.operator, ~asked.held.ravel()
+    operator, free = problem.system.operator, ~asked.constrained.ravel()
     K = operator.tangent(problem.state)[free][:, free]
     exact = np.zeros(len(free))
     exact[free] = spsolve(K.tocsc(), asked.load.ravel()[free])

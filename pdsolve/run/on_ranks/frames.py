@@ -24,9 +24,9 @@ from pdsolve.results.checksums import crc_joined
 from pdsolve.results.removal import INDEX_OF
 from pdsolve.results.schema import Births, Column
 from pdsolve.run.measures import fields
-from pdsolve.run.on_ranks.accounts import asked
+from pdsolve.run.on_ranks.accounts import rank_bond_state
 from pdsolve.run.on_ranks.rank_file import RankFile
-from pdsolve.run.on_ranks.start import Here
+from pdsolve.run.on_ranks.start import RankSystem
 from pdsolve.run.recorder import nodes as nodes_of
 
 FRAME = 8  # tag of messages
@@ -54,11 +54,14 @@ def frame(team: Team, step: int, after: int, names: Sequence[str] | None, keeps:
     """Send the fields of these `names` after a step, and a checkpoint if it `keeps` one; breaks are those `after` a
     step. Where this rank has a file of its own, that is where both go, but for what is of held components."""
     part: Part = team.part
-    subdomain: Here = part.now
+    subdomain: RankSystem = part.now
     local_fields: dict[str, NDArray[Any]] = {}
     if names is not None:
         subdomain_fields = fields(
-            subdomain.system, subdomain.state, names, asked(team, step) if subdomain.step == step else None
+            subdomain.system,
+            subdomain.state,
+            names,
+            rank_bond_state(team, step) if subdomain.bond_state_step == step else None,
         )
         local_fields = {name: values[part.own].astype("<f4") for name, values in subdomain_fields.items()}
     sent = {name: [values] for name, values in local_fields.items()}, _checkpoint(part) if keeps else {}
@@ -79,18 +82,18 @@ def frame(team: Team, step: int, after: int, names: Sequence[str] | None, keeps:
 
 def _checkpoint(part: Part) -> dict[str, Columns]:
     """A copy of what a resumed run needs of own nodes; of held components by condition and axis."""
-    subdomain: Here = part.now
+    subdomain: RankSystem = part.now
     operator_arrays = dict(parts.keep(part))  # before the state, which it may bring up to date
     local_arrays = {name: [values[part.own].copy()] for name, values in subdomain.state._asdict().items()}
     local_arrays[HELD] = [subdomain.system.drive.held_force[rows] for rows in held_runs(subdomain)]
     return local_arrays | {name: [np.array(values)] for name, values in operator_arrays.items()}
 
 
-def held_runs(subdomain: Here) -> list[NDArray[np.int64]]:
+def held_runs(subdomain: RankSystem) -> list[NDArray[np.int64]]:
     """The held components of each condition and axis, which are in the order of their rows."""
     holds, d = subdomain.system.drive.holds, subdomain.system.model.grid.dimension
     of = holds.profile * d + holds.axis
-    return [np.flatnonzero(of == number) for number in range(len(subdomain.grips) * d)]
+    return [np.flatnonzero(of == number) for number in range(len(subdomain.acting_conditions) * d)]
 
 
 def _said(values: NDArray[Any]) -> tuple[str, int, int]:
@@ -172,7 +175,7 @@ def births(team: Team, first: int, last: int) -> tuple[Nodes, Families]:
 def begin_file(team: Team, path: str) -> None:
     """Give this rank a file of its own, for what is written from now on."""
     part: Part = team.part
-    subdomain: Here = part.now
+    subdomain: RankSystem = part.now
     slab, grid = part.slab, part.model.grid
 
     def own(first: int, last: int) -> Nodes:
@@ -193,6 +196,6 @@ def begin_file(team: Team, path: str) -> None:
 
 def end_file(team: Team) -> None:
     """Close the file of this rank. Raises WriteError."""
-    subdomain: Here = team.part.now
+    subdomain: RankSystem = team.part.now
     if subdomain.file is not None:
         subdomain.file.close()

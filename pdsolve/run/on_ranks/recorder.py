@@ -14,9 +14,9 @@ import numpy as np
 from pdsolve.results import Breaks, Families, Frame, Nodes, Writer, pieces, remove
 from pdsolve.results.removal import expect_piece
 from pdsolve.results.schema import CHUNK, Births, taken
-from pdsolve.run.measures import bodies
+from pdsolve.run.measures import count_bodies
 from pdsolve.run.on_ranks import frames, split
-from pdsolve.run.on_ranks.accounts import AccountsOnRanks
+from pdsolve.run.on_ranks.accounts import MechanicsRecordsOnRanks
 from pdsolve.run.on_ranks.rank_file import expect_written
 from pdsolve.run.on_ranks.start import OnRanks
 from pdsolve.run.recorder import KEPT, Past, Recorder
@@ -39,24 +39,24 @@ class RecorderOnRanks(Recorder):
     def _begin(self, past: Past) -> None:
         """Open the accounts of the state that the run begins with."""
         assert isinstance(self.system, OnRanks)
-        self.accounts: AccountsOnRanks = AccountsOnRanks(self.system, past.step, past.results)
+        self.accounts: MechanicsRecordsOnRanks = MechanicsRecordsOnRanks(self.system, past.step, past.results)
 
     @property
     def latest(self) -> int:
         """Step of the last broken bond known at the last record; 0 without any."""
-        return max(self._latest, self.accounts.known.latest)
+        return max(self._latest, self.accounts.known.last_break_step)
 
     def settle(self, step: int) -> None:
         """Bring the accounts to this step."""
-        self.accounts.settle(self.state, step, None)
+        self.accounts.update_last_row(self.state, step, None)
 
     def take(self, step: int) -> None:
         """Record this step in the accounts. Raises UnstableError."""
-        self.accounts.take(self.state, step, None)
+        self.accounts.record_step(self.state, step, None)
 
     def is_split(self) -> bool:
         """Whether there are more pieces than bodies."""
-        return split.pieces(self._team, len(self.system.model.grid)) > bodies(self.system)
+        return split.pieces(self._team, len(self.system.model.grid)) > count_bodies(self.system)
 
     def frame(self, step: int, whole: bool, state: bool) -> Frame:
         """All records since the last frame, for writing; see `Recorder`."""
@@ -74,7 +74,7 @@ class RecorderOnRanks(Recorder):
             for name in ("fields", "checkpoint")
         )
         self.written = step
-        return self.accounts.entered(
+        return self.accounts.move_records_into(
             Frame(
                 step=step,
                 time=step * self.system.time_step,

@@ -26,7 +26,7 @@ from pdsolve.ranks.part import Part
 from pdsolve.results import Breaks, Results, ResultsError, ResultsWarning, gone_back
 from pdsolve.run.on_ranks.frames import HELD, held_runs
 from pdsolve.run.on_ranks.recorder import BATCH, RecorderOnRanks
-from pdsolve.run.on_ranks.start import Here, OnRanks, prepare
+from pdsolve.run.on_ranks.start import OnRanks, RankSystem, prepare
 from pdsolve.run.recorder import Past
 from pdsolve.run.system import System
 from pdsolve.state import Broken, State
@@ -180,7 +180,7 @@ def _held(team: Team) -> list[int]:
 
 def _hold(team: Team, runs: list[NDArray[np.float64]]) -> None:
     """Take over the forces that hold own nodes, of each condition and axis."""
-    subdomain: Here = team.part.now
+    subdomain: RankSystem = team.part.now
     for rows, values in zip(held_runs(subdomain), runs, strict=True):
         subdomain.system.drive.held_force[rows] = values
 
@@ -195,7 +195,7 @@ def _names(team: Team) -> tuple[list[str], list[str]]:
 def _back(team: Team, of_bonds: Kept, broken: Broken, step: int, of_nodes: Kept) -> None:
     """Take over the history of bonds, and broken ones; then all is as after the step."""
     part: Part = team.part
-    subdomain: Here = part.now
+    subdomain: RankSystem = part.now
     parts.back(part, {**of_bonds, **of_nodes}, broken)
     put_loads(subdomain.system.drive, subdomain.system.load_time(step))
-    subdomain.step = -1  # nothing has been asked of this state
+    subdomain.bond_state_step = -1  # nothing has been asked of this state

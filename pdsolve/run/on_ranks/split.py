@@ -11,11 +11,11 @@ from pdmesh.model.output_fields import CRACKED
 from pdsolve.numerics.team import Team
 from pdsolve.ranks.part import Part, broken
 from pdsolve.run.measures import PIECE, damage
-from pdsolve.run.on_ranks.start import Here
+from pdsolve.run.on_ranks.start import RankSystem
 
 
 def pieces(team: Team, nodes: int) -> int:
-    """Number of pieces of all `nodes`; see `pdsolve.run.measures.pieces`."""
+    """Number of pieces of all `nodes`; see `pdsolve.run.measures.count_pieces`."""
     pairs = np.concatenate(team.everywhere(joints), axis=1)
     labels, ends = np.unique(pairs, return_inverse=True)
     counts, alone = zip(*team.everywhere(sizes, labels, PIECE * nodes), strict=True)
@@ -27,7 +27,7 @@ def pieces(team: Team, nodes: int) -> int:
 def joints(team: Team) -> NDArray[np.int64]:
     """The pairs (2, k) of pieces, by the row of a node in the whole grid, that a bond joins to one of another rank."""
     part: Part = team.part
-    subdomain: Here = part.now
+    subdomain: RankSystem = part.now
     local_rows, nodes = part.own, len(part.model.grid)
     sound = damage(subdomain.system, broken(part)) <= CRACKED
     source, target = part.operator.bonds(local_rows.start, local_rows.stop)
@@ -48,7 +48,7 @@ def joints(team: Team) -> NDArray[np.int64]:
 
 def sizes(team: Team, labels: NDArray[np.int64], least: float) -> tuple[NDArray[np.int64], int]:
     """How many own nodes each of these pieces (k,) has, and how many others have more nodes than the `least`."""
-    subdomain: Here = team.part.now
+    subdomain: RankSystem = team.part.now
     names, counts = np.unique(subdomain.pieces, return_counts=True)
     node_counts = np.zeros(len(labels), dtype=np.int64)
     has_label = np.isin(names, labels)

@@ -21,11 +21,11 @@ from pdsolve.ranks.part import Part, added_up
 from pdsolve.ranks.slabs import Slab
 from pdsolve.run.assembly import Beside, assembled, step_of
 from pdsolve.run.inversion_checks import MotionChecks
-from pdsolve.run.measures import Asked, ask
+from pdsolve.run.measures import BondState, evaluate_bonds
 from pdsolve.run.on_ranks.rank_file import RankFile
 from pdsolve.run.operator_factory import operator_of, stable
 from pdsolve.run.prepare import scheme_of
-from pdsolve.run.reactions import Grip
+from pdsolve.run.reactions import ActingCondition
 from pdsolve.run.system import Prepared, System
 from pdsolve.schemes import SCHEMES
 from pdsolve.state import State
@@ -63,19 +63,21 @@ class Marching:
         self._team.everywhere(march, first, last)
 
 
-class Here:
+class RankSystem:
     """What a rank marches: the system and the state of its window, and what has been asked of them."""
 
     def __init__(self, part: Part, prepared: Prepared) -> None:
         self.system, self.state = prepared
-        self.grips = tuple(
-            Grip(number, str(condition.__struct_config__.tag), _own(self.system.model.selected(condition), part.own))
+        self.acting_conditions = tuple(
+            ActingCondition(
+                number, str(condition.__struct_config__.tag), _own(self.system.model.selected(condition), part.own)
+            )
             for number, condition in enumerate(self.system.model.settings.conditions)
             if isinstance(condition, Driving)
         )
-        self.watch = MotionChecks(self.system.model, partial(self.system.operator.bonds, start=True))
-        self.asked: Asked = ask(self.system, self.state)
-        self.step = 0  # that this is of
+        self.motion_checks = MotionChecks(self.system.model, partial(self.system.operator.bonds, start=True))
+        self.bond_state: BondState = evaluate_bonds(self.system, self.state)
+        self.bond_state_step = 0  # that this is of
         self.file: RankFile | None = None  # of this rank alone
         self.pieces = np.zeros(0, dtype=np.int64)  # (k,) of each own node, where it is asked for
 
@@ -102,7 +104,7 @@ def prepare(model: Model, options: Options, team: Team) -> Prepared:
     begun = team.everywhere(start, plain, steps, full_model, items=damped)
     rests = all(report.resting for report in begun)
     energy = 0.0 if rests else total([report.kinetic for report in begun], len(model.grid))
-    subdomain: Here = team.part.now
+    subdomain: RankSystem = team.part.now
     same = {field.name: getattr(subdomain.system, field.name) for field in fields(System)}
     same |= {"model": counted(model, steps[0]), "options": options, "stepper": Marching(team), "initial_energy": energy}
     lonely, bonds = np.concatenate([report.lonely for report in parts]), sum(report.bonds for report in parts)
@@ -125,7 +127,7 @@ def start(
         damped = damping(model) if full_model is None else damping(full_model, slab.begin, slab.end)
     rank_coupling = Beside(part.ghosts, damped, any(team.comm.allgather(bool(damped.any()))))
     prepared = assembled(model, options, scheme, part.operator, counted_bonds, steps, driven, rank_coupling)
-    part.now = Here(part, prepared)
+    part.now = RankSystem(part, prepared)
     velocity = initial_velocity(model, prepared.state.value.shape[1])
     kinetic = (model.rho / 2 * counted_bonds.area * (velocity**2).sum(axis=1))[part.own]
     return Begun(branches(kinetic, slab.first, slab.nodes), not velocity[part.own].any())
@@ -133,7 +135,7 @@ def start(
 
 def march(team: Team, first: int, last: int) -> None:
     """Take the steps `first` to `last` - 1."""
-    subdomain: Here = team.part.now
+    subdomain: RankSystem = team.part.now
     subdomain.system.stepper.march(subdomain.state, first, last)
 
 

@@ -19,7 +19,7 @@ from pdsolve.checks import advise, advise_spent, closing, nearest, refuse
 from pdsolve.model import Model, ModelError
 from pdsolve.options import Options
 from pdsolve.run.inversion_checks import MotionChecks
-from pdsolve.run.motion_accounts import MotionAccounts
+from pdsolve.run.motion_accounts import MechanicsRecords
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import simulate
 from pdsolve.run.system import Prepared
@@ -156,13 +156,13 @@ def test_bonds_that_take_too_little_are_said(created: float, told: int) -> None:
 @pytest.mark.parametrize(("changed", "symmetric", "told"), [(False, True, 1), (True, True, 0), (False, False, 0)])
 def test_a_run_says_that_its_bonds_took_too_little(changed: bool, symmetric: bool, told: int) -> None:
     """Where the balance is that of the bonds alone: of 1 J/m that is booked, motion has lost 0.7."""
-    accounts, scheme = object.__new__(MotionAccounts), SimpleNamespace(symmetric=symmetric, name="conservative")
+    accounts, scheme = object.__new__(MechanicsRecords), SimpleNamespace(symmetric=symmetric, name="conservative")
     system = SimpleNamespace(model=plate(square_grid(9, 8)), scheme=scheme, initial_energy=0.0)
     nothing = dict.fromkeys(("damped", "friction", "refinement"), 0.0)
-    last = SimpleNamespace(dissipated=1.0, balance=lambda *_: 0.3, put_in=lambda *_: 1.0, **nothing)
-    accounts.__dict__.update(_system=system, last=last, _most=0.0, _clamped=0.0, _nodes_changed=changed)
+    last = SimpleNamespace(dissipated=1.0, balance_error=lambda *_: 0.3, energy_scale=lambda *_: 1.0, **nothing)
+    accounts.__dict__.update(_system=system, last=last, _largest_work=0.0, _heat_energy=0.0, _nodes_changed=changed)
     with saying() as lines:
-        accounts.close()
+        accounts.warn_at_end()
     assert len([line for line in lines if "took 0.70 of their energy" in line]) == told
 
 

@@ -42,7 +42,7 @@ from pdsolve.adaptivity.hybrid.springs import coarse_springs, fine_springs, stre
 from pdsolve.checks import advise_made
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.options import Options
-from pdsolve.run.measures import books
+from pdsolve.run.measures import compute_ledger_row
 from pdsolve.run.prepare import prepare, scheme_of
 from pdsolve.run.simulation import simulate
 
@@ -241,7 +241,7 @@ def test_motion_may_be_prescribed_anywhere(condition: Velocity | InitialVelocity
         system, state = prepare(model, Options())
         momentum.append(float((state.rate[:, 1] * system.model.rho * system.area).sum()))
         system.stepper.march(state, 1, 41)
-        work.append(books(system, state, 40).work)
+        work.append(compute_ledger_row(system, state, 40).work)
     np.testing.assert_allclose(*momentum, rtol=1e-12)
     np.testing.assert_allclose(*work, rtol=0.02)  # 0.009 at most
 

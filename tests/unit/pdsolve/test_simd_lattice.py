@@ -21,7 +21,7 @@ from pdsolve.operators.simd_lattice.kernel import Blocks
 from pdsolve.operators.simd_lattice.layout import Distinct
 from pdsolve.operators.simd_lattice.operator import SimdLattice
 from pdsolve.options import Options
-from pdsolve.run.measures import books
+from pdsolve.run.measures import compute_ledger_row
 from pdsolve.run.prepare import prepare
 from pdsolve.run.recorder import breaks, restore
 from pdsolve.run.simulation import simulate
@@ -70,7 +70,9 @@ def test_a_whole_run(name: str, mode: str, law: str) -> None:
     assert all(map(np.array_equal, broken(fast), broken(listed)))
     for field in ("value", "rate", "work"):
         assert nearly(getattr(fast.state, field), getattr(listed.state, field), 1e-10), field
-    assert books(*fast, 120)[2:] == pytest.approx(books(*listed, 120)[2:], rel=1e-10, abs=1e-9)
+    assert compute_ledger_row(*fast, 120)[2:] == pytest.approx(
+        compute_ledger_row(*listed, 120)[2:], rel=1e-10, abs=1e-9
+    )
 
 
 def blocks_of(problem: Prepared) -> Blocks:

@@ -37,7 +37,7 @@ from pdpost.measures.cracked_nodes import damage_at
 from pdpost.measures.fields import FIELDS, FieldError
 from pdpost.measures.tips import tips
 from pdsolve.results import Breaks, Families, Frame, Results, ResultsError, Writer
-from pdsolve.run.measures import Ledger
+from pdsolve.run.measures import LedgerRow
 
 DRAW: dict[str, Callable[[Results], Figure]] = {
     "damage": lambda results: field_figure.field(results, "damage", 60),
@@ -194,7 +194,7 @@ def torn_plate() -> tuple[Results, NDArray[np.float64]]:
     u = 1e-4 * nodes.position[:, 0]
     u[np.array(torn) - 1] += [-1e-4, 1e-4]
     fields = {"ux": u, "uy": 0 * u}
-    ledger = [Ledger(1, 1e-6, *[0.0] * 6, len(breaks))]
+    ledger = [LedgerRow(1, 1e-6, *[0.0] * 6, len(breaks))]
     writer.write(Frame(1, 1e-6, fields, Breaks(*np.array(breaks).T), ledger, [], {}))
     return Results(writer.connection, "memory"), np.array(torn)
 

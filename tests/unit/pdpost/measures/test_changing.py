@@ -14,7 +14,7 @@ from plates import square_grid
 from pdpost.measures import histories, strain, tradeoff
 from pdpost.measures.cracked_nodes import cracked_since, damage_at, separation_at
 from pdsolve.results import Breaks, Epoch, Frame, Nodes, Results, Writer
-from pdsolve.run.measures import Ledger
+from pdsolve.run.measures import LedgerRow
 
 NO_BREAKS = Breaks(*np.zeros((3, 0), dtype=np.int64))
 
@@ -102,7 +102,7 @@ def split(path: Path, at: int, side: int = 8) -> Results:
         new = step - 10 <= at < step
         changes = [epoch(at + 1, count, later, list(range(count)), 4 * count)] if new else []
         rows = None if whole else count + np.arange(4 * count)
-        books = [Ledger(step, 1e-7 * step, *[0.0] * 6, 0)]
+        books = [LedgerRow(step, 1e-7 * step, *[0.0] * 6, 0)]
         writer.write(Frame(step, 1e-7 * step, fields, NO_BREAKS, books, [], {}, epochs=changes, rows=rows))
     writer.tell({"summary": json.dumps({"wall_time": 1.0, "steps": 40})})
     writer.close("finished")
