@@ -32,7 +32,7 @@ from pdsolve.adaptivity.collocation.operator import CollocationOperator
 from pdsolve.model import Model, ModelWarning
 from pdsolve.options import Options
 from pdsolve.run.measures import compute_ledger_row, damage
-from pdsolve.run.node_changes import zone_moved
+from pdsolve.run.node_changes import find_zone_change
 from pdsolve.run.prepare import prepare
 
 PAGE = ROOT / "docs" / "verification" / "collocation.md"
@@ -106,7 +106,7 @@ def _solved(deck: Deck) -> Generator[None, None, Found]:
         began = time.thread_time()
         system.stepper.march(state, look * steps // LOOKS + 1, (look + 1) * steps // LOOKS + 1)
         cpu += time.thread_time() - began
-        change = zone_moved(system)
+        change = find_zone_change(system)
         if change is not None:
             system, state = change.system, change.state
         ledger = compute_ledger_row(system, state, (look + 1) * steps // LOOKS)

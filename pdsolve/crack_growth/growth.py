@@ -22,7 +22,7 @@ from pdmesh.model.domain_integrals import Ring
 from pdmesh.model.material_constants import poisson, rayleigh_speed
 from pdmesh.model.timed_selection import MOST_STEPS
 from pdmesh.model.visibility import Sight
-from pdsolve.bonds.assembly import Filling
+from pdsolve.bonds.assembly import BondSource
 from pdsolve.checkpoint_validation import entry
 from pdsolve.conditions import Drive, held, unbreakable
 from pdsolve.crack_growth.criteria import AHEAD, Verdict, by_intensity, by_release, by_stress
@@ -48,7 +48,7 @@ FORK = 2.0  # horizons of a branch until it turns and forks: before, it feels it
 class Growth:
     """The cracks of a run, and the operator whose bonds they cut."""
 
-    def __init__(self, model: Model, operator: Operator, filling: Filling, drive: Drive, every: int | None) -> None:
+    def __init__(self, model: Model, operator: Operator, filling: BondSource, drive: Drive, every: int | None) -> None:
         """`every` is the number of steps between checks; None: at rest, on request.
 
         Raises ModelError if no crack can grow.

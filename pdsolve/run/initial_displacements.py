@@ -13,7 +13,7 @@ from pdsolve.run.system import Prepared
 from pdsolve.steppers.equilibrium import forces
 
 
-def displaced(prepared: Prepared) -> Prepared:
+def apply_initial_displacements(prepared: Prepared) -> Prepared:
     """A prepared run with initial displacements: with the forces and the energies of time 0, before any step.
 
     What is prescribed at time 0 holds then. Bonds that are stretched too far break in step 0.

@@ -51,7 +51,7 @@ class LedgerRow(NamedTuple):
     friction: float = 0.0  # turned into heat where bodies and crack faces rub
 
     def balance_error(self, initial_energy: float, largest_work: float = 0.0) -> float:
-        """Energy created since a start with `initial_energy` energy (J/m), over the energy supplied; 0 if energy is conserved.
+        """Energy created since a start with `initial_energy` (J/m), over the energy supplied; 0 if energy is conserved.
 
         The energy supplied is the largest of the work done, its maximum `largest_work` so far, and the initial energy.
         """
@@ -86,8 +86,8 @@ def compute_ledger_row(system: System, state: State, step: int, bond_state: Bond
 def ledger_terms(
     system: System, state: State, strain_energy: NDArray[np.float64], softening_energy: NDArray[np.float64]
 ) -> dict[str, Callable[[], NDArray[np.float64]]]:
-    """What makes the values (n,) of nodes that add up to an entry of the ledger, by its name; `strain_energy` and `softening_energy`
-    (n,) are J/m^3."""
+    """What makes the values (n,) of nodes that add up to an entry of the ledger, by its name; `strain_energy` and
+    `softening_energy` (n,) are J/m^3."""
     area, rho, velocity = system.area, system.model.rho, state.rate.astype(np.float64, copy=False)
 
     def momentum(axis: int) -> NDArray[np.float64]:
@@ -130,7 +130,7 @@ def fields(
     if chosen == USUAL or not set(chosen) <= set(usual_ones):
         operator_fields |= system.operator.fields(state)
         rows = system.stepper.rows if isinstance(system.stepper, SwellingZone) else slice(None)
-        for prepared in system.beside:
+        for prepared in system.coupled:
             operator_fields |= {
                 name: values[rows] for name, values in prepared.system.operator.fields(prepared.state).items()
             }

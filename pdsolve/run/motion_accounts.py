@@ -16,7 +16,7 @@ from pdsolve.laws.material_checks import negative_secants
 from pdsolve.results import Frame, Results
 from pdsolve.run.inversion_checks import MotionChecks
 from pdsolve.run.measures import BondState, LedgerRow, compute_ledger_row
-from pdsolve.run.operator_factory import intact_stable_step
+from pdsolve.run.operator_factory import intact_stable_time_step
 from pdsolve.run.reactions import Reaction, acting_conditions, compute_reactions
 from pdsolve.run.system import System
 from pdsolve.state import State
@@ -55,13 +55,15 @@ class MechanicsRecords:
     def _largest_heat_energy(self, state: State) -> float:
         """What heat can do at most, J/m, against which little is round-off; 0 without it."""
         swelling = self._system.stepper
-        return float(np.sum(self._system.area * swelling.clamped(state))) if isinstance(swelling, Swelling) else 0.0
+        return (
+            float(np.sum(self._system.area * swelling.clamped_energy(state))) if isinstance(swelling, Swelling) else 0.0
+        )
 
     def switch_system(self, system: System) -> None:
         """Continue with changed nodes."""
         self._system, self._nodes_are_current, self._nodes_changed = system, False, True
         if self._motion_checks is not None:  # it has the nodes before, which are many
-            self._given, self._motion_checks = self._motion_checks.given, None
+            self._given, self._motion_checks = self._motion_checks.warnings_given, None
 
     def _find_monitored_nodes(self) -> None:
         """Find the nodes of conditions and probes among the current nodes."""
@@ -114,7 +116,7 @@ class MechanicsRecords:
             raise UnstableError(instability_message(system, self.last, most, node))
         self._largest_work = max(self._largest_work, abs(self.last.work))
         assert self._motion_checks is not None
-        self._motion_checks.look(state.value[:, : system.model.grid.dimension], bond_state.broken, step)
+        self._motion_checks.check_motion(state.value[:, : system.model.grid.dimension], bond_state.broken, step)
         if self._flows:
             from pdsolve.run.plastic_checks import warn_of_plastic_strain  # few bodies flow
 
@@ -199,7 +201,7 @@ def instability_message(system: System, ledger_row: LedgerRow, largest_work: flo
     return (
         f"unstable at step {ledger_row.step}, {ledger_row.time:.4g} s, node {node_id}: energy is"
         f" {_energy_ratio(system, ledger_row, largest_work):.3g} times what was put in; the time step is"
-        f" {system.time_step:.4g} s, stable up to {system.bound:.4g} s"
+        f" {system.time_step:.4g} s, stable up to {system.stable_time_step:.4g} s"
         f"{_instability_cause(system)}"
     )
 
@@ -212,14 +214,14 @@ def _energy_ratio(system: System, ledger_row: LedgerRow, largest_work: float) ->
 
 def _instability_cause(system: System) -> str:
     """The likely cause of an instability other than the time step."""
-    if system.time_step > system.bound:
+    if system.time_step > system.stable_time_step:
         return ""
     laws = negative_secants(system.model)
     if laws:
         names = " and ".join(f"'{name}'" for name in laws)
         return f"; the likely cause is the law {names}, whose secant turns negative"
     if system.scheme.symmetric:
-        intact_step = intact_stable_step(system.model, system.operator)
+        intact_step = intact_stable_time_step(system.model, system.operator)
         if system.time_step > intact_step:
             return f", and with the bonds that are left up to {intact_step:.4g} s; take a shorter step (run.time_step)"
         return "; the step is not the cause: check loads and prescribed motion"

@@ -46,14 +46,14 @@ def acting_conditions(system: System) -> tuple[ActingCondition, ...]:
     """All conditions with forces, in the model's order, which is that of the profiles of `Drive`."""
     return tuple(
         ActingCondition(number, str(condition.__struct_config__.tag), _nodes_of_condition(system, condition))
-        for number, condition in enumerate(system.asked.settings.conditions)
+        for number, condition in enumerate(system.requested_model.settings.conditions)
         if isinstance(condition, Driving)
     )
 
 
 def _nodes_of_condition(system: System, condition: Selection) -> NDArray[np.int64]:
     """Current nodes of a condition; the nearest one if it acts between nodes."""
-    grid, full_model = system.model.grid, system.asked
+    grid, full_model = system.model.grid, system.requested_model
     rows = np.flatnonzero(selection.selected(grid, condition.nodes, condition.box))
     if len(rows):
         return rows

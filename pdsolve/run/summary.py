@@ -21,9 +21,9 @@ from pdsolve.steppers.path_steps import PathSteps
 from pdsolve.steppers.stepped_rest import SteppedRest
 
 
-def meta(notes: Recorder, provenance: str) -> dict[str, Any]:
+def run_metadata(recorder: Recorder, provenance: str) -> dict[str, Any]:
     """Metadata of a run, known from its start."""
-    system = notes.system
+    system = recorder.system
     return {
         "program": f"pdsolve {VERSION}",
         "provenance": provenance,
@@ -38,35 +38,35 @@ def meta(notes: Recorder, provenance: str) -> dict[str, Any]:
         "kernel": system.kernel,
         "device": system.device,
         "time_step": system.time_step,
-        "stable_time_step": system.bound,
-        "model": system.asked.to_json(),
-        **notes.accounts.metadata(),
+        "stable_time_step": system.stable_time_step,
+        "model": system.requested_model.to_json(),
+        **recorder.physics_records.metadata(),
     }
 
 
-def summary(notes: Recorder, step: int, stopped_early: bool) -> dict[str, Any]:
+def run_summary(recorder: Recorder, step: int, stopped_early: bool) -> dict[str, Any]:
     """Results of a run for its summary."""
-    system, wall = notes.system, notes.wall()
+    system, wall = recorder.system, recorder.wall_time()
     results: dict[str, Any] = {
         "nodes": len(system.model.grid),
         "bonds": pair_count(system.bonds),
         "steps": step,
         "time": step * system.time_step,
         "time_step": system.time_step,
-        "stable_time_step": system.bound if np.isfinite(system.bound) else None,
+        "stable_time_step": system.stable_time_step if np.isfinite(system.stable_time_step) else None,
         "mode": system.options.mode,
         "precision": system.options.precision,
         "threads": system.threads,
         "kernel": system.kernel,
         "device": system.device,
         "wall_time": wall,
-        "bond_updates_per_second": notes.updates(step) / wall if wall > 0 else 0.0,
+        "bond_updates_per_second": recorder.bond_updates(step) / wall if wall > 0 else 0.0,
         "stopped": system.model.settings.run.until if stopped_early else None,
-        **notes.accounts.summary(),
+        **recorder.physics_records.summary(),
     }
     if system.contact is not None:  # N/m^5, in space N/m^7; heat, J/m, of a body J
         contact = system.contact
-        results["contact"] = {"stiffness": contact.stiffness, "friction": contact.friction(notes.state)}
+        results["contact"] = {"stiffness": contact.stiffness, "friction": contact.friction(recorder.state)}
     if system.growth is not None:
         results |= {"particles": len(system.growth.particles.place), "remarks": system.growth.remarks}
     if system.zone_summary is not None:
@@ -75,10 +75,12 @@ def summary(notes: Recorder, step: int, stopped_early: bool) -> dict[str, Any]:
             results["split"] = {name: statistics[name] for name in ("refinement", "fine_share")}
         else:
             results["hybrid"] = statistics
-    return results | _rested(system.stepper if isinstance(system.stepper, SteppedRest) else system.load_steps)
+    return results | _equilibrium_summary(
+        system.stepper if isinstance(system.stepper, SteppedRest) else system.load_steps
+    )
 
 
-def _rested(load_stepper: LoadSteps | SteppedRest | None) -> dict[str, Any]:
+def _equilibrium_summary(load_stepper: LoadSteps | SteppedRest | None) -> dict[str, Any]:
     """Iterations and residuals of each load step."""
     if isinstance(load_stepper, FatigueSteps | ParisSteps):
         rows = [cycled._asdict() for cycled in load_stepper.rested]

@@ -169,7 +169,7 @@ def test_a_plate_on_the_ground_swings_as_one(kernel: str) -> None:
     system, state = prepare(plate(square_grid(12, 9)), Options(kernel=kernel, threads=1))
     pull = 1e-3 * float(system.operator.stiffness_bound().max())
     both = Together(system.operator, Grounded(np.full(len(system.area), pull), 2))
-    dt = 0.5 * system.bound
+    dt = 0.5 * system.stable_time_step
     verlet = Verlet(both, system.drive, system.model.rho, dt)
     state.value[:] = 1e-6
     state.second[:] = -pull / GLASS.rho * state.value

@@ -58,7 +58,7 @@ def lattice(turned: float, place: tuple[float, float]) -> NDArray[np.float64]:
 
 def solved(model: Model, duration: float, share: float) -> Results:
     """A model's results at this share of the surely stable step."""
-    step = share * prepare(model, ONE).system.bound
+    step = share * prepare(model, ONE).system.stable_time_step
     steps = round(duration / step)
     settings = msgspec.structs.replace(model.settings, run=Run(time_step=step, steps=steps, every=steps))
     return run(*prepare(dataclasses.replace(model, settings=settings), ONE))

@@ -65,7 +65,7 @@ def prepared(material: Material, action: str, share: float) -> Prepared:
     """A cracked plate at `share` of the bound of Silling and Askari, the root of 2 below that of symmetric bonds."""
     grid = dataclasses.replace(square_grid(COLUMNS, ROWS, y0=-9.5e-3), cracks=np.array([[0.0, 0.0, 10e-3, 0.0]]))
     problem = prepare(plate(grid, 3, material=material, conditions=ACTIONS[action]), Options(threads=1))
-    return at_step(problem, share / np.sqrt(2) * problem.system.bound)
+    return at_step(problem, share / np.sqrt(2) * problem.system.stable_time_step)
 
 
 def missing(material: Material, action: str, share: float) -> tuple[float, int]:
@@ -101,7 +101,9 @@ def test_a_jump_of_velocity_is_of_second_order_too() -> None:
     broken."""
     flying = plate(square_grid(COLUMNS, ROWS, y0=-9.5e-3), 3, conditions=both_ways(InitialVelocity, y=5.0))
     problem = prepare(flying, Options(threads=1))
-    found = [missing_of(at_step(problem, share / np.sqrt(2) * problem.system.bound)) for share in (0.25, 0.125)]
+    found = [
+        missing_of(at_step(problem, share / np.sqrt(2) * problem.system.stable_time_step)) for share in (0.25, 0.125)
+    ]
     assert [broken for _, broken in found] == [0, 0]
     assert found[0][0] == pytest.approx(3.85e-3, rel=0.1)  # measured 3.85e-3
     assert found[0][0] / found[1][0] >= 3.5  # measured 4.03

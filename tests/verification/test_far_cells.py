@@ -23,7 +23,7 @@ from pdsolve.numerics.thread_team import cores
 from pdsolve.options import Options
 from pdsolve.results import Results
 from pdsolve.run.measures import compute_ledger_row
-from pdsolve.run.node_changes import zone_moved
+from pdsolve.run.node_changes import find_zone_change
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import resume, simulate
 
@@ -160,7 +160,7 @@ def test_a_crack_runs_as_without_far_cells(monkeypatch: pytest.MonkeyPatch) -> N
         problem = prepare(pulled(), Options(threads=1))
         nodes = len(problem.system.family)
         problem.march(1, 281)
-        change = zone_moved(problem.system)
+        change = find_zone_change(problem.system)
         assert change is not None
         entry = compute_ledger_row(change.system, change.state, 280)
         found.append((nodes, change.system.operator.broken(), entry))

@@ -19,7 +19,7 @@ from pdsolve.model import Model
 from pdsolve.numerics.thread_team import cores
 from pdsolve.options import Options
 from pdsolve.run.measures import LedgerRow, compute_ledger_row
-from pdsolve.run.node_changes import zone_moved
+from pdsolve.run.node_changes import find_zone_change
 from pdsolve.run.prepare import prepare
 from pdsolve.run.system import Prepared
 
@@ -44,7 +44,7 @@ def hybrid(problem: Prepared) -> Hybrid:
 
 def ledger(problem: Prepared, step: int) -> LedgerRow:
     """The books of the nodes there are now."""
-    change = zone_moved(problem.system) if problem.system.hybrid is not None else None
+    change = find_zone_change(problem.system) if problem.system.hybrid is not None else None
     system, state = problem if change is None else (change.system, change.state)
     return compute_ledger_row(system, state, step)
 

@@ -31,7 +31,7 @@ def missed(material: dict[str, object], share: float, steps: int = 1500) -> tupl
     and in the last third, and the largest of what is missing with the velocities of half steps."""
     solid = msgspec.structs.replace(GLASS, **({"G0": 1e9} | material))
     model = plate(square_grid(24, 15), 3, material=solid, conditions=CONDITIONS)
-    bound = prepare(model, Options(threads=1)).system.bound
+    bound = prepare(model, Options(threads=1)).system.stable_time_step
     settings = msgspec.structs.replace(model.settings, run=Run(time_step=share * bound))
     system, state = prepare(dataclasses.replace(model, settings=settings), Options(threads=1, kernel="listed"))
     whole, half = [], []

@@ -18,8 +18,8 @@ from scipy.spatial.transform import Rotation
 from pdmesh.model.document import Displacement, Run
 from pdmesh.model.material_constants import lame
 from pdsolve.options import Options
-from pdsolve.run.at_rest import at_rest
-from pdsolve.run.prepare import scheme_of
+from pdsolve.run.at_rest import prepare_load_steps
+from pdsolve.run.prepare import select_scheme
 from pdsolve.steppers.equilibrium import EquilibriumConditions
 from pdsolve.steppers.newton import Newton
 from pdsolve.steppers.static_loads import in_load_steps
@@ -38,7 +38,7 @@ def error(side: int, order: int, ratio: float, degrees: float = 0.0) -> float:
     outer: NDArray[np.bool_] = np.min([X, 1 - X, Y, 1 - Y], axis=0) < 2 * ratio * delta
     held = Displacement(nodes=tuple((np.flatnonzero(outer) + 1).tolist()), x=1.0, y=1.0)
     model = in_load_steps(plate(grid, ratio, material=rubber, conditions=(held,), run=Run(solver="static")), "float64")
-    system, state = at_rest(model, ONE, scheme_of(model, ONE))
+    system, state = prepare_load_steps(model, ONE, select_scheme(model, ONE))
     r, along = 0.5 + Y, np.column_stack([np.sin(X), np.cos(X)]) @ turn.T
     first, shear = lame(1.0, 0.3)
     load = (shear * (r - 1 / r) + first * np.log(r) / r - first / r)[:, None] * along

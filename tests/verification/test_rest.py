@@ -16,11 +16,11 @@ from systems import by_row_sum
 
 from pdmesh.model.document import Displacement, Load, Run, Static
 from pdmesh.model.lattice_calibration import lattice_ratios
-from pdsolve.bonds.assembly import Filling, Part
+from pdsolve.bonds.assembly import BondSource, Part
 from pdsolve.conditions import put_loads
 from pdsolve.model import Model
 from pdsolve.options import Options
-from pdsolve.run.at_rest import at_rest
+from pdsolve.run.at_rest import prepare_load_steps
 from pdsolve.run.system import Prepared
 from pdsolve.schemes import SCHEMES
 from pdsolve.schemes.average_horizon import Corrections, fill
@@ -56,7 +56,7 @@ def pulled(delta: float) -> tuple[Prepared, EquilibriumConditions]:
         Load(box=((columns - 1.1) * delta, -1.0, 2.0, 1.0), body_force=(1e-6, 0.0)),
     )
     model = plate(square_grid(columns, rows, delta), 3, material=UNIT, conditions=conditions, run=Run(solver="static"))
-    problem = at_rest(in_load_steps(model, "float64"), ONE, BARE)
+    problem = prepare_load_steps(in_load_steps(model, "float64"), ONE, BARE)
     put_loads(problem.system.drive, 0.0)
     stepper = problem.system.stepper
     assert isinstance(stepper, LoadSteps)
@@ -106,7 +106,7 @@ def test_relaxation_takes_as_long_as_is_known(delta: float, known: tuple[int, ..
 def test_displacements_are_those_of_a_direct_solution(method: str) -> None:
     problem, asked = pulled(0.04)
     if method == "thesis":
-        problem = at_rest(problem.system.model, ONE, SCHEMES["thesis"])
+        problem = prepare_load_steps(problem.system.model, ONE, SCHEMES["thesis"])
         put_loads(problem.system.drive, 0.0)
         asked = asked._replace(load=problem.system.drive.force.astype(float))
     operator, free = problem.system.operator, ~asked.constrained.ravel()
@@ -123,7 +123,7 @@ def test_displacements_are_those_of_a_direct_solution(method: str) -> None:
     assert off < 1e-6  # measured: 1e-7 relaxation, 4e-7 (of bonds that turn) the others
 
 
-def like_the_continuum(model: Model) -> Filling:
+def like_the_continuum(model: Model) -> BondSource:
     """Bonds with corrected surfaces, whose C11 in a full lattice is the material's, not its mean stiffness."""
     whole = fill(model, Corrections(True, False, True))
     c11 = lattice_ratios(model.settings.horizon.ratio, "constant", "stress", True).c11
@@ -132,7 +132,7 @@ def like_the_continuum(model: Model) -> Filling:
         found = whole.part(rows)
         return found._replace(bonds=found.bonds._replace(stiffness=found.bonds.stiffness / c11))
 
-    return Filling(whole.area, part)
+    return BondSource(whole.area, part)
 
 
 CORRECTED = CONSERVATIVE._replace(fill=like_the_continuum)
@@ -155,7 +155,7 @@ def bent(rows: int, m: float, scheme: Scheme) -> float:
     )
     run = Run(solver="static", static=Static())
     model = plate(grid, m, material=UNIT, conditions=conditions, run=run)
-    problem = at_rest(in_load_steps(model, "float64"), ONE, scheme)
+    problem = prepare_load_steps(in_load_steps(model, "float64"), ONE, scheme)
     problem.march(1, 2)
     inertia, shear = 0.1**3 / 12, 1 / (2 * (1 + 1 / 3))
     return float(-problem.state.value[middle, 1] / (force / (48 * inertia) + force / (4 * 5 / 6 * shear * 0.1)))

@@ -14,7 +14,7 @@ from pdmesh.model.document import InitialVelocity, Load, Run, Split, write_file
 from pdmesh.model.node_grid import document_of
 from pdsolve.model import Model, read_model
 from pdsolve.results import Results
-from pdsolve.run.cell_splitting import Splitting, leaves
+from pdsolve.run.cell_splitting import CellSplitting, leaf_operator
 from pdsolve.run.measures import LedgerRow, compute_ledger_row
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Options, Progress, resume, simulate
@@ -44,11 +44,11 @@ def kept(system: System, state: State, found: LedgerRow, initial: float) -> floa
 def test_momentum_and_energy_are_booked_to_the_last(levels: int) -> None:
     """A wave goes up and down a plate, cells split and merge: momentum to round-off, energy to what is nonlinear."""
     system, state = prepare(flung(levels), Options(threads=1))
-    adapt, initial, counts = Splitting(system), system.initial_energy, []
+    adapt, initial, counts = CellSplitting(system), system.initial_energy, []
     momentum = np.array(compute_ledger_row(system, state, 0)[6:8])
     for step in range(0, 120, adapt.every):
         before = compute_ledger_row(system, state, step)
-        change = adapt.epoch(system, state, step)
+        change = adapt.change_nodes(system, state, step)
         if change is not None:
             system, state, _ = change
             after = compute_ledger_row(system, state, step)
@@ -56,7 +56,7 @@ def test_momentum_and_energy_are_booked_to_the_last(levels: int) -> None:
             assert system.area.sum() == pytest.approx(280e-6, rel=1e-13)
         counts.append(len(system.model.grid))
         system.stepper.march(state, step + 1, step + adapt.every + 1)
-        level = leaves(system).cells.level
+        level = leaf_operator(system).cells.level
         assert np.array_equal(system.model.horizons, 3 * 1e-3 / 2.0**level)
     found = compute_ledger_row(system, state, 120)
     assert min(np.diff(counts)) < 0 < max(np.diff(counts))
@@ -70,9 +70,9 @@ def test_momentum_and_energy_are_booked_to_the_last(levels: int) -> None:
 def test_what_damping_takes_is_not_what_splitting_loses() -> None:
     """The same plate, damped: measured 3e-6 amiss, and 0.026 where splitting is said to make what damping takes."""
     system, state = prepare(flung(damping=3e4), Options(threads=1))
-    adapt, initial = Splitting(system), system.initial_energy
+    adapt, initial = CellSplitting(system), system.initial_energy
     for step in range(0, 120, adapt.every):
-        change = adapt.epoch(system, state, step)
+        change = adapt.change_nodes(system, state, step)
         if change is not None:
             system, state, _ = change
         system.stepper.march(state, step + 1, step + adapt.every + 1)

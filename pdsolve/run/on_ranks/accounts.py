@@ -13,10 +13,10 @@ from pdsolve.numerics.ordered_sums import Branches, branches, total
 from pdsolve.numerics.team import PASSED, Team
 from pdsolve.ranks.part import Part, broken
 from pdsolve.results import Results
-from pdsolve.run.inversion_checks import Extent, MotionChecks, extent_of
+from pdsolve.run.inversion_checks import DisplacementRange, MotionChecks, displacement_range
 from pdsolve.run.measures import BondState, LedgerRow, evaluate_bonds, ledger_terms
 from pdsolve.run.motion_accounts import MechanicsRecords, instability_message, motion_values
-from pdsolve.run.on_ranks.start import OnRanks, RankSystem
+from pdsolve.run.on_ranks.start import RankSystem, SystemOnRanks
 from pdsolve.run.reactions import Reaction
 from pdsolve.state import Broken, State
 
@@ -30,7 +30,7 @@ class RankReport(NamedTuple):
     broken: int  # directed bonds so far
     last_break_step: int  # step of the last one
     values_are_finite: bool  # whether all displacements of own nodes are finite
-    extent: Extent
+    extent: DisplacementRange
 
 
 class GatheredReports(NamedTuple):
@@ -39,13 +39,13 @@ class GatheredReports(NamedTuple):
     ledger_row: LedgerRow
     last_break_step: int  # step of the last broken bond, 0 without any
     values_are_finite: bool
-    extent: Extent
+    extent: DisplacementRange
 
 
 class MechanicsRecordsOnRanks(MechanicsRecords):
     """The accounts of a motion on all ranks; see `pdsolve.run.accounts.PhysicsRecords`."""
 
-    def __init__(self, system: OnRanks, resumed_step: int, past_results: Results | None) -> None:
+    def __init__(self, system: SystemOnRanks, resumed_step: int, past_results: Results | None) -> None:
         """`past_results` are those of a resumed run after `resumed_step`, else None."""
         assert system.team is not None
         self._team, self._whole = system.team, system
@@ -80,13 +80,13 @@ class MechanicsRecordsOnRanks(MechanicsRecords):
             )
         self._largest_work = max(self._largest_work, abs(self.last.work))
         extent = self.known.extent
-        if self._checks.is_crushed(extent):
+        if self._checks.may_be_inverted(extent):
             words = next(
                 (words for words in self._team.everywhere(describe_inverted_triangle) if words is not None), None
             )
             if words is not None:
-                self._checks.say_crushed(words, step)
-        self._checks.say_vague(extent, step)
+                self._checks.warn_of_inversion(words, step)
+        self._checks.warn_of_imprecision(extent, step)
         self._ledgers.append(self.last)
         time = self.last.time
         if self._order:
@@ -110,7 +110,7 @@ class MechanicsRecordsOnRanks(MechanicsRecords):
             tuple(pick(values) for values in zip(*(getattr(report.extent, end) for report in said), strict=True))
             for end, pick in (("least", min), ("most", max))
         )
-        extent = Extent(least, most, said[0].extent.kind)
+        extent = DisplacementRange(least, most, said[0].extent.kind)
         return GatheredReports(
             ledger,
             max(report.last_break_step for report in said),
@@ -138,23 +138,23 @@ def report_step(team: Team, step: int) -> RankReport:
     mine, u = broken(part), subdomain.state.value[part.own]
     d = subdomain.system.model.grid.dimension
     finite = bool(np.isfinite(u).all())
-    return RankReport(sums, len(mine.step), int(mine.step.max(initial=0)), finite, extent_of(u[:, :d]))
+    return RankReport(sums, len(mine.step), int(mine.step.max(initial=0)), finite, displacement_range(u[:, :d]))
 
 
 def check_lengths(team: Team) -> tuple[float, float]:
     """The lengths by which this rank's window looks at the motion."""
-    return _motion_checks(team).lengths
+    return _motion_checks(team).check_lengths
 
 
 def set_check_lengths(team: Team, lengths_of_ranks: list[tuple[float, float]]) -> None:
     """Look at the motion of own nodes by the lengths of all ranks."""
-    _motion_checks(team).know(lengths_of_ranks, team.part.own)
+    _motion_checks(team).set_check_lengths(lengths_of_ranks, team.part.own)
 
 
 def describe_inverted_triangle(team: Team) -> str | None:
     """An inverted triangle of own nodes, in words."""
     subdomain: RankSystem = team.part.now
-    return subdomain.motion_checks.crushed(subdomain.state.value[:, :2], Broken(*broken(team.part)))
+    return subdomain.motion_checks.describe_inverted_triangle(subdomain.state.value[:, :2], Broken(*broken(team.part)))
 
 
 def fastest_node(team: Team, values_are_finite: bool) -> tuple[float, int]:

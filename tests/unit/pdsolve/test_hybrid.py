@@ -43,7 +43,7 @@ from pdsolve.checks import advise_made
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.options import Options
 from pdsolve.run.measures import compute_ledger_row
-from pdsolve.run.prepare import prepare, scheme_of
+from pdsolve.run.prepare import prepare, select_scheme
 from pdsolve.run.simulation import simulate
 
 GEOMETRIES = Path(__file__).parents[3] / "geometries"
@@ -92,7 +92,7 @@ def test_what_cannot_be_solved_so_is_refused(model: Model, words: str) -> None:
     run = msgspec.structs.replace(model.settings.run, adapt="hybrid")
     model = dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, run=run))
     with pytest.raises(ModelError, match=words) as error:
-        _ = scheme_of(model, Options()), plate_of(model, "conservative")
+        _ = select_scheme(model, Options()), plate_of(model, "conservative")
     assert str(error.value).endswith("as run.adapt is hybrid")
 
 
