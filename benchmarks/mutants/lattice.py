@@ -9,7 +9,7 @@ VERLET = f"{UNIT}/test_lattice_march.py::test_each_bit_is_that_of_verlet_on_any_
 LATTICE = tuple(
     Mutant(MARCH, line, becomes, VERLET)
     for line, becomes in (
-        ("    course.pulled[t] = False\n", ""),
+        ("    course.pulled[tile] = False\n", ""),
         ("bonds[np.lexsort((tile, bonds[:, 0]))]", "bonds[:-1]"),
         ("np.concatenate(broken + self._collect_breaks())", "self._collect_breaks()[0]"),
         ("v = advanced(advanced(v, a, half), a, half)", "v = advanced(v, a, dt)"),

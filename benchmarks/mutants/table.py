@@ -13,14 +13,14 @@ MUTANTS = (
     *LATTICE,
     Mutant(
         "pdsolve/steppers/holds.py",
-        "v[i, axis] = holds.value[e] * factor_at(profiles, holds.profile[e], time - dt / 2)",
-        "v[i, axis] = holds.value[e] * factor_at(profiles, holds.profile[e], time)",
+        "v[i, axis] = holds.value[entry] * factor_at(profiles, holds.profile[entry], time - dt / 2)",
+        "v[i, axis] = holds.value[entry] * factor_at(profiles, holds.profile[entry], time)",
         f"{UNIT}/test_conditions.py::test_a_held_velocity_follows_its_profile",
     ),
     Mutant(
         "pdsolve/steppers/holds.py",
-        "value = holds.value[e] * factor_at(profiles, holds.profile[e], time)",
-        "value = holds.value[e] * factor_at(profiles, holds.profile[e], time - dt / 2)",
+        "value = holds.value[entry] * factor_at(profiles, holds.profile[entry], time)",
+        "value = holds.value[entry] * factor_at(profiles, holds.profile[entry], time - dt / 2)",
         f"{UNIT}/test_conditions.py::test_a_held_velocity_follows_its_profile",
     ),
     Mutant(

@@ -127,7 +127,7 @@ class Swelling:
             return now
 
         if isinstance(self.motion, LoadSteps):  # whose bonds break afterwards
-            self.motion.swell(strain, state, loaded)
+            self.motion.swell_bonds(strain, state, loaded)
             self.motion.march(state, step, step + 1)
             return None
         self.motion.march(state, step, step + 1)

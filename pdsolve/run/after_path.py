@@ -23,7 +23,7 @@ from pdsolve.run.prepare import prepare
 from pdsolve.run.recorder import restore_state
 from pdsolve.run.system import Prepared, System
 from pdsolve.state import State
-from pdsolve.steppers.equilibrium import forces
+from pdsolve.steppers.equilibrium import force_densities
 
 FRAMES = 50  # of the motion
 ENTRIES = 500  # of its ledger
@@ -75,5 +75,5 @@ def _with_run_settings(model: Model, **settings: Any) -> Model:
 
 def _set_first_accelerations(system: System, state: State) -> None:
     """Set the accelerations (n, w), m/s^2, with which a body begins to move."""
-    acceleration = (forces(system.operator, state) + system.drive.force) / system.model.rho[:, None]
+    acceleration = (force_densities(system.operator, state) + system.drive.force) / system.model.rho[:, None]
     state.second[:] = np.where(held(system.drive), 0.0, acceleration)

@@ -22,14 +22,14 @@ from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import zero_state
 from pdsolve.steppers.arc_length_steps import ArcLengthSteps
 from pdsolve.steppers.crack_length_steps import CrackLengthSteps
-from pdsolve.steppers.equilibrium import Method
+from pdsolve.steppers.equilibrium import EquilibriumMethod
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.newton import FACTORED, FACTORED_IN, Newton
-from pdsolve.steppers.path_steps import PathSteps
+from pdsolve.steppers.path_steps import SofteningPathSteps
 from pdsolve.steppers.relaxation import Relaxation
-from pdsolve.steppers.static_loads import follows_arc, follows_cracks, follows_path
-from pdsolve.steppers.stepped_rest import repeating
-from pdsolve.steppers.touching import Touching
+from pdsolve.steppers.static_loads import follows_arc_length, follows_crack_length, follows_softening_path
+from pdsolve.steppers.stepped_rest import make_cycle_steps
+from pdsolve.steppers.touching import ContactMethod
 
 MOST_ALONG_PATH = {2: FACTORED, 3: 10_000}  # free components by dimension: factors of 5800 in space take 0.5 GB
 
@@ -38,7 +38,7 @@ def prepare_load_steps(model: Model, options: Options, scheme: Scheme, bonds_bre
     """A model in load steps, to be solved at rest; `bonds_break`: whether its bonds break. Raises ModelError."""
     grows = bonds_break and model.settings.run.cracks == "particles"
     bonds_break = bonds_break and not grows
-    if bonds_break and follows_path(model):
+    if bonds_break and follows_softening_path(model):
         return _prepare_path(model, options, scheme)
     law, all_bonds, static = law_of(model), scheme.fill(model), model.settings.run.static
     of_families = bonds_break and law.pair is None and any(material.failure != "none" for material in model.materials)
@@ -52,7 +52,7 @@ def prepare_load_steps(model: Model, options: Options, scheme: Scheme, bonds_bre
     driven.force[:] = driven.before[:] = driven.held_force[:] = 0  # nothing acts before the first load step
     state = operator.place(zero_state(*driven.force.shape))
     flows = any(SOLIDS[material.solid].flows for material in model.materials)
-    method: Method
+    method: EquilibriumMethod
     if static.method == "relaxation":
         method = Relaxation(operator, static.tolerance, static.iterations)
     else:
@@ -60,23 +60,23 @@ def prepare_load_steps(model: Model, options: Options, scheme: Scheme, bonds_bre
         pairs = law.pair is not None and contact is None
         method = Newton(operator, area, static.tolerance, static.iterations, free, most, pairs, flows)
     if contact is not None:
-        method = Touching(method, operator, contact)
+        method = ContactMethod(method, operator, contact)
     breakable = no_fail.breakable() if bonds_break and law.pair is not None else None
     breaking = FamilyBonds(bonds) if of_families and isinstance(bonds, BondList) else breakable
-    remember = {"remember": bonds.remember} if isinstance(bonds, BondList) else {}
+    remember = {"on_equilibrium": bonds.remember} if isinstance(bonds, BondList) else {}
     growth = make_crack_growth(model, bonds, filling, driven, None) if grows else None
-    fatigue, look = model.settings.run.fatigue, growth.look if growth and not follows_cracks(model) else None
+    fatigue, look = model.settings.run.fatigue, growth.look if growth and not follows_crack_length(model) else None
     stepper = LoadSteps(model, operator, driven, area, method, breaking, None if fatigue else look, **remember)
     step, bound = float(model.settings.run.time_step or 0.0), largest_stable_step(operator.stiffness_bound(), model.rho)
     system = System(model, options, scheme, operator, stepper, driven, *filled, step, bound, 0.0)
     system = replace(system, growth=growth, contact=contact)
     if fatigue is not None and (bonds_break or grows):
-        system = replace(system, stepper=repeating(model, operator, stepper, breakable, *filled[1:], growth))
-    if bonds_break and follows_arc(model):
+        system = replace(system, stepper=make_cycle_steps(model, operator, stepper, breakable, *filled[1:], growth))
+    if bonds_break and follows_arc_length(model):
         _refuse_large_body(model, driven)
-        arc = ArcLengthSteps(model, operator, driven, area, breaking, **remember, flows=flows)
+        arc = ArcLengthSteps(model, operator, driven, area, breaking, **remember, solid_flows=flows)
         system = replace(system, stepper=arc)
-    if growth is not None and follows_cracks(model):
+    if growth is not None and follows_crack_length(model):
         system = replace(system, stepper=CrackLengthSteps(model, operator, driven, area, stepper, growth))
     return Prepared(system, state)
 
@@ -97,7 +97,7 @@ def _prepare_path(model: Model, options: Options, scheme: Scheme) -> Prepared:
     bonds, ground = softening_of(model, filling.whole(), contact), supports_of(operator)
     if ground is not None:
         bonds.stand_on(np.repeat(area, width)[:, None] * ground.stiffness_matrix())
-    stepper = PathSteps(model, bonded, driven, area, bonds, contact)
+    stepper = SofteningPathSteps(model, bonded, driven, area, bonds, contact)
     step, bound = model.settings.run.time_step or 1.0, largest_stable_step(operator.stiffness_bound(), model.rho)
     system = System(model, options, scheme, operator, stepper, driven, *filled, step, bound, 0.0, contact=contact)
     return Prepared(system, state)

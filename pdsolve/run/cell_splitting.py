@@ -25,7 +25,7 @@ from pdsolve.run.node_changes import NodeChange
 from pdsolve.run.operator_factory import largest_stable_step
 from pdsolve.run.system import Prepared, System
 from pdsolve.state import State
-from pdsolve.steppers.equilibrium import forces
+from pdsolve.steppers.equilibrium import force_densities
 
 
 class CellSplitting:
@@ -80,7 +80,9 @@ class CellSplitting:
         new.drive.held_force[:] = system.drive.held_force
         put_loads(new.drive, step * system.time_step)
         created = energy_of(new, begun, operator.energies(begun)[0]) - energy_of(system, state, energies_before)
-        created += kick_work(new, begun, forces(operator, begun._replace(dissipated=np.zeros_like(begun.dissipated))))
+        created += kick_work(
+            new, begun, force_densities(operator, begun._replace(dissipated=np.zeros_like(begun.dissipated)))
+        )
         calm = np.where(transfer.stays, old_operator.memory.calm[transfer.before[:, 0]], 0)
         operator.memory = Memory(calm, old_operator.memory.created + created)
         return NodeChange(new, begun, self._rows_with_same_bonds(system, new, transfer))

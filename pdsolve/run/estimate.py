@@ -30,7 +30,7 @@ from pdsolve.run.system import System
 from pdsolve.steppers.arc_length_steps import ArcLengthSteps
 from pdsolve.steppers.crack_length_steps import CrackLengthSteps
 from pdsolve.steppers.newton import FACTORED
-from pdsolve.steppers.path_steps import CRACK_STEPS, PathSteps
+from pdsolve.steppers.path_steps import CRACK_STEPS, SofteningPathSteps
 
 DEFAULT = Options()
 
@@ -127,7 +127,7 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
             cycle = system.stepper.cycle
         in_blocks |= paired and system.operator.name == "blocks"
         count, bound, step, settings = system.count, system.stable_time_step, system.time_step, system.model.settings
-        along_path = isinstance(system.stepper, ArcLengthSteps | CrackLengthSteps | PathSteps)
+        along_path = isinstance(system.stepper, ArcLengthSteps | CrackLengthSteps | SofteningPathSteps)
         if along_path:
             run = msgspec.structs.replace(settings.run, steps=_estimate_path_steps(settings.run))
             settings = msgspec.structs.replace(settings, run=run)
@@ -160,7 +160,7 @@ def _estimate_path_steps(run: Run) -> int:
 
 def _estimate_path_time(system: System, plan: Plan) -> float:
     """Seconds of a path with the steps of a plan, of whose load steps this is the time."""
-    if not isinstance(system.stepper, PathSteps):
+    if not isinstance(system.stepper, SofteningPathSteps):
         return ARC_STEP * plan.wall_time
     if system.model.grid.dimension == 3:
         return IN_SPACE_STEP * plan.wall_time

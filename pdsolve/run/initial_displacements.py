@@ -10,7 +10,7 @@ from pdsolve.conditions import held, initial_displacement
 from pdsolve.model import on_device
 from pdsolve.run.prepare import prepare
 from pdsolve.run.system import Prepared
-from pdsolve.steppers.equilibrium import forces
+from pdsolve.steppers.equilibrium import force_densities
 
 
 def apply_initial_displacements(prepared: Prepared) -> Prepared:
@@ -26,7 +26,7 @@ def apply_initial_displacements(prepared: Prepared) -> Prepared:
         host_system, on_processor = prepare(on_device(model, "cpu"), system.options)
         operator = host_system.operator
         on_processor.value[:] = state.value
-    pull = forces(operator, on_processor)
+    pull = force_densities(operator, on_processor)
     state.second[:] += np.where(held(system.drive), 0.0, pull / model.rho[:, None])
     holds = system.drive.holds
     system.drive.held_force[:] += pull[holds.node, holds.axis]

@@ -79,9 +79,7 @@ def find_restart_step(output: Path | None, earlier_refinements: tuple[EarlierRef
     return step if step <= earlier_refinements[-1].step else 0
 
 
-def apply_earlier_refinement(
-    system: System, earlier_refinements: tuple[EarlierRefinement, ...], step: int, last: int
-) -> int:
+def refine_earlier(system: System, earlier_refinements: tuple[EarlierRefinement, ...], step: int, last: int) -> int:
     """Make cells fine as soon as they are to be after a step; returns the next step from which that changes."""
     begun = [refinement for refinement in earlier_refinements if refinement.step <= step]
     if begun and isinstance(system.operator, HybridOperator):

@@ -42,9 +42,9 @@ from pdsolve.run.swelling_with_fine_zone import PlateBrokenBonds, SwellingZone
 from pdsolve.run.system import Prepared, System
 from pdsolve.schemes import SCHEMES
 from pdsolve.schemes.scheme import Scheme
-from pdsolve.steppers.equilibrium import forces
+from pdsolve.steppers.equilibrium import force_densities
 from pdsolve.steppers.euler import Euler
-from pdsolve.steppers.static_loads import in_load_steps, in_steps_of_content
+from pdsolve.steppers.static_loads import model_in_content_steps, model_in_load_steps
 
 WORTH_HYBRID = 25_000  # nodes of a plate with a fine zone that moves, were they all there
 
@@ -74,7 +74,7 @@ def _prepare_by_kind(model: Model, options: Options) -> Prepared:
     if model.settings.run.adapt != "none":
         return (_prepare_plate_zone if model.grid.dimension == 2 else _prepare_body_zone)(model, options, scheme)
     if model.settings.run.solver == "static":
-        return prepare_load_steps(in_load_steps(model, options.precision), options, scheme)
+        return prepare_load_steps(model_in_load_steps(model, options.precision), options, scheme)
     return assemble_motion(model, options, scheme)
 
 
@@ -128,7 +128,7 @@ def _prepare_swelling(model: Model, options: Options, scheme: Scheme) -> Prepare
         return _prepare_swelling_zone(model, options, scheme)
     options, rests = options_for_swelling(model, options), model.settings.run.solver == "static"
     if rests:
-        model = in_steps_of_content(model, options.precision)
+        model = model_in_content_steps(model, options.precision)
         system, state = prepare_load_steps(model.moving_part(), options, scheme)
     else:
         system, state = assemble_motion(model.moving_part(), options, scheme)
@@ -147,7 +147,7 @@ def _prepare_swelling(model: Model, options: Options, scheme: Scheme) -> Prepare
         content = content._replace(state=content.state._replace(second=np.zeros((len(model.grid), 1))))
     stepper = Swelling((marches, content.state), system.stepper, bonds, model, cycle, broken, transport.free)
     if not rests:  # the first half step goes with what the strains of time 0 pull
-        pull = forces(system.operator, state) / system.model.rho[:, None]
+        pull = force_densities(system.operator, state) / system.model.rho[:, None]
         state.second[:] += np.where(held(system.drive), 0.0, pull)
         stepper.begin(state)
     energy = system.initial_energy + float(np.sum(system.area * system.operator.energies(state)[0]))

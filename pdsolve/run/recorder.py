@@ -28,9 +28,9 @@ from pdsolve.run.motion_accounts import MechanicsRecords
 from pdsolve.run.node_changes import NodeChange
 from pdsolve.run.system import System
 from pdsolve.state import Broken, State, zero_state
-from pdsolve.steppers.load_steps import Rested
-from pdsolve.steppers.path_records import PathRecords
-from pdsolve.steppers.stepped_rest import SteppedRest
+from pdsolve.steppers.load_steps import LoadStepResult
+from pdsolve.steppers.path_records import PathStepper
+from pdsolve.steppers.stepped_rest import CycleOrPathSteps
 
 GAP = 64  # rows between born nodes whose bonds are asked for together
 KEPT = 1.0  # s between checkpoints in full precision, with frames
@@ -102,10 +102,10 @@ def make_checkpoint(system: System, state: State) -> dict[str, NDArray[Any]]:
     if system.hybrid is None:  # whose operator has the state
         arrays |= state._asdict()
     if system.load_steps is not None:
-        arrays["rested"] = system.load_steps.keep()
-    if isinstance(system.stepper, SteppedRest):
-        arrays |= system.stepper.keep()
-    crack_arrays = {} if system.growth is None else system.growth.keep()
+        arrays["rested"] = system.load_steps.checkpoint_rows()
+    if isinstance(system.stepper, CycleOrPathSteps):
+        arrays |= system.stepper.checkpoint_arrays()
+    crack_arrays = {} if system.growth is None else system.growth.checkpoint_arrays()
     copies = {  # zeros alone, which the system makes when they are read, take no memory
         name: values.copy() if values.any() else np.zeros_like(values) for name, values in arrays.items()
     }
@@ -151,14 +151,14 @@ def restore_state(
     if system.hybrid is None:  # whose nodes are not known before it has gone back
         system.operator.back(checkpoint, past)
     if system.load_steps is not None:
-        load_step_rows = entry(checkpoint, "rested", (step, len(Rested._fields)), float)
+        load_step_rows = entry(checkpoint, "rested", (step, len(LoadStepResult._fields)), float)
         if not np.array_equal(load_step_rows[:, 0], np.arange(1, step + 1)):
             raise CheckpointError(f"load steps are not 1 to {step}, those until the checkpoint")
-        system.load_steps.back(load_step_rows, past)
-    if isinstance(system.stepper, SteppedRest):
-        system.stepper.back(checkpoint, step)
+        system.load_steps.restore(load_step_rows, past)
+    if isinstance(system.stepper, CycleOrPathSteps):
+        system.stepper.restore(checkpoint, step)
     if system.growth is not None:
-        system.growth.back(checkpoint, past)
+        system.growth.restore(checkpoint, past)
     put_loads(system.drive, system.load_time(step))
     for prepared in system.coupled:
         start = _coupled_name(prepared.system, "")
@@ -272,7 +272,7 @@ class Recorder:
             stepper.go_on(first, last)
         else:
             stepper.march(self.state, first, last)
-        return stepper.rested[-1].step if isinstance(stepper, PathRecords) else last - 1
+        return stepper.step_results[-1].step if isinstance(stepper, PathStepper) else last - 1
 
     def drop_state(self) -> None:
         """Forget the state, which the operator of a moving fine zone has, and energies of nodes."""

@@ -50,8 +50,8 @@ from pdsolve.run.summary import run_metadata, run_summary
 from pdsolve.run.system import System
 from pdsolve.state import State
 from pdsolve.steppers.equilibrium import UnsettledError
-from pdsolve.steppers.load_steps import Going
-from pdsolve.steppers.stepped_rest import SteppedRest
+from pdsolve.steppers.load_steps import LoadStepProgress
+from pdsolve.steppers.stepped_rest import CycleOrPathSteps
 
 PATIENCE = 5e7  # bond updates between two looks at the watcher, some 20 ms; fewer where they take longer
 DEFAULT = Options()
@@ -66,7 +66,7 @@ class Progress(NamedTuple):
     balance: float  # likewise
     words: str = ""  # how the books stand
     fine: ZoneSummary | None = None  # of a fine zone that moves
-    going: Going | None = None  # of a load step that is being solved
+    going: LoadStepProgress | None = None  # of a load step that is being solved
 
 
 Watcher = Callable[[Progress], bool]  # returns whether to stop
@@ -396,13 +396,13 @@ def _march_to_end(recorder: Recorder, writer: Behind, request: RunRequest) -> st
         """Whether the watcher wants the run to stop."""
         return watch is not None and watch(_make_progress(recorder, step))
 
-    def going(now: Going) -> None:
+    def going(now: LoadStepProgress) -> None:
         """Show the progress of a load step, which is discarded if the run is to stop meanwhile."""
         if watch is not None and watch(_make_progress(recorder, step, now)):
             raise KeyboardInterrupt("within a load step, which is lost")
 
     load_stepper = (
-        recorder.system.stepper if isinstance(recorder.system.stepper, SteppedRest) else recorder.system.load_steps
+        recorder.system.stepper if isinstance(recorder.system.stepper, CycleOrPathSteps) else recorder.system.load_steps
     )
     if load_stepper is not None:
         load_stepper.watch = going
@@ -410,14 +410,8 @@ def _march_to_end(recorder: Recorder, writer: Behind, request: RunRequest) -> st
     while step < run.steps and not (interrupted or done):
         looks = run.steps if adapt is None else change_nodes_if_due(recorder, adapt, step)
         looks = min(looks, grow_cracks_if_due(recorder, step, run.steps))
-        looks = (
-            min(
-                looks,
-                late_zones.apply_earlier_refinement(recorder.system, request.earlier_refinements, step, run.steps),
-            )
-            if request.earlier_refinements
-            else looks
-        )
+        if request.earlier_refinements:
+            looks = min(looks, late_zones.refine_earlier(recorder.system, request.earlier_refinements, step, run.steps))
         chunk = pace.choose_step_count(
             EVERY if recorder.system.hybrid else 1, int(PATIENCE / max(recorder.system.bonds, 1))
         )
@@ -439,11 +433,8 @@ def _march_to_end(recorder: Recorder, writer: Behind, request: RunRequest) -> st
         done = _stop_criterion_is_met(recorder, step) if is_record else step < min(ends)
         with_fields = is_record and (step % run.every == 0 or step == run.steps or done)
         if with_fields or done or interrupted or (is_record and recorder.checkpoint_is_old):
-            writer.write(
-                partial(
-                    recorder.make_frame, step, with_fields, with_checkpoint=step == run.steps or done or interrupted
-                )
-            )
+            with_checkpoint = step == run.steps or done or interrupted
+            writer.write(partial(recorder.make_frame, step, with_fields, with_checkpoint))
     recorder.update_last_row(step)
     compiled = {"compile_time": compile_seconds() - request.compile_time_before}
     writer.done().tell({"summary": json.dumps(run_summary(recorder, step, done) | compiled)})
@@ -452,13 +443,13 @@ def _march_to_end(recorder: Recorder, writer: Behind, request: RunRequest) -> st
     return "finished" if done or step == run.steps else "interrupted"
 
 
-def _make_progress(recorder: Recorder, step: int, load_step_progress: Going | None = None) -> Progress:
+def _make_progress(recorder: Recorder, step: int, load_step_progress: LoadStepProgress | None = None) -> Progress:
     """Data for a progress display after `step`, or within a load step `load_step_progress`."""
     books, steps = recorder.physics_records, recorder.system.model.settings.run.steps
     broken = books.broken_bond_count if load_step_progress is None else load_step_progress.broken
     words, stepper = books.progress_text(broken), recorder.system.stepper
-    if isinstance(stepper, SteppedRest):
-        words = f"{stepper.words()}, {words}"
+    if isinstance(stepper, CycleOrPathSteps):
+        words = f"{stepper.progress_text()}, {words}"
     return Progress(step, steps, broken, books.balance_error, words, recorder.system.zone_summary, load_step_progress)
 
 
@@ -477,7 +468,7 @@ def _stop_criterion_is_met(recorder: Recorder, step: int) -> bool:
     """Whether the model's stop criterion is met."""
     system, latest = recorder.system, recorder.last_break_step
     run = system.model.settings.run
-    if isinstance(system.stepper, SteppedRest):
+    if isinstance(system.stepper, CycleOrPathSteps):
         return system.stepper.ended
     if run.until == "split":
         return recorder.is_split()

@@ -12,7 +12,7 @@ from pdsolve.options import Options
 from pdsolve.run.at_rest import prepare_load_steps
 from pdsolve.run.system import Prepared
 from pdsolve.schemes.scheme import Scheme
-from pdsolve.steppers.equilibrium import forces
+from pdsolve.steppers.equilibrium import force_densities
 from pdsolve.steppers.load_steps import LoadSteps
 
 
@@ -27,10 +27,10 @@ def start_at_rest(prepared: Prepared) -> Prepared:
     rest = prepare_static_start(model, system.options, system.scheme)
     stepper, operator, drive = rest.system.stepper, rest.system.operator, rest.system.drive
     assert isinstance(stepper, LoadSteps)
-    stepper.bring(rest.state)
+    stepper.settle_at_start(rest.state)
     state.value[:] = rest.state.value
     system.drive.held_force[:] = drive.held_force
-    acceleration = (forces(operator, rest.state) + drive.force) / model.rho[:, None]
+    acceleration = (force_densities(operator, rest.state) + drive.force) / model.rho[:, None]
     state.second[:] = np.where(stepper.held, state.second, acceleration)
     strain = float(np.sum(system.area * operator.energies(rest.state)[0]))
     return Prepared(dataclasses.replace(system, initial_energy=system.initial_energy + strain), state)

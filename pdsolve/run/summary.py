@@ -17,8 +17,8 @@ from pdsolve.steppers.crack_length_steps import CrackLengthSteps
 from pdsolve.steppers.fatigue_steps import FatigueSteps
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.paris_steps import ParisSteps
-from pdsolve.steppers.path_steps import PathSteps
-from pdsolve.steppers.stepped_rest import SteppedRest
+from pdsolve.steppers.path_steps import SofteningPathSteps
+from pdsolve.steppers.stepped_rest import CycleOrPathSteps
 
 
 def run_metadata(recorder: Recorder, provenance: str) -> dict[str, Any]:
@@ -76,34 +76,34 @@ def run_summary(recorder: Recorder, step: int, stopped_early: bool) -> dict[str,
         else:
             results["hybrid"] = statistics
     return results | _equilibrium_summary(
-        system.stepper if isinstance(system.stepper, SteppedRest) else system.load_steps
+        system.stepper if isinstance(system.stepper, CycleOrPathSteps) else system.load_steps
     )
 
 
-def _equilibrium_summary(load_stepper: LoadSteps | SteppedRest | None) -> dict[str, Any]:
+def _equilibrium_summary(load_stepper: LoadSteps | CycleOrPathSteps | None) -> dict[str, Any]:
     """Iterations and residuals of each load step."""
     if isinstance(load_stepper, FatigueSteps | ParisSteps):
-        rows = [cycled._asdict() for cycled in load_stepper.rested]
+        rows = [cycled._asdict() for cycled in load_stepper.step_results]
         return {
-            "method": load_stepper.said,
+            "method": load_stepper.description,
             "fatigue_steps": rows,
             "first_break": load_stepper.first
-            if isinstance(load_stepper, FatigueSteps) and load_stepper.rested
+            if isinstance(load_stepper, FatigueSteps) and load_stepper.step_results
             else None,
             "first_range": load_stepper.range
-            if isinstance(load_stepper, FatigueSteps) and load_stepper.rested
+            if isinstance(load_stepper, FatigueSteps) and load_stepper.step_results
             else None,
-            "cycles_error": load_stepper.error if isinstance(load_stepper, ParisSteps) else None,
+            "cycles_error": load_stepper.cycle_error if isinstance(load_stepper, ParisSteps) else None,
             "cycles_error_of_jumps": load_stepper.jump_error if isinstance(load_stepper, ParisSteps) else None,
-            "ended": load_stepper.why or None,
+            "ended": load_stepper.end_reason or None,
         }
-    if isinstance(load_stepper, ArcLengthSteps | CrackLengthSteps | PathSteps):
-        rows = [stepped._asdict() for stepped in load_stepper.rested]
-        ended = {} if isinstance(load_stepper, PathSteps) else {"ended": load_stepper.why or None}
-        return {"method": load_stepper.said, "path_steps": rows, "lost": load_stepper.lost} | ended
+    if isinstance(load_stepper, ArcLengthSteps | CrackLengthSteps | SofteningPathSteps):
+        rows = [stepped._asdict() for stepped in load_stepper.step_results]
+        ended = {} if isinstance(load_stepper, SofteningPathSteps) else {"ended": load_stepper.end_reason or None}
+        return {"method": load_stepper.description, "path_steps": rows, "lost": load_stepper.lost} | ended
     if load_stepper is None:
         return {}
     return {
-        "method": load_stepper.method.said,
-        "load_steps": [load_step._asdict() for load_step in load_stepper.rested],
+        "method": load_stepper.method.description,
+        "load_steps": [load_step._asdict() for load_step in load_stepper.step_results],
     }

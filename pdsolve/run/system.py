@@ -30,7 +30,7 @@ from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import State
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.protocol import Stepper
-from pdsolve.steppers.stepped_rest import SteppedRest
+from pdsolve.steppers.stepped_rest import CycleOrPathSteps
 from pdsolve.steppers.verlet_on_device import VerletOnDevice
 
 if TYPE_CHECKING:
@@ -104,7 +104,7 @@ class System:
 
     def load_time(self, step: int) -> float:
         """Time of the profiles of conditions after `step`, s."""
-        return self.stepper.factor if isinstance(self.stepper, SteppedRest) else step * self.time_step
+        return self.stepper.factor if isinstance(self.stepper, CycleOrPathSteps) else step * self.time_step
 
     @property
     def threads(self) -> int:

@@ -24,14 +24,14 @@ from pdsolve.numerics.thread_team import gate_of, meet, side_by_side
 from pdsolve.operators.simd_lattice.layout import aligned
 from pdsolve.operators.space_lattice.operator import SpaceLattice
 from pdsolve.state import State
-from pdsolve.steppers.holds import damp_component, hold_component, release_component
+from pdsolve.steppers.holds import accelerate_held_component, damp_component, prescribe_component
 
 READY, NO_ROOM, NO_MEMORY = range(3)  # what a tile waits for
 BETWEEN_LOOKS = 16  # sweeps in which nobody else can ask which bonds are broken
 ROOM = 16  # tiles of a thread all of whose bonds may break before it stops for more room
 
 
-class Course(NamedTuple):
+class TileMotion(NamedTuple):
     """The motion of m sites in t tiles, along d axes; what acts on them besides bonds."""
 
     u: tuple[NDArray[np.floating], NDArray[np.floating]]  # (d, m) displacements, m, of even and of odd sweeps
@@ -47,7 +47,7 @@ class Course(NamedTuple):
     stop: NDArray[np.int64]  # (1,) the sweep in which tiles wait, or -1
 
 
-class Local(NamedTuple):
+class TileBuffers(NamedTuple):
     """A tile's motion while it is advanced, along d axes."""
 
     force: NDArray[np.floating]  # (d, 16) force densities, N/m^3
@@ -56,7 +56,7 @@ class Local(NamedTuple):
     work: NDArray[np.float64]  # (16,) see `State`
 
 
-class Sweeps(NamedTuple):
+class SweepRange(NamedTuple):
     """Sweeps of a sequence of steps."""
 
     first: int  # step
@@ -72,7 +72,7 @@ class Sweep(NamedTuple):
     motion: Motion  # at its beginning
     state: State
     breaks: Breaks  # of the thread
-    after: int  # which of `Course.u` and `Course.v` the motion goes to
+    after: int  # which of `TileMotion.u` and `TileMotion.v` the motion goes to
     starts: bool  # it ends no step
     ends: bool  # it begins no step
 
@@ -105,7 +105,7 @@ class LatticeMarch:
         self._operator, self._dt = operator, dt
         self._of_lanes = drive._replace(holds=drive.holds._replace(node=lane))
         self._breaks = [room_for(ROOM * ROW * len(sites.ways)) for _ in range(operator.threads)]
-        self._course = Course(
+        self._course = TileMotion(
             u=(operator.u, like_u()),
             v=(like_u(), like_u()),
             pulled=np.zeros(count, dtype=np.bool_),
@@ -127,19 +127,19 @@ class LatticeMarch:
         sweep, ends = 0, last - first + 1 if last > first else 0
         while sweep < ends or ends == 0:
             with self._operator.breaking:
-                sweep = self._sweep(state, (first, last), sweep, min(sweep + BETWEEN_LOOKS, ends))
+                sweep = self._sweep_tiles(state, (first, last), sweep, min(sweep + BETWEEN_LOOKS, ends))
             if ends == 0:
                 return  # compiled
         after = (last - first + 1) % 2
         for axis in range(len(course.u[0])):
             state.value[:, axis], state.rate[:, axis] = course.u[after][axis, site], course.v[after][axis, site]
 
-    def _sweep(self, state: State, steps: tuple[int, int], begin: int, end: int) -> int:
+    def _sweep_tiles(self, state: State, steps: tuple[int, int], begin: int, end: int) -> int:
         """Do the sweeps `begin` to `end` - 1 of a sequence of steps, or fewer; returns the one to go on with."""
         threads, stop = self._operator.threads, self._course.stop
 
         def sweep(thread: int, first: int, last: int, again: bool, gate: Any) -> None:
-            sweeps = Sweeps(*steps, first, last, again)
+            sweeps = SweepRange(*steps, first, last, again)
             drive, breaks = self._of_lanes, self._breaks[thread]
             sweep_tiles(self._operator.tiles, self._course, drive, state, self._dt, sweeps, breaks, thread, gate)
 
@@ -176,7 +176,7 @@ def sweep_tiles(tiles, course, drive, state, dt, sweeps, breaks, thread, gate): 
     """
     first, last, begin, end, again = sweeps
     force, a, before = np.zeros((3, len(tiles.axes), ROW), course.rho.dtype)
-    local = Local(force, a, before, np.zeros(ROW))
+    local = TileBuffers(force, a, before, np.zeros(ROW))
     count = len(tiles.kind)
     first_tile, end_tile = count * thread // gate.threads, count * (thread + 1) // gate.threads
     for sweep in range(begin, end):
@@ -200,52 +200,52 @@ def sweep_tiles(tiles, course, drive, state, dt, sweeps, breaks, thread, gate): 
 
 
 @njit(**IN_PLACE)
-def _sweep_tile(tiles, course, drive, of_sweep, local, t):  # type: ignore[no-untyped-def]
+def _sweep_tile(tiles, course, drive, of_sweep, local, tile):  # type: ignore[no-untyped-def]
     """End a step for a tile and begin the next one, or one of both; returns what it waits for."""
     motion, starts = of_sweep.motion, of_sweep.starts
-    if tiles.kind[t] == EMPTY:
+    if tiles.kind[tile] == EMPTY:
         return READY
     if not starts:
-        waits_for = _sum_tile(tiles, course, of_sweep, local, t)
+        waits_for = _sum_tile_forces(tiles, course, of_sweep, local, tile)
         if waits_for != READY:
             return waits_for
-    if course.plain[t] and not starts and not of_sweep.ends:
+    if course.plain[tile] and not starts and not of_sweep.ends:
         for lane in range(0, ROW, across(motion.u)):
-            _advance_lanes(tiles, course, motion, local.force, of_sweep.after, tiles.margin + t * ROW, lane)
+            _advance_lanes(tiles, course, motion, local.force, of_sweep.after, tiles.margin + tile * ROW, lane)
     else:
-        _advance_tile(tiles, course, drive, of_sweep, local, t)
+        _advance_tile(tiles, course, drive, of_sweep, local, tile)
     return READY
 
 
 @njit(**IN_PLACE)
-def _sum_tile(tiles, course, of_sweep, local, t):  # type: ignore[no-untyped-def]
+def _sum_tile_forces(tiles, course, of_sweep, local, tile):  # type: ignore[no-untyped-def]
     """Fill the force densities on a tile; returns what it waits for."""
     motion, breaks, dissipated = of_sweep.motion, of_sweep.breaks, of_sweep.state.dissipated
     pulls = course.v[of_sweep.after]  # of bonds that soften or break: their place is free until the tile is advanced
     if not has_room(tiles, breaks):
         return NO_ROOM
-    if not course.pulled[t]:
+    if not course.pulled[tile]:
         for lane in range(0, ROW, across(motion.u)):
-            keep(zeros(motion.u, tiles.axes), pulls, tiles.margin + t * ROW + lane)
+            keep(zeros(motion.u, tiles.axes), pulls, tiles.margin + tile * ROW + lane)
     for lane in range(0, ROW, across(motion.u)):
-        status, f = sum_lanes(tiles, motion, pulls, dissipated, breaks, t, lane)
+        status, f = sum_lanes(tiles, motion, pulls, dissipated, breaks, tile, lane)
         keep(f, local.force, lane)
         if status != UNAGED:
-            course.pulled[t] = True
+            course.pulled[tile] = True
         if status == UNDONE:
             return NO_MEMORY
-    if course.pulled[t]:
-        _add_pulls(tiles, course, pulls, local.force, t)
+    if course.pulled[tile]:
+        _add_failure_pulls(tiles, course, pulls, local.force, tile)
     return READY
 
 
 @njit(**INNER)
-def _add_pulls(tiles, course, pulls, force, t):  # type: ignore[no-untyped-def]
+def _add_failure_pulls(tiles, course, pulls, force, tile):  # type: ignore[no-untyped-def]
     """Add the pulls of bonds that softened or broke to the force densities (d, 16) of a tile."""
-    course.pulled[t] = False
+    course.pulled[tile] = False
     for axis in range(len(force)):
         for lane in range(ROW):
-            force[axis, lane] += pulls[axis, tiles.margin + t * ROW + lane]
+            force[axis, lane] += pulls[axis, tiles.margin + tile * ROW + lane]
 
 
 @njit(**IN_PLACE)
@@ -260,46 +260,46 @@ def _advance_lanes(tiles, course, motion, force, after, own, lane):  # type: ign
 
 
 @njit(**INNER)
-def _advance_tile(tiles, course, drive, of_sweep, local, t):  # type: ignore[no-untyped-def]
+def _advance_tile(tiles, course, drive, of_sweep, local, tile):  # type: ignore[no-untyped-def]
     """End a step for a tile with its force densities, and begin the next one, or one of both."""
     motion, state, after = of_sweep.motion, of_sweep.state, of_sweep.after
-    own, dt = tiles.margin + t * ROW, motion.dt
+    own, dt = tiles.margin + tile * ROW, motion.dt
     u, v = course.u[after][:, own : own + ROW], course.v[after][:, own : own + ROW]
     for lane in range(ROW):
-        i = tiles.node[t * ROW + lane]
+        i = tiles.node[tile * ROW + lane]
         for axis in range(len(u)):
             u[axis, lane], v[axis, lane] = motion.u[axis, own + lane], motion.rate[axis, own + lane]
             local.a[axis, lane] = state.second[i, axis] if i >= 0 else 0
             local.before[axis, lane] = v[axis, lane] - dt / 2 * local.a[axis, lane]
     if not of_sweep.starts:
-        _end_step(tiles, course, drive, motion, state, v, local, t)
+        _kick_and_damp(tiles, course, drive, motion, state, v, local, tile)
     if not of_sweep.ends:
-        _begin_step(course, drive, u, v, local.a, dt, (motion.step + 1) * dt, t)
+        _kick_and_drift(course, drive, u, v, local.a, dt, (motion.step + 1) * dt, tile)
     for lane in range(ROW):
-        i = tiles.node[t * ROW + lane]
+        i = tiles.node[tile * ROW + lane]
         if i >= 0:
             for axis in range(len(u)):
                 state.second[i, axis] = local.a[axis, lane]
 
 
 @njit(**INNER)
-def _begin_step(course, drive, u, v, a, dt, time, t):  # type: ignore[no-untyped-def]
+def _kick_and_drift(course, drive, u, v, a, dt, time, tile):  # type: ignore[no-untyped-def]
     """The first half of the kick of a tile, and the drift to the displacements at `time`, s."""
     for axis in range(len(u)):
         for lane in range(ROW):
             v[axis, lane] += dt / 2 * a[axis, lane]
             u[axis, lane] += dt * v[axis, lane]
-    for k in range(course.held_start[t], course.held_start[t + 1]):
-        hold_component(u.T, v.T, a.T, drive.holds, drive.profiles, drive.held_speed, course.held[k], dt, time)
+    for k in range(course.held_start[tile], course.held_start[tile + 1]):
+        prescribe_component(u.T, v.T, a.T, drive.holds, drive.profiles, drive.held_speed, course.held[k], dt, time)
 
 
 @njit(**INNER)
-def _end_step(tiles, course, drive, motion, state, v, local, t):  # type: ignore[no-untyped-def]
+def _kick_and_damp(tiles, course, drive, motion, state, v, local, tile):  # type: ignore[no-untyped-def]
     """From the force densities on a tile to accelerations, the second half of the kick, and damping; v are (d, 16)."""
-    own, a, dt, axes, work = tiles.margin + t * ROW, local.a, motion.dt, len(v), local.work
+    own, a, dt, axes, work = tiles.margin + tile * ROW, local.a, motion.dt, len(v), local.work
     rho = course.rho[own : own + ROW]
     for lane in range(ROW):
-        i = tiles.node[t * ROW + lane]
+        i = tiles.node[tile * ROW + lane]
         if i < 0:
             continue
         work[lane] = state.work[i]
@@ -307,12 +307,12 @@ def _end_step(tiles, course, drive, motion, state, v, local, t):  # type: ignore
             a[axis, lane] = (local.force[axis, lane] + drive.force[i, axis]) / rho[lane]
         for axis in range(axes):
             work[lane] += (drive.before[i, axis] + drive.force[i, axis]) / 2 * (dt * v[axis, lane])
-    for k in range(course.held_start[t], course.held_start[t + 1]):
+    for k in range(course.held_start[tile], course.held_start[tile + 1]):
         speed, force, time = drive.held_speed, drive.held_force, motion.step * dt
         of_holds = drive.holds, drive.profiles, speed, force
-        release_component(v.T, a.T, rho, work, *of_holds, course.held[k], dt, time)
+        accelerate_held_component(v.T, a.T, rho, work, *of_holds, course.held[k], dt, time)
     for lane in range(ROW):
-        i = tiles.node[t * ROW + lane]
+        i = tiles.node[tile * ROW + lane]
         if i < 0:
             continue
         c, state.work[i] = course.damping[i], work[lane]

@@ -26,10 +26,10 @@ from pdsolve.operators.simd_lattice.layout import aligned
 from pdsolve.operators.simd_lattice.operator import SimdLattice
 from pdsolve.state import State
 from pdsolve.steppers.ghosts import Ghosts
-from pdsolve.steppers.holds import hold_component, release_component
+from pdsolve.steppers.holds import accelerate_held_component, prescribe_component
 
 
-class Course(NamedTuple):
+class BlockMotion(NamedTuple):
     """Motion of the blocks' nodes besides their bonds; m nodes in whole blocks, the last may be idle."""
 
     force: NDArray[np.floating]  # (2, m) body force now, N/m^3
@@ -73,11 +73,11 @@ class VerletBlocks:
         self._operator, self._dt, self._threads, self._contact = operator, dt, threads, contact
         self._ghosts = ghosts
         self._rows = np.zeros(0, dtype=np.int64)  # on which contact acted
-        self._course = Course(
-            force=_spread(drive.force, count),
-            before=_spread(drive.before, count),
-            rho=_spread(rho, count, 1.0),
-            lightness=_spread(1 / rho, count, 1.0),
+        self._course = BlockMotion(
+            force=_pad_to_blocks(drive.force, count),
+            before=_pad_to_blocks(drive.before, count),
+            rho=_pad_to_blocks(rho, count, 1.0),
+            lightness=_pad_to_blocks(1 / rho, count, 1.0),
             loaded=loaded,
             plain=~loaded & (np.diff(held_start) == 0),
             held=hold_order,
@@ -98,13 +98,13 @@ class VerletBlocks:
             if self._contact is not None:
                 lasts = 1
                 if sweep > 0:
-                    lasts, pushes = self._touched(self._contact, state, first + sweep - 1, sweep)
+                    lasts, pushes = self._update_contact(self._contact, state, first + sweep - 1, sweep)
                 sweep_count = min(sweep_count, lasts)
-            sweep = self._sweep(first, last, sweep, sweep + sweep_count, pushes)
+            sweep = self._sweep_blocks(first, last, sweep, sweep + sweep_count, pushes)
             if self._ghosts is not None and sweep < ends:
                 self._ghosts.fill(self._operator.tracks.u[sweep % 3])
 
-    def _sweep(self, first: int, last: int, begin: int, end: int, pushes: Pushes | None) -> int:
+    def _sweep_blocks(self, first: int, last: int, begin: int, end: int, pushes: Pushes | None) -> int:
         """Sweep the blocks for `begin` to `end` - 1 of the steps `first` to `last` - 1, less if pairs are to be found;
         returns the sweep to go on with."""
         operator, course, gate = self._operator, self._course, gate_of(self._threads)
@@ -113,14 +113,16 @@ class VerletBlocks:
         side_by_side(lambda thread: advance_blocks(*arguments, thread, gate), self._threads)
         return int(course.stop[0])
 
-    def _touched(self, contact: PenaltyContact, state: State, step: int, sweep: int) -> tuple[int, Pushes | None]:
+    def _update_contact(
+        self, contact: PenaltyContact, state: State, step: int, sweep: int
+    ) -> tuple[int, Pushes | None]:
         """Set the forces of contact in a step, with the displacements of the sweep `sweep`; returns for how many steps
         they hold, or those of the pairs: None where nothing touches."""
         nodes, course = len(state.value), self._course
         now = state._replace(value=self._operator.tracks.u[sweep % 3][:, :nodes].T)
         free = contact.free_steps(now, step, self._dt)
         rows = contact.rows if free == 0 else self._rows[:0]
-        _clear(course.push, course.pushed, self._rows, rows)
+        _clear_contact_forces(course.push, course.pushed, self._rows, rows)
         self._rows = rows
         if free > 0:
             return free, None
@@ -129,7 +131,7 @@ class VerletBlocks:
         return lasts, pushes if lasts > 1 else None
 
 
-def _spread(values: NDArray[Any], count: int, idle: float = 0.0) -> NDArray[Any]:
+def _pad_to_blocks(values: NDArray[Any], count: int, idle: float = 0.0) -> NDArray[Any]:
     """Nodal values (n, ...) in `count` whole blocks (..., m)."""
     wide = np.full((*values.shape[1:], LANES * count), idle, dtype=values.dtype)
     wide[..., : len(values)] = values.T
@@ -169,11 +171,11 @@ def advance_blocks(blocks, tracks, course, drive, pushes, dt, first, last, begin
                 _sweep_block(blocks, tracks, course, drive, now, before, after, dt, step, starts, ends, b, s)
         meet(gate)
     if thread == 0 and end == steps + 1 and steps % 3 != 0:
-        _copy(u, steps % 3)
+        _copy_displacements(u, steps % 3)
 
 
 @cached_njit(error_model="numpy")
-def _clear(push, pushed, before, rows):  # type: ignore[no-untyped-def]
+def _clear_contact_forces(push, pushed, before, rows):  # type: ignore[no-untyped-def]
     """Clear the forces of contact on the rows `before`, and set the mask of the blocks of `rows`."""
     pushed[:] = False
     for i in before:
@@ -199,51 +201,51 @@ def _sweep_plain(blocks, tracks, course, u, before, after, dt, step, b, s):  # t
 def _sweep_block(blocks, tracks, course, drive, u, before, after, dt, step, starts, ends, b, s):  # type: ignore[no-untyped-def]
     """End `step` for block b, unless a sequence starts, and go on to the next one, unless it ends."""
     if starts:
-        _take_acceleration(tracks.a, s, b)
+        _read_acceleration(tracks.a, s, b)
     else:
         for lane in range(0, LANES, across(s)):
             sum_lanes(blocks, tracks, u, before, step, b, lane, s)
             for k in range(across(s)):
                 s[FX + lane + k], s[FY + lane + k] = s[k], s[ROW + k]
         if course.pushed[b]:
-            _push_lanes(course.push, s, b)
+            _add_contact_forces(course.push, s, b)
         if course.loaded[b]:
-            _load_lanes(course.force, course.before, tracks.v, tracks.work, s, dt, b)
-        _accelerate_lanes(course.lightness, s, b)
-        _keep_acceleration(tracks.a, s, b)
-        _release_block(tracks, course, drive, dt, step * dt, b)
-        _take_acceleration(tracks.a, s, b)
+            _add_loads(course.force, course.before, tracks.v, tracks.work, s, dt, b)
+        _forces_to_accelerations(course.lightness, s, b)
+        _store_acceleration(tracks.a, s, b)
+        _accelerate_held_components(tracks, course, drive, dt, step * dt, b)
+        _read_acceleration(tracks.a, s, b)
         _kick_lanes(tracks.v, s, dt, b)
     if not ends:
         _kick_lanes(tracks.v, s, dt, b)
         _drift_lanes(tracks.v, u, after, dt, b)
-        _hold_block(tracks, course, drive, after, dt, (step + 1) * dt, b)
+        _prescribe_held_components(tracks, course, drive, after, dt, (step + 1) * dt, b)
 
 
 @njit(**INNER)
-def _copy(u, last):  # type: ignore[no-untyped-def]
+def _copy_displacements(u, last):  # type: ignore[no-untyped-def]
     for axis in range(2):
         for i in range(u.shape[2]):
             u[0, axis, i] = u[last, axis, i]
 
 
 @njit(**INNER)
-def _release_block(tracks, course, drive, dt, time, b):  # type: ignore[no-untyped-def]
+def _accelerate_held_components(tracks, course, drive, dt, time, b):  # type: ignore[no-untyped-def]
     v, a, speed, force = tracks.v.T, tracks.a.T, drive.held_speed, drive.held_force
     for k in range(course.held_start[b], course.held_start[b + 1]):
         e = course.held[k]
-        release_component(v, a, course.rho, tracks.work, drive.holds, drive.profiles, speed, force, e, dt, time)
+        accelerate_held_component(v, a, course.rho, tracks.work, drive.holds, drive.profiles, speed, force, e, dt, time)
 
 
 @njit(**INNER)
-def _hold_block(tracks, course, drive, u, dt, time, b):  # type: ignore[no-untyped-def]
+def _prescribe_held_components(tracks, course, drive, u, dt, time, b):  # type: ignore[no-untyped-def]
     v, a = tracks.v.T, tracks.a.T
     for k in range(course.held_start[b], course.held_start[b + 1]):
-        hold_component(u.T, v, a, drive.holds, drive.profiles, drive.held_speed, course.held[k], dt, time)
+        prescribe_component(u.T, v, a, drive.holds, drive.profiles, drive.held_speed, course.held[k], dt, time)
 
 
 @njit(**INNER)
-def _load_lanes(force, before, v, work, s, dt, b):  # type: ignore[no-untyped-def]
+def _add_loads(force, before, v, work, s, dt, b):  # type: ignore[no-untyped-def]
     """Add the loads to the forces of block b, and book their work."""
     for lane in range(LANES):
         i = b * LANES + lane
@@ -254,7 +256,7 @@ def _load_lanes(force, before, v, work, s, dt, b):  # type: ignore[no-untyped-de
 
 
 @njit(**INNER)
-def _push_lanes(push, s, b):  # type: ignore[no-untyped-def]
+def _add_contact_forces(push, s, b):  # type: ignore[no-untyped-def]
     """Add the forces of contact to those of block b."""
     for lane in range(LANES):
         s[FX + lane] += push[0, b * LANES + lane]
@@ -262,7 +264,7 @@ def _push_lanes(push, s, b):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _accelerate_lanes(lightness, s, b):  # type: ignore[no-untyped-def]
+def _forces_to_accelerations(lightness, s, b):  # type: ignore[no-untyped-def]
     """Turn force densities into accelerations, stored in FX and FY."""
     for lane in range(LANES):
         s[FX + lane] *= lightness[b * LANES + lane]
@@ -270,14 +272,14 @@ def _accelerate_lanes(lightness, s, b):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _keep_acceleration(a, s, b):  # type: ignore[no-untyped-def]
+def _store_acceleration(a, s, b):  # type: ignore[no-untyped-def]
     for lane in range(LANES):
         a[0, b * LANES + lane] = s[FX + lane]
         a[1, b * LANES + lane] = s[FY + lane]
 
 
 @njit(**INNER)
-def _take_acceleration(a, s, b):  # type: ignore[no-untyped-def]
+def _read_acceleration(a, s, b):  # type: ignore[no-untyped-def]
     for lane in range(LANES):
         s[FX + lane] = a[0, b * LANES + lane]
         s[FY + lane] = a[1, b * LANES + lane]

@@ -22,7 +22,7 @@ from pdsolve.run.prepare import prepare
 from pdsolve.run.system import Prepared
 from pdsolve.state import Broken, State, Unknown
 from pdsolve.steppers.euler import Euler
-from pdsolve.steppers.theta import Theta
+from pdsolve.steppers.theta import ThetaSteps
 from pdsolve.steppers.verlet import Verlet
 
 NOTHING = np.zeros(0, dtype=np.int64)
@@ -111,7 +111,7 @@ def test_what_leaks_from_nodes_dies_out_as_its_stepper_has_it(theta: float, fact
     drive = drive_of([(), ((0.0, 0.0), (DT * STEPS, 1.0))], [source], [held], (4, 1))
     operator = Leaking(PACE)
     euler = Euler(operator, drive, DT)
-    stepper = Theta(operator, drive, DT, theta, factored) if theta else euler
+    stepper = ThetaSteps(operator, drive, DT, theta, factored) if theta else euler
     state = State(np.ones((4, 1)), np.zeros((4, 1)), np.zeros((4, 0)), *np.zeros((3, 4)))
     state.value[0] = 0.0
     stepper.march(state, 1, STEPS + 1)

@@ -24,7 +24,7 @@ from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Options, resume, simulate
 from pdsolve.steppers.equilibrium import UnsettledError
 from pdsolve.steppers.load_steps import LoadSteps
-from pdsolve.steppers.paris_steps import ParisSteps, mean_cycles
+from pdsolve.steppers.paris_steps import ParisSteps, cycles_over_first_rate
 
 ONE = Options(threads=1)
 LINE = {"C": 1.2e-37, "m": 4.0}
@@ -155,18 +155,18 @@ def test_what_breaks_in_two_keeps_the_last_state_that_rested(monkeypatch: pytest
     assert isinstance(stepper, ParisSteps)
     assert cracks is not None
     stepper.march(state, 1, 2)
-    before, value, broken = cracks.keep(), state.value.copy(), prepared.system.operator.broken()
+    before, value, broken = cracks.checkpoint_arrays(), state.value.copy(), prepared.system.operator.broken()
 
     def parted(*_: object) -> None:
         state.value[:] += 1.0
         raise UnsettledError
 
-    monkeypatch.setattr(LoadSteps, "settle_broken", parted)
+    monkeypatch.setattr(LoadSteps, "settle_after_breakage", parted)
     stepper.march(state, 2, 4)
     assert stepper.ended
-    assert len(stepper.rested) == 2
+    assert len(stepper.step_results) == 2
     assert np.array_equal(state.value, value)
-    assert all(np.array_equal(column, before[name]) for name, column in cracks.keep().items())
+    assert all(np.array_equal(column, before[name]) for name, column in cracks.checkpoint_arrays().items())
     assert np.array_equal(prepared.system.operator.broken().target, broken.target)
 
 
@@ -176,7 +176,9 @@ def test_a_jump_after_which_growth_is_too_fast_is_taken_back_and_halved(monkeypa
     taken, asked = (prepare(specimen(1, ParticleRules(spacing=by), **LINE), ONE) for by in (4.0, 1.0))
     for each, accepted in ((taken, 0.25), (asked, 1.0)):
         monkeypatch.setattr(
-            ParisSteps, "_steepest", lambda self, _, most=accepted: (1.0 if self._share <= most else 3.0, 1.0)
+            ParisSteps,
+            "_largest_rate_ratios",
+            lambda self, _, most=accepted: (1.0 if self._share <= most else 3.0, 1.0),
         )
         each.system.stepper.march(each.state, 1, 2)
     halved, whole = (each.system.growth.particles for each in (taken, asked))  # type: ignore[union-attr]
@@ -228,8 +230,8 @@ def test_growth_is_reported_from_its_start_and_its_cycles_with_their_error() -> 
 
 def test_the_first_jump_counts_the_mean_of_its_ends() -> None:
     """Of growth that doubles geometrically, ln 2 of the cycles at its first rate."""
-    assert mean_cycles(2.0) == pytest.approx(np.log(2))
-    assert mean_cycles(1.0) == 1.0
+    assert cycles_over_first_rate(2.0) == pytest.approx(np.log(2))
+    assert cycles_over_first_rate(1.0) == 1.0
 
 
 TESTED = {  # height of the crack and places on its path, mm: D. Wagner (2018), specimens 17-157 and 17-159

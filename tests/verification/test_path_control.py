@@ -24,7 +24,7 @@ from pdsolve.results import Results
 from pdsolve.run.estimate import estimate_run
 from pdsolve.run.simulation import Options, resume, simulate
 from pdsolve.steppers.equilibrium import UnsettledError
-from pdsolve.steppers.path_control import Opening
+from pdsolve.steppers.path_control import OpeningControl
 
 RAMP = ((0.0, 0.0), (1.0, 1.0))
 ONE = Options(threads=1)
@@ -137,7 +137,7 @@ def test_the_gradient_of_an_opening_is_that_of_its_measure() -> None:
     """By central differences, in a state of large displacements and with an unknown rotation beside them."""
     random = np.random.default_rng(2)
     position, value, way = random.standard_normal((5, 2)), *random.standard_normal((2, 5, 3))
-    gap = Opening("a", position, (1, 3))
+    gap = OpeningControl("a", position, (1, 3))
     low, high = (gap.measure(value + side * 1e-6 * way, 0.0) for side in (-1, 1))
     rate = float((gap.gradient(value, None) * way).sum())  # type: ignore[arg-type]
     assert rate == pytest.approx((high - low) / 2e-6, rel=1e-6)

@@ -20,7 +20,7 @@ from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import resume, simulate
 from pdsolve.steppers.path_following import FEW
-from pdsolve.steppers.path_steps import PathSteps
+from pdsolve.steppers.path_steps import SofteningPathSteps
 
 ONE = Options(threads=1)
 ROUND_OFF = 1e-11  # of the loads: residuals below are not compared
@@ -44,7 +44,7 @@ def test_convergence_is_quadratic(law: dict[str, Any], monkeypatch: pytest.Monke
     monkeypatch.setattr("pdsolve.steppers.old_factors.LEFT", 1e-11)
     prepared, found = prepare(notched(**law), ONE), dict[int, list[float]]()
     stepper = prepared.system.stepper
-    assert isinstance(stepper, PathSteps)
+    assert isinstance(stepper, SofteningPathSteps)
     stepper.watch = lambda going: found.setdefault(going.step, []).append(going.residual)
     prepared.march(1, 12)
     decided = [residuals for step, residuals in found.items() if step > 1 and len(residuals) <= FEW]

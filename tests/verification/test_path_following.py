@@ -27,7 +27,7 @@ from pdsolve.run.estimate import estimate_run
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Options, resume, simulate
 from pdsolve.schemes import SCHEMES
-from pdsolve.steppers.path_steps import PathSteps
+from pdsolve.steppers.path_steps import SofteningPathSteps
 
 ONE = Options(threads=1)
 RAMP = ((0.0, 0.0), (1.0, 1.0))
@@ -209,9 +209,9 @@ def test_progress_says_how_long_a_path_still_takes(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr("pdsolve.steppers.path_records.clock.monotonic", lambda: next(seconds))
     prepared = prepare(beam(0.02, load_steps=20), ONE)
     stepper = prepared.system.stepper
-    assert isinstance(stepper, PathSteps)
-    assert stepper.words() == "elastic"
+    assert isinstance(stepper, SofteningPathSteps)
+    assert stepper.progress_text() == "elastic"
     prepared.march(1, 5)
-    done = max(stepper.rested[-1].spent / (CONCRETE.G0 * 0.2), stepper.factor)
+    done = max(stepper.step_results[-1].spent / (CONCRETE.G0 * 0.2), stepper.factor)
     assert 0.01 < done < 0.3
-    assert f"about {10 * (1 - done) / done:.0f} s left" in stepper.words()
+    assert f"about {10 * (1 - done) / done:.0f} s left" in stepper.progress_text()

@@ -29,8 +29,8 @@ from pdsolve.state import State
 from pdsolve.steppers.equilibrium import EquilibriumConditions
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.newton import Newton
-from pdsolve.steppers.relaxation import Relaxation, by_eigenvalue
-from pdsolve.steppers.static_loads import in_load_steps
+from pdsolve.steppers.relaxation import Relaxation, smallest_stable_mass
+from pdsolve.steppers.static_loads import model_in_load_steps
 
 UNIT = msgspec.structs.replace(GLASS, E=1.0, G0=1e9, micromodulus="constant")
 ONE = Options(threads=1)
@@ -56,7 +56,7 @@ def pulled(delta: float) -> tuple[Prepared, EquilibriumConditions]:
         Load(box=((columns - 1.1) * delta, -1.0, 2.0, 1.0), body_force=(1e-6, 0.0)),
     )
     model = plate(square_grid(columns, rows, delta), 3, material=UNIT, conditions=conditions, run=Run(solver="static"))
-    problem = prepare_load_steps(in_load_steps(model, "float64"), ONE, BARE)
+    problem = prepare_load_steps(model_in_load_steps(model, "float64"), ONE, BARE)
     put_loads(problem.system.drive, 0.0)
     stepper = problem.system.stepper
     assert isinstance(stepper, LoadSteps)
@@ -70,7 +70,7 @@ def count(
 ) -> int:
     problem.state.value[:] = 0
     relaxation = Relaxation(operator, tolerance, mass=mass)
-    return relaxation.settle(problem.state, asked, lambda *_: None).iterations
+    return relaxation.solve_equilibrium(problem.state, asked, lambda *_: None).iterations
 
 
 @pytest.mark.quick_cases(1)
@@ -98,7 +98,9 @@ def test_relaxation_takes_as_long_as_is_known(delta: float, known: tuple[int, ..
         for tolerance in (1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-10)
     ]
     assert found == pytest.approx(known, rel=0.1)  # measured: 57 84 110 162 211 255, 110 164 218 333 438 539
-    lighter = count(problem.system.operator, problem, asked, by_eigenvalue(problem.system.operator)[:, None], 1e-6)
+    lighter = count(
+        problem.system.operator, problem, asked, smallest_stable_mass(problem.system.operator)[:, None], 1e-6
+    )
     assert lighter <= found[3]  # measured: 145 and 297, by the bound of the eigenvalue
 
 
@@ -114,11 +116,11 @@ def test_displacements_are_those_of_a_direct_solution(method: str) -> None:
     exact = np.zeros(len(free))
     exact[free] = spsolve(K.tocsc(), asked.load.ravel()[free])
     if method == "relaxation":
-        Relaxation(operator, 1e-8).settle(problem.state, asked, lambda *_: None)
+        Relaxation(operator, 1e-8).solve_equilibrium(problem.state, asked, lambda *_: None)
     else:
-        newton = Newton(operator, problem.system.area, 1e-8, free=1, factored=int("gradients" not in method))
-        assert newton.said.endswith("factors") == ("gradients" not in method)
-        newton.settle(problem.state, asked, lambda *_: None)
+        newton = Newton(operator, problem.system.area, 1e-8, free_count=1, most_factored=int("gradients" not in method))
+        assert newton.description.endswith("factors") == ("gradients" not in method)
+        newton.solve_equilibrium(problem.state, asked, lambda *_: None)
     off = np.linalg.norm(problem.state.value.ravel() - exact) / np.linalg.norm(exact)
     assert off < 1e-6  # measured: 1e-7 relaxation, 4e-7 (of bonds that turn) the others
 
@@ -155,7 +157,7 @@ def bent(rows: int, m: float, scheme: Scheme) -> float:
     )
     run = Run(solver="static", static=Static())
     model = plate(grid, m, material=UNIT, conditions=conditions, run=run)
-    problem = prepare_load_steps(in_load_steps(model, "float64"), ONE, scheme)
+    problem = prepare_load_steps(model_in_load_steps(model, "float64"), ONE, scheme)
     problem.march(1, 2)
     inertia, shear = 0.1**3 / 12, 1 / (2 * (1 + 1 / 3))
     return float(-problem.state.value[middle, 1] / (force / (48 * inertia) + force / (4 * 5 / 6 * shear * 0.1)))

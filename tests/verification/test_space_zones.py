@@ -25,7 +25,7 @@ from pdsolve.run.body_zones import zone_operator
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Options, resume, simulate
 from pdsolve.state import zero_state
-from pdsolve.steppers.equilibrium import forces
+from pdsolve.steppers.equilibrium import force_densities
 
 
 @pytest.mark.slow
@@ -203,7 +203,7 @@ def test_refining_looks_at_all_that_changes() -> None:
     found = zero_state(len(after.sites), 3)._replace(value=before.moved(after.rows, state.value))
     pull, which = after.forces_around(found, new)
     assert 0.005 < which.mean() < 0.2
-    assert np.array_equal(pull[which], forces(after, found)[which])
+    assert np.array_equal(pull[which], force_densities(after, found)[which])
     made = [float((each.energies(of)[0] * each.volume).sum()) for each, of in ((before, state), (after, found))]
     near = [float((each.held_around(of, new) * each.volume).sum()) for each, of in ((before, state), (after, found))]
     assert near[1] - near[0] == pytest.approx(made[1] - made[0], abs=1e-12 * made[0])
@@ -212,4 +212,4 @@ def test_refining_looks_at_all_that_changes() -> None:
     assert np.array_equal(again.sites, after.sites)
     for one, other in zip(again.counted, after.counted, strict=True):
         assert np.array_equal(one, other)
-    assert np.array_equal(forces(again, found), forces(after, found))
+    assert np.array_equal(force_densities(again, found), force_densities(after, found))

@@ -160,7 +160,7 @@ def test_a_crack_that_turns_back_on_itself_stops_and_says_so(monkeypatch: pytest
     assert len(grown.remarks) == 1
     again = prepare(pulled(), Options(threads=1)).system.growth
     assert again is not None
-    again.back(grown.keep(), prepared.system.operator.broken())
+    again.restore(grown.checkpoint_arrays(), prepared.system.operator.broken())
     assert again.remarks == grown.remarks
 
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.sparse import csr_array, diags_array
 
 from pdsolve.steppers import old_factors
-from pdsolve.steppers.old_factors import LEFT, Solver
+from pdsolve.steppers.old_factors import LEFT, ReusedFactorSolver
 
 
 def chain(softening: float, springs: int, all_by: float = 0.0) -> csr_array:
@@ -27,10 +27,10 @@ def test_old_factors_leave_little_or_are_made_anew(
     softening: float, springs: int, all_by: float, made: int, symmetric: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The true residuals of two right sides count, of softer chains and of indefinite ones."""
-    count, makes = [], old_factors.factors
-    monkeypatch.setattr(old_factors, "factors", lambda *given: count.append(1) or makes(*given))
+    count, makes = [], old_factors.factorize
+    monkeypatch.setattr(old_factors, "factorize", lambda *given: count.append(1) or makes(*given))
     right = np.column_stack([np.sin(np.arange(400.0)), np.ones(400)])
-    solver = Solver(symmetric)
+    solver = ReusedFactorSolver(symmetric)
     solver.solve(chain(0.0, 0), right[:, 0], True)
     softer = chain(softening, springs, all_by)
     solver.solve(chain(softening / 2, min(springs, 20) // 2), right, False)
