@@ -67,8 +67,8 @@ MUTANTS = (
     ),
     Mutant(
         "pdpost/measures/cracked_nodes.py",
-        "np.minimum.at(since, born_row[cracked], since[died_row[cracked]])",
-        "since[born_row[cracked]] = birth[born_row[cracked]]",
+        "np.minimum.at(cracked_step, born_row[cracked], cracked_step[died_row[cracked]])",
+        "cracked_step[born_row[cracked]] = birth[born_row[cracked]]",
         "tests/unit/pdpost/measures/test_changing.py::test_a_node_that_is_born_cracked_is_so_since_the_one_before",
     ),
     Mutant(
@@ -379,14 +379,14 @@ MUTANTS = (
     ),
     Mutant(
         "pdpost/measures/directions.py",
-        "heading[0] * way[1] - heading[1] * way[0]",
-        "heading[1] * way[0] - heading[0] * way[1]",
+        "heading[0] * direction[1] - heading[1] * direction[0]",
+        "heading[1] * direction[0] - heading[0] * direction[1]",
         "tests/unit/pdpost/measures/test_directions.py",
     ),
     Mutant(
         "pdpost/measures/release.py",
-        "float(spent[-1] / length[-1])",
-        "float((spent[-1] - spent[0]) / length[-1])",
+        "float(dissipated[-1] / length[-1])",
+        "float((dissipated[-1] - dissipated[0]) / length[-1])",
         "tests/unit/pdpost/measures/test_release.py",
     ),
     *DIFFUSION,

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.bond_counts import pair_count
-from pdpost.measures.diffused_amounts import masses
+from pdpost.measures.diffused_amounts import mass_balance
 from pdpost.reading.embedded_model import run_of
 from pdpost.reading.frame_steps import frames
 from pdsolve.results import DamagedError, Results
@@ -18,7 +18,7 @@ FIELDS_CLOSE = 1e-4  # of a sum over float32
 MASS_CLOSE = 1e-6  # of the substance there is
 
 
-class Verified(NamedTuple):
+class DatabaseContents(NamedTuple):
     """Contents of a database that has been read and found consistent."""
 
     nodes: int  # at the end
@@ -32,14 +32,14 @@ class Verified(NamedTuple):
     checksums: bool  # whether the file has some: the oldest ones have none
 
 
-def verified(results: Results) -> Verified:
+def verify_database(results: Results) -> DatabaseContents:
     """Read and check everything. Raises ResultsError naming the error and its place."""
     results.verify(older=True)
     meta, (steps, times) = results.meta(), frames(results)
     run = run_of(results)
     marches = run.solver != "static"
     books = results.history() if len(results.history()) else results.masses()
-    _expect_order(results, books, steps)
+    _expect_ordered_steps(results, books, steps)
     if marches:
         for table, step, time in (("frame", steps, times), ("the ledger", books["step"], books["time"])):
             _expect_times(results, table, step, time, float(meta["time_step"]))
@@ -57,7 +57,7 @@ def verified(results: Results) -> Verified:
     status = str(meta.get("status", ""))
     if status == "finished" and not results.summary():
         raise DamagedError(f"{results.name}: it is finished without a summary; every finished run has one")
-    return Verified(
+    return DatabaseContents(
         len(results.nodes().ids),
         pair_count(len(families.neighbour)),
         pair_count(len(breaks.step)),
@@ -70,8 +70,8 @@ def verified(results: Results) -> Verified:
     )
 
 
-def _expect_order(results: Results, books: NDArray[np.void], steps: NDArray[np.int64]) -> None:
-    booked = books["step"].astype(np.int64)
+def _expect_ordered_steps(results: Results, ledger: NDArray[np.void], steps: NDArray[np.int64]) -> None:
+    booked = ledger["step"].astype(np.int64)
     back = np.flatnonzero(np.diff(booked) <= 0)
     if len(back):
         raise DamagedError(f"{results.name}: energy balance: step {booked[back[0] + 1]} comes after {booked[back[0]]}")
@@ -146,7 +146,7 @@ def _expect_energies(results: Results) -> None:
 
 def _expect_masses(results: Results) -> None:
     if len(results.masses()):
-        error = masses(results).error
+        error = mass_balance(results).error
         off = ~(np.abs(error) <= MASS_CLOSE)
         if off.any():
             step = results.masses()["step"][off.argmax()]

@@ -16,7 +16,7 @@ class _Plate(msgspec.Struct):
     material: Material
 
 
-def rayleigh_of(results: Results) -> float:
+def plate_rayleigh_speed(results: Results) -> float:
     """Rayleigh wave speed of the plate's main material, m/s; material regions are ignored."""
     material = read(results, _Plate).material
     return rayleigh_speed(material.E, material.rho, material.plane, poisson(material))

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from splitting import Moving, marched, torn_plate
 from whole import contents, kill_when, newest
 
-from pdpost.measures.bond_pairs import pairs
+from pdpost.measures.bond_pairs import read_bond_pairs
 from pdpost.measures.cracked_nodes import separation_at
-from pdpost.measures.strain import intact
+from pdpost.measures.strain import remove_broken_bonds
 from pdsolve.model import Model
 from pdsolve.results import DamagedError, Results, ResultsError
 from pdsolve.run.measures import damage
@@ -64,10 +64,10 @@ def test_each_frame_has_the_nodes_there_were(moving: Path, model: Model) -> None
             assert np.array_equal(nodes.area, system.area[order])
             for name, values in (("uy", state.value[:, 1]), ("vx", state.rate[:, 0]), ("damage", damage(system))):
                 assert np.array_equal(results.field(name, step), values[order].astype("<f4"))
-            start, neighbour = intact(results, results.families(step), step)
+            start, neighbour = remove_broken_bonds(results, results.families(step), step)
             found = named(nodes.ids, np.repeat(np.arange(len(nodes.ids)), np.diff(start)), neighbour)
             assert found == named(grid.ids, *system.operator.bonds())
-            drawn = pairs(results, step)
+            drawn = read_bond_pairs(results, step)
             assert 2 * (~drawn.broken).sum() == len(found)
             assert drawn.broken.sum() >= len(separation_at(results, step) > 0) * (step == 60)
         assert (frames, len(results.epochs())) == (7, 11)

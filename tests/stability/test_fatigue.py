@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from plates import shipped
 
 from pdmesh.model.document import Fatigue, Material, ParticleRules
-from pdpost.measures.fatigue import cycles
+from pdpost.measures.fatigue import cycles_after_steps
 from pdsolve.model import Model
 from pdsolve.run.simulation import Options, simulate
 from pdsolve.steppers.paris_steps import ParisSteps
@@ -35,7 +35,7 @@ def grown(particle: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     )
     with simulate(Model(made.grid, settings), None, Options(threads=1)) as results:
         place = np.asarray(results.particles().place)
-        return cycles(results), np.sort(place[:, 0])[-1 - WAY // particle :]
+        return cycles_after_steps(results), np.sort(place[:, 0])[-1 - WAY // particle :]
 
 
 @pytest.fixture(scope="module")

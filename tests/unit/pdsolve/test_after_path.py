@@ -36,7 +36,7 @@ def test_loads_stay_at_what_they_are_at_a_factor(path_model: Model) -> None:
 
 
 def test_a_body_begins_to_move_where_nothing_holds_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(after_path, "forces", lambda operator, state: np.array([[1.0, 2.0], [3.0, 4.0]]))
+    monkeypatch.setattr(after_path, "force_densities", lambda operator, state: np.array([[1.0, 2.0], [3.0, 4.0]]))
     drive = Part(force=np.array([[10.0, 20.0], [30.0, 40.0]]), holds=Part(node=np.array([1]), axis=np.array([0])))
     system: Any = Part(operator=None, drive=drive, model=Part(rho=np.array([1.0, 2.0])))
     state: Any = Part(second=np.full((2, 2), np.nan))
